@@ -1,0 +1,115 @@
+"""The planar chain of three revolute joints: pose, Jacobian and its inverse, for whole batches of joint angles.
+
+Frame of the plane: x horizontal, z up (the two task axes), rotations positive about y = z × x; task rows in the order
+x (m), z (m), φ (rad). With cumulative angles φ_j = s_1 q_1 + … + s_j q_j and link vectors r_j (at q = 0) the joints sit at
+O_{j+1} = O_j + R(φ_j) r_j, O_4 being the end-effector EE.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.errors import SingularJacobianError
+
+# |det J| = l1 l2 |sin q2|; below this fraction of l1 l2 (about 0.06 degrees) the inverse is not to be trusted
+SINGULAR_SINE = 1e-3
+
+
+@dataclass(frozen=True)
+class PlanarChain:
+    """Geometry of a planar 3R chain; built from a URDF by :func:`pipeline.arm.model.load_arm`."""
+
+    origin: np.ndarray  # (2,) O1 in the plane, m
+    links: np.ndarray  # (3, 2) link vectors at q = 0, m
+    signs: np.ndarray  # (3,) +1 or -1: sense of each joint about the plane's normal
+    lower: np.ndarray  # (3,) joint limits, rad
+    upper: np.ndarray  # (3,)
+    max_speed: np.ndarray  # (3,) rad/s
+
+    @property
+    def lengths(self) -> np.ndarray:
+        """(3,) lengths of the three segments O1O2, O2O3, O3EE in m."""
+        return np.hypot(self.links[:, 0], self.links[:, 1])
+
+    def headings(self, q: np.ndarray) -> np.ndarray:
+        """(..., 3) cumulative angles φ_j in rad of joint angles ``q`` (..., 3)."""
+        return np.cumsum(self.signs * q, axis=-1)
+
+    def segment_headings(self, q: np.ndarray) -> np.ndarray:
+        """(..., 3) angles ψ_j in rad from the plane's z axis to the segments O_jO_{j+1}, positive about y."""
+        return self.headings(q) + np.arctan2(self.links[:, 0], self.links[:, 1])
+
+    def joints_from_segments(self, psi: np.ndarray) -> np.ndarray:
+        """(..., 3) joint angles in rad of segments at angles ``psi`` (..., 3), the inverse of :meth:`segment_headings`.
+
+        Of all angles that differ by whole turns, those nearest to the middle of the joint limits.
+        """
+        phi = np.asarray(psi, dtype=float) - np.arctan2(self.links[:, 0], self.links[:, 1])
+        q = self.signs * np.diff(phi, axis=-1, prepend=0.0)
+        middle = (self.lower + self.upper) / 2
+        return q - 2 * np.pi * np.round((q - middle) / (2 * np.pi))
+
+    def _segments(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """x and z (3, ...) of the segments O1O2, O2O3, O3EE in m; the batch last, so that each component is contiguous over it."""
+        heading = np.cumsum(np.moveaxis(np.asarray(q, dtype=float), -1, 0) * self.signs.reshape(3, *[1] * (np.ndim(q) - 1)), axis=0)
+        sine, cosine = np.sin(heading), np.cos(heading)
+        x, z = self.links.T.reshape(2, 3, *[1] * (np.ndim(q) - 1))
+        return cosine * x + sine * z, cosine * z - sine * x
+
+    def points(self, q: np.ndarray) -> np.ndarray:
+        """(..., 4, 2) positions of O1, O2, O3 and EE in m for joint angles ``q`` (..., 3)."""
+        steps = np.moveaxis(np.stack(self._segments(q)), (0, 1), (-1, -2))
+        start = np.broadcast_to(self.origin, (*steps.shape[:-2], 1, 2))
+        return np.concatenate([start, self.origin + np.cumsum(steps, axis=-2)], axis=-2)
+
+    def pose(self, q: np.ndarray) -> np.ndarray:
+        """(..., 3) end-effector pose (x, z, φ) in m, m, rad."""
+        return np.concatenate([self.points(q)[..., 3, :], self.headings(np.asarray(q, dtype=float))[..., 2:]], axis=-1)
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """(..., 3, 3) Jacobian J(q) of the pose: rows x, z, φ, columns the joints (m/rad, m/rad, 1)."""
+        x, z = self._segments(q)
+        result = np.empty((*np.shape(q), 3))
+        for j in range(3):
+            result[..., 0, j] = self.signs[j] * z[j:].sum(axis=0)
+            result[..., 1, j] = -self.signs[j] * x[j:].sum(axis=0)
+        result[..., 2, :] = self.signs
+        return result
+
+    def determinant(self, q: np.ndarray) -> np.ndarray:
+        """(...,) det J = ± l1 l2 sin(angle between the first two links), m²."""
+        (ax, bx, _), (az, bz, _) = self._segments(q)
+        return np.prod(self.signs) * (ax * bz - az * bx)
+
+    def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
+        """(..., 3, 3) J(q)⁻¹ in closed form; raises :class:`SingularJacobianError` naming the first singular ``what``.
+
+        With the wrist O3 as the point that the first two joints place: q̇₁ and q̇₂ solve the 2×2 system of the wrist's
+        velocity v − φ̇·k×(EE − O3), and q̇₃ takes up the rest of φ̇.
+        """
+        (ax, bx, tx), (az, bz, tz) = self._segments(q)
+        cross = az * bx - ax * bz
+        # not "<": a pose that is not a number is refused too
+        bad = ~(np.abs(cross) >= SINGULAR_SINE * self.lengths[0] * self.lengths[1])
+        if np.any(bad):
+            index = tuple(int(i) for i in np.argwhere(bad)[0])
+            raise SingularJacobianError(
+                f"the Jacobian is singular at {int(bad.sum())} {what}(s): the first two links are in line (or a pose is not finite)",
+                index=index,
+                q=np.asarray(q, dtype=float)[index].round(4).tolist(),
+            )
+        wx, wz = ax + bx, az + bz
+        first = (bx / cross, bz / cross, (bz * tx - bx * tz) / cross)
+        second = (-wx / cross, -wz / cross, (wx * tz - wz * tx) / cross)
+        result = np.empty((*np.shape(q), 3))
+        for column, of_phi in enumerate((0.0, 0.0, 1.0)):
+            result[..., 0, column] = self.signs[0] * first[column]
+            result[..., 1, column] = self.signs[1] * second[column]
+            result[..., 2, column] = self.signs[2] * (of_phi - first[column] - second[column])
+        return result
+
+    def within_limits(self, q: np.ndarray) -> np.ndarray:
+        """(...,) whether every joint of ``q`` (..., 3) is inside its limits: the domain D_q of the filter."""
+        return np.all((q >= self.lower) & (q <= self.upper), axis=-1)

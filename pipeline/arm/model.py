@@ -1,0 +1,81 @@
+"""The only door to Pinocchio: an arm from its URDF, and the planar chain that its free joints form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from pipeline.arm.chain import PlanarChain
+from pipeline.errors import ConfigError
+
+PLANAR_TOLERANCE = 1e-6  # sine of the angle by which an axis may lean out of the common normal
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A planar chain and where its plane lies: ``rotation`` has the plane's x, normal y and z as columns, in the base frame."""
+
+    chain: PlanarChain
+    rotation: np.ndarray  # (3, 3) plane axes in the base frame
+    translation: np.ndarray  # (3,) origin of the plane's coordinates in the base frame, m; O1 lies in the plane y = 0
+
+    def to_plane(self, points: np.ndarray) -> np.ndarray:
+        """(..., 3) base-frame points (m) → coordinates (x, y, z) of the plane's frame, y along the normal."""
+        return (points - self.translation) @ self.rotation
+
+    def to_base(self, points: np.ndarray) -> np.ndarray:
+        """(..., 3) points of the plane's frame (m) → base frame."""
+        return points @ self.rotation.T + self.translation
+
+
+def load_arm(urdf: str | Path, joints: Sequence[str], tool: str, locked: Mapping[str, float]) -> Arm:
+    """Lock every other joint of the URDF at ``locked`` (rad; 0 where not named) and read off the chain of ``joints``.
+
+    The plane's y axis is the first joint's axis, its z axis the base's z as far as it lies in the plane (the base's y where the
+    plane is horizontal). Raises ConfigError for unknown names, joints that are not parallel revolutes, or a tool not beyond them.
+    """
+    if not Path(urdf).is_file():
+        raise ConfigError("robot.urdf: no such file", file=urdf)
+    full = pin.buildModelFromUrdf(str(urdf))
+    names = set(full.names[1:])
+    for key, wanted in (("robot.joints", joints), ("robot.locked", locked)):
+        for name in wanted:
+            if name not in names:
+                raise ConfigError(f"{key}: no joint {name!r} in the URDF; it has {sorted(names)}", file=urdf)
+    if not full.existFrame(tool):
+        raise ConfigError(f"robot.tool: no frame {tool!r} in the URDF", file=urdf)
+    q = pin.neutral(full)
+    for name, angle in locked.items():
+        q[full.joints[full.getJointId(name)].idx_q] = angle
+    model = pin.buildReducedModel(full, [full.getJointId(name) for name in names if name not in joints], q)
+    if list(model.names[1:]) != list(joints):
+        raise ConfigError(f"robot.joints: {list(joints)} are not in the order of the chain {list(model.names[1:])}", file=urdf)
+    data = model.createData()
+    zero = np.zeros(model.nq)
+    pin.forwardKinematics(model, data, zero)
+    pin.updateFramePlacements(model, data)
+    # the angular rows of a revolute joint's Jacobian column are its axis in the base frame
+    axes = pin.computeJointJacobians(model, data, zero)[3:].T
+    normal = axes[0] / np.linalg.norm(axes[0])
+    if np.any(np.linalg.norm(np.cross(normal, axes), axis=1) > PLANAR_TOLERANCE):
+        raise ConfigError("robot.joints: their axes are not parallel, so they form no planar chain", file=urdf, axes=axes.round(4).tolist())
+    up = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.99 else np.array([0.0, 1.0, 0.0])
+    up = up - normal * (up @ normal)
+    up /= np.linalg.norm(up)
+    rotation = np.stack([np.cross(normal, up), normal, up], axis=1)
+    placements = [data.oMi[i].translation for i in range(1, 4)] + [data.oMf[model.getFrameId(tool)].translation]
+    offset = normal * (normal @ placements[0])
+    planar = (np.array(placements) - offset) @ rotation[:, [0, 2]]
+    chain = PlanarChain(
+        origin=planar[0],
+        links=np.diff(planar, axis=0),
+        signs=np.sign(axes @ normal),
+        lower=model.lowerPositionLimit.copy(),
+        upper=model.upperPositionLimit.copy(),
+        max_speed=model.velocityLimit.copy() if hasattr(model, "velocityLimit") else model.upperVelocityLimit.copy(),
+    )
+    return Arm(chain, rotation, offset)

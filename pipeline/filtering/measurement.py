@@ -1,0 +1,79 @@
+"""What the depth sensor says of the joints during one take: y_j = q(t_j) + b_j + N(0, R_j), with a bias and a covariance per frame.
+
+The paper does not say how frames at 30 Hz meet a motion grid of 100 Hz. The models step from q_k to q_{k+1} under a velocity that is
+constant in between, and say nothing about a part of a step; the path they define is the polygon through the q_k. A frame inside the
+step is therefore compared with the point of the particle's own polygon at the frame's time, when the step is done: the exact
+likelihood of that path, to which no process noise has to be invented or rescaled.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.errors import ContractError, ModelDomainError
+
+# shares of a step are rounded to this many digits, so that 0.03 s / 0.01 s is step 3 and not just past it
+SHARE_DIGITS = 6
+# ratio of the least to the greatest variance of R below which rounding decides whether R is positive definite
+SINGULAR_VARIANCE = 1e-12
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """The F depth frames of one take; ContractError where shapes disagree or a value is not finite, F = 0 is allowed."""
+
+    take: str
+    t: np.ndarray  # (F,) times on the motion clock, s, in any order
+    y: np.ndarray  # (F, 3) measured joint angles, rad
+    bias: np.ndarray  # (F, 3) mean of the noise, rad
+    covariance: np.ndarray  # (F, 3, 3) covariance R of the noise, rad²
+
+    def __post_init__(self) -> None:
+        frames = len(self.t)
+        for name, shape in (("t", (frames,)), ("y", (frames, 3)), ("bias", (frames, 3)), ("covariance", (frames, 3, 3))):
+            values = getattr(self, name)
+            if values.shape != shape:
+                raise ContractError(f"measurements: {name} has shape {values.shape}, not {shape}", take=self.take)
+            broken = np.argwhere(~np.isfinite(values))
+            if len(broken):
+                raise ContractError(
+                    f"measurements: {name} is not finite; drop the frame before filtering", take=self.take, frame=int(broken[0, 0])
+                )
+
+    def schedule(self, steps: int, dt: float) -> tuple[dict[int, list[tuple[int, float]]], int]:
+        """Which frames enter when step k of ``steps`` steps of ``dt`` (s) is done: {k: [(frame, share of the step), …]}.
+
+        A frame at t_k has share 1 of the step that ends there, one at the start of the motion share 1 of k = 0. Also the number of
+        frames before the start or after the end of the motion, which are left out.
+        """
+        position = np.round(self.t / dt, SHARE_DIGITS)
+        inside = (position >= 0) & (position <= steps)
+        due = defaultdict(list)
+        for frame in np.flatnonzero(inside):
+            k = int(np.ceil(position[frame]))
+            due[k].append((int(frame), float(position[frame]) - k + 1))
+        return dict(due), int(np.sum(~inside))
+
+    def log_likelihood(self, frame: int, q: np.ndarray) -> np.ndarray:
+        """(P,) log p(y_j | q) of poses ``q`` (P, 3) in rad at the time of ``frame``; ModelDomainError for an R that is no covariance."""
+        whitening, log_norm = self._whitening
+        white = (self.y[frame] - self.bias[frame] - q) @ whitening[frame].T
+        return log_norm[frame] - 0.5 * np.einsum("pi,pi->p", white, white)
+
+    @cached_property
+    def _whitening(self) -> tuple[np.ndarray, np.ndarray]:
+        """(F, 3, 3) inverses of the Cholesky factors of R and (F,) logarithms of the normal density's constant."""
+        variances = np.linalg.eigvalsh(self.covariance)
+        singular = variances[:, 0] <= SINGULAR_VARIANCE * variances[:, 2]
+        if singular.any():
+            raise ModelDomainError(
+                "the covariance of the depth sensor's noise is not positive definite; estimate it from more takes than joints",
+                take=self.take, frame=int(np.argmax(singular)),
+            )  # fmt: skip
+        factor = np.linalg.cholesky(self.covariance)
+        log_determinant = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+        return np.linalg.inv(factor), -log_determinant - 1.5 * np.log(2 * np.pi)

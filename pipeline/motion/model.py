@@ -1,0 +1,26 @@
+"""The interface that the three motion models share: the law of one step q_{k+1} | q_k."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from pipeline.arm.chain import PlanarChain
+
+
+class MotionModel(Protocol):
+    """p(q_{k+1} | q_k) for the commanded step v = ẋᵈ_kΔt.
+
+    In every method ``q`` (..., 3) are joint angles in rad and ``v`` (3,) or (..., 3) is in m, m, rad. All raise
+    SingularJacobianError where J(q) has no inverse, the moments ModelDomainError where they do not exist.
+    """
+
+    def sample(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, int]:
+        """(..., 3) one draw of q_{k+1} for each q, and for how many of them the noise had to be clipped at zero."""
+
+    def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(..., 3) E[q_{k+1} | q_k = q] in rad."""
+
+    def covariance(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(..., 3, 3) Cov(q_{k+1} | q_k = q) in rad²."""

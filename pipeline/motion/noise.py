@@ -1,0 +1,31 @@
+"""Realisations of the process noise from recorded joint angles, and their moments at each step."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.arm.chain import PlanarChain
+from pipeline.errors import ModelDomainError
+
+
+def process_noise(chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(takes, M, 3) noise ω_{k+1} = q̃_{k+1} − q̃_k − J(q̃_k)⁻¹ẋᵈ_kΔt in rad, entry k being the step from k to k + 1.
+
+    ``q`` (takes, M+1, 3) measured joint angles in rad; ``v`` (M, 3) commanded steps ẋᵈ_kΔt (m, m, rad). Measured minus nominal, as
+    the additive model (InvDiffRndm) and (Omegk) need it; (OmgReal) prints the opposite sign. Raises SingularJacobianError.
+    """
+    nominal = q[:, :-1] + np.matvec(chain.inverse_jacobian(q[:, :-1], what="measured pose"), v)
+    return q[:, 1:] - nominal
+
+
+def moments(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (M, 3) and sample covariance (M, 3, 3) over the takes of ``samples`` (takes, M, 3).
+
+    The covariance is about the mean at its own step and divides by takes − 1. Raises ModelDomainError for a single take.
+    """
+    takes = len(samples)
+    if takes < 2:
+        raise ModelDomainError("a sample covariance needs at least two takes", takes=takes)
+    mean = samples.mean(axis=0)
+    centred = samples - mean
+    return mean, np.einsum("tki,tkj->kij", centred, centred) / (takes - 1)

@@ -1,0 +1,84 @@
+"""The random Jacobian of maximum entropy: J = J₁BJ₂ with B ~ W_n(d, I/d) (Eqs. LUDecom, Thetaa; Algorithm 1).
+
+One step needs only B⁻¹a, a = J₁⁻¹v, and its law is exact: with r = ‖a‖ and R orthonormal of first column a/r,
+
+    B⁻¹a = r·R·[z, z·T]ᵀ,   z = d/χ²(d − n + 1),   T = N(0, I_{n−1})/sqrt(χ²(d − n + 2)),
+
+z and T independent. So a draw takes two gammas and n − 1 normals, and no matrix is drawn or inverted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+
+from pipeline.arm.chain import PlanarChain
+from pipeline.errors import ModelDomainError
+from pipeline.motion.decomposition import Decomposition, factors
+from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion
+
+
+def sample_inverse_action(a: np.ndarray, d: float, rng: np.random.Generator) -> np.ndarray:
+    """(..., n) one draw of B⁻¹a for each ``a`` (..., n), B ~ W_n(d, I/d) independent each time; zero where a is zero.
+
+    R is the Householder reflection of the first axis to a/r up to its sign, which the symmetric law of T cannot tell.
+    """
+    n = a.shape[-1]
+    z = d / rng.chisquare(d - n + 1, a.shape[:-1])
+    tangent = np.zeros(a.shape)
+    tangent[..., 1:] = rng.standard_normal((*a.shape[:-1], n - 1))
+    tangent /= np.sqrt(rng.chisquare(d - n + 2, a.shape[:-1]))[..., None]
+    r = np.sqrt(np.vecdot(a, a))
+    mirror = a.copy()
+    mirror[..., 0] += np.copysign(r, a[..., 0])
+    # ‖mirror‖² = 2r(r + |a₁|), so that r·(I − 2mmᵀ/‖m‖²)·[0, T] divides by r + |a₁| alone
+    reach = r + np.abs(a[..., 0])
+    along = np.vecdot(mirror, tangent) / np.where(reach > 0, reach, 1.0)
+    return z[..., None] * (a + r[..., None] * tangent - along[..., None] * mirror)
+
+
+@dataclass(frozen=True)
+class WishartModel:
+    """Random Jacobian of dispersion ``sigma_b`` σ_B around J₁J₂; raises ModelDomainError where σ_B has no density."""
+
+    sigma_b: float
+    decomposition: Decomposition = "lu"
+
+    def __post_init__(self) -> None:
+        if self.decomposition not in get_args(Decomposition):
+            raise ModelDomainError(f"the decomposition must be one of {get_args(Decomposition)}", decomposition=self.decomposition)
+        degrees_of_freedom(self.sigma_b, 3)
+
+    def sample(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, int]:
+        """One draw of the next joint angles (..., 3) for each of ``q``: Algorithm 1 in law. At rest (v = 0) exactly ``q``."""
+        a, back = factors(chain, q, v, self.decomposition)
+        return q + np.matvec(back, sample_inverse_action(a, degrees_of_freedom(self.sigma_b, 3), rng)), 0
+
+    def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(..., 3) q + d/(d−n−1)·J⁻¹v: longer than the nominal step. Raises ModelDomainError for σ_B ≥ 1, where it does not exist."""
+        d, n = self._existing(1)
+        return q + d / (d - n - 1) * np.matvec(chain.inverse_jacobian(q), v)
+
+    def covariance(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(..., 3, 3) J₂⁻¹·Cov(B⁻¹a)·J₂⁻ᵀ with Cov(B⁻¹a) = r²c·I + (Var z − c)·aaᵀ, c = E z²/(d−n).
+
+        Raises ModelDomainError for σ_B ≥ sqrt((n+1)/(n+3)), where it does not exist.
+        """
+        d, n = self._existing(2)
+        square = d**2 / ((d - n - 1) * (d - n - 3))
+        variance = 2 * d**2 / ((d - n - 1) ** 2 * (d - n - 3))
+        across = square / (d - n)
+        a, back = factors(chain, q, v, self.decomposition)
+        action = across * np.vecdot(a, a)[..., None, None] * np.eye(n) + (variance - across) * a[..., :, None] * a[..., None, :]
+        return back @ action @ np.swapaxes(back, -1, -2)
+
+    def _existing(self, moments: int) -> tuple[float, int]:
+        """d and n, where the first ``moments`` moments of B⁻¹ exist."""
+        n = 3
+        limit = largest_dispersion(n, inverse_moments=moments)
+        if not self.sigma_b < limit:
+            name = ("mean", "covariance")[moments - 1]
+            raise ModelDomainError(f"the {name} of a Wishart step exists only for sigma_B below {limit:.4g}", sigma_B=self.sigma_b)
+        return degrees_of_freedom(self.sigma_b, n), n

@@ -1,0 +1,44 @@
+"""σ_B of the Wishart model: the convex problem on every recorded step, then the dispersion of the samples of B."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.arm.chain import PlanarChain
+from pipeline.motion.decomposition import Decomposition, factors
+from pipeline.motion.perturbation import Perturbations, dispersions, fit_perturbations, objective_weights
+
+
+@dataclass(frozen=True)
+class WishartFit:
+    """σ̂_B and how it came about."""
+
+    sigma_b: float
+    dispersions: np.ndarray  # (M,) σ̂_Bk of each step
+    perturbations: Perturbations  # of takes × M problems, take by take
+    weights: tuple[float, float]  # α₁, α₂
+    rest_noise: float  # rad, rms of ‖ω‖ where the command rests
+
+
+def rest_noise(noise: np.ndarray, v: np.ndarray) -> float:
+    """Root mean square of ‖ω‖ in rad over the steps of ``noise`` (takes, M, 3) at which the commanded step ``v`` (M, 3) is zero."""
+    still = ~np.any(v, axis=-1)
+    return float(np.sqrt(np.mean(np.sum(noise[:, still] ** 2, axis=-1)))) if still.any() else 0.0
+
+
+def fit_wishart(
+    chain: PlanarChain, q: np.ndarray, v: np.ndarray, noise: np.ndarray, decomposition: Decomposition, floor: float
+) -> WishartFit:
+    """σ̂_B = (1/M) Σ_k σ̂_Bk (Sec. "Motion uncertainty characterization").
+
+    ``q`` (takes, M, 3) measured poses in rad before each step, ``v`` (M, 3) commanded steps (m, m, rad), ``noise`` (takes, M, 3) in rad,
+    ``floor`` ε of B⁻¹ ⪰ εI. The weights follow from the noise recorded at rest; raises ModelDomainError where the motion never rests.
+    """
+    resting = rest_noise(noise, v)
+    weights = objective_weights(resting, q.shape[-1])
+    a, back = factors(chain, q, np.broadcast_to(v, q.shape), decomposition)
+    fits = fit_perturbations(noise.reshape(-1, 3), a.reshape(-1, 3), back.reshape(-1, 3, 3), weights, floor)
+    by_step = dispersions(fits.s.reshape(*q.shape, 3))
+    return WishartFit(float(by_step.mean()), by_step, fits, weights, resting)

@@ -1,0 +1,108 @@
+"""The arm's points in a depth image, as points of the plane in which it moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from pipeline.arm.model import Arm
+from pipeline.errors import ConfigError, RecordingError
+
+# until undistorted pixels are exact to about 1e-9 of the focal length; OpenCV's own default stops after five steps
+UNDISTORTION = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
+
+
+@dataclass(frozen=True)
+class Crop:
+    """What of the scene is the arm: distances in m, in the frame of the arm's plane."""
+
+    half_depth: float = 0.05  # |y| of the arm's surface at most, the sensor's noise included
+    girth: float = 0.05  # how far the arm's surface may lie beyond the reach of its nodes
+    column_half_width: float = 0.06  # the turntable: |x − x(O1)| at most, …
+    column_top: float = -0.02  # … and z − z(O1) at most
+    floor: float = 0.0  # z of what the arm stands on
+    min_pixels: int = 30  # a connected patch of fewer pixels is no part of the arm
+    max_points: int = 1500  # points a frame is thinned to
+
+
+class ArmSegmenter:
+    """Cuts the arm out of the depth images of one fixed camera.
+
+    ``camera_matrix`` (3, 3) and ``distortion`` (k,) in OpenCV's order; ``rotation`` (3, 3) and ``translation`` (3,) m: pose of the
+    camera (x right, y down, z forward) in the arm's base frame; ``shape`` (rows, columns) of the images. A point of pixel (u, v) at
+    depth d is c + d·r(u, v) in the plane's frame; c and the rays r of the pixels that can see the arm are computed here, once.
+    Raises ConfigError where no pixel can see it.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        camera_matrix: np.ndarray,
+        distortion: np.ndarray,
+        rotation: np.ndarray,
+        translation: np.ndarray,
+        shape: tuple[int, int],
+        crop: Crop,
+    ) -> None:
+        self.crop, self.shape = crop, tuple(shape)
+        self.origin = arm.chain.origin
+        self.reach = float(arm.chain.lengths.sum()) + crop.girth
+        self.camera = arm.to_plane(np.asarray(translation, dtype=float))
+        columns, rows = np.meshgrid(np.arange(shape[1], dtype=float), np.arange(shape[0], dtype=float))
+        pixels = np.stack([columns.ravel(), rows.ravel()], axis=-1)[:, None]
+        ideal = cv2.undistortPoints(
+            pixels, np.asarray(camera_matrix, dtype=float), np.asarray(distortion, dtype=float), None, None, None, UNDISTORTION
+        )
+        rays = np.concatenate([ideal[:, 0], np.ones((len(ideal), 1))], axis=1) @ rotation.T @ arm.rotation
+        rays = rays.reshape(*shape, 3)
+        sees = np.zeros(shape, dtype=bool)
+        # the slab is thin against the reach: a ray that passes the arm's space is in reach at one of its faces
+        for face in (-crop.half_depth, crop.half_depth):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                depth = (face - self.camera[1]) / rays[..., 1]
+                distance = np.hypot(*(self.camera[i] + depth * rays[..., i] - self.origin[i // 2] for i in (0, 2)))
+            sees |= (depth > 0) & (distance <= self.reach)
+        if not sees.any():
+            raise ConfigError(
+                "no pixel of the depth camera sees the arm: check the camera's pose, its intrinsics and the crop", shape=shape
+            )
+        across, down = np.flatnonzero(sees.any(axis=0)), np.flatnonzero(sees.any(axis=1))
+        self.window = (slice(down[0], down[-1] + 1), slice(across[0], across[-1] + 1))
+        self.across_plane = np.ascontiguousarray(rays[self.window][..., 1])
+        self.in_plane = rays[self.window][..., [0, 2]].reshape(-1, 2)
+
+    def __call__(self, depth: np.ndarray, **evidence: object) -> tuple[np.ndarray, dict[str, int]]:
+        """Points (I, 2) of the arm (x, z in the plane, m), row by row, and the pixels of the window left out, by reason.
+
+        ``depth`` (rows, columns) in m along the camera's axis, 0 or NaN without a measurement. Reasons: ``no_depth``; ``off_plane``
+        beyond the arm's depth; ``out_of_reach``; ``base`` turntable and floor; ``isolated`` in patches of too few pixels;
+        ``thinned`` (evenly, to ``max_points``). Raises RecordingError (with ``evidence``) for an image of another shape.
+        """
+        if depth.shape != self.shape:
+            raise RecordingError(f"a depth image of {depth.shape} pixels from a camera of {self.shape}", **evidence)
+        crop, depth = self.crop, depth[self.window]
+        measured = depth > 0
+        with np.errstate(invalid="ignore"):
+            on_plane = measured & (np.abs(self.camera[1] + depth * self.across_plane) <= crop.half_depth)
+        pixels = np.flatnonzero(on_plane)
+        dropped = {"no_depth": int(depth.size - np.count_nonzero(measured)), "off_plane": int(np.count_nonzero(measured) - len(pixels))}
+        points = self.camera[[0, 2]] + depth.ravel()[pixels, None] * self.in_plane[pixels]
+
+        def keep(chosen: np.ndarray, reason: str) -> None:
+            nonlocal pixels, points
+            dropped[reason] = int(len(pixels) - np.count_nonzero(chosen))
+            pixels, points = pixels[chosen], points[chosen]
+
+        keep(((points - self.origin) ** 2).sum(axis=1) <= self.reach**2, "out_of_reach")
+        x, z = (points - self.origin).T
+        keep(((np.abs(x) > crop.column_half_width) | (z > crop.column_top)) & (points[:, 1] > crop.floor), "base")
+        mask = np.zeros(depth.shape, dtype=np.uint8)
+        mask.ravel()[pixels] = 1
+        _, labels, statistics, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+        keep(statistics[labels.ravel()[pixels], cv2.CC_STAT_AREA] >= crop.min_pixels, "isolated")
+        dropped["thinned"] = max(0, len(points) - crop.max_points)
+        if dropped["thinned"]:
+            points = points[np.arange(crop.max_points) * len(points) // crop.max_points]
+        return points, dropped

@@ -1,0 +1,73 @@
+"""articulate: depth frames → joint angles, by the paper's least-squares articulation (Eq. KinObj)."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline import config, contracts
+from pipeline.arm.model import Arm, load_arm
+from pipeline.compute import run_trials
+from pipeline.perception.articulation import ArticulationOptions, fit_sequence
+from pipeline.perception.depth_sequence import DepthSequence
+
+INGEST, TRACK, OUT = Path("data/ingest"), Path("data/track"), Path("data/articulate")
+
+
+def run() -> None:
+    """Joint angles of every depth frame, and two frames with their points for the figure."""
+    settings = config.sections("articulate")
+    dataset = settings.dataset
+    with contracts.replacing(OUT) as folder:
+        if dataset.depth is None:
+            print("articulate: the dataset has no depth camera; nothing to do")
+            return
+        arm = load_arm(dataset.robot.urdf, dataset.robot.joints, dataset.robot.tool, dataset.robot.locked)
+        trajectory = contracts.read("trajectory", INGEST)
+        joints = contracts.read("joints", TRACK)
+        start = joints[(joints.part == "training") & (joints.k == 0)][["q1", "q2", "q3"]].mean().to_numpy()
+        takes = [rows for _, rows in contracts.read("frames", INGEST).groupby("take")]
+        fit = partial(_articulate, settings=settings, arm=arm, trajectory=trajectory, start=start)
+        angles = pd.concat(run_trials(fit, takes, workers=settings.compute.workers, label="articulate: takes"), ignore_index=True)
+        contracts.write(angles, "angles", folder)
+        views = [_view(name, angles, takes[0], settings, arm) for name in ("initial", "extended")]
+        contracts.write(pd.concat([cloud for cloud, _ in views], ignore_index=True), "cloud", folder)
+        contracts.write(pd.concat([skeleton for _, skeleton in views], ignore_index=True), "skeleton", folder)
+
+
+def _sequence(rows: pd.DataFrame, settings, arm: Arm) -> DepthSequence:
+    raw = Path(settings.dataset.recordings)
+    # the index names its frames relative to its own folder, the take's
+    path = next(path for path in raw.glob(settings.dataset.depth.takes) if path.name == rows["take"].iloc[0])
+    return DepthSequence(path, settings.dataset.depth, arm, raw)
+
+
+def _articulate(rows: pd.DataFrame, settings, arm: Arm, trajectory: pd.DataFrame, start: np.ndarray) -> pd.DataFrame:
+    """Fit the frames of one take; frames without enough points of the arm are left out."""
+    sequence = _sequence(rows, settings, arm)
+    options = settings.articulation
+    clouds = (sequence.points(frame)[0] for frame in rows["frame"])
+    ee = np.stack([np.interp(rows["t"], trajectory["t"], trajectory[c]) for c in "xz"], axis=-1)
+    fitted = fit_sequence(
+        list(clouds), arm.chain.origin, ee, arm.chain,
+        ArticulationOptions(options.gamma1, options.gamma2, options.length_range, options.minimum_points, options.max_gap),
+        start, take=rows["take"].iloc[0],
+    )  # fmt: skip
+    nodes = {f"{c}{name}": fitted.nodes[:, node, i] for node, name in ((1, "2"), (2, "3"), (3, "e")) for i, c in enumerate("xz")}
+    angles = {f"q{j + 1}": fitted.q[:, j] for j in range(3)}
+    table = rows[["take", "part", "frame", "t"]].assign(**angles, **nodes, points=fitted.points, objective=fitted.objective)
+    return table[np.isfinite(fitted.objective)]
+
+
+def _view(name: str, angles: pd.DataFrame, rows: pd.DataFrame, settings, arm: Arm) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The arm's points and the fitted nodes of the first take's first frame, or of the frame with EE farthest from O1."""
+    take = angles[angles["take"] == rows["take"].iloc[0]]
+    reach = np.hypot(take["xe"] - arm.chain.origin[0], take["ze"] - arm.chain.origin[1])
+    shown = take.iloc[0 if name == "initial" else int(reach.argmax())]
+    points, _ = _sequence(rows, settings, arm).points(int(shown["frame"]))
+    nodes = np.vstack([arm.chain.origin, *([shown[f"x{node}"], shown[f"z{node}"]] for node in "23e")]).astype(float)
+    cloud = pd.DataFrame({"view": name, "x": points[:, 0], "z": points[:, 1]})
+    return cloud, pd.DataFrame({"view": name, "node": np.arange(4), "x": nodes[:, 0], "z": nodes[:, 1]})

@@ -1,0 +1,47 @@
+"""noise: what the motion does beyond the nominal step, and how far the depth camera is off the motion capture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline import config, contracts
+from pipeline.arm.model import load_arm
+from pipeline.motion.noise import process_noise
+from pipeline.perception.depth_noise import leave_one_out
+
+INGEST, TRACK, ARTICULATE, OUT = Path("data/ingest"), Path("data/track"), Path("data/articulate"), Path("data/noise")
+
+
+def run() -> None:
+    """Process noise of the training takes; mean and covariance of the Kinect noise, leaving out each test take in turn."""
+    settings = config.sections("noise")
+    robot = settings.dataset.robot
+    chain = load_arm(robot.urdf, robot.joints, robot.tool, robot.locked).chain
+    joints = contracts.read("joints", TRACK)
+    trajectory = contracts.read("trajectory", INGEST)
+    steps = trajectory[["vx", "vz", "vphi"]].to_numpy()[:-1] / settings.dataset.motion.rate
+    training = joints[joints.part == "training"]
+    with contracts.replacing(OUT) as folder:
+        names, q = contracts.stacked(training, ["q1", "q2", "q3"])
+        noise = process_noise(chain, q, steps)
+        rows = training.loc[training.k > 0, ["take", "part", "k", "t"]]
+        contracts.write(rows.assign(**{f"w{j + 1}": noise[..., j].ravel() for j in range(3)}), "process_noise", folder)
+        if contracts.exists("angles", ARTICULATE):
+            errors = _kinect_errors(contracts.read("angles", ARTICULATE), joints)
+            contracts.write(leave_one_out(errors, window=settings.articulation.noise_window), "kinect_noise", folder)
+        else:
+            print("noise: no joint angles from a depth camera; its noise is left out")
+
+
+def _kinect_errors(angles: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
+    """Kinect minus motion capture in rad at the time of every depth frame, the motion capture interpolated linearly."""
+    errors = []
+    for take, rows in angles.groupby("take"):
+        truth = joints[joints["take"] == take]
+        inside = rows[(rows["t"] >= 0) & (rows["t"] <= truth["t"].iloc[-1])]
+        difference = {f"e{j}": inside[f"q{j}"] - np.interp(inside["t"], truth["t"], truth[f"q{j}"]) for j in (1, 2, 3)}
+        errors.append(inside[["take", "frame", "t"]].assign(**difference))
+    return pd.concat(errors, ignore_index=True)

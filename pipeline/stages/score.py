@@ -1,0 +1,125 @@
+"""score: recordings against models, as the tables behind the figures and the numbers the paper states."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline import config, contracts
+from pipeline.statistics.agreement import correlation, coverage, root_mean_square
+
+INGEST, TRACK, NOISE, SIMULATE = Path("data/ingest"), Path("data/track"), Path("data/noise"), Path("data/simulate")
+FILTER, WRENCH, OUT = Path("data/filter"), Path("data/wrench"), Path("data/score")
+METRICS, TABLES = Path("reports/metrics"), Path("reports/tables")
+JOINTS = ("q1", "q2", "q3")
+
+
+def run() -> None:
+    """Compare every model with the recordings, in mean, in spread and in the filter."""
+    settings = config.sections("score")
+    models = list(settings.models)
+    joints = contracts.read("joints", TRACK)
+    with contracts.replacing(OUT) as folder, contracts.replacing(TABLES) as tables:
+        deviation = _deviation(models, joints, settings.simulation.mode)
+        contracts.write(deviation, "deviation", folder)
+        contracts.write_metrics(_motion_metrics(deviation, models), METRICS / "motion.json")
+        filtered = [model for model in models if contracts.exists("posterior", FILTER / model)]
+        metrics = {}
+        if filtered:
+            errors = pd.concat([_filter_errors(model, joints) for model in filtered], ignore_index=True)
+            contracts.write(errors, "filter_error", folder)
+            scores = _filter_scores(errors)
+            scores.to_csv(tables / "filter_scores.csv", index=False)
+            metrics = {f"{row.model}_q{row.joint}_{name}": getattr(row, name) for row in scores.itertuples() for name in scores.columns[2:]}
+        contracts.write_metrics(metrics, METRICS / "filter.json")
+        contracts.write_metrics(_quality(tables) | _truth(joints, Path(settings.dataset.recordings).parent / "truth"), METRICS / "recordings.json")
+        for name in ("sigma_s", "force_moments"):
+            if contracts.exists(name, WRENCH):
+                contracts.read(name, WRENCH).to_csv(tables / f"{name}.csv", index=False)
+        study = contracts.read("wrench_errors", WRENCH).groupby("agents")["error"].agg(["mean", "max"]).reset_index()
+        study.to_csv(tables / "wrench_study.csv", index=False)
+        deviation.to_csv(tables / "deviation.csv", index=False)
+
+
+def _deviation(models: list[str], joints: pd.DataFrame, mode: str) -> pd.DataFrame:
+    """Mean error and standard deviation over time of every model, and the standard deviation recorded."""
+    names, q = contracts.stacked(joints[joints.part == "training"], list(JOINTS))
+    mean = q.mean(axis=0)
+    first = joints[joints["take"] == names[0]]
+    grid = {"k": first["k"].to_numpy(), "t": first["t"].to_numpy()}
+    if mode == "one_step":
+        _, noise = contracts.stacked(contracts.read("process_noise", NOISE), ["w1", "w2", "w3"])
+        spread = np.vstack([np.zeros((1, 3)), noise.std(axis=0, ddof=1)])
+    else:
+        spread = q.std(axis=0, ddof=1)
+    tables = [pd.DataFrame(grid | {"source": "recorded", "error": 0.0} | {f"s{j + 1}": spread[:, j] for j in range(3)})]
+    for model in models:
+        moments = contracts.read("moments", SIMULATE / model)
+        error = np.linalg.norm(moments[["m1", "m2", "m3"]].to_numpy() - mean, axis=1)
+        tables.append(moments[["k", "t", "s1", "s2", "s3"]].assign(source=model, error=error))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _motion_metrics(deviation: pd.DataFrame, models: list[str]) -> dict:
+    # at k = 0 nothing has moved yet
+    by_source = {source: rows[rows.k > 0] for source, rows in deviation.groupby("source")}
+    recorded = by_source["recorded"]
+    metrics = {f"{model}_greatest_mean_error_rad": by_source[model]["error"].max() for model in models}
+    for j in (1, 2, 3):
+        metrics[f"recorded_std_q{j}_rms_rad"] = root_mean_square(recorded[f"s{j}"].to_numpy())
+        for model in models:
+            std = by_source[model][f"s{j}"].to_numpy()
+            metrics[f"{model}_std_q{j}_rms_rad"] = root_mean_square(std)
+            metrics[f"{model}_std_q{j}_correlation_with_recorded"] = correlation(std, recorded[f"s{j}"].to_numpy())
+    return metrics
+
+
+def _filter_errors(model: str, joints: pd.DataFrame) -> pd.DataFrame:
+    posterior = contracts.read("posterior", FILTER / model).merge(joints[["take", "k", *JOINTS]], on=["take", "k"])
+    errors = {f"e{j}": posterior[f"m{j}"] - posterior[f"q{j}"] for j in (1, 2, 3)}
+    spread = {f"s{j}": np.sqrt(posterior[f"c{j}{j}"]) for j in (1, 2, 3)}
+    return posterior[["take", "part", "k", "t"]].assign(model=model, **errors, **spread)
+
+
+def _filter_scores(errors: pd.DataFrame) -> pd.DataFrame:
+    """Accuracy, width of the ±1σ bound, and whether the bound follows the error over time, per model and joint."""
+    rows = []
+    for model, of_model in errors.groupby("model", sort=False):
+        for j in (1, 2, 3):
+            error, bound = (of_model.pivot(index="take", columns="k", values=f"{name}{j}").to_numpy() for name in "es")
+            running, width = np.sqrt(np.mean(error**2, axis=0)), bound.mean(axis=0)
+            rows.append(
+                {
+                    "model": model,
+                    "joint": j,
+                    "rms_error_rad": root_mean_square(error),
+                    "mean_bound_rad": bound.mean(),
+                    "coverage_of_the_bound": coverage(error, bound),
+                    "bound_greatest_over_least": width.max() / width.min(),
+                    "correlation_of_bound_with_error": correlation(width, running),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def _quality(tables: Path) -> dict:
+    """Totals over the takes of what the instruments lost and what was repaired."""
+    records = [contracts.read("quality", folder) for folder in (INGEST, TRACK) if contracts.exists("quality", folder)]
+    quality = pd.concat(records, ignore_index=True)
+    summary = quality.groupby(["instrument", "quantity", "unit"])["value"].agg(["sum", "mean", "min", "max"]).reset_index()
+    summary.to_csv(tables / "recording_quality.csv", index=False)
+    counted = summary[summary["unit"] == "1"]
+    name = counted["instrument"].str.replace(" ", "_") + "_" + counted["quantity"]
+    return dict(zip(name, counted["sum"], strict=True))
+
+
+def _truth(joints: pd.DataFrame, truth: Path) -> dict:
+    """How far the measured joint angles are off the true ones, which only a synthetic dataset has."""
+    if not contracts.exists("true_joints", truth):
+        return {}
+    both = joints.merge(contracts.read("true_joints", truth), on=["take", "k"], suffixes=("", "_true"))
+    error = both[list(JOINTS)].to_numpy() - both[[f"{q}_true" for q in JOINTS]].to_numpy()
+    metrics = {f"tracking_bias_q{j + 1}_rad": error[:, j].mean() for j in range(3)}
+    return metrics | {f"tracking_std_q{j + 1}_rad": error[:, j].std() for j in range(3)}

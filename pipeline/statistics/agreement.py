@@ -1,0 +1,22 @@
+"""How well errors and their stated bounds agree."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def root_mean_square(values: np.ndarray) -> float:
+    """Root mean square of all ``values``, in their unit."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def correlation(a: np.ndarray, b: np.ndarray) -> float:
+    """Pearson's correlation of ``a`` and ``b`` (K,); 0 where one of them is constant, and so follows nothing."""
+    if np.ptp(a) == 0 or np.ptp(b) == 0:
+        return 0.0
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def coverage(error: np.ndarray, bound: np.ndarray) -> float:
+    """Share of ``error`` within ± ``bound``, both of one shape; 0.683 for a calibrated normal error and its standard deviation."""
+    return float(np.mean(np.abs(error) <= bound))

@@ -1,0 +1,133 @@
+"""What OptiTrack would report of the arm: three markers on each link, with the faults that optical motion capture has.
+
+World frame: Motive's, y up, in m. A marker's place is known to the tracker from a template in the segment frames; where it
+really sits differs by what a hand with a ruler misses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.arm.model import Arm
+from pipeline.errors import ConfigError
+from pipeline.twin.segments import segment_frames
+
+LABELS = "abc"
+PAIRS = np.array([[0, 1], [0, 2], [1, 2]])
+FIRST_UNLABELED = 1000
+
+
+@dataclass(frozen=True)
+class MocapOptions:
+    """Errors and faults of the marker tracking. Rates are probabilities that a burst starts at a frame."""
+
+    noise_std: float = 1e-4  # m, white, each axis; Aurand, Dufour, Marras, J. Biomech. 58 (2017): errors below 0.2 mm in 97 % of the volume
+    placement_std: float = 5e-4  # m, each axis, one draw a session; assumed: markers placed by hand with a ruler
+    occlusion_rate: float = 1e-3  # 1/frame, each marker; assumed: cables and the arm itself pass before single cameras
+    occlusion_frames: float = 6.0  # frames, mean of the geometric length
+    swap_rate: float = 1e-4  # 1/frame, each link; assumed: rare, the three markers of a link being much alike
+    swap_frames: float = 3.0  # frames, mean
+    lost_label_rate: float = 3e-4  # 1/frame, each marker; assumed
+    lost_label_frames: float = 4.0  # frames, mean
+
+    def __post_init__(self) -> None:
+        if min(self.noise_std, self.placement_std) < 0:
+            raise ConfigError("twin.mocap: a standard deviation cannot be negative", noise=self.noise_std, placement=self.placement_std)
+        for fault in ("occlusion", "swap", "lost_label"):
+            rate, mean = getattr(self, f"{fault}_rate"), getattr(self, f"{fault}_frames")
+            if not 0 <= rate <= 1 or mean < 1:
+                raise ConfigError(f"twin.mocap: {fault}_rate must be a probability and {fault}_frames at least 1", rate=rate, frames=mean)
+
+
+@dataclass(frozen=True)
+class MocapFaults:
+    """The truth about the faults of one capture."""
+
+    occluded: int  # marker-frames not seen at all
+    swapped: int  # link-frames in which two labels of the link were exchanged
+    unlabeled: int  # marker-frames whose position stands in an unlabeled column
+
+
+@dataclass(frozen=True)
+class Capture:
+    """``markers``: name → positions (N, 3) in m in the world frame, NaN where missing; labelled first, then unlabeled."""
+
+    markers: dict[str, np.ndarray]
+    faults: MocapFaults
+
+
+def place_markers(template: np.ndarray, options: MocapOptions, rng: np.random.Generator) -> np.ndarray:
+    """(3, 3, 3) where the markers (link, marker, xyz) of a session really sit in the segment frames, m; one call a session."""
+    return template + options.placement_std * rng.standard_normal(template.shape)
+
+
+def _bursts(frames: int, shape: tuple[int, ...], rate: float, mean: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Where bursts start and where one is under way, both (frames, *shape); overlapping bursts merge."""
+    starts = rng.random((frames, *shape)) < rate
+    at = np.nonzero(starts)
+    change = np.zeros((frames + 1, *shape), dtype=int)
+    np.add.at(change, at, 1)
+    np.add.at(change, (np.minimum(at[0] + rng.geometric(1.0 / mean, size=at[0].size), frames), *at[1:]), -1)
+    return starts, np.cumsum(change[:-1], axis=0) > 0
+
+
+def _exchange_labels(seen: np.ndarray, options: MocapOptions, rng: np.random.Generator) -> tuple[np.ndarray, int]:
+    """Positions (N, 3, 3, xyz) with two labels of a link exchanged during bursts, and the link-frames concerned."""
+    frames = seen.shape[0]
+    starts, swapped = _bursts(frames, (3,), options.swap_rate, options.swap_frames, rng)
+    drawn = rng.integers(len(PAIRS), size=(frames, 3))
+    # a burst keeps the pair drawn at its start
+    latest = np.maximum.accumulate(np.where(starts, np.arange(frames)[:, None], 0), axis=0)
+    pair = PAIRS[np.take_along_axis(drawn, latest, axis=0)]
+    carrier = np.broadcast_to(np.arange(3), (frames, 3, 3)).copy()
+    np.put_along_axis(carrier, pair, np.where(swapped[..., None], pair[..., ::-1], pair), axis=-1)
+    return np.take_along_axis(seen, carrier[..., None], axis=2), int(swapped.sum())
+
+
+def _lose_labels(seen: np.ndarray, options: MocapOptions, rng: np.random.Generator) -> tuple[np.ndarray, dict[str, np.ndarray], int]:
+    """Positions (N, 9, 3) with labels blanked during bursts, the unlabeled columns that carry them instead, and their marker-frames.
+
+    Each uninterrupted stretch is a column of its own, since Motive numbers a stray marker anew at every appearance.
+    """
+    _, lost = _bursts(*seen.shape[:1], seen.shape[1:2], options.lost_label_rate, options.lost_label_frames, rng)
+    lost &= ~np.isnan(seen[..., 0])
+    edges = np.diff(lost.astype(np.int8), axis=0, prepend=0, append=0)
+    # transposed, so that starts and ends come out marker by marker and pair up
+    (marker, first), last = np.nonzero(edges.T == 1), np.nonzero(edges.T == -1)[1]
+    columns = {}
+    for number, i in enumerate(np.lexsort((marker, first))):
+        column = np.full((seen.shape[0], 3), np.nan)
+        column[first[i] : last[i]] = seen[first[i] : last[i], marker[i]]
+        columns[f"Unlabeled {FIRST_UNLABELED + number}"] = column
+    return np.where(lost[..., None], np.nan, seen), columns, int(lost.sum())
+
+
+def capture(
+    arm: Arm,
+    q: np.ndarray,
+    markers: np.ndarray,
+    rotation: np.ndarray,
+    translation: np.ndarray,
+    options: MocapOptions,
+    rng: np.random.Generator,
+) -> Capture:
+    """Capture markers at places ``markers`` (3, 3, 3) (link, marker, xyz of the segment frame, m) on an arm at true angles ``q`` (N, 3).
+
+    ``rotation`` (3, 3) and ``translation`` (3,) in m are the pose of the arm's base in the world. Names are ``link1_a`` …
+    ``link3_c`` and, for positions whose label was lost, ``Unlabeled 1000`` onwards in the order of their appearance.
+    """
+    if q.shape[1:] != (3,) or markers.shape != (3, 3, 3):
+        raise ConfigError("twin.mocap: joint angles must be (N, 3) and marker places (3, 3, 3)", q=q.shape, markers=markers.shape)
+    axes, origin = segment_frames(arm.chain, q)
+    plane = np.einsum("njab,jmb->njma", axes, markers) + origin[:, :, None, :]
+    world = arm.to_base(plane) @ rotation.T + translation
+    seen = world + options.noise_std * rng.standard_normal(world.shape)
+    _, hidden = _bursts(len(q), (3, 3), options.occlusion_rate, options.occlusion_frames, rng)
+    seen[hidden] = np.nan
+    seen, swapped = _exchange_labels(seen, options, rng)
+    labelled, unlabeled, lost = _lose_labels(seen.reshape(-1, 9, 3), options, rng)
+    names = [f"link{link}_{label}" for link in (1, 2, 3) for label in LABELS]
+    columns = {name: labelled[:, i] for i, name in enumerate(names)}
+    return Capture(columns | unlabeled, MocapFaults(occluded=int(hidden.sum()), swapped=swapped, unlabeled=lost))

@@ -1,0 +1,63 @@
+"""Measured force against the matrix model of one configuration: moments, and densities on a common grid."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from pipeline.statistics.kde import kernel_density, normal_reference_bandwidth
+from pipeline.wrench.matrix import matrix_model, sample_wrenches
+from pipeline.wrench.parametric import CableSystem
+
+GRID_REACH = 4.0  # standard deviations of the wider source that the common grid extends beyond the means
+
+
+def modelled_forces(system: CableSystem, sigma_s: np.ndarray, samples: int, rng: np.random.Generator) -> np.ndarray:
+    """``samples`` forces (samples, 2) in N of the matrix model at the nominal ``system`` (m,) with the diagonal ``sigma_s`` (2,)."""
+    return sample_wrenches(matrix_model(system), np.diag(sigma_s), samples, rng)
+
+
+def force_moments(configuration: str, forces: dict[str, np.ndarray]) -> pd.DataFrame:
+    """The rows of the table ``force_moments`` of one configuration; ``forces`` maps a source to its samples (N, 2) in N."""
+    rows = []
+    for source, sample in forces.items():
+        (fx, fy), covariance = sample.mean(axis=0), np.cov(sample, rowvar=False)
+        rows.append(
+            {
+                "configuration": configuration,
+                "source": source,
+                "fx": fx,
+                "fy": fy,
+                "var_fx": covariance[0, 0],
+                "var_fy": covariance[1, 1],
+                "cov": covariance[0, 1],
+                "samples": len(sample),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def force_density(configuration: str, forces: dict[str, np.ndarray], points: int) -> pd.DataFrame:
+    """The rows of the table ``force_density`` of one configuration: every source on one grid of ``points`` × ``points``.
+
+    ``forces`` maps a source to its samples (N, 2) in N; the grid spans 4 standard deviations about the means of all of them.
+    """
+    centres = np.array([sample.mean(axis=0) for sample in forces.values()])
+    spread = GRID_REACH * np.max([sample.std(axis=0) for sample in forces.values()], axis=0)
+    x, y = np.linspace(centres.min(axis=0) - spread, centres.max(axis=0) + spread, points).T
+    fx, fy = np.meshgrid(x, y, indexing="ij")
+    return pd.concat(
+        [
+            pd.DataFrame(
+                {
+                    "configuration": configuration,
+                    "source": source,
+                    "fx": fx.ravel(),
+                    "fy": fy.ravel(),
+                    "density": kernel_density(sample, x, y, normal_reference_bandwidth(sample)).ravel(),
+                }
+            )
+            for source, sample in forces.items()
+        ],
+        ignore_index=True,
+    )

@@ -1,0 +1,83 @@
+"""The random-matrix wrench model: W = S·T with a matrix-variate normal static Jacobian S and a normal actuation T.
+
+S ~ N(S̲, Σ_S ⊗ Ψ_S) and T ~ N(T̲, Σ_T) are independent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.errors import ModelDomainError
+from pipeline.wrench.parametric import CableSystem
+
+
+@dataclass(frozen=True)
+class MatrixModel:
+    """All of the model but Σ_S, for one system or an array of them: n wrench components, m actuators."""
+
+    jacobian: np.ndarray  # S̲ (..., n, m)
+    actuation: np.ndarray  # T̲ (..., m), N
+    actuation_cov: np.ndarray  # Σ_T (..., m, m), N²
+    psi: np.ndarray  # Ψ_S (m, m)
+
+    def spread(self) -> np.ndarray:
+        """tr{(Σ_T + T̲T̲ᵀ)Ψ_S} = E[TᵀΨ_ST] in N², (...): what Σ_S is multiplied by in Cov(W)."""
+        noise = np.einsum("...ij,...ji->...", self.actuation_cov, self.psi)
+        return noise + np.einsum("...i,...ij,...j->...", self.actuation, self.psi, self.actuation)
+
+    def actuation_part(self) -> np.ndarray:
+        """S̲Σ_TS̲ᵀ in N², (..., n, n): the covariance that the actuation alone causes."""
+        return self.jacobian @ self.actuation_cov @ np.swapaxes(self.jacobian, -1, -2)
+
+
+def matrix_model(system: CableSystem) -> MatrixModel:
+    """The model of planar cables that meet in one point (n = 2): S̲ has the cosines and sines of the nominal directions as rows.
+
+    As in the paper S̲ stands at θ̲, not at E[S] = A(κ)·S̲, which differs from it by 1/(2κ); Ψ_S = I, as the directions are independent.
+    """
+    identity = np.eye(system.tension.shape[-1])
+    jacobian = np.stack([np.cos(system.direction), np.sin(system.direction)], axis=-2)
+    return MatrixModel(jacobian, system.tension, system.tension_sd[..., None] ** 2 * identity, identity)
+
+
+def expected_wrench(model: MatrixModel) -> np.ndarray:
+    """E[W] = S̲·T̲ in N, (..., n)."""
+    return np.einsum("...nm,...m->...n", model.jacobian, model.actuation)
+
+
+def wrench_covariance(model: MatrixModel, sigma_s: np.ndarray) -> np.ndarray:
+    """Cov(W) = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}·Σ_S + S̲Σ_TS̲ᵀ, Eq. (CovWNonPar), in N², (..., n, n); ``sigma_s`` Σ_S (..., n, n)."""
+    return model.spread()[..., None, None] * sigma_s + model.actuation_part()
+
+
+def optimal_sigma_s(model: MatrixModel, variance: np.ndarray) -> np.ndarray:
+    """Diagonal of the Σ_S ≥ 0 that brings diag Cov(W) closest to ``variance`` (..., n) in N², Eq. (SigSOptim), (..., n).
+
+    The squared objective is a sum over the diagonal, so each entry is solved alone: max(0, (varianceᵢ − (S̲Σ_TS̲ᵀ)ᵢᵢ)/tr{(Σ_T + T̲T̲ᵀ)Ψ_S}).
+    An entry of exactly 0 was held by the bound. Raises ModelDomainError where there is neither actuation nor variance of it.
+    """
+    spread = model.spread()
+    if np.any(spread <= 0):
+        raise ModelDomainError("Σ_S does not exist for cables without tension: tr{(Σ_T + TTᵀ)Ψ} must be positive")
+    rest = variance - np.einsum("...ii->...i", model.actuation_part())
+    return np.maximum(0.0, rest / spread[..., None])
+
+
+def sample_wrenches(model: MatrixModel, sigma_s: np.ndarray, samples: int, rng: np.random.Generator) -> np.ndarray:
+    """``samples`` independent wrenches W = S·T of one system in N, (samples, n); ``sigma_s`` Σ_S (n, n).
+
+    Given T the product S·T is exactly N(S̲T, (TᵀΨ_ST)·Σ_S), so n normals stand for the n·m of the matrix. Raises ModelDomainError for a
+    Σ_T or Σ_S that is no covariance.
+    """
+    for name, covariance in (("Σ_T", model.actuation_cov), ("Σ_S", sigma_s)):
+        eigenvalues = np.linalg.eigvalsh(covariance)
+        if not np.allclose(covariance, np.transpose(covariance)) or eigenvalues[0] < -1e-9 * abs(eigenvalues[-1]):
+            raise ModelDomainError(
+                f"{name} is no covariance: it must be symmetric without negative eigenvalues", eigenvalues=eigenvalues.tolist()
+            )
+    actuation = rng.multivariate_normal(model.actuation, model.actuation_cov, samples, method="eigh")
+    noise = rng.multivariate_normal(np.zeros(len(sigma_s)), sigma_s, samples, method="eigh")
+    scale = np.sqrt(np.einsum("ki,ij,kj->k", actuation, model.psi, actuation))
+    return actuation @ model.jacobian.T + scale[:, None] * noise

@@ -1,0 +1,19 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.arm.chain import PlanarChain
+
+
+@pytest.fixture(scope="session")
+def free() -> PlanarChain:
+    """A chain whose joint limits are out of the way."""
+    return PlanarChain(
+        origin=np.zeros(2),
+        links=np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]),
+        signs=np.ones(3),
+        lower=np.full(3, -50.0),
+        upper=np.full(3, 50.0),
+        max_speed=np.ones(3),
+    )

@@ -1,0 +1,33 @@
+"""The process noise of recorded joint angles, its sign, and its moments."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.errors import ModelDomainError
+from pipeline.motion.noise import moments, process_noise
+
+
+def test_the_noise_put_into_a_motion_comes_out_measured_minus_nominal(chain):
+    rng = np.random.default_rng(2)
+    v = rng.uniform(-0.02, 0.02, (6, 3)) * [0.1, 0.1, 1]
+    noise = 0.005 * rng.standard_normal((4, 6, 3))
+    q = np.empty((4, 7, 3))
+    q[:, 0] = [0.3, 1.6, -0.2]
+    for k in range(6):
+        q[:, k + 1] = q[:, k] + chain.inverse_jacobian(q[:, k]) @ v[k] + noise[:, k]
+    np.testing.assert_allclose(process_noise(chain, q, v), noise, atol=1e-15)
+
+
+def test_the_covariance_of_each_step_is_about_its_own_mean():
+    samples = np.random.default_rng(3).standard_normal((10, 5, 3)) + np.arange(5)[:, None]
+    mean, covariance = moments(samples)
+    for k in range(5):
+        np.testing.assert_allclose(mean[k], samples[:, k].mean(axis=0))
+        np.testing.assert_allclose(covariance[k], np.cov(samples[:, k].T), rtol=1e-12)
+
+
+def test_one_take_has_no_covariance():
+    with pytest.raises(ModelDomainError, match="at least two takes"):
+        moments(np.zeros((1, 5, 3)))

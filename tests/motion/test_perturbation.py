@@ -1,0 +1,194 @@
+"""The perturbation samples against the paper's convex problem as printed, and what its estimator makes of them."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import lu
+
+from pipeline.errors import ModelDomainError
+from pipeline.motion.convex import solve_perturbation
+from pipeline.motion.decomposition import factors
+from pipeline.motion.noise import process_noise
+from pipeline.motion.perturbation import (
+    dispersions,
+    fit_perturbations,
+    least_norm_perturbation,
+    least_sum_of_norms,
+    objective_weights,
+)
+from pipeline.motion.wishart import WishartModel
+
+FLOOR = 0.01
+
+
+def weights(ratio: float) -> tuple[float, float]:
+    return 1 / (1 + ratio), ratio / (1 + ratio)
+
+
+def scene(chain, poses, step, size: float) -> tuple[np.ndarray, np.ndarray]:
+    """Noise (200, 3) of standard deviation ``size`` in rad and steps (200, 3) of all speeds."""
+    rng = np.random.default_rng(1)
+    return size * rng.standard_normal((200, 3)), step * rng.uniform(0.1, 1.2, (200, 1))
+
+
+def test_the_least_norm_perturbation_maps_a_to_s_and_nothing_smaller_does():
+    rng = np.random.default_rng(2)
+    a, s = rng.standard_normal((2, 100, 3))
+    best = least_norm_perturbation(a, s)
+    np.testing.assert_allclose(np.matvec(best, a), s, atol=1e-12)
+    np.testing.assert_allclose(best, np.swapaxes(best, -1, -2))
+    # any symmetric change that keeps Sa, with its range across a, is orthogonal to the optimum
+    across = rng.standard_normal((100, 3))
+    across -= (np.vecdot(a, across) / np.vecdot(a, a))[:, None] * a
+    change = across[:, :, None] * across[:, None, :]
+    np.testing.assert_allclose((best * change).sum(axis=(-1, -2)), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [0.03, 0.3, 1.0, 3.0])
+def test_the_sum_of_norms_is_stationary_in_each_of_its_three_cases(ratio):
+    rng = np.random.default_rng(3)
+    noise, matrix = rng.standard_normal((400, 3)), rng.standard_normal((400, 3, 3))
+    y = least_sum_of_norms(noise, matrix, ratio)
+    residual = noise - np.matvec(matrix, y)
+    pull = np.matvec(np.swapaxes(matrix, -1, -2), residual)
+    size, rest = np.linalg.norm(y, axis=1), np.linalg.norm(residual, axis=1)
+    zero, exact = size == 0, rest < 1e-9
+    inside = ~zero & ~exact
+    gradient = ratio * y[inside] / size[inside, None] - pull[inside] / rest[inside, None]
+    np.testing.assert_allclose(gradient, 0, atol=1e-6)
+    assert np.all(np.linalg.norm(pull[zero], axis=1) <= ratio * rest[zero] * (1 + 1e-9))
+    dual = ratio * np.linalg.solve(np.swapaxes(matrix, -1, -2), (y / np.where(zero, 1, size)[:, None])[..., None])[..., 0]
+    assert np.all(np.linalg.norm(dual[exact & ~zero], axis=1) <= 1 + 1e-6)
+    assert inside.any()
+    assert {0.03: exact, 3.0: zero}.get(ratio, inside).sum() > 20
+
+
+@pytest.mark.parametrize(("ratio", "size"), [(1e-4, 0.002), (1e-3, 0.006), (3e-3, 0.006), (3e-3, 0.02)])
+def test_the_closed_form_solves_the_problem_as_printed(chain, poses, step, ratio, size):
+    noise, v = scene(chain, poses, step, size)
+    a, back = factors(chain, poses, v, "lu")
+    fit = fit_perturbations(noise, a, back, weights(ratio), FLOOR)
+    assert np.linalg.eigvalsh(np.eye(3) + fit.s).min() > FLOOR - 1e-6
+    chosen = np.concatenate([np.flatnonzero(fit.bound)[:10], np.flatnonzero(~fit.bound)[:10]])
+    for i in chosen:
+        j1, j2 = lu(chain.jacobian(poses[i]), permute_l=True)
+        b_inv, objective = solve_perturbation(noise[i], v[i], j1, j2, weights(ratio), FLOOR)
+        assert fit.objective[i] == pytest.approx(objective, rel=2e-6, abs=1e-10)
+        np.testing.assert_allclose(np.eye(3) + fit.s[i], b_inv, atol=5e-3 * max(1.0, np.abs(b_inv).max()))
+
+
+def test_many_of_those_problems_are_held_back_by_the_bound(chain, poses, step):
+    """So that the comparison with the printed problem reaches the bounded branch too; a smaller bound only lowers the objective."""
+    noise, v = scene(chain, poses, step, 0.02)
+    a, back = factors(chain, poses, v, "lu")
+    fit, looser = (fit_perturbations(noise, a, back, weights(1e-3), floor) for floor in (0.1, 0.001))
+    assert fit.bound.sum() > 20
+    assert np.all(looser.objective <= fit.objective * (1 + 1e-6))
+    assert np.any(looser.objective[fit.bound] < fit.objective[fit.bound] * (1 - 1e-3))
+    np.testing.assert_array_equal(looser.s[~fit.bound], fit.s[~fit.bound])
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 10**6), ratio=st.floats(1e-4, 0.1), floor=st.floats(1e-3, 0.5), size=st.floats(1e-3, 0.05))
+def test_no_feasible_perturbation_nearby_is_better(seed, ratio, floor, size):
+    rng = np.random.default_rng(seed)
+    noise, a = size * rng.standard_normal((4, 3)), 0.03 * rng.standard_normal((4, 3))
+    back = 10 * rng.standard_normal((4, 3, 3))
+    fit = fit_perturbations(noise, a, back, weights(ratio), floor)
+    alpha1, alpha2 = weights(ratio)
+    for scale in (1e-3, 1e-1, 1.0):
+        change = scale * rng.standard_normal((300, 4, 3, 3))
+        rival = np.eye(3) + fit.s + change + np.swapaxes(change, -1, -2)
+        values, vectors = np.linalg.eigh(rival)
+        rival = np.einsum("...ij,...j,...kj->...ik", vectors, np.maximum(values, floor), vectors) - np.eye(3)
+        residual = np.linalg.norm(noise - np.matvec(back, np.matvec(rival, a)), axis=-1)
+        objective = alpha1 * residual + alpha2 * np.linalg.norm(rival, axis=(-1, -2))
+        assert np.all(objective >= fit.objective * (1 - 1e-6))
+
+
+def test_equal_weights_return_the_identity_for_every_step(chain, poses, step):
+    """The paper's weights are not given: with α₁ = α₂ = ½ every fit is B = I, and σ̂_B = 0."""
+    noise, v = scene(chain, poses, step, 0.006)
+    a, back = factors(chain, poses, v, "lu")
+    fit = fit_perturbations(noise, a, back, (0.5, 0.5), FLOOR)
+    assert not np.any(fit.s)
+    assert dispersions(fit.s[:, None])[0] == 0
+    moved = [np.mean(np.linalg.norm(fit_perturbations(noise, a, back, weights(ratio), FLOOR).s, axis=(1, 2)) > 0) for ratio in (0.3, 3e-3)]
+    assert moved[0] < 0.1 < 0.9 < moved[1]
+
+
+def test_an_exact_fit_inverts_the_model(chain, poses, step):
+    """(B⁻¹ − I)a = J₂ω, with ω measured minus nominal; with the printed sign of (OmgReal) the perturbation comes out reversed."""
+    b_inv = np.eye(3) + 0.1 * np.array([[1.0, 0.5, 0], [0.5, -1.0, 0.3], [0, 0.3, 0.5]])
+    a, back = factors(chain, poses, step, "lu")
+    q = np.stack([poses, poses + np.matvec(back, a @ b_inv)], axis=1)
+    noise = process_noise(chain, q, step[None])[:, 0]
+    fit = fit_perturbations(noise, a, back, weights(1e-9), FLOOR)
+    np.testing.assert_allclose(a + np.matvec(fit.s, a), a @ b_inv, atol=1e-12)
+    reversed_sign = fit_perturbations(-noise, a, back, weights(1e-9), FLOOR)
+    assert np.linalg.norm(np.matvec(reversed_sign.s, a) - np.matvec(fit.s, a)) > np.linalg.norm(np.matvec(fit.s, a))
+
+
+def test_at_rest_nothing_is_explained(chain, poses):
+    noise = 0.001 * np.random.default_rng(4).standard_normal((200, 3))
+    a, back = factors(chain, poses, np.zeros(3), "lu")
+    fit = fit_perturbations(noise, a, back, weights(1e-3), FLOOR)
+    assert not np.any(fit.s) and not np.any(fit.bound)
+    np.testing.assert_allclose(fit.objective, weights(1e-3)[0] * np.linalg.norm(noise, axis=1))
+
+
+def test_without_noise_there_is_no_perturbation(chain, poses, step):
+    a, back = factors(chain, poses, step, "lu")
+    fit = fit_perturbations(np.zeros((200, 3)), a, back, weights(1e-3), FLOOR)
+    assert not np.any(fit.s) and not np.any(fit.objective)
+
+
+@pytest.mark.parametrize("sigma_b", [0.1, 0.25])
+@pytest.mark.parametrize("decomposition", ["lu", "qr"])
+def test_the_papers_estimator_returns_about_seven_tenths_of_the_true_dispersion(chain, poses, step, sigma_b, decomposition):
+    """One observed direction sees 2n of the n(n+1) parts of ‖B − I‖²: sqrt(2/(n+1)) = 0.71 even as α₂ → 0."""
+    q = np.tile(poses[:50], (200, 1, 1))
+    moved, _ = WishartModel(sigma_b, decomposition).sample(chain, q, step, np.random.default_rng(5))
+    noise = moved - q - np.matvec(chain.inverse_jacobian(q), step)
+    a, back = factors(chain, q, step, decomposition)
+    fit = fit_perturbations(noise.reshape(-1, 3), a.reshape(-1, 3), back.reshape(-1, 3, 3), weights(1e-9), FLOOR)
+    estimate = dispersions(fit.s.reshape(200, 50, 3, 3)).mean()
+    assert 0.69 < estimate / sigma_b < 0.79
+
+
+def test_the_weights_make_the_noise_at_rest_as_costly_as_a_perturbation_of_the_size_of_the_identity():
+    alpha1, alpha2 = objective_weights(1e-3, 3)
+    assert alpha1 + alpha2 == pytest.approx(1, abs=1e-15)
+    assert alpha1 * 1e-3 == pytest.approx(alpha2 * np.linalg.norm(np.eye(3)))
+    with pytest.raises(ModelDomainError, match="at rest"):
+        objective_weights(0.0, 3)
+
+
+def test_noise_that_is_not_finite_is_refused_with_its_place():
+    noise = np.zeros((4, 3))
+    noise[2, 1] = np.nan
+    with pytest.raises(ModelDomainError) as refusal:
+        fit_perturbations(noise, np.ones((4, 3)), np.tile(np.eye(3), (4, 1, 1)), weights(1e-3), FLOOR)
+    assert refusal.value.evidence["index"] == 2
+
+
+@pytest.mark.parametrize(("pair", "floor"), [((0.0, 1.0), 0.1), ((0.5, -0.1), 0.1), ((0.5, 0.5), 0.0), ((0.5, 0.5), 1.0)])
+def test_weights_and_floor_outside_their_range_are_refused(pair, floor):
+    with pytest.raises(ModelDomainError, match="alpha1"):
+        fit_perturbations(np.zeros((1, 3)), np.ones((1, 3)), np.eye(3)[None], pair, floor)
+
+
+@pytest.mark.slow
+def test_a_training_set_takes_about_a_second(chain, step):
+    rng = np.random.default_rng(6)
+    q = np.stack([rng.uniform(-2, 2, 32_000), np.deg2rad(rng.uniform(65, 135, 32_000)), rng.uniform(-2, 2, 32_000)], axis=-1)
+    a, back = factors(chain, q, step * rng.uniform(0, 1.2, (32_000, 1)), "lu")
+    noise = 0.006 * rng.standard_normal((32_000, 3))
+    start = perf_counter()
+    fit_perturbations(noise, a, back, weights(1e-3), FLOOR)
+    assert perf_counter() - start < 5

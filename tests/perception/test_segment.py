@@ -1,0 +1,167 @@
+"""The arm's points in a depth image: an analytic renderer of flat links before a wall is the truth."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pipeline.arm.chain import PlanarChain
+from pipeline.arm.model import Arm
+from pipeline.errors import ConfigError, RecordingError
+from pipeline.perception.segment import ArmSegmenter, Crop
+
+SHAPE = (212, 256)
+CAMERA = np.array([[182.7, 0.0, 127.4], [0.0, 182.7, 102.7], [0.0, 0.0, 1.0]])
+DISTORTION = np.array([0.09, -0.27, 0.001, -0.002, 0.09])  # of the size of a Kinect v2's
+FRONT = -0.03  # m, y of the visible faces of the links
+WIDTH = 0.06  # m
+
+
+@pytest.fixture(scope="module")
+def arm() -> Arm:
+    chain = PlanarChain(
+        origin=np.array([0.01, 0.115]),
+        links=np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]),
+        signs=np.ones(3),
+        lower=np.full(3, -3.0),
+        upper=np.full(3, 3.0),
+        max_speed=np.full(3, 1.5),
+    )
+    return Arm(chain, Rotation.from_euler("z", 2.9).as_matrix(), np.array([0.02, -0.01, 0.0]))
+
+
+Q = np.array([-0.5, 1.4, -0.6])
+
+
+def camera_pose(arm: Arm) -> tuple[np.ndarray, np.ndarray]:
+    """1.1 m before the plane, turned by a few degrees."""
+    in_plane = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]) @ Rotation.from_euler("xyz", [-0.05, 0.1, 0.02]).as_matrix()
+    return arm.rotation @ in_plane, arm.to_base(np.array([-0.05, -1.1, 0.25]))
+
+
+@cache
+def ideal_pixels(distortion: tuple[float, ...]) -> np.ndarray:
+    """(rows · columns, 3) rays in the camera's frame; the distortion inverted by a fixed point of the forward model."""
+    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    target = np.stack([(columns - CAMERA[0, 2]) / CAMERA[0, 0], (rows - CAMERA[1, 2]) / CAMERA[1, 1]], axis=-1).reshape(-1, 2)
+    ideal = target.copy()
+    for _ in range(30):
+        ray = np.c_[ideal, np.ones(len(ideal))]
+        ideal += target - cv2.projectPoints(ray, np.zeros(3), np.zeros(3), np.eye(3), np.array(distortion))[0][:, 0]
+    return np.c_[ideal, np.ones(len(ideal))]
+
+
+def rays(arm: Arm) -> np.ndarray:
+    """(rows · columns, 3) rays in the plane's frame."""
+    return ideal_pixels(tuple(DISTORTION)) @ camera_pose(arm)[0].T @ arm.rotation
+
+
+def on_arm(arm: Arm, points: np.ndarray) -> np.ndarray:
+    """Which of the points (..., 2) lie on the rectangles of the links."""
+    nodes = arm.chain.points(Q)
+    inside = np.zeros(points.shape[:-1], dtype=bool)
+    for a, b in pairwise(nodes):
+        along = (b - a) / np.hypot(*(b - a))
+        s, n = (points - a) @ along, (points - a) @ [along[1], -along[0]]
+        inside |= (s >= 0) & (s <= np.hypot(*(b - a))) & (np.abs(n) <= WIDTH / 2)
+    return inside
+
+
+def render(arm: Arm) -> tuple[np.ndarray, np.ndarray]:
+    """Depth image (m) of the links' faces before a wall 1 m behind, and which pixels see the arm."""
+    camera = arm.to_plane(camera_pose(arm)[1])
+    r = rays(arm)
+    near, far = (FRONT - camera[1]) / r[:, 1], (1.0 - camera[1]) / r[:, 1]
+    hit = on_arm(arm, (camera + near[:, None] * r)[:, [0, 2]])
+    return np.where(hit, near, far).reshape(SHAPE), hit.reshape(SHAPE)
+
+
+CROP = Crop(column_half_width=0.0, floor=-1.0, min_pixels=20, max_points=100_000)
+
+
+def segmenter(arm: Arm, crop: Crop = CROP, distortion: np.ndarray = DISTORTION) -> ArmSegmenter:
+    return ArmSegmenter(arm, CAMERA, distortion, *camera_pose(arm), SHAPE, crop)
+
+
+def test_every_pixel_of_the_arm_and_no_other_is_found_where_it_is(arm: Arm) -> None:
+    depth, hit = render(arm)
+    points, dropped = segmenter(arm)(depth)
+    r = rays(arm)
+    camera = arm.to_plane(camera_pose(arm)[1])
+    truth = (camera + depth.reshape(-1, 1) * r)[hit.ravel()][:, [0, 2]]
+    assert len(points) > 500
+    np.testing.assert_allclose(points, truth, atol=1e-7)
+    assert dropped["off_plane"] > 0
+    assert sum(dropped.values()) == dropped["off_plane"]
+
+
+def test_distortion_that_is_ignored_moves_the_points(arm: Arm) -> None:
+    depth, _ = render(arm)
+    points, _ = segmenter(arm, distortion=np.zeros(5))(depth)
+    assert np.mean(on_arm(arm, points)) < 0.999
+    assert np.mean(on_arm(arm, segmenter(arm)(depth)[0])) == 1.0
+
+
+def test_pixels_are_dropped_for_the_reason_that_holds_and_all_are_counted(arm: Arm) -> None:
+    depth, hit = render(arm)
+    cut = segmenter(arm)
+    rows, columns = cut.window
+    broken = depth.copy()
+    lost = np.flatnonzero(hit)[::7]
+    broken.ravel()[lost[::2]], broken.ravel()[lost[1::2]] = 0.0, np.nan
+    # a flying pixel: at the depth of the arm, beside it
+    free = np.argwhere(~cv2.dilate(hit.astype(np.uint8), np.ones((7, 7))).astype(bool)[rows, columns])[0] + [rows.start, columns.start]
+    r, camera = rays(arm), arm.to_plane(camera_pose(arm)[1])
+    ray = r[free[0] * SHAPE[1] + free[1]]
+    broken[tuple(free)] = (FRONT - camera[1]) / ray[1]
+    points, dropped = cut(broken)
+    reach = np.hypot(*((camera + broken[tuple(free)] * ray)[[0, 2]] - arm.chain.origin)) <= cut.reach
+    assert dropped["no_depth"] == len(lost)
+    assert dropped["isolated" if reach else "out_of_reach"] == 1
+    assert len(points) == hit.sum() - len(lost)
+    assert len(points) + sum(dropped.values()) == depth[cut.window].size
+
+
+def test_a_patch_of_the_stated_size_stays_and_a_smaller_one_goes(arm: Arm) -> None:
+    depth, hit = render(arm)
+    total = int(hit.sum())
+    stays, _ = segmenter(arm, Crop(column_half_width=0.0, floor=-1.0, min_pixels=total, max_points=100_000))(depth)
+    goes, dropped = segmenter(arm, Crop(column_half_width=0.0, floor=-1.0, min_pixels=total + 1, max_points=100_000))(depth)
+    assert (len(stays), len(goes), dropped["isolated"]) == (total, 0, total)
+
+
+def test_turntable_and_floor_are_cut_out(arm: Arm) -> None:
+    depth, _ = render(arm)
+    everything, _ = segmenter(arm)(depth)
+    crop = Crop(column_half_width=0.05, column_top=0.05, floor=0.12, min_pixels=1, max_points=100_000)
+    points, dropped = segmenter(arm, crop)(depth)
+    x, z = (everything - arm.chain.origin).T
+    base = ((np.abs(x) <= 0.05) & (z <= 0.05)) | (everything[:, 1] <= 0.12)
+    assert base.sum() > 50
+    np.testing.assert_array_equal(points, everything[~base])
+    assert dropped["base"] == base.sum()
+
+
+def test_thinning_keeps_an_even_share_and_the_order(arm: Arm) -> None:
+    depth, _ = render(arm)
+    full, _ = segmenter(arm)(depth)
+    thin, dropped = segmenter(arm, Crop(column_half_width=0.0, floor=-1.0, min_pixels=20, max_points=300))(depth)
+    assert len(thin) == 300 == len(full) - dropped["thinned"]
+    index = np.array([int(np.flatnonzero((full == point).all(axis=1))[0]) for point in thin])
+    assert set(np.diff(index)) <= {len(full) // 300, len(full) // 300 + 1}
+
+
+def test_an_image_of_another_shape_is_refused_with_its_evidence(arm: Arm) -> None:
+    with pytest.raises(RecordingError, match="take-3"):
+        segmenter(arm)(np.zeros((424, 512)), take="take-3")
+
+
+def test_a_camera_that_looks_away_is_refused(arm: Arm) -> None:
+    rotation, translation = camera_pose(arm)
+    with pytest.raises(ConfigError, match="sees the arm"):
+        ArmSegmenter(arm, CAMERA, DISTORTION, rotation @ np.diag([-1.0, 1.0, -1.0]), translation, SHAPE, CROP)

@@ -1,0 +1,67 @@
+"""Measured against modelled force: tables that keep their contracts and say what the samples say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from pipeline import contracts
+from pipeline.wrench.balance import balance
+from pipeline.wrench.comparison import force_density, force_moments, modelled_forces
+from pipeline.wrench.matrix import matrix_model, wrench_covariance
+from pipeline.wrench.parametric import CableSystem, sample_forces
+from pipeline.wrench.study import Bounds, estimate_sigma_s, run_study, sigma_s_row
+
+BOUNDS = Bounds(tension=(1.8, 14.0), direction=(0.0, 3.8), tension_sd=(0.5, 2.3), concentration=(170.0, 2400.0))
+DIRECTIONS = np.array([0.15, 3.7, 1.6])
+SYSTEM = CableSystem(balance(DIRECTIONS, [3.0, 5.0], 1.8, 14.0), DIRECTIONS, np.array([0.5, 1.2, 2.3]), np.array([2400.0, 600.0, 170.0]))
+
+
+def compared():
+    rng = np.random.default_rng(25)
+    sigma_s = estimate_sigma_s(BOUNDS, 1000, 3, rng)
+    return sigma_s, {"measured": sample_forces(SYSTEM, 20_000, rng), "modelled": modelled_forces(SYSTEM, sigma_s.mean, 20_000, rng)}
+
+
+def test_modelled_forces_have_the_mean_and_covariance_of_the_matrix_model():
+    sigma_s, forces = compared()
+    moments = force_moments("C1", forces).set_index("source").loc["modelled"]
+    covariance = wrench_covariance(matrix_model(SYSTEM), np.diag(sigma_s.mean))
+    np.testing.assert_allclose([moments.fx, moments.fy], [3.0, 5.0], atol=4.5 * np.sqrt(covariance.max() / 20_000))
+    np.testing.assert_allclose([moments.var_fx, moments.var_fy], np.diag(covariance), rtol=4.5 * np.sqrt(2 / 20_000))
+    np.testing.assert_allclose(moments["cov"], covariance[0, 1], atol=4.5 * np.sqrt(np.prod(np.diag(covariance)) / 20_000) * 1.5)
+
+
+def test_a_system_within_the_bounds_is_modelled_with_nearly_its_variances_and_one_outside_is_not():
+    sigma_s, forces = compared()
+    moments = force_moments("C1", forces).set_index("source")
+    ratio = moments.loc["modelled", ["var_fx", "var_fy"]] / moments.loc["measured", ["var_fx", "var_fy"]]
+    assert ratio.sub(1).abs().max() < 0.25
+    loose = CableSystem(SYSTEM.tension, SYSTEM.direction, SYSTEM.tension_sd, SYSTEM.concentration / 20)
+    measured = sample_forces(loose, 20_000, np.random.default_rng(26))
+    assert np.trace(np.cov(measured.T)) > 1.5 * np.trace(wrench_covariance(matrix_model(SYSTEM), np.diag(sigma_s.mean)))
+
+
+def test_both_sources_stand_on_one_grid_and_hold_all_their_mass_there():
+    _, forces = compared()
+    table = force_density("C1", forces, 60)
+    measured, modelled = (table[table.source == source].reset_index(drop=True) for source in ("measured", "modelled"))
+    pd.testing.assert_frame_equal(measured[["fx", "fy"]], modelled[["fx", "fy"]])
+    cell = np.diff(np.unique(measured.fx))[0] * np.diff(np.unique(measured.fy))[0]
+    for source in (measured, modelled):
+        assert len(source) == 3600
+        assert abs(source.density.sum() * cell - 1) < 2e-3
+
+
+def test_every_table_keeps_its_contract(tmp_path):
+    sigma_s, forces = compared()
+    study_sigma, errors, _ = run_study(BOUNDS, [3, 5], 100, 50, 2, np.random.default_rng(27))
+    tables = {
+        "sigma_s": pd.concat([study_sigma, pd.DataFrame([sigma_s_row("C1", 3, sigma_s)])], ignore_index=True),
+        "wrench_errors": errors,
+        "force_moments": force_moments("C1", forces),
+        "force_density": force_density("C1", forces, 30),
+    }
+    for name, table in tables.items():
+        contracts.write(table, name, tmp_path)
+        assert len(contracts.read(name, tmp_path)) == len(table)
