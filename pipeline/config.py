@@ -5,15 +5,15 @@ The only module that knows Hydra. YAML is read through OmegaConf alone: PyYAML t
 
 from __future__ import annotations
 
+from dataclasses import fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from hydra import compose, initialize_config_dir
-from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+from yaml import YAMLError
 
 from pipeline import schema
 from pipeline.errors import ConfigError
@@ -23,13 +23,13 @@ COMPOSED = Path("data/config.yaml")
 GROUPS = ("dataset", "filter", "articulation", "simulation", "wrench", "scale", "compute")
 # options of the synthetic laboratory, typed where its physics is; looked up only for a dataset that it records
 TWIN = {
-    "trajectory": ("pipeline.twin.trajectory", "TrajectoryOptions"),
-    "dynamics": ("pipeline.twin.dynamics", "DynamicsOptions"),
-    "mocap": ("pipeline.twin.mocap", "MocapOptions"),
-    "kinect": ("pipeline.twin.kinect", "KinectOptions"),
-    "clock": ("pipeline.twin.laboratory", "ClockOptions"),
-    "robots": ("pipeline.twin.force", "Robots"),
-    "transducer": ("pipeline.twin.force", "Transducer"),
+    "trajectory": "TrajectoryOptions",
+    "dynamics": "DynamicsOptions",
+    "mocap": "MocapOptions",
+    "kinect": "KinectOptions",
+    "clock": "ClockOptions",
+    "robots": "Robots",
+    "transducer": "Transducer",
 }
 
 
@@ -38,8 +38,8 @@ def _load(file: Path) -> DictConfig:
         loaded = OmegaConf.load(file)
     except FileNotFoundError:
         raise ConfigError("no such file; run the pipeline from the project's root", file=file) from None
-    except Exception as error:  # noqa: BLE001 - OmegaConf passes on whatever its YAML scanner raises
-        raise ConfigError(f"cannot be read as YAML: {error}", file=file) from None
+    except (YAMLError, OSError, ValueError) as error:
+        raise ConfigError(f"cannot be read as YAML: {' '.join(str(error).split())}", file=file) from None
     if not isinstance(loaded, DictConfig):
         raise ConfigError("must hold keys and values", file=file)
     return loaded
@@ -61,58 +61,89 @@ def _structured(structure: Any) -> DictConfig:
     return node
 
 
-def _typed(structure: Any, values: Any, key: str) -> DictConfig:
-    """``values`` checked against a dataclass; ConfigError names the key where they do not fit."""
+def _said(error: Exception) -> str:
+    """The first line of what Hydra or OmegaConf says, with the keys that there are where one is unknown."""
+    said, known = str(error).splitlines()[0], getattr(error, "object_type", None)
+    if isinstance(error, ConfigAttributeError | ConfigKeyError) and is_dataclass(known):
+        said += f"; there are {', '.join(field.name for field in fields(known))}"
+    return said
+
+
+def _typed(structure: Any, values: Any, section: str = "") -> DictConfig:
+    """``values`` of a section checked against a dataclass; ConfigError names the key where they do not fit."""
+    prefix = f"{section}." if section else ""
+    if not isinstance(values, DictConfig) or values._is_none():
+        raise ConfigError("must hold keys and values", key=section)
     try:
         typed = OmegaConf.merge(_structured(structure), values)
         missing = sorted(OmegaConf.missing_keys(typed))
     except OmegaConfBaseException as error:
-        where = getattr(error, "full_key", None) or key
-        raise ConfigError(str(error).splitlines()[0], key=where) from None
+        raise ConfigError(_said(error), key=(prefix + (getattr(error, "full_key", None) or "")).rstrip(".") or None) from None
     if missing:
-        raise ConfigError(f"{key}: no value for {', '.join(missing)}", key=key)
+        raise ConfigError(f"no value for {', '.join(prefix + name for name in missing)}", key=prefix + missing[0])
+    # makes the objects, whose types may check ranges of their own
+    OmegaConf.to_object(typed)
     return typed
 
 
 def compose_config(params_file: Path) -> DictConfig:
     """The whole configuration that ``params_file`` asks for, every interpolation resolved and every key and type checked."""
-    params = _load(params_file)
-    known = {*GROUPS, "models", "seed", "overrides"}
+    loaded = _load(params_file)
+    changes = loaded.pop("overrides", None) or OmegaConf.create({})
+    if not isinstance(changes, DictConfig):
+        raise ConfigError("overrides must hold keys and values", key="overrides", file=params_file)
+    try:
+        params = OmegaConf.to_container(loaded, resolve=True, throw_on_missing=True)
+    except OmegaConfBaseException as error:
+        raise ConfigError(_said(error), file=params_file) from None
+    known = {*GROUPS, "models", "seed"}
     if unknown := sorted(set(params) - known):
-        raise ConfigError(f"unknown key(s) {', '.join(unknown)}; known are {', '.join(sorted(known))}", file=params_file)
-    if absent := sorted(known - {"overrides"} - set(params)):
+        raise ConfigError(f"unknown key(s) {', '.join(unknown)}; known are {', '.join(sorted({*known, 'overrides'}))}", file=params_file)
+    if absent := sorted(known - set(params)):
         raise ConfigError(f"no value for {', '.join(absent)}", file=params_file)
-    if not OmegaConf.is_list(params.models) or not params.models:
+    models = params["models"]
+    if not isinstance(models, list) or not models:
         raise ConfigError("models must be a list with at least one option", key="models", file=params_file)
-    chosen = [(group, params[group]) for group in GROUPS] + [("model", model) for model in params.models]
-    for group, option in chosen:
+    for group, option in [(group, params[group]) for group in GROUPS] + [("model", model) for model in models]:
         if option not in options(group):
             raise ConfigError(f"{group}: no option {option!r}; there are {', '.join(options(group))}", key=group, file=params_file)
-    overrides = [f"{group}={params[group]}" for group in GROUPS] + [f"+model@models.{model}={model}" for model in params.models]
+    # imported here: only configure composes, every other stage reads what it composed
+    from hydra import compose, initialize_config_dir
+    from hydra.errors import HydraException
+
+    overrides = [f"{group}={params[group]}" for group in GROUPS] + [f"+model@models.{model}={model}" for model in models]
     try:
         with initialize_config_dir(str(CONF), version_base="1.3"):
             composed = compose("config", overrides=overrides)
         OmegaConf.set_struct(composed, False)
-        composed = OmegaConf.merge(composed, {"seed": params.seed}, params.get("overrides") or {})
+        composed = OmegaConf.merge(composed, {"seed": params["seed"]}, changes)
         OmegaConf.resolve(composed)
     except (HydraException, OmegaConfBaseException) as error:
-        raise ConfigError(str(error).splitlines()[0], file=params_file) from None
-    config = _typed(schema.Config, composed, "config")
+        raise ConfigError(_said(error), file=params_file) from None
+    config = _typed(schema.Config, composed)
+    if config.seed < 0:
+        raise ConfigError(f"the seed must not be negative, as {config.seed} is", key="seed", file=params_file)
+    if unknown := sorted(set(composed.models) - set(models)):
+        raise ConfigError(
+            f"no model {', '.join(unknown)} is chosen; there are {', '.join(models)}", key="overrides.models", file=params_file
+        )
     for name, model in composed.models.items():
-        kind = model.get("kind")
+        kind = model.get("kind") if isinstance(model, DictConfig) else None
         if kind not in schema.MODELS:
             raise ConfigError(f"models.{name}.kind: no kind {kind!r}; there are {', '.join(schema.MODELS)}", key=f"models.{name}.kind")
         config.models[name] = _typed(schema.MODELS[kind], model, f"models.{name}")
-    if composed.dataset.get("twin") is not None:
-        config.dataset.twin = {part: _typed(_twin_type(part), values, f"dataset.twin.{part}") for part, values in composed.dataset.twin.items()}
+    twin = composed.dataset.get("twin")
+    if twin is not None:
+        if not isinstance(twin, DictConfig):
+            raise ConfigError("must hold keys and values", key="dataset.twin", file=params_file)
+        config.dataset.twin = {part: _typed(_twin_type(part), values, f"dataset.twin.{part}") for part, values in twin.items()}
     return config
 
 
 def _twin_type(part: str) -> type:
     if part not in TWIN:
         raise ConfigError(f"dataset.twin: no part {part!r}; there are {', '.join(TWIN)}", key=f"dataset.twin.{part}")
-    module, name = TWIN[part]
-    return getattr(import_module(module), name)
+    return getattr(import_module("pipeline.twin.options"), TWIN[part])
 
 
 def write_config(params_file: Path, file: Path = COMPOSED) -> None:
@@ -138,17 +169,19 @@ def sections(stage: str, dvc_file: Path = Path("dvc.yaml"), item: str | None = N
 
     ``item`` stands for the matrix item in a declared section such as ``models.${item.model}``.
     """
-    config = _load(COMPOSED)
-    typed = OmegaConf.merge(OmegaConf.structured(schema.Config), config)
+    typed = _typed(schema.Config, _load(COMPOSED))
     handed = SimpleNamespace(compute=OmegaConf.to_object(typed.compute))
     for section in declared_sections(stage, dvc_file):
         keys = [item if key.startswith("${") else key for key in section.replace("${item.model}", "${item}").split(".")]
         place, value = handed, typed
-        for key in keys[:-1]:
-            if not hasattr(place, key):
-                setattr(place, key, SimpleNamespace())
-            place, value = getattr(place, key), value[key]
-        setattr(place, keys[-1], _object(keys, value[keys[-1]]))
+        try:
+            for key in keys[:-1]:
+                if not hasattr(place, key):
+                    setattr(place, key, SimpleNamespace())
+                place, value = getattr(place, key), value[key]
+            setattr(place, keys[-1], _object(keys, value[keys[-1]]))
+        except OmegaConfBaseException:
+            raise ConfigError(f"there is no {'.'.join(map(str, keys))} for the stage {stage}", file=COMPOSED) from None
     return handed
 
 

@@ -21,7 +21,7 @@ from pipeline.errors import ContractError
 
 
 def _real(description: str, low: float | None = None, high: float | None = None, *, gaps: bool = False) -> pa.Column:
-    checks = [pa.Check(lambda values: np.isfinite(values[values.notna()]).all(), error="finite values")]
+    checks = [pa.Check(np.isfinite, error="must be finite")]
     if low is not None:
         checks.append(pa.Check.ge(low))
     if high is not None:
@@ -77,7 +77,8 @@ TABLES: dict[str, dict[str, pa.Column]] = {
         "fx": _real("force at the platform along x, N, without bias"),
         "fy": _real("force at the platform along y, N, without bias"),
     },
-    "quality": TAKE | {
+    "quality": TAKE
+    | {
         "instrument": _text("which instrument"),
         "quantity": _text("what was counted or measured"),
         "value": _real("its value"),
@@ -100,7 +101,9 @@ TABLES: dict[str, dict[str, pa.Column]] = {
     | _joints("mean of the Kinect noise", prefix="b")
     | _covariance("covariance of the Kinect noise", prefix="r"),
     # fit
-    "perturbation": TAKE | STEP | {"norm": _real("‖B⁻¹ − I‖_F of the fit"), "bound": _flag("fit that ended on the bound of positive definiteness")},
+    "perturbation": TAKE
+    | STEP
+    | {"norm": _real("‖B⁻¹ − I‖_F of the fit"), "bound": _flag("fit that ended on the bound of positive definiteness")},
     "ridge": {
         "u": _real("bound û of the norm of the inverse Jacobian", 0.0),
         "alpha": _real("best α for that bound", 0.0),
@@ -110,7 +113,10 @@ TABLES: dict[str, dict[str, pa.Column]] = {
     "realizations": REALIZATION | STEP | _joints("simulated joint angle"),
     "moments": STEP | _joints("mean of the simulated joint angle", prefix="m") | _joints("standard deviation", 0.0, prefix="s"),
     # filter
-    "posterior": TAKE | STEP | _joints("posterior mean", prefix="m") | _covariance("posterior covariance")
+    "posterior": TAKE
+    | STEP
+    | _joints("posterior mean", prefix="m")
+    | _covariance("posterior covariance")
     | {
         "ess": _real("effective sample size", 0.0),
         "resampled": _flag("whether the step ended in resampling"),
@@ -173,10 +179,15 @@ def _check(table: pd.DataFrame, name: str, file: Path) -> pd.DataFrame:
     schema = pa.DataFrameSchema(TABLES[name], strict=True, ordered=True)
     try:
         return schema.validate(table)
-    except pa.errors.SchemaError as error:
-        cases = error.failure_cases
-        first = cases.iloc[0].to_dict() if isinstance(cases, pd.DataFrame) and len(cases) else cases
-        raise ContractError(f"table {name!r} breaks its contract: {error.reason_code.value}, {error.check}: {first}", file=file) from None
+    except (pa.errors.SchemaError, pa.errors.SchemaErrors) as failed:
+        error = failed.schema_errors[0] if isinstance(failed, pa.errors.SchemaErrors) else failed
+        found = error.failure_cases.iloc[0]["failure_case"] if isinstance(error.failure_cases, pd.DataFrame) else error.failure_cases
+        rule = getattr(error.check, "error", None) or error.check
+        raise ContractError(
+            f"table {name!r} breaks its contract: {error.reason_code.value.lower()}, {rule}, found {found}",
+            file=file,
+            column=error.schema.name,
+        ) from None
 
 
 def write(table: pd.DataFrame, name: str, folder: Path) -> None:
@@ -185,7 +196,8 @@ def write(table: pd.DataFrame, name: str, folder: Path) -> None:
     unknown = [column for column in table.columns if column not in TABLES[name]]
     table = table[[column for column in TABLES[name] if column in table.columns] + unknown].reset_index(drop=True)
     for column, definition in TABLES[name].items():
-        if column in table.columns and str(definition.dtype) == "int64":
+        # counts of any width, but never what would have to be rounded
+        if column in table.columns and str(definition.dtype) == "int64" and pd.api.types.is_integer_dtype(table[column]):
             table[column] = table[column].astype("int64")
     _check(table, name, file).to_parquet(file, index=False, compression="zstd")
 
@@ -239,6 +251,10 @@ def stacked(table: pd.DataFrame, columns: list[str], *, by: str = "take") -> tup
     """Names (N,) and values (N, K, columns) of a table that holds the same K rows for each value of ``by``, in the order of the table."""
     names = list(dict.fromkeys(table[by]))
     values = table[columns].to_numpy()
-    if len(values) % len(names) or not (table[by].to_numpy().reshape(len(names), -1) == np.array(names, dtype=object)[:, None]).all():
+    if (
+        not names
+        or len(values) % len(names)
+        or not (table[by].to_numpy().reshape(len(names), -1) == np.array(names, dtype=object)[:, None]).all()
+    ):
         raise ContractError(f"not every {by} has the same number of rows, one after the other", lengths=table[by].value_counts().to_dict())
     return names, values.reshape(len(names), -1, len(columns))

@@ -11,6 +11,8 @@ from typing import Any
 
 from omegaconf import MISSING
 
+from pipeline.errors import ConfigError
+
 
 @dataclass
 class Robot:
@@ -44,14 +46,24 @@ class Mocap:
 
 @dataclass
 class JointLog:
-    training: str = MISSING  # glob of the movements' folders
+    """The controller's own logs: a folder a movement, and which of the commanded motions in them is analysed."""
+
+    movements: str = MISSING  # glob of the movements' folders
     actual: str = MISSING  # file of measured angles in each
     target: str = MISSING  # file of commanded angles
-    columns: list[int] = MISSING  # columns (from 1; 0 is time) of the chain's joints
+    speed: str = MISSING  # file of commanded speeds
     joints: int = MISSING  # joints a row holds
-    start: list[float] = MISSING  # rad, commanded angles of the chain at the start of a repetition
-    turn: list[float] = MISSING  # rad, and at its far end
+    columns: list[int] = MISSING  # columns (from 1; 0 is time) of the chain's joints
+    start: list[float] = MISSING  # rad, commanded angles of the chain at rest before the motion
+    end: list[float] = MISSING  # rad, and after it
+    rest: int = MISSING  # steps at rest kept on either side, of dataset.motion.steps
     tolerance: float = MISSING  # rad, how exactly commands must repeat
+
+    def __post_init__(self) -> None:
+        if any(len(values) != 3 for values in (self.columns, self.start, self.end)):
+            raise ConfigError("columns, start and end must each hold three values, one a joint of the chain", key="dataset.joint_log")
+        if not all(1 <= column <= self.joints for column in self.columns) or self.rest < 1:
+            raise ConfigError(f"columns must lie between 1 and {self.joints}, and rest be at least 1", key="dataset.joint_log")
 
 
 @dataclass
@@ -177,8 +189,10 @@ class Simulation:
 
 @dataclass
 class Scale:
+    name: str = MISSING
     training_takes: int = MISSING
     test_takes: int = MISSING
+    depth_rate: float = MISSING  # 1/s
     realizations: int = MISSING
     particles: int = MISSING
     systems: int = MISSING

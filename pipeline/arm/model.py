@@ -13,6 +13,7 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.errors import ConfigError
 
 PLANAR_TOLERANCE = 1e-6  # sine of the angle by which an axis may lean out of the common normal
+SHORTEST_LINK = 1e-3  # m; joints nearer than this do not span a chain
 
 
 @dataclass(frozen=True)
@@ -33,14 +34,18 @@ class Arm:
 
 
 def load_arm(urdf: str | Path, joints: Sequence[str], tool: str, locked: Mapping[str, float]) -> Arm:
-    """Lock every other joint of the URDF at ``locked`` (rad; 0 where not named) and read off the chain of ``joints``.
+    """Lock every other joint of the URDF at ``locked`` (rad; 0 where not named) and read off the chain of its three ``joints``.
 
     The plane's y axis is the first joint's axis, its z axis the base's z as far as it lies in the plane (the base's y where the
-    plane is horizontal). Raises ConfigError for unknown names, joints that are not parallel revolutes, or a tool not beyond them.
+    plane is horizontal). Raises ConfigError for a file that is no URDF, unknown names, joints that are not parallel revolutes one
+    after the other, or a tool not beyond them.
     """
     if not Path(urdf).is_file():
         raise ConfigError("robot.urdf: no such file", file=urdf)
-    full = pin.buildModelFromUrdf(str(urdf))
+    try:
+        full = pin.buildModelFromUrdf(str(urdf))
+    except ValueError as error:
+        raise ConfigError(f"robot.urdf: {error}", file=urdf) from None
     names = set(full.names[1:])
     for key, wanted in (("robot.joints", joints), ("robot.locked", locked)):
         for name in wanted:
@@ -48,18 +53,28 @@ def load_arm(urdf: str | Path, joints: Sequence[str], tool: str, locked: Mapping
                 raise ConfigError(f"{key}: no joint {name!r} in the URDF; it has {sorted(names)}", file=urdf)
     if not full.existFrame(tool):
         raise ConfigError(f"robot.tool: no frame {tool!r} in the URDF", file=urdf)
-    q = pin.neutral(full)
+    if both := sorted(set(joints) & set(locked)):
+        raise ConfigError(f"robot.locked: {', '.join(both)} cannot be locked, being of robot.joints", file=urdf)
+    held = np.zeros(full.nv)
     for name, angle in locked.items():
-        q[full.joints[full.getJointId(name)].idx_q] = angle
-    model = pin.buildReducedModel(full, [full.getJointId(name) for name in names if name not in joints], q)
-    if list(model.names[1:]) != list(joints):
-        raise ConfigError(f"robot.joints: {list(joints)} are not in the order of the chain {list(model.names[1:])}", file=urdf)
+        held[full.joints[full.getJointId(name)].idx_v] = angle
+    q = pin.integrate(full, pin.neutral(full), held)
+    model = pin.buildReducedModel(full, [full.getJointId(name) for name in full.names[1:] if name not in joints], q)
+    if list(model.names[1:]) != list(joints) or list(model.parents[1:]) != [0, 1, 2]:
+        raise ConfigError(
+            f"robot.joints: {list(joints)} must be three in a row, in the order of the chain {list(model.names[1:])}", file=urdf
+        )
+    if model.frames[model.getFrameId(tool)].parentJoint != 3:
+        raise ConfigError(f"robot.tool: {tool!r} does not move with the last joint of the chain", file=urdf)
     data = model.createData()
-    zero = np.zeros(model.nq)
+    zero = pin.neutral(model)
     pin.forwardKinematics(model, data, zero)
     pin.updateFramePlacements(model, data)
     # the angular rows of a revolute joint's Jacobian column are its axis in the base frame
     axes = pin.computeJointJacobians(model, data, zero)[3:].T
+    # a sliding joint has no axis, one without limits two coordinates
+    if model.nq != 3 or np.any(np.linalg.norm(axes, axis=1) < 0.5):
+        raise ConfigError(f"robot.joints: {list(joints)} must be revolute joints with limits", file=urdf)
     normal = axes[0] / np.linalg.norm(axes[0])
     if np.any(np.linalg.norm(np.cross(normal, axes), axis=1) > PLANAR_TOLERANCE):
         raise ConfigError("robot.joints: their axes are not parallel, so they form no planar chain", file=urdf, axes=axes.round(4).tolist())
@@ -70,12 +85,15 @@ def load_arm(urdf: str | Path, joints: Sequence[str], tool: str, locked: Mapping
     placements = [data.oMi[i].translation for i in range(1, 4)] + [data.oMf[model.getFrameId(tool)].translation]
     offset = normal * (normal @ placements[0])
     planar = (np.array(placements) - offset) @ rotation[:, [0, 2]]
+    links = np.diff(planar, axis=0)
+    if np.any(np.hypot(*links.T) < SHORTEST_LINK):
+        raise ConfigError("robot: joints or tool of the chain lie on one axis", file=urdf, lengths=np.hypot(*links.T).round(4).tolist())
     chain = PlanarChain(
         origin=planar[0],
-        links=np.diff(planar, axis=0),
+        links=links,
         signs=np.sign(axes @ normal),
         lower=model.lowerPositionLimit.copy(),
         upper=model.upperPositionLimit.copy(),
-        max_speed=model.velocityLimit.copy() if hasattr(model, "velocityLimit") else model.upperVelocityLimit.copy(),
+        max_speed=model.upperVelocityLimit.copy(),
     )
     return Arm(chain, rotation, offset)

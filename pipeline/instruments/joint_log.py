@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +10,8 @@ import numpy as np
 
 from pipeline.errors import RecordingError
 from pipeline.instruments.delimited import is_blank, numbers_of, read_text
+
+CLOCK_TOLERANCE = 0.1  # of a step
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,28 @@ def read_joint_log(file: Path, *, joints: int) -> JointLog:
     if (np.diff(time) <= 0).any():
         raise RecordingError("the time does not increase", file=file, line=places[int(np.argmax(np.diff(time) <= 0)) + 1])
     return JointLog(time, table[:, 1:], counts)
+
+
+def read_movement(folder: Path, files: Sequence[str], *, joints: int, rate: float) -> tuple[list[np.ndarray], dict[str, int]]:
+    """Values (N, joints) of the logs ``files`` of one movement, row by row at the same times, as many as the shortest log has.
+
+    ``counts``: those of :func:`read_joint_log` over all logs, and ``rows_without_partner`` that were left out because another log ends
+    before them. Raises RecordingError for clocks that disagree or do not step at ``rate`` (1/s) throughout.
+    """
+    logs = [read_joint_log(Path(folder) / file, joints=joints) for file in files]
+    length = min(len(log.time) for log in logs)
+    time = logs[0].time[:length]
+    uneven = np.abs(np.diff(time) * rate - 1) > CLOCK_TOLERANCE
+    if uneven.any():
+        row = int(np.argmax(uneven))
+        message = f"the log steps by {time[row + 1] - time[row]:.6g} s at {time[row]:.6g} s, not by 1/{rate:g} s; samples are missing"
+        raise RecordingError(message, file=Path(folder) / files[0])
+    for file, log in zip(files, logs, strict=True):
+        if (np.abs(log.time[:length] - time) * rate > CLOCK_TOLERANCE).any():
+            raise RecordingError(f"the times are not those of {files[0]}; take logs of one recording", file=Path(folder) / file)
+    counts = {name: sum(log.counts[name] for log in logs) for name in logs[0].counts}
+    counts["rows_without_partner"] = sum(len(log.time) - length for log in logs)
+    return [log.values[:length] for log in logs], counts
 
 
 def write_joint_log(file: Path, log: JointLog) -> None:

@@ -19,14 +19,13 @@ def fitted_model(folder: Path) -> MotionModel:
     they are outside the model's range."""
     file = Path(folder) / "parameters.json"
     try:
-        parameters = json.loads(file.read_text())
-    except (OSError, ValueError) as error:
+        match json.loads(file.read_text()):
+            case {"kind": "additive", "noise_covariance": covariance}:
+                return AdditiveModel(np.array(covariance))
+            case {"kind": "wishart", "sigma_b": sigma_b, "decomposition": decomposition}:
+                return WishartModel(sigma_b, decomposition)
+            case {"kind": "gaussian", "alpha": alpha, "u": u}:
+                return GaussianModel(alpha, u)
+    except (OSError, TypeError, ValueError) as error:
         raise ContractError(f"the fitted parameters cannot be read ({error}); run the stage fit", file=file) from None
-    match parameters:
-        case {"kind": "additive", "noise_covariance": covariance}:
-            return AdditiveModel(np.array(covariance))
-        case {"kind": "wishart", "sigma_b": sigma_b, "decomposition": decomposition}:
-            return WishartModel(sigma_b, decomposition)
-        case {"kind": "gaussian", "alpha": alpha, "u": u}:
-            return GaussianModel(alpha, u)
     raise ContractError("not the parameters of a motion model; run the stage fit again", file=file)

@@ -19,6 +19,7 @@ from pipeline.motion.model import MotionModel
 
 INGEST, TRACK, NOISE = Path("data/ingest"), Path("data/track"), Path("data/noise")
 ARTICULATE, FIT, OUT = Path("data/articulate"), Path("data/fit"), Path("data/filter")
+METRICS = Path("reports/metrics")
 
 
 def run(model: str) -> None:
@@ -28,6 +29,7 @@ def run(model: str) -> None:
     with contracts.replacing(OUT / model) as folder:
         if not contracts.exists("angles", ARTICULATE):
             print("filter: no joint angles from a depth camera; nothing to filter")
+            contracts.write_metrics({}, METRICS / f"filter_{model}.json")
             return
         options = FilterOptions(settings.filter.particles, settings.filter.scheme, settings.filter.threshold)
         chain = load_arm(robot.urdf, robot.joints, robot.tool, robot.locked).chain
@@ -51,7 +53,7 @@ def run(model: str) -> None:
         "measurements_outside_the_motion": sum(left_out for _, left_out, _ in rows),
         "mean_log_evidence_per_take": np.mean([evidence for _, _, evidence in rows]),
     }
-    contracts.write_metrics(metrics, Path(f"reports/metrics/filter_{model}.json"))
+    contracts.write_metrics(metrics, METRICS / f"filter_{model}.json")
 
 
 def measurements(angles: pd.DataFrame, noise: pd.DataFrame) -> list[Measurements]:

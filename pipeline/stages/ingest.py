@@ -11,12 +11,15 @@ from scipy.spatial.transform import Rotation
 
 from pipeline import config, contracts, schema
 from pipeline.arm.model import Arm, load_arm
+from pipeline.arm.trajectory import trajectory_table
 from pipeline.compute import run_trials
 from pipeline.errors import RecordingError
 from pipeline.instruments.ati import read_daqft
+from pipeline.instruments.joint_log import read_movement
 from pipeline.instruments.motive import read_motive
 from pipeline.instruments.trajectory import read_trajectory
 from pipeline.perception.depth_sequence import DepthSequence
+from pipeline.perception.repetitions import align, excursions, find_repetitions, lag
 from pipeline.perception.sync import find_offset
 from pipeline.wrench.tare import remove_bias
 
@@ -34,9 +37,10 @@ def run() -> None:
     with contracts.replacing(OUT) as folder:
         quality = []
         if dataset.joint_log is not None:
-            from pipeline.stages.ingest_joint_log import ingest_joint_log
-
-            quality += ingest_joint_log(raw, dataset, arm, folder)
+            trajectory, joints, rows = _joint_logs(raw, dataset, arm)
+            contracts.write(trajectory, "trajectory", folder)
+            contracts.write(joints, "joint_log", folder)
+            quality += rows
         if dataset.trajectory is not None:
             contracts.write(_trajectory(raw / dataset.trajectory, dataset.motion), "trajectory", folder)
         if dataset.mocap is not None:
@@ -48,7 +52,8 @@ def run() -> None:
             takes = sorted(path for path in raw.glob(dataset.depth.takes) if path.is_dir())
             if not takes:
                 raise RecordingError(f"no folder of depth frames matches {dataset.depth.takes!r}", file=raw)
-            centroids = {take: _marker_centroid(rows, arm) for take, rows in table[table["take"].isin([t.name for t in takes])].groupby("take")}
+            seen = table[table["take"].isin([take.name for take in takes])]
+            centroids = {take: _marker_centroid(rows, arm) for take, rows in seen.groupby("take")}
             read = partial(_depth_take, dataset=dataset, arm=arm, raw=raw, centroids=centroids)
             frames = run_trials(read, takes, workers=settings.compute.workers, label="ingest: depth takes")
             contracts.write(pd.concat([rows for rows, _ in frames], ignore_index=True), "frames", folder)
@@ -74,6 +79,70 @@ def _trajectory(file: Path, motion: schema.Motion) -> pd.DataFrame:
             f"the trajectory has {len(table)} rows; dataset.motion asks for {motion.steps + 1} at {motion.rate} per second", file=file
         )
     return table.assign(k=np.arange(len(table)))
+
+
+def _joint_logs(raw: Path, dataset: schema.Dataset, arm: Arm) -> tuple[pd.DataFrame, pd.DataFrame, list[dict]]:
+    """Desired trajectory and measured angles of every repetition of the motion that the dataset asks for.
+
+    The desired pose is that of the mean command over the repetitions. Before and after the motion it is held: a controller at rest
+    logs the measured angle for the commanded one.
+    """
+    options, motion = dataset.joint_log, dataset.motion
+    steps = motion.steps - 2 * options.rest
+    takes, seen, quality = _repetitions(raw, options, motion.rate, steps)
+    if len(takes) < 2:
+        raise RecordingError(
+            f"{len(takes)} repetition(s) of a motion of {steps} steps from {list(options.start)} to {list(options.end)} rad between "
+            f"{options.rest} at rest, where the fits need two; the movements hold {'; '.join(sorted(set(seen))) or 'no motion'}",
+            file=raw, key="dataset.joint_log",
+        )  # fmt: skip
+    _, target, first = next(iter(takes.values()))
+    reference = target[first : first + steps + 1]
+    starts = [align(target, first, reference) - options.rest for _, target, first in takes.values()]
+    rows = [slice(start, start + motion.steps + 1) for start in starts]
+    measured = np.stack([actual[window] for (actual, _, _), window in zip(takes.values(), rows, strict=True)])
+    commanded = np.stack([target[window] for (_, target, _), window in zip(takes.values(), rows, strict=True)])
+    command = commanded.mean(axis=0)
+    moving = slice(options.rest, options.rest + steps + 1)
+    deviations = np.abs(commanded - command)[:, moving].max(axis=(1, 2))
+    if np.any(deviations > options.tolerance):
+        raise RecordingError(
+            f"the command is {deviations.max():.2g} rad off its mean over the takes, more than {options.tolerance:g}: another motion?",
+            file=raw, take=list(takes)[int(deviations.argmax())], key="dataset.joint_log.tolerance",
+        )  # fmt: skip
+    for take, q, deviation in zip(takes, measured, deviations, strict=True):
+        behind = lag(command[moving], q[moving], motion.rate)
+        quality.append(_row(take, "training", "joint log", "command_deviation", deviation, "rad"))
+        quality.append(_row(take, "training", "joint log", "lag_behind_command", behind, "s"))
+    # the commanded angle takes its first step one sample before the commanded speed is first logged
+    held = command[np.clip(np.arange(motion.steps + 1), options.rest - 1, options.rest + steps)]
+    k = np.tile(np.arange(motion.steps + 1), len(takes))
+    joints = pd.DataFrame({"take": np.repeat(list(takes), motion.steps + 1), "part": "training", "k": k, "t": k / motion.rate})
+    joints = joints.assign(**{f"q{j + 1}": measured[..., j].ravel() for j in range(3)})
+    return trajectory_table(arm.chain, held, motion.rate), joints, quality
+
+
+def _repetitions(
+    raw: Path, options: schema.JointLog, rate: float, steps: int
+) -> tuple[dict[str, tuple[np.ndarray, np.ndarray, int]], list[str], list[dict]]:
+    """By take: the chain's measured and commanded angles in its movement, and its first row; all motions in words; quality."""
+    takes, seen, quality = {}, [], []
+    chain = [column - 1 for column in options.columns]
+    folders = sorted(path for path in raw.glob(options.movements) if path.is_dir())
+    if not folders:
+        raise RecordingError(f"no folder of a movement matches {options.movements!r}", file=raw)
+    for folder in folders:
+        files = (options.actual, options.target, options.speed)
+        (actual, target, speed), counts = read_movement(folder, files, joints=options.joints, rate=rate)
+        runs = find_repetitions(target, speed, chain, options.start, options.end, steps=steps, rest=options.rest)
+        takes |= {f"{folder.name}_{number}": (actual[:, chain], target[:, chain], run.first) for number, run in enumerate(runs.found, 1)}
+        seen += [run.describe(target[:, chain]) for run in excursions(target, speed) if run.whole]
+        counts |= {"repetitions": len(runs.found)} | {f"excursions_{reason}": len(rows) for reason, rows in runs.left_out.items()}
+        quality += [_row(folder.name, "training", "joint log", key, value) for key, value in counts.items()]
+        left_out = [f"{len(rows)} {reason.replace('_', ' ')} (rows {rows})" for reason, rows in runs.left_out.items() if rows]
+        found = f"{len(runs.found)} repetitions (rows {[run.first for run in runs.found]})"
+        print(f"ingest: {folder.name}: {found}; left out: {', '.join(left_out) or 'nothing'}")
+    return takes, seen, quality
 
 
 def _takes(raw: Path, mocap: schema.Mocap) -> list[tuple[Path, str]]:
@@ -129,9 +198,7 @@ def _depth_take(path: Path, dataset: schema.Dataset, arm: Arm, raw: Path, centro
     seen = [sequence.points(frame) for frame in range(len(sequence.time))]
     usable = np.array([len(points) > 0 for points, _ in seen])
     centroid = np.array([points.mean(axis=0) for points, _ in seen if len(points)])
-    offset = find_offset(
-        sequence.time[usable], centroid, *centroids[take], search=(-dataset.depth.search, dataset.depth.search), take=take
-    )
+    offset = find_offset(sequence.time[usable], centroid, *centroids[take], search=(-dataset.depth.search, dataset.depth.search), take=take)
     rows = pd.DataFrame(
         {"take": take, "part": "test", "frame": np.arange(len(seen)), "t": sequence.time + offset.value}
         | {"file": [str(file.relative_to(raw)) for file in sequence.files], "valid": [valid for _, valid in seen]}

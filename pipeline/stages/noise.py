@@ -9,6 +9,7 @@ import pandas as pd
 
 from pipeline import config, contracts
 from pipeline.arm.model import load_arm
+from pipeline.errors import SingularJacobianError
 from pipeline.motion.noise import process_noise
 from pipeline.perception.depth_noise import leave_one_out
 
@@ -26,7 +27,11 @@ def run() -> None:
     training = joints[joints.part == "training"]
     with contracts.replacing(OUT) as folder:
         names, q = contracts.stacked(training, ["q1", "q2", "q3"])
-        noise = process_noise(chain, q, steps)
+        try:
+            noise = process_noise(chain, q, steps)
+        except SingularJacobianError as error:
+            take, k = error.evidence["index"]
+            raise SingularJacobianError(error.message, take=names[take], step=k, q=error.evidence["q"]) from None
         rows = training.loc[training.k > 0, ["take", "part", "k", "t"]]
         contracts.write(rows.assign(**{f"w{j + 1}": noise[..., j].ravel() for j in range(3)}), "process_noise", folder)
         if contracts.exists("angles", ARTICULATE):

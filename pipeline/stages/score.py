@@ -32,9 +32,11 @@ def run() -> None:
             contracts.write(errors, "filter_error", folder)
             scores = _filter_scores(errors)
             scores.to_csv(tables / "filter_scores.csv", index=False)
-            metrics = {f"{row.model}_q{row.joint}_{name}": getattr(row, name) for row in scores.itertuples() for name in scores.columns[2:]}
+            names = scores.columns.drop(["model", "joint"])
+            metrics = {f"{row.model}_q{row.joint}_{name}": getattr(row, name) for row in scores.itertuples() for name in names}
         contracts.write_metrics(metrics, METRICS / "filter.json")
-        contracts.write_metrics(_quality(tables) | _truth(joints, Path(settings.dataset.recordings).parent / "truth"), METRICS / "recordings.json")
+        truth = Path(settings.dataset.recordings).parent / "truth"
+        contracts.write_metrics(_quality(tables) | _truth(joints, truth), METRICS / "recordings.json")
         for name in ("sigma_s", "force_moments"):
             if contracts.exists(name, WRENCH):
                 contracts.read(name, WRENCH).to_csv(tables / f"{name}.csv", index=False)

@@ -7,36 +7,15 @@ the exposure. All of it is bounded: a position-controlled arm does not wander of
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.signal import lfilter
 from scipy.special import ndtr
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.twin.trajectory import TrajectoryOptions, desired_joints
-
-
-@dataclass(frozen=True)
-class DynamicsOptions:
-    """Disturbances at the micro level, each with its unit and where its size comes from."""
-
-    rate: float = 1000.0  # 1/s, integration steps of the servo
-    servo_gain: float = 20.0  # 1/s, position loop of the joints
-    length_std: float = 3e-4  # m, link lengths against the nominal ones; manufacturing and assembly of a low-cost arm, one draw a session
-    encoder_offset_std: float = 2e-3  # rad, zero of each joint; homing against a mechanical stop, one draw a session
-    encoder_ripple: float = 1e-3  # rad, once-per-turn eccentricity of encoder and gear
-    speed_error_std: float = 0.03  # 1, share of the commanded speed; friction and torque ripple of small gears
-    speed_error_time: float = 0.05  # s, correlation time of the speed error
-    start_std: float = 4e-3  # rad, start pose of a take against the commanded one; repeatability of homing moves
-    sway_std: tuple[float, float] = (3e-4, 1.5e-3)  # m, end-effector's sway along x and z at full speed; repeatability of such arms is 1 mm
-    sway_time: float = 6e-3  # s, correlation time of the sway; structural modes of a light arm lie at some tens of Hz
-    sway_rest: float = 0.02  # 1, share of the sway that is left at rest; motors holding
-    clearance: float = 0.028  # rad, half the play of joint 3; the paper reports an unusual clearance there
-    clearance_time: float = 2e-3  # s, correlation time of the rattling inside the play; impacts of gear teeth
-    rattle_speed: float = 1.5  # rad/s, speed of joint 3 at which the rattling fills the play
-    speed_exponent: float = 2.0  # 1, how sway and rattling grow with speed; loads of inertia go with its square
-    jitter_std: float = 5e-4  # s, time of the exposure against the motion clock; trigger and USB latency
+from pipeline.twin.options import DynamicsOptions, TrajectoryOptions
+from pipeline.twin.trajectory import desired_joints
 
 
 def _ornstein_uhlenbeck(shape: tuple[int, ...], steps_per_time: float, rng: np.random.Generator) -> np.ndarray:

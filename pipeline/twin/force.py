@@ -14,38 +14,7 @@ from scipy.signal import lfilter
 from scipy.special import i0e, i1e
 
 from pipeline.errors import ConfigError
-
-
-@dataclass(frozen=True)
-class Robots:
-    """What characterises the robots, one value each."""
-
-    tension_sd: tuple[float, ...]  # N, σ_T of the tension's stationary law
-    concentration: tuple[float, ...]  # κ of the von Mises law with the direction's mean resultant length
-    slip_rate: float = 20.0  # 1/s, slips of one robot; assumed: some per turn of its wheels
-    slip_recovery: float = 0.25  # s, time constant of regaining traction; assumed: that of a wheel-speed loop
-    wander_time: float = 0.4  # s, correlation time of a cable's direction; assumed: the sway of a taut cable with its robot
-
-    def __post_init__(self) -> None:
-        if len(self.tension_sd) != len(self.concentration):
-            raise ConfigError("twin.force: tension_sd and concentration need one value per robot each", key="robots")
-        if min(self.tension_sd) < 0 or min(self.concentration) <= 0 or min(self.slip_rate, self.slip_recovery, self.wander_time) <= 0:
-            raise ConfigError("twin.force: tension_sd must not be negative; concentration, rates and times must be positive", key="robots")
-
-
-@dataclass(frozen=True)
-class Transducer:
-    """The force/torque transducer and its acquisition; pairs are (force in N, torque in N·m), equal on the three axes."""
-
-    rate: float = 62.5  # Hz: 1000 Hz at averaging level 16
-    noise: tuple[float, float] = (0.00625, 0.0005)  # sd a sample; an ATI Gamma SI-32-2.5 resolves 1/160 N and 1/2000 N·m
-    bias: tuple[float, float] = (0.5, 0.02)  # sd of the constant offset of a record; assumed: mounting and temperature, not yet tared
-    drift: tuple[float, float] = (2e-4, 1e-5)  # sd of the linear thermal drift, per s; assumed: 0.025 N in two minutes
-    lever: tuple[float, float, float] = (0.0, 0.0, 0.03)  # m, from the transducer's origin to the point the cables are tied to
-
-    def __post_init__(self) -> None:
-        if self.rate <= 0 or min(*self.noise, *self.bias, *self.drift) < 0:
-            raise ConfigError("twin.force: the transducer's rate must be positive; noise, bias and drift not negative", key="transducer")
+from pipeline.twin.options import Robots, Transducer
 
 
 @dataclass(frozen=True)

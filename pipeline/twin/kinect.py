@@ -6,58 +6,16 @@ images are free of lens distortion, as rectified ones are. Depth is the z coordi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import cv2
 import numpy as np
 
 from pipeline.arm.model import Arm
 from pipeline.errors import ConfigError
-from pipeline.twin.scene import ArmSolid, SceneOptions, Solid, cast, room_solid
+from pipeline.twin.options import KinectOptions
+from pipeline.twin.scene import ArmSolid, Solid, cast, room_solid
 
 REACH = 3  # px, how far lateral noise may carry an edge; beyond it lies 1 draw in 5000 at the smallest standard deviation
 BIAS_STEP = 1e-3  # m, grid of the bias table: the bias varies over decimetres
-
-
-@dataclass(frozen=True)
-class KinectOptions:
-    """The sensor, where it stands and how it errs."""
-
-    width: int = 512  # px
-    height: int = 424  # px
-    fx: float = 365.456  # px; intrinsics of a Kinect v2's infrared camera, devices differ by 1 %
-    fy: float = 365.456  # px
-    cx: float = 254.878  # px
-    cy: float = 205.395  # px
-    distance: float = 1.2  # m, from the camera to the point of the arm's plane that it looks at
-    aim: tuple[float, float] = (0.03, 0.17)  # m, that point's x and z in the plane
-    yaw: float = 0.05  # rad, about the camera's y axis; a tripod put up by eye
-    pitch: float = -0.04  # rad, about the camera's x axis
-    roll: float = 0.01  # rad, about the optical axis
-    range: tuple[float, float] = (0.5, 4.5)  # m, depth of a valid pixel; Microsoft's specification of the Kinect v2
-    # m, 1, 1/m, and m^(-1/2): σ_z = a + b z + c z² + d z^(3/2) θ²/(π/2 − θ)²; Fankhauser et al., ICAR 2015, Kinect v2 indoors
-    axial: tuple[float, float, float, float] = (1.5e-3, -0.5e-3, 0.3e-3, 0.1e-3)
-    # px: σ_L = a + b θ/(π/2 − θ); Nguyen, Izadi, Lovell, 3DIMPVT 2012
-    lateral: tuple[float, float] = (0.8, 0.035)
-    grazing_limit: float = 1.4  # rad (80°), no depth beyond; Nguyen 2012 and Fankhauser 2015 measure none past it
-    edge_ratio: float = 0.03  # 1, depths of neighbours that differ by more than this share are an edge
-    edge_lost: float = 0.3  # 1, probability of no depth at an edge; assumed
-    edge_mixed: float = 0.15  # 1, probability of a depth between the two sides (flying pixel); assumed
-    bias_offset_std: float = 5e-3  # m, one draw a session; 1.5 mm to centimetres: Corti et al., Rob. Auton. Syst. 75 (2016)
-    bias_wiggle: float = 2e-3  # m, amplitude of the harmonic 'wiggling' error that Corti et al. (2016) report; its size assumed
-    bias_period: float = 0.47  # m, a quarter of the 1.87 m over which the phase at 80 MHz repeats
-    scene: SceneOptions = field(default_factory=SceneOptions)
-
-    def __post_init__(self) -> None:
-        if not 0 < self.range[0] < self.range[1]:
-            raise ConfigError("twin.kinect.range: must be two growing depths above zero", range=self.range)
-        if min(self.edge_lost, self.edge_mixed) < 0 or self.edge_lost + self.edge_mixed > 1:
-            raise ConfigError(
-                "twin.kinect: edge_lost and edge_mixed must be probabilities of exclusive events",
-                edge_lost=self.edge_lost, edge_mixed=self.edge_mixed,
-            )  # fmt: skip
-        if not 0 < self.grazing_limit < np.pi / 2:
-            raise ConfigError("twin.kinect.grazing_limit: must lie between 0 and π/2 rad", grazing_limit=self.grazing_limit)
 
 
 def draw_bias(options: KinectOptions, rng: np.random.Generator) -> np.ndarray:

@@ -8,21 +8,10 @@ import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
-from pipeline.twin.dynamics import DynamicsOptions, expose, session_offset, simulate_take, true_chain
-from pipeline.twin.kinect import KinectOptions, draw_bias
-from pipeline.twin.mocap import MocapOptions, place_markers
-from pipeline.twin.trajectory import TrajectoryOptions
-
-
-@dataclass(frozen=True)
-class ClockOptions:
-    """The depth camera's own clock and frame rate."""
-
-    rate: float = 30.0  # 1/s, frames of the Kinect v2
-    offset: float = 0.14  # s, its clock minus the motion clock; assumed: two programs started by hand
-    offset_std: float = 0.02  # s, from take to take
-    drift: float = 3e-5  # 1, rate error of the quartz
-    jitter_std: float = 2e-3  # s, of a frame's exposure; USB scheduling of a PC
+from pipeline.twin.dynamics import expose, session_offset, simulate_take, true_chain
+from pipeline.twin.kinect import draw_bias
+from pipeline.twin.mocap import place_markers
+from pipeline.twin.options import ClockOptions, DynamicsOptions, KinectOptions, MocapOptions, TrajectoryOptions
 
 
 @dataclass(frozen=True)

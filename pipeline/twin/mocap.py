@@ -12,33 +12,12 @@ import numpy as np
 
 from pipeline.arm.model import Arm
 from pipeline.errors import ConfigError
+from pipeline.twin.options import MocapOptions
 from pipeline.twin.segments import segment_frames
 
 LABELS = "abc"
 PAIRS = np.array([[0, 1], [0, 2], [1, 2]])
 FIRST_UNLABELED = 1000
-
-
-@dataclass(frozen=True)
-class MocapOptions:
-    """Errors and faults of the marker tracking. Rates are probabilities that a burst starts at a frame."""
-
-    noise_std: float = 1e-4  # m, white, each axis; Aurand, Dufour, Marras, J. Biomech. 58 (2017): errors below 0.2 mm in 97 % of the volume
-    placement_std: float = 5e-4  # m, each axis, one draw a session; assumed: markers placed by hand with a ruler
-    occlusion_rate: float = 1e-3  # 1/frame, each marker; assumed: cables and the arm itself pass before single cameras
-    occlusion_frames: float = 6.0  # frames, mean of the geometric length
-    swap_rate: float = 1e-4  # 1/frame, each link; assumed: rare, the three markers of a link being much alike
-    swap_frames: float = 3.0  # frames, mean
-    lost_label_rate: float = 3e-4  # 1/frame, each marker; assumed
-    lost_label_frames: float = 4.0  # frames, mean
-
-    def __post_init__(self) -> None:
-        if min(self.noise_std, self.placement_std) < 0:
-            raise ConfigError("twin.mocap: a standard deviation cannot be negative", noise=self.noise_std, placement=self.placement_std)
-        for fault in ("occlusion", "swap", "lost_label"):
-            rate, mean = getattr(self, f"{fault}_rate"), getattr(self, f"{fault}_frames")
-            if not 0 <= rate <= 1 or mean < 1:
-                raise ConfigError(f"twin.mocap: {fault}_rate must be a probability and {fault}_frames at least 1", rate=rate, frames=mean)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from types import ModuleType
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.twin.options import SceneOptions
 from pipeline.twin.segments import segment_frames
 
 ARC = 16  # facets of half a circle
@@ -32,23 +33,6 @@ def _load_open3d() -> ModuleType:
 
 
 o3d = _load_open3d()
-
-
-@dataclass(frozen=True)
-class SceneOptions:
-    """Sizes of the arm's solids and of the room; m. Girths are those of the youBot's housings, rounded, the room is assumed."""
-
-    link_width: float = 0.06  # across the segment in the plane, first two links
-    link_depths: tuple[float, float, float] = (0.07, 0.06, 0.05)  # along the normal; they differ, as bolted housings do
-    tool_width: float = 0.05  # wrist and hand
-    hand_share: float = 0.62  # 1, share of the third segment that wrist and hand take; the rest are fingers
-    finger_width: float = 0.024
-    finger_depth: float = 0.03
-    base_width: float = 0.08  # turntable under O1
-    base_gap: float = 0.04  # from O1 down to the turntable
-    stand_width: float = 0.1  # column that carries the arm, slender enough for the tool to swing past it
-    floor_height: float = -0.75  # height of the floor in the arm's base frame
-    wall_distance: float = 3.6  # from the arm's plane to the wall behind it; more than 4.5 m from the camera, as in a hall
 
 
 @dataclass(frozen=True)

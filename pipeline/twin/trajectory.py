@@ -2,25 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.arm.trajectory import trajectory_table
 from pipeline.errors import ConfigError
-
-
-@dataclass(frozen=True)
-class TrajectoryOptions:
-    """The motion's two ends and how time is spent between them."""
-
-    folded: tuple[float, float, float]  # rad, joint angles of the folded pose
-    extended: tuple[float, float, float]  # rad, joint angles of the most extended pose
-    duration: float = 3.2  # s, T of the paper
-    rest: float = 0.08  # s, standing still at the start, at the turn (twice this) and at the end
-    ramp: float = 0.3  # s, from rest to full speed and from full speed to rest
-    rate: float = 100.0  # 1/s, steps of the motion grid
+from pipeline.twin.options import TrajectoryOptions
 
 
 def _progress(t: np.ndarray, options: TrajectoryOptions) -> tuple[np.ndarray, np.ndarray]:
@@ -49,12 +37,9 @@ def desired_joints(t: np.ndarray, options: TrajectoryOptions) -> tuple[np.ndarra
 def desired_trajectory(chain: PlanarChain, options: TrajectoryOptions) -> pd.DataFrame:
     """The commanded end-effector trajectory xᵈ, ẋᵈ on the motion grid: columns k, t, x, z, phi, vx, vz, vphi (SI).
 
-    The velocity of step k is the mean velocity that takes the pose at t_k to the pose at t_{k+1}, so that xᵈ_{k+1} = xᵈ_k + ẋᵈ_k Δt.
     Raises ConfigError for a motion beyond the joints' limits of angle or speed.
     """
-    steps = round(options.duration * options.rate)
-    t = np.arange(steps + 1) / options.rate
-    q, speed = desired_joints(t, options)
+    q, speed = desired_joints(np.arange(round(options.duration * options.rate) + 1) / options.rate, options)
     if not np.all(chain.within_limits(q)):
         raise ConfigError("twin.trajectory: the motion leaves the joint limits", lower=chain.lower, upper=chain.upper)
     if np.any(np.abs(speed) > chain.max_speed):
@@ -62,10 +47,4 @@ def desired_trajectory(chain: PlanarChain, options: TrajectoryOptions) -> pd.Dat
             "twin.trajectory: the motion is faster than the joints; lengthen it or bring its ends together",
             peak=np.abs(speed).max(axis=0).round(3).tolist(), limit=chain.max_speed.round(3).tolist(),
         )  # fmt: skip
-    pose = chain.pose(q)
-    velocity = np.vstack([np.diff(pose, axis=0) * options.rate, np.zeros((1, 3))])
-    return pd.DataFrame(
-        {"k": np.arange(steps + 1), "t": t}
-        | {c: pose[:, i] for i, c in enumerate(("x", "z", "phi"))}
-        | {f"v{c}": velocity[:, i] for i, c in enumerate(("x", "z", "phi"))}
-    )
+    return trajectory_table(chain, q, options.rate)

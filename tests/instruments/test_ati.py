@@ -100,7 +100,7 @@ def test_a_first_line_about_a_delay_is_understood(tmp_path, top, count):
 
 
 def test_a_log_of_forces_alone_has_no_torque(tmp_path):
-    (tmp_path / "log.csv").write_text('Force X (N),Force Y (N),Force Z (N),Frequency = 250,Averaging Level = 1\n1,2,3\n')
+    (tmp_path / "log.csv").write_text("Force X (N),Force Y (N),Force Z (N),Frequency = 250,Averaging Level = 1\n1,2,3\n")
     found = read_daqft(tmp_path / "log.csv")
     np.testing.assert_array_equal(found.force, [[1, 2, 3]])
     assert np.isnan(found.torque).all()

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import RecordingError
-from pipeline.instruments.joint_log import JointLog, read_joint_log, write_joint_log
+from pipeline.instruments.joint_log import JointLog, read_joint_log, read_movement, write_joint_log
 
 
 def log(samples: int = 100, joints: int = 6, seed: int = 1) -> JointLog:
@@ -100,3 +100,29 @@ def test_a_log_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(tmp
     kept = content[:cut].count(b"\n")
     assert 0 < len(found.time) == kept
     np.testing.assert_array_equal(found.values, whole.values[:kept])
+
+
+def test_logs_of_one_movement_are_paired_row_by_row_as_far_as_the_shortest_goes(tmp_path):
+    for name, samples, seed in (("a.csv", 100, 1), ("b.csv", 93, 2)):
+        write_joint_log(tmp_path / name, log(samples, seed=seed))
+    (a, b), counts = read_movement(tmp_path, ["a.csv", "b.csv"], joints=6, rate=125.0)
+    assert counts == {"cut_rows": 0, "blank_rows": 0, "rows_without_partner": 7}
+    np.testing.assert_allclose(a, log(100, seed=1).values[:93], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(b, log(93, seed=2).values, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("time", "file", "words"),
+    [
+        (np.delete(np.arange(51), 20) * 0.008, "a.csv", "by 0.016 s at 0.152 s"),
+        (np.arange(50) * 0.01, "a.csv", "by 0.01 s at 0 s"),
+        (np.arange(50) * 0.008 + 0.004, "b.csv", "not those of a.csv"),
+    ],
+)
+def test_clocks_that_skip_or_disagree_are_refused(tmp_path, time, file, words):
+    write_joint_log(tmp_path / "a.csv", log(50))
+    write_joint_log(tmp_path / "b.csv", log(50))
+    write_joint_log(tmp_path / file, JointLog(time, log(50).values, {}))
+    with pytest.raises(RecordingError, match=words) as caught:
+        read_movement(tmp_path, ["a.csv", "b.csv"], joints=6, rate=125.0)
+    assert caught.value.evidence["file"] == tmp_path / file

@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 
 from pipeline import contracts
-from pipeline.wrench.balance import balance
 from pipeline.wrench.comparison import force_density, force_moments, modelled_forces
 from pipeline.wrench.matrix import matrix_model, wrench_covariance
 from pipeline.wrench.parametric import CableSystem, sample_forces
@@ -14,7 +13,8 @@ from pipeline.wrench.study import Bounds, estimate_sigma_s, run_study, sigma_s_r
 
 BOUNDS = Bounds(tension=(1.8, 14.0), direction=(0.0, 3.8), tension_sd=(0.5, 2.3), concentration=(170.0, 2400.0))
 DIRECTIONS = np.array([0.15, 3.7, 1.6])
-SYSTEM = CableSystem(balance(DIRECTIONS, [3.0, 5.0], 1.8, 14.0), DIRECTIONS, np.array([0.5, 1.2, 2.3]), np.array([2400.0, 600.0, 170.0]))
+TENSIONS = np.array([9.19, 6.92, 7.30])  # N; along these directions they give (3, 5) N
+SYSTEM = CableSystem(TENSIONS, DIRECTIONS, np.array([0.5, 1.2, 2.3]), np.array([2400.0, 600.0, 170.0]))
 
 
 def compared():

@@ -1,0 +1,98 @@
+"""One look for every figure: print sizes, a colour-blind-safe palette, one line style per motion model, and files that keep their bytes.
+
+Colours are those of Okabe and Ito (jfly.uni-koeln.de/color, 2008); lines that share axes also differ in their dashes, so that they
+can be told apart in grey. Widths are those of one and of two columns of a journal page; no letter is smaller than 7 pt at that size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+ONE_COLUMN, TWO_COLUMNS = 3.5, 7.16  # in
+PNG_RESOLUTION = 200  # dots per inch
+
+BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
+BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#999999"
+LIGHT_GREY = "#CCCCCC"
+
+RECORDED = {"label": "recorded", "color": VERMILLION, "linestyle": "-"}
+MODELS = {
+    "additive": {"label": "additive Gaussian noise", "color": SKY, "linestyle": ":"},
+    "wishart": {"label": "Wishart perturbation", "color": BLUE, "linestyle": "--"},
+    "gaussian": {"label": "Gaussian noise matrix", "color": BLACK, "linestyle": "-."},
+}
+# models the paper does not have take these in turn
+FURTHER = [
+    {"color": GREEN, "linestyle": (0, (6, 1.5, 1, 1.5, 1, 1.5))},
+    {"color": PURPLE, "linestyle": (0, (8, 2))},
+    {"color": ORANGE, "linestyle": (0, (3, 1, 1, 1))},
+]
+JOINTS = [
+    {"label": "$q_1$", "color": BLUE, "linestyle": "-"},
+    {"label": "$q_2$", "color": VERMILLION, "linestyle": "--"},
+    {"label": "$q_3$", "color": GREEN, "linestyle": "-."},
+]
+
+# from the defaults, so that a matplotlibrc of the user's changes no byte
+mpl.rcdefaults()
+mpl.rcParams.update(
+    {
+        "font.family": "STIXGeneral",  # comes with matplotlib: the same letters on every machine
+        "mathtext.fontset": "stix",
+        "font.size": 8,
+        "axes.titlesize": 8,
+        "axes.labelsize": 8,
+        "xtick.labelsize": 7.5,
+        "ytick.labelsize": 7.5,
+        "legend.fontsize": 7.5,
+        "legend.frameon": False,
+        "legend.handlelength": 2.6,
+        "axes.linewidth": 0.5,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "xtick.major.width": 0.5,
+        "ytick.major.width": 0.5,
+        "xtick.major.size": 2.5,
+        "ytick.major.size": 2.5,
+        "lines.linewidth": 1.0,
+        "figure.dpi": 300,  # of what is rasterised in the SVG
+        "svg.hashsalt": "manipulator-uncertainty",
+        "svg.fonttype": "path",
+    }
+)
+
+
+def model_lines(models: Iterable[str]) -> dict[str, dict]:
+    """Label, colour and dashes of every model by its option's name; names the paper does not have get the next style of a cycle."""
+    further = [model for model in models if model not in MODELS]
+    return {
+        model: MODELS[model] if model in MODELS else {"label": model} | FURTHER[further.index(model) % len(FURTHER)] for model in models
+    }
+
+
+def panels(width: float, height: float, rows: int = 1, columns: int = 1, **layout: object) -> tuple[Figure, np.ndarray]:
+    """A figure of ``width`` × ``height`` in inches and its axes (rows, columns); ``layout`` goes to ``Figure.subplots``."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **layout)
+
+
+def letter(axes: Axes, name: str) -> None:
+    """Name a panel (a), (b), … above its upper left corner, as the paper's captions do."""
+    axes.set_title(f"({name})", loc="left", fontweight="bold")
+
+
+def save(figure: Figure, folder: Path, name: str) -> None:
+    """Write ``folder/name.svg`` and ``folder/name.png`` without date or version: the same figure gives the same bytes."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    # the layout's solver differs in its last bits from run to run, and the names of clip paths in the SVG are hashes of all bits
+    for axes in figure.axes:
+        axes.set_position(np.round(axes.get_position(original=True).bounds, 6))
+    figure.savefig(folder / f"{name}.svg", metadata={"Date": None, "Creator": None})
+    figure.savefig(folder / f"{name}.png", dpi=PNG_RESOLUTION, metadata={"Software": None}, pil_kwargs={"optimize": True})

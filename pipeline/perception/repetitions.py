@@ -1,0 +1,98 @@
+"""Repetitions of one commanded motion in a robot's log, found by what was commanded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+REACH = 0.01  # rad: a command that moves no joint farther is the controller taking over, not a motion; ends this near are the same
+REST_SPEED = 1e-4  # rad/s: less than a microradian a sample, below what encoders resolve
+SLACK = 2  # rows by which the logger may see the same command start early or late, or last longer
+
+
+@dataclass(frozen=True)
+class Excursion:
+    """A commanded motion: the speed is commanded from row ``first`` up to, but not on, row ``last`` of its log."""
+
+    first: int
+    last: int
+    whole: bool  # whether the log holds it from rest to rest
+
+    @property
+    def steps(self) -> int:
+        """Steps of the log's clock that the motion takes."""
+        return self.last - self.first
+
+    def describe(self, angles: np.ndarray) -> str:
+        """The motion in words, its ends read from the commanded ``angles`` (N, joints): for a message to choose from."""
+        start, end = angles[self.first - 1], angles[self.last]
+        return f"{np.round(start, 2).tolist()} to {np.round(end, 2).tolist()} in {self.steps} steps"
+
+
+@dataclass(frozen=True)
+class Repetitions:
+    """The whole repetitions of one motion in a log, and the rows at which each other excursion starts, by why it was left out."""
+
+    found: list[Excursion]
+    left_out: dict[str, list[int]]  # cut_off, other_motion, too_little_rest
+
+
+def _moving(speeds: np.ndarray) -> np.ndarray:
+    return np.any(np.abs(speeds) > REST_SPEED, axis=1)
+
+
+def excursions(angles: np.ndarray, speeds: np.ndarray) -> list[Excursion]:
+    """Every motion in a log of commanded ``angles`` (N, joints) in rad and commanded ``speeds`` (N, joints) in rad/s, in order of time.
+
+    The speed tells motion from rest: it is zero while a controller holds its position, where the commanded angle may creep.
+    """
+    edges = np.flatnonzero(np.diff(_moving(speeds), prepend=False, append=False))
+    bounds = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    runs = [Excursion(first, last, 0 < first and last < len(speeds)) for first, last in bounds]
+    return [run for run in runs if np.ptp(angles[max(run.first - 1, 0) : run.last + 1], axis=0).max() > REACH]
+
+
+def find_repetitions(
+    angles: np.ndarray, speeds: np.ndarray, columns: Sequence[int], start: Sequence[float], end: Sequence[float],
+    *, steps: int, rest: int,
+) -> Repetitions:  # fmt: skip
+    """The whole excursions that take the joints ``columns`` from ``start`` to ``end`` (rad) in ``steps`` steps.
+
+    ``angles`` and ``speeds`` (N, joints) as for :func:`excursions`. Each repetition has ``rest`` rows at rest on either side; ends
+    agree within 0.01 rad and durations within two steps.
+    """
+    moving = _moving(speeds)
+    found, left_out = [], {"cut_off": [], "other_motion": [], "too_little_rest": []}
+    for run in excursions(angles, speeds):
+        if not run.whole:
+            left_out["cut_off"].append(run.first)
+            continue
+        ends = angles[[run.first - 1, run.last]][:, list(columns)] - np.stack([start, end])
+        before, after = run.first - rest - SLACK, run.last + rest + 2 * SLACK + 1
+        if np.abs(ends).max() > REACH or abs(run.steps - steps) > SLACK:
+            left_out["other_motion"].append(run.first)
+        elif before < 0 or after > len(moving) or moving[before : run.first].any() or moving[run.last : after].any():
+            left_out["too_little_rest"].append(run.first)
+        else:
+            found.append(run)
+    return Repetitions(found, left_out)
+
+
+def align(angles: np.ndarray, first: int, reference: np.ndarray) -> int:
+    """The row within two of ``first`` from which ``angles`` (N, joints) follow ``reference`` (K, joints) best, in rad.
+
+    A motion starts anywhere between two samples, so that equal commands can differ by a row at one of their ends.
+    """
+    rows = range(first - SLACK, first + SLACK + 1)
+    return min(rows, key=lambda row: np.abs(angles[row : row + len(reference)] - reference).max())
+
+
+def lag(commanded: np.ndarray, measured: np.ndarray, rate: float) -> float:
+    """Time in s by which ``measured`` angles (K, joints) trail the ``commanded`` ones, at ``rate`` samples per second.
+
+    Least squares of measured(t) = commanded(t − lag) to first order in the lag, over all joints together.
+    """
+    velocity = np.gradient(commanded, axis=0) * rate
+    return float(np.sum((commanded - measured) * velocity) / np.sum(velocity**2))

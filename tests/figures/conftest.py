@@ -1,0 +1,66 @@
+"""Small tables in the shape of those the stages write."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+MODELS = ["additive", "wishart", "gaussian"]
+STEPS = 20
+JOINT_COLUMNS = [1, 2, 3]
+
+
+def grid():
+    return {"k": np.arange(STEPS + 1), "t": np.arange(STEPS + 1) / 100}
+
+
+def takes_of(part, count, columns, rng):
+    tables = [pd.DataFrame({"take": f"{part}_{n + 1:03d}", "part": part} | grid()) for n in range(count)]
+    return [table.assign(**{c: rng.normal(j, 0.1, STEPS + 1) for j, c in enumerate(columns, start=1)}) for table in tables]
+
+
+@pytest.fixture
+def tables() -> dict[str, pd.DataFrame]:
+    """One table of each kind that a figure shows, from one seed."""
+    rng = np.random.default_rng(11)
+    joints = pd.concat([*takes_of("training", 5, ["q1", "q2", "q3"], rng), *takes_of("test", 3, ["q1", "q2", "q3"], rng)])
+    noise = pd.concat(takes_of("training", 5, ["w1", "w2", "w3"], rng))
+    columns = [f"{c}{j}" for c in "es" for j in JOINT_COLUMNS]
+    filtered = [t.assign(model=model) for model in MODELS for t in takes_of("test", 3, columns, rng)]
+    deviation = [
+        pd.DataFrame(grid() | {"source": source, "error": rng.random(STEPS + 1)} | {f"s{j}": rng.random(STEPS + 1) for j in JOINT_COLUMNS})
+        for source in ["recorded", *MODELS]
+    ]
+    upper = [f"r{i}{j}" for i in JOINT_COLUMNS for j in JOINT_COLUMNS if i <= j]
+    kinect = [
+        pd.DataFrame({"take": take, "frame": np.arange(6), "t": np.arange(6) / 30.0})
+        .assign(**{f"b{j}": rng.normal(size=6) for j in JOINT_COLUMNS})
+        .assign(**{c: rng.uniform(0.5, 1, 6) for c in upper})
+        for take in ("test_001", "none")
+    ]
+    nodes = {"initial": [(0.0, 0.1), (0.1, 0.2), (0.0, 0.2), (-0.2, 0.2)], "extended": [(0.0, 0.1), (0.1, 0.1), (0.2, 0.3), (0.4, 0.3)]}
+    skeleton = [pd.DataFrame(xz, columns=["x", "z"]).assign(view=view, node=range(4)) for view, xz in nodes.items()]
+    cloud = [pd.DataFrame({"view": view, "x": rng.uniform(-0.2, 0.4, 50), "z": rng.uniform(0.1, 0.3, 50)}) for view in nodes]
+    errors = [pd.DataFrame({"agents": m, "system": range(40), "error": rng.gamma(2, 0.2 / m, 40)}) for m in (3, 10)]
+    fx, fy = (c.ravel() for c in np.meshgrid(np.linspace(-2, 6, 9), np.linspace(0, 9, 10), indexing="ij"))
+    densities = [
+        pd.DataFrame({"configuration": name, "source": source, "fx": fx, "fy": fy, "density": rng.random(len(fx))})
+        for name in ("C1", "C2") for source in ("measured", "modelled")
+    ]  # fmt: skip
+    lists = {
+        "joints": [joints.assign(residual=0.0)], "process_noise": [noise[noise["k"] > 0]], "deviation": deviation, "filter_error": filtered,
+        "kinect_noise": kinect, "skeleton": skeleton, "cloud": cloud, "wrench_errors": errors, "force_density": densities,
+    }  # fmt: skip
+    return {name: pd.concat(parts, ignore_index=True) for name, parts in lists.items()}
+
+
+@pytest.fixture
+def configurations() -> dict[str, SimpleNamespace]:
+    """Two arrangements of robots, of three and of four cables."""
+    return {
+        "C1": SimpleNamespace(direction=[0.0, np.pi / 2, np.pi], tension=[5.0, 4.0, 2.0]),
+        "C2": SimpleNamespace(direction=[0.3, 1.9, 3.0, 5.0], tension=[5.0, 4.0, 2.0, 1.0]),
+    }

@@ -1,0 +1,97 @@
+"""Realisations step by step and running freely: where each step starts, and how the spread grows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.errors import ConfigError, SingularJacobianError
+from pipeline.motion.additive import AdditiveModel
+from pipeline.motion.gaussian import GaussianModel
+from pipeline.motion.realizations import realize
+
+STD = np.array([1e-3, 2e-3, 3e-3])
+SILENT = AdditiveModel(np.zeros((3, 3)))
+NOISY = AdditiveModel(np.diag(STD**2))
+MODES = ["one_step", "free_running"]
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(21)
+
+
+def takes(poses: np.ndarray, count: int, steps: int) -> np.ndarray:
+    """(count, steps + 1, 3) recorded angles that wander about ``poses``."""
+    wander = np.random.default_rng(22).normal(0, 0.01, (count, steps + 1, 3)).cumsum(axis=1)
+    return poses[:count, None] + wander
+
+
+def test_without_noise_a_free_run_adds_up_its_nominal_steps(chain, poses, step, rng):
+    q, v = takes(poses, 5, 8), np.tile(step, (8, 1))
+    simulated, clipped = realize(SILENT, chain, q, v, "free_running", rng)
+    for take, run in zip(q, simulated, strict=True):
+        at = take[0]
+        for k in range(8):
+            at = at + np.linalg.solve(chain.jacobian(at), v[k])
+            np.testing.assert_allclose(run[k + 1], at, rtol=1e-10)
+    assert clipped == 0
+
+
+def test_without_noise_a_single_step_starts_where_the_recording_was(chain, poses, step, rng):
+    q, v = takes(poses, 5, 8), np.tile(step, (8, 1))
+    simulated, _ = realize(SILENT, chain, q, v, "one_step", rng)
+    nominal = q[:, :-1] + np.linalg.solve(chain.jacobian(q[:, :-1]), v[..., None])[..., 0]
+    np.testing.assert_allclose(simulated[:, 1:], nominal, rtol=1e-10)
+    # control: running freely it comes to other places
+    assert np.abs(realize(SILENT, chain, q, v, "free_running", rng)[0] - simulated).max() > 1e-3
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_every_realisation_starts_at_its_own_takes_start(mode, chain, poses, step, rng):
+    q = takes(poses, 5, 3)
+    recorded = q.copy()
+    simulated, _ = realize(NOISY, chain, q, np.tile(step, (3, 1)), mode, rng)
+    assert np.array_equal(simulated[:, 0], q[:, 0])
+    assert np.array_equal(q, recorded)
+
+
+@pytest.mark.parametrize(("mode", "growth"), [("one_step", 0.0), ("free_running", 0.5)])
+def test_the_spread_stays_step_by_step_and_grows_with_the_root_of_time_running_freely(mode, growth, chain, poses, rng):
+    count, steps = 2000, 16
+    q = np.tile(poses[0], (count, steps + 1, 1))
+    spread = realize(NOISY, chain, q, np.zeros((steps, 3)), mode, rng)[0].std(axis=0)[1:]
+    stated = STD * np.arange(1, steps + 1)[:, None] ** growth
+    band = 4 / np.sqrt(2 * count)
+    np.testing.assert_allclose(spread, stated, rtol=band)
+    # control: the other mode's law is far outside the band
+    other = STD * np.arange(1, steps + 1)[:, None] ** (0.5 - growth)
+    assert np.abs(spread / other - 1).max() > 5 * band
+
+
+def test_the_same_stream_gives_the_same_realisations(chain, poses, step):
+    q, v = takes(poses, 5, 8), np.tile(step, (8, 1))
+    first, again, other = (realize(NOISY, chain, q, v, "free_running", np.random.default_rng(seed))[0] for seed in (1, 1, 2))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_clipped_steps_are_counted_over_all_realisations(chain, poses, step, rng):
+    q, v = np.tile(poses[:5, None], (1, 9, 1)), np.tile(step, (8, 1))
+    norm = np.linalg.norm(chain.inverse_jacobian(poses[:5]), axis=(1, 2))
+    between = GaussianModel(0.1, np.sort(norm)[2:4].mean())
+    assert realize(between, chain, q, v, "one_step", rng)[1] == 2 * 8
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_singular_pose_on_the_way_is_refused(mode, chain, poses, step, rng):
+    q = takes(poses, 2, 3)
+    q[1, 0, 1] = 0.0
+    with pytest.raises(SingularJacobianError):
+        realize(NOISY, chain, q, np.tile(step, (3, 1)), mode, rng)
+
+
+def test_another_mode_lists_those_there_are(chain, poses, step, rng):
+    with pytest.raises(ConfigError, match="no mode 'two_step'; there are one_step, free_running") as refused:
+        realize(NOISY, chain, takes(poses, 2, 3), np.tile(step, (3, 1)), "two_step", rng)
+    assert refused.value.evidence["key"] == "simulation.mode"

@@ -1,0 +1,125 @@
+"""The depth camera's noise as the other takes show it: what is left out, what is recovered, and how many takes it needs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline import contracts
+from pipeline.errors import RecordingError
+from pipeline.perception.depth_noise import MIN_SAMPLES, leave_one_out
+
+BIAS = np.array([0.01, -0.02, 0.005])
+FRAMES = 12
+MEAN, COVARIANCE = ["b1", "b2", "b3"], ["r11", "r12", "r13", "r22", "r23", "r33"]
+UPPER = np.triu_indices(3)
+
+
+def root(frame: int) -> np.ndarray:
+    """(3, 3) A of the covariance AAᵀ of the noise at a frame, rad; it grows over the motion."""
+    return 1e-3 * (1 + frame / FRAMES) * np.array([[4.0, 0.0, 0.0], [-3.0, 2.0, 0.0], [1.0, -1.0, 5.0]])
+
+
+def errors(takes: int, seed: int = 41) -> pd.DataFrame:
+    """Errors of a known mean and covariance at every frame."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for take in range(takes):
+        noise = np.array([BIAS * frame + root(frame) @ rng.standard_normal(3) for frame in range(FRAMES)])
+        times = np.arange(FRAMES) / 30 + rng.normal(0, 1e-3, FRAMES)
+        columns = {f"e{j + 1}": noise[:, j] for j in range(3)}
+        rows.append(pd.DataFrame({"take": f"test_{take}", "frame": np.arange(FRAMES), "t": times} | columns))
+    return pd.concat(rows, ignore_index=True)
+
+
+def of(table: pd.DataFrame, take: str) -> pd.DataFrame:
+    return table[table["take"] == take].reset_index(drop=True)
+
+
+def test_a_take_has_no_say_in_its_own_noise():
+    before = errors(8)
+    after = before.copy()
+    changed = after["take"] == "test_3"
+    after.loc[changed, ["e1", "e2", "e3"]] += 10.0
+    after.loc[changed, "t"] += 1.0
+    noise, of_changed = leave_one_out(before, window=2), leave_one_out(after, window=2)
+    pd.testing.assert_frame_equal(of(noise, "test_3"), of(of_changed, "test_3"))
+    # control: on every other take it has
+    for take in ("test_0", "test_7", "none"):
+        assert np.all(of(noise, take)[MEAN].to_numpy() != of(of_changed, take)[MEAN].to_numpy())
+
+
+def test_it_is_what_the_other_takes_alone_would_give():
+    table = errors(8)
+    others = table[table["take"] != "test_5"]
+    left_out = of(leave_one_out(table, window=1), "test_5").drop(columns="take")
+    pd.testing.assert_frame_equal(left_out, of(leave_one_out(others, window=1), "none").drop(columns="take"))
+
+
+def test_without_a_window_it_is_the_sample_mean_and_covariance_of_every_frame():
+    table = errors(8)
+    noise = of(leave_one_out(table, window=0), "none")
+    for frame, rows in table.groupby("frame"):
+        samples = rows[["e1", "e2", "e3"]].to_numpy()
+        np.testing.assert_allclose(noise.loc[frame, MEAN].astype(float), samples.mean(axis=0), rtol=1e-12)
+        np.testing.assert_allclose(noise.loc[frame, COVARIANCE].astype(float), np.cov(samples.T)[UPPER], rtol=1e-10)
+        assert noise.loc[frame, "t"] == pytest.approx(rows["t"].mean())
+
+
+def test_mean_and_covariance_of_a_known_law_are_recovered():
+    takes, window = 400, 1
+    noise = of(leave_one_out(errors(takes), window=window), "none")
+    for frame in range(1, FRAMES - 1):
+        true = np.mean([root(near) @ root(near).T for near in range(frame - window, frame + window + 1)], axis=0)
+        std = np.sqrt(np.diag(true))
+        mean_error = (noise.loc[frame, MEAN].to_numpy(dtype=float) - BIAS * frame) / (std / np.sqrt(takes))
+        assert np.abs(mean_error).max() < 4.5
+        scale = np.outer(std, std)[UPPER] * np.sqrt(2 / (takes * (2 * window + 1)))
+        assert np.abs((noise.loc[frame, COVARIANCE].to_numpy(dtype=float) - true[UPPER]) / scale).max() < 4.5
+        # control: the covariance of the motion's other end is far outside the band
+        other = root(FRAMES - frame) @ root(FRAMES - frame).T
+        if abs(2 * frame - FRAMES) > 4:
+            assert np.abs((noise.loc[frame, COVARIANCE].to_numpy(dtype=float) - other[UPPER]) / scale).max() > 4.5
+
+
+def test_pooling_over_frames_does_not_take_the_changing_mean_for_noise():
+    table = errors(50)
+    shifted = table.copy()
+    shifted[["e1", "e2", "e3"]] += 5.0 * np.sin(table["frame"].to_numpy())[:, None]
+    noise, of_shifted = leave_one_out(table, window=3), leave_one_out(shifted, window=3)
+    np.testing.assert_allclose(of_shifted[COVARIANCE], noise[COVARIANCE], rtol=1e-9, atol=1e-15)
+    assert np.abs(of_shifted[MEAN].to_numpy() - noise[MEAN].to_numpy()).max() > 4
+
+
+def test_frames_that_some_takes_lack_are_estimated_from_those_that_have_them():
+    table = errors(9)
+    table = table[~((table["frame"] == 4) & table["take"].isin(["test_0", "test_1"]))]
+    noise = of(leave_one_out(table, window=0), "none")
+    samples = table.loc[table["frame"] == 4, ["e1", "e2", "e3"]].to_numpy()
+    assert len(samples) == 7
+    np.testing.assert_allclose(noise.loc[4, COVARIANCE].astype(float), np.cov(samples.T)[UPPER], rtol=1e-10)
+
+
+def test_the_table_keeps_its_contract(tmp_path):
+    contracts.write(leave_one_out(errors(8), window=2), "kinect_noise", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("takes", "window", "enough"), [(6, 0, True), (5, 0, False), (3, 3, True), (3, 2, False), (2, 5, False), (1, 5, False)]
+)
+def test_fewer_takes_than_a_covariance_needs_are_refused(takes, window, enough):
+    # the other takes spend one degree of freedom on each mean, and the window reaches over window + 1 frames at the ends
+    assert enough == ((takes - 2) * (window + 1) >= MIN_SAMPLES)
+    if enough:
+        leave_one_out(errors(takes), window=window)
+        return
+    with pytest.raises(RecordingError, match="too few test takes") as refused:
+        leave_one_out(errors(takes), window=window)
+    assert refused.value.evidence["take"] == "test_0"
+    assert refused.value.evidence["samples"] == max(0, (takes - 2) * (window + 1))
+
+
+def test_no_takes_at_all_are_refused():
+    with pytest.raises(RecordingError, match="too few test takes"):
+        leave_one_out(errors(2).iloc[:0], window=2)

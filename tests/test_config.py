@@ -1,0 +1,307 @@
+"""The configuration: every option composes, every mistake is refused by name, and a stage is handed what it declares and no more."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from omegaconf import DictConfig, OmegaConf
+
+from pipeline import config, schema
+from pipeline.errors import ConfigError
+from pipeline.twin import options as twin_options
+
+CHOICES = {
+    "dataset": "youbot", "models": "[additive, wishart, gaussian]", "filter": "systematic", "articulation": "least_squares",
+    "simulation": "one_step", "wrench": "paper", "scale": "paper", "compute": "local", "seed": "2017", "overrides": "{}",
+}  # fmt: skip
+
+
+def parameters(folder: Path, comment: str = "", **choices: str | None) -> Path:
+    """params.yaml in ``folder`` with some of its lines changed, or left out where the choice is None."""
+    file = folder / "params.yaml"
+    lines = [f"{key}: {value} {comment}" for key, value in (CHOICES | choices).items() if value is not None]
+    file.write_text("\n".join(lines) + "\n")
+    return file
+
+
+@pytest.fixture
+def compose(tmp_path, monkeypatch):
+    """Composes params.yaml with some of its lines changed."""
+    monkeypatch.chdir(tmp_path)
+
+    def composed(**choices: str | None) -> DictConfig:
+        return config.compose_config(parameters(tmp_path, **choices))
+
+    return composed
+
+
+@cache
+def written(**choices: str) -> bytes:
+    """The composed configuration as the stage configure writes it."""
+    with TemporaryDirectory() as folder:
+        config.write_config(parameters(Path(folder), **choices), Path(folder) / "config.yaml")
+        return (Path(folder) / "config.yaml").read_bytes()
+
+
+@pytest.fixture
+def handed(tmp_path, monkeypatch):
+    """What a stage that declares the given sections is handed of the composed configuration."""
+    monkeypatch.chdir(tmp_path)
+    config.COMPOSED.parent.mkdir()
+
+    def sections(*declared: str, item: str | None = None, **choices: str):
+        config.COMPOSED.write_bytes(written(**choices))
+        stage = {"cmd": "true", "params": [{str(config.COMPOSED): list(declared)}]}
+        Path("dvc.yaml").write_text(OmegaConf.to_yaml({"stages": {"stage": stage}}))
+        return config.sections("stage", item=item)
+
+    return sections
+
+
+def nested(values: dict, path: str = ""):
+    """Every section of nested values: its path and the section."""
+    yield path, values
+    for key, value in values.items():
+        if isinstance(value, dict):
+            yield from nested(value, f"{path}.{key}" if path else key)
+
+
+def inside(path: str, value: str) -> str:
+    """``{a: {b: value}}`` for the path a.b."""
+    for key in reversed(path.split(".")):
+        value = f"{{{key}: {value}}}"
+    return value
+
+
+@pytest.mark.parametrize(("group", "option"), [(g, o) for g in config.GROUPS for o in config.options(g)])
+def test_every_option_composes(compose, group, option):
+    composed = OmegaConf.to_container(compose(**{group: option}), throw_on_missing=True)
+    said = OmegaConf.to_container(OmegaConf.load(config.CONF / group / f"{option}.yaml"))
+    said.pop("defaults", None)
+    # what the option says stands in the configuration, whatever else it holds by default
+    for path, section in nested(said):
+        found = composed[group]
+        for key in filter(None, path.split(".")):
+            found = found[key]
+        for key, value in section.items():
+            assert isinstance(value, dict) or "${" in str(value) or found[key] == value
+
+
+@pytest.mark.parametrize("model", config.options("model"))
+def test_every_model_composes_alone(compose, model):
+    assert list(compose(models=f"[{model}]").models) == [model]
+
+
+def test_models_keep_their_order(compose):
+    assert list(compose(models="[wishart, additive]").models) == ["wishart", "additive"]
+
+
+def test_every_group_of_options_is_one_that_params_yaml_chooses_from():
+    assert {folder.name for folder in config.CONF.iterdir() if folder.is_dir()} == {*config.GROUPS, "model"}
+
+
+def test_the_projects_own_parameters_compose():
+    chosen = OmegaConf.load("params.yaml")
+    assert set(chosen) == set(CHOICES)
+    assert config.compose_config(Path("params.yaml")).seed == chosen.seed
+
+
+@pytest.mark.parametrize("group", config.GROUPS)
+@pytest.mark.parametrize("option", ["nonsense", "null", "[paper]"])
+def test_an_unknown_option_lists_those_there_are(compose, group, option):
+    with pytest.raises(ConfigError) as refused:
+        compose(**{group: option})
+    assert ", ".join(config.options(group)) in str(refused.value)
+    assert refused.value.evidence["key"] == group
+
+
+@pytest.mark.parametrize("models", ["[]", "additive", "{additive: 1}", "null", "[additive, additive]"])
+def test_models_that_are_no_list_of_different_options_are_refused(compose, models):
+    with pytest.raises(ConfigError, match="model"):
+        compose(models=models)
+
+
+def test_an_unknown_model_lists_those_there_are(compose):
+    with pytest.raises(ConfigError, match="there are additive, gaussian, wishart"):
+        compose(models="[additive, student]")
+
+
+@pytest.mark.parametrize("key", sorted(set(CHOICES) - {"overrides"}))
+def test_a_missing_parameter_is_named(compose, key):
+    with pytest.raises(ConfigError, match=f"no value for {key}"):
+        compose(**{key: None})
+
+
+def test_overrides_may_be_left_out(compose):
+    assert compose(overrides=None) == compose()
+
+
+def test_an_unknown_parameter_lists_those_there_are(compose):
+    with pytest.raises(ConfigError, match=r"unknown key\(s\) sede; known are articulation, .*, wrench"):
+        compose(sede="1")
+
+
+SECTIONS = [
+    "", "dataset", "dataset.mocap.base", "dataset.force.configurations.C1", "dataset.twin", "dataset.twin.kinect.scene", "models.wishart",
+    "filter",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_an_unknown_key_is_refused_at_every_depth_with_those_there_are(compose, section):
+    path = f"{section}.nonsense".strip(".")
+    with pytest.raises(ConfigError, match=r"'nonsense'.*; there are \w+") as refused:
+        compose(overrides=inside(path, "1"))
+    assert refused.value.evidence["key"] == path
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("filter.particles", "many"), ("filter.particles", "1.5"), ("filter.scheme", "null"), ("filter", "3"), ("dataset.motion", "null"),
+        ("dataset.robot.joints", "3"), ("dataset.mocap.markers", "{link1: {a: [x]}}"), ("dataset.twin", "3"),
+        ("dataset.twin.dynamics", "3"), ("dataset.twin.dynamics.clearance", "wide"), ("dataset.twin.mocap", "{noise_std: -1.0}"),
+        ("models", "null"), ("models.wishart", "null"), ("models.wishart.kind", "laplace"), ("models.wishart.floor", "low"), ("seed", "-1"),
+    ],
+)  # fmt: skip
+def test_a_value_of_the_wrong_type_or_range_is_refused(compose, path, value):
+    with pytest.raises(ConfigError) as refused:
+        compose(overrides=inside(path, value))
+    assert "\n" not in str(refused.value)
+    assert path.split(".")[-1] in str(refused.value).lower()
+
+
+@pytest.mark.parametrize("overrides", ["3", "text", "[1]"])
+def test_overrides_that_are_no_keys_and_values_are_refused(compose, overrides):
+    with pytest.raises(ConfigError, match="overrides must hold keys and values"):
+        compose(overrides=overrides)
+
+
+def test_a_model_that_is_not_chosen_cannot_be_overridden(compose):
+    with pytest.raises(ConfigError, match="no model wishart is chosen; there are additive"):
+        compose(models="[additive]", overrides="{models: {wishart: {kind: wishart, decomposition: lu, floor: 0.2}}}")
+
+
+def test_a_value_that_an_override_leaves_out_is_named(compose):
+    with pytest.raises(ConfigError, match=r"no value for dataset\.force\.configurations\.C9\.direction, "):
+        compose(overrides="{dataset: {force: {configurations: {C9: {file: C9.csv}}}}}")
+
+
+@pytest.mark.parametrize("text", ["- a\n", "seed: [\n", "seed: 1\nseed: 2\n", "\xff", "seed: ${nowhere}\n", "seed: ???\n"])
+def test_a_file_that_is_not_keys_and_values_is_refused_in_one_line(tmp_path, text):
+    file = tmp_path / "params.yaml"
+    file.write_bytes(text.encode("latin-1"))
+    with pytest.raises(ConfigError) as refused:
+        config.compose_config(file)
+    assert refused.value.evidence["file"] == file
+    assert "\n" not in str(refused.value)
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="project's root"):
+        config.compose_config(tmp_path / "params.yaml")
+
+
+def test_an_override_changes_its_value_and_nothing_else(compose):
+    overrides = "{dataset: {twin: {kinect: {scene: {tool_width: 0.07}}}}, models: {wishart: {floor: 0.3}}}"
+    before, after = compose(), compose(overrides=overrides)
+    assert after.dataset.twin.kinect.scene.tool_width == 0.07
+    assert after.models.wishart.floor == 0.3
+    after.dataset.twin.kinect.scene.tool_width = before.dataset.twin.kinect.scene.tool_width
+    after.models.wishart.floor = before.models.wishart.floor
+    assert after == before
+
+
+def test_scientific_notation_without_a_point_is_a_number(compose):
+    assert compose(overrides="{dataset: {mocap: {gate: 1e-3}}}").dataset.mocap.gate == 1e-3
+
+
+def test_a_scale_reaches_the_options_that_refer_to_it(compose):
+    composed = compose(overrides="{scale: {particles: 77, realizations: 33}}")
+    assert (composed.filter.particles, composed.simulation.realizations) == (77, 33)
+
+
+def test_comments_leave_the_composed_configuration_as_it_is_and_a_value_does_not(tmp_path):
+    texts = []
+    for comment, seed in (("", "2017"), ("# why", "2017"), ("# why", "2018")):
+        config.write_config(parameters(tmp_path, comment, seed=seed), tmp_path / "config.yaml")
+        texts.append((tmp_path / "config.yaml").read_bytes())
+    assert texts[0] == texts[1]
+    assert texts[1] != texts[2]
+    assert not list(tmp_path.glob("*.partial"))
+
+
+def test_a_refusal_leaves_the_written_configuration_as_it_was(tmp_path):
+    config.write_config(parameters(tmp_path), tmp_path / "config.yaml")
+    before = (tmp_path / "config.yaml").read_bytes()
+    with pytest.raises(ConfigError):
+        config.write_config(parameters(tmp_path, filter="nonsense"), tmp_path / "config.yaml")
+    assert (tmp_path / "config.yaml").read_bytes() == before
+
+
+def test_a_stage_is_handed_the_sections_it_declares_as_typed_objects(handed):
+    settings = handed("seed", "dataset.robot", "filter", "scale.convex_checks")
+    assert settings.seed == 2017
+    assert isinstance(settings.dataset.robot, schema.Robot)
+    assert isinstance(settings.filter, schema.Filter)
+    assert settings.scale.convex_checks > 0
+    assert isinstance(settings.compute, schema.Compute)
+
+
+@pytest.mark.parametrize("access", ["wrench", "models", "dataset.motion", "dataset.twin", "scale.particles"])
+def test_what_a_stage_does_not_declare_it_does_not_get(handed, access):
+    settings = handed("seed", "dataset.robot", "scale.convex_checks")
+    with pytest.raises(AttributeError):
+        for key in access.split("."):
+            settings = getattr(settings, key)
+
+
+def test_models_are_handed_over_as_their_own_types(handed):
+    models = handed("models").models
+    assert {name: type(model) for name, model in models.items()} == schema.MODELS
+    assert not hasattr(handed("models.${item.model}", item="wishart").models, "additive")
+    assert handed("models.${item.model}", item="wishart").models.wishart == models["wishart"]
+
+
+def test_a_model_that_is_not_in_the_configuration_is_refused(handed):
+    for item in ("student", None):
+        with pytest.raises(ConfigError, match=f"there is no models.{item}"):
+            handed("models.${item.model}", item=item)
+
+
+def test_the_laboratorys_options_are_handed_over_as_their_own_types(handed):
+    twin = handed("dataset.twin", overrides="{dataset: {twin: {mocap: {noise_std: 1e-5}}}}").dataset.twin
+    assert {part: type(value).__name__ for part, value in twin.items()} == config.TWIN
+    assert twin["mocap"] == twin_options.MocapOptions(noise_std=1e-5, placement_std=twin["mocap"].placement_std)
+
+
+def test_an_instrument_that_a_dataset_lacks_is_none(handed):
+    instruments = ["mocap", "depth", "force", "joint_log", "twin", "trajectory"]
+    lacking = ", ".join(f"{instrument}: null" for instrument in instruments)
+    dataset = handed(*(f"dataset.{instrument}" for instrument in instruments), overrides=f"{{dataset: {{{lacking}}}}}").dataset
+    assert vars(dataset) == dict.fromkeys(instruments)
+
+
+def test_a_stage_that_dvc_yaml_does_not_have_is_refused(handed):
+    handed("seed")
+    with pytest.raises(ConfigError, match="no stage 'nonsense'; there are stage"):
+        config.sections("nonsense")
+
+
+def test_a_composed_configuration_of_another_version_is_refused(handed):
+    handed("seed")
+    config.COMPOSED.write_text(config.COMPOSED.read_text().replace("particles:", "swarm:"))
+    with pytest.raises(ConfigError, match="'swarm'"):
+        config.sections("stage")
+
+
+@pytest.mark.parametrize("dvc_file", [Path("dvc.yaml"), *Path("data/raw").glob("*/dvc.yaml")], ids=str)
+def test_every_section_that_a_stage_declares_exists(dvc_file, handed, request):
+    root = request.config.rootpath
+    stages = OmegaConf.to_container(OmegaConf.load(root / dvc_file))["stages"]
+    handed("seed")
+    for stage in stages:
+        config.sections(stage, root / dvc_file, item="wishart")
