@@ -18,11 +18,11 @@ def main() -> int:
         prog="python -m pipeline", description="One stage of the experiment; `dvc repro` runs them all in order."
     )
     parser.add_argument("stage", choices=stages)
-    parser.add_argument("item", nargs="?", help="the model, for stages that run once per model")
+    parser.add_argument("item", nargs="?", help="the model, for stages that run once per model; the folder, for inventory")
     arguments = parser.parse_args()
     run = import_module(f"pipeline.stages.{arguments.stage}").run
     if len(signature(run).parameters) != (arguments.item is not None):
-        parser.error(f"{arguments.stage} takes no model" if arguments.item else f"{arguments.stage} runs for one model: name it")
+        parser.error(f"{arguments.stage} takes no item" if arguments.item else f"{arguments.stage} runs for one item: name it")
     try:
         run(arguments.item) if arguments.item else run()
     except PipelineError as error:

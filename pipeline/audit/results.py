@@ -26,7 +26,8 @@ def results_page(dataset: str, scale: str, models: list[str], metrics: Metrics, 
         "Written by the stage `report` from `reports/metrics` and `reports/tables`. Joint angles are in rad, forces in N.",
         "## Fitted parameters",
         *(f"**{model}** (`reports/metrics/fit_{model}.json`)\n\n{_values(metrics[f'fit_{model}'])}" for model in models),
-        "## Models against recordings\n\nGreatest error of the mean, and the standard deviation of the process noise, root mean square over time.",
+        "## Models against recordings",
+        "Greatest error of the mean, and the standard deviation of the process noise, root mean square over time.",
         _motion(models, metrics["motion"]),
     ]
     if "filter_scores" in tables:

@@ -56,7 +56,7 @@ class GaussianModel:
         return q + np.matvec(inverse, v) + np.sqrt(variance)[..., None] * rng.standard_normal(q.shape), clipped
 
     def require_bound(self, chain: PlanarChain, path: np.ndarray) -> None:
-        """Raise ModelDomainError where u is below ‖J̲⁻¹‖_F on ``path`` (M, 3) in rad: a few particles may stray there, the motion may not."""
+        """Raise ModelDomainError where u is below ‖J̲⁻¹‖_F on ``path`` (M, 3) in rad: particles may stray there, the motion may not."""
         noise_scale(frobenius(chain.inverse_jacobian(path, what="mean pose")), self.alpha, self.u, 3)
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:

@@ -3,102 +3,122 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.linalg import lu, qr
 
 from pipeline import config, contracts, rng, schema
+from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import load_arm
 from pipeline.motion.additive import fit_covariance
+from pipeline.motion.convex_check import noise_covariance_gap, perturbation_gap
 from pipeline.motion.gaussian import frobenius
 from pipeline.motion.gaussian_fit import fit_gaussian
 from pipeline.motion.noise import moments
-from pipeline.motion.wishart_fit import WishartFit, fit_wishart
+from pipeline.motion.wishart_fit import fit_wishart
 
 INGEST, TRACK, NOISE, OUT = Path("data/ingest"), Path("data/track"), Path("data/noise"), Path("data/fit")
 EXTENSIONS = np.linspace(0.005, 1.0, 200)  # ũ tried, as shares of the greatest ‖J̲⁻¹‖: the bound may at most double it
 
 
+@dataclass(frozen=True)
+class Recorded:
+    """The training takes, and which of the convex problems to check."""
+
+    chain: PlanarChain
+    q: np.ndarray  # (takes, M, 3) rad, pose before each step
+    v: np.ndarray  # (M, 3) m, m, rad, commanded steps
+    noise: np.ndarray  # (takes, M, 3) rad
+    steps: pd.DataFrame  # take, part, k, t of every entry of noise
+    checks: int
+    stream: np.random.Generator
+
+
 def run(model: str) -> None:
     """Fit ``model`` and write ``data/fit/MODEL`` and the numbers the paper states to ``reports/metrics``."""
     settings = config.sections("fit", item=model)
-    robot, motion, options = settings.dataset.robot, settings.dataset.motion, settings.models.__dict__[model]
-    chain = load_arm(robot.urdf, robot.joints, robot.tool, robot.locked).chain
-    joints = contracts.read("joints", TRACK)
-    takes, q = contracts.stacked(joints[joints.part == "training"], ["q1", "q2", "q3"])
-    _, noise = contracts.stacked(contracts.read("process_noise", NOISE), ["w1", "w2", "w3"])
-    v = contracts.read("trajectory", INGEST)[["vx", "vz", "vphi"]].to_numpy()[:-1] / motion.rate
+    robot, options = settings.dataset.robot, vars(settings.models)[model]
+    joints, process_noise = contracts.read("joints", TRACK), contracts.read("process_noise", NOISE)
+    _, q = contracts.stacked(joints[joints.part == "training"], ["q1", "q2", "q3"])
+    v = contracts.read("trajectory", INGEST)[["vx", "vz", "vphi"]].to_numpy()[:-1] / settings.dataset.motion.rate
+    recorded = Recorded(
+        chain=load_arm(robot.urdf, robot.joints, robot.tool, robot.locked).chain,
+        q=q[:, :-1], v=v, noise=contracts.stacked(process_noise, ["w1", "w2", "w3"])[1], steps=process_noise[["take", "part", "k", "t"]],
+        checks=settings.scale.convex_checks, stream=rng.stream(settings.seed, f"fit.{model}"),
+    )  # fmt: skip
+    fit = {schema.Additive: _additive, schema.Wishart: _wishart, schema.Gaussian: _gaussian}[type(options)]
+    parameters, metrics, tables = fit(recorded, options)
     with contracts.replacing(OUT / model) as folder:
-        if isinstance(options, schema.Additive):
-            covariance = fit_covariance(noise)
-            parameters, metrics = {"noise_covariance": covariance.tolist()}, _additive_metrics(covariance)
-        elif isinstance(options, schema.Wishart):
-            fit = fit_wishart(chain, q[:, :-1], v, noise, options.decomposition, options.floor)
-            parameters = {"sigma_b": fit.sigma_b, "decomposition": options.decomposition}
-            stream = rng.stream(settings.seed, f"fit.{model}")
-            metrics = _wishart_metrics(fit) | _convex_check(fit, chain, q[:, :-1], v, noise, options, settings.scale.convex_checks, stream)
-            steps = pd.DataFrame({"take": np.repeat(takes, len(v)), "part": "training", "k": np.tile(np.arange(1, len(v) + 1), len(takes))})
-            norms = frobenius(fit.perturbations.s)
-            contracts.write(steps.assign(t=steps.k / motion.rate, norm=norms, bound=fit.perturbations.bound), "perturbation", folder)
-        else:
-            parameters, metrics, ridge = _fit_gaussian(chain, q, v, noise, options)
-            contracts.write(ridge, "ridge", folder)
+        for name, table in tables.items():
+            contracts.write(table, name, folder)
         (folder / "parameters.json").write_text(json.dumps({"kind": options.kind} | parameters, indent=2) + "\n")
     contracts.write_metrics(metrics, Path(f"reports/metrics/fit_{model}.json"))
 
 
-def _additive_metrics(covariance: np.ndarray) -> dict:
+Fit = tuple[dict, dict, dict[str, pd.DataFrame]]  # parameters of the model, metrics, tables by name
+
+
+def _additive(recorded: Recorded, options: schema.Additive) -> Fit:
+    covariance = fit_covariance(recorded.noise)
     std = np.sqrt(np.diag(covariance))
-    entries = {f"sigma_omega_{i + 1}{j + 1}_rad2": covariance[i, j] for i in range(3) for j in range(i, 3)}
-    pairs = ((0, 1), (0, 2), (1, 2))
-    return entries | {f"correlation_omega_{i + 1}{j + 1}": covariance[i, j] / (std[i] * std[j]) for i, j in pairs}
+    metrics = {f"sigma_omega_{i + 1}{j + 1}_rad2": covariance[i, j] for i in range(3) for j in range(i, 3)}
+    metrics |= {f"correlation_omega_{i + 1}{j + 1}": covariance[i, j] / (std[i] * std[j]) for i, j in ((0, 1), (0, 2), (1, 2))}
+    return {"noise_covariance": covariance.tolist()}, metrics, {}
 
 
-def _wishart_metrics(fit: WishartFit) -> dict:
-    return {
+def _wishart(recorded: Recorded, options: schema.Wishart) -> Fit:
+    chain, q, v, noise = recorded.chain, recorded.q, recorded.v, recorded.noise
+    fit = fit_wishart(chain, q, v, noise, options.decomposition, options.floor)
+    perturbed, bound = fit.perturbations.s.any(axis=(1, 2)), fit.perturbations.bound
+    problems = np.broadcast_to(v, q.shape).reshape(-1, 3)
+    moving = np.flatnonzero(np.any(problems, axis=1))
+    chosen = np.sort(recorded.stream.choice(moving, min(recorded.checks, len(moving)), replace=False))
+    gap = perturbation_gap(
+        fit.perturbations,
+        chain,
+        q.reshape(-1, 3),
+        problems,
+        noise.reshape(-1, 3),
+        options.decomposition,
+        fit.weights,
+        options.floor,
+        chosen,
+    )
+    metrics = {
         "sigma_b": fit.sigma_b,
         "sigma_b_greatest_over_time": fit.dispersions.max(),
         "weights_ratio_alpha2_over_alpha1_rad": fit.weights[1] / fit.weights[0],
         "noise_at_rest_rms_rad": fit.rest_noise,
-        "problems": len(fit.perturbations.bound),
-        "problems_without_perturbation": int(np.sum(~fit.perturbations.s.any(axis=(1, 2)))),
-        "problems_on_the_bound_of_definiteness": int(fit.perturbations.bound.sum()),
+        "problems": len(bound),
+        "problems_without_perturbation": np.count_nonzero(~perturbed),
+        "problems_on_the_bound_of_definiteness": np.count_nonzero(bound),
+        "convex_problems_checked": len(chosen),
+        "convex_check_greatest_relative_gap": gap,
     }
+    table = recorded.steps.assign(norm=frobenius(fit.perturbations.s), bound=bound)
+    return {"sigma_b": fit.sigma_b, "decomposition": options.decomposition}, metrics, {"perturbation": table}
 
 
-def _convex_check(fit, chain, q, v, noise, options, checks, stream) -> dict:
-    """Solve some of the problems as printed: the greatest relative excess of the closed form's objective over the solver's."""
-    from pipeline.motion.convex import solve_perturbation
-
-    steps = np.broadcast_to(v, q.shape).reshape(-1, 3)
-    moving = np.flatnonzero(np.any(steps, axis=1))
-    chosen = np.sort(stream.choice(moving, min(checks, len(moving)), replace=False))
-    jacobians = chain.jacobian(q.reshape(-1, 3)[chosen])
-    gaps = []
-    for i, jacobian in zip(chosen, jacobians, strict=True):
-        j1, j2 = lu(jacobian, permute_l=True) if options.decomposition == "lu" else qr(jacobian)
-        _, objective = solve_perturbation(noise.reshape(-1, 3)[i], steps[i], j1, j2, fit.weights, options.floor)
-        gaps.append((fit.perturbations.objective[i] - objective) / objective)
-    return {"convex_problems_checked": len(chosen), "convex_check_greatest_relative_gap": float(np.abs(gaps).max())}
-
-
-def _fit_gaussian(chain, q, v, noise, options) -> tuple[dict, dict, pd.DataFrame]:
-    mean, covariance = moments(noise)
-    mean_pose = q[:, :-1].mean(axis=0)
-    inverse_norm = frobenius(chain.inverse_jacobian(mean_pose, what="mean pose"))
+def _gaussian(recorded: Recorded, options: schema.Gaussian) -> Fit:
+    mean, covariance = moments(recorded.noise)
+    norms = frobenius(recorded.chain.inverse_jacobian(recorded.q.mean(axis=0), what="mean pose"))
+    largest = norms.max()
     fit = fit_gaussian(
-        mean, covariance, np.zeros_like(mean), np.linalg.norm(v, axis=-1), inverse_norm,
-        beta1=options.beta, extensions=EXTENSIONS * inverse_norm.max(),
+        mean, covariance, np.zeros_like(mean), np.linalg.norm(recorded.v, axis=-1), norms,
+        beta1=options.beta, extensions=EXTENSIONS * largest,
     )  # fmt: skip
+    chosen = norms[np.linspace(0, len(norms) - 1, min(recorded.checks, len(norms))).astype(int)]
     metrics = {
         "u": fit.u,
         "alpha": fit.alpha,
         "extension_of_the_norm": fit.extension,
-        "greatest_norm_of_the_inverse_jacobian": inverse_norm.max(),
+        "greatest_norm_of_the_inverse_jacobian": largest,
         "objective": fit.objective,
-        "extension_at_the_end_of_its_interval": bool(fit.at_end),
+        "extension_at_the_end_of_its_interval": fit.at_end,
+        "convex_problems_checked": len(chosen),
+        "convex_check_greatest_relative_gap": noise_covariance_gap(chosen, fit.alpha, fit.u),
     }
-    ridge = pd.DataFrame({"u": inverse_norm.max() + fit.extensions, "alpha": fit.alphas, "objective": fit.objectives})
-    return {"alpha": fit.alpha, "u": fit.u}, metrics, ridge
+    ridge = pd.DataFrame({"u": largest + fit.extensions, "alpha": fit.alphas, "objective": fit.objectives})
+    return {"alpha": fit.alpha, "u": fit.u}, metrics, {"ridge": ridge}
