@@ -32,6 +32,7 @@ MAY_IMPORT = {
     "motion": {"errors", "arm", "randommatrix"},
     "filtering": {"errors", "arm", "motion"},
     "wrench": {"errors", "randommatrix", "statistics"},
+    "recordings": {"errors", "schema", "arm", "instruments", "perception", "wrench"},
     "twin": {"errors", "arm"},
     "figures": {"errors"},
     "audit": {"errors"},
