@@ -31,13 +31,12 @@ $(READY): requirements.lock uv.requirements build-constraints.txt
 	rm -rf $(VENV)
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r uv.requirements
-	$(BIN)/uv pip sync --quiet --python $(BIN)/python --require-hashes --build-constraint build-constraints.txt requirements.lock
+	$(BIN)/uv pip sync --quiet --system-certs --python $(BIN)/python --require-hashes --build-constraint build-constraints.txt requirements.lock
 	touch $@
 
 # Renew the locks after a change of pyproject.toml; needs an environment.
 lock: $(READY)
-	$(VENV)/bin/uv --version >/dev/null 2>&1 || python -m pip install --quiet --require-hashes -r uv.requirements
-	uv pip compile pyproject.toml --group test --universal --fork-strategy fewest --generate-hashes --no-emit-index-url --no-header \
+	uv pip compile --system-certs pyproject.toml --group test --universal --fork-strategy fewest --generate-hashes --no-emit-index-url --no-header \
 		--python-version 3.11 --build-constraint build-constraints.txt -o requirements.lock
 
 clean-env:
