@@ -83,6 +83,14 @@ class PlanarChain:
         (ax, bx, _), (az, bz, _) = self._segments(q)
         return np.prod(self.signs) * (ax * bz - az * bx)
 
+    def singular(self, q: np.ndarray) -> np.ndarray:
+        """(...,) whether J(q) has no inverse to be trusted: the first two links in line, or a pose that is not a number."""
+        return self._flat(self.determinant(q))
+
+    def _flat(self, cross: np.ndarray) -> np.ndarray:
+        # not "<": a pose that is not a number is refused too
+        return ~(np.abs(cross) >= SINGULAR_SINE * self.lengths[0] * self.lengths[1])
+
     def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
         """(..., 3, 3) J(q)⁻¹ in closed form; raises :class:`SingularJacobianError` naming the first singular ``what``.
 
@@ -91,8 +99,7 @@ class PlanarChain:
         """
         (ax, bx, tx), (az, bz, tz) = self._segments(q)
         cross = az * bx - ax * bz
-        # not "<": a pose that is not a number is refused too
-        bad = ~(np.abs(cross) >= SINGULAR_SINE * self.lengths[0] * self.lengths[1])
+        bad = self._flat(cross)
         if np.any(bad):
             index = tuple(int(i) for i in np.argwhere(bad)[0])
             raise SingularJacobianError(

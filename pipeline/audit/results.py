@@ -29,6 +29,8 @@ def results_page(dataset: str, scale: str, models: list[str], metrics: Metrics, 
         "## Models against recordings",
         "Greatest error of the mean, and the standard deviation of the process noise, root mean square over time.",
         _motion(models, metrics["motion"]),
+        "How the realisations fared:",
+        _side_by_side(models, {model: metrics[f"simulate_{model}"] for model in models}),
     ]
     if "filter_scores" in tables:
         sections += ["## Particle filter on the test takes", _frame(tables["filter_scores"]), "How the filters fared:"]

@@ -9,6 +9,7 @@ import pandas as pd
 
 from pipeline import config, contracts, rng
 from pipeline.arm.model import load_arm
+from pipeline.errors import ModelDomainError
 from pipeline.motion.build import fitted_model
 from pipeline.motion.gaussian import GaussianModel
 from pipeline.motion.realizations import realize
@@ -30,18 +31,29 @@ def run(model: str) -> None:
     fitted = fitted_model(FIT / model)
     if isinstance(fitted, GaussianModel):
         fitted.require_bound(chain, q.mean(axis=0))
-    simulated, clipped = realize(fitted, chain, starts, v, options.mode, stream)
+    simulated, clipped, lost = realize(fitted, chain, starts, v, options.mode, stream)
     grid = trajectory[["k", "t"]]
     spread = simulated
     if options.mode == "one_step":
         nominal = starts[:, :-1] + np.matvec(chain.inverse_jacobian(starts[:, :-1], what="measured pose"), v)
         spread = np.concatenate([np.zeros_like(starts[:, :1]), simulated[:, 1:] - nominal], axis=1)
-    mean, deviation = simulated.mean(axis=0), spread.std(axis=0, ddof=1)
+    surviving = np.isfinite(simulated[..., 0]).sum(axis=0)
+    if surviving.min() < 2:
+        raise ModelDomainError(
+            "fewer than two realisations stay clear of singular poses: their spread cannot be told",
+            model=model, step=int(np.argmax(surviving < 2)), key="simulation",
+        )  # fmt: skip
+    mean, deviation = np.nanmean(simulated, axis=0), np.nanstd(spread, axis=0, ddof=1)
     with contracts.replacing(OUT / model) as folder:
         rows = pd.concat([grid] * len(simulated), ignore_index=True)
         rows = rows.assign(realization=np.repeat(np.arange(len(simulated)), len(grid)))
-        contracts.write(rows.assign(**{f"q{j + 1}": simulated[..., j].ravel() for j in range(3)}), "realizations", folder)
+        rows = rows.assign(**{f"q{j + 1}": simulated[..., j].ravel() for j in range(3)})
+        contracts.write(rows.dropna(), "realizations", folder)
         moments = {f"m{j + 1}": mean[:, j] for j in range(3)} | {f"s{j + 1}": deviation[:, j] for j in range(3)}
         contracts.write(grid.assign(**moments), "moments", folder)
-    metrics = {"steps_with_clipped_noise": clipped, "steps": simulated[:, 1:, 0].size}
+    metrics = {
+        "steps": simulated[:, 1:, 0].size,
+        "steps_with_clipped_noise": clipped,
+        "realizations_lost_at_a_singular_pose": lost,
+    }
     contracts.write_metrics(metrics, Path(f"reports/metrics/simulate_{model}.json"))

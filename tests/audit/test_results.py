@@ -17,6 +17,7 @@ def metrics():
         motion |= {f"{source}_std_q{j}_rms_rad": 0.01 * j for source in ("recorded", *MODELS)}
         motion |= {f"{model}_std_q{j}_correlation_with_recorded": 0.5 for model in MODELS}
     fits = {"fit_additive": {"sigma_omega_11_rad2": 2.5e-5}, "fit_wishart": {"sigma_b": 0.28765}}
+    fits |= {f"simulate_{model}": {"realizations_lost_at_a_singular_pose": 7} for model in MODELS}
     return {"motion": motion} | fits | {f"filter_{model}": {"mean_effective_sample_size": 751.5} for model in MODELS}
 
 
@@ -36,7 +37,16 @@ def test_numbers_have_four_digits_and_counts_all_of_theirs():
 
 def test_every_number_given_is_on_the_page(metrics, tables):
     page = results_page("youbot", "paper", MODELS, metrics, tables)
-    for text in ("dataset youbot, scale paper", "2.5e-05", "0.2877", "0.001234", "0.04095", "interpolated", "| 17 |"):
+    for text in (
+        "dataset youbot, scale paper",
+        "2.5e-05",
+        "0.2877",
+        "0.001234",
+        "0.04095",
+        "interpolated",
+        "| 17 |",
+        "lost at a singular pose | 7 | 7 |",
+    ):
         assert text in page
 
 
