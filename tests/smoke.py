@@ -18,6 +18,9 @@ def copy_project(folder: Path) -> None:
         if source.is_file() and not name.startswith("reports/") and Path(name).name != "dvc.lock":
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(source, folder / name)
+    # what is compiled of equal sources need not be compiled again; times and sizes decide, and copies keep them
+    for compiled in (ROOT / "pipeline").rglob("__pycache__"):
+        shutil.copytree(compiled, folder / compiled.relative_to(ROOT), dirs_exist_ok=True)
     (folder / ".dvc/config.local").write_text("[core]\n    no_scm = true\n")
 
 
