@@ -26,6 +26,7 @@ lint: $(READY)
 # A new environment whenever a lock changes. uv only installs: every file is checked against its hash.
 $(READY): requirements.lock uv.requirements build-constraints.txt
 	@test -n "$(PYTHON)" || { echo "error: no Python 3.11 or 3.12 found (looked for python3.12, python3.11, python3, python); install one, or name it: make PYTHON=/path/to/python3.12" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' || { echo "error: $(PYTHON) is no Python 3.11 or 3.12" >&2; exit 1; }
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "error: $(PYTHON) lacks the venv module; on Debian and Ubuntu install python3-venv" >&2; exit 1; }
 	@command -v git >/dev/null || { echo "error: git is missing; DVC needs it" >&2; exit 1; }
 	rm -rf $(VENV)

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import run
+from omegaconf import OmegaConf
 
 from pipeline.errors import PipelineError
 
@@ -172,3 +173,11 @@ def test_the_command_prints_one_line_and_exits_with_an_error(project):
     assert done.returncode == 1
     assert [line for line in done.stderr.splitlines() if line.startswith("error: ingest: ")]
     assert "Traceback" not in done.stderr
+
+
+def test_a_depth_camera_without_the_motion_capture_that_sets_its_clock(project):
+    file = Path("data/config.yaml")
+    config = OmegaConf.load(file)
+    config.dataset.mocap = None
+    OmegaConf.save(config, file)
+    refuses("ingest", "dataset.depth", "motion capture")

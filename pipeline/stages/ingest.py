@@ -10,7 +10,7 @@ import pandas as pd
 from pipeline import config, contracts
 from pipeline.arm.model import load_arm
 from pipeline.compute import run_trials
-from pipeline.errors import RecordingError
+from pipeline.errors import ConfigError, RecordingError
 from pipeline.recordings import depth_camera, motion_capture
 from pipeline.recordings.force_transducer import force_rows
 from pipeline.recordings.joint_logs import joint_log_rows
@@ -25,6 +25,8 @@ def run() -> None:
     raw = Path(dataset.recordings)
     if not raw.is_dir():
         raise RecordingError("the folder of the recordings does not exist; see its datasheet for how to get them", file=raw)
+    if dataset.depth is not None and dataset.mocap is None:
+        raise ConfigError("a depth camera needs the motion capture that its clock is set by", key="dataset.depth")
     arm = load_arm(dataset.robot.urdf, dataset.robot.joints, dataset.robot.tool, dataset.robot.locked)
     with contracts.replacing(OUT) as folder:
         quality = []
