@@ -136,3 +136,24 @@ def test_a_bad_parameter_stops_with_one_message_and_leaves_what_stood(copy, para
         assert len(message) == 1 and all(name in message[0] for name in names), done.stderr
     assert (copy / "data/config.yaml").read_text() == before
     assert (copy / "reports/figures/joint_std.svg").exists() and (copy / "data/filter/additive/posterior.parquet").exists()
+
+
+@pytest.mark.parametrize("dataset", ["ur5", "ur5_rounds"])
+def test_the_motion_part_runs_on_a_real_robot_and_the_rest_says_what_it_lacks(copy, dataset):
+    recordings = Path(__file__).parents[2] / "shared/recordings"
+    if not (recordings / "ur5").is_dir():
+        pytest.skip("the UR5 recordings are not beside the project")
+    (copy.parent / "shared").mkdir()
+    (copy.parent / "shared/recordings").symlink_to(recordings)
+    set_parameters(copy, dataset=dataset)
+    done = run("dvc", "repro", cwd=copy)
+    assert done.returncode == 0, done.stdout + done.stderr
+    for lacking in ("no mocap", "no depth camera", "nothing to filter", "no force transducer"):
+        assert lacking in done.stdout
+    drawn = {file.stem for file in (copy / "reports/figures").glob("*.svg")}
+    assert drawn == {"joint_realizations", "mean_error", "joint_std", "wrench_error_histograms", "cable_robot"}
+    metrics = {file.stem: json.loads(file.read_text()) for file in (copy / "reports/metrics").glob("*.json")}
+    # a position-controlled arm with encoders of micro-radians: the noise of a step is far below that of the youBot
+    assert 1e-12 < metrics["fit_additive"]["sigma_omega_22_rad2"] < 1e-7
+    assert 0 < metrics["fit_wishart"]["sigma_b"] < 0.8 and metrics["fit_gaussian"]["alpha"] > 0
+    assert metrics["filter"] == {} and f"dataset {dataset}" in (copy / "reports/results.md").read_text()

@@ -38,8 +38,13 @@ def solve_perturbation(
 
 
 def solve_noise_covariance(norm: float, alpha: float, u: float, n: int) -> np.ndarray:
-    """(n, n) Σ_k of (cost)–(const2): maximise ln|Σ| subject to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0, with ``norm`` ‖J‖_F. Raises SolverError."""
+    """(n, n) Σ_k of (cost)–(const2): maximise ln|Σ| subject to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0, with ``norm`` ‖J‖_F. Raises SolverError.
+
+    Σ is solved for in units of the bound, as the solver's tolerances are absolute: that adds a constant to ln|Σ|.
+    """
+    bound = alpha**2 * (u**2 - norm**2)
+    if not bound > 0:
+        raise SolverError("the problem has no feasible point with a logarithm: u is not above the norm", norm=norm, alpha=alpha, u=u)
     sigma = cp.Variable((n, n), symmetric=True)
-    constraints = [cp.trace(n * sigma) <= alpha**2 * (u**2 - norm**2), sigma >> 0]
-    _solve(cp.Problem(cp.Maximize(cp.log_det(sigma)), constraints), norm=norm, alpha=alpha, u=u)
-    return sigma.value
+    _solve(cp.Problem(cp.Maximize(cp.log_det(sigma)), [cp.trace(n * sigma) <= 1, sigma >> 0]), norm=norm, alpha=alpha, u=u)
+    return bound * sigma.value
