@@ -29,6 +29,11 @@ def _real(description: str, low: float | None = None, high: float | None = None,
     return pa.Column("float64", checks, nullable=gaps, description=description)
 
 
+def _log_density(description: str) -> pa.Column:
+    """Minus infinity is a value: what happened had no probability; a gap is where there is no density."""
+    return pa.Column("float64", pa.Check(lambda x: x < np.inf, error="must not be plus infinity"), nullable=True, description=description)
+
+
 def _count(description: str, low: int = 0) -> pa.Column:
     return pa.Column("int64", pa.Check.ge(low), description=description)
 
@@ -107,7 +112,21 @@ TABLES: dict[str, dict[str, pa.Column]] = {
     "ridge": {
         "u": _real("bound û of the norm of the inverse Jacobian", 0.0),
         "alpha": _real("best α for that bound", 0.0),
-        "objective": _real("objective for (ũ, α) there", 0.0),
+        "objective": _real("objective for (ũ, α) there, or how far the log-likelihood is below its greatest", 0.0),
+    },
+    # evaluate
+    "one_step_scores": TAKE
+    | STEP
+    | {
+        "moving": _flag("whether the step that ends at k was commanded to move"),
+        "log_density": _log_density("log density of the measured pose, measurement noise included, ln rad⁻³"),
+        "log_density_noiseless": _log_density("log density under the model alone, ln rad⁻³; missing at rest"),
+        "energy": _real("energy score, measurement noise included, rad"),
+    }
+    | {f"z{j}": _real(f"measured pose minus predicted mean in predicted standard deviations, joint {j}", gaps=True) for j in (1, 2, 3)}
+    | {
+        "nees": _real("normalised estimation error squared of the prediction", 0.0, gaps=True),
+        "log_determinant": _real("log determinant of the predicted covariance, ln rad⁶", gaps=True),
     },
     # simulate
     "realizations": REALIZATION | STEP | _joints("simulated joint angle"),
@@ -122,22 +141,30 @@ TABLES: dict[str, dict[str, pa.Column]] = {
         "resampled": _flag("whether the step ended in resampling"),
         "measured": _flag("whether a measurement entered at the step"),
         "clipped": _count("particles whose noise covariance was clipped"),
-        "outside": _count("particles beyond the joint limits"),
+        "outside": _count("particles beyond the joint limits or at a singular pose"),
     },
     # wrench
     "wrench_errors": {
         "agents": _count("number of cables m", 1),
         "system": _count("test system"),
         "error": _real("‖diag Cov(W) − Var(F)‖ / ‖Var(F)‖", 0.0),
+        **{f"covariance_error_{form}": _real(f"‖Cov(W) − Cov(F)‖ / ‖Cov(F)‖ with the {form} Σ_S", 0.0) for form in ("diagonal", "full")},
     },
     "sigma_s": {
         "system_class": _text("bounds that the systems were drawn from"),
         "agents": _count("number of cables m", 1),
-        "s11": _real("mean of the optimal Σ_S, entry (1, 1)", 0.0),
-        "s22": _real("mean of the optimal Σ_S, entry (2, 2)", 0.0),
-        "se11": _real("its standard error over the systems", 0.0),
-        "se22": _real("its standard error over the systems", 0.0),
-        "clipped": _count("entries of single systems that Σ_S ≥ 0 held"),
+        "form": _text("diagonal, as in the paper, or full", ("diagonal", "full")),
+        **{
+            f"{name}{ij}": _real(f"{what}, entry ({', '.join(ij)})", None if name == "e" or (name, ij) == ("s", "12") else 0.0)
+            for name, what in {
+                "s": "mean of the optimal Σ_S over drawn systems",
+                "se": "its standard error over the systems",
+                "e": "expectation of the optimal Σ_S",
+                "ee": "its standard error from quasi-Monte Carlo",
+            }.items()
+            for ij in ("11", "12", "22")
+        },
+        "clipped": _count("eigenvalues of single systems that Σ_S ≥ 0 held; entries, where Σ_S is diagonal"),
     },
     "wrench_spread": {
         "agents": _count("number of cables m", 1),
@@ -159,6 +186,15 @@ TABLES: dict[str, dict[str, pa.Column]] = {
         **{f"var_{c}": _real(f"variance of {c}, N²", 0.0) for c in ("fx", "fy")},
         "cov": _real("covariance of fx and fy, N²"),
         "samples": _count("number of samples"),
+    },
+    "force_test": {
+        "configuration": _text("configuration of the robots"),
+        "form": _text("Σ_S of the model: diagonal, full, or none for Σ_S = 0", ("diagonal", "full", "none")),
+        "energy_distance": _real("energy distance of the measured from the modelled force, N"),
+        "two_sample_p_value": _real("its permutation p-value", 0.0, 1.0),
+        "effective_samples": _real("samples of the record over its autocorrelation time", 0.0),
+        "tested_samples": _count("samples of the thinned record", 2),
+        **{f"matrix_share_{c}": _real(f"share of the modelled variance of {c} that Σ_S causes", 0.0, 1.0) for c in ("fx", "fy")},
     },
     # the synthetic laboratory's truth, for scoring alone
     "true_joints": TAKE | STEP | _joints("true joint angle"),

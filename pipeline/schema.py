@@ -132,23 +132,57 @@ class Model:
     kind: str = MISSING
 
 
+def _require_estimator(estimator: str, among: tuple[str, ...]) -> None:
+    if estimator not in among:
+        raise ConfigError(f"estimator: no estimator {estimator!r}; there are {', '.join(among)}", key="models.*.estimator")
+
+
 @dataclass
 class Additive(Model):
-    pass
+    estimator: str = MISSING
+
+    def __post_init__(self) -> None:
+        _require_estimator(self.estimator, ("paper", "shrinkage"))
 
 
 @dataclass
 class Wishart(Model):
+    estimator: str = MISSING
     decomposition: str = MISSING
-    floor: float = MISSING
+    floor: float | None = None  # of the paper's estimator alone
+
+    def __post_init__(self) -> None:
+        _require_estimator(self.estimator, ("paper", "likelihood"))
+        if self.estimator == "paper" and self.floor is None:
+            raise ConfigError("the paper's estimator of a Wishart model needs a floor", key="models.*.floor")
 
 
 @dataclass
 class Gaussian(Model):
-    beta: float = MISSING
+    estimator: str = MISSING
+    beta: float | None = None  # of the paper's estimator alone
+
+    def __post_init__(self) -> None:
+        _require_estimator(self.estimator, ("paper", "likelihood"))
+        if self.estimator == "paper" and self.beta is None:
+            raise ConfigError("the paper's estimator of a Gaussian model needs a beta", key="models.*.beta")
 
 
-MODELS = {"additive": Additive, "wishart": Wishart, "gaussian": Gaussian}
+@dataclass
+class Scaled(Model):
+    structure: str = MISSING
+
+    def __post_init__(self) -> None:
+        if self.structure not in ("diagonal", "full", "timing"):
+            raise ConfigError(f"structure: no structure {self.structure!r}; there are diagonal, full, timing", key="models.*.structure")
+
+
+@dataclass
+class Student(Model):
+    pass
+
+
+MODELS = {"additive": Additive, "wishart": Wishart, "gaussian": Gaussian, "scaled": Scaled, "student": Student}
 
 
 @dataclass

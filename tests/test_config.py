@@ -128,8 +128,8 @@ def test_models_that_are_no_list_of_different_options_are_refused(compose, model
 
 
 def test_an_unknown_model_lists_those_there_are(compose):
-    with pytest.raises(ConfigError, match="there are additive, gaussian, wishart"):
-        compose(models="[additive, student]")
+    with pytest.raises(ConfigError, match=f"there are {', '.join(config.options('model'))}"):
+        compose(models="[additive, laplace]")
 
 
 @pytest.mark.parametrize("key", sorted(set(CHOICES) - {"overrides"}))
@@ -168,6 +168,7 @@ def test_an_unknown_key_is_refused_at_every_depth_with_those_there_are(compose, 
         ("dataset.robot.joints", "3"), ("dataset.mocap.markers", "{link1: {a: [x]}}"), ("dataset.twin", "3"),
         ("dataset.twin.dynamics", "3"), ("dataset.twin.dynamics.clearance", "wide"), ("dataset.twin.mocap", "{noise_std: -1.0}"),
         ("models", "null"), ("models.wishart", "null"), ("models.wishart.kind", "laplace"), ("models.wishart.floor", "low"), ("seed", "-1"),
+        ("models.wishart.estimator", "bayes"), ("models.wishart.floor", "null"), ("models.gaussian.beta", "null"),
     ],
 )  # fmt: skip
 def test_a_value_of_the_wrong_type_or_range_is_refused(compose, path, value):
@@ -181,6 +182,11 @@ def test_a_value_of_the_wrong_type_or_range_is_refused(compose, path, value):
 def test_overrides_that_are_no_keys_and_values_are_refused(compose, overrides):
     with pytest.raises(ConfigError, match="overrides must hold keys and values"):
         compose(overrides=overrides)
+
+
+def test_an_unknown_structure_of_the_scaled_noise_lists_those_there_are(compose):
+    with pytest.raises(ConfigError, match="there are diagonal, full, timing"):
+        compose(models="[scaled]", overrides="{models: {scaled: {structure: banded}}}")
 
 
 def test_a_model_that_is_not_chosen_cannot_be_overridden(compose):
@@ -263,7 +269,7 @@ def test_what_a_stage_does_not_declare_it_does_not_get(handed, access):
 
 
 def test_models_are_handed_over_as_their_own_types(handed):
-    models = handed("models").models
+    models = handed("models", models="[additive, wishart, gaussian, scaled, student]").models
     assert {name: type(model) for name, model in models.items()} == schema.MODELS
     assert not hasattr(handed("models.${item.model}", item="wishart").models, "additive")
     assert handed("models.${item.model}", item="wishart").models.wishart == models["wishart"]

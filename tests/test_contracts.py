@@ -50,12 +50,13 @@ def spoiled(name: str, column: str) -> list[tuple[str, list]]:
     """What the column must refuse: a name for it, and values of which the last is the bad one."""
     kind, rules, good = kind_of(name, column), bounds(name, column), some(name, column)[:-1]
     bad = {
-        "float64": [("infinite", np.inf), ("infinite", -np.inf), ("text", "1.0")],
+        "float64": [("infinite", np.inf), ("text", "1.0")],
         "int64": [("fraction", 1.5), ("not a number", np.nan), ("text", "1"), ("below", rules.get("min_value", 0) - 1)],
         "bool": [("text", "yes"), ("missing", None), ("number", 0.5)],
         "text": [("number", 3), ("missing", None)],
     }[kind]
     if kind == "float64":
+        bad += [("infinite", -np.inf)] * (not column.startswith("log_density"))  # what happened may have had no probability
         bad += [("not a number", np.nan)] * (not TABLES[name][column].nullable)
         bad += [("below", rules["min_value"] - 1e-9)] if "min_value" in rules else []
         bad += [("above", rules["max_value"] + 1e-9)] if "max_value" in rules else []
@@ -95,6 +96,12 @@ def test_what_another_program_wrote_is_checked_on_reading(column, value, tmp_pat
 def test_gaps_are_let_through_where_they_are_allowed(name, column, tmp_path):
     contracts.write(table(name).assign(**{column: [0.0, np.nan, np.nan, 1.0]}), name, tmp_path)
     assert contracts.read(name, tmp_path)[column].isna().sum() == 2
+
+
+def test_what_had_no_probability_has_a_log_density_of_minus_infinity(tmp_path):
+    impossible = table("one_step_scores").assign(log_density=-np.inf)
+    contracts.write(impossible, "one_step_scores", tmp_path)
+    assert np.isneginf(contracts.read("one_step_scores", tmp_path)["log_density"]).all()
 
 
 @pytest.mark.parametrize("name", TABLES)

@@ -26,12 +26,16 @@ MODELS = {
     "additive": {"label": "additive Gaussian noise", "color": SKY, "linestyle": ":"},
     "wishart": {"label": "Wishart perturbation", "color": BLUE, "linestyle": "--"},
     "gaussian": {"label": "Gaussian noise matrix", "color": BLACK, "linestyle": "-."},
+    "scaled": {"label": "scaled with speed, by joint", "color": GREEN, "linestyle": (0, (6, 1.5, 1, 1.5, 1, 1.5))},
+    "scaled_full": {"label": "scaled with speed, full covariance", "color": PURPLE, "linestyle": (0, (8, 2))},
+    "timing": {"label": "common timing error", "color": ORANGE, "linestyle": (0, (3, 1, 1, 1))},
+    "student": {"label": "additive Student noise", "color": GREY, "linestyle": (0, (1, 0.6))},
 }
-# models the paper does not have take these in turn
+# models of other names take these in turn
 FURTHER = [
-    {"color": GREEN, "linestyle": (0, (6, 1.5, 1, 1.5, 1, 1.5))},
-    {"color": PURPLE, "linestyle": (0, (8, 2))},
-    {"color": ORANGE, "linestyle": (0, (3, 1, 1, 1))},
+    {"color": GREEN, "linestyle": (0, (4, 3))},
+    {"color": PURPLE, "linestyle": (0, (2, 2, 6, 2))},
+    {"color": ORANGE, "linestyle": (0, (10, 1.5, 2, 1.5))},
 ]
 JOINTS = [
     {"label": "$q_1$", "color": BLUE, "linestyle": "-"},
@@ -69,7 +73,7 @@ mpl.rcParams.update(
 
 
 def model_lines(models: Iterable[str]) -> dict[str, dict]:
-    """Label, colour and dashes of every model by its option's name; names the paper does not have get the next style of a cycle."""
+    """Label, colour and dashes of every model by its option's name; other names get the next style of a cycle."""
     further = [model for model in models if model not in MODELS]
     return {
         model: MODELS[model] if model in MODELS else {"label": model} | FURTHER[further.index(model) % len(FURTHER)] for model in models

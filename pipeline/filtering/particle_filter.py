@@ -1,8 +1,9 @@
 """Sequential importance sampling of the joint angles under a stochastic motion model (section "RMT-based particle filtering").
 
 Particles are moved by the motion model itself (the prior as proposal), weighted by the depth sensor's likelihood and resampled when few
-of them carry the weight (Doucet, de Freitas & Gordon 2001). The state lives in D_q, the set within the joint limits: a particle that
-leaves it has weight zero, so that the posterior is that of the paths that stay inside.
+of them carry the weight (Doucet, de Freitas & Gordon 2001). The state lives in D_q, the set within the joint limits and clear of
+singular poses, where no motion model is defined: a particle that leaves it has weight zero, so that the posterior is that of the
+paths that stay inside.
 """
 
 from __future__ import annotations
@@ -93,7 +94,7 @@ def particle_filter(
                 q, clipped[k] = model.sample(chain, before, steps[k - 1], rng)
             except SingularJacobianError as error:
                 raise SingularJacobianError(error.message, **error.evidence | {"take": measurements.take, "step": k}) from None
-            gone = ~chain.within_limits(q)
+            gone = ~chain.within_limits(q) | chain.singular(q)
             if gone.any():
                 outside[k] = np.sum(gone & (log_weights > -np.inf))
                 log_weights = np.where(gone, -np.inf, log_weights)
@@ -132,7 +133,7 @@ def initial_particles(start: Start, chain: PlanarChain, count: int, rng: np.rand
     found, rejected = np.empty((0, 3)), 0
     while len(found) < count:
         draws = start.mean + rng.standard_normal((count, 3)) @ root.T
-        inside = chain.within_limits(draws)
+        inside = chain.within_limits(draws) & ~chain.singular(draws)
         if not inside.any():
             raise DegenerateFilterError(
                 f"none of {count} start poses lies within the joint limits; compare the training takes' start with the URDF's limits",

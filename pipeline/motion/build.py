@@ -11,6 +11,8 @@ from pipeline.errors import ContractError
 from pipeline.motion.additive import AdditiveModel
 from pipeline.motion.gaussian import GaussianModel
 from pipeline.motion.model import MotionModel
+from pipeline.motion.scaled import ScaledModel
+from pipeline.motion.student import StudentModel
 from pipeline.motion.wishart import WishartModel
 
 
@@ -26,6 +28,10 @@ def fitted_model(folder: Path) -> MotionModel:
                 return WishartModel(sigma_b, decomposition)
             case {"kind": "gaussian", "alpha": alpha, "u": u}:
                 return GaussianModel(alpha, u)
+            case {"kind": "scaled", "floor": floor, "gain": gain}:
+                return ScaledModel(np.array(floor), np.array(gain))
+            case {"kind": "student", "nu": nu, "scale": scale}:
+                return StudentModel(nu, np.array(scale))
     except (OSError, TypeError, ValueError) as error:
         raise ContractError(f"the fitted parameters cannot be read ({error}); run the stage fit", file=file) from None
     raise ContractError("not the parameters of a motion model; run the stage fit again", file=file)

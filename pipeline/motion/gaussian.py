@@ -12,6 +12,7 @@ import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.errors import ModelDomainError
+from pipeline.motion.density import normal_log_density
 
 
 def frobenius(matrix: np.ndarray) -> np.ndarray:
@@ -66,6 +67,17 @@ class GaussianModel:
     def covariance(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., 3, 3) s‖v‖²·I in rad², zero beyond the bound."""
         return self._variance(chain.inverse_jacobian(q), v)[0][..., None, None] * np.eye(3)
+
+    def log_density(
+        self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, q_next: np.ndarray, measurement: np.ndarray | None = None
+    ) -> np.ndarray:
+        """(...,) that of N(q + J⁻¹v, s‖v‖²·I + ``measurement``).
+
+        Raises ModelDomainError where that covariance is singular: without ``measurement`` at rest and beyond the bound.
+        """
+        inverse = chain.inverse_jacobian(q)
+        deviation = q_next - q - np.matvec(inverse, v)
+        return normal_log_density(deviation, self._variance(inverse, v)[0], np.zeros((3, 3)) if measurement is None else measurement)
 
     def _variance(self, inverse: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, int]:
         norm = frobenius(inverse)

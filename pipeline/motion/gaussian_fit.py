@@ -17,7 +17,7 @@ class GaussianFit:
     alpha: float
     u: float  # û = max_k ‖J̲_k⁻¹‖_F + ũ
     extension: float  # ũ > 0
-    objective: float  # F, rad and rad² mixed as in the paper
+    objective: float  # what was minimised: F, rad and rad² mixed as in the paper, or −Σ ln p
     at_end: bool  # whether ũ stopped at an end of its interval, so that the data do not determine it
     extensions: np.ndarray
     objectives: np.ndarray

@@ -24,3 +24,13 @@ class MotionModel(Protocol):
 
     def covariance(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., 3, 3) Cov(q_{k+1} | q_k = q) in rad²."""
+
+    def log_density(
+        self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, q_next: np.ndarray, measurement: np.ndarray | None = None
+    ) -> np.ndarray:
+        """(...,) ln p(q_{k+1} = q_next | q_k = q), of a density in rad⁻³, for ``q_next`` (..., 3) in rad.
+
+        With ``measurement`` (3, 3), in rad², of the next pose as it is measured: the step plus N(0, measurement), which has a density
+        at every step. Without it, ModelDomainError where the step has none: for the matrix models at rest, where they have no noise,
+        and wherever a covariance is singular.
+        """

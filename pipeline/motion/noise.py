@@ -29,3 +29,15 @@ def moments(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     mean = samples.mean(axis=0)
     centred = samples - mean
     return mean, np.einsum("tki,tkj->kij", centred, centred) / (takes - 1)
+
+
+def measurement_covariance(noise: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(3, 3) Σ_m in rad²: the mean of the sample covariances of ``noise`` ω (takes, M, 3) over the steps without a command, v_k = 0.
+
+    Where the robot rests ω is nothing but the noise of the two measured poses it is made of, so Σ_m holds both; ``v`` (M, 3) commanded
+    steps. Raises ModelDomainError where the motion never rests, or for a single take.
+    """
+    still = ~np.any(v, axis=-1)
+    if not np.any(still):
+        raise ModelDomainError("the motion never rests: the measurement noise cannot be told from the motion's own", steps=len(v))
+    return moments(noise[:, still])[1].mean(axis=0)

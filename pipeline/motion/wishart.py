@@ -17,6 +17,8 @@ import numpy as np
 from pipeline.arm.chain import PlanarChain
 from pipeline.errors import ModelDomainError
 from pipeline.motion.decomposition import Decomposition, factors
+from pipeline.motion.density import normal_log_density
+from pipeline.motion.wishart_density import action_log_density, blurred_log_density
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion
 
 
@@ -73,6 +75,36 @@ class WishartModel:
         a, back = factors(chain, q, v, self.decomposition)
         action = across * np.vecdot(a, a)[..., None, None] * np.eye(n) + (variance - across) * a[..., :, None] * a[..., None, :]
         return back @ action @ np.swapaxes(back, -1, -2)
+
+    def log_density(
+        self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, q_next: np.ndarray, measurement: np.ndarray | None = None
+    ) -> np.ndarray:
+        """(...,) |det J₂|·p(B⁻¹a) at J₂(q_next − q), a = J₁⁻¹v: the exact one-step density.
+
+        Without ``measurement`` −inf where no B > 0 gives the step (aᵀJ₂(q_next − q) ≤ 0), and ModelDomainError where v = 0: there
+        q_{k+1} = q has all the probability. With it both are ordinary values, by quadrature, at rest those of N(q, measurement). Raises
+        ModelDomainError where ``measurement`` is not positive definite.
+        """
+        d = degrees_of_freedom(self.sigma_b, 3)
+        q, v, q_next = np.broadcast_arrays(q, v, q_next)
+        step = q_next - q
+        a, back = factors(chain, q, v, self.decomposition)
+        forward = np.linalg.inv(back)
+        action = np.matvec(forward, step)
+        moving = np.any(v, axis=-1)
+        if measurement is None:
+            if not np.all(moving):
+                raise ModelDomainError(
+                    f"a step of the matrix model has no density at rest, as at {int(np.count_nonzero(~moving))} of {moving.size} step(s); "
+                    "give the covariance of the measurement noise"
+                )
+            return action_log_density(action, a, d) + np.log(np.abs(chain.determinant(q)))
+        at_rest = normal_log_density(step, 0.0, measurement)
+        noise = forward @ measurement @ np.swapaxes(forward, -1, -2)
+        result = np.array(at_rest)
+        result[moving] = blurred_log_density(action[moving], a[moving], noise[moving], d)
+        result[moving] += np.log(np.abs(chain.determinant(q[moving])))
+        return result
 
     def _existing(self, moments: int) -> tuple[float, int]:
         """d and n, where the first ``moments`` moments of B⁻¹ exist."""

@@ -49,7 +49,7 @@ def run(model: str) -> None:
         "mean_effective_sample_size": posterior["ess"].mean(),
         "share_of_steps_resampled": posterior["resampled"].mean(),
         "particle_steps_with_clipped_noise": posterior["clipped"].sum(),
-        "particle_steps_beyond_the_joint_limits": posterior["outside"].sum(),
+        "particle_steps_outside_the_domain": posterior["outside"].sum(),
         "measurements_outside_the_motion": sum(left_out for _, left_out, _ in rows),
         "mean_log_evidence_per_take": np.mean([evidence for _, _, evidence in rows]),
     }

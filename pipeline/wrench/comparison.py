@@ -1,4 +1,4 @@
-"""Measured force against the matrix model of one configuration: moments, and densities on a common grid."""
+"""Measured force against the matrix model of one configuration: moments, densities on a common grid, and a test of one law."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ import numpy as np
 import pandas as pd
 
 from pipeline.statistics.kde import kernel_density, normal_reference_bandwidth
-from pipeline.wrench.matrix import matrix_model, sample_wrenches
+from pipeline.statistics.two_sample import autocorrelation_time, energy_test, thinned
+from pipeline.wrench.matrix import matrix_model, sample_wrenches, wrench_covariance
 from pipeline.wrench.parametric import CableSystem
 
 GRID_REACH = 4.0  # standard deviations of the wider source that the common grid extends beyond the means
+DRAWS = 10  # of the model for every measured sample that is tested: its own scatter then adds a tenth to the record's
 
 
 def modelled_forces(system: CableSystem, sigma_s: np.ndarray, samples: int, rng: np.random.Generator) -> np.ndarray:
-    """``samples`` forces (samples, 2) in N of the matrix model at the nominal ``system`` (m,) with the diagonal ``sigma_s`` (2,)."""
-    return sample_wrenches(matrix_model(system), np.diag(sigma_s), samples, rng)
+    """``samples`` forces (samples, 2) in N of the matrix model at the nominal ``system`` (m,) with ``sigma_s`` (2, 2)."""
+    return sample_wrenches(matrix_model(system), sigma_s, samples, rng)
 
 
 def force_moments(configuration: str, forces: dict[str, np.ndarray]) -> pd.DataFrame:
@@ -61,3 +63,24 @@ def force_density(configuration: str, forces: dict[str, np.ndarray], points: int
         ],
         ignore_index=True,
     )
+
+
+def force_test(measured: np.ndarray, system: CableSystem, sigma_s: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
+    """Whether the record ``measured`` (N, 2) in N has the law of the matrix model at the nominal ``system`` (m,) with ``sigma_s`` (2, 2).
+
+    The energy distance (N) and its permutation p-value of the record, thinned to samples that count as independent, against ten times
+    as many of the model; the record's effective samples N/τ, τ its integrated autocorrelation time, and the samples tested. With them the
+    share of the modelled variances that Σ_S causes: where it is small the test says little of Σ_S, and much of the actuation's law.
+    """
+    model = matrix_model(system)
+    shares = 1 - np.diag(model.actuation_part()) / np.diag(wrench_covariance(model, sigma_s))
+    independent = thinned(measured)
+    distance, p_value = energy_test(independent, modelled_forces(system, sigma_s, DRAWS * len(independent), rng), rng)
+    return {
+        "energy_distance": distance,
+        "two_sample_p_value": p_value,
+        "effective_samples": len(measured) / autocorrelation_time(measured),
+        "tested_samples": len(independent),
+        "matrix_share_fx": shares[0],
+        "matrix_share_fy": shares[1],
+    }

@@ -12,6 +12,8 @@ import numpy as np
 from pipeline.errors import ModelDomainError
 from pipeline.wrench.parametric import CableSystem
 
+FORMS = ("diagonal", "full")  # of Σ_S, see optimal_sigma_s
+
 
 @dataclass(frozen=True)
 class MatrixModel:
@@ -52,17 +54,32 @@ def wrench_covariance(model: MatrixModel, sigma_s: np.ndarray) -> np.ndarray:
     return model.spread()[..., None, None] * sigma_s + model.actuation_part()
 
 
-def optimal_sigma_s(model: MatrixModel, variance: np.ndarray) -> np.ndarray:
-    """Diagonal of the Σ_S ≥ 0 that brings diag Cov(W) closest to ``variance`` (..., n) in N², Eq. (SigSOptim), (..., n).
+def unbounded_sigma_s(model: MatrixModel, covariance: np.ndarray) -> np.ndarray:
+    """M = (Cov(F) − S̲Σ_TS̲ᵀ)/tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, (..., n, n): the Σ_S with which Cov(W) is ``covariance`` (..., n, n) in N².
 
-    The squared objective is a sum over the diagonal, so each entry is solved alone: max(0, (varianceᵢ − (S̲Σ_TS̲ᵀ)ᵢᵢ)/tr{(Σ_T + T̲T̲ᵀ)Ψ_S}).
-    An entry of exactly 0 was held by the bound. Raises ModelDomainError where there is neither actuation nor variance of it.
+    It may have negative eigenvalues: S̲ stands at the nominal directions, so S̲Σ_TS̲ᵀ overstates what the tensions cause along a cable.
+    Raises ModelDomainError where there is neither actuation nor variance of it.
     """
     spread = model.spread()
     if np.any(spread <= 0):
         raise ModelDomainError("Σ_S does not exist for cables without tension: tr{(Σ_T + TTᵀ)Ψ} must be positive")
-    rest = variance - np.einsum("...ii->...i", model.actuation_part())
-    return np.maximum(0.0, rest / spread[..., None])
+    return (covariance - model.actuation_part()) / spread[..., None, None]
+
+
+def optimal_sigma_s(unbounded: np.ndarray, form: str) -> tuple[np.ndarray, np.ndarray]:
+    """The optimal Σ_S ≥ 0 (..., n, n), and how many of its eigenvalues the bound holds at 0 (...); ``unbounded`` M (..., n, n).
+
+    ``form`` "diagonal" is Eq. (SigSOptim), which compares variances alone: with ‖diag Cov(W) − Var(F)‖ = c·‖diag Σ_S − diag M‖,
+    c = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, each entry is solved alone: max(0, Mᵢᵢ). "full" is the paper's modification, its objective augmented
+    with the covariance to ‖Cov(W) − Cov(F)‖_F = c·‖Σ_S − M‖_F, in which the covariance counts twice, as it stands twice in the matrix.
+    Its optimum is the projection of M on the cone of positive semidefinite matrices: the eigenvectors stay and negative eigenvalues
+    become 0 (Higham 1988). Of a diagonal matrix that is the diagonal problem's max. Where nothing is held Σ_S is M, whatever the weights.
+    """
+    target = unbounded if form == "full" else unbounded * np.eye(unbounded.shape[-1])
+    values, vectors = np.linalg.eigh(target)
+    held = np.sum(values < 0, axis=-1)
+    projected = (vectors * np.maximum(values, 0.0)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    return np.where(held[..., None, None] > 0, projected, target), held
 
 
 def sample_wrenches(model: MatrixModel, sigma_s: np.ndarray, samples: int, rng: np.random.Generator) -> np.ndarray:

@@ -2,77 +2,69 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from pipeline.errors import ConfigError
-from pipeline.wrench.matrix import matrix_model, optimal_sigma_s, wrench_covariance
+from pipeline.wrench.bounds import Bounds, draw_systems
+from pipeline.wrench.expectation import ExpectedSigmaS, expected_sigma_s
+from pipeline.wrench.matrix import FORMS, matrix_model, optimal_sigma_s, unbounded_sigma_s, wrench_covariance
 from pipeline.wrench.parametric import CableSystem, force_covariance
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """(low, high) of what characterises a cable; a system draws each cable's values uniformly and independently within them."""
-
-    tension: tuple[float, float]  # T̲, N
-    direction: tuple[float, float]  # θ̲, rad
-    tension_sd: tuple[float, float]  # σ_T, N
-    concentration: tuple[float, float]  # κ (the paper's σ_θ)
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            low, high = getattr(self, field.name)
-            if not -np.inf < low <= high < np.inf:
-                raise ConfigError(f"wrench bounds: {field.name} must be finite with low ≤ high, found ({low}, {high})", key=field.name)
-        if self.tension[0] <= 0 or self.tension_sd[0] < 0 or self.concentration[0] <= 0:
-            raise ConfigError("wrench bounds: tension and concentration must be positive, tension_sd not negative")
 
 
 @dataclass(frozen=True)
 class SigmaS:
     """Σ_S averaged over drawn systems."""
 
-    mean: np.ndarray  # (2,) diagonal of Σ_S
-    standard_error: np.ndarray  # (2,) of the mean
-    clipped: int  # entries of single systems that the bound Σ_S ≥ 0 held
+    mean: np.ndarray  # (2, 2)
+    standard_error: np.ndarray  # (2, 2) of the mean
+    clipped: int  # eigenvalues of single systems' Σ_S that the bound Σ_S ≥ 0 held; of the diagonal form these are its entries
 
 
-def draw_systems(bounds: Bounds, systems: int, agents: int, rng: np.random.Generator) -> CableSystem:
-    """``systems`` cable systems of ``agents`` cables within ``bounds``; every field (systems, agents)."""
-    return CableSystem(**{field.name: rng.uniform(*getattr(bounds, field.name), (systems, agents)) for field in fields(bounds)})
-
-
-def _variances(system: CableSystem) -> np.ndarray:
-    """Var(F_x), Var(F_y) of the parametric model in N², (..., 2)."""
-    return np.einsum("...ii->...i", force_covariance(system))
-
-
-def estimate_sigma_s(bounds: Bounds, systems: int, agents: int, rng: np.random.Generator) -> SigmaS:
-    """Average of the optimal Σ_S of ``systems`` systems of ``agents`` cables drawn within ``bounds``.
+def estimate_sigma_s(bounds: Bounds, systems: int, agents: int, rng: np.random.Generator) -> dict[str, SigmaS]:
+    """Average of the optimal Σ_S, in each of its forms, of the same ``systems`` systems of ``agents`` cables drawn within ``bounds``.
 
     Raises ConfigError for fewer than two systems (no standard error) or no cable.
     """
     if systems < 2 or agents < 1:
         raise ConfigError(f"wrench study: {systems} systems of {agents} cables; at least 2 systems of at least 1 cable are needed")
     drawn = draw_systems(bounds, systems, agents, rng)
-    optimal = optimal_sigma_s(matrix_model(drawn), _variances(drawn))
-    return SigmaS(optimal.mean(axis=0), optimal.std(axis=0, ddof=1) / np.sqrt(systems), int(np.sum(optimal == 0)))
+    unbounded = unbounded_sigma_s(matrix_model(drawn), force_covariance(drawn))
+    estimates = {}
+    for form in FORMS:
+        optimal, held = optimal_sigma_s(unbounded, form)
+        estimates[form] = SigmaS(optimal.mean(axis=0), optimal.std(axis=0, ddof=1) / np.sqrt(systems), int(held.sum()))
+    return estimates
 
 
-def relative_errors(system: CableSystem, sigma_s: np.ndarray) -> np.ndarray:
-    """‖diag Cov(W) − Var(F)‖/‖Var(F)‖, (...): matrix model with the diagonal ``sigma_s`` (2,) against the parametric model."""
-    covariance = wrench_covariance(matrix_model(system), np.diag(sigma_s))
-    variance = _variances(system)
-    return np.linalg.norm(np.einsum("...ii->...i", covariance) - variance, axis=-1) / np.linalg.norm(variance, axis=-1)
+def variance_errors(system: CableSystem, sigma_s: np.ndarray) -> np.ndarray:
+    """‖diag Cov(W) − Var(F)‖/‖Var(F)‖, (...): the paper's error of the matrix model with ``sigma_s`` (2, 2)."""
+    covariances = wrench_covariance(matrix_model(system), sigma_s), force_covariance(system)
+    modelled, variance = (np.einsum("...ii->...i", covariance) for covariance in covariances)
+    return np.linalg.norm(modelled - variance, axis=-1) / np.linalg.norm(variance, axis=-1)
 
 
-def sigma_s_row(system_class: str, agents: int, estimate: SigmaS) -> dict[str, object]:
-    """One row of the table ``sigma_s``."""
-    (s11, s22), (se11, se22) = estimate.mean, estimate.standard_error
-    return {"system_class": system_class, "agents": agents, "s11": s11, "s22": s22, "se11": se11, "se22": se22, "clipped": estimate.clipped}
+def covariance_errors(system: CableSystem, sigma_s: np.ndarray) -> np.ndarray:
+    """‖Cov(W) − Cov(F)‖_F/‖Cov(F)‖_F, (...): error of the whole covariance of the matrix model with ``sigma_s`` (2, 2)."""
+    covariance = force_covariance(system)
+    difference = wrench_covariance(matrix_model(system), sigma_s) - covariance
+    return np.linalg.norm(difference, axis=(-2, -1)) / np.linalg.norm(covariance, axis=(-2, -1))
+
+
+def sigma_s_rows(
+    system_class: str, agents: int, estimates: Mapping[str, SigmaS], expected: Mapping[str, ExpectedSigmaS]
+) -> list[dict[str, object]]:
+    """The rows of the table ``sigma_s`` of one class of systems, one for each form of Σ_S."""
+    rows = []
+    for form, estimate in estimates.items():
+        row = {"system_class": system_class, "agents": agents, "form": form}
+        columns = {"s": estimate.mean, "se": estimate.standard_error, "e": expected[form].mean, "ee": expected[form].standard_error}
+        row |= {f"{name}{i + 1}{j + 1}": values[i, j] for name, values in columns.items() for i, j in ((0, 0), (0, 1), (1, 1))}
+        rows.append(row | {"clipped": estimate.clipped})
+    return rows
 
 
 def run_study(
@@ -82,14 +74,17 @@ def run_study(
 
     For each number of cables in ``agents``: Σ_S from ``systems`` systems, its error on ``tests`` fresh ones. The first two tables
     hold the first repeat; the third holds the mean and the maximum error of each of ``repeats``, as one run's maximum is a random number.
+    The errors are the paper's, of the diagonal Σ_S; the second table also has those of the whole covariance, for both forms.
     """
     sigma_rows, errors, spread = [], [], []
     for repeat, repeat_rng in enumerate(rng.spawn(repeats)):
         for m, m_rng in zip(agents, repeat_rng.spawn(len(agents)), strict=True):
-            estimate = estimate_sigma_s(bounds, systems, m, m_rng)
-            error = relative_errors(draw_systems(bounds, tests, m, m_rng), estimate.mean)
+            estimates = estimate_sigma_s(bounds, systems, m, m_rng)
+            fresh = draw_systems(bounds, tests, m, m_rng)
+            error = variance_errors(fresh, estimates["diagonal"].mean)
             spread.append({"agents": m, "repeat": repeat, "mean": error.mean(), "maximum": error.max()})
             if repeat == 0:
-                sigma_rows.append(sigma_s_row("study", m, estimate))
-                errors.append(pd.DataFrame({"agents": m, "system": np.arange(tests), "error": error}))
+                sigma_rows += sigma_s_rows("study", m, estimates, expected_sigma_s(bounds, m, m_rng.spawn(1)[0]))
+                whole = {f"covariance_error_{form}": covariance_errors(fresh, estimate.mean) for form, estimate in estimates.items()}
+                errors.append(pd.DataFrame({"agents": m, "system": np.arange(tests), "error": error} | whole))
     return pd.DataFrame(sigma_rows), pd.concat(errors, ignore_index=True), pd.DataFrame(spread)

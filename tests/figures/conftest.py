@@ -45,6 +45,7 @@ def tables() -> dict[str, pd.DataFrame]:
     skeleton = [pd.DataFrame(xz, columns=["x", "z"]).assign(view=view, node=range(4)) for view, xz in nodes.items()]
     cloud = [pd.DataFrame({"view": view, "x": rng.uniform(-0.2, 0.4, 50), "z": rng.uniform(0.1, 0.3, 50)}) for view in nodes]
     errors = [pd.DataFrame({"agents": m, "system": range(40), "error": rng.gamma(2, 0.2 / m, 40)}) for m in (3, 10)]
+    errors = [table.assign(covariance_error_diagonal=table["error"], covariance_error_full=table["error"]) for table in errors]
     fx, fy = (c.ravel() for c in np.meshgrid(np.linspace(-2, 6, 9), np.linspace(0, 9, 10), indexing="ij"))
     densities = [
         pd.DataFrame({"configuration": name, "source": source, "fx": fx, "fy": fy, "density": rng.random(len(fx))})

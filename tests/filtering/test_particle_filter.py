@@ -160,16 +160,26 @@ def test_a_far_outlier_is_weighed_without_underflow(free):
     assert -np.inf < posterior.log_evidence < -1e8
 
 
-def test_a_singular_jacobian_carries_the_take_and_the_step(free):
-    class Inverting(Exact):
+def test_particles_at_a_singular_pose_have_left_the_domain(free):
+    # the elbow of the chain stretches at q2 = −π/2, which the third of these steps reaches
+    steps = np.tile([0.0, (-np.pi / 2 - STILL.mean[1]) / 3, 0.0], (4, 1))
+    with pytest.raises(DegenerateFilterError) as caught:
+        filtered(Exact(), free, steps, STILL, particles=5)
+    assert caught.value.evidence["take"] == "test01" and caught.value.evidence["step"] == 3
+    # control: a shorter step does not get there
+    assert filtered(Exact(), free, 0.9 * steps, STILL, particles=5).outside.sum() == 0
+
+
+def test_a_model_that_meets_a_singular_jacobian_carries_the_take_and_the_step(free):
+    class Refusing(Exact):
         def sample(self, chain, q, v, rng):
-            chain.inverse_jacobian(q)
+            if q[0, 0] > 0.55:
+                raise SingularJacobianError("no inverse", q=q[0].tolist())
             return q + v, 0
 
-    steps = np.tile([0.0, 0.1, 0.0], (4, 1))
     with pytest.raises(SingularJacobianError) as caught:
-        filtered(Inverting(), free, steps, STILL, particles=5)
-    assert caught.value.evidence["take"] == "test01" and caught.value.evidence["step"] == 3
+        filtered(Refusing(), free, np.tile([0.1, 0.0, 0.0], (5, 1)), STILL, particles=5)
+    assert caught.value.evidence["take"] == "test01" and caught.value.evidence["step"] == 4
 
 
 @pytest.mark.parametrize("covariance", [np.diag([1.0, 1.0, -0.1]), np.full((3, 3), np.nan)])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import ModelDomainError
-from pipeline.motion.additive import AdditiveModel, fit_covariance
+from pipeline.motion.additive import AdditiveModel, fit_covariance, shrunk_covariance, without_measurement
 
 SIGMA = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
 
@@ -51,3 +51,25 @@ def test_a_singular_covariance_is_a_covariance(chain, poses, step):
 def test_what_is_not_a_covariance_is_refused(bad):
     with pytest.raises(ModelDomainError, match="covariance must be"):
         AdditiveModel(bad)
+
+
+def test_shrinkage_is_nearer_to_the_truth_where_takes_are_few_and_vanishes_where_they_are_many():
+    rng = np.random.default_rng(5)
+    true = np.diag([1.0, 1.5, 2.0])
+    errors = np.zeros(2)
+    for _ in range(200):
+        noise = rng.multivariate_normal(np.zeros(3), true, (3, 4))
+        shrunk, intensity = shrunk_covariance(noise)
+        assert 0 < intensity <= 1
+        errors += [np.sum((shrunk - true) ** 2), np.sum((fit_covariance(noise) - true) ** 2)]
+    assert errors[0] < 0.6 * errors[1]
+    many = rng.multivariate_normal(np.zeros(3), true, (400, 10))
+    shrunk, intensity = shrunk_covariance(many)
+    assert intensity < 0.02
+    np.testing.assert_allclose(shrunk, (1 - intensity) * fit_covariance(many) + intensity * np.trace(fit_covariance(many)) / 3 * np.eye(3))
+
+
+def test_the_measurement_noise_is_taken_off_and_never_more_than_there_is():
+    covariance, quiet = without_measurement(np.diag([3.0, 2.0, 1.0]), np.diag([1.0, 1.0, 1.5]))
+    np.testing.assert_allclose(covariance, np.diag([2.0, 1.0, 0.0]), atol=1e-15)
+    assert quiet == 1

@@ -14,6 +14,11 @@ PARAMETERS = {
     "additive": {"noise_covariance": [[3e-5, -2e-5, 0.0], [-2e-5, 4e-5, 0.0], [0.0, 0.0, 9e-5]]},
     "wishart": {"sigma_b": 0.2, "decomposition": "qr"},
     "gaussian": {"alpha": 0.15, "u": 20.0},
+    "scaled": {
+        "floor": [[3e-6, 0.0, 0.0], [0.0, 4e-6, 0.0], [0.0, 0.0, 9e-6]],
+        "gain": [[0.04, 0.04, 0.0], [0.04, 0.04, 0.0], [0.0, 0.0, 0.1]],
+    },
+    "student": {"nu": 3.5, "scale": [[3e-5, -2e-5, 0.0], [-2e-5, 4e-5, 0.0], [0.0, 0.0, 9e-5]]},
 }
 
 
@@ -38,6 +43,7 @@ def test_parameters_that_were_not_written_are_refused(tmp_path):
         "", "{", "[]", "3", "null", "{}", '{"kind": "laplace"}', '{"kind": "gaussian", "alpha": 0.1}', '{"alpha": 0.1, "u": 20.0}',
         '{"kind": "gaussian", "alpha": "low", "u": 20.0}', '{"kind": "gaussian", "alpha": null, "u": 20.0}',
         '{"kind": "wishart", "sigma_b": "low", "decomposition": "lu"}', '{"kind": "wishart", "sigma_b": [0.2], "decomposition": "lu"}',
+        '{"kind": "scaled", "floor": [[1.0]]}', '{"kind": "student", "nu": "few", "scale": [[1.0]]}', '{"kind": "student", "nu": 3.0}',
         '{"kind": "additive", "noise_covariance": [[1.0, 2.0], [3.0]]}', '{"kind": "additive", "noise_covariance": "large"}',
     ],
 )  # fmt: skip
@@ -58,6 +64,10 @@ def test_malformed_parameters_are_refused(text, tmp_path):
         {"kind": "gaussian", "alpha": 0.1, "u": float("inf")},
         {"kind": "additive", "noise_covariance": [[1.0, 2.0], [3.0, 4.0]]},
         {"kind": "additive", "noise_covariance": None},
+        {"kind": "scaled", "floor": [[1.0]], "gain": [[1.0]]},
+        {"kind": "scaled", "floor": np.eye(3).tolist(), "gain": (-np.eye(3)).tolist()},
+        {"kind": "student", "nu": 0.0, "scale": np.eye(3).tolist()},
+        {"kind": "student", "nu": 3.0, "scale": np.zeros((3, 3)).tolist()},
     ],
 )
 def test_parameters_outside_the_models_range_are_refused(parameters, tmp_path):

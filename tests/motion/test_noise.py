@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import ModelDomainError
-from pipeline.motion.noise import moments, process_noise
+from pipeline.motion.noise import measurement_covariance, moments, process_noise
 
 
 def test_the_noise_put_into_a_motion_comes_out_measured_minus_nominal(chain):
@@ -31,3 +31,16 @@ def test_the_covariance_of_each_step_is_about_its_own_mean():
 def test_one_take_has_no_covariance():
     with pytest.raises(ModelDomainError, match="at least two takes"):
         moments(np.zeros((1, 5, 3)))
+
+
+def test_the_measurement_noise_is_what_moves_at_rest():
+    rng = np.random.default_rng(4)
+    noise = rng.multivariate_normal(np.zeros(3), np.diag([1.0, 4.0, 9.0]), (400, 8))
+    v = np.zeros((8, 3))
+    v[3:6, 1] = 0.01
+    noise[:, 3:6] *= 10
+    np.testing.assert_allclose(measurement_covariance(noise, v), np.diag([1.0, 4.0, 9.0]), atol=0.5)
+    # control: with the steps that move it would be far larger
+    assert np.trace(moments(noise)[1].mean(axis=0)) > 30 * 14 / 2
+    with pytest.raises(ModelDomainError, match="never rests"):
+        measurement_covariance(noise, np.ones((8, 3)))

@@ -8,7 +8,15 @@ from scipy.optimize import least_squares
 from scipy.stats import ks_2samp
 
 from pipeline.errors import ModelDomainError
-from pipeline.wrench.matrix import MatrixModel, expected_wrench, matrix_model, optimal_sigma_s, sample_wrenches, wrench_covariance
+from pipeline.wrench.matrix import (
+    MatrixModel,
+    expected_wrench,
+    matrix_model,
+    optimal_sigma_s,
+    sample_wrenches,
+    unbounded_sigma_s,
+    wrench_covariance,
+)
 from pipeline.wrench.parametric import CableSystem, force_covariance
 
 BAND = 4.5  # standard errors
@@ -67,32 +75,85 @@ def test_without_randomness_of_the_matrix_or_of_the_actuation_the_wrench_is_what
     np.testing.assert_allclose(wrench_covariance(MODEL, np.zeros((2, 2))), MODEL.jacobian @ MODEL.actuation_cov @ MODEL.jacobian.T)
 
 
-def test_the_closed_form_optimum_is_that_of_a_bounded_optimiser_where_the_bound_holds_and_where_it_does_not():
+def test_the_diagonal_optimum_is_that_of_a_bounded_optimiser_where_the_bound_holds_and_where_it_does_not():
     systems = random_systems(400, 2, np.random.default_rng(6))
-    model = matrix_model(systems)
-    variance = np.einsum("...ii->...i", force_covariance(systems))
-    closed = optimal_sigma_s(model, variance)
-    held = np.flatnonzero((closed == 0).any(axis=1))
-    assert len(held) >= 10
-    for k in np.concatenate([held[:10], np.flatnonzero((closed > 0).all(axis=1))[:10]]):
+    model, covariance = matrix_model(systems), force_covariance(systems)
+    closed, held = optimal_sigma_s(unbounded_sigma_s(model, covariance), "diagonal")
+    np.testing.assert_array_equal(held, np.sum(np.einsum("...ii->...i", closed) == 0, axis=-1))
+    assert np.sum(held > 0) >= 10
+    for k in np.concatenate([np.flatnonzero(held)[:10], np.flatnonzero(held == 0)[:10]]):
         one = MatrixModel(model.jacobian[k], model.actuation[k], model.actuation_cov[k], model.psi)
         found = least_squares(
-            lambda s, one=one, k=k: 1e4 * (np.diag(wrench_covariance(one, np.diag(s) * 1e-4)) - variance[k]),
+            lambda s, one=one, k=k: 1e4 * np.diag(wrench_covariance(one, np.diag(s) * 1e-4) - covariance[k]),
             [5.0, 5.0], bounds=(0, np.inf), xtol=1e-14, ftol=1e-14, gtol=1e-14,
         )  # fmt: skip
-        np.testing.assert_allclose(closed[k], found.x * 1e-4, atol=2e-9)
+        np.testing.assert_allclose(closed[k], np.diag(found.x) * 1e-4, atol=2e-9)
 
 
-def test_without_the_bound_the_optimal_matrix_model_has_the_parametric_variances():
+def test_the_full_optimum_is_that_of_an_optimiser_over_covariances_and_leaving_out_negative_diagonals_alone_is_not():
+    systems = random_systems(400, 2, np.random.default_rng(40))
+    model, covariance = matrix_model(systems), force_covariance(systems)
+    unbounded = unbounded_sigma_s(model, covariance)
+    closed, held = optimal_sigma_s(unbounded, "full")
+    np.testing.assert_array_equal(held > 0, np.linalg.det(unbounded) < 0)
+    assert np.sum(held > 0) >= 10 and np.sum(held == 0) >= 10
+    worse = []
+    for k in np.concatenate([np.flatnonzero(held)[:10], np.flatnonzero(held == 0)[:10]]):
+        one = MatrixModel(model.jacobian[k], model.actuation[k], model.actuation_cov[k], model.psi)
+
+        def difference(sigma_s, one=one, k=k):
+            return (wrench_covariance(one, sigma_s) - covariance[k]).ravel()
+
+        def of_factor(entries, difference=difference):
+            factor = np.array([[entries[0], 0.0], entries[1:]])
+            return 1e3 * difference(factor @ factor.T * 1e-4)
+
+        found = [
+            least_squares(of_factor, start, xtol=1e-14, ftol=1e-14, gtol=1e-14).cost
+            for start in ([2.0, 0.0, 2.0], [2.0, 2.0, 0.5], [2.0, -2.0, 0.5])
+        ]
+        reached = 0.5 * np.sum((1e3 * difference(closed[k])) ** 2)
+        assert reached <= min(found) * (1 + 1e-9) + 1e-9
+        assert reached == pytest.approx(min(found), rel=1e-3, abs=1e-6)
+        entries_held = unbounded[k] * (1 - np.eye(2)) + np.diag(np.maximum(0, np.diag(unbounded[k])))
+        worse.append(np.linalg.eigvalsh(entries_held)[0] < -1e-6)
+    assert any(worse[:10]) and not any(worse[10:])
+
+
+def test_the_projection_keeps_the_eigenvectors_and_the_positive_eigenvalues():
+    angle = 0.4
+    vectors = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    unbounded = np.stack([vectors @ np.diag(values) @ vectors.T for values in ([2.0, 3.0], [2.0, -3.0], [-1.0, -2.0])])
+    projected, held = optimal_sigma_s(unbounded, "full")
+    expected = [unbounded[0], 2.0 * np.outer(vectors[:, 0], vectors[:, 0]), np.zeros((2, 2))]
+    np.testing.assert_allclose(projected, expected, atol=1e-15)
+    np.testing.assert_array_equal(projected[0], unbounded[0])
+    assert held.tolist() == [0, 1, 2]
+
+
+def test_where_nothing_is_held_the_matrix_model_has_the_parametric_moments_and_elsewhere_greater_variances():
     systems = random_systems(300, 5, np.random.default_rng(7))
-    model = matrix_model(systems)
-    variance = np.einsum("...ii->...i", force_covariance(systems))
-    sigma_s = optimal_sigma_s(model, variance)
-    fitted = np.einsum("...ii->...i", wrench_covariance(model, sigma_s[:, None, :] * np.eye(2)))
-    free = sigma_s > 0
-    assert free.mean() > 0.9
-    np.testing.assert_allclose(fitted[free], variance[free], rtol=1e-12)
-    assert np.all(fitted[~free] > variance[~free])
+    model, covariance = matrix_model(systems), force_covariance(systems)
+    unbounded = unbounded_sigma_s(model, covariance)
+    full, held = optimal_sigma_s(unbounded, "full")
+    fitted = wrench_covariance(model, full)
+    assert 0.5 < np.mean(held == 0) < 1
+    np.testing.assert_allclose(fitted[held == 0], covariance[held == 0], rtol=1e-11, atol=1e-12)
+    assert np.all(np.trace(fitted - covariance, axis1=-2, axis2=-1)[held > 0] > 0)
+    diagonal, entries = optimal_sigma_s(unbounded, "diagonal")
+    difference = wrench_covariance(model, diagonal) - covariance
+    np.testing.assert_allclose(np.einsum("...ii->...i", difference)[entries == 0], 0.0, atol=1e-12)
+    # without off-diagonal terms the covariance of the two components is that of the actuation alone
+    assert np.abs(difference[..., 0, 1]).max() > 0.01
+
+
+def test_forces_alone_tell_the_trace_of_psi_times_sigma_but_neither_of_the_two():
+    rng = np.random.default_rng(41)
+    factor = rng.standard_normal((3, 3))
+    other = MatrixModel(MODEL.jacobian, MODEL.actuation, MODEL.actuation_cov, factor @ factor.T + np.eye(3))
+    sigma_s = SIGMA_S * MODEL.spread() / other.spread()
+    np.testing.assert_allclose(wrench_covariance(other, sigma_s), wrench_covariance(MODEL, SIGMA_S), rtol=1e-12)
+    assert np.abs(wrench_covariance(other, SIGMA_S) - wrench_covariance(MODEL, SIGMA_S)).max() > 0.1
 
 
 def test_covariances_that_are_none_and_cables_without_tension_are_refused():
@@ -100,4 +161,4 @@ def test_covariances_that_are_none_and_cables_without_tension_are_refused():
     with pytest.raises(ModelDomainError, match="Σ_S"):
         sample_wrenches(MODEL, np.array([[1.0, 2.0], [2.0, 1.0]]), 3, rng)
     with pytest.raises(ModelDomainError, match="tension"):
-        optimal_sigma_s(matrix_model(CableSystem(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))), np.ones(2))
+        unbounded_sigma_s(matrix_model(CableSystem(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))), np.eye(2))

@@ -1,0 +1,105 @@
+"""Scores of stated laws by what was observed: proper scores (Gneiting & Raftery 2007), calibration and sharpness, paired comparisons.
+
+A logarithmic score is a log density at the outcome and best when great, an energy score a distance and best when small. In every
+function the last axis holds the n components of an outcome, and what stands before it are cases, scored one by one.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import chi2, t
+
+from pipeline.errors import ModelDomainError
+
+
+def energy_score(samples: np.ndarray, outcome: np.ndarray) -> np.ndarray:
+    """(...,) E‖X − y‖ − ½E‖X − X′‖ for independent X, X′ of the stated law, in the unit of ``outcome`` y (..., n).
+
+    Gneiting & Raftery 2007, Eq. (22), with exponent 1, estimated from ``samples`` (S, ..., n). The second mean runs over pairs of
+    different samples, so that the estimate is unbiased whatever S (Ferro 2014, "fair"); it may therefore be negative. Raises
+    ModelDomainError for a single sample.
+    """
+    count = len(samples)
+    if count < 2:
+        raise ModelDomainError("an energy score needs at least two samples", samples=count)
+    to_outcome = np.linalg.norm(samples - outcome, axis=-1).mean(axis=0)
+    between = sum(np.linalg.norm(samples[lag:] - samples[:-lag], axis=-1).sum(axis=0) for lag in range(1, count))
+    return to_outcome - between / (count * (count - 1))
+
+
+def nees(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """(...,) normalised estimation error squared eᵀC⁻¹e of ``error`` (..., n) under ``covariance`` (..., n, n).
+
+    χ² with n degrees of freedom, of mean n, where the error is normal with that covariance; greater for a law too sure of itself
+    (Bar-Shalom, Li & Kirubarajan 2001, Sec. 5.4.2). Raises ModelDomainError where a covariance is not positive definite.
+    """
+    try:
+        root = np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        raise ModelDomainError("a squared error cannot be normalised by a covariance that is not positive definite") from None
+    white = np.linalg.solve(root, error[..., None])[..., 0]
+    return np.vecdot(white, white)
+
+
+def nees_band(cases: int, dimension: int, level: float = 0.95) -> tuple[float, float]:
+    """Where the mean NEES of ``cases`` independent errors of ``dimension`` components lies with probability ``level``, tails alike."""
+    low, high = chi2.interval(level, cases * dimension) / np.array(cases)
+    return float(low), float(high)
+
+
+def in_region(squared: np.ndarray, dimension: int, level: float = 0.95) -> np.ndarray:
+    """(...,) bool, whether an error of the NEES ``squared`` (...,) lies in the ellipsoid that holds ``level`` of a normal law."""
+    return squared <= chi2.ppf(level, dimension)
+
+
+def log_determinant(covariance: np.ndarray) -> np.ndarray:
+    """(...,) ln det of ``covariance`` (..., n, n), in ln rad²ⁿ for angles in rad: sharpness, the less the sharper the law.
+
+    Raises ModelDomainError where the determinant is not positive.
+    """
+    sign, logarithm = np.linalg.slogdet(covariance)
+    if np.any(sign <= 0):
+        raise ModelDomainError("the determinant of a covariance is not positive", cases=int(np.count_nonzero(sign <= 0)))
+    return logarithm
+
+
+def normal_log_score(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """(...,) log density of N(0, ``covariance``) (..., n, n) at ``error`` (..., n); raises ModelDomainError like :func:`nees`."""
+    return -(nees(error, covariance) + log_determinant(covariance) + error.shape[-1] * np.log(2 * np.pi)) / 2
+
+
+def relative_error(curve: np.ndarray, recorded: np.ndarray) -> float:
+    """‖curve − recorded‖ / ‖recorded‖ over time, of (K,) values: 0 where the curves agree, 1 where ``curve`` is zero.
+
+    Raises ModelDomainError where ``recorded`` is zero throughout.
+    """
+    size = np.linalg.norm(recorded)
+    if size == 0:
+        raise ModelDomainError("an error relative to a curve that is zero throughout does not exist", values=recorded.size)
+    return float(np.linalg.norm(curve - recorded) / size)
+
+
+class Difference(NamedTuple):
+    """A mean difference and the ends of its confidence interval, in the unit of the scores; NaN where it does not exist."""
+
+    mean: float
+    low: float
+    high: float
+
+
+def paired_difference(scores: np.ndarray, reference: np.ndarray, level: float = 0.95) -> Difference:
+    """Mean of ``scores`` − ``reference`` (takes,), both of the same takes, with Student's interval over the takes.
+
+    Takes are independent and the steps within one are not, so a take counts as one observation. The interval does not exist for a
+    single take; nothing does where a score is missing or infinite.
+    """
+    if not (np.all(np.isfinite(scores)) and np.all(np.isfinite(reference))):
+        return Difference(np.nan, np.nan, np.nan)
+    difference = scores - reference
+    mean, takes = float(difference.mean()), len(difference)
+    if takes < 2:
+        return Difference(mean, np.nan, np.nan)
+    half = float(t.ppf((1 + level) / 2, takes - 1) * difference.std(ddof=1) / np.sqrt(takes))
+    return Difference(mean, mean - half, mean + half)
