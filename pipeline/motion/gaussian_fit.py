@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,32 @@ def weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
     order = np.argsort(values, kind="stable")
     below = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(below, below[-1] / 2)])
+
+
+@dataclass(frozen=True)
+class Search:
+    """The least objective over the extensions of u with the best α for each; ``objectives`` and ``alphas`` (G,) are the ridge."""
+
+    extension: float
+    objective: float
+    alpha: float
+    at_end: bool
+    objectives: np.ndarray
+    alphas: np.ndarray
+
+
+def search(best: Callable[[float], tuple[float, float]], extensions: np.ndarray) -> Search:
+    """Search ``extensions`` (G,) ascending, where ``best`` gives the least objective of one and its α, and refine between neighbours."""
+    objectives, alphas = np.array([best(float(extension)) for extension in extensions]).T
+    i = int(objectives.argmin())
+    extension = float(extensions[i])
+    at_end = i in (0, len(extensions) - 1)
+    if not at_end:
+        refined = minimize_scalar(lambda x: best(x)[0], bounds=(extensions[i - 1], extensions[i + 1]), method="bounded")
+        if refined.fun < objectives[i]:
+            extension = float(refined.x)
+    objective, alpha = best(extension)
+    return Search(extension, objective, alpha, at_end, objectives, alphas)
 
 
 def fit_gaussian(
@@ -65,13 +92,8 @@ def fit_gaussian(
         alpha_squared = weighted_median(traces[moving] / gain[moving], gain[moving])
         return float(constant + (1 - beta1) * np.abs(alpha_squared * gain - traces).sum()), float(np.sqrt(alpha_squared))
 
-    objectives, alphas = np.array([best(float(extension)) for extension in extensions]).T
-    i = int(objectives.argmin())
-    extension = float(extensions[i])
-    at_end = i in (0, len(extensions) - 1)
-    if not at_end:
-        refined = minimize_scalar(lambda x: best(x)[0], bounds=(extensions[i - 1], extensions[i + 1]), method="bounded")
-        if refined.fun < objectives[i]:
-            extension = float(refined.x)
-    objective, alpha = best(extension)
-    return GaussianFit(alpha, largest + extension, extension, objective, at_end, np.asarray(extensions), objectives, alphas)
+    found = search(best, extensions)
+    return GaussianFit(
+        found.alpha, largest + found.extension, found.extension, found.objective, found.at_end,
+        np.asarray(extensions), found.objectives, found.alphas,
+    )  # fmt: skip

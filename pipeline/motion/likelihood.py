@@ -16,7 +16,7 @@ from pipeline.errors import ModelDomainError
 from pipeline.motion.decomposition import Decomposition
 from pipeline.motion.density import normal_log_density
 from pipeline.motion.gaussian import frobenius, noise_scale
-from pipeline.motion.gaussian_fit import GaussianFit
+from pipeline.motion.gaussian_fit import GaussianFit, search
 from pipeline.motion.wishart import WishartModel
 from pipeline.randommatrix.wishart import largest_dispersion
 
@@ -89,13 +89,8 @@ def fit_alpha_u(
         found = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": TOLERANCE})
         return float(found.fun), float(np.exp(found.x))
 
-    objectives, alphas = np.array([best(float(extension)) for extension in extensions]).T
-    i = int(objectives.argmin())
-    extension = float(extensions[i])
-    at_end = i in (0, len(extensions) - 1)
-    if not at_end:
-        refined = minimize_scalar(lambda x: best(x)[0], bounds=(extensions[i - 1], extensions[i + 1]), method="bounded")
-        if refined.fun < objectives[i]:
-            extension = float(refined.x)
-    objective, alpha = best(extension)
-    return GaussianFit(alpha, largest * (1 + extension), largest * extension, objective, at_end, largest * extensions, objectives, alphas)
+    found = search(best, extensions)
+    return GaussianFit(
+        found.alpha, largest * (1 + found.extension), largest * found.extension, found.objective, found.at_end,
+        largest * extensions, found.objectives, found.alphas,
+    )  # fmt: skip
