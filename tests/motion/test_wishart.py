@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from oracles import algorithm_1
 from scipy import linalg, stats
 
 from pipeline.errors import ModelDomainError
@@ -12,15 +13,6 @@ from pipeline.randommatrix import wishart
 
 POSE = np.array([0.4, 1.7, -0.3])
 DRAWS = 30_000
-
-
-def algorithm_1(chain, q, v, sigma_b, decomposition, size, rng) -> np.ndarray:
-    """(size, 3) draws of q_{k+1}, line by line after the paper."""
-    d = wishart.degrees_of_freedom(sigma_b, 3)
-    b = wishart.sample(d, np.eye(3) / d, (size,), rng)
-    jacobian = chain.jacobian(q)
-    j1, j2 = linalg.lu(jacobian, permute_l=True) if decomposition == "lu" else linalg.qr(jacobian)
-    return q + np.linalg.solve(j1 @ b @ j2, v)
 
 
 def least_p_value(first: np.ndarray, second: np.ndarray) -> float:

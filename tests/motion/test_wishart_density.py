@@ -6,7 +6,8 @@ from functools import partial
 
 import numpy as np
 import pytest
-from scipy import linalg, stats
+from oracles import algorithm_1
+from scipy import stats
 
 from pipeline.errors import ModelDomainError
 from pipeline.motion.decomposition import factors
@@ -17,15 +18,6 @@ from pipeline.randommatrix import wishart
 POSE = np.array([0.4, 1.7, -0.3])
 MEASUREMENT = np.array([[0.6, -0.6, 0.0], [-0.6, 1.5, -0.9], [0.0, -0.9, 1.7]]) * 1e-6
 DRAWS = 100_000
-
-
-def algorithm_1(chain, q, v, sigma_b, decomposition, size, rng) -> np.ndarray:
-    """(size, 3) draws of q_{k+1}, line by line after the paper."""
-    d = wishart.degrees_of_freedom(sigma_b, 3)
-    b = wishart.sample(d, np.eye(3) / d, (size,), rng)
-    jacobian = chain.jacobian(q)
-    j1, j2 = linalg.lu(jacobian, permute_l=True) if decomposition == "lu" else linalg.qr(jacobian)
-    return q + np.linalg.solve(j1 @ b @ j2, v)
 
 
 def excess(draws: np.ndarray, low: np.ndarray, high: np.ndarray, log_density, rng) -> float:
