@@ -9,16 +9,20 @@ export PATH := $(BIN):$(PATH)
 export DVC_NO_ANALYTICS := 1
 export HOME ?= $(CURDIR)/$(VENV)
 
-.PHONY: repro test smoke lint lock clean-env
+.PHONY: repro test smoke real lint lock clean-env
 
 repro: $(READY)
 	dvc repro
 
 test: $(READY)
-	python -m pytest -q
+	python -m pytest -q -n auto --dist loadgroup
 
 smoke: $(READY)
 	python tests/smoke.py .smoke
+
+# The same analysis on the recordings of real robots, for the verdicts side by side.
+real: $(READY)
+	python tests/real.py .real
 
 lint: $(READY)
 	ruff check . && ruff format --check .

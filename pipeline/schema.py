@@ -12,6 +12,7 @@ from typing import Any
 from omegaconf import MISSING
 
 from pipeline.errors import ConfigError
+from pipeline.schema_logs import ForceLog, JointLog
 
 
 @dataclass
@@ -35,35 +36,27 @@ class Pose:
 
 
 @dataclass
-class Mocap:
-    training: str = MISSING  # glob of the training takes' files
-    test: str | None = None
-    base: Pose = field(default_factory=Pose)  # the arm's base in the motion-capture world
-    markers: dict[str, dict[str, list[float]]] = MISSING  # link → marker name → position in the segment's frame, m
-    gate: float = MISSING  # m, how far a marker may be from where it is predicted to be taken for it
-    max_gap: int = MISSING  # frames, longest gap that is interpolated
+class Body:
+    """A rigid body of the motion capture that is fixed to a link."""
+
+    name: str = MISSING
+    mount: Pose = field(default_factory=Pose)  # of the body's pivot in the segment's frame
 
 
 @dataclass
-class JointLog:
-    """The controller's own logs: a folder a movement, and which of the commanded motions in them is analysed."""
-
-    movements: str = MISSING  # glob of the movements' folders
-    actual: str = MISSING  # file of measured angles in each
-    target: str = MISSING  # file of commanded angles
-    speed: str = MISSING  # file of commanded speeds
-    joints: int = MISSING  # joints a row holds
-    columns: list[int] = MISSING  # columns (from 1; 0 is time) of the chain's joints
-    start: list[float] = MISSING  # rad, commanded angles of the chain at rest before the motion
-    end: list[float] = MISSING  # rad, and after it
-    rest: int = MISSING  # steps at rest kept on either side, of dataset.motion.steps
-    tolerance: float = MISSING  # rad, how exactly commands must repeat
+class Mocap:
+    training: str = MISSING  # glob of the training takes' files, .csv of Motive or .c3d
+    test: str | None = None
+    unit: str | None = None  # m, cm or mm, of lengths where the files do not say it
+    base: Pose = field(default_factory=Pose)  # the arm's base in the motion-capture world
+    markers: dict[str, dict[str, list[float]]] = MISSING  # link → marker name → position in the segment's frame, m
+    bodies: dict[str, Body] = field(default_factory=dict)  # link → body whose poses carry the link's markers in place of their tracks
+    gate: float = MISSING  # m, how far a marker may be from where it is predicted to be taken for it
+    max_gap: int = MISSING  # frames, longest gap that is interpolated
 
     def __post_init__(self) -> None:
-        if any(len(values) != 3 for values in (self.columns, self.start, self.end)):
-            raise ConfigError("columns, start and end must each hold three values, one a joint of the chain", key="dataset.joint_log")
-        if not all(1 <= column <= self.joints for column in self.columns) or self.rest < 1:
-            raise ConfigError(f"columns must lie between 1 and {self.joints}, and rest be at least 1", key="dataset.joint_log")
+        if self.unit not in (None, "m", "cm", "mm"):
+            raise ConfigError(f"unit: no unit {self.unit!r}; there are m, cm, mm", key="dataset.mocap.unit")
 
 
 @dataclass
@@ -81,16 +74,33 @@ class Workspace:
 
 @dataclass
 class Depth:
-    takes: str = MISSING  # glob of the takes' folders
-    index: str = MISSING  # index file in each
-    intrinsics: str = MISSING  # file, from the recordings' folder
-    width: int = MISSING  # px
-    height: int = MISSING  # px
-    units_per_metre: float = MISSING
+    """A depth camera's takes: folders of images or point clouds, with an index or with numbers in their names, or ROS bags."""
+
+    takes: str = MISSING  # glob of the takes' folders or bags
+    index: str | None = None  # index file in each folder; null where the frames' names are numbered, and for bags
+    frames: str | None = None  # glob of the numbered frames in each folder
+    topic: str | None = None  # of the images or clouds in a bag that has several
+    camera_info: str | None = None  # topic of the intrinsics in a bag that has several, where there is no file of them
+    intrinsics: str | None = None  # file of the images' calibration, from the recordings' folder; null for clouds and bags
+    camera_matrix: str | None = None  # its key in that file, where that is unusual or there are several
+    distortion: str | None = None  # likewise
+    width: int | None = None  # px, of the images; null for clouds
+    height: int | None = None  # px
+    encoding: str = MISSING  # plain, rotated_bits (SUN RGB-D) or disparity (NYU Depth v2)
+    units_per_metre: float = MISSING  # 1000 for millimetres, 5000 for TUM RGB-D, 1 for metres
+    saturation: float | None = None  # stored value from which on there is no depth, as there is none at 0
+    scale_key: str | None = None  # name of a factor in the description of each TIFF
+    disparity: list[float] | None = None  # a and b of depth = a/(b - disparity), m
     rate: float = MISSING  # 1/s
-    camera: Pose = field(default_factory=Pose)  # camera (x right, y down, z forward) in the arm's base frame
+    start: float | None = None  # s on the camera's clock as the motion capture starts; null: at its first frame
+    clock_offset: float | None = None  # s to add to the camera's clock so started to read the motion capture's; null: estimated
+    camera: Pose = field(default_factory=Pose)  # camera (x right, y down, z forward), or the clouds' frame, in the arm's base frame
     workspace: Workspace = field(default_factory=Workspace)
     search: float = MISSING  # s, the clocks' offset is looked for between -search and +search
+
+    def __post_init__(self) -> None:
+        if self.index is not None and self.frames is not None:
+            raise ConfigError("index and frames exclude each other: the times come from the one or the other", key="dataset.depth.frames")
 
 
 @dataclass
@@ -111,6 +121,7 @@ class Force:
     tension_std_bounds: list[float] = MISSING  # N
     tension_bounds: list[float] = MISSING  # N
     configurations: dict[str, Configuration] = MISSING
+    log: ForceLog = field(default_factory=ForceLog)
 
 
 @dataclass
@@ -149,21 +160,35 @@ class Additive(Model):
 class Wishart(Model):
     estimator: str = MISSING
     decomposition: str = MISSING
+    left: list[list[float]] | None = None  # rows of J₁, of the decomposition given alone
     floor: float | None = None  # of the paper's estimator alone
+    ratio_factor: float = 1.0  # on α₂/α₁ of the paper's estimator, which the noise at rest settles
 
     def __post_init__(self) -> None:
         _require_estimator(self.estimator, ("paper", "likelihood"))
         if self.estimator == "paper" and self.floor is None:
             raise ConfigError("the paper's estimator of a Wishart model needs a floor", key="models.*.floor")
+        if (self.decomposition == "given") != (self.left is not None):
+            raise ConfigError("the decomposition given, and no other, needs the rows of J1 as left", key="models.*.left")
+        if self.left is not None and not (len(self.left) == 3 and all(len(row) == 3 for row in self.left)):
+            raise ConfigError("left must hold the three rows of J1, three values each", key="models.*.left")
 
 
 @dataclass
 class Gaussian(Model):
+    form: str = MISSING
     estimator: str = MISSING
     beta: float | None = None  # of the paper's estimator alone
 
     def __post_init__(self) -> None:
         _require_estimator(self.estimator, ("paper", "likelihood"))
+        if self.form not in ("inverse", "forward"):
+            raise ConfigError(f"form: no form {self.form!r}; there are inverse, forward", key="models.*.form")
+        if self.form == "forward" and self.estimator == "paper":
+            raise ConfigError(
+                "the paper's estimator compares means and variances, which a step of the forward form does not have; choose likelihood",
+                key="models.*.estimator",
+            )
         if self.estimator == "paper" and self.beta is None:
             raise ConfigError("the paper's estimator of a Gaussian model needs a beta", key="models.*.beta")
 
@@ -222,6 +247,15 @@ class Simulation:
 
 
 @dataclass
+class Recovery:
+    estimators: dict[str, Any] = field(default_factory=dict)  # name → option of a model, as in models
+    dispersions: list[float] = MISSING  # σ_B of data drawn from the Wishart model
+    takes: int = MISSING
+    stride: int = MISSING
+    datasets: int = MISSING
+
+
+@dataclass
 class Scale:
     name: str = MISSING
     training_takes: int = MISSING
@@ -233,6 +267,13 @@ class Scale:
     test_systems: int = MISSING
     study_repeats: int = MISSING
     convex_checks: int = MISSING
+    control_takes: int = MISSING
+    sensitivity_takes: int = MISSING
+    fault_takes: int = MISSING
+    bootstrap_replicates: int = MISSING
+    recovery_takes: int = MISSING
+    recovery_stride: int = MISSING
+    recovery_datasets: int = MISSING
     force_seconds: float = MISSING
 
 
@@ -250,5 +291,6 @@ class Config:
     articulation: Articulation = field(default_factory=Articulation)
     wrench: Wrench = field(default_factory=Wrench)
     simulation: Simulation = field(default_factory=Simulation)
+    recovery: Recovery = field(default_factory=Recovery)
     scale: Scale = field(default_factory=Scale)
     compute: Compute = field(default_factory=Compute)

@@ -12,7 +12,7 @@ import pytest
 import pipeline  # noqa: F401 - before numpy: it fixes the arithmetic
 
 sys.path.insert(0, str(Path(__file__).parent))
-from smoke import copy_project, set_parameters
+from smoke import SMOKE, copy_project, set_parameters
 
 GIT = ["git", "-c", "user.name=test", "-c", "user.email=test@example.org", "-c", "init.defaultBranch=main"]
 
@@ -26,13 +26,21 @@ def run(*command: str, cwd: Path) -> subprocess.CompletedProcess:
     return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What needs the reproduced project goes first and to one worker: it is made once, while the others run the rest."""
+    for item in items:
+        if "reproduced" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.xdist_group("reproduced"))
+    items.sort(key=lambda item: item.get_closest_marker("xdist_group") is None)
+
+
 @pytest.fixture(scope="session")
 def reproduced(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A clone-like copy of the project, under git, in which ``dvc repro`` has run on the smoke scale."""
     folder = tmp_path_factory.mktemp("reproduced")
     copy_project(folder)
     (folder / ".dvc/config.local").unlink()
-    set_parameters(folder, scale="smoke", compute="serial")
+    set_parameters(folder, **SMOKE)
     for command in (["init", "-q"], ["add", "-A"], ["commit", "-qm", "start"]):
         assert run(*GIT, *command, cwd=folder).returncode == 0
     done = run("dvc", "repro", cwd=folder)

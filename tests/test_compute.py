@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 import operator
+import os
 import time
 from functools import partial
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pipeline.compute import run_trials
@@ -39,23 +42,44 @@ def test_a_trials_error_arrives_with_its_evidence(workers, tmp_path):
     assert raised.value.evidence["file"] == tmp_path / "absent.txt"
 
 
-def test_an_error_stops_what_has_not_begun():
-    started = []
+def begin(number: int, folder: Path) -> None:
+    (folder / str(number)).touch()
+    if number == 1:
+        raise ConfigError("refused")
 
-    def trial(number: int) -> None:
-        started.append(number)
-        if number == 1:
-            raise ConfigError("refused")
 
+def test_an_error_stops_what_has_not_begun(tmp_path):
     with pytest.raises(ConfigError):
-        run_trials(trial, range(5), workers=1, label="trials")
-    assert started == [0, 1]
+        run_trials(partial(begin, folder=tmp_path), range(5), workers=1, label="trials")
+    assert {file.name for file in tmp_path.iterdir()} == {"0", "1"}
+
+
+def contiguous(array: np.ndarray) -> bool:
+    return array.flags.c_contiguous
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_array_is_laid_out_alike_wherever_the_trial_runs(workers):
+    part = np.zeros((4, 6))[:, :-1]
+    assert not contiguous(part)
+    assert run_trials(contiguous, [part] * 3, workers=workers, label="trials") == [True] * 3
+
+
+def process(seconds: float) -> int:
+    time.sleep(seconds)
+    return os.getpid()
+
+
+def test_workers_are_started_where_that_is_worth_it_alone():
+    assert set(run_trials(process, [0.01] * 20, workers=2, label="trials")) == {os.getpid()}
+    here, *elsewhere = run_trials(process, [0.5] * 12, workers=2, label="trials")
+    assert here == os.getpid() and os.getpid() not in elsewhere
 
 
 def test_an_error_in_a_worker_stops_what_has_not_begun():
     begin = time.perf_counter()
     with pytest.raises(TypeError):
-        run_trials(time.sleep, ["no number", *[0.2] * 200], workers=2, label="trials")
+        run_trials(time.sleep, [0.2, "no number", *[0.2] * 200], workers=2, label="trials")
     # all of them would take 20 s
     assert time.perf_counter() - begin < 10
 

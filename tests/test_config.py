@@ -169,6 +169,7 @@ def test_an_unknown_key_is_refused_at_every_depth_with_those_there_are(compose, 
         ("dataset.twin.dynamics", "3"), ("dataset.twin.dynamics.clearance", "wide"), ("dataset.twin.mocap", "{noise_std: -1.0}"),
         ("models", "null"), ("models.wishart", "null"), ("models.wishart.kind", "laplace"), ("models.wishart.floor", "low"), ("seed", "-1"),
         ("models.wishart.estimator", "bayes"), ("models.wishart.floor", "null"), ("models.gaussian.beta", "null"),
+        ("models.gaussian.form", "sideways"), ("models.wishart.left", "[[1.0]]"), ("models.wishart.decomposition", "given"),
     ],
 )  # fmt: skip
 def test_a_value_of_the_wrong_type_or_range_is_refused(compose, path, value):

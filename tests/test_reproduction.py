@@ -16,10 +16,11 @@ pytestmark = pytest.mark.slow
 
 FIGURES = (
     "joint_realizations", "mean_error", "joint_std", "articulation", "kinect_noise", "filter_errors",
-    "wrench_error_histograms", "wrench_density", "cable_robot",
+    "wrench_error_histograms", "wrench_density", "parameter_recovery", "sigma_b_choices", "ridge", "sensitivity", "cable_robot",
+    "model_scores", "faults",
 )  # fmt: skip
 MODELS = ("additive", "wishart", "gaussian")
-AFTER_THE_MODELS = {"configure", "score", "figures", "report"}
+AFTER_THE_MODELS = {"configure", "sensitivity", "score", "figures", "play", "evidence", "report", "page"}
 
 
 @pytest.fixture
@@ -97,7 +98,7 @@ def test_an_edit_reruns_only_what_depends_on_it(copy):
     set_parameters(copy, models="[additive, gaussian]")
     done = run("dvc", "repro", cwd=copy)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert stages_run(done.stdout) == AFTER_THE_MODELS
+    assert stages_run(done.stdout) == AFTER_THE_MODELS | {"control"}
     assert "wishart" not in json.loads((copy / "reports/metrics/motion.json").read_text()).__str__()
 
 
@@ -151,9 +152,10 @@ def test_the_motion_part_runs_on_a_real_robot_and_the_rest_says_what_it_lacks(co
     for lacking in ("no mocap", "no depth camera", "nothing to filter", "no force transducer"):
         assert lacking in done.stdout
     drawn = {file.stem for file in (copy / "reports/figures").glob("*.svg")}
-    assert drawn == {"joint_realizations", "mean_error", "joint_std", "wrench_error_histograms", "cable_robot"}
+    study = {"parameter_recovery", "sigma_b_choices", "ridge", "sensitivity", "model_scores"}
+    assert drawn == {"joint_realizations", "mean_error", "joint_std", "wrench_error_histograms", "cable_robot"} | study
     metrics = {file.stem: json.loads(file.read_text()) for file in (copy / "reports/metrics").glob("*.json")}
     # a position-controlled arm with encoders of micro-radians: the noise of a step is far below that of the youBot
     assert 1e-12 < metrics["fit_additive"]["sigma_omega_22_rad2"] < 1e-7
     assert 0 < metrics["fit_wishart"]["sigma_b"] < 0.8 and metrics["fit_gaussian"]["alpha"] > 0
-    assert metrics["filter"] == {} and f"dataset {dataset}" in (copy / "reports/results.md").read_text()
+    assert metrics["filter"] == {} and f"dataset {dataset}" in (copy / "reports/report.md").read_text()

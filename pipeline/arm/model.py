@@ -73,11 +73,16 @@ def load_arm(urdf: str | Path, joints: Sequence[str], tool: str, locked: Mapping
     # the angular rows of a revolute joint's Jacobian column are its axis in the base frame
     axes = pin.computeJointJacobians(model, data, zero)[3:].T
     # a sliding joint has no axis, one without limits two coordinates
-    if model.nq != 3 or np.any(np.linalg.norm(axes, axis=1) < 0.5):
-        raise ConfigError(f"robot.joints: {list(joints)} must be revolute joints with limits", file=urdf)
+    sliding = len(axes) == 3 and np.linalg.norm(axes, axis=1) < 0.5
+    if model.nq != 3 or np.any(sliding):
+        wrong = [name for i, name in enumerate(joints) if model.joints[i + 1].nq != 1 or sliding[i]]
+        raise ConfigError(f"robot.joints: {list(joints)} must be revolute joints with limits, which {', '.join(wrong)} is not", file=urdf)
     normal = axes[0] / np.linalg.norm(axes[0])
-    if np.any(np.linalg.norm(np.cross(normal, axes), axis=1) > PLANAR_TOLERANCE):
-        raise ConfigError("robot.joints: their axes are not parallel, so they form no planar chain", file=urdf, axes=axes.round(4).tolist())
+    leaning = np.linalg.norm(np.cross(normal, axes), axis=1) > PLANAR_TOLERANCE
+    if np.any(leaning):
+        wrong = ", ".join(name for name, leans in zip(joints, leaning, strict=True) if leans)
+        message = f"robot.joints: the axes are not parallel, so they form no planar chain: not to that of {joints[0]} is {wrong}"
+        raise ConfigError(message, file=urdf, axes=axes.round(4).tolist())
     up = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.99 else np.array([0.0, 1.0, 0.0])
     up = up - normal * (up @ normal)
     up /= np.linalg.norm(up)

@@ -27,7 +27,7 @@ MODELS = {
     "wishart": {"label": "Wishart perturbation", "color": BLUE, "linestyle": "--"},
     "gaussian": {"label": "Gaussian noise matrix", "color": BLACK, "linestyle": "-."},
     "scaled": {"label": "scaled with speed, by joint", "color": GREEN, "linestyle": (0, (6, 1.5, 1, 1.5, 1, 1.5))},
-    "scaled_full": {"label": "scaled with speed, full covariance", "color": PURPLE, "linestyle": (0, (8, 2))},
+    "scaled_full": {"label": "scaled with speed, full", "color": PURPLE, "linestyle": (0, (8, 2))},
     "timing": {"label": "common timing error", "color": ORANGE, "linestyle": (0, (3, 1, 1, 1))},
     "student": {"label": "additive Student noise", "color": GREY, "linestyle": (0, (1, 0.6))},
 }

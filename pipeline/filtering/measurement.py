@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pandas as pd
 
 from pipeline.errors import ContractError, ModelDomainError
 
@@ -77,3 +78,21 @@ class Measurements:
         factor = np.linalg.cholesky(self.covariance)
         log_determinant = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
         return np.linalg.inv(factor), -log_determinant - 1.5 * np.log(2 * np.pi)
+
+
+def measurements(angles: pd.DataFrame, noise: pd.DataFrame) -> list[Measurements]:
+    """The depth camera's measurements of every take, each with the noise estimated without that take.
+
+    ``angles``: columns take, frame, t (s), q1, q2, q3 (rad); ``noise``: take (left out of the estimate), frame, mean b1, b2, b3 (rad) and
+    covariance r11 … r33 (rad²), as in the tables ``angles`` and ``kinect_noise``.
+    """
+    takes = []
+    for take, rows in angles.groupby("take"):
+        others = noise[noise["take"] == take].set_index("frame")
+        # a frame at which no other take has one has no noise estimate to go with
+        rows = rows[rows["frame"].isin(others.index)]
+        others = others.loc[rows["frame"]]
+        covariance = np.array([[others[f"r{min(i, j)}{max(i, j)}"].to_numpy() for j in (1, 2, 3)] for i in (1, 2, 3)])
+        columns = [frame[[f"{name}{j}" for j in (1, 2, 3)]].to_numpy() for frame, name in ((rows, "q"), (others, "b"))]
+        takes.append(Measurements(str(take), rows["t"].to_numpy(), *columns, covariance.transpose(2, 0, 1)))
+    return takes

@@ -1,147 +1,123 @@
-"""Depth sequences: 16-bit PNG frames, their index of time stamps (TUM RGB-D layout) and the camera's intrinsics (OpenCV's YAML)."""
+"""Depth images: 16-bit or floating-point PNG, TIFF and PGM, read as they are; what their values mean is :mod:`depth_encoding`'s."""
 
 from __future__ import annotations
 
+import io
+import struct
+import warnings
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
+from PIL import Image, UnidentifiedImageError
 
 from pipeline.errors import RecordingError
-from pipeline.instruments.delimited import NUMBER, read_text
 
+# what Pillow raises for a header whose bytes are not what they should be
+HEADER_DAMAGE = (OSError, EOFError, ValueError, SyntaxError, TypeError, LookupError, OverflowError, RuntimeError, struct.error)
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+IMAGE_DESCRIPTION = 270  # TIFF 6.0, section 8
 # run lengths on the filtered rows: on noisy 512 x 424 depth 250 kB in 6 ms, where level 6 takes 31 ms for 1 % less
 PNG_PARAMETERS = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
 
 
 @dataclass(frozen=True)
-class Intrinsics:
-    """Pinhole camera of ``width`` × ``height`` pixels: focal lengths and principal point in px, OpenCV's distortion k1, k2, p1, p2, k3 …"""
+class RawDepth:
+    """One image as the sensor's software wrote it: ``pixels`` (H, W) uint16 or float32; a TIFF's ``description``, else ''."""
 
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    width: int
-    height: int
-    distortion: tuple[float, ...] = ()
+    pixels: np.ndarray
+    description: str = ""
 
 
-@dataclass(frozen=True)
-class DepthIndex:
-    """N frames of a sequence: ``time`` (N,) in s on the sensor's clock, increasing; ``files`` relative to the index."""
-
-    time: np.ndarray
-    files: tuple[str, ...]
-    counts: dict[str, int]  # see read_index
-
-
-def read_depth(file: Path, *, shape: tuple[int, int]) -> np.ndarray:
-    """(H, W) uint16 raw depth of the PNG in ``file``, whose size must be ``shape`` = (H, W); 0 where there is no depth.
-
-    Raises RecordingError for a file that is missing, truncated or no PNG, and for pixels that are not one channel of 16 bits.
-    """
+def read_depth(file: Path, *, shape: tuple[int, int]) -> RawDepth:
+    """The image in ``file``, whose size must be ``shape`` = (H, W); RecordingError where it is missing, else as :func:`decode_depth`."""
     try:
         content = Path(file).read_bytes()
     except OSError as error:
-        raise RecordingError(f"the depth frame cannot be read ({error.strerror})", file=file) from None
-    if not content.startswith(PNG_SIGNATURE):
-        raise RecordingError("the depth frame is no PNG image; convert the sequence to 16-bit PNG", file=file)
+        raise RecordingError(
+            f"the depth frame cannot be read ({error.strerror}); copy it again, or take its line out of the index", file=file
+        ) from None
+    return decode_depth(content, shape=shape, file=file)
+
+
+def decode_depth(content: bytes, *, shape: tuple[int, int], file: Path) -> RawDepth:
+    """The image in the ``content`` of ``file``, whose size must be ``shape`` = (H, W).
+
+    Its header is held against ``shape`` before a pixel is decoded, so a small file that unfolds into gigabytes is refused. Raises
+    RecordingError for content that is truncated or no PNG, TIFF or PGM, and for pixels that are not one channel of 16 bits or of
+    floating point.
+    """
+    size, description = _header(content, file)
+    if size != tuple(shape):
+        found, wanted = (f"{width} × {height}" for height, width in (size, shape))
+        raise RecordingError(f"the image has {found} pixels where the camera has {wanted}; check the intrinsics", file=file)
     try:
         # unchanged, because every other mode hands 16 bits back as 8
         image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
         image = None
     if image is None:
-        raise RecordingError("the depth frame is truncated or damaged; copy it again", file=file)
-    if image.ndim != 2 or image.dtype != np.uint16:
+        raise RecordingError("the depth frame is truncated or damaged; copy it again, or take its line out of the index", file=file)
+    check_depth(image, file=file)
+    return RawDepth(image, description)
+
+
+def depth_size(content: bytes, *, file: Path) -> tuple[int, int]:
+    """(H, W) that the image in the ``content`` of ``file`` announces; RecordingError where it is no image, or cut."""
+    return _header(content, file)[0]
+
+
+def check_depth(image: np.ndarray, **evidence: object) -> None:
+    """Raises RecordingError (with ``evidence``) for an image that is not one channel of 16 bits or of floating point."""
+    if image.ndim != 2 or image.dtype not in (np.uint16, np.float32):
         channels = 1 if image.ndim == 2 else image.shape[2]
-        raise RecordingError(f"the image has {channels} channel(s) of {8 * image.itemsize} bits; depth is one of 16 bits", file=file)
-    if image.shape != tuple(shape):
-        found, wanted = (f"{width} × {height}" for height, width in (image.shape, shape))
-        raise RecordingError(f"the image has {found} pixels where the camera has {wanted}; check the intrinsics", file=file)
-    return image
+        kind = {"u": "", "i": "signed "}.get(image.dtype.kind, "floating-point ")
+        raise RecordingError(
+            f"the image has {channels} {kind}channel(s) of {8 * image.itemsize} bits; depth is one of 16 bits or of float32", **evidence
+        )
 
 
-def metres(raw: np.ndarray, *, units_per_metre: float) -> np.ndarray:
-    """Depth along the optical axis in m, float32, NaN where ``raw`` is 0 (1000 units a metre for the Kinect, 5000 for TUM RGB-D)."""
-    depth = raw / np.float32(units_per_metre)
-    depth[raw == 0] = np.nan
-    return depth
+def _whole_png(content: bytes) -> bool:
+    """Whether the chunks that a PNG announces lie in it undamaged, to its end; OpenCV takes memory for whatever length they state."""
+    place, name = len(PNG_SIGNATURE), b""
+    while name != b"IEND" and place + 12 <= len(content):
+        length, name = struct.unpack_from(">I4s", content, place)
+        end = place + 8 + length
+        if content[end : end + 4] != zlib.crc32(content[place + 4 : end]).to_bytes(4):
+            return False
+        place = end + 4
+    return name == b"IEND"
+
+
+def _header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
+    """(H, W) and the TIFF's description ('' where there is none), without decoding a pixel."""
+    if content.startswith(PNG_SIGNATURE) and not _whole_png(content):
+        raise RecordingError("the depth frame is truncated or damaged; copy it again, or take its line out of the index", file=file)
+    try:
+        with warnings.catch_warnings():
+            # damage shows when the pixels are decoded; the size is held against the camera, a closer limit than the library has
+            warnings.simplefilter("ignore")
+            with Image.open(io.BytesIO(content), formats=("PNG", "TIFF", "PPM")) as image:
+                if getattr(image, "n_frames", 1) > 1:
+                    raise RecordingError(f"the file holds {image.n_frames} images; write one depth frame to a file", file=file)
+                return (image.height, image.width), str(getattr(image, "tag_v2", {}).get(IMAGE_DESCRIPTION, ""))
+    except Image.DecompressionBombError as error:
+        raise RecordingError(f"the image is larger than any depth camera's ({error})", file=file) from None
+    except UnidentifiedImageError:
+        raise RecordingError("the depth frame is no PNG, TIFF or PGM image of 16 or 32 bits; convert it to 16-bit PNG", file=file) from None
+    except HEADER_DAMAGE:
+        raise RecordingError("the header of the depth frame is truncated or damaged; copy it again", file=file) from None
+
+
+def encode_depth(raw: np.ndarray) -> bytes:
+    """(H, W) uint16 ``raw`` depth as PNG, without loss; the same frame gives the same bytes."""
+    if raw.ndim != 2 or raw.dtype != np.uint16:
+        raise TypeError(f"raw depth is (H, W) uint16, not {raw.shape} {raw.dtype}")
+    return cv2.imencode(".png", raw, PNG_PARAMETERS)[1].tobytes()
 
 
 def write_depth(file: Path, raw: np.ndarray) -> None:
-    """Write (H, W) uint16 ``raw`` depth as PNG, without loss; the same frame gives the same bytes."""
-    if raw.ndim != 2 or raw.dtype != np.uint16:
-        raise TypeError(f"raw depth is (H, W) uint16, not {raw.shape} {raw.dtype}")
-    Path(file).write_bytes(cv2.imencode(".png", raw, PNG_PARAMETERS)[1].tobytes())
-
-
-def read_index(file: Path) -> DepthIndex:
-    """Index of a depth sequence: lines ``timestamp filename``, any number of blanks between and after, comments from ``#``.
-
-    ``counts``: ``cut_rows``, a last line without line end, whose file name may be cut, so it is dropped. Raises RecordingError with the
-    line for a line of another form, a time that does not increase, and an index without a frame.
-    """
-    text = read_text(file)
-    time, files = [], []
-    for number, line in enumerate(text.lines, start=1):
-        line = line.strip()
-        if not line or line.startswith("#"):
-            continue
-        stamp, *name = line.split(maxsplit=1)
-        if not NUMBER.fullmatch(stamp) or not name:
-            raise RecordingError(f"{line!r} is not 'timestamp filename'", file=file, line=number)
-        time.append(float(stamp))
-        files += name
-        if len(time) > 1 and time[-1] <= time[-2]:
-            raise RecordingError("the time does not increase", file=file, line=number)
-    if not files:
-        raise RecordingError("the index names no frame in a whole line", file=file)
-    return DepthIndex(np.array(time), tuple(files), {"cut_rows": int(text.cut is not None)})
-
-
-def write_index(file: Path, time: np.ndarray, files: tuple[str, ...]) -> None:
-    """Write the index of N frames, ``time`` (N,) in s with the six decimals of TUM RGB-D, in the order given."""
-    lines = ["# depth maps", "# timestamp filename", *(f"{stamp:.6f} {name}" for stamp, name in zip(time, files, strict=True))]
-    Path(file).write_bytes(("\n".join(lines) + "\n").encode())
-
-
-def read_intrinsics(file: Path, *, width: int, height: int) -> Intrinsics:
-    """Intrinsics of a camera of ``width`` × ``height`` pixels from OpenCV's YAML: ``cameraMatrix`` (3 × 3), ``distortionCoefficients``.
-
-    The calibration of iai_kinect2 has this form; it does not state the image's size. Raises RecordingError for a file that OpenCV cannot
-    read, a camera matrix that is none, a number that is not finite and a principal point outside the image.
-    """
-    text = read_text(file)
-    try:
-        storage = cv2.FileStorage("\n".join(text.lines), cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        matrix, distortion = storage.getNode("cameraMatrix").mat(), storage.getNode("distortionCoefficients").mat()
-        storage.release()
-    except (cv2.error, SystemError):  # the constructor of FileStorage fails with the latter
-        raise RecordingError("this is no calibration in OpenCV's YAML, or it is truncated; export it again", file=file) from None
-    if matrix is None or matrix.shape != (3, 3):
-        raise RecordingError("there is no 3 × 3 cameraMatrix; export the calibration again", file=file, key="cameraMatrix")
-    if distortion is None:
-        raise RecordingError("there are no distortionCoefficients; write zeros where there is no distortion", file=file)
-    (fx, skew, cx), (low, fy, cy), bottom = matrix.tolist()
-    if not np.isfinite(matrix).all() or fx <= 0 or fy <= 0 or (skew, low, *bottom) != (0, 0, 0, 0, 1):
-        raise RecordingError("the cameraMatrix is not [fx 0 cx; 0 fy cy; 0 0 1]", file=file, key="cameraMatrix")
-    if not np.isfinite(distortion).all():
-        raise RecordingError("a coefficient is not finite", file=file, key="distortionCoefficients")
-    if not (0 < cx < width and 0 < cy < height):
-        raise RecordingError(f"the principal point {cx:.1f}, {cy:.1f} is outside {width} × {height} pixels", file=file, key="cameraMatrix")
-    return Intrinsics(fx, fy, cx, cy, width, height, tuple(distortion.ravel().tolist()))
-
-
-def write_intrinsics(file: Path, intrinsics: Intrinsics) -> None:
-    """Write ``cameraMatrix`` and ``distortionCoefficients`` (zeros where there are none) as OpenCV's YAML; numbers read back exactly."""
-    matrix = np.array([[intrinsics.fx, 0, intrinsics.cx], [0, intrinsics.fy, intrinsics.cy], [0, 0, 1]])
-    storage = cv2.FileStorage("intrinsics.yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
-    storage.write("cameraMatrix", matrix)
-    storage.write("distortionCoefficients", np.array([intrinsics.distortion or (0.0,) * 5]))
-    # "%YAML:1.0" is how OpenCV 2 to 4 head the calibrations of depth cameras; version 5 writes another head, and reads both
-    body = storage.releaseAndGetString().partition("\n")[2]
-    Path(file).write_bytes(f"%YAML:1.0\n{body}".encode())
+    """Write (H, W) uint16 ``raw`` depth as PNG; see :func:`encode_depth`."""
+    Path(file).write_bytes(encode_depth(raw))

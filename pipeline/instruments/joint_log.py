@@ -1,17 +1,21 @@
-"""Plain joint logs of a robot's controller: no header, one line a sample, time and one value a joint, separated by commas."""
+"""Plain joint logs of a robot's controller: one line a sample, time and one value a joint, in a file a signal or in one table."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.errors import RecordingError
-from pipeline.instruments.delimited import is_blank, numbers_of, read_text
+from pipeline.instruments.force_units import TIME_UNITS
+from pipeline.instruments.number_sheet import Sheet, columns_of, read_sheet
 
 CLOCK_TOLERANCE = 0.1  # of a step
+ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180}
+MOST_TURNS = 4  # no joint of an arm turns farther from its zero than this, so that angles beyond are in another unit
+OPTION = "dataset.joint_log"
 
 
 @dataclass(frozen=True)
@@ -23,39 +27,94 @@ class JointLog:
     counts: dict[str, int]  # see read_joint_log
 
 
-def read_joint_log(file: Path, *, joints: int) -> JointLog:
+@dataclass(frozen=True)
+class Layout:
+    """How a controller writes its logs (section dataset.joint_log)."""
+
+    time: str | int | None = 0  # column by label, or by number from 0; None: the rows follow each other at ``rate``
+    rate: float = np.nan  # 1/s, of logs without a time
+    separator: str | None = None  # as found
+    decimal: str | None = None  # as found
+    angle_unit: str = "rad"
+    time_unit: str = "s"
+
+
+PLAIN = Layout()
+
+
+def read_joint_log(file: Path, *, joints: int, columns: Sequence[str | int] | None = None, layout: Layout = PLAIN) -> JointLog:
     """Log in ``file`` of a robot with that many ``joints``; logs of one movement may differ in length.
 
-    A controller that is stopped while it writes leaves a last line that is short or has no line end: it is dropped. ``counts``:
-    ``cut_rows`` (0 or 1) and ``blank_rows``. Raises RecordingError with the line for any other line of another width, a value that is
-    not a finite number and a time that does not increase.
+    ``columns`` (joints) are those of the joints by label or by number from 0; without them a line holds the time and the joints and
+    nothing else. A controller that is stopped while it writes leaves a last line that is short or has no line end: it is dropped.
+    ``counts``: ``cut_rows``, ``blank_rows`` and ``doubled_rows`` (the same line at the same time, left out). Raises RecordingError with the
+    line for any other line of another width, a value that is not a finite number and a time that does not increase; with the option that
+    settles it for a column that is not there and for angles beyond four turns.
     """
-    text = read_text(file)
-    places = [number for number, line in enumerate(text.lines, start=1) if not is_blank(line, ",")]
-    counts = {"cut_rows": int(text.cut is not None), "blank_rows": len(text.lines) - len(places)}
-    if text.cut is None and places and text.lines[places[-1] - 1].count(",") < joints:
-        places.pop()
-        counts["cut_rows"] = 1
-    if not places:
-        raise RecordingError("the log holds no whole line; record again", file=file)
-    rows = [text.lines[place - 1] for place in places]
-    found = rows[0].count(",")
-    if found != joints:
-        raise RecordingError(f"the line has a time and {found} values, not {joints}; check the number of joints", file=file, line=places[0])
-    table = numbers_of(rows, places, list(range(joints + 1)), file=file)
-    time = table[:, 0]
-    if (np.diff(time) <= 0).any():
-        raise RecordingError("the time does not increase", file=file, line=places[int(np.argmax(np.diff(time) <= 0)) + 1])
-    return JointLog(time, table[:, 1:], counts)
+    sheet = read_sheet(file, separator=layout.separator, decimal=layout.decimal, key=OPTION)
+    if not sheet.rows:
+        raise RecordingError("the header is followed by no whole line; record again", file=file, line=sheet.header_lines[-1])
+    first = 0 if layout.time is None else 1
+    if columns is None:
+        if sheet.width != joints + first:
+            found = f"{'a time and ' if first else ''}{sheet.width - first} values"
+            message = f"the line has {found}, not {joints}; check the number of joints, or name their columns in signals"
+            raise RecordingError(message, file=file, line=sheet.lines[0])
+        columns = list(range(first, joints + first))
+    places = _places(sheet, {f"joint {number}": column for number, column in enumerate(columns, start=1)}, layout)
+    table = sheet.values(places)
+    values = table[:, first:] * ANGLE_UNITS[layout.angle_unit]
+    if np.abs(values).max() > MOST_TURNS * 2 * np.pi:
+        row = int(np.argmax(np.abs(values).max(axis=1)))
+        message = f"{np.abs(values).max():.6g} rad, or rad/s, is not a joint of an arm: is the angle_unit {layout.angle_unit}?"
+        raise RecordingError(message, file=file, line=sheet.lines[row], key=f"{OPTION}.angle_unit")
+    if layout.time is None:
+        return JointLog(np.arange(len(values)) / layout.rate, values, sheet.counts | {"doubled_rows": 0})
+    time = table[:, 0] * TIME_UNITS[layout.time_unit]
+    return _increasing(sheet, time, values)
 
 
-def read_movement(folder: Path, files: Sequence[str], *, joints: int, rate: float) -> tuple[list[np.ndarray], dict[str, int]]:
+def _places(sheet: Sheet, columns: Mapping[str, str | int], layout: Layout) -> list[int]:
+    """Columns of the time, where there is one, and of the joints."""
+    wanted = {**({} if layout.time is None else {"time": layout.time}), **columns}
+    names = [name for name in wanted.values() if isinstance(name, str)]
+    labels, line = [], sheet.lines[0]
+    if names:
+        index = sheet.label_row(names)
+        labels, line = sheet.header_cells(index), sheet.header_lines[index]
+        if len(labels) != sheet.width:
+            raise RecordingError(f"the row has {sheet.width} cells under {len(labels)} labels", file=sheet.file, line=sheet.lines[0])
+    found = columns_of(labels, wanted, sheet.width, file=sheet.file, line=line, key=f"{OPTION}.signals")
+    return list(found.values())
+
+
+def _increasing(sheet: Sheet, time: np.ndarray, values: np.ndarray) -> JointLog:
+    steps = np.diff(time)
+    doubled = (steps == 0) & (values[1:] == values[:-1]).all(axis=1)
+    wrong = (steps <= 0) & ~doubled
+    if wrong.any():
+        raise RecordingError("the time does not increase", file=sheet.file, line=sheet.lines[int(np.argmax(wrong)) + 1])
+    keep = np.append(True, ~doubled)
+    return JointLog(time[keep], values[keep], sheet.counts | {"doubled_rows": int(doubled.sum())})
+
+
+def read_movement(
+    folder: Path,
+    files: Sequence[str],
+    *,
+    joints: int,
+    rate: float,
+    columns: Sequence[Sequence[str | int] | None] | None = None,
+    layout: Layout = PLAIN,
+) -> tuple[list[np.ndarray], dict[str, int]]:
     """Values (N, joints) of the logs ``files`` of one movement, row by row at the same times, as many as the shortest log has.
 
+    ``columns`` of each log and ``layout`` as in :func:`read_joint_log`; one table of several signals is named once for each of them.
     ``counts``: those of :func:`read_joint_log` over all logs, and ``rows_without_partner`` that were left out because another log ends
     before them. Raises RecordingError for clocks that disagree or do not step at ``rate`` (1/s) throughout.
     """
-    logs = [read_joint_log(Path(folder) / file, joints=joints) for file in files]
+    named = zip(files, columns or [None] * len(files), strict=True)
+    logs = [read_joint_log(Path(folder) / file, joints=joints, columns=chosen, layout=layout) for file, chosen in named]
     length = min(len(log.time) for log in logs)
     time = logs[0].time[:length]
     uneven = np.abs(np.diff(time) * rate - 1) > CLOCK_TOLERANCE
@@ -66,7 +125,9 @@ def read_movement(folder: Path, files: Sequence[str], *, joints: int, rate: floa
     for file, log in zip(files, logs, strict=True):
         if (np.abs(log.time[:length] - time) * rate > CLOCK_TOLERANCE).any():
             raise RecordingError(f"the times are not those of {files[0]}; take logs of one recording", file=Path(folder) / file)
-    counts = {name: sum(log.counts[name] for log in logs) for name in logs[0].counts}
+    # a table that holds several signals counts once
+    counted = {file: log.counts for file, log in zip(files, logs, strict=True)}
+    counts = {name: sum(found[name] for found in counted.values()) for name in logs[0].counts}
     counts["rows_without_partner"] = sum(len(log.time) - length for log in logs)
     return [log.values[:length] for log in logs], counts
 

@@ -19,12 +19,16 @@ def perturbation_gap(
     """Greatest relative distance of the objectives of (BsampOpt), closed form against solver, over the problems ``chosen``.
 
     ``q``, ``v``, ``noise`` (N, 3): pose in rad, commanded step (m, m, rad) and process noise in rad of each problem of ``fits``. J₁ and J₂
-    come from SciPy here, not from the closed form. Objectives are compared and not matrices, as the optimum is flat. Raises SolverError.
+    come from SciPy here, not from the closed form, unless J₁ is given. Objectives are compared and not matrices, as the optimum is flat.
+    Raises SolverError.
     """
     gaps = []
     for i in chosen:
         jacobian = chain.jacobian(q[i])
-        j1, j2 = lu(jacobian, permute_l=True) if decomposition == "lu" else qr(jacobian)
+        if isinstance(decomposition, np.ndarray):
+            j1, j2 = decomposition, np.linalg.solve(decomposition, jacobian)
+        else:
+            j1, j2 = lu(jacobian, permute_l=True) if decomposition == "lu" else qr(jacobian)
         _, objective = solve_perturbation(noise[i], v[i], j1, j2, weights, floor)
         gaps.append(abs(fits.objective[i] - objective) / objective)
     return max(gaps)

@@ -1,18 +1,50 @@
 """Decompositions J = J₁J₂ of the mean Jacobian (Eq. LUDecom), in closed form for whole batches.
 
 The models need two things of it: the commanded step seen by the perturbation matrix, a = J₁⁻¹v, and the way back to the joints, J₂⁻¹.
+J₁ is the lower factor of LU, the orthonormal one of QR, or a constant matrix that is given.
 """
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Sequence
+from typing import Literal, get_args
 
 import numpy as np
 
 from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
-from pipeline.errors import SingularJacobianError
+from pipeline.errors import ModelDomainError, SingularJacobianError
 
-Decomposition = Literal["lu", "qr"]
+Computed = Literal["lu", "qr"]
+Decomposition = Computed | np.ndarray  # the name of a computed one, or the given J₁ (3, 3) itself
+
+# least singular value of a given J₁ as a share of its greatest: below it the units of the task rows are hardly what was meant
+LEAST_CONDITION = 1e-9
+
+
+def chosen(name: str, left: Sequence[Sequence[float]] | None = None) -> Decomposition:
+    """The decomposition of an option: ``lu``, ``qr``, or ``given`` with the rows ``left`` of J₁; raises ModelDomainError for any other."""
+    if name == "given":
+        try:
+            given = np.array(left, dtype=float)
+        except (TypeError, ValueError):
+            given = np.empty(0)
+        require_decomposition(given)
+        return given
+    require_decomposition(name)
+    return name
+
+
+def require_decomposition(decomposition: Decomposition) -> None:
+    """Raise ModelDomainError for what is neither the name of a computed decomposition nor a regular matrix (3, 3)."""
+    if not isinstance(decomposition, np.ndarray):
+        if decomposition not in get_args(Computed):
+            raise ModelDomainError(f"the decomposition must be one of {(*get_args(Computed), 'given')}", decomposition=decomposition)
+        return
+    if decomposition.shape == (3, 3) and np.all(np.isfinite(decomposition)):
+        singular = np.linalg.svd(decomposition, compute_uv=False)
+        if singular[-1] > LEAST_CONDITION * singular[0]:
+            return
+    raise ModelDomainError("the given first factor of the Jacobian must be a finite, regular 3 × 3 matrix", left=decomposition.tolist())
 
 
 def eliminate(matrix: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -56,8 +88,13 @@ def factors(chain: PlanarChain, q: np.ndarray, v: np.ndarray, decomposition: Dec
 
     ``lu``: MATLAB's two-output form of the LU decomposition with partial pivoting, J₁ = PᵀL and J₂ = U, which depends on the order
     (x, z, φ) and the units of the task rows. ``qr``: J₁ = Q orthonormal; as the law of the perturbation matrix is invariant under
-    rotations, J₁ = I and J₂ = J is the same model, and that is what is returned. Raises SingularJacobianError.
+    rotations, J₁ = I and J₂ = J is the same model, and that is what is returned. A given J₁ is constant, J₂ = J₁⁻¹J: as diag(ℓ, ℓ, 1) it
+    turns metres into angles of lever arm ℓ, so that the three task rows have one unit. Raises SingularJacobianError, and
+    ModelDomainError for another decomposition.
     """
+    require_decomposition(decomposition)
+    if isinstance(decomposition, np.ndarray):
+        return np.broadcast_to(np.matvec(np.linalg.inv(decomposition), v), q.shape), chain.inverse_jacobian(q) @ decomposition
     if decomposition == "qr":
         return np.broadcast_to(v, q.shape), chain.inverse_jacobian(q)
     upper, a = eliminate(chain.jacobian(q), v)
@@ -71,3 +108,9 @@ def factors(chain: PlanarChain, q: np.ndarray, v: np.ndarray, decomposition: Dec
             q=q[index].round(4).tolist(),
         )
     return np.moveaxis(a, 0, -1), invert_upper(upper)
+
+
+def log_determinant(chain: PlanarChain, q: np.ndarray, decomposition: Decomposition) -> np.ndarray:
+    """(...,) ln|det J₂| at ``q`` (..., 3): that of J less that of J₁, which for LU and QR is zero."""
+    of_first = np.linalg.slogdet(decomposition)[1] if isinstance(decomposition, np.ndarray) else 0.0
+    return np.log(np.abs(chain.determinant(q))) - of_first

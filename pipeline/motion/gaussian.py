@@ -29,7 +29,7 @@ def noise_scale(norm: np.ndarray, alpha: float, u: float, n: int) -> np.ndarray:
     norm = np.asarray(norm, dtype=float)
     if np.any(norm > u):
         raise ModelDomainError(
-            f"the bound u must not be below the norm of the inverse Jacobian, which it is at {int((norm > u).sum())} of {norm.size} poses",
+            f"the bound u must not be below the norm of the mean matrix, which it is at {int((norm > u).sum())} of {norm.size} poses",
             u=u,
             largest_norm=float(norm.max()),
         )

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
 from pipeline.arm.chain import PlanarChain
@@ -22,15 +23,33 @@ from pipeline.randommatrix.wishart import largest_dispersion
 
 LEAST_SIGMA_B = 0.01  # d = 40 000: a step that differs from the nominal one by 1 %
 ALPHA_RANGE = 30.0  # α is sought within this factor of what the second moments suggest
-TOLERANCE = 1e-4  # of ln σ_B and ln α
+TOLERANCE = 1e-4  # of ln α
+COARSE = 0.05  # of ln σ_B: how near the greatest likelihood is sought before it is read off a spline
+REACH, NODES = 0.4, 9  # of that spline over ln σ_B, on either side, and its nodes: they leave an error below 1e-4
 
 
 @dataclass(frozen=True)
 class DispersionFit:
-    """σ̂_B of greatest likelihood."""
+    """σ̂_B of greatest likelihood, and the likelihood of each take about it."""
 
     sigma_b: float
-    at_end: bool  # whether the search stopped at an end of the interval where B has a density
+    at_end: bool  # whether it is at an end of the interval where B has a density
+    log_sigma_b: np.ndarray  # (NODES,) ascending
+    log_likelihoods: np.ndarray  # (takes, NODES) Σ ln p over the steps of each take
+
+    def of(self, takes: np.ndarray) -> float:
+        """σ̂_B of the takes with these numbers, as often as each is named; raises ModelDomainError where it is beyond the nodes."""
+        best = _greatest(self.log_sigma_b, self.log_likelihoods[takes].sum(axis=0))
+        if not self.at_end and best in (self.log_sigma_b[0], self.log_sigma_b[-1]):
+            raise ModelDomainError("the likelihood of these takes is greatest beyond where it was evaluated", takes=takes.tolist())
+        return float(np.exp(best))
+
+
+def _greatest(x: np.ndarray, values: np.ndarray) -> float:
+    """Where the spline through ``values`` (N,) at ``x`` (N,) is greatest."""
+    spline = CubicSpline(x, values)
+    candidates = np.concatenate([x[[0, -1]], spline.derivative().roots(extrapolate=False)])
+    return float(candidates[spline(candidates).argmax()])
 
 
 def moving_steps(q: np.ndarray, v: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -53,15 +72,20 @@ def fit_sigma_b(
     ``q`` (takes, M, 3) measured poses in rad before each step, ``v`` (M, 3) commanded steps (m, m, rad), ``noise`` ω (takes, M, 3) in rad,
     ``measurement`` Σ_m (3, 3) in rad². Raises SingularJacobianError and ModelDomainError.
     """
+    takes = len(q)
     q, v, noise = moving_steps(q, v, noise)
     q_next = q + np.matvec(chain.inverse_jacobian(q), v) + noise
 
-    def cost(log_sigma_b: float) -> float:
-        return -float(WishartModel(np.exp(log_sigma_b), decomposition).log_density(chain, q, v, q_next, measurement).mean())
+    def of_takes(log_sigma_b: float) -> np.ndarray:
+        density = WishartModel(np.exp(log_sigma_b), decomposition).log_density(chain, q, v, q_next, measurement)
+        return density.reshape(takes, -1).sum(axis=1)
 
-    low, high = np.log(LEAST_SIGMA_B), np.log(largest_dispersion(3))
-    best = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": TOLERANCE})
-    return DispersionFit(float(np.exp(best.x)), bool(min(best.x - low, high - best.x) < 10 * TOLERANCE))
+    low, high = np.log(LEAST_SIGMA_B), np.log(largest_dispersion(3)) - TOLERANCE
+    coarse = minimize_scalar(lambda x: -of_takes(x).sum(), bounds=(low, high), method="bounded", options={"xatol": COARSE})
+    nodes = np.linspace(max(low, coarse.x - REACH), min(high, coarse.x + REACH), NODES)
+    log_likelihoods = np.stack([of_takes(x) for x in nodes], axis=1)
+    best = _greatest(nodes, log_likelihoods.sum(axis=0))
+    return DispersionFit(float(np.exp(best)), best in (low, high), nodes, log_likelihoods)
 
 
 def fit_alpha_u(

@@ -41,3 +41,14 @@ def measurement_covariance(noise: np.ndarray, v: np.ndarray) -> np.ndarray:
     if not np.any(still):
         raise ModelDomainError("the motion never rests: the measurement noise cannot be told from the motion's own", steps=len(v))
     return moments(noise[:, still])[1].mean(axis=0)
+
+
+def recorded_deviation(q: np.ndarray, noise: np.ndarray, mode: str) -> np.ndarray:
+    """(M+1, 3) standard deviation in rad over the takes that the realisations' is to be held against.
+
+    ``q`` (takes, M+1, 3) recorded angles, ``noise`` ω (takes, M, 3), both in rad: of the process noise for ``one_step``, and zero at k = 0;
+    of the joint angles for ``free_running``.
+    """
+    if mode == "one_step":
+        return np.vstack([np.zeros((1, 3)), noise.std(axis=0, ddof=1)])
+    return q.std(axis=0, ddof=1)

@@ -36,17 +36,20 @@ class Perturbations:
     bound: np.ndarray  # (N,) whether B⁻¹ ⪰ εI held the perturbation back
 
 
-def objective_weights(rest_noise: float, n: int) -> tuple[float, float]:
+def objective_weights(rest_noise: float, n: int, factor: float = 1.0) -> tuple[float, float]:
     """(α₁, α₂) of (BsampOpt), α₁ + α₂ = 1, from ``rest_noise``, the root mean square of ‖ω‖ recorded at rest, in rad.
 
     The paper leaves them open, and the two terms differ in unit (rad and 1). Here a residual of the size of the measurement noise costs
-    as much as a perturbation of B⁻¹ by its own norm: α₂/α₁ = rest_noise/‖I_n‖_F. Raises ModelDomainError where it is not positive.
+    as much as a perturbation of B⁻¹ by its own norm: α₂/α₁ = rest_noise/‖I_n‖_F; ``factor`` multiplies that ratio. Raises ModelDomainError
+    where either is not positive.
     """
     if not 0 < rest_noise < np.inf:
         raise ModelDomainError(
             "the noise recorded at rest must be positive and finite to weigh the perturbation against it", rest_noise=rest_noise
         )
-    ratio = rest_noise / np.sqrt(n)
+    if not 0 < factor < np.inf:
+        raise ModelDomainError("the factor on alpha2/alpha1 must be positive and finite", factor=factor)
+    ratio = factor * rest_noise / np.sqrt(n)
     return 1 / (1 + ratio), ratio / (1 + ratio)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.errors import ConfigError
+from pipeline.errors import ConfigError, ModelDomainError
 from pipeline.motion.model import MotionModel
 
 
@@ -32,3 +32,30 @@ def realize(
         result[alive, k + 1], count = model.sample(chain, start[alive], v[k], rng)
         clipped += count
     return result, clipped, int(np.sum(~alive))
+
+
+def realized_moments(
+    model: MotionModel, chain: PlanarChain, q: np.ndarray, v: np.ndarray, mode: str, realized: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, str | None]:
+    """Mean and standard deviation (M+1, 3) in rad of what :func:`realize` ``realized`` (N, M+1, 3); why there is no standard deviation.
+
+    One step at a time the standard deviation is that of the process noise, and so zero at k = 0; of free-running realisations it is that
+    of the joint angles. It is NaN where the model has no covariance, as a sample's would mean nothing. Raises ModelDomainError where fewer
+    than two realisations stay clear of singular poses.
+    """
+    surviving = np.isfinite(realized[..., 0]).sum(axis=0)
+    if surviving.min() < 2:
+        raise ModelDomainError(
+            "fewer than two realisations stay clear of singular poses: their spread cannot be told",
+            step=int(np.argmax(surviving < 2)), key="simulation",
+        )  # fmt: skip
+    spread = realized
+    if mode == "one_step":
+        nominal = q[:, :-1] + np.matvec(chain.inverse_jacobian(q[:, :-1], what="measured pose"), v)
+        spread = np.concatenate([np.zeros_like(q[:, :1]), realized[:, 1:] - nominal], axis=1)
+    mean, deviation = np.nanmean(realized, axis=0), np.nanstd(spread, axis=0, ddof=1)
+    try:
+        model.covariance(chain, q[0, :-1], v)
+    except ModelDomainError as error:
+        return mean, np.full_like(deviation, np.nan), str(error)
+    return mean, deviation, None

@@ -10,13 +10,12 @@ z and T independent. So a draw takes two gammas and n − 1 normals, and no matr
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import get_args
 
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.errors import ModelDomainError
-from pipeline.motion.decomposition import Decomposition, factors
+from pipeline.motion.decomposition import Decomposition, factors, log_determinant, require_decomposition
 from pipeline.motion.density import normal_log_density
 from pipeline.motion.wishart_density import action_log_density, blurred_log_density
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion
@@ -43,14 +42,16 @@ def sample_inverse_action(a: np.ndarray, d: float, rng: np.random.Generator) -> 
 
 @dataclass(frozen=True)
 class WishartModel:
-    """Random Jacobian of dispersion ``sigma_b`` σ_B around J₁J₂; raises ModelDomainError where σ_B has no density."""
+    """Random Jacobian of dispersion ``sigma_b`` σ_B around J₁J₂, the ``decomposition`` being "lu", "qr" or the given J₁ (3, 3).
+
+    Raises ModelDomainError where σ_B has no density or J₁ no inverse.
+    """
 
     sigma_b: float
     decomposition: Decomposition = "lu"
 
     def __post_init__(self) -> None:
-        if self.decomposition not in get_args(Decomposition):
-            raise ModelDomainError(f"the decomposition must be one of {get_args(Decomposition)}", decomposition=self.decomposition)
+        require_decomposition(self.decomposition)
         degrees_of_freedom(self.sigma_b, 3)
 
     def sample(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, int]:
@@ -98,12 +99,12 @@ class WishartModel:
                     f"a step of the matrix model has no density at rest, as at {int(np.count_nonzero(~moving))} of {moving.size} step(s); "
                     "give the covariance of the measurement noise"
                 )
-            return action_log_density(action, a, d) + np.log(np.abs(chain.determinant(q)))
+            return action_log_density(action, a, d) + log_determinant(chain, q, self.decomposition)
         at_rest = normal_log_density(step, 0.0, measurement)
         noise = forward @ measurement @ np.swapaxes(forward, -1, -2)
         result = np.array(at_rest)
         result[moving] = blurred_log_density(action[moving], a[moving], noise[moving], d)
-        result[moving] += np.log(np.abs(chain.determinant(q[moving])))
+        result[moving] += log_determinant(chain, q[moving], self.decomposition)
         return result
 
     def _existing(self, moments: int) -> tuple[float, int]:

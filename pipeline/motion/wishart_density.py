@@ -22,9 +22,10 @@ DIMENSION = 3
 RANGE = 3.0  # of t: ± sinh 3 = ± 10 standard deviations
 NODES = 17  # for each of s and h
 ASCENTS = 60  # steps of Fisher scoring at most
+HALVINGS = 8
 SETTLED = 1e-3  # of a standard deviation: the mode need not be nearer
 LEAST_SHARE = 1e-3  # of the first covariance in the second: all mass at one node is no reason for none
-BLOCK = 2048  # steps at a time, so that the grids stay in the cache
+BLOCK = 256  # steps at a time, so that the grids stay in the cache
 
 
 def action_log_density(w: np.ndarray, a: np.ndarray, d: float) -> np.ndarray:
@@ -110,26 +111,45 @@ class _Integrand:
         information[:, 0, 1] = information[:, 1, 0] = sh[:, 0]
         return np.concatenate([of_s, of_h], axis=1), information
 
+    def of(self, steps: np.ndarray) -> _Integrand:
+        """The integrand of some of the steps, by their numbers."""
+        chosen = object.__new__(_Integrand)
+        chosen.d, chosen.log_r = self.d, self.log_r[steps]
+        chosen.along, chosen.variance = self.along[steps], self.variance[steps]
+        chosen.across, chosen.slope, chosen.variances = ([x[steps] for x in xs] for xs in (self.across, self.slope, self.variances))
+        return chosen
+
     def mode(self) -> tuple[np.ndarray, np.ndarray]:
         """(N, 2) a mode in (s, h) by Fisher scoring, steps halved where they would descend, and the covariance (N, 2, 2) it suggests."""
         # from where the noise-free step would be, or from the law's own middle where that is none
         place = np.empty((len(self.along), 2))
         place[:, 0] = np.log(np.maximum(self.along[:, 0], 0.1))
         place[:, 1] = np.log(self.d)
-        value = self(place[:, :1], place[:, 1:, None])[:, 0, 0]
+        climbing, on = np.arange(len(place)), self
+        covariance = np.empty((len(place), 2, 2))
         for _ in range(ASCENTS):
-            gradient, information = self.slopes(place[:, :1], place[:, 1:])
-            step = np.linalg.solve(information, gradient[..., None])[..., 0]
-            moved = np.sqrt(np.maximum(np.vecdot(step, gradient), 0.0))
-            if moved.max() < SETTLED:
+            at = place[climbing]
+            gradient, information = on.slopes(at[:, :1], at[:, 1:])
+            covariance[climbing] = np.linalg.inv(information)
+            step = np.matvec(covariance[climbing], gradient)
+            far = np.sqrt(np.maximum(np.vecdot(step, gradient), 0.0)) >= SETTLED
+            if not np.any(far):
                 break
+            climbing, on, at, step = climbing[far], on.of(far), at[far], step[far]
             step /= np.maximum(1.0, np.abs(step).max(axis=1))[:, None]  # no further than a factor e at once
-            for _ in range(8):
-                tried = self((place + step)[:, :1], (place + step)[:, 1:, None])[:, 0, 0]
-                step = np.where((tried < value)[:, None], step / 2, step)
-            better = tried >= value
-            place, value = np.where(better[:, None], place + step, place), np.where(better, tried, value)
-        return place, np.linalg.inv(information)
+            place[climbing] = at + on.climb(at, step)
+        return place, covariance
+
+    def climb(self, place: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """(N, 2) ``step`` from ``place`` (N, 2), halved up to HALVINGS times where it would descend, and none where it still would."""
+        value = self(place[:, :1], place[:, 1:, None])[:, 0, 0]
+        for _ in range(HALVINGS):
+            tried = self((place + step)[:, :1], (place + step)[:, 1:, None])[:, 0, 0]
+            descends = tried < value
+            if not np.any(descends):
+                return step
+            step = np.where(descends[:, None], step / 2, step)
+        return np.where(descends[:, None], 0.0, step)
 
 
 def _rule(nodes: int) -> tuple[np.ndarray, np.ndarray]:

@@ -29,16 +29,26 @@ def rest_noise(noise: np.ndarray, v: np.ndarray) -> float:
 
 
 def fit_wishart(
-    chain: PlanarChain, q: np.ndarray, v: np.ndarray, noise: np.ndarray, decomposition: Decomposition, floor: float
-) -> WishartFit:
+    chain: PlanarChain, q: np.ndarray, v: np.ndarray, noise: np.ndarray, decomposition: Decomposition, floor: float,
+    ratio_factor: float = 1.0,
+) -> WishartFit:  # fmt: skip
     """σ̂_B = (1/M) Σ_k σ̂_Bk (Sec. "Motion uncertainty characterization").
 
     ``q`` (takes, M, 3) measured poses in rad before each step, ``v`` (M, 3) commanded steps (m, m, rad), ``noise`` (takes, M, 3) in rad,
-    ``floor`` ε of B⁻¹ ⪰ εI. The weights follow from the noise recorded at rest; raises ModelDomainError where the motion never rests.
+    ``floor`` ε of B⁻¹ ⪰ εI. The weights follow from the noise recorded at rest, α₂/α₁ times ``ratio_factor``. Raises ModelDomainError
+    where the motion never rests.
     """
     resting = rest_noise(noise, v)
-    weights = objective_weights(resting, q.shape[-1])
+    weights = objective_weights(resting, q.shape[-1], ratio_factor)
+    by_step, fits = step_dispersions(chain, q, v, noise, decomposition, weights, floor)
+    return WishartFit(float(by_step.mean()), by_step, fits, weights, resting)
+
+
+def step_dispersions(
+    chain: PlanarChain, q: np.ndarray, v: np.ndarray, noise: np.ndarray, decomposition: Decomposition,
+    weights: tuple[float, float], floor: float,
+) -> tuple[np.ndarray, Perturbations]:  # fmt: skip
+    """(M,) σ̂_Bk of each step under the given ``weights`` (α₁, α₂), and the perturbations; the other arguments as in :func:`fit_wishart`."""
     a, back = factors(chain, q, np.broadcast_to(v, q.shape), decomposition)
     fits = fit_perturbations(noise.reshape(-1, 3), a.reshape(-1, 3), back.reshape(-1, 3, 3), weights, floor)
-    by_step = dispersions(fits.s.reshape(*q.shape, 3))
-    return WishartFit(float(by_step.mean()), by_step, fits, weights, resting)
+    return dispersions(fits.s.reshape(*q.shape, 3)), fits

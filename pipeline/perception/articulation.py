@@ -22,6 +22,8 @@ SPREAD = 0.15  # rad; how far from the nominal pose the cold starts lie: lag and
 TOLERANCE = 1e-5  # m; extent of the simplex at which a search has ended: 1e-4 rad on a link, a hundredth of the errors of the sensor
 STEP = 0.02  # m; first extent of the simplex: how far a node moves between frames at 30 Hz
 MAX_STEPS = 2000
+LOST = 2.0  # an objective of more than so many times the least of the take: not the arm; noise alone varies it by less
+POSES = 24  # directions of the first segment that an arm which was lost is looked for in
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,8 @@ class Articulation:
     """Fit of a sequence of F frames; rows of gaps are NaN in ``nodes``, ``q`` and ``objective``.
 
     ``nodes`` (F, 4, 2) O1, O2, O3, EE in the plane, m; ``q`` (F, 3) joint angles from the headings of the fitted segments, rad;
-    ``objective`` (F,) value of Eq. (KinObj), m; ``points`` (F,) points a frame; ``gaps`` the number of frames without a fit.
+    ``objective`` (F,) value of Eq. (KinObj), m; ``points`` (F,) points a frame; ``gaps`` the number of frames without a fit; ``lost``
+    the number of those for which the fit before was no start.
     """
 
     nodes: np.ndarray
@@ -51,6 +54,7 @@ class Articulation:
     objective: np.ndarray
     points: np.ndarray
     gaps: int
+    lost: int
 
 
 def fit_sequence(
@@ -66,7 +70,8 @@ def fit_sequence(
     """Eq. (KinObj) frame by frame through one take.
 
     ``clouds``: per frame the arm's points (I, 2) in the plane, m; ``o1`` (2,), ``ee`` (F, 2) m; ``q_start`` (3,) rad the nominal pose
-    of the first frame. The first fit starts from poses around it, each later one from the fit before, its O3 carried along with EE.
+    of the first frame. The first fit starts from poses around it, each later one from the fit before, its O3 carried along with EE; where
+    that leads to no arm, as it may after a gap, from all poses that join O1 and EE.
     Frames with fewer than ``min_points`` points are gaps, counted. Raises RecordingError (take, frame) for more than ``max_gap`` of them
     in a row and for an EE that is missing or that the segments cannot reach, SolverError for a search that does not end.
     """
@@ -78,6 +83,7 @@ def fit_sequence(
     nodes, objective = np.full((len(ee), 4, 2), np.nan), np.full(len(ee), np.nan)
     number = np.array([len(cloud) for cloud in clouds], dtype=int)
     starts, last, gap = _cold_starts(chain, q_start), 0, 0
+    least, lost = np.inf, 0
     for frame, cloud in enumerate(clouds):
         gap = gap + 1 if number[frame] < max(options.min_points, 1) else 0
         if gap > options.max_gap:
@@ -93,7 +99,12 @@ def fit_sequence(
         starts = starts + np.concatenate([[0.0, 0.0], ee[frame] - ee[last]])
         points = np.ascontiguousarray(cloud, dtype=float)
         fits = [_fit(points, o1, ee[frame], start, bounds, options.gamma1, options.gamma2) for start in starts]
+        if min(fit[1] for fit in fits) > LOST * least:
+            lost += 1
+            poses = _joining_poses(o1, ee[frame], chain.lengths)
+            fits += [_fit(points, o1, ee[frame], start, bounds, options.gamma1, options.gamma2) for start in poses]
         best, value, ended = min(fits, key=lambda fit: fit[1])
+        least = min(least, value)
         if value >= INFEASIBLE:
             raise RecordingError(
                 "no pose of the arm within the range of lengths joins O1 and EE: check the trajectory and the clock offset",
@@ -107,13 +118,26 @@ def fit_sequence(
         starts, last = best[None], frame
     steps = np.diff(nodes, axis=1)
     q = chain.joints_from_segments(np.arctan2(steps[..., 0], steps[..., 1]))
-    return Articulation(nodes, q, objective, number, int(np.isnan(objective).sum()))
+    return Articulation(nodes, q, objective, number, int(np.isnan(objective).sum()), lost)
 
 
 def _cold_starts(chain: PlanarChain, q: np.ndarray) -> np.ndarray:
     """(5, 4) positions of O2 and O3 at the nominal pose and with one of the first two joints turned either way."""
     turned = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * SPREAD
     return chain.points(q + turned)[:, 1:3].reshape(-1, 4)
+
+
+def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """(P, 4) positions of O2 and O3 of poses that join O1 and EE, on a grid of directions of the first segment, O3 on either side."""
+    psi = np.arange(POSES) * (2 * np.pi / POSES)
+    o2 = o1 + lengths[0] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
+    reach = np.linalg.norm(ee - o2, axis=1)
+    along = (reach**2 + lengths[1] ** 2 - lengths[2] ** 2) / (2 * reach)
+    joins = np.abs(along) <= lengths[1]
+    o2, reach, along = o2[joins], reach[joins, None], along[joins, None]
+    towards = (ee - o2) / reach
+    aside = np.sqrt(lengths[1] ** 2 - along**2) * np.stack([towards[:, 1], -towards[:, 0]], axis=-1)
+    return np.concatenate([np.hstack([o2, o2 + along * towards + side]) for side in (aside, -aside)])
 
 
 @njit(cache=True)

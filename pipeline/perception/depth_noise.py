@@ -11,6 +11,21 @@ COMPONENTS = ["e1", "e2", "e3"]
 MIN_SAMPLES = 4  # a 3 × 3 covariance of fewer samples is singular
 
 
+def errors_of(angles: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
+    """Depth camera minus motion capture at every depth frame during the motion, the motion capture interpolated linearly at its time.
+
+    ``angles``: columns take, frame, t (s), q1, q2, q3 (rad) of the depth camera; ``joints``: take, t, q1, q2, q3 of the motion capture, in
+    the order of time. Returns take, frame, t, e1, e2, e3 (rad).
+    """
+    errors = []
+    for take, rows in angles.groupby("take"):
+        truth = joints[joints["take"] == take]
+        inside = rows[(rows["t"] >= 0) & (rows["t"] <= truth["t"].iloc[-1])]
+        difference = {f"e{j}": inside[f"q{j}"] - np.interp(inside["t"], truth["t"], truth[f"q{j}"]) for j in (1, 2, 3)}
+        errors.append(inside[["take", "frame", "t"]].assign(**difference))
+    return pd.concat(errors, ignore_index=True)
+
+
 def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
     """Mean and covariance of the noise at each frame without the take that they will be used on, and ('none') of all takes.
 

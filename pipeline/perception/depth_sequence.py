@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 
@@ -9,37 +10,52 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.model import Arm
-from pipeline.instruments.depth import metres, read_depth, read_index, read_intrinsics
-from pipeline.perception.segment import ArmSegmenter, Crop
+from pipeline.errors import RecordingError
+from pipeline.instruments.rosbag import is_bag
+from pipeline.perception.depth_frames import BagFrames, FileFrames
+from pipeline.perception.segment import ArmSegmenter, CloudSegmenter, Crop
 from pipeline.schema import Depth
 
 
+def take_name(path: Path) -> str:
+    """Name of the take in the folder or bag ``path``."""
+    return path.stem if path.is_file() else path.name
+
+
+def take_paths(raw: Path, depth: Depth) -> dict[str, Path]:
+    """Take → folder or bag, in the order of their paths; RecordingError where none matches, or two have one name."""
+    paths = sorted(path for path in raw.glob(depth.takes) if path.is_dir() or is_bag(path))
+    if not paths:
+        raise RecordingError(f"no folder of depth frames and no bag matches {depth.takes!r}", file=raw)
+    named = {take_name(path): path for path in paths}
+    for path in paths:
+        if named[take_name(path)] != path:
+            raise RecordingError(f"the take is there twice, as {named[take_name(path)].name} too", file=path, take=take_name(path))
+    return named
+
+
 class DepthSequence:
-    """Frames of the folder ``path``, read one at a time: memory does not grow with their number.
+    """Frames of the folder or bag ``path``, read one at a time: memory does not grow with their number.
 
     ``depth`` is the dataset's description of the camera (:class:`pipeline.schema.Depth`), ``raw`` the folder of the recordings.
-    ``time`` (F,) in s on the camera's own clock, ``files`` (F,).
+    ``time`` (F,) in s since the motion capture's start as far as the camera's own clock can tell; ``references`` (F,) say where below
+    ``raw`` each frame is: a file, or ``bag#message``.
     """
 
     def __init__(self, path: Path, depth: Depth, arm: Arm, raw: Path) -> None:
-        index = read_index(path / depth.index)
-        self.time, self.counts = index.time, index.counts
-        self.files = [path / name for name in index.files]
-        self._units, self._take = depth.units_per_metre, path.name
-        camera = read_intrinsics(raw / depth.intrinsics, width=depth.width, height=depth.height)
-        self._shape = (camera.height, camera.width)
-        self._segment = ArmSegmenter(
-            arm,
-            np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]]),
-            np.array(camera.distortion),
-            Rotation.from_euler("xyz", depth.camera.rpy).as_matrix(),
-            np.array(depth.camera.position),
-            self._shape,
-            Crop(**asdict(depth.workspace)),
-        )
+        self._frames = (BagFrames if is_bag(path) else FileFrames)(path, depth, raw)
+        self.time = self._frames.time - (self._frames.time[0] if depth.start is None else depth.start)
+        self.references, self.counts = self._frames.references, self._frames.counts
+        rotation, position = Rotation.from_euler("xyz", depth.camera.rpy).as_matrix(), np.array(depth.camera.position)
+        crop, camera = Crop(**asdict(depth.workspace)), self._frames.camera
+        if camera is None:
+            self._segment = CloudSegmenter(arm, rotation, position, crop)
+        else:
+            matrix = np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])
+            shape = (camera.height, camera.width)
+            self._segment = ArmSegmenter(arm, matrix, np.array(camera.distortion), rotation, position, shape, crop)
 
-    def points(self, frame: int) -> tuple[np.ndarray, float]:
-        """(I, 2) points of the arm in frame ``frame``, m in the plane, and the share of the image's pixels with a depth."""
-        depth = read_depth(self.files[frame], shape=self._shape)
-        points, _ = self._segment(metres(depth, units_per_metre=self._units), take=self._take, frame=frame, file=self.files[frame])
-        return points, float(np.count_nonzero(depth) / depth.size)
+    def points(self, frames: Iterable[int]) -> Iterator[tuple[np.ndarray, float]]:
+        """Of each of the ``frames`` (increasing): points (I, 2) of the arm, m in its plane, and the share of it that was measured."""
+        for measured, share in self._frames.read(frames):
+            yield self._segment(measured)[0], share

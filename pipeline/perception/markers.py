@@ -11,11 +11,13 @@ from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
+import pandas as pd
 from scipy.optimize import linear_sum_assignment
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
 from pipeline.errors import ConfigError, RecordingError
+from pipeline.schema import Mocap
 
 NEIGHBOURS = 5  # solved frames from which a frame's pose is predicted: enough to damp noise, few enough for a straight line
 MIN_LEVER = 0.01  # m; two markers closer than this in the plane give no angle worth having
@@ -34,6 +36,17 @@ class JointTrack:
     q: np.ndarray
     residual: np.ndarray
     counts: dict[str, int]
+
+
+def track_rows(rows: pd.DataFrame, mocap: Mocap, arm: Arm, *, take: str) -> JointTrack:
+    """Joint angles of one take from its ``rows`` of the table ``markers``; see :func:`track_joints`."""
+    template = np.array([list(link.values()) for link in mocap.markers.values()])
+    positions = rows.sort_values(["link", "marker", "k"], kind="stable")
+    labelled, stray = positions[positions.link > 0], positions[positions.link == 0]
+    frames = labelled.k.nunique()
+    xyz = labelled[["x", "y", "z"]].to_numpy().reshape(3, 3, frames, 3).transpose(2, 0, 1, 3)
+    extra = stray[["x", "y", "z"]].to_numpy().reshape(-1, frames, 3).transpose(1, 0, 2)
+    return track_joints(xyz, template, arm, unlabelled=extra, gate=mocap.gate, max_gap=mocap.max_gap, take=take)
 
 
 def track_joints(
@@ -189,9 +202,13 @@ def _first_pose(
         points = points[np.isfinite(points).all(axis=-1)]
         if len(points) < 9:
             continue
-        triples = points[list(permutations(range(len(points)), 3))]
+        ordered = points[list(permutations(range(len(points)), 3))]
         q = np.zeros(3)
         for j in range(3):
+            # two markers that lie within the gate of their places are as far apart as these, but for twice the gate
+            triples = ordered[(np.abs(_sides(ordered) - _sides(template[j])) <= 2 * gate).all(axis=-1)]
+            if not len(triples):
+                break
             alone = np.full((len(triples), 3, 3, 3), np.nan)
             alone[:, j] = triples
             psi = fit_segments(alone, template)[0][:, j]
@@ -205,6 +222,11 @@ def _first_pose(
         else:
             return k, q
     raise RecordingError("no frame has markers that fit the arm: check the template, the base frame, the units and the gate", take=take)
+
+
+def _sides(triangles: np.ndarray) -> np.ndarray:
+    """(..., 3) m lengths of the sides of triangles (..., 3, 3)."""
+    return np.linalg.norm(triangles - np.roll(triangles, 1, axis=-2), axis=-1)
 
 
 def _fill_gaps(q: np.ndarray, solved: np.ndarray, max_gap: int, take: str) -> tuple[np.ndarray, dict[str, int]]:

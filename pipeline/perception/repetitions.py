@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 REACH = 0.01  # rad: a command that moves no joint farther is the controller taking over, not a motion; ends this near are the same
+LEAST_SPREAD = 0.25  # of the median residual: what repetitions differ by undisturbed, however few there are to show it
 REST_SPEED = 1e-4  # rad/s: less than a microradian a sample, below what encoders resolve
 SLACK = 2  # rows by which the logger may see the same command start early or late, or last longer
 
@@ -39,33 +40,47 @@ class Repetitions:
     left_out: dict[str, list[int]]  # cut_off, other_motion, too_little_rest
 
 
-def _moving(speeds: np.ndarray) -> np.ndarray:
-    return np.any(np.abs(speeds) > REST_SPEED, axis=1)
+def _moving(speeds: np.ndarray, rest_speed: float) -> np.ndarray:
+    return np.any(np.abs(speeds) > rest_speed, axis=1)
 
 
-def excursions(angles: np.ndarray, speeds: np.ndarray) -> list[Excursion]:
+def excursions(angles: np.ndarray, speeds: np.ndarray, rest_speed: float = REST_SPEED) -> list[Excursion]:
     """Every motion in a log of commanded ``angles`` (N, joints) in rad and commanded ``speeds`` (N, joints) in rad/s, in order of time.
 
-    The speed tells motion from rest: it is zero while a controller holds its position, where the commanded angle may creep.
+    The speed tells motion from rest: it is zero, or at most ``rest_speed``, while a controller holds its position, where the commanded
+    angle may creep.
     """
-    edges = np.flatnonzero(np.diff(_moving(speeds), prepend=False, append=False))
+    edges = np.flatnonzero(np.diff(_moving(speeds, rest_speed), prepend=False, append=False))
     bounds = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
     runs = [Excursion(first, last, 0 < first and last < len(speeds)) for first, last in bounds]
     return [run for run in runs if np.ptp(angles[max(run.first - 1, 0) : run.last + 1], axis=0).max() > REACH]
 
 
+def commanded_speeds(angles: np.ndarray, rate: float, rest_speed: float = REST_SPEED) -> np.ndarray:
+    """(N, joints) in rad/s: the step to each commanded angle (N, joints) from the one before at ``rate`` (1/s), 0 for the first.
+
+    For controllers that log no commanded speed. It is 0 outside :func:`excursions`: an angle that creeps at rest, or settles after a
+    motion, goes nowhere. Creeping next to a motion is told from it by ``rest_speed`` alone, which must lie above its steps.
+    """
+    steps = np.diff(angles, axis=0, prepend=angles[:1]) * rate
+    speeds = np.zeros_like(steps)
+    for run in excursions(angles, steps, rest_speed):
+        speeds[run.first : run.last] = steps[run.first : run.last]
+    return speeds
+
+
 def find_repetitions(
     angles: np.ndarray, speeds: np.ndarray, columns: Sequence[int], start: Sequence[float], end: Sequence[float],
-    *, steps: int, rest: int,
+    *, steps: int, rest: int, rest_speed: float = REST_SPEED,
 ) -> Repetitions:  # fmt: skip
     """The whole excursions that take the joints ``columns`` from ``start`` to ``end`` (rad) in ``steps`` steps.
 
-    ``angles`` and ``speeds`` (N, joints) as for :func:`excursions`. Each repetition has ``rest`` rows at rest on either side; ends
-    agree within 0.01 rad and durations within two steps.
+    ``angles``, ``speeds`` (N, joints) and ``rest_speed`` as for :func:`excursions`. Each repetition has ``rest`` rows at rest on
+    either side; ends agree within 0.01 rad and durations within two steps.
     """
-    moving = _moving(speeds)
+    moving = _moving(speeds, rest_speed)
     found, left_out = [], {"cut_off": [], "other_motion": [], "too_little_rest": []}
-    for run in excursions(angles, speeds):
+    for run in excursions(angles, speeds, rest_speed):
         if not run.whole:
             left_out["cut_off"].append(run.first)
             continue
@@ -96,3 +111,17 @@ def lag(commanded: np.ndarray, measured: np.ndarray, rate: float) -> float:
     """
     velocity = np.gradient(commanded, axis=0) * rate
     return float(np.sum((commanded - measured) * velocity) / np.sum(velocity**2))
+
+
+def disturbances(residuals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far each repetition is from the others: in rad (takes,), and in robust standard deviations from their median (takes,).
+
+    ``residuals`` (takes, K, joints) in rad are measured minus commanded angles. What every repetition has at a step, such as the lag, is
+    their median there; a repetition's distance is the root mean square of the rest over steps and joints. Its standard deviation is
+    1.4826 times the median absolute deviation (Gaussian-consistent), yet no less than a quarter of the median. A disturbance shows where
+    more repetitions are undisturbed than not; of two, neither can be told to be the disturbed one.
+    """
+    distance = np.sqrt(np.mean((residuals - np.median(residuals, axis=0)) ** 2, axis=(1, 2)))
+    middle = np.median(distance)
+    spread = max(1.4826 * np.median(np.abs(distance - middle)), LEAST_SPREAD * middle)
+    return distance, (distance - middle) / spread if spread > 0 else np.zeros_like(distance)

@@ -1,4 +1,4 @@
-"""The arm's points in a depth image, as points of the plane in which it moves."""
+"""The arm's points in a depth image or a point cloud, as points of the plane in which it moves."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.ndimage import label
 
 from pipeline.arm.model import Arm
 from pipeline.errors import ConfigError, RecordingError
 
 # until undistorted pixels are exact to about 1e-9 of the focal length; OpenCV's own default stops after five steps
 UNDISTORTION = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
+PATCH_CELL = 0.02  # m, points of a cloud in touching cells of this side are connected: wider than clouds are thinned to
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,7 @@ class Crop:
     column_half_width: float = 0.06  # the turntable: |x − x(O1)| at most, …
     column_top: float = -0.02  # … and z − z(O1) at most
     floor: float = 0.0  # z of what the arm stands on
-    min_pixels: int = 30  # a connected patch of fewer pixels is no part of the arm
+    min_pixels: int = 30  # a connected patch of fewer pixels, or points of a cloud, is no part of the arm
     max_points: int = 1500  # points a frame is thinned to
 
 
@@ -95,14 +97,63 @@ class ArmSegmenter:
             dropped[reason] = int(len(pixels) - np.count_nonzero(chosen))
             pixels, points = pixels[chosen], points[chosen]
 
-        keep(((points - self.origin) ** 2).sum(axis=1) <= self.reach**2, "out_of_reach")
-        x, z = (points - self.origin).T
-        keep(((np.abs(x) > crop.column_half_width) | (z > crop.column_top)) & (points[:, 1] > crop.floor), "base")
+        keep(_in_reach(points, self.origin, self.reach), "out_of_reach")
+        keep(_above_base(points, self.origin, crop), "base")
         mask = np.zeros(depth.shape, dtype=np.uint8)
         mask.ravel()[pixels] = 1
         _, labels, statistics, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
         keep(statistics[labels.ravel()[pixels], cv2.CC_STAT_AREA] >= crop.min_pixels, "isolated")
         dropped["thinned"] = max(0, len(points) - crop.max_points)
-        if dropped["thinned"]:
-            points = points[np.arange(crop.max_points) * len(points) // crop.max_points]
-        return points, dropped
+        return _thinned(points, crop), dropped
+
+
+class CloudSegmenter:
+    """Cuts the arm out of point clouds: the rules of :class:`ArmSegmenter` where there are no pixels.
+
+    ``rotation`` (3, 3) and ``translation`` (3,) m: pose of the clouds' frame in the arm's base frame.
+    """
+
+    def __init__(self, arm: Arm, rotation: np.ndarray, translation: np.ndarray, crop: Crop) -> None:
+        self.arm, self.crop = arm, crop
+        self.rotation, self.translation = np.asarray(rotation, dtype=float), np.asarray(translation, dtype=float)
+        self.reach = float(arm.chain.lengths.sum()) + crop.girth
+
+    def __call__(self, cloud: np.ndarray) -> tuple[np.ndarray, dict[str, int]]:
+        """Points (I, 2) of the arm (x, z in the plane, m) in the order of the ``cloud`` (N, 3) m, and those left out, by reason.
+
+        Reasons as of :class:`ArmSegmenter`, but ``isolated`` are patches of too few points, connected through cells of the plane.
+        """
+        crop, origin = self.crop, self.arm.chain.origin
+        plane = self.arm.to_plane(cloud @ self.rotation.T + self.translation)
+        points, dropped = plane[:, [0, 2]], {}
+
+        def keep(chosen: np.ndarray, reason: str) -> None:
+            nonlocal points
+            dropped[reason] = int(len(points) - np.count_nonzero(chosen))
+            points = points[chosen]
+
+        keep(np.abs(plane[:, 1]) <= crop.half_depth, "off_plane")
+        keep(_in_reach(points, origin, self.reach), "out_of_reach")
+        keep(_above_base(points, origin, crop), "base")
+        cells = tuple(np.floor((points - origin + self.reach) / PATCH_CELL).astype(int).T)
+        occupied = np.zeros((int(2 * self.reach / PATCH_CELL) + 1,) * 2, dtype=bool)
+        occupied[cells] = True
+        patch = label(occupied, np.ones((3, 3)))[0][cells]
+        keep(np.bincount(patch)[patch] >= crop.min_pixels, "isolated")
+        dropped["thinned"] = max(0, len(points) - crop.max_points)
+        return _thinned(points, crop), dropped
+
+
+def _in_reach(points: np.ndarray, origin: np.ndarray, reach: float) -> np.ndarray:
+    return ((points - origin) ** 2).sum(axis=1) <= reach**2
+
+
+def _above_base(points: np.ndarray, origin: np.ndarray, crop: Crop) -> np.ndarray:
+    x, z = (points - origin).T
+    return ((np.abs(x) > crop.column_half_width) | (z > crop.column_top)) & (points[:, 1] > crop.floor)
+
+
+def _thinned(points: np.ndarray, crop: Crop) -> np.ndarray:
+    if len(points) <= crop.max_points:
+        return points
+    return points[np.arange(crop.max_points) * len(points) // crop.max_points]

@@ -16,11 +16,17 @@ MIN_OVERLAP = 0.5  # share of the first signal that has to fall inside the secon
 
 @dataclass(frozen=True)
 class Offset:
-    """``value`` s to add to the first clock to read the second; its standard error in s; multiple correlation at the optimum."""
+    """``value`` s to add to the first clock to read the second; its standard error in s; multiple correlation at the optimum.
+
+    ``drift`` s/s by which the second clock gains on the first, estimated beside the offset to first order, and its standard error; the
+    value is that of the middle of the take.
+    """
 
     value: float
     standard_error: float
     correlation: float
+    drift: float
+    drift_standard_error: float
 
 
 def find_offset(
@@ -82,13 +88,24 @@ def find_offset(
             correlation=round(correlation, 3),
         )
     residual, regressors, affine = residuals(tau)
-    slope = velocity(t_a[inside(tau)] + tau) @ affine[:-1]
-    slope -= regressors @ np.linalg.lstsq(regressors, slope, rcond=None)[0]
-    return Offset(tau, _standard_error(residual, slope, regressors.shape[1]), correlation)
+    time = t_a[inside(tau)]
+    slope = velocity(time + tau) @ affine[:-1]
+
+    def beyond(sensitivity: np.ndarray) -> np.ndarray:
+        """What of it B and c do not take up."""
+        return sensitivity - regressors @ np.linalg.lstsq(regressors, sensitivity, rcond=None)[0]
+
+    late = beyond(slope)
+    drifting = beyond((time - time.mean())[:, None] * slope)
+    drifting -= late * ((drifting * late).sum() / (late**2).sum())
+    drift = float((drifting * residual).sum() / (drifting**2).sum())
+    parameters = regressors.shape[1]
+    errors = [_standard_error(residual, sensitivity, parameters) for sensitivity in (late, drifting)]
+    return Offset(tau, errors[0], correlation, drift, errors[1])
 
 
 def _standard_error(residual: np.ndarray, slope: np.ndarray, parameters: int) -> float:
-    """Standard error (s) of τ from residuals (F, d) and their derivative by τ (F, d), what B and c take up being removed from it."""
+    """Standard error of a parameter from residuals (F, d) and their derivative by it (F, d), less what other parameters take up of it."""
     freedom = len(residual) - parameters - 1 / residual.shape[1]
     information = (slope**2).sum(axis=0)
     variance = (residual**2).sum(axis=0) / freedom

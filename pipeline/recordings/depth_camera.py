@@ -1,7 +1,8 @@
-"""Depth sequences on the motion clock: found by where the seen arm moves as its markers do."""
+"""Depth sequences on the motion clock: as the datasheet states it, else found by where the seen arm moves as its markers do."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,9 @@ import pandas as pd
 from pipeline import schema
 from pipeline.arm.model import Arm
 from pipeline.errors import RecordingError
-from pipeline.perception.depth_sequence import DepthSequence
+from pipeline.perception.depth_sequence import DepthSequence, take_name, take_paths
 from pipeline.perception.sync import find_offset
-from pipeline.recordings.quality import quality_row
+from pipeline.recordings.quality import quality_row, require_text
 
 Signal = tuple[np.ndarray, np.ndarray]  # times (K,) in s, centroid (K, 2) in m in the plane
 
@@ -26,42 +27,68 @@ def marker_centroid(rows: pd.DataFrame, arm: Arm) -> Signal:
 
 
 def frame_rows(trial: tuple[Path, Signal], depth: schema.Depth, arm: Arm, raw: Path) -> tuple[pd.DataFrame, list[dict]]:
-    """Rows of the table ``frames`` of one take, from its folder and its markers' centroid; and their quality.
+    """Rows of the table ``frames`` of one take, from its folder or bag and its markers' centroid; and their quality.
+
+    A frame whose points of the arm are the very same as in the one before was not measured: ``frozen_frames``, counted and left out.
 
     Raises RecordingError for frames that are no depth images, and where the clocks' offset cannot be found.
     """
     path, centroid = trial
-    take = path.name
+    take = take_name(path)
     sequence = DepthSequence(path, depth, arm, raw)
-    seen = [sequence.points(frame) for frame in range(len(sequence.time))]
-    usable = np.array([len(points) > 0 for points, _ in seen])
-    cloud = np.array([points.mean(axis=0) for points, _ in seen if len(points)])
-    offset = find_offset(sequence.time[usable], cloud, *centroid, search=(-depth.search, depth.search), take=take)
+    seen = list(sequence.points(range(len(sequence.time))))
+    frozen = np.array([False] + [_same(points, before) for (before, _), (points, _) in pairwise(seen)])
+    # what a frozen camera shows is of an earlier time
+    moving = [points if live else points[:0] for (points, _), live in zip(seen, ~frozen, strict=True)]
+    offset, clock = _clock_offset(sequence.time, moving, centroid, depth, path)
     rows = pd.DataFrame(
-        {"take": take, "part": "test", "frame": np.arange(len(seen)), "t": sequence.time + offset.value}
-        | {"file": [str(file.relative_to(raw)) for file in sequence.files], "valid": [valid for _, valid in seen]}
-    )
+        {"take": take, "part": "test", "frame": np.arange(len(seen)), "t": sequence.time + offset}
+        | {"file": sequence.references, "valid": [valid for _, valid in seen]}
+    )[~frozen]
     dropped = int(np.sum(np.rint(np.diff(sequence.time) * depth.rate) - 1))
     quality = [
         quality_row(take, "test", "depth camera", "dropped_frames", dropped),
-        quality_row(take, "test", "depth camera", "clock_offset", offset.value, "s"),
-        quality_row(take, "test", "depth camera", "clock_offset_standard_error", offset.standard_error, "s"),
-        quality_row(take, "test", "depth camera", "clock_correlation", offset.correlation),
+        quality_row(take, "test", "depth camera", "frozen_frames", frozen.sum()),
+        quality_row(take, "test", "depth camera", "clock_offset", offset, "s"),
+        *clock,
         *(quality_row(take, "test", "depth camera", key, value) for key, value in sequence.counts.items()),
     ]
     return rows, quality
 
 
+def _clock_offset(
+    time: np.ndarray, seen: list[np.ndarray], centroid: Signal, depth: schema.Depth, path: Path
+) -> tuple[float, list[dict]]:  # fmt: skip
+    """What to add to ``time`` (F,) s to read the motion clock, and how well it is known where the motion had to tell it."""
+    if depth.clock_offset is not None:
+        return depth.clock_offset, []
+    take = take_name(path)
+    usable = np.array([len(points) > 0 for points in seen])
+    if not usable.any():
+        raise RecordingError("no frame shows the arm: check the unit of depth, the camera's pose and the workspace", file=path, take=take)
+    cloud = np.array([points.mean(axis=0) for points in seen if len(points)])
+    found = find_offset(time[usable], cloud, *centroid, search=(-depth.search, depth.search), take=take)
+    return found.value, [
+        quality_row(take, "test", "depth camera", "clock_offset_standard_error", found.standard_error, "s"),
+        quality_row(take, "test", "depth camera", "clock_drift", found.drift, "s/s"),
+        quality_row(take, "test", "depth camera", "clock_drift_standard_error", found.drift_standard_error, "s/s"),
+        quality_row(take, "test", "depth camera", "clock_correlation", found.correlation),
+    ]
+
+
+def _same(points: np.ndarray, before: np.ndarray) -> bool:
+    return len(points) > 0 and np.array_equal(points, before)
+
+
 def find_takes(raw: Path, depth: schema.Depth, markers: pd.DataFrame, arm: Arm) -> list[tuple[Path, Signal]]:
-    """Folder of every depth take below ``raw``, each with the centroid of the ``markers`` of the take of its name.
+    """Folder or bag of every depth take below ``raw``, each with the centroid of the ``markers`` of the take of its name.
 
     Raises RecordingError where the pattern matches none, or a take has no motion capture to set its clock by.
     """
-    folders = sorted(path for path in raw.glob(depth.takes) if path.is_dir())
-    if not folders:
-        raise RecordingError(f"no folder of depth frames matches {depth.takes!r}", file=raw)
-    seen = {take: rows for take, rows in markers.groupby("take") if take in {folder.name for folder in folders}}
-    for folder in folders:
-        if folder.name not in seen:
-            raise RecordingError("no motion-capture take of this name to set the clock by", file=folder, take=folder.name)
-    return [(folder, marker_centroid(seen[folder.name], arm)) for folder in folders]
+    paths = take_paths(raw, depth)
+    seen = {take: rows for take, rows in markers.groupby("take") if take in paths}
+    for take, path in paths.items():
+        require_text(path)
+        if take not in seen:
+            raise RecordingError("no motion-capture take of this name to set the clock by", file=path, take=take)
+    return [(path, marker_centroid(seen[take], arm)) for take, path in paths.items()]

@@ -1,4 +1,4 @@
-"""Motive's takes and the commanded trajectory as tables: SI units, the arm's base frame, the motion's grid."""
+"""Motion-capture takes and the commanded trajectory as tables: SI units, the arm's base frame, the motion's grid."""
 
 from __future__ import annotations
 
@@ -9,10 +9,14 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from pipeline import schema
-from pipeline.errors import RecordingError
+from pipeline.errors import ConfigError, RecordingError
+from pipeline.instruments.c3d import read_c3d
+from pipeline.instruments.motion_take import MotionTake
 from pipeline.instruments.motive import read_motive
 from pipeline.instruments.trajectory import read_trajectory
-from pipeline.recordings.quality import quality_row
+from pipeline.recordings.quality import quality_row, require_text
+
+UNIT_QUATERNION = 0.01  # far above what six decimals leave of a unit quaternion's length
 
 
 def trajectory_rows(file: Path, motion: schema.Motion) -> pd.DataFrame:
@@ -26,40 +30,109 @@ def trajectory_rows(file: Path, motion: schema.Motion) -> pd.DataFrame:
 
 
 def find_takes(raw: Path, mocap: schema.Mocap) -> list[tuple[Path, str]]:
-    """File and part of every take below ``raw``; RecordingError where a pattern matches none."""
-    found = []
+    """File and part of every take below ``raw``; RecordingError where a pattern matches none, or two takes have one name."""
+    found: dict[str, tuple[Path, str]] = {}
     for part, pattern in (("training", mocap.training), ("test", mocap.test)):
-        files = sorted(raw.glob(pattern)) if pattern else []
+        try:
+            files = sorted(raw.glob(pattern)) if pattern else []
+        except (ValueError, NotImplementedError):
+            raise ConfigError(f"{pattern!r} is no pattern of files below the recordings' folder", key=f"dataset.mocap.{part}") from None
         if pattern and not files:
             raise RecordingError(f"no {part} take matches {pattern!r}", file=raw)
-        found += [(file, part) for file in files]
-    return found
+        for file in files:
+            require_text(file)
+            if file.stem in found:
+                raise RecordingError(f"two files are named as the take {file.stem!r}, the other is {found[file.stem][0]}", file=file)
+            found[file.stem] = (file, part)
+    return list(found.values())
+
+
+def read_take(file: Path, unit: str | None) -> MotionTake:
+    """The take in ``file``: C3D by its ending, else Motive's CSV; ``unit`` where the file does not say that of its lengths."""
+    return read_c3d(file, unit) if file.suffix.lower() == ".c3d" else read_motive(file, unit)
 
 
 def marker_rows(file: Path, part: str, dataset: schema.Dataset) -> tuple[pd.DataFrame, list[dict]]:
     """The markers of one take in the arm's base frame: those of the template by link, all others as unlabelled; and its quality.
 
-    Raises RecordingError for a take of another rate or length, with a gap, or without a marker of the template.
+    Frames that the file skips are missing samples, and so are ``frozen_frames``: those that repeat every position of the one before.
+    Where links are followed by rigid bodies, no marker of another name is carried along: nobody can tell it from the bodies' own. Raises
+    RecordingError for a take of another rate or length, or without a marker or body of the template.
     """
-    take, frames = read_motive(file), dataset.motion.steps + 1
-    if not np.isclose(take.rate, dataset.motion.rate):
-        raise RecordingError(f"the take is exported at {take.rate} Hz; dataset.motion asks for {dataset.motion.rate}", file=file)
-    if len(take.frame) != frames or np.any(np.diff(take.frame) != 1):
-        raise RecordingError(f"the take has {len(take.frame)} frames; the motion has {frames} without a gap: export it whole", file=file)
-    rotation = Rotation.from_euler("xyz", dataset.mocap.base.rpy).as_matrix()
-    template = {name: (j, i) for j, link in enumerate(dataset.mocap.markers.values(), 1) for i, name in enumerate(link, 1)}
-    # Motive prefixes the marker's name by that of its asset
-    columns = {name.rsplit(":", 1)[-1]: positions for name, positions in take.markers.items()}
-    if absent := sorted(set(template) - set(columns)):
-        raise RecordingError(f"no marker named {', '.join(absent)} in the take; it has {', '.join(sorted(columns))}", file=file)
-    stray = [name for name in columns if name not in template]
-    places = template | {name: (0, i) for i, name in enumerate(stray, 1)}
-    k = np.arange(frames)
-    rows = []
-    for name, (link, marker) in places.items():
-        xyz = (columns[name] - np.array(dataset.mocap.base.position)) @ rotation
-        identity = {"take": file.stem, "part": part, "k": k, "t": k / dataset.motion.rate, "link": link, "marker": marker}
+    mocap, motion = dataset.mocap, dataset.motion
+    take = read_take(file, mocap.unit)
+    if not np.isclose(take.rate, motion.rate):
+        raise RecordingError(f"the take is exported at {take.rate} Hz; dataset.motion asks for {motion.rate}", file=file)
+    seen = take.frame - take.frame[0]
+    if seen[-1] != motion.steps:
+        raise RecordingError(f"the take spans {seen[-1] + 1} frames; the motion has {motion.steps + 1}: export it whole", file=file)
+    tracks, stray = _tracks(take, mocap, file)
+    frozen = _frozen(np.stack(list(tracks.values()), axis=1))
+    for positions in (*tracks.values(), *stray):
+        positions[frozen] = np.nan
+    rotation = Rotation.from_euler("xyz", mocap.base.rpy).as_matrix()
+    k, rows, missing = np.arange(motion.steps + 1), [], 0
+    for (link, marker), positions in (tracks | {(0, i): positions for i, positions in enumerate(stray, 1)}).items():
+        xyz = np.full((len(k), 3), np.nan)
+        xyz[seen] = (positions - np.array(mocap.base.position)) @ rotation
+        missing += int(np.isnan(xyz[:, 0]).sum()) if link else 0
+        identity = {"take": file.stem, "part": part, "k": k, "t": k / motion.rate, "link": link, "marker": marker}
         rows.append(pd.DataFrame(identity | dict(zip("xyz", xyz.T, strict=True))))
-    missing = sum(int(np.isnan(columns[name][:, 0]).sum()) for name in template)
-    counts = take.counts | {"missing_samples": missing, "unlabelled_markers": len(stray)}
+    counts = take.counts | {"missing_samples": missing, "unlabelled_markers": len(stray), "frozen_frames": int(frozen.sum())}
     return pd.concat(rows, ignore_index=True), [quality_row(file.stem, part, "motion capture", key, value) for key, value in counts.items()]
+
+
+def _frozen(positions: np.ndarray) -> np.ndarray:
+    """(N,) whether a frame of ``positions`` (N, markers, 3) repeats all of the one before: the noise of a working tracker prevents it."""
+    gone = np.isnan(positions)
+    same = ((positions[1:] == positions[:-1]) | (gone[1:] & gone[:-1])).all(axis=(1, 2))
+    return np.append(False, same & ~gone[1:].all(axis=(1, 2)))
+
+
+def _tracks(take: MotionTake, mocap: schema.Mocap, file: Path) -> tuple[dict[tuple[int, int], np.ndarray], list[np.ndarray]]:
+    """(link, marker) from 1: (N, 3) m in the world frame, and the markers of other names."""
+    if unknown := sorted(set(mocap.bodies) - set(mocap.markers)):
+        raise ConfigError(f"no link {', '.join(unknown)}; there are {', '.join(mocap.markers)}", key="dataset.mocap.bodies")
+    by_marker = [name for link, places in mocap.markers.items() if link not in mocap.bodies for name in places]
+    full = _full_names(by_marker, list(take.markers), file)
+    tracks = {}
+    for link, (name, places) in enumerate(mocap.markers.items(), 1):
+        if name in mocap.bodies:
+            found = _carried(take, mocap.bodies[name], np.array(list(places.values())), file)
+        else:
+            found = [take.markers[full[marker]] for marker in places]
+        tracks |= {(link, i): positions for i, positions in enumerate(found, 1)}
+    stray = [] if mocap.bodies else [positions for name, positions in take.markers.items() if name not in full.values()]
+    return tracks, stray
+
+
+def _full_names(wanted: list[str], names: list[str], file: Path) -> dict[str, str]:
+    """The take's own name of each wanted marker: that name, or the one marker that has it after its asset's and a colon."""
+    full = {}
+    for name in wanted:
+        found = [name] if name in names else [other for other in names if other.rsplit(":", 1)[-1] == name]
+        if len(found) > 1:
+            raise RecordingError(f"{name!r} may be {' or '.join(found)}: name it in full", file=file, key="dataset.mocap.markers")
+        if found:
+            full[name] = found[0]
+    if absent := sorted(set(wanted) - set(full)):
+        having = ", ".join(sorted(names)) or "none"
+        raise RecordingError(f"no marker named {', '.join(absent)} in the take; it has {having}", file=file, key="dataset.mocap.markers")
+    return full
+
+
+def _carried(take: MotionTake, body: schema.Body, places: np.ndarray, file: Path) -> np.ndarray:
+    """(3, N, 3) m in the world frame: where the body, by its poses, carries the points at ``places`` (3, 3) m of its link's segment."""
+    if body.name not in take.bodies:
+        having = ", ".join(sorted(take.bodies)) or "none"
+        raise RecordingError(f"no rigid body named {body.name} in the take; it has {having}", file=file, key="dataset.mocap.bodies")
+    pose = take.bodies[body.name]
+    tracked = np.isfinite(pose.position).all(axis=-1) & np.isfinite(pose.quaternion).all(axis=-1)
+    if np.any(np.abs(np.linalg.norm(pose.quaternion[tracked], axis=-1) - 1) > UNIT_QUATERNION):
+        raise RecordingError(f"a quaternion of rigid body {body.name} is far from unit length: damaged", file=file)
+    local = (places - np.array(body.mount.position)) @ Rotation.from_euler("xyz", body.mount.rpy).as_matrix()
+    carried = np.full((len(places), len(tracked), 3), np.nan)
+    if tracked.any():
+        turn = Rotation.from_quat(pose.quaternion[tracked]).as_matrix()
+        carried[:, tracked] = pose.position[tracked] + np.einsum("nab,mb->mna", turn, local)
+    return carried

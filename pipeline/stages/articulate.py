@@ -11,8 +11,9 @@ import pandas as pd
 from pipeline import config, contracts
 from pipeline.arm.model import Arm, load_arm
 from pipeline.compute import run_trials
-from pipeline.perception.articulation import ArticulationOptions, fit_sequence
-from pipeline.perception.depth_sequence import DepthSequence
+from pipeline.perception.articulation import ArticulationOptions
+from pipeline.perception.depth_angles import articulate_rows
+from pipeline.perception.depth_sequence import DepthSequence, take_paths
 
 INGEST, TRACK, OUT = Path("data/ingest"), Path("data/track"), Path("data/articulate")
 
@@ -40,26 +41,14 @@ def run() -> None:
 
 def _sequence(rows: pd.DataFrame, settings, arm: Arm) -> DepthSequence:
     raw = Path(settings.dataset.recordings)
-    # the index names its frames relative to its own folder, the take's
-    path = next(path for path in raw.glob(settings.dataset.depth.takes) if path.name == rows["take"].iloc[0])
+    path = take_paths(raw, settings.dataset.depth)[rows["take"].iloc[0]]
     return DepthSequence(path, settings.dataset.depth, arm, raw)
 
 
 def _articulate(rows: pd.DataFrame, settings, arm: Arm, trajectory: pd.DataFrame, start: np.ndarray) -> pd.DataFrame:
-    """Fit the frames of one take; frames without enough points of the arm are left out."""
-    sequence = _sequence(rows, settings, arm)
-    options = settings.articulation
-    clouds = (sequence.points(frame)[0] for frame in rows["frame"])
-    ee = np.stack([np.interp(rows["t"], trajectory["t"], trajectory[c]) for c in "xz"], axis=-1)
-    fitted = fit_sequence(
-        list(clouds), arm.chain.origin, ee, arm.chain,
-        ArticulationOptions(options.gamma1, options.gamma2, options.length_range, options.minimum_points, options.max_gap),
-        start, take=rows["take"].iloc[0],
-    )  # fmt: skip
-    nodes = {f"{c}{name}": fitted.nodes[:, node, i] for node, name in ((1, "2"), (2, "3"), (3, "e")) for i, c in enumerate("xz")}
-    angles = {f"q{j + 1}": fitted.q[:, j] for j in range(3)}
-    table = rows[["take", "part", "frame", "t"]].assign(**angles, **nodes, points=fitted.points, objective=fitted.objective)
-    return table[np.isfinite(fitted.objective)]
+    o = settings.articulation
+    options = ArticulationOptions(o.gamma1, o.gamma2, o.length_range, o.minimum_points, o.max_gap)
+    return articulate_rows(rows, _sequence(rows, settings, arm), arm, trajectory, options, start)
 
 
 def _view(name: str, angles: pd.DataFrame, rows: pd.DataFrame, settings, arm: Arm) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -67,7 +56,7 @@ def _view(name: str, angles: pd.DataFrame, rows: pd.DataFrame, settings, arm: Ar
     take = angles[angles["take"] == rows["take"].iloc[0]]
     reach = np.hypot(take["xe"] - arm.chain.origin[0], take["ze"] - arm.chain.origin[1])
     shown = take.iloc[0 if name == "initial" else int(reach.argmax())]
-    points, _ = _sequence(rows, settings, arm).points(int(shown["frame"]))
+    points, _ = next(_sequence(rows, settings, arm).points([int(shown["frame"])]))
     nodes = np.vstack([arm.chain.origin, *([shown[f"x{node}"], shown[f"z{node}"]] for node in "23e")]).astype(float)
     cloud = pd.DataFrame({"view": name, "x": points[:, 0], "z": points[:, 1]})
     return cloud, pd.DataFrame({"view": name, "node": np.arange(4), "x": nodes[:, 0], "z": nodes[:, 1]})

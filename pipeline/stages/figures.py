@@ -13,11 +13,17 @@ from pipeline.errors import ContractError
 from pipeline.figures import (
     articulation,
     cable_robot,
+    faults,
     filter_errors,
     joint_realizations,
     joint_std,
     kinect_noise,
     mean_error,
+    model_scores,
+    parameter_recovery,
+    ridge,
+    sensitivity,
+    sigma_b_choices,
     wrench_density,
     wrench_error_histograms,
 )
@@ -25,7 +31,10 @@ from pipeline.figures.style import save
 
 TRACK, ARTICULATE, NOISE = Path("data/track"), Path("data/articulate"), Path("data/noise")
 WRENCH, SCORE, OUT = Path("data/wrench"), Path("data/score"), Path("reports/figures")
+SENSITIVITY = Path("data/sensitivity")
 MOTION, FILTER, FORCE = (Path(f"reports/metrics/{name}.json") for name in ("motion", "filter", "wrench"))
+RECOVER, FAULTS = Path("data/recover"), Path("data/faults")
+DRAWN = 3  # models in the paper's figures
 # tables that a dataset without the instrument does not have
 INSTRUMENTS = {
     "cloud": "depth camera",
@@ -33,6 +42,11 @@ INSTRUMENTS = {
     "kinect_noise": "depth camera",
     "filter_error": "depth camera",
     "force_density": "force transducer",
+    "model_scores": "time at rest",
+    "parameter_recovery": "time at rest",
+    "sigma_b_choices": "time at rest",
+    "ridges": "fitted Gaussian matrix model",
+    "faults": "synthetic laboratory",
 }
 
 
@@ -51,9 +65,15 @@ FIGURES = {
     "joint_std": Sources(joint_std, {"deviation": SCORE}, MOTION, ("*_std_q?_rms_rad", "*_correlation_with_recorded")),
     "articulation": Sources(articulation, {"cloud": ARTICULATE, "skeleton": ARTICULATE}),
     "kinect_noise": Sources(kinect_noise, {"kinect_noise": NOISE}),
+    "model_scores": Sources(model_scores, {"model_scores": SCORE}),
     "filter_errors": Sources(filter_errors, {"filter_error": SCORE}, FILTER, ("*_rms_error_rad", "*_coverage_*", "*_correlation_*")),
     "wrench_error_histograms": Sources(wrench_error_histograms, {"wrench_errors": WRENCH}, FORCE, ("study_*",)),
     "wrench_density": Sources(wrench_density, {"force_density": WRENCH}, FORCE, ("*_measured_*", "*_modelled_*")),
+    "sensitivity": Sources(sensitivity, {"sensitivity": SENSITIVITY}),
+    "parameter_recovery": Sources(parameter_recovery, {"parameter_recovery": RECOVER}),
+    "sigma_b_choices": Sources(sigma_b_choices, {"sigma_b_choices": RECOVER}),
+    "ridge": Sources(ridge, {"ridges": SCORE}),
+    "faults": Sources(faults, {"faults": FAULTS}),
     "cable_robot": Sources(cable_robot, {}),
 }
 
@@ -61,12 +81,14 @@ FIGURES = {
 def run() -> None:
     """Draw every figure whose tables the dataset has, all or none of them into ``reports/figures``."""
     settings = config.sections("figures")
-    models = list(settings.models)
+    # more lines than these cannot be told apart; the figure of the scores has all models
+    models = list(settings.models)[:DRAWN]
     force = settings.dataset.force
     options = {
         "mean_error": {"models": models},
         "joint_std": {"models": models, "mode": settings.simulation.mode},
         "filter_errors": {"models": models},
+        "ridge": {"models": list(settings.models)},
         "wrench_density": {"configurations": force.configurations if force else {}},
     }
     captions = {}

@@ -12,7 +12,7 @@ from pipeline import config, contracts, rng
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import load_arm
 from pipeline.compute import run_trials
-from pipeline.filtering.measurement import Measurements
+from pipeline.filtering.measurement import Measurements, measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.motion.build import fitted_model
 from pipeline.motion.model import MotionModel
@@ -54,20 +54,6 @@ def run(model: str) -> None:
         "mean_log_evidence_per_take": np.mean([evidence for _, _, evidence in rows]),
     }
     contracts.write_metrics(metrics, METRICS / f"filter_{model}.json")
-
-
-def measurements(angles: pd.DataFrame, noise: pd.DataFrame) -> list[Measurements]:
-    """The depth camera's measurements of every take, each with the noise estimated without that take."""
-    takes = []
-    for take, rows in angles.groupby("take"):
-        others = noise[noise["take"] == take].set_index("frame")
-        # a frame at which no other take has one has no noise estimate to go with
-        rows = rows[rows["frame"].isin(others.index)]
-        others = others.loc[rows["frame"]]
-        covariance = np.array([[others[f"r{min(i, j)}{max(i, j)}"].to_numpy() for j in (1, 2, 3)] for i in (1, 2, 3)])
-        columns = [frame[[f"{name}{j}" for j in (1, 2, 3)]].to_numpy() for frame, name in ((rows, "q"), (others, "b"))]
-        takes.append(Measurements(str(take), rows["t"].to_numpy(), *columns, covariance.transpose(2, 0, 1)))
-    return takes
 
 
 def _filter_take(

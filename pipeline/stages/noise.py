@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
-
 from pipeline import config, contracts
 from pipeline.arm.model import load_arm
 from pipeline.errors import SingularJacobianError
 from pipeline.motion.noise import process_noise
-from pipeline.perception.depth_noise import leave_one_out
+from pipeline.perception.depth_noise import errors_of, leave_one_out
 
 INGEST, TRACK, ARTICULATE, OUT = Path("data/ingest"), Path("data/track"), Path("data/articulate"), Path("data/noise")
 
@@ -35,18 +32,7 @@ def run() -> None:
         rows = training.loc[training.k > 0, ["take", "part", "k", "t"]]
         contracts.write(rows.assign(**{f"w{j + 1}": noise[..., j].ravel() for j in range(3)}), "process_noise", folder)
         if contracts.exists("angles", ARTICULATE):
-            errors = _kinect_errors(contracts.read("angles", ARTICULATE), joints)
+            errors = errors_of(contracts.read("angles", ARTICULATE), joints)
             contracts.write(leave_one_out(errors, window=settings.articulation.noise_window), "kinect_noise", folder)
         else:
             print("noise: no joint angles from a depth camera; its noise is left out")
-
-
-def _kinect_errors(angles: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
-    """Kinect minus motion capture in rad at the time of every depth frame, the motion capture interpolated linearly."""
-    errors = []
-    for take, rows in angles.groupby("take"):
-        truth = joints[joints["take"] == take]
-        inside = rows[(rows["t"] >= 0) & (rows["t"] <= truth["t"].iloc[-1])]
-        difference = {f"e{j}": inside[f"q{j}"] - np.interp(inside["t"], truth["t"], truth[f"q{j}"]) for j in (1, 2, 3)}
-        errors.append(inside[["take", "frame", "t"]].assign(**difference))
-    return pd.concat(errors, ignore_index=True)

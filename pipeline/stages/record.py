@@ -13,8 +13,11 @@ from pipeline import config, contracts, rng
 from pipeline.arm.model import load_arm
 from pipeline.compute import run_trials
 from pipeline.instruments.ati import ForceRecord, write_daqft
-from pipeline.instruments.depth import Intrinsics, write_depth, write_index, write_intrinsics
-from pipeline.instruments.motive import MotiveTake, write_motive
+from pipeline.instruments.depth import write_depth
+from pipeline.instruments.depth_index import write_index
+from pipeline.instruments.depth_intrinsics import Intrinsics, write_intrinsics
+from pipeline.instruments.motion_take import MotionTake
+from pipeline.instruments.motive import write_motive
 from pipeline.instruments.trajectory import write_trajectory
 from pipeline.twin.force import record_force
 from pipeline.twin.kinect import DepthCamera
@@ -66,7 +69,7 @@ def _record_take(take: tuple[str, int], session: Session, settings, folder: Path
     seen = capture(session.arm, motion.motion_capture, session.markers, rotation, np.array(base.position), twin["mocap"], stream)
     frame = np.arange(len(motion.motion_capture))
     time = frame / dataset.motion.rate
-    motive = MotiveTake(name, "1.23", dataset.motion.rate, frame, time, seen.markers, {}, {})
+    motive = MotionTake(name, "1.23", dataset.motion.rate, frame, time, seen.markers, {}, {})
     write_motive(folder / "optitrack" / f"{name}.csv", motive, start=STARTED)
     joints = pd.DataFrame({"take": name, "part": "training" if part == "train" else "test", "k": frame, "t": time})
     joints = joints.assign(**{f"q{j + 1}": motion.truth[:, j] for j in range(3)})

@@ -2,22 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pipeline import config, contracts
+from pipeline import config, contracts, rng
 from pipeline.errors import ModelDomainError
-from pipeline.motion.noise import measurement_covariance
-from pipeline.statistics.agreement import correlation, coverage, root_mean_square
-from pipeline.statistics.scores import in_region, log_determinant, nees, nees_band, normal_log_score, paired_difference, relative_error
+from pipeline.motion.noise import measurement_covariance, recorded_deviation
+from pipeline.statistics.comparison import (
+    Scores,
+    compared,
+    filter_metrics,
+    filter_scores,
+    log_score_differences,
+    posterior_scores,
+    prediction_scores,
+    sensor_scores,
+    spread_scores,
+)
+from pipeline.statistics.resampling import bound_quantities, resampled_differences, spread_quantities
+from pipeline.tables import STEP, TAKE
 
 INGEST, TRACK, NOISE, SIMULATE = Path("data/ingest"), Path("data/track"), Path("data/noise"), Path("data/simulate")
 EVALUATE, FILTER, WRENCH, OUT = Path("data/evaluate"), Path("data/filter"), Path("data/wrench"), Path("data/score")
+CONTROL, SENSITIVITY, FAULTS = Path("data/control"), Path("data/sensitivity"), Path("data/faults")
 METRICS, TABLES = Path("reports/metrics"), Path("reports/tables")
+FIT, RECOVER = Path("data/fit"), Path("data/recover")
 JOINTS = ("q1", "q2", "q3")
+FILTERED = "particle filter"
+# tables of other stages that the report shows as they are
+SHOWN = {
+    "parameter_recovery": RECOVER,
+    "sigma_b_choices": RECOVER,
+    "control_scores": CONTROL,
+    "sensitivity": SENSITIVITY,
+    "faults": FAULTS,
+    "sigma_s": WRENCH,
+    "force_moments": WRENCH,
+    "force_test": WRENCH,
+}
 
 
 def run() -> None:
@@ -29,27 +53,45 @@ def run() -> None:
         deviation = _deviation(models, joints, settings.simulation.mode)
         contracts.write(deviation, "deviation", folder)
         contracts.write_metrics(_motion_metrics(deviation, models), METRICS / "motion.json")
+        if settings.simulation.mode == "one_step":
+            _spread_comparison(models, deviation, settings.seed).to_csv(tables / "spread_comparison.csv", index=False)
         filtered = [model for model in models if contracts.exists("posterior", FILTER / model)]
         metrics = {}
         evaluated = [model for model in models if contracts.exists("one_step_scores", EVALUATE / model)]
-        if evaluated:
-            compared = {steps: _compared({model: _one_step_scores(model, steps) for model in evaluated}) for steps in ("all", "moving")}
-            pd.concat(compared, names=["steps"]).reset_index("steps").to_csv(tables / "one_step_scores.csv", index=False)
+        groups = _one_step_scores(evaluated) if evaluated else {}
         if filtered:
-            _compared(_posterior_scores(filtered, joints)).to_csv(tables / "filter_comparison.csv", index=False)
+            groups[FILTERED] = _posterior_scores(filtered, joints)
             errors = pd.concat([_filter_errors(model, joints) for model in filtered], ignore_index=True)
             contracts.write(errors, "filter_error", folder)
-            scores = _filter_scores(errors)
+            error, bound = _by_take(errors)
+            scores = filter_scores(error, bound)
             scores.to_csv(tables / "filter_scores.csv", index=False)
-            names = scores.columns.drop(["model", "joint"])
-            metrics = {f"{row.model}_q{row.joint}_{name}": getattr(row, name) for row in scores.itertuples() for name in names}
+            metrics = filter_metrics(scores)
+            takes = len(error[filtered[0]])
+            followed = resampled_differences(bound_quantities(error, bound), filtered, takes, rng.stream(settings.seed, "score.bounds"))
+            followed.to_csv(tables / "bound_comparison.csv", index=False)
         contracts.write_metrics(metrics, METRICS / "filter.json")
+        if groups:
+            comparisons = _by_steps({steps: compared(scores) for steps, scores in groups.items()})
+            contracts.write(comparisons, "model_scores", folder)
+            of_filter = comparisons["steps"] == FILTERED
+            comparisons[~of_filter].to_csv(tables / "one_step_scores.csv", index=False)
+            if filtered:
+                comparisons[of_filter].drop(columns="steps").to_csv(tables / "filter_comparison.csv", index=False)
+            differences = _by_steps({steps: log_score_differences(scores) for steps, scores in groups.items()})
+            differences.to_csv(tables / "log_score_differences.csv", index=False)
+        ridges = [contracts.read("ridge", FIT / model).assign(model=model) for model in models if contracts.exists("ridge", FIT / model)]
+        if ridges:
+            contracts.write(pd.concat(ridges, ignore_index=True), "ridges", folder)
         truth = Path(settings.dataset.recordings).parent / "truth"
-        contracts.write_metrics(_quality(tables) | _truth(joints, truth), METRICS / "recordings.json")
-        for name in ("sigma_s", "force_moments", "force_test"):
-            if contracts.exists(name, WRENCH):
-                contracts.read(name, WRENCH).to_csv(tables / f"{name}.csv", index=False)
-        study = contracts.read("wrench_errors", WRENCH).groupby("agents")["error"].agg(["mean", "max"]).reset_index()
+        contracts.write_metrics(_quality(tables) | _kinect() | _truth(joints, truth), METRICS / "recordings.json")
+        for name, place in SHOWN.items():
+            if contracts.exists(name, place):
+                contracts.read(name, place).to_csv(tables / f"{name}.csv", index=False)
+        study = contracts.read("wrench_errors", WRENCH).groupby("agents")["error"].agg(["mean", "max"])
+        # the greatest of many errors is a random number: where 95 % of the repeats of the study have it
+        maxima = contracts.read("wrench_spread", WRENCH).groupby("agents")["maximum"]
+        study = study.assign(max_low=maxima.quantile(0.025), max_high=maxima.quantile(0.975)).reset_index()
         study.to_csv(tables / "wrench_study.csv", index=False)
         deviation.to_csv(tables / "deviation.csv", index=False)
 
@@ -60,11 +102,8 @@ def _deviation(models: list[str], joints: pd.DataFrame, mode: str) -> pd.DataFra
     mean = q.mean(axis=0)
     first = joints[joints["take"] == names[0]]
     grid = {"k": first["k"].to_numpy(), "t": first["t"].to_numpy()}
-    if mode == "one_step":
-        _, noise = contracts.stacked(contracts.read("process_noise", NOISE), ["w1", "w2", "w3"])
-        spread = np.vstack([np.zeros((1, 3)), noise.std(axis=0, ddof=1)])
-    else:
-        spread = q.std(axis=0, ddof=1)
+    _, noise = contracts.stacked(contracts.read("process_noise", NOISE), ["w1", "w2", "w3"])
+    spread = recorded_deviation(q, noise, mode)
     tables = [pd.DataFrame(grid | {"source": "recorded", "error": 0.0} | {f"s{j + 1}": spread[:, j] for j in range(3)})]
     for model in models:
         moments = contracts.read("moments", SIMULATE / model)
@@ -76,16 +115,8 @@ def _deviation(models: list[str], joints: pd.DataFrame, mode: str) -> pd.DataFra
 def _motion_metrics(deviation: pd.DataFrame, models: list[str]) -> dict:
     # at k = 0 nothing has moved yet
     by_source = {source: rows[rows.k > 0] for source, rows in deviation.groupby("source")}
-    recorded = by_source["recorded"]
-    metrics = {f"{model}_greatest_mean_error_rad": by_source[model]["error"].max() for model in models}
-    for j in (1, 2, 3):
-        metrics[f"recorded_std_q{j}_rms_rad"] = root_mean_square(recorded[f"s{j}"].to_numpy())
-        for model in models:
-            std = by_source[model][f"s{j}"].to_numpy()
-            metrics[f"{model}_std_q{j}_rms_rad"] = root_mean_square(std)
-            metrics[f"{model}_std_q{j}_correlation_with_recorded"] = correlation(std, recorded[f"s{j}"].to_numpy())
-            metrics[f"{model}_std_q{j}_relative_error"] = relative_error(std, recorded[f"s{j}"].to_numpy())
-    return metrics
+    errors = {model: by_source[model]["error"].to_numpy() for model in models}
+    return spread_scores({source: rows[["s1", "s2", "s3"]].to_numpy() for source, rows in by_source.items()}, errors)
 
 
 def _filter_errors(model: str, joints: pd.DataFrame) -> pd.DataFrame:
@@ -95,44 +126,52 @@ def _filter_errors(model: str, joints: pd.DataFrame) -> pd.DataFrame:
     return posterior[["take", "part", "k", "t"]].assign(model=model, **errors, **spread)
 
 
-def _filter_scores(errors: pd.DataFrame) -> pd.DataFrame:
-    """Accuracy, width of the ±1σ bound, and whether the bound follows the error over time, per model and joint."""
-    rows = []
-    for model, of_model in errors.groupby("model", sort=False):
-        for j in (1, 2, 3):
-            error, bound = (of_model.pivot(index="take", columns="k", values=f"{name}{j}").to_numpy() for name in "es")
-            running, width = np.sqrt(np.mean(error**2, axis=0)), bound.mean(axis=0)
-            rows.append(
-                {
-                    "model": model,
-                    "joint": j,
-                    "rms_error_rad": root_mean_square(error),
-                    "mean_bound_rad": bound.mean(),
-                    "coverage_of_the_bound": coverage(error, bound),
-                    "bound_greatest_over_least": width.max() / width.min(),
-                    "correlation_of_bound_with_error": correlation(width, running),
-                    "relative_error_of_bound": relative_error(width, running),
-                }
-            )
-    return pd.DataFrame(rows)
+def _by_take(errors: pd.DataFrame) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Error and bound (takes, K, 3) of every filter, in rad."""
+    by_model = dict(list(errors.groupby("model", sort=False)))
+    error, bound = (
+        {model: contracts.stacked(rows, [f"{name}{j}" for j in (1, 2, 3)])[1] for model, rows in by_model.items()} for name in "es"
+    )
+    return error, bound
 
 
-Scores = dict[str, np.ndarray]  # score → (takes,) values, or one value of all takes together
+def _spread_comparison(models: list[str], deviation: pd.DataFrame, seed: int) -> pd.DataFrame:
+    """Whether the models' standard deviations of one step follow the recorded one, which varies with the takes."""
+    _, noise = contracts.stacked(contracts.read("process_noise", NOISE), ["w1", "w2", "w3"])
+    std = {source: rows.loc[rows.k > 0, ["s1", "s2", "s3"]].to_numpy() for source, rows in deviation.groupby("source")}
+    return resampled_differences(spread_quantities(std, noise), models, len(noise), rng.stream(seed, "score.spread"))
 
 
-def _one_step_scores(model: str, steps: str) -> Scores:
-    """Scores of the predictions of one step, each the mean over the steps of a take: all of them, or those that were to move."""
+def _step_scores(model: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """The scores (takes, M) of every step of the takes that ``model`` was to predict, and which steps (M,) were commanded to move."""
     table = contracts.read("one_step_scores", EVALUATE / model)
-    if steps == "moving":
-        table = table[table.moving]
-    columns = ["log_density", "log_density_noiseless", "energy", "nees", "log_determinant", "z1", "z2", "z3"]
-    log, noiseless, energy, squared, sharpness, *errors = np.moveaxis(contracts.stacked(table, columns)[1], -1, 0)
-    scores = {"log_score": log}
-    if steps == "moving":
-        scores |= {"log_score_without_measurement_noise": noiseless, "ruled_out_without_measurement_noise": _share(np.isneginf, noiseless)}
-    scores |= {"energy_score_rad": energy}
-    scores |= {f"coverage_of_one_sigma_q{j}": _share(lambda z: np.abs(z) <= 1, error) for j, error in enumerate(errors, 1)}
-    return {name: values.mean(axis=1) for name, values in scores.items()} | _consistency(squared, sharpness)
+    columns = [name for name in table.columns if name not in TAKE | STEP]
+    values = dict(zip(columns, np.moveaxis(contracts.stacked(table.astype({"moving": float}), columns)[1], -1, 0), strict=True))
+    return values, values["moving"].all(axis=0)
+
+
+def _one_step_scores(models: list[str]) -> dict[str, dict[str, Scores]]:
+    """Every model's predictions of one step: of all steps, of those that were to move, and of these by how well the arm is conditioned."""
+    by_model, moving = {}, {}
+    for model in models:
+        by_model[model], moving[model] = _step_scores(model)
+    groups = {"all": np.ones_like(moving[models[0]]), "moving": moving[models[0]]}
+    norms = by_model[models[0]]["inverse_norm"].mean(axis=0)
+    ends = np.quantile(norms[groups["moving"]], [0, 1 / 3, 2 / 3, 1])
+    for name, low, high in zip(("least", "middle", "greatest"), ends, ends[1:], strict=False):
+        third = groups["moving"] & (low <= norms) & ((norms < high) | (high == ends[-1]))
+        groups[f"moving, {name} third of ‖J⁻¹‖: {low:.3g} to {high:.3g}"] = third
+    return {
+        name: {
+            model: prediction_scores({score: values[:, steps] for score, values in scores.items()}, moving=name != "all")
+            for model, scores in by_model.items()
+        }
+        for name, steps in groups.items()
+    }
+
+
+def _by_steps(rows: dict[str, pd.DataFrame]) -> pd.DataFrame:
+    return pd.concat(rows, names=["steps"]).reset_index("steps")
 
 
 def _posterior_scores(models: list[str], joints: pd.DataFrame) -> dict[str, Scores]:
@@ -152,51 +191,12 @@ def _posterior_scores(models: list[str], joints: pd.DataFrame) -> dict[str, Scor
 
 def _of_posterior(model: str, joints: pd.DataFrame, of_pose: np.ndarray) -> Scores:
     posterior = contracts.read("posterior", FILTER / model).merge(joints[["take", "k", *JOINTS]], on=["take", "k"])
-    _, mean = contracts.stacked(posterior, ["m1", "m2", "m3"])
     entries = [f"c{min(i, j)}{max(i, j)}" for i in (1, 2, 3) for j in (1, 2, 3)]
-    error = mean - contracts.stacked(posterior, list(JOINTS))[1]
-    covariance = contracts.stacked(posterior, entries)[1].reshape(*error.shape, 3) + of_pose
-    rms = {f"rms_error_q{j}_rad": np.sqrt(np.mean(error[..., j - 1] ** 2, axis=1)) for j in (1, 2, 3)}
-    try:
-        log, squared, sharpness = normal_log_score(error, covariance), nees(error, covariance), log_determinant(covariance)
-    except ModelDomainError as refused:
+    error = contracts.stacked(posterior, ["m1", "m2", "m3"])[1] - contracts.stacked(posterior, list(JOINTS))[1]
+    scores, refused = posterior_scores(error, contracts.stacked(posterior, entries)[1].reshape(*error.shape, 3) + of_pose)
+    if refused:
         print(f"score: the posterior of {model} is not scored as a normal law: {refused}")
-        log = squared = sharpness = np.full(error.shape[:2], np.nan)
-    return rms | {"log_score": log.mean(axis=1)} | _consistency(squared, sharpness)
-
-
-def _consistency(squared: np.ndarray, sharpness: np.ndarray) -> Scores:
-    """Calibration and sharpness from the NEES (takes, K) of errors of three joints and the log determinant (takes, K) of their law.
-
-    The band of the NEES is for the mean over takes at one step, for takes are independent and steps are not.
-    """
-    low, high = nees_band(len(squared), 3)
-    by_step = squared.mean(axis=0)
-    return {
-        "coverage_of_the_95_percent_region": _share(lambda x: in_region(x, 3), squared).mean(axis=1),
-        "nees": squared.mean(axis=1),
-        "share_of_steps_with_nees_in_its_95_percent_band": _share(lambda x: (low <= x) & (x <= high), by_step).mean(),
-        "log_determinant": sharpness.mean(axis=1),
-    }
-
-
-def _share(holds: Callable[[np.ndarray], np.ndarray], values: np.ndarray) -> np.ndarray:
-    """1 where ``holds`` does, 0 where it does not, and a gap where there is no value."""
-    return np.where(np.isnan(values), np.nan, holds(values))
-
-
-def _compared(scores: dict[str, Scores]) -> pd.DataFrame:
-    """Every score of every model, and its paired difference over the takes to the first model with the 95 % interval."""
-    first, *_ = scores
-    rows = []
-    for model, of_model in scores.items():
-        for name, values in of_model.items():
-            row = {"model": model, "score": name, "mean": values.mean()}
-            if model != first and values.ndim:
-                difference = paired_difference(values, scores[first][name])
-                row |= {"difference": difference.mean, "low": difference.low, "high": difference.high}
-            rows.append(row)
-    return pd.DataFrame(rows, columns=["model", "score", "mean", "difference", "low", "high"])
+    return scores
 
 
 def _quality(tables: Path) -> dict:
@@ -208,6 +208,16 @@ def _quality(tables: Path) -> dict:
     counted = summary[summary["unit"] == "1"]
     name = counted["instrument"].str.replace(" ", "_") + "_" + counted["quantity"]
     return dict(zip(name, counted["sum"], strict=True))
+
+
+def _kinect() -> dict:
+    """The scores of the depth camera's noise, where there is one."""
+    if not contracts.exists("kinect_noise", NOISE):
+        return {}
+    noise = contracts.read("kinect_noise", NOISE)
+    of_all = noise[noise["take"] == "none"]
+    bias, variance = (of_all[columns].to_numpy() for columns in (["b1", "b2", "b3"], ["r11", "r22", "r33"]))
+    return sensor_scores(bias, variance, noise["take"].nunique() - 1)
 
 
 def _truth(joints: pd.DataFrame, truth: Path) -> dict:

@@ -12,7 +12,8 @@ from pipeline.arm.model import load_arm
 from pipeline.errors import ModelDomainError
 from pipeline.motion.build import fitted_model
 from pipeline.motion.gaussian import GaussianModel
-from pipeline.motion.realizations import realize
+from pipeline.motion.gaussian_forward import GaussianForwardModel
+from pipeline.motion.realizations import realize, realized_moments
 
 INGEST, TRACK, FIT, OUT = Path("data/ingest"), Path("data/track"), Path("data/fit"), Path("data/simulate")
 
@@ -29,21 +30,16 @@ def run(model: str) -> None:
     stream = rng.stream(settings.seed, f"simulate.{model}")
     starts = np.resize(q, (options.realizations, *q.shape[1:]))
     fitted = fitted_model(FIT / model)
-    if isinstance(fitted, GaussianModel):
+    if isinstance(fitted, GaussianModel | GaussianForwardModel):
         fitted.require_bound(chain, q.mean(axis=0))
     simulated, clipped, lost = realize(fitted, chain, starts, v, options.mode, stream)
     grid = trajectory[["k", "t"]]
-    spread = simulated
-    if options.mode == "one_step":
-        nominal = starts[:, :-1] + np.matvec(chain.inverse_jacobian(starts[:, :-1], what="measured pose"), v)
-        spread = np.concatenate([np.zeros_like(starts[:, :1]), simulated[:, 1:] - nominal], axis=1)
-    surviving = np.isfinite(simulated[..., 0]).sum(axis=0)
-    if surviving.min() < 2:
-        raise ModelDomainError(
-            "fewer than two realisations stay clear of singular poses: their spread cannot be told",
-            model=model, step=int(np.argmax(surviving < 2)), key="simulation",
-        )  # fmt: skip
-    mean, deviation = np.nanmean(simulated, axis=0), np.nanstd(spread, axis=0, ddof=1)
+    try:
+        mean, deviation, refused = realized_moments(fitted, chain, starts, v, options.mode, simulated)
+    except ModelDomainError as error:
+        raise ModelDomainError(error.message, **{"model": model} | error.evidence) from None
+    if refused:
+        print(f"simulate: the spread of {model} is a gap, as a sample's would mean nothing: {refused}")
     with contracts.replacing(OUT / model) as folder:
         rows = pd.concat([grid] * len(simulated), ignore_index=True)
         rows = rows.assign(realization=np.repeat(np.arange(len(simulated)), len(grid)))

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline import config, contracts, schema
-from pipeline.arm.model import Arm, load_arm
-from pipeline.perception.markers import JointTrack, track_joints
+from pipeline import config, contracts
+from pipeline.arm.model import load_arm
+from pipeline.perception.markers import JointTrack, track_rows
 
 INGEST, OUT = Path("data/ingest"), Path("data/track")
 
@@ -25,20 +25,10 @@ def run() -> None:
             print("track: no motion capture; the controller's log is taken for the measured joint angles")
         else:
             takes = contracts.read("markers", INGEST).groupby(["take", "part"], sort=False)
-            tracks = {key: _track(rows, mocap, arm, key[0]) for key, rows in takes}
+            tracks = {key: track_rows(rows, mocap, arm, take=key[0]) for key, rows in takes}
             joints = pd.concat([_joint_rows(*key, track, settings.dataset.motion.rate) for key, track in tracks.items()], ignore_index=True)
             contracts.write(pd.concat([_quality_rows(*key, track) for key, track in tracks.items()], ignore_index=True), "quality", folder)
         contracts.write(joints, "joints", folder)
-
-
-def _track(rows: pd.DataFrame, mocap: schema.Mocap, arm: Arm, take: str) -> JointTrack:
-    template = np.array([list(link.values()) for link in mocap.markers.values()])
-    positions = rows.sort_values(["link", "marker", "k"], kind="stable")
-    labelled, stray = positions[positions.link > 0], positions[positions.link == 0]
-    frames = labelled.k.nunique()
-    xyz = labelled[["x", "y", "z"]].to_numpy().reshape(3, 3, frames, 3).transpose(2, 0, 1, 3)
-    extra = stray[["x", "y", "z"]].to_numpy().reshape(-1, frames, 3).transpose(1, 0, 2)
-    return track_joints(xyz, template, arm, unlabelled=extra, gate=mocap.gate, max_gap=mocap.max_gap, take=take)
 
 
 def _joint_rows(take: str, part: str, track: JointTrack, rate: float) -> pd.DataFrame:

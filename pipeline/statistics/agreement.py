@@ -20,3 +20,8 @@ def correlation(a: np.ndarray, b: np.ndarray) -> float:
 def coverage(error: np.ndarray, bound: np.ndarray) -> float:
     """Share of ``error`` within ± ``bound``, both of one shape; 0.683 for a calibrated normal error and its standard deviation."""
     return float(np.mean(np.abs(error) <= bound))
+
+
+def variation(values: np.ndarray) -> float:
+    """Coefficient of variation of ``values`` (K,) over time, standard deviation over mean; 0 where they are constant."""
+    return float(values.std() / values.mean()) if np.ptp(values) else 0.0

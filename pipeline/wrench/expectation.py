@@ -26,10 +26,11 @@ LOG2_POINTS = 12  # of each scramble of the Sobol sequence
 
 @dataclass(frozen=True)
 class ExpectedSigmaS:
-    """E[Σ_S] over the systems within bounds."""
+    """E[Σ_S] over the systems within bounds, and how far single systems are off it."""
 
     mean: np.ndarray  # (2, 2)
     standard_error: np.ndarray  # (2, 2) of the quasi-Monte Carlo part, from its scrambles
+    deviation: np.ndarray  # (2, 2) standard deviation of each entry over the systems
 
 
 def _uniform_mean(function: Callable[[np.ndarray], np.ndarray], bounds: tuple[float, float]) -> np.ndarray:
@@ -77,6 +78,7 @@ def expected_sigma_s(bounds: Bounds, agents: int, rng: np.random.Generator) -> d
     """
     exact = expected_unbounded_sigma_s(bounds, agents)
     corrections: dict[str, list[np.ndarray]] = {form: [] for form in FORMS}
+    squares: dict[str, list[np.ndarray]] = {form: [] for form in FORMS}
     for scramble in rng.spawn(SCRAMBLES):
         points = qmc.Sobol(4 * agents, rng=scramble).random_base2(LOG2_POINTS)
         systems = systems_at(bounds, np.moveaxis(points.reshape(len(points), 4, agents), 1, 0))
@@ -85,10 +87,10 @@ def expected_sigma_s(bounds: Bounds, agents: int, rng: np.random.Generator) -> d
             sigma_s, _ = optimal_sigma_s(unbounded, form)
             target = unbounded if form == "full" else unbounded * np.eye(2)
             corrections[form].append(np.mean(sigma_s - target, axis=0))
-    return {
-        form: ExpectedSigmaS(
-            (exact if form == "full" else exact * np.eye(2)) + np.mean(values, axis=0),
-            np.std(values, axis=0, ddof=1) / np.sqrt(SCRAMBLES),
-        )
-        for form, values in corrections.items()
-    }
+            squares[form].append(np.mean(sigma_s**2, axis=0))
+    found = {}
+    for form, values in corrections.items():
+        mean = (exact if form == "full" else exact * np.eye(2)) + np.mean(values, axis=0)
+        deviation = np.sqrt(np.maximum(np.mean(squares[form], axis=0) - mean**2, 0.0))
+        found[form] = ExpectedSigmaS(mean, np.std(values, axis=0, ddof=1) / np.sqrt(SCRAMBLES), deviation)
+    return found

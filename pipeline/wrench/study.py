@@ -19,6 +19,7 @@ from pipeline.wrench.parametric import CableSystem, force_covariance
 class SigmaS:
     """Σ_S averaged over drawn systems."""
 
+    systems: int
     mean: np.ndarray  # (2, 2)
     standard_error: np.ndarray  # (2, 2) of the mean
     clipped: int  # eigenvalues of single systems' Σ_S that the bound Σ_S ≥ 0 held; of the diagonal form these are its entries
@@ -36,7 +37,7 @@ def estimate_sigma_s(bounds: Bounds, systems: int, agents: int, rng: np.random.G
     estimates = {}
     for form in FORMS:
         optimal, held = optimal_sigma_s(unbounded, form)
-        estimates[form] = SigmaS(optimal.mean(axis=0), optimal.std(axis=0, ddof=1) / np.sqrt(systems), int(held.sum()))
+        estimates[form] = SigmaS(systems, optimal.mean(axis=0), optimal.std(axis=0, ddof=1) / np.sqrt(systems), int(held.sum()))
     return estimates
 
 
@@ -62,6 +63,8 @@ def sigma_s_rows(
     for form, estimate in estimates.items():
         row = {"system_class": system_class, "agents": agents, "form": form}
         columns = {"s": estimate.mean, "se": estimate.standard_error, "e": expected[form].mean, "ee": expected[form].standard_error}
+        # what the standard error tends to: known better than from the same systems that the mean is of
+        columns["de"] = expected[form].deviation / np.sqrt(estimate.systems)
         row |= {f"{name}{i + 1}{j + 1}": values[i, j] for name, values in columns.items() for i, j in ((0, 0), (0, 1), (1, 1))}
         rows.append(row | {"clipped": estimate.clipped})
     return rows

@@ -8,6 +8,7 @@ import pytest
 from pipeline.audit.results import number, results_page
 
 MODELS = ["additive", "wishart"]
+VERDICTS = "the verdicts"
 
 
 @pytest.fixture
@@ -41,7 +42,7 @@ def compared(score: str) -> pd.DataFrame:
 
 def test_models_stand_side_by_side_with_their_paired_differences(metrics, tables):
     rows = pd.concat([compared("log_score").assign(steps=steps) for steps in ("all", "moving")])
-    page = results_page("youbot", "paper", MODELS, metrics, tables | {"one_step_scores": rows})
+    page = results_page("youbot", "paper", MODELS, metrics, tables | {"one_step_scores": rows}, [VERDICTS])
     assert page.count("| log score | 1.25 | 1.5 (+0.25 [+0.125, +0.375]) |") == 2
     assert "No one-step prediction was scored" not in page
     assert "Steps: moving." in page and "difference to additive" in page
@@ -49,10 +50,10 @@ def test_models_stand_side_by_side_with_their_paired_differences(metrics, tables
 
 def test_a_score_that_does_not_exist_is_a_dash_and_an_infinite_one_is_shown(metrics, tables):
     rows = compared("log_score").assign(steps="all", mean=[float("nan"), float("-inf")], difference=float("nan"))
-    page = results_page("youbot", "paper", MODELS, metrics, tables | {"one_step_scores": rows})
+    page = results_page("youbot", "paper", MODELS, metrics, tables | {"one_step_scores": rows}, [VERDICTS])
     assert "| log score | – | -inf |" in page
     single = compared("log_score").assign(steps="all", low=float("nan"), high=float("nan"))
-    assert "| 1.5 (+0.25) |" in results_page("youbot", "paper", MODELS, metrics, tables | {"one_step_scores": single})
+    assert "| 1.5 (+0.25) |" in results_page("youbot", "paper", MODELS, metrics, tables | {"one_step_scores": single}, [VERDICTS])
 
 
 def test_numbers_have_four_digits_and_counts_all_of_theirs():
@@ -60,7 +61,7 @@ def test_numbers_have_four_digits_and_counts_all_of_theirs():
 
 
 def test_every_number_given_is_on_the_page(metrics, tables):
-    page = results_page("youbot", "paper", MODELS, metrics, tables)
+    page = results_page("youbot", "paper", MODELS, metrics, tables, [VERDICTS])
     for text in (
         "dataset youbot, scale paper",
         "2.5e-05",
@@ -70,17 +71,18 @@ def test_every_number_given_is_on_the_page(metrics, tables):
         "interpolated",
         "| 17 |",
         "lost at a singular pose | 7 | 7 |",
+        "\n\nthe verdicts\n\n## Fitted parameters",
     ):
         assert text in page
 
 
 def test_what_the_dataset_lacks_is_said_and_not_shown(metrics, tables):
-    page = results_page("ur5", "paper", MODELS, metrics, tables)
+    page = results_page("ur5", "paper", MODELS, metrics, tables, [VERDICTS])
     assert "no instrument for the particle filter and measured force" in page
     assert "Particle filter on the test takes" not in page
     assert "No one-step prediction was scored" in page
     scores = pd.DataFrame({"model": ["additive"], "rms_error_rad": [0.0107]})
     with_filter = results_page(
-        "youbot", "paper", MODELS, metrics, tables | {"filter_scores": scores, "filter_comparison": compared("rms_error_q1_rad")}
+        "youbot", "paper", MODELS, metrics, tables | {"filter_scores": scores, "filter_comparison": compared("rms_error_q1_rad")}, VERDICTS
     )
     assert "751.5" in with_filter and "0.0107" in with_filter

@@ -51,7 +51,63 @@ def tables() -> dict[str, pd.DataFrame]:
         pd.DataFrame({"configuration": name, "source": source, "fx": fx, "fy": fy, "density": rng.random(len(fx))})
         for name in ("C1", "C2") for source in ("measured", "modelled")
     ]  # fmt: skip
+    recovery = [
+        pd.DataFrame({"data": data, "estimator": estimator, "parameter": names, "truth": 1.0, "mean": 1.1})
+        for data, estimator, names in [
+            ("additive", "additive", ["sigma_omega_11_rad2", "sigma_omega_12_rad2"]),
+            ("wishart 0.25", "wishart", ["sigma_b"]),
+            ("wishart 0.25", "wishart_ml", ["sigma_b"]),
+        ]
+    ]
+    recovery = [
+        table.assign(
+            relative_bias=[-0.2, 0.01][: len(table)], relative_bias_standard_error=0.01, root_mean_square_error=0.1, standard_deviation=0.1,
+            bootstrap_standard_error=0.1, coverage=0.9, datasets=10, without_an_estimate=0,
+        )
+        for table in recovery
+    ]  # fmt: skip
+    choices = [
+        pd.DataFrame({"estimator": "wishart", "source": source, "truth": truth, "varied": varied, "share": share, "floor": floor}).assign(
+            sigma_b=rng.random(3), sigma_b_moving=0.3, bound=0.1
+        )
+        for source, truth in [("recorded", np.nan), ("drawn", 0.25), ("drawn without measurement noise", 0.25)]
+        for varied, share, floor in [("ratio", [0.1, 1.0, 10.0], 0.2), ("floor", 1.0, [0.1, 0.2, 0.3])]
+    ]
+    bounds = np.linspace(17.0, 20.0, 4)
+    ridges = [
+        pd.DataFrame({"model": "gaussian", "u": bounds, "alpha": 2 / bounds, "level": 1.0, "excess": (bounds - 18.0) ** 2}),
+    ]
+    words = [("holds", "fails", "no evidence", "holds"), ("fails", "fails", "holds", "holds")]
+    variations = [("", ""), ("clock", "not aligned"), ("chance", "other draws"), ("chance", "other takes")]
+    graded = {"severity": [1.0, 2.0, 3.0], "severity_unit": "rows", "outcome": "", "as_expected": True, "rule": "", "found": ""}
+    suffered = [
+        pd.DataFrame(graded | {"fault": fault, "instrument": of, "error": error, "clean_error": clean, "error_unit": unit})
+        for fault, of, error, clean, unit in (
+            ("take: dropped", "motion capture", [0.01, 0.02, np.nan], 0.01, "rad"),
+            ("take: swapped", "motion capture", np.nan, 0.01, "rad"),
+            ("frames: frozen", "depth camera", [0.05, 0.05, 0.1], 0.05, "rad"),
+            ("log: saturated", "force transducer", [0.0, 0.1, 1.0], 0.0, "N"),
+        )
+    ]
+    sensitivity = [
+        pd.DataFrame({"claim": claim, "about": about, "case": ["joint 1", "joint 2"], "value": 1.0, "than": np.nan}).assign(
+            setting=setting, variation=variation, holds=word, verdict=word, changed=word != of_claim[0]
+        )
+        for (claim, about), of_claim in zip([("first-claim", "method"), ("second-claim", "robots")], words, strict=True)
+        for (setting, variation), word in zip(variations, of_claim, strict=True)
+    ]
+    gap = float("nan")
+    compared = [
+        pd.DataFrame({"steps": steps, "model": ["additive", "gaussian", "student"], "score": score, "mean": [10.0, 10.6, 10.5]}).assign(
+            difference=[gap, 0.6, 0.5], low=[gap, 0.5, gap], high=[gap, 0.7, gap]
+        )
+        for steps in ("all", "moving", "moving, least third of ‖J⁻¹‖: 13 to 14", "particle filter") for score in ("log_score", "nees")
+    ]  # fmt: skip
     lists = {
+        "model_scores": compared,
+        "sensitivity": sensitivity,
+        "faults": suffered,
+        "parameter_recovery": recovery, "sigma_b_choices": choices, "ridges": ridges,
         "joints": [joints.assign(residual=0.0)], "process_noise": [noise[noise["k"] > 0]], "deviation": deviation, "filter_error": filtered,
         "kinect_noise": kinect, "skeleton": skeleton, "cloud": cloud, "wrench_errors": errors, "force_density": densities,
     }  # fmt: skip

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.stats import multivariate_normal
 
 from pipeline.errors import ContractError, ModelDomainError
-from pipeline.filtering.measurement import Measurements
+from pipeline.filtering.measurement import Measurements, measurements
 
 
 def measurements_at(t, **changed) -> Measurements:
@@ -70,3 +71,17 @@ def test_values_that_are_not_finite_and_shapes_that_disagree_are_refused():
         measurements_at([0.0, 0.1], y=np.array([[0.0, 0.0, 0.0], [0.0, np.nan, 0.0]]))
     with pytest.raises(ContractError, match="bias has shape"):
         measurements_at([0.0, 0.1], bias=np.zeros(3))
+
+
+def test_every_take_goes_with_the_noise_that_was_estimated_without_it():
+    angles = pd.DataFrame({"take": ["b", "b", "a", "a"], "frame": [1, 2, 1, 2], "t": [0.1, 0.2, 0.1, 0.2]}).assign(q1=1.0, q2=2.0, q3=3.0)
+    noise = pd.DataFrame(
+        {"take": ["a", "a", "b", "none"], "frame": [1, 2, 1, 1], "t": 0.1, "b1": [0.1, 0.2, 0.3, 0.4], "b2": 0.0, "b3": 0.0}
+    )
+    noise = noise.assign(r11=[1.0, 2.0, 3.0, 4.0], r12=0.1, r13=0.2, r22=5.0, r23=0.3, r33=6.0)
+    first, second = measurements(angles, noise)
+    assert (first.take, second.take) == ("a", "b")
+    np.testing.assert_array_equal(first.bias[:, 0], [0.1, 0.2])
+    np.testing.assert_array_equal(first.covariance[1], [[2.0, 0.1, 0.2], [0.1, 5.0, 0.3], [0.2, 0.3, 6.0]])
+    # the frame of b that no other take has is left out
+    assert second.t.tolist() == [0.1] and second.bias[0, 0] == 0.3

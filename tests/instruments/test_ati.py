@@ -1,12 +1,16 @@
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import RecordingError
-from pipeline.instruments.ati import ForceRecord, read_daqft, write_daqft
+from pipeline.instruments.ati import read_daqft, write_daqft
+from pipeline.instruments.force_record import ForceRecord, LogOptions
+from pipeline.instruments.force_table import read_force_table
 
 SETTINGS = '"Frequency = 1000","Averaging Level = 16","F/T Serial Number = FT1","Time Started = 1/2/2024 3:04:05 PM"'
 
@@ -163,3 +167,80 @@ def test_a_log_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(tmp
     assert 0 < len(found.time) == kept
     np.testing.assert_array_equal(found.force, whole.force[:kept])
     np.testing.assert_array_equal(found.torque, whole.torque[:kept])
+
+
+ROW = "1.5,2,3,4,5,6"
+NUMBERED = {"fx": 0, "fy": 1, "fz": 2, "tx": 3, "ty": 4, "tz": 5}
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "Frequency = 1000,Averaging Level = 16,F/T Serial Number = FT1\nFx,Fy,Fz,Tx,Ty,Tz\nN,N,N,N-mm,N-mm,N-mm",
+        'Paused for 500 milliseconds before saving data.\n"Force X","Force Y","Force Z","Torque X","Torque Y","Torque Z"\n'
+        '"(N)","(N)","(N)","(N-mm)","(N-mm)","(N-mm)","Frequency = 1000","Averaging Level = 16","F/T Serial Number = FT1"',
+        "Fx [N],Fy [N],Fz [N],Mx [N-mm],My [N-mm],Mz [N-mm],Frequency = 1000,Averaging Level = 16,F/T Serial Number = FT1",
+    ],
+)
+def test_labels_units_and_settings_may_stand_in_rows_of_their_own(tmp_path, header):
+    (tmp_path / "log.csv").write_text(f"{header}\n{ROW}\n{ROW}\n")
+    found = read_daqft(tmp_path / "log.csv")
+    np.testing.assert_array_equal(found.force, [[1.5, 2, 3]] * 2)
+    np.testing.assert_allclose(found.torque, [[0.004, 0.005, 0.006]] * 2)
+    assert (found.rate, found.serial) == (62.5, "FT1")
+
+
+def test_axes_that_are_labelled_twice_are_settled_by_their_numbers(tmp_path):
+    file = log(tmp_path, ROW)
+    file.write_text(file.read_text().replace("Torque X", "Torque Z"))
+    assert refusal(file).evidence["key"] == "dataset.force.log.columns"
+    options = LogOptions(columns=NUMBERED)
+    np.testing.assert_array_equal(read_daqft(file, options).torque, [[4, 5, 6]])
+    # only what is named is read
+    forces = LogOptions(columns={axis: column for axis, column in NUMBERED.items() if axis.startswith("f")})
+    assert np.isnan(read_daqft(file, forces).torque).all()
+
+
+def test_a_rate_that_the_labels_do_not_state_is_the_options_and_never_another(tmp_path):
+    file = log(tmp_path, ROW, ROW)
+    with pytest.raises(RecordingError, match=r"62\.5 samples a second, the option 64"):
+        read_daqft(file, LogOptions(rate=64.0))
+    file.write_text(file.read_text().replace('"Frequency = 1000","Averaging Level = 16",', ""))
+    assert refusal(file).evidence["key"] == "dataset.force.log.rate"
+    assert read_daqft(file, LogOptions(rate=250.0)).time.tolist() == [0, 0.004]
+
+
+def test_a_log_without_labels_is_a_table_whose_columns_have_numbers(tmp_path):
+    file = tmp_path / "log.csv"
+    file.write_text(f"{ROW}\n{ROW}\n")
+    assert refusal(file).evidence["key"] == "dataset.force.log.format"
+    found = read_force_table(file, LogOptions(columns=NUMBERED, rate=62.5, force_unit="N", torque_unit="N-m"))
+    np.testing.assert_array_equal(np.hstack([found.force, found.torque]), [[1.5, 2, 3, 4, 5, 6]] * 2)
+
+
+@settings(derandomize=True, max_examples=60, deadline=None)
+@given(picks=st.lists(st.integers(0, 5), min_size=1, max_size=10), decimal=st.sampled_from(".,"))
+def test_without_a_time_doubled_rows_can_only_be_counted(tmp_path_factory, picks, decimal):
+    file = tmp_path_factory.getbasetemp() / "rows.csv"
+    write_daqft(file, record(6), decimal=decimal)
+    head, *rows, _ = file.read_bytes().split(b"\r\n")
+    file.write_bytes(b"\r\n".join([head, *(rows[i] for i in picks), b""]))
+    found = read_daqft(file)
+    np.testing.assert_allclose(found.force, record(6).force[picks], rtol=1e-14)
+    assert found.counts["repeated_rows"] == sum(before == after for before, after in pairwise(picks))
+
+
+@settings(derandomize=True, max_examples=100, deadline=None)
+@given(comma=st.lists(st.booleans(), min_size=5, max_size=5), head=st.booleans())
+def test_rows_of_both_cultures_in_one_log_are_refused(tmp_path_factory, comma, head):
+    folder = tmp_path_factory.getbasetemp()
+    cultures = {}
+    for decimal in ".,":
+        write_daqft(folder / "log.csv", record(5), decimal=decimal)
+        cultures[decimal == ","] = (folder / "log.csv").read_bytes().split(b"\r\n")
+    rows = [cultures[culture][1 + i] for i, culture in enumerate(comma)]
+    (folder / "log.csv").write_bytes(b"\r\n".join([cultures[head][0], *rows, b""]))
+    if set(comma) != {head}:
+        refusal(folder / "log.csv")
+    else:
+        np.testing.assert_allclose(read_daqft(folder / "log.csv").force, record(5).force, rtol=1e-14)

@@ -1,22 +1,23 @@
+"""Depth images of every format that recorders write, what their values mean, and what is refused."""
+
 from __future__ import annotations
 
+import io
+import struct
 import time
+import tracemalloc
+import zlib
 
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
 
-from pipeline.errors import RecordingError
-from pipeline.instruments.depth import (
-    Intrinsics,
-    metres,
-    read_depth,
-    read_index,
-    read_intrinsics,
-    write_depth,
-    write_index,
-    write_intrinsics,
-)
+from pipeline.errors import ConfigError, RecordingError
+from pipeline.instruments.depth import RawDepth, read_depth, write_depth
+from pipeline.instruments.depth_encoding import Encoding, metres
 
 SHAPE = (424, 512)
 
@@ -35,17 +36,14 @@ def refused(call, *arguments, **keywords) -> RecordingError:
     return caught.value
 
 
-# --- frames
-
-
 @pytest.mark.parametrize(
     ("name", "largest", "zeros", "units"), [("depth_millimetres.png", 2702, 0.1304, 1000), ("depth_tum_scale5000.png", 46655, 0.1919, 5000)]
 )
 def test_frames_of_real_sensors_keep_all_sixteen_bits(shared, name, largest, zeros, units):
-    raw = read_depth(shared / "samples/kinect" / name, shape=(480, 640))
+    raw = read_depth(shared / "samples/kinect" / name, shape=(480, 640)).pixels
     assert (raw.dtype, raw.shape, raw.max()) == (np.uint16, (480, 640), largest)
     assert abs((raw == 0).mean() - zeros) < 1e-4
-    depth = metres(raw, units_per_metre=units)
+    depth = metres(RawDepth(raw), Encoding("plain", units))
     assert depth.dtype == np.float32
     assert (np.isnan(depth) == (raw == 0)).all()
     np.testing.assert_allclose(np.nanmax(depth), largest / units, rtol=1e-6)
@@ -56,7 +54,7 @@ def test_written_frames_read_back_without_loss_and_with_the_same_bytes(tmp_path)
     extremes[0, :4] = 0, 1, 65534, 65535
     for file in (tmp_path / "1.png", tmp_path / "2.png"):
         write_depth(file, extremes)
-    np.testing.assert_array_equal(read_depth(tmp_path / "1.png", shape=SHAPE), extremes)
+    np.testing.assert_array_equal(read_depth(tmp_path / "1.png", shape=SHAPE).pixels, extremes)
     assert (tmp_path / "1.png").read_bytes() == (tmp_path / "2.png").read_bytes()
 
 
@@ -70,8 +68,8 @@ def test_images_that_are_no_depth_are_refused(tmp_path):
     ]:
         file.write_bytes(cv2.imencode(".png", image)[1].tobytes())
         assert words in refused(read_depth, file, shape=SHAPE).message
-    file.write_bytes(cv2.imencode(".tiff", frame())[1].tobytes())
-    assert "no PNG" in refused(read_depth, file, shape=SHAPE).message
+    file.write_bytes(cv2.imencode(".tiff", np.zeros(SHAPE, np.int16))[1].tobytes())
+    assert "1 signed channel(s) of 16 bits" in refused(read_depth, file, shape=SHAPE).message
     file.write_text("no image at all\n")
     assert "no PNG" in refused(read_depth, file, shape=SHAPE).message
     refused(read_depth, tmp_path / "absent.png", shape=SHAPE)
@@ -83,7 +81,7 @@ def test_frames_cut_anywhere_or_with_a_flipped_byte_are_refused(tmp_path):
     file, shape = tmp_path / "d.png", (12, 16)
     write_depth(file, frame(shape=shape))
     content = file.read_bytes()
-    for cut in range(0, len(content) - 4, 7):  # the last four bytes check a chunk without content
+    for cut in range(0, len(content), 7):
         file.write_bytes(content[:cut])
         refused(read_depth, file, shape=shape)
     for place in range(len(content) // 4, len(content) * 3 // 4, 20):
@@ -97,106 +95,143 @@ def test_a_frame_is_read_and_written_within_tens_of_milliseconds(tmp_path):
         start = time.perf_counter()
         write_depth(tmp_path / "d.png", raw)
         middle = time.perf_counter()
-        metres(read_depth(tmp_path / "d.png", shape=SHAPE), units_per_metre=1000)
+        metres(read_depth(tmp_path / "d.png", shape=SHAPE), Encoding("plain", 1000))
         spent.append((middle - start, time.perf_counter() - middle))
     assert np.min(spent, axis=0).max() < 0.02
 
 
-# --- index
+def tiff(image: np.ndarray, description: str = "", **options: object) -> bytes:
+    content = io.BytesIO()
+    Image.fromarray(image).save(content, "TIFF", description=description, **options)
+    return content.getvalue()
 
 
-def test_written_indexes_read_back(tmp_path):
-    stamps, files = 1305031102.175304 + np.arange(5) / 30, tuple(f"depth/{n:04d}.png" for n in range(5))
-    write_index(tmp_path / "depth.txt", stamps, files)
-    found = read_index(tmp_path / "depth.txt")
-    np.testing.assert_allclose(found.time, stamps, rtol=0, atol=0.6e-6)
-    assert (found.files, found.counts) == (files, {"cut_rows": 0})
+@pytest.mark.parametrize("compression", [None, "tiff_lzw", "tiff_adobe_deflate"])
+@pytest.mark.parametrize("kind", [np.uint16, np.float32])
+def test_tiffs_keep_their_values_and_their_description(tmp_path, kind, compression):
+    image = (frame() / np.float32(1)).astype(kind)
+    (tmp_path / "d.tif").write_bytes(tiff(image, "depth scale=0.25 of a sensor", **({"compression": compression} if compression else {})))
+    raw = read_depth(tmp_path / "d.tif", shape=SHAPE)
+    assert raw.pixels.dtype == kind
+    np.testing.assert_array_equal(raw.pixels, image)
+    assert raw.description == "depth scale=0.25 of a sensor"
+    depth = metres(raw, Encoding("plain", 1000, scale_key="scale"))
+    np.testing.assert_allclose(depth[image > 0], image[image > 0] * 0.25e-3, rtol=1e-6)
 
 
-def test_blanks_and_comments_in_an_index_are_no_matter(tmp_path):
-    (tmp_path / "depth.txt").write_text("# depth maps\n\n0.5  depth/a.png \n \n0.6\tdepth/b c.png\n# end\n")
-    found = read_index(tmp_path / "depth.txt")
-    assert (found.time.tolist(), found.files) == ([0.5, 0.6], ("depth/a.png", "depth/b c.png"))
+@pytest.mark.parametrize("description", ["", "scale", "scale=x", "rescale=2", "scale=1 scale=2", "scale=-1", "scale=1e999", "scale=0"])
+def test_a_description_without_one_positive_scale_is_refused(description):
+    with pytest.raises(RecordingError, match="'scale'"):
+        metres(RawDepth(frame(), description), Encoding("plain", 1000, scale_key="scale"))
+
+
+@pytest.mark.parametrize("description", ["scale=2", "scale: 2.0", '{"scale": 2}', "unit scale 2 (mm)"])
+def test_a_scale_is_found_in_the_ways_that_people_write_it(description):
+    raw = np.full((2, 2), 500, np.uint16)
+    assert (metres(RawDepth(raw, description), Encoding("plain", 1000, scale_key="scale")) == 1).all()
+
+
+def test_pgm_images_are_read_in_their_own_byte_order(tmp_path):
+    image = frame()
+    (tmp_path / "d.pgm").write_bytes(b"P5\n# a comment\n512 424\n65535\n" + image.astype(">u2").tobytes())
+    np.testing.assert_array_equal(read_depth(tmp_path / "d.pgm", shape=SHAPE).pixels, image)
+
+
+def test_rotated_bits_are_turned_back():
+    millimetres = np.array([[0, 1, 1234, 8191]], np.uint16)
+    stored = (millimetres << 3) | (millimetres >> 13)
+    depth = metres(RawDepth(stored), Encoding("rotated_bits", 1000))
+    np.testing.assert_allclose(depth[0, 1:], [0.001, 1.234, 8.191], rtol=1e-6)
+    assert np.isnan(depth[0, 0])
+
+
+def test_disparities_become_depth_by_the_parameters_given_and_others_none():
+    disparity = np.array([[0, 500, 1000, 1092, 1093, 2047]], np.uint16)
+    encoding = Encoding("disparity", 1, disparity=(351.3, 1092.5))
+    depth = metres(RawDepth(disparity.byteswap()), encoding)
+    np.testing.assert_allclose(depth[0, 1:4], 351.3 / (1092.5 - np.array([500, 1000, 1092])), rtol=1e-6)
+    assert np.isnan(depth[0, [0, 4, 5]]).all()
+    # bytes that were not swapped are no disparities of eleven bits
+    with pytest.raises(RecordingError, match="11-bit"):
+        metres(RawDepth(disparity), encoding)
+
+
+def test_zero_nan_infinite_negative_and_saturated_values_are_no_depth():
+    floats = np.array([[0, np.nan, np.inf, -1, 0.5, 7.9, 8, 9]], np.float32)
+    depth = metres(RawDepth(floats), Encoding("plain", 1, saturation=8))
+    np.testing.assert_array_equal(np.isfinite(depth), [[False, False, False, False, True, True, False, False]])
+    counts = np.array([[0, 1, 65534, 65535]], np.uint16)
+    assert np.isnan(metres(RawDepth(counts), Encoding("plain", 1000, saturation=65535))).tolist() == [[True, False, False, True]]
+    assert np.isnan(metres(RawDepth(counts), Encoding("plain", 1000))).tolist() == [[True, False, False, False]]
 
 
 @pytest.mark.parametrize(
-    ("content", "line"),
-    [
-        ("0.5 a\n0.5 b\n", 2),
-        ("0.5 a\n\nnan b\n", 3),
-        ("0.5\n", 1),
-        ("a.png 0.5\n", 1),
-        ("# nothing\n", None),
-        ("", None),
-        ("0.5 a", None),
-    ],
+    "arguments", [("mm", 1000), ("plain", 0), ("plain", float("nan")), ("disparity", 1), ("plain", 1, None, None, (1.0, 2.0))]
 )
-def test_indexes_without_time_or_frame_are_refused(tmp_path, content, line):
-    (tmp_path / "depth.txt").write_text(content)
-    assert refused(read_index, tmp_path / "depth.txt").evidence.get("line") == line
+def test_encodings_that_do_not_exist_or_lack_parameters_are_refused(arguments):
+    with pytest.raises(ConfigError, match=r"dataset\.depth"):
+        Encoding(*arguments)
 
 
-def test_an_index_cut_at_any_byte_names_only_whole_files(tmp_path):
-    file = tmp_path / "depth.txt"
-    write_index(file, np.arange(3) / 30, ("a.png", "b.png", "c.png"))
-    content = file.read_bytes()
-    for cut in range(len(content)):
-        file.write_bytes(content[:cut])
-        kept = content[:cut].count(b".png\n")
-        if kept:
-            assert read_index(file).files == ("a.png", "b.png", "c.png")[:kept]
-        else:
-            refused(read_index, file)
+def test_floating_point_has_no_encoded_bits():
+    with pytest.raises(RecordingError, match="float32"):
+        metres(RawDepth(np.ones((2, 2), np.float32)), Encoding("rotated_bits", 1000))
 
 
-# --- intrinsics
+def bomb(width: int, height: int) -> bytes:
+    def chunk(name: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    header = struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0)
+    pixels = zlib.compress(bytes(2 * width + 1), 9)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", pixels) + chunk(b"IEND", b"")
 
 
-def test_the_intrinsics_of_a_real_kinect_are_read_from_yaml_1_0(shared):
-    found = read_intrinsics(shared / "samples/kinect/kinect2_ir_intrinsics.yaml", width=512, height=424)
-    assert (found.fx, found.fy) == (366.94757270064110, 364.79117165721783)
-    assert (found.cx, found.cy) == (242.98551682775121, 207.69853575457685)
-    k1, k2, p1, p2, k3 = found.distortion
-    assert (k1, k2, k3) == (0.096558110377123016, -0.28298244017989416, 0.10523948765859192)
-    assert (p1, p2) == (1.5889951609432634e-04, -5.0751483524871712e-04)
+@pytest.mark.parametrize("side", [12_000, 60_000, 2**31 - 1])
+def test_an_image_that_would_unfold_into_gigabytes_is_refused_before_it_does(tmp_path, side):
+    file = tmp_path / "d.png"
+    file.write_bytes(bomb(min(side, 60_000), side))
+    tracemalloc.start()
+    refused(read_depth, file, shape=SHAPE)
+    assert tracemalloc.get_traced_memory()[1] < 20e6
+    tracemalloc.stop()
 
 
-def test_written_intrinsics_read_back_exactly_in_the_sensors_own_format(tmp_path):
-    original = Intrinsics(365.456, 365.1, 254.878, 205.395, 512, 424, (0.1, -0.2, 1e-4, -1 / 3, 0.5))
-    write_intrinsics(tmp_path / "ir.yaml", original)
-    assert (tmp_path / "ir.yaml").read_text().startswith("%YAML:1.0\n---\ncameraMatrix: !!opencv-matrix\n   rows: 3\n")
-    assert read_intrinsics(tmp_path / "ir.yaml", width=512, height=424) == original
-    write_intrinsics(tmp_path / "ir.yaml", Intrinsics(1.5, 1, 2, 3, 4, 5))
-    assert read_intrinsics(tmp_path / "ir.yaml", width=4, height=5).distortion == (0,) * 5
+def test_a_file_of_several_images_is_refused(tmp_path):
+    (tmp_path / "d.tif").write_bytes(tiff(frame(), save_all=True, append_images=[Image.fromarray(frame(2))]))
+    assert "2 images" in refused(read_depth, tmp_path / "d.tif", shape=SHAPE).message
 
 
-def test_calibrations_that_are_none_are_refused(tmp_path):
-    file = tmp_path / "ir.yaml"
-    write_intrinsics(file, Intrinsics(365.5, 365.25, 254.5, 205.5, 512, 424))
-    good = file.read_text()
-    for old, new, words in [
-        ("365.5", "-1.", "[fx 0 cx; 0 fy cy; 0 0 1]"),
-        ("365.5", ".Nan", "[fx 0 cx; 0 fy cy; 0 0 1]"),
-        ("254.5", "600.", "outside 512 × 424"),
-        ("cameraMatrix", "camera", "no 3 × 3 cameraMatrix"),
-        ("distortionCoefficients", "distortion", "no distortionCoefficients"),
-        ("rows: 3", "rows: 4", "OpenCV's YAML"),
-        (good, "cameraMatrix: 5\n", "OpenCV's YAML"),
-        (good, "%YAML:1.0\n---\ncameraMatrix: 5\n", "OpenCV's YAML"),
-    ]:
-        assert old in good
-        file.write_text(good.replace(old, new, 1))
-        assert words in refused(read_intrinsics, file, width=512, height=424).message
-    refused(read_intrinsics, tmp_path / "absent.yaml", width=512, height=424)
+SMALL = frame(shape=(12, 16))
+CONTENTS = {
+    "png": cv2.imencode(".png", SMALL)[1].tobytes(),
+    "tif": tiff(SMALL, "scale=1"),
+    "lzw": tiff(SMALL, "scale=1", compression="tiff_lzw"),
+    "pgm": b"P5\n16 12\n65535\n" + SMALL.astype(">u2").tobytes(),
+}
 
 
-def test_a_calibration_cut_at_any_byte_is_refused_or_whole(tmp_path):
-    file, original = tmp_path / "ir.yaml", Intrinsics(365.456, 365.123, 254.878, 205.395, 512, 424, (0.125,) * 5)
-    write_intrinsics(file, original)
-    content = file.read_bytes()
-    for cut in range(len(content)):
-        file.write_bytes(content[:cut])
-        try:
-            assert read_intrinsics(file, width=512, height=424) == original
-        except RecordingError:
-            pass
+@settings(max_examples=25, deadline=None)
+@given(st.data())
+@pytest.mark.parametrize("kind", CONTENTS)
+def test_an_image_cut_at_any_byte_is_refused_or_whole(tmp_path_factory, kind, data):
+    file = tmp_path_factory.getbasetemp() / f"cut.{kind}"
+    file.write_bytes(CONTENTS[kind][: data.draw(st.integers(0, len(CONTENTS[kind]) - 1))])
+    try:
+        np.testing.assert_array_equal(read_depth(file, shape=SMALL.shape).pixels, SMALL)
+    except RecordingError as error:
+        assert error.evidence["file"] == file
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.data())
+@pytest.mark.parametrize("kind", CONTENTS)
+def test_damaged_bytes_never_raise_anything_but_a_refusal(tmp_path_factory, kind, data):
+    file, content = tmp_path_factory.getbasetemp() / f"damaged.{kind}", bytearray(CONTENTS[kind])
+    for place in data.draw(st.lists(st.integers(0, len(content) - 1), min_size=1, max_size=3)):
+        content[place] = data.draw(st.integers(0, 255))
+    file.write_bytes(content)
+    try:
+        assert read_depth(file, shape=SMALL.shape).pixels.shape == SMALL.shape
+    except RecordingError as error:
+        assert error.evidence["file"] == file

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import ModelDomainError
-from pipeline.motion.noise import measurement_covariance, moments, process_noise
+from pipeline.motion.noise import measurement_covariance, moments, process_noise, recorded_deviation
 
 
 def test_the_noise_put_into_a_motion_comes_out_measured_minus_nominal(chain):
@@ -44,3 +44,12 @@ def test_the_measurement_noise_is_what_moves_at_rest():
     assert np.trace(moments(noise)[1].mean(axis=0)) > 30 * 14 / 2
     with pytest.raises(ModelDomainError, match="never rests"):
         measurement_covariance(noise, np.ones((8, 3)))
+
+
+def test_the_recorded_spread_is_that_of_the_noise_or_of_the_angles_as_the_realisations_are():
+    rng = np.random.default_rng(6)
+    q, noise = rng.normal(0.0, 0.1, (30, 6, 3)), rng.normal(0.0, 0.01, (30, 5, 3))
+    of_step, of_run = (recorded_deviation(q, noise, mode) for mode in ("one_step", "free_running"))
+    assert np.all(of_step[0] == 0)
+    np.testing.assert_allclose(of_step[1:], np.sqrt(np.diagonal(moments(noise)[1], axis1=1, axis2=2)))
+    np.testing.assert_allclose(of_run, np.sqrt(np.diagonal(moments(q)[1], axis1=1, axis2=2)))

@@ -169,6 +169,14 @@ def test_the_weights_make_the_noise_at_rest_as_costly_as_a_perturbation_of_the_s
         objective_weights(0.0, 3)
 
 
+def test_a_factor_multiplies_the_ratio_of_the_weights_alone():
+    (alpha1, alpha2), (other1, other2) = objective_weights(1e-3, 3), objective_weights(1e-3, 3, 0.3)
+    assert other1 + other2 == pytest.approx(1, abs=1e-15)
+    assert other2 / other1 == pytest.approx(0.3 * alpha2 / alpha1)
+    with pytest.raises(ModelDomainError, match="factor"):
+        objective_weights(1e-3, 3, 0.0)
+
+
 def test_noise_that_is_not_finite_is_refused_with_its_place():
     noise = np.zeros((4, 3))
     noise[2, 1] = np.nan

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.errors import ConfigError, SingularJacobianError
+from pipeline.errors import ConfigError, ModelDomainError, SingularJacobianError
 from pipeline.motion.additive import AdditiveModel
 from pipeline.motion.gaussian import GaussianModel
-from pipeline.motion.realizations import realize
+from pipeline.motion.realizations import realize, realized_moments
+from pipeline.motion.wishart import WishartModel
 
 STD = np.array([1e-3, 2e-3, 3e-3])
 SILENT = AdditiveModel(np.zeros((3, 3)))
@@ -114,3 +115,39 @@ def test_another_mode_lists_those_there_are(chain, poses, step, rng):
     with pytest.raises(ConfigError, match="no mode 'two_step'; there are one_step, free_running") as refused:
         realize(NOISY, chain, takes(poses, 2, 3), np.tile(step, (3, 1)), "two_step", rng)
     assert refused.value.evidence["key"] == "simulation.mode"
+
+
+def test_the_spread_of_single_steps_is_the_models_and_that_of_free_runs_adds_up(chain, poses, rng):
+    q, still = np.tile(poses[:1, None], (4000, 10, 1)), np.zeros((9, 3))
+    spread = {}
+    for mode in MODES:
+        realized, _, _ = realize(NOISY, chain, q, still, mode, rng)
+        mean, spread[mode], refused = realized_moments(NOISY, chain, q, still, mode, realized)
+        np.testing.assert_allclose(mean, q[0], atol=5 * 3 * STD.max() / np.sqrt(4000))
+        assert refused is None and np.all(spread[mode][0] < 1e-12)
+    np.testing.assert_allclose(spread["one_step"][1:] / STD, 1, atol=5 / np.sqrt(2 * 4000))
+    # the control: a random walk's grows with the root of the steps
+    np.testing.assert_allclose(spread["free_running"][1:] / STD, np.tile(np.sqrt(np.arange(1, 10)), (3, 1)).T, rtol=5 / np.sqrt(2 * 4000))
+
+
+def test_recorded_poses_that_differ_do_not_count_as_spread_of_single_steps(chain, poses, step, rng):
+    q, v = takes(poses, 50, 4), np.tile(step, (4, 1))
+    realized, _, _ = realize(SILENT, chain, q, v, "one_step", rng)
+    _, deviation, _ = realized_moments(SILENT, chain, q, v, "one_step", realized)
+    assert deviation.max() < 1e-12 < realized.std(axis=0).min()
+
+
+def test_a_model_without_covariance_has_a_mean_and_a_reason_and_no_spread(chain, poses, step, rng):
+    wide, q, v = WishartModel(0.9, "lu"), takes(poses, 5, 4), np.tile(step, (4, 1))
+    realized, _, _ = realize(wide, chain, q, v, "one_step", rng)
+    mean, deviation, refused = realized_moments(wide, chain, q, v, "one_step", realized)
+    assert np.isfinite(mean).all() and np.isnan(deviation).all() and "covariance" in refused
+
+
+def test_the_spread_of_a_single_surviving_realisation_is_refused(chain, poses, step):
+    q, v = takes(poses, 3, 4), np.tile(step, (4, 1))
+    realized = np.array(q)
+    realized[1:, 2:] = np.nan
+    with pytest.raises(ModelDomainError, match="fewer than two") as refusal:
+        realized_moments(NOISY, chain, q, v, "free_running", realized)
+    assert refusal.value.evidence["step"] == 2

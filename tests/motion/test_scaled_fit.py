@@ -1,4 +1,4 @@
-"""Noise that grows with speed is found again in its own draws, and not in noise that does not."""
+"""Noise that grows with speed is found again in its own draws beside the measurement's, and not in noise that does not grow."""
 
 from __future__ import annotations
 
@@ -6,107 +6,173 @@ import numpy as np
 import pytest
 
 from pipeline.errors import ModelDomainError
-from pipeline.motion.additive import fit_covariance
+from pipeline.motion.additive_fit import fit_additive
 from pipeline.motion.covariance import gaussian_log_density
-from pipeline.motion.residuals import residuals
 from pipeline.motion.scaled import scaled_covariance
-from pipeline.motion.scaled_fit import ScaledFit, fit_scaled
+from pipeline.motion.scaled_fit import fit_scaled
 
-TAKES, STEPS = 40, 200
+TAKES, STEPS, REST = 40, 200, 20
 FLOOR = 1e-6 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
 GAIN = np.array([[0.04, -0.03, 0.01], [-0.03, 0.09, 0.0], [0.01, 0.0, 0.05]])
+MEASUREMENT = 1e-6 * np.array([[1.0, -0.8, 0.0], [-0.8, 2.0, -1.0], [0.0, -1.0, 2.0]])
+NONE = np.zeros((3, 3))
 FORMS = {
     "diagonal": (np.diag(np.diag(FLOOR)), np.diag(np.diag(GAIN))),
     "full": (FLOOR, GAIN),
     "timing": (FLOOR, np.full((3, 3), 0.04)),
 }
+SPREAD = np.sqrt(np.diag(FLOOR))
 
 
 def joint_steps() -> np.ndarray:
-    """(TAKES, STEPS, 3) rad, from rest to 0.012 rad and back, each joint at its own time, a little different in each take."""
-    time = np.linspace(0, np.pi, STEPS)
-    nominal = 0.012 * np.stack([np.sin(time), -np.sin(2 * time), np.sin(3 * time) * np.sin(time)], axis=-1)
+    """(TAKES, STEPS, 3) rad, from rest to 0.012 rad and back to rest, each joint at its own time, a little different in each take."""
+    time = np.linspace(0, np.pi, STEPS - 2 * REST)
+    nominal = np.zeros((STEPS, 3))
+    nominal[REST:-REST] = 0.012 * np.stack([np.sin(time), -np.sin(2 * time), np.sin(3 * time) * np.sin(time)], axis=-1)
     return nominal * np.random.default_rng(80).normal(1, 0.02, (TAKES, 1, 1))
 
 
-def drawn(floor: np.ndarray, gain: np.ndarray, dq: np.ndarray, seed: int = 81) -> np.ndarray:
-    """Noise of that law with a mean of its own at each step."""
-    rng = np.random.default_rng(seed)
-    lower = np.linalg.cholesky(scaled_covariance(floor, gain, dq))
-    return np.matvec(lower, rng.standard_normal(dq.shape)) + 0.01 * rng.standard_normal((STEPS, 3))
+def drawn(floor: np.ndarray, gain: np.ndarray, measurement: np.ndarray = MEASUREMENT, dq: np.ndarray | None = None) -> np.ndarray:
+    """Noise of that law; any of its covariances may be singular."""
+    rng, dq = np.random.default_rng(81), joint_steps() if dq is None else dq
+    size = dq.shape[:-1]
+    of_floor, of_gain, of_measurement = (
+        rng.multivariate_normal(np.zeros(3), covariance, size, method="eigh") for covariance in (floor, gain, measurement)
+    )
+    return of_floor + dq * of_gain + of_measurement
 
 
-def distance(found: np.ndarray, true: np.ndarray) -> float:
-    scale = np.sqrt(np.diag(true))
+def likelihood(noise: np.ndarray, floor: np.ndarray, gain: np.ndarray, measurement: np.ndarray) -> float:
+    return float(gaussian_log_density(noise, scaled_covariance(floor + measurement, gain, joint_steps())).mean())
+
+
+def distance(found: np.ndarray, true: np.ndarray, scale: np.ndarray | None = None) -> float:
+    scale = np.sqrt(np.diag(true)) if scale is None else scale
     return float(np.abs((found - true) / np.outer(scale, scale)).max())
 
 
+@pytest.mark.parametrize("measurement", [NONE, MEASUREMENT])
 @pytest.mark.parametrize("structure", FORMS)
-def test_the_parameters_of_a_models_own_draws_are_found_again(structure):
+def test_the_parameters_of_a_models_own_draws_are_found_again(structure, measurement):
     floor, gain = FORMS[structure]
-    found = fit_scaled(drawn(floor, gain, joint_steps()), joint_steps(), structure)
-    # a variance from the half of 8 000 steps that tell of it has a standard error of about 2.2 %
-    assert distance(found.floor, floor) < 0.1
-    assert distance(found.gain, gain) < 0.1
+    noise = drawn(floor, gain, measurement)
+    found = fit_scaled(noise, joint_steps(), measurement, structure)
+    # a variance from the half of 8 000 steps that tell of it has a standard error of about 2.2 %, measurement included
+    assert distance(found.floor, floor) < 0.12
+    assert distance(found.gain, gain) < 0.12
     assert found.log_likelihood > found.additive_log_likelihood + 0.05
-    # control: the joints' speeds belong to their steps
-    wrong = fit_scaled(drawn(floor, gain, joint_steps()), np.roll(joint_steps(), STEPS // 4, axis=1), structure)
+    # controls: the joints' speeds belong to their steps, and the measurement's noise to the measurement
+    wrong = fit_scaled(noise, np.roll(joint_steps(), STEPS // 4, axis=1), measurement, structure)
     assert max(distance(wrong.floor, floor), distance(wrong.gain, gain)) > 0.3
+    if measurement.any():
+        assert distance(fit_scaled(noise, joint_steps(), NONE, structure).floor, floor) > 0.25
+
+
+@pytest.mark.parametrize("structure", FORMS)
+def test_where_nothing_but_the_measurement_is_noisy_at_rest_the_floor_is_zero(structure):
+    _, gain = FORMS[structure]
+    noise = drawn(NONE, gain)
+    found = fit_scaled(noise, joint_steps(), MEASUREMENT, structure)
+    # 1 600 steps at rest tell the floor from the measurement's noise to about 4 % of this
+    assert distance(found.floor, NONE, np.sqrt(np.diag(MEASUREMENT))) < 0.12
+    assert distance(found.gain, gain) < 0.12
+    assert np.linalg.eigvalsh(found.floor)[0] >= 0
+    # control: who ignores the measurement's noise finds it in the floor
+    ignorant = fit_scaled(noise, joint_steps(), NONE, structure).floor
+    assert np.abs(np.diag(ignorant) / np.diag(MEASUREMENT) - 1).max() < 0.2
+
+
+@pytest.mark.parametrize("gain", [NONE, GAIN])
+def test_at_a_zero_floor_no_direction_of_it_is_more_likely(gain):
+    # a stated measurement noise above the true one drives the floor to exactly zero along every axis
+    noise, stated = drawn(NONE, gain), 1.5 * MEASUREMENT
+    found = fit_scaled(noise, joint_steps(), stated, "full")
+    assert distance(found.floor, NONE, np.sqrt(np.diag(MEASUREMENT))) < 1e-6
+    directions = 3e-4 * np.random.default_rng(82).normal(size=(30, 3))
+    for direction in directions:
+        more = np.outer(direction, direction)
+        assert likelihood(noise, found.floor + more, found.gain, stated) < found.log_likelihood
+        assert likelihood(noise, found.floor, found.gain + 1e5 * more, stated) < found.log_likelihood
+    # control: where there is a floor, at zero they are
+    noise = drawn(FLOOR, gain)
+    more = [likelihood(noise, np.outer(d, d), gain, MEASUREMENT) for d in directions]
+    assert max(more) > likelihood(noise, NONE, gain, MEASUREMENT)
 
 
 def test_in_noise_that_does_not_grow_no_gain_is_found_and_the_floor_is_the_additive_covariance():
-    noise = drawn(FLOOR, np.zeros((3, 3)), joint_steps())
-    additive = fit_covariance(noise)
-    for structure, expected in (("full", additive), ("timing", additive), ("diagonal", np.diag(np.diag(additive)))):
-        found = fit_scaled(noise, joint_steps(), structure)
+    noise = drawn(FLOOR, NONE)
+    additive = fit_additive(noise, MEASUREMENT)
+    for structure, expected in (("full", additive.covariance), ("timing", additive.covariance)):
+        found = fit_scaled(noise, joint_steps(), MEASUREMENT, structure)
         # what speed explains of the greatest variance, against 4 standard errors
-        assert distance(scaled_covariance(found.floor, found.gain, np.full(3, 0.006)), expected) < 0.1
-        assert distance(found.floor, expected) < 0.1
-        # twice 8 000 times the mean difference is chi-squared with at most 6 degrees of freedom, but for the correlations
-        assert structure == "diagonal" or -1e-9 < found.log_likelihood - found.additive_log_likelihood < 25 / (2 * TAKES * STEPS)
+        assert distance(scaled_covariance(found.floor, found.gain, np.full(3, 0.006)), expected, SPREAD) < 0.1
+        assert distance(found.floor, expected, SPREAD) < 0.1
+        assert found.additive_log_likelihood == additive.log_likelihood
+        # twice 8 000 times the mean difference is chi-squared with at most 6 degrees of freedom
+        assert -1e-9 < found.log_likelihood - additive.log_likelihood < 25 / (2 * TAKES * STEPS)
+    # control: in noise that grows it is more
+    grown = fit_scaled(drawn(FLOOR, GAIN), joint_steps(), MEASUREMENT, "full")
+    assert grown.log_likelihood - grown.additive_log_likelihood > 25 / (2 * TAKES * STEPS)
+
+
+def test_the_mean_of_the_noise_is_taken_as_noise():
+    mean = np.array([2e-3, 0.0, -3e-3])
+    found = fit_scaled(drawn(FLOOR, GAIN) + mean, joint_steps(), MEASUREMENT, "full")
+    assert distance(found.floor, FLOOR + np.outer(mean, mean)) < 0.12
+    # control: about the mean it would not be there
+    assert distance(found.floor, FLOOR) > 0.5
 
 
 def test_the_full_form_is_at_least_as_likely_as_those_it_contains():
-    noise = drawn(*FORMS["full"], joint_steps())
-    found = {structure: fit_scaled(noise, joint_steps(), structure).log_likelihood for structure in FORMS}
+    noise = drawn(*FORMS["full"])
+    found = {structure: fit_scaled(noise, joint_steps(), MEASUREMENT, structure).log_likelihood for structure in FORMS}
     assert found["full"] > max(found["diagonal"], found["timing"])
 
 
+@pytest.mark.parametrize("measurement", [NONE, MEASUREMENT])
 @pytest.mark.parametrize("structure", FORMS)
-def test_the_likelihood_is_that_of_the_parameters_and_no_neighbour_has_a_greater(structure):
-    noise = drawn(*FORMS[structure], joint_steps())
-    found = fit_scaled(noise, joint_steps(), structure)
-
-    def likelihood(fit: ScaledFit, floor: float = 1.0, gain: float = 1.0) -> float:
-        covariance = scaled_covariance(floor * fit.floor, gain * fit.gain, joint_steps())
-        return float(gaussian_log_density(residuals(noise), covariance).mean())
-
-    np.testing.assert_allclose(found.log_likelihood, likelihood(found), rtol=1e-10)
+def test_the_likelihood_is_that_of_the_parameters_and_no_neighbour_has_a_greater(structure, measurement):
+    noise = drawn(*FORMS[structure])
+    found = fit_scaled(noise, joint_steps(), measurement, structure)
+    np.testing.assert_allclose(found.log_likelihood, likelihood(noise, found.floor, found.gain, measurement), rtol=1e-10)
     for share in (0.99, 1.01):
-        assert likelihood(found, floor=share) < found.log_likelihood
-        assert likelihood(found, gain=share) < found.log_likelihood
+        assert likelihood(noise, share * found.floor, found.gain, measurement) < found.log_likelihood
+        assert likelihood(noise, found.floor, share * found.gain, measurement) < found.log_likelihood
+    # correlations too, where the form has them
+    tilt = np.zeros((3, 3))
+    tilt[0, 1] = tilt[1, 0] = 0.01 * SPREAD[0] * SPREAD[1]
+    for sign in (-1, 1):
+        assert structure == "diagonal" or likelihood(noise, found.floor + sign * tilt, found.gain, measurement) < found.log_likelihood
+        assert structure != "full" or likelihood(noise, found.floor, found.gain + 1e4 * sign * tilt, measurement) < found.log_likelihood
 
 
 @pytest.mark.parametrize("structure", FORMS)
-def test_the_fit_follows_the_units_of_the_noise(structure):
-    noise = drawn(*FORMS[structure], joint_steps())
-    one, other = fit_scaled(noise, joint_steps(), structure), fit_scaled(10 * noise, 10 * joint_steps(), structure)
-    np.testing.assert_allclose(other.floor, 100 * one.floor, rtol=1e-3, atol=1e-8)
-    np.testing.assert_allclose(other.gain, one.gain, rtol=1e-3, atol=1e-5)
+def test_the_fit_follows_the_units_of_the_joints(structure):
+    noise, dq = drawn(*FORMS[structure]), joint_steps()
+    # one timing error for all joints is one in their own common unit alone
+    units = np.array([10.0, 10.0, 10.0] if structure == "timing" else [10.0, 0.1, 1.0])
+    one = fit_scaled(noise, dq, MEASUREMENT, structure)
+    other = fit_scaled(noise * units, dq * units, MEASUREMENT * np.outer(units, units), structure)
+    assert distance(other.floor / np.outer(units, units), one.floor, SPREAD) < 1e-3
+    np.testing.assert_allclose(other.gain, one.gain, atol=1e-4)
+    assert other.log_likelihood == pytest.approx(one.log_likelihood - np.log(units).sum(), abs=1e-8)
 
 
-def test_noise_that_is_zero_at_rest_has_no_greatest_likelihood():
-    dq = joint_steps()
-    dq[:, :20] = 0.0
-    noise = drawn(1e-30 * np.eye(3), GAIN, dq)
-    noise[:, :20] = 0.0
+def test_noise_that_is_zero_at_rest_has_no_greatest_likelihood_but_with_measurement_noise():
+    noise = drawn(NONE, GAIN, NONE)
+    assert not noise[:, :REST].any()
     with pytest.raises(ModelDomainError, match="plane"):
-        fit_scaled(noise, dq, "full")
+        fit_scaled(noise, joint_steps(), NONE, "full")
+    assert distance(fit_scaled(noise, joint_steps(), 1e-2 * MEASUREMENT, "full").gain, GAIN) < 0.12
 
 
-def test_a_joint_that_never_moves_and_an_unknown_structure_are_refused():
-    noise, dq = drawn(*FORMS["full"], joint_steps()), joint_steps()
+def test_a_joint_that_never_moves_and_an_unknown_structure_and_no_covariance_are_refused():
+    noise, dq = drawn(*FORMS["full"]), joint_steps()
     with pytest.raises(ModelDomainError, match="structure must be one of"):
-        fit_scaled(noise, dq, "banded")
+        fit_scaled(noise, dq, MEASUREMENT, "banded")
     with pytest.raises(ModelDomainError, match="never moves"):
-        fit_scaled(noise, dq * [1.0, 0.0, 1.0], "full")
+        fit_scaled(noise, dq * [1.0, 0.0, 1.0], MEASUREMENT, "full")
+    with pytest.raises(ModelDomainError, match="positive semidefinite"):
+        fit_scaled(noise, dq, -MEASUREMENT, "full")
+    with pytest.raises(ModelDomainError, match="not finite"):
+        fit_scaled(noise * np.where(np.arange(3) == 1, np.nan, 1.0), dq, MEASUREMENT, "full")

@@ -113,3 +113,46 @@ def test_parameters_outside_the_model_are_refused():
         WishartModel(1.5)
     with pytest.raises(ModelDomainError, match="decomposition"):
         WishartModel(0.2, "cholesky")
+
+
+def rotation(chain, seed: int) -> np.ndarray:
+    return np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
+
+
+def test_a_rotation_as_first_factor_changes_nothing_of_the_law_and_lu_does(chain, poses, step):
+    """W_n(d, I/d) is invariant to rotations: moments, densities and draws are those of QR, the same as J₁ = I."""
+    turned, plain, lu = (WishartModel(0.25, kind) for kind in (rotation(chain, 20), "qr", "lu"))
+    measurement = np.diag([1e-6, 2e-6, 3e-6])
+    covariances = [model.covariance(chain, poses, step) for model in (turned, plain, lu)]
+    np.testing.assert_allclose(covariances[0], covariances[1], rtol=1e-8, atol=1e-12)
+    assert np.abs(covariances[2] - covariances[1]).max() > 0.05 * np.abs(covariances[1]).max()
+    q_next, _ = plain.sample(chain, poses, step, np.random.default_rng(21))
+    for noise, tolerance in ((None, 1e-8), (measurement, 1e-3)):
+        densities = [model.log_density(chain, poses, step, q_next, noise) for model in (turned, plain, lu)]
+        np.testing.assert_allclose(densities[0], densities[1], atol=tolerance)
+        assert np.abs(densities[2] - densities[1]).max() > 0.1
+    rng = np.random.default_rng(22)
+    draws = [model.sample(chain, np.tile(POSE, (DRAWS, 1)), step, rng)[0] for model in (turned, plain, lu)]
+    for j in range(3):
+        assert stats.ks_2samp(draws[0][:, j], draws[1][:, j]).pvalue > 0.005
+    assert min(stats.ks_2samp(draws[2][:, j], draws[1][:, j]).pvalue for j in range(3)) < 1e-4
+
+
+@pytest.mark.parametrize("length", [0.15, 0.5])
+def test_the_law_of_a_given_first_factor_is_that_of_algorithm_1(chain, step, length):
+    rng = np.random.default_rng(23)
+    left = np.diag([length, length, 1.0])
+    model = WishartModel(0.3, left)
+    b = wishart.sample(wishart.degrees_of_freedom(0.3, 3), np.eye(3) / wishart.degrees_of_freedom(0.3, 3), (DRAWS,), rng)
+    matrices = POSE + np.linalg.solve(left @ b @ np.linalg.solve(left, chain.jacobian(POSE)), step)
+    drawn, _ = model.sample(chain, np.tile(POSE, (DRAWS, 1)), step, rng)
+    for j in range(3):
+        assert stats.ks_2samp(drawn[:, j], matrices[:, j]).pvalue > 0.005
+    # its density integrates to one: |det J₂| is not |det J| here
+    inside = stats.multivariate_t(model.mean(chain, POSE, step), 4 * model.covariance(chain, POSE, step), df=3, seed=rng)
+    q_next = inside.rvs(20_000)
+    ratio = np.exp(model.log_density(chain, POSE, step, q_next) - inside.logpdf(q_next))
+    error = ratio.std() / np.sqrt(len(ratio))
+    assert abs(ratio.mean() - 1) < 4 * error
+    # control: with |det J| in its place
+    assert abs(ratio.mean() * length**2 - 1) > 20 * error

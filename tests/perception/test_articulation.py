@@ -179,6 +179,18 @@ def test_frames_with_too_few_points_are_gaps_that_are_counted_and_bridged(sequen
     assert np.abs(found.q[32] - q[32]).max() < 0.2
 
 
+def test_an_arm_that_was_lost_over_missing_frames_is_found_again(sequence, monkeypatch) -> None:
+    q, clouds = sequence
+    kept = [*range(43, 48), *range(80, 90)]
+    found = fit([clouds[i] for i in kept], q[kept])
+    assert found.lost > 0
+    assert np.abs(found.q - q[kept]).max() < 0.2
+    # the control: without the search over all poses the elbow stays on the wrong side
+    monkeypatch.setattr("pipeline.perception.articulation.LOST", np.inf)
+    assert np.abs(fit([clouds[i] for i in kept], q[kept]).q - q[kept]).max() > 1.0
+    assert fit(clouds, q).lost == 0
+
+
 def test_too_many_gaps_in_a_row_are_refused(sequence) -> None:
     q, clouds = sequence
     with pytest.raises(RecordingError, match=r"take-9.*frame 23"):

@@ -8,7 +8,7 @@ import pytest
 
 from pipeline import contracts
 from pipeline.errors import RecordingError
-from pipeline.perception.depth_noise import MIN_SAMPLES, leave_one_out
+from pipeline.perception.depth_noise import MIN_SAMPLES, errors_of, leave_one_out
 
 BIAS = np.array([0.01, -0.02, 0.005])
 FRAMES = 12
@@ -123,3 +123,15 @@ def test_fewer_takes_than_a_covariance_needs_are_refused(takes, window, enough):
 def test_no_takes_at_all_are_refused():
     with pytest.raises(RecordingError, match="too few test takes"):
         leave_one_out(errors(2).iloc[:0], window=2)
+
+
+def test_the_error_of_a_frame_is_against_the_motion_at_its_own_time_and_frames_outside_the_motion_are_left_out():
+    t = np.arange(5) * 0.01
+    joints = pd.DataFrame({"take": "test_1", "t": t} | {f"q{j}": j * t for j in (1, 2, 3)})
+    seen = np.array([-0.001, 0.0, 0.0135, 0.04, 0.0401])
+    angles = pd.DataFrame({"take": "test_1", "frame": range(5), "t": seen} | {f"q{j}": j * seen + 0.1 * j for j in (1, 2, 3)})
+    found = errors_of(angles, joints)
+    assert found["frame"].tolist() == [1, 2, 3]
+    np.testing.assert_allclose(found[["e1", "e2", "e3"]], np.tile([0.1, 0.2, 0.3], (3, 1)))
+    # control: at the times of other frames they are not
+    assert np.abs(errors_of(angles.assign(t=seen + 0.005), joints)["e3"] - 0.3).min() > 0.01

@@ -74,6 +74,21 @@ def test_the_standard_error_is_the_spread_of_the_estimates() -> None:
     assert abs(z.mean()) < 4 / np.sqrt(120)
 
 
+def test_a_drift_is_found_beside_the_offset_and_none_where_there_is_none() -> None:
+    for drift in (0.0, 0.01, -0.03):
+        t_a, a, t_b, b = recording(0.001, 5)
+        middle = t_a.mean()
+        found = find_offset(middle + (t_a - middle) / (1 + drift), a, t_b, b)
+        assert abs(found.drift - drift) < 3 * found.drift_standard_error + 0.05 * abs(drift)
+        assert found.value == pytest.approx(OFFSET, abs=0.006)
+
+
+def test_the_standard_error_of_the_drift_is_the_spread_of_the_estimates() -> None:
+    found = [find_offset(*recording(0.002, seed)) for seed in range(60)]
+    spread = np.std([one.drift for one in found])
+    assert np.mean([one.drift_standard_error for one in found]) == pytest.approx(spread, rel=0.25)
+
+
 def test_correlated_residuals_widen_the_standard_error() -> None:
     t_a, a, t_b, b = recording()
     rng = np.random.default_rng(5)

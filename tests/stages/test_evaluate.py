@@ -2,77 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from omegaconf import OmegaConf
+from known_law import REST, STEPS, TAKES, TRUE, rows
 from scipy.stats import multivariate_normal
 
 from pipeline import config, contracts
-from pipeline.arm.model import load_arm
-from pipeline.motion.gaussian import GaussianModel
+from pipeline.motion.estimation import Recorded, estimate
 from pipeline.motion.noise import process_noise
 from pipeline.stages import evaluate, score
+from pipeline.statistics.comparison import compared
 from pipeline.statistics.scores import nees_band, paired_difference
-
-ROOT = Path(__file__).parents[2]
-TAKES, STEPS, REST = 12, 80, 20
-TRUE = GaussianModel(alpha=0.05, u=25.0)
-MEASUREMENT = np.array([[4.0, -1.0, 0.0], [-1.0, 5.0, 1.0], [0.0, 1.0, 3.0]]) * 1e-7
-MODELS = {  # name → what the stage fit would have written
-    "gaussian": {"kind": "gaussian", "alpha": 0.05, "u": 25.0},
-    "gaussian_twice": {"kind": "gaussian", "alpha": 0.1, "u": 25.0},
-    "additive": {"kind": "additive", "noise_covariance": (np.eye(3) * 4e-6).tolist()},
-    "wishart": {"kind": "wishart", "sigma_b": 1.2, "decomposition": "lu"},
-}
-
-
-@pytest.fixture
-def project(tmp_path, monkeypatch):
-    """A project with recordings drawn from TRUE, at rest in the first steps, and the fits of MODELS; returns its joints and steps."""
-    for name in ("pipeline", "dvc.yaml"):
-        (tmp_path / name).symlink_to(ROOT / name)
-    monkeypatch.chdir(tmp_path)
-    params = OmegaConf.load(ROOT / "params.yaml")
-    params.update({"scale": "smoke", "compute": "serial"})
-    OmegaConf.save(params, "params.yaml")
-    config.write_config(Path("params.yaml"))
-    robot, rate = config.sections("evaluate", item="gaussian").dataset.robot, 100.0
-    chain = load_arm(robot.urdf, robot.joints, robot.tool, robot.locked).chain
-    middle = np.array([1.1, -1.6, 1.8])
-    k = np.arange(STEPS + 1)
-    path = middle + 0.2 * np.cos(np.maximum(k - REST, 0) / 20)[:, None] * np.array([1.0, -1.0, 0.5])
-    v = np.matvec(chain.jacobian(path[:-1]), np.diff(path, axis=0))
-    rng = np.random.default_rng(1)
-    q = np.empty((2 * TAKES, STEPS + 1, 3))
-    q[:, 0] = path[0]
-    for step in range(STEPS):
-        q[:, step + 1] = TRUE.sample(chain, q[:, step], v[step], rng)[0] + rng.multivariate_normal(np.zeros(3), MEASUREMENT, 2 * TAKES)
-    task = np.zeros((STEPS + 1, 3))
-    task[:-1] = v * rate
-    for stage in ("ingest", "track", "noise"):
-        Path("data", stage).mkdir()
-    trajectory = pd.DataFrame({"k": k, "t": k / rate} | {c: 0.0 for c in ("x", "z", "phi")})
-    contracts.write(trajectory.assign(**{f"v{c}": task[:, i] for i, c in enumerate(("x", "z", "phi"))}), "trajectory", Path("data/ingest"))
-    contracts.write(rows(q, "q").assign(residual=0.0), "joints", Path("data/track"))
-    noise = rows(np.pad(process_noise(chain, q, v), ((0, 0), (1, 0), (0, 0))), "w")
-    contracts.write(noise[(noise.k > 0) & (noise.part == "training")], "process_noise", Path("data/noise"))
-    for name, parameters in MODELS.items():
-        Path(f"data/fit/{name}").mkdir(parents=True)
-        Path(f"data/fit/{name}/parameters.json").write_text(json.dumps(parameters))
-    return chain, q, v
-
-
-def rows(values: np.ndarray, prefix: str) -> pd.DataFrame:
-    """``values`` (2·TAKES, STEPS + 1, 3) as a table, the first half of the takes for training."""
-    k = np.tile(np.arange(STEPS + 1), 2 * TAKES)
-    take = np.repeat([f"take_{i:02d}" for i in range(2 * TAKES)], STEPS + 1)
-    part = np.repeat(["training", "test"], TAKES * (STEPS + 1))
-    columns = {f"{prefix}{j + 1}": values[..., j].ravel() for j in range(3)}
-    return pd.DataFrame({"take": take, "part": part, "k": k, "t": k / 100.0} | columns)
 
 
 def scored(model: str) -> pd.DataFrame:
@@ -103,14 +46,14 @@ def test_every_step_of_every_test_take_is_scored_by_the_density_of_its_law(proje
 
 def test_the_true_model_is_calibrated_and_a_wrong_one_is_not(project):
     low, high = nees_band(TAKES * (STEPS - REST), 3, level=0.999)
-    true, wrong = (table[table.moving] for table in map(scored, ("gaussian", "gaussian_twice")))
+    true, wrong = (table[table.moving] for table in map(scored, ("gaussian", "gaussian_ml")))
     assert low < true["nees"].mean() < high
     assert not low < wrong["nees"].mean() < high
 
 
 @pytest.mark.parametrize(("column", "sign"), [("log_density", 1), ("energy", -1)])
 def test_the_true_model_scores_best_beyond_its_interval(project, column, sign):
-    by_take = [scored(model).groupby("take")[column].mean().to_numpy() for model in ("gaussian", "gaussian_twice", "additive")]
+    by_take = [scored(model).groupby("take")[column].mean().to_numpy() for model in ("gaussian", "gaussian_ml", "additive")]
     for other in by_take[1:]:
         difference = paired_difference(by_take[0], other)
         assert np.sign(difference.low) == np.sign(difference.high) == sign
@@ -123,22 +66,31 @@ def test_what_a_model_does_not_have_is_a_gap_with_a_printed_reason(project, caps
     assert table[["z1", "z2", "z3", "nees", "log_determinant"]].isna().all(axis=None)
     assert np.isfinite(table[["log_density", "energy"]]).all(axis=None)
     # a gap stays one in the comparison, and does not become a number
-    summary = score._compared({model: score._one_step_scores(model, "moving") for model in ("wishart",)}).set_index("score")
+    summary = compared(score._one_step_scores(["wishart"])["moving"]).set_index("score")
     assert np.isnan(summary.loc["nees", "mean"]) and np.isnan(summary.loc["coverage_of_one_sigma_q1", "mean"])
     assert np.isfinite(summary.loc["log_score", "mean"])
 
 
 def test_the_same_seed_gives_the_same_scores_and_another_model_its_own_draws(project):
-    first, again, other = (scored(model)["energy"].to_numpy() for model in ("gaussian", "gaussian", "gaussian_twice"))
+    first, again, other = (scored(model)["energy"].to_numpy() for model in ("gaussian", "gaussian", "gaussian_ml"))
     assert np.array_equal(first, again) and not np.array_equal(first, other)
 
 
-def test_a_dataset_without_test_takes_says_so(project, capsys):
+def test_without_test_takes_each_take_is_predicted_by_the_fit_to_the_others(project, capsys):
+    chain, q, v = project
     joints = contracts.read("joints", Path("data/track"))
     contracts.write(joints[joints.part == "training"], "joints", Path("data/track"))
-    evaluate.run("gaussian")
+    table = scored("gaussian")
     assert "no test takes" in capsys.readouterr().out
-    assert not contracts.exists("one_step_scores", Path("data/evaluate/gaussian"))
+    assert set(table["take"]) == {f"take_{i:02d}" for i in range(TAKES)}
+    options = vars(config.sections("evaluate", item="gaussian").models)["gaussian"]
+    others = Recorded(chain, q[1:TAKES, :-1], v, process_noise(chain, q[1:TAKES], v))
+    first = estimate(others, options).model.log_density(chain, q[0, :-1], v, q[0, 1:], others.measurement)
+    assert table.loc[table["take"] == "take_00", "log_density"].to_numpy() == pytest.approx(first)
+    # control: the fit to all takes knows the one to be predicted
+    everything = Recorded(chain, q[:TAKES, :-1], v, process_noise(chain, q[:TAKES], v))
+    seen = estimate(everything, options).model.log_density(chain, q[0, :-1], v, q[0, 1:], everything.measurement)
+    assert np.abs(seen - first).max() > 1e-3
 
 
 def test_a_motion_that_never_rests_says_so(project, capsys):
@@ -150,7 +102,7 @@ def test_a_motion_that_never_rests_says_so(project, capsys):
 
 def test_models_are_compared_with_the_first_by_paired_differences_over_takes(project):
     tables = {model: scored(model) for model in ("gaussian", "additive")}
-    summary = score._compared({model: score._one_step_scores(model, "all") for model in tables}).set_index(["model", "score"])
+    summary = compared(score._one_step_scores(list(tables))["all"]).set_index(["model", "score"])
     by_take = [table.groupby("take")["log_density"].mean().to_numpy() for table in tables.values()]
     row = summary.loc["additive", "log_score"]
     assert row["mean"] == pytest.approx(by_take[1].mean())
@@ -174,7 +126,7 @@ def test_a_posterior_is_scored_as_a_normal_law_of_the_measured_pose(project):
         entries = {f"c{i + 1}{j + 1}": factor * stated[i, j] for i in range(3) for j in range(i, 3)}
         Path(f"data/filter/{name}").mkdir(parents=True)
         contracts.write(table.assign(**entries), "posterior", Path(f"data/filter/{name}"))
-    summary = score._compared(score._posterior_scores(["right", "narrow"], joints)).set_index(["model", "score"])
+    summary = compared(score._posterior_scores(["right", "narrow"], joints)).set_index(["model", "score"])
     cases = TAKES * (STEPS + 1)
     low, high = nees_band(cases, 3, level=0.999)
     assert low < summary.loc["right", "nees"]["mean"] < high < summary.loc["narrow", "nees"]["mean"]

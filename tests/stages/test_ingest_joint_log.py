@@ -10,10 +10,10 @@ import pandas as pd
 import pytest
 from omegaconf import OmegaConf
 
-from pipeline import config, contracts
+from pipeline import config, contracts, datasheet
 from pipeline.arm.model import load_arm
 from pipeline.errors import ConfigError, RecordingError, SingularJacobianError
-from pipeline.instruments.joint_log import JointLog, read_movement, write_joint_log
+from pipeline.instruments.joint_log import JointLog, read_joint_log, read_movement, write_joint_log
 from pipeline.perception.repetitions import align, excursions, find_repetitions
 from pipeline.stages import ingest, inventory, noise, track
 
@@ -24,7 +24,7 @@ FIRST_MOTION = {"start": [-1.5708, -1.5708, 0.0, -1.5708], "end": [-1.5708, -0.1
 
 @pytest.fixture(scope="session")
 def ur5() -> Path:
-    folder = ROOT / OmegaConf.load(config.CONF / "dataset/ur5.yaml").recordings
+    folder = ROOT / OmegaConf.load(datasheet.path_of("ur5")).recordings
     if not folder.is_dir():
         pytest.skip(f"the UR5's recordings are not at {folder}")
     return folder.resolve()
@@ -115,6 +115,18 @@ def test_the_real_logs_go_from_raw_files_to_process_noise(ur5, project, dataset,
     moving = varying[:, ~still]
     recoil = np.sum(moving[:, 1:] * moving[:, :-1], axis=(0, 1)) / np.sum(moving**2, axis=(0, 1))
     assert np.all(recoil < -0.3)
+
+
+def test_the_real_repetitions_are_found_without_the_commanded_speeds(ur5, project):
+    project("ur5", ur5)
+    ingest.run()
+    names, q = ingested()
+    # the angle creeps and settles at rest by up to 10 mrad/s
+    project("ur5", ur5, joint_log={"speed": None, "rest_speed": 1e-2})
+    ingest.run()
+    found = ingested()
+    assert found[0] == names and quality("speed_from_angles", "Movement") == 1
+    np.testing.assert_array_equal(found[1][:, :-1], q[:, 1:])
 
 
 def test_the_process_noise_is_that_of_the_joints_whatever_the_pose(ur5, project):
@@ -257,3 +269,118 @@ def test_the_inventory_tells_changed_recordings_apart(tmp_path, capsys):
     assert list(before.index) == [f"move_1/{name}" for name in FILES]
     assert list(before.index[(before != after).any(axis=1)]) == [f"move_1/{FILES[0]}"]
     assert (after["bytes"] - before["bytes"]).tolist() == [1, 0, 0]
+
+
+# the same robot with logs of another form, and with repetitions that were disturbed
+
+
+def write_table(folder: Path, source: Path, *, speed: bool) -> None:
+    """The logs of a movement as one table: degrees, milliseconds, semicolons and decimal commas under labels."""
+    values = read_movement(source, FILES, joints=6, rate=125.0)[0]
+    names = [f"{what}_{j}" for what in ("ist", "soll", "v") for j in range(1, 7)]
+    lines = [";".join(["Zeit", *names[: 18 if speed else 12]])]
+    for row, cells in enumerate(np.rad2deg(np.hstack(values[: 3 if speed else 2])).tolist()):
+        lines.append(";".join([str(8 * row), *(f"{cell:.8f}" for cell in cells)]).replace(".", ","))
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"{source.name}.txt").write_text("\n".join([*lines, ""]))
+
+
+def signals(*names: str) -> dict[str, list[str]]:
+    return {{"ist": "actual", "soll": "target", "v": "speed"}[name]: [f"{name}_{j}" for j in range(1, 7)] for name in names}
+
+
+TABLES = {
+    "movements": "*.txt", "actual": None, "target": None, "speed": None, "time": "Zeit", "angle_unit": "deg", "time_unit": "ms",
+}  # fmt: skip
+
+
+def ingested() -> tuple[list[str], np.ndarray]:
+    return contracts.stacked(contracts.read("joint_log", Path("data/ingest")), ["q1", "q2", "q3"])
+
+
+def test_one_table_a_movement_gives_what_one_file_a_signal_does(project, tmp_path):
+    write_movement(tmp_path / "logs/move_1", 5, late=8e-4, noise=1e-5)
+    project("ur5", tmp_path / "logs", joint_log=MADE_UP, motion={"steps": 140})
+    ingest.run()
+    names, q = ingested()
+    write_table(tmp_path / "tables", tmp_path / "logs/move_1", speed=True)
+    project("ur5", tmp_path / "tables", joint_log=MADE_UP | TABLES | {"signals": signals("ist", "soll", "v")}, motion={"steps": 140})
+    ingest.run()
+    found = ingested()
+    assert found[0] == names
+    np.testing.assert_allclose(found[1], q, rtol=0, atol=1e-9)
+    assert quality("speed_from_angles", "move") == 0
+
+
+def test_without_a_speed_the_steps_of_the_commanded_angles_are_it(project, tmp_path):
+    write_movement(tmp_path / "logs/move_1", 5, late=8e-4, noise=1e-5)
+    write_table(tmp_path / "tables", tmp_path / "logs/move_1", speed=False)
+    choice = MADE_UP | TABLES | {"signals": signals("ist", "soll"), "rest_speed": 1e-3}
+    project("ur5", tmp_path / "tables", joint_log=choice, motion={"steps": 140})
+    ingest.run()
+    names, q = ingested()
+    assert names == ["move_1_1", "move_1_2", "move_1_3"] and q.shape == (3, 141, 3)
+    assert quality("speed_from_angles", "move") == 1
+    np.testing.assert_allclose(q[:, [0, -1]], np.array([[HOME, AWAY]])[:, :, 1:4].repeat(3, axis=0), atol=1e-4)
+
+
+def push(folder: Path, way: int, size: float) -> None:
+    """Push joint 3 aside by ``size`` (rad) in the middle of the given way out (from 0)."""
+    log = read_joint_log(folder / FILES[0], joints=6)
+    first = 60 + 320 * way + 30
+    log.values[first : first + 40, 2] += size * np.sin(np.linspace(0, np.pi, 40))
+    write_joint_log(folder / FILES[0], log)
+
+
+def test_a_disturbed_repetition_is_left_out_and_named_and_the_others_stay_as_they_were(project, tmp_path, capsys):
+    write_movement(tmp_path / "logs/move_1", 9, noise=5e-5)
+    project("ur5", tmp_path / "logs", joint_log=MADE_UP, motion={"steps": 140})
+    ingest.run()
+    names, q = ingested()
+    assert len(names) == 5 and quality("disturbed_from_row", "move_1") == 0
+    push(tmp_path / "logs/move_1", 2, 2e-3)
+    ingest.run()
+    found = ingested()
+    assert found[0] == [name for name in names if name != "move_1_3"]
+    np.testing.assert_array_equal(found[1], np.delete(q, 2, axis=0))
+    assert quality("disturbed_from_row", "move_1") == 60 + 2 * 320
+    assert quality("disturbance", "move_1_3") > 6 > quality("disturbance", "move_1_4")
+    assert "disturbed from row 700" in capsys.readouterr().out
+
+
+def test_a_disturbed_repetition_is_refused_where_the_option_says_so(project, tmp_path):
+    write_movement(tmp_path / "logs/move_1", 9, noise=5e-5)
+    project("ur5", tmp_path / "logs", joint_log=MADE_UP | {"disturbed": "refuse"}, motion={"steps": 140})
+    ingest.run()
+    push(tmp_path / "logs/move_1", 2, 2e-3)
+    with pytest.raises(RecordingError, match="from row 700 was disturbed") as caught:
+        ingest.run()
+    assert caught.value.evidence["take"] == "move_1_3"
+
+
+def test_a_limit_on_the_residual_finds_what_two_repetitions_cannot_show(project, tmp_path):
+    write_movement(tmp_path / "logs/move_1", 5, noise=5e-5)
+    push(tmp_path / "logs/move_1", 1, 2e-3)
+    project("ur5", tmp_path / "logs", joint_log=MADE_UP | {"residual_limit": 1e-3, "disturbed_beyond": 1e9}, motion={"steps": 140})
+    ingest.run()
+    assert ingested()[0] == ["move_1_1", "move_1_3"]
+
+
+@pytest.mark.parametrize(
+    "choice",
+    [
+        {"signals": {"actual": ["a"]}}, {"signals": {"force": list(range(6))}}, {"angle_unit": "grad"}, {"time_unit": "min"},
+        {"disturbed": "keep"},
+    ],
+)  # fmt: skip
+def test_options_of_logs_that_mean_nothing_are_refused(project, tmp_path, choice):
+    with pytest.raises(ConfigError, match=r"dataset\.joint_log"):
+        project("ur5", tmp_path, joint_log=choice)
+
+
+def test_a_table_without_the_places_of_its_angles_is_refused(project, tmp_path):
+    write_movement(tmp_path / "logs/move_1", 5)
+    write_table(tmp_path / "tables", tmp_path / "logs/move_1", speed=True)
+    project("ur5", tmp_path / "tables", joint_log=MADE_UP | TABLES | {"signals": signals("ist")}, motion={"steps": 140})
+    with pytest.raises(ConfigError, match="target angles"):
+        ingest.run()

@@ -14,6 +14,7 @@ from pipeline.statistics.scores import (
     log_determinant,
     nees,
     nees_band,
+    normal_energy_score,
     normal_log_score,
     paired_difference,
     relative_error,
@@ -153,3 +154,26 @@ def test_a_difference_that_does_not_exist_is_a_gap():
     assert single.mean == 1.5 and np.isnan(single[1:]).all()
     for missing in (np.nan, -np.inf):
         assert np.isnan(paired_difference(np.array([1.0, missing]), np.array([0.0, missing]))).all()
+
+
+@pytest.mark.parametrize("spread", [1.0, 1e-3, 30.0])
+def test_the_energy_score_of_a_normal_law_is_that_of_its_draws(spread):
+    rng = np.random.default_rng(31)
+    root = rng.normal(size=(4, 3, 3)) * [1.0, 0.1, 0.5]
+    covariance, error = root @ np.swapaxes(root, -1, -2), spread * rng.normal(size=(4, 3))
+    exact = normal_energy_score(error, covariance)
+    draws = np.squeeze(root @ rng.standard_normal((20_000, 4, 3, 1)), -1)
+    # the first mean from 20 000 draws, the second from pairs of them
+    first, second = np.linalg.norm(draws - error, axis=-1), np.linalg.norm(draws[::2] - draws[1::2], axis=-1)
+    standard_error = np.hypot(first.std(axis=0) / np.sqrt(20_000), second.std(axis=0) / np.sqrt(10_000) / 2)
+    assert np.all(np.abs(exact - first.mean(axis=0) + second.mean(axis=0) / 2) < 4 * standard_error)
+    # control: of a law twice as wide
+    wide = normal_energy_score(error, 4 * covariance)
+    assert spread == 30.0 or np.all(np.abs(wide - first.mean(axis=0) + second.mean(axis=0) / 2) > 4 * standard_error)
+
+
+def test_the_energy_score_of_a_normal_law_in_one_direction_is_the_closed_form():
+    sigma, x = 0.7, np.linspace(-3, 3, 7)
+    np.testing.assert_allclose(normal_energy_score(x[:, None], np.full((7, 1, 1), sigma**2)), crps(x, sigma), rtol=1e-9)
+    with pytest.raises(ModelDomainError, match="positive definite"):
+        normal_energy_score(x[:, None], np.zeros((7, 1, 1)))

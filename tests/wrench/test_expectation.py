@@ -74,6 +74,19 @@ def test_its_error_is_that_of_other_scrambles_and_far_below_that_of_a_thousand_s
         assert (stated[varies] < 0.05 * estimates[form].standard_error[varies]).all()
 
 
+@pytest.mark.parametrize("form", FORMS)
+def test_the_deviation_over_systems_is_that_of_drawn_ones(form):
+    expected = expected_sigma_s(WIDE, 3, np.random.default_rng(52))[form].deviation
+    drawn = estimate_sigma_s(WIDE, 40_000, 3, np.random.default_rng(53))[form].standard_error * np.sqrt(40_000)
+    varies = drawn > 0
+    # a standard deviation from 40 000 systems is known to half a percent or so
+    np.testing.assert_allclose(expected[varies], drawn[varies], rtol=0.02)
+    assert not expected[~varies].any()
+    # control: within other bounds it is another
+    other = Bounds(WIDE.tension, (0.1, 0.8), WIDE.tension_sd, WIDE.concentration)
+    assert np.abs(expected_sigma_s(other, 3, np.random.default_rng(54))[form].deviation[varies] / drawn[varies] - 1).max() > 0.1
+
+
 def test_where_no_system_is_held_it_is_the_quadrature_alone():
     exact = expected_unbounded_sigma_s(ROUND, 20)
     expected = expected_sigma_s(ROUND, 20, np.random.default_rng(51))

@@ -1,0 +1,111 @@
+"""Motion-capture takes as C3D (the format of c3d.org), read through ezc3d."""
+
+from __future__ import annotations
+
+import io
+import struct
+import subprocess
+import sys
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+
+from pipeline.errors import RecordingError
+from pipeline.instruments import c3d_library
+from pipeline.instruments.motion_take import UNITS_PER_METRE, MotionTake, blank_samples, clock_counts, sample_counts, settle_unit
+
+KEY = 0x50  # the second byte of every C3D file
+INTEL, DEC, MIPS = 84, 85, 86
+BLOCK = 512  # bytes
+LONGEST = 0xFFFF  # frames that the header's last word can tell
+PATIENCE = 30.0  # s; a take of an hour takes a few
+
+
+def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
+    """Points of the C3D take in ``file``, in m and s; ``unit`` (m, cm or mm) is that of its lengths where POINT:UNITS is empty.
+
+    A sample is missing where its residual is negative, a coordinate is no number or all three are exactly zero. Points of one label
+    are told apart as ``label [2]`` and so on, those without one are ``Point n``; frames are numbered as the file does. Only points are
+    read: analog channels and segment rotations are not. ``counts``: ``announced_frames``, ``found_frames``, ``gaps``,
+    ``skipped_frames``, ``time_mismatches`` (C3D has no times, hence 0), ``zero_samples``, ``partial_samples``, ``marker_samples``,
+    ``missing_samples``, ``missing_poses`` (0) and ``unlabelled_points``.
+
+    Raises RecordingError for a file that cannot be read, is no C3D, is shorter than its header says, makes the library fail, or has no
+    point, no rate or no unit.
+    """
+    points, frames = _announced(file)
+    found = _contents(file)
+    position, residual = found["points"], found["residuals"]
+    if position.shape != (3, points, position.shape[2]) or residual.shape != position.shape[1:] or len(found["labels"]) > points:
+        raise RecordingError(f"the header announces {points} points and the parameters others: damaged", file=file, key="POINT:USED")
+    if frames != LONGEST and position.shape[2] != frames:
+        raise RecordingError(f"the header announces {frames} frames, the file holds {position.shape[2]}: truncated", file=file)
+    rate = found["rate"]
+    if rate.shape != (1,) or not 0 < rate[0] < np.inf:
+        raise RecordingError("the file gives no frame rate", file=file, key="POINT:RATE")
+    stated = {text.strip().lower() for text in found["units"]} - {""}
+    unit = settle_unit(" and ".join(sorted(stated)), unit, file, key="POINT:UNITS")
+    counts = {"announced_frames": frames}
+    frame = np.arange(position.shape[2]) + int(found["first"]) + 1  # the library counts from 0
+    time = np.arange(len(frame)) / rate[0]
+    counts |= clock_counts(frame, time, None) | {"zero_samples": 0, "partial_samples": 0, "unlabelled_points": 0}
+    markers: dict[str, np.ndarray] = {}
+    for number in range(points):
+        label = found["labels"][number].strip() if number < len(found["labels"]) else ""
+        counts["unlabelled_points"] += not label
+        samples = position[:, number].T / UNITS_PER_METRE[unit]
+        samples[~np.isfinite(samples) | (residual[number] < 0)[:, None]] = np.nan
+        blank_samples(samples, counts)
+        markers[_free(label or f"Point {number + 1}", markers)] = samples
+    counts |= sample_counts(markers, {}, len(frame))
+    return MotionTake(Path(file).stem, "C3D", float(rate[0]), frame, time, markers, {}, counts, unit)
+
+
+def _free(label: str, taken: dict[str, np.ndarray]) -> str:
+    name, number = label, 2
+    while name in taken:
+        name, number = f"{label} [{number}]", number + 1
+    return name
+
+
+def _announced(file: Path) -> tuple[int, int]:
+    """Points and frames by the file's header; RecordingError where it is none, or the file is too short to hold them."""
+    try:
+        size = Path(file).stat().st_size
+        with Path(file).open("rb") as stream:
+            head = stream.read(BLOCK)
+            stream.seek(max(head[0] - 1, 0) * BLOCK if head else 0)
+            parameters = stream.read(4)
+    except OSError as error:
+        raise RecordingError(f"the file cannot be read ({error.strerror})", file=file) from None
+    if len(head) < BLOCK or head[1] != KEY or len(parameters) < 4 or parameters[3] not in (INTEL, DEC, MIPS):
+        raise RecordingError("this is no C3D file, or its header is cut short; export or copy it again", file=file)
+    order = ">" if parameters[3] == MIPS else "<"
+    points, analog, first, last = struct.unpack_from(order + "4H", head, 2)
+    start = struct.unpack_from(order + "H", head, 16)[0]
+    # a negative scale means floating point; its sign is the top bit of the second word, in DEC's order too
+    width = 4 if head[12 if parameters[3] == MIPS else 15 if parameters[3] == INTEL else 13] & 0x80 else 2
+    frames = last - first + 1
+    if not points or frames < 1:
+        raise RecordingError("the take holds no point, or no frame; export it with markers", file=file)
+    needed = (max(start, 1) - 1) * BLOCK + frames * width * (4 * points + analog)
+    if size < needed:
+        raise RecordingError(f"the file has {size} bytes of the {needed} that its header announces: truncated", file=file)
+    return points, LONGEST if last == LONGEST else frames
+
+
+def _contents(file: Path) -> dict[str, np.ndarray]:
+    """What the library finds in the file, read in a process of its own."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-P", c3d_library.__file__, str(Path(file).resolve())], capture_output=True, check=False, timeout=PATIENCE
+        )
+        with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
+            return dict(archive)
+    except subprocess.TimeoutExpired:
+        raise RecordingError(f"the file cannot be read within {PATIENCE:.0f} s: damaged", file=file) from None
+    except (ValueError, EOFError, BadZipFile):
+        last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
+        reason = last[0] if last else f"the library ended with {done.returncode}"
+        raise RecordingError(f"the file is no sound C3D ({reason}); export or copy it again", file=file) from None

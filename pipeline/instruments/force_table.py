@@ -1,0 +1,91 @@
+"""Plain tables of forces from any program: which column is what, and in which unit, stands in the option or in the table's own header."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.errors import RecordingError
+from pipeline.instruments.force_clock import rate_of, read_clock
+from pipeline.instruments.force_record import FORCES, OPTION, TORQUES, ForceRecord, LogOptions, repeats, si_factors, with_torque
+from pipeline.instruments.force_units import TIME_UNITS
+from pipeline.instruments.number_sheet import Sheet, columns_of, read_sheet, unit_of
+
+KEY = f"{OPTION}.columns"
+
+
+def read_force_table(file: Path, options: LogOptions) -> ForceRecord:
+    """Record in ``file``, in N, N·m and s, of the columns that ``options`` name: fx, fy, fz, and as there are t, tx, ty, tz.
+
+    Units stand in brackets behind a label, in the line below the labels, or in the options. Without a column t, samples follow each
+    other at the option's rate. ``counts``: ``repeated_rows`` and ``zero_rows``, both kept; ``blank_rows``; ``cut_rows``; and with times
+    those of :func:`pipeline.instruments.force_clock.read_clock`.
+
+    Raises RecordingError, with the line and the option that settles it where there is one, for axes or units that nothing names, a time
+    that goes back, and malformed rows.
+    """
+    sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
+    if missing := [axis for axis in FORCES if axis not in options.columns]:
+        raise RecordingError(f"no column is named for {', '.join(missing)}", file=file, key=KEY)
+    if 0 < len(set(TORQUES) & set(options.columns)) < 3:
+        raise RecordingError("of the torques tx, ty, tz name all or none", file=file, key=KEY)
+    if unknown := sorted(set(options.columns) - {"t", *FORCES, *TORQUES}):
+        raise RecordingError(f"no axis {', '.join(unknown)}; there are t, fx, fy, fz, tx, ty, tz", file=file, key=KEY)
+    if not sheet.rows:
+        raise RecordingError("the header is followed by no whole sample; record again", file=file, line=sheet.header_lines[-1])
+    columns, units, line = _named(sheet, options)
+    axes = [axis for axis in (*FORCES, *TORQUES) if axis in columns]
+    values = sheet.values([columns[axis] for axis in axes]) * si_factors(axes, units, options, file=file, line=line)
+    counts = dict(sheet.counts)
+    if "t" in columns:
+        time = _seconds(sheet, columns["t"], units.get("t"), options, line)
+        keep, found = read_clock(time, values, sheet.lines, place="line", file=file)
+        time, values, counts = time[keep], values[keep], counts | found
+        rate = rate_of(time)
+    elif options.rate is None:
+        raise RecordingError("neither a column t nor a rate gives the samples a time", file=file, key=f"{OPTION}.rate")
+    else:
+        rate = options.rate
+        time = np.arange(len(values)) / rate
+    return ForceRecord(time, *with_torque(values), rate, "", "", repeats(values) | counts)
+
+
+def _named(sheet: Sheet, options: LogOptions) -> tuple[dict[str, int], dict[str, str | None], int]:
+    """Columns by quantity, the units that the header states for them, and the line of the labels."""
+    names = [name for name in options.columns.values() if isinstance(name, str)]
+    if not names and not sheet.header:
+        return columns_of([], options.columns, sheet.width, file=sheet.file, line=sheet.lines[0], key=KEY), {}, sheet.lines[0]
+    if not names:
+        rows = [row for row in map(sheet.header_cells, range(len(sheet.header))) if len(row) == sheet.width]
+        columns = columns_of([], options.columns, sheet.width, file=sheet.file, line=sheet.lines[0], key=KEY)
+        label_rows, line = rows, sheet.lines[0]
+    else:
+        index = sheet.label_row(names)
+        label_rows = [sheet.header_cells(i) for i in range(index, len(sheet.header))]
+        line = sheet.header_lines[index]
+        if len(label_rows[0]) != sheet.width:
+            message = f"the row has {sheet.width} cells under {len(label_rows[0])} labels"
+            raise RecordingError(message, file=sheet.file, line=sheet.lines[0])
+        columns = columns_of(label_rows[0], options.columns, sheet.width, file=sheet.file, line=line, key=KEY)
+        label_rows = [row for row in label_rows if len(row) == sheet.width]
+    units = {}
+    for quantity, column in columns.items():
+        behind = [unit for row in label_rows if (unit := unit_of(row[column]))]
+        below = [row[column] for row in label_rows[1:2] if row[column]]
+        units[quantity] = next(iter(behind or below), None)
+    return columns, units, line
+
+
+def _seconds(sheet: Sheet, column: int, stated: str | None, options: LogOptions, line: int) -> np.ndarray:
+    """(N,) times in s from the first on."""
+    unit = stated or options.time_unit
+    key = f"{OPTION}.time_unit"
+    if unit not in TIME_UNITS:
+        found = f"the time has no known unit{f' ({unit!r})' if unit else ''}"
+        raise RecordingError(f"{found}: state one of {', '.join(TIME_UNITS)}", file=sheet.file, line=line, key=key)
+    if stated and options.time_unit and stated != options.time_unit:
+        message = f"the time is in {stated} by the log and in {options.time_unit} by the option"
+        raise RecordingError(message, file=sheet.file, line=line, key=key)
+    ticks = sheet.values([column])[:, 0]
+    return (ticks - ticks[0]) * TIME_UNITS[unit]

@@ -1,0 +1,221 @@
+"""The columnar grammar of OptiTrack Motive's CSV takes (format versions 1.2 to 1.25): read by labels, whatever their order.
+
+A file has one row of keys and values, a blank row, rows that label every column (Type, Name, ID, in later versions Parent, then the
+quantity, then Frame, Time and the axes), and one row a frame. From 1.22 on column B names the rows of labels; before, their order does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pipeline.errors import RecordingError
+from pipeline.instruments.delimited import Text, cells_of, is_blank, numbers_of
+from pipeline.instruments.motion_take import (
+    UNITS_PER_METRE,
+    WHOLE,
+    MotionTake,
+    RigidBody,
+    blank_samples,
+    clock_counts,
+    frame_numbers,
+    rate_from_times,
+    sample_counts,
+    settle_unit,
+)
+
+TEXTS = ("Take Name", "Take Notes")  # free text, in which a comma is not always quoted
+KEYS = (
+    "Format Version",
+    *TEXTS,
+    "Capture Frame Rate",
+    "Export Frame Rate",
+    "Capture Start Time",
+    "Capture Start Frame",
+    "Total Frames in Take",
+    "Total Exported Frames",
+    "Rotation Type",
+    "Length Units",
+    "Coordinate Space",
+)
+RAW, SOLVED, BODY = "Marker", "Rigid Body Marker", "Rigid Body"
+FRAME = 0  # the axis row is the one that starts with "Frame"
+HEADER_LINES = 20  # with blank ones it is five to eight
+
+
+@dataclass(frozen=True)
+class _Header:
+    fields: dict[str, str]
+    time: int | None  # column
+    groups: dict[tuple[str, str, str], dict[tuple[str, str], int]]  # (type, name, ID): {(quantity, axis): column}
+    bones: int  # bones and markers of bones, which are not read
+    columns: int
+    unused: int  # labelled columns that are none of the above
+    line: int  # of the axis row
+
+
+def read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
+    """Take in the columnar ``text`` of ``file``; see :func:`pipeline.instruments.motive.read_motive` for what it holds and raises."""
+    header = _header(text.lines, file)
+    rows, numbers, repeated = _rows(text, header, file)
+    counts = {"blank_rows": len(text.lines) - header.line - len(rows) - repeated, "cut_rows": int(text.cut is not None)}
+    groups = header.groups
+    columns = [FRAME] + [column for group in groups.values() for column in group.values()]
+    columns += [] if header.time is None else [header.time]
+    width = rows[0].count(",") + 1
+    if max(columns) >= width:
+        raise RecordingError(f"the row has {width} cells where the header labels {max(columns) + 1} columns", file=file, line=numbers[0])
+    values = dict(zip(columns, numbers_of(rows, numbers, columns, file=file, gaps=True).T, strict=True))
+    frame = frame_numbers(values[FRAME], numbers, file)
+    printed = None if header.time is None else values[header.time]
+    rate = _rate(header.fields, frame, printed, file)
+    time = (frame - frame[0]) / rate
+    if WHOLE.fullmatch(header.fields.get("Total Exported Frames", "")):
+        counts["announced_frames"] = int(header.fields["Total Exported Frames"])
+    counts |= clock_counts(frame, time, printed)
+    counts |= {"zero_samples": 0, "partial_samples": 0, "solved_replaced": 0, "solved_only": 0}
+
+    unit = settle_unit(header.fields.get("Length Units", ""), unit, file, key="Length Units")
+    raw, solved, bodies = {}, {}, {}
+    for (kind, name, identity), group in groups.items():
+        position = np.stack([values[group["Position", axis]] for axis in "XYZ"], axis=-1) / UNITS_PER_METRE[unit]
+        blank_samples(position, counts)
+        owner = {RAW: raw, SOLVED: solved, BODY: bodies}[kind]
+        key = f"{name} [{identity}]" if name in owner else name
+        if kind == BODY:
+            rotation = {axis: values[column] for (quantity, axis), column in group.items() if quantity == "Rotation"}
+            owner[key] = RigidBody(position, _quaternion(rotation, header.fields.get("Rotation Type", ""), counts, file))
+        else:
+            owner[key] = position
+    for name, position in solved.items():
+        counts["solved_replaced" if name in raw else "solved_only"] += 1
+        raw.setdefault(name, position)
+    counts |= sample_counts(raw, bodies, len(frame)) | {"unused_columns": header.unused}
+    rare = {"repeated_rows": repeated, "skipped_bones": header.bones}
+    counts |= {name: count for name, count in rare.items() if count}
+    name, version = header.fields.get("Take Name") or Path(file).stem, header.fields["Format Version"]
+    return MotionTake(name, version, rate, frame, time, raw, bodies, counts, unit)
+
+
+def _rows(text: Text, header: _Header, file: Path) -> tuple[list[str], list[int], int]:
+    """The rows of frames, their lines, and how many were left out for repeating the one before them to the letter."""
+    rows, numbers, repeated = [], [], 0
+    for number, line in enumerate(text.lines[header.line :], start=header.line + 1):
+        if is_blank(line, ","):
+            continue
+        row = _labelled(line, header, file, number)
+        if rows and row == rows[-1]:
+            repeated += 1
+        else:
+            rows.append(row)
+            numbers.append(number)
+    width = rows[0].count(",") + 1 if rows else header.columns
+    if text.cut is not None and text.cut.count(",") + 1 < width:
+        raise RecordingError("the last row is cut short; export or copy the take again", file=file, line=len(text.lines) + 1)
+    if not rows:
+        raise RecordingError("the header is followed by no frame; export the take again", file=file, line=header.line)
+    if not header.groups:
+        lacking = "it holds bones alone" if header.bones else "no column but the frames' is labelled"
+        raise RecordingError(f"the take holds no marker and no rigid body ({lacking}); export it with them", file=file, line=header.line)
+    return rows, numbers, repeated
+
+
+def _header(lines: list[str], file: Path) -> _Header:
+    rows = []
+    for number, line in enumerate(lines[1:HEADER_LINES], start=2):
+        cells = cells_of(line, ",", file=file, number=number)
+        if any(cells):
+            rows.append(cells)
+        if cells[:1] == ["Frame"]:
+            break
+        if any(cells[:1]):
+            raise RecordingError(f"a row that starts with {cells[0]!r} stands among the labels of the columns", file=file, line=number)
+    if not rows or rows[-1][0] != "Frame":
+        line = min(len(lines), HEADER_LINES)
+        raise RecordingError("no row starts with 'Frame': the header is truncated or damaged", file=file, line=line)
+    if len(rows) < 4:
+        raise RecordingError("the rows that give each column's type, name, quantity and axis are incomplete", file=file, line=number)
+    columns = max(map(len, rows))
+    rows = [row + [""] * (columns - len(row)) for row in rows]
+    named = {row[1]: row for row in rows[:-2] if row[1]}
+    if named and not {"Type", "Name"} <= set(named):
+        raise RecordingError(f"column B names the rows {', '.join(named)}, but not Type and Name", file=file, line=number)
+    types, names = named.get("Type", rows[0]), named.get("Name", rows[1])
+    identities = named.get("ID", rows[2] if len(rows) > 4 and not named else [""] * columns)
+    quantities, axes = rows[-2:]
+    groups: dict[tuple[str, str, str], dict[tuple[str, str], int]] = {}
+    for column, label in enumerate(zip(quantities, axes, strict=True)):
+        if types[column] in (RAW, SOLVED, BODY) and label[0] in ("Position", "Rotation"):
+            group = groups.setdefault((types[column], names[column], identities[column]), {})
+            if label in group:
+                raise RecordingError(f"two columns claim {' '.join(label)} of {names[column]!r}", file=file, line=number)
+            group[label] = column
+    for (kind, name, _), group in groups.items():
+        if any(("Position", axis) not in group for axis in "XYZ"):
+            raise RecordingError(f"{kind} {name!r} lacks one of its columns X, Y, Z of Position", file=file, line=number)
+    time = next((column for column, axis in enumerate(axes) if axis in ("Time", "Time (Seconds)")), None)
+    bones = {(kind, name) for kind, name in zip(types, names, strict=True) if "Bone" in kind}
+    unused = sum(map(bool, types[2:])) - sum(map(len, groups.values()))
+    return _Header(_fields(cells_of(lines[0], ",", file=file, number=1), file), time, groups, len(bones), columns, unused, number)
+
+
+def _labelled(line: str, header: _Header, file: Path, number: int) -> str:
+    # spreadsheets pad rows with empty cells; a number there has no label, so the row is shifted or of another take
+    if line.count(",") < header.columns:
+        return line
+    cells = line.split(",")
+    if any(cell.strip() for cell in cells[header.columns :]):
+        raise RecordingError(f"the row has more cells than the {header.columns} labelled columns", file=file, line=number)
+    return ",".join(cells[: header.columns])
+
+
+def _fields(cells: list[str], file: Path) -> dict[str, str]:
+    # a value may be missing, and a text hold a comma that nobody quoted: it ends at the next known key
+    starts = [place for place, cell in enumerate(cells) if cell in KEYS] + [len(cells)]
+    fields: dict[str, str] = {}
+    for i, j in pairwise(starts):
+        value = ",".join(cells[i + 1 : j]).strip(",") if cells[i] in TEXTS else next(iter(cells[i + 1 : j]), "")
+        if fields.setdefault(cells[i], value) != value:
+            raise RecordingError(f"the header gives {cells[i]} twice, and differently", file=file, line=1, key=cells[i])
+    if fields.get("Coordinate Space", "Global") not in ("Global", ""):
+        raise RecordingError("the Coordinate Space is not Global; export the take in Global", file=file, line=1, key="Coordinate Space")
+    return fields
+
+
+def _rate(fields: dict[str, str], frame: np.ndarray, printed: np.ndarray | None, file: Path) -> float:
+    # frames are numbered at the rate of the export, which older versions do not tell apart from the capture's
+    key = "Export Frame Rate" if fields.get("Export Frame Rate") else "Capture Frame Rate"
+    if not fields.get(key):
+        rate = None if printed is None else rate_from_times(frame, printed)
+        if rate is None:
+            raise RecordingError("the file gives no frame rate and no times to take it from", file=file, line=1, key=key)
+        return rate
+    try:
+        rate = float(fields[key])
+    except ValueError:
+        rate = np.nan
+    if not 0 < rate < np.inf:
+        raise RecordingError(f"a frame rate of {fields[key]!r} is none", file=file, line=1, key=key)
+    return rate
+
+
+def _quaternion(rotation: dict[str, np.ndarray], order: str, counts: dict[str, int], file: Path) -> np.ndarray:
+    if set(rotation) == set("XYZW"):
+        quaternion = np.stack([rotation[axis] for axis in "XYZW"], axis=-1)
+        zero = (quaternion == 0).all(axis=-1)
+        counts["zero_samples"] += int(zero.sum())
+        quaternion[zero | np.isnan(quaternion).any(axis=-1)] = np.nan
+        return quaternion
+    if set(rotation) != set("XYZ") or sorted(order) != ["X", "Y", "Z"]:
+        found = ", ".join(sorted(rotation)) or "none"
+        raise RecordingError(f"Rotation Type {order!r} does not fit the Rotation columns ({found})", file=file, line=1, key="Rotation Type")
+    angles = np.stack([rotation[axis] for axis in order], axis=-1)
+    tracked = ~np.isnan(angles).any(axis=-1)
+    quaternion = np.full((len(angles), 4), np.nan)
+    if tracked.any():
+        quaternion[tracked] = Rotation.from_euler(order, angles[tracked], degrees=True).as_quat()
+    return quaternion

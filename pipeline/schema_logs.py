@@ -1,0 +1,84 @@
+"""The types of the configuration for plain logs: those of a force transducer and those of a robot's controller."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from omegaconf import MISSING
+
+from pipeline.errors import ConfigError
+
+
+@dataclass
+class JointLog:
+    """The controller's own logs: a folder or a file a movement, and which of the commanded motions in them is analysed."""
+
+    movements: str = MISSING  # glob of the movements' folders, or files where a movement is one table
+    actual: str | None = None  # file of measured angles in each folder; null where a movement is one table
+    target: str | None = None  # file of commanded angles
+    speed: str | None = None  # file of commanded speeds; without any, the speed is the step of the commanded angles
+    joints: int = MISSING  # joints that are logged
+    signals: dict[str, list[Any]] = field(default_factory=dict)  # actual, target, speed → label, or number from 0, of each joint's column
+    time: Any = 0  # column of the time, likewise; null: the rows follow each other at dataset.motion.rate
+    separator: str | None = None  # of cells: comma, semicolon, tab, or a blank for any number of them; null: as found
+    decimal: str | None = None  # point or comma; null: as found
+    angle_unit: str = "rad"  # rad or deg, also of the speeds
+    time_unit: str = "s"  # s, ms, us or ns
+    columns: list[int] = MISSING  # which of the joints (from 1) are the chain's
+    start: list[float] = MISSING  # rad, commanded angles of the chain at rest before the motion
+    end: list[float] = MISSING  # rad, and after it
+    rest: int = MISSING  # steps at rest kept on either side, of dataset.motion.steps
+    rest_speed: float = 1e-4  # rad/s, up to which a commanded speed is rest
+    tolerance: float = MISSING  # rad, how exactly commands must repeat
+    disturbed: str = "leave_out"  # or refuse: what becomes of a repetition that was disturbed
+    disturbed_beyond: float = 6.0  # robust standard deviations of its residual from the median over the repetitions
+    residual_limit: float | None = None  # rad, measured minus commanded angle that no undisturbed repetition reaches
+
+    def __post_init__(self) -> None:
+        if any(len(values) != 3 for values in (self.columns, self.start, self.end)):
+            raise ConfigError("columns, start and end must each hold three values, one a joint of the chain", key="dataset.joint_log")
+        if not all(1 <= column <= self.joints for column in self.columns) or self.rest < 1:
+            raise ConfigError(f"columns must lie between 1 and {self.joints}, and rest be at least 1", key="dataset.joint_log")
+        if wrong := [name for name, columns in self.signals.items() if len(columns) != self.joints or name not in SIGNALS]:
+            message = f"{', '.join(wrong)}: signals name {self.joints} columns for each of {', '.join(SIGNALS)}"
+            raise ConfigError(message, key="dataset.joint_log.signals")
+        if self.angle_unit not in ("rad", "deg") or self.time_unit not in ("s", "ms", "us", "ns"):
+            raise ConfigError("angle_unit is rad or deg, time_unit s, ms, us or ns", key="dataset.joint_log")
+        if self.disturbed not in ("leave_out", "refuse"):
+            raise ConfigError(f"disturbed: {self.disturbed!r} is not leave_out or refuse", key="dataset.joint_log.disturbed")
+
+
+SIGNALS = ("actual", "target", "speed")
+
+
+@dataclass
+class ForceLog:
+    """How the force logs are written; null where they say so themselves."""
+
+    format: str = "daqft"  # daqft or netft, as ATI's programs write, bag of ROS, or table: any other
+    columns: dict[str, Any] = field(default_factory=dict)  # t, fx, fy, fz, tx, ty, tz → label, or number from 0
+    separator: str | None = None  # of cells: comma, semicolon, tab, or a blank for any number of them
+    decimal: str | None = None  # point or comma
+    force_unit: str | None = None
+    torque_unit: str | None = None
+    time_unit: str | None = None
+    rate: float | None = None  # Hz
+    counts: bool | None = None  # whether a Net F/T log holds counts (true) or units (false)
+    topic: str | None = None  # of a bag with more than one WrenchStamped
+    calibration: str | None = None  # the transducer's .cal file, from the recordings' folder
+    full_scale: list[float] | None = None  # N, and N·m if there are six; null: the calibration's ratings
+    frozen_after: float = 0.5  # s, identical samples for longer than this are no measurement
+    max_faulty: float = 0.01  # share of saturated, or of frozen, samples that may be left out; beyond it a record is refused
+
+    def __post_init__(self) -> None:
+        if self.format not in ("daqft", "netft", "bag", "table"):
+            raise ConfigError(f"no format {self.format!r}; there are daqft, netft, bag, table", key="dataset.force.log.format")
+        axes = ("t", "fx", "fy", "fz", "tx", "ty", "tz")
+        if wrong := [axis for axis, name in self.columns.items() if axis not in axes or not isinstance(name, str | int)]:
+            message = f"{', '.join(map(str, wrong))}: columns name {', '.join(axes)} by label or by number from 0"
+            raise ConfigError(message, key="dataset.force.log.columns")
+        if self.full_scale is not None and (len(self.full_scale) not in (3, 6) or min(self.full_scale) <= 0):
+            raise ConfigError("three positive forces, and three torques or none", key="dataset.force.log.full_scale")
+        if (self.rate is not None and not self.rate > 0) or not self.frozen_after > 0 or not 0 <= self.max_faulty < 1:
+            raise ConfigError("rate and frozen_after must be positive, max_faulty between 0 and 1", key="dataset.force.log")

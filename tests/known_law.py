@@ -1,0 +1,73 @@
+"""A project with recordings drawn from a known model, for the stages that fit and score."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from omegaconf import OmegaConf
+
+from pipeline import config, contracts
+from pipeline.arm.chain import PlanarChain
+from pipeline.arm.model import load_arm
+from pipeline.motion.gaussian import GaussianModel
+from pipeline.motion.noise import process_noise
+
+ROOT = Path(__file__).parents[1]
+TAKES, STEPS, REST = 12, 80, 20
+TRUE = GaussianModel(alpha=0.05, u=25.0)
+MEASUREMENT = np.array([[4.0, -1.0, 0.0], [-1.0, 5.0, 1.0], [0.0, 1.0, 3.0]]) * 1e-7
+MODELS = {  # option → what the stage fit would have written (gaussian_ml: twice the noise)
+    "gaussian": {"kind": "gaussian", "alpha": 0.05, "u": 25.0},
+    "gaussian_ml": {"kind": "gaussian", "alpha": 0.1, "u": 25.0},
+    "additive": {"kind": "additive", "noise_covariance": (np.eye(3) * 4e-6).tolist()},
+    "wishart": {"kind": "wishart", "sigma_b": 1.2, "decomposition": "lu"},
+}
+
+
+def write_project(folder: Path) -> tuple[PlanarChain, np.ndarray, np.ndarray]:
+    """Recordings drawn from TRUE, at rest in the first steps, and the fits of MODELS in ``folder``, where the process must stand.
+
+    Returns the chain, joint angles (2·TAKES, STEPS + 1, 3) in rad and commanded steps (STEPS, 3).
+    """
+    for name in ("pipeline", "dvc.yaml"):
+        (folder / name).symlink_to(ROOT / name)
+    params = OmegaConf.load(ROOT / "params.yaml")
+    params.update({"scale": "smoke", "compute": "serial", "models": list(MODELS)})
+    OmegaConf.save(params, "params.yaml")
+    config.write_config(Path("params.yaml"))
+    robot, rate = config.sections("evaluate", item="gaussian").dataset.robot, 100.0
+    chain = load_arm(robot.urdf, robot.joints, robot.tool, robot.locked).chain
+    middle = np.array([1.1, -1.6, 1.8])
+    k = np.arange(STEPS + 1)
+    path = middle + 0.2 * np.cos(np.maximum(k - REST, 0) / 20)[:, None] * np.array([1.0, -1.0, 0.5])
+    v = np.matvec(chain.jacobian(path[:-1]), np.diff(path, axis=0))
+    rng = np.random.default_rng(1)
+    q = np.empty((2 * TAKES, STEPS + 1, 3))
+    q[:, 0] = path[0]
+    for step in range(STEPS):
+        q[:, step + 1] = TRUE.sample(chain, q[:, step], v[step], rng)[0] + rng.multivariate_normal(np.zeros(3), MEASUREMENT, 2 * TAKES)
+    task = np.zeros((STEPS + 1, 3))
+    task[:-1] = v * rate
+    for stage in ("ingest", "track", "noise"):
+        Path("data", stage).mkdir()
+    trajectory = pd.DataFrame({"k": k, "t": k / rate} | {c: 0.0 for c in ("x", "z", "phi")})
+    contracts.write(trajectory.assign(**{f"v{c}": task[:, i] for i, c in enumerate(("x", "z", "phi"))}), "trajectory", Path("data/ingest"))
+    contracts.write(rows(q, "q").assign(residual=0.0), "joints", Path("data/track"))
+    noise = rows(np.pad(process_noise(chain, q, v), ((0, 0), (1, 0), (0, 0))), "w")
+    contracts.write(noise[(noise.k > 0) & (noise.part == "training")], "process_noise", Path("data/noise"))
+    for name, parameters in MODELS.items():
+        Path(f"data/fit/{name}").mkdir(parents=True)
+        Path(f"data/fit/{name}/parameters.json").write_text(json.dumps(parameters))
+    return chain, q, v
+
+
+def rows(values: np.ndarray, prefix: str) -> pd.DataFrame:
+    """``values`` (2·TAKES, STEPS + 1, 3) as a table, the first half of the takes for training."""
+    k = np.tile(np.arange(STEPS + 1), 2 * TAKES)
+    take = np.repeat([f"take_{i:02d}" for i in range(2 * TAKES)], STEPS + 1)
+    part = np.repeat(["training", "test"], TAKES * (STEPS + 1))
+    columns = {f"{prefix}{j + 1}": values[..., j].ravel() for j in range(3)}
+    return pd.DataFrame({"take": take, "part": part, "k": k, "t": k / 100.0} | columns)

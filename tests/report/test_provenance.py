@@ -1,0 +1,54 @@
+"""What is stated of a run is what its lock files hold, of the chosen models alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from hashlib import sha256
+
+from pipeline.report.provenance import Output, locked_libraries, locked_outputs, options_of, sha256_of
+
+LOCK = {
+    "configure": {"outs": [{"path": "data/config.yaml", "md5": "0"}]},
+    "track": {"deps": [{"path": "pipeline", "md5": "1"}], "outs": [{"path": "data/track", "md5": "2.dir"}]},
+    "fit@additive": {"outs": [{"path": "data/fit/additive", "md5": "3.dir"}, {"path": "reports/metrics/fit_additive.json", "md5": "4"}]},
+    "fit@dropped": {"outs": [{"path": "data/fit/dropped", "md5": "5.dir"}]},
+    "page": {"outs": [{"path": "reports/index.html", "md5": "6"}]},
+}
+
+
+@dataclass
+class Inner:
+    rate: float = 100.0
+
+
+@dataclass
+class Outer:
+    inner: Inner = field(default_factory=Inner)
+    parts: dict = field(default_factory=lambda: {"a": Inner(2.0), "none": None})
+    names: list = field(default_factory=lambda: ["q1", "q2"])
+
+
+def test_outputs_of_the_stages_asked_for_in_their_order_without_configuration_and_models_not_chosen():
+    assert locked_outputs(LOCK, ["configure", "fit", "track", "unknown"], ["additive"]) == [
+        Output("fit@additive", "data/fit/additive", "3.dir"),
+        Output("fit@additive", "reports/metrics/fit_additive.json", "4"),
+        Output("track", "data/track", "2.dir"),
+    ]
+
+
+def test_libraries_are_read_with_markers_and_hashes_passed_over():
+    text = "numpy==2.4.0 \\\n    --hash=sha256:00\npandera[pandas]==1 \\\ncolorama==0.4.6 ; sys_platform == 'win32' \\\n    # via tqdm\n"
+    assert locked_libraries(text) == {"numpy": "2.4.0", "pandera": "1", "colorama": "0.4.6"}
+
+
+def test_a_files_hash_is_that_of_its_bytes(tmp_path):
+    (tmp_path / "lock").write_bytes(b"numpy==2.4.0\r\n")
+    assert sha256_of(tmp_path / "lock") == sha256(b"numpy==2.4.0\r\n").hexdigest()
+
+
+def test_options_are_named_by_their_way_from_the_section():
+    assert options_of(Outer(), "dataset") == {
+        "dataset.inner.rate": 100.0, "dataset.parts.a.rate": 2.0, "dataset.parts.none": None, "dataset.names": ["q1", "q2"],
+    }  # fmt: skip
+    assert options_of(2017, "seed") == {"seed": 2017}
+    assert options_of({"a": Inner()}, "models") == {"models.a.rate": 100.0}

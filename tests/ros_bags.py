@@ -1,0 +1,103 @@
+"""Bags made for the tests, in the forms that ROS 1 and ROS 2 write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+STORES = {"ros1": get_typestore(Stores.ROS1_NOETIC), "ros2": get_typestore(Stores.ROS2_HUMBLE)}
+
+
+def header(version: str, stamp: float) -> object:
+    types = STORES[version].types
+    nanoseconds = round(stamp * 1e9)
+    time = types["builtin_interfaces/msg/Time"](nanoseconds // 10**9, nanoseconds % 10**9)
+    return types["std_msgs/msg/Header"](*([0] if version == "ros1" else []), time, "depth_camera")
+
+
+class Message:
+    """Type, time and fields of a message, to be made for either ROS version."""
+
+    def __init__(self, kind: str, stamp: float, **fields: object) -> None:
+        self.kind, self.stamp, self.fields = kind, stamp, fields
+
+    def of(self, version: str) -> object:
+        types = STORES[version].types
+        fields = dict(self.fields)
+        if "fields" in fields:
+            fields["fields"] = [types["sensor_msgs/msg/PointField"](*field) for field in fields["fields"]]
+        if "distortion_model" in fields:
+            fields["roi"] = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
+            fields = {(name.lower() if version == "ros2" and len(name) == 1 else name): value for name, value in fields.items()}
+        return types[self.kind](header=header(version, self.stamp), **fields)
+
+
+def image(pixels: np.ndarray, stamp: float, *, encoding: str | None = None, big: bool = False, padding: int = 0) -> Message:
+    """An Image of (H, W) uint16 or float32 ``pixels``, with ``padding`` bytes after each row."""
+    rows = pixels.astype(pixels.dtype.newbyteorder(">" if big else "<"))
+    data = np.pad(rows.view(np.uint8).reshape(len(pixels), -1), ((0, 0), (0, padding)), constant_values=255)
+    encoding = encoding or {"u": "16UC1", "f": "32FC1"}[pixels.dtype.kind]
+    return Message(
+        "sensor_msgs/msg/Image", stamp, height=pixels.shape[0], width=pixels.shape[1], encoding=encoding, is_bigendian=int(big),
+        step=data.shape[1], data=data.ravel(),
+    )  # fmt: skip
+
+
+def cloud(
+    points: np.ndarray, stamp: float, fields: list[tuple[str, int, int, int]], step: int, *, big: bool = False, rows: int = 1
+) -> Message:
+    """A PointCloud2 of (N, 3) ``points``: ``fields`` (name, offset, datatype, count) in ``step`` bytes each, in ``rows`` padded rows."""
+    data = np.full((len(points), step), 7, np.uint8)
+    for name, offset, datatype, _ in fields:
+        if name in "xyz":
+            kind = np.dtype({7: "f4", 8: "f8"}[datatype]).newbyteorder(">" if big else "<")
+            column = np.ascontiguousarray(points[:, "xyz".index(name)]).astype(kind)
+            data[:, offset : offset + kind.itemsize] = column.view(np.uint8).reshape(len(points), -1)
+    padded = np.pad(data.reshape(rows, -1), ((0, 0), (0, 5)))
+    return Message(
+        "sensor_msgs/msg/PointCloud2", stamp, height=rows, width=len(points) // rows, fields=fields, is_bigendian=big, point_step=step,
+        row_step=padded.shape[1], data=padded.ravel(), is_dense=False,
+    )  # fmt: skip
+
+
+def camera_info(matrix: list[float], distortion: list[float], size: tuple[int, int], *, model: str = "plumb_bob") -> Message:
+    """A CameraInfo of the matrix K (9,) and D of an image of ``size`` (width, height)."""
+    return Message(
+        "sensor_msgs/msg/CameraInfo", 1.0, height=size[1], width=size[0], distortion_model=model, D=np.array(distortion, float),
+        K=np.array(matrix, float), R=np.eye(3).ravel(), P=np.zeros(12), binning_x=0, binning_y=0,
+    )  # fmt: skip
+
+
+def write_bag(folder: Path, form: str, recorded: dict[str, list[tuple[float, Message]]], *, kinds: dict[str, str] | None = None) -> Path:
+    """Write the messages of each topic, at their times of recording, into a new bag in ``folder``, named take; ``kinds`` of empty topics.
+
+    ``form``: ros1, ros1_lz4, sqlite3, mcap, zstd (each message compressed) or zstd_file (the whole file).
+    """
+    version = "ros1" if form.startswith("ros1") else "ros2"
+    store, path = STORES[version], folder / ("take.bag" if version == "ros1" else "take")
+    if version == "ros1":
+        writer = Writer1(path)
+        if form == "ros1_lz4":
+            writer.set_compression(Writer1.CompressionFormat.LZ4)
+    else:
+        writer = Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP if form == "mcap" else StoragePlugin.SQLITE3)
+        if form.startswith("zstd"):
+            writer.set_compression(CompressionMode.FILE if form == "zstd_file" else CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    serialise = store.serialize_ros1 if version == "ros1" else store.serialize_cdr
+    with writer:
+        connections = {
+            topic: writer.add_connection(topic, found[0][1].kind if found else kinds[topic], typestore=store)
+            for topic, found in recorded.items()
+        }
+        everything = sorted(
+            ((time, topic, message) for topic, found in recorded.items() for time, message in found), key=lambda entry: entry[:2]
+        )
+        for time, topic, message in everything:
+            made = message.of(version)
+            writer.write(connections[topic], round(time * 1e9), serialise(made, message.kind))
+    return path
