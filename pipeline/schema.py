@@ -12,6 +12,7 @@ from typing import Any
 from omegaconf import MISSING
 
 from pipeline.errors import ConfigError
+from pipeline.schema_limits import Limits
 from pipeline.schema_logs import ForceLog, JointLog
 
 
@@ -135,6 +136,7 @@ class Dataset:
     joint_log: JointLog | None = None
     depth: Depth | None = None
     force: Force | None = None
+    limits: Limits = field(default_factory=Limits)
     twin: Any = None  # the synthetic laboratory that records this dataset; typed by pipeline/twin
 
 

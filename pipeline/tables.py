@@ -79,14 +79,14 @@ TABLES: dict[str, dict[str, pa.Column]] = {
         "fy": _real("force at the platform along y, N, without bias"),
     },
     "quality": TAKE
-    | {
-        "instrument": _text("which instrument"),
-        "quantity": _text("what was counted or measured"),
-        "value": _real("its value"),
-        "unit": _text("its unit"),
-    },
+    | {"instrument": _text("which instrument"), "quantity": _text("what was counted or measured")}
+    | {"value": _real("its value"), "unit": _text("its unit")},
     # track
     "joints": TAKE | STEP | _joints("measured joint angle") | {"residual": _real("rms residual of the rigid-body fits, m", 0.0, gaps=True)},
+    "takes": TAKE
+    | {"measure": _text("what tells how good the take is"), "value": _real("its value"), "unit": _text("its unit")}
+    | {"limit": _real("the size that it may have; missing where no limit is stated", 0.0, gaps=True)}
+    | {"beyond": _flag("whether its size is greater"), "left_out": _flag("whether the take is left out of all that follows")},
     # articulate
     "angles": TAKE
     | {"frame": _count("depth frame of the take"), "t": _real("time on the motion clock, s")}
@@ -245,12 +245,8 @@ TABLES: dict[str, dict[str, pa.Column]] = {
         },
         "clipped": _count("eigenvalues of single systems that Σ_S ≥ 0 held; entries, where Σ_S is diagonal"),
     },
-    "wrench_spread": {
-        "agents": _count("number of cables m", 1),
-        "repeat": _count("repeat of the whole study"),
-        "mean": _real("mean error over the test systems", 0.0),
-        "maximum": _real("greatest error over the test systems", 0.0),
-    },
+    "wrench_spread": {"agents": _count("number of cables m", 1), "repeat": _count("repeat of the whole study")}
+    | {"mean": _real("mean error over the test systems", 0.0), "maximum": _real("greatest error over the test systems", 0.0)},
     "force_density": {
         "configuration": _text("configuration of the robots"),
         "source": _text("measured or modelled", ("measured", "modelled")),

@@ -25,7 +25,8 @@ MAY_IMPORT = {
     "compute": set(),
     "tables": set(),
     "contracts": {"errors", "tables"},
-    "schema": {"errors", "schema_logs"},
+    "schema": {"errors", "schema_limits", "schema_logs"},
+    "schema_limits": {"errors"},
     "schema_logs": {"errors"},
     "schema_datasheet": set(),
     "typed_yaml": {"errors"},
@@ -71,7 +72,9 @@ DOORS = {
 
 # Base modules that cannot change what a stage writes: errors say why nothing is written, trials give the same results wherever
 # they are computed, and of the configuration a stage depends on the values it declares, not on how they are read.
-CONFIGURING = {f"pipeline.{name}" for name in ("config", "datasheet", "typed_yaml", "schema", "schema_datasheet", "schema_logs")}
+CONFIGURING = {
+    f"pipeline.{name}" for name in ("config", "datasheet", "typed_yaml", "schema", "schema_datasheet", "schema_limits", "schema_logs")
+}
 HARMLESS = {"pipeline.errors", "pipeline.compute", *CONFIGURING}
 
 

@@ -129,7 +129,25 @@ def test_a_singular_jacobian_on_the_way(project):
     refuses("noise", "singular", "train_004", "step 100")
 
 
-def test_a_gap_in_the_markers_that_is_too_long(project):
+def set_limits(**limits: float | None) -> None:
+    file = Path("data/config.yaml")
+    config = OmegaConf.load(file)
+    config.dataset.limits.update(limits)
+    OmegaConf.save(config, file)
+
+
+def test_limits_that_leave_too_few_takes(project):
+    set_limits(residual_rms=1e-5)
+    refuses("track", "the limits leave 0 training", "train_001 (residual_rms", "dataset.limits.residual_rms")
+
+
+def test_a_limit_on_gaps_beyond_what_is_interpolated(project):
+    set_limits(longest_gap=50)
+    refuses("track", "50", "dataset.limits.longest_gap", "dataset.mocap.max_gap")
+
+
+def test_a_gap_in_the_markers_that_is_too_long_where_no_limit_leaves_the_take_out(project):
+    set_limits(longest_gap=None)
     file = Path("data/ingest/markers.parquet")
     markers = pd.read_parquet(file)
     markers.loc[(markers["take"] == "train_001") & (markers["link"] == 2) & markers["k"].between(50, 90), ["x", "y", "z"]] = np.nan

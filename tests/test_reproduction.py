@@ -15,7 +15,7 @@ from smoke import set_parameters
 pytestmark = pytest.mark.slow
 
 FIGURES = (
-    "joint_realizations", "mean_error", "joint_std", "articulation", "kinect_noise", "filter_errors",
+    "joint_realizations", "mean_error", "joint_std", "articulation", "kinect_noise", "filter_errors", "recording_quality",
     "wrench_error_histograms", "wrench_density", "parameter_recovery", "sigma_b_choices", "ridge", "sensitivity", "cable_robot",
     "model_scores", "faults",
 )  # fmt: skip
@@ -153,7 +153,7 @@ def test_the_motion_part_runs_on_a_real_robot_and_the_rest_says_what_it_lacks(co
         assert lacking in done.stdout
     drawn = {file.stem for file in (copy / "reports/figures").glob("*.svg")}
     study = {"parameter_recovery", "sigma_b_choices", "ridge", "sensitivity", "model_scores"}
-    assert drawn == {"joint_realizations", "mean_error", "joint_std", "wrench_error_histograms", "cable_robot"} | study
+    assert drawn == {"recording_quality", "joint_realizations", "mean_error", "joint_std", "wrench_error_histograms", "cable_robot"} | study
     metrics = {file.stem: json.loads(file.read_text()) for file in (copy / "reports/metrics").glob("*.json")}
     # a position-controlled arm with encoders of micro-radians: the noise of a step is far below that of the youBot
     assert 1e-12 < metrics["fit_additive"]["sigma_omega_22_rad2"] < 1e-7

@@ -48,6 +48,7 @@ def frame_rows(trial: tuple[Path, Signal], depth: schema.Depth, arm: Arm, raw: P
     dropped = int(np.sum(np.rint(np.diff(sequence.time) * depth.rate) - 1))
     quality = [
         quality_row(take, "test", "depth camera", "dropped_frames", dropped),
+        quality_row(take, "test", "depth camera", "dropped_share", dropped / (dropped + len(seen)), "share"),
         quality_row(take, "test", "depth camera", "frozen_frames", frozen.sum()),
         quality_row(take, "test", "depth camera", "clock_offset", offset, "s"),
         *clock,

@@ -81,6 +81,7 @@ def _disturbed(takes: dict[str, Take], residuals: np.ndarray, options: schema.Jo
         largest = np.abs(residual).max()
         quality.append(quality_row(name, "training", "joint log", "residual_beside_others", distance, "rad"))
         quality.append(quality_row(name, "training", "joint log", "disturbance", score, "robust standard deviations"))
+        quality.append(quality_row(name, "training", "joint log", "greatest_residual", largest, "rad"))
         if score <= options.disturbed_beyond and largest <= limit:
             continue
         if options.disturbed == "refuse":

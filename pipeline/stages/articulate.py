@@ -30,7 +30,9 @@ def run() -> None:
         trajectory = contracts.read("trajectory", INGEST)
         joints = contracts.read("joints", TRACK)
         start = joints[(joints.part == "training") & (joints.k == 0)][["q1", "q2", "q3"]].mean().to_numpy()
-        takes = [rows for _, rows in contracts.read("frames", INGEST).groupby("take")]
+        frames = contracts.read("frames", INGEST)
+        # track leaves out the takes beyond a limit
+        takes = [rows for _, rows in frames[frames["take"].isin(joints["take"])].groupby("take")]
         fit = partial(_articulate, settings=settings, arm=arm, trajectory=trajectory, start=start)
         angles = pd.concat(run_trials(fit, takes, workers=settings.compute.workers, label="articulate: takes"), ignore_index=True)
         contracts.write(angles, "angles", folder)

@@ -94,6 +94,7 @@ def run() -> None:
         study = study.assign(max_low=maxima.quantile(0.025), max_high=maxima.quantile(0.975)).reset_index()
         study.to_csv(tables / "wrench_study.csv", index=False)
         deviation.to_csv(tables / "deviation.csv", index=False)
+        _side_by_side(contracts.read("takes", TRACK)).to_csv(tables / "takes.csv", index=False)
 
 
 def _deviation(models: list[str], joints: pd.DataFrame, mode: str) -> pd.DataFrame:
@@ -208,6 +209,17 @@ def _quality(tables: Path) -> dict:
     counted = summary[summary["unit"] == "1"]
     name = counted["instrument"].str.replace(" ", "_") + "_" + counted["quantity"]
     return dict(zip(name, counted["sum"], strict=True))
+
+
+def _side_by_side(takes: pd.DataFrame) -> pd.DataFrame:
+    """One row a take: what tells how good it is, whether it is left out, and why."""
+    unit = takes["unit"].map(lambda unit: "" if unit in ("1", "share") else f" ({unit})")
+    found = takes["value"].map("{:.3g}".format) + " beyond " + takes["limit"].map("{:g}".format)
+    reasons = (takes["measure"] + " " + found)[takes["beyond"]].groupby(takes["take"]).agg("; ".join)
+    columns = list(dict.fromkeys(takes["measure"] + unit))
+    wide = takes.assign(column=takes["measure"] + unit).pivot(index="take", columns="column", values="value")[columns]
+    order = takes.drop_duplicates("take").set_index("take")[["part", "left_out"]]
+    return order[["part"]].join(wide).assign(left_out=order["left_out"], reason=reasons).reset_index()
 
 
 def _kinect() -> dict:

@@ -96,6 +96,17 @@ def tables() -> dict[str, pd.DataFrame]:
         for (claim, about), of_claim in zip([("first-claim", "method"), ("second-claim", "robots")], words, strict=True)
         for (setting, variation), word in zip(variations, of_claim, strict=True)
     ]
+    measured = [
+        ("residual_rms", "m", [2e-4, 2e-3, 3e-4], 1e-3),
+        ("clock_drift", "s/s", [-1e-3, 2e-3, 0.0], 0.02),
+        ("interpolated", "1", 0.0, np.nan),
+    ]
+    judged = [
+        pd.DataFrame({"take": ["train_001", "train_002", "test_001"], "part": ["training", "training", "test"], "measure": measure}).assign(
+            value=value, unit=unit, limit=limit, beyond=lambda rows: rows["value"] > rows["limit"], left_out=[False, True, False]
+        )
+        for measure, unit, value, limit in [*measured, ("clock_drift_standard_error", "s/s", 1e-3, np.nan)]
+    ]
     gap = float("nan")
     compared = [
         pd.DataFrame({"steps": steps, "model": ["additive", "gaussian", "student"], "score": score, "mean": [10.0, 10.6, 10.5]}).assign(
@@ -107,6 +118,7 @@ def tables() -> dict[str, pd.DataFrame]:
         "model_scores": compared,
         "sensitivity": sensitivity,
         "faults": suffered,
+        "takes": judged,
         "parameter_recovery": recovery, "sigma_b_choices": choices, "ridges": ridges,
         "joints": [joints.assign(residual=0.0)], "process_noise": [noise[noise["k"] > 0]], "deviation": deviation, "filter_error": filtered,
         "kinect_noise": kinect, "skeleton": skeleton, "cloud": cloud, "wrench_errors": errors, "force_density": densities,

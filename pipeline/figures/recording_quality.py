@@ -1,0 +1,82 @@
+"""How good every take is.
+
+A strip is a measure, a mark in it a take, training takes before test takes. Dashed line: the limit, where the dataset states one; takes
+beyond any limit are left out of all that follows, and marked by a cross in every strip and by name above the first. Bars on the clock's
+drift are twice its standard error.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pipeline.figures.style import BLACK, BLUE, GREY, LIGHT_GREY, TWO_COLUMNS, VERMILLION, panels
+
+# measure of the table: what stands beside its strip, and how many of that unit are one of the table's
+STRIPS = {
+    "missing_share": ("missing\nsamples (%)", 100),
+    "longest_gap": ("longest gap\n(frames)", 1),
+    "interpolated": ("interpolated\nframes", 1),
+    "relabelled_share": ("relabelled\nsamples (%)", 100),
+    "residual_rms": ("rigid-body\nresidual (mm)", 1000),
+    "dropped_share": ("dropped depth\nframes (%)", 100),
+    "clock_offset": ("clock offset\n(ms)", 1000),
+    "clock_offset_standard_error": ("its standard\nerror (ms)", 1000),
+    "clock_drift": ("clock drift\n(ms/s)", 1000),
+    "lag_behind_command": ("lag behind\ncommand (ms)", 1000),
+    "greatest_residual": ("greatest\nresidual (mrad)", 1000),
+    "residual_beside_others": ("residual beside\nothers (mrad)", 1000),
+    "disturbance": ("disturbance\n(robust std)", 1),
+}
+SIGNED = ("clock_drift", "lag_behind_command")  # with a limit on either side
+HEIGHT = 0.62  # in, of a strip
+KEPT = {"marker": ".", "markersize": 3, "color": BLUE, "linestyle": "none"}
+LEFT_OUT = {"marker": "x", "markersize": 4, "color": VERMILLION, "linestyle": "none"}
+
+
+def draw(takes: pd.DataFrame) -> Figure:
+    """Table ``takes``, of whichever measures the dataset has."""
+    known = takes.drop_duplicates("take").reset_index(drop=True)
+    place = pd.Series(np.arange(1, len(known) + 1), known["take"])
+    shown = [measure for measure in STRIPS if (takes["measure"] == measure).any()]
+    figure, grid = panels(TWO_COLUMNS, HEIGHT * len(shown) + 0.7, rows=len(shown), sharex=True)
+    drift_errors = takes[takes["measure"] == "clock_drift_standard_error"].set_index("take")["value"]
+    boundaries = np.flatnonzero(known["part"] != known["part"].shift())[1:] + 0.5
+    for axes, measure in zip(grid[:, 0], shown, strict=True):
+        label, unit = STRIPS[measure]
+        rows = takes[takes["measure"] == measure]
+        for mark, of in ((KEPT, rows[~rows["left_out"]]), (LEFT_OUT, rows[rows["left_out"]])):
+            axes.plot(place[of["take"]], unit * of["value"], **mark, zorder=3)
+        if measure == "clock_drift":
+            error = 2 * unit * drift_errors[rows["take"]]
+            axes.errorbar(place[rows["take"]], unit * rows["value"], yerr=error, fmt="none", ecolor=GREY, elinewidth=0.5)
+        _limit(axes, unit * rows["limit"].iloc[0], signed=measure in SIGNED, low=unit * rows["value"].min())
+        for boundary in boundaries:
+            axes.axvline(boundary, color=LIGHT_GREY, linewidth=0.8, zorder=0)
+        axes.set_ylabel(label, rotation=0, ha="right", va="center", fontsize=7)
+        axes.locator_params(axis="y", nbins=3)
+    figure.align_ylabels(grid[:, 0])
+    grid[-1, 0].set(xlabel=_parts(known["part"]), xlim=(0, len(known) + 1))
+    for take in known.loc[known["left_out"], "take"]:
+        above = {"xycoords": ("data", "axes fraction"), "rotation": 30, "fontsize": 7}
+        grid[0, 0].annotate(take, (place[take], 1.1), **above, color=VERMILLION)
+    return figure
+
+
+def _limit(axes: Axes, limit: float, *, signed: bool, low: float) -> None:
+    """The limit as a line, on either side where the measure has a sign; what is never below zero starts there."""
+    for side in () if np.isnan(limit) else (-1, 1) if signed else (1,):
+        axes.axhline(side * limit, color=BLACK, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
+    axes.margins(y=0.12)
+    if low >= 0:
+        # marks at either end stay whole
+        top = axes.get_ylim()[1]
+        axes.set_ylim(-0.08 * top, 1.08 * top)
+
+
+def _parts(parts: pd.Series) -> str:
+    """Which numbers the takes of each part have."""
+    groups = parts.index.to_series().groupby(parts, sort=False).agg(["min", "max"]) + 1
+    return "take: " + ", ".join(f"{part} {low} to {high}" for part, (low, high) in groups.iterrows())
