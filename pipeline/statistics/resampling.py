@@ -20,11 +20,14 @@ Quantities = Callable[[str, np.ndarray], dict[str, float]]  # model, numbers of 
 def resampled_differences(quantities: Quantities, models: Sequence[str], takes: int, rng: np.random.Generator) -> pd.DataFrame:
     """Every quantity of every model, and its difference to the first model with the 95 % percentile interval of the bootstrap over takes.
 
-    The same takes are drawn for all models, so that the difference is a paired one. A model without a quantity has no row of it; there is
+    The same takes are drawn for all models, so that the difference is a paired one; of few takes those resamplings are left out that hold
+    one alone. A model without a quantity has no row of it; there is
     no interval for a single take.
     """
     everything = [quantities(model, np.arange(takes)) for model in models]
     drawn = [rng.integers(takes, size=takes) for _ in range(REPLICATES if takes > 1 else 0)]
+    # one take over and over has no spread that a quantity could be of
+    drawn = [numbers for numbers in drawn if np.ptp(numbers) > 0]
     resampled = [[quantities(model, numbers) for numbers in drawn] for model in models]
     rows = []
     for model, values, replicates in zip(models, everything, resampled, strict=True):

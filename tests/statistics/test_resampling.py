@@ -64,3 +64,11 @@ def test_a_spread_that_follows_the_recorded_one_is_told_and_one_that_does_not_ex
 def test_a_single_take_has_no_interval():
     rows = resampled_differences(means({"a": np.ones(1), "b": np.zeros(1)}), ["a", "b"], 1, np.random.default_rng(3))
     assert rows["low"].isna().all() and rows["difference"].iloc[1] == -1
+
+
+def test_of_few_takes_a_resampling_of_one_alone_is_left_out():
+    rng = np.random.default_rng(4)
+    noise = rng.normal(size=(2, STEPS, 3))
+    std = {"a": np.ones((STEPS, 3)), "b": 0.5 * np.ones((STEPS, 3))}
+    rows = resampled_differences(spread_quantities(std, noise), list(std), 2, rng)
+    assert np.isfinite(rows.loc[rows["model"] == "b", ["low", "high"]]).all(axis=None)
