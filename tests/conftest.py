@@ -27,11 +27,8 @@ def run(*command: str, cwd: Path) -> subprocess.CompletedProcess:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What needs the reproduced project goes first and to one worker: it is made once, while the others run the rest."""
-    for item in items:
-        if "reproduced" in getattr(item, "fixturenames", ()):
-            item.add_marker(pytest.mark.xdist_group("reproduced"))
-    items.sort(key=lambda item: item.get_closest_marker("xdist_group") is None)
+    """What needs the reproduced project takes longest and goes first, so that all workers end at about the same time."""
+    items.sort(key=lambda item: "reproduced" not in getattr(item, "fixturenames", ()))
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,15 @@ Metrics = Mapping[str, Mapping[str, float]]
 
 SPREAD = ("_standard_error", "_interval_low", "_interval_high")
 STUDIES = {  # tables that speak for themselves under a heading
+    "spread_comparison": (
+        "Whether the spread follows the recorded one",
+        "The standard deviation of one step over time: its correlation with the recorded one and its relative error, by joint, with the "
+        "paired difference to the first model and the 95 % interval of the bootstrap over takes.",
+    ),
+    "bound_comparison": (
+        "Whether the filter's bound follows its error",
+        "Over time, by joint, with the paired difference to the first model and the 95 % interval of the bootstrap over takes.",
+    ),
     "control_scores": (
         "Controls: the truth is known",
         "Every model fitted to noise drawn from a known model, or to a robot at rest, and scored on more of it: the log score, "
