@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 
 import cv2
@@ -28,6 +29,7 @@ DISTORTION = (
 FOCAL = ("fx", "fy", "cx", "cy")
 SIZE = (("width", "height"), ("image_width", "image_height"), ("image_Width", "image_Height"))
 MAX_CHARACTERS = 10**6
+MAX_NESTING = 50  # how deep a parser follows differs between versions of Python
 FLOATING = ("d", "f")  # how OpenCV names the types of a matrix; it would round its numbers to any other
 COEFFICIENTS = (0, 4, 5, 8, 12, 14)  # the numbers of coefficients that OpenCV's model has
 
@@ -141,6 +143,8 @@ def _values(file: Path) -> Mapping:
     if sum(map(len, text.lines)) > MAX_CHARACTERS:
         raise RecordingError("the file is far larger than any calibration", file=file)
     body = "\n".join(text.lines)
+    if _nesting(body) > MAX_NESTING:
+        raise RecordingError("lists lie far deeper in one another than in any calibration", file=file)
     if _is_json(file):
         try:
             values = json.loads("\n".join([*text.lines, text.cut or ""]))
@@ -158,6 +162,11 @@ def _values(file: Path) -> Mapping:
     if not isinstance(values, Mapping):
         raise RecordingError("this is no calibration: it holds no keys; export it again", file=file)
     return values
+
+
+def _nesting(body: str) -> int:
+    """How many brackets are open at once at most."""
+    return max(accumulate((mark in "[{") - (mark in "]}") for mark in body if mark in "[]{}"), default=0)
 
 
 def _opencv(body: str, file: Path) -> dict[str, object]:

@@ -173,3 +173,12 @@ def test_a_matrix_of_a_type_that_would_round_its_numbers_is_refused(tmp_path):
     write_intrinsics(file, Intrinsics(365.4, 365.4, 254.8, 205.3, 512, 424))
     file.write_text(file.read_text().replace("dt: d", "dt: u", 1))
     assert "a matrix of type u" in str(refused(read_intrinsics, file, width=512, height=424))
+
+
+@pytest.mark.parametrize("levels", [60, 1000, 100_000])
+@pytest.mark.parametrize("name", ["deep.json", "deep.yaml"])
+def test_lists_far_inside_one_another_are_refused_whatever_the_parser_can_follow(levels, name, tmp_path):
+    file = tmp_path / name
+    file.write_text('{"camera_matrix": ' + "[" * levels + "1.0" + "]" * levels + "}\n")
+    with pytest.raises(RecordingError, match="deeper in one another"):
+        read_intrinsics(file, width=640, height=480)
