@@ -143,7 +143,7 @@ def _values(file: Path) -> Mapping:
     if sum(map(len, text.lines)) > MAX_CHARACTERS:
         raise RecordingError("the file is far larger than any calibration", file=file)
     body = "\n".join(text.lines)
-    if _nesting(body) > MAX_NESTING:
+    if _nesting(body + (text.cut or "")) > MAX_NESTING:
         raise RecordingError("lists lie far deeper in one another than in any calibration", file=file)
     if _is_json(file):
         try:

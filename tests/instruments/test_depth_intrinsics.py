@@ -179,6 +179,6 @@ def test_a_matrix_of_a_type_that_would_round_its_numbers_is_refused(tmp_path):
 @pytest.mark.parametrize("name", ["deep.json", "deep.yaml"])
 def test_lists_far_inside_one_another_are_refused_whatever_the_parser_can_follow(levels, name, tmp_path):
     file = tmp_path / name
-    file.write_text('{"camera_matrix": ' + "[" * levels + "1.0" + "]" * levels + "}\n")
+    file.write_text('{"camera_matrix": ' + "[" * levels + "1.0" + "]" * levels + "}")
     with pytest.raises(RecordingError, match="deeper in one another"):
         read_intrinsics(file, width=640, height=480)
