@@ -5,11 +5,12 @@ PYTHON ?= $(shell for p in python3.12 python3.11 python3 python; do \
 VENV := .venv
 BIN := $(CURDIR)/$(VENV)/bin
 READY := $(VENV)/.ready
+PEERS := .venv-peers
 export PATH := $(BIN):$(PATH)
 export DVC_NO_ANALYTICS := 1
 export HOME ?= $(CURDIR)/$(VENV)
 
-.PHONY: repro test smoke real lint lock clean-env
+.PHONY: repro test smoke real audit bench bench-experiment lint lock clean-env
 
 repro: $(READY)
 	dvc repro
@@ -23,6 +24,24 @@ smoke: $(READY)
 # The same analysis on the recordings of real robots, for the verdicts side by side.
 real: $(READY)
 	python tests/real.py .real
+
+# What is committed, run anew with nothing that an earlier run left: is it what is committed? Fails where it is not.
+audit: $(READY)
+	python -m pipeline audit .audit
+
+# Ratios to other libraries, compile time and growth of cost on this machine: reports/benchmarks.md. Best where nothing else runs.
+bench: $(READY) $(PEERS)/.ready
+	mkdir -p reports/benchmarks
+	python -m pytest -q -p no:xdist tests/benchmarks --benchmark-enable --benchmark-only --benchmark-min-rounds=3 \
+		--benchmark-group-by=group --benchmark-columns=median,rounds --benchmark-json=reports/benchmarks/contests.json
+	python tests/benchmarks/compilation.py .bench
+	python tests/benchmarks/cost_growth.py
+	python tests/benchmarks/report.py
+
+# The processor time of the whole experiment against that of the work itself, after `make bench`; runs the experiment twice.
+bench-experiment: $(READY)
+	python tests/benchmarks/experiment.py .bench paper
+	python tests/benchmarks/report.py
 
 lint: $(READY)
 	ruff check . && ruff format --check .
@@ -39,10 +58,19 @@ $(READY): requirements.lock uv.requirements build-constraints.txt
 	$(BIN)/uv pip sync --quiet --system-certs --python $(BIN)/python --require-hashes --build-constraint build-constraints.txt requirements.lock
 	touch $@
 
+# The libraries that the benchmarks compare with, in an environment of their own: some need an older numpy.
+$(PEERS)/.ready: tests/benchmarks/peers.lock build-constraints.txt | $(READY)
+	rm -rf $(PEERS)
+	$(BIN)/uv venv --quiet --python $(BIN)/python $(PEERS)
+	$(BIN)/uv pip sync --quiet --system-certs --python $(PEERS)/bin/python --require-hashes --build-constraint build-constraints.txt tests/benchmarks/peers.lock
+	touch $@
+
 # Renew the locks after a change of pyproject.toml; needs an environment.
 lock: $(READY)
 	uv pip compile --system-certs pyproject.toml --group test --universal --fork-strategy fewest --generate-hashes --no-emit-index-url --no-header \
 		--python-version 3.11 --build-constraint build-constraints.txt -o requirements.lock
+	uv pip compile --system-certs tests/benchmarks/peers.in --universal --fork-strategy fewest --generate-hashes --no-emit-index-url --no-header \
+		--python-version 3.11 --build-constraint build-constraints.txt -o tests/benchmarks/peers.lock
 
 clean-env:
-	rm -rf $(VENV)
+	rm -rf $(VENV) $(PEERS)

@@ -8,3 +8,5 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_CORETYPE", "Haswell")
 os.environ.setdefault("NPY_DISABLE_CPU_FEATURES", "X86_V4")
+# a sine and an exponential of its own, which differ in the last bits from the C library's
+os.environ.setdefault("NUMBA_DISABLE_INTEL_SVML", "1")

@@ -39,3 +39,7 @@ class SolverError(PipelineError):
 
 class DegenerateFilterError(PipelineError):
     """A particle filter all of whose weights vanished."""
+
+
+class ComputeError(PipelineError):
+    """Workers that cannot be reached, have been lost, or might not give the same bytes as this machine."""

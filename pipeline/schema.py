@@ -12,6 +12,7 @@ from typing import Any
 from omegaconf import MISSING
 
 from pipeline.errors import ConfigError
+from pipeline.schema_compute import Compute
 from pipeline.schema_limits import Limits
 from pipeline.schema_logs import ForceLog, JointLog
 
@@ -277,11 +278,6 @@ class Scale:
     recovery_stride: int = MISSING
     recovery_datasets: int = MISSING
     force_seconds: float = MISSING
-
-
-@dataclass
-class Compute:
-    workers: int = MISSING
 
 
 @dataclass

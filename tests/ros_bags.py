@@ -76,18 +76,19 @@ def camera_info(matrix: list[float], distortion: list[float], size: tuple[int, i
 def write_bag(folder: Path, form: str, recorded: dict[str, list[tuple[float, Message]]], *, kinds: dict[str, str] | None = None) -> Path:
     """Write the messages of each topic, at their times of recording, into a new bag in ``folder``, named take; ``kinds`` of empty topics.
 
-    ``form``: ros1, ros1_lz4, sqlite3, mcap, zstd (each message compressed) or zstd_file (the whole file).
+    ``form``: ros1, ros1_lz4, ros1_bz2, sqlite3, mcap, mcap_zstd (each chunk compressed), zstd (each message) or zstd_file (the whole file).
     """
     version = "ros1" if form.startswith("ros1") else "ros2"
     store, path = STORES[version], folder / ("take.bag" if version == "ros1" else "take")
     if version == "ros1":
         writer = Writer1(path)
-        if form == "ros1_lz4":
-            writer.set_compression(Writer1.CompressionFormat.LZ4)
+        if form != "ros1":
+            writer.set_compression(Writer1.CompressionFormat[form.removeprefix("ros1_").upper()])
     else:
-        writer = Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP if form == "mcap" else StoragePlugin.SQLITE3)
-        if form.startswith("zstd"):
-            writer.set_compression(CompressionMode.FILE if form == "zstd_file" else CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+        writer = Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP if form.startswith("mcap") else StoragePlugin.SQLITE3)
+        modes = {"zstd": CompressionMode.MESSAGE, "zstd_file": CompressionMode.FILE, "mcap_zstd": CompressionMode.STORAGE}
+        if form in modes:
+            writer.set_compression(modes[form], CompressionFormat.ZSTD)
     serialise = store.serialize_ros1 if version == "ros1" else store.serialize_cdr
     with writer:
         connections = {

@@ -20,7 +20,7 @@ FIGURES = (
     "model_scores", "faults",
 )  # fmt: skip
 MODELS = ("additive", "wishart", "gaussian")
-AFTER_THE_MODELS = {"configure", "sensitivity", "score", "figures", "play", "evidence", "report", "page"}
+AFTER_THE_MODELS = {"configure", "sensitivity", "score", "figures", "play", "evidence", "report", "crate", "page"}
 
 
 @pytest.fixture

@@ -51,7 +51,7 @@ def load_arm(urdf: str | Path, joints: Sequence[str], tool: str, locked: Mapping
         for name in wanted:
             if name not in names:
                 raise ConfigError(f"{key}: no joint {name!r} in the URDF; it has {sorted(names)}", file=urdf)
-    if not full.existFrame(tool):
+    if _frame(full, tool) is None:
         raise ConfigError(f"robot.tool: no frame {tool!r} in the URDF", file=urdf)
     if both := sorted(set(joints) & set(locked)):
         raise ConfigError(f"robot.locked: {', '.join(both)} cannot be locked, being of robot.joints", file=urdf)
@@ -64,7 +64,7 @@ def load_arm(urdf: str | Path, joints: Sequence[str], tool: str, locked: Mapping
         raise ConfigError(
             f"robot.joints: {list(joints)} must be three in a row, in the order of the chain {list(model.names[1:])}", file=urdf
         )
-    if model.frames[model.getFrameId(tool)].parentJoint != 3:
+    if model.frames[_frame(model, tool)].parentJoint != 3:
         raise ConfigError(f"robot.tool: {tool!r} does not move with the last joint of the chain", file=urdf)
     data = model.createData()
     zero = pin.neutral(model)
@@ -87,7 +87,7 @@ def load_arm(urdf: str | Path, joints: Sequence[str], tool: str, locked: Mapping
     up = up - normal * (up @ normal)
     up /= np.linalg.norm(up)
     rotation = np.stack([np.cross(normal, up), normal, up], axis=1)
-    placements = [data.oMi[i].translation for i in range(1, 4)] + [data.oMf[model.getFrameId(tool)].translation]
+    placements = [data.oMi[i].translation for i in range(1, 4)] + [data.oMf[_frame(model, tool)].translation]
     offset = normal * (normal @ placements[0])
     planar = (np.array(placements) - offset) @ rotation[:, [0, 2]]
     links = np.diff(planar, axis=0)
@@ -102,3 +102,11 @@ def load_arm(urdf: str | Path, joints: Sequence[str], tool: str, locked: Mapping
         max_speed=model.upperVelocityLimit.copy(),
     )
     return Arm(chain, rotation, offset)
+
+
+def _frame(model: pin.Model, name: str) -> int | None:
+    """The frame of the link or joint ``name``: of the link where, as in many URDFs, a joint has the same name; None where neither has."""
+    for kind in (pin.FrameType.BODY, pin.FrameType.FIXED_JOINT, pin.FrameType.JOINT):
+        if model.existFrame(name, kind):
+            return model.getFrameId(name, kind)
+    return None

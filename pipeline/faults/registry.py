@@ -45,8 +45,15 @@ def of_any_text(instrument: str, pattern: str, tag: str, rows: dict[str, tuple[t
 
 
 _BURST = ("burst of frames", (5, 20, 60))
-_GAP = "gaps of up to dataset.mocap.max_gap frames are filled linearly, longer ones refused"
-_LABELS = "a sample farther than the gate from where the arm puts its label goes to the label it fits"
+_GAP = (
+    "gaps of up to dataset.mocap.max_gap frames are filled linearly, longer ones refused; in a run dataset.limits.longest_gap, where it is "
+    "stated, leaves the take out instead"
+)
+_LABELS = (
+    "a sample farther than the gate from where the arm puts its label goes to the label it fits; in a run a take with more of them than "
+    "dataset.limits.relabelled_share is left out"
+)
+_MISSING = "in a run a take that lacks more than dataset.limits.missing_share is left out"
 
 MOTION_CAPTURE = [
     *of_any_text(
@@ -77,7 +84,7 @@ MOTION_CAPTURE = [
           "markers that fit the arm in no frame are refused"),
     Fault("take: link hidden", MOCAP, in_file(TAKE, motion_capture.hidden_link), *_BURST, (REPAIRED, REFUSED), _GAP, ("interpolated",)),
     Fault("take: samples hidden", MOCAP, in_file(TAKE, motion_capture.hidden_samples), "share of the samples", (0.01, 0.1, 0.3),
-          (REPAIRED,), f"two markers give a link's angle; {_GAP}", ("missing",)),
+          (REPAIRED,), f"two markers give a link's angle; {_GAP}; {_MISSING}", ("missing",)),
     Fault("take: labels swapped on a link", MOCAP, in_file(TAKE, motion_capture.swapped_labels), *_BURST, (REPAIRED,), _LABELS,
           ("relabelled",)),
     Fault("take: labels swapped between links", MOCAP, in_file(TAKE, motion_capture.swapped_links), *_BURST, (REPAIRED,), _LABELS,
@@ -88,7 +95,10 @@ MOTION_CAPTURE = [
 ]  # fmt: skip
 
 _IMAGE = "a frame that cannot be decoded whole, at the size of the camera, is refused"
-_CLOCK = "the offset of the camera's clock, and its drift, are estimated against the markers; of a changing offset the mean is used"
+_CLOCK = (
+    "the offset of the camera's clock, and its drift, are estimated against the markers; of a changing offset the mean is used; in a run a "
+    "take beyond dataset.limits.clock_drift or .clock_offset_standard_error is left out"
+)
 _NOISE = "within three standard errors a change is not told from none"
 
 DEPTH_CAMERA = [
@@ -98,7 +108,8 @@ DEPTH_CAMERA = [
             "truncated": ((REPAIRED, REFUSED, UNNOTICED),
                           "a last line without end is left out; a cut between lines leaves a shorter sequence, or too short a one",
                           ("cut_rows",)),
-            "dropped rows": ((REPAIRED, REFUSED), "a step of several frame times is that many dropped frames", ("dropped_frames",)),
+            "dropped rows": ((REPAIRED, REFUSED), "a step of several frame times is that many dropped frames; in a run a take with more of "
+                             "them than dataset.limits.dropped_share is left out", ("dropped_frames",)),
             "doubled rows": ((REFUSED,), "times have to increase", ()),
             "swapped rows": ((REFUSED,), "times have to increase", ()),
         },
@@ -140,7 +151,7 @@ DEPTH_CAMERA = [
           "a calibration has nine numbers"),
 ]  # fmt: skip
 
-_NO_CLOCK = "not noticed: the log has neither times nor sequence numbers"
+_NO_CLOCK = "not noticed: the program writes neither times nor sample numbers; in a log with a column of them lost rows leave a gap"
 
 FORCE_TRANSDUCER = [
     *of_any_text(

@@ -19,7 +19,7 @@ LABEL_DISTANCE = 13  # pt from the node, on the outer side of the bend
 
 
 def draw(cloud: pd.DataFrame, skeleton: pd.DataFrame) -> Figure:
-    """One panel per view, both on the same scale; tables ``cloud`` and ``skeleton``."""
+    """Fig. (KinOptFig): one panel per view, both on the same scale; tables ``cloud`` and ``skeleton``."""
     extent = cloud[["x", "z"]].max() - cloud[["x", "z"]].min()
     height = (ONE_COLUMN - 0.6) * extent["z"] / extent["x"]
     figure, grid = panels(ONE_COLUMN, 0.8 + 2 * (height + 0.4), rows=2, sharex=True, sharey=True)

@@ -28,7 +28,7 @@ ARCS = (0.65, 1.25)  # radii of the angles' arcs, nominal and perturbed
 
 
 def draw() -> Figure:
-    """One drawing in the paper's notation."""
+    """One drawing in the paper's notation: Fig. (MotivFig)."""
     figure, ((axes,),) = panels(ONE_COLUMN, 3.0)
     turn = np.array([[np.cos(TILT), -np.sin(TILT)], [np.sin(TILT), np.cos(TILT)]])
     axes.add_patch(Polygon(CORNERS @ turn.T, facecolor="#EEEEEE", edgecolor=BLACK, linewidth=0.8))

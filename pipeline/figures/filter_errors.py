@@ -14,7 +14,7 @@ from pipeline.figures.style import BLUE, LIGHT_GREY, TWO_COLUMNS, VERMILLION, mo
 
 
 def draw(filter_error: pd.DataFrame, models: list[str]) -> Figure:
-    """Table ``filter_error``; rows of panels in the order of ``models``, all panels on one scale."""
+    """Fig. (PartFiltRes) of table ``filter_error``; rows of panels in the order of ``models``, all panels on one scale."""
     figure, grid = panels(TWO_COLUMNS, 0.55 + 1.25 * len(models), rows=len(models), columns=3, sharex=True, sharey=True)
     shown = filter_error["take"].iloc[0]
     for row, (model, line) in zip(grid, model_lines(models).items(), strict=True):

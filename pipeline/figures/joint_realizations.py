@@ -14,7 +14,7 @@ from pipeline.figures.style import BLACK, GREEN, ONE_COLUMN, RECORDED, panels
 
 
 def draw(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Figure:
-    """One panel per joint; tables ``joints`` (the training part is shown) and ``process_noise``."""
+    """Fig. (JointRealzFig): one panel per joint; tables ``joints`` (the training part is shown) and ``process_noise``."""
     training = joints[joints["part"] == "training"]
     spread = process_noise.groupby("t")[["w1", "w2", "w3"]].std()
     span = 0.54 * (training[["q1", "q2", "q3"]].max() - training[["q1", "q2", "q3"]].min()).max()

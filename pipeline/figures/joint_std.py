@@ -17,7 +17,7 @@ QUANTITIES = {"one_step": "std of the process noise (rad)", "free_running": "std
 
 
 def draw(deviation: pd.DataFrame, models: list[str], mode: str) -> Figure:
-    """One panel per joint of table ``deviation``, all on one scale; ``mode`` is that of the simulation."""
+    """Fig. (STDq): one panel per joint of table ``deviation``, all on one scale; ``mode`` is that of the simulation."""
     figure, (row,) = panels(TWO_COLUMNS, 2.5, columns=3, sharex=True, sharey=True)
     for j, axes in enumerate(row, start=1):
         for source, line in ({"recorded": RECORDED} | model_lines(models)).items():

@@ -15,7 +15,7 @@ from pipeline.figures.style import GREY, JOINTS, ONE_COLUMN, letter, panels
 
 
 def draw(kinect_noise: pd.DataFrame) -> Figure:
-    """Two panels of table ``kinect_noise``: the estimate from all takes, none left out."""
+    """Fig. (MeanStdKinNoise): two panels of table ``kinect_noise``: the estimate from all takes, none left out."""
     rows = kinect_noise[kinect_noise["take"] == "none"]
     figure, (row,) = panels(ONE_COLUMN, 2.1, columns=2, sharex=True)
     for j, line in enumerate(JOINTS, start=1):

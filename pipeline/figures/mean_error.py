@@ -13,7 +13,7 @@ from pipeline.figures.style import ONE_COLUMN, model_lines, panels
 
 
 def draw(deviation: pd.DataFrame, models: list[str]) -> Figure:
-    """One line per model of table ``deviation``."""
+    """Fig. (MeanError): one line per model of table ``deviation``."""
     figure, ((axes,),) = panels(ONE_COLUMN, 2.4)
     for model, line in model_lines(models).items():
         rows = deviation[deviation["source"] == model]

@@ -30,7 +30,10 @@ class Configuration(Protocol):
 
 
 def draw(force_density: pd.DataFrame, configurations: Mapping[str, Configuration]) -> Figure:
-    """Table ``force_density`` and the ``configurations`` of the dataset by name; one range and one colour scale for all densities."""
+    """Fig. (WrenchExprmnt) of table ``force_density`` and the ``configurations`` of the dataset by name.
+
+    One range and one colour scale for all densities.
+    """
     figure, grid = panels(TWO_COLUMNS, 0.4 + 1.75 * len(configurations), rows=len(configurations), columns=3, width_ratios=(1.3, 1, 1))
     tension = max(max(configuration.tension) for configuration in configurations.values())
     greatest = force_density["density"].max()

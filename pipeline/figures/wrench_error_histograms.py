@@ -18,7 +18,7 @@ BINS = 60
 
 
 def draw(wrench_errors: pd.DataFrame) -> Figure:
-    """Table ``wrench_errors``: one histogram per number of cables, all on the same bins."""
+    """Fig. (ErrWrnRMT) of table ``wrench_errors``: one histogram per number of cables, all on the same bins."""
     percent = wrench_errors.assign(error=100 * wrench_errors["error"])
     edges = np.linspace(0, percent["error"].max(), BINS + 1)
     groups = percent.groupby("agents")["error"]

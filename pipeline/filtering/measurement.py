@@ -59,15 +59,13 @@ class Measurements:
             due[k].append((int(frame), float(position[frame]) - k + 1))
         return dict(due), int(np.sum(~inside))
 
-    def log_likelihood(self, frame: int, q: np.ndarray) -> np.ndarray:
-        """(P,) log p(y_j | q) of poses ``q`` (P, 3) in rad at the time of ``frame``; ModelDomainError for an R that is no covariance."""
-        whitening, log_norm = self._whitening
-        white = (self.y[frame] - self.bias[frame] - q) @ whitening[frame].T
-        return log_norm[frame] - 0.5 * np.einsum("pi,pi->p", white, white)
-
     @cached_property
-    def _whitening(self) -> tuple[np.ndarray, np.ndarray]:
-        """(F, 3, 3) inverses of the Cholesky factors of R and (F,) logarithms of the normal density's constant."""
+    def whitening(self) -> tuple[np.ndarray, np.ndarray]:
+        """(F, 3, 3) lower triangular inverses W of the Cholesky factors of R, and (F,) logarithms c of the normal density's constant.
+
+        So ln p(y_j | q) = c_j − ‖W_j(y_j − b_j − q)‖²/2 for a pose q at the time of frame j. Raises ModelDomainError for an R that is no
+        covariance.
+        """
         variances = np.linalg.eigvalsh(self.covariance)
         singular = variances[:, 0] <= SINGULAR_VARIANCE * variances[:, 2]
         if singular.any():

@@ -12,10 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
-from pipeline.errors import ConfigError, DegenerateFilterError, ModelDomainError, SingularJacobianError
+from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
+from pipeline.errors import ConfigError, DegenerateFilterError, ModelDomainError
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.resampling import SCHEMES, effective_sample_size
+from pipeline.filtering.resampling import SCHEMES
+from pipeline.filtering.sampling import Domain, Frames, sequential_importance_sampling
+from pipeline.motion.compiled.chain import arm_of
 from pipeline.motion.model import MotionModel
 
 
@@ -46,7 +48,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Moments of p(q_k | y up to t_k) on the grid k = 0 … M, formed before resampling, and how the filter fared."""
+    """Moments of p(q_k | y up to t_k), Eq. (posterior-expectation), on the grid k = 0 … M, before resampling; how the filter fared."""
 
     mean: np.ndarray  # (M+1, 3) rad
     covariance: np.ndarray  # (M+1, 3, 3) rad², about the posterior mean
@@ -69,53 +71,59 @@ def particle_filter(
     options: FilterOptions,
     rng: np.random.Generator,
 ) -> Posterior:
-    """Posterior of the joint angles of one take.
+    """Posterior of the joint angles of one take: Eq. (posterior-expectation) of q_k and of its square about the mean.
 
     ``steps`` (M, 3) are the commanded task-space steps ẋᵈ_kΔt (m, m, rad), ``dt`` is Δt in s. Raises DegenerateFilterError where all
-    weights vanish, ModelDomainError for a covariance that is none, and the model's SingularJacobianError, with take and step.
+    weights vanish and ModelDomainError for a covariance that is none, with take and step. No singular pose meets the model: it is
+    outside D_q. The loop over the steps is compiled and lets other threads run; everything random comes from ``rng``, in the order of the
+    particles.
     """
-    grid, count = len(steps) + 1, options.particles
-    resample = SCHEMES[options.resampling]
-    due, left_out = measurements.schedule(len(steps), dt)
-    mean, covariance, ess = np.empty((grid, 3)), np.empty((grid, 3, 3)), np.empty(grid)
-    resampled, measured = np.zeros((2, grid), dtype=bool)
-    clipped, outside = np.zeros((2, grid), dtype=int)
-    log_evidence = 0.0
+    frames, left_out = due_frames(measurements, len(steps), dt)
+    start_poses, rejected = initial_particles(start, chain, options.particles, rng, take=measurements.take)
+    law, parameters = model.law()
+    scheme = SCHEMES[options.resampling]
+    mean, covariance, ess, resampled, clipped, outside, log_evidence, vanished = sequential_importance_sampling(
+        law,
+        parameters,
+        arm_of(chain),
+        domain_of(chain),
+        np.array(steps, dtype=float, order="C"),
+        frames,
+        # a threshold that no effective sample size is below never asks which particles to go on with
+        scheme or SCHEMES["systematic"],
+        options.threshold if scheme else 0.0,
+        np.ascontiguousarray(start_poses.T),
+        rng,
+    )
+    if vanished >= 0:
+        raise DegenerateFilterError(
+            f"all {options.particles} weights vanished: every particle has left the joint limits or is not finite; "
+            "use more particles, resample, or compare the model's noise and the start pose with the recording",
+            take=measurements.take, step=vanished, time=round(vanished * dt, 6),
+        )  # fmt: skip
+    outside[0] = rejected
+    return Posterior(mean, covariance, ess, resampled, np.diff(frames.first) > 0, clipped, outside, left_out, log_evidence)
 
-    uniform = np.full(count, 1.0 / count)
-    log_uniform = np.log(uniform)
-    weights, log_weights = uniform, log_uniform
-    q, outside[0] = initial_particles(start, chain, count, rng, take=measurements.take)
-    before = q
-    for k in range(grid):
-        if k > 0:
-            before = q
-            try:
-                q, clipped[k] = model.sample(chain, before, steps[k - 1], rng)
-            except SingularJacobianError as error:
-                raise SingularJacobianError(error.message, **error.evidence | {"take": measurements.take, "step": k}) from None
-            gone = ~chain.within_limits(q) | chain.singular(q)
-            if gone.any():
-                outside[k] = np.sum(gone & (log_weights > -np.inf))
-                log_weights = np.where(gone, -np.inf, log_weights)
-                # of weight zero, they wait inside D_q: the model is not asked about poses that the arm cannot take
-                q = np.where(gone[:, None], before, q)
 
-        frames = due.get(k, ())
-        measured[k] = len(frames) > 0
-        for frame, share in frames:
-            log_weights = log_weights + measurements.log_likelihood(frame, before + share * (q - before))
-        if frames or outside[k]:
-            weights, log_weights, log_total = _normalised(log_weights, take=measurements.take, step=k, time=k * dt)
-            log_evidence += log_total
+def domain_of(chain: PlanarChain) -> Domain:
+    """D_q of ``chain``."""
+    first, second = np.arctan2(chain.links[:2, 0], chain.links[:2, 1])
+    straight = chain.signs[1] * (first - second)
+    return Domain(np.array(chain.lower, dtype=float), np.array(chain.upper, dtype=float), float(straight), float(np.arcsin(SINGULAR_SINE)))
 
-        mean[k], covariance[k] = weighted_moments(weights, q)
-        ess[k] = effective_sample_size(weights)
-        if resample is not None and ess[k] < options.threshold * count:
-            q = q[resample(weights, rng)]
-            weights, log_weights = uniform, log_uniform
-            resampled[k] = True
-    return Posterior(mean, covariance, ess, resampled, measured, clipped, outside, left_out, log_evidence)
+
+def due_frames(measurements: Measurements, steps: int, dt: float) -> tuple[Frames, int]:
+    """The measurements in the order in which they enter over ``steps`` steps of ``dt`` (s), and how many are left out.
+
+    Raises ModelDomainError for an R that is no covariance.
+    """
+    due, left_out = measurements.schedule(steps, dt)
+    order = [(frame, share) for k in sorted(due) for frame, share in due[k]]
+    chosen = np.array([frame for frame, _ in order], dtype=int)
+    whitening, log_norm = measurements.whitening if order else (np.empty((0, 3, 3)), np.empty(0))
+    first = np.cumsum([0, *(len(due.get(k, ())) for k in range(steps + 1))])
+    share, unbiased = np.array([share for _, share in order], dtype=float), measurements.y - measurements.bias
+    return Frames(first, share, unbiased[chosen], whitening[chosen], log_norm[chosen]), left_out
 
 
 def initial_particles(start: Start, chain: PlanarChain, count: int, rng: np.random.Generator, *, take: str) -> tuple[np.ndarray, int]:
@@ -142,25 +150,3 @@ def initial_particles(start: Start, chain: PlanarChain, count: int, rng: np.rand
         rejected += int(np.sum(~inside))
         found = np.concatenate([found, draws[inside]])
     return found[:count], rejected
-
-
-def weighted_moments(weights: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(3,) mean and (3, 3) covariance about that mean of particles ``q`` (P, 3) under normalised ``weights`` (P,)."""
-    mean = weights @ q
-    centred = q - mean
-    return mean, (weights * centred.T) @ centred
-
-
-def _normalised(log_weights: np.ndarray, *, take: str, step: int, time: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Weights, log-weights and log-sum of unnormalised ``log_weights`` (P,), by log-sum-exp."""
-    peak = log_weights.max()
-    if not np.isfinite(peak):
-        raise DegenerateFilterError(
-            f"all {len(log_weights)} weights vanished: every particle has left the joint limits or is not finite; "
-            "use more particles, resample, or compare the model's noise and the start pose with the recording",
-            take=take, step=step, time=round(time, 6),
-        )  # fmt: skip
-    weights = np.exp(log_weights - peak)
-    total = weights.sum()
-    log_total = peak + np.log(total)
-    return weights / total, log_weights - log_total, float(log_total)

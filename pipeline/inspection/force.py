@@ -10,12 +10,14 @@ from pipeline.instruments.ati import read_daqft
 from pipeline.instruments.ati_calibration import read_calibration
 from pipeline.instruments.ati_netft import read_netft
 from pipeline.instruments.delimited import read_text
-from pipeline.instruments.force_record import ForceRecord
-from pipeline.instruments.number_sheet import read_sheet
+from pipeline.instruments.force_record import FORCES, TORQUES, ForceRecord, axis_of
+from pipeline.instruments.number_sheet import read_sheet, unit_of
 
 FAULTS = (
-    "repeated_rows", "zero_rows", "blank_rows", "cut_rows", "doubled_rows", "lost_packets", "status_rows", "paused_ms", "skipped_samples",
+    "repeated_rows", "zero_rows", "blank_rows", "cut_rows", "doubled_rows", "lost_packets", "missing_samples", "equal_times",
+    "uneven_steps", "status_rows", "paused_ms", "skipped_samples",
 )  # fmt: skip
+CLOCKS = ("lost_packets", "missing_samples")  # counted of logs with numbers or times
 OPTION = "dataset.force.log"
 
 
@@ -53,12 +55,16 @@ def calibration(file: Path) -> Finding:
 
 
 def _recorded(finding: Finding, record: ForceRecord, header: list[list[str]]) -> Finding:
-    labels = [cell for row in header for cell in row]
-    for quantity in ("Force", "Torque"):
-        stated = {label.rpartition("(")[2].rstrip(")") for label in labels if label.startswith(quantity) and label.endswith(")")}
+    for quantity, axes in (("force", FORCES), ("torque", TORQUES)):
+        # behind the labels, or in the row below them
+        places = [(row, column) for row, cells in enumerate(header) for column, cell in enumerate(cells) if axis_of(cell) in axes]
+        below = [header[row + 1][column] for row, column in places if row + 1 < len(header) and column < len(header[row + 1])]
+        stated = {unit for row, column in places if (unit := unit_of(header[row][column]))} or set(below) - {""}
         if len(stated) == 1:
-            finding.units[quantity.lower()] = stated.pop()
+            finding.units[quantity] = stated.pop()
     finding.rate, finding.duration = record.rate, float(record.time[-1] - record.time[0])
+    if not any(clock in record.counts for clock in CLOCKS):
+        finding.facts["times"] = "none in the log: nothing shows a row that it lost"
     finding.gaps = counted(record.counts, *FAULTS)
     facts = {"samples": len(record.time), "serial": record.serial, "started": record.started}
     finding.facts |= {name: value for name, value in facts.items() if value}

@@ -15,6 +15,7 @@ from pipeline.instruments.motive_rows import ROW_TYPES
 from pipeline.instruments.trajectory import COLUMNS
 
 HEAD = 16_384  # bytes
+WIDE = "text in UTF-16"
 FRAMES = (".png", ".tif", ".tiff", ".pgm", ".pcd", ".ply")
 IMAGES = (b"\x89PNG\r\n\x1a\n", b"II*\0", b"MM\0*", b"P5")
 BAGS = (b"#ROSBAG V", b"\x89MCAP0")
@@ -79,11 +80,13 @@ def _is_bag(head: Head) -> bool:
 
 
 def _first_cell(head: Head) -> str:
-    return head.lines[0].split(",")[0].strip().strip('"') if head.lines else ""
+    return re.split(r"[,;\t]", head.lines[0])[0].strip().strip('"') if head.lines else ""
 
 
 def _is_motive(head: Head) -> bool:
-    return _first_cell(head) == "Format Version" or (_first_cell(head) in ROW_TYPES and any("," in line for line in head.lines[:2]))
+    # another program may have saved it with other separators, which its reader then says
+    separated = any(re.search(r"[,;\t]", line) for line in head.lines[:2])
+    return _first_cell(head) == "Format Version" or (_first_cell(head) in ROW_TYPES and separated)
 
 
 def _is_trajectory(head: Head) -> bool:
@@ -130,6 +133,9 @@ def _is_numbers(head: Head) -> bool:
 INDEX = Format("depth sequence with index", _is_index, lambda file: depth.sequence(file)[0])
 OTHER = Format(UNKNOWN, lambda head: True, lambda file: Finding(file, UNKNOWN))
 FORMATS = (
+    Format(
+        WIDE, _starts(b"\xff\xfe", b"\xfe\xff"), lambda file: Finding(file, WIDE, stops=["two bytes a letter; export it as UTF-8 text"])
+    ),
     Format("depth image", _starts(*IMAGES), depth.image),
     Format("point cloud, PLY", _starts(b"ply\n", b"ply\r\n"), depth.cloud),
     Format("point cloud, PCD", _is_pcd, depth.cloud),

@@ -20,7 +20,10 @@ LOST = (
     "gaps", "skipped_frames", "cut_rows", "repeated_rows", "blank_rows", "time_mismatches", "missing_samples", "missing_poses",
     "zero_samples", "partial_samples",
 )  # fmt: skip
-ODD = ("stray_ids", "stray_samples", "lacking_body_rows", "solved_replaced", "solved_only", "skipped_bones", "unused_columns")
+ODD = (
+    "stray_ids", "stray_samples", "lacking_body_rows", "solved_replaced", "solved_only", "skipped_bones", "skipped_analog_channels",
+    "skipped_force_plates", "unused_columns",
+)  # fmt: skip
 
 
 def motive(file: Path) -> Finding:
@@ -65,7 +68,8 @@ def _take(finding: Finding, read, file: Path) -> Finding:
 
 
 def _filled(finding: Finding, take: MotionTake, unit: str) -> Finding:
-    finding.version, finding.rate, finding.units = take.version, take.rate, {"length": unit}
+    finding.version = take.version if take.version != finding.format else None
+    finding.rate, finding.units = take.rate, {"length": unit}
     finding.duration = float(take.frame[-1] - take.frame[0]) / take.rate
     finding.bodies = list(take.bodies)
     finding.markers = [name for name in take.markers if not STRAY.fullmatch(name)]

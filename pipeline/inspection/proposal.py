@@ -65,10 +65,8 @@ def option_file(name: str, recordings: str, found: Layout, folder: Path) -> str:
         f"# {name}: what the analysis does with the recordings that data/raw/{name}/dataset.yaml describes. Put a value for every ???.",
         f"name: {_text(name)}",
         "robot:",
-        f"  urdf: {urdf} # from the project's root",
-        f"  joints: {OPEN} # the three parallel joints of the planar chain, base to tip{_known(robots)}",
-        f"  tool: {OPEN} # link of the URDF that is the end-effector",
-        f"  locked: {OPEN} # rad, joints that are held still: {{joint: angle, …}}, {{}} where all others are at 0",
+        f"  urdf: {urdf} # from the project's root; those of the youBot and the UR5 are in pipeline/arm",
+        *_chain(robots),
         "motion:",
         f"  rate: {_agreed(take.rate for take in takes)} # 1/s, of the motion grid",
         f"  steps: {_agreed(take.facts.get('steps') for take in takes)} # M, steps of a take",
@@ -76,37 +74,37 @@ def option_file(name: str, recordings: str, found: Layout, folder: Path) -> str:
     if takes:
         lines += [
             "mocap:",
-            f"  gate: {OPEN} # m, how far a marker may be from where it is predicted to be taken for it (youbot: 0.012)",
+            "  gate: 0.012 # m, how far a marker may be from where it is predicted to be taken for it: under half of what parts two",
             "  max_gap: 20 # frames, longest gap that is interpolated",
         ]
     if found.depth:
         lines += [
             "depth:",
             "  search: 0.5 # s, the clocks' offset is looked for between -search and +search",
-            "  workspace: # what of the scene is the arm, in the frame of its plane",
-            f"    half_depth: {OPEN} # m, on either side of the plane (youbot: 0.06)",
-            f"    girth: {OPEN} # m, how far the arm's surface is from its axes (youbot: 0.05)",
-            f"    column_half_width: {OPEN} # m, of what carries the arm (youbot: 0.06)",
-            f"    column_top: {OPEN} # m (youbot: -0.015)",
-            f"    floor: {OPEN} # m (youbot: 0.0)",
+            "  workspace: # what of the scene is the arm, in the frame of its plane; these are a youBot's: measure yours with a ruler",
+            "    half_depth: 0.06 # m, half of the arm's thickness across its plane, and the sensor's noise",
+            "    girth: 0.05 # m, how far the arm's surface is from the lines between its joints",
+            "    column_half_width: 0.06 # m, half of the width of what carries the first joint of the chain, along the plane",
+            "    column_top: -0.015 # m, its upper end above that joint (negative: below)",
+            "    floor: 0.0 # m, height of what the arm stands on, in its base frame",
             "    min_pixels: 30 # fewer are no arm",
             "    max_points: 1500 # of a frame that are kept",
         ]
     if found.force:
         lines += [
-            "force: # the bounds that are given for the models",
+            "force: # [least, greatest] that are given for the models: what your robots and their identification allow",
             f"  kappa_bounds: {OPEN} # 1, of the concentration of the directions (the paper: [169.35, 2416.0])",
-            f"  tension_std_bounds: {OPEN} # N (the paper: [0.48, 2.27])",
-            f"  tension_bounds: {OPEN} # N (the paper: [1.82, 13.89])",
+            f"  tension_std_bounds: {OPEN} # N, of the spread of a robot's tension (the paper: [0.48, 2.27])",
+            f"  tension_bounds: {OPEN} # N, of the mean tensions (the paper: [1.82, 13.89])",
         ]
     if found.movements:
         lines += [
             "joint_log:",
-            f"  columns: {OPEN} # which three of the logged joints, from 1, are the chain's",
-            f"  start: {OPEN} # rad, commanded angles of the chain at rest before the motion",
-            f"  end: {OPEN} # rad, and after it",
-            f"  rest: {OPEN} # steps at rest kept on either side, of motion.steps",
-            f"  tolerance: {OPEN} # rad, how exactly commands must repeat (ur5: 2.0e-4)",
+            f"  columns: {OPEN} # [a, b, c]: which three of the logged joints, from 1, are robot.joints, by the controller's manual",
+            f"  start: {OPEN} # rad, [a, b, c]: commanded angles of the chain at rest before the motion, as in the log of the commands",
+            f"  end: {OPEN} # rad, [a, b, c]: and after it",
+            f"  rest: {OPEN} # steps at rest kept on either side, of motion.steps: at most half of the shortest pause between two motions",
+            "  tolerance: 2.0e-4 # rad, how exactly commands must repeat: a UR5's repeat to 1.3e-4",
         ]
     return "\n".join(lines) + "\n"
 
@@ -125,12 +123,14 @@ def _mocap(found: Layout) -> list[str]:
         lines.append(f"  unit: {OPEN} # m, cm or mm: the files do not say it")
     lines += [
         "  base: # the arm's base in the motion capture's world",
-        f"    position: {OPEN} # m, [x, y, z]",
-        f"    rpy: {OPEN} # rad, about the fixed axes x, y, z; Motive's world has y up: [-1.5707963267948966, 0.0, 0.0] turns it",
+        f"    position: {OPEN} # m, [x, y, z], of the base frame of the URDF: by markers on the base, or a probe at its bolts",
+        f"    rpy: {OPEN} # rad, about the fixed axes x, y, z, likewise; Motive's world has y up: [-1.5707963267948966, 0.0, 0.0] turns it",
     ]
     shared = [name for name in takes[0].markers if all(name in take.markers for take in takes)]
     if links := _links(shared):
-        lines.append("  markers: # m, in the frame of each segment (z along it, y the normal of the plane); grouped as the names suggest")
+        lines.append(
+            "  markers: # m, from the joint at each segment's start (z along it, y the normal of the plane), by callipers; grouped by name"
+        )
         for link, names in links.items():
             lines += [f"    {_text(link)}:", *(f"      {_text(name)}: {OPEN} # [x, y, z]" for name in names)]
     else:
@@ -172,14 +172,14 @@ def _depth(found: Layout, below: Callable[[Finding], str]) -> list[str]:
     rates = sorted(take.rate for take in takes if take.rate)
     rate = f"{rates[len(rates) // 2]:.4g} # 1/s, as the indexes have it" if rates and not bag else f"{OPEN} # 1/s"
     lines += [
-        f"  encoding: {'plain' if clouds else OPEN} # plain (depth), rotated_bits (SUN RGB-D) or disparity (NYU Depth v2)",
-        f"  units_per_metre: {OPEN} # 1000 for millimetres, 5000 for TUM RGB-D, 1 for metres{_values(first)}",
+        f"  encoding: {'plain' if clouds else OPEN} # by the recorder's manual: plain, rotated_bits (SUN RGB-D), disparity (NYU)",
+        f"  units_per_metre: {OPEN} # by its manual: 1000 for millimetres, 5000 for TUM RGB-D, 1 for metres{_values(first)}",
         f"  rate: {rate}",
         "  start: null # s on the camera's clock when the motion capture starts, as far as known; null: at its first frame",
         "  clock_offset: null # s still to add to read the motion capture's clock; null: estimated",
         "  camera: # x right, y down, z forward, in the arm's base frame",
-        f"    position: {OPEN} # m, [x, y, z]",
-        f"    rpy: {OPEN} # rad, about the fixed axes x, y, z",
+        f"    position: {OPEN} # m, [x, y, z], by a hand-eye calibration",
+        f"    rpy: {OPEN} # rad, about the fixed axes x, y, z, likewise",
     ]
     return lines
 
@@ -203,7 +203,11 @@ def _values(finding: Finding) -> str:
 
 
 def _force(found: Layout, below: Callable[[Finding], str]) -> list[str]:
-    lines = ["force:", f"  tare: {OPEN} # s, unloaded at the start of each log", f"  tension_std: {OPEN} # N, of each robot, as identified"]
+    lines = [
+        "force:",
+        f"  tare: {OPEN} # s, unloaded at the start of each log, by the protocol of the measurement",
+        f"  tension_std: {OPEN} # N, [first robot, second, …]: spread of each one's tension, from pulling at the transducer alone",
+    ]
     lines.append("  configurations:")
     stems = Counter(finding.file.stem for finding in found.force)
     for finding in found.force:
@@ -211,9 +215,9 @@ def _force(found: Layout, below: Callable[[Finding], str]) -> list[str]:
         lines += [
             f"    {_text(name)}:",
             f"      file: {below(finding)}",
-            f"      direction: {OPEN} # rad, mean direction of each cable",
-            f"      tension: {OPEN} # N, mean tension of each cable",
-            f"      direction_bounds: {OPEN} # rad, [least, greatest]",
+            f"      direction: {OPEN} # rad, [first cable, second, …]: mean direction of each, from x of the transducer, as set up",
+            f"      tension: {OPEN} # N, [first cable, second, …]: mean tension of each, as commanded",
+            "      direction_bounds: [0.0, 6.283185307179586] # rad, [least, greatest]; narrow the full turn, as set up",
         ]
     log = []
     if {finding.format for finding in found.force} == {"ATI Net F/T log"}:
@@ -251,11 +255,24 @@ def _joint_log(movements: list[Group]) -> list[str]:
     ]
 
 
-def _known(robots: list[Finding]) -> str:
-    """The joints to choose from."""
-    if len(robots) != 1:
-        return ""
-    return f": of {', '.join(map(_text, robots[0].facts['joints'].get('revolute', [])))}"
+def _chain(robots: list[Finding]) -> list[str]:
+    """Joints, tool and locked joints of the robot, as far as its URDF leaves no choice."""
+    facts = robots[0].facts if len(robots) == 1 else {}
+    others, chains = facts.get("joints", {}).get("revolute", []), facts.get("chains", [])
+    if len(chains) != 1:
+        joints = f"{OPEN} # the three parallel joints of the planar chain, base to tip: of {_several(others) or 'the URDF'}"
+        tool = f"{OPEN} # link of the URDF that is the end-effector"
+    else:
+        joints, tools = chains[0]["joints"], chains[0]["tools"]
+        others = [joint for joint in others if joint not in joints]
+        joints = f"[{_several(joints)}] # base to tip: the only three in a row that are parallel"
+        tool = f"{_text(tools[0])} # the only last link beyond them" if len(tools) == 1 else f"{OPEN} # end-effector: {_several(tools)}"
+    locked = f"{OPEN} # rad, {{joint: angle, …}}: how {_several(others) or 'the others'} are held; {{}} where all are at 0"
+    return [f"  joints: {joints}", f"  tool: {tool}", f"  locked: {locked if others or not chains else '{} # no other joint turns'}"]
+
+
+def _several(names: list[str]) -> str:
+    return ", ".join(map(_text, names))
 
 
 def _agreed(values: Iterable[float | None]) -> str:

@@ -13,7 +13,8 @@ WIDEST = (64, 48, 12, 16, 16, 48, 5)  # characters up to which a column is padde
 SHOWN = 4  # names of a list
 NOTABLE = (
     "unlabelled_markers", "width", "height", "points", "samples", "rows", "columns", "steps", "announced_frames", "first_frame",
-    "stray_ids", "rate_from", "robot", "joints", "topics", "fx", "separator", "decimal", "serial",
+    "stray_ids", "skipped_bones", "skipped_analog_channels", "skipped_force_plates",
+    "rate_from", "times", "robot", "joints", "topics", "fx", "separator", "decimal", "serial",
 )  # fmt: skip
 
 

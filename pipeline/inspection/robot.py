@@ -6,14 +6,15 @@ from pathlib import Path
 from xml.parsers import expat
 
 from pipeline import datasheet as datasheets
-from pipeline.errors import RecordingError
+from pipeline.errors import ConfigError, RecordingError
 from pipeline.inspection.finding import Finding
 
 
 def urdf(file: Path) -> Finding:
-    """A robot's URDF: its joints by type. Whether three of them are a planar chain is seen when they are named."""
+    """A robot's URDF: its joints by type, and which three of them are a planar chain that ends in which link."""
     found: list[tuple[str, dict[str, str]]] = []
     links: list[str] = []
+    followed: set[str | None] = set()  # links that others follow
     depth = 0
 
     def start(name: str, values: dict[str, str]) -> None:
@@ -25,6 +26,8 @@ def urdf(file: Path) -> Finding:
             found.append((values.get("type", ""), values))
         if depth == 2 and name == "link":
             links.append(values.get("name", ""))
+        if depth == 3 and name == "parent":
+            followed.add(values.get("link"))
 
     def end(_: str) -> None:
         nonlocal depth
@@ -40,13 +43,40 @@ def urdf(file: Path) -> Finding:
         parser.Parse(file.read_bytes(), True)
     except expat.ExpatError as error:
         raise RecordingError(f"this is no XML ({expat.ErrorString(error.code)})", line=error.lineno) from None
+    except (LookupError, ValueError) as error:
+        raise RecordingError(f"the encoding that the XML announces cannot be read ({error}); save it as UTF-8", line=1) from None
     joints = {kind: [values.get("name", "") for other, values in found if other == kind] for kind in dict.fromkeys(k for k, _ in found)}
     finding = Finding(file, "URDF", facts={"robot": robot[0], "joints": joints, "links": links})
     if len(joints.get("revolute", [])) < 3:
         finding.stops.append("fewer than three revolute joints with limits: no planar chain of three")
-    else:
-        finding.open.append(("which three parallel joints are the chain, and which link the tool", "dataset.robot.joints, .tool"))
+        return finding
+    ends = [link for link in links if link not in followed]
+    finding.facts["chains"] = chains = _chains(file, joints["revolute"], ends)
+    if not chains:
+        finding.stops.append("no three revolute joints in a row have parallel axes and a last link beyond them: no planar chain of three")
+    elif len(chains) > 1:
+        finding.open.append(("which three parallel joints are the chain", "dataset.robot.joints"))
+    elif len(chains[0]["tools"]) > 1:
+        finding.open.append(("which link is the end-effector", "dataset.robot.tool"))
     return finding
+
+
+def _chains(file: Path, joints: list[str], ends: list[str]) -> list[dict[str, list[str]]]:
+    """The planar chains of the URDF: three ``joints`` in the order of the file, and those of the last links that the third one moves."""
+    from pipeline.arm.model import load_arm
+
+    def moves(chain: list[str], tool: str) -> bool:
+        try:
+            load_arm(file, chain, tool, {})
+        except ConfigError as error:
+            if error.message.startswith("robot.urdf"):
+                raise RecordingError(error.message) from None
+            return False
+        return True
+
+    triples = [joints[first : first + 3] for first in range(len(joints) - 2)]
+    found = [{"joints": chain, "tools": [tool for tool in ends if moves(chain, tool)]} for chain in triples]
+    return [chain for chain in found if chain["tools"]]
 
 
 def datasheet(file: Path) -> Finding:

@@ -13,6 +13,7 @@ from xml.parsers import expat
 import numpy as np
 
 from pipeline.errors import RecordingError
+from pipeline.instruments.force_units import FORCE_UNITS, LENGTH_UNITS, TORQUE_UNITS, plain_unit
 
 AXES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 
@@ -33,7 +34,7 @@ def read_calibration(file: Path) -> Calibration:
     """Calibration in ``file``.
 
     Raises RecordingError for a file that is no XML or declares a document type (entities could then exhaust memory or open other files),
-    that holds not one calibration, an axis without six gauges or a rating, or a basic transform that turns the axes.
+    that holds not one calibration, an axis without six gauges or a rating, or a basic transform that turns the axes or has no known unit.
     """
     elements = _elements(Path(file))
     serial = next((values["Serial"] for _, values in elements if "Serial" in values), "")
@@ -57,9 +58,21 @@ def read_calibration(file: Path) -> Calibration:
         if any(_numbers(transform, turn, 1, file)[0] for turn in ("Rx", "Ry", "Rz") if turn in transform):
             raise RecordingError("the basic transform turns the axes; ask for a calibration with UserAxis rows", file=file)
         offset = np.array([_numbers(transform, shift, 1, file)[0] if shift in transform else 0.0 for shift in ("Dx", "Dy", "Dz")])
+        offset *= _lever(stated[0], file) if offset.any() else 1.0
         # torque about the transducer's origin, which lies at the offset in the gauges' frame
         matrix[3:] -= np.cross(offset, matrix[:3], axisb=0, axisc=0)
     return Calibration(Path(file), serial, stated[0]["ForceUnits"], stated[0]["TorqueUnits"], matrix, full_scale)
+
+
+def _lever(stated: dict[str, str], file: Path) -> float:
+    """The unit of distances over the arm's length that the unit of torque has to that of force; 1 where no distance is stated."""
+    if "DistUnits" not in stated:
+        return 1.0
+    force, torque = (plain_unit(stated[f"{quantity}Units"]) for quantity in ("Force", "Torque"))
+    if force not in FORCE_UNITS or torque not in TORQUE_UNITS or stated["DistUnits"] not in LENGTH_UNITS:
+        found = ", ".join(stated[f"{quantity}Units"] for quantity in ("Force", "Torque", "Dist"))
+        raise RecordingError(f"the units {found} are not all known, and the basic transform needs them", file=file)
+    return LENGTH_UNITS[stated["DistUnits"]] * FORCE_UNITS[force] / TORQUE_UNITS[torque]
 
 
 def _elements(file: Path) -> list[tuple[str, dict[str, str]]]:
@@ -77,6 +90,8 @@ def _elements(file: Path) -> list[tuple[str, dict[str, str]]]:
         raise RecordingError(f"the file cannot be read ({error.strerror})", file=file) from None
     except expat.ExpatError as error:
         raise RecordingError(f"this is no XML ({expat.ErrorString(error.code)})", file=file, line=error.lineno) from None
+    except (LookupError, ValueError) as error:
+        raise RecordingError(f"the encoding that the XML announces cannot be read ({error}); save it as UTF-8", file=file, line=1) from None
     return found
 
 

@@ -26,10 +26,11 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     """Points of the C3D take in ``file``, in m and s; ``unit`` (m, cm or mm) is that of its lengths where POINT:UNITS is empty.
 
     A sample is missing where its residual is negative, a coordinate is no number or all three are exactly zero. Points of one label
-    are told apart as ``label [2]`` and so on, those without one are ``Point n``; frames are numbered as the file does. Only points are
-    read: analog channels and segment rotations are not. ``counts``: ``announced_frames``, ``found_frames``, ``gaps``,
+    are each ``label [n]``, those without one are ``Point n``; frames are numbered as the file does. Only points are
+    read: analog channels, force plates and segment rotations are not. ``counts``: ``announced_frames``, ``found_frames``, ``gaps``,
     ``skipped_frames``, ``time_mismatches`` (C3D has no times, hence 0), ``zero_samples``, ``partial_samples``, ``marker_samples``,
-    ``missing_samples``, ``missing_poses`` (0) and ``unlabelled_points``.
+    ``missing_samples``, ``missing_poses`` (0) and ``unlabelled_points``; where there are any, ``skipped_analog_channels`` and
+    ``skipped_force_plates``.
 
     Raises RecordingError for a file that cannot be read, is no C3D, is shorter than its header says, makes the library fail, or has no
     point, no rate or no unit.
@@ -49,24 +50,24 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     counts = {"announced_frames": frames}
     frame = np.arange(position.shape[2]) + int(found["first"]) + 1  # the library counts from 0
     time = np.arange(len(frame)) / rate[0]
-    counts |= clock_counts(frame, time, None) | {"zero_samples": 0, "partial_samples": 0, "unlabelled_points": 0}
+    counts |= clock_counts(frame, time, None) | {"zero_samples": 0, "partial_samples": 0}
     markers: dict[str, np.ndarray] = {}
-    for number in range(points):
-        label = found["labels"][number].strip() if number < len(found["labels"]) else ""
-        counts["unlabelled_points"] += not label
+    counts["unlabelled_points"] = points - sum(bool(label.strip()) for label in found["labels"])
+    for number, name in enumerate(_names(found["labels"].tolist(), points)):
         samples = position[:, number].T / UNITS_PER_METRE[unit]
         samples[~np.isfinite(samples) | (residual[number] < 0)[:, None]] = np.nan
         blank_samples(samples, counts)
-        markers[_free(label or f"Point {number + 1}", markers)] = samples
+        markers[name] = samples
     counts |= sample_counts(markers, {}, len(frame))
+    beside = {"skipped_analog_channels": int(found["analog"]), "skipped_force_plates": int(found["plates"])}
+    counts |= {name: count for name, count in beside.items() if count}
     return MotionTake(Path(file).stem, "C3D", float(rate[0]), frame, time, markers, {}, counts, unit)
 
 
-def _free(label: str, taken: dict[str, np.ndarray]) -> str:
-    name, number = label, 2
-    while name in taken:
-        name, number = f"{label} [{number}]", number + 1
-    return name
+def _names(labels: list[str], points: int) -> list[str]:
+    """A name for each point; a label that several have names none of them."""
+    labels = [label.strip() or f"Point {number}" for number, label in enumerate([*labels, *[""] * (points - len(labels))], start=1)]
+    return [label if labels.count(label) == 1 else f"{label} [{labels[:i].count(label) + 1}]" for i, label in enumerate(labels)]
 
 
 def _announced(file: Path) -> tuple[int, int]:

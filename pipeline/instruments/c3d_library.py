@@ -14,7 +14,8 @@ MEMORY = 8 << 30  # bytes of address space; a take of an hour at 100 Hz with 50 
 
 
 def contents(file: str) -> dict[str, np.ndarray]:
-    """``points`` (3, P, N) in the file's unit, ``residuals`` (P, N), ``labels`` (P,), ``units`` and ``rate`` as stated, ``first`` frame."""
+    """``points`` (3, P, N) in the file's unit, ``residuals`` (P, N), ``labels`` (P,), ``units`` and ``rate`` as stated, ``first`` frame;
+    how many ``analog`` channels and force ``plates`` there are beside."""
     import ezc3d
 
     recording = ezc3d.c3d(file)
@@ -27,7 +28,14 @@ def contents(file: str) -> dict[str, np.ndarray]:
         "units": np.array(point["UNITS"]["value"] if "UNITS" in point else [], dtype=str),
         "rate": np.array(point["RATE"]["value"] if "RATE" in point else [], dtype=float),
         "first": np.array(recording["header"]["points"]["first_frame"]),
+        "analog": np.array(recording["data"]["analogs"].shape[1]),
+        "plates": np.array(_stated(recording["parameters"].get("FORCE_PLATFORM", {}), "USED")),
     }
+
+
+def _stated(group: dict, name: str) -> int:
+    """The whole number that a group of parameters states under ``name``, 0 where it does not."""
+    return int(next(iter(group[name]["value"]), 0)) if name in group else 0
 
 
 if __name__ == "__main__":

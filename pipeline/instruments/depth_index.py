@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.errors import RecordingError
 from pipeline.instruments.delimited import NUMBER, read_text
+from pipeline.instruments.patterns import matching
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,8 @@ def read_index(file: Path) -> DepthIndex:
             continue
         stamp, *name = line.split(maxsplit=1)
         if not NUMBER.fullmatch(stamp) or not name:
-            raise RecordingError(f"{line!r} is not 'timestamp filename'", file=file, line=number)
+            message = f"{line[:80]!r} is no time in s and, after a blank, the name of a frame; comments start with #"
+            raise RecordingError(message, file=file, line=number)
         time.append(float(stamp))
         files += name
         if len(time) > 1 and time[-1] <= time[-2]:
@@ -60,7 +62,7 @@ def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
     """
     numbers: dict[int, Path] = {}
     forms = set()
-    for file in sorted(path for path in folder.glob(pattern) if path.is_file()):
+    for file in (path for path in matching(folder, pattern, key="dataset.depth.frames") if path.is_file()):
         parts = re.fullmatch(r"(.*?)(\d+)(\D*)", file.name.removesuffix(file.suffix), re.ASCII)
         if parts is None:
             raise RecordingError("the frame's name has no number; name the frames by number, or write an index", file=file)

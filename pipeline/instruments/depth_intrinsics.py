@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
@@ -16,7 +17,7 @@ from pipeline.errors import RecordingError
 from pipeline.instruments.delimited import read_text
 
 # how calibration tools name the 3 × 3 matrix, the coefficients and the size; Open3D's intrinsic_matrix runs down the columns
-MATRIX = ("cameraMatrix", "camera_matrix", "Camera_Matrix", "CameraMatrix", "K", "intrinsic_matrix")
+MATRIX = ("cameraMatrix", "camera_matrix", "Camera_Matrix", "CameraMatrix", "K", "k", "intrinsic_matrix")
 DISTORTION = (
     "distortionCoefficients",
     "distortion_coefficients",
@@ -25,7 +26,10 @@ DISTORTION = (
     "distCoeffs",
     "dist_coeffs",
     "D",
+    "d",
 )
+BENT = re.compile(r"(?i)dist.*|.*coeff.*|[kp]1")  # a key that may be of distortion
+MODELS = ("plumb_bob", "radtan", "rational_polynomial", "none")  # distortion models, as tools name them, of OpenCV's coefficients
 FOCAL = ("fx", "fy", "cx", "cy")
 SIZE = (("width", "height"), ("image_width", "image_height"), ("image_Width", "image_Height"))
 MAX_CHARACTERS = 10**6
@@ -68,9 +72,10 @@ def read_intrinsics(file: Path, *, width: int, height: int, matrix: str | None =
     """Intrinsics of a camera of ``width`` × ``height`` pixels; a size that the file states must be that.
 
     ``matrix`` and ``distortion`` name the keys where they are not the usual ones, or where the file holds several. Focal lengths and
-    principal point may stand as fx, fy, cx, cy instead of a matrix. Only JSON may leave the distortion out, for a camera without.
-    Raises RecordingError for a file that cannot be read as any of the formats, a key that is not there or not the only one (naming
-    those that are), values that are no camera's, and another size.
+    principal point may stand as fx, fy, cx, cy instead of a matrix. Only JSON may leave the distortion out, for a camera without. Of
+    the messages of a CameraInfo that ROS prints, all must be equal but for their headers. Raises RecordingError for a file that cannot be
+    read as any of the formats, a key that is not there or not the only one (naming those that are), values that are no camera's, a
+    distortion model that is not OpenCV's, and another size.
     """
     values = _values(file)
     for wide, high in SIZE:
@@ -94,13 +99,18 @@ def read_intrinsics(file: Path, *, width: int, height: int, matrix: str | None =
             f"no camera matrix under a usual name; the file has {', '.join(map(str, values))}: name its key in camera_matrix", file=file
         )
     bent = _key(values, distortion, DISTORTION, "distortion", file)
-    if bent is None and not _is_json(file):
+    if bent is None and (not _is_json(file) or any(BENT.fullmatch(name) for name in values)):
         raise RecordingError(
             f"there are no distortionCoefficients; the file has {', '.join(map(str, values))}: name their key in distortion, "
             "or write zeros where there is no distortion",
             file=file,
         )
     coefficients = np.zeros(0) if bent is None else _numbers(values[bent], file, bent).ravel()
+    model = values.get("distortion_model")
+    if coefficients.any() and model not in (None, "", *MODELS):
+        raise RecordingError(
+            f"the distortion {model!r} is none of {', '.join(MODELS)}; calibrate with one of these", file=file, key="distortion_model"
+        )
     return pinhole(camera, coefficients, width=width, height=height, file=file, key=key)
 
 
@@ -132,7 +142,7 @@ def _numbers(value: object, file: Path, key: str) -> np.ndarray:
     value = value.get("data", value) if isinstance(value, Mapping) else value
     try:
         return np.array(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = f", but {value}" if isinstance(value, str) else ""
         raise RecordingError(f"{key} holds no floating-point numbers{found}", file=file, key=key) from None
 
@@ -156,12 +166,23 @@ def _values(file: Path) -> Mapping:
         try:
             if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(body, yaml.SafeLoader)):
                 raise RecordingError("the file refers to parts of itself, which can unfold without bound; write the numbers out", file=file)
-            values = yaml.safe_load(body)
+            values = _only(yaml.safe_load_all(body), file)
         except (yaml.YAMLError, ValueError, RecursionError):
             raise RecordingError("this is no calibration in OpenCV's YAML or XML, YAML or JSON, or it is truncated", file=file) from None
+    # Open3D puts the camera beside its pose
+    values = values.get("intrinsic", values) if isinstance(values, Mapping) else values
     if not isinstance(values, Mapping):
         raise RecordingError("this is no calibration: it holds no keys; export it again", file=file)
     return values
+
+
+def _only(documents: Iterable[object], file: Path) -> object:
+    """The one document, or message that ROS printed, that the file holds, however often."""
+    held = [document for document in documents if document is not None]
+    plain = [{key: value for key, value in one.items() if key != "header"} if isinstance(one, Mapping) else one for one in held]
+    if any(other != plain[0] for other in plain[1:]):
+        raise RecordingError(f"the file holds {len(held)} calibrations, not all of them equal; keep one", file=file)
+    return plain[0] if plain else None
 
 
 def _nesting(body: str) -> int:

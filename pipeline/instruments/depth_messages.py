@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.errors import RecordingError
-from pipeline.instruments.depth_intrinsics import Intrinsics, pinhole
+from pipeline.instruments.depth_intrinsics import MODELS, Intrinsics, pinhole
 
 IMAGE, CLOUD, CAMERA_INFO = (f"sensor_msgs/msg/{name}" for name in ("Image", "PointCloud2", "CameraInfo"))
 PIXELS = {"16UC1": np.dtype(np.uint16), "mono16": np.dtype(np.uint16), "32FC1": np.dtype(np.float32)}
 DATATYPES = {7: np.dtype(np.float32), 8: np.dtype(np.float64)}  # of a PointField
-MODELS = ("plumb_bob", "rational_polynomial")  # the distortion models whose coefficients are OpenCV's, in its order
 
 
 def image_pixels(message: object, *, shape: tuple[int, int], **evidence: object) -> np.ndarray:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.errors import RecordingError
+from pipeline.instruments.force_record import OPTION, LogOptions
+from pipeline.instruments.force_units import TIME_UNITS
+from pipeline.instruments.number_sheet import Sheet
 
 JITTER = 0.1  # of the median step
 
@@ -38,3 +41,20 @@ def read_clock(time: np.ndarray, values: np.ndarray, places: list[int], *, place
 def rate_of(time: np.ndarray) -> float:
     """Samples a second by the median step of ``time`` (N,) in s; NaN of a single sample."""
     return float(1 / np.median(np.diff(time))) if len(time) > 1 else float("nan")
+
+
+def seconds_of(sheet: Sheet, column: int, stated: str | None, options: LogOptions, line: int) -> np.ndarray:
+    """(N,) s from the first on: the ``column`` of times, in the unit that the log has ``stated`` at ``line``, else the option.
+
+    RecordingError with the option that settles it where neither states a unit that is known, or each another.
+    """
+    unit = stated or options.time_unit
+    key = f"{OPTION}.time_unit"
+    if unit not in TIME_UNITS:
+        found = f"the time has no known unit{f' ({unit!r})' if unit else ''}"
+        raise RecordingError(f"{found}: state one of {', '.join(TIME_UNITS)}", file=sheet.file, line=line, key=key)
+    if stated and options.time_unit and stated != options.time_unit:
+        message = f"the time is in {stated} by the log and in {options.time_unit} by the option"
+        raise RecordingError(message, file=sheet.file, line=line, key=key)
+    ticks = sheet.values([column])[:, 0]
+    return (ticks - ticks[0]) * TIME_UNITS[unit]

@@ -76,6 +76,17 @@ def full_scale(calibration: Calibration | None) -> np.ndarray | None:
     return calibration.full_scale * si_factors([*FORCES, *TORQUES], units, LogOptions(), file=calibration.file, line=1)
 
 
+def check_columns(columns: Mapping[str, str | int], *, file: Path) -> None:
+    """RecordingError where the option names an axis that does not exist, not every force, or some of the torques."""
+    key = f"{OPTION}.columns"
+    if unknown := sorted(set(columns) - {"t", *FORCES, *TORQUES}):
+        raise RecordingError(f"no axis {', '.join(unknown)}; there are t, fx, fy, fz, tx, ty, tz", file=file, key=key)
+    if missing := [axis for axis in FORCES if axis not in columns]:
+        raise RecordingError(f"no column is named for {', '.join(missing)}", file=file, key=key)
+    if 0 < len(set(TORQUES) & set(columns)) < 3:
+        raise RecordingError("of the torques tx, ty, tz name all or none", file=file, key=key)
+
+
 def check_serial(serial: str, options: LogOptions, *, file: Path) -> None:
     """RecordingError where log and calibration both name a transducer, and not the same."""
     theirs = options.calibration.serial if options.calibration else ""

@@ -7,9 +7,18 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import RecordingError
-from pipeline.instruments.force_clock import rate_of, read_clock
-from pipeline.instruments.force_record import FORCES, OPTION, TORQUES, ForceRecord, LogOptions, repeats, si_factors, with_torque
-from pipeline.instruments.force_units import TIME_UNITS
+from pipeline.instruments.force_clock import rate_of, read_clock, seconds_of
+from pipeline.instruments.force_record import (
+    FORCES,
+    OPTION,
+    TORQUES,
+    ForceRecord,
+    LogOptions,
+    check_columns,
+    repeats,
+    si_factors,
+    with_torque,
+)  # fmt: skip
 from pipeline.instruments.number_sheet import Sheet, columns_of, read_sheet, unit_of
 
 KEY = f"{OPTION}.columns"
@@ -26,20 +35,17 @@ def read_force_table(file: Path, options: LogOptions) -> ForceRecord:
     that goes back, and malformed rows.
     """
     sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
-    if missing := [axis for axis in FORCES if axis not in options.columns]:
-        raise RecordingError(f"no column is named for {', '.join(missing)}", file=file, key=KEY)
-    if 0 < len(set(TORQUES) & set(options.columns)) < 3:
-        raise RecordingError("of the torques tx, ty, tz name all or none", file=file, key=KEY)
-    if unknown := sorted(set(options.columns) - {"t", *FORCES, *TORQUES}):
-        raise RecordingError(f"no axis {', '.join(unknown)}; there are t, fx, fy, fz, tx, ty, tz", file=file, key=KEY)
+    check_columns(options.columns, file=file)
     if not sheet.rows:
-        raise RecordingError("the header is followed by no whole sample; record again", file=file, line=sheet.header_lines[-1])
+        raise RecordingError(
+            "no whole sample: in no line are half of the cells numbers; record again", file=file, line=sheet.header_lines[-1]
+        )
     columns, units, line = _named(sheet, options)
     axes = [axis for axis in (*FORCES, *TORQUES) if axis in columns]
     values = sheet.values([columns[axis] for axis in axes]) * si_factors(axes, units, options, file=file, line=line)
     counts = dict(sheet.counts)
     if "t" in columns:
-        time = _seconds(sheet, columns["t"], units.get("t"), options, line)
+        time = seconds_of(sheet, columns["t"], units.get("t"), options, line)
         keep, found = read_clock(time, values, sheet.lines, place="line", file=file)
         time, values, counts = time[keep], values[keep], counts | found
         rate = rate_of(time)
@@ -75,17 +81,3 @@ def _named(sheet: Sheet, options: LogOptions) -> tuple[dict[str, int], dict[str,
         below = [row[column] for row in label_rows[1:2] if row[column]]
         units[quantity] = next(iter(behind or below), None)
     return columns, units, line
-
-
-def _seconds(sheet: Sheet, column: int, stated: str | None, options: LogOptions, line: int) -> np.ndarray:
-    """(N,) times in s from the first on."""
-    unit = stated or options.time_unit
-    key = f"{OPTION}.time_unit"
-    if unit not in TIME_UNITS:
-        found = f"the time has no known unit{f' ({unit!r})' if unit else ''}"
-        raise RecordingError(f"{found}: state one of {', '.join(TIME_UNITS)}", file=sheet.file, line=line, key=key)
-    if stated and options.time_unit and stated != options.time_unit:
-        message = f"the time is in {stated} by the log and in {options.time_unit} by the option"
-        raise RecordingError(message, file=sheet.file, line=line, key=key)
-    ticks = sheet.values([column])[:, 0]
-    return (ticks - ticks[0]) * TIME_UNITS[unit]

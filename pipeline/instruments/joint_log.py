@@ -10,10 +10,11 @@ import numpy as np
 
 from pipeline.errors import RecordingError
 from pipeline.instruments.force_units import TIME_UNITS
-from pipeline.instruments.number_sheet import Sheet, columns_of, read_sheet
+from pipeline.instruments.number_sheet import Sheet, columns_of, read_sheet, unit_of
 
 CLOCK_TOLERANCE = 0.1  # of a step
 ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180}
+SPELLINGS = {"radian": "rad", "radians": "rad", "degree": "deg", "degrees": "deg", "°": "deg", "sec": "s", "seconds": "s", "µs": "us"}
 MOST_TURNS = 4  # no joint of an arm turns farther from its zero than this, so that angles beyond are in another unit
 OPTION = "dataset.joint_log"
 
@@ -49,7 +50,7 @@ def read_joint_log(file: Path, *, joints: int, columns: Sequence[str | int] | No
     nothing else. A controller that is stopped while it writes leaves a last line that is short or has no line end: it is dropped.
     ``counts``: ``cut_rows``, ``blank_rows`` and ``doubled_rows`` (the same line at the same time, left out). Raises RecordingError with the
     line for any other line of another width, a value that is not a finite number and a time that does not increase; with the option that
-    settles it for a column that is not there and for angles beyond four turns.
+    settles it for a column that is not there, for a unit in the header that is not the option's and for angles beyond four turns.
     """
     sheet = read_sheet(file, separator=layout.separator, decimal=layout.decimal, key=OPTION)
     if not sheet.rows:
@@ -85,7 +86,21 @@ def _places(sheet: Sheet, columns: Mapping[str, str | int], layout: Layout) -> l
         if len(labels) != sheet.width:
             raise RecordingError(f"the row has {sheet.width} cells under {len(labels)} labels", file=sheet.file, line=sheet.lines[0])
     found = columns_of(labels, wanted, sheet.width, file=sheet.file, line=line, key=f"{OPTION}.signals")
+    _check_units(sheet, found, layout)
     return list(found.values())
+
+
+def _check_units(sheet: Sheet, places: Mapping[str, int], layout: Layout) -> None:
+    """RecordingError where a header's unit, in brackets behind a label or in a row below the labels, is another than the option's."""
+    for index in range(len(sheet.header)):
+        cells = sheet.header_cells(index)
+        for quantity, column in places.items() if len(cells) == sheet.width else ():
+            unit = (unit_of(cells[column]) or cells[column]).strip().lower().removesuffix("/s")
+            key, units = ("time_unit", TIME_UNITS) if quantity == "time" else ("angle_unit", ANGLE_UNITS)
+            unit = SPELLINGS.get(unit, unit)
+            if unit in units and unit != getattr(layout, key):
+                message = f"the {quantity} is in {unit} by the header and in {getattr(layout, key)} by the option"
+                raise RecordingError(message, file=sheet.file, line=sheet.header_lines[index], key=f"{OPTION}.{key}")
 
 
 def _increasing(sheet: Sheet, time: np.ndarray, values: np.ndarray) -> JointLog:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
+
+from pipeline.compiled import compiled
 
 
 def decompress(packed: bytes, size: int) -> bytes | None:
@@ -12,7 +13,7 @@ def decompress(packed: bytes, size: int) -> bytes | None:
     return unpacked.tobytes() if _unfold(np.frombuffer(packed, np.uint8), unpacked) else None
 
 
-@numba.njit(cache=True)
+@compiled()
 def _unfold(packed: np.ndarray, unpacked: np.ndarray) -> bool:
     """Fill ``unpacked`` from control bytes c: below 32, c + 1 literal bytes follow; else a copy of what was written ``distance`` before."""
     i = o = 0

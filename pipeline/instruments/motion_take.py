@@ -15,6 +15,8 @@ SPELLINGS = {"m": ("m", "meters", "metres"), "cm": ("cm", "centimeters", "centim
 WHOLE = re.compile(r"[0-9]{1,18}")  # a count or an ID as text, of a size that can be meant
 # Time is printed with at least two decimals: two rounded times differ from the frames' by at most this, s
 TIME_ROUNDING = 0.0101
+RATE_TOLERANCE = 0.01  # share by which a stated rate may be off that of the printed times: far above any clock's drift
+TELLING = 20  # printed times, fewer are too few to contradict a stated rate
 
 
 @dataclass(frozen=True)
@@ -72,15 +74,29 @@ def frame_numbers(values: np.ndarray, lines: list[int], file: Path) -> np.ndarra
 def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
     """Frames a second of a file that states no rate: cameras run at whole numbers of them, and printed times are rounded.
 
-    The whole number nearest to the mean rate, unless it puts a frame half a frame or more from its printed time: then the mean rate.
-    None where the times do not increase over the take.
+    The whole number nearest to the mean rate, unless it puts a frame farther from its printed time than rounding to the decimals that
+    are printed can, or half a frame: then the mean rate. None where the times do not increase over the take.
     """
     frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
     if len(time) < 2 or time[-1] <= time[0]:
         return None
     mean = (frame[-1] - frame[0]) / (time[-1] - time[0])
     off = np.abs((frame - frame[0]) / max(np.round(mean), 1.0) - (time - time[0]))
-    return float(np.round(mean)) if off.max() < 0.5 / mean else float(mean)
+    rounded = TIME_ROUNDING if np.allclose(time * 100, np.round(time * 100), rtol=0, atol=1e-6) else 0.0
+    return float(np.round(mean)) if off.max() < max(0.5 / mean, rounded) else float(mean)
+
+
+def keeps_time(frame: np.ndarray, printed: np.ndarray, rate: float) -> bool:
+    """Whether the ``printed`` times (N,) s of the frames pass as ``rate`` (1/s) has it, over a quarter of the take at a time.
+
+    Times that jump now and then do, as do rounded ones: the median decides. True of too few times to tell.
+    """
+    frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
+    if len(time) < TELLING:
+        return True
+    lag = len(time) // 4
+    passed, expected = time[lag:] - time[:-lag], (frame[lag:] - frame[:-lag]) / rate
+    return bool(np.median(np.abs(passed - expected) - TIME_ROUNDING - RATE_TOLERANCE * expected) <= 0)
 
 
 def clock_counts(frame: np.ndarray, time: np.ndarray, printed: np.ndarray | None) -> dict[str, int]:

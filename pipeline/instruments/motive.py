@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +17,12 @@ from pipeline.instruments.motive_rows import ROW_TYPES, read_rows
 def read_motive(file: Path, unit: str | None = None) -> MotionTake:
     """Take in ``file``, in m and s; ``unit`` (m, cm or mm) is that of its lengths where it does not say it (versions 1.0 and 1.1 never do).
 
-    A raw marker is preferred to the rigid body's solved marker of the same name: the solved one is drawn where the body model expects
-    it, occluded or not. A marker of equal name but another ID is kept as ``name [ID]``. Missing samples are blank, NAN or exactly zero
+    A raw marker is preferred to the rigid body's solved marker of the same name: the solved one is drawn where the body model expects it,
+    occluded or not. Markers or bodies of one name but several IDs are each ``name [ID]``. Missing samples are blank, NAN or exactly zero
     in all three coordinates (a quaternion of zeros, likewise, is no rotation). Euler angles are degrees about the moving axes. A rate
-    that the file does not state is that of its printed times. Markers of no name, which change their ID whenever they come back into
-    sight, are columns as in the file in versions from 1.2 on; before, they are packed, in the order of each frame, into as many
-    ``Unlabeled`` ones as are ever seen at once.
+    that the file does not state is that of its printed times, and one that contradicts them is refused. Markers of no name, which change
+    their ID whenever they come back into sight, are columns as in the file in versions from 1.2 on; before, they are packed, in the order
+    of each frame, into as many ``Unlabeled`` ones as are ever seen at once.
 
     ``counts``: ``announced_frames`` and ``found_frames`` (headers lie), ``gaps`` in the frame numbers and the ``skipped_frames`` in them,
     ``blank_rows``, ``cut_rows`` (a last row without line end: it may have lost digits, so it is dropped), ``repeated_rows`` (the row
@@ -35,6 +36,9 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
     """
     text = read_text(file)
     first = cells_of(text.lines[0], ",", file=file, number=1)[:1] if text.lines else []
+    if mark := re.match(r"(?:Format Version|comment|info)([;\t])", "".join(first)):
+        found = "semicolons" if mark[1] == ";" else "tabs"
+        raise RecordingError(f"cells are separated by {found}: another program saved the take; export it with commas", file=file, line=1)
     if first == ["Format Version"]:
         return read_columns(text, file, unit)
     if first and first[0] in ROW_TYPES:

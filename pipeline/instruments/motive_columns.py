@@ -6,6 +6,7 @@ quantity, then Frame, Time and the axes), and one row a frame. From 1.22 on colu
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -23,6 +24,7 @@ from pipeline.instruments.motion_take import (
     blank_samples,
     clock_counts,
     frame_numbers,
+    keeps_time,
     rate_from_times,
     sample_counts,
     settle_unit,
@@ -81,11 +83,13 @@ def read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
 
     unit = settle_unit(header.fields.get("Length Units", ""), unit, file, key="Length Units")
     raw, solved, bodies = {}, {}, {}
+    # a name that two assets share names neither of them: who asks for it has to say which
+    shared = {name for (_, name), number in Counter((kind, name) for kind, name, _ in groups).items() if number > 1}
     for (kind, name, identity), group in groups.items():
         position = np.stack([values[group["Position", axis]] for axis in "XYZ"], axis=-1) / UNITS_PER_METRE[unit]
         blank_samples(position, counts)
         owner = {RAW: raw, SOLVED: solved, BODY: bodies}[kind]
-        key = f"{name} [{identity}]" if name in owner else name
+        key = f"{name} [{identity}]" if name in shared else name
         if kind == BODY:
             rotation = {axis: values[column] for (quantity, axis), column in group.items() if quantity == "Rotation"}
             owner[key] = RigidBody(position, _quaternion(rotation, header.fields.get("Rotation Type", ""), counts, file))
@@ -169,7 +173,8 @@ def _labelled(line: str, header: _Header, file: Path, number: int) -> str:
         return line
     cells = line.split(",")
     if any(cell.strip() for cell in cells[header.columns :]):
-        raise RecordingError(f"the row has more cells than the {header.columns} labelled columns", file=file, line=number)
+        message = f"the row has more cells than the {header.columns} labelled columns: of another take, or with decimal commas"
+        raise RecordingError(f"{message}; export it again, with decimal points", file=file, line=number)
     return ",".join(cells[: header.columns])
 
 
@@ -189,17 +194,20 @@ def _fields(cells: list[str], file: Path) -> dict[str, str]:
 def _rate(fields: dict[str, str], frame: np.ndarray, printed: np.ndarray | None, file: Path) -> float:
     # frames are numbered at the rate of the export, which older versions do not tell apart from the capture's
     key = "Export Frame Rate" if fields.get("Export Frame Rate") else "Capture Frame Rate"
+    timed = None if printed is None else rate_from_times(frame, printed)
     if not fields.get(key):
-        rate = None if printed is None else rate_from_times(frame, printed)
-        if rate is None:
+        if timed is None:
             raise RecordingError("the file gives no frame rate and no times to take it from", file=file, line=1, key=key)
-        return rate
+        return timed
     try:
         rate = float(fields[key])
     except ValueError:
         rate = np.nan
     if not 0 < rate < np.inf:
         raise RecordingError(f"a frame rate of {fields[key]!r} is none", file=file, line=1, key=key)
+    if printed is not None and not keeps_time(frame, printed, rate):
+        message = f"frames are {rate:g} a second by the header and {timed or 0:.6g} by their times"
+        raise RecordingError(f"{message}; export the take again", file=file, line=1, key=key)
     return rate
 
 

@@ -128,7 +128,7 @@ def read_sheet(file: Path, *, separator: str | None = None, decimal: str | None 
     found = _decimal(rows, row_lines, mark, file, key)
     if found is None and mark == "," and separator is None and sheet.width > 1:
         if not any(len(sheet.header_cells(index)) >= sheet.width for index in range(top)):
-            message = "whole numbers between commas, or decimal commas? Set separator and decimal"
+            message = "whole numbers between commas, or decimal commas? Set separator and decimal, or save it with semicolons"
             raise RecordingError(message, file=file, line=row_lines[0], key=key)
     return Sheet(Path(file), lines[:top], places[:top], rows, row_lines, mark, found or ".", counts)
 
@@ -140,7 +140,9 @@ def _separator(line: str) -> str:
     pieces = line.split()
     # commas that never touch a blank are decimal marks of cells that blanks keep apart
     spaced = len(pieces) > 1 and not any(piece.startswith(",") or piece.endswith(",") for piece in pieces)
-    return SPACE if spaced and '"' not in line else ","
+    # a date and a time have a blank between them too
+    numbers = _numbers_in(line, SPACE) >= HALF or "," not in line
+    return SPACE if spaced and numbers and '"' not in line else ","
 
 
 def _cells(line: str, separator: str) -> int:

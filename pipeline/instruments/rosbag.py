@@ -4,27 +4,51 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterator
+from bz2 import BZ2Decompressor
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import apsw
-from backports.zstd import ZstdError
+from backports.zstd import ZstdDecompressor, ZstdError
+from lz4.frame import LZ4FrameDecompressor
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import ReaderError as BagError
+from rosbags.rosbag1.reader import decompressors
 from rosbags.rosbag2 import ReaderError as FolderError
+from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from pipeline.errors import RecordingError
 
 SUFFIXES = (".bag", ".mcap", ".db3")
+LARGEST = 1 << 28  # bytes that a chunk or a message may unfold into; recorders fill chunks of some MB
 # what rosbags and the storages under it raise for bytes that are not what they should be
 DAMAGE = (
     AnyReaderError, BagError, FolderError, TypesysError, ZstdError, apsw.Error, struct.error, OSError, EOFError, ValueError, LookupError,
     TypeError, AttributeError, AssertionError, RuntimeError, MemoryError, OverflowError,
 )  # fmt: skip
+
+
+def _bounded(decompressor: Callable) -> Callable[..., bytes]:
+    """What unfolds one compressed part of a bag, whatever size is announced; ValueError where it is cut or larger than LARGEST."""
+
+    def unfold(content: bytes, *_: object) -> bytes:
+        stream = decompressor()
+        found = stream.decompress(content, LARGEST)
+        if not stream.eof:
+            raise ValueError(f"a compressed part is cut, or unfolds into more than {LARGEST >> 20} MiB")
+        return found
+
+    return unfold
+
+
+# rosbags unfolds a chunk of any size, by the functions in these tables
+decompressors |= {"bz2": _bounded(BZ2Decompressor), "lz4": _bounded(LZ4FrameDecompressor)}
+DECOMPRESSORS |= {"lz4": _bounded(LZ4FrameDecompressor), "zstd": _bounded(ZstdDecompressor)}
+_unfold_message = _bounded(ZstdDecompressor)
 
 
 def is_bag(path: Path) -> bool:
@@ -81,7 +105,8 @@ def messages(file: Path, topic: str) -> Iterator[object]:
     """The messages of ``topic`` in the bag ``file`` in the order of their recording; memory holds one (and its compressed chunk).
 
     A message has the attributes of its ROS definition; ``seconds(message)`` is its time. Raises RecordingError for a bag that is missing,
-    truncated, damaged, unindexed, or compressed as a whole file, and for fewer messages than it announces.
+    truncated, damaged, unindexed, or compressed as a whole file, with a chunk or message that unfolds into more than LARGEST bytes, and
+    for fewer messages than it announces.
     """
     with _opened(file) as reader:
         connections = [connection for connection in reader.connections if connection.topic == topic]
@@ -105,10 +130,15 @@ def seconds(message: object, **evidence: object) -> float:
 
 
 def _deserialised(reader: AnyReader, connections: list[Connection], file: Path) -> Iterator[object]:
+    (inner,) = reader.readers
+    singly = reader.is2 and inner.compression_mode == "message"
+    if singly:  # then rosbags unfolds messages of any size: here they are unfolded below, up to the bound
+        inner.storage.metadata = inner.storage.metadata._replace(compression_mode=None)
     number, stream = 0, reader.messages(connections)
     while True:
         try:
             connection, _, raw = next(stream)
+            raw = _unfold_message(raw) if singly else raw
             message = reader.deserialize(raw, connection.msgtype)
         except StopIteration:
             return

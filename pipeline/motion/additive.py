@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -47,7 +48,7 @@ def without_measurement(covariance: np.ndarray, measurement: np.ndarray) -> tupl
 
 @dataclass(frozen=True)
 class AdditiveModel:
-    """Noise of one covariance at every pose and speed, ``noise_covariance`` Σ_ω (3, 3) in rad²; zero is allowed."""
+    """Eq. (InvDiffRndm): noise of one covariance at every pose and speed, ``noise_covariance`` Σ_ω (3, 3) in rad²; zero is allowed."""
 
     noise_covariance: np.ndarray
 
@@ -63,6 +64,12 @@ class AdditiveModel:
     def sample(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, int]:
         """One draw of the next joint angles (..., 3) for each of ``q``; nothing is ever clipped."""
         return self.mean(chain, q, v) + rng.standard_normal(q.shape) @ self._root, 0
+
+    def law(self) -> tuple[Callable, np.ndarray]:
+        """:meth:`sample` compiled, and its parameters (9,)."""
+        from pipeline.motion.compiled import additive  # here, as it loads the compiler
+
+        return additive.additive, self._root.ravel()
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., 3) q + J(q)⁻¹v."""

@@ -17,9 +17,10 @@ import numpy as np
 
 from pipeline import schema
 from pipeline.errors import ModelDomainError, SolverError
-from pipeline.motion.estimation import Estimate, Recorded, estimate, forward_estimate
+from pipeline.motion.estimation import Estimate, Recorded, estimate, forward_estimate, student_entries
 from pipeline.motion.gaussian_forward_fit import ForwardLikelihood
 from pipeline.motion.likelihood import DispersionFit
+from pipeline.motion.student_fit import StudentFit, fit_student
 
 TAILS = (0.025, 0.975)
 
@@ -42,6 +43,8 @@ def estimator_of_takes(recorded: Recorded, options: schema.Model, found: Estimat
             return partial(_from_likelihoods, found.details)
         case ForwardLikelihood():
             return partial(_from_forward_likelihoods, found.details)
+        case StudentFit():
+            return partial(_student_near, recorded, found.details)
     return partial(_anew, recorded, options)
 
 
@@ -51,6 +54,13 @@ def _from_likelihoods(fit: DispersionFit, takes: np.ndarray) -> dict[str, float]
 
 def _from_forward_likelihoods(likelihood: ForwardLikelihood, takes: np.ndarray) -> dict[str, float]:
     return forward_estimate(likelihood.of(takes)).estimates
+
+
+def _student_near(recorded: Recorded, fit: StudentFit, takes: np.ndarray) -> dict[str, float]:
+    """Anew too, but for where the search starts, which saves nearly half of its steps."""
+    resampled = recorded.of(takes)
+    found = fit_student(resampled.noise, resampled.measurement, near=fit)
+    return student_entries(found.nu, found.scale)
 
 
 def _anew(recorded: Recorded, options: schema.Model, takes: np.ndarray) -> dict[str, float]:

@@ -86,6 +86,7 @@ def invert_upper(upper: np.ndarray) -> np.ndarray:
 def factors(chain: PlanarChain, q: np.ndarray, v: np.ndarray, decomposition: Decomposition) -> tuple[np.ndarray, np.ndarray]:
     """a = J₁⁻¹v (..., 3) and J₂⁻¹ (..., 3, 3) at joint angles ``q`` (..., 3) in rad for the step ``v`` (3,) or (..., 3) in m, m, rad.
 
+    J₁ and J₂ are the factors of Eq. (LUDecom).
     ``lu``: MATLAB's two-output form of the LU decomposition with partial pivoting, J₁ = PᵀL and J₂ = U, which depends on the order
     (x, z, φ) and the units of the task rows. ``qr``: J₁ = Q orthonormal; as the law of the perturbation matrix is invariant under
     rotations, J₁ = I and J₂ = J is the same model, and that is what is returned. A given J₁ is constant, J₂ = J₁⁻¹J: as diag(ℓ, ℓ, 1) it

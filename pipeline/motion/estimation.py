@@ -62,7 +62,7 @@ class Estimate:
     parameters: dict[str, Any]  # of the model, plain values, as :func:`pipeline.motion.build.build_model` takes them
     estimates: dict[str, float]  # by name and unit: what a standard error can be given to
     diagnostics: dict[str, float]  # how the estimate came about
-    details: Any = None  # the fit itself, of the paper's estimators and of those that leave a ridge
+    details: Any = None  # the fit itself, where more than its parameters is asked of it
 
     @property
     def model(self) -> MotionModel:
@@ -205,7 +205,7 @@ def student_entries(nu: float, scale: np.ndarray) -> dict[str, float]:
 def _student(recorded: Recorded, options: schema.Student) -> Estimate:
     fit = fit_student(recorded.noise, recorded.measurement)
     diagnostics = {"degrees_of_freedom_at_the_end_of_their_interval": fit.at_end}
-    return Estimate({"kind": "student", "nu": fit.nu, "scale": fit.scale.tolist()}, student_entries(fit.nu, fit.scale), diagnostics)
+    return Estimate({"kind": "student", "nu": fit.nu, "scale": fit.scale.tolist()}, student_entries(fit.nu, fit.scale), diagnostics, fit)
 
 
 ESTIMATORS: dict[tuple[type, str | None], Callable[[Recorded, Any], Estimate]] = {

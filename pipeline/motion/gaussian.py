@@ -6,6 +6,7 @@ with variance vᵀΣ_k v: one step is exactly N(J̲⁻¹v, (vᵀΣ_k v)·I), iso
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,7 +39,7 @@ def noise_scale(norm: np.ndarray, alpha: float, u: float, n: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class GaussianModel:
-    """Random inverse Jacobian of level ``alpha`` α ≥ 0 under the bound ``u`` > 0 on its Frobenius norm.
+    """Random inverse Jacobian of level ``alpha`` α ≥ 0 under the bound ``u`` > 0 on its Frobenius norm: Eq. (GausMod) of J⁻¹.
 
     Where a single pose exceeds the bound, ‖J̲⁻¹‖_F > u, its noise is zero, and such poses are counted.
     """
@@ -55,6 +56,12 @@ class GaussianModel:
         inverse = chain.inverse_jacobian(q)
         variance, clipped = self._variance(inverse, v)
         return q + np.matvec(inverse, v) + np.sqrt(variance)[..., None] * rng.standard_normal(q.shape), clipped
+
+    def law(self) -> tuple[Callable, np.ndarray]:
+        """:meth:`sample` compiled, and its parameters (2,)."""
+        from pipeline.motion.compiled import gaussian  # here, as it loads the compiler
+
+        return gaussian.of_inverse, np.array([self.alpha, self.u], dtype=float)
 
     def require_bound(self, chain: PlanarChain, path: np.ndarray) -> None:
         """Raise ModelDomainError where u is below ‖J̲⁻¹‖_F on ``path`` (M, 3) in rad: particles may stray there, the motion may not."""

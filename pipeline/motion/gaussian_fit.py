@@ -64,6 +64,7 @@ def fit_gaussian(
 ) -> GaussianFit:  # fmt: skip
     """Minimise F = Σ_k β₁‖q̲_k − q̲̃_k‖ + β₂|tr{Cov(q_k) − Cov(q̃_k)}| over ũ in the range of ``extensions`` and all α ≥ 0, β₂ = 1 − β₁.
 
+    Eq. (objective-u-alpha), with u = max_k ‖J̲_k⁻¹‖_F + ũ of Eq. (bound-u).
     The moments are of one step. The model's mean is the nominal one for every (ũ, α), so the first term, from ``nominal_mean`` and
     ``recorded_mean`` (M, 3) in rad, is a constant. The model's trace is α²g_k, g_k = (u² − ‖J̲_k⁻¹‖²)‖v_k‖²/n, with ``step_norm`` ‖v_k‖
     and ``inverse_norm`` ‖J̲_k⁻¹‖_F (M,); ``recorded_covariance`` (M, 3, 3) in rad². The absolute value, step by step, mends the printed

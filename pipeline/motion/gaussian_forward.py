@@ -11,6 +11,7 @@ So a draw takes seven normals and a cross product, and no system is solved.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +44,7 @@ def sample_inverse_action(jacobian: np.ndarray, v: np.ndarray, s: np.ndarray, rn
 class GaussianForwardModel:
     """Random Jacobian of level ``alpha`` α ≥ 0 under the bound ``u`` > 0 on its Frobenius norm: s = α²(u² − ‖J̲_k‖_F²)/n².
 
+    Eq. (GausMod), a step through its inverse Eq. (RMTInvDiff).
     Where a single pose exceeds the bound, ‖J̲‖_F > u, its noise is zero, and such poses are counted. Only α·sqrt(u² − ‖J̲‖²) matters
     at a pose, and ‖J̲‖_F, which the row of φ dominates, hardly changes from pose to pose.
     """
@@ -67,6 +69,12 @@ class GaussianForwardModel:
         s, clipped = self._variance(chain.jacobian(q))
         drawn = sample_inverse_action(chain.jacobian(q), v, s, rng)
         return q + np.where(s[..., None] > 0, drawn, nominal), clipped
+
+    def law(self) -> tuple[Callable, np.ndarray]:
+        """:meth:`sample` compiled, and its parameters (2,)."""
+        from pipeline.motion.compiled import gaussian  # here, as it loads the compiler
+
+        return gaussian.of_forward, np.array([self.alpha, self.u], dtype=float)
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Raises ModelDomainError: it does not exist."""

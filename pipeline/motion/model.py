@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -18,6 +19,9 @@ class MotionModel(Protocol):
 
     def sample(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, int]:
         """(..., 3) one draw of q_{k+1} for each q, and for how many of them the noise had to be clipped at zero."""
+
+    def law(self) -> tuple[Callable, np.ndarray]:
+        """:meth:`sample` for compiled code, and the parameters (K,) to call it with (:mod:`pipeline.motion.compiled.law`)."""
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., 3) E[q_{k+1} | q_k = q] in rad."""

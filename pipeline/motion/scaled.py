@@ -9,6 +9,7 @@ alone; with B = σ_ε²·11ᵀ it is A + σ_ε²q̇q̇ᵀ, one timing error w = 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -54,6 +55,12 @@ class ScaledModel:
         dq = joint_step(chain, q, v)
         of_floor, of_gain = self._roots
         return q + dq + rng.standard_normal(q.shape) @ of_floor + dq * (rng.standard_normal(q.shape) @ of_gain), 0
+
+    def law(self) -> tuple[Callable, np.ndarray]:
+        """:meth:`sample` compiled, and its parameters (18,)."""
+        from pipeline.motion.compiled import additive  # here, as it loads the compiler
+
+        return additive.scaled, np.concatenate([each.ravel() for each in self._roots])
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., 3) q + J(q)⁻¹v."""

@@ -6,6 +6,7 @@ additive model with Σ_ω = Λ.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -40,6 +41,12 @@ class StudentModel:
         """One draw of the next joint angles (..., 3) for each of ``q``; nothing is ever clipped."""
         precision = rng.chisquare(self.nu, q.shape[:-1]) / self.nu
         return self._nominal(chain, q, v) + rng.standard_normal(q.shape) @ self._root / np.sqrt(precision)[..., None], 0
+
+    def law(self) -> tuple[Callable, np.ndarray]:
+        """:meth:`sample` compiled, and its parameters (10,)."""
+        from pipeline.motion.compiled import additive  # here, as it loads the compiler
+
+        return additive.student, np.array([self.nu, *self._root.ravel()])
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., 3) q + J(q)⁻¹v. Raises ModelDomainError for ν ≤ 1, where it does not exist."""

@@ -28,12 +28,13 @@ class StudentFit:
     additive_log_likelihood: float  # of the additive model fitted to the same noise
 
 
-def fit_student(noise: np.ndarray, measurement: np.ndarray) -> StudentFit:
+def fit_student(noise: np.ndarray, measurement: np.ndarray, near: StudentFit | None = None) -> StudentFit:
     """ν and Λ ⪰ 0 of greatest likelihood for ``noise`` ω (..., 3) in rad, ω ~ t_ν(0, Λ) + N(0, Σ_m), Σ_m = ``measurement`` (3, 3) in rad².
 
     ω is taken as it is, not about its mean: no model of the step has a mean of its own. The search is in Λ and 1/ν, in which the
     likelihood of nearly Gaussian noise is a straight line, so that it ends where ν does; the likelihood and its slopes are exact to
-    1e-10 (:mod:`pipeline.motion.student_density`). Λ may be singular at the maximum.
+    1e-10 (:mod:`pipeline.motion.student_density`). Λ may be singular at the maximum. It starts at the fit ``near``, that of like noise,
+    where there is one.
 
     Raises ModelDomainError where the likelihood has no bound: where the ω that have no measurement noise lie in one plane, or a share of
     them of (ν+d)/(ν+3) or more in a space of d dimensions (Kent and Tyler 1991), ν the least of its interval, which is tested for ω = 0
@@ -58,7 +59,8 @@ def fit_student(noise: np.ndarray, measurement: np.ndarray) -> StudentFit:
         return -found.mean, [-found.by_scale], np.array([nu**2 * found.by_nu])
 
     interval = 1 / np.array(DEGREES[::-1])
-    found = minimise(loss, [np.eye(3)], [0.1], [tuple(interval)])
+    start = (np.eye(3), 0.1) if near is None else (near.scale / outer, 1 / near.nu)
+    found = minimise(loss, [start[0]], [start[1]], [tuple(interval)])
     tail = found.numbers[0]
     at_end = bool(np.min(np.abs(np.log(interval / tail))) < 1e-3)
     additive = fit_additive(noise, measurement).log_likelihood

@@ -9,6 +9,7 @@ z and T independent. So a draw takes two gammas and n − 1 normals, and no matr
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +45,7 @@ def sample_inverse_action(a: np.ndarray, d: float, rng: np.random.Generator) -> 
 class WishartModel:
     """Random Jacobian of dispersion ``sigma_b`` σ_B around J₁J₂, the ``decomposition`` being "lu", "qr" or the given J₁ (3, 3).
 
+    J₁BJ₂ is Eq. (LUDecom), and a step through its inverse Eq. (RMTInvDiff).
     Raises ModelDomainError where σ_B has no density or J₁ no inverse.
     """
 
@@ -58,6 +60,16 @@ class WishartModel:
         """One draw of the next joint angles (..., 3) for each of ``q``: Algorithm 1 in law. At rest (v = 0) exactly ``q``."""
         a, back = factors(chain, q, v, self.decomposition)
         return q + np.matvec(back, sample_inverse_action(a, degrees_of_freedom(self.sigma_b, 3), rng)), 0
+
+    def law(self) -> tuple[Callable, np.ndarray]:
+        """:meth:`sample` compiled, and its parameters (K,)."""
+        from pipeline.motion.compiled import wishart  # here, as it loads the compiler
+
+        d = degrees_of_freedom(self.sigma_b, 3)
+        if isinstance(self.decomposition, str) and self.decomposition == "lu":
+            return wishart.of_lu, np.array([d])
+        left = np.eye(3) if isinstance(self.decomposition, str) else self.decomposition
+        return wishart.of_given_factor, np.array([d, *left.ravel(), *np.linalg.inv(left).ravel()])
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., 3) q + d/(d−n−1)·J⁻¹v: longer than the nominal step. Raises ModelDomainError for σ_B ≥ 1, where it does not exist."""

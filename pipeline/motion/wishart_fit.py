@@ -48,7 +48,10 @@ def step_dispersions(
     chain: PlanarChain, q: np.ndarray, v: np.ndarray, noise: np.ndarray, decomposition: Decomposition,
     weights: tuple[float, float], floor: float,
 ) -> tuple[np.ndarray, Perturbations]:  # fmt: skip
-    """(M,) σ̂_Bk of each step under the given ``weights`` (α₁, α₂), and the perturbations; the other arguments as in :func:`fit_wishart`."""
+    """(M,) σ̂_Bk of each step under the given ``weights`` (α₁, α₂), and the perturbations; the other arguments as in :func:`fit_wishart`.
+
+    By Eq. (NormStd) over samples of B from Eqs. (BsampOpt) and (const10).
+    """
     a, back = factors(chain, q, np.broadcast_to(v, q.shape), decomposition)
     fits = fit_perturbations(noise.reshape(-1, 3), a.reshape(-1, 3), back.reshape(-1, 3, 3), weights, floor)
     return dispersions(fits.s.reshape(*q.shape, 3)), fits

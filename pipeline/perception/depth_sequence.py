@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arm.model import Arm
 from pipeline.errors import RecordingError
+from pipeline.instruments.patterns import matching
 from pipeline.instruments.rosbag import is_bag
 from pipeline.perception.depth_frames import BagFrames, FileFrames
 from pipeline.perception.segment import ArmSegmenter, CloudSegmenter, Crop
@@ -23,8 +24,8 @@ def take_name(path: Path) -> str:
 
 
 def take_paths(raw: Path, depth: Depth) -> dict[str, Path]:
-    """Take → folder or bag, in the order of their paths; RecordingError where none matches, or two have one name."""
-    paths = sorted(path for path in raw.glob(depth.takes) if path.is_dir() or is_bag(path))
+    """Take → folder or bag, in the order of their paths; RecordingError where none matches or two have one name."""
+    paths = [path for path in matching(raw, depth.takes, key="dataset.depth.takes") if path.is_dir() or is_bag(path)]
     if not paths:
         raise RecordingError(f"no folder of depth frames and no bag matches {depth.takes!r}", file=raw)
     named = {take_name(path): path for path in paths}

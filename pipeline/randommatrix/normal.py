@@ -23,8 +23,9 @@ def cholesky(matrix: np.ndarray, *, what: str) -> np.ndarray:
 
 
 def sample(mean: np.ndarray, rows: np.ndarray, columns: np.ndarray, size: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
-    """(*size, p, q) draws of X ~ N_{p,q}(M, Σ⊗Ψ) as M + L_Σ Z L_Ψᵀ, Z of independent standard normals.
+    """(*size, p, q) draws of X ~ N_{p,q}(M, Σ⊗Ψ) as M + L_Σ Z L_Ψᵀ, Z of independent standard normals: Definition 1.
 
+    vec(Xᵀ), Eq. (vec-of-a-matrix), then has the covariance Σ⊗Ψ, Eq. (Kron). By Theorem 2 XXᵀ > 0 for M = 0, Ψ = I and q ≥ p.
     ``mean`` M (p, q); ``rows`` Σ (p, p), the covariance between rows; ``columns`` Ψ (q, q), the covariance between columns.
     """
     noise = rng.standard_normal((*size, *mean.shape))
@@ -32,7 +33,10 @@ def sample(mean: np.ndarray, rows: np.ndarray, columns: np.ndarray, size: tuple[
 
 
 def log_density(x: np.ndarray, mean: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """(...,) log density (GaussMatr) of ``x`` (..., p, q); the other arguments as in :func:`sample`."""
+    """(...,) log density, Eq. (GaussMatr), of ``x`` (..., p, q); the other arguments as in :func:`sample`.
+
+    By Theorem 1 it is that of Xᵀ with Σ and Ψ exchanged.
+    """
     p, q = mean.shape
     left, right = cholesky(rows, what="Σ"), cholesky(columns, what="Ψ")
     # tr{Σ⁻¹(X−M)Ψ⁻¹(X−M)ᵀ} = ‖L_Σ⁻¹(X−M)L_Ψ⁻ᵀ‖_F²

@@ -21,21 +21,22 @@ def _require_density(d: float, n: int) -> None:
 def sample(d: float, sigma: np.ndarray, size: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
     """(*size, n, n) draws of S ~ W_n(d, Σ), ``sigma`` Σ (n, n), by Bartlett's decomposition S = (LT)(LT)ᵀ.
 
+    For whole d that is the law of Theorem 3.
     T is lower triangular with independent entries: T_ii² ~ χ²(d − i + 1) for i = 1 … n, standard normals below. So d need not be
-    an integer. Raises ModelDomainError for d ≤ n − 1 or Σ not positive definite.
+    an integer. They are drawn row by row, one matrix after the other. Raises ModelDomainError for d ≤ n − 1 or Σ not positive definite.
     """
+    # here, as its compiler takes long to import and most of what needs this module draws nothing
+    from pipeline.randommatrix.bartlett import fill
+
     n = len(sigma)
     _require_density(d, n)
-    factor = np.zeros((*size, n, n))
-    for i in range(n):
-        factor[..., i, :i] = rng.standard_normal((*size, i))
-        factor[..., i, i] = np.sqrt(rng.chisquare(d - i, size))
-    root = cholesky(sigma, what="Σ") @ factor
-    return root @ np.swapaxes(root, -1, -2)
+    draws = np.empty((*size, n, n))
+    fill(draws.reshape(-1, n, n), d, cholesky(np.asarray(sigma, dtype=float), what="Σ"), rng)
+    return draws
 
 
 def log_density(s: np.ndarray, d: float, sigma: np.ndarray) -> np.ndarray:
-    """(...,) log density (Wishart) of ``s`` (..., n, n); raises ModelDomainError outside its domain."""
+    """(...,) log density of ``s`` (..., n, n): Definition 2, Eq. (Wishart). Raises ModelDomainError outside its domain."""
     n = len(sigma)
     _require_density(d, n)
     log_det_s = 2 * np.log(np.diagonal(cholesky(s, what="a Wishart matrix"), axis1=-2, axis2=-1)).sum(axis=-1)
@@ -52,7 +53,7 @@ def mean(d: float, sigma: np.ndarray) -> np.ndarray:
 def largest_dispersion(n: int, *, inverse_moments: int = 0) -> float:
     """Supremum of σ_B for which B ~ W_n(d, I/d), d = (n+1)/σ_B², has a density and B⁻¹ its first ``inverse_moments`` moments.
 
-    They exist for d > n − 1 (none), d > n + 1 (the mean), d > n + 3 (the variance).
+    They exist for d > n − 1 (none), d > n + 1 (the mean), d > n + 3 (the variance): Eq. (invmomnt).
     """
     return float(np.sqrt((n + 1) / (n - 1 + 2 * inverse_moments)))
 
@@ -65,6 +66,7 @@ def maxent_theta(sigma_b: float, n: int) -> float:
 def degrees_of_freedom(sigma_b: float, n: int) -> float:
     """d = θ + n + 1 of the MaxEnt law B ~ W_n(d, I/d) with mean I_n and normalised standard deviation ``sigma_b``.
 
+    That law solves Eqs. (Maxenmeas)–(invmomnt).
     Raises ModelDomainError where σ_B is not positive or so large that B has no density.
     """
     limit = largest_dispersion(n)

@@ -13,6 +13,7 @@ from pipeline.arm.model import Arm
 from pipeline.arm.trajectory import trajectory_table
 from pipeline.errors import ConfigError, RecordingError
 from pipeline.instruments.joint_log import Layout, read_movement
+from pipeline.instruments.patterns import matching
 from pipeline.perception.repetitions import align, commanded_speeds, disturbances, excursions, find_repetitions, lag
 from pipeline.recordings.quality import quality_row
 
@@ -98,7 +99,7 @@ def _repetitions(raw: Path, options: schema.JointLog, rate: float, steps: int) -
     """The repetitions by name; all motions in words; quality."""
     takes, seen, quality = {}, [], []
     chain = [column - 1 for column in options.columns]
-    movements = sorted(raw.glob(options.movements))
+    movements = matching(raw, options.movements, key="dataset.joint_log.movements")
     if not movements:
         raise RecordingError(f"no folder or file of a movement matches {options.movements!r}", file=raw)
     for movement in movements:

@@ -13,6 +13,7 @@ from pipeline.errors import ConfigError, RecordingError
 from pipeline.instruments.c3d import read_c3d
 from pipeline.instruments.motion_take import MotionTake
 from pipeline.instruments.motive import read_motive
+from pipeline.instruments.patterns import matching
 from pipeline.instruments.trajectory import read_trajectory
 from pipeline.recordings.quality import quality_row, require_text
 
@@ -33,10 +34,7 @@ def find_takes(raw: Path, mocap: schema.Mocap) -> list[tuple[Path, str]]:
     """File and part of every take below ``raw``; RecordingError where a pattern matches none, or two takes have one name."""
     found: dict[str, tuple[Path, str]] = {}
     for part, pattern in (("training", mocap.training), ("test", mocap.test)):
-        try:
-            files = sorted(raw.glob(pattern)) if pattern else []
-        except (ValueError, NotImplementedError):
-            raise ConfigError(f"{pattern!r} is no pattern of files below the recordings' folder", key=f"dataset.mocap.{part}") from None
+        files = matching(raw, pattern, key=f"dataset.mocap.{part}") if pattern else []
         if pattern and not files:
             raise RecordingError(f"no {part} take matches {pattern!r}", file=raw)
         for file in files:

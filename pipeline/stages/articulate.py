@@ -10,7 +10,7 @@ import pandas as pd
 
 from pipeline import config, contracts
 from pipeline.arm.model import Arm, load_arm
-from pipeline.compute import run_trials
+from pipeline.compute.trials import run_trials
 from pipeline.perception.articulation import ArticulationOptions
 from pipeline.perception.depth_angles import articulate_rows
 from pipeline.perception.depth_sequence import DepthSequence, take_paths
@@ -34,7 +34,7 @@ def run() -> None:
         # track leaves out the takes beyond a limit
         takes = [rows for _, rows in frames[frames["take"].isin(joints["take"])].groupby("take")]
         fit = partial(_articulate, settings=settings, arm=arm, trajectory=trajectory, start=start)
-        angles = pd.concat(run_trials(fit, takes, workers=settings.compute.workers, label="articulate: takes"), ignore_index=True)
+        angles = pd.concat(run_trials(fit, takes, compute=settings.compute, label="articulate: takes"), ignore_index=True)
         contracts.write(angles, "angles", folder)
         views = [_view(name, angles, takes[0], settings, arm) for name in ("initial", "extended")]
         contracts.write(pd.concat([cloud for cloud, _ in views], ignore_index=True), "cloud", folder)

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import config, contracts, rng, schema
-from pipeline.compute import run_trials
+from pipeline.compute.trials import run_trials
 from pipeline.errors import ModelDomainError
 from pipeline.motion.additive import AdditiveModel
 from pipeline.motion.build import fitted_model
@@ -67,7 +67,7 @@ def run() -> None:
         candidates = options | {f"{name}{CONSISTENTLY}": of_model for name, of_model in changed.items()}
         trials = [(true, fitted) for true in controls for fitted in candidates]
         trial = partial(_outcome, controls=controls, options=candidates, fits=fits, seed=settings.seed)
-        outcomes = dict(zip(trials, run_trials(trial, trials, workers=settings.compute.workers, label="control: fits"), strict=True))
+        outcomes = dict(zip(trials, run_trials(trial, trials, compute=settings.compute, label="control: fits"), strict=True))
         contracts.write(_scores(outcomes, list(controls), list(candidates)), "control_scores", folder)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import config, contracts, rng, schema
-from pipeline.compute import run_trials
+from pipeline.compute.trials import run_trials
 from pipeline.errors import SingularJacobianError
 from pipeline.motion.build import fitted_model
 from pipeline.motion.estimation import Recorded, estimate
@@ -44,7 +44,7 @@ def run(model: str) -> None:
             trial = partial(trial, model=fitted_model(FIT / model))
         names, q = contracts.stacked(held_out, JOINTS)
         trials = list(zip(range(len(names)), names, q, strict=True))
-        scored = run_trials(trial, trials, workers=settings.compute.workers, label=f"evaluate {model}: takes")
+        scored = list(run_trials(trial, trials, compute=settings.compute, label=f"evaluate {model}: takes"))
         rows = held_out.loc[held_out.k > 0, ["take", "part", "k", "t"]].reset_index(drop=True)
         table = pd.concat([pd.DataFrame(scores) for scores, _ in scored], ignore_index=True)
         contracts.write(pd.concat([rows, table], axis=1), "one_step_scores", folder)

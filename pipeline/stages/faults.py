@@ -12,7 +12,7 @@ import pandas as pd
 
 from pipeline import config, contracts, rng
 from pipeline.arm.model import Arm, load_arm
-from pipeline.compute import run_trials
+from pipeline.compute.trials import run_trials
 from pipeline.faults import recovery
 from pipeline.faults.fault import OUTCOMES
 from pipeline.faults.recovery import Bench, recovered_from, suffer
@@ -43,7 +43,7 @@ def run() -> None:
         faults = {**dict.fromkeys(takes, MOTION_CAPTURE), "depth": DEPTH_CAMERA, "force": FORCE_TRANSDUCER}
         trials = [(bench, fault.name, level) for bench in benches for fault in faults[bench] for level in range(len(fault.levels))]
         inflict = partial(_trial, benches=benches, seed=settings.seed)
-        rows = pd.DataFrame(run_trials(inflict, trials, workers=settings.compute.workers, label="faults: trials"))
+        rows = pd.DataFrame(run_trials(inflict, trials, compute=settings.compute, label="faults: trials"))
         contracts.write(_summary(rows), "faults", folder)
 
 

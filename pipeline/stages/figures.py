@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from fnmatch import fnmatch
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
 from pipeline import config, contracts
+from pipeline.compute.trials import run_trials
 from pipeline.errors import ContractError
 from pipeline.figures import (
     articulation,
@@ -93,17 +95,24 @@ def run() -> None:
         "ridge": {"models": list(settings.models)},
         "wrench_density": {"configurations": force.configurations if force else {}},
     }
-    captions = {}
+    wanted = []
+    for name, sources in FIGURES.items():
+        lacking = {INSTRUMENTS[t] for t, place in sources.tables.items() if t in INSTRUMENTS and not contracts.exists(t, place)}
+        if lacking:
+            print(f"figures: {name} left out: the dataset has no {' and no '.join(sorted(lacking))}")
+        else:
+            wanted.append((name, options.get(name, {})))
     with contracts.replacing(OUT) as folder:
-        for name, sources in FIGURES.items():
-            lacking = {INSTRUMENTS[t] for t, place in sources.tables.items() if t in INSTRUMENTS and not contracts.exists(t, place)}
-            if lacking:
-                print(f"figures: {name} left out: the dataset has no {' and no '.join(sorted(lacking))}")
-                continue
-            tables = {table: contracts.read(table, place) for table, place in sources.tables.items()}
-            save(sources.module.draw(**tables, **options.get(name, {})), folder, name)
-            captions[name] = _caption(sources)
+        captions = dict(run_trials(partial(_draw, folder=folder), wanted, compute=settings.compute, label="figures"))
         (folder / "captions.json").write_text(json.dumps(captions, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _draw(figure: tuple[str, dict], folder: Path) -> tuple[str, dict]:
+    name, options = figure
+    sources = FIGURES[name]
+    tables = {table: contracts.read(table, place) for table, place in sources.tables.items()}
+    save(sources.module.draw(**tables, **options), folder.resolve(), name)
+    return name, _caption(sources)
 
 
 def _caption(sources: Sources) -> dict:

@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline import config, contracts, rng
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import load_arm
-from pipeline.compute import run_trials
+from pipeline.compute.trials import run_trials
 from pipeline.filtering.measurement import Measurements, measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.motion.build import fitted_model
@@ -42,7 +42,7 @@ def run(model: str) -> None:
             _filter_take, model=fitted_model(FIT / model), chain=chain, steps=steps, rate=rate, start=start, options=options,
             stream=(settings.seed, f"filter.{model}"),
         )  # fmt: skip
-        rows = run_trials(trial, list(enumerate(takes)), workers=settings.compute.workers, label=f"filter {model}: takes")
+        rows = list(run_trials(trial, list(enumerate(takes)), compute=settings.compute, label=f"filter {model}: takes"))
         contracts.write(pd.concat([table for table, _, _ in rows], ignore_index=True), "posterior", folder)
     posterior = contracts.read("posterior", OUT / model)
     metrics = {

@@ -10,10 +10,9 @@ import numpy as np
 import pandas as pd
 
 from pipeline import config, contracts, rng, schema
-from pipeline.compute import run_trials
+from pipeline.compute.trials import run_trials
 from pipeline.errors import ModelDomainError
 from pipeline.motion.bootstrap import Estimator, estimator_of_takes, replicate, spreads
-from pipeline.motion.convex_check import noise_covariance_gap, perturbation_gap
 from pipeline.motion.decomposition import chosen
 from pipeline.motion.estimation import Estimate, Recorded, estimate, mean_log_likelihood
 from pipeline.motion.gaussian import frobenius
@@ -32,9 +31,8 @@ def run(model: str) -> None:
     found = estimate(recorded, options)
     estimator = estimator_of_takes(recorded, options, found)
     trial = partial(_replicate, estimator=estimator, takes=len(recorded.q), stream=(settings.seed, f"fit.{model}.bootstrap"))
-    replicates = run_trials(
-        trial, range(settings.scale.bootstrap_replicates), workers=settings.compute.workers, label=f"fit {model}: resamplings of the takes"
-    )
+    numbers = range(settings.scale.bootstrap_replicates)
+    replicates = list(run_trials(trial, numbers, compute=settings.compute, label=f"fit {model}: resamplings of the takes"))
     metrics = found.estimates | _standard_errors(replicates) | found.diagnostics | _likelihood(recorded, found)
     tables = {}
     match found.details:
@@ -45,6 +43,8 @@ def run(model: str) -> None:
         case GaussianFit() as ridge:
             largest = ridge.u - ridge.extension
             if options.estimator == "paper":
+                from pipeline.motion.convex_check import noise_covariance_gap  # as below
+
                 norms = frobenius(recorded.chain.inverse_jacobian(recorded.q.mean(axis=0)))
                 checked = norms[np.linspace(0, len(norms) - 1, min(checks, len(norms))).astype(int)]
                 metrics["convex_problems_checked"] = len(checked)
@@ -89,6 +89,9 @@ def _convex_check(
     recorded: Recorded, fit: WishartFit, options: schema.Wishart, checks: int, stream: np.random.Generator
 ) -> dict[str, float]:
     """How far the closed forms are from the convex problems as printed, at ``checks`` of the steps that move."""
+    # imported here: CVXPY takes longer to import than most models to fit
+    from pipeline.motion.convex_check import perturbation_gap
+
     q, noise = recorded.q.reshape(-1, 3), recorded.noise.reshape(-1, 3)
     problems = np.broadcast_to(recorded.v, recorded.q.shape).reshape(-1, 3)
     moving = np.flatnonzero(np.any(problems, axis=1))

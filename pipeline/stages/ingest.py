@@ -9,7 +9,7 @@ import pandas as pd
 
 from pipeline import config, contracts
 from pipeline.arm.model import load_arm
-from pipeline.compute import run_trials
+from pipeline.compute.trials import run_trials
 from pipeline.errors import ConfigError, RecordingError
 from pipeline.recordings import depth_camera, motion_capture
 from pipeline.recordings.force_transducer import force_rows
@@ -52,7 +52,7 @@ def run() -> None:
         if dataset.depth is not None:
             read = partial(depth_camera.frame_rows, depth=dataset.depth, arm=arm, raw=raw)
             takes = depth_camera.find_takes(raw, dataset.depth, markers, arm)
-            write("frames", run_trials(read, takes, workers=settings.compute.workers, label="ingest: depth takes"))
+            write("frames", list(run_trials(read, takes, compute=settings.compute, label="ingest: depth takes")))
         if dataset.force is not None:
             write("force", [force_rows(raw, name, dataset.force) for name in dataset.force.configurations])
         for instrument in ("mocap", "depth", "force"):

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline import config, contracts, rng
 from pipeline.arm.model import load_arm
-from pipeline.compute import run_trials
+from pipeline.compute.trials import run_trials
 from pipeline.instruments.ati import ForceRecord, write_daqft
 from pipeline.instruments.depth import write_depth
 from pipeline.instruments.depth_index import write_index
@@ -36,7 +36,8 @@ def run() -> None:
     arm = load_arm(dataset.robot.urdf, dataset.robot.joints, dataset.robot.tool, dataset.robot.locked)
     template = np.array([list(link.values()) for link in dataset.mocap.markers.values()])
     session = open_session(arm, template, twin["dynamics"], twin["mocap"], twin["kinect"], rng.stream(settings.seed, "record.session"))
-    takes = [("train", i) for i in range(settings.scale.training_takes)] + [("test", i) for i in range(settings.scale.test_takes)]
+    # those with depth images, which take longest, first
+    takes = [("test", i) for i in range(settings.scale.test_takes)] + [("train", i) for i in range(settings.scale.training_takes)]
     with contracts.replacing(DVC_FILE.parent / "recordings") as folder, contracts.replacing(DVC_FILE.parent / "truth") as truth:
         (folder / "optitrack").mkdir()
         (folder / "kinect").mkdir()
@@ -46,7 +47,8 @@ def run() -> None:
         camera = Intrinsics(kinect.fx, kinect.fy, kinect.cx, kinect.cy, kinect.width, kinect.height)
         write_intrinsics(folder / "kinect" / "intrinsics.yaml", camera)
         record = partial(_record_take, session=session, settings=settings, folder=folder)
-        rows = run_trials(record, takes, workers=settings.compute.workers, label="record: takes")
+        rows = list(run_trials(record, takes, compute=settings.compute, label="record: takes"))
+        rows = rows[settings.scale.test_takes :] + rows[: settings.scale.test_takes]
         contracts.write(pd.concat([joints for joints, _ in rows], ignore_index=True), "true_joints", truth)
         contracts.write(pd.DataFrame([clock for _, clock in rows if clock]), "true_clock", truth)
         for number, configuration in enumerate(dataset.force.configurations.values()):
@@ -77,7 +79,7 @@ def _record_take(take: tuple[str, int], session: Session, settings, folder: Path
         return joints, None
     camera = DepthCamera(session.arm, twin["kinect"], session.depth_bias)
     images = folder / "kinect" / name / "depth"
-    images.mkdir(parents=True)
+    images.mkdir(parents=True, exist_ok=True)
     files = tuple(f"depth/{i:04d}.png" for i in range(len(motion.frame_times)))
     for file, q in zip(files, motion.frame_joints, strict=True):
         write_depth(images.parent / file, camera.observe(q, stream))

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import config, contracts, rng, schema
-from pipeline.compute import run_trials
+from pipeline.compute.trials import run_trials
 from pipeline.motion.build import build_model
 from pipeline.motion.control import drawn
 from pipeline.motion.estimation import Recorded
@@ -43,9 +43,8 @@ def run() -> None:
             for truth in truths(recorded, options, recovery.dispersions)
         ]
         trials = [(case, number) for number in range(recovery.datasets) for case in cases]
-        found = run_trials(
-            partial(_recover, recorded=recorded, seed=settings.seed), trials, workers=settings.compute.workers, label="recover: data sets"
-        )
+        trial = partial(_recover, recorded=recorded, seed=settings.seed)
+        found = list(run_trials(trial, trials, compute=settings.compute, label="recover: data sets"))
         tables = [
             recovery_table(truth, found[i :: len(cases)]).assign(data=truth.label, estimator=name)
             for i, (name, _, truth) in enumerate(cases)
@@ -57,7 +56,7 @@ def run() -> None:
             if isinstance(options, schema.Wishart) and options.estimator == "paper"
             for sweep in _sweeps(recorded, name, options, recovery.dispersions, settings.seed)
         ]
-        choices = run_trials(partial(_sweep, recorded=recorded), sweeps, workers=settings.compute.workers, label="recover: choices")
+        choices = run_trials(partial(_sweep, recorded=recorded), sweeps, compute=settings.compute, label="recover: choices")
         contracts.write(pd.concat(choices, ignore_index=True), "sigma_b_choices", folder)
 
 

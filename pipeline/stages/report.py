@@ -1,4 +1,4 @@
-"""report: what holds of the paper's claims in every dataset there is a run of, the numbers of this run, and the errata, as Markdown."""
+"""report: what holds of the paper's claims in every dataset there is a run of, the numbers of this run, the errata and the equations."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pipeline.audit.advantage import advantage_section
 from pipeline.audit.claims import Stated, parse_claims
 from pipeline.audit.comparison import compare_models, comparison_section
 from pipeline.audit.controls import control_section
+from pipeline.audit.equations import citations, equations_page, parse_items
 from pipeline.audit.errata import correct, errata_page, parse_errata
 from pipeline.audit.results import results_page
 from pipeline.audit.run import read_runs
@@ -19,10 +20,11 @@ from pipeline.typed_yaml import read_yaml
 
 REPORTS, DATASETS = Path("reports"), Path("reports/datasets")
 CLAIMS, ERRATA = Path("reports/claims.yaml"), Path("pipeline/audit/errata.yaml")
+PACKAGE, PAPER = Path("pipeline"), Path("pipeline/audit/paper.yaml")
 
 
 def run() -> None:
-    """Decide the claims on every run's evidence, and write claims.json, report.md and errata.md."""
+    """Decide the claims on every run's evidence, and write claims.json, report.md, errata.md and equations.md."""
     settings = config.sections("report")
     runs = read_runs(DATASETS, first=settings.dataset.name)
     stated = build(Stated, read_yaml(CLAIMS), file=CLAIMS)
@@ -37,9 +39,11 @@ def run() -> None:
     if "control_scores" in here.tables:
         opening.append(control_section(here.tables["control_scores"], here.matrix_models))
     errata = errata_page(correct(parse_errata(read_yaml(ERRATA).get("errata")), here.evidence, decided[0].verdicts))
+    items = parse_items(read_yaml(PAPER).get("items"))
     _write("claims.json", json.dumps(claims, indent=2, ensure_ascii=False) + "\n")
     _write("report.md", results_page(here.dataset, here.scale, list(here.models), here.metrics, here.tables, opening))
     _write("errata.md", errata)
+    _write("equations.md", equations_page(items, citations(PACKAGE, items)))
 
 
 def _write(name: str, text: str) -> None:

@@ -9,10 +9,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from pipeline import config, contracts, rng
+from pipeline import config, contracts, rng, schema
 from pipeline.audit.claims import decide, parse_claims
 from pipeline.audit.sensitivity import sensitivity_table
-from pipeline.compute import run_trials
+from pipeline.compute.trials import run_trials
 from pipeline.errors import DegenerateFilterError, ModelDomainError, SingularJacobianError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
@@ -33,7 +33,6 @@ JOINTS = ["q1", "q2", "q3"]
 def run() -> None:
     """Decide the claims in the base case, the run's own options, and in each of its variations."""
     settings = config.sections("sensitivity")
-    workers = settings.compute.workers
     options = FilterOptions(settings.filter.particles, settings.filter.scheme, settings.filter.threshold)
     takes, cameras = _takes(settings), _cameras(settings)
     base = Case(paper_models(settings.models), options, settings.simulation.mode)
@@ -45,7 +44,7 @@ def run() -> None:
     asked = [(n, kind) for n, variation in enumerate(found) for kind in variation.case.models]
     cases = [found[n].case.of_model(kind) for n, kind in asked]
     trial = partial(_outcome, takes=takes, realizations=settings.simulation.realizations, seed=settings.seed)
-    outcomes = dict(zip(asked, _each_once(trial, cases, cases, workers, "sensitivity: models"), strict=True))
+    outcomes = dict(zip(asked, _each_once(trial, cases, cases, settings.compute, "sensitivity: models"), strict=True))
 
     seen = list(cameras["aligned"].takes) if cameras else []
     batches = [variation.case.takes_of(seen, settings.scale.sensitivity_takes) for variation in found]
@@ -57,7 +56,7 @@ def run() -> None:
         for case, (n, kind, _) in zip(cases, runs, strict=True)
     ]
     trial = partial(_posterior, recorded=takes.training, rate=settings.dataset.motion.rate, start=_start(takes), seed=settings.seed)
-    posteriors = dict(zip(runs, _each_once(trial, cases, given, workers, "sensitivity: filters"), strict=True))
+    posteriors = dict(zip(runs, _each_once(trial, cases, given, settings.compute, "sensitivity: filters"), strict=True))
 
     claims = [claim for file in (CLAIMS, CONCLUSIONS) for claim in parse_claims(config.read_yaml(file).get("claims"))]
     verdicts = {}
@@ -73,11 +72,11 @@ def run() -> None:
         contracts.write(sensitivity_table(verdicts), "sensitivity", folder)
 
 
-def _each_once(function: Callable, keys: list, arguments: list, workers: int, label: str) -> list:
+def _each_once(function: Callable, keys: list, arguments: list, compute: schema.Compute, label: str) -> list:
     """``function`` of every argument, worked out once for those of equal keys."""
     first = [keys.index(key) for key in keys]
     places = sorted(set(first))
-    results = dict(zip(places, run_trials(function, [arguments[place] for place in places], workers=workers, label=label), strict=True))
+    results = dict(zip(places, run_trials(function, [arguments[place] for place in places], compute=compute, label=label), strict=True))
     return [results[place] for place in first]
 
 

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from pipeline import config, contracts, rng, schema
+from pipeline.compute.trials import run_trials
 from pipeline.wrench.bounds import Bounds
 from pipeline.wrench.comparison import force_density, force_moments, force_test, modelled_forces
 from pipeline.wrench.expectation import expected_sigma_s
 from pipeline.wrench.matrix import FORMS
 from pipeline.wrench.parametric import CableSystem
-from pipeline.wrench.study import estimate_sigma_s, run_study, sigma_s_rows
+from pipeline.wrench.study import estimate_sigma_s, sigma_s_rows, study_repeat, study_tables
 
 INGEST, OUT = Path("data/ingest"), Path("data/wrench")
 NAME_OF = {"diagonal": "", "full": "_full", "none": "_without_sigma_s"}  # of a form of Σ_S in the names of metrics
@@ -24,8 +26,9 @@ def run() -> None:
     settings = config.sections("wrench")
     options, force = settings.wrench, settings.dataset.force
     bounds = Bounds(tuple(options.tension), tuple(options.direction), tuple(options.tension_std), tuple(options.kappa))
-    stream = rng.stream(settings.seed, "wrench.study")
-    sigma, errors, spread = run_study(bounds, options.agents, options.systems, options.test_systems, options.repeats, stream)
+    repeats = list(enumerate(rng.stream(settings.seed, "wrench.study").spawn(options.repeats)))
+    repeat = partial(study_repeat, bounds=bounds, agents=options.agents, systems=options.systems, tests=options.test_systems)
+    sigma, errors, spread = study_tables(run_trials(repeat, repeats, compute=settings.compute, label="wrench: study"))
     metrics = _study_metrics(errors, spread)
     with contracts.replacing(OUT) as folder:
         contracts.write(errors, "wrench_errors", folder)
@@ -33,7 +36,9 @@ def run() -> None:
         if force is None:
             print("wrench: the dataset has no force transducer; the study alone is done")
         else:
-            done = [_configuration(number, name, force, options, settings.seed) for number, name in enumerate(force.configurations)]
+            configuration = partial(_configuration, force=force, options=options, seed=settings.seed)
+            names = list(enumerate(force.configurations))
+            done = list(run_trials(configuration, names, compute=settings.compute, label="wrench: configurations"))
             tables = {name: pd.concat([tables[name] for tables in done], ignore_index=True) for name in done[0]}
             metrics |= _configuration_metrics(tables["sigma_s"], tables["force_moments"], tables["force_test"])
             sigma = pd.concat([sigma, tables.pop("sigma_s")], ignore_index=True)
@@ -78,8 +83,9 @@ def _configuration_metrics(sigma: pd.DataFrame, moments: pd.DataFrame, tests: pd
     return metrics
 
 
-def _configuration(number: int, name: str, force: schema.Force, options: schema.Wrench, seed: int) -> dict[str, pd.DataFrame]:
+def _configuration(trial: tuple[int, str], force: schema.Force, options: schema.Wrench, seed: int) -> dict[str, pd.DataFrame]:
     """Rows of one configuration: Σ_S of its bounds; moments, densities and tests of its measured force and of draws of the model."""
+    number, name = trial
     configuration = force.configurations[name]
     stream = rng.stream(seed, "wrench.configuration", number)
     bounds = Bounds(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
 from scipy.stats import median_abs_deviation
 
+from pipeline.compiled import compiled
 from pipeline.errors import ModelDomainError
 
 REACH = 8.0  # bandwidths; beyond them a Gaussian kernel is below 2e-14 of its peak
-BINS_PER_BANDWIDTH = 16
+NODES_PER_BANDWIDTH = 3
+BLOCK = 32  # grid points at a time
 
 
 def normal_reference_bandwidth(samples: np.ndarray) -> np.ndarray:
@@ -25,29 +26,59 @@ def normal_reference_bandwidth(samples: np.ndarray) -> np.ndarray:
     return scale * (4 / ((p + 2) * count)) ** (1 / (p + 4))
 
 
-def _shares(values: np.ndarray, start: float, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """The two bins next to each of ``values`` and the linear share of each, both (2, N)."""
-    position = (values - start) / step
-    below = np.floor(position).astype(int)
-    return np.stack([below, below + 1]), np.stack([below + 1 - position, position - below])
-
-
 def kernel_density(samples: np.ndarray, x: np.ndarray, y: np.ndarray, bandwidth: np.ndarray) -> np.ndarray:
     """Product-Gaussian kernel density of ``samples`` (N, 2) at the grid ``x`` (gx,) × ``y`` (gy,), (gx, gy), per squared unit.
 
-    ``bandwidth`` (2,). The samples are spread linearly on bins of a sixteenth of a bandwidth; the product kernel then is two matrix
-    products. Samples that no grid point can feel are left out of the bins but counted in N, so mass outside the grid stays outside.
+    ``bandwidth`` (2,). Every sample is spread on 3 × 3 nodes a third of a bandwidth apart by the quadratic B-spline, and the masses
+    of the nodes are smoothed by a Gaussian narrowed by the spline's own variance, so that the two together are the kernel but for its
+    fourth moment: no kernel is off by more than 8e-4 of its peak, wherever between the nodes its sample lies, and none is negative.
+    Samples that no grid point can feel are left out but counted in N, so mass outside the grid stays outside.
     """
-    low = np.array([np.min(x), np.min(y)]) - REACH * bandwidth
-    high = np.array([np.max(x), np.max(y)]) + REACH * bandwidth
-    step = bandwidth / BINS_PER_BANDWIDTH
-    felt = samples[np.all((samples >= low) & (samples <= high), axis=1)]
-    bins = np.ceil((high - low) / step).astype(int) + 2
-    (rows, row_shares), (columns, column_shares) = (_shares(felt[:, i], low[i], step[i]) for i in (0, 1))
-    shares = (row_shares[:, None] * column_shares[None]).ravel()
-    where = np.broadcast_arrays(rows[:, None], columns[None])
-    weights = coo_array((shares, (where[0].ravel(), where[1].ravel())), shape=tuple(bins)).tocsr()
-    kernels = [
-        np.exp(-0.5 * ((grid[:, None] - (low[i] + step[i] * np.arange(bins[i]))) / bandwidth[i]) ** 2) for i, grid in enumerate((x, y))
-    ]
-    return (kernels[0] @ weights) @ kernels[1].T / (2 * np.pi * np.prod(bandwidth) * len(samples))
+    step = bandwidth / NODES_PER_BANDWIDTH
+    width = np.sqrt(bandwidth**2 - step**2 / 4)
+    reach = REACH * bandwidth + step
+    low, high = np.array([np.min(x), np.min(y)]) - reach, np.array([np.max(x), np.max(y)]) + reach
+    rows, columns = np.ceil((high - low) / step).astype(int) + 3
+    masses = _spread(np.ascontiguousarray(samples, dtype=float), low, step, rows, columns)
+    smoothed = _smoothed(masses, x, low[0] + step[0] * np.arange(rows), width[0])
+    return _smoothed(smoothed.T, y, low[1] + step[1] * np.arange(columns), width[1]).T / (2 * np.pi * np.prod(width) * len(samples))
+
+
+@compiled()
+def _spread(samples: np.ndarray, low: np.ndarray, step: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """(``rows``, ``columns``) masses of ``samples`` (N, 2) on nodes from ``low`` (2,) on, ``step`` (2,) apart; of those inside."""
+    masses = np.zeros((rows, columns))
+    start0, start1, per0, per1 = low[0], low[1], 1 / step[0], 1 / step[1]
+    for i in range(samples.shape[0]):
+        # the nearest node and the one before it, from which the three count
+        row, column = (samples[i, 0] - start0) * per0 - 0.5, (samples[i, 1] - start1) * per1 - 0.5
+        if 0.0 <= row < rows - 2 and 0.0 <= column < columns - 2:
+            # unsigned, as a negative index would have to be looked out for
+            first_row, first_column = np.uint32(row), np.uint32(column)
+            across = _shares(column - first_column)
+            down = _shares(row - first_row)
+            for k in range(np.uint32(3)):
+                for m in range(np.uint32(3)):
+                    masses[first_row + k, first_column + m] += down[k] * across[m]
+    return masses
+
+
+@compiled()
+def _shares(t: float) -> tuple[float, float, float]:
+    """Shares of three nodes, ``t`` in [0, 1) from halfway between the first two to halfway between the last two."""
+    first, last = 0.5 * (1 - t) * (1 - t), 0.5 * t * t
+    return first, 1 - first - last, last
+
+
+def _smoothed(masses: np.ndarray, grid: np.ndarray, nodes: np.ndarray, width: float) -> np.ndarray:
+    """(g, k) sums of ``masses`` (n, k) over ``nodes`` (n,), weighed by a Gaussian of deviation ``width`` about each of ``grid`` (g,).
+
+    Block by block of the grid, each with the nodes that it can feel: most of the whole matrix of weights would be zeros.
+    """
+    result = np.empty((len(grid), masses.shape[1]))
+    reach = REACH * width
+    for start in range(0, len(grid), BLOCK):
+        block = grid[start : start + BLOCK]
+        felt = slice(*np.searchsorted(nodes, [block.min() - reach, block.max() + reach]))
+        result[start : start + BLOCK] = np.exp(-0.5 * ((block[:, None] - nodes[felt]) / width) ** 2) @ masses[felt]
+    return result

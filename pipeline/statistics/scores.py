@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import gammaincinv, stdtrit
 
+from pipeline.compiled import compiled
 from pipeline.errors import ModelDomainError
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(64)
@@ -26,9 +27,29 @@ def energy_score(samples: np.ndarray, outcome: np.ndarray) -> np.ndarray:
     count = len(samples)
     if count < 2:
         raise ModelDomainError("an energy score needs at least two samples", samples=count)
-    to_outcome = np.linalg.norm(samples - outcome, axis=-1).mean(axis=0)
-    between = sum(np.linalg.norm(samples[lag:] - samples[:-lag], axis=-1).sum(axis=0) for lag in range(1, count))
-    return to_outcome - between / (count * (count - 1))
+    cases, size = samples.shape[1:-1], samples.shape[-1]
+    by_case = np.ascontiguousarray(np.moveaxis(samples.reshape(count, -1, size), 0, 1))
+    to_outcome, between = _distances(by_case, np.array(np.broadcast_to(outcome, samples.shape[1:])).reshape(-1, size))
+    return (to_outcome / count - between / (count * (count - 1))).reshape(cases)
+
+
+@compiled()
+def _distances(samples: np.ndarray, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(C,) sums of the distances of ``samples`` (C, S, n) to ``outcome`` (C, n), and (C,) to each other, case by case in the cache."""
+    to_outcome, between = np.zeros(len(samples)), np.zeros(len(samples))
+    for case in range(len(samples)):
+        of_case = samples[case]
+        for i in range(len(of_case)):
+            squared = 0.0
+            for axis in range(outcome.shape[1]):
+                squared += (of_case[i, axis] - outcome[case, axis]) ** 2
+            to_outcome[case] += np.sqrt(squared)
+            for j in range(i):
+                squared = 0.0
+                for axis in range(outcome.shape[1]):
+                    squared += (of_case[i, axis] - of_case[j, axis]) ** 2
+                between[case] += np.sqrt(squared)
+    return to_outcome, between
 
 
 def normal_energy_score(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:

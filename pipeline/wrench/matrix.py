@@ -25,7 +25,10 @@ class MatrixModel:
     psi: np.ndarray  # Ψ_S (m, m)
 
     def spread(self) -> np.ndarray:
-        """tr{(Σ_T + T̲T̲ᵀ)Ψ_S} = E[TᵀΨ_ST] in N², (...): what Σ_S is multiplied by in Cov(W)."""
+        """tr{(Σ_T + T̲T̲ᵀ)Ψ_S} = E[TᵀΨ_ST] in N², (...): what Σ_S is multiplied by in Cov(W).
+
+        Theorem 5 in Eq. (TorqCovRHS1), with E[TTᵀ] = Σ_T + T̲T̲ᵀ of Eq. (MeanOfDynParTrns).
+        """
         noise = np.einsum("...ij,...ji->...", self.actuation_cov, self.psi)
         return noise + np.einsum("...i,...ij,...j->...", self.actuation, self.psi, self.actuation)
 
@@ -37,6 +40,7 @@ class MatrixModel:
 def matrix_model(system: CableSystem) -> MatrixModel:
     """The model of planar cables that meet in one point (n = 2): S̲ has the cosines and sines of the nominal directions as rows.
 
+    Eq. (static-jacobian) at the means.
     As in the paper S̲ stands at θ̲, not at E[S] = A(κ)·S̲, which differs from it by 1/(2κ); Ψ_S = I, as the directions are independent.
     """
     identity = np.eye(system.tension.shape[-1])
@@ -50,7 +54,7 @@ def expected_wrench(model: MatrixModel) -> np.ndarray:
 
 
 def wrench_covariance(model: MatrixModel, sigma_s: np.ndarray) -> np.ndarray:
-    """Cov(W) = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}·Σ_S + S̲Σ_TS̲ᵀ, Eq. (CovWNonPar), in N², (..., n, n); ``sigma_s`` Σ_S (..., n, n)."""
+    """Cov(W) = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}·Σ_S + S̲Σ_TS̲ᵀ in N², (..., n, n): Eqs. (TorqCov)–(CovWNonPar); ``sigma_s`` Σ_S (..., n, n)."""
     return model.spread()[..., None, None] * sigma_s + model.actuation_part()
 
 
@@ -83,7 +87,7 @@ def optimal_sigma_s(unbounded: np.ndarray, form: str) -> tuple[np.ndarray, np.nd
 
 
 def sample_wrenches(model: MatrixModel, sigma_s: np.ndarray, samples: int, rng: np.random.Generator) -> np.ndarray:
-    """``samples`` independent wrenches W = S·T of one system in N, (samples, n); ``sigma_s`` Σ_S (n, n).
+    """``samples`` independent wrenches W = S·T, Eq. (wrench), of one system in N, (samples, n); ``sigma_s`` Σ_S (n, n).
 
     Given T the product S·T is exactly N(S̲T, (TᵀΨ_ST)·Σ_S), so n normals stand for the n·m of the matrix. Raises ModelDomainError for a
     Σ_T or Σ_S that is no covariance.

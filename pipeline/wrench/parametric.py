@@ -66,7 +66,10 @@ def force_covariance(system: CableSystem) -> np.ndarray:
 
 
 def sample_forces(system: CableSystem, samples: int, rng: np.random.Generator) -> np.ndarray:
-    """``samples`` independent forces of the parametric model in N, (samples, ..., 2)."""
+    """``samples`` independent forces of the parametric model in N, (samples, ..., 2).
+
+    The forces of Eq. (WrenchStatEq) with directions of Eq. (vMis); cables that meet in one point have no moment.
+    """
     shape = (samples, *system.tension.shape)
     tension = rng.normal(system.tension, system.tension_sd, shape)
     direction = rng.vonmises(np.zeros(shape), system.concentration) + system.direction

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 import pandas as pd
@@ -70,24 +71,41 @@ def sigma_s_rows(
     return rows
 
 
+Repeat = tuple[list[dict[str, object]], list[pd.DataFrame], list[dict[str, float]]]  # rows of sigma_s, wrench_errors and wrench_spread
+
+
+def study_repeat(trial: tuple[int, np.random.Generator], bounds: Bounds, agents: Sequence[int], systems: int, tests: int) -> Repeat:
+    """One repeat of the study, by its number and its own generator: for each number of cables in ``agents`` Σ_S from ``systems`` systems,
+    and its error on ``tests`` fresh ones.
+
+    The first repeat has rows of all three tables, the others of the spread alone.
+    """
+    repeat, rng = trial
+    sigma_rows, errors, spread = [], [], []
+    for m, m_rng in zip(agents, rng.spawn(len(agents)), strict=True):
+        estimates = estimate_sigma_s(bounds, systems, m, m_rng)
+        fresh = draw_systems(bounds, tests, m, m_rng)
+        error = variance_errors(fresh, estimates["diagonal"].mean)
+        spread.append({"agents": m, "repeat": repeat, "mean": error.mean(), "maximum": error.max()})
+        if repeat == 0:
+            sigma_rows += sigma_s_rows("study", m, estimates, expected_sigma_s(bounds, m, m_rng.spawn(1)[0]))
+            whole = {f"covariance_error_{form}": covariance_errors(fresh, estimate.mean) for form, estimate in estimates.items()}
+            errors.append(pd.DataFrame({"agents": m, "system": np.arange(tests), "error": error} | whole))
+    return sigma_rows, errors, spread
+
+
+def study_tables(repeats: Iterable[Repeat]) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+    """The tables ``sigma_s``, ``wrench_errors`` and ``wrench_spread`` of the study, whose errors are those of Fig. (ErrWrnRMT).
+
+    The first two hold the first repeat; the third holds the mean and the maximum error of each, as one run's maximum is a random number.
+    The errors are the paper's, of the diagonal Σ_S; the second table also has those of the whole covariance, for both forms.
+    """
+    sigma_rows, errors, spread = (list(chain.from_iterable(parts)) for parts in zip(*repeats, strict=True))
+    return pd.DataFrame(sigma_rows), pd.concat(errors, ignore_index=True), pd.DataFrame(spread)
+
+
 def run_study(
     bounds: Bounds, agents: Sequence[int], systems: int, tests: int, repeats: int, rng: np.random.Generator
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """The tables ``sigma_s``, ``wrench_errors`` and ``wrench_spread`` of the study.
-
-    For each number of cables in ``agents``: Σ_S from ``systems`` systems, its error on ``tests`` fresh ones. The first two tables
-    hold the first repeat; the third holds the mean and the maximum error of each of ``repeats``, as one run's maximum is a random number.
-    The errors are the paper's, of the diagonal Σ_S; the second table also has those of the whole covariance, for both forms.
-    """
-    sigma_rows, errors, spread = [], [], []
-    for repeat, repeat_rng in enumerate(rng.spawn(repeats)):
-        for m, m_rng in zip(agents, repeat_rng.spawn(len(agents)), strict=True):
-            estimates = estimate_sigma_s(bounds, systems, m, m_rng)
-            fresh = draw_systems(bounds, tests, m, m_rng)
-            error = variance_errors(fresh, estimates["diagonal"].mean)
-            spread.append({"agents": m, "repeat": repeat, "mean": error.mean(), "maximum": error.max()})
-            if repeat == 0:
-                sigma_rows += sigma_s_rows("study", m, estimates, expected_sigma_s(bounds, m, m_rng.spawn(1)[0]))
-                whole = {f"covariance_error_{form}": covariance_errors(fresh, estimate.mean) for form, estimate in estimates.items()}
-                errors.append(pd.DataFrame({"agents": m, "system": np.arange(tests), "error": error} | whole))
-    return pd.DataFrame(sigma_rows), pd.concat(errors, ignore_index=True), pd.DataFrame(spread)
+    """The tables of Fig. (ErrWrnRMT), as :func:`study_tables` has them, from ``repeats`` repeats of the study (:func:`study_repeat`)."""
+    return study_tables(study_repeat(trial, bounds, agents, systems, tests) for trial in enumerate(rng.spawn(repeats)))

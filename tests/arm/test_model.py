@@ -215,3 +215,12 @@ def test_a_file_that_is_no_urdf_is_refused(tmp_path):
     file.write_text("<robot")
     with pytest.raises(ConfigError, match=r"robot\.urdf"):
         load_arm(file, JOINTS, "arm_tool", {})
+
+
+def test_a_tool_is_the_link_of_that_name_where_a_joint_has_it_too(tmp_path):
+    plain, shared = tmp_path / "plain.urdf", tmp_path / "shared.urdf"
+    plain.write_text(urdf(("0 0 1",) * 3))
+    # of the joint at the foot of the chain, which no tool can be
+    shared.write_text(urdf(("0 0 1",) * 3).replace('name="foot"', 'name="tool"'))
+    expected, found = (load_arm(file, ["a", "b", "c"], "tool", {}).chain for file in (plain, shared))
+    np.testing.assert_array_equal(found.links, expected.links)

@@ -25,7 +25,7 @@ def project(tmp_path, monkeypatch):
     for name in ("reports/metrics", "reports/tables"):
         shutil.copytree(ROOT / name, tmp_path / name)
     (tmp_path / "pipeline/audit").mkdir(parents=True)
-    for name in ("reports/claims.yaml", "pipeline/audit/errata.yaml", "dvc.yaml", "params.yaml"):
+    for name in ("reports/claims.yaml", "pipeline/audit/errata.yaml", "pipeline/audit/paper.yaml", "dvc.yaml", "params.yaml"):
         shutil.copy(ROOT / name, tmp_path / name)
     monkeypatch.chdir(tmp_path)
     set_parameters(tmp_path, models="[additive, wishart, gaussian]")
@@ -51,6 +51,7 @@ def test_every_claim_has_its_verdict_in_both_forms(project):
     decided = {claim["datasets"]["youbot"]["verdict"] for claim in claims["claims"] if claim["about"] != "method"}
     assert not decided & {"reproduced", "not reproduced"}
     assert "# Errata" in (project / "reports/errata.md").read_text()
+    assert "| Eq. 14 (NormStd) |" in (project / "reports/equations.md").read_text()
 
 
 def test_the_same_numbers_give_the_same_bytes_and_an_altered_one_does_not(project):

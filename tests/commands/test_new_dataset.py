@@ -12,7 +12,7 @@ from motive_files import START, random_take, rows_file
 from omegaconf import OmegaConf
 from ros_bags import camera_info, image, write_bag
 
-from pipeline import datasheet, schema
+from pipeline import arm, datasheet, schema
 from pipeline.__main__ import main
 from pipeline.commands.new_dataset import run
 from pipeline.errors import ConfigError, PipelineError
@@ -51,8 +51,19 @@ def test_what_no_file_states_is_asked_for(root, exports):
     run(["lab", "--from", str(exports)])
     unfilled = {*datasheet.unfilled(datasheet.path_of("lab")), *datasheet.unfilled(root / "conf/dataset/lab.yaml")}
     assert {"about.licence", "mocap.base.rpy", "mocap.markers.Link1.Link1:Marker1", "depth.encoding", "depth.units_per_metre"} <= unfilled
-    assert {"trajectory", "robot.urdf", "mocap.gate", "depth.workspace.floor", "force.configurations.C1.tension"} <= unfilled
+    assert {"trajectory", "robot.urdf", "robot.joints", "force.kappa_bounds", "force.configurations.C1.tension"} <= unfilled
     assert "mocap.unit" not in unfilled
+
+
+def test_a_robots_chain_is_taken_from_its_urdf_and_every_open_value_has_a_comment(root, exports):
+    shutil.copy(Path(arm.__file__).parent / "youbot.urdf", exports / "robot.urdf")
+    run(["lab", "--from", str(exports)])
+    sheet, option = (root / "data/raw/lab/dataset.yaml", root / "conf/dataset/lab.yaml")
+    robot = OmegaConf.load(option).robot
+    assert (robot.urdf, robot.joints, robot.tool) == ("../exports/robot.urdf", ["arm_joint_2", "arm_joint_3", "arm_joint_4"], "arm_tool")
+    assert OmegaConf.is_missing(robot, "locked")  # the control: no file tells it
+    for line in (sheet.read_text() + option.read_text()).splitlines():
+        assert "???" not in line or " # " in line.partition("???")[2] or line.startswith("#"), line
 
 
 def test_every_key_is_one_that_a_dataset_has(root, exports, joint_exports):

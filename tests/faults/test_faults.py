@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import resource
 import signal
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 from pipeline.faults.fault import REFUSED, REPAIRED, UNHARMED, UNNOTICED, Fault, in_file
 from pipeline.faults.recovery import Bench, Recovered, suffer
 from pipeline.faults.registry import FAULTS, of_any_text
+from pipeline.schema_limits import Limits
 
 # the synthetic dataset has no joint logs, so that the stage has no use for these
 JOINT_LOGS = [
@@ -162,3 +164,8 @@ def test_joint_angles_of_a_repaired_recording_are_as_good_as_of_a_clean_one(benc
         outcome = suffer(bench, fault, severity, np.random.default_rng(seed))
         assert outcome.kind == REPAIRED
         assert bench.error(outcome.recovered) <= times * bench.error(bench.clean)
+
+
+def test_the_limits_that_rules_speak_of_are_those_of_a_dataset():
+    named = {name for fault in FAULTS.values() for name in re.findall(r"(?:dataset\.limits| or )\.(\w+)", fault.rule)}
+    assert {"longest_gap", "missing_share", "clock_drift"} <= named <= set(vars(Limits()))

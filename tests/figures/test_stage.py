@@ -9,6 +9,7 @@ import pytest
 
 from pipeline import config, contracts
 from pipeline.errors import ContractError
+from pipeline.schema_compute import Compute
 from pipeline.stages import figures
 
 MODELS = {"additive": None, "wishart": None, "gaussian": None}
@@ -32,7 +33,7 @@ def project(tmp_path, monkeypatch, tables, configurations):
         contracts.write_metrics(metrics, figures.MOTION.with_name(f"{name}.json"))
     force = SimpleNamespace(configurations=configurations)
     settings = SimpleNamespace(
-        models=MODELS, dataset=SimpleNamespace(force=force), simulation=SimpleNamespace(mode="one_step"), compute=SimpleNamespace(workers=1)
+        models=MODELS, dataset=SimpleNamespace(force=force), simulation=SimpleNamespace(mode="one_step"), compute=Compute(workers=1)
     )
     monkeypatch.setattr(config, "sections", lambda stage: settings)
     return tmp_path
@@ -61,7 +62,9 @@ def test_figures_without_their_instrument_are_left_out_and_the_reason_is_said(pr
     reasons = dict.fromkeys(DEPTH, "depth camera") | {"wrench_density": "force transducer", "faults": "synthetic laboratory"}
     reasons |= dict.fromkeys(("model_scores", "parameter_recovery", "sigma_b_choices"), "time at rest")
     reasons["ridge"] = "fitted Gaussian matrix model"
-    assert {*lines} == {f"figures: {name} left out: the dataset has no {instrument}" for name, instrument in reasons.items()}
+    assert {line for line in lines if "left out" in line} == {
+        f"figures: {name} left out: the dataset has no {instrument}" for name, instrument in reasons.items()
+    }
     names = {name.partition(".")[0] for name in written(project)} - {"captions"}
     assert names == {*figures.FIGURES} - {*reasons}
     assert {*json.loads((figures.OUT / "captions.json").read_text())} == names

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from numba import njit
 from scipy.stats import multivariate_normal, norm
 
 from pipeline.filtering.measurement import Measurements
@@ -24,8 +25,19 @@ class Linear:
 
     noise: np.ndarray
 
-    def sample(self, chain, q, v, rng):
-        return q + INVERSE @ v + rng.standard_normal(q.shape) @ np.linalg.cholesky(self.noise).T, 0
+    def law(self):
+        return linear, np.linalg.cholesky(self.noise).ravel()
+
+
+@njit
+def linear(rng, parameters, arm, v, q, moved):
+    for i in range(len(q[0])):
+        normal = (rng.standard_normal(), rng.standard_normal(), rng.standard_normal())
+        for j in range(3):
+            moved[j][i] = q[j][i]
+            for k in range(3):
+                moved[j][i] += INVERSE[j, k] * v[k] + parameters[3 * j + k] * normal[k]
+    return 0
 
 
 def steps_of(count: int) -> np.ndarray:
@@ -106,18 +118,26 @@ def test_a_motion_noise_half_as_large_again_is_told_from_the_kalman_filters(free
 class StateDependent:
     """A nonlinear step of the first joint with a spread of its own at each pose; the others stand still."""
 
-    def sample(self, chain, q, v, rng):
-        moved = q.copy()
-        moved[:, 0] = self.centre(q[:, 0], v) + self.spread(q[:, 0]) * rng.standard_normal(len(q))
-        return moved, 0
+    def law(self):
+        return state_dependent, np.empty(0)
 
-    @staticmethod
-    def centre(q, v):
-        return q + v[0] * (1 + 0.5 * np.sin(5 * q))
 
-    @staticmethod
-    def spread(q):
-        return 0.006 + 0.01 * np.cos(9 * q) ** 2
+@njit
+def centre(q, v):
+    return q + v * (1 + 0.5 * np.sin(5 * q))
+
+
+@njit
+def spread(q):
+    return 0.006 + 0.01 * np.cos(9 * q) ** 2
+
+
+@njit
+def state_dependent(rng, parameters, arm, v, q, moved):
+    for i in range(len(q[0])):
+        moved[0][i] = centre(q[0][i], v[0]) + spread(q[0][i]) * rng.standard_normal()
+        moved[1][i], moved[2][i] = q[1][i], q[2][i]
+    return 0
 
 
 WALLS = (-0.03, 0.6)  # limits of the first joint, rad
@@ -141,7 +161,7 @@ def integrated(measurements: Measurements) -> tuple[np.ndarray, np.ndarray, floa
     due, _ = measurements.schedule(len(FAST), DT)
     density = norm.pdf(q, AT_WALL.mean[0], 0.03)
     density /= density.sum() * cell
-    kernel = norm.pdf(q[None, :], StateDependent.centre(q, FAST[0])[:, None], StateDependent.spread(q)[:, None])
+    kernel = norm.pdf(q[None, :], centre.py_func(q, FAST[0, 0])[:, None], spread.py_func(q)[:, None])
     means, variances, evidence = [], [], 0.0
     for k in range(len(FAST) + 1):
         joint = np.diag(density / cell) if k == 0 else density[:, None] * kernel

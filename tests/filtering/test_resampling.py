@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.filtering.resampling import SCHEMES, effective_sample_size, multinomial, residual, stratified, systematic
+from pipeline.filtering.resampling import SCHEMES, inverse_cdf, multinomial, residual, stratified, systematic
 
 DRAWING = {name: scheme for name, scheme in SCHEMES.items() if scheme is not None}
 REPEATS = 6000
@@ -114,26 +114,7 @@ def test_one_particle_with_all_the_weight_is_the_only_one_left(scheme):
         assert np.all(scheme(np.eye(10)[sole], np.random.default_rng(8)) == sole)
 
 
-class Constant(np.random.Generator):
-    """A generator whose uniforms are all ``value``."""
-
-    value: float
-
-    def random(self, size=None):
-        return self.value if size is None else np.full(size, self.value)
-
-
-@pytest.mark.parametrize("scheme", [systematic, stratified])
-@pytest.mark.parametrize("value", [0.0, np.nextafter(1.0, 0.0)])
-def test_uniforms_at_either_end_of_their_range_fall_on_particles_with_weight(scheme, value):
-    rng = Constant(np.random.PCG64(0))
-    rng.value = value
-    weights = np.concatenate([[0.0], np.full(1000, 1 / 1000), [0.0]])
-    chosen = scheme(weights, rng)
-    assert chosen.min() == 1 and chosen.max() == 1000
-
-
-def test_effective_sample_size_counts_the_particles_among_which_weight_is_shared():
-    assert effective_sample_size(np.full(40, 1 / 40)) == pytest.approx(40)
-    assert effective_sample_size(np.append(np.full(10, 1 / 10), np.zeros(30))) == pytest.approx(10)
-    assert effective_sample_size(np.eye(40)[2]) == 1.0
+@pytest.mark.parametrize("point", [0.0, np.nextafter(1.0, 0.0), 1.0])
+def test_points_at_either_end_of_their_range_fall_on_particles_with_weight(point):
+    weights = np.concatenate([[0.0], np.full(1000, 1 / 1000), [0.0, 0.0]])
+    assert inverse_cdf(weights, np.array([point]))[0] == (1 if point == 0.0 else 1000)

@@ -23,12 +23,13 @@ from pipeline.instruments.trajectory import write_trajectory
 
 SHAPE = (24, 32)
 AXES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
-URDF = """<robot name="three">
-<link name="base"/><link name="a"/><link name="b"/><link name="c"/>
-<joint name="j1" type="revolute"><parent link="base"/><child link="a"/></joint>
-<joint name="j2" type="revolute"><parent link="a"/><child link="b"/></joint>
-<joint name="j3" type="revolute"><parent link="b"/><child link="c"/></joint>
-</robot>
+LINKS = ("base", "a", "b", "c", "tip")
+JOINT = """<joint name="j{number}" type="{kind}"><parent link="{parent}"/><child link="{child}"/><origin xyz="0 0 0.2"/>
+<axis xyz="0 1 0"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+"""
+CHAIN = [JOINT.format(number=n, kind="revolute" if n < 4 else "fixed", parent=LINKS[n - 1], child=LINKS[n]) for n in range(1, len(LINKS))]
+URDF = f"""<robot name="three">{"".join(f'<link name="{name}"/>' for name in LINKS)}
+{"".join(CHAIN)}</robot>
 """
 
 

@@ -244,3 +244,47 @@ def test_rows_of_both_cultures_in_one_log_are_refused(tmp_path_factory, comma, h
         refusal(folder / "log.csv")
     else:
         np.testing.assert_allclose(read_daqft(folder / "log.csv").force, record(5).force, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("label", "tick", "options"),
+    [
+        ("Time (s)", 0.016, LogOptions()),
+        ("Time Stamp [ms]", 16, LogOptions()),
+        ("Time", 0.016, LogOptions(time_unit="s")),
+        ("Sample Number", 1, LogOptions()),
+        ("Clock (ms)", 16, LogOptions(columns={"t": 0, "fx": 1, "fy": 2, "fz": 3})),
+    ],
+)
+def test_rows_that_were_lost_leave_a_gap_where_the_log_has_times_or_numbers(tmp_path, label, tick, options):
+    rows = [f'"{k * tick:g}","{k}.5","2","3","4","5","6"' for k in range(20) if k not in (7, 8)]
+    file = log(tmp_path, *rows)
+    file.write_text(f'"{label}",' + file.read_text())
+    found = read_daqft(file, options)
+    assert found.counts["missing_samples"] == 2
+    assert found.rate == pytest.approx(62.5)
+    np.testing.assert_allclose(found.time, [k * 0.016 for k in range(20) if k not in (7, 8)], rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(found.force[:, 0], [k + 0.5 for k in range(20) if k not in (7, 8)])
+
+
+def test_a_clock_without_a_unit_is_refused_with_the_option(tmp_path):
+    file = log(tmp_path, '"0","1","2","3","4","5","6"', '"16","1","2","3","4","5","7"')
+    file.write_text('"Time",' + file.read_text())
+    assert refusal(file).evidence["key"] == "dataset.force.log.time_unit"
+
+
+@pytest.mark.parametrize(("columns", "words"), [({"fx": 0, "fy": 1}, "fz"), ({"fx": 0, "fy": 1, "fz": 2, "tx": 3}, "all or none")])
+def test_columns_that_name_some_of_the_axes_are_refused(tmp_path, columns, words):
+    file = log(tmp_path, '"1","2","3","4","5","6"')
+    with pytest.raises(RecordingError, match=words) as caught:
+        read_daqft(file, LogOptions(columns=columns))
+    assert caught.value.evidence["key"] == "dataset.force.log.columns"
+
+
+def test_a_frequency_of_thousands_is_not_read_as_a_fraction(tmp_path):
+    write_daqft(tmp_path / "log.csv", record(5), decimal=",")
+    text = (tmp_path / "log.csv").read_text()
+    (tmp_path / "log.csv").write_text(text.replace("Frequency = 62,5", "Frequency = 1.000"))
+    error = refusal(tmp_path / "log.csv")
+    assert error.evidence["key"] == "dataset.force.log.rate"
+    assert read_daqft(tmp_path / "log.csv", LogOptions(rate=1000.0)).rate == 1000.0

@@ -65,6 +65,24 @@ def test_without_user_axes_the_scaled_matrix_about_the_gauges_origin_leads_to_th
     assert np.abs(other.matrix - MATRIX).max() > 0.1
 
 
+def test_an_offset_in_another_unit_than_the_torques_length_is_converted(tmp_path):
+    about_gauges = MATRIX.copy()
+    for gauge in range(6):
+        about_gauges[3:, gauge] += np.cross([0, 0, 6.1], MATRIX[:3, gauge])
+    for unit, offset in (("mm", 6.1), ("cm", 0.61), ("in", 6.1 / 25.4)):
+        body = rows("Axis", about_gauges, np.ones(6)) + f'<BasicTransform Dx="0" Dy="0" Dz="{offset!r}"/>'
+        file = calibration(tmp_path, body, units=f'ForceUnits="N" TorqueUnits="N-mm" DistUnits="{unit}"')
+        np.testing.assert_allclose(read_calibration(file).matrix, MATRIX, atol=1e-12)
+    file = calibration(tmp_path, body, units='ForceUnits="N" TorqueUnits="N-mm" DistUnits="cubit"')
+    assert "cubit" in refusal(file).message
+
+
+@pytest.mark.parametrize("encoding", ["klingon", "big5", "utf-7"])
+def test_an_encoding_that_cannot_be_read_is_refused(tmp_path, encoding):
+    error = refusal(calibration(tmp_path, head=f'<?xml version="1.0" encoding="{encoding}"?>'))
+    assert "save it as UTF-8" in error.message or "no XML" in error.message
+
+
 ENTITIES = "".join(f"<!ENTITY {b} '{f'&{a};' * 10}'>" for a, b in zip("abcdefgh", "bcdefghi", strict=True))
 BOMB = f"<!DOCTYPE bomb [<!ENTITY a 'ha'>{ENTITIES}]>"
 

@@ -68,7 +68,7 @@ def test_a_negative_residual_and_coordinates_that_are_none_are_missing_samples(t
 
 def test_points_of_one_label_and_of_none_are_kept_apart(tmp_path):
     found = read_c3d(write(tmp_path / "t.c3d", points(4), labels=("A", "A", "")))
-    assert list(found.markers) == ["A", "A [2]", "Point 3"]
+    assert list(found.markers) == ["A [1]", "A [2]", "Point 3"]
     assert found.counts["unlabelled_points"] == 1
 
 
@@ -145,3 +145,19 @@ def test_a_damaged_byte_of_the_header_or_the_parameters_ends_in_a_take_or_a_refu
         read_c3d(file)
     except RecordingError as error:
         assert error.evidence["file"] == file
+
+
+def test_analog_channels_and_force_plates_are_named_and_disturb_nothing(tmp_path):
+    xyz = points()
+    file = write(tmp_path / "t.c3d", xyz)
+    recording = ezc3d.c3d(str(file))
+    recording["parameters"]["ANALOG"]["RATE"]["value"] = [1000.0]
+    recording["parameters"]["ANALOG"]["LABELS"]["value"] = [f"F{i}" for i in range(6)]
+    recording["data"]["analogs"] = np.random.default_rng(2).normal(size=(1, 6, 400))
+    recording.add_parameter("FORCE_PLATFORM", "USED", [1])
+    recording.write(str(file))
+    found = read_c3d(file)
+    assert (found.counts["skipped_analog_channels"], found.counts["skipped_force_plates"]) == (6, 1)
+    for i, name in enumerate("ABC"):
+        np.testing.assert_allclose(found.markers[name], xyz[:, i], rtol=0, atol=3e-7)
+    assert not {"skipped_analog_channels", "skipped_force_plates"} & set(read_c3d(write(tmp_path / "t.c3d", xyz)).counts)

@@ -182,3 +182,41 @@ def test_lists_far_inside_one_another_are_refused_whatever_the_parser_can_follow
     file.write_text('{"camera_matrix": ' + "[" * levels + "1.0" + "]" * levels + "}")
     with pytest.raises(RecordingError, match="deeper in one another"):
         read_intrinsics(file, width=640, height=480)
+
+
+def test_a_camera_info_that_ros_printed_is_read_however_often_it_is_there(tmp_path):
+    file = tmp_path / "info.yaml"
+    numbers = ["k: [500.0, 0.0, 4.0, 0.0, 501.0, 3.0, 0.0, 0.0, 1.0]", "d: [0.1, -0.2, 0.001, 0.002, 0.05]"]
+    message = "\n".join(["header:", "  stamp: {sec: %d}", "width: 8", "height: 6", "distortion_model: plumb_bob", *numbers, "---", ""])
+    for text in (message % 1, message % 1 + message % 2, (message % 1).replace("k:", "K:").replace("d:", "D:", 1)):
+        file.write_text(text)
+        assert read_intrinsics(file, width=8, height=6) == Intrinsics(500, 501, 4, 3, 8, 6, (0.1, -0.2, 0.001, 0.002, 0.05))
+    file.write_text(message % 1 + (message % 2).replace("500.0", "499.0"))
+    assert "2 calibrations, not all of them equal" in refused(read_intrinsics, file, width=8, height=6).message
+
+
+def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp_path):
+    file = tmp_path / "camera.json"
+    camera = {"K": [[500, 0, 4], [0, 501, 3], [0, 0, 1]]}
+    file.write_text(json.dumps(camera | {"D": [0.1, 0.2, 0.3, 0.4], "distortion_model": "equidistant"}))
+    assert refused(read_intrinsics, file, width=8, height=6).evidence["key"] == "distortion_model"
+    for key in ("dist", "distortion", "coeffs", "k1"):
+        file.write_text(json.dumps(camera | {key: [0.1, 0.2, 0.3, 0.4]}))
+        assert key in refused(read_intrinsics, file, width=8, height=6).message
+    file.write_text(json.dumps(camera | {"D": [0, 0, 0, 0], "distortion_model": "equidistant"}))  # the control: nothing is distorted
+    assert read_intrinsics(file, width=8, height=6).distortion == (0, 0, 0, 0)
+
+
+def test_open3ds_camera_beside_its_pose_is_read(tmp_path):
+    file = tmp_path / "camera.json"
+    file.write_text(
+        json.dumps({"intrinsic": {"width": 8, "height": 6, "intrinsic_matrix": [500, 0, 0, 0, 501, 0, 4, 3, 1]}, "extrinsic": []})
+    )
+    assert read_intrinsics(file, width=8, height=6) == Intrinsics(500, 501, 4, 3, 8, 6)
+    assert "calibrated at 8" in refused(read_intrinsics, file, width=9, height=6).message
+
+
+def test_a_whole_number_beyond_floating_point_is_refused(tmp_path):
+    file = tmp_path / "camera.json"
+    file.write_text(json.dumps({"fx": 10**400, "fy": 1, "cx": 4, "cy": 3}))
+    assert "no floating-point numbers" in refused(read_intrinsics, file, width=8, height=6).message

@@ -207,3 +207,27 @@ def test_dropped_doubled_and_swapped_rows_are_repaired_and_counted_or_refused(tm
         return
     np.testing.assert_array_equal(found, read_joint_log(folder / "whole.csv", joints=6).values[kept])
     assert counts["doubled_rows"] == len(picks) - len(kept)
+
+
+@pytest.mark.parametrize(
+    ("header", "key"),
+    [
+        ("t (s),q1 (deg),q2 (deg)", "angle_unit"),
+        ("t,q1 [degrees],q2", "angle_unit"),
+        ("t,q1,q2\ns,deg,deg", "angle_unit"),
+        ("t,w1 [deg/s],w2", "angle_unit"),
+        ("t [ms],q1,q2", "time_unit"),
+        ("t [s],q1 [rad],q2 [rad/s]", None),
+        ("t,q[0],q[1]", None),
+    ],
+)
+def test_a_unit_in_the_header_is_never_read_as_another(tmp_path, header, key):
+    file = tmp_path / "log.csv"
+    file.write_text(f"{header}\n0.0,0.5,1.5\n0.1,0.5,1.5\n")
+    if key is None:
+        np.testing.assert_array_equal(read_joint_log(file, joints=2).values, [[0.5, 1.5]] * 2)
+        return
+    error = refusal(file)
+    assert error.evidence["key"] == f"dataset.joint_log.{key}"
+    layout = Layout(angle_unit="deg" if key == "angle_unit" else "rad", time_unit="ms" if key == "time_unit" else "s")
+    assert read_joint_log(file, joints=2, layout=layout).time[-1] == pytest.approx(0.1 if key == "angle_unit" else 1e-4)

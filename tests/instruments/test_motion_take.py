@@ -19,6 +19,12 @@ def test_a_rate_that_is_no_whole_number_is_not_rounded_to_one():
     assert rate_from_times(frame[:5], frame[:5] / 59.94) == 60  # the control: in five frames nobody can tell
 
 
+def test_a_rate_is_found_in_times_that_are_rounded_by_more_than_half_a_frame():
+    frame = np.arange(548)
+    assert rate_from_times(frame, np.round(frame / 120, 2)) == 120
+    assert rate_from_times(frame, np.round(frame / 119.5, 2)) != 120  # the control
+
+
 def test_times_that_do_not_increase_give_no_rate():
     assert rate_from_times(np.arange(3), np.zeros(3)) is None
     assert rate_from_times(np.arange(1), np.zeros(1)) is None

@@ -172,10 +172,15 @@ def test_a_raw_marker_is_preferred_to_the_solved_one_of_its_name(tmp_path):
     assert (found.counts["solved_replaced"], found.counts["solved_only"]) == (1, 1)
 
 
-def test_strays_of_one_name_and_several_ids_are_kept_apart(tmp_path):
-    body = f",Type{',Marker' * 6}\n,Name{',Stray' * 6}\n,ID,1,1,1,2,2,2\n,{',Position' * 6}\nFrame,Time (Seconds){',X,Y,Z' * 2}\n"
-    body += "0,0,1,1,1,2,2,2\n"
-    assert list(read_motive(columns_file(tmp_path, body)).markers) == ["Stray", "Stray [2]"]
+def test_a_name_of_several_ids_names_none_of_them(tmp_path):
+    body = f",Type{',Marker' * 6}{',Rigid Body Marker' * 3}\n,Name{',Stray' * 9}\n,ID,1,1,1,2,2,2,3,3,3\n"
+    body += f",{',Position' * 9}\nFrame,Time (Seconds){',X,Y,Z' * 3}\n0,0,1,1,1,2,2,2,3,3,3\n"
+    found = read_motive(columns_file(tmp_path, body))
+    assert list(found.markers) == ["Stray [1]", "Stray [2]", "Stray [3]"]
+    pose = [("Rotation", axis) for axis in "XYZW"] + [("Position", axis) for axis in "XYZ"]
+    quantities, axes = (",".join(labels) for labels in zip(*(2 * pose), strict=True))
+    body = f",Type{',Rigid Body' * 14}\n,Name{',B' * 14}\n,ID{',1' * 7}{',2' * 7}\n,,{quantities}\nFrame,Time (Seconds),{axes}\n"
+    assert list(read_motive(columns_file(tmp_path, body + "0,0,0,0,0,1,1,2,3,0,0,0,1,4,5,6\n")).bodies) == ["B [1]", "B [2]"]
 
 
 def test_bones_are_skipped_and_counted(tmp_path):

@@ -57,6 +57,25 @@ def test_headers_that_leave_a_unit_or_rate_open_are_refused(tmp_path, change, wo
     assert words in refusal(read_motive, file).message
 
 
+@pytest.mark.parametrize(("mark", "words"), [(";", "semicolons"), ("\t", "tabs")])
+def test_a_take_that_another_program_saved_with_other_separators_is_refused(tmp_path, mark, words):
+    file = columns_file(tmp_path, MARKER + "0,0,1,2,3\n")
+    file.write_text(file.read_text().replace(",", mark))
+    assert words in refusal(read_motive, file).message
+
+
+def test_a_rate_that_the_printed_times_contradict_is_refused(tmp_path):
+    def take(rate: float, jump: float):
+        rows = "".join(f"{k},{k / rate + jump * (k >= 30):.3f},1,2,3\n" for k in range(60))
+        return columns_file(tmp_path, MARKER + rows)
+
+    error = refusal(read_motive, take(120.0, 0.0))
+    assert "100 a second by the header and 120 by their times" in error.message
+    assert error.evidence["line"] == 1
+    assert read_motive(take(100.0, 109.0)).counts["time_mismatches"] == 30  # the control: a jump is no other rate
+    assert read_motive(take(100.3, 0.0)).rate == 100.0
+
+
 def test_a_file_without_a_unit_is_read_in_the_one_that_is_asked_for_and_none_is_guessed(tmp_path):
     file = columns_file(tmp_path, MARKER + "0,0,1,2,3\n")
     file.write_text(file.read_text().replace(",Length Units,Meters", ""))

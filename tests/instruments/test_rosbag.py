@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +74,20 @@ def test_a_bag_compressed_as_a_whole_is_refused_before_it_unfolds(tmp_path):
     bag = recorded(tmp_path, "zstd_file")
     with pytest.raises(RecordingError, match="decompress it first"):
         topics(bag)
+
+
+@pytest.mark.parametrize("form", ["ros1_bz2", "ros1_lz4", "mcap_zstd", "zstd"])
+def test_what_unfolds_into_more_than_the_bound_is_refused_and_no_more_memory_is_taken(tmp_path, form, monkeypatch):
+    zeros = np.zeros((1000, 8000), np.uint16)
+    bag = write_bag(tmp_path, form, {"/depth": [(1.0, image(zeros, 1.0))]})
+    assert len(list(messages(bag, "/depth"))) == 1  # the control: within the bound
+    monkeypatch.setattr("pipeline.instruments.rosbag.LARGEST", 1 << 20)
+    tracemalloc.start()
+    with pytest.raises(RecordingError, match="unfolds into more than 1 MiB") as refused:
+        list(messages(bag, "/depth"))
+    assert tracemalloc.get_traced_memory()[1] < zeros.nbytes / 2
+    tracemalloc.stop()
+    assert refused.value.evidence["file"] == bag
 
 
 def test_a_bag_that_lost_a_message_is_refused(tmp_path):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from time import perf_counter
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -36,17 +34,59 @@ def scene(chain, poses, step, size: float) -> tuple[np.ndarray, np.ndarray]:
     return size * rng.standard_normal((200, 3)), step * rng.uniform(0.1, 1.2, (200, 1))
 
 
+def by_singular_values(noise: np.ndarray, matrix: np.ndarray, ratio: float) -> np.ndarray:
+    """The least sum of two norms by another route: the secular equation in the singular values of A, by bisection."""
+    left, singular, right = np.linalg.svd(matrix)
+    c = np.matvec(np.swapaxes(left, -1, -2), noise)
+    square = singular**2
+    # μ = scale·t/(1 − t): t = 0 is the exact fit, t = 1 is y = 0
+    scale = square[:, :1]
+    low, high = np.zeros_like(scale), np.ones_like(scale)
+
+    def beyond(t: np.ndarray) -> np.ndarray:
+        weights = (c / ((1 - t) * square + t * scale)) ** 2
+        return (weights * (square - ratio**2)).sum(axis=-1, keepdims=True) >= 0
+
+    exact, zero = beyond(low), ~beyond(high)
+    for _ in range(60):
+        middle = (low + high) / 2
+        above = beyond(middle)
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    t = np.where(exact, 0.0, np.where(zero, 1.0, high))
+    return np.matvec(np.swapaxes(right, -1, -2), (1 - t) * singular * c / ((1 - t) * square + t * scale))
+
+
 def test_the_least_norm_perturbation_maps_a_to_s_and_nothing_smaller_does():
     rng = np.random.default_rng(2)
-    a, s = rng.standard_normal((2, 100, 3))
-    best = least_norm_perturbation(a, s)
-    np.testing.assert_allclose(np.matvec(best, a), s, atol=1e-12)
+    a, y = rng.standard_normal((2, 100, 3))
+    e = a / np.linalg.norm(a, axis=1)[:, None]
+    best = least_norm_perturbation(e, y)
+    along = np.vecdot(e, y)[:, None] * e
+    np.testing.assert_allclose(np.matvec(best, e), along + (y - along) / np.sqrt(2), atol=1e-12)  # W⁻¹y/r
     np.testing.assert_allclose(best, np.swapaxes(best, -1, -2))
+    np.testing.assert_allclose(np.linalg.norm(best, axis=(1, 2)), np.linalg.norm(y, axis=1))
     # any symmetric change that keeps Sa, with its range across a, is orthogonal to the optimum
     across = rng.standard_normal((100, 3))
-    across -= (np.vecdot(a, across) / np.vecdot(a, a))[:, None] * a
+    across -= np.vecdot(e, across)[:, None] * e
     change = across[:, :, None] * across[:, None, :]
     np.testing.assert_allclose((best * change).sum(axis=(-1, -2)), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [0.0, 1e-3, 0.03, 0.3, 1.0, 3.0])
+@pytest.mark.parametrize(("condition", "tolerance"), [(1.0, 1e-10), (1e4, 1e-6)])
+def test_the_root_of_the_quartic_is_that_of_the_secular_equation(ratio, condition, tolerance):
+    rng = np.random.default_rng(4)
+    noise, matrix = rng.standard_normal((2000, 3)), rng.standard_normal((2000, 3, 3))
+    matrix[:, :, 0] *= condition
+    y, reference = least_sum_of_norms(noise, matrix, ratio), by_singular_values(noise, matrix, ratio)
+    # A weighs its columns by the condition; the optimum is flat
+    distance = np.linalg.norm((y - reference) * [condition, 1.0, 1.0], axis=1)
+    assert np.all(distance <= tolerance * np.linalg.norm(reference * [condition, 1.0, 1.0], axis=1))
+
+    def objective(of: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(noise - np.matvec(matrix, of), axis=1) + ratio * np.linalg.norm(of, axis=1)
+
+    np.testing.assert_allclose(objective(y), objective(reference), rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("ratio", [0.03, 0.3, 1.0, 3.0])
@@ -73,12 +113,12 @@ def test_the_closed_form_solves_the_problem_as_printed(chain, poses, step, ratio
     noise, v = scene(chain, poses, step, size)
     a, back = factors(chain, poses, v, "lu")
     fit = fit_perturbations(noise, a, back, weights(ratio), FLOOR)
-    assert np.linalg.eigvalsh(np.eye(3) + fit.s).min() > FLOOR - 1e-6
+    assert np.linalg.eigvalsh(np.eye(3) + fit.s).min() > FLOOR - 1e-12
     chosen = np.concatenate([np.flatnonzero(fit.bound)[:10], np.flatnonzero(~fit.bound)[:10]])
     for i in chosen:
         j1, j2 = lu(chain.jacobian(poses[i]), permute_l=True)
         b_inv, objective = solve_perturbation(noise[i], v[i], j1, j2, weights(ratio), FLOOR)
-        assert fit.objective[i] == pytest.approx(objective, rel=2e-6, abs=1e-10)
+        assert fit.objective[i] == pytest.approx(objective, rel=5e-7, abs=1e-10)
         np.testing.assert_allclose(np.eye(3) + fit.s[i], b_inv, atol=5e-3 * max(1.0, np.abs(b_inv).max()))
 
 
@@ -88,7 +128,7 @@ def test_many_of_those_problems_are_held_back_by_the_bound(chain, poses, step):
     a, back = factors(chain, poses, v, "lu")
     fit, looser = (fit_perturbations(noise, a, back, weights(1e-3), floor) for floor in (0.1, 0.001))
     assert fit.bound.sum() > 20
-    assert np.all(looser.objective <= fit.objective * (1 + 1e-6))
+    assert np.all(looser.objective <= fit.objective * (1 + 1e-9))
     assert np.any(looser.objective[fit.bound] < fit.objective[fit.bound] * (1 - 1e-3))
     np.testing.assert_array_equal(looser.s[~fit.bound], fit.s[~fit.bound])
 
@@ -108,7 +148,7 @@ def test_no_feasible_perturbation_nearby_is_better(seed, ratio, floor, size):
         rival = np.einsum("...ij,...j,...kj->...ik", vectors, np.maximum(values, floor), vectors) - np.eye(3)
         residual = np.linalg.norm(noise - np.matvec(back, np.matvec(rival, a)), axis=-1)
         objective = alpha1 * residual + alpha2 * np.linalg.norm(rival, axis=(-1, -2))
-        assert np.all(objective >= fit.objective * (1 - 1e-6))
+        assert np.all(objective >= fit.objective * (1 - 1e-9))
 
 
 def test_equal_weights_return_the_identity_for_every_step(chain, poses, step):
@@ -189,14 +229,3 @@ def test_noise_that_is_not_finite_is_refused_with_its_place():
 def test_weights_and_floor_outside_their_range_are_refused(pair, floor):
     with pytest.raises(ModelDomainError, match="alpha1"):
         fit_perturbations(np.zeros((1, 3)), np.ones((1, 3)), np.eye(3)[None], pair, floor)
-
-
-@pytest.mark.slow
-def test_a_training_set_takes_about_a_second(chain, step):
-    rng = np.random.default_rng(6)
-    q = np.stack([rng.uniform(-2, 2, 32_000), np.deg2rad(rng.uniform(65, 135, 32_000)), rng.uniform(-2, 2, 32_000)], axis=-1)
-    a, back = factors(chain, q, step * rng.uniform(0, 1.2, (32_000, 1)), "lu")
-    noise = 0.006 * rng.standard_normal((32_000, 3))
-    start = perf_counter()
-    fit_perturbations(noise, a, back, weights(1e-3), FLOOR)
-    assert perf_counter() - start < 5

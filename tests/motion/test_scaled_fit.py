@@ -9,7 +9,7 @@ from pipeline.errors import ModelDomainError
 from pipeline.motion.additive_fit import fit_additive
 from pipeline.motion.covariance import gaussian_log_density
 from pipeline.motion.scaled import scaled_covariance
-from pipeline.motion.scaled_fit import fit_scaled
+from pipeline.motion.scaled_fit import fit_scaled, negative_log_likelihood
 
 TAKES, STEPS, REST = 40, 200, 20
 FLOOR = 1e-6 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
@@ -176,3 +176,21 @@ def test_a_joint_that_never_moves_and_an_unknown_structure_and_no_covariance_are
         fit_scaled(noise, dq, -MEASUREMENT, "full")
     with pytest.raises(ModelDomainError, match="not finite"):
         fit_scaled(noise * np.where(np.arange(3) == 1, np.nan, 1.0), dq, MEASUREMENT, "full")
+
+
+def test_the_compiled_likelihood_and_its_slopes_are_those_of_plain_numpy():
+    rng = np.random.default_rng(82)
+    w, x = rng.normal(0, [1, 2, 3], (700, 3)), rng.normal(0, [2, 1, 0.5], (700, 3))
+    units = np.sqrt(np.diag(FLOOR))
+    floor, gain = (FLOOR + MEASUREMENT) / np.outer(units, units), GAIN
+    covariance = floor + gain * x[:, :, None] * x[:, None, :]
+    precision = np.linalg.inv(covariance)
+    white = np.matvec(precision, w)
+    slope = 0.5 * (precision - white[:, :, None] * white[:, None, :])
+    value, by_floor, by_gain = negative_log_likelihood(w, x, floor, gain)
+    assert value == pytest.approx(0.5 * np.mean(np.linalg.slogdet(covariance)[1] + np.vecdot(w, white)), rel=1e-12)
+    np.testing.assert_allclose(by_floor, slope.mean(axis=0), rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(by_gain, (slope * x[:, :, None] * x[:, None, :]).mean(axis=0), rtol=1e-10, atol=1e-12)
+    # control: without a floor a step at rest has no density
+    x[5] = 0
+    assert negative_log_likelihood(w, x, NONE, gain)[0] == np.inf

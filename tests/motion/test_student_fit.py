@@ -141,3 +141,13 @@ def test_noise_without_a_density_and_measurement_noise_that_is_no_covariance_are
             fit_student(noise * factors, NONE)
     with pytest.raises(ModelDomainError, match="positive semidefinite"):
         fit_student(noise, -MEASUREMENT)
+
+
+def test_a_search_from_the_fit_of_like_noise_ends_where_one_from_afar_does():
+    noise = drawn(3.0, MEASUREMENT)
+    whole, half = fit_student(noise, MEASUREMENT), noise.reshape(-1, 3)[::2]
+    found, again = fit_student(half, MEASUREMENT, near=whole), fit_student(half, MEASUREMENT)
+    assert found.nu == pytest.approx(again.nu, rel=1e-5)
+    np.testing.assert_allclose(found.scale, again.scale, rtol=1e-5, atol=1e-5 * np.abs(again.scale).max())
+    # control: half of the noise has another fit than all of it
+    assert whole.nu != pytest.approx(again.nu, rel=1e-3)

@@ -23,7 +23,7 @@ DRAWS = 100_000
 def excess(draws: np.ndarray, low: np.ndarray, high: np.ndarray, log_density, rng) -> float:
     """By how many standard errors more of ``draws`` lie in a box than the density's integral over it says."""
     hits = np.mean(np.all((draws > low) & (draws < high), axis=1))
-    inside = np.exp(log_density(rng.uniform(low, high, (5_000, 3)))) * np.prod(high - low)
+    inside = np.exp(log_density(rng.uniform(low, high, (40_000, 3)))) * np.prod(high - low)
     return (hits - inside.mean()) / np.hypot(np.sqrt(hits * (1 - hits) / len(draws)), inside.std() / np.sqrt(len(inside)))
 
 
@@ -116,6 +116,32 @@ def test_the_quadrature_converges(chain, poses, step, sigma_b, error):
         assert np.quantile(np.abs(blurred_log_density(blurred, a, noise, d) - fine), 0.99) < error
         # control: too few nodes
         assert np.abs(blurred_log_density(blurred, a, noise, d, nodes=5) - fine).max() > 10 * error
+
+
+@pytest.mark.parametrize("scale", [10.0, 1e3])
+def test_the_quadrature_is_the_mean_of_normals_over_the_law_of_z_and_g(chain, poses, step, scale):
+    """By the definition: x | z, g ~ N(za, C + (rz)²/g·(I − eeᵀ)), over the quantiles of both, in plain NumPy and SciPy."""
+    d, n = 64.0, 3
+    a, back = factors(chain, poses[:8], step, "lu")
+    forward = np.linalg.inv(back)
+    noise = forward @ (scale * MEASUREMENT) @ np.swapaxes(forward, -1, -2)
+    x = 1.05 * a + np.matvec(np.linalg.cholesky(noise), np.random.default_rng(11).standard_normal(a.shape))
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    z = stats.invgamma((d - n + 1) / 2, scale=d / 2).ppf((nodes + 1) / 2)[:, None, None]
+    g = stats.chi2(d - n + 2).ppf((nodes + 1) / 2)[:, None]
+
+    def density(x: np.ndarray, a: np.ndarray, noise: np.ndarray) -> float:
+        across = np.eye(n) * (a @ a) - np.outer(a, a)
+        covariance = noise + (z**2 / g[None])[..., None] * across
+        residual = x - z * a
+        squared = np.einsum("zi,zgij,zj->zg", residual[:, 0], np.linalg.inv(covariance), residual[:, 0])
+        normal = np.exp(-0.5 * squared) / np.sqrt((2 * np.pi) ** n * np.linalg.det(covariance))
+        return float(weights @ normal @ weights / 4)
+
+    exact = np.log([density(*of_step) for of_step in zip(x, a, noise, strict=True)])
+    np.testing.assert_allclose(blurred_log_density(x, a, noise, d), exact, atol=1e-4)
+    # control: one degree of freedom more
+    assert np.abs(blurred_log_density(x, a, noise, d + 1) - exact).max() > 1e-3
 
 
 @pytest.mark.parametrize("share", [-1e-3, 1e-3])

@@ -6,11 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from articulation_in_numpy import plain_objective, plain_rank
 from scipy.optimize import minimize
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.errors import RecordingError
-from pipeline.perception.articulation import INFEASIBLE, Articulation, ArticulationOptions, fit_sequence, rank_value
+from pipeline.perception.articulation import Articulation, ArticulationOptions, fit_sequence
+from pipeline.perception.articulation_search import INFEASIBLE, rank_value
 
 LENGTHS = np.array([0.155, 0.135, 0.17])
 CHAIN = PlanarChain(
@@ -46,19 +48,8 @@ def limits(share: float = OPTIONS.length_range) -> np.ndarray:
     return LENGTHS[:, None] * np.array([1 - share, 1 + share])
 
 
-def plain_objective(points: np.ndarray, nodes: np.ndarray, gamma1: float, gamma2: float) -> float:
-    """Eq. (KinObj) written out with arrays, every distance as the distance to the closest point of the segment."""
-    distance, side = [], []
-    for a, b in pairwise(nodes):
-        share = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
-        distance.append(np.linalg.norm(points - a - share[:, None] * (b - a), axis=1))
-        side.append((points - a) @ np.array([(b - a)[1], -(b - a)[0]]))
-    nearest = np.min(distance, axis=0)
-    asymmetry = 0.0
-    for d, s in zip(distance, side, strict=True):
-        own = d <= nearest + 1e-12
-        asymmetry += abs(d[own & (s > 0)].max(initial=0.0) - d[own & (s <= 0)].max(initial=0.0))
-    return gamma1 * nearest.mean() + gamma2 * asymmetry
+def ranked(points: np.ndarray, nodes: np.ndarray, share: float, gamma1: float, gamma2: float) -> float:
+    return rank_value(np.ascontiguousarray(points.T), nodes[0], nodes[3], nodes[1:3].ravel(), limits(share), gamma1, gamma2)
 
 
 def fit(clouds: list[np.ndarray], q: np.ndarray, options: ArticulationOptions = OPTIONS, **evidence: str) -> Articulation:
@@ -77,25 +68,25 @@ def test_the_objective_is_the_printed_one(sequence) -> None:
     rng = np.random.default_rng(1)
     for frame in range(0, 97, 8):
         nodes = CHAIN.points(q[frame]) + np.concatenate([np.zeros((1, 2)), rng.normal(scale=0.01, size=(2, 2)), np.zeros((1, 2))])
-        value = rank_value(clouds[frame], nodes[0], nodes[3], nodes[1:3].ravel(), limits(0.9), 0.7, 0.4)
+        value = ranked(clouds[frame], nodes, 0.9, 0.7, 0.4)
         assert value == pytest.approx(plain_objective(clouds[frame], nodes, 0.7, 0.4), rel=1e-12)
 
 
 def test_a_point_outside_a_joint_belongs_to_both_of_its_segments() -> None:
     nodes = np.array([[0.0, 0.0], [0.0, 0.155], [0.135, 0.155], [0.135, 0.325]])
     point = nodes[1] + 0.02 * np.array([-0.6, 0.8])
-    value = rank_value(point[None], nodes[0], nodes[3], nodes[1:3].ravel(), limits(), 1.0, 0.25)
+    value = ranked(point[None], nodes, 0.05, 1.0, 0.25)
     assert value == pytest.approx(0.02 + 0.25 * (0.02 + 0.02), rel=1e-12)
 
 
 def test_the_objective_does_not_change_with_the_frame_or_a_mirror(sequence) -> None:
     q, clouds = sequence
     nodes = CHAIN.points(q[30] + 0.05)
-    value = rank_value(clouds[30], nodes[0], nodes[3], nodes[1:3].ravel(), limits(), 1.0, 0.3)
+    value = ranked(clouds[30], nodes, 0.05, 1.0, 0.3)
     turn = np.array([[np.cos(0.7), np.sin(0.7)], [-np.sin(0.7), np.cos(0.7)]])
     for change in (turn, np.diag([-1.0, 1.0])):
         points, moved = clouds[30] @ change + [0.3, -0.2], nodes @ change + [0.3, -0.2]
-        assert rank_value(points, moved[0], moved[3], moved[1:3].ravel(), limits(), 1.0, 0.3) == pytest.approx(value, rel=1e-10)
+        assert ranked(points, moved, 0.05, 1.0, 0.3) == pytest.approx(value, rel=1e-10)
 
 
 def test_poses_outside_the_lengths_rank_behind_by_their_violation(sequence) -> None:
@@ -107,7 +98,7 @@ def test_poses_outside_the_lengths_rank_behind_by_their_violation(sequence) -> N
         max(low - length, 0) + max(length - high, 0)
         for length, (low, high) in zip(np.linalg.norm(np.diff(longer, axis=0), axis=1), limits(), strict=True)
     )
-    value = rank_value(clouds[0], longer[0], longer[3], longer[1:3].ravel(), limits(), 1.0, 0.3)
+    value = ranked(clouds[0], longer, 0.05, 1.0, 0.3)
     assert value == pytest.approx(INFEASIBLE + violation, rel=1e-12)
     assert violation > 0.02
 
@@ -129,16 +120,11 @@ def test_the_simplex_finds_what_scipys_finds_or_better(sequence) -> None:
         start = CHAIN.points(q[frame] + [0.05, -0.05, 0.05])[1:3].ravel()
         one = fit_sequence([clouds[frame]], ends[0], ends[1:], CHAIN, OPTIONS, q[frame] + [0.05, -0.05, 0.05])
 
-        def objective(v: np.ndarray, frame: int = frame, ends: np.ndarray = ends) -> float:
-            nodes = np.vstack([ends[0], v.reshape(2, 2), ends[1]])
-            length = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
-            excess = np.maximum(limits()[:, 0] - length, 0) + np.maximum(length - limits()[:, 1], 0)
-            if excess.sum() > 0:
-                return INFEASIBLE + excess.sum()
-            return plain_objective(clouds[frame], nodes, OPTIONS.gamma1, OPTIONS.gamma2)
-
+        told = (clouds[frame], ends[0], ends[1], limits(), OPTIONS.gamma1, OPTIONS.gamma2)
         corners = start + 0.02 * np.vstack([np.zeros(4), np.eye(4)])
-        solution = minimize(objective, start, method="Nelder-Mead", options={"initial_simplex": corners, "xatol": 1e-5, "fatol": 1e-7})
+        solution = minimize(
+            plain_rank, start, told, method="Nelder-Mead", options={"initial_simplex": corners, "xatol": 1e-5, "fatol": 1e-7}
+        )
         found.append(one.objective[0])
         reference.append(solution.fun)
         assert one.objective[0] == pytest.approx(plain_objective(clouds[frame], one.nodes[0], OPTIONS.gamma1, OPTIONS.gamma2), rel=1e-10)

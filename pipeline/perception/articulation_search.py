@@ -1,0 +1,179 @@
+"""The articulation of the arm in one point cloud: the paper's Eq. (KinObj), minimised by a Nelder–Mead simplex; all of it compiled.
+
+The objective has kinks and jumps (a point that changes its segment changes a maximum), so a search that only compares values is used.
+That also gives the bounds on the lengths of the segments their exact and simplest form: any pose within the bounds ranks before any pose
+outside, and of two outside the one that violates them less (feasibility rules, Deb 2000); no weight has to be chosen and no bound is
+overstepped.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.compiled import compiled
+
+INFEASIBLE = 1e3  # m; above every value of the objective that points within reach of an arm can give
+TOLERANCE = 1e-5  # m; extent of the simplex at which a search has ended: 1e-4 rad on a link, a hundredth of the errors of the sensor
+STEP = 0.02  # m; first extent of the simplex: how far a node moves between frames at 30 Hz
+MAX_STEPS = 2000
+
+
+@compiled()
+def rank_value(
+    points: np.ndarray, o1: np.ndarray, ee: np.ndarray, v: np.ndarray, bounds: np.ndarray, gamma1: float, gamma2: float
+) -> float:
+    """Eq. (KinObj), m, of ``points`` (2, I) at ``v`` = (O2, O3); outside the ``bounds`` (3, 2) on the lengths INFEASIBLE and the excess, m.
+
+    A point belongs to the segment nearest to it, one nearest to a common node to both. d_a and d_u are the greatest distances of
+    a segment's points on either side of its line, 0 where there are none.
+    """
+    nodes = ((o1[0], o1[1]), (v[0], v[1]), (v[2], v[3]), (ee[0], ee[1]))
+    violation = 0.0
+    for j in range(3):
+        length = np.sqrt((nodes[j + 1][0] - nodes[j][0]) ** 2 + (nodes[j + 1][1] - nodes[j][1]) ** 2)
+        violation += max(bounds[j, 0] - length, 0.0) + max(length - bounds[j, 1], 0.0)
+    if not violation == 0.0:
+        return INFEASIBLE + violation
+    distance, own = np.empty(points.shape[1]), np.empty((3, points.shape[1]))
+    _assign(points[0], points[1], nodes, distance, own[0], own[1], own[2])
+    asymmetry = 0.0
+    for j in range(3):
+        above, under = _greatest(own[j])
+        asymmetry += abs(np.sqrt(above) - np.sqrt(under))
+    return gamma1 * _sum(distance) / distance.size + gamma2 * asymmetry
+
+
+@compiled()
+def _assign(
+    x: np.ndarray, z: np.ndarray, nodes: tuple, distance: np.ndarray, first: np.ndarray, second: np.ndarray, third: np.ndarray
+) -> None:
+    """Distance of every point to its segment, and by segment its square: positive above the line, negative below, 0 for others' points.
+
+    No branch and no sum within the loop, and every row an array of its own: so the compiler takes several points at once.
+    """
+    for i in range(x.size):
+        of_first, side_first = _to_segment(x[i], z[i], nodes[0], nodes[1])
+        of_second, side_second = _to_segment(x[i], z[i], nodes[1], nodes[2])
+        of_third, side_third = _to_segment(x[i], z[i], nodes[2], nodes[3])
+        nearest = of_first if of_first < of_second else of_second
+        nearest = nearest if nearest < of_third else of_third
+        distance[i] = np.sqrt(nearest)
+        first[i] = _signed(nearest if of_first == nearest else 0.0, side_first)
+        second[i] = _signed(nearest if of_second == nearest else 0.0, side_second)
+        third[i] = _signed(nearest if of_third == nearest else 0.0, side_third)
+
+
+@compiled()
+def _to_segment(x: float, z: float, start: tuple[float, float], end: tuple[float, float]) -> tuple[float, float]:
+    """Squared distance to the segment, and the side of its line.
+
+    That to the node itself beyond an end, so that both of the node's segments find the very same number.
+    """
+    ux, uz = end[0] - start[0], end[1] - start[1]
+    wx, wz = x - start[0], z - start[1]
+    squared, along, side = ux * ux + uz * uz, wx * ux + wz * uz, wx * uz - wz * ux
+    from_start, from_end = wx * wx + wz * wz, (x - end[0]) * (x - end[0]) + (z - end[1]) * (z - end[1])
+    return from_start if along <= 0.0 else (from_end if along >= squared else side * side * (1.0 / squared)), side
+
+
+@compiled()
+def _signed(square: float, side: float) -> float:
+    return square if side > 0.0 else -square
+
+
+@compiled()
+def _greatest(signed: np.ndarray) -> tuple[float, float]:
+    """The greatest of the positive numbers and the size of the least of the negative ones, 0 where there are none.
+
+    Read as integers, with a sign the positive doubles and without one the negative ones are greatest, and by size. Unlike a maximum of
+    doubles, which has to look out for NaN, that of integers is taken of several at once.
+    """
+    positive, negative = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.uint64)
+    bits, unsigned = signed.view(np.int64), signed.view(np.uint64)
+    above, under = positive[0], negative[0]
+    for i in range(signed.size):
+        above, under = max(above, bits[i]), max(under, unsigned[i])
+    positive[0], negative[0] = above, under
+    return positive.view(np.float64)[0], max(-negative.view(np.float64)[0], 0.0)
+
+
+@compiled()
+def _sum(values: np.ndarray) -> float:
+    """In four parts: none waits for the one before."""
+    part = (0.0, 0.0, 0.0, 0.0)
+    whole = values.size - values.size % 4
+    for i in range(0, whole, 4):
+        part = part[0] + values[i], part[1] + values[i + 1], part[2] + values[i + 2], part[3] + values[i + 3]
+    for i in range(whole, values.size):
+        part = part[0] + values[i], part[1], part[2], part[3]
+    return (part[0] + part[1]) + (part[2] + part[3])
+
+
+@compiled()
+def fit_frame(
+    points: np.ndarray, o1: np.ndarray, ee: np.ndarray, start: np.ndarray, bounds: np.ndarray, gamma1: float, gamma2: float
+) -> tuple[np.ndarray, float, bool]:
+    """(O2, O3), value, ended: Nelder–Mead from ``start`` (4,), and once more from where it ends with the simplex turned the other way.
+
+    More restarts lower the objective by about 0.1 mm and the error of the angles not at all.
+    """
+    once, _, _ = _simplex(points, o1, ee, start, STEP, bounds, gamma1, gamma2)
+    return _simplex(points, o1, ee, once, -STEP, bounds, gamma1, gamma2)
+
+
+@compiled()
+def _simplex(
+    points: np.ndarray, o1: np.ndarray, ee: np.ndarray, start: np.ndarray, step: float, bounds: np.ndarray, gamma1: float, gamma2: float
+) -> tuple[np.ndarray, float, bool]:
+    """One run of Nelder and Mead (1965), coefficients 1, 2, ½, ½, until the simplex is smaller than TOLERANCE in every variable.
+
+    The values do not decide when to end: across a jump of the objective they never meet.
+    """
+    n = start.size
+    corners, values = np.empty((n + 1, n)), np.empty(n + 1)
+    for i in range(n + 1):
+        corners[i] = start
+        if i > 0:
+            corners[i, i - 1] += step
+    unknown = 0  # the first corner without a value
+    for _ in range(MAX_STEPS):
+        for i in range(unknown, n + 1):
+            values[i] = rank_value(points, o1, ee, corners[i], bounds, gamma1, gamma2)
+        unknown = n + 1
+        _order(corners, values)
+        if np.abs(corners[1:] - corners[0]).max() <= TOLERANCE:
+            return corners[0].copy(), values[0], True
+        middle = corners[0].copy()
+        for i in range(1, n):
+            middle += corners[i]
+        middle /= n
+        reflected = 2.0 * middle - corners[n]
+        at_reflected = rank_value(points, o1, ee, reflected, bounds, gamma1, gamma2)
+        best, outside = at_reflected < values[0], at_reflected < values[n]
+        if not best and at_reflected < values[n - 1]:
+            corners[n], values[n] = reflected, at_reflected
+            continue
+        # expanded beyond the best, or contracted from what is hardly better than the worst
+        tried = 3.0 * middle - 2.0 * corners[n] if best else 0.5 * (middle + (reflected if outside else corners[n]))
+        at_tried = rank_value(points, o1, ee, tried, bounds, gamma1, gamma2)
+        if at_tried < min(at_reflected, values[n]):
+            corners[n], values[n] = tried, at_tried
+        elif best:
+            corners[n], values[n] = reflected, at_reflected
+        else:
+            for i in range(1, n + 1):
+                corners[i] = 0.5 * (corners[0] + corners[i])
+            unknown = 1
+    return corners[0].copy(), values[0], False
+
+
+@compiled()
+def _order(corners: np.ndarray, values: np.ndarray) -> None:
+    """Insertion sort in place: of a simplex mostly one corner changes, and equal ones stay in their order."""
+    for i in range(1, values.size):
+        place = i
+        while place > 0 and values[place - 1] > values[place]:
+            values[place - 1], values[place] = values[place], values[place - 1]
+            for j in range(corners.shape[1]):
+                corners[place - 1, j], corners[place, j] = corners[place, j], corners[place - 1, j]
+            place -= 1

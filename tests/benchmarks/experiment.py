@@ -1,0 +1,38 @@
+"""Processor time and memory of the whole experiment as `dvc repro` runs it, against the work itself (work.py), as
+reports/benchmarks/experiment.json: ``python tests/benchmarks/experiment.py FOLDER SCALE``, in a copy of the project.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from pathlib import Path
+
+from machine import machine
+from stages import by_dvc, in_one_process
+
+sys.path.append(str(Path(__file__).parents[1]))
+from smoke import ROOT, copy_project, set_parameters
+
+RATIO_LIMIT = 1.5
+MEMORY_LIMIT = 1.5e9  # bytes
+
+
+def main(folder: Path, scale: str) -> None:
+    """The work first, which leaves everything compiled, then the stages; both on ``scale``."""
+    shutil.rmtree(folder, ignore_errors=True)
+    copy_project(folder)
+    parameters = (folder / "params.yaml").read_text()
+    _, run = in_one_process(folder, "smoke", scale)
+    # where the user's parameters let trials run, the scale apart
+    (folder / "params.yaml").write_text(parameters)
+    set_parameters(folder, scale=scale)
+    costs = by_dvc(folder)
+    measured = {"machine": machine(), "scale": scale, "ratio_limit": RATIO_LIMIT, "memory_limit": MEMORY_LIMIT}
+    measured |= {"elapsed": sum(cost["elapsed"] for cost in costs), "work": run["work"], "stages": costs}
+    (ROOT / "reports/benchmarks/experiment.json").write_text(json.dumps(measured, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]).resolve(), sys.argv[2])

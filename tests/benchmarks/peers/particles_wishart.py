@@ -1,0 +1,36 @@
+"""The bootstrap filter of `particles` on the take."""
+
+from __future__ import annotations
+
+import numpy as np
+import particles
+from particles.collectors import Moments
+from wishart_take import WishartTake
+
+
+class Motion(particles.FeynmanKac):
+    """Moved by the model, weighted by the frames."""
+
+    def __init__(self, take: WishartTake) -> None:
+        super().__init__(T=len(take.steps) + 1)
+        self.take = take
+
+    def M0(self, N):
+        return self.take.start(N)
+
+    def M(self, t, xp):
+        return self.take.step(t, xp)
+
+    def logG(self, t, xp, x):
+        return self.take.log_likelihood(t, x) if t in self.take.y else np.zeros(len(x))
+
+
+def setup(count, **told):
+    motion = Motion(WishartTake(**told))
+
+    def call() -> list:
+        filtered = particles.SMC(motion, N=count, resampling="systematic", ESSrmin=0.5, collect=[Moments()])
+        filtered.run()
+        return [moments["mean"].tolist() for moments in filtered.summaries.moments]
+
+    return call

@@ -1,0 +1,80 @@
+"""The particle predictor and updater of `stonesoup` on the take."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+
+import numpy as np
+from stonesoup.base import Property
+from stonesoup.models.measurement.base import MeasurementModel
+from stonesoup.models.transition.base import TransitionModel
+from stonesoup.predictor.particle import ParticlePredictor
+from stonesoup.resampler.particle import ESSResampler
+from stonesoup.types.detection import Detection
+from stonesoup.types.hypothesis import SingleHypothesis
+from stonesoup.types.state import ParticleState, StateVectors
+from stonesoup.updater.particle import ParticleUpdater
+from wishart_take import WishartTake
+
+START, STEP = datetime(2017, 1, 1), timedelta(milliseconds=10)
+
+
+def step_at(time: datetime) -> int:
+    return round((time - START) / STEP)
+
+
+class Motion(TransitionModel):
+    """Moved by the model: a state vector is (3, P)."""
+
+    take: WishartTake = Property()
+    ndim_state = 3
+
+    def function(self, state, noise=False, time_interval=None, **kwargs):
+        q = self.take.step(step_at(state.timestamp + time_interval), np.asarray(state.state_vector, dtype=float).T)
+        return StateVectors(q.T)
+
+    def rvs(self, *args, **kwargs):
+        raise NotImplementedError
+
+    def pdf(self, *args, **kwargs):
+        raise NotImplementedError
+
+
+class Camera(MeasurementModel):
+    """Weighted by the frames."""
+
+    take: WishartTake = Property()
+    ndim_meas = 3
+
+    def function(self, state, noise=False, **kwargs):
+        return state.state_vector
+
+    def logpdf(self, state1, state2, **kwargs):
+        return self.take.log_likelihood(step_at(state1.timestamp), np.asarray(state2.state_vector, dtype=float).T)
+
+    def rvs(self, *args, **kwargs):
+        raise NotImplementedError
+
+    def pdf(self, *args, **kwargs):
+        raise NotImplementedError
+
+
+def setup(count, **told):
+    take = WishartTake(**told)
+    predictor = ParticlePredictor(Motion(take))
+    # the estimate is formed before resampling, as everywhere else
+    updater, resampler = ParticleUpdater(Camera(ndim_state=3, mapping=(0, 1, 2), take=take)), ESSResampler()
+
+    def call() -> list:
+        state = ParticleState(StateVectors(take.start(count).T), weight=np.full(count, 1 / count), timestamp=START)
+        means = [np.ravel(state.mean).tolist()]
+        for k in range(1, len(take.steps) + 1):
+            state = predictor.predict(state, timestamp=START + k * STEP)
+            if k in take.y:
+                state = updater.update(SingleHypothesis(state, Detection(take.y[k][:, None], timestamp=START + k * STEP)))
+            means.append(np.ravel(state.mean).astype(float).tolist())
+            state.covar  # noqa: B018 - computed when asked for
+            state = resampler.resample(state)
+        return means
+
+    return call

@@ -1,0 +1,37 @@
+"""The stages of a copy of the project: run by DVC, each a process of its own, or one after another in a single process."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+
+
+def by_dvc(project: Path) -> list[dict]:
+    """Run ``dvc repro`` and return what each stage cost: stage, cpu (s), memory (bytes, of the largest process), elapsed (s).
+
+    Raises CalledProcessError where it fails.
+    """
+    file = project / "costs.jsonl"
+    file.unlink(missing_ok=True)
+    environment = os.environ | {"PYTHONPATH": str(HERE / "probe"), "COST_OF_STAGES": str(file)}
+    subprocess.run(["dvc", "repro", "--force"], cwd=project, env=environment, check=True)
+    return [json.loads(line) for line in file.read_text().splitlines()]
+
+
+def in_one_process(project: Path, *scales: str) -> list[dict]:
+    """Run all stages in a new process, once on each of ``scales``; of each time work (s by room) and compiling (s by stage), as in work.py.
+
+    Raises CalledProcessError where it fails.
+    """
+    planned = subprocess.run(["dvc", "repro", "--force", "--dry"], cwd=project, check=True, capture_output=True, text=True)
+    plan = {"scales": scales, "stages": [command.split() for command in re.findall(r"^> python -m pipeline (.+)$", planned.stdout, re.M)]}
+    # stages print, so the answer has a file of its own
+    answer = project / "work.json"
+    subprocess.run([sys.executable, HERE / "work.py", answer], cwd=project, input=json.dumps(plan), check=True, text=True)
+    return json.loads(answer.read_text())

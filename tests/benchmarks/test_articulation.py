@@ -1,0 +1,73 @@
+"""The articulation of depth frames, against SciPy's Nelder–Mead on the objective written with NumPy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from articulation_in_numpy import plain_rank
+from depth_scenario import TAKE, record
+from scenario import arm, youbot
+from scipy.optimize import minimize
+
+from pipeline.perception.articulation import ArticulationOptions, fit_sequence
+from pipeline.perception.articulation_search import STEP, TOLERANCE
+from pipeline.perception.depth_sequence import DepthSequence
+
+pytestmark = pytest.mark.benchmark(group="Articulation of depth frames, 1500 points each")
+LIMIT = 2e-3  # s a frame
+FEW = 8  # frames that SciPy fits, and over all but the first of which the objectives are compared: that one has several starts
+
+
+@dataclass(frozen=True)
+class Frames:
+    """The arm's points, frame by frame, and where its end-effector should be."""
+
+    clouds: list[np.ndarray]
+    poses: np.ndarray
+    options: ArticulationOptions
+
+    @property
+    def ee(self) -> np.ndarray:
+        return youbot().points(self.poses)[:, 3]
+
+
+@pytest.fixture
+def problem(size, tmp_path) -> Frames:
+    """Frames of the synthetic camera."""
+    recording = record(tmp_path, size(40, 3))
+    sequence = DepthSequence(recording.folder / "kinect" / TAKE, recording.depth, arm(), recording.folder)
+    clouds = [points for points, _ in sequence.points(range(len(recording.poses)))]
+    return Frames(clouds, recording.poses, recording.options)
+
+
+def by_scipy(problem: Frames) -> list[float]:
+    """Least values of the objective: each frame from the fit before, and once more with the simplex turned, as ours."""
+    chain, options = youbot(), problem.options
+    bounds = chain.lengths[:, None] * np.array([1 - options.length_range, 1 + options.length_range])
+    v, least = chain.points(problem.poses[0])[1:3].ravel(), []
+    for cloud, ee in zip(problem.clouds[:FEW], problem.ee[:FEW], strict=True):
+        for step in (STEP, -STEP):
+            corners = v + step * np.vstack([np.zeros(4), np.eye(4)])
+            found = minimize(
+                plain_rank, v, (cloud, chain.origin, ee, bounds, options.gamma1, options.gamma2), method="Nelder-Mead",
+                options={"initial_simplex": corners, "xatol": TOLERANCE, "fatol": np.inf},
+            )  # fmt: skip
+            v = found.x
+        least.append(found.fun)
+    return least
+
+
+def test_ours(benchmark, problem):
+    benchmark.extra_info |= {"role": "ours", "items": len(problem.clouds), "limit": LIMIT}
+    told = (problem.clouds, youbot().origin, problem.ee, youbot(), problem.options, problem.poses[0])
+    found = benchmark.pedantic(fit_sequence, told, rounds=9, warmup_rounds=1)
+    benchmark.extra_info |= {"points": float(found.points.mean()), "objective": float(found.objective[1:FEW].mean())}
+    assert found.points.min() > 1000
+
+
+def test_scipy(benchmark, problem):
+    benchmark.extra_info |= {"role": "peer", "items": min(FEW, len(problem.clouds)), "target": 20}
+    least = benchmark.pedantic(by_scipy, (problem,), rounds=5)
+    benchmark.extra_info["objective"] = float(np.mean(least[1:]))

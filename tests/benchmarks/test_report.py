@@ -1,0 +1,64 @@
+"""The report says of each contest who is how much faster an item, and shows what is missed as missed."""
+
+from __future__ import annotations
+
+import pytest
+from report import duration, lines
+
+
+def measured(name: str, seconds: float, items: int = 1, param: str | None = None, **extra: object) -> dict:
+    return {"group": "A contest", "name": name, "param": param, "extra_info": {"items": items} | extra, "stats": {"median": seconds}}
+
+
+OURS = measured("test_ours", 2.0, items=1000, role="ours")
+
+
+def only_line(*others: dict, ours: dict = OURS) -> list[str]:
+    (line,) = lines([*others, ours])
+    return line.cells()
+
+
+@pytest.mark.parametrize(("target", "verdict"), [(7, "met"), (7.6, "**missed**"), (None, "–")])
+def test_a_peer_is_compared_by_its_time_an_item(target, verdict):
+    extra = {} if target is None else {"target": target}
+    cells = only_line(measured("test_some_library", 1.5, items=100, role="peer", **extra))
+    assert cells[:3] == ["A contest", "some library", "7.5 times as fast (2 ms against 15 ms)"]
+    assert cells[4] == verdict
+
+
+@pytest.mark.parametrize(("target", "verdict"), [(1.6, "met"), (1.4, "**missed**")])
+def test_a_floor_is_what_ours_is_measured_in(target, verdict):
+    cells = only_line(measured("test_floor", 1.333, items=1000, role="floor", target=target))
+    assert cells[2:5] == ["1.50 times as long (2 ms against 1.33 ms)", f"≤ {target}", verdict]
+
+
+@pytest.mark.parametrize(("error", "verdict"), [(1.0, "met"), (1.005, "met"), (1.1, "**missed**")])
+def test_speed_at_the_cost_of_quality_meets_nothing(error, verdict):
+    ours = measured("test_ours", 1.0, role="ours", error=error)
+    cells = only_line(measured("test_peer", 9.0, param="a library", role="peer", target=2, error=1.0), ours=ours)
+    assert (cells[1], cells[4]) == ("a library", verdict)
+    assert cells[5] == f"error {error:.4g} against 1"
+
+
+@pytest.mark.parametrize(("limit", "verdict"), [(2.1e-3, "met"), (1.9e-3, "**missed**")])
+def test_a_limit_is_one_of_time_an_item(limit, verdict):
+    cells = only_line(ours=measured("test_ours", 2.0, items=1000, role="ours", limit=limit))
+    assert cells[2:5] == ["2 ms an item", f"≤ {duration(limit)}", verdict]
+
+
+def test_a_contest_without_ours_or_with_two_is_refused():
+    for benchmarks in ([measured("test_peer", 1.0, role="peer")], [OURS, OURS]):
+        with pytest.raises(ValueError, match="unpack"):
+            list(lines(benchmarks))
+
+
+def test_opponents_stand_from_the_fastest_to_the_slowest():
+    slow, fast = measured("test_slow", 3.0, role="peer"), measured("test_fast", 2.0, role="peer")
+    assert [line.against for line in lines([slow, OURS, fast])] == ["fast", "slow"]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(95.0, "95 s"), (0.0123, "12.3 ms"), (1.5e-6, "1.5 µs"), (3.3e-8, "33 ns"), (2e-11, "0.02 ns")]
+)
+def test_durations_have_the_unit_that_suits(seconds, text):
+    assert duration(seconds) == text

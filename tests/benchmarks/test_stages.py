@@ -1,0 +1,70 @@
+"""What a stage costs and how much of it is work: no stage is missed, and nothing is counted twice."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+import stages
+import work
+from smoke import ROOT
+
+
+def test_a_command_of_the_pipeline_leaves_its_cost_and_no_other_process_does(tmp_path):
+    environment = os.environ | {"PYTHONPATH": str(stages.HERE / "probe"), "COST_OF_STAGES": str(tmp_path / "costs")}
+    for command in (["-c", "pass"], ["-m", "pipeline", "inspect", "--help"]):
+        subprocess.run([sys.executable, *command], cwd=ROOT, env=environment, check=True, capture_output=True)
+    (cost,) = map(json.loads, (tmp_path / "costs").read_text().splitlines())
+    assert cost["stage"] == "inspect --help"
+    assert 0 < cost["cpu"] <= 2 * cost["elapsed"] + 1 and cost["memory"] > 5e6
+
+
+def busy(seconds: float) -> None:
+    end = time.process_time() + seconds
+    while time.process_time() < end:
+        pass
+
+
+@pytest.fixture(autouse=True)
+def nothing_spent():
+    work.spent.clear()
+
+
+def test_time_is_counted_once_where_counted_functions_call_each_other():
+    inner = work.counted(busy, "inner")
+    work.counted(lambda: (busy(0.03), inner(0.03)), "outer")()
+    inner(0.02)
+    assert work.spent["outer"] == pytest.approx(0.06, rel=0.2)
+    assert work.spent["inner"] == pytest.approx(0.02, rel=0.2)
+
+
+def test_after_an_error_time_is_counted_on():
+    def fail():
+        raise ArithmeticError
+
+    with pytest.raises(ArithmeticError):
+        work.counted(fail, "room")()
+    work.counted(busy, "room")(0.02)
+    assert work.spent["room"] >= 0.02
+
+
+def test_what_a_stage_calls_is_counted_under_its_room_and_can_still_be_pickled():
+    # in a process of its own: the functions of the whole pipeline stay replaced
+    script = """
+import pickle, work
+work.count_calls("simulate")
+from pipeline.stages import simulate
+counted = [name for name, value in vars(simulate).items() if hasattr(value, "__wrapped__")]
+assert counted, "nothing of a room"
+for name in counted:
+    function = getattr(simulate, name)
+    assert function.__module__.split(".")[1] not in work.BETWEEN
+    assert pickle.loads(pickle.dumps(function)) is function
+assert not hasattr(simulate.run, "__wrapped__")
+"""
+    environment = os.environ | {"PYTHONPATH": str(stages.HERE)}
+    subprocess.run([sys.executable, "-c", script], cwd=ROOT, env=environment, check=True)

@@ -1,0 +1,108 @@
+"""The stages one after another in this process, and what of the processor time passes in the rooms of the pipeline: the work itself,
+without imports, processes, and tables between stages. ``python work.py ANSWER`` in a copy of the project; the plan is JSON on its input.
+
+A stage is thin: what it calls of the rooms is rendering, encoding, decoding, a fit, a filter, a figure. Whatever is run twice is imported
+and compiled the first time, so that the second has the work alone.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import json
+import sys
+import time
+from collections import Counter
+from importlib import import_module
+from pathlib import Path
+from types import FunctionType
+
+sys.path.insert(0, str(Path.cwd()))
+sys.path.insert(0, str(Path.cwd() / "tests"))
+import pipeline  # noqa: F401 - before numpy: it fixes the arithmetic
+
+from numba.core import event  # isort: skip
+from smoke import set_parameters
+
+# what stages use between the rooms
+BETWEEN = {"config", "datasheet", "typed_yaml", "compute", "contracts", "tables", "rng", "errors", "stages"}
+
+spent: Counter[str] = Counter()  # s by room
+inside = [False]
+
+
+class Compiler(event.Listener):
+    """Processor time that numba takes to compile; a function that needs others compiles them inside."""
+
+    def __init__(self) -> None:
+        self.seconds, self._begun = 0.0, []
+
+    def on_start(self, event: event.Event) -> None:
+        self._begun.append(time.process_time())
+
+    def on_end(self, event: event.Event) -> None:
+        begin = self._begun.pop()
+        if not self._begun:
+            self.seconds += time.process_time() - begin
+
+
+def counted(function: FunctionType, room: str) -> FunctionType:
+    """``function``, its processor time added to that of ``room`` unless what called it is counted already."""
+
+    @functools.wraps(function)
+    def call(*arguments: object, **named: object) -> object:
+        if inside[0]:
+            return function(*arguments, **named)
+        inside[0], begin = True, time.process_time()
+        try:
+            return function(*arguments, **named)
+        finally:
+            spent[room] += time.process_time() - begin
+            inside[0] = False
+
+    return call
+
+
+def count_calls(stage: str) -> None:
+    """Count what ``stage`` calls of the rooms, under every name that the pipeline has for it, so that it can still be pickled."""
+    for thing in list(vars(import_module(f"pipeline.stages.{stage}")).values()):
+        place = (getattr(thing, "__module__", None) or "").split(".")
+        if place[0] != "pipeline" or place[1] in BETWEEN or place[1].startswith("schema") or hasattr(thing, "__wrapped__"):
+            continue
+        if inspect.isclass(thing):
+            for name, method in list(vars(thing).items()):
+                if isinstance(method, FunctionType) and not name.startswith("_") and not hasattr(method, "__wrapped__"):
+                    setattr(thing, name, counted(method, place[1]))
+        elif isinstance(thing, FunctionType):
+            replacement = counted(thing, place[1])
+            for module in [module for name, module in sys.modules.items() if name.split(".")[0] == "pipeline"]:
+                for name in [name for name, value in vars(module).items() if value is thing]:
+                    setattr(module, name, replacement)
+
+
+def once(stages: list[list[str]]) -> dict:
+    """Run ``stages``; the work in s by room, and what numba took to compile in s by stage."""
+    spent.clear()
+    compiling: Counter[str] = Counter()
+    for stage, *item in stages:
+        compiler = Compiler()
+        with event.install_listener("numba:compile", compiler):
+            import_module(f"pipeline.stages.{stage}").run(*item)
+        compiling[stage] += compiler.seconds
+    return {"work": dict(spent), "compiling": dict(compiling)}
+
+
+def main(answer: Path) -> None:
+    """Run the plan's stages once on each of its scales and write what that gave."""
+    plan = json.load(sys.stdin)
+    for stage in dict.fromkeys(stage for stage, *_ in plan["stages"]):
+        count_calls(stage)
+    given = []
+    for scale in plan["scales"]:
+        set_parameters(Path.cwd(), scale=scale, compute="serial")
+        given.append(once(plan["stages"]))
+    answer.write_text(json.dumps(given))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

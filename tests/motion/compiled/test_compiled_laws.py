@@ -1,0 +1,104 @@
+"""The compiled laws of one step: the models' own draws from the same stream, and for the Wishart model the same law from fewer numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from plain_filter import plain
+from scipy import stats
+
+from pipeline.arm.chain import PlanarChain
+from pipeline.motion.additive import AdditiveModel
+from pipeline.motion.build import build_model
+from pipeline.motion.compiled.chain import arm_of
+from pipeline.motion.gaussian import GaussianModel
+from pipeline.motion.gaussian_forward import GaussianForwardModel
+from pipeline.motion.wishart import WishartModel
+
+COVARIANCE = (1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])).tolist()
+# as the stage fit writes them
+PARAMETERS = {
+    "additive": {"kind": "additive", "noise_covariance": COVARIANCE},
+    "wishart": {"kind": "wishart", "sigma_b": 0.25, "decomposition": "lu"},
+    "wishart_qr": {"kind": "wishart", "sigma_b": 0.25, "decomposition": "qr"},
+    "wishart_given": {"kind": "wishart", "sigma_b": 0.6, "decomposition": "given", "left": [[0.15, 0.02, 0], [0, 0.15, 0], [0, 0.1, 1]]},
+    "gaussian": {"kind": "gaussian", "form": "inverse", "alpha": 0.05, "u": 18.0},
+    "gaussian_forward": {"kind": "gaussian", "form": "forward", "alpha": 0.05, "u": 1.9},
+    "scaled": {"kind": "scaled", "floor": COVARIANCE, "gain": np.diag([0.04, 0.05, 0.06]).tolist()},
+    "timing": {"kind": "scaled", "floor": COVARIANCE, "gain": np.full((3, 3), 0.04).tolist()},
+    "student": {"kind": "student", "nu": 4.0, "scale": COVARIANCE},
+}
+# every first pivot of LU occurs, with and without an exchange after it
+ARMS = {
+    "the arm's": (np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]), [1.0, 1.0, -1.0]),
+    "askew and long": (np.array([[0.9, 1.5], [-0.7, 1.3], [0.3, -1.7]]), [-1.0, 1.0, -1.0]),
+}
+
+
+def moved_by(law: tuple, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, int]:
+    """What :meth:`MotionModel.sample` returns, by the compiled law of a model."""
+    step, parameters = law
+    moved = np.empty((3, len(q)))
+    clipped = step(rng, parameters, arm_of(chain), tuple(v.tolist()), tuple(np.ascontiguousarray(q.T)), tuple(moved))
+    return moved.T, clipped
+
+
+@pytest.fixture(params=ARMS)
+def arm(request) -> PlanarChain:
+    links, signs = ARMS[request.param]
+    return PlanarChain(np.zeros(2), links, np.array(signs), np.full(3, -9.0), np.full(3, 9.0), np.ones(3))
+
+
+@pytest.fixture
+def anywhere(arm) -> np.ndarray:
+    q = np.random.default_rng(1).uniform(-7, 7, (2000, 3))
+    return q[np.abs(arm.determinant(q)) > 0.05 * arm.lengths[0] * arm.lengths[1]]
+
+
+@pytest.mark.parametrize("kind", PARAMETERS)
+@pytest.mark.parametrize("v", [[0.004, -0.003, 0.03], [-0.004, 0.0, 0.0], [0.0, 0.0, 0.0]], ids=["turning", "backwards", "at rest"])
+def test_every_compiled_law_draws_what_its_model_draws(kind, v, arm, anywhere):
+    model, v = build_model(PARAMETERS[kind]), np.array(v)
+    one, other = np.random.default_rng(2), np.random.default_rng(2)
+    moved, clipped = moved_by(model.law(), arm, anywhere, v, one)
+    expected, expected_clipped = plain(model).sample(arm, anywhere, v, other)
+    # by the size of a step: a few come near a singular draw and lead far
+    scale = 1 + np.abs(expected - anywhere)
+    assert np.max(np.abs(moved - expected) / scale) < 1e-12
+    assert clipped == expected_clipped
+    assert one.bit_generator.state == other.bit_generator.state
+
+
+@pytest.mark.parametrize("model", [GaussianModel, GaussianForwardModel])
+def test_poses_beyond_the_bound_take_the_nominal_step_and_are_counted(model, chain, poses, step):
+    bounded = model(0.1, {GaussianModel: 15.0, GaussianForwardModel: 1.76}[model])
+    moved, clipped = moved_by(bounded.law(), chain, poses, step, np.random.default_rng(3))
+    expected, number = bounded.sample(chain, poses, step, np.random.default_rng(3))
+    np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-12)
+    nominal = poses + np.matvec(chain.inverse_jacobian(poses), step)
+    assert clipped == number == np.sum(np.all(np.abs(moved - nominal) < 1e-12, axis=1))
+    assert 0 < clipped < len(poses)
+
+
+def least_p_value(one: np.ndarray, other: np.ndarray) -> float:
+    """Of two-sample Kolmogorov–Smirnov tests of every coordinate and of its distance from the common middle."""
+    views = [lambda x, j=j: x[:, j] for j in range(3)] + [lambda x: np.linalg.norm(x - np.median(other, axis=0), axis=1)]
+    return min(float(stats.ks_2samp(view(one), view(other)).pvalue) for view in views)
+
+
+@pytest.mark.parametrize("sigma_b", [0.25, 1.2])
+@pytest.mark.parametrize("decomposition", ["lu", "qr"])
+def test_the_law_from_one_gamma_is_the_law_from_two(sigma_b, decomposition, chain, step):
+    """Band: the least of four p-values above 0.001; the control, of another spread, far below."""
+    pose = np.tile([0.4, 1.7, -0.3], (30_000, 1))
+    drawn, _ = WishartModel(sigma_b, decomposition).sample(chain, pose, step, np.random.default_rng(4))
+    moved, _ = moved_by(WishartModel(sigma_b, decomposition).law(), chain, pose, step, np.random.default_rng(5))
+    assert least_p_value(moved, drawn) > 1e-3
+    other, _ = moved_by(WishartModel(0.93 * sigma_b, decomposition).law(), chain, pose, step, np.random.default_rng(5))
+    assert least_p_value(other, drawn) < 1e-6
+
+
+def test_parameters_that_differ_give_other_steps(chain, poses, step):
+    one, _ = moved_by(AdditiveModel(np.array(COVARIANCE)).law(), chain, poses, step, np.random.default_rng(6))
+    other, _ = moved_by(AdditiveModel(1.001 * np.array(COVARIANCE)).law(), chain, poses, step, np.random.default_rng(6))
+    assert np.max(np.abs(one - other)) > 1e-7

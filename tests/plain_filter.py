@@ -1,0 +1,135 @@
+"""The particle filter in plain NumPy, drawing from the same stream: what the compiled filter is held against.
+
+Models move particles by their own ``sample``, a block at a time, as the compiled laws draw a block at a time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.errors import DegenerateFilterError
+from pipeline.filtering.measurement import Measurements
+from pipeline.filtering.particle_filter import Posterior, initial_particles
+from pipeline.filtering.sampling import BLOCK
+from pipeline.motion.decomposition import factors
+from pipeline.motion.wishart import WishartModel
+from pipeline.randommatrix.wishart import degrees_of_freedom
+
+BELOW_ONE = np.nextafter(1.0, 0.0)
+
+
+def plain_filter(model, chain, steps, dt, start, measurements, options, rng) -> Posterior:
+    """Arguments and result of :func:`pipeline.filtering.particle_filter.particle_filter`."""
+    grid, count = len(steps) + 1, options.particles
+    due, left_out = measurements.schedule(len(steps), dt)
+    mean, covariance, ess = np.empty((grid, 3)), np.empty((grid, 3, 3)), np.empty(grid)
+    resampled, measured = np.zeros((2, grid), dtype=bool)
+    clipped, outside = np.zeros((2, grid), dtype=int)
+    log_evidence = 0.0
+
+    uniform = np.full(count, 1.0 / count)
+    log_uniform = np.log(uniform)
+    weights, log_weights = uniform, log_uniform
+    q, outside[0] = initial_particles(start, chain, count, rng, take=measurements.take)
+    before = q
+    for k in range(grid):
+        if k > 0:
+            before = q
+            blocks = [plain(model).sample(chain, before[i : i + BLOCK], steps[k - 1], rng) for i in range(0, count, BLOCK)]
+            q, clipped[k] = np.concatenate([drawn for drawn, _ in blocks]), sum(number for _, number in blocks)
+            gone = ~chain.within_limits(q) | chain.singular(q)
+            outside[k] = np.sum(gone & (log_weights > -np.inf))
+            log_weights = np.where(gone, -np.inf, log_weights)
+            q = np.where(gone[:, None], before, q)
+
+        frames = due.get(k, ())
+        measured[k] = len(frames) > 0
+        for frame, share in frames:
+            log_weights = log_weights + log_likelihood(measurements, frame, before + share * (q - before))
+        if frames or outside[k]:
+            peak = log_weights.max()
+            if not np.isfinite(peak):
+                raise DegenerateFilterError("all weights vanished", step=k)
+            weights = np.exp(log_weights - peak)
+            log_total = peak + np.log(weights.sum())
+            weights, log_weights = weights / weights.sum(), log_weights - log_total
+            log_evidence += log_total
+
+        mean[k] = weights @ q
+        covariance[k] = (weights * (q - mean[k]).T) @ (q - mean[k])
+        ess[k] = 1.0 / (weights @ weights)
+        if options.resampling != "none" and ess[k] < options.threshold * count:
+            q = q[PLAIN_SCHEMES[options.resampling](weights, rng)]
+            weights, log_weights = uniform, log_uniform
+            resampled[k] = True
+    return Posterior(mean, covariance, ess, resampled, measured, clipped, outside, left_out, log_evidence)
+
+
+def log_likelihood(measurements: Measurements, frame: int, q: np.ndarray) -> np.ndarray:
+    """(P,) log p(y_j | q) of poses ``q`` (P, 3) in rad at the time of ``frame``."""
+    whitening, log_norm = measurements.whitening
+    white = (measurements.y[frame] - measurements.bias[frame] - q) @ whitening[frame].T
+    return log_norm[frame] - 0.5 * np.vecdot(white, white)
+
+
+def plain(model):
+    """The model, but for the Wishart model, of whose law the compiled form draws fewer numbers than ``sample`` does."""
+    return OneGamma(**vars(model)) if isinstance(model, WishartModel) else model
+
+
+@dataclass(frozen=True)
+class OneGamma(WishartModel):
+    """The Wishart model with ‖T‖ in closed form: T = N·sqrt((exp(‖N‖²/(d−1)) − 1)/‖N‖²) for N ~ N(0, I₂)."""
+
+    def sample(self, chain, q, v, rng):
+        d = degrees_of_freedom(self.sigma_b, 3)
+        a, back = factors(chain, q, v, self.decomposition)
+        z = d / rng.chisquare(d - 2, len(q))
+        normal = rng.standard_normal((len(q), 2))
+        square = np.vecdot(normal, normal)
+        tangent = np.zeros(q.shape)
+        tangent[:, 1:] = normal * np.sqrt(np.expm1(square / (d - 1)) / square)[:, None]
+        r = np.sqrt(np.vecdot(a, a))
+        mirror = a.copy()
+        mirror[:, 0] += np.copysign(r, a[:, 0])
+        reach = r + np.abs(a[:, 0])
+        along = np.vecdot(mirror, tangent) / np.where(reach > 0, reach, 1.0)
+        action = z[:, None] * (a + r[:, None] * tangent - along[:, None] * mirror)
+        return q + np.matvec(back, action), 0
+
+
+def systematic(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    return inverse_cdf(weights, (np.arange(len(weights)) + rng.random()) / len(weights))
+
+
+def stratified(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    return inverse_cdf(weights, (np.arange(len(weights)) + rng.random(len(weights))) / len(weights))
+
+
+def multinomial(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    return inverse_cdf(weights, sorted_uniforms(len(weights), rng))
+
+
+def residual(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    expected = len(weights) * weights
+    certain = np.floor(expected + 1e-9).astype(int)
+    kept = np.repeat(np.arange(len(weights)), certain)
+    if len(kept) == len(weights):
+        return kept
+    drawn = inverse_cdf(np.maximum(expected - certain, 0.0), sorted_uniforms(len(weights) - len(kept), rng))
+    return np.concatenate([kept, drawn])
+
+
+PLAIN_SCHEMES = {"systematic": systematic, "stratified": stratified, "residual": residual, "multinomial": multinomial}
+
+
+def inverse_cdf(weights: np.ndarray, points: np.ndarray) -> np.ndarray:
+    cumulative = np.cumsum(weights)
+    return np.searchsorted(cumulative / cumulative[-1], np.minimum(points, BELOW_ONE), side="right")
+
+
+def sorted_uniforms(count: int, rng: np.random.Generator) -> np.ndarray:
+    arrivals = np.cumsum(rng.standard_exponential(count + 1))
+    return arrivals[:-1] / arrivals[-1]
