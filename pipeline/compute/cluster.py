@@ -50,7 +50,8 @@ def cluster(function: bytes, compute: Compute, label: str) -> Iterator[Cluster]:
 def _connected(address: str, timeout: float) -> Iterator[Client]:
     try:
         client = Client(address, timeout=timeout)
-    except (OSError, ValueError) as error:
+    # an AssertionError is Dask's own where its thread has not begun within 10 s, as on a machine that is busy
+    except (OSError, ValueError, AssertionError) as error:
         raise ComputeError(
             f"no Dask scheduler answers within {timeout:g} s ({error}); start one as {OPTION} says, or name the address of one that runs",
             address=address,

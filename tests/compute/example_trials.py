@@ -35,7 +35,6 @@ def filtered(number: int, steps: np.ndarray) -> pd.DataFrame:
     start = Start(START, 1e-4 * np.eye(3))
     posterior = particle_filter(WishartModel(0.3), ARM, steps, 0.01, start, seen, FilterOptions(200, "systematic", 0.5), random)
     columns = {"ess": posterior.ess} | {f"m{j + 1}": posterior.mean[:, j] for j in range(3)}
-    # no texts: how many bytes a column of them is allocated differs from process to process
     return pd.DataFrame(columns).assign(take=number, evidence=posterior.log_evidence)
 
 
