@@ -8,7 +8,6 @@ import re
 import shutil
 import signal
 import time
-import tracemalloc
 from collections.abc import Iterator
 from functools import partial
 from itertools import islice
@@ -27,6 +26,7 @@ from pipeline.errors import ComputeError, RecordingError
 from pipeline.instruments.delimited import read_text
 from pipeline.schema_compute import Compute, Dask
 from tests.compute.example_trials import articulated, filtered, give_up, late, layout, pause
+from tests.compute.memory import peak
 
 SERIAL = Compute(1)
 STAGES = ("data/raw/youbot/dvc.yaml:record", "articulate", "filter@wishart")
@@ -103,17 +103,6 @@ def test_a_worker_killed_in_the_middle_costs_time_alone(running):
     rest = list(results)
     assert [number for number, _ in first + rest] == list(range(150))
     assert lost not in {pid for _, pid in rest[-20:]}
-
-
-def peak(results: Iterator) -> int:
-    """Bytes that are held at once while results are taken and dropped."""
-    tracemalloc.start()
-    try:
-        for _ in results:
-            pass
-        return tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
 
 
 @pytest.mark.slow

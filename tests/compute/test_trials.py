@@ -8,7 +8,6 @@ import operator
 import os
 import signal
 import time
-import tracemalloc
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -22,6 +21,7 @@ from pipeline.errors import ComputeError, ConfigError, RecordingError
 from pipeline.instruments.delimited import read_text
 from pipeline.rng import stream
 from pipeline.schema_compute import Compute
+from tests.compute.memory import peak
 
 SERIAL, TWO = Compute(1), Compute(2)
 
@@ -136,17 +136,6 @@ def give_up(number: int) -> None:
 def test_a_worker_process_that_is_killed_is_named_as_the_reason(at_once):
     with pytest.raises(ComputeError, match=r"memory runs out.*filter: takes"):
         list(run_trials(give_up, range(6), compute=TWO, label="filter: takes"))
-
-
-def peak(results: Iterator) -> int:
-    """Bytes that are held at once while results are taken and dropped."""
-    tracemalloc.start()
-    try:
-        for _ in results:
-            pass
-        return tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
 
 
 @pytest.mark.parametrize("compute", [SERIAL, TWO])
