@@ -16,8 +16,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from pipeline import datasheet, schema
 from pipeline.errors import ConfigError
-from pipeline.typed_yaml import load_yaml, said, structured, typed
-from pipeline.typed_yaml import read_yaml as read_yaml
+from pipeline.typed_yaml import load_yaml, read_yaml, said, structured, typed
 
 CONF = Path(__file__).parent / "conf"
 COMPOSED = Path("data/config.yaml")
@@ -126,7 +125,7 @@ def write_config(params_file: Path, file: Path = COMPOSED) -> None:
 
 def declared_sections(stage: str, dvc_file: Path) -> list[str]:
     """The sections of the configuration that a stage declares under ``params`` in its ``dvc_file``."""
-    stages = OmegaConf.to_container(load_yaml(dvc_file)).get("stages", {})
+    stages = read_yaml(dvc_file).get("stages", {})
     if stage not in stages:
         raise ConfigError(f"no stage {stage!r}; there are {', '.join(stages)}", file=dvc_file)
     params = stages[stage].get("params", [])

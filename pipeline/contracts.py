@@ -91,12 +91,8 @@ def replacing(folder: Path) -> Iterator[Path]:
 
 def stacked(table: pd.DataFrame, columns: list[str], *, by: str = "take") -> tuple[list[str], np.ndarray]:
     """Names (N,) and values (N, K, columns) of a table that holds the same K rows for each value of ``by``, in the order of the table."""
-    names = list(dict.fromkeys(table[by]))
+    codes, names = pd.factorize(table[by])
     values = table[columns].to_numpy()
-    if (
-        not names
-        or len(values) % len(names)
-        or not (table[by].to_numpy().reshape(len(names), -1) == np.array(names, dtype=object)[:, None]).all()
-    ):
+    if not len(names) or len(values) % len(names) or np.any(codes.reshape(len(names), -1) != np.arange(len(names))[:, None]):
         raise ContractError(f"not every {by} has the same number of rows, one after the other", lengths=table[by].value_counts().to_dict())
-    return names, values.reshape(len(names), -1, len(columns))
+    return list(names), values.reshape(len(names), -1, len(columns))

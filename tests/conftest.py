@@ -26,9 +26,14 @@ def run(*command: str, cwd: Path) -> subprocess.CompletedProcess:
     return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
 
 
+# first, as xdist reads the groups in a hook of the same name
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What needs the reproduced project takes longest and goes first, so that all workers end at about the same time."""
-    items.sort(key=lambda item: "reproduced" not in getattr(item, "fixturenames", ()))
+    """What takes longest goes first, so that all workers end at about the same time; one of them has the reproduced project."""
+    for item in items:
+        if "reproduced" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.xdist_group("reproduced"))
+    items.sort(key=lambda item: ("reproduced" not in getattr(item, "fixturenames", ()), item.get_closest_marker("slow") is None))
 
 
 @pytest.fixture(scope="session")

@@ -125,13 +125,14 @@ def test_an_experiment_sets_a_nested_value_from_the_command_line(copy):
         ({"overrides": "{filter: {particels: 5}}"}, ("particels",)),
         ({"overrides": "{filter: {particles: lots}}"}, ("filter.particles",)),
         ({"models": "[]"}, ("models",)),
+        ({"dataset": "yuobot"}, ("dataset", "ur5", "youbot", "new-dataset")),
     ],
 )
 def test_a_bad_parameter_stops_with_one_message_and_leaves_what_stood(copy, parameters, names):
     before = (copy / "data/config.yaml").read_text()
     set_parameters(copy, **parameters)
     done = run("dvc", "repro", cwd=copy)
-    message = [line for line in done.stderr.splitlines() if line.startswith("error: configure:")]
+    message = [line for line in done.stderr.splitlines() if line.startswith(("error: choose:", "error: configure:"))]
     assert done.returncode != 0
     if parameters.get("models") != "[]":  # DVC itself refuses an empty matrix
         assert len(message) == 1 and all(name in message[0] for name in names), done.stderr

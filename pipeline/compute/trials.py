@@ -17,11 +17,13 @@ from operator import length_hint
 
 from tqdm import tqdm
 
+import pipeline
 from pipeline.compute.block import Results, Submit, run_block
 from pipeline.errors import ComputeError
 from pipeline.schema_compute import Compute
 
 START = 2.0  # s, about what it takes until worker processes have imported what they need
+LOADING = 1.0  # s, of which the first trial here may take so much to load what is compiled
 BLOCK = 0.2  # s of trials that are handed to a worker at a time, against which the handing over is little
 PARTS = 8  # per worker, that the trials that are left are cut into at least: towards the end blocks shrink, so that workers end together
 AHEAD = 16  # blocks per worker that are handed out before the first of them is taken back, so that a long trial holds up no other worker
@@ -57,15 +59,17 @@ def _results(function: bytes, trials: Iterable, compute: Compute, label: str) ->
         return
     trials = iter(trials)
     processes = compute.workers or len(os.sched_getaffinity(0))
-    taken, seconds = 0, 0.0
+    taken, pace = 0, 0.0  # s
     # the first trials run here, and tell whether the others take so long that it is worth starting workers
     for trial in trials:
         took, (result,) = run_block(function, [pickle.dumps(trial)])
         yield pickle.loads(result)
-        left, taken, seconds = left - 1, taken + 1, seconds + took
+        # of the first, what it took for itself; then the mean of the others
+        pace = pace + (took - pace) / taken if taken else max(took - LOADING, 0.0)
+        left, taken = left - 1, taken + 1
         processes = min(processes, left)
         # half of what is left at the pace so far, against the start of the workers
-        if processes > 1 and seconds / taken * left * (1 - 1 / processes) > START:
+        if processes > 1 and pace * left * (1 - 1 / processes) > START:
             with _processes(function, processes, label) as (submit, workers):
                 yield from _in_order(submit, workers, trials, left)
 
@@ -93,8 +97,11 @@ def _in_order(submit: Submit, workers: Callable[[], int], trials: Iterator, left
 
 @contextmanager
 def _processes(function: bytes, number: int, label: str) -> Iterator[tuple[Submit, Callable[[], int]]]:
-    # spawn, not fork: the rendering and BLAS libraries start threads that a fork would lose
-    pool = ProcessPoolExecutor(number, mp_context=get_context("spawn"))
+    # forks of a server that has imported what this process has and computed nothing: a fork of this process would lose the threads that
+    # the rendering and BLAS libraries have started here, and a worker that is spawned imports everything anew
+    context = get_context("forkserver")
+    context.set_forkserver_preload([name for name in sys.modules if name.split(".")[0] == pipeline.__name__])
+    pool = ProcessPoolExecutor(number, mp_context=context)
     try:
         yield lambda block: pool.submit(run_block, function, block).result, lambda: number
     except BrokenProcessPool:

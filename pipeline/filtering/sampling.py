@@ -77,7 +77,8 @@ def propagate(
 def keep_inside(domain: Domain, here: tuple, there: tuple, log_weights: np.ndarray) -> int:
     """Take the weight of the particles of a block that left D_q and put them back; how many of them had any."""
     lost = 0
-    (a1, a2, a3), (b1, b2, b3) = domain.lower, domain.upper
+    a, b = domain.lower, domain.upper
+    a1, a2, a3, b1, b2, b3 = a[0], a[1], a[2], b[0], b[1], b[2]
     (q1, q2, q3), (p1, p2, p3) = there, here
     for i in range(len(q1)):
         inside = (a1 <= q1[i]) & (q1[i] <= b1) & (a2 <= q2[i]) & (q2[i] <= b2) & (a3 <= q3[i]) & (q3[i] <= b3)

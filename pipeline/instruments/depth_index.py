@@ -12,6 +12,9 @@ from pipeline.errors import RecordingError
 from pipeline.instruments.delimited import NUMBER, read_text
 from pipeline.instruments.patterns import matching
 
+# s between frames, at the median: between them lie the cameras, and not their stamps in ms, µs or ns (30 Hz: 33 ms)
+SHORTEST_STEP, LONGEST_STEP = 1e-4, 10.0
+
 
 @dataclass(frozen=True)
 class DepthIndex:
@@ -26,7 +29,7 @@ def read_index(file: Path) -> DepthIndex:
     """Index of a depth sequence: lines ``timestamp filename``, any number of blanks between and after, comments from ``#``.
 
     ``counts``: ``cut_rows``, a last line without line end, whose file name may be cut, so it is dropped. Raises RecordingError with the
-    line for a line of another form, a time that does not increase, and an index without a frame.
+    line for a line of another form, a time that does not increase, times that cannot be in s, and an index without a frame.
     """
     text = read_text(file)
     time, files = [], []
@@ -44,6 +47,10 @@ def read_index(file: Path) -> DepthIndex:
             raise RecordingError("the time does not increase", file=file, line=number)
     if not files:
         raise RecordingError("the index names no frame in a whole line", file=file)
+    step = float(np.median(np.diff(time))) if len(time) > 1 else SHORTEST_STEP
+    if not SHORTEST_STEP <= step <= LONGEST_STEP:
+        message = f"frames {step:.6g} s apart come from no camera: write the times in s (ms, µs and ns are divided by 1e3, 1e6 and 1e9)"
+        raise RecordingError(message, file=file)
     return DepthIndex(np.array(time), tuple(files), {"cut_rows": int(text.cut is not None)})
 
 

@@ -70,18 +70,31 @@ def fit_scaled(noise: np.ndarray, dq: np.ndarray, measurement: np.ndarray, struc
     return ScaledFit(floor * outer, gain * outer / np.outer(speed, speed), float(log_likelihood), additive)
 
 
-@compiled()
 def negative_log_likelihood(w: np.ndarray, x: np.ndarray, floor: np.ndarray, gain: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     """−mean ln N(w; 0, Σ) but for its constant, Σ = F + D(x)BD(x), and its slopes (3, 3) by F and by B; infinite where a Σ is singular.
 
     ``w`` (N, 3) the steps' noise, ``x`` (N, 3) their speeds, ``floor`` F (3, 3) the measurement's covariance included, ``gain`` B (3, 3).
-    Σ⁻¹ is had from cofactors, one step after the other: nothing of the steps' number is written to memory.
+    """
+    total, by_floor, by_gain = _sums(w, x, floor, gain)
+    return 0.5 * total / len(w), 0.5 * by_floor / len(w), 0.5 * by_gain / len(w)
+
+
+@compiled()
+def _sums(w: np.ndarray, x: np.ndarray, floor: np.ndarray, gain: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Of :func:`negative_log_likelihood` what is halved and divided by N.
+
+    Σ⁻¹ is had from cofactors, one step after the other: nothing of the steps' number is written to memory. The loops over three numbers
+    stand for array expressions, which take longer to compile than all the rest.
     """
     total, by_floor, by_gain = 0.0, np.zeros((3, 3)), np.zeros((3, 3))
     covariance, precision, white = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     # sums of SUMMED steps are added up, so that rounding does not grow with the number of steps
+    of_floor, of_gain = np.empty((3, 3)), np.empty((3, 3))
     for start in range(0, len(w), SUMMED):
-        value, of_floor, of_gain = 0.0, np.zeros((3, 3)), np.zeros((3, 3))
+        value = 0.0
+        for i in range(3):
+            for j in range(3):
+                of_floor[i, j] = of_gain[i, j] = 0.0
         for n in range(start, min(start + SUMMED, len(w))):
             for i in range(3):
                 for j in range(3):
@@ -93,10 +106,11 @@ def negative_log_likelihood(w: np.ndarray, x: np.ndarray, floor: np.ndarray, gai
                     precision[i, j] = covariance[i1, j1] * covariance[i2, j2] - covariance[i1, j2] * covariance[i2, j1]
             determinant = covariance[0, 0] * precision[0, 0] + covariance[0, 1] * precision[0, 1] + covariance[0, 2] * precision[0, 2]
             if not determinant > 0:
-                return np.inf, np.zeros((3, 3)), np.zeros((3, 3))
-            precision /= determinant
+                return np.inf, by_floor, by_gain
             value += np.log(determinant)
             for i in range(3):
+                for j in range(3):
+                    precision[i, j] /= determinant
                 white[i] = precision[i, 0] * w[n, 0] + precision[i, 1] * w[n, 1] + precision[i, 2] * w[n, 2]
                 value += w[n, i] * white[i]
             for i in range(3):
@@ -105,9 +119,11 @@ def negative_log_likelihood(w: np.ndarray, x: np.ndarray, floor: np.ndarray, gai
                     of_floor[i, j] += slope
                     of_gain[i, j] += slope * x[n, i] * x[n, j]
         total += value
-        by_floor += of_floor
-        by_gain += of_gain
-    return 0.5 * total / len(w), 0.5 * by_floor / len(w), 0.5 * by_gain / len(w)
+        for i in range(3):
+            for j in range(3):
+                by_floor[i, j] += of_floor[i, j]
+                by_gain[i, j] += of_gain[i, j]
+    return total, by_floor, by_gain
 
 
 def _directions(structure: Structure, ratio: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:

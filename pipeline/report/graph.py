@@ -48,9 +48,12 @@ class Drawing:
 def read_stages(text: str, definitions: Mapping[str, Mapping], dataset: str) -> list[Stage]:
     """Stages in the order of a dvc.yaml, of which ``text`` has the comments and ``definitions`` the entries of ``stages``."""
     comments = dict(re.findall(r"^  (\w+): *# *(.+)$", text, re.MULTILINE))
-    reads = {name: _paths(stage.get("deps", []), dataset) for name, stage in definitions.items()}
+    params = {name: stage.get("params", []) for name, stage in definitions.items()}
+    # a key that stands alone is one of params.yaml
+    chosen = {name: ["params.yaml"] for name, keys in params.items() if any(isinstance(key, str) for key in keys)}
+    reads = {name: _paths([*chosen.get(name, []), *stage.get("deps", [])], dataset) for name, stage in definitions.items()}
     writes = {name: _paths([*stage.get("outs", []), *stage.get("metrics", [])], dataset) for name, stage in definitions.items()}
-    configured = {name for name, stage in definitions.items() if stage.get("params")}
+    configured = {name for name, stage in definitions.items() if reads_configuration(stage)}
     before = {}
     for name in definitions:
         before[name] = {
@@ -61,6 +64,11 @@ def read_stages(text: str, definitions: Mapping[str, Mapping], dataset: str) -> 
         # parameters are read from a file that a stage writes
         before[name] |= {other for other in definitions if name in configured and other != name and "data/config.yaml" in writes[other]}
     return [Stage(name, comments.get(name, ""), reads[name], writes[name], _direct(name, before)) for name in definitions]
+
+
+def reads_configuration(stage: Mapping) -> bool:
+    """Whether the entry ``stage`` of a dvc.yaml names sections of the composed configuration."""
+    return any(isinstance(keys, Mapping) for keys in stage.get("params", []))
 
 
 def _paths(entries: Sequence, dataset: str) -> list[str]:

@@ -19,7 +19,7 @@ from pipeline.audit.verdicts import GROUPS, WHOSE, Decided, case_text, distance_
 from pipeline.report.graph import HEIGHT, WIDTH, Drawing, Stage
 from pipeline.report.illustrations import Download, Illustration
 from pipeline.report.player import library
-from pipeline.report.provenance import Output
+from pipeline.report.provenance import Costs, Output
 from pipeline.report.sensitive import Changes
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -57,6 +57,7 @@ class Content:
     recordings: Sequence[Output]
     libraries: Mapping[str, str]
     requirements: str
+    costs: Costs
 
 
 def readable(download: Download, rows: pd.DataFrame) -> Table:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, is_dataclass
@@ -18,6 +19,22 @@ class Output:
     stage: str
     path: str
     md5: str
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What the stages took on one machine: of each its name and, in s, the time by the clock and of the processor."""
+
+    machine: str
+    scale: str
+    stages: list[tuple[str, float, float]]
+
+
+def measured_costs(file: Path) -> Costs:
+    """The costs that `make bench-experiment` left in ``file``."""
+    measured = json.loads(file.read_text(encoding="utf-8"))
+    stages = [(stage["stage"], stage["elapsed"], stage["cpu"]) for stage in measured["stages"]]
+    return Costs(measured["machine"], measured["scale"], stages)
 
 
 def locked_outputs(lock: Mapping[str, Mapping], names: Sequence[str], models: Sequence[str]) -> list[Output]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pipeline import config
 from pipeline.report.crate import describe, steps
-from pipeline.report.graph import Stage, read_stages
+from pipeline.report.graph import Stage, read_stages, reads_configuration
 from pipeline.report.provenance import locked_libraries, locked_outputs
 from pipeline.typed_yaml import read_yaml
 
@@ -33,7 +33,7 @@ def run() -> None:
             for stage in read_stages(file.read_text(encoding="utf-8"), definitions, dataset):
                 reads = [path.replace("${recordings}", sheet["recordings"]) for path in stage.reads]
                 stages.append(replace(stage, reads=reads))
-            configured |= {name for name, stage in definitions.items() if stage.get("params")}
+            configured |= {name for name, stage in definitions.items() if reads_configuration(stage)}
     done = [stage for stage in stages if stage.name not in LATER]
     locks = [read_yaml(file)["stages"] for file in (recordings / LOCK, LOCK) if file.is_file()]
     crate = describe(

@@ -18,7 +18,7 @@ from pipeline.report.graph import draw, read_stages
 from pipeline.report.illustrations import download, illustrations
 from pipeline.report.page import Content, readable, render
 from pipeline.report.player import player
-from pipeline.report.provenance import locked_libraries, locked_outputs, options_of, sha256_of
+from pipeline.report.provenance import locked_libraries, locked_outputs, measured_costs, options_of, sha256_of
 from pipeline.report.sensitive import changes
 from pipeline.typed_yaml import read_yaml
 
@@ -26,6 +26,8 @@ DATASETS, FIGURES, TABLES = Path("reports/datasets"), Path("reports/figures"), P
 PLAY, OUT = Path("data/play"), Path("reports/index.html")
 CLAIMS, ERRATA = Path("reports/claims.yaml"), Path("pipeline/audit/errata.yaml")
 LOCK, REQUIREMENTS = Path("dvc.lock"), Path("requirements.lock")
+# measured apart, on one machine: what this run takes would make the page another every time
+COSTS = Path("reports/benchmarks/experiment.json")
 # a link to dvc.yaml, by which this stage depends on it: DVC takes no file of that name as a dependency
 EXPERIMENT = Path("pipeline/report/experiment.yaml")
 SECTIONS = ("dataset", "models", "filter", "articulation", "simulation", "wrench", "scale", "recovery", "seed")
@@ -63,6 +65,7 @@ def run() -> None:
         recordings=locked_outputs(_lock(raw), list(_lock(raw)), []),
         libraries=locked_libraries(REQUIREMENTS.read_text(encoding="utf-8")),
         requirements=sha256_of(REQUIREMENTS),
+        costs=measured_costs(COSTS),
     )
     partial = OUT.with_name(f".{OUT.name}.partial")
     partial.write_text(render(content), encoding="utf-8")

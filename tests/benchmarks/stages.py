@@ -25,7 +25,7 @@ def by_dvc(project: Path) -> list[dict]:
 
 
 def in_one_process(project: Path, *scales: str) -> list[dict]:
-    """Run all stages in a new process, once on each of ``scales``; of each time work (s by room) and compiling (s by stage), as in work.py.
+    """Run all stages in a new process, once on each of ``scales``; of each time work and compiling in s, as in work.py.
 
     Raises CalledProcessError where it fails.
     """

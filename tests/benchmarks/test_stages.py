@@ -68,3 +68,29 @@ assert not hasattr(simulate.run, "__wrapped__")
 """
     environment = os.environ | {"PYTHONPATH": str(stages.HERE)}
     subprocess.run([sys.executable, "-c", script], cwd=ROOT, env=environment, check=True)
+
+
+def test_the_cost_of_a_stage_holds_that_of_its_workers(tmp_path):
+    loop = """
+import time
+
+def busy(seconds):
+    end = time.process_time() + seconds
+    while time.process_time() < end:
+        pass
+"""
+    script = """
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pipeline.loop import busy
+
+with ProcessPoolExecutor(2, mp_context=get_context("forkserver")) as pool:
+    list(pool.map(busy, [0.4, 0.4]))
+"""
+    (tmp_path / "pipeline").mkdir()
+    (tmp_path / "pipeline/loop.py").write_text(loop)
+    (tmp_path / "pipeline/__main__.py").write_text(script)
+    environment = os.environ | {"PYTHONPATH": str(stages.HERE / "probe"), "COST_OF_STAGES": str(tmp_path / "costs.jsonl")}
+    subprocess.run([sys.executable, "-m", "pipeline"], cwd=tmp_path, env=environment, check=True, timeout=60)
+    (cost,) = [json.loads(line) for line in (tmp_path / "costs.jsonl").read_text().splitlines()]
+    assert cost["cpu"] > 0.8

@@ -81,15 +81,17 @@ def count_calls(stage: str) -> None:
 
 
 def once(stages: list[list[str]]) -> dict:
-    """Run ``stages``; the work in s by room, and what numba took to compile in s by stage."""
-    spent.clear()
+    """Run ``stages``; the work in s by stage, its item and room, and what numba took to compile in s by stage."""
+    work: dict[str, dict[str, float]] = {}
     compiling: Counter[str] = Counter()
     for stage, *item in stages:
+        spent.clear()
         compiler = Compiler()
         with event.install_listener("numba:compile", compiler):
             import_module(f"pipeline.stages.{stage}").run(*item)
+        work[" ".join([stage, *item])] = dict(spent)
         compiling[stage] += compiler.seconds
-    return {"work": dict(spent), "compiling": dict(compiling)}
+    return {"work": work, "compiling": dict(compiling)}
 
 
 def main(answer: Path) -> None:

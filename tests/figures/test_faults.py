@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from pipeline.figures import faults
-from pipeline.figures.faults import CIRCLE, CROSS, SHADES
+from pipeline.figures.faults import CIRCLE, CROSS, DIAMOND, SHADES, UNNOTICED
 
 
 @pytest.fixture
@@ -29,3 +29,11 @@ def test_what_was_refused_is_a_cross_and_what_always_was_is_not_drawn(panels):
     assert [len(marks(axes, CROSS["marker"])) for axes in panels] == [1, 0, 0]
     assert [label.get_text() for label in take.get_yticklabels()] == ["dropped"]
     assert marks(take, CROSS["marker"])[0][0] > 2.0
+
+
+def test_what_nobody_noticed_looks_like_no_repair(tables):
+    table = tables["faults"].copy()
+    table.loc[table["instrument"] == "depth camera", "outcome"] = UNNOTICED
+    take, depth, _ = faults.draw(table).axes
+    assert [x for x, _ in marks(depth, DIAMOND["marker"])] == [1.0, 1.0, 2.0] and not marks(depth, CIRCLE["marker"])
+    assert not marks(take, DIAMOND["marker"])

@@ -47,6 +47,16 @@ def test_indexes_without_time_or_frame_are_refused(tmp_path, content, line):
     assert refused(read_index, tmp_path / "depth.txt").evidence.get("line") == line
 
 
+@pytest.mark.parametrize("units", [1e3, 1e6, 1e9], ids=["ms", "us", "ns"])
+def test_times_in_another_unit_than_seconds_are_refused(tmp_path, units):
+    file = tmp_path / "depth.txt"
+    write_index(file, 1305031102.0 + np.arange(5) / 30, tuple(f"{n}.png" for n in range(5)))
+    assert len(read_index(file).time) == 5
+    lines = [f"{(1305031102.0 + n / 30) * units:.0f} {n}.png\n" for n in range(5)]
+    file.write_text("".join(lines))
+    assert "write the times in s" in refused(read_index, file).message
+
+
 def test_an_index_cut_at_any_byte_names_only_whole_files(tmp_path):
     file = tmp_path / "depth.txt"
     write_index(file, np.arange(3) / 30, ("a.png", "b.png", "c.png"))

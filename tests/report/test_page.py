@@ -16,6 +16,7 @@ from pipeline.audit.verdicts import GROUPS, Decided
 from pipeline.report.graph import Stage, draw
 from pipeline.report.illustrations import Download, Illustration
 from pipeline.report.page import SHOWN, Content, readable, render
+from pipeline.report.provenance import Costs
 
 TEXTS = {key: f"the {key}" for key in ("where", "quantity", "reason")} | {"stage": "score", "value": {"file": "metrics/m", "key": "a"}}
 CLAIMS = parse_claims(
@@ -48,6 +49,7 @@ def content() -> Content:
         dataset="lab", scale="smoke", decided=[decided(0.3)], comparisons=[compare_models(run)], player=None, illustrations=[],
         changes=None, errata=correct(parse_errata([ERRATUM]), {}, []), stages=STAGES, drawing=draw(STAGES), tables=[], options={"seed": 7},
         outputs=[], recordings=[], libraries={"numpy": "2.4"}, requirements="0" * 64,
+        costs=Costs("a machine", "paper", [("fit", 61.25, 2.5)]),
     )  # fmt: skip
 
 
@@ -57,6 +59,12 @@ def test_verdicts_come_first_and_those_that_recordings_cannot_give_are_kept_apar
     assert method < page.index('id="claim-below"') < specimen < page.index('id="claim-printed"') < page.index('id="models"')
     assert "reproduced</span>" in page[method:specimen] and "cannot be decided with synthetic data</span>" in page[specimen:]
     assert "Published 0.25." in page
+
+
+def test_the_time_of_every_stage_stands_with_the_machine_that_it_was_measured_on(content):
+    page = render(content)
+    assert "Time per stage on a machine, scale paper" in page
+    assert "<td>61.2</td><td>2.5</td>" in page
 
 
 def test_another_value_gives_another_verdict(content):

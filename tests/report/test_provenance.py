@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from hashlib import sha256
 
-from pipeline.report.provenance import Output, locked_libraries, locked_outputs, options_of, sha256_of
+from pipeline.report.provenance import Costs, Output, locked_libraries, locked_outputs, measured_costs, options_of, sha256_of
 
 LOCK = {
     "configure": {"outs": [{"path": "data/config.yaml", "md5": "0"}]},
@@ -26,6 +27,13 @@ class Outer:
     inner: Inner = field(default_factory=Inner)
     parts: dict = field(default_factory=lambda: {"a": Inner(2.0), "none": None})
     names: list = field(default_factory=lambda: ["q1", "q2"])
+
+
+def test_the_costs_are_those_of_the_stages_as_the_benchmarks_leave_them(tmp_path):
+    file = tmp_path / "experiment.json"
+    stage = {"stage": "fit additive", "cpu": 2.5, "elapsed": 1.5, "memory": 4}
+    file.write_text(json.dumps({"machine": "two cores", "scale": "paper", "elapsed": 9, "stages": [stage]}))
+    assert measured_costs(file) == Costs("two cores", "paper", [("fit additive", 1.5, 2.5)])
 
 
 def test_outputs_of_the_stages_asked_for_in_their_order_without_configuration_and_models_not_chosen():

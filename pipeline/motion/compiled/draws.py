@@ -28,7 +28,7 @@ def chi_squares(rng: np.random.Generator, degrees: float, count: int) -> np.ndar
     shape = degrees / 2.0
     if shape <= 1.0:  # another method, for fewer degrees than the fits find
         for i in range(count):
-            drawn[i] = rng.chisquare(degrees)
+            drawn[i] = 2.0 * rng.standard_gamma(shape)
         return drawn
     b = shape - 1.0 / 3.0
     c = 1.0 / np.sqrt(9 * b)

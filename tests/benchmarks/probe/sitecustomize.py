@@ -15,6 +15,10 @@ BEGIN = time.perf_counter()
 
 def write_cost() -> None:
     """Processor time in s and peak memory in bytes of this process and of those that it waited for, and elapsed time in s."""
+    if (module := sys.modules.get("multiprocessing.forkserver")) and (server := module._forkserver)._forkserver_pid:
+        # workers are children of a server, which ends with this pipe, and which nobody else waits for
+        os.close(server._forkserver_alive_fd)
+        os.waitpid(server._forkserver_pid, 0)
     own, others = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
     cost = {
         "stage": " ".join(sys.orig_argv[3:]),
