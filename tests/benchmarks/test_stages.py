@@ -70,6 +70,18 @@ assert not hasattr(simulate.run, "__wrapped__")
     subprocess.run([sys.executable, "-c", script], cwd=ROOT, env=environment, check=True)
 
 
+def test_what_a_stage_calls_by_the_name_of_its_module_is_counted_too():
+    script = """
+import work
+work.count_calls("ingest")
+from pipeline.stages import ingest
+assert hasattr(ingest.motion_capture.marker_rows, "__wrapped__")
+assert not hasattr(ingest.contracts.write, "__wrapped__")
+"""
+    environment = os.environ | {"PYTHONPATH": str(stages.HERE)}
+    subprocess.run([sys.executable, "-c", script], cwd=ROOT, env=environment, check=True)
+
+
 def test_the_cost_of_a_stage_holds_that_of_its_workers(tmp_path):
     loop = """
 import time

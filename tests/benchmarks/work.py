@@ -13,9 +13,10 @@ import json
 import sys
 import time
 from collections import Counter
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from types import FunctionType
+from types import FunctionType, ModuleType
 
 sys.path.insert(0, str(Path.cwd()))
 sys.path.insert(0, str(Path.cwd() / "tests"))
@@ -63,9 +64,18 @@ def counted(function: FunctionType, room: str) -> FunctionType:
     return call
 
 
+def named_by(module: ModuleType) -> Iterator[object]:
+    """What ``module`` has a name for, and what is in the modules of the pipeline that it names whole."""
+    for thing in vars(module).values():
+        if inspect.ismodule(thing) and thing.__name__.startswith("pipeline."):
+            yield from (value for value in vars(thing).values() if getattr(value, "__module__", None) == thing.__name__)
+        else:
+            yield thing
+
+
 def count_calls(stage: str) -> None:
     """Count what ``stage`` calls of the rooms, under every name that the pipeline has for it, so that it can still be pickled."""
-    for thing in list(vars(import_module(f"pipeline.stages.{stage}")).values()):
+    for thing in list(named_by(import_module(f"pipeline.stages.{stage}"))):
         place = (getattr(thing, "__module__", None) or "").split(".")
         if place[0] != "pipeline" or place[1] in BETWEEN or place[1].startswith("schema") or hasattr(thing, "__wrapped__"):
             continue
