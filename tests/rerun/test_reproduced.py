@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 
 pytestmark = pytest.mark.slow
 
-STAGES = ("configure", "ingest", "wrench")
+STAGES = ("choose", "configure", "ingest", "wrench")
 NUMBERS = "reports/metrics/wrench.json"
 
 
@@ -41,6 +41,7 @@ def test_a_constant_altered_without_a_run_is_caught_and_another_rounding_is_not(
     found = json.loads((tmp_path / "audit.json").read_text())
     outputs = {output["path"]: output for output in found["outputs"] if output["verdict"] != "not run"}
     assert {path: output["verdict"] for path, output in outputs.items()} == {
+        "data/dataset.txt": "identical",
         "data/config.yaml": "identical",
         "data/raw/youbot/recordings": "identical",
         "data/raw/youbot/truth": "identical",
