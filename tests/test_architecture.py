@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import re
-import subprocess
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -278,24 +277,3 @@ def test_nothing_is_random_or_dated_but_by_its_arguments(module):
     attributes = [node for node in ast.walk(tree_of(module)) if isinstance(node, ast.Attribute)]
     drawn = {node.attr for node in attributes if ast.unparse(node.value) in ("np.random", "numpy.random")}
     assert drawn <= ({"Generator", "PCG64", "SeedSequence"} if module == "pipeline.rng" else {"Generator"})
-
-
-def project_files() -> list[Path]:
-    """What git has or would take."""
-    listed = subprocess.run(["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True, check=False)
-    if listed.returncode:
-        pytest.skip("not a git repository")
-    return [file for file in map(ROOT.joinpath, listed.stdout.splitlines()) if file.is_file()]
-
-
-def test_no_file_names_a_place_on_one_machine():
-    # the brackets keep this file from finding itself
-    places = re.compile(rb"(?<![\w.])/(hom[e]|roo[t]|User[s]|wor[k]|tm[p]|op[t]|mn[t])/\w|[A-Z]:\\\\?User[s]")
-    found = {str(file.relative_to(ROOT)): places.findall(file.read_bytes()) for file in project_files()}
-    assert {file: hits for file, hits in found.items() if hits} == {}
-
-
-def test_no_file_names_a_package_registry():
-    hosts = re.compile(rb"pyp[i]\.org|pythonhoste[d]\.|anacond[a]\.org|artifactor[y]|index-ur[l]\s*=|extra-index-ur[l]")
-    found = {str(file.relative_to(ROOT)): hosts.findall(file.read_bytes()) for file in project_files()}
-    assert {file: hits for file, hits in found.items() if hits} == {}

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from omegaconf import OmegaConf
-from test_config import parameters
+from params_file import parameters
 
 from pipeline import config, datasheet
 from pipeline.errors import ConfigError

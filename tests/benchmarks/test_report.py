@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
-from report import duration, lines
+from report import duration, experiment, lines
 
 
 def measured(name: str, seconds: float, items: int = 1, param: str | None = None, **extra: object) -> dict:
@@ -62,3 +64,18 @@ def test_opponents_stand_from_the_fastest_to_the_slowest():
 )
 def test_durations_have_the_unit_that_suits(seconds, text):
     assert duration(seconds) == text
+
+
+@pytest.mark.parametrize(("cpu", "verdict"), [(4.0, "met"), (6.5, "**missed**")])
+def test_the_stages_are_measured_in_the_work_of_all_of_them(tmp_path, cpu, verdict):
+    stages = [
+        {"stage": "fit additive", "cpu": cpu, "elapsed": 3.5, "memory": 2.5e8},
+        {"stage": "score", "cpu": 2.0, "elapsed": 2.0, "memory": 1.6e9},
+    ]
+    work = {"fit additive": {"motion": 2.5, "arm": 0.5}, "score": {"motion": 1.0}}
+    measured = {"machine": "M", "scale": "paper", "ratio_limit": 1.5, "memory_limit": 1.5e9, "elapsed": 5.5, "work": work, "stages": stages}
+    (tmp_path / "experiment.json").write_text(json.dumps(measured))
+    text = experiment(tmp_path)
+    assert f"{(cpu + 2) / 4:.2f} times the processor time of the work itself (≤ 1.5: {verdict})" in text
+    assert "motion 3.5 s, arm 0.5 s" in text and "1.60 GB (< 1.5 GB: **missed**)" in text
+    assert f"| fit additive | 3.5 s | {cpu:.1f} s | 3.0 s | 0.25 GB |" in text
