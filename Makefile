@@ -16,7 +16,7 @@ repro: $(READY)
 	dvc repro
 
 test: $(READY)
-	python -m pytest -q -n auto --dist loadgroup
+	python -m pytest -q -n auto --dist worksteal
 
 smoke: $(READY)
 	python tests/smoke.py .smoke

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -26,20 +28,29 @@ def run(*command: str, cwd: Path) -> subprocess.CompletedProcess:
     return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
 
 
-# first, as xdist reads the groups in a hook of the same name
-@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What takes longest goes first, so that all workers end at about the same time; one of them has the reproduced project."""
-    for item in items:
-        if "reproduced" in getattr(item, "fixturenames", ()):
-            item.add_marker(pytest.mark.xdist_group("reproduced"))
+    """What takes longest goes first: a worker that has nothing left takes over from the end of another's list."""
     items.sort(key=lambda item: ("reproduced" not in getattr(item, "fixturenames", ()), item.get_closest_marker("slow") is None))
 
 
 @pytest.fixture(scope="session")
 def reproduced(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A clone-like copy of the project, under git, in which ``dvc repro`` has run on the smoke scale."""
-    folder = tmp_path_factory.mktemp("reproduced")
+    """A clone-like copy of the project, under git, in which ``dvc repro`` has run on the smoke scale; one for all workers."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "reproduced"
+    whole = folder.with_suffix(".whole")
+    # the first worker that needs it makes it, others wait
+    with folder.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not whole.exists():
+            reproduce(folder)
+            whole.touch()
+    return folder
+
+
+def reproduce(folder: Path) -> None:
+    """Copy the project, run it and commit what it wrote."""
+    shutil.rmtree(folder, ignore_errors=True)
     copy_project(folder)
     (folder / ".dvc/config.local").unlink()
     set_parameters(folder, **SMOKE)
@@ -49,4 +60,3 @@ def reproduced(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert done.returncode == 0, done.stdout + done.stderr
     run(*GIT, "add", "-A", cwd=folder)
     run(*GIT, "commit", "-qm", "reproduced", cwd=folder)
-    return folder

@@ -9,6 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 UNWRITTEN = ("reports/claims.yaml", "reports/benchmarks/experiment.json")  # the reports that stages read and none writes
+COMPILED = {".pyc", ".nbi", ".nbc"}  # by Python and by Numba
 # so little work is done sooner in one process than workers are started
 SMOKE = {"scale": "smoke", "compute": "serial", "models": "[additive, wishart, gaussian]"}
 
@@ -23,8 +24,11 @@ def copy_project(folder: Path) -> None:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(source, folder / name, follow_symlinks=False)
     # what is compiled of equal sources need not be compiled again; times and sizes decide, and copies keep them
-    for compiled in (ROOT / "pipeline").rglob("__pycache__"):
-        shutil.copytree(compiled, folder / compiled.relative_to(ROOT), dirs_exist_ok=True)
+    for compiled in (ROOT / "pipeline").rglob("__pycache__/*"):
+        # not what another process is writing, which has its own name only when it is whole
+        if compiled.suffix in COMPILED:
+            (folder / compiled.relative_to(ROOT)).parent.mkdir(exist_ok=True)
+            shutil.copy2(compiled, folder / compiled.relative_to(ROOT))
     (folder / ".dvc/config.local").write_text("[core]\n    no_scm = true\n")
 
 

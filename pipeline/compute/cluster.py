@@ -46,10 +46,27 @@ def cluster(function: bytes, compute: Compute, label: str) -> Iterator[Cluster]:
         yield Cluster(client, function, compute.dask.timeout, label)
 
 
+class _Client(Client):
+    """A client that is closed by who opened it, also where it finds no scheduler, and not when garbage is collected: in the midst of
+    another client's start Dask's own then waits without end for a lock that its thread holds.
+    """
+
+    def __init__(self, address: str, timeout: float) -> None:
+        try:
+            super().__init__(address, timeout=timeout)
+        except BaseException:
+            with suppress(TimeoutError):
+                self.close()
+            raise
+
+    def __del__(self) -> None:
+        pass
+
+
 @contextmanager
 def _connected(address: str, timeout: float) -> Iterator[Client]:
     try:
-        client = Client(address, timeout=timeout)
+        client = _Client(address, timeout)
     # an AssertionError is Dask's own where its thread has not begun within 10 s, as on a machine that is busy
     except (OSError, ValueError, AssertionError) as error:
         raise ComputeError(

@@ -51,7 +51,8 @@ def fit_scaled(noise: np.ndarray, dq: np.ndarray, measurement: np.ndarray, struc
         _ = second_moment(w[rest], measurement)  # refuses noise to which a singular floor would give a density without bound
     outer = np.outer(scale, scale)
     of_floor, of_gain = _directions(structure, speed / scale)
-    unit_noise, unit_speed, added = w / scale, x / speed, measurement / outer
+    # in one order in memory, whatever that of the noise, so that one form of the sums is compiled
+    unit_noise, unit_speed, added = np.divide(w, scale, order="C"), np.divide(x, speed, order="C"), measurement / outer
 
     def covariances(matrices: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         parts = [p @ matrix @ p.T for p, matrix in zip(of_floor + of_gain, matrices, strict=True)]
@@ -88,8 +89,8 @@ def _sums(w: np.ndarray, x: np.ndarray, floor: np.ndarray, gain: np.ndarray) -> 
     """
     total, by_floor, by_gain = 0.0, np.zeros((3, 3)), np.zeros((3, 3))
     covariance, precision, white = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    # sums of SUMMED steps are added up, so that rounding does not grow with the number of steps
     of_floor, of_gain = np.empty((3, 3)), np.empty((3, 3))
+    # sums of SUMMED steps are added up, so that rounding does not grow with the number of steps
     for start in range(0, len(w), SUMMED):
         value = 0.0
         for i in range(3):

@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import cost_growth
 import numpy as np
 import pandas as pd
 import pytest
-from depth_scenario import record
+from conftest import run
 from growth_figure import draw
 
+EVERY_SMALLEST_CALL = """
+recording = cost_growth.in_a_process(depth_scenario.record, Path("."), 2)
+costs = {over: cost_growth.in_a_process(cost_growth.cost, over, sizes[0], recording) for over, sizes in cost_growth.SIZES.items()}
+print(json.dumps(costs))
+"""
+# 8 MB a size, every page touched; the 80 MB that are there before are not the call's
+ARRAYS = """
+before = np.ones(10_000_000)
+cost_growth.call_of = lambda over, size, recording: lambda: before[: size * 1_000_000].copy()
+cost_growth.SIZES = {"arrays": (1, 4)}
+print(json.dumps({size: cost_growth.in_a_process(cost_growth.cost, "arrays", size, None) for size in (4, 8)}))
+"""
 
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory):
-    return record(tmp_path_factory.mktemp("recording"), 2)
+
+def measured(script: str, folder: Path) -> dict[str, tuple[float, float]]:
+    """What a script prints of its own process: it is forked for every measurement, which one of many threads, as here, must not be."""
+    imports = f"import json, sys\nfrom pathlib import Path\nsys.path.append({str(Path(__file__).parent)!r})\n"
+    done = run("python", "-c", imports + "import cost_growth, depth_scenario\nimport numpy as np\n" + script, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 def test_the_slope_is_the_power_of_the_larger_sizes():
@@ -22,20 +41,17 @@ def test_the_slope_is_the_power_of_the_larger_sizes():
     assert cost_growth.slope(sizes, sizes + np.where(sizes < 16, 5.0, 0.0)) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("over", cost_growth.SIZES)
-def test_what_is_measured_can_be_called(over, recording):
-    seconds, megabytes = cost_growth.in_a_process(cost_growth.cost, over, cost_growth.SIZES[over][0], recording)
-    assert seconds > 0 and megabytes >= 0
+@pytest.mark.slow
+def test_every_call_that_is_measured_can_be_made(tmp_path):
+    costs = measured(EVERY_SMALLEST_CALL, tmp_path)
+    assert set(costs) == set(cost_growth.SIZES)
+    assert all(seconds > 0 and megabytes >= 0 for seconds, megabytes in costs.values())
 
 
-def test_the_memory_is_that_of_the_call(monkeypatch):
-    # 8 MB a size, every page touched; the 80 MB that are there before are not the call's
-    before = np.ones(10_000_000)
-    monkeypatch.setattr(cost_growth, "call_of", lambda over, size, recording: lambda: before[: size * 1_000_000].copy())
-    monkeypatch.setattr(cost_growth, "SIZES", {"arrays": (1, 4)})
-    for size in (4, 8):
-        _, megabytes = cost_growth.in_a_process(cost_growth.cost, "arrays", size, None)
-        assert megabytes == pytest.approx(8 * size, rel=0.1)
+@pytest.mark.slow
+def test_the_memory_is_that_of_the_call(tmp_path):
+    for size, (_, megabytes) in measured(ARRAYS, tmp_path).items():
+        assert megabytes == pytest.approx(8 * int(size), rel=0.1)
 
 
 def test_a_memory_that_does_not_grow_is_not_drawn():

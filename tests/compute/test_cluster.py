@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import operator
 import os
 import re
@@ -12,11 +13,13 @@ from collections.abc import Iterator
 from functools import partial
 from itertools import islice
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
 from conftest import run
 from distributed import Client
+from distributed.utils import LoopRunner
 from omegaconf import OmegaConf
 from smoke import set_parameters
 
@@ -155,6 +158,18 @@ def test_a_scheduler_that_is_not_there_is_named_within_the_timeout():
 def test_what_is_no_address_of_a_scheduler_is_refused(address):
     with pytest.raises(ComputeError, match="no Dask scheduler answers"):
         list(run_trials(operator.neg, [1], compute=Compute(dask=Dask(address, 1.0)), label="trials"))
+
+
+def test_a_client_that_found_no_scheduler_is_garbage_whose_collection_waits_for_no_other():
+    gc.collect()
+    with pytest.raises(ComputeError):
+        list(run_trials(operator.neg, [1], compute=Compute(dask=Dask("nowhere", 1.0)), label="trials"))
+    # as another client holds it that is just being started
+    with LoopRunner._lock:
+        collecting = Thread(target=gc.collect, daemon=True)
+        collecting.start()
+        collecting.join(20)
+        assert not collecting.is_alive()
 
 
 def test_a_scheduler_without_workers_is_waited_for_and_then_named(idle):
