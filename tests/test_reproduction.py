@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 from pathlib import Path
@@ -20,6 +21,13 @@ FIGURES = (
     "model_scores", "faults",
 )  # fmt: skip
 MODELS = ("additive", "wishart", "gaussian")
+EVERY_STAGE = """
+import sys
+from importlib import import_module
+
+for stage, *item in map(str.split, sys.argv[1:]):
+    import_module(f"pipeline.stages.{stage}").run(*item)
+"""
 AFTER_THE_MODELS = {"configure", "sensitivity", "score", "figures", "play", "evidence", "report", "crate", "page"}
 
 
@@ -76,8 +84,15 @@ def test_metrics_and_plots_show_without_a_network(copy):
 def test_the_same_seed_gives_the_same_bytes_whatever_the_number_of_workers(copy):
     before = outputs(copy)
     set_parameters(copy, compute="local")
-    done = run("dvc", "repro", "--force", cwd=copy)
-    assert done.returncode == 0, done.stdout + done.stderr
+    for path in before:
+        remove = shutil.rmtree if (copy / path).is_dir() else os.remove
+        remove(copy / path)
+    planned = run("dvc", "repro", "--force", "--dry", cwd=copy)
+    names, stages = zip(*re.findall(r"^Running stage '(.+)':\n> python -m pipeline (.+)$", planned.stdout, re.MULTILINE), strict=True)
+    # all of them in one process: half the time of a run is that of starting one for each
+    for command in (["python", "-c", EVERY_STAGE, *stages], ["dvc", "commit", "--force", *names]):
+        done = run(*command, cwd=copy)
+        assert done.returncode == 0, done.stdout + done.stderr
     assert outputs(copy) == before
 
 
@@ -110,10 +125,10 @@ def test_an_edit_of_a_comment_reruns_configure_alone(copy):
 
 def test_an_experiment_sets_a_nested_value_from_the_command_line(copy):
     run(*GIT, "add", "-A", cwd=copy)
-    done = run("dvc", "exp", "run", "-S", "+overrides.filter.particles=50", "-S", "filter=residual", cwd=copy)
+    done = run("dvc", "exp", "run", "-S", "+overrides.filter.particles=50", "-S", "filter=residual", "filter@wishart", cwd=copy)
     assert done.returncode == 0, done.stdout + done.stderr
     assert OmegaConf.load(copy / "data/config.yaml").filter == {"scheme": "residual", "threshold": 0.5, "particles": 50}
-    assert stages_run(done.stdout) == AFTER_THE_MODELS | {f"filter@{model}" for model in MODELS}
+    assert stages_run(done.stdout) == {"configure", "filter@wishart"}
 
 
 @pytest.mark.parametrize(

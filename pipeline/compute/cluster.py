@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 
 import dask
-from distributed import Client, Future, LocalCluster, get_worker, wait
+from distributed import Client, Future, LocalCluster, get_worker
 from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 
@@ -115,13 +115,15 @@ class Cluster:
     def _results(self, future: Future) -> Results:
         """Of a block, once they are there; the errors of its trials as they are, those of the cluster as ComputeError."""
         try:
-            while not future.done():
+            while True:
                 try:
-                    wait(future, self._timeout)
+                    return future.result(self._timeout)
                 except TimeoutError:
-                    # a long block, or nobody left to run it
+                    if future.status == "error":
+                        # known here: what a trial ended with, be it a timeout of its own
+                        return future.result()
+                    # a long block, a result on its way, or nobody left
                     self._require_workers()
-            return future.result()
         except (CancelledError, CommClosedError):
             raise self._lost() from None
         except KilledWorker as error:

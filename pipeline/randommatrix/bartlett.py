@@ -5,18 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.compiled import compiled
+from pipeline.randommatrix.gamma import gamma_law, standard_gamma
 
 
 def fill(draws: np.ndarray, d: float, root: np.ndarray, rng: np.random.Generator) -> None:
     """Fill ``draws`` (N, n, n) with (LT)(LT)ᵀ, L = ``root`` (n, n), T as in :func:`pipeline.randommatrix.wishart.sample`."""
-    _bartlett(draws, root, tuple(_gamma_law((d - i) / 2) for i in range(len(root))), rng)
-
-
-def _gamma_law(shape: float) -> tuple[float, float, float]:
-    """Shape of a gamma law and the two constants of its draws, so that these take no root of them each time."""
-    if shape <= 1:
-        return shape, 0.0, 0.0
-    return shape, shape - 1 / 3, 1 / np.sqrt(9 * (shape - 1 / 3))
+    _bartlett(draws, root, tuple(gamma_law((d - i) / 2) for i in range(len(root))), rng)
 
 
 @compiled()
@@ -29,8 +23,7 @@ def _bartlett(draws: np.ndarray, root: np.ndarray, laws: tuple, rng: np.random.G
         for i in range(n):
             for j in range(i):
                 triangle[i, j] = rng.standard_normal()
-            shape, scale, slope = laws[i]
-            triangle[i, i] = np.sqrt(2 * _standard_gamma(shape, scale, slope, rng))
+            triangle[i, i] = np.sqrt(2 * standard_gamma(laws[i], rng))
         for i in range(n):
             for j in range(i + 1):
                 entry = 0.0
@@ -43,18 +36,3 @@ def _bartlett(draws: np.ndarray, root: np.ndarray, laws: tuple, rng: np.random.G
                 for k in range(j + 1):
                     entry += factor[i, k] * factor[j, k]
                 draws[number, i, j] = draws[number, j, i] = entry
-
-
-@compiled()
-def _standard_gamma(shape: float, scale: float, slope: float, rng: np.random.Generator) -> float:
-    """A gamma variate by the squeeze of Marsaglia and Tsang (ACM Trans. Math. Software 26, 2000), the very one that NumPy draws."""
-    if shape <= 1.0:
-        return rng.standard_gamma(shape)
-    while True:
-        x = rng.standard_normal()
-        cube = (1.0 + slope * x) ** 3
-        if cube <= 0.0:
-            continue
-        u, square = rng.random(), x * x
-        if u < 1.0 - 0.0331 * square * square or np.log(u) < 0.5 * square + scale * (1.0 - cube + np.log(cube)):
-            return scale * cube

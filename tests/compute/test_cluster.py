@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import operator
 import os
+import pickle
 import re
 import shutil
 import signal
@@ -24,11 +25,12 @@ from omegaconf import OmegaConf
 from smoke import set_parameters
 
 from pipeline.compute import trials as module
+from pipeline.compute.cluster import cluster
 from pipeline.compute.trials import run_trials
 from pipeline.errors import ComputeError, RecordingError
 from pipeline.instruments.delimited import read_text
 from pipeline.schema_compute import Compute, Dask
-from tests.compute.example_trials import articulated, filtered, give_up, late, layout, pause
+from tests.compute.example_trials import articulated, filtered, give_up, late, layout, pause, time_out
 from tests.compute.memory import peak
 
 SERIAL = Compute(1)
@@ -145,6 +147,23 @@ def test_a_scheduler_that_no_longer_answers_is_named_after_the_timeout(start):
     with pytest.raises(ComputeError, match="has been lost"):
         list(results)
     assert time.monotonic() - begin < 40
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_no_longer_answers_when_a_result_is_there_is_named_too(start):
+    started = start()
+    with cluster(pickle.dumps(operator.neg), started.compute(timeout=3.0), "trials") as running:
+        results = running.submit([pickle.dumps(1)])
+        # the client knows now that it is done, and has not asked for it
+        time.sleep(3)
+        started.scheduler.send_signal(signal.SIGSTOP)
+        with pytest.raises(ComputeError, match="has been lost"):
+            results()
+
+
+def test_a_trials_own_timeout_is_its_error(running):
+    with pytest.raises(TimeoutError, match="of trial 0"):
+        list(run_trials(time_out, [0], compute=running.compute(), label="trials"))
 
 
 def test_a_scheduler_that_is_not_there_is_named_within_the_timeout():
