@@ -1,6 +1,7 @@
 """How cost grows: (a) processor time and (b) memory beyond what was there before, over the size of what grows.
 
-Lines of slope one in grey. The legend gives each line's slope over the larger half of its sizes; memory that does not grow is not drawn.
+Lines of slope one in grey. The legend gives each line's slope over the larger half of its sizes; memory that does not grow is not drawn,
+nor what is less than can be told.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from matplotlib.figure import Figure
 
 from pipeline.figures.style import BLUE, GREEN, LIGHT_GREY, ORANGE, PURPLE, TWO_COLUMNS, VERMILLION, letter, panels
 
+TOLD = 0.1  # MB; less is a matter of single pages, and none has no place on a logarithmic axis
 LINES = {
     "particles": {"color": BLUE, "marker": "o", "linestyle": "-"},
     "steps": {"color": VERMILLION, "marker": "s", "linestyle": "--"},
@@ -23,14 +25,15 @@ LINES = {
 def draw(costs: pd.DataFrame) -> Figure:
     """Table ``cost_growth``: over, size, seconds, megabytes, time_slope, memory_slope."""
     figure, ((time, memory),) = panels(TWO_COLUMNS, 2.8, columns=2)
-    for axes, column, kind, label in (
-        (time, "seconds", "time_slope", "processor time (s)"),
-        (memory, "megabytes", "memory_slope", "memory (MB)"),
+    for axes, column, least, kind, label in (
+        (time, "seconds", 0.0, "time_slope", "processor time (s)"),
+        (memory, "megabytes", TOLD, "memory_slope", "memory (MB)"),
     ):
         for over, rows in costs.groupby("over", sort=False):
             slope = rows[kind].iloc[0]
             if np.isfinite(slope):
-                axes.plot(rows["size"], rows[column], label=f"{over}: {slope:.2f}", markersize=3, **LINES[over])
+                told = rows[rows[column] > least]
+                axes.plot(told["size"], told[column], label=f"{over}: {slope:z.2f}", markersize=3, **LINES[over])
         axes.set(xscale="log", yscale="log", xlabel="size", ylabel=label)
         if axes.get_lines():
             axes.legend(title="slope over", loc="center left", bbox_to_anchor=(1.0, 0.5))

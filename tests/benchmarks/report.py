@@ -107,7 +107,7 @@ def growth(folder: Path) -> str:
     """The slopes of cost over size, and the figure."""
     slopes = pd.read_csv(folder / "cost_growth.csv").drop_duplicates("over")
     rows = [
-        [row.over, f"{row.time_slope:.2f}", "–" if pd.isna(row.memory_slope) else f"{row.memory_slope:.2f}"] for row in slopes.itertuples()
+        [row.over, f"{row.time_slope:.2f}", "–" if pd.isna(row.memory_slope) else f"{row.memory_slope:z.2f}"] for row in slopes.itertuples()
     ]
     return (
         "Slopes of the logarithm of processor time and of peak memory beyond what was there before, over the logarithm of the size, "

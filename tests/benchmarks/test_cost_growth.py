@@ -59,3 +59,10 @@ def test_a_memory_that_does_not_grow_is_not_drawn():
     time, memory = draw(table.assign(memory_slope=np.nan)).axes
     labels = [[line.get_label() for line in axes.get_lines() if not line.get_label().startswith("_")] for axes in (time, memory)]
     assert labels == [["takes: 1.00"], []]
+
+
+def test_memory_that_cannot_be_told_has_no_place_on_its_axis():
+    costs = {"seconds": [1.0, 2.0, 4.0], "megabytes": [0.0, 0.01, 2.0], "time_slope": 1.0, "memory_slope": -0.001}
+    time, memory = draw(pd.DataFrame({"over": "agents", "size": [1, 2, 4]} | costs)).axes
+    (growth,) = [line for line in memory.get_lines() if line.get_label() == "agents: 0.00"]
+    assert growth.get_xdata().tolist() == [4] and len(time.get_lines()[0].get_xdata()) == 3
