@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -27,7 +28,7 @@ def copy_project(folder: Path) -> None:
     for compiled in (ROOT / "pipeline").rglob("__pycache__/*"):
         # not what another process is writing, which has its own name only when it is whole
         if compiled.suffix in COMPILED:
-            (folder / compiled.relative_to(ROOT)).parent.mkdir(exist_ok=True)
+            (folder / compiled.relative_to(ROOT)).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(compiled, folder / compiled.relative_to(ROOT))
     (folder / ".dvc/config.local").write_text("[core]\n    no_scm = true\n")
 
@@ -40,6 +41,11 @@ def set_parameters(folder: Path, **values: object) -> None:
         place = next(i for i, line in enumerate(lines) if line.startswith(f"{name}:"))
         lines[place] = f"{name}: {value}"
     file.write_text("\n".join(lines) + "\n")
+
+
+def planned(output: str) -> dict[str, str]:
+    """Of what ``dvc repro --dry`` says: the stages in their order, each with the words that follow ``python -m pipeline``."""
+    return dict(re.findall(r"^Running stage '(.+)':\n> python -m pipeline (.+)$", output, re.MULTILINE))
 
 
 def main(folder: Path) -> int:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from conftest import GIT, run
 from omegaconf import OmegaConf
-from smoke import set_parameters
+from smoke import planned, set_parameters
 
 pytestmark = pytest.mark.slow
 
@@ -87,10 +87,11 @@ def test_the_same_seed_gives_the_same_bytes_whatever_the_number_of_workers(copy)
     for path in before:
         remove = shutil.rmtree if (copy / path).is_dir() else os.remove
         remove(copy / path)
-    planned = run("dvc", "repro", "--force", "--dry", cwd=copy)
-    names, stages = zip(*re.findall(r"^Running stage '(.+)':\n> python -m pipeline (.+)$", planned.stdout, re.MULTILINE), strict=True)
+    plan = run("dvc", "repro", "--force", "--dry", cwd=copy)
+    assert plan.returncode == 0, plan.stderr
+    stages = planned(plan.stdout)
     # all of them in one process: half the time of a run is that of starting one for each
-    for command in (["python", "-c", EVERY_STAGE, *stages], ["dvc", "commit", "--force", *names]):
+    for command in (["python", "-c", EVERY_STAGE, *stages.values()], ["dvc", "commit", "--force", *stages]):
         done = run(*command, cwd=copy)
         assert done.returncode == 0, done.stdout + done.stderr
     assert outputs(copy) == before

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
+
+sys.path.append(str(Path(__file__).parents[1]))
+from smoke import planned
 
 HERE = Path(__file__).parent
 
@@ -29,8 +31,8 @@ def in_one_process(project: Path, *scales: str) -> list[dict]:
 
     Raises CalledProcessError where it fails.
     """
-    planned = subprocess.run(["dvc", "repro", "--force", "--dry"], cwd=project, check=True, capture_output=True, text=True)
-    plan = {"scales": scales, "stages": [command.split() for command in re.findall(r"^> python -m pipeline (.+)$", planned.stdout, re.M)]}
+    said = subprocess.run(["dvc", "repro", "--force", "--dry"], cwd=project, check=True, capture_output=True, text=True).stdout
+    plan = {"scales": scales, "stages": [words.split() for words in planned(said).values()]}
     # stages print, so the answer has a file of its own
     answer = project / "work.json"
     subprocess.run([sys.executable, HERE / "work.py", answer], cwd=project, input=json.dumps(plan), check=True, text=True)
