@@ -10,3 +10,5 @@ os.environ.setdefault("OPENBLAS_CORETYPE", "Haswell")
 os.environ.setdefault("NPY_DISABLE_CPU_FEATURES", "X86_V4")
 # a sine and an exponential of its own, which differ in the last bits from the C library's
 os.environ.setdefault("NUMBA_DISABLE_INTEL_SVML", "1")
+# the messages of types that it tries in vain would be coloured before they are thrown away: some hundredths of the time to compile
+os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")

@@ -18,6 +18,7 @@ import numba
 from numba.core import caching
 
 PROJECT = Path(__file__).parents[1]
+CLOSED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 def compiled(*signature: object) -> Callable:
@@ -29,9 +30,14 @@ def compiled(*signature: object) -> Callable:
     return numba.njit(*signature, cache=True, nogil=True, error_model="numpy")
 
 
+def inner(function: Callable) -> Callable:
+    """Decorator: a compiled function that compiled functions alone can call; without ways in from Python and C it compiles sooner."""
+    return numba.njit(cache=True, nogil=True, error_model="numpy", **CLOSED)(function)
+
+
 def inlined(function: Callable) -> Callable:
-    """Decorator: a function that becomes part of every compiled function that calls it, so that loops around it can be vectorised."""
-    return numba.njit(forceinline=True, error_model="numpy")(function)
+    """Decorator: an inner function that becomes part of every function that calls it, so that loops around it can be vectorised."""
+    return numba.njit(cache=True, forceinline=True, error_model="numpy", **CLOSED)(function)
 
 
 @cache

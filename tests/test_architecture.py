@@ -40,7 +40,7 @@ MAY_IMPORT = {
     "statistics": {"compiled", "errors"},
     "perception": {"compiled", "errors", "schema", "arm", "instruments"},
     "motion": {"compiled", "errors", "schema", "arm", "randommatrix", "statistics"},
-    "filtering": {"compiled", "errors", "arm", "motion"},
+    "filtering": {"compiled", "errors", "arm", "randommatrix", "motion"},
     "sensitivity": {"errors", "schema", "arm", "perception", "motion", "filtering", "statistics"},
     "survey": {"errors", "schema", "typed_yaml", "rng", "compute", "contracts", "tables"}
     | {"arm", "perception", "motion", "filtering", "sensitivity", "wrench", "twin", "audit"},

@@ -14,6 +14,7 @@ from pipeline.compiled import sources_stamp
 
 INNER = """
 from pipeline.compiled import compiled, inlined
+from pipeline.compiled import inner as closed
 CONSTANT = {constant}
 @{decorator}
 def inner(x):
@@ -54,8 +55,24 @@ def test_compiled_code_is_taken_from_the_cache_until_an_inner_function_or_its_co
     assert run(package) == (2.0, 1, place)
     write_inner(package, added=1.0)
     assert run(package) == (3.0, 0, place)
-    write_inner(package, "inlined", added=1.0, constant=7.0)
-    assert run(package) == (8.0, 0, place)
+    for decorator, constant in (("inlined", 7.0), ("closed", 9.0)):
+        write_inner(package, decorator, constant=constant)
+        assert run(package) == (constant, 0, place)
+        assert run(package) == (constant, 1, place)
+        write_inner(package, decorator, constant=constant, added=1.0)
+        assert run(package) == (constant + 1.0, 0, place)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("decorator", ["inlined", "closed"])
+def test_an_inner_function_is_taken_from_the_cache_by_one_that_has_to_be_compiled(package, decorator):
+    write_inner(package, decorator)
+    run(package)
+    other = OUTER.replace("return inner(x)", "return inner(x) + 1.0")
+    (package / "pipeline/other.py").write_text(other)
+    program = "from pipeline.other import outer; from pipeline.inner import inner; print(outer(1.0), sum(inner.stats.cache_hits.values()))"
+    done = subprocess.run([sys.executable, "-c", program], cwd=package, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["3.0", "1"]
 
 
 def test_numbas_own_cache_would_have_been_stale(package):

@@ -24,14 +24,15 @@ from pipeline.survey.laboratory import Laboratory, NoiseLaw, perform, pose_noise
 from pipeline.survey.motion import MotionStudy
 from pipeline.survey.options import Survey, read_survey
 from pipeline.survey.points import Study, gather
-from pipeline.survey.summary import against_the_pipeline, cost, verdict_counts
-from pipeline.survey.wrench import WrenchStudy
+from pipeline.survey.summary import Tally, against_the_pipeline, cost, verdict_counts
+from pipeline.survey.table import write
+from pipeline.survey.wrench import Configuration, ForceRig, WrenchStudy
 from pipeline.wrench.bounds import Bounds
 
 RECORD = Path("data/raw/youbot/dvc.yaml")
 NOISE, OUT, REPORTS = Path("data/noise"), Path("data/survey"), Path("reports/survey")
 CLAIMS = (Path("reports/claims.yaml"), Path("pipeline/sensitivity/conclusions.yaml"), Path("pipeline/survey/conclusions.yaml"))
-LEFT_OUT = "the faults and offsets of markers, the articulation of depth images, the estimate of clocks, the records of force"
+LEFT_OUT = "the faults and offsets of markers, the articulation of depth images, the estimate of clocks"
 BESIDE = "scaled_full"  # scored beside the paper's models, where the run has it
 
 
@@ -49,13 +50,14 @@ def run(words: list[str]) -> None:
     gathered = gather(options.conditions, study, OUT / "points", decided_with.compute)
     print(f"survey: conditions: {gathered.found} found, {gathered.computed} computed, {gathered.unreadable} unreadable computed anew")
     print(f"survey: no condition has {LEFT_OUT}")
+    tally = Tally()
     with contracts.replacing(OUT / name) as folder:
-        contracts.write(gathered.table, "survey", folder)
+        write(tally.passing(gathered.tables()), folder)
     with contracts.replacing(REPORTS / name) as folder:
-        counts = verdict_counts(gathered.table, options.design)
+        counts = verdict_counts(tally, options.design)
         counts.to_csv(folder / "verdicts.csv", index=False)
-        _base_condition(gathered.table, claims, folder)
-        contracts.write_metrics(cost(gathered.table, gathered.size), folder / "cost.json")
+        _base_condition(tally, claims, folder)
+        contracts.write_metrics(cost(tally.points, gathered.size), folder / "cost.json")
         save(draw(counts), folder, "survey")
 
 
@@ -92,23 +94,29 @@ def _law(noise: pd.DataFrame, duration: float) -> NoiseLaw:
 
 
 def _wrench(options: Survey) -> WrenchStudy:
-    """Bounds as the stage `wrench` has them."""
-    settings = config.sections("wrench")
+    """Bounds and configurations as the stage `wrench` has them, and the rig of the stage `record`."""
+    settings, twin = config.sections("wrench"), config.sections("record", RECORD).dataset.twin
     of_study, force = settings.wrench, settings.dataset.force
     bounds = Bounds(tuple(of_study.tension), tuple(of_study.direction), tuple(of_study.tension_std), tuple(of_study.kappa))
     within = (tuple(force.tension_std_bounds), tuple(force.kappa_bounds))
     configurations = {
-        name: (Bounds(tuple(force.tension_bounds), tuple(each.direction_bounds), *within), len(each.direction))
+        name: Configuration(
+            Bounds(tuple(force.tension_bounds), tuple(each.direction_bounds), *within),
+            list(each.tension),
+            list(each.direction),
+            list(force.tension_std),
+        )
         for name, each in force.configurations.items()
     }
     size = options.wrench
-    return WrenchStudy(bounds, configurations, size.systems, size.test_systems, size.repeats)
+    rig = ForceRig(twin["robots"], twin["transducer"], force.tare, size.force_seconds)
+    return WrenchStudy(bounds, configurations, rig, size.systems, size.test_systems, size.repeats)
 
 
-def _base_condition(table: pd.DataFrame, claims: tuple[Claim, ...], folder: Path) -> None:
+def _base_condition(tally: Tally, claims: tuple[Claim, ...], folder: Path) -> None:
     """Write and say how the base condition's verdicts agree with those of the run whose evidence is there."""
     run_of = read_run(Path("reports/datasets") / f"{config.sections('report').dataset.name}.json")
-    beside = against_the_pipeline(table, claims, run_of.evidence)
+    beside = against_the_pipeline(tally, claims, run_of.evidence)
     beside.to_csv(folder / "base_condition.csv", index=False)
     differ = beside.loc[~beside["agrees"], "claim"].unique()
     print(f"survey: of {len(beside)} cases {beside['agrees'].sum()} come out in the base condition as in the whole pipeline")

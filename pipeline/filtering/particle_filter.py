@@ -16,8 +16,9 @@ from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
 from pipeline.errors import ConfigError, DegenerateFilterError, ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.resampling import SCHEMES
-from pipeline.filtering.sampling import Domain, Frames, sequential_importance_sampling
+from pipeline.filtering.sampling import BLOCK, Domain, Frames, Particles, Record, sequential_importance_sampling
 from pipeline.motion.compiled.chain import arm_of
+from pipeline.motion.compiled.draws import room_for
 from pipeline.motion.model import MotionModel
 
 
@@ -80,11 +81,13 @@ def particle_filter(
     """
     frames, left_out = due_frames(measurements, len(steps), dt)
     start_poses, rejected = initial_particles(start, chain, options.particles, rng, take=measurements.take)
-    law, parameters = model.law()
+    law = model.law()
     scheme = SCHEMES[options.resampling]
-    mean, covariance, ess, resampled, clipped, outside, log_evidence, vanished = sequential_importance_sampling(
-        law,
-        parameters,
+    record = empty_record(len(steps) + 1)
+    log_evidence, vanished = sequential_importance_sampling(
+        law.step,
+        room_for(law, BLOCK),
+        law.parameters,
         arm_of(chain),
         domain_of(chain),
         np.array(steps, dtype=float, order="C"),
@@ -92,7 +95,8 @@ def particle_filter(
         # a threshold that no effective sample size is below never asks which particles to go on with
         scheme or SCHEMES["systematic"],
         options.threshold if scheme else 0.0,
-        np.ascontiguousarray(start_poses.T),
+        started(start_poses),
+        record,
         rng,
     )
     if vanished >= 0:
@@ -101,15 +105,28 @@ def particle_filter(
             "use more particles, resample, or compare the model's noise and the start pose with the recording",
             take=measurements.take, step=vanished, time=round(vanished * dt, 6),
         )  # fmt: skip
-    outside[0] = rejected
-    return Posterior(mean, covariance, ess, resampled, np.diff(frames.first) > 0, clipped, outside, left_out, log_evidence)
+    record.outside[0] = rejected
+    measured = np.diff(frames.first) > 0
+    return Posterior(**record._asdict(), measured=measured, left_out=left_out, log_evidence=log_evidence)
+
+
+def started(poses: np.ndarray) -> Particles:
+    """The particles at their first ``poses`` (P, 3) in rad, where they were before, too."""
+    q, count = np.ascontiguousarray(poses.T), len(poses)
+    return Particles(q, q.copy(), *np.empty((2, count)), np.empty(count, int), np.empty((2, count)))
+
+
+def empty_record(grid: int) -> Record:
+    """For ``grid`` times: nothing has happened in any of them."""
+    clipped, outside = np.zeros((2, grid), dtype=int)
+    return Record(np.empty((grid, 3)), np.empty((grid, 3, 3)), np.empty(grid), np.zeros(grid, dtype=bool), clipped, outside)
 
 
 def domain_of(chain: PlanarChain) -> Domain:
     """D_q of ``chain``."""
     first, second = np.arctan2(chain.links[:2, 0], chain.links[:2, 1])
     straight = chain.signs[1] * (first - second)
-    return Domain(np.array(chain.lower, dtype=float), np.array(chain.upper, dtype=float), float(straight), float(np.arcsin(SINGULAR_SINE)))
+    return Domain(tuple(map(float, chain.lower)), tuple(map(float, chain.upper)), float(straight), float(np.arcsin(SINGULAR_SINE)))
 
 
 def due_frames(measurements: Measurements, steps: int, dt: float) -> tuple[Frames, int]:

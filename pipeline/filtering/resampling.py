@@ -1,9 +1,9 @@
 """Resampling schemes of the particle filter (Douc, Cappé & Moulines 2005), compiled.
 
-A scheme takes weights (P,), non-negative and of sum 1, and a Generator, and returns P indices (P,) of the particles to go on with;
-particle i is expected P·w_i times, and never where w_i = 0. All of them hold sorted points against the cumulative weights: walking along
-both at once takes P steps, where a search for each point would take P·log P. What NumPy does with whole arrays is written as loops, which
-compile in half the time and need no arrays in between.
+A scheme ``resample(weights, chosen, room, rng)`` takes weights (P,), non-negative and of sum 1, and a Generator, and fills ``chosen`` (P,)
+with the indices of the particles to go on with; ``room`` (2, P) is for what it needs on the way. Particle i is expected P·w_i times, and
+never where w_i = 0. All of them hold sorted points against the cumulative weights: walking along both at once takes P steps, where a
+search for each point would take P·log P. What NumPy does with whole arrays is written as loops, which compile in half the time.
 """
 
 from __future__ import annotations
@@ -11,18 +11,21 @@ from __future__ import annotations
 import numpy as np
 from numba import types
 
-from pipeline.compiled import compiled
-from pipeline.motion.compiled.law import GENERATOR, VECTOR
+from pipeline.compiled import compiled, inner
+from pipeline.motion.compiled.law import GENERATOR, MATRIX, VECTOR
+from pipeline.randommatrix.variates import standard_exponential, uniform
 
-SCHEME = types.Array(types.int64, 1, "C")(VECTOR, GENERATOR)
+COUNTS = types.Array(types.int64, 1, "C")
+SCHEME = types.void(VECTOR, COUNTS, MATRIX, GENERATOR)
 # P·w is a whole number up to rounding where weights are equal; without this its floor would miss it
 ROUNDING = 1e-9
 
 
-@compiled()
-def inverse_cdf(weights: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Indices at which the cumulative ``weights``, scaled to end at 1, first exceed the sorted ``points``, which may come up to 1."""
-    cumulative, total = np.empty(len(weights)), 0.0
+@inner
+def inverse_cdf(weights: np.ndarray, points: np.ndarray, cumulative: np.ndarray, chosen: np.ndarray) -> None:
+    """Fill ``chosen``, of as many as the sorted ``points``, with the indices at which the cumulative ``weights``, scaled to end at 1, first
+    exceed them; a point may come up to 1. ``cumulative``, of as many as the weights, is filled too."""
+    total = 0.0
     for i in range(len(weights)):
         total += weights[i]
         cumulative[i] = total
@@ -32,70 +35,66 @@ def inverse_cdf(weights: np.ndarray, points: np.ndarray) -> np.ndarray:
     last = len(weights) - 1
     while last > 0 and not cumulative[last - 1] < 1.0:
         last -= 1
-    chosen = np.empty(len(points), np.int64)
     i = 0
     for j in range(len(points)):
-        while i < last and cumulative[i] <= points[j]:
+        point = points[j]
+        while i < last and cumulative[i] <= point:
             i += 1
         chosen[j] = i
-    return chosen
 
 
-@compiled()
-def sorted_uniforms(count: int, rng: np.random.Generator) -> np.ndarray:
-    """``count`` independent uniforms in rising order: the arrivals of a Poisson process over the next one, without a sort."""
-    points, arrival = np.empty(count), 0.0
-    for j in range(count):
-        arrival += rng.standard_exponential()
+@inner
+def sorted_uniforms(points: np.ndarray, rng: np.random.Generator) -> None:
+    """Fill ``points`` with independent uniforms in rising order: the arrivals of a Poisson process over the next one, without a sort."""
+    arrival = 0.0
+    for j in range(len(points)):
+        arrival += standard_exponential(rng)
         points[j] = arrival
-    last = arrival + rng.standard_exponential()
-    for j in range(count):
+    last = arrival + standard_exponential(rng)
+    for j in range(len(points)):
         points[j] /= last
-    return points
 
 
 @compiled()
-def systematic(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def systematic(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator) -> None:
     """One uniform shifts a comb of P equidistant points: counts are ⌊P·w_i⌋ or ⌈P·w_i⌉ (Kitagawa 1996)."""
-    count, shift = len(weights), rng.random()
-    points = np.empty(count)
+    points, count, shift = room[0], len(weights), uniform(rng)
     for j in range(count):
         points[j] = (j + shift) / count
-    return inverse_cdf(weights, points)
+    inverse_cdf(weights, points, room[1], chosen)
 
 
 @compiled()
-def stratified(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def stratified(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator) -> None:
     """One uniform in each of P strata of equal width (Kitagawa 1996)."""
-    count = len(weights)
-    points = np.empty(count)
+    points, count = room[0], len(weights)
     for j in range(count):
-        points[j] = (j + rng.random()) / count
-    return inverse_cdf(weights, points)
+        points[j] = (j + uniform(rng)) / count
+    inverse_cdf(weights, points, room[1], chosen)
 
 
 @compiled()
-def multinomial(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def multinomial(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator) -> None:
     """P independent draws (Gordon, Salmond & Smith 1993)."""
-    return inverse_cdf(weights, sorted_uniforms(len(weights), rng))
+    sorted_uniforms(room[0], rng)
+    inverse_cdf(weights, room[0], room[1], chosen)
 
 
 @compiled()
-def residual(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def residual(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator) -> None:
     """⌊P·w_i⌋ copies for certain, the rest by independent draws from what is left of the weights (Liu & Chen 1998)."""
-    count, kept = len(weights), 0
-    chosen, left = np.empty(count, np.int64), np.empty(count)
+    left, count, kept = room[0], len(weights), 0
     for i in range(count):
-        certain = np.floor(count * weights[i] + ROUNDING)
-        left[i] = max(count * weights[i] - certain, 0.0)
+        expected = count * weights[i]
+        certain = np.floor(expected + ROUNDING)
+        left[i] = expected - certain if expected > certain else 0.0
         for _ in range(int(certain)):
             chosen[kept] = i
             kept += 1
     if kept < count:
-        drawn = inverse_cdf(left, sorted_uniforms(count - kept, rng))
-        for j in range(len(drawn)):
-            chosen[kept + j] = drawn[j]
-    return chosen
+        points = room[1][: count - kept]
+        sorted_uniforms(points, rng)
+        inverse_cdf(left, points, left, chosen[kept:])
 
 
 # None: sequential importance sampling as it stands, in which the weights degenerate

@@ -11,15 +11,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64, types
+from numba import boolean, float64, int64, types
 
-from pipeline.compiled import compiled, inlined
-from pipeline.filtering.resampling import SCHEME
+from pipeline.compiled import compiled, inner
+from pipeline.filtering.resampling import COUNTS, SCHEME
 from pipeline.motion.compiled.chain import Arm
-from pipeline.motion.compiled.law import ARM, GENERATOR, STEP, VECTOR
+from pipeline.motion.compiled.draws import draw
+from pipeline.motion.compiled.law import ARM, GENERATOR, MATRIX, NUMBERS, STEP, TRIPLE, VECTOR, Numbers
 
 BLOCK = 256  # particles
-MATRIX = types.Array(float64, 2, "C")
+MATRICES = types.Array(float64, 3, "C")
 
 
 class Domain(NamedTuple):
@@ -28,8 +29,8 @@ class Domain(NamedTuple):
     |det J| is the product of both links' lengths and the sine of the angle between them, which the second joint alone decides.
     """
 
-    lower: np.ndarray  # (3,) rad
-    upper: np.ndarray  # (3,) rad
+    lower: tuple[float, float, float]  # rad
+    upper: tuple[float, float, float]  # rad
     straight: float  # rad, up to half turns
     clearance: float  # rad
 
@@ -47,16 +48,41 @@ class Frames(NamedTuple):
     log_norm: np.ndarray  # (F,)
 
 
-DOMAIN = types.NamedTuple((VECTOR, VECTOR, float64, float64), Domain)
-FRAMES = types.NamedTuple((types.Array(int64, 1, "C"), VECTOR, MATRIX, types.Array(float64, 3, "C"), VECTOR), Frames)
-SIGNATURE = (
-    types.FunctionType(STEP), VECTOR, ARM, DOMAIN, MATRIX, FRAMES, types.FunctionType(SCHEME), float64, MATRIX, GENERATOR,
+class Particles(NamedTuple):
+    """P particles: where they are and were, and room for their weights and for what resampling does with them."""
+
+    q: np.ndarray  # (3, P) rad
+    before: np.ndarray  # (3, P)
+    weights: np.ndarray  # (P,)
+    log_weights: np.ndarray  # (P,)
+    chosen: np.ndarray  # (P,) int
+    room: np.ndarray  # (2, P)
+
+
+class Record(NamedTuple):
+    """The fields of a Posterior that are filled step by step, on the grid k = 0 … M; the counts begin at zero."""
+
+    mean: np.ndarray  # (M+1, 3) rad
+    covariance: np.ndarray  # (M+1, 3, 3) rad²
+    ess: np.ndarray  # (M+1,)
+    resampled: np.ndarray  # (M+1,) bool
+    clipped: np.ndarray  # (M+1,) int
+    outside: np.ndarray  # (M+1,) int
+
+
+DOMAIN = types.NamedTuple((TRIPLE, TRIPLE, float64, float64), Domain)
+FRAMES = types.NamedTuple((COUNTS, VECTOR, MATRIX, MATRICES, VECTOR), Frames)
+PARTICLES = types.NamedTuple((MATRIX, MATRIX, VECTOR, VECTOR, COUNTS, MATRIX), Particles)
+RECORD = types.NamedTuple((MATRIX, MATRICES, VECTOR, types.Array(boolean, 1, "C"), COUNTS, COUNTS), Record)
+SIGNATURE = types.Tuple((float64, int64))(
+    types.FunctionType(STEP), NUMBERS, VECTOR, ARM, DOMAIN, MATRIX, FRAMES, types.FunctionType(SCHEME), float64, PARTICLES, RECORD,
+    GENERATOR,
 )  # fmt: skip
 
 
-@compiled()
+@inner
 def propagate(
-    law: object, parameters: np.ndarray, arm: Arm, domain: Domain, v: np.ndarray, before: np.ndarray, q: np.ndarray,
+    law: object, numbers: Numbers, parameters: np.ndarray, arm: Arm, domain: Domain, v: np.ndarray, before: np.ndarray, q: np.ndarray,
     log_weights: np.ndarray, rng: np.random.Generator,
 ) -> tuple[int, int]:  # fmt: skip
     """Draw ``q`` (3, P) from the motion model given ``before``; for how many the noise was clipped, and how many left D_q.
@@ -64,33 +90,35 @@ def propagate(
     A particle that leaves D_q loses its weight and waits where it was: the model is not asked about poses that the arm cannot take.
     """
     clipped = outside = 0
-    for start in range(0, q.shape[1], BLOCK):
-        stop = min(start + BLOCK, q.shape[1])
+    count = q.shape[1]
+    for start in range(0, count, BLOCK):
+        stop = start + BLOCK if start + BLOCK < count else count
         here = (before[0, start:stop], before[1, start:stop], before[2, start:stop])
         there = (q[0, start:stop], q[1, start:stop], q[2, start:stop])
-        clipped += law(rng, parameters, arm, (v[0], v[1], v[2]), here, there)
+        draw(numbers, stop - start, rng)
+        clipped += law(numbers, parameters, arm, (v[0], v[1], v[2]), here, there)
         outside += keep_inside(domain, here, there, log_weights[start:stop])
     return clipped, outside
 
 
-@inlined
+@inner
 def keep_inside(domain: Domain, here: tuple, there: tuple, log_weights: np.ndarray) -> int:
     """Take the weight of the particles of a block that left D_q and put them back; how many of them had any."""
     lost = 0
-    a, b = domain.lower, domain.upper
-    a1, a2, a3, b1, b2, b3 = a[0], a[1], a[2], b[0], b[1], b[2]
+    (a1, a2, a3), (b1, b2, b3) = domain.lower, domain.upper
     (q1, q2, q3), (p1, p2, p3) = there, here
     for i in range(len(q1)):
-        inside = (a1 <= q1[i]) & (q1[i] <= b1) & (a2 <= q2[i]) & (q2[i] <= b2) & (a3 <= q3[i]) & (q3[i] <= b3)
-        half_turns = (q2[i] - domain.straight) / np.pi
-        inside &= np.pi * abs(half_turns - np.floor(half_turns + 0.5)) >= domain.clearance
-        lost += (not inside) & (log_weights[i] > -np.inf)
-        log_weights[i] = log_weights[i] if inside else -np.inf
-        q1[i], q2[i], q3[i] = (q1[i] if inside else p1[i]), (q2[i] if inside else p2[i]), (q3[i] if inside else p3[i])
+        x1, x2, x3 = q1[i], q2[i], q3[i]
+        half_turns = (x2 - domain.straight) / np.pi
+        bent = np.pi * abs(half_turns - np.floor(half_turns + 0.5)) >= domain.clearance
+        if not ((a1 <= x1) & (x1 <= b1) & (a2 <= x2) & (x2 <= b2) & (a3 <= x3) & (x3 <= b3) & bent):
+            lost += log_weights[i] > -np.inf
+            log_weights[i] = -np.inf
+            q1[i], q2[i], q3[i] = p1[i], p2[i], p3[i]
     return lost
 
 
-@compiled()
+@inner
 def weigh(frames: Frames, frame: int, before: np.ndarray, q: np.ndarray, log_weights: np.ndarray) -> None:
     """Add to ``log_weights`` (P,) the log-likelihood of ``frame`` at its share of the way from ``before`` to ``q`` (3, P)."""
     share, log_norm = frames.share[frame], frames.log_norm[frame]
@@ -106,7 +134,7 @@ def weigh(frames: Frames, frame: int, before: np.ndarray, q: np.ndarray, log_wei
         log_weights[i] += log_norm - 0.5 * (e1 * e1 + e2 * e2 + e3 * e3)
 
 
-@compiled()
+@inner
 def normalise(log_weights: np.ndarray, weights: np.ndarray) -> tuple[float, float]:
     """Normalise ``log_weights`` (P,) and fill ``weights``; the effective sample size 1/Σw² (Kong, Liu & Wong 1994), from 1, one particle
     carrying all, to P, all alike, and the logarithm of the sum of the weights as they were, which is not finite where all have vanished."""
@@ -128,7 +156,7 @@ def normalise(log_weights: np.ndarray, weights: np.ndarray) -> tuple[float, floa
     return total * total / squares, log_total
 
 
-@compiled()
+@inner
 def make_equal(weights: np.ndarray, log_weights: np.ndarray) -> float:
     """Give all P particles the weight 1/P; the effective sample size, P."""
     count = len(weights)
@@ -137,7 +165,7 @@ def make_equal(weights: np.ndarray, log_weights: np.ndarray) -> float:
     return float(count)
 
 
-@compiled()
+@inner
 def weighted_moments(weights: np.ndarray, q: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> None:
     """Fill ``mean`` (3,) and, about that mean, ``covariance`` (3, 3) of particles ``q`` (3, P) under normalised ``weights`` (P,)."""
     q1, q2, q3 = q[0], q[1], q[2]
@@ -158,42 +186,36 @@ def weighted_moments(weights: np.ndarray, q: np.ndarray, mean: np.ndarray, covar
 
 @compiled(SIGNATURE)
 def sequential_importance_sampling(
-    law: object, parameters: np.ndarray, arm: Arm, domain: Domain, v: np.ndarray, frames: Frames, resample: object, threshold: float,
-    q: np.ndarray, rng: np.random.Generator,
-) -> tuple:  # fmt: skip
-    """The fields of a Posterior on the grid k = 0 … M, from ``mean`` to ``outside``, the log-evidence, and the step at which all weights
-    vanished or −1.
+    law: object, numbers: Numbers, parameters: np.ndarray, arm: Arm, domain: Domain, v: np.ndarray, frames: Frames, resample: object,
+    threshold: float, particles: Particles, record: Record, rng: np.random.Generator,
+) -> tuple[float, int]:  # fmt: skip
+    """Fill ``record``; the log-evidence, and the step at which all weights vanished or −1.
 
-    ``law`` and ``parameters`` move the particles (:mod:`pipeline.motion.compiled.law`), ``v`` (M, 3) are the commanded steps (m, m, rad),
-    ``q`` (3, P) the first poses in rad, overwritten. Below an effective sample size of ``threshold``·P particles ``resample`` chooses anew.
+    ``law`` moves the particles with ``parameters`` and ``numbers``, which have room for a block (:mod:`pipeline.motion.compiled.law`);
+    ``v`` (M, 3) are the commanded steps (m, m, rad). Below an effective sample size of ``threshold``·P particles ``resample`` chooses anew.
     """
-    grid, count = len(v) + 1, q.shape[1]
-    mean, covariance, ess = np.empty((grid, 3)), np.empty((grid, 3, 3)), np.empty(grid)
-    resampled, clipped, outside = np.zeros(grid, np.bool_), np.zeros(grid, np.int64), np.zeros(grid, np.int64)
+    q, before, weights, log_weights, chosen, room = particles
     log_evidence = 0.0
-
-    weights, log_weights = np.empty(count), np.empty(count)
     effective = make_equal(weights, log_weights)
-    before = q.copy()
-    for k in range(grid):
+    for k in range(len(v) + 1):
         if k > 0:
             before, q = q, before
-            clipped[k], outside[k] = propagate(law, parameters, arm, domain, v[k - 1], before, q, log_weights, rng)
+            record.clipped[k], record.outside[k] = propagate(law, numbers, parameters, arm, domain, v[k - 1], before, q, log_weights, rng)
         for frame in range(frames.first[k], frames.first[k + 1]):
             weigh(frames, frame, before, q, log_weights)
-        if outside[k] > 0 or frames.first[k] < frames.first[k + 1]:
+        if record.outside[k] > 0 or frames.first[k] < frames.first[k + 1]:
             effective, log_total = normalise(log_weights, weights)
             if not np.isfinite(log_total):
-                return mean, covariance, ess, resampled, clipped, outside, log_evidence, k
+                return log_evidence, k
             log_evidence += log_total
 
-        weighted_moments(weights, q, mean[k], covariance[k])
-        ess[k] = effective
-        if effective < threshold * count:
-            chosen = resample(weights, rng)
+        weighted_moments(weights, q, record.mean[k], record.covariance[k])
+        record.ess[k] = effective
+        if effective < threshold * len(weights):
+            resample(weights, chosen, room, rng)
             for j in range(3):
-                for i in range(count):
+                for i in range(len(weights)):
                     before[j, i] = q[j, chosen[i]]
             before, q = q, before
-            effective, resampled[k] = make_equal(weights, log_weights), True
-    return mean, covariance, ess, resampled, clipped, outside, log_evidence, -1
+            effective, record.resampled[k] = make_equal(weights, log_weights), True
+    return log_evidence, -1

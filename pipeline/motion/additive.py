@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.motion.density import normal_log_density, principal_axes
+from pipeline.motion.model import Law
 from pipeline.motion.noise import moments
 
 
@@ -65,11 +65,11 @@ class AdditiveModel:
         """One draw of the next joint angles (..., 3) for each of ``q``; nothing is ever clipped."""
         return self.mean(chain, q, v) + rng.standard_normal(q.shape) @ self._root, 0
 
-    def law(self) -> tuple[Callable, np.ndarray]:
-        """:meth:`sample` compiled, and its parameters (9,)."""
+    def law(self) -> Law:
+        """:meth:`sample` compiled."""
         from pipeline.motion.compiled import additive  # here, as it loads the compiler
 
-        return additive.additive, self._root.ravel()
+        return Law(additive.additive, self._root.ravel(), normals=(1, 3))
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., 3) q + J(q)⁻¹v."""

@@ -6,7 +6,6 @@ with variance vᵀΣ_k v: one step is exactly N(J̲⁻¹v, (vᵀΣ_k v)·I), iso
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from pipeline.arm.chain import PlanarChain
 from pipeline.errors import ModelDomainError
 from pipeline.motion.density import normal_log_density
+from pipeline.motion.model import Law
 
 
 def frobenius(matrix: np.ndarray) -> np.ndarray:
@@ -57,11 +57,11 @@ class GaussianModel:
         variance, clipped = self._variance(inverse, v)
         return q + np.matvec(inverse, v) + np.sqrt(variance)[..., None] * rng.standard_normal(q.shape), clipped
 
-    def law(self) -> tuple[Callable, np.ndarray]:
-        """:meth:`sample` compiled, and its parameters (2,)."""
+    def law(self) -> Law:
+        """:meth:`sample` compiled."""
         from pipeline.motion.compiled import gaussian  # here, as it loads the compiler
 
-        return gaussian.of_inverse, np.array([self.alpha, self.u], dtype=float)
+        return Law(gaussian.of_inverse, np.array([self.alpha, self.u], dtype=float), normals=(1, 3))
 
     def require_bound(self, chain: PlanarChain, path: np.ndarray) -> None:
         """Raise ModelDomainError where u is below ‖J̲⁻¹‖_F on ``path`` (M, 3) in rad: particles may stray there, the motion may not."""

@@ -11,7 +11,6 @@ So a draw takes seven normals and a cross product, and no system is solved.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +21,7 @@ from pipeline.motion.density import normal_log_density
 from pipeline.motion.gaussian import frobenius, noise_scale
 from pipeline.motion.gaussian_forward_blur import blurred_log_density
 from pipeline.motion.gaussian_forward_density import action_log_density
+from pipeline.motion.model import Law
 from pipeline.motion.wishart_density import frames
 
 
@@ -70,11 +70,11 @@ class GaussianForwardModel:
         drawn = sample_inverse_action(chain.jacobian(q), v, s, rng)
         return q + np.where(s[..., None] > 0, drawn, nominal), clipped
 
-    def law(self) -> tuple[Callable, np.ndarray]:
-        """:meth:`sample` compiled, and its parameters (2,)."""
+    def law(self) -> Law:
+        """:meth:`sample` compiled."""
         from pipeline.motion.compiled import gaussian  # here, as it loads the compiler
 
-        return gaussian.of_forward, np.array([self.alpha, self.u], dtype=float)
+        return Law(gaussian.of_forward, np.array([self.alpha, self.u], dtype=float), normals=(1, 7))
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Raises ModelDomainError: it does not exist."""

@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
+
+
+class Law(NamedTuple):
+    """:meth:`MotionModel.sample` for compiled code (:mod:`pipeline.motion.compiled.law`)."""
+
+    step: Callable  # makes of random numbers the next poses
+    parameters: np.ndarray  # (K,) for it
+    normals: tuple[int, int]  # that a particle takes: of all particles one set after the other, and how many of each in a set
+    degrees: float = 0.0  # of freedom of the one χ² variate that a particle takes; 0 for none
 
 
 class MotionModel(Protocol):
@@ -20,8 +29,8 @@ class MotionModel(Protocol):
     def sample(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, int]:
         """(..., 3) one draw of q_{k+1} for each q, and for how many of them the noise had to be clipped at zero."""
 
-    def law(self) -> tuple[Callable, np.ndarray]:
-        """:meth:`sample` for compiled code, and the parameters (K,) to call it with (:mod:`pipeline.motion.compiled.law`)."""
+    def law(self) -> Law:
+        """:meth:`sample` for compiled code."""
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., 3) E[q_{k+1} | q_k = q] in rad."""

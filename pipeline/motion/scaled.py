@@ -9,7 +9,6 @@ alone; with B = σ_ε²·11ᵀ it is A + σ_ε²q̇q̇ᵀ, one timing error w = 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,6 +17,7 @@ import numpy as np
 from pipeline.arm.chain import PlanarChain
 from pipeline.motion.covariance import gaussian_log_density, root
 from pipeline.motion.density import principal_axes
+from pipeline.motion.model import Law
 
 
 def joint_step(chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -56,11 +56,11 @@ class ScaledModel:
         of_floor, of_gain = self._roots
         return q + dq + rng.standard_normal(q.shape) @ of_floor + dq * (rng.standard_normal(q.shape) @ of_gain), 0
 
-    def law(self) -> tuple[Callable, np.ndarray]:
-        """:meth:`sample` compiled, and its parameters (18,)."""
+    def law(self) -> Law:
+        """:meth:`sample` compiled."""
         from pipeline.motion.compiled import additive  # here, as it loads the compiler
 
-        return additive.scaled, np.concatenate([each.ravel() for each in self._roots])
+        return Law(additive.scaled, np.concatenate([each.ravel() for each in self._roots]), normals=(2, 3))
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., 3) q + J(q)⁻¹v."""

@@ -76,20 +76,21 @@ def negative_log_likelihood(w: np.ndarray, x: np.ndarray, floor: np.ndarray, gai
 
     ``w`` (N, 3) the steps' noise, ``x`` (N, 3) their speeds, ``floor`` F (3, 3) the measurement's covariance included, ``gain`` B (3, 3).
     """
-    total, by_floor, by_gain = _sums(w, x, floor, gain)
+    by_floor, by_gain = np.zeros((2, 3, 3))
+    total = _add_up(w, x, floor, gain, by_floor, by_gain)
     return 0.5 * total / len(w), 0.5 * by_floor / len(w), 0.5 * by_gain / len(w)
 
 
 @compiled()
-def _sums(w: np.ndarray, x: np.ndarray, floor: np.ndarray, gain: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Of :func:`negative_log_likelihood` what is halved and divided by N.
+def _add_up(w: np.ndarray, x: np.ndarray, floor: np.ndarray, gain: np.ndarray, by_floor: np.ndarray, by_gain: np.ndarray) -> float:
+    """Of :func:`negative_log_likelihood` what is halved and divided by N; the slopes are added to ``by_floor`` and ``by_gain``.
 
     Σ⁻¹ is had from cofactors, one step after the other: nothing of the steps' number is written to memory. The loops over three numbers
     stand for array expressions, which take longer to compile than all the rest.
     """
-    total, by_floor, by_gain = 0.0, np.zeros((3, 3)), np.zeros((3, 3))
-    covariance, precision, white = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    of_floor, of_gain = np.empty((3, 3)), np.empty((3, 3))
+    total = 0.0
+    covariance, precision, of_floor, of_gain = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    white = np.empty(3)
     # sums of SUMMED steps are added up, so that rounding does not grow with the number of steps
     for start in range(0, len(w), SUMMED):
         value = 0.0
@@ -107,7 +108,7 @@ def _sums(w: np.ndarray, x: np.ndarray, floor: np.ndarray, gain: np.ndarray) -> 
                     precision[i, j] = covariance[i1, j1] * covariance[i2, j2] - covariance[i1, j2] * covariance[i2, j1]
             determinant = covariance[0, 0] * precision[0, 0] + covariance[0, 1] * precision[0, 1] + covariance[0, 2] * precision[0, 2]
             if not determinant > 0:
-                return np.inf, by_floor, by_gain
+                return np.inf
             value += np.log(determinant)
             for i in range(3):
                 for j in range(3):
@@ -124,7 +125,7 @@ def _sums(w: np.ndarray, x: np.ndarray, floor: np.ndarray, gain: np.ndarray) -> 
             for j in range(3):
                 by_floor[i, j] += of_floor[i, j]
                 by_gain[i, j] += of_gain[i, j]
-    return total, by_floor, by_gain
+    return total
 
 
 def _directions(structure: Structure, ratio: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:

@@ -6,7 +6,6 @@ additive model with Σ_ω = Λ.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,6 +14,7 @@ import numpy as np
 from pipeline.arm.chain import PlanarChain
 from pipeline.errors import ModelDomainError
 from pipeline.motion.covariance import root
+from pipeline.motion.model import Law
 from pipeline.motion.student_density import blurred_log_density, student_log_density
 
 
@@ -42,11 +42,11 @@ class StudentModel:
         precision = rng.chisquare(self.nu, q.shape[:-1]) / self.nu
         return self._nominal(chain, q, v) + rng.standard_normal(q.shape) @ self._root / np.sqrt(precision)[..., None], 0
 
-    def law(self) -> tuple[Callable, np.ndarray]:
-        """:meth:`sample` compiled, and its parameters (10,)."""
+    def law(self) -> Law:
+        """:meth:`sample` compiled."""
         from pipeline.motion.compiled import additive  # here, as it loads the compiler
 
-        return additive.student, np.array([self.nu, *self._root.ravel()])
+        return Law(additive.student, np.array([self.nu, *self._root.ravel()]), normals=(1, 3), degrees=self.nu)
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., 3) q + J(q)⁻¹v. Raises ModelDomainError for ν ≤ 1, where it does not exist."""

@@ -9,7 +9,6 @@ z and T independent. So a draw takes two gammas and n − 1 normals, and no matr
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +17,7 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.errors import ModelDomainError
 from pipeline.motion.decomposition import Decomposition, factors, log_determinant, require_decomposition
 from pipeline.motion.density import normal_log_density
+from pipeline.motion.model import Law
 from pipeline.motion.wishart_density import action_log_density, blurred_log_density
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion
 
@@ -61,15 +61,16 @@ class WishartModel:
         a, back = factors(chain, q, v, self.decomposition)
         return q + np.matvec(back, sample_inverse_action(a, degrees_of_freedom(self.sigma_b, 3), rng)), 0
 
-    def law(self) -> tuple[Callable, np.ndarray]:
-        """:meth:`sample` compiled, and its parameters (K,)."""
+    def law(self) -> Law:
+        """:meth:`sample` compiled."""
         from pipeline.motion.compiled import wishart  # here, as it loads the compiler
 
         d = degrees_of_freedom(self.sigma_b, 3)
         if isinstance(self.decomposition, str) and self.decomposition == "lu":
-            return wishart.of_lu, np.array([d])
+            return Law(wishart.of_lu, np.array([d]), normals=(1, 2), degrees=d - 2)
         left = np.eye(3) if isinstance(self.decomposition, str) else self.decomposition
-        return wishart.of_given_factor, np.array([d, *left.ravel(), *np.linalg.inv(left).ravel()])
+        parameters = np.array([d, *left.ravel(), *np.linalg.inv(left).ravel()])
+        return Law(wishart.of_given_factor, parameters, normals=(1, 2), degrees=d - 2)
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., 3) q + d/(d−n−1)·J⁻¹v: longer than the nominal step. Raises ModelDomainError for σ_B ≥ 1, where it does not exist."""

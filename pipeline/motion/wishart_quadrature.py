@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import gammaln
 
-from pipeline.compiled import compiled
+from pipeline.compiled import compiled, inner
 
 RANGE = 3.0  # of t: ± sinh 3 = ± 10 standard deviations
 ASCENTS = 60  # steps of Fisher scoring at most
@@ -33,47 +33,49 @@ def log_integrals(given: np.ndarray, d: float, nodes: int) -> np.ndarray:
     shape, m = (d - DIMENSION + 1) / 2, d - DIMENSION + 2
     t, spacing = np.linspace(-RANGE, RANGE, nodes, retstep=True)
     constant = shape * np.log(d / 2) - gammaln(shape) - m / 2 * np.log(2) - gammaln(m / 2)
-    return _integrals(np.ascontiguousarray(given), float(d), np.sinh(t), spacing * np.cosh(t)) + constant
+    result, room = np.empty(len(given)), np.empty((3, nodes, nodes))
+    _integrate(np.ascontiguousarray(given), float(d), np.sinh(t), spacing * np.cosh(t), result, *room, np.empty(nodes))
+    return result + constant
 
 
-@compiled()
+@inner
 def _of_z(given: np.ndarray, z: float) -> tuple[float, float, float]:
     """The residual of x along e at ``z``, and those across it given that."""
     rest = given[0] - z
     return rest, given[2] - given[4] * rest, given[3] - given[5] * rest
 
 
-@compiled()
+@inner
 def _log_integrand(given: np.ndarray, d: float, s: float, h: float) -> float:
     """ln of the integrand but for what depends neither on s nor on h."""
     z, g = np.exp(s), np.exp(h)
     rest, across1, across2 = _of_z(given, z)
-    spread = z**2 / g
+    spread = z * z / g
     first, second = given[6] + spread, given[7] + spread
-    of_s = -(d - DIMENSION + 1) / 2 * s - d / 2 / z - 0.5 * rest**2 / given[1]
-    return of_s + 0.5 * ((d - DIMENSION + 2) * h - g - np.log(first * second) - across1**2 / first - across2**2 / second)
+    of_s = -(d - DIMENSION + 1) / 2 * s - d / 2 / z - 0.5 * rest * rest / given[1]
+    return of_s + 0.5 * ((d - DIMENSION + 2) * h - g - np.log(first * second) - across1 * across1 / first - across2 * across2 / second)
 
 
-@compiled()
+@inner
 def _slopes(given: np.ndarray, d: float, s: float, h: float) -> tuple[float, float, float, float, float]:
     """Gradient (s, h) of :func:`_log_integrand` and the Fisher information (ss, sh, hh)."""
     z, g = np.exp(s), np.exp(h)
-    spread = z**2 / g
+    spread = z * z / g
     rest, across1, across2 = _of_z(given, z)
     of_s, of_h = -(d - DIMENSION + 1) / 2 + d / 2 / z + rest * z / given[1], (d - DIMENSION + 2 - g) / 2
-    ss, sh, hh = d / 2 / z + z**2 / given[1], 0.0, g / 2
+    ss, sh, hh = d / 2 / z + z * z / given[1], 0.0, g / 2
     for c, k, v in ((across1, given[4], given[6]), (across2, given[5], given[7])):
         total = v + spread
-        share, excess = spread / total, c**2 / total - 1
+        share, excess = spread / total, c * c / total - 1
         of_s += share * excess - c * k * z / total
         of_h -= 0.5 * share * excess
-        ss += 2 * share**2 + (k * z) ** 2 / total
-        sh -= share**2
-        hh += share**2 / 2
+        ss += 2 * share * share + (k * z) ** 2 / total
+        sh -= share * share
+        hh += share * share / 2
     return of_s, of_h, ss, sh, hh
 
 
-@compiled()
+@inner
 def _mode(given: np.ndarray, d: float) -> tuple[float, float, float, float, float]:
     """A mode (s, h) by Fisher scoring, steps halved where they would descend, and the covariance (ss, sh, hh) it suggests."""
     # from where the noise-free step would be, or from the law's own middle where that is none
@@ -97,12 +99,13 @@ def _mode(given: np.ndarray, d: float) -> tuple[float, float, float, float, floa
 
 
 @compiled()
-def _integrals(given: np.ndarray, d: float, xi: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Of each step, at the nodes ``xi`` (K,) of ``weight`` (K,) for each of the scaled s and h."""
-    result, nodes = np.empty(len(given)), len(xi)
-    half, m = (d - DIMENSION + 1) / 2, d - DIMENSION + 2
-    exponent, root_term, mass = np.empty((nodes, nodes)), np.empty((nodes, nodes)), np.empty((nodes, nodes))
-    factor = np.empty(nodes)
+def _integrate(
+    given: np.ndarray, d: float, xi: np.ndarray, weight: np.ndarray, result: np.ndarray, exponent: np.ndarray, root_term: np.ndarray,
+    mass: np.ndarray, factor: np.ndarray,
+) -> None:  # fmt: skip
+    """Fill ``result`` (N,), at the nodes ``xi`` (K,) of ``weight`` (K,) for each of the scaled s and h; what is left is room: of (K, K)
+    and (K,)."""
+    half, m, nodes = (d - DIMENSION + 1) / 2, d - DIMENSION + 2, len(xi)
     for n in range(len(given)):
         of = given[n]
         centre_s, centre_h, ss, sh, hh = _mode(of, d)
@@ -110,7 +113,7 @@ def _integrals(given: np.ndarray, d: float, xi: np.ndarray, weight: np.ndarray) 
         for last in (False, True):
             root_s = np.sqrt(ss)
             slant = sh / root_s
-            root_h = np.sqrt(hh - slant**2)
+            root_h = np.sqrt(hh - slant * slant)
             # e^h at a node is a product of two factors, and the normal's determinant a square root: one exponential a node is left
             for j in range(nodes):
                 factor[j] = np.exp(root_h * xi[j])
@@ -119,8 +122,8 @@ def _integrals(given: np.ndarray, d: float, xi: np.ndarray, weight: np.ndarray) 
                 s = centre_s + root_s * xi[i]
                 z, of_h = np.exp(s), centre_h + slant * xi[i]
                 rest, across1, across2 = _of_z(of, z)
-                of_s, g_here, squared = -half * s - d / 2 / z - 0.5 * rest**2 / of[1], np.exp(of_h), z**2
-                across1, across2 = across1**2, across2**2
+                of_s, g_here, squared = -half * s - d / 2 / z - 0.5 * rest * rest / of[1], np.exp(of_h), z * z
+                across1, across2 = across1 * across1, across2 * across2
                 for j in range(nodes):
                     g = g_here * factor[j]
                     spread = squared / g
@@ -144,10 +147,9 @@ def _integrals(given: np.ndarray, d: float, xi: np.ndarray, weight: np.ndarray) 
                 ds = root_s * xi[i] - mean_s
                 for j in range(nodes):
                     dh = slant * xi[i] + root_h * xi[j] - mean_h
-                    new_ss += mass[i, j] * ds**2
+                    new_ss += mass[i, j] * (ds * ds)
                     new_sh += mass[i, j] * ds * dh
-                    new_hh += mass[i, j] * dh**2
+                    new_hh += mass[i, j] * (dh * dh)
             centre_s, centre_h = centre_s + mean_s, centre_h + mean_h
             ss, sh, hh = LEAST_SHARE * ss + new_ss / total, LEAST_SHARE * sh + new_sh / total, LEAST_SHARE * hh + new_hh / total
         result[n] = top + np.log(total * root_s * root_h)
-    return result

@@ -8,43 +8,69 @@ overstepped.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from pipeline.compiled import compiled
+from pipeline.compiled import compiled, inner
 
 INFEASIBLE = 1e3  # m; above every value of the objective that points within reach of an arm can give
 TOLERANCE = 1e-5  # m; extent of the simplex at which a search has ended: 1e-4 rad on a link, a hundredth of the errors of the sensor
 STEP = 0.02  # m; first extent of the simplex: how far a node moves between frames at 30 Hz
 NEAR = 1e-3  # m; extent at which the first of two searches has done its part
 MAX_STEPS = 2000
+VARIABLES = 4  # x and z of O2 and of O3
 
 
-@compiled()
-def rank_value(
-    points: np.ndarray, o1: np.ndarray, ee: np.ndarray, v: np.ndarray, bounds: np.ndarray, gamma1: float, gamma2: float
-) -> float:
-    """Eq. (KinObj), m, of ``points`` (2, I) at ``v`` = (O2, O3); outside the ``bounds`` (3, 2) on the lengths INFEASIBLE and the excess, m.
+class Frame(NamedTuple):
+    """The I points of one frame, what is given of its pose, and room for what an evaluation finds of every point.
+
+    Room is made once for a frame: compiled code that asks for memory takes longer to compile, and longer at every evaluation.
+    """
+
+    points: np.ndarray  # (2, I) x and z, m
+    o1: np.ndarray  # (2,) m
+    ee: np.ndarray  # (2,) m
+    bounds: np.ndarray  # (3, 2) of the segments' lengths, m
+    gamma1: float
+    gamma2: float
+    distance: np.ndarray  # (I,) to its segment, m
+    signed: np.ndarray  # (3, I) by segment, as _assign writes it, m²
+    bits: np.ndarray  # (3, I) the same memory read as integers with a sign
+    unsigned: np.ndarray  # and without
+
+
+def frame_of(points: np.ndarray, o1: np.ndarray, ee: np.ndarray, bounds: np.ndarray, gamma1: float, gamma2: float) -> Frame:
+    """The frame of ``points`` (2, I) in m between ``o1`` and ``ee`` (2,)."""
+    signed = np.empty((3, points.shape[1]))
+    distance = np.empty(points.shape[1])
+    return Frame(points, o1, ee, bounds, gamma1, gamma2, distance, signed, signed.view(np.int64), signed.view(np.uint64))
+
+
+@inner
+def rank_value(frame: Frame, v: np.ndarray) -> float:
+    """Eq. (KinObj), m, of a ``frame`` at ``v`` = (O2, O3); outside the bounds on the lengths INFEASIBLE and the excess, m.
 
     A point belongs to the segment nearest to it, one nearest to a common node to both. d_a and d_u are the greatest distances of
     a segment's points on either side of its line, 0 where there are none.
     """
-    nodes = ((o1[0], o1[1]), (v[0], v[1]), (v[2], v[3]), (ee[0], ee[1]))
+    nodes = ((frame.o1[0], frame.o1[1]), (v[0], v[1]), (v[2], v[3]), (frame.ee[0], frame.ee[1]))
     violation = 0.0
     for j in range(3):
         length = np.sqrt((nodes[j + 1][0] - nodes[j][0]) ** 2 + (nodes[j + 1][1] - nodes[j][1]) ** 2)
-        violation += max(bounds[j, 0] - length, 0.0) + max(length - bounds[j, 1], 0.0)
+        violation += max(frame.bounds[j, 0] - length, 0.0) + max(length - frame.bounds[j, 1], 0.0)
     if not violation == 0.0:
         return INFEASIBLE + violation
-    distance, own = np.empty(points.shape[1]), np.empty((3, points.shape[1]))
-    _assign(points[0], points[1], nodes, distance, own[0], own[1], own[2])
+    signed = frame.signed
+    _assign(frame.points[0], frame.points[1], nodes, frame.distance, signed[0], signed[1], signed[2])
     asymmetry = 0.0
     for j in range(3):
-        above, under = _greatest(own[j])
+        above, under = _greatest(signed[j], frame.bits[j], frame.unsigned[j])
         asymmetry += abs(np.sqrt(above) - np.sqrt(under))
-    return gamma1 * _sum(distance) / distance.size + gamma2 * asymmetry
+    return frame.gamma1 * _sum(frame.distance) / frame.distance.size + frame.gamma2 * asymmetry
 
 
-@compiled()
+@inner
 def _assign(
     x: np.ndarray, z: np.ndarray, nodes: tuple, distance: np.ndarray, first: np.ndarray, second: np.ndarray, third: np.ndarray
 ) -> None:
@@ -64,7 +90,7 @@ def _assign(
         third[i] = _signed(nearest if of_third == nearest else 0.0, side_third)
 
 
-@compiled()
+@inner
 def _to_segment(x: float, z: float, start: tuple[float, float], end: tuple[float, float]) -> tuple[float, float]:
     """Squared distance to the segment, and the side of its line.
 
@@ -77,29 +103,30 @@ def _to_segment(x: float, z: float, start: tuple[float, float], end: tuple[float
     return from_start if along <= 0.0 else (from_end if along >= squared else side * side * (1.0 / squared)), side
 
 
-@compiled()
+@inner
 def _signed(square: float, side: float) -> float:
     return square if side > 0.0 else -square
 
 
-@compiled()
-def _greatest(signed: np.ndarray) -> tuple[float, float]:
+@inner
+def _greatest(signed: np.ndarray, bits: np.ndarray, unsigned: np.ndarray) -> tuple[float, float]:
     """The greatest of the positive numbers and the size of the least of the negative ones, 0 where there are none; ``signed`` is used up.
 
-    Read as integers, with a sign the positive doubles and without one the negative ones are greatest, and by size. Unlike a maximum of
-    doubles, which has to look out for NaN, that of integers is taken of several at once. The first place turns them back into doubles.
+    Read as integers, with a sign (``bits``) the positive doubles and without one (``unsigned``) the negative ones are greatest, and by
+    size. Unlike a maximum of doubles, which has to look out for NaN, that of integers is taken of several at once. The first place turns
+    them back into doubles.
     """
-    bits, unsigned = signed.view(np.int64), signed.view(np.uint64)
     above, under = np.int64(0), np.uint64(0)
     for i in range(signed.size):
-        above, under = max(above, bits[i]), max(under, unsigned[i])
+        above = bits[i] if bits[i] > above else above
+        under = unsigned[i] if unsigned[i] > under else under
     bits[0] = above
     greatest = signed[0]
     unsigned[0] = under
     return greatest, max(-signed[0], 0.0)
 
 
-@compiled()
+@inner
 def _sum(values: np.ndarray) -> float:
     """In four parts: none waits for the one before."""
     part = (0.0, 0.0, 0.0, 0.0)
@@ -119,85 +146,88 @@ def fit_frame(
     More restarts lower the objective by about 0.1 mm and the error of the angles not at all; nor does a first search that goes on to the
     TOLERANCE, which takes 1.7 times as long.
     """
-    found, value, ended = start, 0.0, False
+    frame = frame_of(points, o1, ee, bounds, gamma1, gamma2)
+    corners, values, room = np.empty((VARIABLES + 1, VARIABLES)), np.empty(VARIABLES + 1), np.empty((3, VARIABLES))
+    corners[0], ended = start, False
     for step, extent in ((STEP, NEAR), (-STEP / 2, TOLERANCE)):
-        found, value, ended = _simplex(points, o1, ee, found, step, extent, bounds, gamma1, gamma2)
-    return found, value, ended
+        ended = _simplex(frame, step, extent, corners, values, *room)
+    return corners[0].copy(), float(values[0]), ended
 
 
 @compiled()
 def _simplex(
-    points: np.ndarray, o1: np.ndarray, ee: np.ndarray, start: np.ndarray, step: float, extent: float,
-    bounds: np.ndarray, gamma1: float, gamma2: float,
-) -> tuple[np.ndarray, float, bool]:  # fmt: skip
-    """One run of Nelder and Mead (1965), coefficients 1, 2, ½, ½, until the simplex is smaller than ``extent`` in every variable.
+    frame: Frame, step: float, extent: float, corners: np.ndarray, values: np.ndarray, middle: np.ndarray, reflected: np.ndarray,
+    tried: np.ndarray,
+) -> bool:  # fmt: skip
+    """One run of Nelder and Mead (1965), coefficients 1, 2, ½, ½, until the simplex is smaller than ``extent`` in every variable; whether
+    it came to that.
 
-    The values do not decide when to end: across a jump of the objective they never meet.
+    It begins at ``corners[0]`` of ``corners`` (n+1, n), and leaves the best there and its value in ``values[0]`` of ``values`` (n+1,);
+    the other arrays (n,) are room. The values do not decide when to end: across a jump of the objective they never meet.
     """
-    n = start.size
-    corners, values, middle = np.empty((n + 1, n)), np.empty(n + 1), np.empty(n)
-    for i in range(n + 1):
-        _copy(corners[i], start)
-        if i > 0:
-            corners[i, i - 1] += step
-    reflected, tried = np.empty(n), np.empty(n)
+    n = values.size - 1
+    worst = corners[n]
+    for i in range(1, n + 1):
+        _copy(corners[i], corners[0])
+        corners[i, i - 1] += step
     unknown = 0  # the first corner without a value
     for _ in range(MAX_STEPS):
         for i in range(unknown, n + 1):
-            values[i] = rank_value(points, o1, ee, corners[i], bounds, gamma1, gamma2)
+            values[i] = rank_value(frame, corners[i])
         unknown = n + 1
         _order(corners, values)
         if _extent(corners) <= extent:
-            return corners[0].copy(), values[0], True
-        _mean(corners[:n], middle)
-        _place(reflected, middle, corners[n], -1.0)
-        at_reflected = rank_value(points, o1, ee, reflected, bounds, gamma1, gamma2)
-        best, outside = at_reflected < values[0], at_reflected < values[n]
+            return True
+        at_worst = values[n]
+        _mean(corners, middle)
+        _place(reflected, middle, worst, -1.0)
+        at_reflected = rank_value(frame, reflected)
+        best, outside = at_reflected < values[0], at_reflected < at_worst
         if not best and at_reflected < values[n - 1]:
-            _copy(corners[n], reflected)
+            _copy(worst, reflected)
             values[n] = at_reflected
             continue
         # expanded beyond the best, or contracted from what is hardly better than the worst
-        _place(tried, middle, corners[n], -2.0 if best else (-0.5 if outside else 0.5))
-        at_tried = rank_value(points, o1, ee, tried, bounds, gamma1, gamma2)
-        if at_tried < min(at_reflected, values[n]):
-            _copy(corners[n], tried)
+        _place(tried, middle, worst, -2.0 if best else (-0.5 if outside else 0.5))
+        at_tried = rank_value(frame, tried)
+        if at_tried < at_reflected and at_tried < at_worst:
+            _copy(worst, tried)
             values[n] = at_tried
         elif best:
-            _copy(corners[n], reflected)
+            _copy(worst, reflected)
             values[n] = at_reflected
         else:
             for i in range(1, n + 1):
                 _place(corners[i], corners[0], corners[i], 0.5)
             unknown = 1
-    return corners[0].copy(), values[0], False
+    return False
 
 
 # Loops over four numbers, where array expressions would do: those take seconds more to compile
-@compiled()
+@inner
 def _copy(corner: np.ndarray, other: np.ndarray) -> None:
     for j in range(corner.size):
         corner[j] = other[j]
 
 
-@compiled()
+@inner
 def _place(corner: np.ndarray, middle: np.ndarray, other: np.ndarray, factor: float) -> None:
     """``corner`` at middle + factor·(other − middle)."""
     for j in range(corner.size):
         corner[j] = middle[j] + factor * (other[j] - middle[j])
 
 
-@compiled()
+@inner
 def _mean(corners: np.ndarray, middle: np.ndarray) -> None:
-    """``middle`` of the ``corners``."""
+    """``middle`` of all ``corners`` but the last."""
     for j in range(middle.size):
-        middle[j] = 0.0
-        for i in range(len(corners)):
-            middle[j] += corners[i, j]
-        middle[j] /= len(corners)
+        total = 0.0
+        for i in range(middle.size):
+            total += corners[i, j]
+        middle[j] = total / middle.size
 
 
-@compiled()
+@inner
 def _extent(corners: np.ndarray) -> float:
     """Greatest distance from the first corner along any axis."""
     extent = 0.0
@@ -207,7 +237,7 @@ def _extent(corners: np.ndarray) -> float:
     return extent
 
 
-@compiled()
+@inner
 def _order(corners: np.ndarray, values: np.ndarray) -> None:
     """Insertion sort in place: of a simplex mostly one corner changes, and equal ones stay in their order."""
     for i in range(1, values.size):

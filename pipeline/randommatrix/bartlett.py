@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.compiled import compiled
-from pipeline.randommatrix.gamma import gamma_law, standard_gamma
+from pipeline.randommatrix.variates import gamma_law, standard_gamma, standard_normal
 
 
 def fill(draws: np.ndarray, d: float, root: np.ndarray, rng: np.random.Generator) -> None:
@@ -22,7 +22,7 @@ def _bartlett(draws: np.ndarray, root: np.ndarray, laws: tuple, rng: np.random.G
     for number in range(len(draws)):
         for i in range(n):
             for j in range(i):
-                triangle[i, j] = rng.standard_normal()
+                triangle[i, j] = standard_normal(rng)
             triangle[i, i] = np.sqrt(2 * standard_gamma(laws[i], rng))
         for i in range(n):
             for j in range(i + 1):

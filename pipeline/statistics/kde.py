@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import median_abs_deviation
 
-from pipeline.compiled import compiled
+from pipeline.compiled import compiled, inner
 from pipeline.errors import ModelDomainError
 
 REACH = 8.0  # bandwidths; beyond them a Gaussian kernel is below 2e-14 of its peak
@@ -39,15 +39,16 @@ def kernel_density(samples: np.ndarray, x: np.ndarray, y: np.ndarray, bandwidth:
     reach = REACH * bandwidth + step
     low, high = np.array([np.min(x), np.min(y)]) - reach, np.array([np.max(x), np.max(y)]) + reach
     rows, columns = np.ceil((high - low) / step).astype(int) + 3
-    masses = _spread(np.ascontiguousarray(samples, dtype=float), low, step, rows, columns)
+    masses = np.zeros((rows, columns))
+    _spread(np.ascontiguousarray(samples, dtype=float), low, step, masses)
     smoothed = _smoothed(masses, x, low[0] + step[0] * np.arange(rows), width[0])
     return _smoothed(smoothed.T, y, low[1] + step[1] * np.arange(columns), width[1]).T / (2 * np.pi * np.prod(width) * len(samples))
 
 
 @compiled()
-def _spread(samples: np.ndarray, low: np.ndarray, step: np.ndarray, rows: int, columns: int) -> np.ndarray:
-    """(``rows``, ``columns``) masses of ``samples`` (N, 2) on nodes from ``low`` (2,) on, ``step`` (2,) apart; of those inside."""
-    masses = np.zeros((rows, columns))
+def _spread(samples: np.ndarray, low: np.ndarray, step: np.ndarray, masses: np.ndarray) -> None:
+    """Add to ``masses`` (rows, columns) those of ``samples`` (N, 2) on nodes from ``low`` (2,) on, ``step`` (2,) apart; of those inside."""
+    rows, columns = masses.shape
     start0, start1, per0, per1 = low[0], low[1], 1 / step[0], 1 / step[1]
     for i in range(samples.shape[0]):
         # the nearest node and the one before it, from which the three count
@@ -60,10 +61,9 @@ def _spread(samples: np.ndarray, low: np.ndarray, step: np.ndarray, rows: int, c
             for k in range(np.uint32(3)):
                 for m in range(np.uint32(3)):
                     masses[first_row + k, first_column + m] += down[k] * across[m]
-    return masses
 
 
-@compiled()
+@inner
 def _shares(t: float) -> tuple[float, float, float]:
     """Shares of three nodes, ``t`` in [0, 1) from halfway between the first two to halfway between the last two."""
     first, last = 0.5 * (1 - t) * (1 - t), 0.5 * t * t

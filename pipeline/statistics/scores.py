@@ -29,14 +29,14 @@ def energy_score(samples: np.ndarray, outcome: np.ndarray) -> np.ndarray:
         raise ModelDomainError("an energy score needs at least two samples", samples=count)
     cases, size = samples.shape[1:-1], samples.shape[-1]
     by_case = np.ascontiguousarray(np.moveaxis(samples.reshape(count, -1, size), 0, 1))
-    to_outcome, between = _distances(by_case, np.array(np.broadcast_to(outcome, samples.shape[1:])).reshape(-1, size))
+    to_outcome, between = np.zeros((2, len(by_case)))
+    _add_distances(by_case, np.array(np.broadcast_to(outcome, samples.shape[1:])).reshape(-1, size), to_outcome, between)
     return (to_outcome / count - between / (count * (count - 1))).reshape(cases)
 
 
 @compiled()
-def _distances(samples: np.ndarray, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(C,) sums of the distances of ``samples`` (C, S, n) to ``outcome`` (C, n), and (C,) to each other, case by case in the cache."""
-    to_outcome, between = np.zeros(len(samples)), np.zeros(len(samples))
+def _add_distances(samples: np.ndarray, outcome: np.ndarray, to_outcome: np.ndarray, between: np.ndarray) -> None:
+    """Add up the distances of ``samples`` (C, S, n) to ``outcome`` (C, n), and to each other, (C,) both, case by case in the cache."""
     for case in range(len(samples)):
         of_case = samples[case]
         for i in range(len(of_case)):
@@ -49,7 +49,6 @@ def _distances(samples: np.ndarray, outcome: np.ndarray) -> tuple[np.ndarray, np
                 for axis in range(outcome.shape[1]):
                     squared += (of_case[i, axis] - of_case[j, axis]) ** 2
                 between[case] += np.sqrt(squared)
-    return to_outcome, between
 
 
 def normal_energy_score(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:

@@ -63,8 +63,10 @@ class WrenchLevels:
     systems: int
     test_systems: int
     repeats: int
+    force_seconds: float  # s, length of a force record after the tare
 
     def __post_init__(self) -> None:
+        _require(self, "force_seconds", _positive, "a positive number")
         _require(self, "agents", _list_of(_list_of(_whole(1))), "a list of lists of numbers of cables")
         for key in ("kappa", "tension_std"):
             _require(self, key, _list_of(_positive), "a list of positive factors")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -36,12 +36,12 @@ SOURCES = (
     *("__init__.py", "rng.py", "compiled.py", "arm", "filtering", "motion", "randommatrix", "statistics", "sensitivity", "wrench"),
     *(f"audit/{name}.py" for name in ("claims", "evidence", "rules", "sensitivity", "strict")),
     *(f"survey/{name}.py" for name in ("conditions", "laboratory", "motion", "options", "points", "table", "wrench")),
-    *(f"twin/{name}.py" for name in ("dynamics", "options", "trajectory")),
+    *(f"twin/{name}.py" for name in ("dynamics", "force", "options", "trajectory")),
     "perception/depth_noise.py",
 )
 # files that the evidence of a condition is in; a claim whose evidence lies elsewhere is not asked
 MOTION = ("metrics/fit_", "metrics/motion", "metrics/recordings", "metrics/filter", "tables/one_step_scores", "tables/filter_comparison")
-WRENCH = ("metrics/wrench", "tables/wrench_study", "tables/sigma_s")
+WRENCH = ("metrics/wrench", "tables/wrench_study", "tables/sigma_s", "tables/force_moments", "tables/force_test")
 
 
 @dataclass(frozen=True)
@@ -55,13 +55,17 @@ class Study:
 
 @dataclass(frozen=True)
 class Gathered:
-    """The table of a survey, and how many of its points were found, computed, and computed anew for they could not be read."""
+    """Where the points of a survey lie, and how many were found, computed, and computed anew for they could not be read."""
 
-    table: pd.DataFrame
+    places: list[Path]
     found: int
     computed: int
     unreadable: int
     size: int  # bytes of all points
+
+    def tables(self) -> Iterator[pd.DataFrame]:
+        """The rows of the table ``survey``, one point after the other in the order of the conditions: all at once may be too many."""
+        return (contracts.read("survey", place) for place in self.places)
 
 
 def code_version() -> str:
@@ -115,20 +119,17 @@ def point(condition: Condition, study: Study) -> pd.DataFrame:
 
 
 def gather(conditions: Sequence[Condition], study: Study, folder: Path, compute: schema.Compute) -> Gathered:
-    """The table ``survey`` of ``conditions``: every point that ``folder`` has, and the others computed there first."""
+    """The points of ``conditions``: every one that ``folder`` has, and the others computed there first."""
     code = code_version()
     keys = [key_of(condition, study, code) for condition in conditions]
     places = [folder.resolve() / key[:2] / key for key in keys]
-    tables = {place: _read(place) for place in places}
-    missing = [(condition, place) for condition, place in zip(conditions, places, strict=True) if tables[place] is None]
+    missing = [(condition, place) for condition, place in zip(conditions, places, strict=True) if not _whole(place)]
     broken = sum(place.exists() for _, place in missing)
     if missing:
         # each writes its own point; there is nothing to keep
         deque(run_trials(partial(_compute, study=study), missing, compute=compute, label="survey: conditions"), maxlen=0)
-    tables |= {place: contracts.read("survey", place) for _, place in missing}
-    table = pd.concat(tables.values(), ignore_index=True)
     size = sum(file.stat().st_size for place in places for file in place.iterdir())
-    return Gathered(table, len(conditions) - len(missing), len(missing) - broken, broken, size)
+    return Gathered(places, len(conditions) - len(missing), len(missing) - broken, broken, size)
 
 
 def _compute(trial: tuple[Condition, Path], study: Study) -> None:
@@ -137,10 +138,10 @@ def _compute(trial: tuple[Condition, Path], study: Study) -> None:
         contracts.write(point(condition, study).assign(point=place.name), "survey", folder)
 
 
-def _read(place: Path) -> pd.DataFrame | None:
-    """The point at ``place``, or None where there is none that is whole and its own."""
+def _whole(place: Path) -> bool:
+    """Whether there is a point at ``place`` that is whole and its own."""
     try:
         table = contracts.read("survey", place)
     except ContractError:
-        return None
-    return table if (table["point"] == place.name).all() else None
+        return False
+    return bool((table["point"] == place.name).all())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import pandas as pd
 
@@ -11,48 +11,89 @@ from pipeline.audit.evidence import Evidence
 from pipeline.audit.sensitivity import FAILS, HOLDS
 from pipeline.survey.conditions import FACTORS
 from pipeline.survey.points import MOTION, WRENCH, decided
+from pipeline.survey.table import WORDS
 
 VARIED = {"motion": ("trajectory", "particles", *FACTORS), "wrench": ("agents", "kappa", "tension_std")}
+OF_POINT = ["point", "seed", "study", *dict.fromkeys(name for names in VARIED.values() for name in names), "cpu_seconds"]
 BASE = "base condition"
 MANY = 1_000_000  # conditions of a study that one machine outgrows
 HOUR = 3600.0  # s
+PART = 10_000  # points whose words are turned into numbers at a time
 
 
-def _base(rows: pd.DataFrame, factors: Sequence[str]) -> pd.Series:
-    """Which rows are of the base condition: every factor as in the first row, those that are numbers 1."""
-    base = {factor: 1.0 if rows[factor].dtype == float else rows[factor].iloc[0] for factor in factors}
-    return (rows[list(factors)] == pd.Series(base)).all(axis=1)
+class Tally:
+    """What is kept of a survey's points as they pass: of each its condition and a word for every claim, of the base condition all rows."""
+
+    def __init__(self) -> None:
+        self.base: list[pd.DataFrame] = []
+        self.about: dict[str, str] = {}
+        self._base_of: dict[str, pd.Series] = {}
+        self._parts: list[pd.DataFrame] = []
+        self._waiting: list[dict[str, object]] = []
+
+    def passing(self, tables: Iterable[pd.DataFrame]) -> Iterator[pd.DataFrame]:
+        """``tables``, one of a point each, as they are; each is noted."""
+        for table in tables:
+            self._note(table)
+            yield table
+
+    def _note(self, table: pd.DataFrame) -> None:
+        condition = table[OF_POINT].iloc[0]
+        varied = list(VARIED[condition["study"]])
+        # every factor as in the first condition of its study, those that are numbers 1
+        base = self._base_of.setdefault(condition["study"], condition[varied].map(lambda level: 1.0 if isinstance(level, float) else level))
+        at_base = bool((condition[varied] == base).all())
+        if at_base:
+            self.base.append(table)
+        claims = table.drop_duplicates("claim")
+        self.about |= dict(zip(claims["claim"], claims["about"], strict=True))
+        self._waiting.append({**condition, "at_base": at_base, **dict(zip(claims["claim"], claims["verdict"], strict=True))})
+        if len(self._waiting) == PART:
+            self._turn()
+
+    def _turn(self) -> None:
+        self._parts.append(pd.DataFrame(self._waiting).reindex(columns=[*OF_POINT, "at_base", *self.about]))
+        self._parts[-1] = self._parts[-1].astype(dict.fromkeys(self.about, pd.CategoricalDtype(WORDS)))
+        self._waiting = []
+
+    @property
+    def points(self) -> pd.DataFrame:
+        """A row for each point: the columns OF_POINT, whether it is the base condition, and the verdict on every claim of its study."""
+        if self._waiting:
+            self._turn()
+        points = pd.concat(self._parts, ignore_index=True)
+        return points.astype(dict.fromkeys(self.about, pd.CategoricalDtype(WORDS)))
 
 
-def _levels(rows: pd.DataFrame, factors: Sequence[str], design: str) -> Iterator[tuple[str, str, pd.DataFrame]]:
-    """Factor, level and rows of the conditions that have it, the base condition first; its levels again only where all are combined."""
-    at_base = _base(rows, factors)
-    yield BASE, "", rows[at_base]
+def _levels(points: pd.DataFrame, factors: Sequence[str], design: str) -> Iterator[tuple[str, str, pd.DataFrame]]:
+    """Factor, level and points of the conditions that have it, the base condition first; its levels again only where all are combined."""
+    yield BASE, "", points[points["at_base"]]
     for factor in factors:
-        for level, of_level in rows.groupby(factor, sort=rows[factor].dtype == float):
-            others = of_level[~at_base[of_level.index]] if design == "one_at_a_time" else of_level
-            known = rows.loc[at_base, factor].eq(level).any()
-            if rows[factor].nunique() > 1 and not (design == "one_at_a_time" and known):
+        for level, of_level in points.groupby(factor, sort=points[factor].dtype == float):
+            others = of_level[~of_level["at_base"]] if design == "one_at_a_time" else of_level
+            known = points.loc[points["at_base"], factor].eq(level).any()
+            if points[factor].nunique() > 1 and not (design == "one_at_a_time" and known):
                 yield factor, f"{level:g}" if isinstance(level, float) else str(level), others
 
 
-def verdict_counts(table: pd.DataFrame, design: str) -> pd.DataFrame:
+def verdict_counts(tally: Tally, design: str) -> pd.DataFrame:
     """In how many conditions with a factor at a level a claim holds in all its cases, and in how many it does not.
 
     Columns study, factor, level, claim, about, conditions, holds, fails; what is missing to ``conditions`` has no evidence.
     """
     rows = []
-    for study, of_study in table.drop_duplicates(["point", "claim"]).groupby("study", sort=False):
+    for study, of_study in tally.points.groupby("study", sort=False):
         for factor, level, of_level in _levels(of_study, VARIED[study], design):
-            for (claim, about), verdicts in of_level.groupby(["claim", "about"], sort=False)["verdict"]:
-                counts = {"conditions": len(verdicts), "holds": (verdicts == HOLDS).sum(), "fails": (verdicts == FAILS).sum()}
-                rows.append({"study": study, "factor": factor, "level": level, "claim": claim, "about": about} | counts)
+            for claim, about in tally.about.items():
+                verdicts = of_level[claim].dropna()
+                if len(verdicts):
+                    counts = {"conditions": len(verdicts), "holds": (verdicts == HOLDS).sum(), "fails": (verdicts == FAILS).sum()}
+                    rows.append({"study": study, "factor": factor, "level": level, "claim": claim, "about": about} | counts)
     return pd.DataFrame(rows)
 
 
-def cost(table: pd.DataFrame, size: int) -> dict[str, float]:
-    """Measured processor time by kind of condition, and what a million of each would take; ``size`` in bytes is that of all points."""
-    points = table.drop_duplicates("point")
+def cost(points: pd.DataFrame, size: int) -> dict[str, float]:
+    """Measured processor time by kind of condition, and what a million of each would take; ``size`` in bytes is that of all ``points``."""
     found: dict[str, float] = {"conditions": len(points), "cpu_seconds": points["cpu_seconds"].sum()}
     for study, seconds in points.groupby("study", sort=False)["cpu_seconds"]:
         found[f"{study}_conditions"] = len(seconds)
@@ -64,15 +105,14 @@ def cost(table: pd.DataFrame, size: int) -> dict[str, float]:
     return found | {"bytes_per_condition": per_condition, f"gigabytes_of_{MANY}_conditions": MANY * per_condition / 1e9}
 
 
-def against_the_pipeline(table: pd.DataFrame, claims: Sequence[Claim], evidence: Evidence) -> pd.DataFrame:
+def against_the_pipeline(tally: Tally, claims: Sequence[Claim], evidence: Evidence) -> pd.DataFrame:
     """The base condition's verdicts beside those of a run of the whole pipeline, decided by the same rules from the run's ``evidence``.
 
     A row for each case: the run's value and word, the survey's with its first seed, and in how many of its seeds the rule holds.
     """
     run = decided(claims, evidence, MOTION + WRENCH)[["claim", "about", "case", "value", "than", "holds"]]
     parts = []
-    for study, of_study in table.groupby("study", sort=False):
-        base = of_study[_base(of_study, VARIED[study])]
+    for _, base in pd.concat(tally.base, ignore_index=True).groupby("study", sort=False):
         first = base[base["seed"] == base["seed"].iloc[0]][["claim", "case", "value", "than", "holds"]]
         seeds = base.groupby(["claim", "case"], sort=False).agg(
             seeds=("seed", "size"), holding=("holds", lambda words: (words == HOLDS).sum())

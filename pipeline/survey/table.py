@@ -5,8 +5,15 @@ Declared here and not there, for every stage depends on that module, and no stag
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from contextlib import closing
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 import pandera.pandas as pa
+import pyarrow
+from pyarrow.parquet import ParquetWriter
 
 from pipeline.audit.claims import ABOUT
 from pipeline.audit.sensitivity import FAILS, HOLDS, UNKNOWN
@@ -44,3 +51,26 @@ SURVEY = {
     "cpu_seconds": pa.Column("float64", [FINITE, pa.Check.ge(0)], description="processor time that the whole condition took, s"),
 }
 TABLES["survey"] = SURVEY
+GROUP = 100_000  # rows of a group of the file at least: what is in memory at once
+
+
+def write(tables: Iterable[pd.DataFrame], folder: Path) -> None:
+    """Write ``tables``, each of which keeps the contract, as one, group by group; equal tables give equal bytes."""
+    groups = _groups(tables)
+    first = pyarrow.Table.from_pandas(next(groups), preserve_index=False)
+    with closing(ParquetWriter(folder / "survey.parquet", first.schema, compression="zstd")) as file:
+        file.write_table(first)
+        for group in groups:
+            file.write_table(pyarrow.Table.from_pandas(group, schema=first.schema, preserve_index=False))
+
+
+def _groups(tables: Iterable[pd.DataFrame]) -> Iterator[pd.DataFrame]:
+    """``tables`` joined, as many at a time as make up a group."""
+    waiting: list[pd.DataFrame] = []
+    for table in tables:
+        waiting.append(table)
+        if sum(map(len, waiting)) >= GROUP:
+            yield pd.concat(waiting, ignore_index=True)
+            waiting = []
+    if waiting:
+        yield pd.concat(waiting, ignore_index=True)

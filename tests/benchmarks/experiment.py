@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from machine import machine
-from stages import by_dvc, in_one_process
+from stages import by_dvc, work_of
 
 sys.path.append(str(Path(__file__).parents[1]))
 from smoke import ROOT, copy_project, set_parameters
@@ -24,13 +24,13 @@ def main(folder: Path, scale: str) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     copy_project(folder)
     parameters = (folder / "params.yaml").read_text()
-    _, run = in_one_process(folder, "smoke", scale)
+    _, work = work_of(folder, "smoke", scale)
     # where the user's parameters let trials run, the scale apart
     (folder / "params.yaml").write_text(parameters)
     set_parameters(folder, scale=scale)
     costs = by_dvc(folder)
     measured = {"machine": machine(), "scale": scale, "ratio_limit": RATIO_LIMIT, "memory_limit": MEMORY_LIMIT}
-    measured |= {"elapsed": sum(cost["elapsed"] for cost in costs), "work": run["work"], "stages": costs}
+    measured |= {"elapsed": sum(cost["elapsed"] for cost in costs), "work": work, "stages": costs}
     (ROOT / "reports/benchmarks/experiment.json").write_text(json.dumps(measured, indent=1) + "\n")
 
 

@@ -98,7 +98,7 @@ def compilation(folder: Path) -> str:
     verdict = "met" if measured["seconds"] < measured["limit"] else "**missed**"
     rows = [[stage, f"{seconds:.1f} s"] for stage, seconds in measured["stages"].items() if seconds > 0]
     return (
-        f"With nothing compiled before, all stages together compile for {measured['seconds']:.1f} s of processor time "
+        f"With nothing compiled before, all stages, each a process of its own, compile for {measured['seconds']:.1f} s of processor time "
         f"(< {measured['limit']} s: {verdict}):\n\n{table(['stage', 'compiling'], rows)}"
     )
 

@@ -26,14 +26,18 @@ def by_dvc(project: Path) -> list[dict]:
     return [json.loads(line) for line in file.read_text().splitlines()]
 
 
-def in_one_process(project: Path, *scales: str) -> list[dict]:
-    """Run all stages in a new process, once on each of ``scales``; of each time work and compiling in s, as in work.py.
+def plan(project: Path) -> list[list[str]]:
+    """All stages in the order in which they run, each with its item if it has one. Raises CalledProcessError where DVC fails."""
+    said = subprocess.run(["dvc", "repro", "--force", "--dry"], cwd=project, check=True, capture_output=True, text=True).stdout
+    return [words.split() for words in planned(said).values()]
+
+
+def work_of(project: Path, *scales: str) -> list[dict]:
+    """Run all stages in a new process, once on each of ``scales``; of each time the work in s, as in work.py.
 
     Raises CalledProcessError where it fails.
     """
-    said = subprocess.run(["dvc", "repro", "--force", "--dry"], cwd=project, check=True, capture_output=True, text=True).stdout
-    plan = {"scales": scales, "stages": [words.split() for words in planned(said).values()]}
     # stages print, so the answer has a file of its own
-    answer = project / "work.json"
-    subprocess.run([sys.executable, HERE / "work.py", answer], cwd=project, input=json.dumps(plan), check=True, text=True)
+    answer, order = project / "work.json", json.dumps({"scales": scales, "stages": plan(project)})
+    subprocess.run([sys.executable, HERE / "work.py", answer], cwd=project, input=order, check=True, text=True)
     return json.loads(answer.read_text())

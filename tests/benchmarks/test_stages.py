@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -80,6 +81,20 @@ assert not hasattr(ingest.contracts.write, "__wrapped__")
 """
     environment = os.environ | {"PYTHONPATH": str(stages.HERE)}
     subprocess.run([sys.executable, "-c", script], cwd=ROOT, env=environment, check=True)
+
+
+@pytest.mark.slow
+def test_what_is_compiled_by_an_import_or_by_a_call_is_counted_until_it_is_cached(tmp_path):
+    (tmp_path / "pipeline").mkdir()
+    for name in ("__init__.py", "compiled.py"):
+        shutil.copy(ROOT / "pipeline" / name, tmp_path / "pipeline" / name)
+    stage = "from pipeline.compiled import compiled\n@compiled({signature})\ndef doubled(x):\n    return 2 * x\n"
+    (tmp_path / "pipeline/__main__.py").write_text("def main():\n    from pipeline.stage import doubled\n    return doubled(1.0) - 2.0\n")
+    for signature in ("", '"float64(float64)"'):
+        (tmp_path / "pipeline/stage.py").write_text(stage.format(signature=signature))
+        for cached in (False, True):
+            subprocess.run([sys.executable, stages.HERE / "first_use.py", tmp_path / "answer"], cwd=tmp_path, check=True, timeout=120)
+            assert (float((tmp_path / "answer").read_text()) == 0.0) == cached
 
 
 def test_the_cost_of_a_stage_holds_that_of_its_workers(tmp_path):

@@ -20,31 +20,15 @@ from types import FunctionType, ModuleType
 
 sys.path.insert(0, str(Path.cwd()))
 sys.path.insert(0, str(Path.cwd() / "tests"))
-import pipeline  # noqa: F401 - before numpy: it fixes the arithmetic
-
-from numba.core import event  # isort: skip
 from smoke import set_parameters
+
+import pipeline  # noqa: F401 - before numpy: it fixes the arithmetic
 
 # what stages use between the rooms
 BETWEEN = {"config", "datasheet", "typed_yaml", "compute", "contracts", "tables", "rng", "errors", "stages"}
 
 spent: Counter[str] = Counter()  # s by room
 inside = [False]
-
-
-class Compiler(event.Listener):
-    """Processor time that numba takes to compile; a function that needs others compiles them inside."""
-
-    def __init__(self) -> None:
-        self.seconds, self._begun = 0.0, []
-
-    def on_start(self, event: event.Event) -> None:
-        self._begun.append(time.process_time())
-
-    def on_end(self, event: event.Event) -> None:
-        begin = self._begun.pop()
-        if not self._begun:
-            self.seconds += time.process_time() - begin
 
 
 def counted(function: FunctionType, room: str) -> FunctionType:
@@ -91,17 +75,13 @@ def count_calls(stage: str) -> None:
 
 
 def once(stages: list[list[str]]) -> dict:
-    """Run ``stages``; the work in s by stage, its item and room, and what numba took to compile in s by stage."""
+    """Run ``stages``; the work in s by stage, its item and room."""
     work: dict[str, dict[str, float]] = {}
-    compiling: Counter[str] = Counter()
     for stage, *item in stages:
         spent.clear()
-        compiler = Compiler()
-        with event.install_listener("numba:compile", compiler):
-            import_module(f"pipeline.stages.{stage}").run(*item)
+        import_module(f"pipeline.stages.{stage}").run(*item)
         work[" ".join([stage, *item])] = dict(spent)
-        compiling[stage] += compiler.seconds
-    return {"work": work, "compiling": dict(compiling)}
+    return work
 
 
 def main(answer: Path) -> None:

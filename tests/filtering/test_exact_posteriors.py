@@ -12,6 +12,7 @@ from scipy.stats import multivariate_normal, norm
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
 from pipeline.filtering.resampling import SCHEMES
+from pipeline.motion.model import Law
 
 DT = 0.01
 INVERSE = np.array([[4.0, 1.0, 0.2], [-6.0, 3.0, 0.5], [2.0, -4.0, 1.0]])
@@ -26,17 +27,16 @@ class Linear:
     noise: np.ndarray
 
     def law(self):
-        return linear, np.linalg.cholesky(self.noise).ravel()
+        return Law(linear, np.linalg.cholesky(self.noise).ravel(), normals=(1, 3))
 
 
 @njit
-def linear(rng, parameters, arm, v, q, moved):
+def linear(numbers, parameters, arm, v, q, moved):
     for i in range(len(q[0])):
-        normal = (rng.standard_normal(), rng.standard_normal(), rng.standard_normal())
         for j in range(3):
             moved[j][i] = q[j][i]
             for k in range(3):
-                moved[j][i] += INVERSE[j, k] * v[k] + parameters[3 * j + k] * normal[k]
+                moved[j][i] += INVERSE[j, k] * v[k] + parameters[3 * j + k] * numbers.normal[k, i]
     return 0
 
 
@@ -119,7 +119,7 @@ class StateDependent:
     """A nonlinear step of the first joint with a spread of its own at each pose; the others stand still."""
 
     def law(self):
-        return state_dependent, np.empty(0)
+        return Law(state_dependent, np.empty(0), normals=(1, 1))
 
 
 @njit
@@ -133,9 +133,9 @@ def spread(q):
 
 
 @njit
-def state_dependent(rng, parameters, arm, v, q, moved):
+def state_dependent(numbers, parameters, arm, v, q, moved):
     for i in range(len(q[0])):
-        moved[0][i] = centre(q[0][i], v[0]) + spread(q[0][i]) * rng.standard_normal()
+        moved[0][i] = centre(q[0][i], v[0]) + spread(q[0][i]) * numbers.normal[0, i]
         moved[1][i], moved[2][i] = q[1][i], q[2][i]
     return 0
 

@@ -12,6 +12,7 @@ from scipy.stats import norm
 from pipeline.errors import ConfigError, DegenerateFilterError, ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
+from pipeline.motion.model import Law
 
 DT = 0.01
 STILL = Start(np.array([0.3, -0.2, 0.5]), np.zeros((3, 3)))
@@ -27,19 +28,19 @@ class Diffusing:
     backwards: bool = False  # the numbers are dealt to the particles of a block in reverse
 
     def law(self):
-        return diffusing, np.array([self.spread, self.clips, self.backwards], dtype=float)
+        return Law(diffusing, np.array([self.spread, self.clips, self.backwards], dtype=float), normals=(1, 3))
 
 
 EXACT = Diffusing(0.0)
 
 
 @njit
-def diffusing(rng, parameters, arm, v, q, moved):
+def diffusing(numbers, parameters, arm, v, q, moved):
     count = len(q[0])
     for i in range(count):
         to = count - 1 - i if parameters[2] else i
         for j in range(3):
-            moved[j][to] = q[j][to] + v[j] + parameters[0] * rng.standard_normal()
+            moved[j][to] = q[j][to] + v[j] + parameters[0] * numbers.normal[j, i]
     return int(parameters[1] * v[0])
 
 

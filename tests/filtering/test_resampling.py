@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from compiled_calls import chosen_by, from_python
 
 from pipeline.filtering.resampling import SCHEMES, inverse_cdf, multinomial, residual, stratified, systematic
 
@@ -20,7 +21,7 @@ def weights() -> np.ndarray:
 
 
 def counts_of(scheme, weights: np.ndarray, rng: np.random.Generator, repeats: int = REPEATS) -> np.ndarray:
-    return np.array([np.bincount(scheme(weights, rng), minlength=len(weights)) for _ in range(repeats)])
+    return np.array([np.bincount(chosen_by(scheme, weights, rng), minlength=len(weights)) for _ in range(repeats)])
 
 
 def exact_variance(name: str, weights: np.ndarray) -> np.ndarray:
@@ -58,8 +59,8 @@ def test_a_particle_is_chosen_in_proportion_to_its_weight(name, weights):
 
 
 def test_a_comb_that_is_never_shifted_is_found_out_as_biased(weights):
-    def unshifted(weights, rng):
-        return np.searchsorted(np.cumsum(weights), (np.arange(len(weights)) + 0.5) / len(weights), side="right")
+    def unshifted(weights, chosen, room, rng):
+        chosen[:] = np.searchsorted(np.cumsum(weights), (np.arange(len(weights)) + 0.5) / len(weights), side="right")
 
     assert bias_in_standard_errors(counts_of(unshifted, weights, np.random.default_rng(1)), "systematic", weights) > 3 * BAND
 
@@ -90,7 +91,7 @@ def test_systematic_counts_lie_within_one_of_what_is_expected():
     rng = np.random.default_rng(4)
     for _ in range(300):
         weights = rng.dirichlet(np.full(50, 0.3))
-        counts = np.bincount(systematic(weights, rng), minlength=50)
+        counts = np.bincount(chosen_by(systematic, weights, rng), minlength=50)
         assert np.all((counts == np.floor(50 * weights)) | (counts == np.ceil(50 * weights)))
 
 
@@ -105,16 +106,18 @@ def test_residual_counts_never_fall_below_the_certain_copies_and_independent_dra
 def test_equal_weights_keep_every_particle_once(scheme):
     # weights that went through an exponential, as in the filter, are right only up to rounding
     weights = np.full(1000, np.nextafter(1 / 1000, 0.0))
-    assert np.array_equal(np.sort(scheme(weights, np.random.default_rng(6))), np.arange(1000))
+    assert np.array_equal(np.sort(chosen_by(scheme, weights, np.random.default_rng(6))), np.arange(1000))
 
 
 @pytest.mark.parametrize("scheme", DRAWING.values())
 def test_one_particle_with_all_the_weight_is_the_only_one_left(scheme):
     for sole in (0, 4, 9):
-        assert np.all(scheme(np.eye(10)[sole], np.random.default_rng(8)) == sole)
+        assert np.all(chosen_by(scheme, np.eye(10)[sole], np.random.default_rng(8)) == sole)
 
 
 @pytest.mark.parametrize("point", [0.0, np.nextafter(1.0, 0.0), 1.0])
 def test_points_at_either_end_of_their_range_fall_on_particles_with_weight(point):
     weights = np.concatenate([[0.0], np.full(1000, 1 / 1000), [0.0, 0.0]])
-    assert inverse_cdf(weights, np.array([point]))[0] == (1 if point == 0.0 else 1000)
+    chosen = np.array([-1])
+    from_python(inverse_cdf)(weights, np.array([point]), np.empty(len(weights)), chosen)
+    assert chosen[0] == (1 if point == 0.0 else 1000)

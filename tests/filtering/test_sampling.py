@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from compiled_calls import chosen_by, from_python
 from plain_filter import PLAIN_SCHEMES, plain_filter
 
 from pipeline.arm.chain import PlanarChain
@@ -134,7 +135,7 @@ def test_every_compiled_scheme_chooses_what_the_plain_one_does(scheme, equal):
         weights = np.random.default_rng(seed).dirichlet(np.full(200, 0.3))
         weights[:equal] = weights[:equal].mean()
         one, other = np.random.default_rng(seed), np.random.default_rng(seed)
-        assert np.array_equal(SCHEMES[scheme](weights, one), PLAIN_SCHEMES[scheme](weights, other))
+        assert np.array_equal(chosen_by(SCHEMES[scheme], weights, one), PLAIN_SCHEMES[scheme](weights, other))
         assert one.bit_generator.state == other.bit_generator.state
 
 
@@ -150,7 +151,7 @@ def test_particles_outside_the_chains_domain_lose_their_weight_and_go_back(signs
     assert 900 < np.sum(chain.singular(q[:3000])) < 1100
     here, there, log_weights = np.zeros((3, 4000)), np.ascontiguousarray(q.T), np.zeros(4000)
     log_weights[:100] = -np.inf
-    assert keep_inside(domain_of(chain), tuple(here), tuple(there), log_weights) == np.sum(gone[100:])
+    assert from_python(keep_inside)(domain_of(chain), tuple(here), tuple(there), log_weights) == np.sum(gone[100:])
     assert np.array_equal(there.T, np.where(gone[:, None], 0.0, q))
     assert np.array_equal(log_weights == -np.inf, gone | (np.arange(4000) < 100))
 
@@ -159,14 +160,15 @@ def test_moments_are_numpys_with_weights_as_probabilities():
     rng = np.random.default_rng(12)
     q, weights = rng.standard_normal((3, 30)), rng.dirichlet(np.ones(30))
     mean, covariance = np.empty(3), np.empty((3, 3))
-    weighted_moments(weights, q, mean, covariance)
+    from_python(weighted_moments)(weights, q, mean, covariance)
     np.testing.assert_allclose(mean, np.average(q, axis=1, weights=weights))
     np.testing.assert_allclose(covariance, np.cov(q, aweights=weights, ddof=0))
 
 
 def test_effective_sample_size_counts_the_particles_among_which_weight_is_shared():
+    normalised = from_python(normalise)
     shared, weights = np.log(np.append(np.full(10, 3.0), np.full(30, 1e-300))), np.empty(40)
-    assert normalise(np.zeros(40), weights)[0] == pytest.approx(40)
-    assert normalise(shared, weights) == pytest.approx((10, np.log(30)))
+    assert normalised(np.zeros(40), weights)[0] == pytest.approx(40)
+    assert normalised(shared, weights) == pytest.approx((10, np.log(30)))
     np.testing.assert_allclose(weights, np.append(np.full(10, 0.1), np.zeros(30)), atol=1e-15)
-    assert normalise(np.append(0.0, np.full(39, -np.inf)), weights)[0] == 1.0
+    assert normalised(np.append(0.0, np.full(39, -np.inf)), weights)[0] == 1.0

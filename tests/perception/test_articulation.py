@@ -7,12 +7,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from articulation_in_numpy import plain_objective, plain_rank
+from compiled_calls import from_python
 from scipy.optimize import minimize
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.errors import RecordingError
 from pipeline.perception.articulation import Articulation, ArticulationOptions, fit_sequence
-from pipeline.perception.articulation_search import INFEASIBLE, rank_value
+from pipeline.perception.articulation_search import INFEASIBLE, frame_of, rank_value
 
 LENGTHS = np.array([0.155, 0.135, 0.17])
 CHAIN = PlanarChain(
@@ -24,6 +25,7 @@ CHAIN = PlanarChain(
     max_speed=np.full(3, np.pi / 2),
 )
 OPTIONS = ArticulationOptions()
+RANK = from_python(rank_value)
 
 
 def motion(frames: int = 97) -> np.ndarray:
@@ -49,7 +51,7 @@ def limits(share: float = OPTIONS.length_range) -> np.ndarray:
 
 
 def ranked(points: np.ndarray, nodes: np.ndarray, share: float, gamma1: float, gamma2: float) -> float:
-    return rank_value(np.ascontiguousarray(points.T), nodes[0], nodes[3], nodes[1:3].ravel(), limits(share), gamma1, gamma2)
+    return RANK(frame_of(np.ascontiguousarray(points.T), nodes[0], nodes[3], limits(share), gamma1, gamma2), nodes[1:3].ravel())
 
 
 def fit(clouds: list[np.ndarray], q: np.ndarray, options: ArticulationOptions = OPTIONS, **evidence: str) -> Articulation:

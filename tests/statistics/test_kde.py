@@ -56,7 +56,8 @@ def test_the_compiled_spreading_is_the_plain_one():
     samples = draw(3000)
     low, step = samples.min(axis=0) - 1.0, np.array([0.11, 0.07])
     rows, columns = np.ceil((np.ptp(samples, axis=0) + 2.0) / step).astype(int)
-    masses = kde._spread(samples, low, step, rows, columns)
+    masses = np.zeros((rows, columns))
+    kde._spread(samples, low, step, masses)
     np.testing.assert_allclose(masses, spread_with_numpy(samples, low, step, rows, columns), atol=1e-11)
     np.testing.assert_allclose(masses.sum(), len(samples), rtol=1e-12)
 

@@ -13,8 +13,8 @@ from pipeline.audit.claims import Claim, parse_claims
 from pipeline.survey.laboratory import Laboratory, NoiseLaw
 from pipeline.survey.motion import MotionStudy
 from pipeline.survey.points import Study
-from pipeline.survey.wrench import WrenchStudy
-from pipeline.twin.options import ClockOptions, DynamicsOptions, TrajectoryOptions
+from pipeline.survey.wrench import Configuration, ForceRig, WrenchStudy
+from pipeline.twin.options import ClockOptions, DynamicsOptions, Robots, TrajectoryOptions, Transducer
 from pipeline.wrench.bounds import Bounds
 
 ROOT = Path(__file__).parents[2]
@@ -48,4 +48,6 @@ def study(laboratory, claims) -> Study:
     }
     bounds = Bounds((3.0, 5.0), (0.8, 3.1), (0.5, 1.0), (100.0, 800.0))
     motion = MotionStudy(laboratory, models, "systematic", 0.5, "one_step", 12, 4, 12)
-    return Study(motion, WrenchStudy(bounds, {"C1": (bounds, 3)}, 20, 20, 2), claims)
+    pulled = Configuration(bounds, [3.0, 4.0, 5.0], [0.8, 1.5, 2.2], [0.5, 0.6, 0.7])
+    rig = ForceRig(Robots((0.5, 0.6, 0.7), (200.0, 300.0, 400.0)), Transducer(), 1.0, 20.0)
+    return Study(motion, WrenchStudy(bounds, {"C1": pulled}, rig, 20, 20, 2), claims)

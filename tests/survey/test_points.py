@@ -5,13 +5,14 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 
+import pandas as pd
 import pytest
 from test_architecture import HARMLESS, MODULES, covers, needed_by
 
 from pipeline import contracts, schema
 from pipeline.survey import points
 from pipeline.survey.conditions import Factors, MotionCondition, WrenchCondition
-from pipeline.survey.points import SOURCES, code_version, gather, key_of
+from pipeline.survey.points import SOURCES, Gathered, code_version, gather, key_of
 
 SERIAL = schema.Compute(1)
 CONDITIONS = [WrenchCondition(1, (2,)), WrenchCondition(2, (2,)), MotionCondition(1, "own", 20, Factors(sway_std=2.0))]
@@ -20,14 +21,19 @@ CONDITIONS = [WrenchCondition(1, (2,)), WrenchCondition(2, (2,)), MotionConditio
 @pytest.fixture(scope="module")
 def small(study):
     """A study of as little as can be decided."""
-    return replace(study, motion=replace(study.motion, training_takes=4, realizations=3), wrench=replace(study.wrench, configurations={}))
+    wrench = replace(study.wrench, rig=replace(study.wrench.rig, duration=5.0))
+    return replace(study, motion=replace(study.motion, training_takes=4, realizations=3), wrench=wrench)
+
+
+def joined(gathered: Gathered) -> pd.DataFrame:
+    return pd.concat(gathered.tables(), ignore_index=True)
 
 
 @pytest.fixture(scope="module")
 def whole(small, tmp_path_factory):
     """The folder and the table of a survey that nothing disturbed."""
     folder = tmp_path_factory.mktemp("points")
-    return folder, gather(CONDITIONS, small, folder, SERIAL).table
+    return folder, joined(gather(CONDITIONS, small, folder, SERIAL))
 
 
 @pytest.fixture
@@ -47,7 +53,7 @@ def numbers(gathered) -> tuple[int, int, int]:
 def test_what_is_there_is_found_and_not_computed_again(whole, kept, small, monkeypatch):
     monkeypatch.setattr(points, "point", None)
     again = gather(CONDITIONS, small, kept, SERIAL)
-    assert numbers(again) == (3, 0, 0) and again.table.equals(whole[1])
+    assert numbers(again) == (3, 0, 0) and joined(again).equals(whole[1])
 
 
 def test_an_interrupted_survey_goes_on_where_it_was_to_the_same_table(whole, small, tmp_path, monkeypatch):
@@ -64,11 +70,11 @@ def test_an_interrupted_survey_goes_on_where_it_was_to_the_same_table(whole, sma
         gather(CONDITIONS, small, tmp_path, SERIAL)
     monkeypatch.setattr(points, "point", original)
     resumed = gather(CONDITIONS, small, tmp_path, SERIAL)
-    assert numbers(resumed) == (2, 1, 0) and decided_alike(resumed.table, whole[1])
+    assert numbers(resumed) == (2, 1, 0) and decided_alike(joined(resumed), whole[1])
 
 
 def test_the_order_of_the_conditions_changes_no_point(whole, small, tmp_path):
-    backwards = gather(CONDITIONS[::-1], small, tmp_path, SERIAL).table
+    backwards = joined(gather(CONDITIONS[::-1], small, tmp_path, SERIAL))
     for condition in CONDITIONS:
         key = key_of(condition, small, code_version())
         assert decided_alike(*(table[table["point"] == key].reset_index(drop=True) for table in (backwards, whole[1])))
@@ -86,7 +92,7 @@ def test_a_damaged_point_is_computed_anew_and_counted(whole, kept, small, damage
         first.parent.rename(first.parent.with_name(f".{first.parent.name}.partial"))
     found = gather(CONDITIONS, small, kept, SERIAL)
     assert numbers(found) == ((2, 1, 0) if damage == "half written" else (2, 0, 1))
-    assert decided_alike(found.table, whole[1])
+    assert decided_alike(joined(found), whole[1])
 
 
 def test_another_configuration_is_another_point(small):

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from pipeline import rng
+from pipeline.audit.sensitivity import FAILS, HOLDS
 from pipeline.survey.conditions import WrenchCondition
-from pipeline.survey.wrench import asked_of, scaled, wrench_evidence
+from pipeline.survey.points import WRENCH, decided
+from pipeline.survey.wrench import WrenchStudy, asked_of, scaled, wrench_evidence
 from pipeline.wrench.study import run_study
 
 
@@ -32,6 +37,42 @@ def test_directions_that_are_better_known_leave_the_random_matrix_less(study):
         wrench_evidence(WrenchCondition(9, (3,), kappa=kappa), study.wrench)["tables/sigma_s"]["e11"].iloc[0] for kappa in (0.5, 4.0)
     ]
     assert np.all(np.diff(entries) < 0)
+
+
+@pytest.fixture(scope="module")
+def longer(study) -> WrenchStudy:
+    return replace(study.wrench, rig=replace(study.wrench.rig, duration=300.0))
+
+
+def measured(study: WrenchStudy, **factors: float) -> pd.Series:
+    moments = wrench_evidence(WrenchCondition(9, (3,), **factors), study)["tables/force_moments"].set_index("source")
+    assert set(moments["configuration"]) == {"C1"}
+    return moments.loc["measured"]
+
+
+def test_the_robots_pull_with_the_force_of_their_mean_tensions_and_directions(longer):
+    configuration, found = longer.configurations["C1"], measured(longer)
+    tension, direction = np.array(configuration.tension), np.array(configuration.direction)
+    np.testing.assert_allclose(found[["fx", "fy"]].astype(float), [tension @ np.cos(direction), tension @ np.sin(direction)], atol=0.1)
+
+
+def test_robots_that_slip_twice_as_hard_and_wander_less_are_felt(longer):
+    base, slipping, steady = measured(longer), measured(longer, tension_std=2.0), measured(longer, tension_std=0.01, kappa=4.0)
+    # in y the tensions' variances and the directions' add up; alone the latter are a quarter at four times the concentration
+    tension_part = np.array([0.5, 0.6, 0.7]) ** 2 @ np.sin(np.array(longer.configurations["C1"].direction)) ** 2
+    assert slipping["var_fy"] - base["var_fy"] == pytest.approx(3 * tension_part, rel=0.2)
+    assert steady["var_fx"] == pytest.approx((base["var_fx"] - tension_in_x(longer)) / 4, rel=0.3)
+
+
+def tension_in_x(study: WrenchStudy) -> float:
+    return float(np.array([0.5, 0.6, 0.7]) ** 2 @ np.cos(np.array(study.configurations["C1"].direction)) ** 2)
+
+
+def test_the_claims_on_measured_force_are_decided(study, claims):
+    evidence = wrench_evidence(WrenchCondition(9, (3,)), study.wrench)
+    rows = decided(claims, evidence, WRENCH).set_index("claim")
+    of_c1 = rows[rows["case"].str.contains("C1") & rows.index.isin(["force-mean", "force-modelled-as-measured"])]
+    assert len(of_c1) == 3 and of_c1["value"].notna().all() and of_c1["holds"].isin([HOLDS, FAILS]).all()
 
 
 def test_the_order_over_numbers_of_cables_is_asked_of_those_compared(claims):

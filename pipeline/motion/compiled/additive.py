@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.compiled import compiled, inlined
 from pipeline.motion.compiled.chain import Arm, joint_step, segments
-from pipeline.motion.compiled.draws import chi_squares, normals
+from pipeline.motion.compiled.law import Numbers
 
 
 @inlined
@@ -20,11 +20,10 @@ def coloured(root: np.ndarray, x: float, y: float, z: float) -> tuple[float, flo
 
 
 @compiled()
-def additive(rng: np.random.Generator, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
+def additive(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
     """q + J⁻¹v + ω, ω ~ N(0, Σ_ω); ``parameters`` (9,) the root of Σ_ω."""
-    count = len(q[0])
-    noise = normals(rng, count, 3)
-    for i in range(count):
+    noise = numbers.normal
+    for i in range(len(q[0])):
         dq = joint_step(arm, *segments(arm, q[0][i], q[1][i], q[2][i]), *v)
         omega = coloured(parameters, noise[0, i], noise[1, i], noise[2, i])
         for j in range(3):
@@ -33,27 +32,24 @@ def additive(rng: np.random.Generator, parameters: np.ndarray, arm: Arm, v: tupl
 
 
 @compiled()
-def scaled(rng: np.random.Generator, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
+def scaled(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
     """q + q̇ + η + D(q̇)ε, η ~ N(0, A), ε ~ N(0, B), q̇ = J⁻¹v; ``parameters`` (18,) the roots of A and B."""
-    count = len(q[0])
-    of_floor, of_gain = normals(rng, count, 3), normals(rng, count, 3)
-    for i in range(count):
+    noise = numbers.normal
+    for i in range(len(q[0])):
         dq = joint_step(arm, *segments(arm, q[0][i], q[1][i], q[2][i]), *v)
-        eta = coloured(parameters[:9], of_floor[0, i], of_floor[1, i], of_floor[2, i])
-        epsilon = coloured(parameters[9:], of_gain[0, i], of_gain[1, i], of_gain[2, i])
+        eta = coloured(parameters[:9], noise[0, i], noise[1, i], noise[2, i])
+        epsilon = coloured(parameters[9:], noise[3, i], noise[4, i], noise[5, i])
         for j in range(3):
             moved[j][i] = q[j][i] + dq[j] + eta[j] + dq[j] * epsilon[j]
     return 0
 
 
 @compiled()
-def student(rng: np.random.Generator, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
+def student(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
     """q + J⁻¹v + ω, ω | τ ~ N(0, Λ/τ), ντ ~ χ²(ν); ``parameters`` (10,) ν and the root of Λ."""
-    count = len(q[0])
     nu, root = parameters[0], parameters[1:]
-    tau = chi_squares(rng, nu, count)
-    noise = normals(rng, count, 3)
-    for i in range(count):
+    tau, noise = numbers.chi_square, numbers.normal
+    for i in range(len(q[0])):
         dq = joint_step(arm, *segments(arm, q[0][i], q[1][i], q[2][i]), *v)
         omega = coloured(root, noise[0, i], noise[1, i], noise[2, i])
         wide = 1.0 / np.sqrt(tau[i] / nu)

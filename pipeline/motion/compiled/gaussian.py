@@ -6,17 +6,16 @@ import numpy as np
 
 from pipeline.compiled import compiled, inlined
 from pipeline.motion.compiled.chain import Arm, joint_step, segments
-from pipeline.motion.compiled.draws import normals
+from pipeline.motion.compiled.law import Numbers
 
 
 @compiled()
-def of_inverse(rng: np.random.Generator, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
+def of_inverse(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
     """A draw of N(q + J⁻¹v, s‖v‖²·I), s = α²(u² − ‖J⁻¹‖²)/9 or zero beyond u, which is counted; ``parameters`` (2,) α and u."""
-    count, clipped = len(q[0]), 0
+    noise, clipped = numbers.normal, 0
     alpha, u = parameters[0], parameters[1]
     command = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-    noise = normals(rng, count, 3)
-    for i in range(count):
+    for i in range(len(q[0])):
         shape = segments(arm, q[0][i], q[1][i], q[2][i])
         square = 0.0
         for x, z, phi in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)):
@@ -43,20 +42,19 @@ def turned(arm: Arm, r1: float, r2: float, r3: float, x: tuple, z: tuple) -> tup
 
 
 @compiled()
-def of_forward(rng: np.random.Generator, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
+def of_forward(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
     """A draw of q + (J + J_ν)⁻¹v = q + ‖v‖·c/(a₁·c), c = a₂ × a₃ of the rows of Rᵀ(J + J_ν); ``parameters`` (2,) α and u.
 
     R has the first column v/‖v‖. Beyond u, ‖J‖ > u, the step is the nominal one, and counted.
     """
-    count, clipped = len(q[0]), 0
+    noise, clipped = numbers.normal, 0
     alpha, u = parameters[0], parameters[1]
     speed = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     e1, e2, e3 = (v[0] / speed, v[1] / speed, v[2] / speed) if speed > 0 else (1.0, 0.0, 0.0)
     # the columns of R: Householder's reflection of the first axis to v/‖v‖, its sign turned
     sign = -1.0 if e1 < 0 else 1.0
     m1, reach = e1 + sign, 1.0 + abs(e1)
-    noise = normals(rng, count, 7)
-    for i in range(count):
+    for i in range(len(q[0])):
         ax, az, bx, bz, tx, tz = segments(arm, q[0][i], q[1][i], q[2][i])
         x, z = (ax + bx + tx, bx + tx, tx), (az + bz + tz, bz + tz, tz)
         norm = np.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2 + z[0] ** 2 + z[1] ** 2 + z[2] ** 2 + 3)

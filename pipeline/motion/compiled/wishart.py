@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.compiled import compiled, inlined
 from pipeline.motion.compiled.chain import Arm, joint_step, segments
-from pipeline.motion.compiled.draws import chi_squares, normals
+from pipeline.motion.compiled.law import Numbers
 
 # Taylor coefficients of (exp(y) − 1)/y: up to y = 0.7 the first term left out is below half a unit in the last place
 EXPONENTIAL = tuple(1 / factorial(k + 1) for k in range(15))
@@ -55,15 +55,14 @@ def inverse_action(a1: float, a2: float, a3: float, d: float, gamma: float, n2: 
 
 
 @compiled()
-def of_given_factor(rng: np.random.Generator, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
+def of_given_factor(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
     """A step for a constant J₁; ``parameters`` (19,) d and, row by row, J₁ and J₁⁻¹. Both are I for the decomposition by QR."""
-    count = len(q[0])
+    gamma, normal = numbers.chi_square, numbers.normal
     d, left, inverse = parameters[0], parameters[1:10], parameters[10:]
     a1 = inverse[0] * v[0] + inverse[1] * v[1] + inverse[2] * v[2]
     a2 = inverse[3] * v[0] + inverse[4] * v[1] + inverse[5] * v[2]
     a3 = inverse[6] * v[0] + inverse[7] * v[1] + inverse[8] * v[2]
-    gamma, normal = chi_squares(rng, d - 2, count), normals(rng, count, 2)
-    for i in range(count):
+    for i in range(len(q[0])):
         w1, w2, w3 = inverse_action(a1, a2, a3, d, gamma[i], normal[0, i], normal[1, i])
         x = left[0] * w1 + left[1] * w2 + left[2] * w3
         y = left[3] * w1 + left[4] * w2 + left[5] * w3
@@ -75,16 +74,15 @@ def of_given_factor(rng: np.random.Generator, parameters: np.ndarray, arm: Arm, 
 
 
 @compiled()
-def of_lu(rng: np.random.Generator, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
+def of_lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
     """A step for J₁ = PᵀL of PJ = LU with partial pivoting; ``parameters`` (1,) d.
 
     L has three numbers, and the columns of joints 1 and 2 alone decide them and P; the signs of the joints cancel. The rows are exchanged
     by selection, not by branches. U is never needed: J⁻¹J₁ is applied by the chain's closed form.
     """
-    count = len(q[0])
+    gamma, normal = numbers.chi_square, numbers.normal
     d = parameters[0]
-    gamma, normal = chi_squares(rng, d - 2, count), normals(rng, count, 2)
-    for i in range(count):
+    for i in range(len(q[0])):
         ax, az, bx, bz, tx, tz = segments(arm, q[0][i], q[1][i], q[2][i])
         # rows of J: columns of joints 1 and 2, and the commanded step
         x1, x2, xv = az + bz + tz, bz + tz, v[0]

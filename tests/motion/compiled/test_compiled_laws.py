@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from compiled_calls import moved_by
 from plain_filter import plain
 from scipy import stats
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.motion.additive import AdditiveModel
 from pipeline.motion.build import build_model
-from pipeline.motion.compiled.chain import arm_of
 from pipeline.motion.gaussian import GaussianModel
 from pipeline.motion.gaussian_forward import GaussianForwardModel
 from pipeline.motion.wishart import WishartModel
@@ -33,14 +33,6 @@ ARMS = {
     "the arm's": (np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]), [1.0, 1.0, -1.0]),
     "askew and long": (np.array([[0.9, 1.5], [-0.7, 1.3], [0.3, -1.7]]), [-1.0, 1.0, -1.0]),
 }
-
-
-def moved_by(law: tuple, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, int]:
-    """What :meth:`MotionModel.sample` returns, by the compiled law of a model."""
-    step, parameters = law
-    moved = np.empty((3, len(q)))
-    clipped = step(rng, parameters, arm_of(chain), tuple(v.tolist()), tuple(np.ascontiguousarray(q.T)), tuple(moved))
-    return moved.T, clipped
 
 
 @pytest.fixture(params=ARMS)
