@@ -99,7 +99,7 @@ def compilation(folder: Path) -> str:
     rows = [[stage, f"{seconds:.1f} s"] for stage, seconds in measured["stages"].items() if seconds > 0]
     return (
         f"With nothing compiled before, all stages, each a process of its own, compile for {measured['seconds']:.1f} s of processor time "
-        f"(< {measured['limit']} s: {verdict}):\n\n{table(['stage', 'compiling'], rows)}"
+        f"(< {measured['limit']} s: {verdict}), by the medians of {measured['rounds']} rounds:\n\n{table(['stage', 'compiling'], rows)}"
     )
 
 
