@@ -66,11 +66,12 @@ def write(tables: Iterable[pd.DataFrame], folder: Path) -> None:
 
 def _groups(tables: Iterable[pd.DataFrame]) -> Iterator[pd.DataFrame]:
     """``tables`` joined, as many at a time as make up a group."""
-    waiting: list[pd.DataFrame] = []
+    waiting, rows = [], 0
     for table in tables:
         waiting.append(table)
-        if sum(map(len, waiting)) >= GROUP:
+        rows += len(table)
+        if rows >= GROUP:
             yield pd.concat(waiting, ignore_index=True)
-            waiting = []
+            waiting, rows = [], 0
     if waiting:
         yield pd.concat(waiting, ignore_index=True)

@@ -17,7 +17,6 @@ from pipeline.perception.depth_sequence import DepthSequence
 
 pytestmark = pytest.mark.benchmark(group="Articulation of depth frames, 1500 points each")
 LIMIT = 2e-3  # s a frame
-FEW = 8  # frames that SciPy fits, and over all but the first of which the objectives are compared: that one has several starts
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,8 @@ class Frames:
 @pytest.fixture
 def problem(size, tmp_path) -> Frames:
     """Frames of the synthetic camera."""
-    recording = record(tmp_path, size(40, 3))
+    # the objectives of single frames differ either way, by more than their means do
+    recording = record(tmp_path, size(120, 3))
     sequence = DepthSequence(recording.folder / "kinect" / TAKE, recording.depth, arm(), recording.folder)
     clouds = [points for points, _ in sequence.points(range(len(recording.poses)))]
     return Frames(clouds, recording.poses, recording.options)
@@ -47,7 +47,7 @@ def by_scipy(problem: Frames) -> list[float]:
     chain, options = youbot(), problem.options
     bounds = chain.lengths[:, None] * np.array([1 - options.length_range, 1 + options.length_range])
     v, least = chain.points(problem.poses[0])[1:3].ravel(), []
-    for cloud, ee in zip(problem.clouds[:FEW], problem.ee[:FEW], strict=True):
+    for cloud, ee in zip(problem.clouds, problem.ee, strict=True):
         for step in (STEP, -STEP):
             corners = v + step * np.vstack([np.zeros(4), np.eye(4)])
             found = minimize(
@@ -59,15 +59,16 @@ def by_scipy(problem: Frames) -> list[float]:
     return least
 
 
+# the first frame is left out of the objectives: ours has several starts there
 def test_ours(benchmark, problem):
     benchmark.extra_info |= {"role": "ours", "items": len(problem.clouds), "limit": LIMIT}
     told = (problem.clouds, youbot().origin, problem.ee, youbot(), problem.options, problem.poses[0])
     found = benchmark.pedantic(fit_sequence, told, rounds=9, warmup_rounds=1)
-    benchmark.extra_info |= {"points": float(found.points.mean()), "objective": float(found.objective[1:FEW].mean())}
+    benchmark.extra_info |= {"points": float(found.points.mean()), "objective": float(found.objective[1:].mean())}
     assert found.points.min() > 1000
 
 
 def test_scipy(benchmark, problem):
-    benchmark.extra_info |= {"role": "peer", "items": min(FEW, len(problem.clouds)), "target": 20}
-    least = benchmark.pedantic(by_scipy, (problem,), rounds=5)
+    benchmark.extra_info |= {"role": "peer", "items": len(problem.clouds), "target": 20}
+    least = benchmark.pedantic(by_scipy, (problem,), rounds=2)
     benchmark.extra_info["objective"] = float(np.mean(least[1:]))
