@@ -15,9 +15,11 @@ from functools import cache
 from pathlib import Path
 
 import numba
+from numba import float64, types
 from numba.core import caching
 
 PROJECT = Path(__file__).parents[1]
+VECTOR, MATRIX = types.Array(float64, 1, "C"), types.Array(float64, 2, "C")  # in signatures
 CLOSED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
@@ -31,8 +33,19 @@ def compiled(*signature: object) -> Callable:
 
 
 def inner(function: Callable) -> Callable:
-    """Decorator: a compiled function that compiled functions alone can call; without ways in from Python and C it compiles sooner."""
+    """Decorator: a compiled function that compiled functions alone can call; without ways in from Python and C it compiles sooner.
+
+    A call from Python ends the process: tests call it within a compiled function (``tests/compiled_calls.py``).
+    """
     return numba.njit(cache=True, nogil=True, error_model="numpy", **CLOSED)(function)
+
+
+def passed(function: Callable) -> Callable:
+    """Decorator: a compiled function that is passed to others, which call it by its address.
+
+    It has no other way in and compiles the sooner for it; a call from Python ends the process, as with :func:`inner`.
+    """
+    return numba.njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True)(function)
 
 
 def inlined(function: Callable) -> Callable:

@@ -1,8 +1,9 @@
-"""Compiled functions called from tests: inner ones, that compiled functions alone can call, and laws and schemes, that fill arrays."""
+"""Compiled functions that compiled functions alone can call, called from tests: inner ones, laws and schemes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 from numba import njit
@@ -13,12 +14,13 @@ from pipeline.motion.compiled.draws import draw, room_for
 from pipeline.motion.model import Law
 
 
-def from_python(inner: Callable) -> Callable:
-    """``inner`` within a compiled function of the same arguments; it is not cached, as it would be another in every process."""
+@cache
+def from_python(function: Callable) -> Callable:
+    """``function`` within a compiled one of the same arguments; numba does not keep it, as it would be another in every process."""
 
     @njit
     def call(*arguments):
-        return inner(*arguments)
+        return function(*arguments)
 
     return call
 
@@ -26,7 +28,7 @@ def from_python(inner: Callable) -> Callable:
 def chosen_by(scheme: Callable, weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """(P,) indices that a resampling ``scheme`` chooses under ``weights`` (P,)."""
     chosen = np.full(len(weights), -1)
-    scheme(weights, chosen, np.full((2, len(weights)), np.nan), rng)
+    from_python(scheme)(weights, chosen, np.full((2, len(weights)), np.nan), rng)
     return chosen
 
 
@@ -37,5 +39,6 @@ def moved_by(law: Law, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np
     """What :meth:`MotionModel.sample` returns, by the compiled law of a model."""
     numbers, moved = room_for(law, len(q)), np.empty((3, len(q)))
     DRAW(numbers, len(q), rng)
-    clipped = law.step(numbers, law.parameters, arm_of(chain), tuple(v.tolist()), tuple(np.ascontiguousarray(q.T)), tuple(moved))
+    joints = tuple(np.ascontiguousarray(q.T)), tuple(moved)
+    clipped = from_python(law.step)(numbers, law.parameters, arm_of(chain), tuple(v.tolist()), *joints)
     return moved.T, clipped

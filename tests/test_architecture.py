@@ -58,7 +58,11 @@ MAY_IMPORT = {
 DOORS = {
     "pinocchio": ["pipeline.arm.model"],
     "cvxpy": ["pipeline.motion.convex"],
-    "numba": ["pipeline.compiled", "pipeline.motion.compiled.law", "pipeline.filtering.sampling", "pipeline.filtering.resampling"],
+    # beside the decorators, what functions passed to others and those that take them need: the types of their arguments
+    "numba": [
+        *("pipeline.compiled", "pipeline.motion.compiled.law", "pipeline.filtering.sampling", "pipeline.filtering.resampling"),
+        *("pipeline.perception.articulation_objective", "pipeline.perception.articulation_search"),
+    ],
     "open3d": ["pipeline.twin.scene"],
     "cv2": ["pipeline.instruments", "pipeline.perception", "pipeline.twin"],
     "ezc3d": ["pipeline.instruments.c3d_library"],

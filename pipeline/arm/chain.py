@@ -33,6 +33,12 @@ class PlanarChain:
         """(3,) lengths of the three segments O1O2, O2O3, O3EE in m."""
         return np.hypot(self.links[:, 0], self.links[:, 1])
 
+    @property
+    def straight(self) -> float:
+        """Angle of the second joint at which the first two links are in line, rad, up to half turns."""
+        first, second = np.arctan2(self.links[:2, 0], self.links[:2, 1])
+        return float(self.signs[1] * (first - second))
+
     def headings(self, q: np.ndarray) -> np.ndarray:
         """(..., 3) cumulative angles φ_j in rad of joint angles ``q`` (..., 3)."""
         return np.cumsum(self.signs * q, axis=-1)
@@ -85,7 +91,8 @@ class PlanarChain:
 
     def singular(self, q: np.ndarray) -> np.ndarray:
         """(...,) whether J(q) has no inverse to be trusted: the first two links in line, or a pose that is not a number."""
-        return self._flat(self.determinant(q))
+        bent = np.abs(np.sin(np.asarray(q)[..., 1] - self.straight)) >= SINGULAR_SINE
+        return ~(bent & np.isfinite(q).all(axis=-1))
 
     def _flat(self, cross: np.ndarray) -> np.ndarray:
         # not "<": a pose that is not a number is refused too

@@ -124,9 +124,7 @@ def empty_record(grid: int) -> Record:
 
 def domain_of(chain: PlanarChain) -> Domain:
     """D_q of ``chain``."""
-    first, second = np.arctan2(chain.links[:2, 0], chain.links[:2, 1])
-    straight = chain.signs[1] * (first - second)
-    return Domain(tuple(map(float, chain.lower)), tuple(map(float, chain.upper)), float(straight), float(np.arcsin(SINGULAR_SINE)))
+    return Domain(tuple(map(float, chain.lower)), tuple(map(float, chain.upper)), chain.straight, float(np.arcsin(SINGULAR_SINE)))
 
 
 def due_frames(measurements: Measurements, steps: int, dt: float) -> tuple[Frames, int]:

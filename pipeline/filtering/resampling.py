@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numba import types
 
-from pipeline.compiled import compiled, inner
-from pipeline.motion.compiled.law import GENERATOR, MATRIX, VECTOR
+from pipeline.compiled import MATRIX, VECTOR, inner, passed
+from pipeline.motion.compiled.law import GENERATOR
 from pipeline.randommatrix.variates import standard_exponential, uniform
 
 COUNTS = types.Array(types.int64, 1, "C")
@@ -55,7 +55,7 @@ def sorted_uniforms(points: np.ndarray, rng: np.random.Generator) -> None:
         points[j] /= last
 
 
-@compiled()
+@passed
 def systematic(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator) -> None:
     """One uniform shifts a comb of P equidistant points: counts are ⌊P·w_i⌋ or ⌈P·w_i⌉ (Kitagawa 1996)."""
     points, count, shift = room[0], len(weights), uniform(rng)
@@ -64,7 +64,7 @@ def systematic(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: n
     inverse_cdf(weights, points, room[1], chosen)
 
 
-@compiled()
+@passed
 def stratified(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator) -> None:
     """One uniform in each of P strata of equal width (Kitagawa 1996)."""
     points, count = room[0], len(weights)
@@ -73,14 +73,14 @@ def stratified(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: n
     inverse_cdf(weights, points, room[1], chosen)
 
 
-@compiled()
+@passed
 def multinomial(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator) -> None:
     """P independent draws (Gordon, Salmond & Smith 1993)."""
     sorted_uniforms(room[0], rng)
     inverse_cdf(weights, room[0], room[1], chosen)
 
 
-@compiled()
+@passed
 def residual(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator) -> None:
     """⌊P·w_i⌋ copies for certain, the rest by independent draws from what is left of the weights (Liu & Chen 1998)."""
     left, count, kept = room[0], len(weights), 0

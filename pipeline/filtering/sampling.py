@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import boolean, float64, int64, types
 
-from pipeline.compiled import compiled, inner
+from pipeline.compiled import MATRIX, VECTOR, compiled, inner
 from pipeline.filtering.resampling import COUNTS, SCHEME
 from pipeline.motion.compiled.chain import Arm
 from pipeline.motion.compiled.draws import draw
-from pipeline.motion.compiled.law import ARM, GENERATOR, MATRIX, NUMBERS, STEP, TRIPLE, VECTOR, Numbers
+from pipeline.motion.compiled.law import ARM, GENERATOR, NUMBERS, STEP, TRIPLE, Numbers
 
 BLOCK = 256  # particles
 MATRICES = types.Array(float64, 3, "C")

@@ -77,27 +77,30 @@ def negative_log_likelihood(w: np.ndarray, x: np.ndarray, floor: np.ndarray, gai
     ``w`` (N, 3) the steps' noise, ``x`` (N, 3) their speeds, ``floor`` F (3, 3) the measurement's covariance included, ``gain`` B (3, 3).
     """
     by_floor, by_gain = np.zeros((2, 3, 3))
-    total = _add_up(w, x, floor, gain, by_floor, by_gain)
+    total = _add_up(w, x, floor, gain, by_floor, by_gain, *np.empty((4, 3, 3)), np.empty(3))
     return 0.5 * total / len(w), 0.5 * by_floor / len(w), 0.5 * by_gain / len(w)
 
 
 @compiled()
-def _add_up(w: np.ndarray, x: np.ndarray, floor: np.ndarray, gain: np.ndarray, by_floor: np.ndarray, by_gain: np.ndarray) -> float:
-    """Of :func:`negative_log_likelihood` what is halved and divided by N; the slopes are added to ``by_floor`` and ``by_gain``.
+def _add_up(
+    w: np.ndarray, x: np.ndarray, floor: np.ndarray, gain: np.ndarray, by_floor: np.ndarray, by_gain: np.ndarray, covariance: np.ndarray,
+    precision: np.ndarray, of_floor: np.ndarray, of_gain: np.ndarray, white: np.ndarray,
+) -> float:  # fmt: skip
+    """Of :func:`negative_log_likelihood` what is halved and divided by N; the slopes are added to ``by_floor`` and ``by_gain``; the rest is
+    room, of (3, 3) and (3,).
 
     Σ⁻¹ is had from cofactors, one step after the other: nothing of the steps' number is written to memory. The loops over three numbers
     stand for array expressions, which take longer to compile than all the rest.
     """
     total = 0.0
-    covariance, precision, of_floor, of_gain = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    white = np.empty(3)
     # sums of SUMMED steps are added up, so that rounding does not grow with the number of steps
     for start in range(0, len(w), SUMMED):
         value = 0.0
         for i in range(3):
             for j in range(3):
                 of_floor[i, j] = of_gain[i, j] = 0.0
-        for n in range(start, min(start + SUMMED, len(w))):
+        stop = start + SUMMED if start + SUMMED < len(w) else len(w)
+        for n in range(start, stop):
             for i in range(3):
                 for j in range(3):
                     covariance[i, j] = floor[i, j] + gain[i, j] * x[n, i] * x[n, j]

@@ -79,7 +79,7 @@ def _slopes(given: np.ndarray, d: float, s: float, h: float) -> tuple[float, flo
 def _mode(given: np.ndarray, d: float) -> tuple[float, float, float, float, float]:
     """A mode (s, h) by Fisher scoring, steps halved where they would descend, and the covariance (ss, sh, hh) it suggests."""
     # from where the noise-free step would be, or from the law's own middle where that is none
-    s, h = np.log(max(given[0], 0.1)), np.log(d)
+    s, h = np.log(given[0] if given[0] > 0.1 else 0.1), np.log(d)
     for _ in range(ASCENTS):
         of_s, of_h, ss, sh, hh = _slopes(given, d, s, h)
         determinant = ss * hh - sh * sh
@@ -87,8 +87,9 @@ def _mode(given: np.ndarray, d: float) -> tuple[float, float, float, float, floa
         step_s, step_h = ss * of_s + sh * of_h, sh * of_s + hh * of_h
         if step_s * of_s + step_h * of_h < SETTLED**2:
             break
-        longest = max(1.0, abs(step_s), abs(step_h))  # no further than a factor e at once
-        step_s, step_h = step_s / longest, step_h / longest
+        longest = abs(step_s) if abs(step_s) > abs(step_h) else abs(step_h)
+        if longest > 1.0:  # no further than a factor e at once
+            step_s, step_h = step_s / longest, step_h / longest
         value = _log_integrand(given, d, s, h)
         for _ in range(HALVINGS):
             if _log_integrand(given, d, s + step_s, h + step_h) >= value:
@@ -131,7 +132,7 @@ def _integrate(
                     product = first * second
                     exponent[i, j] = of_s + 0.5 * (m * (of_h + root_h * xi[j]) - g - (across1 * second + across2 * first) / product)
                     root_term[i, j] = weight[i] * weight[j] / np.sqrt(product)
-                    top = max(top, exponent[i, j])
+                    top = exponent[i, j] if exponent[i, j] > top else top
             total = mean_s = mean_h = 0.0
             for i in range(nodes):
                 for j in range(nodes):

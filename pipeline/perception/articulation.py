@@ -12,7 +12,8 @@ import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.errors import RecordingError, SolverError
-from pipeline.perception.articulation_search import INFEASIBLE, MAX_STEPS, fit_frame
+from pipeline.perception.articulation_objective import INFEASIBLE
+from pipeline.perception.articulation_search import MAX_STEPS, fit_frame
 
 SPREAD = 0.15  # rad; how far from the nominal pose the cold starts lie: lag and drift of the arm against its trajectory
 LOST = 2.0  # an objective of more than so many times the least of the take: not the arm; noise alone varies it by less

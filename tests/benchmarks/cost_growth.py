@@ -37,7 +37,7 @@ LEAST_MEMORY = 1.0  # MB, below which the allocator decides and not the size
 # of the paper's study: T̲ in N, θ̲ in rad, σ_T in N, κ
 CABLES = Bounds((1.0, 15.0), (0.0, 2 * np.pi), (0.5, 2.0), (150.0, 2500.0))
 # the smallest size and how many there are, each twice the one before
-SIZES = {"particles": (500, 9), "steps": (10, 9), "takes": (1, 8), "frames": (1, 7), "agents": (2, 6)}
+SIZES = {"particles": (1000, 9), "steps": (10, 9), "takes": (1, 8), "frames": (1, 7), "agents": (2, 6)}
 
 
 def call_of(over: str, size: int, recording: Recording) -> Callable[[], object]:

@@ -99,13 +99,14 @@ def test_floor_of_the_random_numbers_alone(benchmark, problem):
     benchmark(draw)
 
 
-@pytest.mark.benchmark(group=BOTH_CORES)
+# what else the machine does comes and goes in seconds: measured for longer than the other contests
+@pytest.mark.benchmark(group=BOTH_CORES, max_time=10)
 @pytest.mark.parametrize("threads", [pytest.param(2, id="two threads"), pytest.param(1, id="one thread")])
 def test_threads(benchmark, problem, threads):
     if len(os.sched_getaffinity(0)) < 2:
         pytest.skip("one core alone")
     role = {"role": "ours"} if threads == 2 else {"role": "peer", "target": 1.8}
-    takes = 4
+    takes = 16
     benchmark.extra_info |= role | {"items": takes * items(problem)}
     with ThreadPoolExecutor(threads) as pool:
         posteriors = benchmark(lambda: list(pool.map(partial(our_posterior, problem), range(takes))))

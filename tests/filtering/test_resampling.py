@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from compiled_calls import chosen_by, from_python
+from numba import njit
 
 from pipeline.filtering.resampling import SCHEMES, inverse_cdf, multinomial, residual, stratified, systematic
 
@@ -59,6 +60,7 @@ def test_a_particle_is_chosen_in_proportion_to_its_weight(name, weights):
 
 
 def test_a_comb_that_is_never_shifted_is_found_out_as_biased(weights):
+    @njit
     def unshifted(weights, chosen, room, rng):
         chosen[:] = np.searchsorted(np.cumsum(weights), (np.arange(len(weights)) + 0.5) / len(weights), side="right")
 

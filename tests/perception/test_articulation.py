@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 from pipeline.arm.chain import PlanarChain
 from pipeline.errors import RecordingError
 from pipeline.perception.articulation import Articulation, ArticulationOptions, fit_sequence
-from pipeline.perception.articulation_search import INFEASIBLE, frame_of, rank_value
+from pipeline.perception.articulation_objective import INFEASIBLE, frame_of, rank_value
 
 LENGTHS = np.array([0.155, 0.135, 0.17])
 CHAIN = PlanarChain(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.compiled import compiled, inlined
+from pipeline.compiled import inlined, passed
 from pipeline.motion.compiled.chain import Arm, joint_step, segments
 from pipeline.motion.compiled.law import Numbers
 
@@ -19,7 +19,7 @@ def coloured(root: np.ndarray, x: float, y: float, z: float) -> tuple[float, flo
     )
 
 
-@compiled()
+@passed
 def additive(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
     """q + J⁻¹v + ω, ω ~ N(0, Σ_ω); ``parameters`` (9,) the root of Σ_ω."""
     noise = numbers.normal
@@ -31,7 +31,7 @@ def additive(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tu
     return 0
 
 
-@compiled()
+@passed
 def scaled(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
     """q + q̇ + η + D(q̇)ε, η ~ N(0, A), ε ~ N(0, B), q̇ = J⁻¹v; ``parameters`` (18,) the roots of A and B."""
     noise = numbers.normal
@@ -44,7 +44,7 @@ def scaled(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tupl
     return 0
 
 
-@compiled()
+@passed
 def student(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
     """q + J⁻¹v + ω, ω | τ ~ N(0, Λ/τ), ντ ~ χ²(ν); ``parameters`` (10,) ν and the root of Λ."""
     nu, root = parameters[0], parameters[1:]

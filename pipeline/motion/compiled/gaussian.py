@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.compiled import compiled, inlined
+from pipeline.compiled import inlined, passed
 from pipeline.motion.compiled.chain import Arm, joint_step, segments
 from pipeline.motion.compiled.law import Numbers
 
 
-@compiled()
+@passed
 def of_inverse(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
     """A draw of N(q + J⁻¹v, s‖v‖²·I), s = α²(u² − ‖J⁻¹‖²)/9 or zero beyond u, which is counted; ``parameters`` (2,) α and u."""
     noise, clipped = numbers.normal, 0
@@ -23,7 +23,7 @@ def of_inverse(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: 
             square += column[0] * column[0] + column[1] * column[1] + column[2] * column[2]
         norm = np.sqrt(square)
         clipped += norm > u
-        bounded = min(norm, u)
+        bounded = norm if norm < u else u
         deviation = np.sqrt(alpha * alpha * (u * u - bounded * bounded) / 9 * command)
         dq = joint_step(arm, *shape, *v)
         for j in range(3):
@@ -41,7 +41,7 @@ def turned(arm: Arm, r1: float, r2: float, r3: float, x: tuple, z: tuple) -> tup
     )
 
 
-@compiled()
+@passed
 def of_forward(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
     """A draw of q + (J + J_ν)⁻¹v = q + ‖v‖·c/(a₁·c), c = a₂ × a₃ of the rows of Rᵀ(J + J_ν); ``parameters`` (2,) α and u.
 
@@ -59,7 +59,7 @@ def of_forward(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: 
         x, z = (ax + bx + tx, bx + tx, tx), (az + bz + tz, bz + tz, tz)
         norm = np.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2 + z[0] ** 2 + z[1] ** 2 + z[2] ** 2 + 3)
         clipped += norm > u
-        bounded = min(norm, u)
+        bounded = norm if norm < u else u
         deviation = np.sqrt(alpha * alpha * (u * u - bounded * bounded) / 9)
         along = turned(arm, e1, e2, e3, x, z)
         p1, p2, p3 = turned(arm, sign * m1 * e2 / reach, sign * (e2 * e2 / reach - 1), sign * e3 * e2 / reach, x, z)

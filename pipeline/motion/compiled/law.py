@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import float64, int64, types
 
+from pipeline.compiled import MATRIX, VECTOR
 from pipeline.motion.compiled.chain import Arm
 
 
@@ -31,8 +32,6 @@ class Numbers(NamedTuple):
 
 
 GENERATOR = types.npy_rng
-VECTOR = types.Array(float64, 1, "C")
-MATRIX = types.Array(float64, 2, "C")
 JOINTS = types.UniTuple(VECTOR, 3)
 TRIPLE = types.UniTuple(float64, 3)
 NUMBERS = types.NamedTuple((TRIPLE, int64, VECTOR, MATRIX), Numbers)

@@ -15,7 +15,7 @@ from math import factorial
 
 import numpy as np
 
-from pipeline.compiled import compiled, inlined
+from pipeline.compiled import inlined, passed
 from pipeline.motion.compiled.chain import Arm, joint_step, segments
 from pipeline.motion.compiled.law import Numbers
 
@@ -54,7 +54,7 @@ def inverse_action(a1: float, a2: float, a3: float, d: float, gamma: float, n2: 
     return z * (a1 - along * m1), z * (a2 + r * t2 - along * a2), z * (a3 + r * t3 - along * a3)
 
 
-@compiled()
+@passed
 def of_given_factor(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
     """A step for a constant J₁; ``parameters`` (19,) d and, row by row, J₁ and J₁⁻¹. Both are I for the decomposition by QR."""
     gamma, normal = numbers.chi_square, numbers.normal
@@ -73,7 +73,7 @@ def of_given_factor(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple
     return 0
 
 
-@compiled()
+@passed
 def of_lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
     """A step for J₁ = PᵀL of PJ = LU with partial pivoting; ``parameters`` (1,) d.
 
