@@ -12,6 +12,8 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 ONE_COLUMN, TWO_COLUMNS = 3.5, 7.16  # in
@@ -98,5 +100,7 @@ def save(figure: Figure, folder: Path, name: str) -> None:
     # the layout's solver differs in its last bits from run to run, and the names of clip paths in the SVG are hashes of all bits
     for axes in figure.axes:
         axes.set_position(np.round(axes.get_position(original=True).bounds, 6))
-    figure.savefig(folder / f"{name}.svg", metadata={"Date": None, "Creator": None})
-    figure.savefig(folder / f"{name}.png", dpi=PNG_RESOLUTION, metadata={"Software": None}, pil_kwargs={"optimize": True})
+    # not savefig, which draws every figure twice: once more for a layout that has been found
+    FigureCanvasSVG(figure).print_svg(folder / f"{name}.svg", metadata={"Date": None, "Creator": None})
+    figure.set_dpi(PNG_RESOLUTION)
+    FigureCanvasAgg(figure).print_png(folder / f"{name}.png", metadata={"Software": None}, pil_kwargs={"optimize": True})
