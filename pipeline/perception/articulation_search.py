@@ -19,7 +19,8 @@ VARIABLES = 4  # x and z of O2 and of O3
 SEARCH = boolean(types.FunctionType(OBJECTIVE), FRAME, float64, float64, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR)
 
 
-# Loops over four numbers, where array expressions would do: those take seconds more to compile
+# Loops over four numbers, where array expressions would do: those take seconds more to compile. They are VARIABLES, and not what the arrays
+# have, so that the compiler writes the four out and makes no code for any number of them.
 @inner
 def _copy(corner: np.ndarray, other: np.ndarray) -> None:
     for j in range(VARIABLES):
