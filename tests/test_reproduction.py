@@ -107,10 +107,9 @@ def test_another_seed_gives_other_numbers(copy):
 
 def test_an_edit_reruns_only_what_depends_on_it(copy):
     set_parameters(copy, filter="stratified")
-    # as far as the scores, and all that an edit of the filter leaves alone
-    done = run("dvc", "repro", "score", "control", "recover", "wrench", "faults", cwd=copy)
+    done = run("dvc", "repro", cwd=copy)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert stages_run(done.stdout) == {"configure", "sensitivity", "score"} | {f"filter@{model}" for model in MODELS}
+    assert stages_run(done.stdout) == AFTER_THE_MODELS | {f"filter@{model}" for model in MODELS}
     set_parameters(copy, models="[additive, gaussian]")
     done = run("dvc", "repro", cwd=copy)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -156,43 +155,23 @@ def test_a_bad_parameter_stops_with_one_message_and_leaves_what_stood(copy, para
     assert (copy / "reports/figures/joint_std.svg").exists() and (copy / "data/filter/additive/posterior.parquet").exists()
 
 
-LACKING = ("no mocap", "no depth camera", "nothing to filter", "no force transducer")
-
-
-@pytest.fixture
-def beside_recordings(copy: Path) -> Path:
-    """The copy with the recordings of a real robot where its datasheets look for them."""
+@pytest.mark.parametrize("dataset", ["ur5", "ur5_rounds"])
+def test_the_motion_part_runs_on_a_real_robot_and_the_rest_says_what_it_lacks(copy, dataset):
     recordings = Path(__file__).parents[2] / "shared/recordings"
     if not (recordings / "ur5").is_dir():
         pytest.skip("the UR5 recordings are not beside the project")
     (copy.parent / "shared").mkdir()
     (copy.parent / "shared/recordings").symlink_to(recordings)
-    return copy
-
-
-def fitted_to_encoders(folder: Path) -> bool:
-    """A position-controlled arm with encoders of micro-radians: the noise of a step is far below that of the youBot."""
-    additive, wishart, gaussian = (json.loads((folder / f"reports/metrics/fit_{model}.json").read_text()) for model in MODELS)
-    return 1e-12 < additive["sigma_omega_22_rad2"] < 1e-7 and 0 < wishart["sigma_b"] < 0.8 and gaussian["alpha"] > 0
-
-
-def test_the_motion_part_runs_on_a_real_robot_and_the_rest_says_what_it_lacks(beside_recordings):
-    set_parameters(beside_recordings, dataset="ur5")
-    done = run("dvc", "repro", cwd=beside_recordings)
+    set_parameters(copy, dataset=dataset)
+    done = run("dvc", "repro", cwd=copy)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert all(lacking in done.stdout for lacking in LACKING)
-    drawn = {file.stem for file in (beside_recordings / "reports/figures").glob("*.svg")}
+    for lacking in ("no mocap", "no depth camera", "nothing to filter", "no force transducer"):
+        assert lacking in done.stdout
+    drawn = {file.stem for file in (copy / "reports/figures").glob("*.svg")}
     study = {"parameter_recovery", "sigma_b_choices", "ridge", "sensitivity", "model_scores"}
     assert drawn == {"recording_quality", "joint_realizations", "mean_error", "joint_std", "wrench_error_histograms", "cable_robot"} | study
-    assert fitted_to_encoders(beside_recordings)
-    assert json.loads((beside_recordings / "reports/metrics/filter.json").read_text()) == {}
-    assert "dataset ur5" in (beside_recordings / "reports/report.md").read_text()
-
-
-def test_other_movements_of_the_robot_are_a_dataset_of_their_own(beside_recordings):
-    set_parameters(beside_recordings, dataset="ur5_rounds")
-    # what is read of them and fitted to them; the rest is as in the other dataset
-    done = run("dvc", "repro", "fit", "simulate", "articulate", "filter", "wrench", cwd=beside_recordings)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert all(lacking in done.stdout for lacking in LACKING)
-    assert fitted_to_encoders(beside_recordings)
+    metrics = {file.stem: json.loads(file.read_text()) for file in (copy / "reports/metrics").glob("*.json")}
+    # a position-controlled arm with encoders of micro-radians: the noise of a step is far below that of the youBot
+    assert 1e-12 < metrics["fit_additive"]["sigma_omega_22_rad2"] < 1e-7
+    assert 0 < metrics["fit_wishart"]["sigma_b"] < 0.8 and metrics["fit_gaussian"]["alpha"] > 0
+    assert metrics["filter"] == {} and f"dataset {dataset}" in (copy / "reports/report.md").read_text()

@@ -101,6 +101,26 @@ def test_the_edge_of_what_is_singular_is_a_fraction_of_the_greatest_determinant(
     np.testing.assert_allclose(chain.inverse_jacobian(above) @ chain.jacobian(above), np.eye(3), atol=1e-9)
 
 
+def test_what_is_singular_by_the_second_joint_is_so_by_the_determinant_of_the_jacobian(chain):
+    # the joints beside it anywhere, the second by up to twice the edge off a straight arm, stretched or folded
+    rng = np.random.default_rng(5)
+    q = in_line(chain) + rng.uniform(-1, 1, (4000, 3)) * [3.0, 2 * np.arcsin(SINGULAR_SINE), 3.0]
+    q[::2, 1] += np.pi
+    flat = np.abs(np.linalg.det(chain.jacobian(q))) < SINGULAR_SINE * chain.lengths[0] * chain.lengths[1]
+    assert 1500 < np.sum(flat) < 2500
+    np.testing.assert_array_equal(chain.singular(q), flat)
+
+
+@pytest.mark.parametrize("joint", range(3))
+@pytest.mark.parametrize("broken", [np.nan, np.inf])
+@pytest.mark.filterwarnings("ignore:invalid value")
+def test_a_pose_that_is_no_number_is_singular_whichever_joint_it_is(chain, broken, joint):
+    q = poses(chain, 3)
+    assert not chain.singular(q).any()
+    q[2, joint] = broken
+    assert chain.singular(q).tolist() == [False, False, True]
+
+
 @pytest.mark.parametrize("broken", [np.nan, np.inf])
 @pytest.mark.filterwarnings("ignore:invalid value")
 def test_a_pose_that_is_no_number_is_refused(chain, broken):
