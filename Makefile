@@ -1,4 +1,4 @@
-# Two commands: `make repro` and `make test`. Both make their own environment in .venv from the hashed lock files.
+# Two commands: `make repro` (the paper) and `make test`. Each target makes its own environment in .venv from the hashed lock files.
 SHELL := /bin/sh
 PYTHON ?= $(shell for p in python3.12 python3.11 python3 python; do \
 	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' 2>/dev/null && { echo $$p; break; }; done)
@@ -10,20 +10,30 @@ export PATH := $(BIN):$(PATH)
 export DVC_NO_ANALYTICS := 1
 export HOME ?= $(CURDIR)/$(VENV)
 
-.PHONY: repro test smoke real audit bench bench-experiment lint lock clean-env
+.PHONY: repro all test test-all smoke real audit bench bench-experiment lint lock clean-env
 
+# The paper alone.
 repro: $(READY)
 	dvc repro
 
+# The paper, the studies and the page of results.
+all: $(READY)
+	dvc repro -P
+
+# Everything but the tests that take more than three seconds each.
 test: $(READY)
-	python -m pytest -q -n auto --dist worksteal
+	python -m pytest -q -n auto --dist worksteal -m "not slow"
+
+# Every test; how long each module takes is written to tests/durations.csv.
+test-all: $(READY)
+	python -m pytest -q -n auto --dist worksteal --durations-file=tests/durations.csv
 
 smoke: $(READY)
-	python tests/smoke.py .smoke
+	python tests/whole/smoke.py .smoke
 
 # The same analysis on the recordings of real robots, for the verdicts side by side.
 real: $(READY)
-	python tests/real.py .real
+	python tests/whole/real.py .real
 
 # What is committed, run anew with nothing that an earlier run left: is it what is committed? Fails where it is not.
 audit: $(READY)
@@ -36,12 +46,12 @@ bench: $(READY) $(PEERS)/.ready
 		--benchmark-group-by=group --benchmark-columns=median,rounds --benchmark-json=reports/benchmarks/contests.json
 	python tests/benchmarks/compilation.py .bench
 	python tests/benchmarks/cost_growth.py
-	python tests/benchmarks/report.py
+	python tests/benchmarks/summary.py
 
 # The processor time of the whole experiment against that of the work itself, after `make bench`; runs the experiment twice.
 bench-experiment: $(READY)
 	python tests/benchmarks/experiment.py .bench paper
-	python tests/benchmarks/report.py
+	python tests/benchmarks/summary.py
 
 lint: $(READY)
 	ruff check . && ruff format --check .

@@ -5,19 +5,72 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from written_logs import write_joint_log
 
-from pipeline import contracts
+from pipeline.core import contracts
+from pipeline.formats.joints.log import JointLog
 
 ROOT = Path(__file__).parents[1]
+
+
 FILES = ("log_q_actual.csv", "log_q_target.csv", "log_qd_target.csv")
 
 
 def quality(name: str, take: str) -> float:
     """Sum of a measure of quality over the takes whose names hold ``take``, as ingest wrote it."""
-    table = contracts.read("quality", Path("data/ingest"))
+    table = contracts.read("quality", Path("data/ingest/motion"))
     return table.loc[(table["quantity"] == name) & table["take"].str.contains(take), "value"].sum()
 
 
 def ingested() -> tuple[list[str], np.ndarray]:
     """Takes and joint angles (N, K, 3) in rad that ingest wrote."""
-    return contracts.stacked(contracts.read("joint_log", Path("data/ingest")), ["q1", "q2", "q3"])
+    return contracts.stacked(contracts.read("joint_log", Path("data/ingest/motion")), "q")
+
+
+HOME, AWAY = (
+    np.array([1.0, -2.1, -1.9, -0.4, 0.5, 0.0]),
+    np.array([0.8, -3.0, -0.3, -1.5, 0.4, 0.1]),
+)
+
+
+def write_movement(
+    folder: Path,
+    ways: int,
+    *,
+    late: float = 0.0,
+    offset: float = 0.0,
+    noise: float = 0.0,
+    seed: int = 0,
+) -> None:
+    """Logs of ``ways`` out and back of 100 steps with 60 rows at rest between; measured angles
+    ``late`` s behind the commanded ones.
+    """
+    rng = np.random.default_rng(seed)
+    rows = np.arange(60 + 160 * ways)
+
+    def progress(t: np.ndarray) -> np.ndarray:
+        way, since = np.divmod(np.clip(t - 60 + 1, 0, None), 160)
+        share = (1 - np.cos(np.pi * np.clip(since / 101, 0, 1))) / 2
+        return np.where(way % 2 == 0, share, 1 - share)
+
+    target = HOME + offset + progress(rows)[:, None] * (AWAY - HOME)
+    speed = np.gradient(target, axis=0) * 125
+    since = (rows - 60) % 160
+    speed[(rows < 60) | (since >= 100)] = 0.0
+    actual = (
+        HOME
+        + offset
+        + progress(rows - late * 125)[:, None] * (AWAY - HOME)
+        + rng.normal(0, noise, target.shape)
+    )
+    folder.mkdir(parents=True)
+    for name, angles in zip(FILES, (actual, target, speed), strict=True):
+        write_joint_log(folder / name, JointLog(rows / 125, angles, {}))
+
+
+MADE_UP = {
+    "movements": "move_*",
+    "start": HOME[1:4].tolist(),
+    "end": AWAY[1:4].tolist(),
+    "rest": 20,
+}

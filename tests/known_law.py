@@ -9,13 +9,17 @@ import numpy as np
 import pandas as pd
 from omegaconf import OmegaConf
 
-from pipeline import config, contracts
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import load_arm
-from pipeline.motion.gaussian import GaussianModel
-from pipeline.motion.noise import process_noise
+from pipeline.core import config, contracts
+from pipeline.core.columns import spread
+from pipeline.models.draws import draw_steps
+from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.noise import process_noise
+from pipeline.recordings.commands import TASK
 
 ROOT = Path(__file__).parents[1]
+JOINTS = ["arm_joint_2", "arm_joint_3", "arm_joint_4"]
 TAKES, STEPS, REST = 12, 80, 20
 TRUE = GaussianModel(alpha=0.05, u=25.0)
 MEASUREMENT = np.array([[4.0, -1.0, 0.0], [-1.0, 5.0, 1.0], [0.0, 1.0, 3.0]]) * 1e-7
@@ -28,7 +32,8 @@ MODELS = {  # option → what the stage fit would have written (gaussian_ml: twi
 
 
 def write_project(folder: Path) -> tuple[PlanarChain, np.ndarray, np.ndarray]:
-    """Recordings drawn from TRUE, at rest in the first steps, and the fits of MODELS in ``folder``, where the process must stand.
+    """Recordings drawn from TRUE, at rest in the first steps, and the fits of MODELS in ``folder``,
+    where the process must stand.
 
     Returns the chain, joint angles (2·TAKES, STEPS + 1, 3) in rad and commanded steps (STEPS, 3).
     """
@@ -38,7 +43,7 @@ def write_project(folder: Path) -> tuple[PlanarChain, np.ndarray, np.ndarray]:
     params.update({"scale": "smoke", "compute": "serial", "models": list(MODELS)})
     OmegaConf.save(params, "params.yaml")
     config.write_config(Path("params.yaml"))
-    robot, rate = config.sections("evaluate", item="gaussian").dataset.robot, 100.0
+    robot, rate = config.sections("fit", item="gaussian").dataset.robot, 100.0
     chain = load_arm(robot.urdf, robot.joints, robot.tool, robot.locked).chain
     middle = np.array([1.1, -1.6, 1.8])
     k = np.arange(STEPS + 1)
@@ -48,26 +53,30 @@ def write_project(folder: Path) -> tuple[PlanarChain, np.ndarray, np.ndarray]:
     q = np.empty((2 * TAKES, STEPS + 1, 3))
     q[:, 0] = path[0]
     for step in range(STEPS):
-        q[:, step + 1] = TRUE.sample(chain, q[:, step], v[step], rng)[0] + rng.multivariate_normal(np.zeros(3), MEASUREMENT, 2 * TAKES)
+        q[:, step + 1] = draw_steps(TRUE, chain, q[:, step], v[step], rng)[
+            0
+        ] + rng.multivariate_normal(np.zeros(3), MEASUREMENT, 2 * TAKES)
     task = np.zeros((STEPS + 1, 3))
     task[:-1] = v * rate
-    for stage in ("ingest", "track", "noise"):
-        Path("data", stage).mkdir()
-    trajectory = pd.DataFrame({"k": k, "t": k / rate} | {c: 0.0 for c in ("x", "z", "phi")})
-    contracts.write(trajectory.assign(**{f"v{c}": task[:, i] for i, c in enumerate(("x", "z", "phi"))}), "trajectory", Path("data/ingest"))
+    for stage in ("ingest/motion", "track"):
+        Path("data", stage).mkdir(parents=True)
+    trajectory = {"k": k, "t": k / rate} | spread("x", TASK, 0 * task) | spread("v", TASK, task)
+    contracts.write(pd.DataFrame(trajectory), "trajectory", Path("data/ingest/motion"))
     contracts.write(rows(q, "q").assign(residual=0.0), "joints", Path("data/track"))
     noise = rows(np.pad(process_noise(chain, q, v), ((0, 0), (1, 0), (0, 0))), "w")
-    contracts.write(noise[(noise.k > 0) & (noise.part == "training")], "process_noise", Path("data/noise"))
+    contracts.write(
+        noise[(noise.k > 0) & (noise.part == "training")], "process_noise", Path("data/track")
+    )
     for name, parameters in MODELS.items():
         Path(f"data/fit/{name}").mkdir(parents=True)
         Path(f"data/fit/{name}/parameters.json").write_text(json.dumps(parameters))
     return chain, q, v
 
 
-def rows(values: np.ndarray, prefix: str) -> pd.DataFrame:
+def rows(values: np.ndarray, family: str) -> pd.DataFrame:
     """``values`` (2·TAKES, STEPS + 1, 3) as a table, the first half of the takes for training."""
     k = np.tile(np.arange(STEPS + 1), 2 * TAKES)
     take = np.repeat([f"take_{i:02d}" for i in range(2 * TAKES)], STEPS + 1)
     part = np.repeat(["training", "test"], TAKES * (STEPS + 1))
-    columns = {f"{prefix}{j + 1}": values[..., j].ravel() for j in range(3)}
-    return pd.DataFrame({"take": take, "part": part, "k": k, "t": k / 100.0} | columns)
+    step = {"take": take, "part": part, "k": k, "t": k / 100.0}
+    return pd.DataFrame(step | spread(family, JOINTS, values))

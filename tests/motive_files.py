@@ -9,31 +9,57 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.errors import RecordingError
-from pipeline.instruments.motion_take import MotionTake, RigidBody
+from pipeline.core.errors import RecordingError
+from pipeline.formats.motion.take import MotionTake, RigidBody
 
 START = "2024-03-05 10.15.00.000 AM"
-TOP = "Format Version,1.23,Take Name,t,Capture Frame Rate,100.0,Export Frame Rate,100.0,Rotation Type,{rotation},Length Units,{unit}"
-MARKER = ",Type,Marker,Marker,Marker\n,Name,A,A,A\n,ID,1,1,1\n,,Position,Position,Position\nFrame,Time (Seconds),X,Y,Z\n"
+TOP = (
+    "Format Version,1.23,Take Name,t,Capture Frame Rate,100.0,Export Frame "
+    "Rate,100.0,Rotation Type,{rotation},Length Units,{unit}"
+)
+MARKER = (
+    ",Type,Marker,Marker,Marker\n,Name,A,A,A\n,ID,1,1,1\n,,Position,Position,Position\n"
+    "Frame,Time (Seconds),X,Y,Z\n"
+)
 
 
-def random_take(frames: int = 321, markers: int = 9, seed: int = 1, *, body: bool = True, first: int = 0) -> MotionTake:
+def random_take(
+    frames: int = 321, markers: int = 9, seed: int = 1, *, body: bool = True, first: int = 0
+) -> MotionTake:
     """Markers ``Link1:Marker1`` … of normal positions, and a body ``Base`` of random poses."""
     generator = np.random.default_rng(seed)
     frame = np.arange(first, first + frames)
-    points = {f"Link{1 + n // 3}:Marker{1 + n % 3}": generator.normal(size=(frames, 3)) for n in range(markers)}
-    pose = RigidBody(generator.normal(size=(frames, 3)), Rotation.random(frames, random_state=seed).as_quat())
-    return MotionTake("Take 1", "1.23", 100.0, frame, np.arange(frames) / 100, points, {"Base": pose} if body else {}, {})
+    points = {
+        f"Link{1 + n // 3}:Marker{1 + n % 3}": generator.normal(size=(frames, 3))
+        for n in range(markers)
+    }
+    pose = RigidBody(
+        generator.normal(size=(frames, 3)), Rotation.random(frames, random_state=seed).as_quat()
+    )
+    return MotionTake(
+        "Take 1",
+        "1.23",
+        100.0,
+        frame,
+        np.arange(frames) / 100,
+        points,
+        {"Base": pose} if body else {},
+        {},
+    )
 
 
-def columns_file(folder: Path, body: str, *, rotation: str = "Quaternion", unit: str = "Meters") -> Path:
+def columns_file(
+    folder: Path, body: str, *, rotation: str = "Quaternion", unit: str = "Meters"
+) -> Path:
     """A file of the columnar grammar with ``body`` after its first two lines."""
     file = folder / "take.csv"
     file.write_bytes((TOP.format(rotation=rotation, unit=unit) + "\n\n" + body).encode())
     return file
 
 
-def rows_file(folder: Path, *rows: str, head: str = "righthanded\ninfo,version,1.1\n", end: str = "\n") -> Path:
+def rows_file(
+    folder: Path, *rows: str, head: str = "righthanded\ninfo,version,1.1\n", end: str = "\n"
+) -> Path:
     """A file of the row-typed grammar."""
     file = folder / "rows.csv"
     file.write_bytes((head + "\n".join(rows) + end).encode())

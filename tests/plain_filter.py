@@ -1,21 +1,15 @@
-"""The particle filter in plain NumPy, drawing from the same stream: what the compiled filter is held against.
-
-Models move particles by their own ``sample``, a block at a time, as the compiled laws draw a block at a time.
+"""The particle filter in plain NumPy, drawing from the same stream: what the compiled filter is
+held against.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from plain_laws import plain_steps
 
-from pipeline.errors import DegenerateFilterError
+from pipeline.core.errors import DegenerateFilterError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import Posterior, initial_particles
-from pipeline.filtering.sampling import BLOCK
-from pipeline.motion.decomposition import factors
-from pipeline.motion.wishart import WishartModel
-from pipeline.randommatrix.wishart import degrees_of_freedom
 
 BELOW_ONE = np.nextafter(1.0, 0.0)
 
@@ -37,8 +31,7 @@ def plain_filter(model, chain, steps, dt, start, measurements, options, rng) -> 
     for k in range(grid):
         if k > 0:
             before = q
-            blocks = [plain(model).sample(chain, before[i : i + BLOCK], steps[k - 1], rng) for i in range(0, count, BLOCK)]
-            q, clipped[k] = np.concatenate([drawn for drawn, _ in blocks]), sum(number for _, number in blocks)
+            q, clipped[k] = plain_steps(model, chain, before, steps[k - 1], rng)
             gone = ~chain.within_limits(q) | chain.singular(q)
             outside[k] = np.sum(gone & (log_weights > -np.inf))
             log_weights = np.where(gone, -np.inf, log_weights)
@@ -47,7 +40,9 @@ def plain_filter(model, chain, steps, dt, start, measurements, options, rng) -> 
         frames = due.get(k, ())
         measured[k] = len(frames) > 0
         for frame, share in frames:
-            log_weights = log_weights + log_likelihood(measurements, frame, before + share * (q - before))
+            log_weights = log_weights + log_likelihood(
+                measurements, frame, before + share * (q - before)
+            )
         if frames or outside[k]:
             peak = log_weights.max()
             if not np.isfinite(peak):
@@ -64,7 +59,9 @@ def plain_filter(model, chain, steps, dt, start, measurements, options, rng) -> 
             q = q[PLAIN_SCHEMES[options.resampling](weights, rng)]
             weights, log_weights = uniform, log_uniform
             resampled[k] = True
-    return Posterior(mean, covariance, ess, resampled, measured, clipped, outside, left_out, log_evidence)
+    return Posterior(
+        mean, covariance, ess, resampled, measured, clipped, outside, left_out, log_evidence
+    )
 
 
 def log_likelihood(measurements: Measurements, frame: int, q: np.ndarray) -> np.ndarray:
@@ -72,32 +69,6 @@ def log_likelihood(measurements: Measurements, frame: int, q: np.ndarray) -> np.
     whitening, log_norm = measurements.whitening
     white = (measurements.y[frame] - measurements.bias[frame] - q) @ whitening[frame].T
     return log_norm[frame] - 0.5 * np.vecdot(white, white)
-
-
-def plain(model):
-    """The model, but for the Wishart model, of whose law the compiled form draws fewer numbers than ``sample`` does."""
-    return OneGamma(**vars(model)) if isinstance(model, WishartModel) else model
-
-
-@dataclass(frozen=True)
-class OneGamma(WishartModel):
-    """The Wishart model with ‖T‖ in closed form: T = N·sqrt((exp(‖N‖²/(d−1)) − 1)/‖N‖²) for N ~ N(0, I₂)."""
-
-    def sample(self, chain, q, v, rng):
-        d = degrees_of_freedom(self.sigma_b, 3)
-        a, back = factors(chain, q, v, self.decomposition)
-        z = d / rng.chisquare(d - 2, len(q))
-        normal = rng.standard_normal((len(q), 2))
-        square = np.vecdot(normal, normal)
-        tangent = np.zeros(q.shape)
-        tangent[:, 1:] = normal * np.sqrt(np.expm1(square / (d - 1)) / square)[:, None]
-        r = np.sqrt(np.vecdot(a, a))
-        mirror = a.copy()
-        mirror[:, 0] += np.copysign(r, a[:, 0])
-        reach = r + np.abs(a[:, 0])
-        along = np.vecdot(mirror, tangent) / np.where(reach > 0, reach, 1.0)
-        action = z[:, None] * (a + r[:, None] * tangent - along[:, None] * mirror)
-        return q + np.matvec(back, action), 0
 
 
 def systematic(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -118,11 +89,18 @@ def residual(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     kept = np.repeat(np.arange(len(weights)), certain)
     if len(kept) == len(weights):
         return kept
-    drawn = inverse_cdf(np.maximum(expected - certain, 0.0), sorted_uniforms(len(weights) - len(kept), rng))
+    drawn = inverse_cdf(
+        np.maximum(expected - certain, 0.0), sorted_uniforms(len(weights) - len(kept), rng)
+    )
     return np.concatenate([kept, drawn])
 
 
-PLAIN_SCHEMES = {"systematic": systematic, "stratified": stratified, "residual": residual, "multinomial": multinomial}
+PLAIN_SCHEMES = {
+    "systematic": systematic,
+    "stratified": stratified,
+    "residual": residual,
+    "multinomial": multinomial,
+}
 
 
 def inverse_cdf(weights: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -26,57 +26,114 @@ class Message:
     def __init__(self, kind: str, stamp: float, **fields: object) -> None:
         self.kind, self.stamp, self.fields = kind, stamp, fields
 
-    def of(self, version: str) -> object:
+    def for_version(self, version: str) -> object:
         types = STORES[version].types
         fields = dict(self.fields)
         if "fields" in fields:
-            fields["fields"] = [types["sensor_msgs/msg/PointField"](*field) for field in fields["fields"]]
+            fields["fields"] = [
+                types["sensor_msgs/msg/PointField"](*field) for field in fields["fields"]
+            ]
         if "distortion_model" in fields:
             fields["roi"] = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
-            fields = {(name.lower() if version == "ros2" and len(name) == 1 else name): value for name, value in fields.items()}
+            fields = {
+                (name.lower() if version == "ros2" and len(name) == 1 else name): value
+                for name, value in fields.items()
+            }
         return types[self.kind](header=header(version, self.stamp), **fields)
 
 
-def image(pixels: np.ndarray, stamp: float, *, encoding: str | None = None, big: bool = False, padding: int = 0) -> Message:
+def image(
+    pixels: np.ndarray,
+    stamp: float,
+    *,
+    encoding: str | None = None,
+    big: bool = False,
+    padding: int = 0,
+) -> Message:
     """An Image of (H, W) uint16 or float32 ``pixels``, with ``padding`` bytes after each row."""
     rows = pixels.astype(pixels.dtype.newbyteorder(">" if big else "<"))
-    data = np.pad(rows.view(np.uint8).reshape(len(pixels), -1), ((0, 0), (0, padding)), constant_values=255)
+    data = np.pad(
+        rows.view(np.uint8).reshape(len(pixels), -1), ((0, 0), (0, padding)), constant_values=255
+    )
     encoding = encoding or {"u": "16UC1", "f": "32FC1"}[pixels.dtype.kind]
     return Message(
-        "sensor_msgs/msg/Image", stamp, height=pixels.shape[0], width=pixels.shape[1], encoding=encoding, is_bigendian=int(big),
-        step=data.shape[1], data=data.ravel(),
-    )  # fmt: skip
+        "sensor_msgs/msg/Image",
+        stamp,
+        height=pixels.shape[0],
+        width=pixels.shape[1],
+        encoding=encoding,
+        is_bigendian=int(big),
+        step=data.shape[1],
+        data=data.ravel(),
+    )
 
 
 def cloud(
-    points: np.ndarray, stamp: float, fields: list[tuple[str, int, int, int]], step: int, *, big: bool = False, rows: int = 1
+    points: np.ndarray,
+    stamp: float,
+    fields: list[tuple[str, int, int, int]],
+    step: int,
+    *,
+    big: bool = False,
+    rows: int = 1,
 ) -> Message:
-    """A PointCloud2 of (N, 3) ``points``: ``fields`` (name, offset, datatype, count) in ``step`` bytes each, in ``rows`` padded rows."""
+    """A PointCloud2 of (N, 3) ``points``: ``fields`` (name, offset, datatype, count) in ``step``
+    bytes each, in ``rows`` padded rows.
+    """
     data = np.full((len(points), step), 7, np.uint8)
     for name, offset, datatype, _ in fields:
         if name in "xyz":
             kind = np.dtype({7: "f4", 8: "f8"}[datatype]).newbyteorder(">" if big else "<")
             column = np.ascontiguousarray(points[:, "xyz".index(name)]).astype(kind)
-            data[:, offset : offset + kind.itemsize] = column.view(np.uint8).reshape(len(points), -1)
+            data[:, offset : offset + kind.itemsize] = column.view(np.uint8).reshape(
+                len(points), -1
+            )
     padded = np.pad(data.reshape(rows, -1), ((0, 0), (0, 5)))
     return Message(
-        "sensor_msgs/msg/PointCloud2", stamp, height=rows, width=len(points) // rows, fields=fields, is_bigendian=big, point_step=step,
-        row_step=padded.shape[1], data=padded.ravel(), is_dense=False,
-    )  # fmt: skip
+        "sensor_msgs/msg/PointCloud2",
+        stamp,
+        height=rows,
+        width=len(points) // rows,
+        fields=fields,
+        is_bigendian=big,
+        point_step=step,
+        row_step=padded.shape[1],
+        data=padded.ravel(),
+        is_dense=False,
+    )
 
 
-def camera_info(matrix: list[float], distortion: list[float], size: tuple[int, int], *, model: str = "plumb_bob") -> Message:
+def camera_info(
+    matrix: list[float], distortion: list[float], size: tuple[int, int], *, model: str = "plumb_bob"
+) -> Message:
     """A CameraInfo of the matrix K (9,) and D of an image of ``size`` (width, height)."""
     return Message(
-        "sensor_msgs/msg/CameraInfo", 1.0, height=size[1], width=size[0], distortion_model=model, D=np.array(distortion, float),
-        K=np.array(matrix, float), R=np.eye(3).ravel(), P=np.zeros(12), binning_x=0, binning_y=0,
-    )  # fmt: skip
+        "sensor_msgs/msg/CameraInfo",
+        1.0,
+        height=size[1],
+        width=size[0],
+        distortion_model=model,
+        D=np.array(distortion, float),
+        K=np.array(matrix, float),
+        R=np.eye(3).ravel(),
+        P=np.zeros(12),
+        binning_x=0,
+        binning_y=0,
+    )
 
 
-def write_bag(folder: Path, form: str, recorded: dict[str, list[tuple[float, Message]]], *, kinds: dict[str, str] | None = None) -> Path:
-    """Write the messages of each topic, at their times of recording, into a new bag in ``folder``, named take; ``kinds`` of empty topics.
+def write_bag(
+    folder: Path,
+    form: str,
+    recorded: dict[str, list[tuple[float, Message]]],
+    *,
+    kinds: dict[str, str] | None = None,
+) -> Path:
+    """Write the messages of each topic, at their times of recording, into a new bag in ``folder``,
+    named take; ``kinds`` of empty topics.
 
-    ``form``: ros1, ros1_lz4, ros1_bz2, sqlite3, mcap, mcap_zstd (each chunk compressed), zstd (each message) or zstd_file (the whole file).
+    ``form``: ros1, ros1_lz4, ros1_bz2, sqlite3, mcap, mcap_zstd (each chunk compressed), zstd (each
+    message) or zstd_file (the whole file).
     """
     version = "ros1" if form.startswith("ros1") else "ros2"
     store, path = STORES[version], folder / ("take.bag" if version == "ros1" else "take")
@@ -85,20 +142,35 @@ def write_bag(folder: Path, form: str, recorded: dict[str, list[tuple[float, Mes
         if form != "ros1":
             writer.set_compression(Writer1.CompressionFormat[form.removeprefix("ros1_").upper()])
     else:
-        writer = Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP if form.startswith("mcap") else StoragePlugin.SQLITE3)
-        modes = {"zstd": CompressionMode.MESSAGE, "zstd_file": CompressionMode.FILE, "mcap_zstd": CompressionMode.STORAGE}
+        writer = Writer2(
+            path,
+            version=9,
+            storage_plugin=StoragePlugin.MCAP if form.startswith("mcap") else StoragePlugin.SQLITE3,
+        )
+        modes = {
+            "zstd": CompressionMode.MESSAGE,
+            "zstd_file": CompressionMode.FILE,
+            "mcap_zstd": CompressionMode.STORAGE,
+        }
         if form in modes:
             writer.set_compression(modes[form], CompressionFormat.ZSTD)
     serialise = store.serialize_ros1 if version == "ros1" else store.serialize_cdr
     with writer:
         connections = {
-            topic: writer.add_connection(topic, found[0][1].kind if found else kinds[topic], typestore=store)
-            for topic, found in recorded.items()
+            topic: writer.add_connection(
+                topic, result[0][1].kind if result else kinds[topic], typestore=store
+            )
+            for topic, result in recorded.items()
         }
         everything = sorted(
-            ((time, topic, message) for topic, found in recorded.items() for time, message in found), key=lambda entry: entry[:2]
+            (
+                (time, topic, message)
+                for topic, result in recorded.items()
+                for time, message in result
+            ),
+            key=lambda entry: entry[:2],
         )
         for time, topic, message in everything:
-            made = message.of(version)
+            made = message.for_version(version)
             writer.write(connections[topic], round(time * 1e9), serialise(made, message.kind))
     return path

@@ -1,4 +1,4 @@
-"""What is committed: no place on one machine, no registry, no file too long to be read."""
+"""What is committed names no place on one machine and no registry."""
 
 from __future__ import annotations
 
@@ -7,31 +7,52 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from project_copy import GIT, ROOT
 
-ROOT = Path(__file__).parents[1]
+# the brackets keep this file from matching itself
+PLACES = re.compile(
+    rb"(?<![\w.])/(hom[e]|roo[t]|User[s]|wor[k]|tm[p]|op[t]|mn[t])/\w|[A-Z]:\\\\?User[s]"
+)
+REGISTRIES = re.compile(
+    rb"pyp[i]\.org|pythonhoste[d]\.|anacond[a]\.org|artifactor[y]|index-ur[l]\s*=|extra-index-ur[l]"
+)
 
 
-def project_files() -> list[Path]:
-    """What git has or would take."""
-    listed = subprocess.run(["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True, check=False)
+def committed(project: Path) -> list[Path]:
+    """The files of ``project`` that git has, as they lie there; what else lies there is its
+    user's own.
+    """
+    listed = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=project, capture_output=True, text=True, check=False
+    )
     if listed.returncode:
         pytest.skip("not a git repository")
-    return [file for file in map(ROOT.joinpath, listed.stdout.splitlines()) if file.is_file()]
+    files = [project / name for name in listed.stdout.split("\0") if name]
+    return [file for file in files if file.is_file()]
+
+
+def matches(pattern: re.Pattern[bytes], project: Path) -> dict[str, list]:
+    """What ``pattern`` finds in the committed files, by file; only files where it finds
+    something.
+    """
+    hits = {
+        str(file.relative_to(project)): pattern.findall(file.read_bytes())
+        for file in committed(project)
+    }
+    return {file: places for file, places in hits.items() if places}
 
 
 def test_no_file_names_a_place_on_one_machine():
-    # the brackets keep this file from finding itself
-    places = re.compile(rb"(?<![\w.])/(hom[e]|roo[t]|User[s]|wor[k]|tm[p]|op[t]|mn[t])/\w|[A-Z]:\\\\?User[s]")
-    found = {str(file.relative_to(ROOT)): places.findall(file.read_bytes()) for file in project_files()}
-    assert {file: hits for file, hits in found.items() if hits} == {}
+    assert matches(PLACES, ROOT) == {}
 
 
 def test_no_file_names_a_package_registry():
-    hosts = re.compile(rb"pyp[i]\.org|pythonhoste[d]\.|anacond[a]\.org|artifactor[y]|index-ur[l]\s*=|extra-index-ur[l]")
-    found = {str(file.relative_to(ROOT)): hosts.findall(file.read_bytes()) for file in project_files()}
-    assert {file: hits for file, hits in found.items() if hits} == {}
+    assert matches(REGISTRIES, ROOT) == {}
 
 
-def test_no_test_module_is_too_long_to_be_read():
-    lengths = {str(file.relative_to(ROOT)): len(file.read_text().splitlines()) for file in project_files() if file.suffix == ".py"}
-    assert {file: length for file, length in lengths.items() if length > 300} == {}
+def test_a_users_own_log_is_not_looked_at_until_it_is_committed(tmp_path):
+    subprocess.run([*GIT, "init", "-q"], cwd=tmp_path, check=True)
+    (tmp_path / "run.log").write_text("wrote " + "/".join(["", "home", "me", "data"]))
+    assert matches(PLACES, tmp_path) == {}
+    subprocess.run([*GIT, "add", "run.log"], cwd=tmp_path, check=True)
+    assert list(matches(PLACES, tmp_path)) == ["run.log"]

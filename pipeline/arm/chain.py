@@ -1,8 +1,9 @@
-"""The planar chain of three revolute joints: pose, Jacobian and its inverse, for whole batches of joint angles.
+"""The planar chain of three revolute joints: pose, Jacobian and its inverse, for whole batches of
+joint angles.
 
-Frame of the plane: x horizontal, z up (the two task axes), rotations positive about y = z × x; task rows in the order
-x (m), z (m), φ (rad). With cumulative angles φ_j = s_1 q_1 + … + s_j q_j and link vectors r_j (at q = 0) the joints sit at
-O_{j+1} = O_j + R(φ_j) r_j, O_4 being the end-effector EE.
+Frame of the plane: x horizontal, z up (the two task axes), rotations positive about y = z × x; task
+rows in the order x (m), z (m), φ (rad). With cumulative angles φ_j = s_1 q_1 + … + s_j q_j and link
+vectors r_j (at q = 0) the joints sit at O_{j+1} = O_j + R(φ_j) r_j, O_4 being the end-effector EE.
 """
 
 from __future__ import annotations
@@ -11,10 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.errors import SingularJacobianError
+from pipeline.core.errors import SingularJacobianError
 
-# |det J| = l1 l2 |sin q2|; below this fraction of l1 l2 (about 0.06 degrees) the inverse is not to be trusted
+# |det J| = l1 l2 |sin q2|; below this fraction of l1 l2 (about 0.06 degrees) the inverse is not to
+# be trusted
 SINGULAR_SINE = 1e-3
+JOINTS = 3  # of a planar chain
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,9 @@ class PlanarChain:
 
     @property
     def straight(self) -> float:
-        """Angle of the second joint at which the first two links are in line, rad, up to half turns."""
+        """Angle of the second joint at which the first two links are in line, rad, up to half
+        turns.
+        """
         first, second = np.arctan2(self.links[:2, 0], self.links[:2, 1])
         return float(self.signs[1] * (first - second))
 
@@ -44,11 +49,14 @@ class PlanarChain:
         return np.cumsum(self.signs * q, axis=-1)
 
     def segment_headings(self, q: np.ndarray) -> np.ndarray:
-        """(..., 3) angles ψ_j in rad from the plane's z axis to the segments O_jO_{j+1}, positive about y."""
+        """(..., 3) angles ψ_j in rad from the plane's z axis to the segments O_jO_{j+1}, positive
+        about y.
+        """
         return self.headings(q) + np.arctan2(self.links[:, 0], self.links[:, 1])
 
     def joints_from_segments(self, psi: np.ndarray) -> np.ndarray:
-        """(..., 3) joint angles in rad of segments at angles ``psi`` (..., 3), the inverse of :meth:`segment_headings`.
+        """(..., 3) joint angles in rad of segments at angles ``psi`` (..., 3), the inverse of
+        :meth:`segment_headings`.
 
         Of all angles that differ by whole turns, those nearest to the middle of the joint limits.
         """
@@ -58,10 +66,16 @@ class PlanarChain:
         return q - 2 * np.pi * np.round((q - middle) / (2 * np.pi))
 
     def _segments(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """x and z (3, ...) of the segments O1O2, O2O3, O3EE in m; the batch last, so that each component is contiguous over it."""
-        heading = np.cumsum(np.moveaxis(np.asarray(q, dtype=float), -1, 0) * self.signs.reshape(3, *[1] * (np.ndim(q) - 1)), axis=0)
+        """x and z (3, ...) of the segments O1O2, O2O3, O3EE in m; the batch last, so that each
+        component is contiguous over it.
+        """
+        heading = np.cumsum(
+            np.moveaxis(np.asarray(q, dtype=float), -1, 0)
+            * self.signs.reshape(-1, *[1] * (np.ndim(q) - 1)),
+            axis=0,
+        )
         sine, cosine = np.sin(heading), np.cos(heading)
-        x, z = self.links.T.reshape(2, 3, *[1] * (np.ndim(q) - 1))
+        x, z = self.links.T.reshape(2, -1, *[1] * (np.ndim(q) - 1))
         return cosine * x + sine * z, cosine * z - sine * x
 
     def points(self, q: np.ndarray) -> np.ndarray:
@@ -72,13 +86,18 @@ class PlanarChain:
 
     def pose(self, q: np.ndarray) -> np.ndarray:
         """(..., 3) end-effector pose (x, z, φ) in m, m, rad."""
-        return np.concatenate([self.points(q)[..., 3, :], self.headings(np.asarray(q, dtype=float))[..., 2:]], axis=-1)
+        return np.concatenate(
+            [self.points(q)[..., -1, :], self.headings(np.asarray(q, dtype=float))[..., -1:]],
+            axis=-1,
+        )
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """(..., 3, 3) Jacobian J(q) of the pose: rows x, z, φ, columns the joints (m/rad, m/rad, 1)."""
+        """(..., 3, 3) Jacobian J(q) of the pose: rows x, z, φ, columns the joints (m/rad, m/rad,
+        1).
+        """
         x, z = self._segments(q)
-        result = np.empty((*np.shape(q), 3))
-        for j in range(3):
+        result = np.empty((*np.shape(q)[:-1], 3, len(self.links)))
+        for j in range(len(self.links)):
             result[..., 0, j] = self.signs[j] * z[j:].sum(axis=0)
             result[..., 1, j] = -self.signs[j] * x[j:].sum(axis=0)
         result[..., 2, :] = self.signs
@@ -90,7 +109,9 @@ class PlanarChain:
         return np.prod(self.signs) * (ax * bz - az * bx)
 
     def singular(self, q: np.ndarray) -> np.ndarray:
-        """(...,) whether J(q) has no inverse to be trusted: the first two links in line, or a pose that is not a number."""
+        """(...,) whether J(q) has no inverse to be trusted: the first two links in line, or a pose
+        that is not a number.
+        """
         bent = np.abs(np.sin(np.asarray(q)[..., 1] - self.straight)) >= SINGULAR_SINE
         return ~(bent & np.isfinite(q).all(axis=-1))
 
@@ -99,10 +120,11 @@ class PlanarChain:
         return ~(np.abs(cross) >= SINGULAR_SINE * self.lengths[0] * self.lengths[1])
 
     def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
-        """(..., 3, 3) J(q)⁻¹ in closed form; raises :class:`SingularJacobianError` naming the first singular ``what``.
+        """(..., 3, 3) J(q)⁻¹ in closed form; raises :class:`SingularJacobianError` naming the first
+        singular ``what``.
 
-        With the wrist O3 as the point that the first two joints place: q̇₁ and q̇₂ solve the 2×2 system of the wrist's
-        velocity v − φ̇·k×(EE − O3), and q̇₃ takes up the rest of φ̇.
+        With the wrist O3 as the point that the first two joints place: q̇₁ and q̇₂ solve the 2×2
+        system of the wrist's velocity v − φ̇·k×(EE − O3), and q̇₃ takes up the rest of φ̇.
         """
         (ax, bx, tx), (az, bz, tz) = self._segments(q)
         cross = az * bx - ax * bz
@@ -110,7 +132,8 @@ class PlanarChain:
         if np.any(bad):
             index = tuple(int(i) for i in np.argwhere(bad)[0])
             raise SingularJacobianError(
-                f"the Jacobian is singular at {int(bad.sum())} {what}(s): the first two links are in line (or a pose is not finite)",
+                f"the Jacobian is singular at {int(bad.sum())} {what}(s): the first two links "
+                "are in line (or a pose is not finite)",
                 index=index,
                 q=np.asarray(q, dtype=float)[index].round(4).tolist(),
             )
@@ -118,12 +141,14 @@ class PlanarChain:
         first = (bx / cross, bz / cross, (bz * tx - bx * tz) / cross)
         second = (-wx / cross, -wz / cross, (wx * tz - wz * tx) / cross)
         result = np.empty((*np.shape(q), 3))
-        for column, of_phi in enumerate((0.0, 0.0, 1.0)):
+        for column, unit_of_phi in enumerate((0.0, 0.0, 1.0)):
             result[..., 0, column] = self.signs[0] * first[column]
             result[..., 1, column] = self.signs[1] * second[column]
-            result[..., 2, column] = self.signs[2] * (of_phi - first[column] - second[column])
+            result[..., 2, column] = self.signs[2] * (unit_of_phi - first[column] - second[column])
         return result
 
     def within_limits(self, q: np.ndarray) -> np.ndarray:
-        """(...,) whether every joint of ``q`` (..., 3) is inside its limits: the domain D_q of the filter."""
+        """(...,) whether every joint of ``q`` (..., 3) is inside its limits: the domain D_q of the
+        filter.
+        """
         return np.all((q >= self.lower) & (q <= self.upper), axis=-1)

@@ -1,8 +1,9 @@
 """Articulation of the arm in the depth camera's point cloud.
 
-Points of the arm in the plane of its motion and the three segments O1–O2–O3–EE fitted to them, (a) in the first frame of a test take,
-the initial and final configuration, and (b) in the frame with the end-effector farthest from O1, the most extended configuration. The
-segments should run through the middle of the points of each link; their lengths may vary within a range.
+Points of the arm in the plane of its motion and the three segments O1–O2–O3–EE fitted to them, (a)
+in the first frame of a test take, the initial and final configuration, and (b) in the frame with
+the end-effector farthest from O1, the most extended configuration. The segments should run through
+the middle of the points of each link; their lengths may vary within a range.
 """
 
 from __future__ import annotations
@@ -13,33 +14,66 @@ from matplotlib.figure import Figure
 
 from pipeline.figures.style import ONE_COLUMN, SKY, VERMILLION, letter, panels
 
+TABLES = {"cloud": "data/articulate", "skeleton": "data/articulate"}
+NEEDS = "depth camera"
+
 VIEWS = {"a": "initial", "b": "extended"}
 NODES = ("O1", "O2", "O3", "EE")
 LABEL_DISTANCE = 13  # pt from the node, on the outer side of the bend
 
 
 def draw(cloud: pd.DataFrame, skeleton: pd.DataFrame) -> Figure:
-    """Fig. (KinOptFig): one panel per view, both on the same scale; tables ``cloud`` and ``skeleton``."""
+    """Fig. (KinOptFig): one panel per view, both on the same scale; tables ``cloud`` and
+    ``skeleton``.
+    """
     extent = cloud[["x", "z"]].max() - cloud[["x", "z"]].min()
     height = (ONE_COLUMN - 0.6) * extent["z"] / extent["x"]
     figure, grid = panels(ONE_COLUMN, 0.8 + 2 * (height + 0.4), rows=2, sharex=True, sharey=True)
     for axes, (name, view) in zip(grid[:, 0], VIEWS.items(), strict=True):
-        points, nodes = (table.loc[table["view"] == view, ["x", "z"]].to_numpy() for table in (cloud, skeleton))
-        axes.plot(*points.T, ".", color=SKY, markersize=1.8, markeredgewidth=0, rasterized=True, label="point cloud")
-        axes.plot(*nodes.T, "o-", color=VERMILLION, markersize=3.5, markerfacecolor="white", label="fitted segments")
+        points, nodes = (
+            table.loc[table["view"] == view, ["x", "z"]].to_numpy() for table in (cloud, skeleton)
+        )
+        axes.plot(
+            *points.T,
+            ".",
+            color=SKY,
+            markersize=1.8,
+            markeredgewidth=0,
+            rasterized=True,
+            label="point cloud",
+        )
+        axes.plot(
+            *nodes.T,
+            "o-",
+            color=VERMILLION,
+            markersize=3.5,
+            markerfacecolor="white",
+            label="fitted segments",
+        )
         for text, node, side in zip(NODES, nodes, _outer_sides(nodes), strict=True):
-            axes.annotate(text, node, xytext=LABEL_DISTANCE * side, textcoords="offset points", ha="center", va="center")
+            axes.annotate(
+                text,
+                node,
+                xytext=LABEL_DISTANCE * side,
+                textcoords="offset points",
+                ha="center",
+                va="center",
+            )
         axes.set(ylabel="z (m)", aspect="equal")
         axes.margins(0.12, 0.2)
         letter(axes, name)
     grid[-1, 0].set_xlabel("x (m)")
-    legend = figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    legend = figure.legend(
+        *grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2
+    )
     legend.legend_handles[0].set_markersize(4)
     return figure
 
 
 def _outer_sides(nodes: np.ndarray) -> np.ndarray:
-    """(4, 2) unit vectors from every node away from its neighbours; up where the segments do not bend."""
+    """(4, 2) unit vectors from every node away from its neighbours; up where the segments do not
+    bend.
+    """
     before, after = np.roll(nodes, 1, axis=0), np.roll(nodes, -1, axis=0)
     before[0], after[-1] = nodes[1], nodes[-2]
     away = 2 * nodes - before - after

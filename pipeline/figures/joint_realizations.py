@@ -1,8 +1,10 @@
 """Realisations of the joint angles, and the standard deviation of their process noise.
 
-Left ordinate: the joint angles of all training takes (solid red) and their mean over the takes (dashed black). Right ordinate:
-standard deviation over the takes of the process noise of each step (dash-dot), measured minus nominal step. All takes follow one desired
-trajectory, so the width of the red band is what the robot adds to it. To look at: whether the noise of a step changes along the motion.
+Left ordinate: the joint angles of all training takes (solid red) and their mean over the takes
+(dashed black). Right ordinate: standard deviation over the takes of the process noise of each step
+(dash-dot), measured minus nominal step. All takes follow one desired trajectory, so the width of
+the red band is what the robot adds to it. To look at: whether the noise of a step changes along the
+motion.
 """
 
 from __future__ import annotations
@@ -10,30 +12,49 @@ from __future__ import annotations
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pipeline.figures.style import BLACK, GREEN, ONE_COLUMN, RECORDED, panels
+from pipeline.core.columns import columns, members
+from pipeline.figures.style import BLACK, GREEN, ONE_COLUMN, RECORDED, joint_lines, panels
+
+TABLES = {"joints": "data/track", "process_noise": "data/track"}
 
 
 def draw(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Figure:
-    """Fig. (JointRealzFig): one panel per joint; tables ``joints`` (the training part is shown) and ``process_noise``."""
+    """Fig. (JointRealzFig): one panel per joint; tables ``joints`` (the training part is shown) and
+    ``process_noise``.
+    """
     training = joints[joints["part"] == "training"]
-    spread = process_noise.groupby("t")[["w1", "w2", "w3"]].std()
-    span = 0.54 * (training[["q1", "q2", "q3"]].max() - training[["q1", "q2", "q3"]].min()).max()
-    figure, grid = panels(ONE_COLUMN, 4.4, rows=3, sharex=True)
-    for j, axes in enumerate(grid[:, 0], start=1):
-        angles = training.pivot(index="t", columns="take", values=f"q{j}")
+    names = members(joints, "q")
+    spread = process_noise.groupby("t")[columns("w", names)].std()
+    q = training[columns("q", names)]
+    span = 0.54 * (q.max() - q.min()).max()
+    figure, grid = panels(ONE_COLUMN, 0.8 + 1.2 * len(names), rows=len(names), sharex=True)
+    for (joint, line), axes in zip(joint_lines(names).items(), grid[:, 0], strict=True):
+        angles = training.pivot(index="t", columns="take", values=f"q:{joint}")
         # pixels, not paths: a hundred lines on top of each other would weigh megabytes
-        lines = axes.plot(angles.index, angles.to_numpy(), color=RECORDED["color"], linewidth=0.4, rasterized=True)
-        (mean,) = axes.plot(angles.index, angles.mean(axis=1), color=BLACK, linestyle="--", linewidth=0.7)
+        lines = axes.plot(
+            angles.index, angles.to_numpy(), color=RECORDED["color"], linewidth=0.4, rasterized=True
+        )
+        (mean,) = axes.plot(
+            angles.index, angles.mean(axis=1), color=BLACK, linestyle="--", linewidth=0.7
+        )
         middle = (angles.min().min() + angles.max().max()) / 2
-        axes.set(ylabel=f"$q_{j}$ (rad)", ylim=(middle - span, middle + span), xlim=(0, angles.index[-1]))
+        axes.set(
+            ylabel=f"{line['label']} (rad)",
+            ylim=(middle - span, middle + span),
+            xlim=(0, angles.index[-1]),
+        )
         right = axes.twinx()
-        (noise,) = right.plot(spread.index, spread[f"w{j}"], color=GREEN, linestyle="-.", linewidth=0.8)
-        right.set(ylabel=rf"std of $\omega_{j}$ (rad)", ylim=(0, 1.6 * spread.max().max()))
+        (noise,) = right.plot(
+            spread.index, spread[f"w:{joint}"], color=GREEN, linestyle="-.", linewidth=0.8
+        )
+        right.set(ylabel="std of its noise (rad)", ylim=(0, 1.6 * spread.max().max()))
         right.spines["right"].set_visible(True)
         for part in (right.yaxis.label, right.spines["right"]):
             part.set_color(GREEN)
         right.tick_params(axis="y", colors=GREEN)
     grid[-1, 0].set_xlabel("time (s)")
     labels = ("realisations", "mean", "std of the process noise (right)")
-    figure.legend([lines[0], mean, noise], labels, loc="outside upper center", ncols=3, columnspacing=1.2)
+    figure.legend(
+        [lines[0], mean, noise], labels, loc="outside upper center", ncols=3, columnspacing=1.2
+    )
     return figure

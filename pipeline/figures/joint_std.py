@@ -1,9 +1,10 @@
 """Standard deviation of the joint angles: recordings against models.
 
-Recorded (red, solid), additive Gaussian noise (dotted), Wishart perturbation (dashed) and Gaussian noise matrix (dash-dot). With one-step
-simulation, as in the paper, it is that of the process noise of one step, and the recorded line is the one of the figure of the joint
-realisations; with free-running simulation it is that of the joint angles themselves. To look at: whether a model follows the recorded
-line, in its course over time and in its height.
+Recorded (red, solid), additive Gaussian noise (dotted), Wishart perturbation (dashed) and Gaussian
+noise matrix (dash-dot). With one-step simulation, as in the paper, it is that of the process noise
+of one step, and the recorded line is the one of the figure of the joint realisations; with
+free-running simulation it is that of the joint angles themselves. To look at: whether a model
+follows the recorded line, in its course over time and in its height.
 """
 
 from __future__ import annotations
@@ -11,19 +12,27 @@ from __future__ import annotations
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pipeline.figures.style import RECORDED, TWO_COLUMNS, model_lines, panels
+from pipeline.figures.style import RECORDED, TWO_COLUMNS, joint_lines, model_lines, panels
 
-QUANTITIES = {"one_step": "std of the process noise (rad)", "free_running": "std of the joint angle (rad)"}
+TABLES = {"deviation": "data/score"}
+METRICS = ("reports/metrics/motion.json", ("*_std_*_rms_rad", "*_correlation_with_recorded"))
+
+QUANTITIES = {
+    "one_step": "std of the process noise (rad)",
+    "free_running": "std of the joint angle (rad)",
+}
 
 
-def draw(deviation: pd.DataFrame, models: list[str], mode: str) -> Figure:
-    """Fig. (STDq): one panel per joint of table ``deviation``, all on one scale; ``mode`` is that of the simulation."""
-    figure, (row,) = panels(TWO_COLUMNS, 2.5, columns=3, sharex=True, sharey=True)
-    for j, axes in enumerate(row, start=1):
+def draw(deviation: pd.DataFrame, models: list[str], joints: list[str], mode: str) -> Figure:
+    """Fig. (STDq): one panel per joint of table ``deviation``, all on one scale; ``mode`` is that
+    of the simulation.
+    """
+    figure, (row,) = panels(TWO_COLUMNS, 2.5, columns=len(joints), sharex=True, sharey=True)
+    for (joint, name), axes in zip(joint_lines(joints).items(), row, strict=True):
         for source, line in ({"recorded": RECORDED} | model_lines(models)).items():
             rows = deviation[deviation["source"] == source]
-            axes.plot(rows["t"], rows[f"s{j}"], **line)
-        axes.set(title=f"$q_{j}$", xlabel="time (s)", xlim=(0, deviation["t"].max()))
+            axes.plot(rows["t"], rows[f"s:{joint}"], **line)
+        axes.set(title=name["label"], xlabel="time (s)", xlim=(0, deviation["t"].max()))
     row[0].set_ylabel(QUANTITIES[mode])
     row[0].set_ylim(bottom=0)
     figure.legend(*row[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)

@@ -1,7 +1,8 @@
 """Noise of the joint angles from the depth camera, over the time of the motion.
 
-(a) Mean and (b) standard deviation over the test takes of the angle from the depth image minus the one from motion capture, frame by
-frame. To look at: a mean away from zero is a bias, and what changes over the motion the filter must know frame by frame.
+(a) Mean and (b) standard deviation over the test takes of the angle from the depth image minus the
+one from motion capture, frame by frame. To look at: a mean away from zero is a bias, and what
+changes over the motion the filter must know frame by frame.
 """
 
 from __future__ import annotations
@@ -11,18 +12,26 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
-from pipeline.figures.style import GREY, JOINTS, ONE_COLUMN, letter, panels
+from pipeline.core.columns import members
+from pipeline.figures.style import GREY, ONE_COLUMN, joint_lines, letter, panels
+
+TABLES = {"kinect_noise": "data/articulate"}
+NEEDS = "depth camera"
 
 
 def draw(kinect_noise: pd.DataFrame) -> Figure:
-    """Fig. (MeanStdKinNoise): two panels of table ``kinect_noise``: the estimate from all takes, none left out."""
+    """Fig. (MeanStdKinNoise): two panels of table ``kinect_noise``: the estimate from all takes,
+    none left out.
+    """
     rows = kinect_noise[kinect_noise["take"] == "none"]
     figure, (row,) = panels(ONE_COLUMN, 2.1, columns=2, sharex=True)
-    for j, line in enumerate(JOINTS, start=1):
-        row[0].plot(rows["t"], rows[f"b{j}"], **line)
-        row[1].plot(rows["t"], np.sqrt(rows[f"r{j}{j}"]), **line)
+    for joint, line in joint_lines(members(kinect_noise, "b")).items():
+        row[0].plot(rows["t"], rows[f"b:{joint}"], **line)
+        row[1].plot(rows["t"], np.sqrt(rows[f"r:{joint}:{joint}"]), **line)
     row[0].axhline(0, color=GREY, linewidth=0.5, zorder=0)
-    for axes, name, label in zip(row, "ab", ("mean (rad)", "standard deviation (rad)"), strict=True):
+    for axes, name, label in zip(
+        row, "ab", ("mean (rad)", "standard deviation (rad)"), strict=True
+    ):
         axes.set(xlabel="time (s)", ylabel=label)
         axes.xaxis.set_major_locator(MultipleLocator(1))
         letter(axes, name)

@@ -1,7 +1,8 @@
 """Error of the mean of each model's realisations.
 
-Euclidean distance over the three joints between the mean of a model's realisations and the mean of the training takes, at every step.
-All models share the nominal motion, so what differs is the bias of each model and the sampling error of a finite number of realisations.
+Euclidean distance over the three joints between the mean of a model's realisations and the mean of
+the training takes, at every step. All models share the nominal motion, so what differs is the bias
+of each model and the sampling error of a finite number of realisations.
 """
 
 from __future__ import annotations
@@ -10,6 +11,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pipeline.figures.style import ONE_COLUMN, model_lines, panels
+
+TABLES = {"deviation": "data/score"}
+METRICS = ("reports/metrics/motion.json", ("*_greatest_mean_error_rad",))
 
 
 def draw(deviation: pd.DataFrame, models: list[str]) -> Figure:

@@ -1,8 +1,9 @@
 """How good every take is.
 
-A strip is a measure, a mark in it a take, training takes before test takes. Dashed line: the limit, where the dataset states one; takes
-beyond any limit are left out of all that follows, and marked by a cross in every strip and by name above the first. Bars on the clock's
-drift are twice its standard error.
+A strip is a measure, a mark in it a take, training takes before test takes. Dashed line: the limit,
+where the dataset states one; takes beyond any limit are left out of all that follows, and marked by
+a cross in every strip and by name above the first. Bars on the clock's drift are twice its standard
+error.
 """
 
 from __future__ import annotations
@@ -14,7 +15,10 @@ from matplotlib.figure import Figure
 
 from pipeline.figures.style import BLACK, BLUE, GREY, LIGHT_GREY, TWO_COLUMNS, VERMILLION, panels
 
-# measure of the table: what stands beside its strip, and how many of that unit are one of the table's
+TABLES = {"takes": "data/track"}
+
+# measure of the table: what stands beside its strip, and how many of that unit are one of the
+# table's
 STRIPS = {
     "missing_share": ("missing\nsamples (%)", 100),
     "longest_gap": ("longest gap\n(frames)", 1),
@@ -42,7 +46,9 @@ def draw(takes: pd.DataFrame) -> Figure:
     place = pd.Series(np.arange(1, len(known) + 1), known["take"])
     shown = [measure for measure in STRIPS if (takes["measure"] == measure).any()]
     figure, grid = panels(TWO_COLUMNS, HEIGHT * len(shown) + 0.7, rows=len(shown), sharex=True)
-    drift_errors = takes[takes["measure"] == "clock_drift_standard_error"].set_index("take")["value"]
+    drift_errors = takes[takes["measure"] == "clock_drift_standard_error"].set_index("take")[
+        "value"
+    ]
     boundaries = np.flatnonzero(known["part"] != known["part"].shift())[1:] + 0.5
     for axes, measure in zip(grid[:, 0], shown, strict=True):
         label, unit = STRIPS[measure]
@@ -51,8 +57,20 @@ def draw(takes: pd.DataFrame) -> Figure:
             axes.plot(place[of["take"]], unit * of["value"], **mark, zorder=3)
         if measure == "clock_drift":
             error = 2 * unit * drift_errors[rows["take"]]
-            axes.errorbar(place[rows["take"]], unit * rows["value"], yerr=error, fmt="none", ecolor=GREY, elinewidth=0.5)
-        _limit(axes, unit * rows["limit"].iloc[0], signed=measure in SIGNED, low=unit * rows["value"].min())
+            axes.errorbar(
+                place[rows["take"]],
+                unit * rows["value"],
+                yerr=error,
+                fmt="none",
+                ecolor=GREY,
+                elinewidth=0.5,
+            )
+        _limit(
+            axes,
+            unit * rows["limit"].iloc[0],
+            signed=measure in SIGNED,
+            low=unit * rows["value"].min(),
+        )
         for boundary in boundaries:
             axes.axvline(boundary, color=LIGHT_GREY, linewidth=0.8, zorder=0)
         axes.set_ylabel(label, rotation=0, ha="right", va="center", fontsize=7)
@@ -66,7 +84,9 @@ def draw(takes: pd.DataFrame) -> Figure:
 
 
 def _limit(axes: Axes, limit: float, *, signed: bool, low: float) -> None:
-    """The limit as a line, on either side where the measure has a sign; what is never below zero starts there."""
+    """The limit as a line, on either side where the measure has a sign; what is never below zero
+    starts there.
+    """
     for side in () if np.isnan(limit) else (-1, 1) if signed else (1,):
         axes.axhline(side * limit, color=BLACK, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
     axes.margins(y=0.12)
@@ -79,4 +99,6 @@ def _limit(axes: Axes, limit: float, *, signed: bool, low: float) -> None:
 def _parts(parts: pd.Series) -> str:
     """Which numbers the takes of each part have."""
     groups = parts.index.to_series().groupby(parts, sort=False).agg(["min", "max"]) + 1
-    return "take: " + ", ".join(f"{part} {low} to {high}" for part, (low, high) in groups.iterrows())
+    return "take: " + ", ".join(
+        f"{part} {low} to {high}" for part, (low, high) in groups.iterrows()
+    )

@@ -1,12 +1,14 @@
-"""One look for every figure: print sizes, a colour-blind-safe palette, one line style per motion model, and files that keep their bytes.
+"""One look for every figure: print sizes, a colour-blind-safe palette, one line style per motion
+model, and files that keep their bytes.
 
-Colours are those of Okabe and Ito (jfly.uni-koeln.de/color, 2008); lines that share axes also differ in their dashes, so that they
-can be told apart in grey. Widths are those of one and of two columns of a journal page; no letter is smaller than 7 pt at that size.
+Colours are those of Okabe and Ito (jfly.uni-koeln.de/color, 2008); lines that share axes also
+differ in their dashes, so that they can be told apart in grey. Widths are those of one and of two
+columns of a journal page; no letter is smaller than 7 pt at that size.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import matplotlib as mpl
@@ -28,10 +30,12 @@ MODELS = {
     "additive": {"label": "additive Gaussian noise", "color": SKY, "linestyle": ":"},
     "wishart": {"label": "Wishart perturbation", "color": BLUE, "linestyle": "--"},
     "gaussian": {"label": "Gaussian noise matrix", "color": BLACK, "linestyle": "-."},
-    "scaled": {"label": "scaled with speed, by joint", "color": GREEN, "linestyle": (0, (6, 1.5, 1, 1.5, 1, 1.5))},
+    "scaled": {
+        "label": "scaled with speed, by joint",
+        "color": GREEN,
+        "linestyle": (0, (6, 1.5, 1, 1.5, 1, 1.5)),
+    },
     "scaled_full": {"label": "scaled with speed, full", "color": PURPLE, "linestyle": (0, (8, 2))},
-    "timing": {"label": "common timing error", "color": ORANGE, "linestyle": (0, (3, 1, 1, 1))},
-    "student": {"label": "additive Student noise", "color": GREY, "linestyle": (0, (1, 0.6))},
 }
 # models of other names take these in turn
 FURTHER = [
@@ -40,9 +44,13 @@ FURTHER = [
     {"color": ORANGE, "linestyle": (0, (10, 1.5, 2, 1.5))},
 ]
 JOINTS = [
-    {"label": "$q_1$", "color": BLUE, "linestyle": "-"},
-    {"label": "$q_2$", "color": VERMILLION, "linestyle": "--"},
-    {"label": "$q_3$", "color": GREEN, "linestyle": "-."},
+    {"color": BLUE, "linestyle": "-"},
+    {"color": VERMILLION, "linestyle": "--"},
+    {"color": GREEN, "linestyle": "-."},
+    {"color": PURPLE, "linestyle": ":"},
+    {"color": SKY, "linestyle": (0, (6, 2))},
+    {"color": ORANGE, "linestyle": (0, (3, 1, 1, 1))},
+    {"color": BLACK, "linestyle": (0, (1, 1))},
 ]
 
 # from the defaults, so that a matplotlibrc of the user's changes no byte
@@ -75,15 +83,33 @@ mpl.rcParams.update(
 
 
 def model_lines(models: Iterable[str]) -> dict[str, dict]:
-    """Label, colour and dashes of every model by its option's name; other names get the next style of a cycle."""
+    """Label, colour and dashes of every model by its option's name; other names get the next style
+    of a cycle.
+    """
     further = [model for model in models if model not in MODELS]
     return {
-        model: MODELS[model] if model in MODELS else {"label": model} | FURTHER[further.index(model) % len(FURTHER)] for model in models
+        model: MODELS[model]
+        if model in MODELS
+        else {"label": model} | FURTHER[further.index(model) % len(FURTHER)]
+        for model in models
     }
 
 
-def panels(width: float, height: float, rows: int = 1, columns: int = 1, **layout: object) -> tuple[Figure, np.ndarray]:
-    """A figure of ``width`` × ``height`` in inches and its axes (rows, columns); ``layout`` goes to ``Figure.subplots``."""
+def joint_lines(joints: Sequence[str]) -> dict[str, dict]:
+    """Label, colour and dashes of every joint by its name."""
+    looks = [JOINTS[j % len(JOINTS)] for j in range(len(joints))]
+    return {
+        joint: {"label": joint.replace("_", " ")} | look
+        for joint, look in zip(joints, looks, strict=True)
+    }
+
+
+def panels(
+    width: float, height: float, rows: int = 1, columns: int = 1, **layout: object
+) -> tuple[Figure, np.ndarray]:
+    """A figure of ``width`` × ``height`` in inches and its axes (rows, columns); ``layout`` goes to
+    ``Figure.subplots``.
+    """
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **layout)
 
@@ -94,13 +120,20 @@ def letter(axes: Axes, name: str) -> None:
 
 
 def save(figure: Figure, folder: Path, name: str) -> None:
-    """Write ``folder/name.svg`` and ``folder/name.png`` without date or version: the same figure gives the same bytes."""
+    """Write ``folder/name.svg`` and ``folder/name.png`` without date or version: the same figure
+    gives the same bytes.
+    """
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
-    # the layout's solver differs in its last bits from run to run, and the names of clip paths in the SVG are hashes of all bits
+    # the layout's solver differs in its last bits from run to run, and the names of clip paths in
+    # the SVG are hashes of all bits
     for axes in figure.axes:
         axes.set_position(np.round(axes.get_position(original=True).bounds, 6))
     # not savefig, which draws every figure twice: once more for a layout that has been found
-    FigureCanvasSVG(figure).print_svg(folder / f"{name}.svg", metadata={"Date": None, "Creator": None})
+    FigureCanvasSVG(figure).print_svg(
+        folder / f"{name}.svg", metadata={"Date": None, "Creator": None}
+    )
     figure.set_dpi(PNG_RESOLUTION)
-    FigureCanvasAgg(figure).print_png(folder / f"{name}.png", metadata={"Software": None}, pil_kwargs={"optimize": True})
+    FigureCanvasAgg(figure).print_png(
+        folder / f"{name}.png", metadata={"Software": None}, pil_kwargs={"optimize": True}
+    )

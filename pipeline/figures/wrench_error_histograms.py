@@ -1,8 +1,9 @@
 """Error of the matrix model of the wrench, by number of cables.
 
-Histograms over random test systems of the distance between the output variances of the matrix model and those of the parametric model,
-relative to the latter; one colour per number of cables m, dark for few and light for many, with the mean and the greatest error. To look
-at: where the histograms move as cables are added.
+Histograms over random test systems of the distance between the output variances of the matrix model
+and those of the parametric model, relative to the latter; one colour per number of cables m, dark
+for few and light for many, with the mean and the greatest error. To look at: where the histograms
+move as cables are added.
 """
 
 from __future__ import annotations
@@ -14,18 +15,39 @@ from matplotlib.figure import Figure
 
 from pipeline.figures.style import ONE_COLUMN, panels
 
+TABLES = {"wrench_errors": "data/wrench"}
+METRICS = ("reports/metrics/wrench.json", ("study_*",))
+
 BINS = 60
 
 
 def draw(wrench_errors: pd.DataFrame) -> Figure:
-    """Fig. (ErrWrnRMT) of table ``wrench_errors``: one histogram per number of cables, all on the same bins."""
+    """Fig. (ErrWrnRMT) of table ``wrench_errors``: one histogram per number of cables, all on the
+    same bins.
+    """
     percent = wrench_errors.assign(error=100 * wrench_errors["error"])
     edges = np.linspace(0, percent["error"].max(), BINS + 1)
     groups = percent.groupby("agents")["error"]
     figure, ((axes,),) = panels(ONE_COLUMN, 2.5)
-    for color, (agents, errors) in zip(mpl.colormaps["viridis"](np.linspace(0, 0.9, len(groups))), groups, strict=True):
-        look = {"histtype": "stepfilled", "facecolor": (*color[:3], 0.15), "edgecolor": color, "linewidth": 0.9}
-        axes.hist(errors, edges, **look, label=f"$m$ = {agents}: mean {errors.mean():.1f}, greatest {errors.max():.1f} %")
-    axes.set(xlabel="relative error of the variances (%)", ylabel="number of systems", xlim=(0, edges[-1]))
+    for color, (agents, errors) in zip(
+        mpl.colormaps["viridis"](np.linspace(0, 0.9, len(groups))), groups, strict=True
+    ):
+        look = {
+            "histtype": "stepfilled",
+            "facecolor": (*color[:3], 0.15),
+            "edgecolor": color,
+            "linewidth": 0.9,
+        }
+        axes.hist(
+            errors,
+            edges,
+            **look,
+            label=f"$m$ = {agents}: mean {errors.mean():.1f}, greatest {errors.max():.1f} %",
+        )
+    axes.set(
+        xlabel="relative error of the variances (%)",
+        ylabel="number of systems",
+        xlim=(0, edges[-1]),
+    )
     axes.legend(loc="upper right")
     return figure

@@ -1,8 +1,10 @@
-"""What the depth sensor says of the joints during one take: y_j = q(t_j) + b_j + N(0, R_j), with a bias and a covariance per frame.
+"""What the depth sensor says of the joints during one take: y_j = q(t_j) + b_j + N(0, R_j), with a
+bias and a covariance per frame.
 
-The paper does not say how frames at 30 Hz meet a motion grid of 100 Hz. The models step from q_k to q_{k+1} under a velocity that is
-constant in between, and say nothing about a part of a step; the path they define is the polygon through the q_k. A frame inside the
-step is therefore compared with the point of the particle's own polygon at the frame's time, when the step is done: the exact
+The paper does not say how frames at 30 Hz meet a motion grid of 100 Hz. The models step from q_k to
+q_{k+1} under a velocity that is constant in between, and say nothing about a part of a step; the
+path they define is the polygon through the q_k. A frame inside the step is therefore compared with
+the point of the particle's own polygon at the frame's time, when the step is done: the exact
 likelihood of that path, to which no process noise has to be invented or rescaled.
 """
 
@@ -15,41 +17,57 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from pipeline.errors import ContractError, ModelDomainError
+from pipeline.core.columns import matrices, members, values
+from pipeline.core.errors import ContractError, ModelDomainError
 
-# shares of a step are rounded to this many digits, so that 0.03 s / 0.01 s is step 3 and not just past it
+# shares of a step are rounded to this many digits, so that 0.03 s / 0.01 s is step 3 and not just
+# past it
 SHARE_DIGITS = 6
-# ratio of the least to the greatest variance of R below which rounding decides whether R is positive definite
+# ratio of the least to the greatest variance of R below which rounding decides whether R is
+# positive definite
 SINGULAR_VARIANCE = 1e-12
 
 
 @dataclass(frozen=True)
 class Measurements:
-    """The F depth frames of one take; ContractError where shapes disagree or a value is not finite, F = 0 is allowed."""
+    """The F depth frames of one take; ContractError where shapes disagree or a value is not finite,
+    F = 0 is allowed.
+    """
 
     take: str
     t: np.ndarray  # (F,) times on the motion clock, s, in any order
-    y: np.ndarray  # (F, 3) measured joint angles, rad
-    bias: np.ndarray  # (F, 3) mean of the noise, rad
-    covariance: np.ndarray  # (F, 3, 3) covariance R of the noise, rad²
+    y: np.ndarray  # (F, n) measured joint angles, rad
+    bias: np.ndarray  # (F, n) mean of the noise, rad
+    covariance: np.ndarray  # (F, n, n) covariance R of the noise, rad²
 
     def __post_init__(self) -> None:
-        frames = len(self.t)
-        for name, shape in (("t", (frames,)), ("y", (frames, 3)), ("bias", (frames, 3)), ("covariance", (frames, 3, 3))):
+        frames, n = len(self.t), self.y.shape[-1]
+        for name, shape in (
+            ("t", (frames,)),
+            ("y", (frames, n)),
+            ("bias", (frames, n)),
+            ("covariance", (frames, n, n)),
+        ):
             values = getattr(self, name)
             if values.shape != shape:
-                raise ContractError(f"measurements: {name} has shape {values.shape}, not {shape}", take=self.take)
+                raise ContractError(
+                    f"measurements: {name} has shape {values.shape}, not {shape}", take=self.take
+                )
             broken = np.argwhere(~np.isfinite(values))
             if len(broken):
                 raise ContractError(
-                    f"measurements: {name} is not finite; drop the frame before filtering", take=self.take, frame=int(broken[0, 0])
+                    f"measurements: {name} is not finite; drop the frame before filtering",
+                    take=self.take,
+                    frame=int(broken[0, 0]),
                 )
 
     def schedule(self, steps: int, dt: float) -> tuple[dict[int, list[tuple[int, float]]], int]:
-        """Which frames enter when step k of ``steps`` steps of ``dt`` (s) is done: {k: [(frame, share of the step), …]}.
+        """Which frames enter when step k of ``steps`` steps of ``dt`` (s) is done: {k: [(frame,
+        share of the step), …]}.
 
-        A frame at t_k has share 1 of the step that ends there, one at the start of the motion share 1 of k = 0. Also the number of
-        frames before the start or after the end of the motion, which are left out.
+        A frame at t_k has share 1 of the step that ends there, one at the start of the motion share
+        1 of k = 0. Also the number of frames before the start or after the end of the motion, which
+        are left out.
         """
         position = np.round(self.t / dt, SHARE_DIGITS)
         inside = (position >= 0) & (position <= steps)
@@ -61,36 +79,37 @@ class Measurements:
 
     @cached_property
     def whitening(self) -> tuple[np.ndarray, np.ndarray]:
-        """(F, 3, 3) lower triangular inverses W of the Cholesky factors of R, and (F,) logarithms c of the normal density's constant.
+        """(F, n, n) lower triangular inverses W of the Cholesky factors of R, and (F,) logarithms c
+        of the normal density's constant.
 
-        So ln p(y_j | q) = c_j − ‖W_j(y_j − b_j − q)‖²/2 for a pose q at the time of frame j. Raises ModelDomainError for an R that is no
-        covariance.
+        So ln p(y_j | q) = c_j − ‖W_j(y_j − b_j − q)‖²/2 for a pose q at the time of frame j. Raises
+        ModelDomainError for an R that is no covariance.
         """
         variances = np.linalg.eigvalsh(self.covariance)
-        singular = variances[:, 0] <= SINGULAR_VARIANCE * variances[:, 2]
+        singular = variances[:, 0] <= SINGULAR_VARIANCE * variances[:, -1]
         if singular.any():
             raise ModelDomainError(
-                "the covariance of the depth sensor's noise is not positive definite; estimate it from more takes than joints",
-                take=self.take, frame=int(np.argmax(singular)),
-            )  # fmt: skip
+                "the covariance of the depth sensor's noise is not positive definite; estimate "
+                "it from more takes than joints",
+                take=self.take,
+                frame=int(np.argmax(singular)),
+            )
         factor = np.linalg.cholesky(self.covariance)
         log_determinant = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        return np.linalg.inv(factor), -log_determinant - 1.5 * np.log(2 * np.pi)
+        return np.linalg.inv(factor), -log_determinant - 0.5 * self.y.shape[-1] * np.log(2 * np.pi)
 
 
 def measurements(angles: pd.DataFrame, noise: pd.DataFrame) -> list[Measurements]:
-    """The depth camera's measurements of every take, each with the noise estimated without that take.
-
-    ``angles``: columns take, frame, t (s), q1, q2, q3 (rad); ``noise``: take (left out of the estimate), frame, mean b1, b2, b3 (rad) and
-    covariance r11 … r33 (rad²), as in the tables ``angles`` and ``kinect_noise``.
+    """The depth camera's measurements of every take, each with the noise estimated without that
+    take, from the tables ``angles`` and ``kinect_noise``.
     """
-    takes = []
+    names, takes = members(angles, "q"), []
     for take, rows in angles.groupby("take"):
         others = noise[noise["take"] == take].set_index("frame")
         # a frame at which no other take has one has no noise estimate to go with
         rows = rows[rows["frame"].isin(others.index)]
         others = others.loc[rows["frame"]]
-        covariance = np.array([[others[f"r{min(i, j)}{max(i, j)}"].to_numpy() for j in (1, 2, 3)] for i in (1, 2, 3)])
-        columns = [frame[[f"{name}{j}" for j in (1, 2, 3)]].to_numpy() for frame, name in ((rows, "q"), (others, "b"))]
-        takes.append(Measurements(str(take), rows["t"].to_numpy(), *columns, covariance.transpose(2, 0, 1)))
+        covariance = matrices(others, "r", names)
+        time, q, bias = rows["t"].to_numpy(), values(rows, "q"), values(others, "b")
+        takes.append(Measurements(str(take), time, q, bias, covariance))
     return takes

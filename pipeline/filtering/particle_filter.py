@@ -1,9 +1,11 @@
-"""Sequential importance sampling of the joint angles under a stochastic motion model (section "RMT-based particle filtering").
+"""Sequential importance sampling of the joint angles under a stochastic motion model (section
+"RMT-based particle filtering").
 
-Particles are moved by the motion model itself (the prior as proposal), weighted by the depth sensor's likelihood and resampled when few
-of them carry the weight (Doucet, de Freitas & Gordon 2001). The state lives in D_q, the set within the joint limits and clear of
-singular poses, where no motion model is defined: a particle that leaves it has weight zero, so that the posterior is that of the
-paths that stay inside.
+Particles are moved by the motion model itself (the prior as proposal), weighted by the depth
+sensor's likelihood and resampled when few of them carry the weight (Doucet, de Freitas & Gordon
+2001). The state lives in D_q, the set within the joint limits and clear of singular poses, where no
+motion model is defined: a particle that leaves it has weight zero, so that the posterior is that of
+the paths that stay inside.
 """
 
 from __future__ import annotations
@@ -13,53 +15,68 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
-from pipeline.errors import ConfigError, DegenerateFilterError, ModelDomainError
+from pipeline.arm.compiled import arm_numbers
+from pipeline.core.errors import ConfigError, DegenerateFilterError, ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.resampling import SCHEMES
-from pipeline.filtering.sampling import BLOCK, Domain, Frames, Particles, Record, sequential_importance_sampling
-from pipeline.motion.compiled.chain import arm_of
-from pipeline.motion.compiled.draws import room_for
-from pipeline.motion.model import MotionModel
+from pipeline.filtering.sampling import sequential_importance_sampling
+from pipeline.filtering.state import Domain, Frames, Particles, Record
+from pipeline.models.draws import numbers_for
+from pipeline.models.model import MotionModel
 
 
 @dataclass(frozen=True)
 class FilterOptions:
-    """How many particles, and when and how they are resampled; ConfigError for a value that does not exist."""
+    """How many particles, and when and how they are resampled; ConfigError for a value that does
+    not exist.
+    """
 
     particles: int = 1000
     resampling: str = "systematic"
-    threshold: float = 0.5  # share of the particles below which the effective sample size calls for resampling
+    # share of the particles below which the effective sample size calls for resampling
+    threshold: float = 0.5
 
     def __post_init__(self) -> None:
         if self.particles < 1:
-            raise ConfigError("filter.particles: at least one particle is needed", found=self.particles)
+            raise ConfigError(
+                "filter.particles: at least one particle is needed", value=self.particles
+            )
         if self.resampling not in SCHEMES:
-            raise ConfigError(f"filter.resampling: no scheme {self.resampling!r}; there are {sorted(SCHEMES)}")
+            raise ConfigError(
+                f"filter.resampling: no scheme {self.resampling!r}; there are {sorted(SCHEMES)}"
+            )
         if not 0.0 <= self.threshold <= 1.0:
-            raise ConfigError("filter.threshold: a share of the particles, between 0 and 1", found=self.threshold)
+            raise ConfigError(
+                "filter.threshold: a share of the particles, between 0 and 1", value=self.threshold
+            )
 
 
 @dataclass(frozen=True)
 class Start:
     """The normal law of the first pose, as the training takes have it; it is restricted to D_q."""
 
-    mean: np.ndarray  # (3,) rad
-    covariance: np.ndarray  # (3, 3) rad², singular allowed
+    mean: np.ndarray  # (n,) rad
+    covariance: np.ndarray  # (n, n) rad², singular allowed
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Moments of p(q_k | y up to t_k), Eq. (posterior-expectation), on the grid k = 0 … M, before resampling; how the filter fared."""
+    """Moments of p(q_k | y up to t_k), Eq. (posterior-expectation), on the grid k = 0 … M, before
+    resampling; how the filter fared.
+    """
 
-    mean: np.ndarray  # (M+1, 3) rad
-    covariance: np.ndarray  # (M+1, 3, 3) rad², about the posterior mean
+    mean: np.ndarray  # (M+1, n) rad
+    covariance: np.ndarray  # (M+1, n, n) rad², about the posterior mean
     ess: np.ndarray  # (M+1,) effective sample size
     resampled: np.ndarray  # (M+1,) bool: the step ended in resampling
     measured: np.ndarray  # (M+1,) bool: at least one measurement entered
     clipped: np.ndarray  # (M+1,) int: particles whose noise covariance the model clipped
-    outside: np.ndarray  # (M+1,) int: particles that left D_q in the step, and at k = 0 draws rejected because they lay outside
+    # (M+1,) int: particles that left D_q in the step, and at k = 0 draws rejected because they lay
+    # outside
+    outside: np.ndarray
     left_out: int  # measurements before the start or after the end of the motion
-    log_evidence: float  # logarithm of the unbiased estimate of p(all measurements, path inside D_q)
+    # logarithm of the unbiased estimate of p(all measurements, path inside D_q)
+    log_evidence: float
 
 
 def particle_filter(
@@ -72,27 +89,41 @@ def particle_filter(
     options: FilterOptions,
     rng: np.random.Generator,
 ) -> Posterior:
-    """Posterior of the joint angles of one take: Eq. (posterior-expectation) of q_k and of its square about the mean.
+    """Posterior of the joint angles of one take: Eq. (posterior-expectation) of q_k and of its
+    square about the mean.
 
-    ``steps`` (M, 3) are the commanded task-space steps ẋᵈ_kΔt (m, m, rad), ``dt`` is Δt in s. Raises DegenerateFilterError where all
-    weights vanish and ModelDomainError for a covariance that is none, with take and step. No singular pose meets the model: it is
-    outside D_q. The loop over the steps is compiled and lets other threads run; everything random comes from ``rng``, in the order of the
-    particles.
+    Raises DegenerateFilterError where all weights vanish and ModelDomainError for a covariance that
+    is none, with take and step. No singular pose meets the model: it is outside D_q. The loop over
+    the steps is compiled and lets other threads run; everything random comes from ``rng``, in the
+    order of the particles.
+
+    Args:
+        model: the motion model that moves the particles.
+        chain: the arm, of n joints.
+        steps: (M, n) commanded task-space steps ẋᵈ_kΔt (m, m, rad).
+        dt: Δt in s.
+        start: law of the first pose.
+        measurements: of the take.
+        options: how many particles, and how they are resampled.
+        rng: of everything random.
     """
     frames, left_out = due_frames(measurements, len(steps), dt)
-    start_poses, rejected = initial_particles(start, chain, options.particles, rng, take=measurements.take)
+    start_poses, rejected = initial_particles(
+        start, chain, options.particles, rng, take=measurements.take
+    )
     law = model.law()
     scheme = SCHEMES[options.resampling]
-    record = empty_record(len(steps) + 1)
+    record = empty_record(len(steps) + 1, start_poses.shape[-1])
     log_evidence, vanished = sequential_importance_sampling(
         law.step,
-        room_for(law, BLOCK),
+        numbers_for(law),
         law.parameters,
-        arm_of(chain),
+        arm_numbers(chain),
         domain_of(chain),
         np.array(steps, dtype=float, order="C"),
         frames,
-        # a threshold that no effective sample size is below never asks which particles to go on with
+        # a threshold that no effective sample size is below never asks which particles to go on
+        # with
         scheme or SCHEMES["systematic"],
         options.threshold if scheme else 0.0,
         started(start_poses),
@@ -101,67 +132,106 @@ def particle_filter(
     )
     if vanished >= 0:
         raise DegenerateFilterError(
-            f"all {options.particles} weights vanished: every particle has left the joint limits or is not finite; "
-            "use more particles, resample, or compare the model's noise and the start pose with the recording",
-            take=measurements.take, step=vanished, time=round(vanished * dt, 6),
-        )  # fmt: skip
+            f"all {options.particles} weights vanished: every particle has left the joint limits "
+            "or is not finite; "
+            "use more particles, resample, or compare the model's noise and the start pose with "
+            "the recording",
+            take=measurements.take,
+            step=vanished,
+            time=round(vanished * dt, 6),
+        )
     record.outside[0] = rejected
     measured = np.diff(frames.first) > 0
-    return Posterior(**record._asdict(), measured=measured, left_out=left_out, log_evidence=log_evidence)
+    return Posterior(
+        **record._asdict(), measured=measured, left_out=left_out, log_evidence=log_evidence
+    )
 
 
 def started(poses: np.ndarray) -> Particles:
-    """The particles at their first ``poses`` (P, 3) in rad, where they were before, too."""
+    """The particles at their first ``poses`` (P, n) in rad, where they were before, too."""
     q, count = np.ascontiguousarray(poses.T), len(poses)
     return Particles(q, q.copy(), *np.empty((2, count)), np.empty(count, int), np.empty((2, count)))
 
 
-def empty_record(grid: int) -> Record:
-    """For ``grid`` times: nothing has happened in any of them."""
+def empty_record(grid: int, n: int) -> Record:
+    """For ``grid`` times and n joints: nothing has happened in any of them."""
     clipped, outside = np.zeros((2, grid), dtype=int)
-    return Record(np.empty((grid, 3)), np.empty((grid, 3, 3)), np.empty(grid), np.zeros(grid, dtype=bool), clipped, outside)
+    return Record(
+        np.empty((grid, n)),
+        np.empty((grid, n, n)),
+        np.empty(grid),
+        np.zeros(grid, dtype=bool),
+        clipped,
+        outside,
+    )
 
 
 def domain_of(chain: PlanarChain) -> Domain:
     """D_q of ``chain``."""
-    return Domain(tuple(map(float, chain.lower)), tuple(map(float, chain.upper)), chain.straight, float(np.arcsin(SINGULAR_SINE)))
+    return Domain(
+        tuple(map(float, chain.lower)),
+        tuple(map(float, chain.upper)),
+        chain.straight,
+        float(np.arcsin(SINGULAR_SINE)),
+    )
 
 
 def due_frames(measurements: Measurements, steps: int, dt: float) -> tuple[Frames, int]:
-    """The measurements in the order in which they enter over ``steps`` steps of ``dt`` (s), and how many are left out.
+    """The measurements in the order in which they enter over ``steps`` steps of ``dt`` (s), and how
+    many are left out.
 
     Raises ModelDomainError for an R that is no covariance.
     """
     due, left_out = measurements.schedule(steps, dt)
     order = [(frame, share) for k in sorted(due) for frame, share in due[k]]
     chosen = np.array([frame for frame, _ in order], dtype=int)
-    whitening, log_norm = measurements.whitening if order else (np.empty((0, 3, 3)), np.empty(0))
+    n = measurements.y.shape[-1]
+    whitening, log_norm = measurements.whitening if order else (np.empty((0, n, n)), np.empty(0))
     first = np.cumsum([0, *(len(due.get(k, ())) for k in range(steps + 1))])
-    share, unbiased = np.array([share for _, share in order], dtype=float), measurements.y - measurements.bias
+    share, unbiased = (
+        np.array([share for _, share in order], dtype=float),
+        measurements.y - measurements.bias,
+    )
     return Frames(first, share, unbiased[chosen], whitening[chosen], log_norm[chosen]), left_out
 
 
-def initial_particles(start: Start, chain: PlanarChain, count: int, rng: np.random.Generator, *, take: str) -> tuple[np.ndarray, int]:
-    """(count, 3) draws of the start's normal law within the joint limits, and how many draws were rejected.
+def initial_particles(
+    start: Start, chain: PlanarChain, count: int, rng: np.random.Generator, *, take: str
+) -> tuple[np.ndarray, int]:
+    """(count, n) draws of the start's normal law within the joint limits, and how many draws were
+    rejected.
 
-    Raises ModelDomainError for moments that no normal law has, and DegenerateFilterError where ``count`` draws in a row lie outside.
+    Raises ModelDomainError for moments that no normal law has, and DegenerateFilterError where
+    ``count`` draws in a row lie outside.
     """
     if not (np.isfinite(start.mean).all() and np.isfinite(start.covariance).all()):
-        raise ModelDomainError("the mean or covariance of the start poses is not finite; give at least two training takes", take=take)
+        raise ModelDomainError(
+            "the mean or covariance of the start poses is not finite; give at least two training "
+            "takes",
+            take=take,
+        )
     variances, axes = np.linalg.eigh(start.covariance)
     # rounding leaves the zero eigenvalues of a singular covariance slightly negative
     if variances[0] < -1e-9 * variances[-1]:
-        raise ModelDomainError("the covariance of the start poses has a negative eigenvalue", take=take, eigenvalue=float(variances[0]))
+        raise ModelDomainError(
+            "the covariance of the start poses has a negative eigenvalue",
+            take=take,
+            eigenvalue=float(variances[0]),
+        )
     root = axes * np.sqrt(np.maximum(variances, 0.0))
-    found, rejected = np.empty((0, 3)), 0
-    while len(found) < count:
-        draws = start.mean + rng.standard_normal((count, 3)) @ root.T
+    n = len(start.mean)
+    accepted, rejected = np.empty((0, n)), 0
+    while len(accepted) < count:
+        draws = start.mean + rng.standard_normal((count, n)) @ root.T
         inside = chain.within_limits(draws) & ~chain.singular(draws)
         if not inside.any():
             raise DegenerateFilterError(
-                f"none of {count} start poses lies within the joint limits; compare the training takes' start with the URDF's limits",
-                take=take, step=0, mean=start.mean.round(4).tolist(),
-            )  # fmt: skip
+                f"none of {count} start poses lies within the joint limits; compare the training "
+                "takes' start with the URDF's limits",
+                take=take,
+                step=0,
+                mean=start.mean.round(4).tolist(),
+            )
         rejected += int(np.sum(~inside))
-        found = np.concatenate([found, draws[inside]])
-    return found[:count], rejected
+        accepted = np.concatenate([accepted, draws[inside]])
+    return accepted[:count], rejected

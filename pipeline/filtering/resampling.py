@@ -1,9 +1,11 @@
 """Resampling schemes of the particle filter (Douc, Cappé & Moulines 2005), compiled.
 
-A scheme ``resample(weights, chosen, room, rng)`` takes weights (P,), non-negative and of sum 1, and a Generator, and fills ``chosen`` (P,)
-with the indices of the particles to go on with; ``room`` (2, P) is for what it needs on the way. Particle i is expected P·w_i times, and
-never where w_i = 0. All of them hold sorted points against the cumulative weights: walking along both at once takes P steps, where a
-search for each point would take P·log P. What NumPy does with whole arrays is written as loops, which compile in half the time.
+A scheme ``resample(weights, chosen, room, rng)`` takes weights (P,), non-negative and of sum 1, and
+a Generator, and fills ``chosen`` (P,) with the indices of the particles to go on with; ``room`` (2,
+P) is for what it needs on the way. Particle i is expected P·w_i times, and never where w_i = 0. All
+of them hold sorted points against the cumulative weights: walking along both at once takes P steps,
+where a search for each point would take P·log P. What NumPy does with whole arrays is written as
+loops, which compile in half the time.
 """
 
 from __future__ import annotations
@@ -11,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numba import types
 
-from pipeline.compiled import MATRIX, VECTOR, inner, passed
-from pipeline.motion.compiled.law import GENERATOR
+from pipeline.core.compiled import MATRIX, VECTOR, inner, passed
+from pipeline.models.law import GENERATOR
 from pipeline.randommatrix.variates import standard_exponential, uniform
 
 COUNTS = types.Array(types.int64, 1, "C")
@@ -22,16 +24,21 @@ ROUNDING = 1e-9
 
 
 @inner
-def inverse_cdf(weights: np.ndarray, points: np.ndarray, cumulative: np.ndarray, chosen: np.ndarray) -> None:
-    """Fill ``chosen``, of as many as the sorted ``points``, with the indices at which the cumulative ``weights``, scaled to end at 1, first
-    exceed them; a point may come up to 1. ``cumulative``, of as many as the weights, is filled too."""
+def inverse_cdf(
+    weights: np.ndarray, points: np.ndarray, cumulative: np.ndarray, chosen: np.ndarray
+) -> None:
+    """Fill ``chosen``, of as many as the sorted ``points``, with the indices at which the
+    cumulative ``weights``, scaled to end at 1, first exceed them; a point may come up to 1.
+    ``cumulative``, of as many as the weights, is filled too.
+    """
     total = 0.0
     for i in range(len(weights)):
         total += weights[i]
         cumulative[i] = total
     for i in range(len(weights)):
         cumulative[i] /= total
-    # the last particle with weight: rounding may bring a point up to 1, which no cumulative weight exceeds
+    # the last particle with weight: rounding may bring a point up to 1, which no cumulative weight
+    # exceeds
     last = len(weights) - 1
     while last > 0 and not cumulative[last - 1] < 1.0:
         last -= 1
@@ -45,7 +52,9 @@ def inverse_cdf(weights: np.ndarray, points: np.ndarray, cumulative: np.ndarray,
 
 @inner
 def sorted_uniforms(points: np.ndarray, rng: np.random.Generator) -> None:
-    """Fill ``points`` with independent uniforms in rising order: the arrivals of a Poisson process over the next one, without a sort."""
+    """Fill ``points`` with independent uniforms in rising order: the arrivals of a Poisson process
+    over the next one, without a sort.
+    """
     arrival = 0.0
     for j in range(len(points)):
         arrival += standard_exponential(rng)
@@ -56,8 +65,12 @@ def sorted_uniforms(points: np.ndarray, rng: np.random.Generator) -> None:
 
 
 @passed
-def systematic(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator) -> None:
-    """One uniform shifts a comb of P equidistant points: counts are ⌊P·w_i⌋ or ⌈P·w_i⌉ (Kitagawa 1996)."""
+def systematic(
+    weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator
+) -> None:
+    """One uniform shifts a comb of P equidistant points: counts are ⌊P·w_i⌋ or ⌈P·w_i⌉ (Kitagawa
+    1996).
+    """
     points, count, shift = room[0], len(weights), uniform(rng)
     for j in range(count):
         points[j] = (j + shift) / count
@@ -65,7 +78,9 @@ def systematic(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: n
 
 
 @passed
-def stratified(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator) -> None:
+def stratified(
+    weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator
+) -> None:
     """One uniform in each of P strata of equal width (Kitagawa 1996)."""
     points, count = room[0], len(weights)
     for j in range(count):
@@ -74,15 +89,21 @@ def stratified(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: n
 
 
 @passed
-def multinomial(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator) -> None:
+def multinomial(
+    weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator
+) -> None:
     """P independent draws (Gordon, Salmond & Smith 1993)."""
     sorted_uniforms(room[0], rng)
     inverse_cdf(weights, room[0], room[1], chosen)
 
 
 @passed
-def residual(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator) -> None:
-    """⌊P·w_i⌋ copies for certain, the rest by independent draws from what is left of the weights (Liu & Chen 1998)."""
+def residual(
+    weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator
+) -> None:
+    """⌊P·w_i⌋ copies for certain, the rest by independent draws from what is left of the weights
+    (Liu & Chen 1998).
+    """
     left, count, kept = room[0], len(weights), 0
     for i in range(count):
         expected = count * weights[i]

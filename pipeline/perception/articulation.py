@@ -1,6 +1,8 @@
-"""The articulation of the arm in point clouds by least squares, frame by frame: where each search starts, gaps, and an arm that was lost.
+"""The articulation of the arm in point clouds by least squares, frame by frame: where each search
+starts, gaps, and an arm that was lost.
 
-Nodes O1 (fixed) and EE (from the desired trajectory) are known; O2 and O3 are found (:mod:`pipeline.perception.articulation_search`).
+Nodes O1 (fixed) and EE (from the desired trajectory) are known; O2 and O3 are found
+(:mod:`pipeline.perception.articulation_search`).
 """
 
 from __future__ import annotations
@@ -11,12 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.errors import RecordingError, SolverError
+from pipeline.core.errors import RecordingError, SolverError
 from pipeline.perception.articulation_objective import INFEASIBLE
 from pipeline.perception.articulation_search import MAX_STEPS, fit_frame
 
-SPREAD = 0.15  # rad; how far from the nominal pose the cold starts lie: lag and drift of the arm against its trajectory
-LOST = 2.0  # an objective of more than so many times the least of the take: not the arm; noise alone varies it by less
+# rad; how far from the nominal pose the cold starts lie: lag and drift of the arm against its
+# trajectory
+SPREAD = 0.15
+# an objective of more than so many times the least of the take: not the arm; noise alone varies it
+# by less
+LOST = 2.0
 POSES = 24  # directions of the first segment that an arm which was lost is looked for in
 
 
@@ -24,7 +30,8 @@ POSES = 24  # directions of the first segment that an arm which was lost is look
 class ArticulationOptions:
     """Weights of the objective and what a frame has to have.
 
-    Both terms are lengths. γ1 weighs a mean over points, γ2 a sum over the three segments; 1 and 1/3 weigh two means alike.
+    Both terms are lengths. γ1 weighs a mean over points, γ2 a sum over the three segments; 1 and
+    1/3 weigh two means alike.
     """
 
     gamma1: float = 1.0
@@ -38,9 +45,10 @@ class ArticulationOptions:
 class Articulation:
     """Fit of a sequence of F frames; rows of gaps are NaN in ``nodes``, ``q`` and ``objective``.
 
-    ``nodes`` (F, 4, 2) O1, O2, O3, EE in the plane, m; ``q`` (F, 3) joint angles from the headings of the fitted segments, rad;
-    ``objective`` (F,) value of Eq. (KinObj), m; ``points`` (F,) points a frame; ``gaps`` the number of frames without a fit; ``lost``
-    the number of those for which the fit before was no start.
+    ``nodes`` (F, 4, 2) O1, O2, O3, EE in the plane, m; ``q`` (F, 3) joint angles from the headings
+    of the fitted segments, rad; ``objective`` (F,) value of Eq. (KinObj), m; ``points`` (F,) points
+    a frame; ``gaps`` the number of frames without a fit; ``lost`` the number of those for which the
+    fit before was no start.
     """
 
     nodes: np.ndarray
@@ -63,16 +71,24 @@ def fit_sequence(
 ) -> Articulation:
     """Eq. (KinObj) frame by frame through one take.
 
-    ``clouds``: per frame the arm's points (I, 2) in the plane, m; ``o1`` (2,), ``ee`` (F, 2) m; ``q_start`` (3,) rad the nominal pose
-    of the first frame. The first fit starts from poses around it, each later one from the fit before, its O3 carried along with EE; where
-    that leads to no arm, as it may after a gap, from all poses that join O1 and EE.
-    Frames with fewer than ``min_points`` points are gaps, counted. Raises RecordingError (take, frame) for more than ``max_gap`` of them
-    in a row and for an EE that is missing or that the segments cannot reach, SolverError for a search that does not end.
+    ``clouds``: per frame the arm's points (I, 2) in the plane, m; ``o1`` (2,), ``ee`` (F, 2) m;
+    ``q_start`` (3,) rad the nominal pose of the first frame. The first fit starts from poses around
+    it, each later one from the fit before, its O3 carried along with EE; where that leads to no
+    arm, as it may after a gap, from all poses that join O1 and EE. Frames with fewer than
+    ``min_points`` points are gaps, counted. Raises RecordingError (take, frame) for more than
+    ``max_gap`` of them in a row and for an EE that is missing or that the segments cannot reach,
+    SolverError for a search that does not end.
     """
     if len(clouds) != len(ee):
-        raise RecordingError(f"{len(ee)} end-effector positions for {len(clouds)} point clouds", take=take)
+        raise RecordingError(
+            f"{len(ee)} end-effector positions for {len(clouds)} point clouds", take=take
+        )
     if not np.isfinite(ee).all():
-        raise RecordingError("the end-effector's position is not finite", take=take, frame=int(np.argmax(~np.isfinite(ee).all(axis=1))))
+        raise RecordingError(
+            "the end-effector's position is not finite",
+            take=take,
+            frame=int(np.argmax(~np.isfinite(ee).all(axis=1))),
+        )
     bounds = chain.lengths[:, None] * np.array([1 - options.length_range, 1 + options.length_range])
     nodes, objective = np.full((len(ee), 4, 2), np.nan), np.full(len(ee), np.nan)
     number = np.array([len(cloud) for cloud in clouds], dtype=int)
@@ -82,7 +98,8 @@ def fit_sequence(
         gap = gap + 1 if number[frame] < max(options.min_points, 1) else 0
         if gap > options.max_gap:
             raise RecordingError(
-                f"more than {options.max_gap} depth frames in a row have fewer than {options.min_points} points of the arm",
+                f"more than {options.max_gap} depth frames in a row have fewer than "
+                f"{options.min_points} points of the arm",
                 take=take,
                 frame=frame,
             )
@@ -92,22 +109,34 @@ def fit_sequence(
             raise RecordingError("a point of the arm is not finite", take=take, frame=frame)
         starts = starts + np.concatenate([[0.0, 0.0], ee[frame] - ee[last]])
         points = np.ascontiguousarray(cloud.T, dtype=float)
-        fits = [fit_frame(points, o1, ee[frame], start, bounds, options.gamma1, options.gamma2) for start in starts]
+        fits = [
+            fit_frame(points, o1, ee[frame], start, bounds, options.gamma1, options.gamma2)
+            for start in starts
+        ]
         if min(fit[1] for fit in fits) > LOST * least:
             lost += 1
             poses = _joining_poses(o1, ee[frame], chain.lengths)
-            fits += [fit_frame(points, o1, ee[frame], start, bounds, options.gamma1, options.gamma2) for start in poses]
+            fits += [
+                fit_frame(points, o1, ee[frame], start, bounds, options.gamma1, options.gamma2)
+                for start in poses
+            ]
         best, value, ended = min(fits, key=lambda fit: fit[1])
         least = min(least, value)
         if value >= INFEASIBLE:
             raise RecordingError(
-                "no pose of the arm within the range of lengths joins O1 and EE: check the trajectory and the clock offset",
+                "no pose of the arm within the range of lengths joins O1 and EE: check the "
+                "trajectory and the clock offset",
                 take=take,
                 frame=frame,
                 distance=round(float(np.hypot(*(ee[frame] - o1))), 4),
             )
         if not ended:
-            raise SolverError("the articulation's simplex search did not end", take=take, frame=frame, step=MAX_STEPS)
+            raise SolverError(
+                "the articulation's simplex search did not end",
+                take=take,
+                frame=frame,
+                step=MAX_STEPS,
+            )
         nodes[frame], objective[frame] = [o1, best[:2], best[2:], ee[frame]], value
         starts, last = best[None], frame
     steps = np.diff(nodes, axis=1)
@@ -116,13 +145,17 @@ def fit_sequence(
 
 
 def _cold_starts(chain: PlanarChain, q: np.ndarray) -> np.ndarray:
-    """(5, 4) positions of O2 and O3 at the nominal pose and with one of the first two joints turned either way."""
+    """(5, 4) positions of O2 and O3 at the nominal pose and with one of the first two joints turned
+    either way.
+    """
     turned = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * SPREAD
     return chain.points(q + turned)[:, 1:3].reshape(-1, 4)
 
 
 def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """(P, 4) positions of O2 and O3 of poses that join O1 and EE, on a grid of directions of the first segment, O3 on either side."""
+    """(P, 4) positions of O2 and O3 of poses that join O1 and EE, on a grid of directions of the
+    first segment, O3 on either side.
+    """
     psi = np.arange(POSES) * (2 * np.pi / POSES)
     o2 = o1 + lengths[0] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
     reach = np.linalg.norm(ee - o2, axis=1)
@@ -131,4 +164,6 @@ def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.nd
     o2, reach, along = o2[joins], reach[joins, None], along[joins, None]
     towards = (ee - o2) / reach
     aside = np.sqrt(lengths[1] ** 2 - along**2) * np.stack([towards[:, 1], -towards[:, 0]], axis=-1)
-    return np.concatenate([np.hstack([o2, o2 + along * towards + side]) for side in (aside, -aside)])
+    return np.concatenate(
+        [np.hstack([o2, o2 + along * towards + side]) for side in (aside, -aside)]
+    )

@@ -1,7 +1,8 @@
 """The paper's objective of an articulation, Eq. (KinObj), of one point cloud; compiled.
 
-The bounds on the lengths of the segments have their exact and simplest form: any pose within the bounds ranks before any pose outside, and
-of two outside the one that violates them less (feasibility rules, Deb 2000); no weight has to be chosen and no bound is overstepped.
+The bounds on the lengths of the segments have their exact and simplest form: any pose within the
+bounds ranks before any pose outside, and of two outside the one that violates them less
+(feasibility rules, Deb 2000); no weight has to be chosen and no bound is overstepped.
 """
 
 from __future__ import annotations
@@ -11,15 +12,18 @@ from typing import NamedTuple
 import numpy as np
 from numba import float64, int64, types, uint64
 
-from pipeline.compiled import MATRIX, VECTOR, inner, passed
+from pipeline.core.compiled import MATRIX, VECTOR, inner, passed
 
-INFEASIBLE = 1e3  # m; above every value of the objective that points within reach of an arm can give
+# m; above every value of the objective that points within reach of an arm can give
+INFEASIBLE = 1e3
 
 
 class Frame(NamedTuple):
-    """The I points of one frame, what is given of its pose, and room for what an evaluation finds of every point.
+    """The I points of one frame, what is given of its pose, and room for what an evaluation finds
+    of every point.
 
-    Room is made once for a frame: compiled code that asks for memory takes longer to compile, and longer at every evaluation.
+    Room is made once for a frame: compiled code that asks for memory takes longer to compile, and
+    longer at every evaluation.
     """
 
     points: np.ndarray  # (2, I) x and z, m
@@ -35,36 +39,72 @@ class Frame(NamedTuple):
 
 
 FRAME = types.NamedTuple(
-    (MATRIX, VECTOR, VECTOR, MATRIX, float64, float64, VECTOR, MATRIX, types.Array(int64, 2, "C"), types.Array(uint64, 2, "C")), Frame
+    (
+        MATRIX,
+        VECTOR,
+        VECTOR,
+        MATRIX,
+        float64,
+        float64,
+        VECTOR,
+        MATRIX,
+        types.Array(int64, 2, "C"),
+        types.Array(uint64, 2, "C"),
+    ),
+    Frame,
 )
 OBJECTIVE = float64(FRAME, VECTOR)
 
 
-def frame_of(points: np.ndarray, o1: np.ndarray, ee: np.ndarray, bounds: np.ndarray, gamma1: float, gamma2: float) -> Frame:
+def frame_of(
+    points: np.ndarray,
+    o1: np.ndarray,
+    ee: np.ndarray,
+    bounds: np.ndarray,
+    gamma1: float,
+    gamma2: float,
+) -> Frame:
     """The frame of ``points`` (2, I) in m between ``o1`` and ``ee`` (2,)."""
     signed = np.empty((3, points.shape[1]))
     distance = np.empty(points.shape[1])
-    points, o1, ee, bounds = (np.array(given, order="C") for given in (points, o1, ee, bounds))
-    return Frame(points, o1, ee, bounds, gamma1, gamma2, distance, signed, signed.view(np.int64), signed.view(np.uint64))
+    points, o1, ee, bounds = (np.array(array, order="C") for array in (points, o1, ee, bounds))
+    return Frame(
+        points,
+        o1,
+        ee,
+        bounds,
+        gamma1,
+        gamma2,
+        distance,
+        signed,
+        signed.view(np.int64),
+        signed.view(np.uint64),
+    )
 
 
 @passed
 def rank_value(frame: Frame, v: np.ndarray) -> float:
-    """Eq. (KinObj), m, of a ``frame`` at ``v`` = (O2, O3); outside the bounds on the lengths INFEASIBLE and the excess, m.
+    """Eq. (KinObj), m, of a ``frame`` at ``v`` = (O2, O3); outside the bounds on the lengths
+    INFEASIBLE and the excess, m.
 
-    A point belongs to the segment nearest to it, one nearest to a common node to both. d_a and d_u are the greatest distances of
-    a segment's points on either side of its line, 0 where there are none.
+    A point belongs to the segment nearest to it, one nearest to a common node to both. d_a and d_u
+    are the greatest distances of a segment's points on either side of its line, 0 where there are
+    none.
     """
     nodes = ((frame.o1[0], frame.o1[1]), (v[0], v[1]), (v[2], v[3]), (frame.ee[0], frame.ee[1]))
     violation = 0.0
     for j in range(3):
-        length = np.sqrt((nodes[j + 1][0] - nodes[j][0]) ** 2 + (nodes[j + 1][1] - nodes[j][1]) ** 2)
+        length = np.sqrt(
+            (nodes[j + 1][0] - nodes[j][0]) ** 2 + (nodes[j + 1][1] - nodes[j][1]) ** 2
+        )
         short, long = frame.bounds[j, 0] - length, length - frame.bounds[j, 1]
         violation += short if short > 0.0 else (long if long > 0.0 else 0.0)
     if not violation == 0.0:
         return INFEASIBLE + violation
     signed = frame.signed
-    _assign(frame.points[0], frame.points[1], nodes, frame.distance, signed[0], signed[1], signed[2])
+    _assign(
+        frame.points[0], frame.points[1], nodes, frame.distance, signed[0], signed[1], signed[2]
+    )
     asymmetry = 0.0
     for j in range(3):
         above, under = _greatest(signed[j], frame.bits[j], frame.unsigned[j])
@@ -74,35 +114,51 @@ def rank_value(frame: Frame, v: np.ndarray) -> float:
 
 @inner
 def _assign(
-    x: np.ndarray, z: np.ndarray, nodes: tuple, distance: np.ndarray, first: np.ndarray, second: np.ndarray, third: np.ndarray
+    x: np.ndarray,
+    z: np.ndarray,
+    nodes: tuple,
+    distance: np.ndarray,
+    first: np.ndarray,
+    second: np.ndarray,
+    third: np.ndarray,
 ) -> None:
-    """Distance of every point to its segment, and by segment its square: positive above the line, negative below, 0 for others' points.
+    """Distance of every point to its segment, and by segment its square: positive above the line,
+    negative below, 0 for others' points.
 
-    No branch and no sum within the loop, and every row an array of its own: so the compiler takes several points at once.
+    No branch and no sum within the loop, and every row an array of its own: so the compiler takes
+    several points at once.
     """
     for i in range(x.size):
-        of_first, side_first = _to_segment(x[i], z[i], nodes[0], nodes[1])
-        of_second, side_second = _to_segment(x[i], z[i], nodes[1], nodes[2])
-        of_third, side_third = _to_segment(x[i], z[i], nodes[2], nodes[3])
-        nearest = of_first if of_first < of_second else of_second
-        nearest = nearest if nearest < of_third else of_third
+        to_first, side_first = _to_segment(x[i], z[i], nodes[0], nodes[1])
+        to_second, side_second = _to_segment(x[i], z[i], nodes[1], nodes[2])
+        to_third, side_third = _to_segment(x[i], z[i], nodes[2], nodes[3])
+        nearest = to_first if to_first < to_second else to_second
+        nearest = nearest if nearest < to_third else to_third
         distance[i] = np.sqrt(nearest)
-        first[i] = _signed(nearest if of_first == nearest else 0.0, side_first)
-        second[i] = _signed(nearest if of_second == nearest else 0.0, side_second)
-        third[i] = _signed(nearest if of_third == nearest else 0.0, side_third)
+        first[i] = _signed(nearest if to_first == nearest else 0.0, side_first)
+        second[i] = _signed(nearest if to_second == nearest else 0.0, side_second)
+        third[i] = _signed(nearest if to_third == nearest else 0.0, side_third)
 
 
 @inner
-def _to_segment(x: float, z: float, start: tuple[float, float], end: tuple[float, float]) -> tuple[float, float]:
+def _to_segment(
+    x: float, z: float, start: tuple[float, float], end: tuple[float, float]
+) -> tuple[float, float]:
     """Squared distance to the segment, and the side of its line.
 
-    That to the node itself beyond an end, so that both of the node's segments find the very same number.
+    That to the node itself beyond an end, so that both of the node's segments find the very same
+    number.
     """
     ux, uz = end[0] - start[0], end[1] - start[1]
     wx, wz = x - start[0], z - start[1]
     squared, along, side = ux * ux + uz * uz, wx * ux + wz * uz, wx * uz - wz * ux
-    from_start, from_end = wx * wx + wz * wz, (x - end[0]) * (x - end[0]) + (z - end[1]) * (z - end[1])
-    return from_start if along <= 0.0 else (from_end if along >= squared else side * side * (1.0 / squared)), side
+    from_start, from_end = (
+        wx * wx + wz * wz,
+        (x - end[0]) * (x - end[0]) + (z - end[1]) * (z - end[1]),
+    )
+    return from_start if along <= 0.0 else (
+        from_end if along >= squared else side * side * (1.0 / squared)
+    ), side
 
 
 @inner
@@ -112,11 +168,12 @@ def _signed(square: float, side: float) -> float:
 
 @inner
 def _greatest(signed: np.ndarray, bits: np.ndarray, unsigned: np.ndarray) -> tuple[float, float]:
-    """The greatest of the positive numbers and the size of the least of the negative ones, 0 where there are none; ``signed`` is used up.
+    """The greatest of the positive numbers and the size of the least of the negative ones, 0 where
+    there are none; ``signed`` is used up.
 
-    Read as integers, with a sign (``bits``) the positive doubles and without one (``unsigned``) the negative ones are greatest, and by
-    size. Unlike a maximum of doubles, which has to look out for NaN, that of integers is taken of several at once. The first place turns
-    them back into doubles.
+    Read as integers, with a sign (``bits``) the positive doubles and without one (``unsigned``) the
+    negative ones are greatest, and by size. Unlike a maximum of doubles, which has to look out for
+    NaN, that of integers is taken of several at once. The first place turns them back into doubles.
     """
     above, under = np.int64(0), np.uint64(0)
     for i in range(signed.size):
@@ -134,7 +191,12 @@ def _sum(values: np.ndarray) -> float:
     part = (0.0, 0.0, 0.0, 0.0)
     whole = values.size - values.size % 4
     for i in range(0, whole, 4):
-        part = part[0] + values[i], part[1] + values[i + 1], part[2] + values[i + 2], part[3] + values[i + 3]
+        part = (
+            part[0] + values[i],
+            part[1] + values[i + 1],
+            part[2] + values[i + 2],
+            part[3] + values[i + 3],
+        )
     for i in range(whole, values.size):
         part = part[0] + values[i], part[1], part[2], part[3]
     return (part[0] + part[1]) + (part[2] + part[3])

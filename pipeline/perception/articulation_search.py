@@ -1,6 +1,8 @@
-"""The articulation of the arm in one point cloud: the pose of the least objective, by a Nelder–Mead simplex; compiled.
+"""The articulation of the arm in one point cloud: the pose of the least objective, by a Nelder–Mead
+simplex; compiled.
 
-The objective has kinks and jumps (a point that changes its segment changes a maximum), so a search that only compares values is used.
+The objective has kinks and jumps (a point that changes its segment changes a maximum), so a search
+that only compares values is used.
 """
 
 from __future__ import annotations
@@ -8,19 +10,24 @@ from __future__ import annotations
 import numpy as np
 from numba import boolean, float64, types
 
-from pipeline.compiled import MATRIX, VECTOR, compiled, inner
+from pipeline.core.compiled import MATRIX, VECTOR, compiled, inner
 from pipeline.perception.articulation_objective import FRAME, OBJECTIVE, Frame, frame_of, rank_value
 
-TOLERANCE = 1e-5  # m; extent of the simplex at which a search has ended: 1e-4 rad on a link, a hundredth of the errors of the sensor
+# m; extent of the simplex at which a search has ended: 1e-4 rad on a link, a hundredth of the
+# errors of the sensor
+TOLERANCE = 1e-5
 STEP = 0.02  # m; first extent of the simplex: how far a node moves between frames at 30 Hz
 NEAR = 1e-3  # m; extent at which the first of two searches has done its part
 MAX_STEPS = 2000
 VARIABLES = 4  # x and z of O2 and of O3
-SEARCH = boolean(types.FunctionType(OBJECTIVE), FRAME, float64, float64, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR)
+SEARCH = boolean(
+    types.FunctionType(OBJECTIVE), FRAME, float64, float64, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR
+)
 
 
-# Loops over four numbers, where array expressions would do: those take seconds more to compile. They are VARIABLES, and not what the arrays
-# have, so that the compiler writes the four out and makes no code for any number of them.
+# Loops over four numbers, where array expressions would do: those take seconds more to compile.
+# They are VARIABLES, and not what the arrays have, so that the compiler writes the four out and
+# makes no code for any number of them.
 @inner
 def _copy(corner: np.ndarray, other: np.ndarray) -> None:
     for j in range(VARIABLES):
@@ -57,7 +64,9 @@ def _extent(corners: np.ndarray) -> float:
 
 @inner
 def _order(corners: np.ndarray, values: np.ndarray) -> None:
-    """Insertion sort in place: of a simplex mostly one corner changes, and equal ones stay in their order."""
+    """Insertion sort in place: of a simplex mostly one corner changes, and equal ones stay in their
+    order.
+    """
     for i in range(1, values.size):
         place = i
         while place > 0 and values[place - 1] > values[place]:
@@ -69,14 +78,22 @@ def _order(corners: np.ndarray, values: np.ndarray) -> None:
 
 @compiled(SEARCH)
 def _simplex(
-    objective: object, frame: Frame, step: float, extent: float, corners: np.ndarray, values: np.ndarray, middle: np.ndarray,
-    reflected: np.ndarray, tried: np.ndarray,
-) -> bool:  # fmt: skip
-    """One run of Nelder and Mead (1965), coefficients 1, 2, ½, ½, until the simplex is smaller than ``extent`` in every variable; whether
-    it came to that.
+    objective: object,
+    frame: Frame,
+    step: float,
+    extent: float,
+    corners: np.ndarray,
+    values: np.ndarray,
+    middle: np.ndarray,
+    reflected: np.ndarray,
+    tried: np.ndarray,
+) -> bool:
+    """One run of Nelder and Mead (1965), coefficients 1, 2, ½, ½, until the simplex is smaller than
+    ``extent`` in every variable; whether it came to that.
 
-    It begins at ``corners[0]`` of ``corners`` (n+1, n), and leaves the best there and its value in ``values[0]`` of ``values`` (n+1,);
-    the other arrays (n,) are room. The values do not decide when to end: across a jump of the objective they never meet.
+    It begins at ``corners[0]`` of ``corners`` (n+1, n), and leaves the best there and its value in
+    ``values[0]`` of ``values`` (n+1,); the other arrays (n,) are room. The values do not decide
+    when to end: across a jump of the objective they never meet.
     """
     n = values.size - 1
     worst = corners[n]
@@ -117,15 +134,26 @@ def _simplex(
 
 
 def fit_frame(
-    points: np.ndarray, o1: np.ndarray, ee: np.ndarray, start: np.ndarray, bounds: np.ndarray, gamma1: float, gamma2: float
+    points: np.ndarray,
+    o1: np.ndarray,
+    ee: np.ndarray,
+    start: np.ndarray,
+    bounds: np.ndarray,
+    gamma1: float,
+    gamma2: float,
 ) -> tuple[np.ndarray, float, bool]:
-    """(O2, O3), value, ended: Nelder–Mead from ``start`` (4,), and once more from near its end with half the simplex, turned the other way.
+    """(O2, O3), value, ended: Nelder–Mead from ``start`` (4,), and once more from near its end with
+    half the simplex, turned the other way.
 
-    More restarts lower the objective by about 0.1 mm and the error of the angles not at all; nor does a first search that goes on to the
-    TOLERANCE, which takes 1.7 times as long.
+    More restarts lower the objective by about 0.1 mm and the error of the angles not at all; nor
+    does a first search that goes on to the TOLERANCE, which takes 1.7 times as long.
     """
     frame = frame_of(points, o1, ee, bounds, gamma1, gamma2)
-    corners, values, room = np.empty((VARIABLES + 1, VARIABLES)), np.empty(VARIABLES + 1), np.empty((3, VARIABLES))
+    corners, values, room = (
+        np.empty((VARIABLES + 1, VARIABLES)),
+        np.empty(VARIABLES + 1),
+        np.empty((3, VARIABLES)),
+    )
     corners[0], ended = start, False
     for step, extent in ((STEP, NEAR), (-STEP / 2, TOLERANCE)):
         ended = _simplex(rank_value, frame, step, extent, corners, values, *room)

@@ -9,11 +9,14 @@ import numpy as np
 from scipy.ndimage import label
 
 from pipeline.arm.model import Arm
-from pipeline.errors import ConfigError, RecordingError
+from pipeline.core.errors import ConfigError, RecordingError
 
-# until undistorted pixels are exact to about 1e-9 of the focal length; OpenCV's own default stops after five steps
+# until undistorted pixels are exact to about 1e-9 of the focal length; OpenCV's own default stops
+# after five steps
 UNDISTORTION = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
-PATCH_CELL = 0.02  # m, points of a cloud in touching cells of this side are connected: wider than clouds are thinned to
+# m, points of a cloud in touching cells of this side are connected: wider than clouds are thinned
+# to
+PATCH_CELL = 0.02
 
 
 @dataclass(frozen=True)
@@ -25,16 +28,18 @@ class Crop:
     column_half_width: float = 0.06  # the turntable: |x − x(O1)| at most, …
     column_top: float = -0.02  # … and z − z(O1) at most
     floor: float = 0.0  # z of what the arm stands on
-    min_pixels: int = 30  # a connected patch of fewer pixels, or points of a cloud, is no part of the arm
+    # a connected patch of fewer pixels, or points of a cloud, is no part of the arm
+    min_pixels: int = 30
     max_points: int = 1500  # points a frame is thinned to
 
 
 class ArmSegmenter:
     """Cuts the arm out of the depth images of one fixed camera.
 
-    ``camera_matrix`` (3, 3) and ``distortion`` (k,) in OpenCV's order; ``rotation`` (3, 3) and ``translation`` (3,) m: pose of the
-    camera (x right, y down, z forward) in the arm's base frame; ``shape`` (rows, columns) of the images. A point of pixel (u, v) at
-    depth d is c + d·r(u, v) in the plane's frame; c and the rays r of the pixels that can see the arm are computed here, once.
+    ``camera_matrix`` (3, 3) and ``distortion`` (k,) in OpenCV's order; ``rotation`` (3, 3) and
+    ``translation`` (3,) m: pose of the camera (x right, y down, z forward) in the arm's base frame;
+    ``shape`` (rows, columns) of the images. A point of pixel (u, v) at depth d is c + d·r(u, v) in
+    the plane's frame; c and the rays r of the pixels that can see the arm are computed here, once.
     Raises ConfigError where no pixel can see it.
     """
 
@@ -52,23 +57,40 @@ class ArmSegmenter:
         self.origin = arm.chain.origin
         self.reach = float(arm.chain.lengths.sum()) + crop.girth
         self.camera = arm.to_plane(np.asarray(translation, dtype=float))
-        columns, rows = np.meshgrid(np.arange(shape[1], dtype=float), np.arange(shape[0], dtype=float))
+        columns, rows = np.meshgrid(
+            np.arange(shape[1], dtype=float), np.arange(shape[0], dtype=float)
+        )
         pixels = np.stack([columns.ravel(), rows.ravel()], axis=-1)[:, None]
         ideal = cv2.undistortPoints(
-            pixels, np.asarray(camera_matrix, dtype=float), np.asarray(distortion, dtype=float), None, None, None, UNDISTORTION
+            pixels,
+            np.asarray(camera_matrix, dtype=float),
+            np.asarray(distortion, dtype=float),
+            None,
+            None,
+            None,
+            UNDISTORTION,
         )
-        rays = np.concatenate([ideal[:, 0], np.ones((len(ideal), 1))], axis=1) @ rotation.T @ arm.rotation
+        rays = (
+            np.concatenate([ideal[:, 0], np.ones((len(ideal), 1))], axis=1)
+            @ rotation.T
+            @ arm.rotation
+        )
         rays = rays.reshape(*shape, 3)
         sees = np.zeros(shape, dtype=bool)
-        # the slab is thin against the reach: a ray that passes the arm's space is in reach at one of its faces
+        # the slab is thin against the reach: a ray that passes the arm's space is in reach at one
+        # of its faces
         for face in (-crop.half_depth, crop.half_depth):
             with np.errstate(divide="ignore", invalid="ignore"):
                 depth = (face - self.camera[1]) / rays[..., 1]
-                distance = np.hypot(*(self.camera[i] + depth * rays[..., i] - self.origin[i // 2] for i in (0, 2)))
+                distance = np.hypot(
+                    *(self.camera[i] + depth * rays[..., i] - self.origin[i // 2] for i in (0, 2))
+                )
             sees |= (depth > 0) & (distance <= self.reach)
         if not sees.any():
             raise ConfigError(
-                "no pixel of the depth camera sees the arm: check the camera's pose, its intrinsics and the crop", shape=shape
+                "no pixel of the depth camera sees the arm: check the camera's pose, its "
+                "intrinsics and the crop",
+                shape=shape,
             )
         across, down = np.flatnonzero(sees.any(axis=0)), np.flatnonzero(sees.any(axis=1))
         self.window = (slice(down[0], down[-1] + 1), slice(across[0], across[-1] + 1))
@@ -76,20 +98,29 @@ class ArmSegmenter:
         self.in_plane = rays[self.window][..., [0, 2]].reshape(-1, 2)
 
     def __call__(self, depth: np.ndarray, **evidence: object) -> tuple[np.ndarray, dict[str, int]]:
-        """Points (I, 2) of the arm (x, z in the plane, m), row by row, and the pixels of the window left out, by reason.
+        """Points (I, 2) of the arm (x, z in the plane, m), row by row, and the pixels of the window
+        left out, by reason.
 
-        ``depth`` (rows, columns) in m along the camera's axis, 0 or NaN without a measurement. Reasons: ``no_depth``; ``off_plane``
-        beyond the arm's depth; ``out_of_reach``; ``base`` turntable and floor; ``isolated`` in patches of too few pixels;
-        ``thinned`` (evenly, to ``max_points``). Raises RecordingError (with ``evidence``) for an image of another shape.
+        ``depth`` (rows, columns) in m along the camera's axis, 0 or NaN without a measurement.
+        Reasons: ``no_depth``; ``off_plane`` beyond the arm's depth; ``out_of_reach``; ``base``
+        turntable and floor; ``isolated`` in patches of too few pixels; ``thinned`` (evenly, to
+        ``max_points``). Raises RecordingError (with ``evidence``) for an image of another shape.
         """
         if depth.shape != self.shape:
-            raise RecordingError(f"a depth image of {depth.shape} pixels from a camera of {self.shape}", **evidence)
+            raise RecordingError(
+                f"a depth image of {depth.shape} pixels from a camera of {self.shape}", **evidence
+            )
         crop, depth = self.crop, depth[self.window]
         measured = depth > 0
         with np.errstate(invalid="ignore"):
-            on_plane = measured & (np.abs(self.camera[1] + depth * self.across_plane) <= crop.half_depth)
+            on_plane = measured & (
+                np.abs(self.camera[1] + depth * self.across_plane) <= crop.half_depth
+            )
         pixels = np.flatnonzero(on_plane)
-        dropped = {"no_depth": int(depth.size - np.count_nonzero(measured)), "off_plane": int(np.count_nonzero(measured) - len(pixels))}
+        dropped = {
+            "no_depth": int(depth.size - np.count_nonzero(measured)),
+            "off_plane": int(np.count_nonzero(measured) - len(pixels)),
+        }
         points = self.camera[[0, 2]] + depth.ravel()[pixels, None] * self.in_plane[pixels]
 
         def keep(chosen: np.ndarray, reason: str) -> None:
@@ -108,20 +139,27 @@ class ArmSegmenter:
 
 
 class CloudSegmenter:
-    """Cuts the arm out of point clouds: the rules of :class:`ArmSegmenter` where there are no pixels.
+    """Cuts the arm out of point clouds: the rules of :class:`ArmSegmenter` where there are no
+    pixels.
 
-    ``rotation`` (3, 3) and ``translation`` (3,) m: pose of the clouds' frame in the arm's base frame.
+    ``rotation`` (3, 3) and ``translation`` (3,) m: pose of the clouds' frame in the arm's base
+    frame.
     """
 
     def __init__(self, arm: Arm, rotation: np.ndarray, translation: np.ndarray, crop: Crop) -> None:
         self.arm, self.crop = arm, crop
-        self.rotation, self.translation = np.asarray(rotation, dtype=float), np.asarray(translation, dtype=float)
+        self.rotation, self.translation = (
+            np.asarray(rotation, dtype=float),
+            np.asarray(translation, dtype=float),
+        )
         self.reach = float(arm.chain.lengths.sum()) + crop.girth
 
     def __call__(self, cloud: np.ndarray) -> tuple[np.ndarray, dict[str, int]]:
-        """Points (I, 2) of the arm (x, z in the plane, m) in the order of the ``cloud`` (N, 3) m, and those left out, by reason.
+        """Points (I, 2) of the arm (x, z in the plane, m) in the order of the ``cloud`` (N, 3) m,
+        and those left out, by reason.
 
-        Reasons as of :class:`ArmSegmenter`, but ``isolated`` are patches of too few points, connected through cells of the plane.
+        Reasons as of :class:`ArmSegmenter`, but ``isolated`` are patches of too few points,
+        connected through cells of the plane.
         """
         crop, origin = self.crop, self.arm.chain.origin
         plane = self.arm.to_plane(cloud @ self.rotation.T + self.translation)
@@ -150,7 +188,9 @@ def _in_reach(points: np.ndarray, origin: np.ndarray, reach: float) -> np.ndarra
 
 def _above_base(points: np.ndarray, origin: np.ndarray, crop: Crop) -> np.ndarray:
     x, z = (points - origin).T
-    return ((np.abs(x) > crop.column_half_width) | (z > crop.column_top)) & (points[:, 1] > crop.floor)
+    return ((np.abs(x) > crop.column_half_width) | (z > crop.column_top)) & (
+        points[:, 1] > crop.floor
+    )
 
 
 def _thinned(points: np.ndarray, crop: Crop) -> np.ndarray:

@@ -1,21 +1,27 @@
-"""Bartlett's decomposition, compiled: Wishart matrices one after the other, at hardly more than the cost of their random numbers."""
+"""Bartlett's decomposition, compiled: Wishart matrices one after the other, at hardly more than the
+cost of their random numbers.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from pipeline.compiled import compiled
+from pipeline.core.compiled import compiled
 from pipeline.randommatrix.variates import gamma_law, standard_gamma, standard_normal
 
 
 def fill(draws: np.ndarray, d: float, root: np.ndarray, rng: np.random.Generator) -> None:
-    """Fill ``draws`` (N, n, n) with (LT)(LT)ᵀ, L = ``root`` (n, n), T as in :func:`pipeline.randommatrix.wishart.sample`."""
+    """Fill ``draws`` (N, n, n) with (LT)(LT)ᵀ, L = ``root`` (n, n), T as in
+    :func:`pipeline.randommatrix.wishart.sample`.
+    """
     _bartlett(draws, root, tuple(gamma_law((d - i) / 2) for i in range(len(root))), rng)
 
 
 @compiled()
 def _bartlett(draws: np.ndarray, root: np.ndarray, laws: tuple, rng: np.random.Generator) -> None:
-    """Fill ``draws`` (N, n, n) for L = ``root`` (n, n) and the ``laws`` of T_ii²/2, one for each of the n rows."""
+    """Fill ``draws`` (N, n, n) for L = ``root`` (n, n) and the ``laws`` of T_ii²/2, one for each of
+    the n rows.
+    """
     # of a tuple the compiler knows the length, and leaves no loop over n
     n = len(laws)
     triangle, factor = np.zeros((n, n)), np.zeros((n, n))

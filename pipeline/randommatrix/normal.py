@@ -4,38 +4,56 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.errors import ModelDomainError
+from pipeline.core.errors import ModelDomainError
 
 # asymmetry that rounding may leave in a covariance, as a share of its largest entry
 SYMMETRY_TOLERANCE = 1e-12
 
 
 def cholesky(matrix: np.ndarray, *, what: str) -> np.ndarray:
-    """(..., p, p) lower Cholesky factor; raises ModelDomainError naming ``what`` where it is not positive definite."""
+    """(..., p, p) lower Cholesky factor; raises ModelDomainError naming ``what`` where it is not
+    positive definite.
+    """
     # NumPy's routine reads the lower triangle alone, and passes on what is not a number
     scale = np.abs(matrix).max()
-    if np.isfinite(scale) and np.abs(matrix - np.swapaxes(matrix, -1, -2)).max() <= SYMMETRY_TOLERANCE * scale:
+    if (
+        np.isfinite(scale)
+        and np.abs(matrix - np.swapaxes(matrix, -1, -2)).max() <= SYMMETRY_TOLERANCE * scale
+    ):
         try:
             return np.linalg.cholesky(matrix)
         except np.linalg.LinAlgError:
             pass
-    raise ModelDomainError(f"{what} must be finite, symmetric and positive definite", largest_entry=float(scale))
+    raise ModelDomainError(
+        f"{what} must be finite, symmetric and positive definite", largest_entry=float(scale)
+    )
 
 
-def sample(mean: np.ndarray, rows: np.ndarray, columns: np.ndarray, size: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
-    """(*size, p, q) draws of X ~ N_{p,q}(M, Σ⊗Ψ) as M + L_Σ Z L_Ψᵀ, Z of independent standard normals: Definition 1.
+def sample(
+    mean: np.ndarray,
+    rows: np.ndarray,
+    columns: np.ndarray,
+    size: tuple[int, ...],
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """(*size, p, q) draws of X ~ N_{p,q}(M, Σ⊗Ψ) as M + L_Σ Z L_Ψᵀ, Z of independent standard
+    normals: Definition 1. It serves tests alone.
 
-    vec(Xᵀ), Eq. (vec-of-a-matrix), then has the covariance Σ⊗Ψ, Eq. (Kron). By Theorem 2 XXᵀ > 0 for M = 0, Ψ = I and q ≥ p.
-    ``mean`` M (p, q); ``rows`` Σ (p, p), the covariance between rows; ``columns`` Ψ (q, q), the covariance between columns.
+    vec(Xᵀ), Eq. (vec-of-a-matrix), then has the covariance Σ⊗Ψ, Eq. (Kron). By Theorem 2 XXᵀ > 0
+    for M = 0, Ψ = I and q ≥ p. ``mean`` M (p, q); ``rows`` Σ (p, p), the covariance between rows;
+    ``columns`` Ψ (q, q), the covariance between columns.
     """
     noise = rng.standard_normal((*size, *mean.shape))
     return mean + cholesky(rows, what="Σ") @ noise @ cholesky(columns, what="Ψ").T
 
 
-def log_density(x: np.ndarray, mean: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """(...,) log density, Eq. (GaussMatr), of ``x`` (..., p, q); the other arguments as in :func:`sample`.
+def log_density(
+    x: np.ndarray, mean: np.ndarray, rows: np.ndarray, columns: np.ndarray
+) -> np.ndarray:
+    """(...,) log density, Eq. (GaussMatr), of ``x`` (..., p, q); the other arguments as in
+    :func:`sample`.
 
-    By Theorem 1 it is that of Xᵀ with Σ and Ψ exchanged.
+    By Theorem 1 it is that of Xᵀ with Σ and Ψ exchanged. It serves tests alone.
     """
     p, q = mean.shape
     left, right = cholesky(rows, what="Σ"), cholesky(columns, what="Ψ")
@@ -46,7 +64,11 @@ def log_density(x: np.ndarray, mean: np.ndarray, rows: np.ndarray, columns: np.n
     return -0.5 * (white**2).sum(axis=(-1, -2)) - log_determinants - 0.5 * p * q * np.log(2 * np.pi)
 
 
-def expected_quadratic(mean: np.ndarray, rows: np.ndarray, columns: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """(..., p, p) E[XAXᵀ] = tr{AᵀΨ}Σ + MAMᵀ of X ~ N_{p,q}(M, Σ⊗Ψ) and a constant A (..., q, q): Theorem 5."""
+def expected_quadratic(
+    mean: np.ndarray, rows: np.ndarray, columns: np.ndarray, a: np.ndarray
+) -> np.ndarray:
+    """(..., p, p) E[XAXᵀ] = tr{AᵀΨ}Σ + MAMᵀ of X ~ N_{p,q}(M, Σ⊗Ψ) and a constant A (..., q, q):
+    Theorem 5. It serves tests alone.
+    """
     trace = np.einsum("...ij,...ij->...", a, columns)
     return trace[..., None, None] * rows + mean @ a @ np.swapaxes(mean, -1, -2)

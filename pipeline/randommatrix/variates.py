@@ -1,8 +1,10 @@
-"""Random variates one at a time, compiled: the very ones that NumPy draws, gamma variates in less than half the time.
+"""Random variates one at a time, compiled: the very ones that NumPy draws, gamma variates in less
+than half the time.
 
-How NumPy's primitives are drawn is compiled here, once, and kept: whoever draws calls these. The methods for gamma variates are the
-library's own: of Marsaglia and Tsang (ACM Trans. Math. Software 26, 2000) for shapes above 1, GS of Ahrens and Dieter (Computing 12, 1974)
-for those below. But the library takes a root and a quotient anew for every number, which depend on the shape alone.
+How NumPy's primitives are drawn is compiled here, once, and kept: whoever draws calls these. The
+methods for gamma variates are the library's own: of Marsaglia and Tsang (ACM Trans. Math. Software
+26, 2000) for shapes above 1, GS of Ahrens and Dieter (Computing 12, 1974) for those below. But the
+library takes a root and a quotient anew for every number, which depend on the shape alone.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ import math
 
 import numpy as np
 
-from pipeline.compiled import inlined, inner
+from pipeline.core.compiled import inlined, inner
 
 
 @inner
@@ -52,13 +54,17 @@ def standard_gamma(law: tuple[float, float, float], rng: np.random.Generator) ->
             continue
         v, u, square = v * v * v, uniform(rng), x * x
         # the first test is a bound of the second, without its logarithms
-        if u < 1.0 - 0.0331 * square * square or np.log(u) < 0.5 * square + scale * (1.0 - v + np.log(v)):
+        if u < 1.0 - 0.0331 * square * square or np.log(u) < 0.5 * square + scale * (
+            1.0 - v + np.log(v)
+        ):
             return scale * v
 
 
 @inner
 def _up_to_one(shape: float, rng: np.random.Generator) -> float:
-    """Of a ``shape`` of 1 or less. Not inlined: it would be compiled with all that draws, and few draw from it."""
+    """Of a ``shape`` of 1 or less. Not inlined: it would be compiled with all that draws, and few
+    draw from it.
+    """
     while shape < 1.0:
         u, bound = uniform(rng), standard_exponential(rng)
         if u <= 1.0 - shape:

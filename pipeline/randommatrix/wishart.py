@@ -1,4 +1,5 @@
-"""The Wishart distribution W_n(d, Σ) with real degrees of freedom, and the MaxEnt law of a random matrix with mean I.
+"""The Wishart distribution W_n(d, Σ) with real degrees of freedom, and the MaxEnt law of a random
+matrix with mean I.
 
 Definition 2, Theorems 3 and 4, Eqs. (NormStd) and (Thetaa).
 """
@@ -8,22 +9,28 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import multigammaln
 
-from pipeline.errors import ModelDomainError
+from pipeline.core.errors import ModelDomainError
 from pipeline.randommatrix.normal import cholesky
 
 
 def _require_density(d: float, n: int) -> None:
     # the paper asks for d ≥ n; real degrees of freedom have a density down to n − 1
     if not d > n - 1:
-        raise ModelDomainError(f"a Wishart matrix of size {n} has a density only for d > {n - 1}", d=d)
+        raise ModelDomainError(
+            f"a Wishart matrix of size {n} has a density only for d > {n - 1}", d=d
+        )
 
 
-def sample(d: float, sigma: np.ndarray, size: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
-    """(*size, n, n) draws of S ~ W_n(d, Σ), ``sigma`` Σ (n, n), by Bartlett's decomposition S = (LT)(LT)ᵀ.
+def sample(
+    d: float, sigma: np.ndarray, size: tuple[int, ...], rng: np.random.Generator
+) -> np.ndarray:
+    """(*size, n, n) draws of S ~ W_n(d, Σ), ``sigma`` Σ (n, n), by Bartlett's decomposition S =
+    (LT)(LT)ᵀ.
 
-    For whole d that is the law of Theorem 3.
-    T is lower triangular with independent entries: T_ii² ~ χ²(d − i + 1) for i = 1 … n, standard normals below. So d need not be
-    an integer. They are drawn row by row, one matrix after the other. Raises ModelDomainError for d ≤ n − 1 or Σ not positive definite.
+    For whole d that is the law of Theorem 3. T is lower triangular with independent entries: T_ii²
+    ~ χ²(d − i + 1) for i = 1 … n, standard normals below. So d need not be an integer. They are
+    drawn row by row, one matrix after the other. Raises ModelDomainError for d ≤ n − 1 or Σ not
+    positive definite. It serves tests alone: the models draw what B does to one vector.
     """
     # here, as its compiler takes long to import and most of what needs this module draws nothing
     from pipeline.randommatrix.bartlett import fill
@@ -36,22 +43,33 @@ def sample(d: float, sigma: np.ndarray, size: tuple[int, ...], rng: np.random.Ge
 
 
 def log_density(s: np.ndarray, d: float, sigma: np.ndarray) -> np.ndarray:
-    """(...,) log density of ``s`` (..., n, n): Definition 2, Eq. (Wishart). Raises ModelDomainError outside its domain."""
+    """(...,) log density of ``s`` (..., n, n): Definition 2, Eq. (Wishart). Raises ModelDomainError
+    outside its domain. It serves tests alone.
+    """
     n = len(sigma)
     _require_density(d, n)
-    log_det_s = 2 * np.log(np.diagonal(cholesky(s, what="a Wishart matrix"), axis1=-2, axis2=-1)).sum(axis=-1)
+    log_det_s = 2 * np.log(
+        np.diagonal(cholesky(s, what="a Wishart matrix"), axis1=-2, axis2=-1)
+    ).sum(axis=-1)
     log_det_sigma = 2 * np.log(np.diag(cholesky(sigma, what="Σ"))).sum()
     trace = np.trace(np.linalg.solve(sigma, s), axis1=-2, axis2=-1)
-    return (d - n - 1) / 2 * log_det_s - trace / 2 - d * n / 2 * np.log(2) - d / 2 * log_det_sigma - multigammaln(d / 2, n)
+    return (
+        (d - n - 1) / 2 * log_det_s
+        - trace / 2
+        - d * n / 2 * np.log(2)
+        - d / 2 * log_det_sigma
+        - multigammaln(d / 2, n)
+    )
 
 
 def mean(d: float, sigma: np.ndarray) -> np.ndarray:
-    """(n, n) E[S] = dΣ of S ~ W_n(d, Σ): Theorem 4."""
+    """(n, n) E[S] = dΣ of S ~ W_n(d, Σ): Theorem 4. It serves tests alone."""
     return d * sigma
 
 
 def largest_dispersion(n: int, *, inverse_moments: int = 0) -> float:
-    """Supremum of σ_B for which B ~ W_n(d, I/d), d = (n+1)/σ_B², has a density and B⁻¹ its first ``inverse_moments`` moments.
+    """Supremum of σ_B for which B ~ W_n(d, I/d), d = (n+1)/σ_B², has a density and B⁻¹ its first
+    ``inverse_moments`` moments.
 
     They exist for d > n − 1 (none), d > n + 1 (the mean), d > n + 3 (the variance): Eq. (invmomnt).
     """
@@ -59,26 +77,35 @@ def largest_dispersion(n: int, *, inverse_moments: int = 0) -> float:
 
 
 def maxent_theta(sigma_b: float, n: int) -> float:
-    """θ of Eq. (Thetaa) for the mean B̲ = I_n, where {tr B̲}²/tr B̲² = n: θ = (n+1)/σ_B² − (n+1)."""
+    """θ of Eq. (Thetaa) for the mean B̲ = I_n, where {tr B̲}²/tr B̲² = n: θ = (n+1)/σ_B² −
+    (n+1).
+    """
     return (1 + n) / sigma_b**2 - (n + 1)
 
 
 def degrees_of_freedom(sigma_b: float, n: int) -> float:
-    """d = θ + n + 1 of the MaxEnt law B ~ W_n(d, I/d) with mean I_n and normalised standard deviation ``sigma_b``.
+    """d = θ + n + 1 of the MaxEnt law B ~ W_n(d, I/d) with mean I_n and normalised standard
+    deviation ``sigma_b``.
 
     That law solves Eqs. (Maxenmeas)–(invmomnt).
     Raises ModelDomainError where σ_B is not positive or so large that B has no density.
     """
     limit = largest_dispersion(n)
     if not 0 < sigma_b < limit:
-        raise ModelDomainError(f"sigma_B must lie between 0 and {limit:.4g}, where B has a density", sigma_B=sigma_b, n=n)
+        raise ModelDomainError(
+            f"sigma_B must lie between 0 and {limit:.4g}, where B has a density",
+            sigma_B=sigma_b,
+            n=n,
+        )
     return maxent_theta(sigma_b, n) + n + 1
 
 
 def normalized_std(samples: np.ndarray, expected: np.ndarray) -> np.ndarray:
-    """(...,) normalised standard deviation of Eq. (NormStd) over the first axis of ``samples`` (N, ..., n, n).
+    """(...,) normalised standard deviation of Eq. (NormStd) over the first axis of ``samples`` (N,
+    ..., n, n).
 
-    sqrt(mean ‖B − E[B]‖_F² / ‖E[B]‖_F²) with a given ``expected`` E[B] (n, n): no degree of freedom is spent on a sample mean.
+    sqrt(mean ‖B − E[B]‖_F² / ‖E[B]‖_F²) with a given ``expected`` E[B] (n, n): no degree of freedom
+    is spent on a sample mean.
     """
     squared = ((samples - expected) ** 2).sum(axis=(-1, -2)).mean(axis=0)
     return np.sqrt(squared / (expected**2).sum())

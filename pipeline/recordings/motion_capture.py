@@ -1,4 +1,6 @@
-"""Motion-capture takes and the commanded trajectory as tables: SI units, the arm's base frame, the motion's grid."""
+"""Motion-capture takes and the commanded trajectory as tables: SI units, the arm's base frame, the
+motion's grid.
+"""
 
 from __future__ import annotations
 
@@ -8,127 +10,216 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from pipeline import schema
-from pipeline.errors import ConfigError, RecordingError
-from pipeline.instruments.c3d import read_c3d
-from pipeline.instruments.motion_take import MotionTake
-from pipeline.instruments.motive import read_motive
-from pipeline.instruments.patterns import matching
-from pipeline.instruments.trajectory import read_trajectory
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.dataset import Dataset, Motion
+from pipeline.core.options.motion_capture import Body, Mocap
+from pipeline.formats import motion as motion_formats
+from pipeline.formats.format import Head, Kind, formats_in, recognised
+from pipeline.formats.motion.take import MotionTake
+from pipeline.formats.patterns import matching
+from pipeline.formats.trajectory import read_trajectory
+from pipeline.recordings.commands import task_columns
 from pipeline.recordings.quality import quality_row, require_text
 
 UNIT_QUATERNION = 0.01  # far above what six decimals leave of a unit quaternion's length
 
 
-def trajectory_rows(file: Path, motion: schema.Motion) -> pd.DataFrame:
-    """The table ``trajectory`` from its file; RecordingError where it is not on the grid of ``motion``."""
+def trajectory_rows(file: Path, motion: Motion) -> pd.DataFrame:
+    """The table ``trajectory`` from its file; RecordingError where it is not on the grid of
+    ``motion``.
+    """
     table = read_trajectory(file)
-    if len(table) != motion.steps + 1 or not np.isclose(table.t.iloc[1] - table.t.iloc[0], 1 / motion.rate, rtol=1e-6):
+    if len(table) != motion.steps + 1 or not np.isclose(
+        table.t.iloc[1] - table.t.iloc[0], 1 / motion.rate, rtol=1e-6
+    ):
         raise RecordingError(
-            f"the trajectory has {len(table)} rows; dataset.motion asks for {motion.steps + 1} at {motion.rate} per second", file=file
+            f"the trajectory has {len(table)} rows; dataset.motion asks for {motion.steps + 1} "
+            f"at {motion.rate} per second",
+            file=file,
         )
-    return table.assign(k=np.arange(len(table)))
+    return task_columns(table.assign(k=np.arange(len(table))))
 
 
-def find_takes(raw: Path, mocap: schema.Mocap) -> list[tuple[Path, str]]:
-    """File and part of every take below ``raw``; RecordingError where a pattern matches none, or two takes have one name."""
-    found: dict[str, tuple[Path, str]] = {}
+def find_takes(raw: Path, mocap: Mocap) -> list[tuple[Path, str]]:
+    """File and part of every take below ``raw``; RecordingError where a pattern matches none, or
+    two takes have one name.
+    """
+    takes: dict[str, tuple[Path, str]] = {}
     for part, pattern in (("training", mocap.training), ("test", mocap.test)):
         files = matching(raw, pattern, key=f"dataset.mocap.{part}") if pattern else []
         if pattern and not files:
             raise RecordingError(f"no {part} take matches {pattern!r}", file=raw)
         for file in files:
             require_text(file)
-            if file.stem in found:
-                raise RecordingError(f"two files are named as the take {file.stem!r}, the other is {found[file.stem][0]}", file=file)
-            found[file.stem] = (file, part)
-    return list(found.values())
+            if file.stem in takes:
+                raise RecordingError(
+                    f"two files are named as the take {file.stem!r}, the other is "
+                    f"{takes[file.stem][0]}",
+                    file=file,
+                )
+            takes[file.stem] = (file, part)
+    return list(takes.values())
 
 
 def read_take(file: Path, unit: str | None) -> MotionTake:
-    """The take in ``file``: C3D by its ending, else Motive's CSV; ``unit`` where the file does not say that of its lengths."""
-    return read_c3d(file, unit) if file.suffix.lower() == ".c3d" else read_motive(file, unit)
+    """The take in ``file``, of whichever format it begins like; ``unit`` where the file does not
+    say that of its lengths. RecordingError for a file of no format, or that cannot be opened.
+    """
+    try:
+        head = Head.read(file)
+    except OSError as error:
+        raise RecordingError(f"the file cannot be read ({error.strerror})", file=file) from None
+    formats = formats_in(motion_formats, Kind.MOTION)
+    chosen = recognised(head, formats)
+    if chosen is None:
+        known = " or ".join(one.name for one in formats)
+        raise RecordingError(f"this is no take of motion capture in {known}", file=file)
+    return chosen.read(file, unit)
 
 
-def marker_rows(file: Path, part: str, dataset: schema.Dataset) -> tuple[pd.DataFrame, list[dict]]:
-    """The markers of one take in the arm's base frame: those of the template by link, all others as unlabelled; and its quality.
+def marker_rows(file: Path, part: str, dataset: Dataset) -> tuple[pd.DataFrame, list[dict]]:
+    """The markers of one take in the arm's base frame: those of the template by link, all others as
+    unlabelled; and its quality.
 
-    Frames that the file skips are missing samples, and so are ``frozen_frames``: those that repeat every position of the one before.
-    Where links are followed by rigid bodies, no marker of another name is carried along: nobody can tell it from the bodies' own. Raises
-    RecordingError for a take of another rate or length, or without a marker or body of the template.
+    Frames that the file skips are missing samples, and so are ``frozen_frames``: those that repeat
+    every position of the one before. Where links are followed by rigid bodies, no marker of another
+    name is carried along: nobody can tell it from the bodies' own. Raises RecordingError for a take
+    of another rate or length, or without a marker or body of the template.
     """
     mocap, motion = dataset.mocap, dataset.motion
     take = read_take(file, mocap.unit)
     if not np.isclose(take.rate, motion.rate):
-        raise RecordingError(f"the take is exported at {take.rate} Hz; dataset.motion asks for {motion.rate}", file=file)
-    seen = take.frame - take.frame[0]
-    if seen[-1] != motion.steps:
-        raise RecordingError(f"the take spans {seen[-1] + 1} frames; the motion has {motion.steps + 1}: export it whole", file=file)
+        raise RecordingError(
+            f"the take is exported at {take.rate} Hz; dataset.motion asks for {motion.rate}",
+            file=file,
+        )
+    steps = take.frame - take.frame[0]
+    if steps[-1] != motion.steps:
+        raise RecordingError(
+            f"the take spans {steps[-1] + 1} frames; the motion has {motion.steps + 1}: export it "
+            "whole",
+            file=file,
+        )
     tracks, stray = _tracks(take, mocap, file)
     frozen = _frozen(np.stack(list(tracks.values()), axis=1))
     for positions in (*tracks.values(), *stray):
         positions[frozen] = np.nan
     rotation = Rotation.from_euler("xyz", mocap.base.rpy).as_matrix()
     k, rows, missing = np.arange(motion.steps + 1), [], 0
-    for (link, marker), positions in (tracks | {(0, i): positions for i, positions in enumerate(stray, 1)}).items():
+    for (link, marker), positions in (
+        tracks | {(0, i): positions for i, positions in enumerate(stray, 1)}
+    ).items():
         xyz = np.full((len(k), 3), np.nan)
-        xyz[seen] = (positions - np.array(mocap.base.position)) @ rotation
+        xyz[steps] = (positions - np.array(mocap.base.position)) @ rotation
         missing += int(np.isnan(xyz[:, 0]).sum()) if link else 0
-        identity = {"take": file.stem, "part": part, "k": k, "t": k / motion.rate, "link": link, "marker": marker}
+        identity = {
+            "take": file.stem,
+            "part": part,
+            "k": k,
+            "t": k / motion.rate,
+            "link": link,
+            "marker": marker,
+        }
         rows.append(pd.DataFrame(identity | dict(zip("xyz", xyz.T, strict=True))))
-    counts = take.counts | {"missing_samples": missing, "unlabelled_markers": len(stray), "frozen_frames": int(frozen.sum())}
-    return pd.concat(rows, ignore_index=True), [quality_row(file.stem, part, "motion capture", key, value) for key, value in counts.items()]
+    counts = take.counts | {
+        "missing_samples": missing,
+        "unlabelled_markers": len(stray),
+        "frozen_frames": int(frozen.sum()),
+    }
+    return pd.concat(rows, ignore_index=True), [
+        quality_row(file.stem, part, "motion capture", key, value) for key, value in counts.items()
+    ]
 
 
 def _frozen(positions: np.ndarray) -> np.ndarray:
-    """(N,) whether a frame of ``positions`` (N, markers, 3) repeats all of the one before: the noise of a working tracker prevents it."""
+    """(N,) whether a frame of ``positions`` (N, markers, 3) repeats all of the one before: the
+    noise of a working tracker prevents it.
+    """
     gone = np.isnan(positions)
     same = ((positions[1:] == positions[:-1]) | (gone[1:] & gone[:-1])).all(axis=(1, 2))
     return np.append(False, same & ~gone[1:].all(axis=(1, 2)))
 
 
-def _tracks(take: MotionTake, mocap: schema.Mocap, file: Path) -> tuple[dict[tuple[int, int], np.ndarray], list[np.ndarray]]:
+def _tracks(
+    take: MotionTake, mocap: Mocap, file: Path
+) -> tuple[dict[tuple[int, int], np.ndarray], list[np.ndarray]]:
     """(link, marker) from 1: (N, 3) m in the world frame, and the markers of other names."""
     if unknown := sorted(set(mocap.bodies) - set(mocap.markers)):
-        raise ConfigError(f"no link {', '.join(unknown)}; there are {', '.join(mocap.markers)}", key="dataset.mocap.bodies")
-    by_marker = [name for link, places in mocap.markers.items() if link not in mocap.bodies for name in places]
+        raise ConfigError(
+            f"no link {', '.join(unknown)}; there are {', '.join(mocap.markers)}",
+            key="dataset.mocap.bodies",
+        )
+    by_marker = [
+        name
+        for link, places in mocap.markers.items()
+        if link not in mocap.bodies
+        for name in places
+    ]
     full = _full_names(by_marker, list(take.markers), file)
     tracks = {}
     for link, (name, places) in enumerate(mocap.markers.items(), 1):
         if name in mocap.bodies:
-            found = _carried(take, mocap.bodies[name], np.array(list(places.values())), file)
+            positions = _carried(take, mocap.bodies[name], np.array(list(places.values())), file)
         else:
-            found = [take.markers[full[marker]] for marker in places]
-        tracks |= {(link, i): positions for i, positions in enumerate(found, 1)}
-    stray = [] if mocap.bodies else [positions for name, positions in take.markers.items() if name not in full.values()]
+            positions = [take.markers[full[marker]] for marker in places]
+        tracks |= {(link, i): track for i, track in enumerate(positions, 1)}
+    stray = (
+        []
+        if mocap.bodies
+        else [positions for name, positions in take.markers.items() if name not in full.values()]
+    )
     return tracks, stray
 
 
 def _full_names(wanted: list[str], names: list[str], file: Path) -> dict[str, str]:
-    """The take's own name of each wanted marker: that name, or the one marker that has it after its asset's and a colon."""
+    """The take's own name of each wanted marker: that name, or the one marker that has it after its
+    asset's and a colon.
+    """
     full = {}
     for name in wanted:
-        found = [name] if name in names else [other for other in names if other.rsplit(":", 1)[-1] == name]
-        if len(found) > 1:
-            raise RecordingError(f"{name!r} may be {' or '.join(found)}: name it in full", file=file, key="dataset.mocap.markers")
-        if found:
-            full[name] = found[0]
+        fitting = (
+            [name]
+            if name in names
+            else [other for other in names if other.rsplit(":", 1)[-1] == name]
+        )
+        if len(fitting) > 1:
+            raise RecordingError(
+                f"{name!r} may be {' or '.join(fitting)}: name it in full",
+                file=file,
+                key="dataset.mocap.markers",
+            )
+        if fitting:
+            full[name] = fitting[0]
     if absent := sorted(set(wanted) - set(full)):
         having = ", ".join(sorted(names)) or "none"
-        raise RecordingError(f"no marker named {', '.join(absent)} in the take; it has {having}", file=file, key="dataset.mocap.markers")
+        raise RecordingError(
+            f"no marker named {', '.join(absent)} in the take; it has {having}",
+            file=file,
+            key="dataset.mocap.markers",
+        )
     return full
 
 
-def _carried(take: MotionTake, body: schema.Body, places: np.ndarray, file: Path) -> np.ndarray:
-    """(3, N, 3) m in the world frame: where the body, by its poses, carries the points at ``places`` (3, 3) m of its link's segment."""
+def _carried(take: MotionTake, body: Body, places: np.ndarray, file: Path) -> np.ndarray:
+    """(3, N, 3) m in the world frame: where the body, by its poses, carries the points at
+    ``places`` (3, 3) m of its link's segment.
+    """
     if body.name not in take.bodies:
         having = ", ".join(sorted(take.bodies)) or "none"
-        raise RecordingError(f"no rigid body named {body.name} in the take; it has {having}", file=file, key="dataset.mocap.bodies")
+        raise RecordingError(
+            f"no rigid body named {body.name} in the take; it has {having}",
+            file=file,
+            key="dataset.mocap.bodies",
+        )
     pose = take.bodies[body.name]
     tracked = np.isfinite(pose.position).all(axis=-1) & np.isfinite(pose.quaternion).all(axis=-1)
     if np.any(np.abs(np.linalg.norm(pose.quaternion[tracked], axis=-1) - 1) > UNIT_QUATERNION):
-        raise RecordingError(f"a quaternion of rigid body {body.name} is far from unit length: damaged", file=file)
-    local = (places - np.array(body.mount.position)) @ Rotation.from_euler("xyz", body.mount.rpy).as_matrix()
+        raise RecordingError(
+            f"a quaternion of rigid body {body.name} is far from unit length: damaged", file=file
+        )
+    local = (places - np.array(body.mount.position)) @ Rotation.from_euler(
+        "xyz", body.mount.rpy
+    ).as_matrix()
     carried = np.full((len(places), len(tracked), 3), np.nan)
     if tracked.any():
         turn = Rotation.from_quat(pose.quaternion[tracked]).as_matrix()

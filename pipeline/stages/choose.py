@@ -1,27 +1,37 @@
 """choose: the dataset that params.yaml names → data/dataset.txt, where there is one of that name.
 
-A stage of its own, as DVC would meet a file that is not there before `configure` could say which datasets are.
+A stage of its own, as DVC would meet a file that is not there before `configure` could say which
+datasets are.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline import config, datasheet
-from pipeline.errors import ConfigError
-from pipeline.typed_yaml import load_yaml
+from pipeline.core import config, datasheet
+from pipeline.core.errors import ConfigError
+from pipeline.core.typed_yaml import load_yaml
 
 PARAMS = Path("params.yaml")
 CHOSEN = Path("data/dataset.txt")
 
 
 def run() -> None:
-    """Write the name; ConfigError naming the datasets that there are, or how to begin one, where its files are not."""
+    """Write the name; ConfigError naming the datasets that there are, or how to begin one, where
+    its files are not.
+    """
     name = load_yaml(PARAMS).get("dataset")
     if name not in config.options("dataset"):
-        message = f"no dataset {name!r}; there are {', '.join(config.options('dataset'))}, and new-dataset begins another"
+        message = (
+            f"no dataset {name!r}; there are {', '.join(config.options('dataset'))}, "
+            "and new-dataset begins another"
+        )
         raise ConfigError(message, key="dataset", file=PARAMS)
     if not (file := datasheet.path_of(name)).is_file():
-        raise ConfigError(f"the dataset {name!r} has an option file but no datasheet; new-dataset begins one", key="dataset", file=file)
+        raise ConfigError(
+            f"the dataset {name!r} has an option file but no datasheet; new-dataset begins one",
+            key="dataset",
+            file=file,
+        )
     CHOSEN.parent.mkdir(exist_ok=True)
     CHOSEN.write_text(f"{name}\n")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline import config
+from pipeline.core import config
 
 
 def run() -> None:

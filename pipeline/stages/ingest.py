@@ -1,4 +1,4 @@
-"""ingest: raw logs → typed tables in SI units on the motion clock, with a quality record per take."""
+"""ingest@part: raw logs → typed tables in SI units, with a quality record."""
 
 from __future__ import annotations
 
@@ -7,55 +7,78 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline import config, contracts
-from pipeline.arm.model import load_arm
-from pipeline.compute.trials import run_trials
-from pipeline.errors import ConfigError, RecordingError
+from pipeline.arm.model import arm_of
+from pipeline.core import config, contracts
+from pipeline.core.compute.trials import run_trials
+from pipeline.core.errors import ConfigError
 from pipeline.recordings import depth_camera, motion_capture
 from pipeline.recordings.force_transducer import force_rows
 from pipeline.recordings.joint_logs import joint_log_rows
 
 OUT = Path("data/ingest")
 
+Takes = list[tuple[pd.DataFrame, list[dict]]]  # of each take its rows and its quality
 
-def run() -> None:
-    """Read what the dataset has; say of every instrument it lacks that its part of the analysis falls away."""
+
+def run(part: str) -> None:
+    """Read what the dataset has of the ``part`` motion, depth or force; say what it lacks."""
     settings = config.sections("ingest")
+    parts = {"motion": _motion, "depth": _depth, "force": _force}
+    with contracts.replacing(OUT / part) as folder:
+        quality = parts[part](settings, Path(settings.dataset.recordings), folder)
+        if quality:
+            contracts.write(pd.DataFrame(quality), "quality", folder)
+        else:
+            name = settings.dataset.name
+            print(f"ingest: the dataset {name} has no {part}; what needs it is left out")
+
+
+def _motion(settings, raw: Path, folder: Path) -> list[dict]:
+    """Markers, the commanded trajectory, and the joints that the robot's controller logged."""
+    dataset, quality = settings.dataset, []
+    if dataset.joint_log is not None:
+        trajectory, joints, quality = joint_log_rows(raw, dataset, arm_of(dataset.robot))
+        contracts.write(trajectory, "trajectory", folder)
+        contracts.write(joints, "joint_log", folder)
+        for row in quality:
+            if row["quantity"] == "repetitions" or row["unit"] == "row":
+                what = row["quantity"].replace("_", " ")
+                print(f"ingest: {row['take']}: {what} {row['value']:.0f}")
+    if dataset.trajectory is not None:
+        trajectory = motion_capture.trajectory_rows(raw / dataset.trajectory, dataset.motion)
+        contracts.write(trajectory, "trajectory", folder)
+    if dataset.mocap is not None:
+        takes = motion_capture.find_takes(raw, dataset.mocap)
+        read = [motion_capture.marker_rows(*take, dataset) for take in takes]
+        quality = quality + _write(read, "markers", folder)
+    return quality
+
+
+def _depth(settings, raw: Path, folder: Path) -> list[dict]:
+    """Of every depth frame its time on the camera's clock and the arm's points."""
     dataset = settings.dataset
-    raw = Path(dataset.recordings)
-    if not raw.is_dir():
-        raise RecordingError("the folder of the recordings does not exist; see its datasheet for how to get them", file=raw)
-    if dataset.depth is not None and dataset.mocap is None:
-        raise ConfigError("a depth camera needs the motion capture that its clock is set by", key="dataset.depth")
-    arm = load_arm(dataset.robot.urdf, dataset.robot.joints, dataset.robot.tool, dataset.robot.locked)
-    with contracts.replacing(OUT) as folder:
-        quality = []
+    if dataset.depth is None:
+        return []
+    if dataset.mocap is None:
+        message = "a depth camera needs the motion capture that its clock is set by"
+        raise ConfigError(message, key="dataset.depth")
+    arm = arm_of(dataset.robot)
+    takes = depth_camera.find_takes(raw, dataset.depth)
+    read = partial(
+        depth_camera.frame_rows, depth=dataset.depth, arm=arm, raw=raw, folder=folder.resolve()
+    )
+    rows = run_trials(read, takes, compute=settings.compute, label="ingest: depth takes")
+    return _write(list(rows), "frames", folder)
 
-        def write(name: str, takes: list[tuple[pd.DataFrame, list[dict]]]) -> pd.DataFrame:
-            table = pd.concat([rows for rows, _ in takes], ignore_index=True)
-            contracts.write(table, name, folder)
-            quality.extend(row for _, rows in takes for row in rows)
-            return table
 
-        if dataset.joint_log is not None:
-            trajectory, *joints = joint_log_rows(raw, dataset, arm)
-            contracts.write(trajectory, "trajectory", folder)
-            write("joint_log", [tuple(joints)])
-            for row in quality:
-                if row["quantity"] == "repetitions" or row["quantity"].endswith("_from_row"):
-                    print(f"ingest: {row['take']}: {row['quantity'].replace('_', ' ')} {row['value']:.0f}")
-        if dataset.trajectory is not None:
-            contracts.write(motion_capture.trajectory_rows(raw / dataset.trajectory, dataset.motion), "trajectory", folder)
-        if dataset.mocap is not None:
-            takes = motion_capture.find_takes(raw, dataset.mocap)
-            markers = write("markers", [motion_capture.marker_rows(*take, dataset) for take in takes])
-        if dataset.depth is not None:
-            read = partial(depth_camera.frame_rows, depth=dataset.depth, arm=arm, raw=raw)
-            takes = depth_camera.find_takes(raw, dataset.depth, markers, arm)
-            write("frames", list(run_trials(read, takes, compute=settings.compute, label="ingest: depth takes")))
-        if dataset.force is not None:
-            write("force", [force_rows(raw, name, dataset.force) for name in dataset.force.configurations])
-        for instrument in ("mocap", "depth", "force"):
-            if getattr(dataset, instrument) is None:
-                print(f"ingest: the dataset {dataset.name} has no {instrument}; what needs it is left out")
-        contracts.write(pd.DataFrame(quality), "quality", folder)
+def _force(settings, raw: Path, folder: Path) -> list[dict]:
+    """Force records without their bias."""
+    force = settings.dataset.force
+    if force is None:
+        return []
+    return _write([force_rows(raw, name, force) for name in force.configurations], "force", folder)
+
+
+def _write(takes: Takes, name: str, folder: Path) -> list[dict]:
+    contracts.write(pd.concat([rows for rows, _ in takes], ignore_index=True), name, folder)
+    return [row for _, rows in takes for row in rows]

@@ -1,242 +1,238 @@
-"""score: recordings against models, as the tables behind the figures and the numbers the paper states."""
+"""score: recordings against models, as the tables behind the figures and the numbers the paper
+states; all numbers of the run in one file, so that datasets stand side by side.
+"""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pipeline import config, contracts, rng
-from pipeline.errors import ModelDomainError
-from pipeline.motion.noise import measurement_covariance, recorded_deviation
-from pipeline.statistics.comparison import (
-    Scores,
-    compared,
+from pipeline.core import config, contracts, rng
+from pipeline.core.columns import columns, matrices, spread, values
+from pipeline.core.errors import ModelDomainError
+from pipeline.models.noise import measurement_covariance, recorded_deviation
+from pipeline.recordings import quality
+from pipeline.recordings.commands import commanded_steps
+from pipeline.statistics.joint_scores import (
     filter_metrics,
     filter_scores,
-    log_score_differences,
-    posterior_scores,
-    prediction_scores,
     sensor_scores,
     spread_scores,
 )
-from pipeline.statistics.resampling import bound_quantities, resampled_differences, spread_quantities
-from pipeline.tables import STEP, TAKE
+from pipeline.statistics.resampling import (
+    bound_quantities,
+    resampled_differences,
+    spread_quantities,
+)
+from pipeline.statistics.take_scores import Scores, compared, posterior_scores
+from pipeline.verdicts.run import Run
 
-INGEST, TRACK, NOISE, SIMULATE = Path("data/ingest"), Path("data/track"), Path("data/noise"), Path("data/simulate")
-EVALUATE, FILTER, WRENCH, OUT = Path("data/evaluate"), Path("data/filter"), Path("data/wrench"), Path("data/score")
-CONTROL, SENSITIVITY, FAULTS = Path("data/control"), Path("data/sensitivity"), Path("data/faults")
-METRICS, TABLES = Path("reports/metrics"), Path("reports/tables")
-FIT, RECOVER = Path("data/fit"), Path("data/recover")
-JOINTS = ("q1", "q2", "q3")
-FILTERED = "particle filter"
-# tables of other stages that the report shows as they are
-SHOWN = {
-    "parameter_recovery": RECOVER,
-    "sigma_b_choices": RECOVER,
-    "control_scores": CONTROL,
-    "sensitivity": SENSITIVITY,
-    "faults": FAULTS,
-    "sigma_s": WRENCH,
-    "force_moments": WRENCH,
-    "force_test": WRENCH,
-}
+INGEST, TRACK, ARTICULATE = Path("data/ingest"), Path("data/track"), Path("data/articulate")
+FIT, FILTER, WRENCH = Path("data/fit"), Path("data/filter"), Path("data/wrench")
+OUT, METRICS, TABLES = Path("data/score"), Path("reports/metrics"), Path("reports/tables")
+DATASETS = Path("reports/datasets")
+# tables of the wrench that the report shows as they are
+SHOWN = ("sigma_s", "force_moments", "force_test")
+LONG = ("deviation",)  # a table that no verdict is read from
 
 
 def run() -> None:
     """Compare every model with the recordings, in mean, in spread and in the filter."""
     settings = config.sections("score")
-    models = list(settings.models)
+    models, names = list(settings.models), settings.dataset.robot.joints
     joints = contracts.read("joints", TRACK)
     with contracts.replacing(OUT) as folder, contracts.replacing(TABLES) as tables:
-        deviation = _deviation(models, joints, settings.simulation.mode)
-        contracts.write(deviation, "deviation", folder)
-        contracts.write_metrics(_motion_metrics(deviation, models), METRICS / "motion.json")
-        if settings.simulation.mode == "one_step":
-            _spread_comparison(models, deviation, settings.seed).to_csv(tables / "spread_comparison.csv", index=False)
-        filtered = [model for model in models if contracts.exists("posterior", FILTER / model)]
-        metrics = {}
-        evaluated = [model for model in models if contracts.exists("one_step_scores", EVALUATE / model)]
-        groups = _one_step_scores(evaluated) if evaluated else {}
-        if filtered:
-            groups[FILTERED] = _posterior_scores(filtered, joints)
-            errors = pd.concat([_filter_errors(model, joints) for model in filtered], ignore_index=True)
-            contracts.write(errors, "filter_error", folder)
-            error, bound = _by_take(errors)
-            scores = filter_scores(error, bound)
-            scores.to_csv(tables / "filter_scores.csv", index=False)
-            metrics = filter_metrics(scores)
-            takes = len(error[filtered[0]])
-            followed = resampled_differences(bound_quantities(error, bound), filtered, takes, rng.stream(settings.seed, "score.bounds"))
-            followed.to_csv(tables / "bound_comparison.csv", index=False)
-        contracts.write_metrics(metrics, METRICS / "filter.json")
-        if groups:
-            comparisons = _by_steps({steps: compared(scores) for steps, scores in groups.items()})
-            contracts.write(comparisons, "model_scores", folder)
-            of_filter = comparisons["steps"] == FILTERED
-            comparisons[~of_filter].to_csv(tables / "one_step_scores.csv", index=False)
-            if filtered:
-                comparisons[of_filter].drop(columns="steps").to_csv(tables / "filter_comparison.csv", index=False)
-            differences = _by_steps({steps: log_score_differences(scores) for steps, scores in groups.items()})
-            differences.to_csv(tables / "log_score_differences.csv", index=False)
-        ridges = [contracts.read("ridge", FIT / model).assign(model=model) for model in models if contracts.exists("ridge", FIT / model)]
+        _score_motion(models, names, joints, settings, folder, tables)
+        _score_filters(models, names, joints, settings, folder, tables)
+        ridges = [
+            contracts.read("ridge", FIT / model).assign(model=model)
+            for model in models
+            if contracts.exists("ridge", FIT / model)
+        ]
         if ridges:
             contracts.write(pd.concat(ridges, ignore_index=True), "ridges", folder)
-        truth = Path(settings.dataset.recordings).parent / "truth"
-        contracts.write_metrics(_quality(tables) | _kinect() | _truth(joints, truth), METRICS / "recordings.json")
-        for name, place in SHOWN.items():
-            if contracts.exists(name, place):
-                contracts.read(name, place).to_csv(tables / f"{name}.csv", index=False)
-        study = contracts.read("wrench_errors", WRENCH).groupby("agents")["error"].agg(["mean", "max"])
-        # the greatest of many errors is a random number: where 95 % of the repeats of the study have it
-        maxima = contracts.read("wrench_spread", WRENCH).groupby("agents")["maximum"]
-        study = study.assign(max_low=maxima.quantile(0.025), max_high=maxima.quantile(0.975)).reset_index()
-        study.to_csv(tables / "wrench_study.csv", index=False)
-        deviation.to_csv(tables / "deviation.csv", index=False)
-        _side_by_side(contracts.read("takes", TRACK)).to_csv(tables / "takes.csv", index=False)
+        recordings = _quality(tables) | _kinect(names) | _truth(joints, names, settings)
+        contracts.write_metrics(recordings, METRICS / "recordings.json")
+        for name in SHOWN:
+            if contracts.exists(name, WRENCH):
+                contracts.read(name, WRENCH).to_csv(tables / f"{name}.csv", index=False)
+        _wrench_study().to_csv(tables / "wrench_study.csv", index=False)
+        takes = quality.side_by_side(contracts.read("takes", TRACK))
+        takes.to_csv(tables / "takes.csv", index=False)
+    _write_evidence(settings)
 
 
-def _deviation(models: list[str], joints: pd.DataFrame, mode: str) -> pd.DataFrame:
-    """Mean error and standard deviation over time of every model, and the standard deviation recorded."""
-    names, q = contracts.stacked(joints[joints.part == "training"], list(JOINTS))
-    mean = q.mean(axis=0)
-    first = joints[joints["take"] == names[0]]
-    grid = {"k": first["k"].to_numpy(), "t": first["t"].to_numpy()}
-    _, noise = contracts.stacked(contracts.read("process_noise", NOISE), ["w1", "w2", "w3"])
-    spread = recorded_deviation(q, noise, mode)
-    tables = [pd.DataFrame(grid | {"source": "recorded", "error": 0.0} | {f"s{j + 1}": spread[:, j] for j in range(3)})]
-    for model in models:
-        moments = contracts.read("moments", SIMULATE / model)
-        error = np.linalg.norm(moments[["m1", "m2", "m3"]].to_numpy() - mean, axis=1)
-        tables.append(moments[["k", "t", "s1", "s2", "s3"]].assign(source=model, error=error))
-    return pd.concat(tables, ignore_index=True)
-
-
-def _motion_metrics(deviation: pd.DataFrame, models: list[str]) -> dict:
-    # at k = 0 nothing has moved yet
-    by_source = {source: rows[rows.k > 0] for source, rows in deviation.groupby("source")}
-    errors = {model: by_source[model]["error"].to_numpy() for model in models}
-    return spread_scores({source: rows[["s1", "s2", "s3"]].to_numpy() for source, rows in by_source.items()}, errors)
-
-
-def _filter_errors(model: str, joints: pd.DataFrame) -> pd.DataFrame:
-    posterior = contracts.read("posterior", FILTER / model).merge(joints[["take", "k", *JOINTS]], on=["take", "k"])
-    errors = {f"e{j}": posterior[f"m{j}"] - posterior[f"q{j}"] for j in (1, 2, 3)}
-    spread = {f"s{j}": np.sqrt(posterior[f"c{j}{j}"]) for j in (1, 2, 3)}
-    return posterior[["take", "part", "k", "t"]].assign(model=model, **errors, **spread)
-
-
-def _by_take(errors: pd.DataFrame) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Error and bound (takes, K, 3) of every filter, in rad."""
-    by_model = dict(list(errors.groupby("model", sort=False)))
-    error, bound = (
-        {model: contracts.stacked(rows, [f"{name}{j}" for j in (1, 2, 3)])[1] for model, rows in by_model.items()} for name in "es"
+def _score_motion(models, names, joints, settings, folder: Path, tables: Path) -> None:
+    """Mean error and standard deviation over time of every model beside what was recorded."""
+    _, q = contracts.stacked(joints[joints.part == "training"], "q")
+    _, noise = contracts.stacked(contracts.read("process_noise", TRACK), "w")
+    recorded, mode = (
+        recorded_deviation(q, noise, settings.simulation.mode),
+        settings.simulation.mode,
     )
-    return error, bound
-
-
-def _spread_comparison(models: list[str], deviation: pd.DataFrame, seed: int) -> pd.DataFrame:
-    """Whether the models' standard deviations of one step follow the recorded one, which varies with the takes."""
-    _, noise = contracts.stacked(contracts.read("process_noise", NOISE), ["w1", "w2", "w3"])
-    std = {source: rows.loc[rows.k > 0, ["s1", "s2", "s3"]].to_numpy() for source, rows in deviation.groupby("source")}
-    return resampled_differences(spread_quantities(std, noise), models, len(noise), rng.stream(seed, "score.spread"))
-
-
-def _step_scores(model: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """The scores (takes, M) of every step of the takes that ``model`` was to predict, and which steps (M,) were commanded to move."""
-    table = contracts.read("one_step_scores", EVALUATE / model)
-    columns = [name for name in table.columns if name not in TAKE | STEP]
-    values = dict(zip(columns, np.moveaxis(contracts.stacked(table.astype({"moving": float}), columns)[1], -1, 0), strict=True))
-    return values, values["moving"].all(axis=0)
-
-
-def _one_step_scores(models: list[str]) -> dict[str, dict[str, Scores]]:
-    """Every model's predictions of one step: of all steps, of those that were to move, and of these by how well the arm is conditioned."""
-    by_model, moving = {}, {}
+    rows, errors, std = [], {}, {"recorded": recorded}
     for model in models:
-        by_model[model], moving[model] = _step_scores(model)
-    groups = {"all": np.ones_like(moving[models[0]]), "moving": moving[models[0]]}
-    norms = by_model[models[0]]["inverse_norm"].mean(axis=0)
-    ends = np.quantile(norms[groups["moving"]], [0, 1 / 3, 2 / 3, 1])
-    for name, low, high in zip(("least", "middle", "greatest"), ends, ends[1:], strict=False):
-        third = groups["moving"] & (low <= norms) & ((norms < high) | (high == ends[-1]))
-        groups[f"moving, {name} third of ‖J⁻¹‖: {low:.3g} to {high:.3g}"] = third
-    return {
-        name: {
-            model: prediction_scores({score: values[:, steps] for score, values in scores.items()}, moving=name != "all")
-            for model, scores in by_model.items()
+        moments = contracts.read("moments", FIT / model)
+        errors[model] = np.linalg.norm(values(moments, "m") - q.mean(axis=0), axis=1)
+        std[model] = values(moments, "s")
+    for source, deviation in std.items():
+        step = {"k": moments["k"], "t": moments["t"], "source": source}
+        step |= {"error": errors.get(source, 0.0)} | spread("s", names, deviation)
+        rows.append(pd.DataFrame(step))
+    deviation = pd.concat(rows, ignore_index=True)
+    contracts.write(deviation, "deviation", folder)
+    deviation.to_csv(tables / "deviation.csv", index=False)
+    # at k = 0 nothing has moved yet
+    std = {source: deviation[1:] for source, deviation in std.items()}
+    errors = {model: error[1:] for model, error in errors.items()}
+    contracts.write_metrics(spread_scores(std, errors, names), METRICS / "motion.json")
+    if mode == "one_step":
+        quantities = spread_quantities(std, noise, names)
+        stream = rng.stream(settings.seed, "score.spread")
+        table = resampled_differences(quantities, models, len(noise), stream)
+        table.to_csv(tables / "spread_comparison.csv", index=False)
+
+
+def _score_filters(models, names, joints, settings, folder: Path, tables: Path) -> None:
+    """Errors and bounds of every filter, and its posterior as a law of the measured pose."""
+    metrics = {}
+    filtered = [model for model in models if contracts.exists("posterior", FILTER / model)]
+    if filtered:
+        measured = joints[["take", "k", *columns("q", names)]]
+        posteriors = {
+            model: contracts.read("posterior", FILTER / model).merge(measured, on=["take", "k"])
+            for model in filtered
         }
-        for name, steps in groups.items()
-    }
+        errors, error, bound = [], {}, {}
+        for model, posterior in posteriors.items():
+            error[model] = _by_take(posterior, values(posterior, "m") - values(posterior, "q"))
+            variance = posterior[[f"c:{name}:{name}" for name in names]].to_numpy()
+            bound[model] = _by_take(posterior, np.sqrt(variance))
+            step = posterior[["take", "part", "k", "t"]].assign(model=model)
+            each = spread("e", names, error[model]) | spread("s", names, bound[model])
+            errors.append(step.assign(**each))
+        contracts.write(pd.concat(errors, ignore_index=True), "filter_error", folder)
+        scores = filter_scores(error, bound, names)
+        scores.to_csv(tables / "filter_scores.csv", index=False)
+        metrics = filter_metrics(scores)
+        stream = rng.stream(settings.seed, "score.bounds")
+        takes = len(error[filtered[0]])
+        quantities = bound_quantities(error, bound, names)
+        followed = resampled_differences(quantities, filtered, takes, stream)
+        followed.to_csv(tables / "bound_comparison.csv", index=False)
+        pose = _pose_covariance(settings)
+        laws = {
+            model: _posterior_scores(model, error[model], posterior, pose, names)
+            for model, posterior in posteriors.items()
+        }
+        compared(laws).to_csv(tables / "filter_comparison.csv", index=False)
+    contracts.write_metrics(metrics, METRICS / "filter.json")
 
 
-def _by_steps(rows: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    return pd.concat(rows, names=["steps"]).reset_index("steps")
+def _by_take(rows: pd.DataFrame, array: np.ndarray) -> np.ndarray:
+    """(takes, K, n) of ``array`` (rows, n)."""
+    return array.reshape(rows["take"].nunique(), -1, array.shape[-1])
 
 
-def _posterior_scores(models: list[str], joints: pd.DataFrame) -> dict[str, Scores]:
-    """Scores of every filter's posterior as a normal law of the pose that the motion capture measures, over the steps of each take.
-
-    To each posterior half the covariance at rest is added: ω holds the noise of two poses, a measured pose that of one.
+def _pose_covariance(settings) -> np.ndarray:
+    """(n, n) rad², noise of one measured pose: half the covariance at rest, as ω holds the noise of
+    two.
     """
-    v = contracts.read("trajectory", INGEST)[["vx", "vz", "vphi"]].to_numpy()[:-1]
-    _, noise = contracts.stacked(contracts.read("process_noise", NOISE), ["w1", "w2", "w3"])
+    trajectory = contracts.read("trajectory", INGEST / "motion")
+    _, noise = contracts.stacked(contracts.read("process_noise", TRACK), "w")
     try:
-        of_pose = measurement_covariance(noise, v) / 2
+        v = commanded_steps(trajectory, settings.dataset.motion.rate)
+        return measurement_covariance(noise, v) / 2
     except ModelDomainError as error:
         print(f"score: no measurement noise is added to the filters' posteriors: {error}")
-        of_pose = np.zeros((3, 3))
-    return {model: _of_posterior(model, joints, of_pose) for model in models}
+        return np.zeros((noise.shape[-1],) * 2)
 
 
-def _of_posterior(model: str, joints: pd.DataFrame, of_pose: np.ndarray) -> Scores:
-    posterior = contracts.read("posterior", FILTER / model).merge(joints[["take", "k", *JOINTS]], on=["take", "k"])
-    entries = [f"c{min(i, j)}{max(i, j)}" for i in (1, 2, 3) for j in (1, 2, 3)]
-    error = contracts.stacked(posterior, ["m1", "m2", "m3"])[1] - contracts.stacked(posterior, list(JOINTS))[1]
-    scores, refused = posterior_scores(error, contracts.stacked(posterior, entries)[1].reshape(*error.shape, 3) + of_pose)
+def _posterior_scores(
+    model: str, error: np.ndarray, posterior: pd.DataFrame, pose: np.ndarray, names: list[str]
+) -> Scores:
+    """Scores of a filter's posterior as a normal law of the pose that the motion capture measures,
+    over the steps of each take.
+    """
+    covariance = matrices(posterior, "c", names).reshape(*error.shape, len(names)) + pose
+    scores, refused = posterior_scores(error, covariance, names)
     if refused:
         print(f"score: the posterior of {model} is not scored as a normal law: {refused}")
     return scores
 
 
-def _quality(tables: Path) -> dict:
-    """Totals over the takes of what the instruments lost and what was repaired."""
-    records = [contracts.read("quality", folder) for folder in (INGEST, TRACK) if contracts.exists("quality", folder)]
-    quality = pd.concat(records, ignore_index=True)
-    summary = quality.groupby(["instrument", "quantity", "unit"])["value"].agg(["sum", "mean", "min", "max"]).reset_index()
+def _quality(tables: Path) -> dict[str, float]:
+    """What the instruments lost and what was repaired, summed up over the takes."""
+    folders = [*sorted(INGEST.iterdir()), TRACK]
+    records = [contracts.read("quality", p) for p in folders if contracts.exists("quality", p)]
+    summary = quality.summarised(pd.concat(records, ignore_index=True))
     summary.to_csv(tables / "recording_quality.csv", index=False)
-    counted = summary[summary["unit"] == "1"]
-    name = counted["instrument"].str.replace(" ", "_") + "_" + counted["quantity"]
-    return dict(zip(name, counted["sum"], strict=True))
+    return quality.metrics(summary)
 
 
-def _side_by_side(takes: pd.DataFrame) -> pd.DataFrame:
-    """One row a take: what tells how good it is, whether it is left out, and why."""
-    unit = takes["unit"].map(lambda unit: "" if unit in ("1", "share") else f" ({unit})")
-    found = takes["value"].map("{:.3g}".format) + " beyond " + takes["limit"].map("{:g}".format)
-    reasons = (takes["measure"] + " " + found)[takes["beyond"]].groupby(takes["take"]).agg("; ".join)
-    columns = list(dict.fromkeys(takes["measure"] + unit))
-    wide = takes.assign(column=takes["measure"] + unit).pivot(index="take", columns="column", values="value")[columns]
-    order = takes.drop_duplicates("take").set_index("take")[["part", "left_out"]]
-    return order[["part"]].join(wide).assign(left_out=order["left_out"], reason=reasons).reset_index()
-
-
-def _kinect() -> dict:
+def _kinect(names: list[str]) -> dict[str, float]:
     """The scores of the depth camera's noise, where there is one."""
-    if not contracts.exists("kinect_noise", NOISE):
+    if not contracts.exists("kinect_noise", ARTICULATE):
         return {}
-    noise = contracts.read("kinect_noise", NOISE)
-    of_all = noise[noise["take"] == "none"]
-    bias, variance = (of_all[columns].to_numpy() for columns in (["b1", "b2", "b3"], ["r11", "r22", "r33"]))
-    return sensor_scores(bias, variance, noise["take"].nunique() - 1)
+    noise = contracts.read("kinect_noise", ARTICULATE)
+    everywhere = noise[noise["take"] == "none"]
+    variance = np.diagonal(matrices(everywhere, "r", names), axis1=1, axis2=2)
+    return sensor_scores(values(everywhere, "b"), variance, noise["take"].nunique() - 1, names)
 
 
-def _truth(joints: pd.DataFrame, truth: Path) -> dict:
-    """How far the measured joint angles are off the true ones, which only a synthetic dataset has."""
+def _truth(joints: pd.DataFrame, names: list[str], settings) -> dict[str, float]:
+    """How far measured joint angles are off the true ones, which synthetic datasets alone have."""
+    truth = _truth_of(settings.dataset)
     if not contracts.exists("true_joints", truth):
         return {}
-    both = joints.merge(contracts.read("true_joints", truth), on=["take", "k"], suffixes=("", "_true"))
-    error = both[list(JOINTS)].to_numpy() - both[[f"{q}_true" for q in JOINTS]].to_numpy()
-    metrics = {f"tracking_bias_q{j + 1}_rad": error[:, j].mean() for j in range(3)}
-    return metrics | {f"tracking_std_q{j + 1}_rad": error[:, j].std() for j in range(3)}
+    both = joints.merge(
+        contracts.read("true_joints", truth), on=["take", "k"], suffixes=("", ":true")
+    )
+    true = both[[f"{column}:true" for column in columns("q", names)]].to_numpy()
+    error = dict(zip(names, (both[columns("q", names)].to_numpy() - true).T, strict=True))
+    bias = {f"tracking_bias_{name}_rad": values.mean() for name, values in error.items()}
+    return bias | {f"tracking_std_{name}_rad": values.std() for name, values in error.items()}
+
+
+def _truth_of(dataset) -> Path:
+    """Where a synthetic dataset has the truth."""
+    return Path(dataset.recordings).parent / "truth"
+
+
+def _wrench_study() -> pd.DataFrame:
+    """Mean and greatest error of the study by number of cables, and where 95 % of the repeats have
+    the greatest, which is a random number.
+    """
+    errors = contracts.read("wrench_errors", WRENCH).groupby("agents")["error"]
+    maxima = contracts.read("wrench_spread", WRENCH).groupby("agents")["maximum"]
+    ends = {"max_low": maxima.quantile(0.025), "max_high": maxima.quantile(0.975)}
+    return errors.agg(["mean", "max"]).assign(**ends).reset_index()
+
+
+def _write_evidence(settings) -> None:
+    """Every metric and every short table of the run in one committed file."""
+    models = {name: options.kind for name, options in settings.models.items()}
+    stems = [f"{stage}_{model}" for stage in ("fit", "simulate", "filter") for model in models]
+    files = {
+        stem: METRICS / f"{stem}.json" for stem in ("motion", "filter", "recordings", "wrench")
+    }
+    files |= {stem: METRICS / f"{stem}.json" for stem in stems}
+    metrics = {stem: json.loads(file.read_text()) for stem, file in files.items()}
+    csv = [file for file in sorted(TABLES.glob("*.csv")) if file.stem not in LONG]
+    tables = {file.stem: pd.read_csv(file) for file in csv}
+    dataset = settings.dataset
+    here = Run(
+        dataset=dataset.name,
+        scale=settings.scale.name,
+        # a synthetic dataset alone has a table of what is true
+        synthetic=contracts.exists("true_joints", _truth_of(dataset)),
+        joints=list(dataset.robot.joints),
+        models=models,
+        metrics=metrics,
+        tables=tables,
+    )
+    DATASETS.mkdir(parents=True, exist_ok=True)
+    contracts.write_text(here.to_json(), DATASETS / f"{dataset.name}.json")

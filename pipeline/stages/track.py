@@ -1,17 +1,25 @@
-"""track: markers (or the controller's own log) → measured joint angles, the ground truth of everything that follows."""
+"""track: markers (or the controller's own log) → measured joint angles, the ground truth of
+everything that follows, and what the motion does beyond the commanded steps (Eq. OmgReal).
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pipeline import config, contracts
-from pipeline.arm.model import load_arm
-from pipeline.errors import ConfigError
+from pipeline.arm.model import arm_of
+from pipeline.core import config, contracts
+from pipeline.core.columns import spread
+from pipeline.core.compute.trials import run_trials
+from pipeline.core.errors import ConfigError, SingularJacobianError
+from pipeline.models.noise import process_noise
 from pipeline.perception.markers import JointTrack, track_rows
+from pipeline.recordings import depth_camera
+from pipeline.recordings.commands import commanded_steps
 from pipeline.recordings.limits import beside_limits, reasons, require_enough
 from pipeline.recordings.quality import quality_row
 
@@ -19,56 +27,95 @@ INGEST, OUT = Path("data/ingest"), Path("data/track")
 
 
 def run() -> None:
-    """Joint angles of every take within the limits, what was repaired to get them, and how good every take is."""
+    """Joint angles of every take within the limits, what was repaired to get them, how good every
+    take is, and the process noise of the training takes.
+    """
     settings = config.sections("track")
     dataset = settings.dataset
     limits = dict(vars(dataset.limits))
     with contracts.replacing(OUT) as folder:
-        quality = contracts.read("quality", INGEST)
+        logged = [contracts.read("quality", INGEST / part) for part in _parts(dataset)]
+        quality = pd.concat(logged, ignore_index=True)
         if dataset.mocap is None:
-            joints = contracts.read("joint_log", INGEST).assign(residual=np.nan)
-            print("track: no motion capture; the controller's log is taken for the measured joint angles")
-            source, found = "joint log", []
-            limits |= {"disturbance": dataset.joint_log.disturbed_beyond, "greatest_residual": dataset.joint_log.residual_limit}
+            joints = contracts.read("joint_log", INGEST / "motion").assign(residual=np.nan)
+            print("track: no motion capture; the controller's log is taken for the joint angles")
+            source, repairs, log = "joint log", [], dataset.joint_log
+            limits |= {
+                "disturbance": log.disturbed_beyond,
+                "greatest_residual": log.residual_limit,
+            }
         else:
             tracks = _tracks(dataset)
-            joints = pd.concat([_joint_rows(*key, track, dataset.motion.rate) for key, track in tracks.items()], ignore_index=True)
-            source, found = "motion capture", [row for key, track in tracks.items() for row in _quality_rows(*key, track)]
+            tables = [_joint_rows(*key, track, dataset) for key, track in tracks.items()]
+            joints = pd.concat(tables, ignore_index=True)
+            source = "motion capture"
+            repairs = [row for key, track in tracks.items() for row in _quality_rows(*key, track)]
             quality = quality[quality["instrument"] != "joint log"]
-        takes = beside_limits(pd.concat([quality, pd.DataFrame(found)], ignore_index=True), limits)
+            if dataset.depth is not None:
+                frames, clocks = _on_motion_clock(settings)
+                contracts.write(frames, "frames", folder)
+                repairs += clocks
+        takes = pd.concat([quality, pd.DataFrame(repairs)], ignore_index=True)
+        takes = beside_limits(takes, limits)
         require_enough(takes)
         if left_out := reasons(takes):
-            print(f"track: {len(left_out)} of {takes['take'].nunique()} takes left out: {'; '.join(left_out)}")
-        found += [quality_row(row.take, row.part, source, "left_out", row.left_out) for row in takes.drop_duplicates("take").itertuples()]
+            number = takes["take"].nunique()
+            print(f"track: {len(left_out)} of {number} takes left out: {'; '.join(left_out)}")
+        repairs += [
+            quality_row(row.take, row.part, source, "left_out", row.left_out)
+            for row in takes.drop_duplicates("take").itertuples()
+        ]
         contracts.write(takes, "takes", folder)
-        contracts.write(pd.DataFrame(found), "quality", folder)
-        contracts.write(joints[~joints["take"].isin(takes.loc[takes["left_out"], "take"])], "joints", folder)
+        contracts.write(pd.DataFrame(repairs), "quality", folder)
+        joints = joints[~joints["take"].isin(takes.loc[takes["left_out"], "take"])]
+        contracts.write(joints, "joints", folder)
+        contracts.write(_process_noise(joints, dataset), "process_noise", folder)
+
+
+def _parts(dataset) -> list[str]:
+    """Whose quality tells of the takes; a force record is no take of the motion."""
+    return ["motion", "depth"] if dataset.depth is not None else ["motion"]
+
+
+def _on_motion_clock(settings) -> tuple[pd.DataFrame, list[dict]]:
+    """The depth frames' table on the motion's clock, and how well each take's clock is known."""
+    dataset = settings.dataset
+    frames = contracts.read("frames", INGEST / "depth")
+    takes = depth_camera.with_markers(frames, contracts.read("markers", INGEST / "motion"))
+    align = partial(depth_camera.on_motion_clock, depth=dataset.depth, arm=arm_of(dataset.robot))
+    rows = list(run_trials(align, takes, compute=settings.compute, label="track: clocks"))
+    return pd.concat([table for table, _ in rows]), [row for _, more in rows for row in more]
 
 
 def _tracks(dataset) -> dict[tuple[str, str], JointTrack]:
     """By name and part of each take."""
-    robot, mocap, longest = dataset.robot, dataset.mocap, dataset.limits.longest_gap
-    arm = load_arm(robot.urdf, robot.joints, robot.tool, robot.locked)
+    mocap, longest = dataset.mocap, dataset.limits.longest_gap
+    arm = arm_of(dataset.robot)
     if longest is not None:
         if longest > mocap.max_gap:
-            message = f"a gap of {longest} frames is longer than the {mocap.max_gap} that are interpolated, dataset.mocap.max_gap"
+            message = (
+                f"a gap of {longest} frames is longer than the {mocap.max_gap} that are "
+                "interpolated, dataset.mocap.max_gap"
+            )
             raise ConfigError(message, key="dataset.limits.longest_gap")
         # a take with a longer gap is left out, and has to be followed to its end to be measured
         mocap = replace(mocap, max_gap=dataset.motion.steps)
-    takes = contracts.read("markers", INGEST).groupby(["take", "part"], sort=False)
+    markers = contracts.read("markers", INGEST / "motion")
+    takes = markers.groupby(["take", "part"], sort=False)
     return {key: track_rows(rows, mocap, arm, take=key[0]) for key, rows in takes}
 
 
-def _joint_rows(take: str, part: str, track: JointTrack, rate: float) -> pd.DataFrame:
+def _joint_rows(take: str, part: str, track: JointTrack, dataset) -> pd.DataFrame:
     k = np.arange(len(track.q))
-    angles = {f"q{j + 1}": track.q[:, j] for j in range(3)}
-    return pd.DataFrame({"take": take, "part": part, "k": k, "t": k / rate} | angles | {"residual": track.residual})
+    step = {"take": take, "part": part, "k": k, "t": k / dataset.motion.rate}
+    angles = spread("q", dataset.robot.joints, track.q)
+    return pd.DataFrame(step | angles | {"residual": track.residual})
 
 
 def _quality_rows(take: str, part: str, track: JointTrack) -> list[dict]:
     frames, samples = np.flatnonzero(np.isfinite(track.residual)), 9 * len(track.q)
     gap = int(np.diff(frames, prepend=-1, append=len(track.q)).max()) - 1
-    rows = [(name, count, "1") for name, count in track.counts.items()]
+    rows = [(name, count) for name, count in track.counts.items()]
     rows += [
         ("missing_share", track.counts["missing"] / samples, "share"),
         ("relabelled_share", track.counts["relabelled"] / samples, "share"),
@@ -76,3 +123,18 @@ def _quality_rows(take: str, part: str, track: JointTrack) -> list[dict]:
         ("residual_rms", float(np.sqrt(np.nanmean(track.residual**2))), "m"),
     ]
     return [quality_row(take, part, "motion capture", *row) for row in rows]
+
+
+def _process_noise(joints: pd.DataFrame, dataset) -> pd.DataFrame:
+    """The table ``process_noise`` of the training takes."""
+    training = joints[joints.part == "training"]
+    names, q = contracts.stacked(training, "q")
+    v = commanded_steps(contracts.read("trajectory", INGEST / "motion"), dataset.motion.rate)
+    try:
+        noise = process_noise(arm_of(dataset.robot).chain, q, v)
+    except SingularJacobianError as error:
+        take, k = error.evidence["index"]
+        where = {"take": names[take], "step": k, "q": error.evidence["q"]}
+        raise SingularJacobianError(error.message, **where) from None
+    rows = training.loc[training.k > 0, ["take", "part", "k", "t"]]
+    return rows.assign(**spread("w", dataset.robot.joints, noise))

@@ -11,17 +11,23 @@ def root_mean_square(values: np.ndarray) -> float:
 
 
 def correlation(a: np.ndarray, b: np.ndarray) -> float:
-    """Pearson's correlation of ``a`` and ``b`` (K,); 0 where one of them is constant, and so follows nothing."""
+    """Pearson's correlation of ``a`` and ``b`` (K,); 0 where one of them is constant, and so
+    follows nothing.
+    """
     if np.ptp(a) == 0 or np.ptp(b) == 0:
         return 0.0
     return float(np.corrcoef(a, b)[0, 1])
 
 
 def coverage(error: np.ndarray, bound: np.ndarray) -> float:
-    """Share of ``error`` within ± ``bound``, both of one shape; 0.683 for a calibrated normal error and its standard deviation."""
+    """Share of ``error`` within ± ``bound``, both of one shape; 0.683 for a calibrated normal error
+    and its standard deviation.
+    """
     return float(np.mean(np.abs(error) <= bound))
 
 
 def variation(values: np.ndarray) -> float:
-    """Coefficient of variation of ``values`` (K,) over time, standard deviation over mean; 0 where they are constant."""
+    """Coefficient of variation of ``values`` (K,) over time, standard deviation over mean; 0 where
+    they are constant.
+    """
     return float(values.std() / values.mean()) if np.ptp(values) else 0.0

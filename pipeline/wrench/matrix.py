@@ -1,4 +1,5 @@
-"""The random-matrix wrench model: W = S·T with a matrix-variate normal static Jacobian S and a normal actuation T.
+"""The random-matrix wrench model: W = S·T with a matrix-variate normal static Jacobian S and a
+normal actuation T.
 
 S ~ N(S̲, Σ_S ⊗ Ψ_S) and T ~ N(T̲, Σ_T) are independent.
 """
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.errors import ModelDomainError
+from pipeline.core.errors import ModelDomainError
 from pipeline.wrench.parametric import CableSystem
 
 FORMS = ("diagonal", "full")  # of Σ_S, see optimal_sigma_s
@@ -17,7 +18,9 @@ FORMS = ("diagonal", "full")  # of Σ_S, see optimal_sigma_s
 
 @dataclass(frozen=True)
 class MatrixModel:
-    """All of the model but Σ_S, for one system or an array of them: n wrench components, m actuators."""
+    """All of the model but Σ_S, for one system or an array of them: n wrench components, m
+    actuators.
+    """
 
     jacobian: np.ndarray  # S̲ (..., n, m)
     actuation: np.ndarray  # T̲ (..., m), N
@@ -38,46 +41,53 @@ class MatrixModel:
 
 
 def matrix_model(system: CableSystem) -> MatrixModel:
-    """The model of planar cables that meet in one point (n = 2): S̲ has the cosines and sines of the nominal directions as rows.
+    """The model of planar cables that meet in one point (n = 2): S̲ has the cosines and sines of
+    the nominal directions as rows.
 
-    Eq. (static-jacobian) at the means.
-    As in the paper S̲ stands at θ̲, not at E[S] = A(κ)·S̲, which differs from it by 1/(2κ); Ψ_S = I, as the directions are independent.
+    Eq. (static-jacobian) at the means. As in the paper S̲ stands at θ̲, not at E[S] = A(κ)·S̲,
+    which differs from it by 1/(2κ); Ψ_S = I, as the directions are independent.
     """
     identity = np.eye(system.tension.shape[-1])
     jacobian = np.stack([np.cos(system.direction), np.sin(system.direction)], axis=-2)
-    return MatrixModel(jacobian, system.tension, system.tension_sd[..., None] ** 2 * identity, identity)
-
-
-def expected_wrench(model: MatrixModel) -> np.ndarray:
-    """E[W] = S̲·T̲ in N, (..., n)."""
-    return np.einsum("...nm,...m->...n", model.jacobian, model.actuation)
+    return MatrixModel(
+        jacobian, system.tension, system.tension_sd[..., None] ** 2 * identity, identity
+    )
 
 
 def wrench_covariance(model: MatrixModel, sigma_s: np.ndarray) -> np.ndarray:
-    """Cov(W) = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}·Σ_S + S̲Σ_TS̲ᵀ in N², (..., n, n): Eqs. (TorqCov)–(CovWNonPar); ``sigma_s`` Σ_S (..., n, n)."""
+    """Cov(W) = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}·Σ_S + S̲Σ_TS̲ᵀ in N², (..., n, n): Eqs. (TorqCov)–(CovWNonPar);
+    ``sigma_s`` Σ_S (..., n, n).
+    """
     return model.spread()[..., None, None] * sigma_s + model.actuation_part()
 
 
 def unbounded_sigma_s(model: MatrixModel, covariance: np.ndarray) -> np.ndarray:
-    """M = (Cov(F) − S̲Σ_TS̲ᵀ)/tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, (..., n, n): the Σ_S with which Cov(W) is ``covariance`` (..., n, n) in N².
+    """M = (Cov(F) − S̲Σ_TS̲ᵀ)/tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, (..., n, n): the Σ_S with which Cov(W) is
+    ``covariance`` (..., n, n) in N².
 
-    It may have negative eigenvalues: S̲ stands at the nominal directions, so S̲Σ_TS̲ᵀ overstates what the tensions cause along a cable.
-    Raises ModelDomainError where there is neither actuation nor variance of it.
+    It may have negative eigenvalues: S̲ stands at the nominal directions, so S̲Σ_TS̲ᵀ overstates
+    what the tensions cause along a cable. Raises ModelDomainError where there is neither actuation
+    nor variance of it.
     """
     spread = model.spread()
     if np.any(spread <= 0):
-        raise ModelDomainError("Σ_S does not exist for cables without tension: tr{(Σ_T + TTᵀ)Ψ} must be positive")
+        raise ModelDomainError(
+            "Σ_S does not exist for cables without tension: tr{(Σ_T + TTᵀ)Ψ} must be positive"
+        )
     return (covariance - model.actuation_part()) / spread[..., None, None]
 
 
 def optimal_sigma_s(unbounded: np.ndarray, form: str) -> tuple[np.ndarray, np.ndarray]:
-    """The optimal Σ_S ≥ 0 (..., n, n), and how many of its eigenvalues the bound holds at 0 (...); ``unbounded`` M (..., n, n).
+    """The optimal Σ_S ≥ 0 (..., n, n), and how many of its eigenvalues the bound holds at 0 (...);
+    ``unbounded`` M (..., n, n).
 
-    ``form`` "diagonal" is Eq. (SigSOptim), which compares variances alone: with ‖diag Cov(W) − Var(F)‖ = c·‖diag Σ_S − diag M‖,
-    c = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, each entry is solved alone: max(0, Mᵢᵢ). "full" is the paper's modification, its objective augmented
-    with the covariance to ‖Cov(W) − Cov(F)‖_F = c·‖Σ_S − M‖_F, in which the covariance counts twice, as it stands twice in the matrix.
-    Its optimum is the projection of M on the cone of positive semidefinite matrices: the eigenvectors stay and negative eigenvalues
-    become 0 (Higham 1988). Of a diagonal matrix that is the diagonal problem's max. Where nothing is held Σ_S is M, whatever the weights.
+    ``form`` "diagonal" is Eq. (SigSOptim), which compares variances alone: with ‖diag Cov(W) −
+    Var(F)‖ = c·‖diag Σ_S − diag M‖, c = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, each entry is solved alone: max(0,
+    Mᵢᵢ). "full" is the paper's modification, its objective augmented with the covariance to ‖Cov(W)
+    − Cov(F)‖_F = c·‖Σ_S − M‖_F, in which the covariance counts twice, as it stands twice in the
+    matrix. Its optimum is the projection of M on the cone of positive semidefinite matrices: the
+    eigenvectors stay and negative eigenvalues become 0 (Higham 1988). Of a diagonal matrix that is
+    the diagonal problem's max. Where nothing is held Σ_S is M, whatever the weights.
     """
     target = unbounded if form == "full" else unbounded * np.eye(unbounded.shape[-1])
     values, vectors = np.linalg.eigh(target)
@@ -86,19 +96,27 @@ def optimal_sigma_s(unbounded: np.ndarray, form: str) -> tuple[np.ndarray, np.nd
     return np.where(held[..., None, None] > 0, projected, target), held
 
 
-def sample_wrenches(model: MatrixModel, sigma_s: np.ndarray, samples: int, rng: np.random.Generator) -> np.ndarray:
-    """``samples`` independent wrenches W = S·T, Eq. (wrench), of one system in N, (samples, n); ``sigma_s`` Σ_S (n, n).
+def sample_wrenches(
+    model: MatrixModel, sigma_s: np.ndarray, samples: int, rng: np.random.Generator
+) -> np.ndarray:
+    """``samples`` independent wrenches W = S·T, Eq. (wrench), of one system in N, (samples, n);
+    ``sigma_s`` Σ_S (n, n).
 
-    Given T the product S·T is exactly N(S̲T, (TᵀΨ_ST)·Σ_S), so n normals stand for the n·m of the matrix. Raises ModelDomainError for a
-    Σ_T or Σ_S that is no covariance.
+    Given T the product S·T is exactly N(S̲T, (TᵀΨ_ST)·Σ_S), so n normals stand for the n·m of the
+    matrix. Raises ModelDomainError for a Σ_T or Σ_S that is no covariance.
     """
     for name, covariance in (("Σ_T", model.actuation_cov), ("Σ_S", sigma_s)):
         eigenvalues = np.linalg.eigvalsh(covariance)
-        if not np.allclose(covariance, np.transpose(covariance)) or eigenvalues[0] < -1e-9 * abs(eigenvalues[-1]):
+        if not np.allclose(covariance, np.transpose(covariance)) or eigenvalues[0] < -1e-9 * abs(
+            eigenvalues[-1]
+        ):
             raise ModelDomainError(
-                f"{name} is no covariance: it must be symmetric without negative eigenvalues", eigenvalues=eigenvalues.tolist()
+                f"{name} is no covariance: it must be symmetric without negative eigenvalues",
+                eigenvalues=eigenvalues.tolist(),
             )
-    actuation = rng.multivariate_normal(model.actuation, model.actuation_cov, samples, method="eigh")
+    actuation = rng.multivariate_normal(
+        model.actuation, model.actuation_cov, samples, method="eigh"
+    )
     noise = rng.multivariate_normal(np.zeros(len(sigma_s)), sigma_s, samples, method="eigh")
     scale = np.sqrt(np.einsum("ki,ij,kj->k", actuation, model.psi, actuation))
     return actuation @ model.jacobian.T + scale[:, None] * noise

@@ -1,7 +1,8 @@
-"""The parametric force model: tensions are normal, cable directions von Mises, everything independent.
+"""The parametric force model: tensions are normal, cable directions von Mises, everything
+independent.
 
-Planar cables that meet in one point pull with F = Σᵢ Tᵢ·(cos θᵢ, sin θᵢ), Tᵢ ~ N(T̲ᵢ, σ_Tᵢ²), θᵢ ~ vM(θ̲ᵢ, κᵢ). The concentration κ is what
-the paper writes σ_θ: the larger, the narrower.
+Planar cables that meet in one point pull with F = Σᵢ Tᵢ·(cos θᵢ, sin θᵢ), Tᵢ ~ N(T̲ᵢ, σ_Tᵢ²), θᵢ ~
+vM(θ̲ᵢ, κᵢ). The concentration κ is what the paper writes σ_θ: the larger, the narrower.
 """
 
 from __future__ import annotations
@@ -11,12 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import i0e, i1e
 
-from pipeline.errors import ModelDomainError
+from pipeline.core.errors import ModelDomainError
 
 
 @dataclass(frozen=True)
 class CableSystem:
-    """One planar cable system, or an array of them: every field has shape (..., m), m the number of cables."""
+    """One planar cable system, or an array of them: every field has shape (..., m), m the number of
+    cables.
+
+    Its force is that of Eq. (WrenchStatEq), the directions those of Eq. (vMis).
+    """
 
     tension: np.ndarray  # T̲, N
     direction: np.ndarray  # θ̲, rad, from the platform along the cable
@@ -27,7 +32,10 @@ class CableSystem:
         for name in ("tension", "direction", "tension_sd", "concentration"):
             values = np.asarray(getattr(self, name), dtype=float)
             if values.ndim == 0 or values.shape != np.shape(self.tension):
-                raise ModelDomainError(f"{name} {values.shape} and tension {np.shape(self.tension)} must have one shape, (..., cables)")
+                raise ModelDomainError(
+                    f"{name} {values.shape} and tension {np.shape(self.tension)} must have one "
+                    "shape, (..., cables)"
+                )
             if not np.isfinite(values).all():
                 raise ModelDomainError(f"{name} has values that are not finite")
             object.__setattr__(self, name, values)
@@ -43,14 +51,9 @@ def mean_resultant_length(concentration: np.ndarray) -> np.ndarray:
     return i1e(concentration) / i0e(concentration)
 
 
-def force_mean(system: CableSystem) -> np.ndarray:
-    """E[F] = Σᵢ A(κᵢ)·T̲ᵢ·(cos θ̲ᵢ, sin θ̲ᵢ) in N, (..., 2): shorter than the nominal force S̲T̲ by the spread of the directions."""
-    pull = mean_resultant_length(system.concentration) * system.tension
-    return np.stack([np.sum(pull * np.cos(system.direction), axis=-1), np.sum(pull * np.sin(system.direction), axis=-1)], axis=-1)
-
-
 def force_covariance(system: CableSystem) -> np.ndarray:
-    """Cov(F) in N², (..., 2, 2): Eqs. (kapF11) and (kapF22) on the diagonal, and the covariance that the paper leaves out.
+    """Cov(F) in N², (..., 2, 2): Eqs. (kapF11) and (kapF22) on the diagonal, and the covariance
+    that the paper leaves out.
 
     Off the diagonal each cable gives ½·sin 2θ̲·(ā − 2b̄), with the paper's ā and b̄.
     """
@@ -63,14 +66,3 @@ def force_covariance(system: CableSystem) -> np.ndarray:
     yy = np.sum(a * np.sin(system.direction) ** 2 + b * cos2, axis=-1)
     xy = np.sum(np.sin(2 * system.direction) * (a - 2 * b) / 2, axis=-1)
     return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2)
-
-
-def sample_forces(system: CableSystem, samples: int, rng: np.random.Generator) -> np.ndarray:
-    """``samples`` independent forces of the parametric model in N, (samples, ..., 2).
-
-    The forces of Eq. (WrenchStatEq) with directions of Eq. (vMis); cables that meet in one point have no moment.
-    """
-    shape = (samples, *system.tension.shape)
-    tension = rng.normal(system.tension, system.tension_sd, shape)
-    direction = rng.vonmises(np.zeros(shape), system.concentration) + system.direction
-    return np.stack([np.sum(tension * np.cos(direction), axis=-1), np.sum(tension * np.sin(direction), axis=-1)], axis=-1)

@@ -1,4 +1,6 @@
-"""A third robot: a gantry arm that turns about x, with sliding and fixed joints below, within and beyond its planar chain."""
+"""A third robot: a gantry arm that turns about x, with sliding and fixed joints below, within and
+beyond its planar chain.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from pipeline.arm.model import load_arm
-from pipeline.errors import ConfigError
+from pipeline.core.errors import ConfigError
 
 JOINTS = ["shoulder", "elbow", "wrist"]
 LOCKED = {"carriage": 0.35, "telescope": 0.08, "turret": 0.9}  # m, m, rad
@@ -15,8 +17,21 @@ LOCKED = {"carriage": 0.35, "telescope": 0.08, "turret": 0.9}  # m, m, rad
 
 @pytest.fixture(scope="module")
 def urdf(tmp_path_factory):
-    """Carriage (slides), turret (about z), shoulder (−x), telescope (slides), elbow (+x), plate (fixed), wrist (+x), finger and flange."""
-    links = ["rail", "slide", "tower", "upper", "rod", "fore", "bracket", "hand", "finger", "flange"]
+    """Carriage (slides), turret (about z), shoulder (−x), telescope (slides), elbow (+x), plate
+    (fixed), wrist (+x), finger and flange.
+    """
+    links = [
+        "rail",
+        "slide",
+        "tower",
+        "upper",
+        "rod",
+        "fore",
+        "bracket",
+        "hand",
+        "finger",
+        "flange",
+    ]
     joints = [
         ("carriage", "prismatic", "rail", "slide", "0 0 0.2", "0 0 0", "0 1 0"),
         ("turret", "revolute", "slide", "tower", "0.1 0 0.3", "0 0 0", "0 0 1"),
@@ -30,7 +45,11 @@ def urdf(tmp_path_factory):
     ]
     lines = ['<robot name="gantry">', *(f'<link name="{link}"/>' for link in links)]
     for name, kind, parent, child, xyz, rpy, axis in joints:
-        moving = f'<axis xyz="{axis}"/><limit lower="-1.5" upper="1.4" velocity="1" effort="1"/>' if axis else ""
+        moving = (
+            f'<axis xyz="{axis}"/><limit lower="-1.5" upper="1.4" velocity="1" effort="1"/>'
+            if axis
+            else ""
+        )
         ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{xyz}" rpy="{rpy}"/>'
         lines.append(f'<joint name="{name}" type="{kind}">{ends}{moving}</joint>')
     file = tmp_path_factory.mktemp("gantry") / "gantry.urdf"
@@ -53,14 +72,21 @@ def test_the_chain_is_the_whole_robots_wherever_the_other_joints_are_held(urdf):
         start = start or place
         x, z, phi = arm.chain.pose(q)
         across = arm.to_plane(start.translation)[1]
-        np.testing.assert_allclose(arm.to_base(np.array([x, across, z])), place.translation, atol=1e-12)
+        np.testing.assert_allclose(
+            arm.to_base(np.array([x, across, z])), place.translation, atol=1e-12
+        )
         turn = pin.AngleAxis(phi, arm.rotation[:, 1]).toRotationMatrix()
         np.testing.assert_allclose(turn @ start.rotation, place.rotation, atol=1e-12)
 
 
 def test_a_held_sliding_joint_within_the_chain_makes_a_link_longer(urdf):
-    short, long = (load_arm(urdf, JOINTS, "flange", LOCKED | {"telescope": extent}).chain.lengths for extent in (0.0, 0.08))
-    np.testing.assert_allclose(long - short, [np.hypot(0.01, 0.38) - np.hypot(0.01, 0.3), 0, 0], atol=1e-12)
+    short, long = (
+        load_arm(urdf, JOINTS, "flange", LOCKED | {"telescope": extent}).chain.lengths
+        for extent in (0.0, 0.08)
+    )
+    np.testing.assert_allclose(
+        long - short, [np.hypot(0.01, 0.38) - np.hypot(0.01, 0.3), 0, 0], atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,6 @@
-"""The UR5's URDF against the Denavit-Hartenberg values it was made from, and the planar chain against Pinocchio."""
+"""The UR5's URDF against the Denavit-Hartenberg values it was made from, and the planar chain
+against Pinocchio.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ def dh(q: np.ndarray) -> list[np.ndarray]:
     frames, frame = [], np.eye(4)
     for angle, d, a, twist in zip(q, D, A, TWIST, strict=True):
         c, s, ct, st = np.cos(angle), np.sin(angle), np.cos(twist), np.sin(twist)
-        frame = frame @ np.array([[c, -s * ct, s * st, a * c], [s, c * ct, -c * st, a * s], [0, st, ct, d], [0, 0, 0, 1]])
+        frame = frame @ np.array(
+            [[c, -s * ct, s * st, a * c], [s, c * ct, -c * st, a * s], [0, st, ct, d], [0, 0, 0, 1]]
+        )
         frames.append(frame)
     return frames
 
@@ -54,7 +58,8 @@ def test_the_wrist_centre_moves_in_the_plane_of_the_chain_whatever_the_other_joi
         assert abs(at[1]) == pytest.approx(D[3], abs=1e-12)
         other = q + np.array([0, 0, 0, 0, 1.0, -2.0])
         moved = {
-            name: placement(full, other, name).translation - placement(full, q, name).translation for name in ("wrist_centre", "flange")
+            name: placement(full, other, name).translation - placement(full, q, name).translation
+            for name in ("wrist_centre", "flange")
         }
         np.testing.assert_allclose(moved["wrist_centre"], 0, atol=1e-12)
         # the control: the flange does leave its place
@@ -65,7 +70,9 @@ def test_the_chain_jacobian_is_pinocchio_s_seen_in_the_plane(full):
     model, data = full
     for q in POSES:
         arm = load_arm(URDF, JOINTS, "wrist_centre", {"joint_1": q[0]})
-        jacobian = pin.computeFrameJacobian(model, data, q, model.getFrameId("wrist_centre"), pin.LOCAL_WORLD_ALIGNED)[:, 1:4]
+        jacobian = pin.computeFrameJacobian(
+            model, data, q, model.getFrameId("wrist_centre"), pin.LOCAL_WORLD_ALIGNED
+        )[:, 1:4]
         x, normal, z = arm.rotation.T
         planar = np.stack([x @ jacobian[:3], z @ jacobian[:3], normal @ jacobian[3:]])
         np.testing.assert_allclose(arm.chain.jacobian(q[1:4]), planar, atol=1e-12)

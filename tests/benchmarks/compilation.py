@@ -1,6 +1,7 @@
-"""What compiled functions cost when they are first used, as reports/benchmarks/compilation.json: every stage on the smoke scale, a process
-of its own as in `dvc repro`, in a copy of the project in which nothing is compiled; stages that compile, again, and of each the median.
-``python tests/benchmarks/compilation.py FOLDER``
+"""What compiled functions cost when they are first used, as reports/benchmarks/compilation.json:
+every stage on the smoke scale, a process of its own as in `dvc repro`, in a copy of the project in
+which nothing is compiled; stages that compile, again, and of each the median. ``python
+tests/benchmarks/compilation.py FOLDER``
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from machine import machine
 from stages import HERE, plan
 
 sys.path.append(str(Path(__file__).parents[1]))
-from smoke import ROOT, copy_project, set_parameters
+from project_copy import ROOT, copy_project, set_parameters
 
 LIMIT = 20  # s
 ROUNDS = 3
@@ -32,19 +33,26 @@ def main(folder: Path) -> None:
     for number in range(ROUNDS):
         for compiled in [*folder.rglob("__pycache__")]:
             shutil.rmtree(compiled)
-        for words, found in seconds.items():
-            if number == 0 or found[0] > 0:
-                found.append(first_use(folder, words))
+        for words, result in seconds.items():
+            if number == 0 or result[0] > 0:
+                result.append(first_use(folder, words))
     stages: Counter[str] = Counter()
-    for (stage, *_), found in seconds.items():
-        stages[stage] += median(found)
-    measured = {"machine": machine(), "limit": LIMIT, "rounds": ROUNDS, "seconds": round(stages.total(), 2)}
+    for (stage, *_), result in seconds.items():
+        stages[stage] += median(result)
+    measured = {
+        "machine": machine(),
+        "limit": LIMIT,
+        "rounds": ROUNDS,
+        "seconds": round(stages.total(), 2),
+    }
     measured |= {"stages": {stage: round(time, 2) for stage, time in stages.items()}}
     (ROOT / "reports/benchmarks/compilation.json").write_text(json.dumps(measured, indent=1) + "\n")
 
 
 def first_use(folder: Path, words: tuple[str, ...]) -> float:
-    """Processor time in s that the stage and its item ``words`` take to compile what is not yet compiled."""
+    """Processor time in s that the stage and its item ``words`` take to compile what is not yet
+    compiled.
+    """
     answer = folder / "first_use.json"
     subprocess.run([sys.executable, HERE / "first_use.py", answer, *words], cwd=folder, check=True)
     return json.loads(answer.read_text())

@@ -1,9 +1,12 @@
-"""What every contest of ours with a peer needs: the peer in a process of its own interpreter, and sizes for measuring or for trying.
+"""What every contest of ours with a peer needs: the peer in a process of its own interpreter, and
+sizes for measuring or for trying.
 
-A contest is one group of pytest-benchmark, named by a sentence, of tests ``test_ours…``, ``test_PEER…`` and ``test_floor…`` (the random
-numbers alone). Each states in ``benchmark.extra_info`` its ``role`` ("ours", "peer" or "floor"), the ``items`` that one call treats, and
-where its result has a quality its ``error`` or ``objective`` (less is better); a peer and a floor also the ``target``: the ratio of its
-time an item to ours that is to be reached, for a floor that of ours to it; ours may state a ``limit`` in seconds an item.
+A contest is one group of pytest-benchmark, named by a sentence, of tests ``test_ours…``,
+``test_PEER…`` and ``test_floor…`` (the random numbers alone). Each states in
+``benchmark.extra_info`` its ``role`` ("ours", "peer" or "floor"), the ``items`` that one call
+treats, and where its result has a quality its ``error`` or ``objective`` (less is better); a peer
+and a floor also the ``target``: the ratio of its time an item to ours that is to be reached, for a
+floor that of ours to it; ours may state a ``limit`` in seconds an item.
 """
 
 from __future__ import annotations
@@ -24,16 +27,20 @@ from peer_process import INTERPRETER, PeerProcess
 
 @pytest.fixture
 def size(benchmark: BenchmarkFixture) -> Callable[[int, int], int]:
-    """``size(measured, tried)``: the size of a problem, as it is measured by `make bench` or tried once by `make test`."""
-    # `make test` runs ours once and small, unmeasured (--benchmark-disable in pyproject.toml): a benchmark that nobody runs
-    # breaks unseen, and one that is measured beside the other tests on all cores says nothing
+    """``size(measured, tried)``: the size of a problem, as it is measured by `make bench` or tried
+    once by `make test`.
+    """
+    # `make test` runs ours once and small, unmeasured (--benchmark-disable in pyproject.toml): a
+    # benchmark that nobody runs breaks unseen, and one that is measured beside the other tests on
+    # all cores says nothing
     return lambda measured, tried: tried if benchmark.disabled else measured
 
 
 @pytest.fixture
 def peer(benchmark: BenchmarkFixture) -> Iterator[Callable[..., Callable[[], object]]]:
-    """``peer(NAME, **options)`` starts peers/NAME.py in the peers' interpreter, calls its ``setup(**options)`` there, and returns a
-    function of no arguments that calls over there what ``setup`` returned.
+    """``peer(NAME, **options)`` starts peers/NAME.py in the peers' interpreter, calls its
+    ``setup(**options)`` there, and returns a function of no arguments that calls over there what
+    ``setup`` returned.
     """
     if benchmark.disabled:
         pytest.skip("importing the peers takes seconds each; `make bench` runs them")
@@ -44,8 +51,16 @@ def peer(benchmark: BenchmarkFixture) -> Iterator[Callable[..., Callable[[], obj
 
 
 def pytest_benchmark_update_json(output_json: dict) -> None:
-    """Keep of what was measured what the report needs: no dates, no names of machines, no single rounds."""
+    """Keep of what was measured what the report needs: no dates, no names of machines, no single
+    rounds.
+    """
     kept = ("group", "name", "param", "extra_info")
-    benchmarks = [{key: one[key] for key in kept} | {"stats": {"median": one["stats"]["median"]}} for one in output_json["benchmarks"]]
+    benchmarks = [
+        {key: one[key] for key in kept} | {"stats": {"median": one["stats"]["median"]}}
+        for one in output_json["benchmarks"]
+    ]
     output_json.clear()
-    output_json |= {"machine_info": {"machine": machine(), "versions": versions()}, "benchmarks": benchmarks}
+    output_json |= {
+        "machine_info": {"machine": machine(), "versions": versions()},
+        "benchmarks": benchmarks,
+    }

@@ -1,5 +1,6 @@
-"""Processor time and memory over particles, takes, steps, frames and agents: ``python tests/benchmarks/cost_growth.py`` writes
-reports/benchmarks/cost_growth.csv and the figure of it beside it.
+"""Processor time and memory over particles, takes, steps, frames and agents: ``python
+tests/benchmarks/cost_growth.py`` writes reports/benchmarks/cost_growth.csv and the figure of it
+beside it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from tempfile import TemporaryDirectory
 
 sys.path.append(str(Path(__file__).parents[1]))
 sys.path.append(str(Path(__file__).parents[2]))
-import pipeline  # noqa: F401 - before numpy: it fixes the arithmetic
+import pipeline.core  # noqa: F401 - before numpy: it fixes the arithmetic
 
 import numpy as np  # isort: skip
 import pandas as pd
@@ -25,9 +26,9 @@ from depth_scenario import Recording, record
 from growth_figure import draw
 from scenario import ROOT, Take, take
 
-from pipeline.compute.trials import run_trials
+from pipeline.core.compute.trials import run_trials
+from pipeline.core.options.compute import Compute
 from pipeline.figures.style import save
-from pipeline.schema_compute import Compute
 from pipeline.wrench.bounds import Bounds
 from pipeline.wrench.study import run_study
 
@@ -37,7 +38,13 @@ LEAST_MEMORY = 1.0  # MB, below which the allocator decides and not the size
 # of the paper's study: T̲ in N, θ̲ in rad, σ_T in N, κ
 CABLES = Bounds((1.0, 15.0), (0.0, 2 * np.pi), (0.5, 2.0), (150.0, 2500.0))
 # the smallest size and how many there are, each twice the one before
-SIZES = {"particles": (1000, 9), "steps": (10, 9), "takes": (1, 8), "frames": (1, 7), "agents": (2, 6)}
+SIZES = {
+    "particles": (1000, 9),
+    "steps": (10, 9),
+    "takes": (1, 8),
+    "frames": (1, 7),
+    "agents": (2, 6),
+}
 
 
 def call_of(over: str, size: int, recording: Recording) -> Callable[[], object]:
@@ -50,7 +57,9 @@ def call_of(over: str, size: int, recording: Recording) -> Callable[[], object]:
             return partial(take(size).filtered, 1000, rng)
         case "takes":
             trial = partial(_filtered, motion=take(40))
-            return partial(list, run_trials(trial, range(size), compute=Compute(1), label=f"takes: {size}"))
+            return partial(
+                list, run_trials(trial, range(size), compute=Compute(1), label=f"takes: {size}")
+            )
         case "frames":
             return partial(recording.angles, size)
         case "agents":
@@ -78,7 +87,9 @@ def _answer(there: Connection, function: Callable, arguments: tuple) -> None:
 
 
 def cost(over: str, size: int, recording: Recording) -> tuple[float, float]:
-    """Processor time in s, and memory in MB at its peak beyond what was there before, of a call that is not the process's first."""
+    """Processor time in s, and memory in MB at its peak beyond what was there before, of a call
+    that is not the process's first.
+    """
     call_of(over, SIZES[over][0], recording)()
     call = call_of(over, size, recording)
     gc.collect()
@@ -108,10 +119,18 @@ def main() -> None:
         recording = in_a_process(record, Path(folder), first * 2 ** (doublings - 1))
         for over, (first, doublings) in SIZES.items():
             sizes = first * 2 ** np.arange(doublings)
-            costs = np.array([[in_a_process(cost, over, int(size), recording) for _ in range(REPEATS)] for size in sizes]).min(axis=1)
+            costs = np.array(
+                [
+                    [in_a_process(cost, over, int(size), recording) for _ in range(REPEATS)]
+                    for size in sizes
+                ]
+            ).min(axis=1)
             seconds, memory = costs.T
             grows = np.all(memory[len(sizes) // 2 :] > LEAST_MEMORY)
-            slopes = {"time_slope": slope(sizes, seconds), "memory_slope": slope(sizes, memory) if grows else np.nan}
+            slopes = {
+                "time_slope": slope(sizes, seconds),
+                "memory_slope": slope(sizes, memory) if grows else np.nan,
+            }
             rows += [
                 {"over": over, "size": size, "seconds": s, "megabytes": m} | slopes
                 for size, s, m in zip(sizes, seconds, memory, strict=True)

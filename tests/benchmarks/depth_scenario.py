@@ -1,4 +1,6 @@
-"""Depth frames of the synthetic laboratory, in the files that its camera writes, for what reads and fits them."""
+"""Depth frames of the synthetic laboratory, in the files that its camera writes, for what reads and
+fits them.
+"""
 
 from __future__ import annotations
 
@@ -9,21 +11,23 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from omegaconf import OmegaConf
+from project_copy import set_parameters
 from scenario import ROOT, arm, swing, youbot
-from smoke import set_parameters
 
-from pipeline.config import compose_config
-from pipeline.instruments.depth import write_depth
-from pipeline.instruments.depth_index import write_index
-from pipeline.instruments.depth_intrinsics import Intrinsics, write_intrinsics
+from pipeline.core.config import compose_config
+from pipeline.core.options.depth_camera import Depth
+from pipeline.formats.depth.index import write_index
+from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
+from pipeline.formats.depth.png import write_depth
+from pipeline.laboratory.kinect import DepthCamera
+from pipeline.laboratory.sensor import draw_bias
 from pipeline.perception.articulation import ArticulationOptions
 from pipeline.perception.depth_angles import articulate_rows
-from pipeline.perception.depth_sequence import DepthSequence
-from pipeline.schema import Depth
-from pipeline.twin.kinect import DepthCamera, draw_bias
+from pipeline.recordings.depth_sequence import DepthSequence
 
 RATE = 30.0  # frames/s
 TAKE = "test_001"
+JOINTS = ("shoulder", "elbow", "wrist")
 
 
 @dataclass(frozen=True)
@@ -39,18 +43,21 @@ class Recording:
         """The table ``angles`` of the first ``frames`` frames."""
         time = np.arange(frames) / RATE
         ee = youbot().points(self.poses[:frames])[:, 3]
-        trajectory = pd.DataFrame({"t": time, "x": ee[:, 0], "z": ee[:, 1]})
+        trajectory = pd.DataFrame({"t": time, "x:x": ee[:, 0], "x:z": ee[:, 1]})
         rows = pd.DataFrame({"take": TAKE, "part": "test", "frame": np.arange(frames), "t": time})
         sequence = DepthSequence(self.folder / "kinect" / TAKE, self.depth, arm(), self.folder)
-        return articulate_rows(rows, sequence, arm(), trajectory, self.options, self.poses[0])
+        clouds = [points for points, _ in sequence.points(rows["frame"])]
+        return articulate_rows(rows, clouds, arm(), JOINTS, trajectory, self.options, self.poses[0])
 
 
 def record(folder: Path, frames: int) -> Recording:
-    """Render and write ``frames`` frames; the camera is that of the synthetic dataset, whatever dataset params.yaml chooses."""
+    """Render and write ``frames`` frames; the camera is that of the synthetic dataset, whatever
+    dataset params.yaml chooses.
+    """
     shutil.copy2(ROOT / "params.yaml", folder)
     set_parameters(folder, dataset="youbot", overrides="{}")
     config = compose_config(folder / "params.yaml")
-    kinect = OmegaConf.to_object(config.dataset.twin)["kinect"]
+    kinect = OmegaConf.to_object(config.dataset.laboratory)["kinect"]
     rng = np.random.default_rng(2017)
     camera, poses = DepthCamera(arm(), kinect, draw_bias(kinect, rng)), swing(frames - 1)
     files = tuple(f"depth/{number:04d}.png" for number in range(frames))
@@ -59,7 +66,11 @@ def record(folder: Path, frames: int) -> Recording:
         write_depth(folder / "kinect" / TAKE / file, camera.observe(q, rng))
     write_index(folder / "kinect" / TAKE / "depth.txt", np.arange(frames) / RATE, files)
     camera_matrix = kinect.fx, kinect.fy, kinect.cx, kinect.cy
-    write_intrinsics(folder / "kinect/intrinsics.yaml", Intrinsics(*camera_matrix, kinect.width, kinect.height))
+    write_intrinsics(
+        folder / "kinect/intrinsics.yaml", Intrinsics(*camera_matrix, kinect.width, kinect.height)
+    )
     chosen = config.articulation
-    options = ArticulationOptions(chosen.gamma1, chosen.gamma2, chosen.length_range, chosen.minimum_points, chosen.max_gap)
+    options = ArticulationOptions(
+        chosen.gamma1, chosen.gamma2, chosen.length_range, chosen.minimum_points, chosen.max_gap
+    )
     return Recording(folder, OmegaConf.to_object(config.dataset.depth), options, poses)

@@ -1,5 +1,5 @@
-"""One stage in this process, and the processor time in s that numba takes in it to compile, written to the file ANSWER:
-``python first_use.py ANSWER STAGE [ITEM]`` in a copy of the project.
+"""One stage in this process, and the processor time in s that numba takes in it to compile, written
+to the file ANSWER: ``python first_use.py ANSWER STAGE [ITEM]`` in a copy of the project.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ from numba.core import event  # isort: skip
 
 
 class Compiler(event.Listener):
-    """Processor time that numba takes to compile; a function that needs others compiles them inside."""
+    """Processor time that numba takes to compile; a function that needs others compiles them
+    inside.
+    """
 
     def __init__(self) -> None:
         self.seconds, self._begun = 0.0, []
@@ -30,7 +32,9 @@ class Compiler(event.Listener):
 
 
 def main(answer: Path) -> None:
-    """What `python -m pipeline` does, the import of the stage included: functions of a known signature are compiled by it."""
+    """What `python -m pipeline` does, the import of the stage included: functions of a known
+    signature are compiled by it.
+    """
     compiler = Compiler()
     with event.install_listener("numba:compile", compiler):
         if pipeline.__main__.main() != 0:

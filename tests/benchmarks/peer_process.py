@@ -1,4 +1,6 @@
-"""Calls into a library of the peers' environment, which cannot be imported here: a process, and a line of JSON there and back a call."""
+"""Calls into a library of the peers' environment, which cannot be imported here: a process, and a
+line of JSON there and back a call.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,8 @@ import numpy as np
 
 INTERPRETER = Path(__file__).parents[2] / ".venv-peers/bin/python"
 SERVER = Path(__file__).parent / "peers/serve.py"
-# what pipeline/__init__.py holds our own arithmetic to for the sake of equal bits, and a peer is free of
+# what pipeline/__init__.py holds our own arithmetic to for the sake of equal bits, and a peer is
+# free of
 HELD_TO_OUR_BITS = ("OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES")
 
 
@@ -20,17 +23,24 @@ class PeerError(Exception):
 
 
 class PeerProcess:
-    """peers/NAME.py, set up with ``options``; each call calls over there what its ``setup(**options)`` returned.
+    """peers/NAME.py, set up with ``options``; each call calls over there what its
+    ``setup(**options)`` returned.
 
-    Options and values are what JSON holds, arrays go over as lists. Raises PeerError where either raises or the process ends. To be
-    used in a with statement, at whose end the process ends.
+    Options and values are what JSON holds, arrays go over as lists. Raises PeerError where either
+    raises or the process ends. To be used in a with statement, at whose end the process ends.
     """
 
     def __init__(self, name: str, options: dict) -> None:
-        environment = {name: value for name, value in os.environ.items() if name not in HELD_TO_OUR_BITS}
+        environment = {
+            name: value for name, value in os.environ.items() if name not in HELD_TO_OUR_BITS
+        }
         self._name = name
         self._process = subprocess.Popen(
-            [INTERPRETER, SERVER, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
+            [INTERPRETER, SERVER, name],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=environment,
         )
         try:
             self._ask(json.dumps(options, default=np.ndarray.tolist))
@@ -55,7 +65,10 @@ class PeerProcess:
         except BrokenPipeError:
             answer = ""
         if not answer:
-            raise PeerError(f"the process of the peer {self._name} ended with code {self._process.wait()}; its own words are above")
+            raise PeerError(
+                f"the process of the peer {self._name} ended with code {self._process.wait()}; "
+                "its own words are above"
+            )
         answer = json.loads(answer)
         if "error" in answer:
             raise PeerError(f"the peer {self._name} failed:\n{answer['error']}")

@@ -1,4 +1,6 @@
-"""The articulation of depth frames, against SciPy's Nelder–Mead on the objective written with NumPy."""
+"""The articulation of depth frames, against SciPy's Nelder–Mead on the objective written with
+NumPy.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from scipy.optimize import minimize
 
 from pipeline.perception.articulation import ArticulationOptions, fit_sequence
 from pipeline.perception.articulation_search import STEP, TOLERANCE
-from pipeline.perception.depth_sequence import DepthSequence
+from pipeline.recordings.depth_sequence import DepthSequence
 
 pytestmark = pytest.mark.benchmark(group="Articulation of depth frames, 1500 points each")
 LIMIT = 2e-3  # s a frame
@@ -37,35 +39,52 @@ def problem(size, tmp_path) -> Frames:
     """Frames of the synthetic camera."""
     # the objectives of single frames differ either way, by more than their means do
     recording = record(tmp_path, size(120, 3))
-    sequence = DepthSequence(recording.folder / "kinect" / TAKE, recording.depth, arm(), recording.folder)
+    sequence = DepthSequence(
+        recording.folder / "kinect" / TAKE, recording.depth, arm(), recording.folder
+    )
     clouds = [points for points, _ in sequence.points(range(len(recording.poses)))]
     return Frames(clouds, recording.poses, recording.options)
 
 
 def by_scipy(problem: Frames) -> list[float]:
-    """Least values of the objective: each frame from the fit before, and once more with the simplex turned, as ours."""
+    """Least values of the objective: each frame from the fit before, and once more with the simplex
+    turned, as ours.
+    """
     chain, options = youbot(), problem.options
     bounds = chain.lengths[:, None] * np.array([1 - options.length_range, 1 + options.length_range])
     v, least = chain.points(problem.poses[0])[1:3].ravel(), []
     for cloud, ee in zip(problem.clouds, problem.ee, strict=True):
         for step in (STEP, -STEP):
             corners = v + step * np.vstack([np.zeros(4), np.eye(4)])
-            found = minimize(
-                plain_rank, v, (cloud, chain.origin, ee, bounds, options.gamma1, options.gamma2), method="Nelder-Mead",
+            result = minimize(
+                plain_rank,
+                v,
+                (cloud, chain.origin, ee, bounds, options.gamma1, options.gamma2),
+                method="Nelder-Mead",
                 options={"initial_simplex": corners, "xatol": TOLERANCE, "fatol": np.inf},
-            )  # fmt: skip
-            v = found.x
-        least.append(found.fun)
+            )
+            v = result.x
+        least.append(result.fun)
     return least
 
 
 # the first frame is left out of the objectives: ours has several starts there
 def test_ours(benchmark, problem):
     benchmark.extra_info |= {"role": "ours", "items": len(problem.clouds), "limit": LIMIT}
-    told = (problem.clouds, youbot().origin, problem.ee, youbot(), problem.options, problem.poses[0])
-    found = benchmark.pedantic(fit_sequence, told, rounds=9, warmup_rounds=1)
-    benchmark.extra_info |= {"points": float(found.points.mean()), "objective": float(found.objective[1:].mean())}
-    assert found.points.min() > 1000
+    stated = (
+        problem.clouds,
+        youbot().origin,
+        problem.ee,
+        youbot(),
+        problem.options,
+        problem.poses[0],
+    )
+    result = benchmark.pedantic(fit_sequence, stated, rounds=9, warmup_rounds=1)
+    benchmark.extra_info |= {
+        "points": float(result.points.mean()),
+        "objective": float(result.objective[1:].mean()),
+    }
+    assert result.points.min() > 1000
 
 
 def test_scipy(benchmark, problem):

@@ -1,4 +1,6 @@
-"""What measures how cost grows: slopes, the memory of a call, and that every call that is measured can still be made."""
+"""What measures how cost grows: slopes, the memory of a call, and that every call that is measured
+can still be made.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +11,15 @@ import cost_growth
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import run
 from growth_figure import draw
+from project_copy import run
 
 EVERY_SMALLEST_CALL = """
 recording = cost_growth.in_a_process(depth_scenario.record, Path("."), 2)
-costs = {over: cost_growth.in_a_process(cost_growth.cost, over, sizes[0], recording) for over, sizes in cost_growth.SIZES.items()}
+costs = {
+    over: cost_growth.in_a_process(cost_growth.cost, over, sizes[0], recording)
+    for over, sizes in cost_growth.SIZES.items()
+}
 print(json.dumps(costs))
 """
 # 8 MB a size, every page touched; the 80 MB that are there before are not the call's
@@ -22,14 +27,25 @@ ARRAYS = """
 before = np.ones(10_000_000)
 cost_growth.call_of = lambda over, size, recording: lambda: before[: size * 1_000_000].copy()
 cost_growth.SIZES = {"arrays": (1, 4)}
-print(json.dumps({size: cost_growth.in_a_process(cost_growth.cost, "arrays", size, None) for size in (4, 8)}))
+costs = {size: cost_growth.in_a_process(cost_growth.cost, "arrays", size, None) for size in (4, 8)}
+print(json.dumps(costs))
 """
 
 
 def measured(script: str, folder: Path) -> dict[str, tuple[float, float]]:
-    """What a script prints of its own process: it is forked for every measurement, which one of many threads, as here, must not be."""
-    imports = f"import json, sys\nfrom pathlib import Path\nsys.path.append({str(Path(__file__).parent)!r})\n"
-    done = run("python", "-c", imports + "import cost_growth, depth_scenario\nimport numpy as np\n" + script, cwd=folder)
+    """What a script prints of its own process: it is forked for every measurement, which one of
+    many threads, as here, must not be.
+    """
+    imports = (
+        "import json, sys\nfrom pathlib import "
+        f"Path\nsys.path.append({str(Path(__file__).parent)!r})\n"
+    )
+    done = run(
+        "python",
+        "-c",
+        imports + "import cost_growth, depth_scenario\nimport numpy as np\n" + script,
+        cwd=folder,
+    )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -55,14 +71,30 @@ def test_the_memory_is_that_of_the_call(tmp_path):
 
 
 def test_a_memory_that_does_not_grow_is_not_drawn():
-    table = pd.DataFrame({"over": "takes", "size": [1, 2, 4], "seconds": [1.0, 2.0, 4.0], "megabytes": [0.1, 0.0, 0.2], "time_slope": 1.0})
+    table = pd.DataFrame(
+        {
+            "over": "takes",
+            "size": [1, 2, 4],
+            "seconds": [1.0, 2.0, 4.0],
+            "megabytes": [0.1, 0.0, 0.2],
+            "time_slope": 1.0,
+        }
+    )
     time, memory = draw(table.assign(memory_slope=np.nan)).axes
-    labels = [[line.get_label() for line in axes.get_lines() if not line.get_label().startswith("_")] for axes in (time, memory)]
+    labels = [
+        [line.get_label() for line in axes.get_lines() if not line.get_label().startswith("_")]
+        for axes in (time, memory)
+    ]
     assert labels == [["takes: 1.00"], []]
 
 
 def test_memory_that_cannot_be_told_has_no_place_on_its_axis():
-    costs = {"seconds": [1.0, 2.0, 4.0], "megabytes": [0.0, 0.01, 2.0], "time_slope": 1.0, "memory_slope": -0.001}
+    costs = {
+        "seconds": [1.0, 2.0, 4.0],
+        "megabytes": [0.0, 0.01, 2.0],
+        "time_slope": 1.0,
+        "memory_slope": -0.001,
+    }
     time, memory = draw(pd.DataFrame({"over": "agents", "size": [1, 2, 4]} | costs)).axes
     (growth,) = [line for line in memory.get_lines() if line.get_label() == "agents: 0.00"]
     assert growth.get_xdata().tolist() == [4] and len(time.get_lines()[0].get_xdata()) == 3

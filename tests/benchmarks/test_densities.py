@@ -22,16 +22,25 @@ class Density:
     bandwidth: np.ndarray
 
     def error(self, shown: np.ndarray) -> float:
-        """Greatest distance of the density at the ``shown`` points from the exact sum, as a share of its greatest value."""
+        """Greatest distance of the density at the ``shown`` points from the exact sum, as a share
+        of its greatest value.
+        """
         x, y = (g[::SHOWN] for g in self.grid)
-        kernels = [np.exp(-0.5 * ((g[:, None] - self.samples[:, i]) / self.bandwidth[i]) ** 2) for i, g in enumerate((x, y))]
-        exact = kernels[0] @ kernels[1].T / (2 * np.pi * np.prod(self.bandwidth) * len(self.samples))
+        kernels = [
+            np.exp(-0.5 * ((g[:, None] - self.samples[:, i]) / self.bandwidth[i]) ** 2)
+            for i, g in enumerate((x, y))
+        ]
+        exact = (
+            kernels[0] @ kernels[1].T / (2 * np.pi * np.prod(self.bandwidth) * len(self.samples))
+        )
         return float(np.abs(shown - exact).max() / exact.max())
 
 
 @pytest.fixture
 def problem(size) -> Density:
-    samples = np.random.default_rng(28).multivariate_normal([3.0, 5.0], [[5.0, -2.0], [-2.0, 2.0]], size(1_000_000, 1000))
+    samples = np.random.default_rng(28).multivariate_normal(
+        [3.0, 5.0], [[5.0, -2.0], [-2.0, 2.0]], size(1_000_000, 1000)
+    )
     bandwidth = normal_reference_bandwidth(samples)
     margin = 3 * bandwidth
     grid = np.linspace(samples.min(axis=0) - margin, samples.max(axis=0) + margin, size(256, 64))
@@ -40,7 +49,12 @@ def problem(size) -> Density:
 
 def test_ours(benchmark, problem):
     benchmark.extra_info |= {"role": "ours", "items": len(problem.samples)}
-    density = benchmark.pedantic(kernel_density, (problem.samples, *problem.grid, problem.bandwidth), rounds=9, warmup_rounds=1)
+    density = benchmark.pedantic(
+        kernel_density,
+        (problem.samples, *problem.grid, problem.bandwidth),
+        rounds=9,
+        warmup_rounds=1,
+    )
     benchmark.extra_info["error"] = problem.error(density[::SHOWN, ::SHOWN])
     assert benchmark.extra_info["error"] < 1e-4
 
@@ -49,7 +63,14 @@ def test_kdepy(benchmark, peer, problem, tmp_path):
     benchmark.extra_info |= {"role": "peer", "items": len(problem.samples), "target": 8}
     np.save(tmp_path / "samples.npy", problem.samples)
     x, y = problem.grid
-    call = peer("densities", samples=str(tmp_path / "samples.npy"), x=x, y=y, bandwidth=problem.bandwidth, shown=SHOWN)
+    call = peer(
+        "densities",
+        samples=str(tmp_path / "samples.npy"),
+        x=x,
+        y=y,
+        bandwidth=problem.bandwidth,
+        shown=SHOWN,
+    )
     density = benchmark.pedantic(call, rounds=9, warmup_rounds=1)
     benchmark.extra_info["error"] = problem.error(np.array(density))
     assert benchmark.extra_info["error"] < 1e-2

@@ -1,4 +1,6 @@
-"""The particle filter of one take under the Wishart model, against the libraries that a user would take for it."""
+"""The particle filter of one take under the Wishart model, against the libraries that a user would
+take for it.
+"""
 
 from __future__ import annotations
 
@@ -36,12 +38,22 @@ def items(problem: tuple[Take, int]) -> int:
 
 
 def apart(means: np.ndarray, posterior: Posterior) -> float:
-    """Root mean square distance of posterior ``means`` (M+1, 3) from ``posterior``'s, in its standard deviations."""
-    return float(np.sqrt(np.mean((means - posterior.mean) ** 2 / np.diagonal(posterior.covariance, axis1=1, axis2=2))))
+    """Root mean square distance of posterior ``means`` (M+1, 3) from ``posterior``'s, in its
+    standard deviations.
+    """
+    return float(
+        np.sqrt(
+            np.mean(
+                (means - posterior.mean) ** 2 / np.diagonal(posterior.covariance, axis1=1, axis2=2)
+            )
+        )
+    )
 
 
 def contested(benchmark, peer, problem: tuple[Take, int], library: str, law: str) -> None:
-    """Measure ``library`` on the problem, and see that it solved that one: its posterior means are ours."""
+    """Measure ``library`` on the problem, and see that it solved that one: its posterior means are
+    ours.
+    """
     motion, particles = problem
     filtered = peer(f"{library}_wishart", count=particles, law=law, **motion.told())
     assert apart(np.array(benchmark(filtered)), our_posterior(problem)) < 0.2
@@ -101,7 +113,9 @@ def test_floor_of_the_random_numbers_alone(benchmark, problem):
 
 # what else the machine does comes and goes in seconds: measured for longer than the other contests
 @pytest.mark.benchmark(group=BOTH_CORES, max_time=10)
-@pytest.mark.parametrize("threads", [pytest.param(2, id="two threads"), pytest.param(1, id="one thread")])
+@pytest.mark.parametrize(
+    "threads", [pytest.param(2, id="two threads"), pytest.param(1, id="one thread")]
+)
 def test_threads(benchmark, problem, threads):
     if len(os.sched_getaffinity(0)) < 2:
         pytest.skip("one core alone")
@@ -109,6 +123,11 @@ def test_threads(benchmark, problem, threads):
     takes = 16
     benchmark.extra_info |= role | {"items": takes * items(problem)}
     with ThreadPoolExecutor(threads) as pool:
-        posteriors = benchmark(lambda: list(pool.map(partial(our_posterior, problem), range(takes))))
+        posteriors = benchmark(
+            lambda: list(pool.map(partial(our_posterior, problem), range(takes)))
+        )
     # neither the thread nor its neighbours can be told from the result
-    assert all(np.array_equal(posterior.mean, our_posterior(problem, seed).mean) for seed, posterior in enumerate(posteriors))
+    assert all(
+        np.array_equal(posterior.mean, our_posterior(problem, seed).mean)
+        for seed, posterior in enumerate(posteriors)
+    )

@@ -1,4 +1,6 @@
-"""A peer in its process: values and errors come back, what it prints stays out of the way, and it ends when it is left."""
+"""A peer in its process: values and errors come back, what it prints stays out of the way, and it
+ends when it is left.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ def test_a_peer_is_set_up_once_and_answers_each_call():
 def test_an_error_of_the_peer_comes_with_its_traceback_and_the_peer_lives_on():
     with PeerProcess("chatterbox", {"scale": []}) as call:
         call(), call()
-        with pytest.raises(PeerError, match=r"chatterbox\.py(?s:.*)ArithmeticError: not a third time"):
+        with pytest.raises(
+            PeerError, match=r"chatterbox\.py(?s:.*)ArithmeticError: not a third time"
+        ):
             call()
         assert call()["calls"] == [0, 1, 2, 3]
 

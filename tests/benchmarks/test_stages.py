@@ -1,4 +1,6 @@
-"""What a stage costs and how much of it is work: no stage is missed, and nothing is counted twice."""
+"""What a stage costs and how much of it is work: no stage is missed, and nothing is counted
+twice.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +14,18 @@ import time
 import pytest
 import stages
 import work
-from smoke import ROOT
+from project_copy import ROOT
 
 
 def test_a_command_of_the_pipeline_leaves_its_cost_and_no_other_process_does(tmp_path):
-    environment = os.environ | {"PYTHONPATH": str(stages.HERE / "probe"), "COST_OF_STAGES": str(tmp_path / "costs")}
+    environment = os.environ | {
+        "PYTHONPATH": str(stages.HERE / "probe"),
+        "COST_OF_STAGES": str(tmp_path / "costs"),
+    }
     for command in (["-c", "pass"], ["-m", "pipeline", "inspect", "--help"]):
-        subprocess.run([sys.executable, *command], cwd=ROOT, env=environment, check=True, capture_output=True)
+        subprocess.run(
+            [sys.executable, *command], cwd=ROOT, env=environment, check=True, capture_output=True
+        )
     (cost,) = map(json.loads, (tmp_path / "costs").read_text().splitlines())
     assert cost["stage"] == "inspect --help"
     assert 0 < cost["cpu"] <= 2 * cost["elapsed"] + 1 and cost["memory"] > 5e6
@@ -53,19 +60,20 @@ def test_after_an_error_time_is_counted_on():
     assert work.spent["room"] >= 0.02
 
 
+@pytest.mark.slow
 def test_what_a_stage_calls_is_counted_under_its_room_and_can_still_be_pickled():
     # in a process of its own: the functions of the whole pipeline stay replaced
     script = """
 import pickle, work
-work.count_calls("simulate")
-from pipeline.stages import simulate
-counted = [name for name, value in vars(simulate).items() if hasattr(value, "__wrapped__")]
+work.count_calls("filter")
+from pipeline.stages import filter as stage
+counted = [name for name, value in vars(stage).items() if hasattr(value, "__wrapped__")]
 assert counted, "nothing of a room"
 for name in counted:
-    function = getattr(simulate, name)
+    function = getattr(stage, name)
     assert function.__module__.split(".")[1] not in work.BETWEEN
     assert pickle.loads(pickle.dumps(function)) is function
-assert not hasattr(simulate.run, "__wrapped__")
+assert not hasattr(stage.run, "__wrapped__")
 """
     environment = os.environ | {"PYTHONPATH": str(stages.HERE)}
     subprocess.run([sys.executable, "-c", script], cwd=ROOT, env=environment, check=True)
@@ -74,10 +82,10 @@ assert not hasattr(simulate.run, "__wrapped__")
 def test_what_a_stage_calls_by_the_name_of_its_module_is_counted_too():
     script = """
 import work
-work.count_calls("ingest")
-from pipeline.stages import ingest
-assert hasattr(ingest.motion_capture.marker_rows, "__wrapped__")
-assert not hasattr(ingest.contracts.write, "__wrapped__")
+work.count_calls("score")
+from pipeline.stages import score
+assert hasattr(score.quality.quality_row, "__wrapped__")
+assert not hasattr(score.contracts.write, "__wrapped__")
 """
     environment = os.environ | {"PYTHONPATH": str(stages.HERE)}
     subprocess.run([sys.executable, "-c", script], cwd=ROOT, env=environment, check=True)
@@ -85,15 +93,25 @@ assert not hasattr(ingest.contracts.write, "__wrapped__")
 
 @pytest.mark.slow
 def test_what_is_compiled_by_an_import_or_by_a_call_is_counted_until_it_is_cached(tmp_path):
-    (tmp_path / "pipeline").mkdir()
-    for name in ("__init__.py", "compiled.py"):
+    (tmp_path / "pipeline/core").mkdir(parents=True)
+    for name in ("__init__.py", "core/__init__.py", "core/compiled.py"):
         shutil.copy(ROOT / "pipeline" / name, tmp_path / "pipeline" / name)
-    stage = "from pipeline.compiled import compiled\n@compiled({signature})\ndef doubled(x):\n    return 2 * x\n"
-    (tmp_path / "pipeline/__main__.py").write_text("def main():\n    from pipeline.stage import doubled\n    return doubled(1.0) - 2.0\n")
+    stage = (
+        "from pipeline.core.compiled import compiled\n@compiled({signature})\ndef "
+        "doubled(x):\n    return 2 * x\n"
+    )
+    (tmp_path / "pipeline/__main__.py").write_text(
+        "def main():\n    from pipeline.stage import doubled\n    return doubled(1.0) - 2.0\n"
+    )
     for signature in ("", '"float64(float64)"'):
         (tmp_path / "pipeline/stage.py").write_text(stage.format(signature=signature))
         for cached in (False, True):
-            subprocess.run([sys.executable, stages.HERE / "first_use.py", tmp_path / "answer"], cwd=tmp_path, check=True, timeout=120)
+            subprocess.run(
+                [sys.executable, stages.HERE / "first_use.py", tmp_path / "answer"],
+                cwd=tmp_path,
+                check=True,
+                timeout=120,
+            )
             assert (float((tmp_path / "answer").read_text()) == 0.0) == cached
 
 
@@ -117,7 +135,12 @@ with ProcessPoolExecutor(2, mp_context=get_context("forkserver")) as pool:
     (tmp_path / "pipeline").mkdir()
     (tmp_path / "pipeline/loop.py").write_text(loop)
     (tmp_path / "pipeline/__main__.py").write_text(script)
-    environment = os.environ | {"PYTHONPATH": str(stages.HERE / "probe"), "COST_OF_STAGES": str(tmp_path / "costs.jsonl")}
-    subprocess.run([sys.executable, "-m", "pipeline"], cwd=tmp_path, env=environment, check=True, timeout=60)
+    environment = os.environ | {
+        "PYTHONPATH": str(stages.HERE / "probe"),
+        "COST_OF_STAGES": str(tmp_path / "costs.jsonl"),
+    }
+    subprocess.run(
+        [sys.executable, "-m", "pipeline"], cwd=tmp_path, env=environment, check=True, timeout=60
+    )
     (cost,) = [json.loads(line) for line in (tmp_path / "costs.jsonl").read_text().splitlines()]
     assert cost["cpu"] > 0.8

@@ -23,7 +23,13 @@ def test_ours(benchmark, size):
 def test_scipy(benchmark, size):
     count, rng = size(10_000, 100), np.random.default_rng(1)
     benchmark.extra_info |= {"role": "peer", "items": count, "target": 20}
-    benchmark.pedantic(stats.wishart.rvs, (D, SIGMA), {"size": count, "random_state": rng}, rounds=9, warmup_rounds=1)
+    benchmark.pedantic(
+        stats.wishart.rvs,
+        (D, SIGMA),
+        {"size": count, "random_state": rng},
+        rounds=9,
+        warmup_rounds=1,
+    )
 
 
 def test_floor_of_the_random_numbers_alone(benchmark, size):

@@ -1,4 +1,6 @@
-"""The model that the peers of the particle filter are given is ours: the same law of one step, the same arm, the same frames."""
+"""The model that the peers of the particle filter are given is ours: the same law of one step, the
+same arm, the same frames.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +12,20 @@ import pytest
 from scenario import SIGMA_B, START, take, youbot
 from scipy.stats import multivariate_normal
 
-from pipeline.motion.wishart import WishartModel
+from pipeline.models.wishart.law import WishartModel
 
 sys.path.insert(0, str(Path(__file__).parent / "peers"))
 from wishart_take import WishartTake
 
-# what a sample's mean or covariance may be off, in its standard errors: the greatest of twelve is beyond it once in ten thousand
+# what a sample's mean or covariance may be off, in its standard errors: the greatest of twelve is
+# beyond it once in ten thousand
 BAND = 4.5
 
 
 def off(draws: np.ndarray, model: WishartModel, v: np.ndarray) -> float:
-    """The greatest error of the draws' mean and covariance under ``model``, in standard errors; ``draws`` (N, 3) of a step from START."""
+    """The greatest error of the draws' mean and covariance under ``model``, in standard errors;
+    ``draws`` (N, 3) of a step from START.
+    """
     chain, q = youbot(), START.mean
     centred = draws - model.mean(chain, q, v)
     products = centred[:, :, None] * centred[:, None, :] - model.covariance(chain, q, v)
@@ -28,10 +33,13 @@ def off(draws: np.ndarray, model: WishartModel, v: np.ndarray) -> float:
     return float(np.max(np.abs(errors.mean(axis=0)) / (errors.std(axis=0) / np.sqrt(len(draws)))))
 
 
-@pytest.mark.parametrize(("law", "draws"), [("closed form", 100_000), ("Algorithm 1", 20_000), ("Algorithm 1 by hand", 100_000)])
+@pytest.mark.parametrize(
+    ("law", "draws"),
+    [("closed form", 100_000), ("Algorithm 1", 20_000), ("Algorithm 1 by hand", 100_000)],
+)
 def test_a_peer_moves_its_particles_by_the_law_of_our_model(law, draws):
-    told = WishartTake(law, **take(12).told())
-    moved = told.step(3, np.tile(START.mean, (draws, 1)))
+    stated = WishartTake(law, **take(12).told())
+    moved = stated.step(3, np.tile(START.mean, (draws, 1)))
     v = take(12).steps[2]
     assert off(moved, WishartModel(SIGMA_B), v) < BAND
     # neither a slightly wider perturbation nor the other decomposition would pass
@@ -41,15 +49,21 @@ def test_a_peer_moves_its_particles_by_the_law_of_our_model(law, draws):
 
 def test_a_peers_arm_has_our_jacobian():
     q = START.mean + np.random.default_rng(1).uniform(-0.5, 0.5, (50, 3))
-    np.testing.assert_allclose(WishartTake("closed form", **take(3).told()).jacobian(q), youbot().jacobian(q), atol=1e-15)
+    np.testing.assert_allclose(
+        WishartTake("closed form", **take(3).told()).jacobian(q), youbot().jacobian(q), atol=1e-15
+    )
 
 
 def test_a_peer_weighs_its_particles_as_we_do():
     motion = take(12)
-    told = WishartTake("closed form", **motion.told())
+    stated = WishartTake("closed form", **motion.told())
     q = START.mean + np.random.default_rng(2).uniform(-0.1, 0.1, (50, 3))
-    assert sorted(told.y) == [3, 6, 9, 12]
-    for frame, k in enumerate(told.y):
-        seen = multivariate_normal(motion.measurements.y[frame], motion.measurements.covariance[frame])
+    assert sorted(stated.y) == [3, 6, 9, 12]
+    for frame, k in enumerate(stated.y):
+        observed = multivariate_normal(
+            motion.measurements.y[frame], motion.measurements.covariance[frame]
+        )
         # up to the constant of the normal density
-        np.testing.assert_allclose(np.diff(told.log_likelihood(k, q)), np.diff(seen.logpdf(q)), rtol=1e-9)
+        np.testing.assert_allclose(
+            np.diff(stated.log_likelihood(k, q)), np.diff(observed.logpdf(q)), rtol=1e-9
+        )

@@ -1,8 +1,10 @@
-"""The stages one after another in this process, and what of the processor time passes in the rooms of the pipeline: the work itself,
-without imports, processes, and tables between stages. ``python work.py ANSWER`` in a copy of the project; the plan is JSON on its input.
+"""The stages one after another in this process, and what of the processor time passes in the rooms
+of the pipeline: the work itself, without imports, processes, and tables between stages. ``python
+work.py ANSWER`` in a copy of the project; the plan is JSON on its input.
 
-A stage is thin: what it calls of the rooms is rendering, encoding, decoding, a fit, a filter, a figure. Whatever is run twice is imported
-and compiled the first time, so that the second has the work alone.
+A stage is thin: what it calls of the rooms is rendering, encoding, decoding, a fit, a filter, a
+figure. Whatever is run twice is imported and compiled the first time, so that the second has the
+work alone.
 """
 
 from __future__ import annotations
@@ -20,19 +22,21 @@ from types import FunctionType, ModuleType
 
 sys.path.insert(0, str(Path.cwd()))
 sys.path.insert(0, str(Path.cwd() / "tests"))
-from smoke import set_parameters
+from project_copy import set_parameters
 
-import pipeline  # noqa: F401 - before numpy: it fixes the arithmetic
+import pipeline.core  # noqa: F401 - before numpy: it fixes the arithmetic
 
 # what stages use between the rooms
-BETWEEN = {"config", "datasheet", "typed_yaml", "compute", "contracts", "tables", "rng", "errors", "stages"}
+BETWEEN = {"core", "stages"}
 
 spent: Counter[str] = Counter()  # s by room
 inside = [False]
 
 
 def counted(function: FunctionType, room: str) -> FunctionType:
-    """``function``, its processor time added to that of ``room`` unless what called it is counted already."""
+    """``function``, its processor time added to that of ``room`` unless what called it is counted
+    already.
+    """
 
     @functools.wraps(function)
     def call(*arguments: object, **named: object) -> object:
@@ -49,27 +53,41 @@ def counted(function: FunctionType, room: str) -> FunctionType:
 
 
 def named_by(module: ModuleType) -> Iterator[object]:
-    """What ``module`` has a name for, and what is in the modules of the pipeline that it names whole."""
+    """What ``module`` has a name for, and what is in the modules of the pipeline that it names
+    whole.
+    """
     for thing in vars(module).values():
         if inspect.ismodule(thing) and thing.__name__.startswith("pipeline."):
-            yield from (value for value in vars(thing).values() if getattr(value, "__module__", None) == thing.__name__)
+            yield from (
+                value
+                for value in vars(thing).values()
+                if getattr(value, "__module__", None) == thing.__name__
+            )
         else:
             yield thing
 
 
 def count_calls(stage: str) -> None:
-    """Count what ``stage`` calls of the rooms, under every name that the pipeline has for it, so that it can still be pickled."""
+    """Count what ``stage`` calls of the rooms, under every name that the pipeline has for it, so
+    that it can still be pickled.
+    """
     for thing in list(named_by(import_module(f"pipeline.stages.{stage}"))):
         place = (getattr(thing, "__module__", None) or "").split(".")
-        if place[0] != "pipeline" or place[1] in BETWEEN or place[1].startswith("schema") or hasattr(thing, "__wrapped__"):
+        if place[0] != "pipeline" or place[1] in BETWEEN or hasattr(thing, "__wrapped__"):
             continue
         if inspect.isclass(thing):
             for name, method in list(vars(thing).items()):
-                if isinstance(method, FunctionType) and not name.startswith("_") and not hasattr(method, "__wrapped__"):
+                if (
+                    isinstance(method, FunctionType)
+                    and not name.startswith("_")
+                    and not hasattr(method, "__wrapped__")
+                ):
                     setattr(thing, name, counted(method, place[1]))
         elif isinstance(thing, FunctionType):
             replacement = counted(thing, place[1])
-            for module in [module for name, module in sys.modules.items() if name.split(".")[0] == "pipeline"]:
+            for module in [
+                module for name, module in sys.modules.items() if name.split(".")[0] == "pipeline"
+            ]:
                 for name in [name for name, value in vars(module).items() if value is thing]:
                     setattr(module, name, replacement)
 
@@ -89,11 +107,11 @@ def main(answer: Path) -> None:
     plan = json.load(sys.stdin)
     for stage in dict.fromkeys(stage for stage, *_ in plan["stages"]):
         count_calls(stage)
-    given = []
+    known = []
     for scale in plan["scales"]:
         set_parameters(Path.cwd(), scale=scale, compute="serial")
-        given.append(once(plan["stages"]))
-    answer.write_text(json.dumps(given))
+        known.append(once(plan["stages"]))
+    answer.write_text(json.dumps(known))
 
 
 if __name__ == "__main__":

@@ -1,14 +1,24 @@
-"""What the figures of the motion and of the filter show: which lines, of which numbers, on which axes."""
+"""What the figures of the motion and of the filter show: which lines, of which numbers, on which
+axes.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from pipeline.figures import articulation, filter_errors, joint_realizations, joint_std, kinect_noise, mean_error
+from pipeline.figures import (
+    articulation,
+    filter_errors,
+    joint_realizations,
+    joint_std,
+    kinect_noise,
+    mean_error,
+)
 from pipeline.figures.style import BLUE, RECORDED, VERMILLION
 
 MODELS = ["additive", "wishart", "gaussian"]
+JOINTS = ["arm_1", "arm_2", "arm_3"]
 
 
 def legend(figure):
@@ -26,13 +36,17 @@ def test_joint_realizations_shows_every_training_take_their_mean_and_the_noise_o
     for j, (left, right) in enumerate(zip(figure.axes[:3], figure.axes[3:], strict=True), start=1):
         takes = of_color(left, RECORDED["color"])
         assert len(takes) == 5
-        np.testing.assert_array_equal(takes[1].get_ydata(), training[training["take"] == "training_002"][f"q{j}"])
+        np.testing.assert_array_equal(
+            takes[1].get_ydata(), training[training["take"] == "training_002"][f"q:arm_{j}"]
+        )
         (mean,) = (line for line in left.lines if line.get_linestyle() == "--")
-        np.testing.assert_allclose(mean.get_ydata(), training.groupby("k")[f"q{j}"].mean())
+        np.testing.assert_allclose(mean.get_ydata(), training.groupby("k")[f"q:arm_{j}"].mean())
         (noise,) = right.lines
         assert noise.get_linestyle() == "-."
-        np.testing.assert_allclose(noise.get_ydata(), tables["process_noise"].groupby("k")[f"w{j}"].std())
-        assert left.get_ylabel() == f"$q_{j}$ (rad)" and right.get_ylabel().endswith("(rad)")
+        np.testing.assert_allclose(
+            noise.get_ydata(), tables["process_noise"].groupby("k")[f"w:arm_{j}"].std()
+        )
+        assert left.get_ylabel() == f"arm {j} (rad)" and right.get_ylabel().endswith("(rad)")
     assert figure.axes[2].get_xlabel() == "time (s)"
     assert all(line.get_rasterized() for line in takes)
 
@@ -50,22 +64,34 @@ def test_mean_error_has_one_line_per_model_in_the_order_of_the_list(tables, mode
     (axes,) = figure.axes
     assert len(axes.lines) == len(models) == len(legend(figure))
     for line, model in zip(axes.lines, models, strict=True):
-        np.testing.assert_array_equal(line.get_ydata(), tables["deviation"].set_index("source").loc[model, "error"])
+        np.testing.assert_array_equal(
+            line.get_ydata(), tables["deviation"].set_index("source").loc[model, "error"]
+        )
     assert axes.get_ylabel().endswith("(rad)") and axes.get_xlabel() == "time (s)"
 
 
 def test_joint_std_draws_the_recorded_line_solid_and_the_models_dashed_on_one_scale(tables):
-    figure = joint_std.draw(tables["deviation"], MODELS, "one_step")
-    assert legend(figure) == ["recorded", "additive Gaussian noise", "Wishart perturbation", "Gaussian noise matrix"]
+    figure = joint_std.draw(tables["deviation"], MODELS, JOINTS, "one_step")
+    assert legend(figure) == [
+        "recorded",
+        "additive Gaussian noise",
+        "Wishart perturbation",
+        "Gaussian noise matrix",
+    ]
     for j, axes in enumerate(figure.axes, start=1):
         assert [line.get_linestyle() for line in axes.lines] == ["-", ":", "--", "-."]
         for line, source in zip(axes.lines, ["recorded", *MODELS], strict=True):
-            np.testing.assert_array_equal(line.get_ydata(), tables["deviation"].set_index("source").loc[source, f"s{j}"])
+            np.testing.assert_array_equal(
+                line.get_ydata(), tables["deviation"].set_index("source").loc[source, f"s:arm_{j}"]
+            )
     assert len({axes.get_ylim() for axes in figure.axes}) == 1
 
 
 def test_joint_std_says_which_standard_deviation_it_is(tables):
-    labels = [joint_std.draw(tables["deviation"], MODELS, mode).axes[0].get_ylabel() for mode in ("one_step", "free_running")]
+    labels = [
+        joint_std.draw(tables["deviation"], MODELS, JOINTS, mode).axes[0].get_ylabel()
+        for mode in ("one_step", "free_running")
+    ]
     assert labels == ["std of the process noise (rad)", "std of the joint angle (rad)"]
 
 
@@ -93,30 +119,37 @@ def test_kinect_noise_shows_the_estimate_from_all_takes_as_mean_and_standard_dev
     rows = tables["kinect_noise"].query("take == 'none'")
     mean, std = figure.axes
     for j in (1, 2, 3):
-        np.testing.assert_array_equal(mean.lines[j - 1].get_ydata(), rows[f"b{j}"])
-        np.testing.assert_allclose(std.lines[j - 1].get_ydata() ** 2, rows[f"r{j}{j}"])
+        np.testing.assert_array_equal(mean.lines[j - 1].get_ydata(), rows[f"b:arm_{j}"])
+        np.testing.assert_allclose(std.lines[j - 1].get_ydata() ** 2, rows[f"r:arm_{j}:arm_{j}"])
     assert [mean.get_title("left"), std.get_title("left")] == ["(a)", "(b)"]
-    assert legend(figure) == ["$q_1$", "$q_2$", "$q_3$"]
+    assert legend(figure) == ["arm 1", "arm 2", "arm 3"]
 
 
 @pytest.mark.parametrize("models", [MODELS, ["wishart", "additive"], ["gaussian"]])
 def test_filter_errors_has_a_row_per_model_with_one_take_its_bound_and_the_others(tables, models):
-    figure = filter_errors.draw(tables["filter_error"], models)
+    figure = filter_errors.draw(tables["filter_error"], models, JOINTS)
     grid = np.reshape(figure.axes, (len(models), 3))
     for row, model in zip(grid, models, strict=True):
         take = tables["filter_error"].query("take == 'test_001'").set_index("model").loc[model]
         for j, axes in enumerate(row, start=1):
             (error,) = of_color(axes, BLUE)
-            np.testing.assert_array_equal(error.get_ydata(), take[f"e{j}"])
+            np.testing.assert_array_equal(error.get_ydata(), take[f"e:arm_{j}"])
             upper, lower = of_color(axes, VERMILLION)
-            np.testing.assert_array_equal(upper.get_ydata(), take[f"s{j}"])
-            np.testing.assert_array_equal(lower.get_ydata(), -take[f"s{j}"])
+            np.testing.assert_array_equal(upper.get_ydata(), take[f"s:arm_{j}"])
+            np.testing.assert_array_equal(lower.get_ydata(), -take[f"s:arm_{j}"])
             assert len(axes.lines) == 2 + 3  # two other takes
         assert row[0].get_ylabel().endswith("error (rad)")
     assert len({axes.get_ylim() for axes in figure.axes}) == 1
-    assert legend(figure) == ["error of test_001", "±1σ bound of test_001", "errors of the other takes"]
+    assert legend(figure) == [
+        "error of test_001",
+        "±1σ bound of test_001",
+        "errors of the other takes",
+    ]
 
 
 def test_filter_errors_of_a_single_take_have_no_others_to_show(tables):
     alone = tables["filter_error"].query("take == 'test_001'")
-    assert legend(filter_errors.draw(alone, MODELS)) == ["error of test_001", "±1σ bound of test_001"]
+    assert legend(filter_errors.draw(alone, MODELS, JOINTS)) == [
+        "error of test_001",
+        "±1σ bound of test_001",
+    ]

@@ -1,4 +1,6 @@
-"""The figure of the recordings' quality: a strip for every measure there is, the limits, and the takes that are left out."""
+"""The figure of the recordings' quality: a strip for every measure there is, the limits, and the
+takes that are left out.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,11 @@ def strips(tables):
 
 def marks(axes, mark: dict) -> list[tuple[float, float]]:
     lines = [line for line in axes.lines if line.get_marker() == mark["marker"]]
-    return [(float(x), float(y)) for line in lines for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)]
+    return [
+        (float(x), float(y))
+        for line in lines
+        for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)
+    ]
 
 
 def limits(axes) -> list[float]:
@@ -24,7 +30,9 @@ def limits(axes) -> list[float]:
 
 
 def test_each_measure_has_a_strip_with_every_take_in_the_unit_beside_it(strips):
-    assert [axes.get_ylabel() for axes in strips] == [STRIPS[measure][0] for measure in ("interpolated", "residual_rms", "clock_drift")]
+    assert [axes.get_ylabel() for axes in strips] == [
+        STRIPS[measure][0] for measure in ("interpolated", "residual_rms", "clock_drift")
+    ]
     assert np.array(marks(strips[1], KEPT)) == pytest.approx(np.array([(1, 0.2), (3, 0.3)]))
     assert np.array(marks(strips[1], LEFT_OUT)) == pytest.approx(np.array([(2, 2.0)]))
 
@@ -44,6 +52,8 @@ def test_a_limit_is_drawn_where_one_is_stated_and_on_either_side_of_what_has_a_s
 
 def test_a_joint_log_alone_has_a_figure(tables):
     takes = tables["takes"].query("measure == 'residual_rms'")
-    takes = takes.assign(measure="disturbance", unit="robust standard deviations", limit=np.nan, left_out=False)
+    takes = takes.assign(
+        measure="disturbance", unit="robust standard deviations", limit=np.nan, left_out=False
+    )
     (strip,) = recording_quality.draw(takes).axes
     assert strip.get_ylabel() == STRIPS["disturbance"][0] and len(marks(strip, KEPT)) == 3

@@ -16,12 +16,18 @@ def test_histograms_count_every_system_and_state_mean_and_greatest_error(tables)
     for m, patch, label in zip((3, 10), axes.patches, labels, strict=True):
         errors = 100 * tables["wrench_errors"].set_index("agents").loc[m, "error"]
         assert label == f"$m$ = {m}: mean {errors.mean():.1f}, greatest {errors.max():.1f} %"
-        edges = np.linspace(0, 100 * tables["wrench_errors"]["error"].max(), wrench_error_histograms.BINS + 1)
-        np.testing.assert_allclose(patch.get_xy()[1 : 2 * len(edges) - 1, 1][::2], np.histogram(errors, edges)[0])
+        edges = np.linspace(
+            0, 100 * tables["wrench_errors"]["error"].max(), wrench_error_histograms.BINS + 1
+        )
+        np.testing.assert_allclose(
+            patch.get_xy()[1 : 2 * len(edges) - 1, 1][::2], np.histogram(errors, edges)[0]
+        )
     assert axes.get_xlabel().endswith("(%)")
 
 
-def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colour_scale(tables, configurations):
+def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colour_scale(
+    tables, configurations
+):
     figure = wrench_density.draw(tables["force_density"], configurations)
     *panels, colorbar = figure.axes
     grid = np.reshape(panels, (2, 3))
@@ -29,8 +35,12 @@ def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colou
     for row, name in zip(grid, configurations, strict=True):
         for axes, source in zip(row[1:], ("measured", "modelled"), strict=True):
             (image,) = (c for c in axes.collections if isinstance(c, QuadMesh))
-            table = tables["force_density"].set_index(["configuration", "source"]).loc[(name, source)]
-            np.testing.assert_array_equal(image.get_array(), table.pivot(index="fy", columns="fx", values="density"))
+            table = (
+                tables["force_density"].set_index(["configuration", "source"]).loc[(name, source)]
+            )
+            np.testing.assert_array_equal(
+                image.get_array(), table.pivot(index="fy", columns="fx", values="density")
+            )
             images.append(image)
             assert axes.get_ylabel() == "$F_y$ (N)" and axes.get_aspect() == 1
     assert {image.get_clim() for image in images} == {(0, tables["force_density"]["density"].max())}
@@ -38,18 +48,24 @@ def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colou
     assert "N$^{-2}$" in colorbar.get_ylabel()
 
 
-def test_the_robots_are_where_the_configuration_says_and_the_cross_is_their_resultant(tables, configurations):
+def test_the_robots_are_where_the_configuration_says_and_the_cross_is_their_resultant(
+    tables, configurations
+):
     figure = wrench_density.draw(tables["force_density"], configurations)
     drawing, density = figure.axes[:2]
     circles = np.array([line.get_xydata()[0] for line in drawing.lines if line.get_marker() == "o"])
-    np.testing.assert_allclose(np.arctan2(circles[:, 1], circles[:, 0]), configurations["C1"].direction, atol=1e-12)
+    np.testing.assert_allclose(
+        np.arctan2(circles[:, 1], circles[:, 0]), configurations["C1"].direction, atol=1e-12
+    )
     # two cables pull against each other with 5 and 2 N, one across with 4
     (cross,) = density.lines
     np.testing.assert_allclose(cross.get_xydata()[0], [3.0, 4.0])
     arrows = [text.xy for text in drawing.texts if not text.get_text()]
     np.testing.assert_allclose(arrows[-1], [3.0, 4.0])
     np.testing.assert_allclose(np.linalg.norm(arrows[:-1], axis=1), configurations["C1"].tension)
-    assert any("5.00 N" in text.get_text() and "0.00 rad" in text.get_text() for text in drawing.texts)
+    assert any(
+        "5.00 N" in text.get_text() and "0.00 rad" in text.get_text() for text in drawing.texts
+    )
 
 
 def test_the_schematic_names_all_that_the_paper_names_in_solid_and_dashed():
@@ -59,7 +75,9 @@ def test_the_schematic_names_all_that_the_paper_names_in_solid_and_dashed():
         assert {f"$r_{i}$", rf"$\underline{{T}}_{i}$", rf"$\boldsymbol{{T}}_{i}$"} < labels
         assert {rf"$\underline{{\theta}}_{i}$", rf"$\boldsymbol{{\theta}}_{i}$"} < labels
     assert {"$x$", "$y$", "$u$", "$v$"} < labels
-    assert [[line.get_linestyle() for line in axes.lines].count(dashes) for dashes in ("-", "--")] == [3, 3]
+    assert [
+        [line.get_linestyle() for line in axes.lines].count(dashes) for dashes in ("-", "--")
+    ] == [3, 3]
 
 
 def test_each_arc_of_the_schematic_spans_the_angle_of_its_cable():

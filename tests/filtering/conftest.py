@@ -8,7 +8,9 @@ from pipeline.arm.chain import PlanarChain
 
 @pytest.fixture(scope="session")
 def free() -> PlanarChain:
-    """A chain whose joint limits are out of the way, and whose elbow is bent at a right angle where the joints are at zero."""
+    """A chain whose joint limits are out of the way, and whose elbow is bent at a right angle where
+    the joints are at zero.
+    """
     return PlanarChain(
         origin=np.zeros(2),
         links=np.array([[0.0, 0.155], [0.135, 0.0], [0.0, 0.17]]),

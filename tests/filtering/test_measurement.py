@@ -8,7 +8,8 @@ import pytest
 from plain_filter import log_likelihood
 from scipy.stats import multivariate_normal
 
-from pipeline.errors import ContractError, ModelDomainError
+from pipeline.core.columns import pairs
+from pipeline.core.errors import ContractError, ModelDomainError
 from pipeline.filtering.measurement import Measurements, measurements
 
 
@@ -16,18 +17,21 @@ def measurements_at(t, **changed) -> Measurements:
     rng = np.random.default_rng(3)
     frames = len(t)
     root = 0.05 * rng.standard_normal((frames, 3, 3))
-    given = {
+    known = {
         "y": rng.standard_normal((frames, 3)),
         "bias": 0.1 * rng.standard_normal((frames, 3)),
         "covariance": root @ np.swapaxes(root, 1, 2) + 1e-4 * np.eye(3),
     }
-    return Measurements("test07", np.asarray(t, dtype=float), **(given | changed))
+    return Measurements("test07", np.asarray(t, dtype=float), **(known | changed))
 
 
 def test_the_likelihood_is_the_normal_density_about_pose_and_bias():
     measured = measurements_at([0.0, 0.1, 0.2])
     q = measured.y[1] + 0.1 * np.random.default_rng(4).standard_normal((20, 3))
-    expected = [multivariate_normal.logpdf(measured.y[1], pose + measured.bias[1], measured.covariance[1]) for pose in q]
+    expected = [
+        multivariate_normal.logpdf(measured.y[1], pose + measured.bias[1], measured.covariance[1])
+        for pose in q
+    ]
     np.testing.assert_allclose(log_likelihood(measured, 1, q), expected, rtol=1e-9)
     # the neighbouring frame has a law of its own
     assert not np.allclose(log_likelihood(measured, 2, q), expected, rtol=0.1)
@@ -36,12 +40,21 @@ def test_the_likelihood_is_the_normal_density_about_pose_and_bias():
 def test_a_frame_enters_at_the_step_during_which_it_was_taken():
     due, left_out = measurements_at([0.004, 0.0151, 0.019, 0.0]).schedule(5, 0.01)
     assert left_out == 0
-    assert due == {1: [(0, pytest.approx(0.4))], 2: [(1, pytest.approx(0.51)), (2, pytest.approx(0.9))], 0: [(3, 1.0)]}
+    assert due == {
+        1: [(0, pytest.approx(0.4))],
+        2: [(1, pytest.approx(0.51)), (2, pytest.approx(0.9))],
+        0: [(3, 1.0)],
+    }
 
 
 def test_a_frame_on_the_grid_enters_at_that_very_step_whatever_the_rounding_of_its_time():
     steps = np.arange(321)
-    for t in (steps / 100, steps * 0.01, np.nextafter(steps / 100, 9.0), np.nextafter(steps / 100, -9.0)):
+    for t in (
+        steps / 100,
+        steps * 0.01,
+        np.nextafter(steps / 100, 9.0),
+        np.nextafter(steps / 100, -9.0),
+    ):
         due, left_out = measurements_at(t).schedule(320, 0.01)
         assert left_out == 0
         assert due == {k: [(k, 1.0)] for k in range(321)}
@@ -58,7 +71,9 @@ def test_a_take_without_frames_has_nothing_due():
 
 
 @pytest.mark.parametrize(
-    "covariance", [np.diag([1.0, 1.0, 0.0]), np.diag([1.0, -1.0, 1.0]), np.ones((3, 3))], ids=["flat", "negative", "one direction"]
+    "covariance",
+    [np.diag([1.0, 1.0, 0.0]), np.diag([1.0, -1.0, 1.0]), np.ones((3, 3))],
+    ids=["flat", "negative", "one direction"],
 )
 def test_a_covariance_that_is_not_positive_definite_is_refused_with_its_frame(covariance):
     covariances = np.stack([np.eye(3), covariance])
@@ -75,14 +90,26 @@ def test_values_that_are_not_finite_and_shapes_that_disagree_are_refused():
 
 
 def test_every_take_goes_with_the_noise_that_was_estimated_without_it():
-    angles = pd.DataFrame({"take": ["b", "b", "a", "a"], "frame": [1, 2, 1, 2], "t": [0.1, 0.2, 0.1, 0.2]}).assign(q1=1.0, q2=2.0, q3=3.0)
+    angles = pd.DataFrame(
+        {"take": ["b", "b", "a", "a"], "frame": [1, 2, 1, 2], "t": [0.1, 0.2, 0.1, 0.2]}
+    ).assign(**{"q:a": 1.0, "q:b": 2.0, "q:c": 3.0})
     noise = pd.DataFrame(
-        {"take": ["a", "a", "b", "none"], "frame": [1, 2, 1, 1], "t": 0.1, "b1": [0.1, 0.2, 0.3, 0.4], "b2": 0.0, "b3": 0.0}
+        {
+            "take": ["a", "a", "b", "none"],
+            "frame": [1, 2, 1, 1],
+            "t": 0.1,
+            "b:a": [0.1, 0.2, 0.3, 0.4],
+            "b:b": 0.0,
+            "b:c": 0.0,
+        }
     )
-    noise = noise.assign(r11=[1.0, 2.0, 3.0, 4.0], r12=0.1, r13=0.2, r22=5.0, r23=0.3, r33=6.0)
+    entries = [[1.0, 2.0, 3.0, 4.0], 0.1, 0.2, 5.0, 0.3, 6.0]
+    noise = noise.assign(**dict(zip(pairs("r", ("a", "b", "c")), entries, strict=True)))
     first, second = measurements(angles, noise)
     assert (first.take, second.take) == ("a", "b")
     np.testing.assert_array_equal(first.bias[:, 0], [0.1, 0.2])
-    np.testing.assert_array_equal(first.covariance[1], [[2.0, 0.1, 0.2], [0.1, 5.0, 0.3], [0.2, 0.3, 6.0]])
+    np.testing.assert_array_equal(
+        first.covariance[1], [[2.0, 0.1, 0.2], [0.1, 5.0, 0.3], [0.2, 0.3, 6.0]]
+    )
     # the frame of b that no other take has is left out
     assert second.t.tolist() == [0.1] and second.bias[0, 0] == 0.3

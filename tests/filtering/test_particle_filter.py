@@ -9,26 +9,34 @@ import pytest
 from numba import njit
 from scipy.stats import norm
 
-from pipeline.errors import ConfigError, DegenerateFilterError, ModelDomainError
+from pipeline.core.errors import ConfigError, DegenerateFilterError, ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
-from pipeline.motion.model import Law
+from pipeline.models.model import Law
 
 DT = 0.01
 STILL = Start(np.array([0.3, -0.2, 0.5]), np.zeros((3, 3)))
-START = replace(STILL, covariance=1e-4 * np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, 2.0]]))
+START = replace(
+    STILL, covariance=1e-4 * np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, 2.0]])
+)
 
 
 @dataclass
 class Diffusing:
-    """Does as commanded, v being the joint step itself, with normal noise; says that the noise of ``clips``·v₁ particles was clipped."""
+    """Does as commanded, v being the joint step itself, with normal noise; says that the noise of
+    ``clips``·v₁ particles was clipped.
+    """
 
     spread: float = 0.005  # rad
     clips: float = 0.0
     backwards: bool = False  # the numbers are dealt to the particles of a block in reverse
 
     def law(self):
-        return Law(diffusing, np.array([self.spread, self.clips, self.backwards], dtype=float), normals=(1, 3))
+        return Law(
+            diffusing,
+            np.array([self.spread, self.clips, self.backwards], dtype=float),
+            normals=(1, 3),
+        )
 
 
 EXACT = Diffusing(0.0)
@@ -45,21 +53,38 @@ def diffusing(numbers, parameters, arm, v, q, moved):
 
 
 def measurements_near(start: Start, steps: np.ndarray, rate: float = 30.0) -> Measurements:
-    """Measurements of the commanded path at ``rate`` frames a second, off by about their standard deviation of 0.02 rad."""
+    """Measurements of the commanded path at ``rate`` frames a second, off by about their standard
+    deviation of 0.02 rad.
+    """
     t = np.arange(0.0, DT * len(steps), 1 / rate)
     path = start.mean + np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
     y = np.stack([np.interp(t, DT * np.arange(len(path)), path[:, j]) for j in range(3)], axis=1)
     y += 0.02 * np.random.default_rng(11).standard_normal(y.shape)
-    return Measurements("test01", t, y, np.zeros_like(y), np.tile(0.02**2 * np.eye(3), (len(t), 1, 1)))
+    return Measurements(
+        "test01", t, y, np.zeros_like(y), np.tile(0.02**2 * np.eye(3), (len(t), 1, 1))
+    )
 
 
-STEPS = 0.01 * np.stack([np.sin(0.1 * np.arange(60)), np.cos(0.07 * np.arange(60)), np.ones(60)], axis=1)
+STEPS = 0.01 * np.stack(
+    [np.sin(0.1 * np.arange(60)), np.cos(0.07 * np.arange(60)), np.ones(60)], axis=1
+)
 FRAMES = measurements_near(START, STEPS)
-UNSEEN = Measurements("test01", np.empty(0), np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3, 3)))
+UNSEEN = Measurements(
+    "test01", np.empty(0), np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3, 3))
+)
 
 
 def filtered(model, chain, steps, start, measurements=UNSEEN, *, rng=0, **options) -> Posterior:
-    return particle_filter(model, chain, steps, DT, start, measurements, FilterOptions(**options), np.random.default_rng(rng))
+    return particle_filter(
+        model,
+        chain,
+        steps,
+        DT,
+        start,
+        measurements,
+        FilterOptions(**options),
+        np.random.default_rng(rng),
+    )
 
 
 def test_without_any_noise_the_filter_follows_the_commanded_polygon(free):
@@ -68,12 +93,16 @@ def test_without_any_noise_the_filter_follows_the_commanded_polygon(free):
     path = STILL.mean + np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
     on_path = np.stack([np.interp(t, DT * np.arange(6), path[:, j]) for j in range(3)], axis=1)
     y = on_path + 0.01
-    measurements = Measurements("test01", t, y, np.full((5, 3), 0.003), np.tile(1e-4 * np.eye(3), (5, 1, 1)))
+    measurements = Measurements(
+        "test01", t, y, np.full((5, 3), 0.003), np.tile(1e-4 * np.eye(3), (5, 1, 1))
+    )
     posterior = filtered(EXACT, free, steps, STILL, measurements, particles=50)
     np.testing.assert_allclose(posterior.mean, path, atol=1e-14)
     assert np.all(np.abs(posterior.covariance) < 1e-28)
     assert posterior.measured.tolist() == [True, False, True, True, True, False]
-    assert posterior.log_evidence == pytest.approx(norm.logpdf(y, on_path + 0.003, 0.01).sum(), rel=1e-12)
+    assert posterior.log_evidence == pytest.approx(
+        norm.logpdf(y, on_path + 0.003, 0.01).sum(), rel=1e-12
+    )
 
 
 def test_without_resampling_the_weights_degenerate_and_with_it_they_do_not(free):
@@ -81,7 +110,9 @@ def test_without_resampling_the_weights_degenerate_and_with_it_they_do_not(free)
     measurements = measurements_near(START, steps)
     ess = {}
     for scheme in ("none", "systematic"):
-        posterior = filtered(Diffusing(), free, steps, START, measurements, rng=1, particles=1000, resampling=scheme)
+        posterior = filtered(
+            Diffusing(), free, steps, START, measurements, rng=1, particles=1000, resampling=scheme
+        )
         assert posterior.resampled.any() == (scheme == "systematic")
         ess[scheme] = posterior.ess[160:][posterior.measured[160:]]
     assert np.max(ess["none"]) < 10
@@ -90,14 +121,17 @@ def test_without_resampling_the_weights_degenerate_and_with_it_they_do_not(free)
 
 def test_resampling_happens_exactly_where_the_effective_sample_size_is_below_the_threshold(free):
     for threshold in (0.0, 0.3, 1.0):
-        posterior = filtered(Diffusing(), free, STEPS, START, FRAMES, rng=3, particles=500, threshold=threshold)
+        posterior = filtered(
+            Diffusing(), free, STEPS, START, FRAMES, rng=3, particles=500, threshold=threshold
+        )
         assert np.array_equal(posterior.resampled, posterior.ess < threshold * 500)
         assert posterior.resampled.any() == (threshold > 0)
 
 
 def test_estimates_are_formed_before_resampling(free):
     kept, resampled = (
-        filtered(Diffusing(), free, STEPS, START, FRAMES, rng=3, particles=500, resampling=scheme) for scheme in ("none", "systematic")
+        filtered(Diffusing(), free, STEPS, START, FRAMES, rng=3, particles=500, resampling=scheme)
+        for scheme in ("none", "systematic")
     )
     first = int(np.argmax(resampled.resampled))
     assert np.array_equal(kept.mean[: first + 1], resampled.mean[: first + 1])
@@ -107,7 +141,16 @@ def test_estimates_are_formed_before_resampling(free):
 
 def test_the_order_of_the_particles_does_not_matter(free):
     plain, reordered = (
-        filtered(Diffusing(backwards=backwards), free, STEPS, STILL, FRAMES, rng=6, particles=250, resampling="none")
+        filtered(
+            Diffusing(backwards=backwards),
+            free,
+            STEPS,
+            STILL,
+            FRAMES,
+            rng=6,
+            particles=250,
+            resampling="none",
+        )
         for backwards in (False, True)
     )
     assert not np.array_equal(plain.mean, reordered.mean)
@@ -117,8 +160,14 @@ def test_the_order_of_the_particles_does_not_matter(free):
 
 
 def test_equal_streams_give_equal_bytes_and_others_do_not(free):
-    one, same, other = (filtered(Diffusing(), free, STEPS, START, FRAMES, rng=seed, particles=200) for seed in (1, 1, 2))
-    assert one.mean.tobytes() == same.mean.tobytes() and one.covariance.tobytes() == same.covariance.tobytes()
+    one, same, other = (
+        filtered(Diffusing(), free, STEPS, START, FRAMES, rng=seed, particles=200)
+        for seed in (1, 1, 2)
+    )
+    assert (
+        one.mean.tobytes() == same.mean.tobytes()
+        and one.covariance.tobytes() == same.covariance.tobytes()
+    )
     assert one.log_evidence == same.log_evidence
     assert one.mean.tobytes() != other.mean.tobytes()
 
@@ -128,7 +177,8 @@ def test_particles_beyond_the_joint_limits_are_counted_once_and_lose_their_weigh
     spread = Start(np.zeros(3), np.diag([0.02**2, 0.0, 0.0]))
     walled = replace(free, upper=np.array([0.03, 1.0, 1.0]))
     posterior = filtered(EXACT, walled, drift, spread, rng=8, particles=1000, resampling="none")
-    # all that remain share the weight, so the effective sample size is their number and the evidence their share
+    # all that remain share the weight, so the effective sample size is their number and the
+    # evidence their share
     assert np.all(posterior.outside[1:] > 0)
     np.testing.assert_allclose(posterior.ess, 1000 - np.cumsum(np.append(0, posterior.outside[1:])))
     assert posterior.log_evidence == pytest.approx(np.log(posterior.ess[-1] / 1000))
@@ -155,7 +205,9 @@ def test_a_model_that_returns_no_number_is_refused(free):
 
 
 def test_a_far_outlier_is_weighed_without_underflow(free):
-    far = Measurements("test01", np.array([0.02]), np.full((1, 3), 40.0), np.zeros((1, 3)), 1e-6 * np.eye(3)[None])
+    far = Measurements(
+        "test01", np.array([0.02]), np.full((1, 3), 40.0), np.zeros((1, 3)), 1e-6 * np.eye(3)[None]
+    )
     posterior = filtered(Diffusing(), free, STEPS, START, far, particles=100)
     assert posterior.ess[2] == pytest.approx(1.0)
     assert -np.inf < posterior.log_evidence < -1e8
@@ -182,7 +234,9 @@ def test_a_start_beyond_the_joint_limits_is_refused(free):
         filtered(EXACT, free, STEPS, replace(STILL, mean=np.full(3, 60.0)), particles=5)
 
 
-@pytest.mark.parametrize("options", [{"particles": 0}, {"resampling": "branching"}, {"threshold": 1.5}])
+@pytest.mark.parametrize(
+    "options", [{"particles": 0}, {"resampling": "branching"}, {"threshold": 1.5}]
+)
 def test_an_option_that_does_not_exist_is_refused_with_what_there_is(options):
     with pytest.raises(ConfigError, match=f"filter.{next(iter(options))}"):
         FilterOptions(**options)

@@ -7,7 +7,14 @@ import pytest
 from compiled_calls import chosen_by, from_python
 from numba import njit
 
-from pipeline.filtering.resampling import SCHEMES, inverse_cdf, multinomial, residual, stratified, systematic
+from pipeline.filtering.resampling import (
+    SCHEMES,
+    inverse_cdf,
+    multinomial,
+    residual,
+    stratified,
+    systematic,
+)
 
 DRAWING = {name: scheme for name, scheme in SCHEMES.items() if scheme is not None}
 REPEATS = 6000
@@ -21,8 +28,15 @@ def weights() -> np.ndarray:
     return drawn / drawn.sum()
 
 
-def counts_of(scheme, weights: np.ndarray, rng: np.random.Generator, repeats: int = REPEATS) -> np.ndarray:
-    return np.array([np.bincount(chosen_by(scheme, weights, rng), minlength=len(weights)) for _ in range(repeats)])
+def counts_of(
+    scheme, weights: np.ndarray, rng: np.random.Generator, repeats: int = REPEATS
+) -> np.ndarray:
+    return np.array(
+        [
+            np.bincount(chosen_by(scheme, weights, rng), minlength=len(weights))
+            for _ in range(repeats)
+        ]
+    )
 
 
 def exact_variance(name: str, weights: np.ndarray) -> np.ndarray:
@@ -39,7 +53,9 @@ def exact_variance(name: str, weights: np.ndarray) -> np.ndarray:
     # stratified: stratum s hits particle i with the probability that their intervals share
     edges = np.concatenate([[0.0], np.cumsum(expected)])
     strata = np.arange(count)
-    hit = np.clip(np.minimum(edges[1:, None], strata + 1) - np.maximum(edges[:-1, None], strata), 0.0, 1.0)
+    hit = np.clip(
+        np.minimum(edges[1:, None], strata + 1) - np.maximum(edges[:-1, None], strata), 0.0, 1.0
+    )
     return (hit * (1 - hit)).sum(axis=1)
 
 
@@ -59,12 +75,20 @@ def test_a_particle_is_chosen_in_proportion_to_its_weight(name, weights):
     assert bias_in_standard_errors(counts, name, weights) < BAND
 
 
+@pytest.mark.slow
 def test_a_comb_that_is_never_shifted_is_found_out_as_biased(weights):
     @njit
     def unshifted(weights, chosen, room, rng):
-        chosen[:] = np.searchsorted(np.cumsum(weights), (np.arange(len(weights)) + 0.5) / len(weights), side="right")
+        chosen[:] = np.searchsorted(
+            np.cumsum(weights), (np.arange(len(weights)) + 0.5) / len(weights), side="right"
+        )
 
-    assert bias_in_standard_errors(counts_of(unshifted, weights, np.random.default_rng(1)), "systematic", weights) > 3 * BAND
+    assert (
+        bias_in_standard_errors(
+            counts_of(unshifted, weights, np.random.default_rng(1)), "systematic", weights
+        )
+        > 3 * BAND
+    )
 
 
 def variance_in_standard_errors(counts: np.ndarray, variance: np.ndarray) -> float:
@@ -72,7 +96,9 @@ def variance_in_standard_errors(counts: np.ndarray, variance: np.ndarray) -> flo
     random = variance > 1e-12
     assert np.allclose(squares[:, ~random], 0.0)
     standard_error = squares[:, random].std(axis=0) / np.sqrt(len(counts))
-    return float(np.max(np.abs(squares[:, random].mean(axis=0) - variance[random]) / standard_error))
+    return float(
+        np.max(np.abs(squares[:, random].mean(axis=0) - variance[random]) / standard_error)
+    )
 
 
 @pytest.mark.parametrize("name", DRAWING)
@@ -84,7 +110,10 @@ def test_the_variance_of_a_count_is_that_of_its_closed_form_and_of_no_other_sche
 
 
 def test_no_scheme_varies_more_than_independent_draws(weights):
-    variance = {name: counts_of(scheme, weights, np.random.default_rng(3)).var(axis=0).sum() for name, scheme in DRAWING.items()}
+    variance = {
+        name: counts_of(scheme, weights, np.random.default_rng(3)).var(axis=0).sum()
+        for name, scheme in DRAWING.items()
+    }
     assert variance["systematic"] < variance["stratified"] < variance["multinomial"]
     assert variance["residual"] < variance["multinomial"]
 
@@ -108,7 +137,9 @@ def test_residual_counts_never_fall_below_the_certain_copies_and_independent_dra
 def test_equal_weights_keep_every_particle_once(scheme):
     # weights that went through an exponential, as in the filter, are right only up to rounding
     weights = np.full(1000, np.nextafter(1 / 1000, 0.0))
-    assert np.array_equal(np.sort(chosen_by(scheme, weights, np.random.default_rng(6))), np.arange(1000))
+    assert np.array_equal(
+        np.sort(chosen_by(scheme, weights, np.random.default_rng(6))), np.arange(1000)
+    )
 
 
 @pytest.mark.parametrize("scheme", DRAWING.values())

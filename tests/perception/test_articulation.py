@@ -1,4 +1,6 @@
-"""The paper's articulation: the objective against plain NumPy, the simplex against SciPy's, the angles against the truth."""
+"""The paper's articulation: the objective against plain NumPy, the simplex against SciPy's, the
+angles against the truth.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ from compiled_calls import from_python
 from scipy.optimize import minimize
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.errors import RecordingError
+from pipeline.core.errors import RecordingError
 from pipeline.perception.articulation import Articulation, ArticulationOptions, fit_sequence
 from pipeline.perception.articulation_objective import INFEASIBLE, frame_of, rank_value
 
@@ -29,20 +31,35 @@ RANK = from_python(rank_value)
 
 
 def motion(frames: int = 97) -> np.ndarray:
-    """Joint angles out and back: elbow from 135° to 65°, the wrist through the stretched pose, 1.2 to 1.3 rad a joint."""
+    """Joint angles out and back: elbow from 135° to 65°, the wrist through the stretched pose, 1.2
+    to 1.3 rad a joint.
+    """
     phase = (1 - np.cos(np.linspace(0, 2 * np.pi, frames))) / 2
     return np.radians([-55.0, 135.0, -60.0] + phase[:, None] * np.array([75.0, -70.0, 75.0]))
 
 
-def cloud(q: np.ndarray, rng: np.random.Generator, *, width: float = 0.06, noise: float = 0.002, points: int = 1500) -> np.ndarray:
-    """Points of three rectangles, ever denser towards one side and one end of each, with normal noise (m)."""
+def cloud(
+    q: np.ndarray,
+    rng: np.random.Generator,
+    *,
+    width: float = 0.06,
+    noise: float = 0.002,
+    points: int = 1500,
+) -> np.ndarray:
+    """Points of three rectangles, ever denser towards one side and one end of each, with normal
+    noise (m).
+    """
     nodes = CHAIN.points(q)
     parts = []
     for j, (a, b) in enumerate(pairwise(nodes)):
         along = (b - a) / LENGTHS[j]
         s, n = rng.random((2, points // 3))
         n = n**1.5 if j != 1 else n**0.7
-        parts.append(a + (s**0.8 * LENGTHS[j])[:, None] * along + ((n - 0.5) * width)[:, None] * np.array([along[1], -along[0]]))
+        parts.append(
+            a
+            + (s**0.8 * LENGTHS[j])[:, None] * along
+            + ((n - 0.5) * width)[:, None] * np.array([along[1], -along[0]])
+        )
     return np.concatenate(parts) + rng.normal(scale=noise, size=(points // 3 * 3, 2))
 
 
@@ -50,12 +67,21 @@ def limits(share: float = OPTIONS.length_range) -> np.ndarray:
     return LENGTHS[:, None] * np.array([1 - share, 1 + share])
 
 
-def ranked(points: np.ndarray, nodes: np.ndarray, share: float, gamma1: float, gamma2: float) -> float:
-    return RANK(frame_of(np.ascontiguousarray(points.T), nodes[0], nodes[3], limits(share), gamma1, gamma2), nodes[1:3].ravel())
+def ranked(
+    points: np.ndarray, nodes: np.ndarray, share: float, gamma1: float, gamma2: float
+) -> float:
+    return RANK(
+        frame_of(np.ascontiguousarray(points.T), nodes[0], nodes[3], limits(share), gamma1, gamma2),
+        nodes[1:3].ravel(),
+    )
 
 
-def fit(clouds: list[np.ndarray], q: np.ndarray, options: ArticulationOptions = OPTIONS, **evidence: str) -> Articulation:
-    return fit_sequence(clouds, CHAIN.origin, CHAIN.points(q)[:, 3], CHAIN, options, q[0], **evidence)
+def fit(
+    clouds: list[np.ndarray], q: np.ndarray, options: ArticulationOptions = OPTIONS, **evidence: str
+) -> Articulation:
+    return fit_sequence(
+        clouds, CHAIN.origin, CHAIN.points(q)[:, 3], CHAIN, options, q[0], **evidence
+    )
 
 
 @pytest.fixture(scope="module")
@@ -65,11 +91,14 @@ def sequence() -> tuple[np.ndarray, list[np.ndarray]]:
     return q, [cloud(pose, rng) for pose in q]
 
 
+@pytest.mark.slow
 def test_the_objective_is_the_printed_one(sequence) -> None:
     q, clouds = sequence
     rng = np.random.default_rng(1)
     for frame in range(0, 97, 8):
-        nodes = CHAIN.points(q[frame]) + np.concatenate([np.zeros((1, 2)), rng.normal(scale=0.01, size=(2, 2)), np.zeros((1, 2))])
+        nodes = CHAIN.points(q[frame]) + np.concatenate(
+            [np.zeros((1, 2)), rng.normal(scale=0.01, size=(2, 2)), np.zeros((1, 2))]
+        )
         value = ranked(clouds[frame], nodes, 0.9, 0.7, 0.4)
         assert value == pytest.approx(plain_objective(clouds[frame], nodes, 0.7, 0.4), rel=1e-12)
 
@@ -98,7 +127,9 @@ def test_poses_outside_the_lengths_rank_behind_by_their_violation(sequence) -> N
     longer[1] = nodes[0] + (nodes[1] - nodes[0]) * 1.2
     violation = sum(
         max(low - length, 0) + max(length - high, 0)
-        for length, (low, high) in zip(np.linalg.norm(np.diff(longer, axis=0), axis=1), limits(), strict=True)
+        for length, (low, high) in zip(
+            np.linalg.norm(np.diff(longer, axis=0), axis=1), limits(), strict=True
+        )
     )
     value = ranked(clouds[0], longer, 0.05, 1.0, 0.3)
     assert value == pytest.approx(INFEASIBLE + violation, rel=1e-12)
@@ -108,44 +139,55 @@ def test_poses_outside_the_lengths_rank_behind_by_their_violation(sequence) -> N
 def test_points_on_the_lines_of_the_links_give_the_angles_to_the_end_of_the_search() -> None:
     rng = np.random.default_rng(2)
     q = motion()[:40]
-    found = fit([cloud(pose, rng, width=0.0, noise=0.0) for pose in q], q)
-    # a simplex creeps in the narrow valley that lines without width make: tenths of a millimetre, a tenth of the other errors
-    np.testing.assert_allclose(found.q, q, atol=5e-3)
-    assert found.objective.max() < 2e-4
+    fitted = fit([cloud(pose, rng, width=0.0, noise=0.0) for pose in q], q)
+    # a simplex creeps in the narrow valley that lines without width make: tenths of a millimetre, a
+    # tenth of the other errors
+    np.testing.assert_allclose(fitted.q, q, atol=5e-3)
+    assert fitted.objective.max() < 2e-4
 
 
 def test_the_simplex_finds_what_scipys_finds_or_better(sequence) -> None:
     q, clouds = sequence
-    found, reference = [], []
+    fitted, reference = [], []
     for frame in range(0, 97, 12):
         ends = CHAIN.points(q[frame])[[0, 3]]
         start = CHAIN.points(q[frame] + [0.05, -0.05, 0.05])[1:3].ravel()
-        one = fit_sequence([clouds[frame]], ends[0], ends[1:], CHAIN, OPTIONS, q[frame] + [0.05, -0.05, 0.05])
+        one = fit_sequence(
+            [clouds[frame]], ends[0], ends[1:], CHAIN, OPTIONS, q[frame] + [0.05, -0.05, 0.05]
+        )
 
-        told = (clouds[frame], ends[0], ends[1], limits(), OPTIONS.gamma1, OPTIONS.gamma2)
+        arguments = (clouds[frame], ends[0], ends[1], limits(), OPTIONS.gamma1, OPTIONS.gamma2)
         corners = start + 0.02 * np.vstack([np.zeros(4), np.eye(4)])
         solution = minimize(
-            plain_rank, start, told, method="Nelder-Mead", options={"initial_simplex": corners, "xatol": 1e-5, "fatol": 1e-7}
+            plain_rank,
+            start,
+            arguments,
+            method="Nelder-Mead",
+            options={"initial_simplex": corners, "xatol": 1e-5, "fatol": 1e-7},
         )
-        found.append(one.objective[0])
+        fitted.append(one.objective[0])
         reference.append(solution.fun)
-        assert one.objective[0] == pytest.approx(plain_objective(clouds[frame], one.nodes[0], OPTIONS.gamma1, OPTIONS.gamma2), rel=1e-10)
-    assert np.all(np.array(found) <= np.array(reference) + 2e-4)
-    assert np.mean(found) <= np.mean(reference)
+        assert one.objective[0] == pytest.approx(
+            plain_objective(clouds[frame], one.nodes[0], OPTIONS.gamma1, OPTIONS.gamma2), rel=1e-10
+        )
+    assert np.all(np.array(fitted) <= np.array(reference) + 2e-4)
+    assert np.mean(fitted) <= np.mean(reference)
 
 
 def test_the_angles_are_as_good_as_a_filter_needs_and_the_lengths_stay_in_range(sequence) -> None:
     q, clouds = sequence
-    found = fit(clouds, q)
-    error = found.q - q
+    fitted = fit(clouds, q)
+    error = fitted.q - q
     assert np.all(np.sqrt((error**2).mean(axis=0)) < [0.04, 0.06, 0.06])
-    lengths = np.linalg.norm(np.diff(found.nodes, axis=1), axis=2)
+    lengths = np.linalg.norm(np.diff(fitted.nodes, axis=1), axis=2)
     assert np.all((lengths >= limits()[:, 0] - 1e-12) & (lengths <= limits()[:, 1] + 1e-12))
-    assert found.gaps == 0
+    assert fitted.gaps == 0
 
 
 def test_the_second_term_takes_out_the_pull_of_uneven_density(sequence) -> None:
-    """The paper's reason for the term: without it the segments shift to where the points are dense."""
+    """The paper's reason for the term: without it the segments shift to where the points are
+    dense.
+    """
     q, clouds = sequence
     with_term = np.abs((fit(clouds, q).q - q).mean(axis=0))
     without = np.abs((fit(clouds, q, ArticulationOptions(gamma2=0.0)).q - q).mean(axis=0))
@@ -161,18 +203,18 @@ def test_a_repeated_fit_gives_the_same_bytes(sequence) -> None:
 def test_frames_with_too_few_points_are_gaps_that_are_counted_and_bridged(sequence) -> None:
     q, clouds = sequence
     thinned = [c[:10] if f in (0, 30, 31) else c for f, c in enumerate(clouds[:40])]
-    found = fit(thinned, q[:40])
-    assert np.flatnonzero(np.isnan(found.q).any(axis=1)).tolist() == [0, 30, 31]
-    assert found.gaps == 3
-    assert np.abs(found.q[32] - q[32]).max() < 0.2
+    fitted = fit(thinned, q[:40])
+    assert np.flatnonzero(np.isnan(fitted.q).any(axis=1)).tolist() == [0, 30, 31]
+    assert fitted.gaps == 3
+    assert np.abs(fitted.q[32] - q[32]).max() < 0.2
 
 
 def test_an_arm_that_was_lost_over_missing_frames_is_found_again(sequence, monkeypatch) -> None:
     q, clouds = sequence
     kept = [*range(43, 48), *range(80, 90)]
-    found = fit([clouds[i] for i in kept], q[kept])
-    assert found.lost > 0
-    assert np.abs(found.q - q[kept]).max() < 0.2
+    fitted = fit([clouds[i] for i in kept], q[kept])
+    assert fitted.lost > 0
+    assert np.abs(fitted.q - q[kept]).max() < 0.2
     # the control: without the search over all poses the elbow stays on the wrong side
     monkeypatch.setattr("pipeline.perception.articulation.LOST", np.inf)
     assert np.abs(fit([clouds[i] for i in kept], q[kept]).q - q[kept]).max() > 1.0
@@ -182,11 +224,20 @@ def test_an_arm_that_was_lost_over_missing_frames_is_found_again(sequence, monke
 def test_too_many_gaps_in_a_row_are_refused(sequence) -> None:
     q, clouds = sequence
     with pytest.raises(RecordingError, match=r"take-9.*frame 23"):
-        fit([c[:10] if 20 <= f < 24 else c for f, c in enumerate(clouds[:40])], q[:40], take="take-9")
+        fit(
+            [c[:10] if 20 <= f < 24 else c for f, c in enumerate(clouds[:40])],
+            q[:40],
+            take="take-9",
+        )
 
 
-@pytest.mark.parametrize(("place", "message"), [((0.0, 0.7), "joins O1 and EE.*frame 0"), ((np.nan, 0.3), "not finite.*frame 0")])
-def test_an_end_effector_out_of_reach_or_missing_is_refused(sequence, place: tuple[float, float], message: str) -> None:
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [((0.0, 0.7), "joins O1 and EE.*frame 0"), ((np.nan, 0.3), "not finite.*frame 0")],
+)
+def test_an_end_effector_out_of_reach_or_missing_is_refused(
+    sequence, place: tuple[float, float], message: str
+) -> None:
     q, clouds = sequence
     with pytest.raises(RecordingError, match=message):
         fit_sequence(clouds[:1], CHAIN.origin, np.array([place]), CHAIN, OPTIONS, q[0])

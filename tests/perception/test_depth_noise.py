@@ -1,4 +1,6 @@
-"""The depth camera's noise as the other takes show it: what is left out, what is recovered, and how many takes it needs."""
+"""The depth camera's noise as the other takes show it: what is left out, what is recovered, and how
+many takes it needs.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +8,27 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import contracts
-from pipeline.errors import RecordingError
-from pipeline.perception.depth_noise import MIN_SAMPLES, errors_of, leave_one_out
+from pipeline.core import contracts
+from pipeline.core.columns import columns, pairs, spread
+from pipeline.core.errors import RecordingError
+from pipeline.perception.depth_noise import errors_of, leave_one_out
 
 BIAS = np.array([0.01, -0.02, 0.005])
 FRAMES = 12
-MEAN, COVARIANCE = ["b1", "b2", "b3"], ["r11", "r12", "r13", "r22", "r23", "r33"]
+JOINTS = ("shoulder", "elbow", "wrist")
+ANGLES, ERRORS = columns("q", JOINTS), columns("e", JOINTS)
+MEAN, COVARIANCE = columns("b", JOINTS), pairs("r", JOINTS)
+MIN_SAMPLES = 4  # a covariance of three joints from fewer is singular
 UPPER = np.triu_indices(3)
 
 
 def root(frame: int) -> np.ndarray:
     """(3, 3) A of the covariance AAᵀ of the noise at a frame, rad; it grows over the motion."""
-    return 1e-3 * (1 + frame / FRAMES) * np.array([[4.0, 0.0, 0.0], [-3.0, 2.0, 0.0], [1.0, -1.0, 5.0]])
+    return (
+        1e-3
+        * (1 + frame / FRAMES)
+        * np.array([[4.0, 0.0, 0.0], [-3.0, 2.0, 0.0], [1.0, -1.0, 5.0]])
+    )
 
 
 def errors(takes: int, seed: int = 41) -> pd.DataFrame:
@@ -26,14 +36,20 @@ def errors(takes: int, seed: int = 41) -> pd.DataFrame:
     rng = np.random.default_rng(seed)
     rows = []
     for take in range(takes):
-        noise = np.array([BIAS * frame + root(frame) @ rng.standard_normal(3) for frame in range(FRAMES)])
+        noise = np.array(
+            [BIAS * frame + root(frame) @ rng.standard_normal(3) for frame in range(FRAMES)]
+        )
         times = np.arange(FRAMES) / 30 + rng.normal(0, 1e-3, FRAMES)
-        columns = {f"e{j + 1}": noise[:, j] for j in range(3)}
-        rows.append(pd.DataFrame({"take": f"test_{take}", "frame": np.arange(FRAMES), "t": times} | columns))
+        rows.append(
+            pd.DataFrame(
+                {"take": f"test_{take}", "frame": np.arange(FRAMES), "t": times}
+                | spread("e", JOINTS, noise)
+            )
+        )
     return pd.concat(rows, ignore_index=True)
 
 
-def of(table: pd.DataFrame, take: str) -> pd.DataFrame:
+def rows_of_take(table: pd.DataFrame, take: str) -> pd.DataFrame:
     return table[table["take"] == take].reset_index(drop=True)
 
 
@@ -41,64 +57,91 @@ def test_a_take_has_no_say_in_its_own_noise():
     before = errors(8)
     after = before.copy()
     changed = after["take"] == "test_3"
-    after.loc[changed, ["e1", "e2", "e3"]] += 10.0
+    after.loc[changed, ERRORS] += 10.0
     after.loc[changed, "t"] += 1.0
-    noise, of_changed = leave_one_out(before, window=2), leave_one_out(after, window=2)
-    pd.testing.assert_frame_equal(of(noise, "test_3"), of(of_changed, "test_3"))
+    noise, changed_noise = leave_one_out(before, window=2), leave_one_out(after, window=2)
+    pd.testing.assert_frame_equal(
+        rows_of_take(noise, "test_3"), rows_of_take(changed_noise, "test_3")
+    )
     # control: on every other take it has
     for take in ("test_0", "test_7", "none"):
-        assert np.all(of(noise, take)[MEAN].to_numpy() != of(of_changed, take)[MEAN].to_numpy())
+        assert np.all(
+            rows_of_take(noise, take)[MEAN].to_numpy()
+            != rows_of_take(changed_noise, take)[MEAN].to_numpy()
+        )
 
 
 def test_it_is_what_the_other_takes_alone_would_give():
     table = errors(8)
     others = table[table["take"] != "test_5"]
-    left_out = of(leave_one_out(table, window=1), "test_5").drop(columns="take")
-    pd.testing.assert_frame_equal(left_out, of(leave_one_out(others, window=1), "none").drop(columns="take"))
+    left_out = rows_of_take(leave_one_out(table, window=1), "test_5").drop(columns="take")
+    pd.testing.assert_frame_equal(
+        left_out, rows_of_take(leave_one_out(others, window=1), "none").drop(columns="take")
+    )
 
 
 def test_without_a_window_it_is_the_sample_mean_and_covariance_of_every_frame():
     table = errors(8)
-    noise = of(leave_one_out(table, window=0), "none")
+    noise = rows_of_take(leave_one_out(table, window=0), "none")
     for frame, rows in table.groupby("frame"):
-        samples = rows[["e1", "e2", "e3"]].to_numpy()
-        np.testing.assert_allclose(noise.loc[frame, MEAN].astype(float), samples.mean(axis=0), rtol=1e-12)
-        np.testing.assert_allclose(noise.loc[frame, COVARIANCE].astype(float), np.cov(samples.T)[UPPER], rtol=1e-10)
+        samples = rows[ERRORS].to_numpy()
+        np.testing.assert_allclose(
+            noise.loc[frame, MEAN].astype(float), samples.mean(axis=0), rtol=1e-12
+        )
+        np.testing.assert_allclose(
+            noise.loc[frame, COVARIANCE].astype(float), np.cov(samples.T)[UPPER], rtol=1e-10
+        )
         assert noise.loc[frame, "t"] == pytest.approx(rows["t"].mean())
 
 
+@pytest.mark.slow
 def test_mean_and_covariance_of_a_known_law_are_recovered():
     takes, window = 400, 1
-    noise = of(leave_one_out(errors(takes), window=window), "none")
+    noise = rows_of_take(leave_one_out(errors(takes), window=window), "none")
     for frame in range(1, FRAMES - 1):
-        true = np.mean([root(near) @ root(near).T for near in range(frame - window, frame + window + 1)], axis=0)
+        true = np.mean(
+            [root(near) @ root(near).T for near in range(frame - window, frame + window + 1)],
+            axis=0,
+        )
         std = np.sqrt(np.diag(true))
-        mean_error = (noise.loc[frame, MEAN].to_numpy(dtype=float) - BIAS * frame) / (std / np.sqrt(takes))
+        mean_error = (noise.loc[frame, MEAN].to_numpy(dtype=float) - BIAS * frame) / (
+            std / np.sqrt(takes)
+        )
         assert np.abs(mean_error).max() < 4.5
         scale = np.outer(std, std)[UPPER] * np.sqrt(2 / (takes * (2 * window + 1)))
-        assert np.abs((noise.loc[frame, COVARIANCE].to_numpy(dtype=float) - true[UPPER]) / scale).max() < 4.5
+        assert (
+            np.abs((noise.loc[frame, COVARIANCE].to_numpy(dtype=float) - true[UPPER]) / scale).max()
+            < 4.5
+        )
         # control: the covariance of the motion's other end is far outside the band
         other = root(FRAMES - frame) @ root(FRAMES - frame).T
         if abs(2 * frame - FRAMES) > 4:
-            assert np.abs((noise.loc[frame, COVARIANCE].to_numpy(dtype=float) - other[UPPER]) / scale).max() > 4.5
+            assert (
+                np.abs(
+                    (noise.loc[frame, COVARIANCE].to_numpy(dtype=float) - other[UPPER]) / scale
+                ).max()
+                > 4.5
+            )
 
 
 def test_pooling_over_frames_does_not_take_the_changing_mean_for_noise():
     table = errors(50)
     shifted = table.copy()
-    shifted[["e1", "e2", "e3"]] += 5.0 * np.sin(table["frame"].to_numpy())[:, None]
-    noise, of_shifted = leave_one_out(table, window=3), leave_one_out(shifted, window=3)
-    np.testing.assert_allclose(of_shifted[COVARIANCE], noise[COVARIANCE], rtol=1e-9, atol=1e-15)
-    assert np.abs(of_shifted[MEAN].to_numpy() - noise[MEAN].to_numpy()).max() > 4
+    shifted[ERRORS] += 5.0 * np.sin(table["frame"].to_numpy())[:, None]
+    noise, shifted_noise = leave_one_out(table, window=3), leave_one_out(shifted, window=3)
+    np.testing.assert_allclose(shifted_noise[COVARIANCE], noise[COVARIANCE], rtol=1e-9, atol=1e-15)
+    assert np.abs(shifted_noise[MEAN].to_numpy() - noise[MEAN].to_numpy()).max() > 4
 
 
 def test_frames_that_some_takes_lack_are_estimated_from_those_that_have_them():
     table = errors(9)
     table = table[~((table["frame"] == 4) & table["take"].isin(["test_0", "test_1"]))]
-    noise = of(leave_one_out(table, window=0), "none")
-    samples = table.loc[table["frame"] == 4, ["e1", "e2", "e3"]].to_numpy()
+    noise = rows_of_take(leave_one_out(table, window=0), "none")
+    samples = table.loc[table["frame"] == 4, ERRORS].to_numpy()
     assert len(samples) == 7
-    np.testing.assert_allclose(noise.loc[4, COVARIANCE].astype(float), np.cov(samples.T)[UPPER], rtol=1e-10)
+    np.testing.assert_allclose(
+        noise.loc[4, COVARIANCE].astype(float), np.cov(samples.T)[UPPER], rtol=1e-10
+    )
 
 
 def test_the_table_keeps_its_contract(tmp_path):
@@ -106,10 +149,12 @@ def test_the_table_keeps_its_contract(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("takes", "window", "enough"), [(6, 0, True), (5, 0, False), (3, 3, True), (3, 2, False), (2, 5, False), (1, 5, False)]
+    ("takes", "window", "enough"),
+    [(6, 0, True), (5, 0, False), (3, 3, True), (3, 2, False), (2, 5, False), (1, 5, False)],
 )
 def test_fewer_takes_than_a_covariance_needs_are_refused(takes, window, enough):
-    # the other takes spend one degree of freedom on each mean, and the window reaches over window + 1 frames at the ends
+    # the other takes spend one degree of freedom on each mean, and the window reaches over window +
+    # 1 frames at the ends
     assert enough == ((takes - 2) * (window + 1) >= MIN_SAMPLES)
     if enough:
         leave_one_out(errors(takes), window=window)
@@ -125,13 +170,18 @@ def test_no_takes_at_all_are_refused():
         leave_one_out(errors(2).iloc[:0], window=2)
 
 
-def test_the_error_of_a_frame_is_against_the_motion_at_its_own_time_and_frames_outside_the_motion_are_left_out():
+def test_a_frames_error_is_against_the_motion_at_its_own_time_and_none_is_outside_the_motion():
     t = np.arange(5) * 0.01
-    joints = pd.DataFrame({"take": "test_1", "t": t} | {f"q{j}": j * t for j in (1, 2, 3)})
-    seen = np.array([-0.001, 0.0, 0.0135, 0.04, 0.0401])
-    angles = pd.DataFrame({"take": "test_1", "frame": range(5), "t": seen} | {f"q{j}": j * seen + 0.1 * j for j in (1, 2, 3)})
-    found = errors_of(angles, joints)
-    assert found["frame"].tolist() == [1, 2, 3]
-    np.testing.assert_allclose(found[["e1", "e2", "e3"]], np.tile([0.1, 0.2, 0.3], (3, 1)))
+    joints = pd.DataFrame(
+        {"take": "test_1", "t": t} | {name: j * t for j, name in enumerate(ANGLES, 1)}
+    )
+    exposed = np.array([-0.001, 0.0, 0.0135, 0.04, 0.0401])
+    angles = pd.DataFrame(
+        {"take": "test_1", "frame": range(5), "t": exposed}
+        | {name: j * exposed + 0.1 * j for j, name in enumerate(ANGLES, 1)}
+    )
+    deviations = errors_of(angles, joints)
+    assert deviations["frame"].tolist() == [1, 2, 3]
+    np.testing.assert_allclose(deviations[ERRORS], np.tile([0.1, 0.2, 0.3], (3, 1)))
     # control: at the times of other frames they are not
-    assert np.abs(errors_of(angles.assign(t=seen + 0.005), joints)["e3"] - 0.3).min() > 0.01
+    assert np.abs(errors_of(angles.assign(t=exposed + 0.005), joints)[ERRORS[2]] - 0.3).min() > 0.01

@@ -1,4 +1,6 @@
-"""Joint angles from markers: exactness, error statistics against a closed form, labels put right, gaps."""
+"""Joint angles from markers: exactness, error statistics against a closed form, labels put right,
+gaps.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
-from pipeline.errors import ConfigError, RecordingError
-from pipeline.perception.markers import fit_segments, marker_places, track_joints
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.perception.link_fit import fit_segments, marker_places
+from pipeline.perception.markers import track_joints
 
 TEMPLATE = np.array(
     [
@@ -54,11 +57,15 @@ def test_without_noise_the_joint_angles_are_exact(arm: Arm) -> None:
 
 def test_three_markers_are_fitted_as_scipy_fits_them(arm: Arm) -> None:
     generator = np.random.default_rng(1)
-    markers = marker_places(motion()[::80], TEMPLATE, arm.chain) + generator.normal(scale=0.004, size=(5, 3, 3, 3))
+    markers = marker_places(motion()[::80], TEMPLATE, arm.chain) + generator.normal(
+        scale=0.004, size=(5, 3, 3, 3)
+    )
     psi, square = fit_segments(markers, TEMPLATE)
     for frame in range(5):
         for link in range(3):
-            measured, reference = (x - x.mean(axis=0) for x in (markers[frame, link], TEMPLATE[link]))
+            measured, reference = (
+                x - x.mean(axis=0) for x in (markers[frame, link], TEMPLATE[link])
+            )
             rotation, rssd = Rotation.align_vectors(measured, reference)
             quaternion = rotation.as_quat()
             twist = 2 * np.arctan2(quaternion[1], quaternion[3])
@@ -67,7 +74,9 @@ def test_three_markers_are_fitted_as_scipy_fits_them(arm: Arm) -> None:
 
 
 def predicted_variance(corners: np.ndarray) -> float:
-    """Variance of the angle about the normal for unit noise: the (y, y) entry of the inverse of the inertia of the markers."""
+    """Variance of the angle about the normal for unit noise: the (y, y) entry of the inverse of the
+    inertia of the markers.
+    """
     c = corners - corners.mean(axis=0)
     return np.linalg.inv(np.trace(c.T @ c) * np.eye(3) - c.T @ c)[1, 1]
 
@@ -77,21 +86,39 @@ def test_the_angle_error_is_the_noise_over_the_lever(arm: Arm, visible: int) -> 
     noise, frames = 2e-4, 4000
     q = np.broadcast_to(motion()[100], (frames, 3))
     generator = np.random.default_rng(2)
-    markers = marker_places(q, TEMPLATE, arm.chain) + generator.normal(scale=noise, size=(frames, 3, 3, 3))
+    markers = marker_places(q, TEMPLATE, arm.chain) + generator.normal(
+        scale=noise, size=(frames, 3, 3, 3)
+    )
     markers[:, :, visible:] = np.nan
     error = fit_segments(markers, TEMPLATE)[0] - arm.chain.segment_headings(q)
     pair = (TEMPLATE[:, 1] - TEMPLATE[:, 0])[:, [0, 2]]
-    law = [predicted_variance(corners) for corners in TEMPLATE] if visible == 3 else 2 / (pair**2).sum(axis=1)
-    # the standard deviation of 4000 values is known to 1.1 %: four of those; the other number of markers lies outside
+    law = (
+        [predicted_variance(corners) for corners in TEMPLATE]
+        if visible == 3
+        else 2 / (pair**2).sum(axis=1)
+    )
+    # the standard deviation of 4000 values is known to 1.1 %: four of those; the other number of
+    # markers lies outside
     np.testing.assert_allclose(error.std(axis=0), noise * np.sqrt(law), rtol=0.045)
-    wrong = 2 / (pair**2).sum(axis=1) if visible == 3 else [predicted_variance(corners) for corners in TEMPLATE]
+    wrong = (
+        2 / (pair**2).sum(axis=1)
+        if visible == 3
+        else [predicted_variance(corners) for corners in TEMPLATE]
+    )
     assert np.all(np.abs(error.std(axis=0) / (noise * np.sqrt(wrong)) - 1) > 0.045)
 
 
-def test_a_tilted_base_frame_does_not_enter_the_angles_of_three_markers_but_of_two(arm: Arm) -> None:
+def test_a_tilted_base_frame_does_not_enter_the_angles_of_three_markers_but_of_two(
+    arm: Arm,
+) -> None:
     q = motion()[::6]
-    leaning = marker_places(q, TEMPLATE, arm.chain) @ Rotation.from_rotvec([0.02, 0.0, 0.03]).as_matrix().T
-    np.testing.assert_allclose(fit_segments(leaning, TEMPLATE)[0], arm.chain.segment_headings(q), atol=1e-12)
+    leaning = (
+        marker_places(q, TEMPLATE, arm.chain)
+        @ Rotation.from_rotvec([0.02, 0.0, 0.03]).as_matrix().T
+    )
+    np.testing.assert_allclose(
+        fit_segments(leaning, TEMPLATE)[0], arm.chain.segment_headings(q), atol=1e-12
+    )
     leaning[:, :, 0] = np.nan
     assert np.abs(fit_segments(leaning, TEMPLATE)[0] - arm.chain.segment_headings(q)).max() > 1e-3
 

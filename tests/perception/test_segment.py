@@ -1,4 +1,6 @@
-"""The arm's points in a depth image: an analytic renderer of flat links before a wall is the truth."""
+"""The arm's points in a depth image: an analytic renderer of flat links before a wall is the
+truth.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
-from pipeline.errors import ConfigError, RecordingError
+from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.perception.segment import ArmSegmenter, Crop
 
 SHAPE = (212, 256)
@@ -40,19 +42,31 @@ Q = np.array([-0.5, 1.4, -0.6])
 
 def camera_pose(arm: Arm) -> tuple[np.ndarray, np.ndarray]:
     """1.1 m before the plane, turned by a few degrees."""
-    in_plane = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]) @ Rotation.from_euler("xyz", [-0.05, 0.1, 0.02]).as_matrix()
+    in_plane = (
+        np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+        @ Rotation.from_euler("xyz", [-0.05, 0.1, 0.02]).as_matrix()
+    )
     return arm.rotation @ in_plane, arm.to_base(np.array([-0.05, -1.1, 0.25]))
 
 
 @cache
 def ideal_pixels(distortion: tuple[float, ...]) -> np.ndarray:
-    """(rows · columns, 3) rays in the camera's frame; the distortion inverted by a fixed point of the forward model."""
+    """(rows · columns, 3) rays in the camera's frame; the distortion inverted by a fixed point of
+    the forward model.
+    """
     rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
-    target = np.stack([(columns - CAMERA[0, 2]) / CAMERA[0, 0], (rows - CAMERA[1, 2]) / CAMERA[1, 1]], axis=-1).reshape(-1, 2)
+    target = np.stack(
+        [(columns - CAMERA[0, 2]) / CAMERA[0, 0], (rows - CAMERA[1, 2]) / CAMERA[1, 1]], axis=-1
+    ).reshape(-1, 2)
     ideal = target.copy()
     for _ in range(30):
         ray = np.c_[ideal, np.ones(len(ideal))]
-        ideal += target - cv2.projectPoints(ray, np.zeros(3), np.zeros(3), np.eye(3), np.array(distortion))[0][:, 0]
+        ideal += (
+            target
+            - cv2.projectPoints(ray, np.zeros(3), np.zeros(3), np.eye(3), np.array(distortion))[0][
+                :, 0
+            ]
+        )
     return np.c_[ideal, np.ones(len(ideal))]
 
 
@@ -73,7 +87,9 @@ def on_arm(arm: Arm, points: np.ndarray) -> np.ndarray:
 
 
 def render(arm: Arm) -> tuple[np.ndarray, np.ndarray]:
-    """Depth image (m) of the links' faces before a wall 1 m behind, and which pixels see the arm."""
+    """Depth image (m) of the links' faces before a wall 1 m behind, and which pixels see the
+    arm.
+    """
     camera = arm.to_plane(camera_pose(arm)[1])
     r = rays(arm)
     near, far = (FRONT - camera[1]) / r[:, 1], (1.0 - camera[1]) / r[:, 1]
@@ -115,12 +131,16 @@ def test_pixels_are_dropped_for_the_reason_that_holds_and_all_are_counted(arm: A
     lost = np.flatnonzero(hit)[::7]
     broken.ravel()[lost[::2]], broken.ravel()[lost[1::2]] = 0.0, np.nan
     # a flying pixel: at the depth of the arm, beside it
-    free = np.argwhere(~cv2.dilate(hit.astype(np.uint8), np.ones((7, 7))).astype(bool)[rows, columns])[0] + [rows.start, columns.start]
+    free = np.argwhere(
+        ~cv2.dilate(hit.astype(np.uint8), np.ones((7, 7))).astype(bool)[rows, columns]
+    )[0] + [rows.start, columns.start]
     r, camera = rays(arm), arm.to_plane(camera_pose(arm)[1])
     ray = r[free[0] * SHAPE[1] + free[1]]
     broken[tuple(free)] = (FRONT - camera[1]) / ray[1]
     points, dropped = cut(broken)
-    reach = np.hypot(*((camera + broken[tuple(free)] * ray)[[0, 2]] - arm.chain.origin)) <= cut.reach
+    reach = (
+        np.hypot(*((camera + broken[tuple(free)] * ray)[[0, 2]] - arm.chain.origin)) <= cut.reach
+    )
     assert dropped["no_depth"] == len(lost)
     assert dropped["isolated" if reach else "out_of_reach"] == 1
     assert len(points) == hit.sum() - len(lost)
@@ -130,15 +150,21 @@ def test_pixels_are_dropped_for_the_reason_that_holds_and_all_are_counted(arm: A
 def test_a_patch_of_the_stated_size_stays_and_a_smaller_one_goes(arm: Arm) -> None:
     depth, hit = render(arm)
     total = int(hit.sum())
-    stays, _ = segmenter(arm, Crop(column_half_width=0.0, floor=-1.0, min_pixels=total, max_points=100_000))(depth)
-    goes, dropped = segmenter(arm, Crop(column_half_width=0.0, floor=-1.0, min_pixels=total + 1, max_points=100_000))(depth)
+    stays, _ = segmenter(
+        arm, Crop(column_half_width=0.0, floor=-1.0, min_pixels=total, max_points=100_000)
+    )(depth)
+    goes, dropped = segmenter(
+        arm, Crop(column_half_width=0.0, floor=-1.0, min_pixels=total + 1, max_points=100_000)
+    )(depth)
     assert (len(stays), len(goes), dropped["isolated"]) == (total, 0, total)
 
 
 def test_turntable_and_floor_are_cut_out(arm: Arm) -> None:
     depth, _ = render(arm)
     everything, _ = segmenter(arm)(depth)
-    crop = Crop(column_half_width=0.05, column_top=0.05, floor=0.12, min_pixels=1, max_points=100_000)
+    crop = Crop(
+        column_half_width=0.05, column_top=0.05, floor=0.12, min_pixels=1, max_points=100_000
+    )
     points, dropped = segmenter(arm, crop)(depth)
     x, z = (everything - arm.chain.origin).T
     base = ((np.abs(x) <= 0.05) & (z <= 0.05)) | (everything[:, 1] <= 0.12)
@@ -150,7 +176,9 @@ def test_turntable_and_floor_are_cut_out(arm: Arm) -> None:
 def test_thinning_keeps_an_even_share_and_the_order(arm: Arm) -> None:
     depth, _ = render(arm)
     full, _ = segmenter(arm)(depth)
-    thin, dropped = segmenter(arm, Crop(column_half_width=0.0, floor=-1.0, min_pixels=20, max_points=300))(depth)
+    thin, dropped = segmenter(
+        arm, Crop(column_half_width=0.0, floor=-1.0, min_pixels=20, max_points=300)
+    )(depth)
     assert len(thin) == 300 == len(full) - dropped["thinned"]
     index = np.array([int(np.flatnonzero((full == point).all(axis=1))[0]) for point in thin])
     assert set(np.diff(index)) <= {len(full) // 300, len(full) // 300 + 1}
@@ -164,4 +192,6 @@ def test_an_image_of_another_shape_is_refused_with_its_evidence(arm: Arm) -> Non
 def test_a_camera_that_looks_away_is_refused(arm: Arm) -> None:
     rotation, translation = camera_pose(arm)
     with pytest.raises(ConfigError, match="sees the arm"):
-        ArmSegmenter(arm, CAMERA, DISTORTION, rotation @ np.diag([-1.0, 1.0, -1.0]), translation, SHAPE, CROP)
+        ArmSegmenter(
+            arm, CAMERA, DISTORTION, rotation @ np.diag([-1.0, 1.0, -1.0]), translation, SHAPE, CROP
+        )

@@ -1,4 +1,6 @@
-"""The MaxEnt problem whose solution the Wishart law is: no other law that meets its constraints has more entropy."""
+"""The MaxEnt problem whose solution the Wishart law is: no other law that meets its constraints has
+more entropy.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ N, DRAWS = 3, 10_000
 
 
 def inverse_wishart_of_the_same_constraints(d: float):
-    """Inverse-Wishart with mean I and the E ln|B| of W(d, I/d): what keeps the moments of B⁻¹ finite is E ln|B| alone."""
+    """Inverse-Wishart with mean I and the E ln|B| of W(d, I/d): what keeps the moments of B⁻¹
+    finite is E ln|B| alone.
+    """
     orders = np.arange(N)
     wanted = digamma((d - orders) / 2).sum() + N * np.log(2 / d)
 
@@ -30,9 +34,16 @@ def test_of_two_laws_that_meet_the_constraints_the_wishart_law_has_the_greater_e
     d = wishart.degrees_of_freedom(sigma_b, N)
     rng = np.random.default_rng(1)
     other = inverse_wishart_of_the_same_constraints(d)
-    drawn, of_other = wishart.sample(d, np.eye(N) / d, (DRAWS,), rng), other.rvs(DRAWS, random_state=rng)
-    # the log density is a function of the constraints alone, so both laws have one expectation of it: minus the entropy of the first
-    own, cross = wishart.log_density(drawn, d, np.eye(N) / d), wishart.log_density(of_other, d, np.eye(N) / d)
+    drawn, of_other = (
+        wishart.sample(d, np.eye(N) / d, (DRAWS,), rng),
+        other.rvs(DRAWS, random_state=rng),
+    )
+    # the log density is a function of the constraints alone, so both laws have one expectation of
+    # it: minus the entropy of the first
+    own, cross = (
+        wishart.log_density(drawn, d, np.eye(N) / d),
+        wishart.log_density(of_other, d, np.eye(N) / d),
+    )
     error = np.sqrt((own.var() + cross.var()) / DRAWS)
     assert abs(own.mean() - cross.mean()) < 4.5 * error
     # so the entropies differ by the divergence of the other law from this one
@@ -50,7 +61,9 @@ def test_the_density_integrates_to_one(sigma_b):
     d = wishart.degrees_of_freedom(sigma_b, N)
     wider = stats.wishart(0.8 * d, np.eye(N) / (0.8 * d))
     drawn = wider.rvs(DRAWS, random_state=np.random.default_rng(2))
-    ratio = np.exp(wishart.log_density(drawn, d, np.eye(N) / d) - wider.logpdf(np.moveaxis(drawn, 0, -1)))
+    ratio = np.exp(
+        wishart.log_density(drawn, d, np.eye(N) / d) - wider.logpdf(np.moveaxis(drawn, 0, -1))
+    )
     error = ratio.std() / np.sqrt(DRAWS)
     assert abs(ratio.mean() - 1) < 4.5 * error
     # control: a factor of 1.1 would show

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import matrix_normal
 
-from pipeline.errors import ModelDomainError
+from pipeline.core.errors import ModelDomainError
 from pipeline.randommatrix.normal import expected_quadratic, log_density, sample
 
 MEAN = np.array([[1.0, -2.0, 0.5], [0.0, 3.0, 1.0]])
@@ -41,7 +41,9 @@ def test_definition_1_the_transpose_stacked_by_columns_has_covariance_sigma_kron
 def test_theorem_1_the_transpose_exchanges_row_and_column_covariance(draws):
     transposed = np.swapaxes(draws, -1, -2)
     densities = log_density(draws[:100], MEAN, ROWS, COLUMNS)
-    np.testing.assert_allclose(log_density(transposed[:100], MEAN.T, COLUMNS, ROWS), densities, rtol=1e-12)
+    np.testing.assert_allclose(
+        log_density(transposed[:100], MEAN.T, COLUMNS, ROWS), densities, rtol=1e-12
+    )
     stacked = (transposed - MEAN.T).reshape(DRAWS, -1)
     assert largest_score(products(stacked), np.kron(COLUMNS, ROWS)) < 4.5
     assert largest_score(products(stacked), np.kron(ROWS, COLUMNS)) > 20
@@ -63,10 +65,14 @@ def test_theorem_5_gives_the_mean_of_a_quadratic_form_that_is_not_symmetric(draw
 def test_theorem_5_holds_for_a_batch_of_forms():
     a = np.random.default_rng(2).standard_normal((4, 3, 3))
     batch = expected_quadratic(MEAN, ROWS, COLUMNS, a)
-    np.testing.assert_allclose(batch, [expected_quadratic(MEAN, ROWS, COLUMNS, each) for each in a], rtol=1e-13)
+    np.testing.assert_allclose(
+        batch, [expected_quadratic(MEAN, ROWS, COLUMNS, each) for each in a], rtol=1e-13
+    )
 
 
-@pytest.mark.parametrize("bad", [np.diag([1.0, -1.0]), np.full((2, 2), np.nan), np.array([[1.0, 0.0], [0.5, 1.0]])])
+@pytest.mark.parametrize(
+    "bad", [np.diag([1.0, -1.0]), np.full((2, 2), np.nan), np.array([[1.0, 0.0], [0.5, 1.0]])]
+)
 def test_a_row_covariance_that_is_not_positive_definite_is_refused(bad):
     with pytest.raises(ModelDomainError, match="Σ must be finite, symmetric and positive definite"):
         sample(MEAN, bad, COLUMNS, (1,), np.random.default_rng(0))

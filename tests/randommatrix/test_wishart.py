@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pipeline.errors import ModelDomainError
+from pipeline.core.errors import ModelDomainError
 from pipeline.randommatrix import normal, wishart
 
 SIGMA = np.array([[1.0, 0.3, 0.0], [0.3, 0.8, -0.2], [0.0, -0.2, 0.5]])
@@ -19,7 +19,8 @@ def largest_score(samples: np.ndarray, expected: np.ndarray) -> float:
 
 def test_theorem_2_a_gram_matrix_of_at_least_as_many_columns_is_positive_definite():
     rng = np.random.default_rng(3)
-    for q, definite in [(3, True), (2, False)]:  # control: with fewer columns than rows the theorem does not hold
+    # control: with fewer columns than rows the theorem does not hold
+    for q, definite in [(3, True), (2, False)]:
         x = normal.sample(np.zeros((3, q)), SIGMA, np.eye(q), (2000,), rng)
         least = np.linalg.eigvalsh(x @ np.swapaxes(x, -1, -2))[:, 0]
         assert np.all(least > 1e-10) == definite
@@ -52,7 +53,9 @@ def test_other_sizes_and_a_single_draw():
     assert largest_score(draws, 9.5 * np.eye(5)) < 4.5
 
 
-@pytest.mark.parametrize("statistic", [np.linalg.det, lambda s: np.trace(s, axis1=-2, axis2=-1), lambda s: s[:, 2, 1]])
+@pytest.mark.parametrize(
+    "statistic", [np.linalg.det, lambda s: np.trace(s, axis1=-2, axis2=-1), lambda s: s[:, 2, 1]]
+)
 def test_theorem_3_bartlett_draws_have_the_law_of_the_gram_matrix(statistic):
     rng = np.random.default_rng(4)
     x = normal.sample(np.zeros((3, 7)), SIGMA, np.eye(7), (4000,), rng)
@@ -64,7 +67,9 @@ def test_theorem_3_wrong_degrees_of_freedom_are_detected():
     rng = np.random.default_rng(5)
     x = normal.sample(np.zeros((3, 7)), SIGMA, np.eye(7), (4000,), rng)
     gram = np.linalg.det(x @ np.swapaxes(x, -1, -2))
-    assert stats.ks_2samp(gram, np.linalg.det(wishart.sample(7.5, SIGMA, (4000,), rng))).pvalue < 1e-6
+    assert (
+        stats.ks_2samp(gram, np.linalg.det(wishart.sample(7.5, SIGMA, (4000,), rng))).pvalue < 1e-6
+    )
 
 
 @pytest.mark.parametrize("d", [2.4, 5.5, 64.0])
@@ -91,7 +96,9 @@ def test_the_maxent_law_has_the_mean_and_the_dispersion_it_was_asked_for(sigma_b
     squared = ((draws - np.eye(n)) ** 2).sum(axis=(-1, -2)) / n
     assert largest_score(squared, np.array(sigma_b**2)) < 4.5
     assert largest_score(squared, np.array((1.1 * sigma_b) ** 2)) > 4.5
-    np.testing.assert_allclose(wishart.normalized_std(draws, np.eye(n)), np.sqrt(squared.mean()), rtol=1e-12)
+    np.testing.assert_allclose(
+        wishart.normalized_std(draws, np.eye(n)), np.sqrt(squared.mean()), rtol=1e-12
+    )
 
 
 def test_theta_follows_the_papers_equation_for_any_size():

@@ -1,16 +1,18 @@
-"""From the log of any transducer to the table of forces: the same forces whatever the format, and faults named."""
+"""From the log of any transducer to the table of forces: the same forces whatever the format, and
+faults named.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from omegaconf import OmegaConf
+from written_logs import write_netft
 
-from pipeline import schema
-from pipeline.errors import ConfigError, RecordingError
-from pipeline.instruments.ati import write_daqft
-from pipeline.instruments.ati_netft import write_netft
-from pipeline.instruments.force_record import ForceRecord
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.force import Force
+from pipeline.formats.force.daqft import write_daqft
+from pipeline.formats.force.record import ForceRecord
 from pipeline.recordings.force_transducer import force_rows
 
 RATE, TARE = 250.0, 2.0
@@ -21,27 +23,46 @@ def record(seconds: float = 10.0) -> ForceRecord:
     """A record whose first seconds are unloaded; noise 10 mN."""
     rng, time = np.random.default_rng(2), np.arange(round(seconds * RATE)) / RATE
     force = BIAS + np.where(time[:, None] < TARE, 0, LOAD) + rng.normal(0, 0.01, (len(time), 3))
-    return ForceRecord(time, force, rng.normal(0, 0.001, (len(time), 3)), RATE, "FT1", "1/2/2024 3:04:05 PM", {})
+    return ForceRecord(
+        time, force, rng.normal(0, 0.001, (len(time), 3)), RATE, "FT1", "1/2/2024 3:04:05 PM", {}
+    )
 
 
-def options(file: str = "log.csv", **log: object) -> schema.Force:
+def options(file: str = "log.csv", **log: object) -> Force:
     """The section force of a dataset, checked as the configuration checks it."""
-    configuration = {"file": file, "direction": [0.0], "tension": [1.0], "direction_bounds": [0.0, 1.0]}
-    bounds = {"tension_std": [1.0], "kappa_bounds": [1.0, 2.0], "tension_std_bounds": [1.0, 2.0], "tension_bounds": [1.0, 2.0]}
+    configuration = {
+        "file": file,
+        "direction": [0.0],
+        "tension": [1.0],
+        "direction_bounds": [0.0, 1.0],
+    }
+    bounds = {
+        "tension_std": [1.0],
+        "kappa_bounds": [1.0, 2.0],
+        "tension_std_bounds": [1.0, 2.0],
+        "tension_bounds": [1.0, 2.0],
+    }
     values = {"tare": TARE, "configurations": {"C1": configuration}, "log": log, **bounds}
-    return OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(schema.Force), values))
+    return OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(Force), values))
 
 
 def as_table(file, log: ForceRecord, *, milliseconds: bool = False) -> None:
     lines = ["t;Kraft x;Kraft y;Kraft z"]
     for time, row in zip(log.time.tolist(), log.force.tolist(), strict=True):
-        lines.append(";".join(repr(cell) for cell in [round(time * (1000 if milliseconds else 1), 6), *row]).replace(".", ","))
+        lines.append(
+            ";".join(
+                repr(cell) for cell in [round(time * (1000 if milliseconds else 1), 6), *row]
+            ).replace(".", ",")
+        )
     file.write_text("\n".join([*lines, ""]))
 
 
 TABLE = {
-    "format": "table", "columns": {"t": "t", "fx": "Kraft x", "fy": "Kraft y", "fz": "Kraft z"}, "force_unit": "N", "time_unit": "s",
-}  # fmt: skip
+    "format": "table",
+    "columns": {"t": "t", "fx": "Kraft x", "fy": "Kraft y", "fz": "Kraft z"},
+    "force_unit": "N",
+    "time_unit": "s",
+}
 
 
 @pytest.mark.parametrize("kind", ["daqft", "daqft comma", "netft", "table", "table in ms"])
@@ -58,12 +79,16 @@ def test_the_same_record_in_every_format_gives_the_same_table(tmp_path, kind):
     rows, quality = force_rows(tmp_path, "C1", force)
     loaded = log.time >= TARE
     np.testing.assert_allclose(rows["t"], log.time[loaded], rtol=0, atol=1e-9)
-    np.testing.assert_allclose(rows[["fx", "fy"]], (log.force[loaded] - log.force[~loaded].mean(axis=0))[:, :2], atol=1e-12)
+    np.testing.assert_allclose(
+        rows[["fx", "fy"]], (log.force[loaded] - log.force[~loaded].mean(axis=0))[:, :2], atol=1e-12
+    )
     np.testing.assert_allclose(rows[["fx", "fy"]].mean(), LOAD[:2], atol=5e-3)
     bias = [row["value"] for row in quality if row["quantity"].startswith("bias")]
     np.testing.assert_allclose(bias, BIAS, atol=5e-3)
     # of the sensor's faults only those that there are
-    assert not [row for row in quality if "frozen" in row["quantity"] or "saturated" in row["quantity"]]
+    assert not [
+        row for row in quality if "frozen" in row["quantity"] or "saturated" in row["quantity"]
+    ]
 
 
 def test_a_load_beyond_the_full_scale_is_counted_or_refused_before_the_bias_is_taken_out(tmp_path):
@@ -88,16 +113,29 @@ def test_a_sensor_that_froze_is_refused_with_the_time_it_did(tmp_path):
 @pytest.mark.parametrize(
     "log",
     [
-        {"format": "lvm"}, {"full_scale": [1.0, 2.0]}, {"full_scale": [1.0, 2.0, -3.0]}, {"rate": 0.0}, {"max_faulty": 1.0},
-        {"frozen_after": 0.0}, {"columns": {"force": 1}}, {"columns": {"fx": [1]}},
+        {"full_scale": [1.0, 2.0]},
+        {"full_scale": [1.0, 2.0, -3.0]},
+        {"rate": 0.0},
+        {"max_faulty": 1.0},
+        {"frozen_after": 0.0},
+        {"columns": {"force": 1}},
+        {"columns": {"fx": [1]}},
     ],
-)  # fmt: skip
+)
 def test_options_that_mean_nothing_are_refused(log):
     with pytest.raises(ConfigError, match=r"dataset\.force\.log"):
         options(**log)
 
 
-@pytest.mark.parametrize("log", [{"separator": "tab"}, {"decimal": ";"}, {"separator": ",", "decimal": ","}])
+def test_a_format_that_there_is_not_is_refused_with_those_that_there_are(tmp_path):
+    with pytest.raises(ConfigError, match="'lvm'; there are bag, daqft, netft, table") as refused:
+        force_rows(tmp_path, "C1", options(format="lvm"))
+    assert refused.value.evidence["key"] == "dataset.force.log.format"
+
+
+@pytest.mark.parametrize(
+    "log", [{"separator": "tab"}, {"decimal": ";"}, {"separator": ",", "decimal": ","}]
+)
 def test_separators_that_are_none_are_refused(tmp_path, log):
     write_daqft(tmp_path / "log.csv", record())
     with pytest.raises(ConfigError, match=r"dataset\.force\.log"):

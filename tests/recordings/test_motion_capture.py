@@ -4,26 +4,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from motive_files import START
-from scipy.spatial.transform import Rotation
+from marker_takes import (
+    MOUNT,
+    STEPS,
+    TEMPLATE,
+    bodies_of,
+    dataset,
+    markers_of,
+    quantity,
+    tracked,
+    written,
+)
 
-from pipeline import schema
 from pipeline.arm.model import load_arm
-from pipeline.errors import ConfigError, RecordingError
-from pipeline.instruments.motion_take import MotionTake, RigidBody
-from pipeline.instruments.motive import write_motive
-from pipeline.perception.markers import marker_places, track_joints
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.motion_capture import Body, Pose
 from pipeline.recordings.motion_capture import find_takes, marker_rows, read_take
-
-STEPS = 40
-TEMPLATE = {
-    "link1": {"a1": [0.032, -0.048, 0.018], "b1": [-0.030, -0.052, 0.071], "c1": [0.024, -0.045, 0.139]},
-    "link2": {"a2": [-0.033, -0.046, 0.022], "b2": [0.029, -0.055, 0.058], "c2": [-0.021, -0.042, 0.121]},
-    "link3": {"a3": [0.030, -0.043, 0.012], "b3": [-0.031, -0.050, 0.041], "c3": [0.012, -0.038, 0.104]},
-}
-PLACES = np.array([list(link.values()) for link in TEMPLATE.values()])
-BASE = schema.Pose([0.4, 0.3, -0.2], [-np.pi / 2, 0.0, 0.0])
-MOUNT = schema.Pose([0.01, -0.05, 0.06], [0.3, -0.2, 1.1])
 
 
 @pytest.fixture(scope="module")
@@ -38,73 +34,43 @@ def joints():
     return np.linspace([1.6, -4.8, 2.0], [2.2, -4.2, 2.6], STEPS + 1)
 
 
-def dataset(**mocap) -> schema.Dataset:
-    options = {"training": "*.csv", "base": BASE, "markers": TEMPLATE, "gate": 0.012, "max_gap": 20} | mocap
-    return schema.Dataset(name="t", motion=schema.Motion(100.0, STEPS), mocap=schema.Mocap(**options))
-
-
-def to_world(arm, plane: np.ndarray) -> np.ndarray:
-    return arm.to_base(plane) @ Rotation.from_euler("xyz", BASE.rpy).as_matrix().T + np.array(BASE.position)
-
-
-def markers_of(arm, q: np.ndarray) -> dict[str, np.ndarray]:
-    places = to_world(arm, marker_places(q, PLACES, arm.chain)).reshape(len(q), 9, 3)
-    return {name: places[:, i] for i, name in enumerate(name for link in TEMPLATE.values() for name in link)}
-
-
-def bodies_of(arm, q: np.ndarray) -> dict[str, RigidBody]:
-    """Bodies B1 to B3, each mounted to its link by MOUNT, in poses made of four points of the segment that MOUNT's axes lead to."""
-    axes = np.array(MOUNT.position) + np.vstack([np.zeros(3), Rotation.from_euler("xyz", MOUNT.rpy).as_matrix().T])
-    bodies = {}
-    for link in range(3):
-        ends = [np.repeat(axes[i : i + 1], 3, axis=0) for i in range(4)]
-        origin, *tips = (to_world(arm, marker_places(q, np.repeat(end[None], 3, axis=0), arm.chain))[:, link, 0] for end in ends)
-        turn = np.stack([tip - origin for tip in tips], axis=-1)
-        bodies[f"B{link + 1}"] = RigidBody(origin, Rotation.from_matrix(turn).as_quat())
-    return bodies
-
-
-def written(folder: Path, markers: dict, bodies: dict | None = None, *, name: str = "t", first: int = 0, rate: float = 100.0) -> Path:
-    frame = first + np.arange(STEPS + 1)
-    take = MotionTake(name, "1.23", rate, frame, (frame - first) / rate, markers, bodies or {}, {})
-    write_motive(folder / f"{name}.csv", take, start=START)
-    return folder / f"{name}.csv"
-
-
-def tracked(rows, arm, **options):
-    labelled = rows[rows.link > 0].sort_values(["link", "marker", "k"], kind="stable")
-    xyz = labelled[["x", "y", "z"]].to_numpy().reshape(3, 3, STEPS + 1, 3).transpose(2, 0, 1, 3)
-    return track_joints(xyz, PLACES, arm, gate=0.012, max_gap=20, **options)
-
-
-def quantity(quality: list[dict], name: str) -> float:
-    return next(row["value"] for row in quality if row["quantity"] == name)
-
-
 def test_markers_give_back_the_joints_that_carried_them(tmp_path, arm, joints):
-    rows, quality = marker_rows(written(tmp_path, markers_of(arm, joints), first=72210), "training", dataset())
+    rows, quality = marker_rows(
+        written(tmp_path, markers_of(arm, joints), first=72210), "training", dataset()
+    )
     np.testing.assert_allclose(tracked(rows, arm).q, joints, rtol=0, atol=5e-5)
     assert quantity(quality, "missing_samples") == quantity(quality, "unlabelled_markers") == 0
 
 
 def test_rigid_bodies_alone_give_back_the_joints_that_carried_them(tmp_path, arm, joints):
-    bodies = {link: schema.Body(f"B{j}", MOUNT) for j, link in enumerate(TEMPLATE, 1)}
-    rows, _ = marker_rows(written(tmp_path, {}, bodies_of(arm, joints)), "training", dataset(bodies=bodies))
+    bodies = {link: Body(f"B{j}", MOUNT) for j, link in enumerate(TEMPLATE, 1)}
+    rows, _ = marker_rows(
+        written(tmp_path, {}, bodies_of(arm, joints)), "training", dataset(bodies=bodies)
+    )
     track = tracked(rows, arm)
     np.testing.assert_allclose(track.q, joints, rtol=0, atol=5e-5)
     assert np.nanmax(track.residual) < 1e-5
     # the control: the same bodies, taken to be mounted otherwise
-    other = {link: schema.Body(body.name, schema.Pose(MOUNT.position, [0.3, -0.1, 1.1])) for link, body in bodies.items()}
+    other = {
+        link: Body(body.name, Pose(MOUNT.position, [0.3, -0.1, 1.1]))
+        for link, body in bodies.items()
+    }
     rows, _ = marker_rows(tmp_path / "t.csv", "training", dataset(bodies=other))
     assert np.abs(tracked(rows, arm).q - joints).max() > 0.01
 
 
-def test_bodies_and_markers_mix_link_by_link_and_lost_poses_are_missing_markers(tmp_path, arm, joints):
+def test_bodies_and_markers_mix_link_by_link_and_lost_poses_are_missing_markers(
+    tmp_path, arm, joints
+):
     bodies, markers = bodies_of(arm, joints), markers_of(arm, joints)
     bodies["B2"].position[5:8] = bodies["B2"].quaternion[5:8] = np.nan
     bodies["B2"].quaternion[20:] *= -1  # the same rotations
-    kept = {name: points for name, points in markers.items() if not name.endswith("2")} | {"stray": markers["a2"]}
-    rows, quality = marker_rows(written(tmp_path, kept, bodies), "test", dataset(bodies={"link2": schema.Body("B2", MOUNT)}))
+    kept = {name: points for name, points in markers.items() if not name.endswith("2")} | {
+        "stray": markers["a2"]
+    }
+    rows, quality = marker_rows(
+        written(tmp_path, kept, bodies), "test", dataset(bodies={"link2": Body("B2", MOUNT)})
+    )
     np.testing.assert_allclose(tracked(rows, arm).q, joints, rtol=0, atol=5e-5)
     assert (quantity(quality, "missing_samples"), quantity(quality, "unlabelled_markers")) == (9, 0)
     assert quantity(quality, "missing_poses") == 3
@@ -112,10 +78,12 @@ def test_bodies_and_markers_mix_link_by_link_and_lost_poses_are_missing_markers(
 
 def test_a_body_that_the_take_lacks_or_that_has_no_link_is_named(tmp_path, arm, joints):
     file = written(tmp_path, markers_of(arm, joints), bodies_of(arm, joints))
-    with pytest.raises(RecordingError, match="no rigid body named X in the take; it has B1, B2, B3"):
-        marker_rows(file, "training", dataset(bodies={"link1": schema.Body("X", MOUNT)}))
+    with pytest.raises(
+        RecordingError, match="no rigid body named X in the take; it has B1, B2, B3"
+    ):
+        marker_rows(file, "training", dataset(bodies={"link1": Body("X", MOUNT)}))
     with pytest.raises(ConfigError, match="no link arm; there are link1, link2, link3"):
-        marker_rows(file, "training", dataset(bodies={"arm": schema.Body("B1", MOUNT)}))
+        marker_rows(file, "training", dataset(bodies={"arm": Body("B1", MOUNT)}))
 
 
 def test_a_quaternion_that_is_none_is_refused(tmp_path, arm, joints):
@@ -123,7 +91,7 @@ def test_a_quaternion_that_is_none_is_refused(tmp_path, arm, joints):
     bodies["B1"].quaternion[3] *= 0.9
     file = written(tmp_path, markers_of(arm, joints), bodies)
     with pytest.raises(RecordingError, match="far from unit length"):
-        marker_rows(file, "training", dataset(bodies={"link1": schema.Body("B1", MOUNT)}))
+        marker_rows(file, "training", dataset(bodies={"link1": Body("B1", MOUNT)}))
 
 
 def test_frames_that_the_file_skips_are_missing_samples(tmp_path, arm, joints):
@@ -153,7 +121,13 @@ def test_names_stand_without_their_asset_unless_two_assets_share_them(tmp_path, 
     file = written(tmp_path, markers | {"Leg:a1": markers["Arm:a1"] + 1})
     with pytest.raises(RecordingError, match="'a1' may be Arm:a1 or Leg:a1"):
         marker_rows(file, "training", dataset())
-    named = {"link1": {"Arm:a1": TEMPLATE["link1"]["a1"], "b1": TEMPLATE["link1"]["b1"], "c1": TEMPLATE["link1"]["c1"]}}
+    named = {
+        "link1": {
+            "Arm:a1": TEMPLATE["link1"]["a1"],
+            "b1": TEMPLATE["link1"]["b1"],
+            "c1": TEMPLATE["link1"]["c1"],
+        }
+    }
     rows, quality = marker_rows(file, "training", dataset(markers=TEMPLATE | named))
     np.testing.assert_allclose(tracked(rows, arm).q, joints, rtol=0, atol=5e-5)
     assert quantity(quality, "unlabelled_markers") == 1
@@ -172,10 +146,15 @@ def test_a_c3d_take_gives_the_rows_of_the_csv_take(tmp_path, arm, joints):
     rows, _ = marker_rows(tmp_path / "t.c3d", "training", dataset())
     expected, _ = marker_rows(written(tmp_path, markers), "training", dataset())
     np.testing.assert_allclose(rows[["x", "y", "z"]], expected[["x", "y", "z"]], rtol=0, atol=1e-6)
-    assert (rows[["take", "part", "k", "link", "marker"]] == expected[["take", "part", "k", "link", "marker"]]).all(axis=None)
+    assert (
+        rows[["take", "part", "k", "link", "marker"]]
+        == expected[["take", "part", "k", "link", "marker"]]
+    ).all(axis=None)
 
 
-def test_a_file_with_the_wrong_ending_is_refused_and_not_read_as_the_other_format(tmp_path, arm, joints):
+def test_a_file_with_the_wrong_ending_is_refused_and_not_read_as_the_other_format(
+    tmp_path, arm, joints
+):
     file = written(tmp_path, markers_of(arm, joints)).rename(tmp_path / "t.c3d")
     with pytest.raises(RecordingError, match="no C3D file"):
         read_take(file, None)
@@ -189,8 +168,12 @@ def test_an_unknown_unit_is_no_option():
 def test_takes_are_found_by_part_and_two_of_one_name_are_refused(tmp_path):
     for name in ("train_1.csv", "train_2.c3d", "test_1.csv"):
         (tmp_path / name).touch()
-    found = find_takes(tmp_path, dataset(training="train_*", test="test_*").mocap)
-    assert [(file.name, part) for file, part in found] == [("train_1.csv", "training"), ("train_2.c3d", "training"), ("test_1.csv", "test")]
+    result = find_takes(tmp_path, dataset(training="train_*", test="test_*").mocap)
+    assert [(file.name, part) for file, part in result] == [
+        ("train_1.csv", "training"),
+        ("train_2.c3d", "training"),
+        ("test_1.csv", "test"),
+    ]
     (tmp_path / "train_1.c3d").touch()
     with pytest.raises(RecordingError, match="two files are named as the take 'train_1'"):
         find_takes(tmp_path, dataset(training="train_*").mocap)

@@ -1,4 +1,6 @@
-"""Projects in which stages run: recordings drawn from a known model, and logs of a robot that repeats its motions."""
+"""Projects in which stages run: recordings drawn from a known model, and logs of a robot that
+repeats its motions.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,7 @@ from joint_logs import ROOT
 from known_law import write_project
 from omegaconf import OmegaConf
 
-from pipeline import config
+from pipeline.core import config
 
 
 @pytest.fixture
@@ -31,7 +33,13 @@ def log_project(tmp_path, monkeypatch) -> Callable[..., None]:
 
     def choose(dataset: str, recordings: Path, **overrides) -> None:
         params = OmegaConf.load(ROOT / "params.yaml")
-        params.update({"dataset": dataset, "scale": "smoke", "overrides": {"dataset": {"recordings": str(recordings)} | overrides}})
+        params.update(
+            {
+                "dataset": dataset,
+                "scale": "smoke",
+                "overrides": {"dataset": {"recordings": str(recordings)} | overrides},
+            }
+        )
         OmegaConf.save(params, folder / "params.yaml")
         config.write_config(Path("params.yaml"))
 

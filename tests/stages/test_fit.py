@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import config, contracts
+from pipeline.core import config, contracts
 from pipeline.stages import fit
 
 
@@ -16,12 +16,17 @@ from pipeline.stages import fit
 def test_every_estimate_has_a_standard_error_and_an_interval(project, model):
     fit.run(model)
     metrics = json.loads(Path(f"reports/metrics/fit_{model}.json").read_text())
-    names = [name.removesuffix("_standard_error") for name in metrics if name.endswith("_standard_error")]
+    names = [
+        name.removesuffix("_standard_error") for name in metrics if name.endswith("_standard_error")
+    ]
     assert len(names) == {"additive": 9, "gaussian": 3}[model]
     for name in names:
         assert metrics[f"{name}_interval_low"] <= metrics[f"{name}_interval_high"]
         assert 0 < metrics[f"{name}_standard_error"] < 0.5 * abs(metrics[name]) + 0.2
-    assert metrics["bootstrap_replicates"] == config.sections("fit", item=model).scale.bootstrap_replicates
+    assert (
+        metrics["bootstrap_replicates"]
+        == config.sections("fit", item=model).scale.bootstrap_replicates
+    )
     assert metrics["bootstrap_replicates_without_an_estimate"] == 0
 
 

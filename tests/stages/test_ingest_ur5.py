@@ -10,14 +10,19 @@ import pytest
 from joint_logs import FILES, ROOT, ingested, quality
 from omegaconf import OmegaConf
 
-from pipeline import contracts, datasheet
 from pipeline.arm.model import load_arm
-from pipeline.errors import RecordingError, SingularJacobianError
-from pipeline.instruments.joint_log import read_movement
-from pipeline.perception.repetitions import align, excursions, find_repetitions
-from pipeline.stages import ingest, noise, track
+from pipeline.core import contracts, datasheet
+from pipeline.core.columns import values
+from pipeline.core.errors import RecordingError, SingularJacobianError
+from pipeline.formats.joints.log import read_movement
+from pipeline.recordings.repetitions import align, excursions, find_repetitions
+from pipeline.stages import ingest, track
 
-FIRST_MOTION = {"start": [-1.5708, -1.5708, 0.0, -1.5708], "end": [-1.5708, -0.1745, 1.0472, -2.6180]}  # joints 1 to 4
+# joints 1 to 4
+FIRST_MOTION = {
+    "start": [-1.5708, -1.5708, 0.0, -1.5708],
+    "end": [-1.5708, -0.1745, 1.0472, -2.6180],
+}
 
 
 @pytest.fixture(scope="session")
@@ -36,8 +41,14 @@ def test_movement_5_is_four_ways_out_and_three_back_and_one_cut_off(ur5):
     _, target, speed = movement(ur5, 5)
     runs = excursions(target, speed)
     assert [(run.first, run.steps) for run in runs if run.whole] == [
-        (376, 302), (750, 302), (1124, 302), (1498, 302), (1872, 302), (2247, 302), (2621, 302),
-    ]  # fmt: skip
+        (376, 302),
+        (750, 302),
+        (1124, 302),
+        (1498, 302),
+        (1872, 302),
+        (2247, 302),
+        (2621, 302),
+    ]
     assert [run.first for run in runs if not run.whole] == [2995]
     ends = np.array([target[run.last, 2] - target[run.first - 1, 2] for run in runs if run.whole])
     assert (ends > 1).sum() == 4 and (ends < -1).sum() == 3
@@ -47,8 +58,16 @@ def test_the_first_motion_of_the_four_rounds_is_one_command_in_spite_of_a_row(ur
     found = {}
     for number in (6, 7):
         _, target, speed = movement(ur5, number)
-        runs = find_repetitions(target, speed, [0, 1, 2, 3], FIRST_MOTION["start"], FIRST_MOTION["end"], steps=633, rest=35)
-        found[number] = [(target, run) for run in runs.found]
+        runs = find_repetitions(
+            target,
+            speed,
+            [0, 1, 2, 3],
+            FIRST_MOTION["start"],
+            FIRST_MOTION["end"],
+            steps=633,
+            rest=35,
+        )
+        found[number] = [(target, run) for run in runs.runs]
     assert [len(runs) for runs in found.values()] == [3, 1]
     assert [run.steps for runs in found.values() for _, run in runs] == [633, 633, 633, 632]
     target, run = found[6][0]
@@ -60,29 +79,54 @@ def test_the_first_motion_of_the_four_rounds_is_one_command_in_spite_of_a_row(ur
     assert np.abs(target[run.first : run.first + 634, 1:4] - reference).max() > 5e-3
 
 
-@pytest.mark.parametrize(("dataset", "takes", "steps", "cut_off", "others"), [("ur5", 4, 372, 1, 3), ("ur5_rounds", 4, 361, 0, 20)])
-def test_the_real_logs_go_from_raw_files_to_process_noise(ur5, log_project, dataset, takes, steps, cut_off, others):
+@pytest.mark.parametrize(
+    ("dataset", "takes", "steps", "cut_off", "others"),
+    [("ur5", 4, 372, 1, 3), ("ur5_rounds", 4, 361, 0, 20)],
+)
+def test_the_real_logs_go_from_raw_files_to_process_noise(
+    ur5, log_project, dataset, takes, steps, cut_off, others
+):
     log_project(dataset, ur5)
-    for stage in (ingest, track, noise):
-        stage.run()
-    joints, trajectory = contracts.read("joints", Path("data/track")), contracts.read("trajectory", Path("data/ingest"))
-    names, q = contracts.stacked(joints, ["q1", "q2", "q3"])
-    assert q.shape == (takes, steps + 1, 3) and len(set(names)) == takes and set(joints["part"]) == {"training"}
-    assert (quality("excursions_cut_off", "Movement"), quality("excursions_other_motion", "Movement")) == (cut_off, others)
+    ingest.run("motion")
+    track.run()
+    joints, trajectory = (
+        contracts.read("joints", Path("data/track")),
+        contracts.read("trajectory", Path("data/ingest/motion")),
+    )
+    names, q = contracts.stacked(joints, "q")
+    assert (
+        q.shape == (takes, steps + 1, 3)
+        and len(set(names)) == takes
+        and set(joints["part"]) == {"training"}
+    )
+    assert (
+        quality("excursions_cut_off", "Movement"),
+        quality("excursions_other_motion", "Movement"),
+    ) == (cut_off, others)
     assert all(0 < quality("command_deviation", take) < 1.3e-4 for take in names)
     assert all(0.3e-3 < quality("lag_behind_command", take) < 1.0e-3 for take in names)
-    velocity = trajectory[["vx", "vz", "vphi"]].to_numpy()[:-1]
+    velocity = values(trajectory, "v")[:-1]
     still = ~velocity.any(axis=1)
     assert still[:34].all() and still[-35:].all() and not still[34:-35].any()
-    pose = trajectory[["x", "z", "phi"]].to_numpy()
+    pose = values(trajectory, "x")
     np.testing.assert_allclose(np.diff(pose, axis=0), velocity / 125, atol=1e-12)
-    chain = load_arm("pipeline/arm/ur5.urdf", ["joint_2", "joint_3", "joint_4"], "wrist_centre", {}).chain
+    chain = load_arm(
+        "pipeline/arm/ur5.urdf", ["joint_2", "joint_3", "joint_4"], "wrist_centre", {}
+    ).chain
     np.testing.assert_allclose(chain.pose(q.mean(axis=0)), pose, atol=2e-3)
-    _, w = contracts.stacked(contracts.read("process_noise", Path("data/noise")), ["w1", "w2", "w3"])
+    _, w = contracts.stacked(contracts.read("process_noise", Path("data/track")), "w")
     varying = (w - w.mean(axis=0)) * np.sqrt(takes / (takes - 1))
-    spread = {name: np.sqrt(np.mean(varying[:, rows] ** 2, axis=(0, 1))) for name, rows in (("rest", still), ("moving", ~still))}
-    # as was found on this and other movements of the robot: at most 24 µrad at rest, 43 to 145 µrad moving
-    assert np.all(spread["rest"] < 24e-6) and np.all(spread["moving"] > 40e-6) and np.all(spread["moving"] < 145e-6)
+    spread = {
+        name: np.sqrt(np.mean(varying[:, rows] ** 2, axis=(0, 1)))
+        for name, rows in (("rest", still), ("moving", ~still))
+    }
+    # as was found on this and other movements of the robot: at most 24 µrad at rest, 43 to 145 µrad
+    # moving
+    assert (
+        np.all(spread["rest"] < 24e-6)
+        and np.all(spread["moving"] > 40e-6)
+        and np.all(spread["moving"] < 145e-6)
+    )
     # a position-controlled arm does not wander: what one step adds the next takes back
     moving = varying[:, ~still]
     recoil = np.sum(moving[:, 1:] * moving[:, :-1], axis=(0, 1)) / np.sum(moving**2, axis=(0, 1))
@@ -91,23 +135,25 @@ def test_the_real_logs_go_from_raw_files_to_process_noise(ur5, log_project, data
 
 def test_the_real_repetitions_are_found_without_the_commanded_speeds(ur5, log_project):
     log_project("ur5", ur5)
-    ingest.run()
+    ingest.run("motion")
     names, q = ingested()
     # the angle creeps and settles at rest by up to 10 mrad/s
     log_project("ur5", ur5, joint_log={"speed": None, "rest_speed": 1e-2})
-    ingest.run()
+    ingest.run("motion")
     found = ingested()
     assert found[0] == names and quality("speed_from_angles", "Movement") == 1
     np.testing.assert_array_equal(found[1][:, :-1], q[:, 1:])
 
 
 def test_the_process_noise_is_that_of_the_joints_whatever_the_pose(ur5, log_project):
-    """J(q̃)⁻¹ẋᵈΔt is the commanded joint step up to second order, so the noise is what the measured step has beyond it."""
+    """J(q̃)⁻¹ẋᵈΔt is the commanded joint step up to second order, so the noise is what the measured
+    step has beyond it.
+    """
     log_project("ur5_rounds", ur5)
-    for stage in (ingest, track, noise):
-        stage.run()
-    _, q = contracts.stacked(contracts.read("joints", Path("data/track")), ["q1", "q2", "q3"])
-    _, w = contracts.stacked(contracts.read("process_noise", Path("data/noise")), ["w1", "w2", "w3"])
+    ingest.run("motion")
+    track.run()
+    _, q = contracts.stacked(contracts.read("joints", Path("data/track")), "q")
+    _, w = contracts.stacked(contracts.read("process_noise", Path("data/track")), "w")
     _, target, speed = movement(ur5, 6)
     run = excursions(target, speed)[3]
     command = target[run.first - 1 : run.last + 1, 1:4]
@@ -118,32 +164,43 @@ def test_the_process_noise_is_that_of_the_joints_whatever_the_pose(ur5, log_proj
 
 
 def test_a_motion_from_the_straight_elbow_is_refused_by_name(ur5, log_project):
-    choice = {"movements": "Movement_No[67]_*", "start": FIRST_MOTION["start"][1:], "end": FIRST_MOTION["end"][1:]}
+    choice = {
+        "movements": "Movement_No[67]_*",
+        "start": FIRST_MOTION["start"][1:],
+        "end": FIRST_MOTION["end"][1:],
+    }
     log_project("ur5", ur5, joint_log=choice, motion={"steps": 633 + 70})
-    ingest.run()
+    ingest.run("motion")
     assert quality("repetitions", "Movement") == 4
-    track.run()
     with pytest.raises(SingularJacobianError, match="in line"):
-        noise.run()
+        track.run()
 
 
 def test_a_truncated_and_a_malformed_copy_of_a_real_log(ur5, log_project, tmp_path):
     copied = tmp_path / "ur5"
-    shutil.copytree(next(ur5.glob("Movement_No5_*")), copied / "Movement_No5_copy", copy_function=shutil.copyfile)
+    shutil.copytree(
+        next(ur5.glob("Movement_No5_*")),
+        copied / "Movement_No5_copy",
+        copy_function=shutil.copyfile,
+    )
     copied.chmod(0o755)
     (copied / "Movement_No5_copy").chmod(0o755)
     file = copied / "Movement_No5_copy" / FILES[0]
     content = file.read_bytes()
     file.write_bytes(content[: int(0.75 * len(content))])
     log_project("ur5", copied)
-    ingest.run()
-    assert (quality("repetitions", "copy"), quality("cut_rows", "copy"), quality("excursions_cut_off", "copy")) == (3, 2, 1)
+    ingest.run("motion")
+    assert (
+        quality("repetitions", "copy"),
+        quality("cut_rows", "copy"),
+        quality("excursions_cut_off", "copy"),
+    ) == (3, 2, 1)
     damaged = content.replace(b"-2.135030", b"-2.13503O", 1)
     file.write_bytes(damaged)
     with pytest.raises(RecordingError, match="not a finite number") as caught:
-        ingest.run()
+        ingest.run("motion")
     assert caught.value.evidence["line"] == 1
     lines = content.split(b"\n")
     file.write_bytes(b"\n".join(lines[:100] + lines[101:]))
     with pytest.raises(RecordingError, match="samples are missing"):
-        ingest.run()
+        ingest.run("motion")

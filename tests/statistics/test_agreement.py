@@ -27,7 +27,9 @@ def test_the_correlation_does_not_see_scale_or_offset():
 def test_the_correlation_recovers_that_of_its_law(rho):
     count = 20_000
     x, y = np.random.default_rng(3).standard_normal((2, count))
-    assert abs(correlation(x, rho * x + np.sqrt(1 - rho**2) * y) - rho) < 4 * (1 - rho**2) / np.sqrt(count)
+    assert abs(correlation(x, rho * x + np.sqrt(1 - rho**2) * y) - rho) < 4 * (
+        1 - rho**2
+    ) / np.sqrt(count)
 
 
 def test_what_is_constant_follows_nothing():

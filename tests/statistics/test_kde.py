@@ -1,4 +1,6 @@
-"""The kernel density against direct summation, its exact expectation, and the bandwidth of a normal sample."""
+"""The kernel density against direct summation, its exact expectation, and the bandwidth of a normal
+sample.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from pipeline.errors import ModelDomainError
+from pipeline.core.errors import ModelDomainError
 from pipeline.statistics import kde
 from pipeline.statistics.kde import kernel_density, normal_reference_bandwidth
 
@@ -19,12 +21,17 @@ def draw(count, seed=28):
 
 
 def direct_summation(samples, x, y, bandwidth):
-    kernels = [np.exp(-0.5 * ((g[:, None] - samples[:, i]) / bandwidth[i]) ** 2) / bandwidth[i] for i, g in enumerate((x, y))]
+    kernels = [
+        np.exp(-0.5 * ((g[:, None] - samples[:, i]) / bandwidth[i]) ** 2) / bandwidth[i]
+        for i, g in enumerate((x, y))
+    ]
     return kernels[0] @ kernels[1].T / (2 * np.pi * len(samples))
 
 
 def spread_with_numpy(samples, low, step, rows, columns):
-    """The kernel's plain form: shares by the quadratic B-spline as printed by Schoenberg, added node by node."""
+    """The kernel's plain form: shares by the quadratic B-spline as printed by Schoenberg, added
+    node by node.
+    """
     masses = np.zeros((rows, columns))
     position = (samples - low) / step
     nearest = np.round(position).astype(int)
@@ -38,7 +45,10 @@ def spread_with_numpy(samples, low, step, rows, columns):
 
 
 def grid(points, reach):
-    return (np.linspace(m - reach * s, m + reach * s, points) for m, s in zip(MEAN, np.sqrt(np.diag(COVARIANCE)), strict=True))
+    return (
+        np.linspace(m - reach * s, m + reach * s, points)
+        for m, s in zip(MEAN, np.sqrt(np.diag(COVARIANCE)), strict=True)
+    )
 
 
 @pytest.mark.parametrize("count", [5, 200, 5000])
@@ -49,7 +59,10 @@ def test_binning_agrees_with_direct_summation(count):
     direct = direct_summation(samples, x, y, bandwidth)
     difference = np.abs(kernel_density(samples, x, y, bandwidth) - direct).max() / direct.max()
     assert difference < 1e-3
-    assert np.abs(direct_summation(samples, x, y, 1.05 * bandwidth) - direct).max() / direct.max() > 10 * 1e-3
+    assert (
+        np.abs(direct_summation(samples, x, y, 1.05 * bandwidth) - direct).max() / direct.max()
+        > 10 * 1e-3
+    )
 
 
 def test_the_compiled_spreading_is_the_plain_one():
@@ -58,7 +71,9 @@ def test_the_compiled_spreading_is_the_plain_one():
     rows, columns = np.ceil((np.ptp(samples, axis=0) + 2.0) / step).astype(int)
     masses = np.zeros((rows, columns))
     kde._spread(samples, low, step, masses)
-    np.testing.assert_allclose(masses, spread_with_numpy(samples, low, step, rows, columns), atol=1e-11)
+    np.testing.assert_allclose(
+        masses, spread_with_numpy(samples, low, step, rows, columns), atol=1e-11
+    )
     np.testing.assert_allclose(masses.sum(), len(samples), rtol=1e-12)
 
 
@@ -68,7 +83,12 @@ def test_no_kernel_is_off_by_more_than_stated_wherever_its_sample_lies(monkeypat
 
     def worst():
         places = np.random.default_rng(9).uniform(-0.5, 0.5, (40, 1, 2))
-        return max(np.abs(kernel_density(at, x, x, one) - direct_summation(at, x, x, one)).max() * 2 * np.pi for at in places)
+        return max(
+            np.abs(kernel_density(at, x, x, one) - direct_summation(at, x, x, one)).max()
+            * 2
+            * np.pi
+            for at in places
+        )
 
     assert worst() < 8e-4
     # the control: two nodes a bandwidth are too few
@@ -100,7 +120,12 @@ def test_averaged_over_draws_the_estimate_is_the_normal_density_widened_by_the_k
     error = estimates.std(axis=0, ddof=1) / np.sqrt(len(estimates))
     widened = multivariate_normal(MEAN, COVARIANCE + np.diag(bandwidth**2)).pdf(points)
     assert np.abs((estimates.mean(axis=0) - widened) / error).max() < 5
-    assert np.abs((estimates.mean(axis=0) - multivariate_normal(MEAN, COVARIANCE).pdf(points)) / error).max() > 20
+    assert (
+        np.abs(
+            (estimates.mean(axis=0) - multivariate_normal(MEAN, COVARIANCE).pdf(points)) / error
+        ).max()
+        > 20
+    )
 
 
 def test_the_bandwidth_of_a_normal_sample_is_the_normal_reference_and_outliers_leave_it_alone():
@@ -117,7 +142,9 @@ def test_the_bandwidth_follows_the_rule_for_any_number_of_variables():
     column = np.array([0.0, 1.0, 2.0, 4.0, 9.0])  # median 2, deviations 2 1 0 2 7: MAD 2
     for p in (1, 2, 3):
         expected = 2 / 0.6745 * (4 / ((p + 2) * 5)) ** (1 / (p + 4))
-        np.testing.assert_allclose(normal_reference_bandwidth(np.tile(column[:, None], p)), expected, rtol=1e-14)
+        np.testing.assert_allclose(
+            normal_reference_bandwidth(np.tile(column[:, None], p)), expected, rtol=1e-14
+        )
 
 
 def test_a_variable_that_stands_still_has_no_density():

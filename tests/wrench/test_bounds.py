@@ -5,10 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.errors import ConfigError
+from pipeline.core.errors import ConfigError
 from pipeline.wrench.bounds import Bounds, draw_systems, systems_at
 
-RANGES = {"tension": (3.0, 5.0), "direction": (np.pi / 4, np.pi), "tension_sd": (0.5, 1.0), "concentration": (100.0, 800.0)}
+RANGES = {
+    "tension": (3.0, 5.0),
+    "direction": (np.pi / 4, np.pi),
+    "tension_sd": (0.5, 1.0),
+    "concentration": (100.0, 800.0),
+}
 STUDY = Bounds(**RANGES)
 
 
@@ -29,7 +34,9 @@ def test_the_corners_of_the_unit_cube_are_the_bounds():
     np.testing.assert_allclose(system.concentration, [800.0, 800.0])
 
 
-@pytest.mark.parametrize("change", [{"tension": (5.0, 3.0)}, {"tension": (0.0, 3.0)}, {"concentration": (0.0, np.inf)}])
+@pytest.mark.parametrize(
+    "change", [{"tension": (5.0, 3.0)}, {"tension": (0.0, 3.0)}, {"concentration": (0.0, np.inf)}]
+)
 def test_bounds_that_bound_no_system_are_refused(change):
     with pytest.raises(ConfigError):
         Bounds(**(RANGES | change))

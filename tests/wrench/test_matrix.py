@@ -1,4 +1,6 @@
-"""The random-matrix wrench model against draws of the whole matrix, a bounded optimiser and its limits."""
+"""The random-matrix wrench model against draws of the whole matrix, a bounded optimiser and its
+limits.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +9,9 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.stats import ks_2samp
 
-from pipeline.errors import ModelDomainError
+from pipeline.core.errors import ModelDomainError
 from pipeline.wrench.matrix import (
     MatrixModel,
-    expected_wrench,
     matrix_model,
     optimal_sigma_s,
     sample_wrenches,
@@ -33,8 +34,14 @@ N = 100_000
 
 def whole_matrix_wrenches(rng):
     """W = S·T with S drawn entry by entry: S̲ + Σ_S^½ Z Ψ_S^½."""
-    noise = np.linalg.cholesky(SIGMA_S) @ rng.standard_normal((N, 2, 3)) @ np.linalg.cholesky(MODEL.psi).T
-    actuation = MODEL.actuation + rng.standard_normal((N, 3)) @ np.linalg.cholesky(MODEL.actuation_cov).T
+    noise = (
+        np.linalg.cholesky(SIGMA_S)
+        @ rng.standard_normal((N, 2, 3))
+        @ np.linalg.cholesky(MODEL.psi).T
+    )
+    actuation = (
+        MODEL.actuation + rng.standard_normal((N, 3)) @ np.linalg.cholesky(MODEL.actuation_cov).T
+    )
     return np.einsum("knm,km->kn", MODEL.jacobian + noise, actuation)
 
 
@@ -46,13 +53,20 @@ def covariance_z(samples, covariance):
 
 def random_systems(count, agents, rng):
     shape = (count, agents)
-    return CableSystem(rng.uniform(1.8, 14, shape), rng.uniform(0, 6.3, shape), rng.uniform(0.5, 2.3, shape), rng.uniform(100, 2400, shape))
+    return CableSystem(
+        rng.uniform(1.8, 14, shape),
+        rng.uniform(0, 6.3, shape),
+        rng.uniform(0.5, 2.3, shape),
+        rng.uniform(100, 2400, shape),
+    )
 
 
 def test_products_of_whole_random_matrices_have_the_closed_forms_moments():
     samples = whole_matrix_wrenches(np.random.default_rng(3))
     covariance = wrench_covariance(MODEL, SIGMA_S)
-    mean_z = (samples.mean(axis=0) - expected_wrench(MODEL)) / np.sqrt(np.diag(covariance) / N)
+    mean_z = (samples.mean(axis=0) - MODEL.jacobian @ MODEL.actuation) / np.sqrt(
+        np.diag(covariance) / N
+    )
     assert np.abs(mean_z).max() < BAND
     assert np.abs(covariance_z(samples, covariance)).max() < BAND
     identity = MatrixModel(MODEL.jacobian, MODEL.actuation, MODEL.actuation_cov, np.eye(3))
@@ -62,7 +76,9 @@ def test_products_of_whole_random_matrices_have_the_closed_forms_moments():
 def test_reduced_sampling_has_the_law_of_the_whole_product_and_a_normal_law_has_not():
     rng = np.random.default_rng(4)
     whole, reduced = whole_matrix_wrenches(rng), sample_wrenches(MODEL, SIGMA_S, N, rng)
-    normal = rng.multivariate_normal(expected_wrench(MODEL), wrench_covariance(MODEL, SIGMA_S), N)
+    normal = rng.multivariate_normal(
+        MODEL.jacobian @ MODEL.actuation, wrench_covariance(MODEL, SIGMA_S), N
+    )
     for direction in ([1.0, 0.0], [0.0, 1.0], [0.6, -0.8]):
         assert ks_2samp(whole @ direction, reduced @ direction).pvalue > 1e-3
     assert ks_2samp(whole[:, 0], normal[:, 0]).pvalue < 1e-6
@@ -71,11 +87,18 @@ def test_reduced_sampling_has_the_law_of_the_whole_product_and_a_normal_law_has_
 def test_without_randomness_of_the_matrix_or_of_the_actuation_the_wrench_is_what_remains():
     rng = np.random.default_rng(5)
     fixed = MatrixModel(MODEL.jacobian, MODEL.actuation, np.zeros((3, 3)), MODEL.psi)
-    np.testing.assert_allclose(sample_wrenches(fixed, np.zeros((2, 2)), 4, rng), np.tile(expected_wrench(MODEL), (4, 1)), rtol=1e-12)
-    np.testing.assert_allclose(wrench_covariance(MODEL, np.zeros((2, 2))), MODEL.jacobian @ MODEL.actuation_cov @ MODEL.jacobian.T)
+    np.testing.assert_allclose(
+        sample_wrenches(fixed, np.zeros((2, 2)), 4, rng),
+        np.tile(MODEL.jacobian @ MODEL.actuation, (4, 1)),
+        rtol=1e-12,
+    )
+    np.testing.assert_allclose(
+        wrench_covariance(MODEL, np.zeros((2, 2))),
+        MODEL.jacobian @ MODEL.actuation_cov @ MODEL.jacobian.T,
+    )
 
 
-def test_the_diagonal_optimum_is_that_of_a_bounded_optimiser_where_the_bound_holds_and_where_it_does_not():
+def test_the_diagonal_optimum_is_that_of_a_bounded_optimiser_with_and_without_its_bound_active():
     systems = random_systems(400, 2, np.random.default_rng(6))
     model, covariance = matrix_model(systems), force_covariance(systems)
     closed, held = optimal_sigma_s(unbounded_sigma_s(model, covariance), "diagonal")
@@ -83,14 +106,20 @@ def test_the_diagonal_optimum_is_that_of_a_bounded_optimiser_where_the_bound_hol
     assert np.sum(held > 0) >= 10
     for k in np.concatenate([np.flatnonzero(held)[:10], np.flatnonzero(held == 0)[:10]]):
         one = MatrixModel(model.jacobian[k], model.actuation[k], model.actuation_cov[k], model.psi)
-        found = least_squares(
-            lambda s, one=one, k=k: 1e4 * np.diag(wrench_covariance(one, np.diag(s) * 1e-4) - covariance[k]),
-            [5.0, 5.0], bounds=(0, np.inf), xtol=1e-14, ftol=1e-14, gtol=1e-14,
-        )  # fmt: skip
-        np.testing.assert_allclose(closed[k], np.diag(found.x) * 1e-4, atol=2e-9)
+        optimum = least_squares(
+            lambda s, one=one, k=k: (
+                1e4 * np.diag(wrench_covariance(one, np.diag(s) * 1e-4) - covariance[k])
+            ),
+            [5.0, 5.0],
+            bounds=(0, np.inf),
+            xtol=1e-14,
+            ftol=1e-14,
+            gtol=1e-14,
+        )
+        np.testing.assert_allclose(closed[k], np.diag(optimum.x) * 1e-4, atol=2e-9)
 
 
-def test_the_full_optimum_is_that_of_an_optimiser_over_covariances_and_leaving_out_negative_diagonals_alone_is_not():
+def test_the_full_optimum_is_that_of_an_optimiser_and_clipped_diagonals_alone_are_not():
     systems = random_systems(400, 2, np.random.default_rng(40))
     model, covariance = matrix_model(systems), force_covariance(systems)
     unbounded = unbounded_sigma_s(model, covariance)
@@ -108,14 +137,16 @@ def test_the_full_optimum_is_that_of_an_optimiser_over_covariances_and_leaving_o
             factor = np.array([[entries[0], 0.0], entries[1:]])
             return 1e3 * difference(factor @ factor.T * 1e-4)
 
-        found = [
+        optimum = [
             least_squares(of_factor, start, xtol=1e-14, ftol=1e-14, gtol=1e-14).cost
             for start in ([2.0, 0.0, 2.0], [2.0, 2.0, 0.5], [2.0, -2.0, 0.5])
         ]
         reached = 0.5 * np.sum((1e3 * difference(closed[k])) ** 2)
-        assert reached <= min(found) * (1 + 1e-9) + 1e-9
-        assert reached == pytest.approx(min(found), rel=1e-3, abs=1e-6)
-        entries_held = unbounded[k] * (1 - np.eye(2)) + np.diag(np.maximum(0, np.diag(unbounded[k])))
+        assert reached <= min(optimum) * (1 + 1e-9) + 1e-9
+        assert reached == pytest.approx(min(optimum), rel=1e-3, abs=1e-6)
+        entries_held = unbounded[k] * (1 - np.eye(2)) + np.diag(
+            np.maximum(0, np.diag(unbounded[k]))
+        )
         worse.append(np.linalg.eigvalsh(entries_held)[0] < -1e-6)
     assert any(worse[:10]) and not any(worse[10:])
 
@@ -123,7 +154,12 @@ def test_the_full_optimum_is_that_of_an_optimiser_over_covariances_and_leaving_o
 def test_the_projection_keeps_the_eigenvectors_and_the_positive_eigenvalues():
     angle = 0.4
     vectors = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    unbounded = np.stack([vectors @ np.diag(values) @ vectors.T for values in ([2.0, 3.0], [2.0, -3.0], [-1.0, -2.0])])
+    unbounded = np.stack(
+        [
+            vectors @ np.diag(values) @ vectors.T
+            for values in ([2.0, 3.0], [2.0, -3.0], [-1.0, -2.0])
+        ]
+    )
     projected, held = optimal_sigma_s(unbounded, "full")
     expected = [unbounded[0], 2.0 * np.outer(vectors[:, 0], vectors[:, 0]), np.zeros((2, 2))]
     np.testing.assert_allclose(projected, expected, atol=1e-15)
@@ -131,7 +167,7 @@ def test_the_projection_keeps_the_eigenvectors_and_the_positive_eigenvalues():
     assert held.tolist() == [0, 1, 2]
 
 
-def test_where_nothing_is_held_the_matrix_model_has_the_parametric_moments_and_elsewhere_greater_variances():
+def test_without_active_bounds_the_moments_are_the_parametric_ones_and_else_variances_are_greater():
     systems = random_systems(300, 5, np.random.default_rng(7))
     model, covariance = matrix_model(systems), force_covariance(systems)
     unbounded = unbounded_sigma_s(model, covariance)
@@ -150,9 +186,13 @@ def test_where_nothing_is_held_the_matrix_model_has_the_parametric_moments_and_e
 def test_forces_alone_tell_the_trace_of_psi_times_sigma_but_neither_of_the_two():
     rng = np.random.default_rng(41)
     factor = rng.standard_normal((3, 3))
-    other = MatrixModel(MODEL.jacobian, MODEL.actuation, MODEL.actuation_cov, factor @ factor.T + np.eye(3))
+    other = MatrixModel(
+        MODEL.jacobian, MODEL.actuation, MODEL.actuation_cov, factor @ factor.T + np.eye(3)
+    )
     sigma_s = SIGMA_S * MODEL.spread() / other.spread()
-    np.testing.assert_allclose(wrench_covariance(other, sigma_s), wrench_covariance(MODEL, SIGMA_S), rtol=1e-12)
+    np.testing.assert_allclose(
+        wrench_covariance(other, sigma_s), wrench_covariance(MODEL, SIGMA_S), rtol=1e-12
+    )
     assert np.abs(wrench_covariance(other, SIGMA_S) - wrench_covariance(MODEL, SIGMA_S)).max() > 0.1
 
 
@@ -161,4 +201,6 @@ def test_covariances_that_are_none_and_cables_without_tension_are_refused():
     with pytest.raises(ModelDomainError, match="Σ_S"):
         sample_wrenches(MODEL, np.array([[1.0, 2.0], [2.0, 1.0]]), 3, rng)
     with pytest.raises(ModelDomainError, match="tension"):
-        unbounded_sigma_s(matrix_model(CableSystem(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))), np.eye(2))
+        unbounded_sigma_s(
+            matrix_model(CableSystem(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))), np.eye(2)
+        )

@@ -29,7 +29,9 @@ def setup(count, **told):
     motion = Motion(WishartTake(**told))
 
     def call() -> list:
-        filtered = particles.SMC(motion, N=count, resampling="systematic", ESSrmin=0.5, collect=[Moments()])
+        filtered = particles.SMC(
+            motion, N=count, resampling="systematic", ESSrmin=0.5, collect=[Moments()]
+        )
         filtered.run()
         return [moments["mean"].tolist() for moments in filtered.summaries.moments]
 

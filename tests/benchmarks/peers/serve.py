@@ -1,5 +1,6 @@
-"""Runs in the peers' interpreter: ``python serve.py NAME`` calls ``setup`` of NAME.py with the options on the first line of its input, and
-what that returned once for each further line. Each answer is a line of JSON: {"value": …} or {"error": traceback}.
+"""Runs in the peers' interpreter: ``python serve.py NAME`` calls ``setup`` of NAME.py with the
+options on the first line of its input, and what that returned once for each further line. Each
+answer is a line of JSON: {"value": …} or {"error": traceback}.
 """
 
 from __future__ import annotations

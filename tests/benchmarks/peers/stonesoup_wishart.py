@@ -30,7 +30,9 @@ class Motion(TransitionModel):
     ndim_state = 3
 
     def function(self, state, noise=False, time_interval=None, **kwargs):
-        q = self.take.step(step_at(state.timestamp + time_interval), np.asarray(state.state_vector, dtype=float).T)
+        q = self.take.step(
+            step_at(state.timestamp + time_interval), np.asarray(state.state_vector, dtype=float).T
+        )
         return StateVectors(q.T)
 
     def rvs(self, *args, **kwargs):
@@ -50,7 +52,9 @@ class Camera(MeasurementModel):
         return state.state_vector
 
     def logpdf(self, state1, state2, **kwargs):
-        return self.take.log_likelihood(step_at(state1.timestamp), np.asarray(state2.state_vector, dtype=float).T)
+        return self.take.log_likelihood(
+            step_at(state1.timestamp), np.asarray(state2.state_vector, dtype=float).T
+        )
 
     def rvs(self, *args, **kwargs):
         raise NotImplementedError
@@ -63,15 +67,24 @@ def setup(count, **told):
     take = WishartTake(**told)
     predictor = ParticlePredictor(Motion(take))
     # the estimate is formed before resampling, as everywhere else
-    updater, resampler = ParticleUpdater(Camera(ndim_state=3, mapping=(0, 1, 2), take=take)), ESSResampler()
+    updater, resampler = (
+        ParticleUpdater(Camera(ndim_state=3, mapping=(0, 1, 2), take=take)),
+        ESSResampler(),
+    )
 
     def call() -> list:
-        state = ParticleState(StateVectors(take.start(count).T), weight=np.full(count, 1 / count), timestamp=START)
+        state = ParticleState(
+            StateVectors(take.start(count).T), weight=np.full(count, 1 / count), timestamp=START
+        )
         means = [np.ravel(state.mean).tolist()]
         for k in range(1, len(take.steps) + 1):
             state = predictor.predict(state, timestamp=START + k * STEP)
             if k in take.y:
-                state = updater.update(SingleHypothesis(state, Detection(take.y[k][:, None], timestamp=START + k * STEP)))
+                state = updater.update(
+                    SingleHypothesis(
+                        state, Detection(take.y[k][:, None], timestamp=START + k * STEP)
+                    )
+                )
             means.append(np.ravel(state.mean).astype(float).tolist())
             state.covar  # noqa: B018 - computed when asked for
             state = resampler.resample(state)

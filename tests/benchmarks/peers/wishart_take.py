@@ -1,5 +1,6 @@
-"""One take of the robot arm as a user of another library would write it down, in NumPy: how the Wishart model moves particles, in either
-of two ways, and what the depth camera says of them. Joint limits and singular poses are left out, to the peers' advantage.
+"""One take of the robot arm as a user of another library would write it down, in NumPy: how the
+Wishart model moves particles, in either of two ways, and what the depth camera says of them. Joint
+limits and singular poses are left out, to the peers' advantage.
 """
 
 from __future__ import annotations
@@ -9,10 +10,18 @@ from scipy import linalg, stats
 
 
 class WishartTake:
-    """A motion of M steps of a planar arm of three joints; arguments are what `scenario.Take.told` tells of it."""
+    """A motion of M steps of a planar arm of three joints; arguments are what `scenario.Take.told`
+    tells of it.
+    """
 
-    def __init__(self, law, links, signs, sigma_b, steps, start_mean, start_covariance, seen, y, covariance) -> None:
-        self.move = {"closed form": self.closed_form, "Algorithm 1": self.algorithm_1, "Algorithm 1 by hand": self.algorithm_1_by_hand}[law]
+    def __init__(
+        self, law, links, signs, sigma_b, steps, start_mean, start_covariance, seen, y, covariance
+    ) -> None:
+        self.move = {
+            "closed form": self.closed_form,
+            "Algorithm 1": self.algorithm_1,
+            "Algorithm 1 by hand": self.algorithm_1_by_hand,
+        }[law]
         self.links, self.signs = np.array(links), np.array(signs)
         self.d = 4 / sigma_b**2  # (n + 1)/σ_B²
         self.steps = np.array(steps)  # (M, 3)
@@ -30,7 +39,9 @@ class WishartTake:
         return self.move(q, self.steps[k - 1])
 
     def log_likelihood(self, k: int, q: np.ndarray) -> np.ndarray:
-        """(P,) logarithm of the normal density, its constant left out, of the frame that falls on step k."""
+        """(P,) logarithm of the normal density, its constant left out, of the frame that falls on
+        step k.
+        """
         error = self.y[k] - q
         return -0.5 * np.einsum("pi,pi->p", error @ self.precision, error)
 
@@ -48,12 +59,16 @@ class WishartTake:
         return jacobian
 
     def closed_form(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """B⁻¹a = r·R·[z, zT]: two χ² and two normals a particle, no matrix drawn (theory of the exact step)."""
+        """B⁻¹a = r·R·[z, zT]: two χ² and two normals a particle, no matrix drawn (theory of the
+        exact step).
+        """
         d, count = self.d, len(q)
         upper, a = eliminated(self.jacobian(q), v)
         r = np.sqrt((a * a).sum(axis=0))
         z = d / self.rng.chisquare(d - 2, count)
-        second, third = self.rng.standard_normal((2, count)) / np.sqrt(self.rng.chisquare(d - 1, count))
+        second, third = self.rng.standard_normal((2, count)) / np.sqrt(
+            self.rng.chisquare(d - 1, count)
+        )
         # R by the Householder reflection that takes the first axis to ±a/r
         mirror = a.copy()
         mirror[0] += np.copysign(r, a[0])
@@ -67,21 +82,29 @@ class WishartTake:
         """Draw B, solve J₁BJ₂q̇ = v: the paper's steps by the libraries' functions."""
         first, second = linalg.lu(self.jacobian(q), permute_l=True)
         b = stats.wishart.rvs(self.d, np.eye(3) / self.d, size=len(q), random_state=self.rng)
-        return q + np.linalg.solve(first @ b @ second, np.broadcast_to(v, q.shape)[..., None])[..., 0]
+        return (
+            q + np.linalg.solve(first @ b @ second, np.broadcast_to(v, q.shape)[..., None])[..., 0]
+        )
 
     def algorithm_1_by_hand(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """The same with Bartlett's factor drawn and the Jacobian decomposed for all particles at once: B(J₂q̇) = J₁⁻¹v."""
+        """The same with Bartlett's factor drawn and the Jacobian decomposed for all particles at
+        once: B(J₂q̇) = J₁⁻¹v.
+        """
         count = len(q)
         upper, a = eliminated(self.jacobian(q), v)
         factor = np.zeros((count, 3, 3))
-        factor[:, [0, 1, 2], [0, 1, 2]] = np.sqrt(self.rng.chisquare(self.d - np.arange(3), (count, 3)))
+        factor[:, [0, 1, 2], [0, 1, 2]] = np.sqrt(
+            self.rng.chisquare(self.d - np.arange(3), (count, 3))
+        )
         factor[:, [1, 2, 2], [0, 0, 1]] = self.rng.standard_normal((count, 3))
         b = factor @ factor.transpose(0, 2, 1) / self.d
         return q + back_substituted(upper, np.linalg.solve(b, a.T[..., None])[..., 0].T).T
 
 
 def eliminated(jacobian: np.ndarray, v: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-    """Rows of U, each (3, P), and a = J₁⁻¹v (3, P) of the LU decomposition with partial pivoting of all J (P, 3, 3) at once."""
+    """Rows of U, each (3, P), and a = J₁⁻¹v (3, P) of the LU decomposition with partial pivoting of
+    all J (P, 3, 3) at once.
+    """
     rows = np.empty((3, 4, len(jacobian)))
     rows[:, :3] = jacobian.transpose(1, 2, 0)
     rows[:, 3] = v[:, None]

@@ -1,0 +1,218 @@
+"""Trials on a Dask cluster: one that is running, whatever started it, or one of our own on this
+machine. The only importer of dask.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import pickle
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
+
+import dask
+from distributed import Client, Future, LocalCluster, get_worker
+from distributed.comm import CommClosedError
+from distributed.scheduler import KilledWorker
+
+from pipeline.core.compute.block import Block, Results, run_block
+from pipeline.core.compute.circumstances import circumstances, difference
+from pipeline.core.errors import ComputeError
+from pipeline.core.options.compute import Compute
+
+OPTION = "pipeline/conf/compute/dask.yaml"  # says how a cluster is started
+# no log of the last messages, which holds the trials in them; no warning of what the trials share,
+# which is sent once
+SILENT = {
+    "distributed.admin.low-level-log-length": 0,
+    "distributed.admin.large-graph-warning-threshold": "1TB",
+}
+
+
+@contextmanager
+def cluster(function: bytes, compute: Compute, label: str) -> Iterator[Cluster]:
+    """The cluster that ``compute`` names, or starts, for blocks of trials of ``function``.
+
+    ComputeError where there is no scheduler or no worker for the timeout of ``compute``, where the
+    scheduler is lost, where trials end their workers, and for a worker that might not give the same
+    bytes.
+    """
+    for logger in ("distributed", "distributed.client"):
+        # what they say of lost connections ComputeError says
+        logging.getLogger(logger).setLevel(logging.CRITICAL)
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set(SILENT))
+        address = compute.dask.address
+        if address is None:
+            number = compute.workers or len(os.sched_getaffinity(0))
+            own = LocalCluster(
+                n_workers=number,
+                threads_per_worker=1,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+            )
+            address = stack.enter_context(own).scheduler_address
+        client = stack.enter_context(_connected(address, compute.dask.timeout))
+        yield Cluster(client, function, compute.dask.timeout, label)
+
+
+class _Client(Client):
+    """A client that is closed by who opened it, also where it finds no scheduler, and not when
+    garbage is collected: in the midst of another client's start Dask's own then waits without end
+    for a lock that its thread holds.
+    """
+
+    def __init__(self, address: str, timeout: float) -> None:
+        try:
+            super().__init__(address, timeout=timeout)
+        except BaseException:
+            with suppress(TimeoutError):
+                self.close()
+            raise
+
+    def __del__(self) -> None:
+        pass
+
+
+@contextmanager
+def _connected(address: str, timeout: float) -> Iterator[Client]:
+    try:
+        client = _Client(address, timeout)
+    # an AssertionError is Dask's own where its thread has not begun within 10 s, as on a machine
+    # that is busy
+    except (OSError, ValueError, AssertionError) as error:
+        raise ComputeError(
+            f"no Dask scheduler answers within {timeout:g} s ({error}); start one as {OPTION} "
+            "says, or name the address of one that runs",
+            address=address,
+        ) from None
+    try:
+        yield client
+    finally:
+        # one that no longer answers cannot take leave
+        with suppress(TimeoutError):
+            client.close()
+
+
+class Cluster:
+    """A running cluster.
+
+    On its dashboard a block is a task with the name of the trials and the number of the first. A
+    block whose worker is lost runs again on another.
+    """
+
+    def __init__(self, client: Client, function: bytes, timeout: float, label: str) -> None:
+        self._client, self._timeout, self._label = client, timeout, label
+        self._address = client.scheduler.address
+        self._require_workers()
+        print(
+            f"{label}: {self.workers()} worker(s) of {self._address}, dashboard "
+            f"{client.dashboard_link}",
+            flush=True,
+        )
+        # a task and not scattered data, which would be lost with the worker that holds it
+        self._shared = client.submit(
+            bytes,
+            pickle.dumps((circumstances(), function)),
+            key=f"{label}, what they share-0-{client.id}",
+        )
+        self._begun = 0
+
+    def submit(self, block: Block) -> Callable[[], Results]:
+        """Hand out a block; what is returned waits for its results."""
+        key = f"{self._label}-{self._begun}-{self._client.id}"
+        self._begun += len(block)
+        # not by Client.get_executor, whose futures never end where the scheduler is lost while it
+        # hands over a result
+        return partial(
+            self._results, self._client.submit(_by_value(), self._shared, block, key=key)
+        )
+
+    def workers(self) -> int:
+        """How many there are now."""
+        try:
+            return len(
+                self._client.sync(self._client.scheduler.ncores, callback_timeout=self._timeout)
+            )
+        except (OSError, AttributeError):
+            # a client that has given up has no scheduler
+            raise self._lost() from None
+
+    def _results(self, future: Future) -> Results:
+        """Of a block, once they are there; the errors of its trials as they are, those of the
+        cluster as ComputeError.
+        """
+        try:
+            while True:
+                try:
+                    return future.result(self._timeout)
+                except TimeoutError:
+                    if future.status == "error":
+                        # known here: what a trial ended with, be it a timeout of its own
+                        return future.result()
+                    # a long block, a result on its way, or nobody left
+                    self._require_workers()
+        except (CancelledError, CommClosedError):
+            raise self._lost() from None
+        except KilledWorker as error:
+            raise ComputeError(
+                f"trials have ended {error.allowed_failures + 1} workers, one after the other, "
+                "as happens where memory runs out; "
+                "give the workers more of it, or have fewer on a machine",
+                trials=error.task.removesuffix(f"-{self._client.id}"),
+            ) from None
+        except ImportError as error:
+            raise ComputeError(
+                f"a worker cannot import what it needs: {error}; start it as {OPTION} says",
+                address=self._address,
+            ) from None
+
+    def _require_workers(self) -> None:
+        if self.workers():
+            return
+        try:
+            self._client.wait_for_workers(1, timeout=self._timeout)
+        except TimeoutError:
+            raise ComputeError(
+                f"the Dask cluster has been without workers for {self._timeout:g} s; start some "
+                f"as {OPTION} says",
+                address=self._address,
+            ) from None
+
+    def _lost(self) -> ComputeError:
+        return ComputeError(
+            "the Dask scheduler has been lost; start it anew and run the stage again, which has "
+            "left what stood before as it was",
+            address=self._address,
+        )
+
+
+def _by_value() -> Callable[[bytes, Block], Results]:
+    """What a worker is given to run: being no module's function it goes there as code, and says
+    itself that the project is not there.
+    """
+
+    def run(shared: bytes, block: Block) -> Results:
+        from pipeline.core.compute.cluster import run_on_worker
+
+        return run_on_worker(shared, block)
+
+    return run
+
+
+def run_on_worker(shared: bytes, block: Block) -> Results:
+    """Refuse the worker where it might not give the same bytes, else run the block."""
+    expected, function = pickle.loads(shared)
+    worker = get_worker()
+    # threads of one process would share what libraries keep between calls
+    threads = "the number of a worker's threads"
+    if found := difference(
+        expected | {threads: "1"}, circumstances() | {threads: str(worker.state.nthreads)}
+    ):
+        raise ComputeError(
+            f"a worker might not give the same bytes: {found}; start it anew as {OPTION} says",
+            worker=worker.address,
+        )
+    return run_block(function, block)

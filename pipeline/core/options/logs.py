@@ -1,0 +1,137 @@
+"""The types of the configuration for plain logs: those of a force transducer and those of a robot's
+controller.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from omegaconf import MISSING
+
+from pipeline.core.errors import ConfigError
+
+
+@dataclass
+class JointLog:
+    """The controller's own logs: a folder or a file a movement, and which of the commanded motions
+    in them is analysed.
+    """
+
+    # glob of the movements' folders, or files where a movement is one table
+    movements: str = MISSING
+    # file of measured angles in each folder; null where a movement is one table
+    actual: str | None = None
+    target: str | None = None  # file of commanded angles
+    # file of commanded speeds; without any, the speed is the step of the commanded angles
+    speed: str | None = None
+    joints: int = MISSING  # joints that are logged
+    # actual, target, speed → label, or number from 0, of each joint's column
+    signals: dict[str, list[Any]] = field(default_factory=dict)
+    # column of the time, likewise; null: the rows follow each other at dataset.motion.rate
+    time: Any = 0
+    # of cells: comma, semicolon, tab, or a blank for any number of them; null: as found
+    separator: str | None = None
+    decimal: str | None = None  # point or comma; null: as found
+    angle_unit: str = "rad"  # rad or deg, also of the speeds
+    time_unit: str = "s"  # s, ms, us or ns
+    columns: list[int] = MISSING  # which of the joints (from 1) are the chain's
+    start: list[float] = MISSING  # rad, commanded angles of the chain at rest before the motion
+    end: list[float] = MISSING  # rad, and after it
+    rest: int = MISSING  # steps at rest kept on either side, of dataset.motion.steps
+    rest_speed: float = 1e-4  # rad/s, up to which a commanded speed is rest
+    tolerance: float = MISSING  # rad, how exactly commands must repeat
+    disturbed: str = "leave_out"  # or refuse: what becomes of a repetition that was disturbed
+    # robust standard deviations of its residual from the median over the repetitions
+    disturbed_beyond: float = 6.0
+    # rad, measured minus commanded angle that no undisturbed repetition reaches
+    residual_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        if any(len(values) != 3 for values in (self.columns, self.start, self.end)):
+            raise ConfigError(
+                "columns, start and end must each hold three values, one a joint of the chain",
+                key="dataset.joint_log",
+            )
+        if not all(1 <= column <= self.joints for column in self.columns) or self.rest < 1:
+            raise ConfigError(
+                f"columns must lie between 1 and {self.joints}, and rest be at least 1",
+                key="dataset.joint_log",
+            )
+        if wrong := [
+            name
+            for name, columns in self.signals.items()
+            if len(columns) != self.joints or name not in SIGNALS
+        ]:
+            message = (
+                f"{', '.join(wrong)}: signals name {self.joints} columns for each of "
+                f"{', '.join(SIGNALS)}"
+            )
+            raise ConfigError(message, key="dataset.joint_log.signals")
+        if self.angle_unit not in ("rad", "deg") or self.time_unit not in ("s", "ms", "us", "ns"):
+            raise ConfigError(
+                "angle_unit is rad or deg, time_unit s, ms, us or ns", key="dataset.joint_log"
+            )
+        if self.disturbed not in ("leave_out", "refuse"):
+            raise ConfigError(
+                f"disturbed: {self.disturbed!r} is not leave_out or refuse",
+                key="dataset.joint_log.disturbed",
+            )
+
+
+SIGNALS = ("actual", "target", "speed")
+
+
+@dataclass
+class ForceLog:
+    """How the force logs are written; null where they say so themselves."""
+
+    # daqft or netft, as ATI's programs write, bag of ROS, table: any other, or the option of a
+    # FORMAT in pipeline/formats/force
+    format: str = "daqft"
+    # t, fx, fy, fz, tx, ty, tz → label, or number from 0
+    columns: dict[str, Any] = field(default_factory=dict)
+    # of cells: comma, semicolon, tab, or a blank for any number of them
+    separator: str | None = None
+    decimal: str | None = None  # point or comma
+    force_unit: str | None = None
+    torque_unit: str | None = None
+    time_unit: str | None = None
+    rate: float | None = None  # Hz
+    counts: bool | None = None  # whether a Net F/T log holds counts (true) or units (false)
+    topic: str | None = None  # of a bag with more than one WrenchStamped
+    calibration: str | None = None  # the transducer's .cal file, from the recordings' folder
+    # N, and N·m if there are six; null: the calibration's ratings
+    full_scale: list[float] | None = None
+    frozen_after: float = 0.5  # s, identical samples for longer than this are no measurement
+    # share of saturated, or of frozen, samples that may be left out; beyond it a record is refused
+    max_faulty: float = 0.01
+
+    def __post_init__(self) -> None:
+        axes = ("t", "fx", "fy", "fz", "tx", "ty", "tz")
+        if wrong := [
+            axis
+            for axis, name in self.columns.items()
+            if axis not in axes or not isinstance(name, str | int)
+        ]:
+            message = (
+                f"{', '.join(map(str, wrong))}: columns name {', '.join(axes)} by "
+                "label or by number from 0"
+            )
+            raise ConfigError(message, key="dataset.force.log.columns")
+        if self.full_scale is not None and (
+            len(self.full_scale) not in (3, 6) or min(self.full_scale) <= 0
+        ):
+            raise ConfigError(
+                "three positive forces, and three torques or none",
+                key="dataset.force.log.full_scale",
+            )
+        if (
+            (self.rate is not None and not self.rate > 0)
+            or not self.frozen_after > 0
+            or not 0 <= self.max_faulty < 1
+        ):
+            raise ConfigError(
+                "rate and frozen_after must be positive, max_faulty between 0 and 1",
+                key="dataset.force.log",
+            )

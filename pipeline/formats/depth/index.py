@@ -1,0 +1,141 @@
+"""Which frames a depth sequence has, and when: its index (TUM RGB-D layout), or numbers in the
+names of its files.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.core.errors import RecordingError
+from pipeline.formats import depth
+from pipeline.formats.delimited import NUMBER, read_text
+from pipeline.formats.format import Format, Head, Kind, formats_in
+from pipeline.formats.patterns import matching
+
+# s between frames, at the median: between them lie the cameras, and not their stamps in ms, µs or
+# ns (30 Hz: 33 ms)
+SHORTEST_STEP, LONGEST_STEP = 1e-4, 10.0
+
+
+@dataclass(frozen=True)
+class DepthIndex:
+    """N frames of a sequence: ``time`` (N,) in s on the sensor's clock, increasing; ``files``
+    relative to the take's folder.
+    """
+
+    time: np.ndarray
+    files: tuple[str, ...]
+    counts: dict[str, int]  # see read_index
+
+
+def read_index(file: Path) -> DepthIndex:
+    """Index of a depth sequence: lines ``timestamp filename``, any number of blanks between and
+    after, comments from ``#``.
+
+    ``counts``: ``cut_rows``, a last line without line end, whose file name may be cut, so it is
+    dropped. Raises RecordingError with the line for a line of another form, a time that does not
+    increase, times that cannot be in s, and an index without a frame.
+    """
+    text = read_text(file)
+    time, files = [], []
+    for number, line in enumerate(text.lines, start=1):
+        line = line.strip()
+        if not line or line.startswith("#"):
+            continue
+        stamp, *name = line.split(maxsplit=1)
+        if not NUMBER.fullmatch(stamp) or not name:
+            message = (
+                f"{line[:80]!r} is no time in s and, after a blank, the name of a "
+                "frame; comments start with #"
+            )
+            raise RecordingError(message, file=file, line=number)
+        time.append(float(stamp))
+        files += name
+        if len(time) > 1 and time[-1] <= time[-2]:
+            raise RecordingError("the time does not increase", file=file, line=number)
+    if not files:
+        raise RecordingError("the index names no frame in a whole line", file=file)
+    step = float(np.median(np.diff(time))) if len(time) > 1 else SHORTEST_STEP
+    if not SHORTEST_STEP <= step <= LONGEST_STEP:
+        message = (
+            f"frames {step:.6g} s apart come from no camera: write the times in s "
+            "(ms, µs and ns are divided by 1e3, 1e6 and 1e9)"
+        )
+        raise RecordingError(message, file=file)
+    return DepthIndex(np.array(time), tuple(files), {"cut_rows": int(text.cut is not None)})
+
+
+def write_index(file: Path, time: np.ndarray, files: tuple[str, ...]) -> None:
+    """Write the index of N frames, ``time`` (N,) in s with the six decimals of TUM RGB-D, in the
+    order given.
+    """
+    lines = [
+        "# depth maps",
+        "# timestamp filename",
+        *(f"{stamp:.6f} {name}" for stamp, name in zip(time, files, strict=True)),
+    ]
+    Path(file).write_bytes(("\n".join(lines) + "\n").encode())
+
+
+def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
+    """Frames of ``folder`` whose paths match the glob ``pattern``, in the order of the last number
+    in their names.
+
+    Frame number n of a camera of ``rate`` frames a second is seen (n − first)/rate s after the
+    first; a number that is not there is a frame that the sensor dropped. Raises RecordingError
+    where no file matches, a name has no number, the names differ in more than the number (time
+    stamps, two sequences), or a number comes twice (``7`` and ``007``).
+    """
+    numbers: dict[int, Path] = {}
+    forms = set()
+    for file in (
+        path for path in matching(folder, pattern, key="dataset.depth.frames") if path.is_file()
+    ):
+        parts = re.fullmatch(r"(.*?)(\d+)(\D*)", file.name.removesuffix(file.suffix), re.ASCII)
+        if parts is None:
+            raise RecordingError(
+                "the frame's name has no number; name the frames by number, or write an index",
+                file=file,
+            )
+        before, digits, after = parts.groups()
+        forms.add((str(file.parent), before, after, file.suffix))
+        if len(forms) > 1:
+            raise RecordingError(
+                f"the names that match {pattern!r} differ in more than a number; write an index "
+                "of their times",
+                file=file,
+            )
+        if int(digits) in numbers:
+            raise RecordingError(
+                f"frame {int(digits)} is there twice, as {numbers[int(digits)].name} too", file=file
+            )
+        numbers[int(digits)] = file
+    if not numbers:
+        raise RecordingError(f"no depth frame matches {pattern!r}", file=folder)
+    order = sorted(numbers)
+    time = np.array([(number - order[0]) / rate for number in order])
+    return DepthIndex(time, tuple(str(numbers[number].relative_to(folder)) for number in order), {})
+
+
+def frame_endings() -> tuple[str, ...]:
+    """How the names of depth frames end, images and clouds: ``.png`` and others."""
+    frames = formats_in(depth, Kind.IMAGE, Kind.CLOUD)
+    return tuple(ending for one in frames for ending in one.endings)
+
+
+def _begins(head: Head) -> bool:
+    line = next(
+        (line.split(maxsplit=1) for line in head.lines if not line.lstrip().startswith("#")), []
+    )
+    return (
+        len(line) == 2
+        and NUMBER.fullmatch(line[0]) is not None
+        and line[1].strip().lower().endswith(frame_endings())
+    )
+
+
+FORMAT = Format("depth sequence with index", Kind.SEQUENCE, read_index, _begins, option="index")

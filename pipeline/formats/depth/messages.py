@@ -1,0 +1,130 @@
+"""Depth cameras' ROS messages as images, point clouds and intrinsics (sensor_msgs; REP 118 for
+depth images, REP 103 for units).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.core.errors import RecordingError
+from pipeline.formats.depth.intrinsics import MODELS, Intrinsics, pinhole
+
+IMAGE, CLOUD, CAMERA_INFO = (
+    f"sensor_msgs/msg/{name}" for name in ("Image", "PointCloud2", "CameraInfo")
+)
+PIXELS = {
+    "16UC1": np.dtype(np.uint16),
+    "mono16": np.dtype(np.uint16),
+    "32FC1": np.dtype(np.float32),
+}
+DATATYPES = {7: np.dtype(np.float32), 8: np.dtype(np.float64)}  # of a PointField
+
+
+def image_pixels(message: object, *, shape: tuple[int, int], **evidence: object) -> np.ndarray:
+    """(H, W) uint16 (16UC1) or float32 (32FC1) of an Image of ``shape`` = (H, W), of either byte
+    order, its rows padded or not.
+
+    Raises RecordingError (with ``evidence``) for another encoding or size, and for data that are
+    shorter or longer than rows × step.
+    """
+    if message.encoding not in PIXELS:
+        raise RecordingError(
+            f"an image of the encoding {message.encoding!r}; depth is {', '.join(PIXELS)}",
+            **evidence,
+        )
+    height, width, step, data = (
+        message.height,
+        message.width,
+        message.step,
+        np.asarray(message.data, dtype=np.uint8),
+    )
+    if (height, width) != tuple(shape):
+        raise RecordingError(
+            f"the image has {width} × {height} pixels where the camera has {shape[1]} × {shape[0]}",
+            **evidence,
+        )
+    pixel = PIXELS[message.encoding].newbyteorder(">" if message.is_bigendian else "<")
+    if step < width * pixel.itemsize or len(data) != height * step:
+        raise RecordingError(
+            f"{len(data)} bytes in {height} rows of {step} for {width} pixels of "
+            f"{pixel.itemsize} bytes",
+            **evidence,
+        )
+    rows = np.ascontiguousarray(data.reshape(height, step)[:, : width * pixel.itemsize])
+    return rows.view(pixel).astype(PIXELS[message.encoding])
+
+
+def cloud_points(message: object, **evidence: object) -> np.ndarray:
+    """(N, 3) float64 points x, y, z of a PointCloud2, in m in its own frame, NaN where the sensor
+    saw nothing.
+
+    The fields may be float32 or float64 at any offset, of either byte order, organised or not, rows
+    padded or not. Raises RecordingError (with ``evidence``) for a field that is missing or of
+    another type, and for data that do not hold the points announced.
+    """
+    fields = {field.name: field for field in message.fields}
+    if missing := [name for name in "xyz" if name not in fields]:
+        raise RecordingError(
+            f"the cloud has no field {', '.join(missing)}; there are {', '.join(fields) or 'none'}",
+            **evidence,
+        )
+    height, width, step, row, data = (
+        message.height,
+        message.width,
+        message.point_step,
+        message.row_step,
+        np.asarray(message.data, np.uint8),
+    )
+    if row < width * step or len(data) != height * row:
+        raise RecordingError(
+            f"{len(data)} bytes in {height} rows of {row} for {width} points of {step} bytes",
+            **evidence,
+        )
+    rows = np.ascontiguousarray(data.reshape(height, row)[:, : width * step]).reshape(
+        height * width, step
+    )
+    points = np.empty((height * width, 3))
+    for column, name in enumerate("xyz"):
+        field = fields[name]
+        kind = DATATYPES.get(field.datatype)
+        if kind is None or field.count != 1 or field.offset + kind.itemsize > step:
+            raise RecordingError(
+                f"the field {name} is no single float32 or float64 within the point's {step} bytes",
+                **evidence,
+            )
+        cells = np.ascontiguousarray(rows[:, field.offset : field.offset + kind.itemsize])
+        points[:, column] = cells.view(kind.newbyteorder(">" if message.is_bigendian else "<"))[
+            :, 0
+        ]
+    return points
+
+
+def camera_info(message: object, *, width: int, height: int, **evidence: object) -> Intrinsics:
+    """Intrinsics from the K and D of a CameraInfo, whose size must be ``width`` × ``height``.
+
+    Raises RecordingError (with ``evidence``) for another size, a camera that was never calibrated
+    (K of zeros) or whose distortion is not OpenCV's.
+    """
+    if (message.width, message.height) != (width, height):
+        raise RecordingError(
+            f"calibrated at {message.width} × {message.height} pixels, not {width} × {height}",
+            **evidence,
+        )
+    # ROS 1 writes K and D, ROS 2 k and d
+    matrix, distortion = (
+        np.array(getattr(message, name, getattr(message, name.lower(), None)), dtype=float)
+        for name in "KD"
+    )
+    if distortion.any() and message.distortion_model not in MODELS:
+        raise RecordingError(
+            f"the distortion {message.distortion_model!r} is none of {', '.join(MODELS)}; give "
+            "the intrinsics in a file",
+            **evidence,
+        )
+    return pinhole(
+        matrix.reshape(3, 3),
+        distortion if distortion.any() else np.zeros(0),
+        width=width,
+        height=height,
+        **evidence,
+    )

@@ -1,0 +1,185 @@
+"""Motion-capture takes as C3D (the format of c3d.org), read through ezc3d."""
+
+from __future__ import annotations
+
+import io
+import struct
+import subprocess
+import sys
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+
+from pipeline.core.errors import RecordingError
+from pipeline.formats.format import Format, Head, Kind
+from pipeline.formats.motion import c3d_library
+from pipeline.formats.motion.take import (
+    UNITS_PER_METRE,
+    MotionTake,
+    blank_samples,
+    clock_counts,
+    sample_counts,
+    settle_unit,
+)
+
+KEY = 0x50  # the second byte of every C3D file
+INTEL, DEC, MIPS = 84, 85, 86
+BLOCK = 512  # bytes
+LONGEST = 0xFFFF  # frames that the header's last word can tell
+PATIENCE = 30.0  # s; a take of an hour takes a few
+
+
+def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
+    """Points of the C3D take in ``file``, in m and s; ``unit`` (m, cm or mm) is that of its lengths
+    where POINT:UNITS is empty.
+
+    A sample is missing where its residual is negative, a coordinate is no number or all three are
+    exactly zero. Points of one label are each ``label [n]``, those without one are ``Point n``;
+    frames are numbered as the file does. Only points are read: analog channels, force plates and
+    segment rotations are not. ``counts``: ``announced_frames``, ``found_frames``, ``gaps``,
+    ``skipped_frames``, ``time_mismatches`` (C3D has no times, hence 0), ``zero_samples``,
+    ``partial_samples``, ``marker_samples``, ``missing_samples``, ``missing_poses`` (0) and
+    ``unlabelled_points``; where there are any, ``skipped_analog_channels`` and
+    ``skipped_force_plates``.
+
+    Raises RecordingError for a file that cannot be read, is no C3D, is shorter than its header
+    says, makes the library fail, or has no point, no rate or no unit.
+    """
+    points, frames = _announced(file)
+    contents = _contents(file)
+    position, residual = contents["points"], contents["residuals"]
+    if (
+        position.shape != (3, points, position.shape[2])
+        or residual.shape != position.shape[1:]
+        or len(contents["labels"]) > points
+    ):
+        raise RecordingError(
+            f"the header announces {points} points and the parameters others: damaged",
+            file=file,
+            key="POINT:USED",
+        )
+    if frames != LONGEST and position.shape[2] != frames:
+        raise RecordingError(
+            f"the header announces {frames} frames, the file holds {position.shape[2]}: truncated",
+            file=file,
+        )
+    rate = contents["rate"]
+    if rate.shape != (1,) or not 0 < rate[0] < np.inf:
+        raise RecordingError("the file gives no frame rate", file=file, key="POINT:RATE")
+    stated = {text.strip().lower() for text in contents["units"]} - {""}
+    unit = settle_unit(" and ".join(sorted(stated)), unit, file, key="POINT:UNITS")
+    counts = {"announced_frames": frames}
+    frame = np.arange(position.shape[2]) + int(contents["first"]) + 1  # the library counts from 0
+    time = np.arange(len(frame)) / rate[0]
+    counts |= clock_counts(frame, time, None) | {"zero_samples": 0, "partial_samples": 0}
+    markers: dict[str, np.ndarray] = {}
+    counts["unlabelled_points"] = points - sum(bool(label.strip()) for label in contents["labels"])
+    for number, name in enumerate(_names(contents["labels"].tolist(), points)):
+        samples = position[:, number].T / UNITS_PER_METRE[unit]
+        samples[~np.isfinite(samples) | (residual[number] < 0)[:, None]] = np.nan
+        blank_samples(samples, counts)
+        markers[name] = samples
+    counts |= sample_counts(markers, {}, len(frame))
+    beside = {
+        "skipped_analog_channels": int(contents["analog"]),
+        "skipped_force_plates": int(contents["plates"]),
+    }
+    counts |= {name: count for name, count in beside.items() if count}
+    return MotionTake(
+        Path(file).stem, "C3D", float(rate[0]), frame, time, markers, {}, counts, unit
+    )
+
+
+def _names(labels: list[str], points: int) -> list[str]:
+    """A name for each point; a label that several have names none of them."""
+    labels = [
+        label.strip() or f"Point {number}"
+        for number, label in enumerate([*labels, *[""] * (points - len(labels))], start=1)
+    ]
+    return [
+        label if labels.count(label) == 1 else f"{label} [{labels[:i].count(label) + 1}]"
+        for i, label in enumerate(labels)
+    ]
+
+
+def _announced(file: Path) -> tuple[int, int]:
+    """Points and frames by the file's header; RecordingError where it is none, or the file is too
+    short to hold them.
+    """
+    try:
+        size = Path(file).stat().st_size
+        with Path(file).open("rb") as stream:
+            head = stream.read(BLOCK)
+            stream.seek(max(head[0] - 1, 0) * BLOCK if head else 0)
+            parameters = stream.read(4)
+    except OSError as error:
+        raise RecordingError(f"the file cannot be read ({error.strerror})", file=file) from None
+    if (
+        len(head) < BLOCK
+        or head[1] != KEY
+        or len(parameters) < 4
+        or parameters[3] not in (INTEL, DEC, MIPS)
+    ):
+        raise RecordingError(
+            "this is no C3D file, or its header is cut short; export or copy it again", file=file
+        )
+    order = ">" if parameters[3] == MIPS else "<"
+    points, analog, first, last = struct.unpack_from(order + "4H", head, 2)
+    start = struct.unpack_from(order + "H", head, 16)[0]
+    # a negative scale means floating point; its sign is the top bit of the second word, in DEC's
+    # order too
+    width = (
+        4
+        if head[12 if parameters[3] == MIPS else 15 if parameters[3] == INTEL else 13] & 0x80
+        else 2
+    )
+    frames = last - first + 1
+    if not points or frames < 1:
+        raise RecordingError(
+            "the take holds no point, or no frame; export it with markers", file=file
+        )
+    needed = (max(start, 1) - 1) * BLOCK + frames * width * (4 * points + analog)
+    if size < needed:
+        raise RecordingError(
+            f"the file has {size} bytes of the {needed} that its header announces: truncated",
+            file=file,
+        )
+    return points, LONGEST if last == LONGEST else frames
+
+
+def _contents(file: Path) -> dict[str, np.ndarray]:
+    """What the library finds in the file, read in a process of its own."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-P", c3d_library.__file__, str(Path(file).resolve())],
+            capture_output=True,
+            check=False,
+            timeout=PATIENCE,
+        )
+        with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
+            return dict(archive)
+    except subprocess.TimeoutExpired:
+        raise RecordingError(
+            f"the file cannot be read within {PATIENCE:.0f} s: damaged", file=file
+        ) from None
+    except (ValueError, EOFError, BadZipFile):
+        last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
+        reason = last[0] if last else f"the library ended with {done.returncode}"
+        raise RecordingError(
+            f"the file is no sound C3D ({reason}); export or copy it again", file=file
+        ) from None
+
+
+def _begins(head: Head) -> bool:
+    if head.suffix == ".c3d":
+        return True
+    # the fourth byte of the parameters, whose block the first byte names, is the processor's
+    content = head.content
+    processor = (content[0] - 1) * BLOCK + 3 if len(content) >= BLOCK else len(content)
+    return content[1:2] == bytes([KEY]) and content[processor : processor + 1] in (
+        *map(bytes, ([INTEL], [DEC], [MIPS])),
+    )
+
+
+FORMAT = Format("C3D", Kind.MOTION, read_c3d, _begins)

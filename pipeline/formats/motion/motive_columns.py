@@ -1,0 +1,214 @@
+"""The columnar grammar of OptiTrack Motive's CSV takes (format versions 1.2 to 1.25): read by
+labels, whatever their order.
+
+A file has one row of keys and values, a blank row, rows that label every column (Type, Name, ID, in
+later versions Parent, then the quantity, then Frame, Time and the axes), and one row a frame. From
+1.22 on column B names the rows of labels; before, their order does.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pipeline.core.errors import RecordingError
+from pipeline.formats.delimited import Text, is_blank, numbers_of
+from pipeline.formats.motion.motive_header import BODY, RAW, SOLVED, Header, read_header
+from pipeline.formats.motion.take import (
+    UNITS_PER_METRE,
+    WHOLE,
+    MotionTake,
+    RigidBody,
+    blank_samples,
+    clock_counts,
+    frame_numbers,
+    keeps_time,
+    rate_from_times,
+    sample_counts,
+    settle_unit,
+)
+
+FRAME = 0  # the axis row is the one that starts with "Frame"
+
+
+def read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
+    """Take in the columnar ``text`` of ``file``; see
+    :func:`pipeline.formats.motion.motive.read_motive` for what it holds and raises.
+    """
+    header = read_header(text.lines, file)
+    rows, numbers, repeated = _rows(text, header, file)
+    counts = {
+        "blank_rows": len(text.lines) - header.line - len(rows) - repeated,
+        "cut_rows": int(text.cut is not None),
+    }
+    groups = header.groups
+    columns = [FRAME] + [column for group in groups.values() for column in group.values()]
+    columns += [] if header.time is None else [header.time]
+    width = rows[0].count(",") + 1
+    if max(columns) >= width:
+        raise RecordingError(
+            f"the row has {width} cells where the header labels {max(columns) + 1} columns",
+            file=file,
+            line=numbers[0],
+        )
+    values = dict(
+        zip(columns, numbers_of(rows, numbers, columns, file=file, gaps=True).T, strict=True)
+    )
+    frame = frame_numbers(values[FRAME], numbers, file)
+    printed = None if header.time is None else values[header.time]
+    rate = _rate(header.fields, frame, printed, file)
+    time = (frame - frame[0]) / rate
+    if WHOLE.fullmatch(header.fields.get("Total Exported Frames", "")):
+        counts["announced_frames"] = int(header.fields["Total Exported Frames"])
+    counts |= clock_counts(frame, time, printed)
+    counts |= {"zero_samples": 0, "partial_samples": 0, "solved_replaced": 0, "solved_only": 0}
+
+    unit = settle_unit(header.fields.get("Length Units", ""), unit, file, key="Length Units")
+    raw, solved, bodies = {}, {}, {}
+    # a name that two assets share names neither of them: who asks for it has to say which
+    shared = {
+        name
+        for (_, name), number in Counter((kind, name) for kind, name, _ in groups).items()
+        if number > 1
+    }
+    for (kind, name, identity), group in groups.items():
+        position = (
+            np.stack([values[group["Position", axis]] for axis in "XYZ"], axis=-1)
+            / UNITS_PER_METRE[unit]
+        )
+        blank_samples(position, counts)
+        owner = {RAW: raw, SOLVED: solved, BODY: bodies}[kind]
+        key = f"{name} [{identity}]" if name in shared else name
+        if kind == BODY:
+            rotation = {
+                axis: values[column]
+                for (quantity, axis), column in group.items()
+                if quantity == "Rotation"
+            }
+            owner[key] = RigidBody(
+                position,
+                _quaternion(rotation, header.fields.get("Rotation Type", ""), counts, file),
+            )
+        else:
+            owner[key] = position
+    for name, position in solved.items():
+        counts["solved_replaced" if name in raw else "solved_only"] += 1
+        raw.setdefault(name, position)
+    counts |= sample_counts(raw, bodies, len(frame)) | {"unused_columns": header.unused}
+    rare = {"repeated_rows": repeated, "skipped_bones": header.bones}
+    counts |= {name: count for name, count in rare.items() if count}
+    name, version = (
+        header.fields.get("Take Name") or Path(file).stem,
+        header.fields["Format Version"],
+    )
+    return MotionTake(name, version, rate, frame, time, raw, bodies, counts, unit)
+
+
+def _rows(text: Text, header: Header, file: Path) -> tuple[list[str], list[int], int]:
+    """The rows of frames, their lines, and how many were left out for repeating the one before them
+    to the letter.
+    """
+    rows, numbers, repeated = [], [], 0
+    for number, line in enumerate(text.lines[header.line :], start=header.line + 1):
+        if is_blank(line, ","):
+            continue
+        row = _labelled(line, header, file, number)
+        if rows and row == rows[-1]:
+            repeated += 1
+        else:
+            rows.append(row)
+            numbers.append(number)
+    width = rows[0].count(",") + 1 if rows else header.columns
+    if text.cut is not None and text.cut.count(",") + 1 < width:
+        raise RecordingError(
+            "the last row is cut short; export or copy the take again",
+            file=file,
+            line=len(text.lines) + 1,
+        )
+    if not rows:
+        raise RecordingError(
+            "the header is followed by no frame; export the take again", file=file, line=header.line
+        )
+    if not header.groups:
+        lacking = (
+            "it holds bones alone" if header.bones else "no column but the frames' is labelled"
+        )
+        raise RecordingError(
+            f"the take holds no marker and no rigid body ({lacking}); export it with them",
+            file=file,
+            line=header.line,
+        )
+    return rows, numbers, repeated
+
+
+def _labelled(line: str, header: Header, file: Path, number: int) -> str:
+    # spreadsheets pad rows with empty cells; a number there has no label, so the row is shifted or
+    # of another take
+    if line.count(",") < header.columns:
+        return line
+    cells = line.split(",")
+    if any(cell.strip() for cell in cells[header.columns :]):
+        message = (
+            f"the row has more cells than the {header.columns} labelled columns: of "
+            "another take, or with decimal commas"
+        )
+        raise RecordingError(
+            f"{message}; export it again, with decimal points", file=file, line=number
+        )
+    return ",".join(cells[: header.columns])
+
+
+def _rate(
+    fields: dict[str, str], frame: np.ndarray, printed: np.ndarray | None, file: Path
+) -> float:
+    # frames are numbered at the rate of the export, which older versions do not tell apart from the
+    # capture's
+    key = "Export Frame Rate" if fields.get("Export Frame Rate") else "Capture Frame Rate"
+    timed = None if printed is None else rate_from_times(frame, printed)
+    if not fields.get(key):
+        if timed is None:
+            raise RecordingError(
+                "the file gives no frame rate and no times to take it from",
+                file=file,
+                line=1,
+                key=key,
+            )
+        return timed
+    try:
+        rate = float(fields[key])
+    except ValueError:
+        rate = np.nan
+    if not 0 < rate < np.inf:
+        raise RecordingError(f"a frame rate of {fields[key]!r} is none", file=file, line=1, key=key)
+    if printed is not None and not keeps_time(frame, printed, rate):
+        message = f"frames are {rate:g} a second by the header and {timed or 0:.6g} by their times"
+        raise RecordingError(f"{message}; export the take again", file=file, line=1, key=key)
+    return rate
+
+
+def _quaternion(
+    rotation: dict[str, np.ndarray], order: str, counts: dict[str, int], file: Path
+) -> np.ndarray:
+    if set(rotation) == set("XYZW"):
+        quaternion = np.stack([rotation[axis] for axis in "XYZW"], axis=-1)
+        zero = (quaternion == 0).all(axis=-1)
+        counts["zero_samples"] += int(zero.sum())
+        quaternion[zero | np.isnan(quaternion).any(axis=-1)] = np.nan
+        return quaternion
+    if set(rotation) != set("XYZ") or sorted(order) != ["X", "Y", "Z"]:
+        columns = ", ".join(sorted(rotation)) or "none"
+        raise RecordingError(
+            f"Rotation Type {order!r} does not fit the Rotation columns ({columns})",
+            file=file,
+            line=1,
+            key="Rotation Type",
+        )
+    angles = np.stack([rotation[axis] for axis in order], axis=-1)
+    tracked = ~np.isnan(angles).any(axis=-1)
+    quaternion = np.full((len(angles), 4), np.nan)
+    if tracked.any():
+        quaternion[tracked] = Rotation.from_euler(order, angles[tracked], degrees=True).as_quat()
+    return quaternion

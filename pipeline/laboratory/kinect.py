@@ -1,0 +1,111 @@
+"""A Kinect v2 that looks at the arm's plane: exact depth images, and its sensor's readings of them.
+
+Camera frame: x right, y down, z forward along the optical axis (OpenCV's). Pixel (u, v) sees along
+((u − c_x)/f_x, (v − c_y)/f_y, 1); images are free of lens distortion, as rectified ones are. Depth
+is the z coordinate, not the range along the ray.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.arm.model import Arm
+from pipeline.core.errors import ConfigError
+from pipeline.laboratory.options import KinectOptions
+from pipeline.laboratory.scene import ArmSolid, Solid, cast, room_solid
+from pipeline.laboratory.sensor import Sensor
+
+
+def _about(axis: int, angle: float) -> np.ndarray:
+    """Rotation (3, 3) by ``angle`` (rad) about a coordinate axis."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    rotation = np.eye(3)
+    rotation[[i, j], [i, j]] = np.cos(angle)
+    rotation[i, j], rotation[j, i] = -np.sin(angle), np.sin(angle)
+    return rotation
+
+
+class DepthCamera:
+    """A Kinect v2 on the −y side of the arm's plane, looking along its normal but for the errors of
+    its set-up.
+    """
+
+    def __init__(self, arm: Arm, options: KinectOptions, bias: np.ndarray) -> None:
+        """``bias``: the session's systematic error, from
+        :func:`pipeline.laboratory.sensor.draw_bias`.
+        """
+        self.options = options
+        # columns: the camera's axes in the plane's frame, x along x, y down, z along the normal,
+        # then yaw, pitch and roll
+        facing = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+        self._rotation = (
+            facing @ _about(1, options.yaw) @ _about(0, options.pitch) @ _about(2, options.roll)
+        )
+        self._position = (
+            np.array([options.aim[0], 0.0, options.aim[1]])
+            - options.distance * self._rotation[:, 2]
+        )
+        #: pose of the camera in the arm's base frame: a point p of the camera's frame (m) is at
+        #: ``rotation @ p + translation``
+        self.rotation = arm.rotation @ self._rotation
+        self.translation = arm.to_base(self._position)
+        v, u = np.mgrid[: options.height, : options.width]
+        self._directions = np.stack(
+            [(u - options.cx) / options.fx, (v - options.cy) / options.fy, np.ones(u.shape)],
+            axis=-1,
+        )
+        self._arm = ArmSolid(arm.chain, options.scene)
+        room = self._in_camera(room_solid(arm.chain, options.scene))
+        self._room_depth, grazing = cast(room, self._directions)
+        depth = np.where(np.isfinite(self._room_depth), self._room_depth, 0.0)
+        self._room = depth.astype(np.float32), grazing.astype(np.float32)
+        self._sensor = Sensor(options, bias, *self._room)
+
+    def _in_camera(self, solid: Solid) -> Solid:
+        return Solid((solid.vertices - self._position) @ self._rotation, solid.triangles)
+
+    def _window(self, solid: Solid) -> tuple[slice, slice]:
+        """Rows and columns of the image that a solid of the camera's frame covers; ConfigError
+        where it is not wholly in view.
+        """
+        x, y, z = solid.vertices.T
+        sizes = (self.options.height, self.options.width)
+        if np.all(z > 0):
+            rows, columns = (
+                self.options.fy * y / z + self.options.cy,
+                self.options.fx * x / z + self.options.cx,
+            )
+            if all(
+                p.min() >= 0 and p.max() <= size - 1
+                for p, size in zip((rows, columns), sizes, strict=True)
+            ):
+                return tuple(
+                    slice(int(np.floor(p.min())), int(np.ceil(p.max())) + 1)
+                    for p in (rows, columns)
+                )
+        raise ConfigError(
+            "laboratory.kinect: the arm is not wholly in the image; put the camera further away or "
+            "aim it anew",
+            distance=self.options.distance,
+            aim=self.options.aim,
+        )
+
+    def render(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Exact depth (height, width) in m, 0 where nothing is, and grazing angle in rad, both
+        float32, at angles ``q`` (3,) in rad.
+
+        Raises ConfigError where the arm is not wholly in view.
+        """
+        depth, grazing = (image.copy() for image in self._room)
+        solid = self._in_camera(self._arm.at(q))
+        window = self._window(solid)
+        arm_depth, arm_grazing = cast(solid, self._directions[window])
+        nearer = arm_depth < self._room_depth[window]
+        depth[window][nearer], grazing[window][nearer] = arm_depth[nearer], arm_grazing[nearer]
+        return depth, grazing
+
+    def observe(self, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """The sensor's depth image (height, width) in mm, uint16, 0 where it has none, at joint
+        angles ``q`` (3,) in rad.
+        """
+        return self._sensor.read(*self.render(q), rng)

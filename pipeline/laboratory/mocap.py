@@ -1,0 +1,150 @@
+"""What OptiTrack would report of the arm: three markers on each link, with the faults that optical
+motion capture has.
+
+World frame: Motive's, y up, in m. A marker's place is known to the tracker from a template in the
+segment frames; where it really sits differs by what a hand with a ruler misses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.arm.model import Arm
+from pipeline.arm.segments import segment_frames
+from pipeline.core.errors import ConfigError
+from pipeline.laboratory.options import MocapOptions
+
+LABELS = "abc"
+PAIRS = np.array([[0, 1], [0, 2], [1, 2]])
+FIRST_UNLABELED = 1000
+
+
+@dataclass(frozen=True)
+class MocapFaults:
+    """The truth about the faults of one capture."""
+
+    occluded: int  # marker-frames not seen at all
+    swapped: int  # link-frames in which two labels of the link were exchanged
+    unlabeled: int  # marker-frames whose position stands in an unlabeled column
+
+
+@dataclass(frozen=True)
+class Capture:
+    """``markers``: name → positions (N, 3) in m in the world frame, NaN where missing; labelled
+    first, then unlabeled.
+    """
+
+    markers: dict[str, np.ndarray]
+    faults: MocapFaults
+
+
+def place_markers(
+    template: np.ndarray, options: MocapOptions, rng: np.random.Generator
+) -> np.ndarray:
+    """(3, 3, 3) where the markers (link, marker, xyz) of a session really sit in the segment
+    frames, m; one call a session.
+    """
+    return template + options.placement_std * rng.standard_normal(template.shape)
+
+
+def _bursts(
+    frames: int, shape: tuple[int, ...], rate: float, mean: float, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where bursts start and where one is under way, both (frames, *shape); overlapping bursts
+    merge.
+    """
+    starts = rng.random((frames, *shape)) < rate
+    at = np.nonzero(starts)
+    change = np.zeros((frames + 1, *shape), dtype=int)
+    np.add.at(change, at, 1)
+    np.add.at(
+        change,
+        (np.minimum(at[0] + rng.geometric(1.0 / mean, size=at[0].size), frames), *at[1:]),
+        -1,
+    )
+    return starts, np.cumsum(change[:-1], axis=0) > 0
+
+
+def _exchange_labels(
+    observed: np.ndarray, options: MocapOptions, rng: np.random.Generator
+) -> tuple[np.ndarray, int]:
+    """Positions (N, 3, 3, xyz) with two labels of a link exchanged during bursts, and the
+    link-frames concerned.
+    """
+    frames = observed.shape[0]
+    starts, swapped = _bursts(frames, (3,), options.swap_rate, options.swap_frames, rng)
+    drawn = rng.integers(len(PAIRS), size=(frames, 3))
+    # a burst keeps the pair drawn at its start
+    latest = np.maximum.accumulate(np.where(starts, np.arange(frames)[:, None], 0), axis=0)
+    pair = PAIRS[np.take_along_axis(drawn, latest, axis=0)]
+    carrier = np.broadcast_to(np.arange(3), (frames, 3, 3)).copy()
+    np.put_along_axis(carrier, pair, np.where(swapped[..., None], pair[..., ::-1], pair), axis=-1)
+    return np.take_along_axis(observed, carrier[..., None], axis=2), int(swapped.sum())
+
+
+def _lose_labels(
+    observed: np.ndarray, options: MocapOptions, rng: np.random.Generator
+) -> tuple[np.ndarray, dict[str, np.ndarray], int]:
+    """Positions (N, 9, 3) with labels blanked during bursts, the unlabeled columns that carry them
+    instead, and their marker-frames.
+
+    Each uninterrupted stretch is a column of its own, since Motive numbers a stray marker anew at
+    every appearance.
+    """
+    _, lost = _bursts(
+        *observed.shape[:1],
+        observed.shape[1:2],
+        options.lost_label_rate,
+        options.lost_label_frames,
+        rng,
+    )
+    lost &= ~np.isnan(observed[..., 0])
+    edges = np.diff(lost.astype(np.int8), axis=0, prepend=0, append=0)
+    # transposed, so that starts and ends come out marker by marker and pair up
+    (marker, first), last = np.nonzero(edges.T == 1), np.nonzero(edges.T == -1)[1]
+    columns = {}
+    for number, i in enumerate(np.lexsort((marker, first))):
+        column = np.full((observed.shape[0], 3), np.nan)
+        column[first[i] : last[i]] = observed[first[i] : last[i], marker[i]]
+        columns[f"Unlabeled {FIRST_UNLABELED + number}"] = column
+    return np.where(lost[..., None], np.nan, observed), columns, int(lost.sum())
+
+
+def capture(
+    arm: Arm,
+    q: np.ndarray,
+    markers: np.ndarray,
+    rotation: np.ndarray,
+    translation: np.ndarray,
+    options: MocapOptions,
+    rng: np.random.Generator,
+) -> Capture:
+    """Capture markers at places ``markers`` (3, 3, 3) (link, marker, xyz of the segment frame, m)
+    on an arm at true angles ``q`` (N, 3).
+
+    ``rotation`` (3, 3) and ``translation`` (3,) in m are the pose of the arm's base in the world.
+    Names are ``link1_a`` … ``link3_c`` and, for positions whose label was lost, ``Unlabeled 1000``
+    onwards in the order of their appearance.
+    """
+    if q.shape[1:] != (3,) or markers.shape != (3, 3, 3):
+        raise ConfigError(
+            "laboratory.mocap: joint angles must be (N, 3) and marker places (3, 3, 3)",
+            q=q.shape,
+            markers=markers.shape,
+        )
+    axes, origin = segment_frames(arm.chain, q)
+    plane = np.einsum("njab,jmb->njma", axes, markers) + origin[:, :, None, :]
+    world = arm.to_base(plane) @ rotation.T + translation
+    observed = world + options.noise_std * rng.standard_normal(world.shape)
+    _, hidden = _bursts(len(q), (3, 3), options.occlusion_rate, options.occlusion_frames, rng)
+    observed[hidden] = np.nan
+    observed, swapped = _exchange_labels(observed, options, rng)
+    labelled, unlabeled, lost = _lose_labels(observed.reshape(-1, 9, 3), options, rng)
+    names = [f"link{link}_{label}" for link in (1, 2, 3) for label in LABELS]
+    columns = {name: labelled[:, i] for i, name in enumerate(names)}
+    return Capture(
+        columns | unlabeled,
+        MocapFaults(occluded=int(hidden.sum()), swapped=swapped, unlabeled=lost),
+    )

@@ -1,0 +1,91 @@
+"""The commanded motion, and the disturbances that the arm adds to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pipeline.core.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class TrajectoryOptions:
+    """The motion's two ends and how time is spent between them."""
+
+    folded: tuple[float, float, float]  # rad, joint angles of the folded pose
+    extended: tuple[float, float, float]  # rad, joint angles of the most extended pose
+    duration: float = 3.2  # s, T of the paper
+    rest: float = 0.08  # s, standing still at the start, at the turn (twice this) and at the end
+    ramp: float = 0.3  # s, from rest to full speed and from full speed to rest
+    rate: float = 100.0  # 1/s, steps of the motion grid
+
+    def __post_init__(self) -> None:
+        if not (
+            self.rate > 0
+            and self.rest >= 0
+            and 0 < 2 * self.ramp <= self.duration / 2 - 2 * self.rest
+        ):
+            raise ConfigError(
+                "laboratory.trajectory: twice rest and twice ramp must fit into half the duration, "
+                "and rate and ramp be positive",
+                duration=self.duration,
+                rest=self.rest,
+                ramp=self.ramp,
+                rate=self.rate,
+            )
+
+
+@dataclass(frozen=True)
+class DynamicsOptions:
+    """Disturbances at the micro level, each with its unit and where its size comes from."""
+
+    rate: float = 1000.0  # 1/s, integration steps of the servo
+    servo_gain: float = 20.0  # 1/s, position loop of the joints
+    # m, link lengths against the nominal ones; manufacturing and assembly of a low-cost arm, one
+    # draw a session
+    length_std: float = 3e-4
+    # rad, zero of each joint; homing against a mechanical stop, one draw a session
+    encoder_offset_std: float = 2e-3
+    encoder_ripple: float = 1e-3  # rad, once-per-turn eccentricity of encoder and gear
+    # 1, share of the commanded speed; friction and torque ripple of small gears
+    speed_error_std: float = 0.03
+    speed_error_time: float = 0.05  # s, correlation time of the speed error
+    # rad, start pose of a take against the commanded one; repeatability of homing moves
+    start_std: float = 4e-3
+    # m, end-effector's sway along x and z at full speed; repeatability of such arms is 1 mm
+    sway_std: tuple[float, float] = (3e-4, 1.5e-3)
+    # s, correlation time of the sway; structural modes of a light arm lie at some tens of Hz
+    sway_time: float = 6e-3
+    sway_rest: float = 0.02  # 1, share of the sway that is left at rest; motors holding
+    # rad, half the play of joint 3; the paper reports an unusual clearance there
+    clearance: float = 0.028
+    # s, correlation time of the rattling inside the play; impacts of gear teeth
+    clearance_time: float = 2e-3
+    rattle_speed: float = 1.5  # rad/s, speed of joint 3 at which the rattling fills the play
+    # 1, how sway and rattling grow with speed; loads of inertia go with its square
+    speed_exponent: float = 2.0
+    # s, time of the exposure against the motion clock; trigger and USB latency
+    jitter_std: float = 5e-4
+
+    def __post_init__(self) -> None:
+        positive = (
+            "rate",
+            "servo_gain",
+            "speed_error_time",
+            "sway_time",
+            "clearance_time",
+            "rattle_speed",
+        )
+        for name, value in vars(self).items():
+            least = min(value) if name == "sway_std" else value
+            if least < 0 or (least == 0 and name in positive):
+                raise ConfigError(
+                    f"laboratory.dynamics.{name}: must "
+                    f"{'be positive' if name in positive else 'not be negative'}",
+                    value=value,
+                )
+        if self.servo_gain >= self.rate:
+            raise ConfigError(
+                "laboratory.dynamics.servo_gain: must be below rate, or the servo does not settle",
+                servo_gain=self.servo_gain,
+                rate=self.rate,
+            )

@@ -1,0 +1,62 @@
+"""The commanded out-and-back motion: at rest, folded → most extended, at rest, back, at rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from pipeline.arm.chain import PlanarChain
+from pipeline.arm.commanded import trajectory_table
+from pipeline.core.errors import ConfigError
+from pipeline.laboratory.options import TrajectoryOptions
+
+
+def _progress(t: np.ndarray, options: TrajectoryOptions) -> tuple[np.ndarray, np.ndarray]:
+    """Share of the way from folded to extended at times ``t`` (s), and its rate (1/s).
+
+    The speed rises and falls as a raised cosine, so that acceleration is continuous; between the
+    ramps it is constant.
+    """
+    half, ramp = options.duration / 2, options.ramp
+    moving = half - 2 * options.rest
+    peak = 1.0 / (moving - ramp)
+    s = np.clip(np.minimum(t, options.duration - t) - options.rest, 0.0, moving)
+    back = np.minimum(s, moving - s)
+    inside = np.minimum(back, ramp)
+    speed = peak * (1 - np.cos(np.pi * inside / ramp)) / 2
+    way = peak * ((inside - ramp / np.pi * np.sin(np.pi * inside / ramp)) / 2 + back - inside)
+    return np.where(s <= moving / 2, way, 1.0 - way), np.where(t <= half, speed, -speed)
+
+
+def desired_joints(t: np.ndarray, options: TrajectoryOptions) -> tuple[np.ndarray, np.ndarray]:
+    """Commanded joint angles (..., 3) in rad and speeds (..., 3) in rad/s at times ``t`` (...) in
+    s.
+    """
+    folded, extended = np.asarray(options.folded), np.asarray(options.extended)
+    progress, rate = _progress(np.asarray(t, dtype=float), options)
+    return folded + progress[..., None] * (extended - folded), rate[..., None] * (extended - folded)
+
+
+def desired_trajectory(chain: PlanarChain, options: TrajectoryOptions) -> pd.DataFrame:
+    """The commanded end-effector trajectory xᵈ, ẋᵈ on the motion grid: columns k, t, x, z, phi, vx,
+    vz, vphi (SI).
+
+    Raises ConfigError for a motion beyond the joints' limits of angle or speed.
+    """
+    q, speed = desired_joints(
+        np.arange(round(options.duration * options.rate) + 1) / options.rate, options
+    )
+    if not np.all(chain.within_limits(q)):
+        raise ConfigError(
+            "laboratory.trajectory: the motion leaves the joint limits",
+            lower=chain.lower,
+            upper=chain.upper,
+        )
+    if np.any(np.abs(speed) > chain.max_speed):
+        raise ConfigError(
+            "laboratory.trajectory: the motion is faster than the joints; lengthen it or bring its "
+            "ends together",
+            peak=np.abs(speed).max(axis=0).round(3).tolist(),
+            limit=chain.max_speed.round(3).tolist(),
+        )
+    return trajectory_table(chain, q, options.rate)

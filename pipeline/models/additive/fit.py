@@ -1,0 +1,88 @@
+"""Σ_ω of the additive model: the paper's mean of the sample covariances, or that shrunk and without
+the measurement noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from pipeline.models.additive.law import AdditiveModel
+from pipeline.models.additive.options import Options
+from pipeline.models.noise import mean_covariance, moments
+from pipeline.models.steps import Estimate, Recorded, Truth
+
+
+def build(parameters: dict[str, Any]) -> AdditiveModel:
+    """The model with these parameters."""
+    return AdditiveModel(np.array(parameters["noise_covariance"]))
+
+
+def estimate(recorded: Recorded, options: Options) -> Estimate:
+    """Σ_ω by the estimator that ``options`` name; raises ModelDomainError for a single take."""
+    if options.estimator == "paper":
+        return _estimate(mean_covariance(recorded.noise), {})
+    shrunk, intensity = shrunk_covariance(recorded.noise)
+    covariance, quiet = without_measurement(shrunk, recorded.measurement)
+    diagnostics = {
+        "shrinkage_intensity": intensity,
+        "axes_without_noise_beyond_the_measurement": quiet,
+    }
+    return _estimate(covariance, diagnostics)
+
+
+def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
+    """Σ_ω as recorded; ``options`` and ``dispersions`` do not matter."""
+    known = _estimate(mean_covariance(recorded.noise), {})
+    return [Truth("additive", known.parameters, known.estimates)]
+
+
+def _estimate(covariance: np.ndarray, diagnostics: dict[str, float]) -> Estimate:
+    parameters = {"kind": "additive", "noise_covariance": covariance.tolist()}
+    return Estimate(parameters, covariance_entries(covariance), diagnostics)
+
+
+def covariance_entries(covariance: np.ndarray) -> dict[str, float]:
+    """The entries of Σ_ω (n, n) in rad² by name, and the correlations of joints that have noise."""
+    std, n = np.sqrt(np.diag(covariance)), len(covariance)
+    entries = {
+        f"sigma_omega_{i + 1}{j + 1}_rad2": covariance[i, j] for i in range(n) for j in range(i, n)
+    }
+    pairs = [(i, j) for i, j in combinations(range(n), 2) if std[i] * std[j] > 0]
+    return entries | {
+        f"correlation_omega_{i + 1}{j + 1}": covariance[i, j] / (std[i] * std[j]) for i, j in pairs
+    }
+
+
+def shrunk_covariance(noise: np.ndarray) -> tuple[np.ndarray, float]:
+    """(n, n) Σ̂_ω shrunk towards a scaled identity, (1−ρ)Σ̂_ω + ρ·tr Σ̂_ω/n·I in rad², and the
+    intensity ρ in [0, 1].
+
+    The estimate of Ledoit and Wolf (J. Multivariate Analysis 88, 2004): ρ is the variance of Σ̂_ω
+    over its squared distance from the target. Steps of one take depend on each other, so the
+    variance is that of the mean over takes, which do not. ``noise`` ω (takes, M, n); raises
+    ModelDomainError for a single take.
+    """
+    mean, _ = moments(noise)
+    takes = len(noise)
+    centred = noise - mean
+    by_take = np.einsum("tki,tkj->tij", centred, centred) * takes / ((takes - 1) * noise.shape[1])
+    pooled = by_take.mean(axis=0)
+    target = np.trace(pooled) / len(pooled) * np.eye(len(pooled))
+    distance = np.sum((pooled - target) ** 2)
+    variance = np.sum((by_take - pooled) ** 2) / takes**2
+    intensity = float(min(variance / distance, 1.0)) if distance > 0 else 1.0
+    return (1 - intensity) * pooled + intensity * target, intensity
+
+
+def without_measurement(covariance: np.ndarray, measurement: np.ndarray) -> tuple[np.ndarray, int]:
+    """(n, n) what ``covariance`` holds beyond ``measurement`` (n, n), in rad², and along how many
+    axes that is nothing.
+
+    There the difference would be negative by chance, and is set to zero.
+    """
+    variances, axes = np.linalg.eigh(covariance - measurement)
+    return (axes * np.maximum(variances, 0.0)) @ axes.T, int(np.count_nonzero(variances < 0))

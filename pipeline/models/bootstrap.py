@@ -1,0 +1,88 @@
+"""Standard errors and intervals of an estimator by the bootstrap over takes (Efron and Tibshirani,
+1993, Sec. 6 and 13).
+
+The takes are independent of each other, the steps of a take are not: noise lasts from one step to
+the next, and each measured pose is in two of them. So whole takes are drawn with replacement, and
+the estimator is applied to each such resampling anew, the measurement noise, the weights and the
+bounds that it derives from the recordings included. Only where a single fit takes too long for
+that, as under the likelihood of the Wishart model, are the likelihoods of the takes resampled in
+place of the takes: the measurement noise is then held fixed at that of all takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from pipeline.core.errors import ModelDomainError, SolverError
+from pipeline.models import kinds
+from pipeline.models.options import Options
+from pipeline.models.steps import Estimate, Recorded
+
+TAILS = (0.025, 0.975)
+
+Estimator = Callable[[np.ndarray], dict[str, float]]  # numbers of the takes → estimates by name
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How far an estimate would vary over recordings of as many takes, and the ends of its 95 %
+    percentile interval.
+    """
+
+    standard_error: float
+    low: float
+    high: float
+
+
+def resampled_estimator(recorded: Recorded, options: Options, found: Estimate) -> Estimator:
+    """The estimates of ``options`` from any of the takes of ``recorded``; ``found`` is the estimate
+    from all of them.
+    """
+    return kinds.resampled(options, found) or partial(_anew, recorded, options)
+
+
+def _anew(recorded: Recorded, options: Options, takes: np.ndarray) -> dict[str, float]:
+    return kinds.estimate(recorded.subset(takes), options).estimates
+
+
+def replicate(
+    estimator: Estimator, takes: int, rng: np.random.Generator
+) -> dict[str, float] | None:
+    """The estimates from one resampling of ``takes`` takes; None where it has none, as where one
+    take was drawn every time.
+    """
+    try:
+        return estimator(rng.integers(takes, size=takes))
+    except (ModelDomainError, SolverError):
+        return None
+
+
+def percentiles(values: np.ndarray) -> tuple[float, float]:
+    """Ends of the interval of ``values`` (N,) that one further value would lie in with a
+    probability of 95 %, for N ≥ 39.
+    """
+    low, high = np.quantile(values, TAILS, method="weibull")
+    return float(low), float(high)
+
+
+def spreads(replicates: list[dict[str, float] | None]) -> tuple[dict[str, Spread], int]:
+    """The spread of every estimate that all replicates have, and how many replicates have none; no
+    spread for fewer than two.
+    """
+    solved = [estimates for estimates in replicates if estimates is not None]
+    lost = len(replicates) - len(solved)
+    if len(solved) < 2:
+        return {}, lost
+    values = {
+        name: np.array([estimates[name] for estimates in solved])
+        for name in solved[0]
+        if all(name in other for other in solved)
+    }
+    return {
+        name: Spread(float(estimates.std(ddof=1)), *percentiles(estimates))
+        for name, estimates in values.items()
+    }, lost

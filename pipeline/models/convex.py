@@ -1,0 +1,79 @@
+"""The paper's two convex problems as printed, in CVXPY: the independent route to what the motion
+models have in closed form.
+"""
+
+from __future__ import annotations
+
+import cvxpy as cp
+import numpy as np
+
+from pipeline.core.errors import SolverError
+
+
+def _solve(problem: cp.Problem, **evidence: object) -> float:
+    """The optimal value; raises SolverError for any status but optimal."""
+    try:
+        value = problem.solve(
+            solver=cp.CLARABEL, tol_gap_abs=1e-10, tol_gap_rel=1e-10, tol_feas=1e-10
+        )
+    # a ValueError is CVXPY's answer to data that are not numbers
+    except (cp.SolverError, ValueError) as error:
+        raise SolverError(f"the problem could not be solved: {error}", **evidence) from None
+    if problem.status != cp.OPTIMAL:
+        raise SolverError(
+            "the problem was not solved to optimality", status=problem.status, **evidence
+        )
+    return float(value)
+
+
+def solve_perturbation(
+    noise: np.ndarray,
+    v: np.ndarray,
+    j1: np.ndarray,
+    j2: np.ndarray,
+    weights: tuple[float, float],
+    floor: float,
+) -> tuple[np.ndarray, float]:
+    """B⁻¹ (n, n) and the objective F of (BsampOpt) under (const10) as B⁻¹ ⪰ εI.
+
+    ``noise`` ω (n,) in rad, measured minus nominal; ``v`` ẋᵈΔt (n,); ``j1`` and ``j2`` the factors
+    of the Jacobian (n, n); ``weights`` (α₁, α₂); ``floor`` ε. Raises SolverError.
+    """
+    n = len(noise)
+    alpha1, alpha2 = weights
+    j1_inv, j2_inv, j_inv = np.linalg.inv(j1), np.linalg.inv(j2), np.linalg.inv(j1 @ j2)
+    b_inv = cp.Variable((n, n), symmetric=True)
+    objective = alpha1 * cp.norm(noise - (j2_inv @ b_inv @ j1_inv - j_inv) @ v) + alpha2 * cp.norm(
+        b_inv - np.eye(n), "fro"
+    )
+    value = _solve(
+        cp.Problem(cp.Minimize(objective), [b_inv >> floor * np.eye(n)]),
+        noise=noise.tolist(),
+        floor=floor,
+    )
+    return b_inv.value, value
+
+
+def solve_noise_covariance(norm: float, alpha: float, u: float, n: int) -> np.ndarray:
+    """(n, n) Σ_k of (cost)–(const2): maximise ln|Σ| subject to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0,
+    with ``norm`` ‖J‖_F. Raises SolverError.
+
+    Σ is solved for in units of the bound, as the solver's tolerances are absolute: that adds a
+    constant to ln|Σ|.
+    """
+    bound = alpha**2 * (u**2 - norm**2)
+    if not bound > 0:
+        raise SolverError(
+            "the problem has no feasible point with a logarithm: u is not above the norm",
+            norm=norm,
+            alpha=alpha,
+            u=u,
+        )
+    sigma = cp.Variable((n, n), symmetric=True)
+    _solve(
+        cp.Problem(cp.Maximize(cp.log_det(sigma)), [cp.trace(n * sigma) <= 1, sigma >> 0]),
+        norm=norm,
+        alpha=alpha,
+        u=u,
+    )
+    return bound * sigma.value

@@ -1,0 +1,131 @@
+"""Draws of a step by its compiled law, whose random numbers are NumPy's own, bit for bit."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import int64, types
+
+from pipeline.arm.chain import PlanarChain
+from pipeline.arm.compiled import ARM, Arm, arm_numbers
+from pipeline.core.compiled import MATRIX, VECTOR, compiled, inlined, inner
+from pipeline.core.errors import SingularJacobianError
+from pipeline.models.law import CUBE, GENERATOR, NUMBERS, STEP, Numbers, block, row
+from pipeline.models.model import Law, MotionModel
+from pipeline.randommatrix.variates import gamma_law, standard_gamma, standard_normal
+
+BLOCK = 256  # poses that are moved at once
+
+
+def numbers_for(law: Law, poses: int = BLOCK) -> Numbers:
+    """Room for the random numbers that a block of at most so many ``poses`` takes under ``law``."""
+    sets, each = law.normals
+    return Numbers(
+        gamma_law(law.degrees / 2.0), each, np.empty(poses), np.empty((sets * each, poses))
+    )
+
+
+@inner
+def draw(numbers: Numbers, count: int, rng: np.random.Generator) -> None:
+    """Fill ``numbers`` for the first ``count`` poses of a block: the χ² variates of all of them, if
+    there are any, then set by set the normals, those of one pose in a row.
+    """
+    if numbers.gamma[0] > 0.0:
+        for i in range(count):
+            numbers.chi_square[i] = 2.0 * standard_gamma(numbers.gamma, rng)
+    for first in range(0, len(numbers.normal), numbers.each):
+        for i in range(count):
+            for j in range(first, first + numbers.each):
+                numbers.normal[j, i] = standard_normal(rng)
+
+
+@inlined
+def move_block(
+    step: object,
+    numbers: Numbers,
+    parameters: np.ndarray,
+    arm: Arm,
+    v: np.ndarray,
+    here: tuple,
+    there: tuple,
+    rng: np.random.Generator,
+) -> int:
+    """Fill ``there`` with draws of the next poses after those of the block ``here`` under ``v``
+    (n,); for how many the noise was clipped.
+
+    Args:
+        step: the law, with its ``parameters``, and room for its ``numbers``.
+        arm: the chain's numbers.
+    """
+    draw(numbers, len(here[0]), rng)
+    return step(numbers, parameters, arm, row(v), here, there)
+
+
+def draw_steps(
+    model: MotionModel,
+    chain: PlanarChain,
+    q: np.ndarray,
+    v: np.ndarray,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, int]:
+    """One draw of q_{k+1} for each of the poses ``q`` (..., n) in rad, of the same shape, and for
+    how many of them the noise was clipped at zero.
+
+    ``v`` (n,) or (M, n) are commanded steps (m, m, rad): all poses take the one, or those at ``q``
+    (..., M, n) each its own. Draws are made command by command, of all poses under one, in blocks.
+
+    Raises:
+        SingularJacobianError: at a singular pose, where no model is defined.
+    """
+    singular = chain.singular(q)
+    if np.any(singular):
+        index = tuple(int(i) for i in np.argwhere(singular)[0])
+        raise SingularJacobianError(
+            f"the Jacobian is singular at {int(singular.sum())} pose(s), which have no next step: "
+            "the first two links are in line (or a pose is not finite)",
+            index=index,
+            q=np.asarray(q, dtype=float)[index].round(4).tolist(),
+        )
+    law, commands = model.law(), np.atleast_2d(np.asarray(v, dtype=float))
+    n = q.shape[-1]
+    # (M, poses under one command, n), whose joints come first in memory for the law
+    if np.ndim(v) == 1:
+        together = q.reshape(1, -1, n)
+    else:
+        together = np.swapaxes(q.reshape(-1, len(v), n), 0, 1)
+    before = np.ascontiguousarray(np.moveaxis(together, -1, 1), dtype=float)
+    moved = np.empty_like(before)
+    clipped = _draw_steps(
+        law.step,
+        numbers_for(law),
+        law.parameters,
+        arm_numbers(chain),
+        np.ascontiguousarray(commands),
+        before,
+        moved,
+        rng,
+    )
+    drawn = np.moveaxis(moved, 1, -1)
+    return (drawn if np.ndim(v) == 1 else np.swapaxes(drawn, 0, 1)).reshape(q.shape), clipped
+
+
+@compiled(int64(types.FunctionType(STEP), NUMBERS, VECTOR, ARM, MATRIX, CUBE, CUBE, GENERATOR))
+def _draw_steps(
+    step: object,
+    numbers: Numbers,
+    parameters: np.ndarray,
+    arm: Arm,
+    v: np.ndarray,
+    q: np.ndarray,
+    moved: np.ndarray,
+    rng: np.random.Generator,
+) -> int:
+    """Fill ``moved`` (M, n, N) with draws of the next poses after ``q`` (M, n, N) under ``v`` (M,
+    n); for how many the noise was clipped.
+    """
+    clipped, count = 0, q.shape[2]
+    for k in range(len(v)):
+        for start in range(0, count, BLOCK):
+            stop = start + BLOCK if start + BLOCK < count else count
+            here, there = block(q[k], start, stop), block(moved[k], start, stop)
+            clipped += move_block(step, numbers, parameters, arm, v[k], here, there, rng)
+    return clipped

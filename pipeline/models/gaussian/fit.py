@@ -1,0 +1,93 @@
+"""(α, u) of the Gaussian matrix model: by the paper's distance of moments, or most likely."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.gaussian.likelihood import fit_alpha_u
+from pipeline.models.gaussian.options import Options
+from pipeline.models.gaussian.ridge import GaussianFit, fit_gaussian
+from pipeline.models.noise import mean_covariance, moments
+from pipeline.models.norm import frobenius
+from pipeline.models.steps import Estimate, Recorded, Truth
+
+# ũ tried, as shares of the greatest ‖J̲⁻¹‖: the bound may at most double it
+EXTENSIONS = np.linspace(0.005, 1.0, 200)
+# fewer, for a likelihood has to be searched over α at each
+LIKELY_EXTENSIONS = np.geomspace(0.005, 1.0, 25)
+# u of known parameters over the greatest norm of the poses: near enough to bend the noise, and
+# within what is searched
+BOUND = 1.1
+
+
+def build(parameters: dict[str, Any]) -> GaussianModel:
+    """The model with these parameters."""
+    return GaussianModel(parameters["alpha"], parameters["u"])
+
+
+def estimate(recorded: Recorded, options: Options) -> Estimate:
+    """(α, u) by the estimator that ``options`` name; raises what that estimator raises."""
+    if options.estimator == "paper":
+        mean, covariance = moments(recorded.noise)
+        poses = recorded.q.mean(axis=0)
+        norms = frobenius(recorded.chain.inverse_jacobian(poses, what="mean pose"))
+        fit = fit_gaussian(
+            mean,
+            covariance,
+            np.zeros_like(mean),
+            np.linalg.norm(recorded.v, axis=-1),
+            norms,
+            beta1=options.beta,
+            extensions=EXTENSIONS * norms.max(),
+        )
+        return _estimate(fit, norms, recorded.v)
+    fit = fit_alpha_u(
+        recorded.chain,
+        recorded.q,
+        recorded.v,
+        recorded.noise,
+        recorded.measurement,
+        LIKELY_EXTENSIONS,
+    )
+    return _estimate(fit, frobenius(recorded.chain.inverse_jacobian(recorded.q)), recorded.v)
+
+
+def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
+    """(α, u) of the recorded mean variance; ``options`` and ``dispersions`` do not matter."""
+    squares = frobenius(recorded.chain.inverse_jacobian(recorded.q)) ** 2
+    speeds = np.vecdot(recorded.v, recorded.v)
+    total_variance = np.trace(mean_covariance(recorded.noise))
+    u = BOUND * float(np.sqrt(squares.max()))
+    n = recorded.q.shape[-1]
+    alpha = float(np.sqrt(n * total_variance / np.mean((u**2 - squares) * speeds)))
+    values = _values(alpha, u, _mean_square(squares, speeds))
+    return [Truth("gaussian", {"kind": "gaussian", "alpha": alpha, "u": u}, values)]
+
+
+def _mean_square(squares: np.ndarray, speeds: np.ndarray) -> float:
+    """⟨‖J⁻¹‖²⟩ of ``squares`` (..., M), weighed by the square of the commanded steps (M,)."""
+    return np.average(squares, weights=np.broadcast_to(speeds, squares.shape))
+
+
+def _values(alpha: float, u: float, mean_square: float) -> dict[str, float]:
+    """(α, u) are hardly told apart; α·sqrt(u² − ⟨‖J⁻¹‖²⟩) is told well, its square times ‖v‖² being
+    the mean variance of the noise.
+    """
+    return {"u": u, "alpha": alpha, "noise_level": alpha * np.sqrt(u**2 - mean_square)}
+
+
+def _estimate(fit: GaussianFit, norms: np.ndarray, v: np.ndarray) -> Estimate:
+    mean_square = _mean_square(norms**2, np.vecdot(v, v))
+    diagnostics = {
+        "extension_of_the_norm": fit.extension,
+        "greatest_norm_of_the_inverse_jacobian": fit.u - fit.extension,
+        "rms_norm_of_the_inverse_jacobian": np.sqrt(mean_square),
+        "objective": fit.objective,
+        "extension_at_the_end_of_its_interval": fit.at_end,
+    }
+    parameters = {"kind": "gaussian", "alpha": fit.alpha, "u": fit.u}
+    return Estimate(parameters, _values(fit.alpha, fit.u, mean_square), diagnostics, fit)

@@ -1,0 +1,131 @@
+"""The kinds of motion models: each is a folder of this package, found by its place.
+
+A folder holds ``options.py`` with ``Options``, the type of its option file; ``law.py`` with the
+model's class; and ``fit.py`` with ``estimate(recorded, options)``, ``build(parameters)`` and
+``truths(recorded, options, dispersions)``. Where a fit takes too long to be repeated on resampled
+takes, ``fit.py`` has ``resampled(found)`` too, the estimates from any takes once ``found`` from
+all; ``examination.py``, where there is one, tells of a fit what no parameter does. Nothing of a
+kind is imported before it is asked for.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import pipeline.models
+from pipeline.core.errors import ConfigError, ContractError
+from pipeline.models.model import MotionModel
+from pipeline.models.options import Options
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+
+    from pipeline.models.steps import Estimate, Recorded, Truth
+
+
+def kinds() -> list[str]:
+    """The names of all kinds."""
+    return sorted(
+        file.parent.name
+        for place in pipeline.models.__path__
+        for file in Path(place).glob("*/options.py")
+    )
+
+
+def options_type(kind: object) -> type[Options]:
+    """The type of the options of a model of ``kind``; raises ConfigError for no kind that there
+    is.
+    """
+    if kind not in kinds():
+        raise ConfigError(f"kind: no kind {kind!r}; there are {', '.join(kinds())}", key="kind")
+    return import_module(f"pipeline.models.{kind}.options").Options
+
+
+def _fit(kind: str) -> ModuleType:
+    return import_module(f"pipeline.models.{kind}.fit")
+
+
+def estimate(recorded: Recorded, options: Options) -> Estimate:
+    """The parameters of the model ``options`` by the estimator they name; raises what that
+    estimator raises.
+    """
+    return _fit(options.kind).estimate(recorded, options)
+
+
+def resampled(options: Options, found: Estimate) -> Callable[[Any], dict[str, float]] | None:
+    """A quick way from the numbers of some takes to their estimates, where the model has one;
+    ``found`` is the estimate from all takes.
+    """
+    hook = getattr(_fit(options.kind), "resampled", None)
+    return None if hook is None else hook(found)
+
+
+def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
+    """Known parameters of the model ``options`` with noise of about the size that was recorded;
+    where a model has a dispersion, each of ``dispersions``.
+    """
+    return _fit(options.kind).truths(recorded, options, dispersions)
+
+
+def build_model(parameters: Any) -> MotionModel:
+    """The model with these ``parameters``: its kind and, in plain values, what a fit found.
+
+    Raises ContractError where they are none of a motion model, ModelDomainError where they are
+    outside the model's range.
+    """
+    kind = parameters.get("kind") if isinstance(parameters, dict) else None
+    if kind not in kinds():
+        raise ContractError("not the parameters of a motion model; run the stage fit again")
+    try:
+        return _fit(kind).build(parameters)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ContractError(
+            f"not the parameters of a motion model ({error!r}); run the stage fit again"
+        ) from None
+
+
+def fitted_model(folder: Path) -> MotionModel:
+    """The model whose parameters stand in ``folder/parameters.json``; raises what
+    :func:`build_model` does, with the file.
+    """
+    file = Path(folder) / "parameters.json"
+    try:
+        parameters = json.loads(file.read_text())
+    except (OSError, ValueError) as error:
+        raise ContractError(
+            f"the fitted parameters cannot be read ({error}); run the stage fit", file=file
+        ) from None
+    try:
+        return build_model(parameters)
+    except ContractError as error:
+        raise ContractError(error.message, file=file) from None
+
+
+def examined(
+    recorded: Recorded,
+    options: Options,
+    estimate: Estimate,
+    checks: int,
+    rng: np.random.Generator,
+) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
+    """What the kind's ``examination.py``, where it has one, tells of an ``estimate`` beyond its
+    parameters: numbers, and tables by name.
+
+    Args:
+        recorded: the steps that were fitted.
+        options: of the model.
+        estimate: from all takes.
+        checks: how many convex problems to solve as printed, where there are any.
+        rng: chooses them.
+    """
+    kind = f"pipeline.models.{options.kind}"
+    if find_spec(f"{kind}.examination") is None:
+        return {}, {}
+    return import_module(f"{kind}.examination").examined(recorded, options, estimate, checks, rng)

@@ -1,0 +1,70 @@
+"""Realisations of the process noise from recorded joint angles, and their moments at each step."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.arm.chain import PlanarChain
+from pipeline.core.errors import ModelDomainError
+
+
+def process_noise(chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(takes, M, n) noise ω_{k+1} = q̃_{k+1} − q̃_k − J(q̃_k)⁻¹ẋᵈ_kΔt in rad, entry k being the
+    step from k to k + 1.
+
+    ``q`` (takes, M+1, n) measured joint angles in rad; ``v`` (M, n) commanded steps ẋᵈ_kΔt (m, m,
+    rad). Measured minus nominal, as the additive model (InvDiffRndm) and (Omegk) need it; (OmgReal)
+    prints the opposite sign. Raises SingularJacobianError.
+    """
+    nominal = q[:, :-1] + np.matvec(chain.inverse_jacobian(q[:, :-1], what="measured pose"), v)
+    return q[:, 1:] - nominal
+
+
+def moments(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (M, n) and sample covariance (M, n, n) over the takes of ``samples`` (takes, M, n).
+
+    The covariance is about the mean at its own step and divides by takes − 1. Raises
+    ModelDomainError for a single take.
+    """
+    takes = len(samples)
+    if takes < 2:
+        raise ModelDomainError("a sample covariance needs at least two takes", takes=takes)
+    mean = samples.mean(axis=0)
+    centred = samples - mean
+    return mean, np.einsum("tki,tkj->kij", centred, centred) / (takes - 1)
+
+
+def mean_covariance(noise: np.ndarray) -> np.ndarray:
+    """(n, n) (1/M) Σ_k Σ̂_k in rad², the mean of the sample covariances of ``noise`` ω (takes, M,
+    n) at each step: the paper's Σ̂_ω.
+    """
+    return moments(noise)[1].mean(axis=0)
+
+
+def measurement_covariance(noise: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(n, n) Σ_m in rad²: the mean of the sample covariances of ``noise`` ω (takes, M, n) over the
+    steps without a command, v_k = 0.
+
+    Where the robot rests ω is nothing but the noise of the two measured poses it is made of, so Σ_m
+    holds both; ``v`` (M, n) commanded steps. Raises ModelDomainError where the motion never rests,
+    or for a single take.
+    """
+    still = ~np.any(v, axis=-1)
+    if not np.any(still):
+        raise ModelDomainError(
+            "the motion never rests: the measurement noise cannot be told from the motion's own",
+            steps=len(v),
+        )
+    return mean_covariance(noise[:, still])
+
+
+def recorded_deviation(q: np.ndarray, noise: np.ndarray, mode: str) -> np.ndarray:
+    """(M+1, n) standard deviation in rad over the takes that the realisations' is to be held
+    against.
+
+    ``q`` (takes, M+1, n) recorded angles, ``noise`` ω (takes, M, n), both in rad: of the process
+    noise for ``one_step``, and zero at k = 0; of the joint angles for ``free_running``.
+    """
+    if mode == "one_step":
+        return np.vstack([np.zeros((1, q.shape[-1])), noise.std(axis=0, ddof=1)])
+    return q.std(axis=0, ddof=1)

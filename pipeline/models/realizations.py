@@ -1,0 +1,81 @@
+"""Realisations of a motion model along the desired trajectory, step by step or running freely."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.arm.chain import PlanarChain
+from pipeline.core.errors import ConfigError, ModelDomainError
+from pipeline.models.draws import draw_steps
+from pipeline.models.model import MotionModel
+
+
+def realize(
+    model: MotionModel,
+    chain: PlanarChain,
+    q: np.ndarray,
+    v: np.ndarray,
+    mode: str,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, int, int]:
+    """(N, M+1, n) joint angles in rad, for how many steps the noise had to be clipped, and how many
+    realisations were lost.
+
+    ``q`` (N, M+1, n) recorded angles in rad, one take a realisation; ``v`` (M, n) commanded steps
+    (m, m, rad). ``one_step``: each step starts at the recorded pose, so that what spreads is the
+    process noise of one step. ``free_running``: each realisation starts at its take's start pose
+    and goes on from where it came to; one that comes to a singular pose, where no model is defined,
+    is lost: NaN from there on. Raises ConfigError for another mode, SingularJacobianError for a
+    singular pose in the recordings.
+    """
+    if mode not in ("one_step", "free_running"):
+        raise ConfigError(
+            f"simulation.mode: no mode {mode!r}; there are one_step, free_running",
+            key="simulation.mode",
+        )
+    result, clipped = np.full_like(q, np.nan), 0
+    result[:, 0] = q[:, 0]
+    alive = np.ones(len(q), dtype=bool)
+    for k in range(len(v)):
+        start = q[:, k]
+        if mode == "free_running" and k > 0:
+            start = result[:, k]
+            alive &= ~chain.singular(start)
+        result[alive, k + 1], count = draw_steps(model, chain, start[alive], v[k], rng)
+        clipped += count
+    return result, clipped, int(np.sum(~alive))
+
+
+def realized_moments(
+    model: MotionModel,
+    chain: PlanarChain,
+    q: np.ndarray,
+    v: np.ndarray,
+    mode: str,
+    realized: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, str | None]:
+    """Mean and standard deviation (M+1, n) in rad of what :func:`realize` ``realized`` (N, M+1, n);
+    why there is no standard deviation.
+
+    One step at a time the standard deviation is that of the process noise, and so zero at k = 0; of
+    free-running realisations it is that of the joint angles. It is NaN where the model has no
+    covariance, as a sample's would mean nothing. Raises ModelDomainError where fewer than two
+    realisations stay clear of singular poses.
+    """
+    surviving = np.isfinite(realized[..., 0]).sum(axis=0)
+    if surviving.min() < 2:
+        raise ModelDomainError(
+            "fewer than two realisations stay clear of singular poses: their spread cannot be told",
+            step=int(np.argmax(surviving < 2)),
+            key="simulation",
+        )
+    spread = realized
+    if mode == "one_step":
+        nominal = q[:, :-1] + np.matvec(chain.inverse_jacobian(q[:, :-1], what="measured pose"), v)
+        spread = np.concatenate([np.zeros_like(q[:, :1]), realized[:, 1:] - nominal], axis=1)
+    mean, deviation = np.nanmean(realized, axis=0), np.nanstd(spread, axis=0, ddof=1)
+    try:
+        model.covariance(chain, q[0, :-1], v)
+    except ModelDomainError as error:
+        return mean, np.full_like(deviation, np.nan), str(error)
+    return mean, deviation, None

@@ -1,0 +1,94 @@
+"""Gaussian noise that grows with the joint speed: the law that a random Jacobian has to be held
+against.
+
+    ω_{k+1} = η + D(q̇)ε,   η ~ N(0, A),   ε ~ N(0, B),   q̇ = J(q_k)⁻¹ẋᵈ_kΔt  (rad a step),   D(q̇)
+    = diag(q̇),
+
+so Cov(ω) = A + D(q̇)BD(q̇): a floor A at rest, and for each joint a share of its own step that
+varies, with covariance B between the joints. It is positive semidefinite at every speed since A and
+B are. With A and B diagonal it is σ_j² = a_j + b_jq̇_j² for each joint alone; with B = σ_ε²·11ᵀ it
+is A + σ_ε²q̇q̇ᵀ, one timing error w = εq̇ that all joints share; with B = 0 the additive model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.arm.chain import PlanarChain
+from pipeline.models.covariance import principal_axes, root
+from pipeline.models.density import gaussian_log_density
+from pipeline.models.model import Law
+
+
+def joint_step(chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(..., n) nominal step q̇ = J(q)⁻¹v in rad of the joints at ``q`` (..., n) in rad; ``v`` (n,)
+    or (..., n) in m, m, rad.
+
+    Raises SingularJacobianError.
+    """
+    return np.matvec(chain.inverse_jacobian(q), v)
+
+
+def scaled_covariance(floor: np.ndarray, gain: np.ndarray, dq: np.ndarray) -> np.ndarray:
+    """(..., n, n) A + D(q̇)BD(q̇) in rad² for the steps ``dq`` q̇ (..., n) in rad; ``floor`` A (n,
+    n) in rad², ``gain`` B (n, n).
+    """
+    return floor + gain * (dq[..., :, None] * dq[..., None, :])
+
+
+@dataclass(frozen=True)
+class ScaledModel:
+    """Noise of covariance ``floor`` A (n, n) in rad² at rest and ``gain`` B (n, n), in shares of a
+    step, for what grows with speed.
+
+    Both may be singular or zero; raises ModelDomainError where one is no covariance.
+    """
+
+    floor: np.ndarray
+    gain: np.ndarray
+
+    def __post_init__(self) -> None:
+        _ = self._roots  # refuses what is not a covariance
+
+    @cached_property
+    def _roots(self) -> tuple[np.ndarray, np.ndarray]:
+        return root(self.floor), root(self.gain)
+
+    def law(self) -> Law:
+        """A step, compiled."""
+        from pipeline.models.law import row_by_row  # here, as it loads the compiler
+        from pipeline.models.scaled.step import scaled
+
+        parameters = np.concatenate([row_by_row(each) for each in self._roots])
+        return Law(scaled, parameters, normals=(2, len(self.floor)))
+
+    def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(..., n) q + J(q)⁻¹v."""
+        return q + joint_step(chain, q, v)
+
+    def covariance(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(..., n, n) A + D(q̇)BD(q̇) in rad²."""
+        return scaled_covariance(self.floor, self.gain, joint_step(chain, q, v))
+
+    def log_density(
+        self,
+        chain: PlanarChain,
+        q: np.ndarray,
+        v: np.ndarray,
+        q_next: np.ndarray,
+        measurement: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """(...,) natural log of the density of ``q_next`` (..., n) in rad⁻ⁿ; ``measurement`` (n, n)
+        in rad² adds to the covariance.
+
+        Raises ModelDomainError where the covariance is singular: the density does not exist there.
+        """
+        dq = joint_step(chain, q, v)
+        covariance = scaled_covariance(self.floor, self.gain, dq)
+        if measurement is not None:
+            _ = principal_axes(measurement)  # refuses what is not a covariance
+            covariance = covariance + measurement
+        return gaussian_log_density(q_next - q - dq, covariance)

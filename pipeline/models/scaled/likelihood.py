@@ -1,0 +1,207 @@
+"""Maximum-likelihood fit of the noise that grows with the joint speed
+(:mod:`.law`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+
+from pipeline.core.compiled import compiled
+from pipeline.core.errors import ModelDomainError
+from pipeline.models.covariance import principal_axes
+from pipeline.models.scaled.options import Structure
+from pipeline.models.semidefinite import minimise
+
+SUMMED = 256  # steps
+
+
+@dataclass(frozen=True)
+class ScaledFit:
+    """Maximum of the likelihood; log likelihoods are means per step in nats, of densities in
+    rad⁻ⁿ.
+    """
+
+    floor: np.ndarray  # (n, n) A, rad²
+    gain: np.ndarray  # (n, n) B, 1
+    log_likelihood: float
+
+
+def fit_scaled(
+    noise: np.ndarray, dq: np.ndarray, measurement: np.ndarray, structure: Structure
+) -> ScaledFit:
+    """A ⪰ 0 and B ⪰ 0 of greatest likelihood for ``noise`` ω (takes, M, n) in rad, ω ~ N(0, Σ), Σ =
+    Σ_m + A + D(q̇)BD(q̇), at every step.
+
+    ``dq`` q̇ (takes, M, n) nominal steps of the joints in rad, ``measurement`` Σ_m (n, n) in rad².
+    ω is taken as it is: no model of the step has a mean of its own. ``structure``: ``diagonal`` A
+    and B diagonal, ``full`` neither. Of all these A is a sum of
+    PXPᵀ, X ⪰ 0, and so is B; with G = ½(Σ⁻¹ − Σ⁻¹ωωᵀΣ⁻¹) the slope by X is Pᵀ·mean(G)·P in A and
+    Pᵀ·mean(D(q̇)GD(q̇))·P in B. Any of them may be singular or zero at the maximum.
+
+    Raises ModelDomainError where the likelihood has no bound (no measurement noise, and noise at
+    rest that is zero or lies in a plane) or where a joint never moves, SolverError where the search
+    does not end at an optimum.
+    """
+    if structure not in get_args(Structure):
+        raise ModelDomainError(
+            f"the structure must be one of {get_args(Structure)}", structure=structure
+        )
+    _ = principal_axes(measurement)  # refuses what is not a covariance
+    n = noise.shape[-1]
+    w, x = noise.reshape(-1, n), dq.reshape(-1, n)
+    # each joint in units of its own noise and its own speed, as a search needs it
+    scale, speed = np.sqrt(np.diag(second_moment(w, measurement))), np.sqrt(np.mean(x**2, axis=0))
+    if not np.all(speed > 0):
+        raise ModelDomainError(
+            "noise that grows with speed cannot be told where a joint never moves",
+            rms_step=speed.tolist(),
+        )
+    rest = ~np.any(x, axis=-1)
+    if np.any(rest):
+        # refuses noise to which a singular floor would give a density without bound
+        _ = second_moment(w[rest], measurement)
+    outer = np.outer(scale, scale)
+    directions = 2 * _directions(structure, n)  # those of A, then those of B
+    half = len(directions) // 2
+    # in one order in memory, whatever that of the noise, so that one form of the sums is compiled
+    unit_noise, unit_speed, added = (
+        np.divide(w, scale, order="C"),
+        np.divide(x, speed, order="C"),
+        measurement / outer,
+    )
+
+    def covariances(matrices: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        parts = [p @ matrix @ p.T for p, matrix in zip(directions, matrices, strict=True)]
+        return sum(parts[:half]), sum(parts[half:])
+
+    def loss(matrices: list[np.ndarray]) -> tuple[float, list[np.ndarray]]:
+        floor, gain = covariances(matrices)
+        value, by_floor, by_gain = negative_log_likelihood(
+            unit_noise, unit_speed, floor + added, gain
+        )
+        return value, [
+            *(p.T @ by_floor @ p for p in directions[:half]),
+            *(p.T @ by_gain @ p for p in directions[half:]),
+        ]
+
+    # half of the noise's variances at rest, half at the joints' usual speeds
+    result = minimise(loss, [0.5 * np.eye(p.shape[1]) for p in directions])
+    floor, gain = covariances(result.matrices)
+    log_likelihood = -result.value - 0.5 * n * np.log(2 * np.pi) - np.log(scale).sum()
+    return ScaledFit(floor * outer, gain * outer / np.outer(speed, speed), float(log_likelihood))
+
+
+def second_moment(noise: np.ndarray, measurement: np.ndarray) -> np.ndarray:
+    """(n, n) C = mean(ωωᵀ) in rad² of ``noise`` ω (..., n).
+
+    Raises ModelDomainError where C + Σ_m is singular or not finite, Σ_m = ``measurement`` (n, n): a
+    density may then be made as great as one likes at every step.
+    """
+    flat = noise.reshape(-1, noise.shape[-1])
+    second = flat.T @ flat / len(flat)
+    total = second + measurement
+    scale = np.sqrt(np.diag(total))
+    if not (
+        np.all(np.isfinite(scale))
+        and np.all(scale > 0)
+        and np.linalg.eigvalsh(total / np.outer(scale, scale))[0] > 1e-12
+    ):
+        raise ModelDomainError(
+            "the recorded noise lies in a plane or is not finite: its density has no "
+            "maximum-likelihood estimate",
+            std=scale.tolist(),
+        )
+    return second
+
+
+def negative_log_likelihood(
+    w: np.ndarray, x: np.ndarray, floor: np.ndarray, gain: np.ndarray
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """−mean ln N(w; 0, Σ) but for its constant, Σ = F + D(x)BD(x), and its slopes (3, 3) by F and
+    by B; infinite where a Σ is singular.
+
+    ``w`` (N, 3) the steps' noise, ``x`` (N, 3) their speeds, ``floor`` F (3, 3) the measurement's
+    covariance included, ``gain`` B (3, 3).
+    """
+    by_floor, by_gain = np.zeros((2, 3, 3))
+    total = _add_up(w, x, floor, gain, by_floor, by_gain, *np.empty((4, 3, 3)), np.empty(3))
+    return 0.5 * total / len(w), 0.5 * by_floor / len(w), 0.5 * by_gain / len(w)
+
+
+@compiled()
+def _add_up(
+    w: np.ndarray,
+    x: np.ndarray,
+    floor: np.ndarray,
+    gain: np.ndarray,
+    by_floor: np.ndarray,
+    by_gain: np.ndarray,
+    covariance: np.ndarray,
+    precision: np.ndarray,
+    floor_sum: np.ndarray,
+    gain_sum: np.ndarray,
+    white: np.ndarray,
+) -> float:
+    """Of :func:`negative_log_likelihood` what is halved and divided by N; the slopes are added to
+    ``by_floor`` and ``by_gain``; the rest is room, of (3, 3) and (3,).
+
+    Σ⁻¹ is had from cofactors, one step after the other: nothing of the steps' number is written to
+    memory. The loops over three numbers stand for array expressions, which take longer to compile
+    than all the rest.
+    """
+    total = 0.0
+    # sums of SUMMED steps are added up, so that rounding does not grow with the number of steps
+    for start in range(0, len(w), SUMMED):
+        value = 0.0
+        for i in range(3):
+            for j in range(3):
+                floor_sum[i, j] = gain_sum[i, j] = 0.0
+        stop = start + SUMMED if start + SUMMED < len(w) else len(w)
+        for n in range(start, stop):
+            for i in range(3):
+                for j in range(3):
+                    covariance[i, j] = floor[i, j] + gain[i, j] * x[n, i] * x[n, j]
+            for i in range(3):
+                i1, i2 = (i + 1) % 3, (i + 2) % 3
+                for j in range(3):
+                    j1, j2 = (j + 1) % 3, (j + 2) % 3
+                    precision[i, j] = (
+                        covariance[i1, j1] * covariance[i2, j2]
+                        - covariance[i1, j2] * covariance[i2, j1]
+                    )
+            determinant = (
+                covariance[0, 0] * precision[0, 0]
+                + covariance[0, 1] * precision[0, 1]
+                + covariance[0, 2] * precision[0, 2]
+            )
+            if not determinant > 0:
+                return np.inf
+            value += np.log(determinant)
+            for i in range(3):
+                for j in range(3):
+                    precision[i, j] /= determinant
+                white[i] = (
+                    precision[i, 0] * w[n, 0]
+                    + precision[i, 1] * w[n, 1]
+                    + precision[i, 2] * w[n, 2]
+                )
+                value += w[n, i] * white[i]
+            for i in range(3):
+                for j in range(3):
+                    slope = precision[i, j] - white[i] * white[j]
+                    floor_sum[i, j] += slope
+                    gain_sum[i, j] += slope * x[n, i] * x[n, j]
+        total += value
+        for i in range(3):
+            for j in range(3):
+                by_floor[i, j] += floor_sum[i, j]
+                by_gain[i, j] += gain_sum[i, j]
+    return total
+
+
+def _directions(structure: Structure, n: int) -> list[np.ndarray]:
+    """The P (n, k) of A, which are those of B."""
+    return [np.eye(n)[:, [j]] for j in range(n)] if structure == "diagonal" else [np.eye(n)]

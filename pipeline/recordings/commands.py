@@ -1,0 +1,28 @@
+"""The commanded motion of the end-effector: the table ``trajectory``, and the steps that it asks
+for.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from pipeline.core.columns import columns, values
+
+TASK = ("x", "z", "phi")  # rows of the task of a planar chain: m, m, rad
+
+
+def task_columns(trajectory: pd.DataFrame) -> pd.DataFrame:
+    """The table ``trajectory`` from the columns k, t, x, z, phi, vx, vz, vphi of a commanded
+    trajectory: its families x and v.
+    """
+    names = dict(zip(TASK, columns("x", TASK), strict=True))
+    names |= dict(zip((f"v{row}" for row in TASK), columns("v", TASK), strict=True))
+    return trajectory[["k", "t", *names]].rename(columns=names)
+
+
+def commanded_steps(trajectory: pd.DataFrame, rate: float) -> np.ndarray:
+    """(M, m) v = ẋᵈΔt of the steps that start at k = 0 … M − 1 of the table ``trajectory``, in m
+    and rad; ``rate`` of the motion in 1/s.
+    """
+    return values(trajectory, "v")[:-1] / rate

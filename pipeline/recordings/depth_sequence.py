@@ -1,0 +1,89 @@
+"""The depth frames of one take as what the analysis needs of them: the arm's points in its plane,
+frame by frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pipeline.arm.model import Arm
+from pipeline.core.errors import RecordingError
+from pipeline.core.options.depth_camera import Depth
+from pipeline.formats.patterns import matching
+from pipeline.formats.rosbag import is_bag
+from pipeline.perception.segment import ArmSegmenter, CloudSegmenter, Crop
+from pipeline.recordings.depth_frames import BagFrames, FileFrames
+
+
+def take_name(path: Path) -> str:
+    """Name of the take in the folder or bag ``path``."""
+    return path.stem if path.is_file() else path.name
+
+
+def take_paths(raw: Path, depth: Depth) -> dict[str, Path]:
+    """Take → folder or bag, in the order of their paths; RecordingError where none matches or two
+    have one name.
+    """
+    paths = [
+        path
+        for path in matching(raw, depth.takes, key="dataset.depth.takes")
+        if path.is_dir() or is_bag(path)
+    ]
+    if not paths:
+        raise RecordingError(
+            f"no folder of depth frames and no bag matches {depth.takes!r}", file=raw
+        )
+    named = {take_name(path): path for path in paths}
+    for path in paths:
+        if named[take_name(path)] != path:
+            raise RecordingError(
+                f"the take is there twice, as {named[take_name(path)].name} too",
+                file=path,
+                take=take_name(path),
+            )
+    return named
+
+
+class DepthSequence:
+    """Frames of the folder or bag ``path``, read one at a time: memory does not grow with their
+    number.
+
+    ``depth`` is the dataset's description of the camera, ``raw`` the folder of the recordings.
+    ``time`` (F,) in s since the motion capture's start as far
+    as the camera's own clock can tell; ``references`` (F,) say where below ``raw`` each frame is: a
+    file, or ``bag#message``.
+    """
+
+    def __init__(self, path: Path, depth: Depth, arm: Arm, raw: Path) -> None:
+        self._frames = (BagFrames if is_bag(path) else FileFrames)(path, depth, raw)
+        self.time = self._frames.time - (
+            self._frames.time[0] if depth.start is None else depth.start
+        )
+        self.references, self.counts = self._frames.references, self._frames.counts
+        rotation, position = (
+            Rotation.from_euler("xyz", depth.camera.rpy).as_matrix(),
+            np.array(depth.camera.position),
+        )
+        crop, camera = Crop(**asdict(depth.workspace)), self._frames.camera
+        if camera is None:
+            self._segment = CloudSegmenter(arm, rotation, position, crop)
+        else:
+            matrix = np.array(
+                [[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]]
+            )
+            shape = (camera.height, camera.width)
+            self._segment = ArmSegmenter(
+                arm, matrix, np.array(camera.distortion), rotation, position, shape, crop
+            )
+
+    def points(self, frames: Iterable[int]) -> Iterator[tuple[np.ndarray, float]]:
+        """Of each of the ``frames`` (increasing): points (I, 2) of the arm, m in its plane, and the
+        share of it that was measured.
+        """
+        for measured, share in self._frames.read(frames):
+            yield self._segment(measured)[0], share

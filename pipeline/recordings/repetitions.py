@@ -1,0 +1,166 @@
+"""Repetitions of one commanded motion in a robot's log, found by what was commanded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+# rad: a command that moves no joint farther is the controller taking over, not a motion; ends this
+# near are the same
+REACH = 0.01
+# of the median residual: what repetitions differ by undisturbed, however few there are to show it
+LEAST_SPREAD = 0.25
+REST_SPEED = 1e-4  # rad/s: less than a microradian a sample, below what encoders resolve
+SLACK = 2  # rows by which the logger may see the same command start early or late, or last longer
+
+
+@dataclass(frozen=True)
+class Excursion:
+    """A commanded motion: the speed is commanded from row ``first`` up to, but not on, row ``last``
+    of its log.
+    """
+
+    first: int
+    last: int
+    whole: bool  # whether the log holds it from rest to rest
+
+    @property
+    def steps(self) -> int:
+        """Steps of the log's clock that the motion takes."""
+        return self.last - self.first
+
+    def describe(self, angles: np.ndarray) -> str:
+        """The motion in words, its ends read from the commanded ``angles`` (N, joints): for a
+        message to choose from.
+        """
+        start, end = angles[self.first - 1], angles[self.last]
+        return f"{np.round(start, 2).tolist()} to {np.round(end, 2).tolist()} in {self.steps} steps"
+
+
+@dataclass(frozen=True)
+class Repetitions:
+    """The whole repetitions of one motion in a log, and the rows at which each other excursion
+    starts, by why it was left out.
+    """
+
+    runs: list[Excursion]
+    left_out: dict[str, list[int]]  # cut_off, other_motion, too_little_rest
+
+
+def _moving(speeds: np.ndarray, rest_speed: float) -> np.ndarray:
+    return np.any(np.abs(speeds) > rest_speed, axis=1)
+
+
+def excursions(
+    angles: np.ndarray, speeds: np.ndarray, rest_speed: float = REST_SPEED
+) -> list[Excursion]:
+    """Every motion in a log of commanded ``angles`` (N, joints) in rad and commanded ``speeds`` (N,
+    joints) in rad/s, in order of time.
+
+    The speed tells motion from rest: it is zero, or at most ``rest_speed``, while a controller
+    holds its position, where the commanded angle may creep.
+    """
+    edges = np.flatnonzero(np.diff(_moving(speeds, rest_speed), prepend=False, append=False))
+    bounds = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    runs = [Excursion(first, last, 0 < first and last < len(speeds)) for first, last in bounds]
+    return [
+        run
+        for run in runs
+        if np.ptp(angles[max(run.first - 1, 0) : run.last + 1], axis=0).max() > REACH
+    ]
+
+
+def commanded_speeds(angles: np.ndarray, rate: float, rest_speed: float = REST_SPEED) -> np.ndarray:
+    """(N, joints) in rad/s: the step to each commanded angle (N, joints) from the one before at
+    ``rate`` (1/s), 0 for the first.
+
+    For controllers that log no commanded speed. It is 0 outside :func:`excursions`: an angle that
+    creeps at rest, or settles after a motion, goes nowhere. Creeping next to a motion is told from
+    it by ``rest_speed`` alone, which must lie above its steps.
+    """
+    steps = np.diff(angles, axis=0, prepend=angles[:1]) * rate
+    speeds = np.zeros_like(steps)
+    for run in excursions(angles, steps, rest_speed):
+        speeds[run.first : run.last] = steps[run.first : run.last]
+    return speeds
+
+
+def find_repetitions(
+    angles: np.ndarray,
+    speeds: np.ndarray,
+    columns: Sequence[int],
+    start: Sequence[float],
+    end: Sequence[float],
+    *,
+    steps: int,
+    rest: int,
+    rest_speed: float = REST_SPEED,
+) -> Repetitions:
+    """The whole excursions that take the joints ``columns`` from ``start`` to ``end`` (rad) in
+    ``steps`` steps.
+
+    ``angles``, ``speeds`` (N, joints) and ``rest_speed`` as for :func:`excursions`. Each repetition
+    has ``rest`` rows at rest on either side; ends agree within 0.01 rad and durations within two
+    steps.
+    """
+    moving = _moving(speeds, rest_speed)
+    runs, left_out = [], {"cut_off": [], "other_motion": [], "too_little_rest": []}
+    for run in excursions(angles, speeds, rest_speed):
+        if not run.whole:
+            left_out["cut_off"].append(run.first)
+            continue
+        ends = angles[[run.first - 1, run.last]][:, list(columns)] - np.stack([start, end])
+        before, after = run.first - rest - SLACK, run.last + rest + 2 * SLACK + 1
+        if np.abs(ends).max() > REACH or abs(run.steps - steps) > SLACK:
+            left_out["other_motion"].append(run.first)
+        elif (
+            before < 0
+            or after > len(moving)
+            or moving[before : run.first].any()
+            or moving[run.last : after].any()
+        ):
+            left_out["too_little_rest"].append(run.first)
+        else:
+            runs.append(run)
+    return Repetitions(runs, left_out)
+
+
+def align(angles: np.ndarray, first: int, reference: np.ndarray) -> int:
+    """The row within two of ``first`` from which ``angles`` (N, joints) follow ``reference`` (K,
+    joints) best, in rad.
+
+    A motion starts anywhere between two samples, so that equal commands can differ by a row at one
+    of their ends.
+    """
+    rows = range(first - SLACK, first + SLACK + 1)
+    return min(rows, key=lambda row: np.abs(angles[row : row + len(reference)] - reference).max())
+
+
+def lag(commanded: np.ndarray, measured: np.ndarray, rate: float) -> float:
+    """Time in s by which ``measured`` angles (K, joints) trail the ``commanded`` ones, at ``rate``
+    samples per second.
+
+    Least squares of measured(t) = commanded(t − lag) to first order in the lag, over all joints
+    together.
+    """
+    velocity = np.gradient(commanded, axis=0) * rate
+    return float(np.sum((commanded - measured) * velocity) / np.sum(velocity**2))
+
+
+def disturbances(residuals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far each repetition is from the others: in rad (takes,), and in robust standard
+    deviations from their median (takes,).
+
+    ``residuals`` (takes, K, joints) in rad are measured minus commanded angles. What every
+    repetition has at a step, such as the lag, is their median there; a repetition's distance is the
+    root mean square of the rest over steps and joints. Its standard deviation is 1.4826 times the
+    median absolute deviation (Gaussian-consistent), yet no less than a quarter of the median. A
+    disturbance shows where more repetitions are undisturbed than not; of two, neither can be told
+    to be the disturbed one.
+    """
+    distance = np.sqrt(np.mean((residuals - np.median(residuals, axis=0)) ** 2, axis=(1, 2)))
+    middle = np.median(distance)
+    spread = max(1.4826 * np.median(np.abs(distance - middle)), LEAST_SPREAD * middle)
+    return distance, (distance - middle) / spread if spread > 0 else np.zeros_like(distance)

@@ -1,0 +1,107 @@
+"""sensitivity: which of the claims hang on what the paper leaves open, one decision at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+from omegaconf import MISSING
+
+from pipeline.core import config, contracts
+from pipeline.core.columns import columns
+from pipeline.core.compute.trials import run_trials
+from pipeline.filtering.particle_filter import FilterOptions
+from pipeline.recordings.steps import training_steps
+from pipeline.studies import page
+from pipeline.studies.cases.camera import CLOCKS, Camera, camera_on
+from pipeline.studies.cases.case import Case, paper_models
+from pipeline.studies.cases.evaluate import Recordings, evaluate
+from pipeline.studies.cases.fits import Takes
+from pipeline.studies.cases.verdict import decided, read_claims
+from pipeline.studies.sensitivity.table import sensitivity_table
+from pipeline.studies.sensitivity.variations import variations
+from pipeline.studies.sensitivity.words import sections
+
+HERE = Path(__file__).parent
+TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
+OUT, CONCLUSIONS = page.DATA / "sensitivity", HERE / "conclusions.yaml"
+
+
+@dataclass
+class Options:
+    """Size of the study."""
+
+    takes: int = MISSING  # test takes that the filter runs on in every variation
+
+
+def run() -> None:
+    """Decide the claims in the base case, the run's own options, and in each of its variations."""
+    settings = config.sections("sensitivity", HERE / "dvc.yaml")
+    joints = settings.dataset.robot.joints
+    recordings = _recordings(settings, config.study_options(HERE, Options))
+    f = settings.filter
+    options = FilterOptions(f.particles, f.scheme, f.threshold)
+    base = Case(paper_models(settings.models), options, settings.simulation.mode)
+    varied = variations(base, float(recordings.takes.training.chain.lengths.mean()))
+    if not recordings.cameras:
+        print(
+            "sensitivity: no joint angles from a depth camera; what the paper leaves open of "
+            "camera and filter falls away"
+        )
+        varied = [v for v in varied if _beside_camera(v.case, base)]
+    run = partial(run_trials, compute=settings.compute, label="sensitivity: models and filters")
+    evidence = evaluate([variation.case for variation in varied], recordings, run)
+    claims, rows = read_claims(CONCLUSIONS), {}
+    for (setting, value, _), (of_case, refusals) in zip(varied, evidence, strict=True):
+        for refusal in refusals:
+            print(f"sensitivity: {setting} {value}: {refusal}")
+        rows[setting, value] = decided(claims, of_case, joints)
+    table = sensitivity_table(rows)
+    with contracts.replacing(OUT) as folder:
+        contracts.write(table, "sensitivity", folder, HERE / "tables.yaml")
+    page.draw_figures("sensitivity", {}, settings.compute)
+    statements = {claim.id: claim.statement for claim in claims}
+    title = "Which claims hang on what the paper leaves open"
+    page.write_page("sensitivity", title, sections(table, statements))
+
+
+def _beside_camera(case: Case, base: Case) -> bool:
+    """Whether nothing is decided otherwise of camera and filter."""
+    return (case.filter, case.clock, case.batch) == (base.filter, base.clock, base.batch)
+
+
+def _recordings(settings: SimpleNamespace, options: Options) -> Recordings:
+    recorded = training_steps(settings.dataset.robot, settings.dataset.motion.rate)
+    joints = contracts.read("joints", TRACK)
+    _, poses = contracts.stacked(joints[joints.part == "training"], "q")
+    names = columns("q", settings.dataset.robot.joints)
+    test = {
+        take: np.array(rows[names], order="C")
+        for take, rows in joints[joints.part == "test"].groupby("take")
+    }
+    return Recordings(
+        takes=Takes(recorded, poses, test),
+        cameras=_cameras(settings),
+        rate=settings.dataset.motion.rate,
+        filtered=options.takes,
+        realizations=settings.simulation.realizations,
+        stream=(settings.seed, "sensitivity"),
+    )
+
+
+def _cameras(settings: SimpleNamespace) -> dict[str, Camera]:
+    """The depth camera on every clock, or none where the dataset has no depth camera."""
+    if not contracts.exists("angles", ARTICULATE):
+        return {}
+    quality = contracts.read("quality", TRACK)
+    offsets = quality[quality["quantity"] == "clock_offset"].set_index("take")["value"]
+    angles, joints = contracts.read("angles", ARTICULATE), contracts.read("joints", TRACK)
+    periods = {"frame": 1 / settings.dataset.depth.rate, "step": 1 / settings.dataset.motion.rate}
+    window = settings.articulation.noise_window
+    return {
+        clock: camera_on(clock, angles, joints, offsets, **periods, window=window)
+        for clock in CLOCKS
+    }

@@ -1,0 +1,122 @@
+"""The conditions of a survey: what is varied, and the points of its grid.
+
+A condition of the motion is a laboratory with its disturbances and the noise of its instruments
+scaled, a trajectory and a number of particles; a condition of the wrench is a range of cable
+systems and the numbers of cables compared. Every factor is 1 in the base condition, which has the
+first trajectory, the first number of particles and the first numbers of cables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields
+from itertools import product
+
+DESIGNS = ("one_at_a_time", "factorial")
+
+
+@dataclass(frozen=True)
+class Factors:
+    """Factors on the disturbances of :class:`pipeline.laboratory.options.DynamicsOptions` and on
+    the standard deviations of the instruments.
+    """
+
+    disturbances: float = 1.0  # on the size of all of the next eight together
+    sway_std: float = 1.0
+    clearance: float = 1.0
+    speed_error_std: float = 1.0
+    encoder_ripple: float = 1.0
+    encoder_offset_std: float = 1.0
+    length_std: float = 1.0
+    start_std: float = 1.0
+    jitter_std: float = 1.0
+    speed_exponent: float = 1.0  # 0: sway and rattling are the same at any speed
+    motion_capture: float = 1.0
+    depth_camera: float = 1.0
+
+
+FACTORS = tuple(each.name for each in fields(Factors))
+SIZES = FACTORS[1:9]  # the disturbances that have a size
+
+
+@dataclass(frozen=True)
+class MotionCondition:
+    """A point of the grid on which the claims about motion, depth camera and filter are decided."""
+
+    seed: int
+    trajectory: str
+    particles: int
+    factors: Factors = field(default_factory=Factors)
+
+
+@dataclass(frozen=True)
+class WrenchCondition:
+    """A point of the grid on which the claims about the wrench model are decided."""
+
+    seed: int
+    agents: tuple[int, ...]  # numbers of cables m that the study compares
+    kappa: float = 1.0  # factor on the bounds of the directions' concentration
+    tension_std: float = 1.0  # factor on the bounds of the tensions' standard deviation
+
+
+Condition = MotionCondition | WrenchCondition
+
+
+def designed(
+    base: Mapping[str, object], levels: Mapping[str, list], design: str
+) -> Iterator[dict[str, object]]:
+    """The points over ``levels`` by name: ``base`` and each other level alone (one_at_a_time), or
+    every combination (factorial).
+
+    What has no levels is as in ``base``.
+    """
+    if design == "factorial":
+        for values in product(*levels.values()):
+            yield {**base, **dict(zip(levels, values, strict=True))}
+        return
+    yield dict(base)
+    for name, values in levels.items():
+        for value in values:
+            if value != base[name]:
+                yield {**base, name: value}
+
+
+def motion_conditions(
+    seeds: list[int],
+    trajectories: list[str],
+    particles: list[int],
+    factors: Mapping[str, list[float]],
+    design: str,
+) -> list[MotionCondition]:
+    """The conditions of the motion, every one with each of ``seeds``."""
+    base = {"trajectory": trajectories[0], "particles": particles[0]} | dict.fromkeys(FACTORS, 1.0)
+    points = designed(base, {"trajectory": trajectories, "particles": particles, **factors}, design)
+    return [
+        MotionCondition(
+            seed,
+            point["trajectory"],
+            point["particles"],
+            Factors(**{name: float(point[name]) for name in FACTORS}),
+        )
+        for point in points
+        for seed in seeds
+    ]
+
+
+def wrench_conditions(
+    seeds: list[int],
+    agents: list[list[int]],
+    kappa: list[float],
+    tension_std: list[float],
+    design: str,
+) -> list[WrenchCondition]:
+    """The conditions of the wrench, every one with each of ``seeds``."""
+    base = {"agents": agents[0], "kappa": 1.0, "tension_std": 1.0}
+    points = designed(base, {"agents": agents, "kappa": kappa, "tension_std": tension_std}, design)
+    return [
+        WrenchCondition(
+            seed, tuple(point["agents"]), float(point["kappa"]), float(point["tension_std"])
+        )
+        for point in points
+        for seed in seeds
+    ]

@@ -1,0 +1,189 @@
+"""Every equation, definition, theorem, algorithm and figure of the paper: what it says, what
+implements it, which tests show it.
+
+What implements an item is what cites it: the public functions, classes and methods whose docstrings
+name it, equations and figures by their label in parentheses, as (NormStd) or (cost)–(const2), all
+others by kind and number, as Theorem 3.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from pipeline.core.errors import ConfigError
+from pipeline.verdicts.strict import build
+
+LABELLED = {"equation": "Eq.", "figure": "Fig."}
+NUMBERED = {"definition": "Definition", "theorem": "Theorem", "algorithm": "Algorithm"}
+LABEL = r"\(([A-Za-z][\w-]*)\)"
+CITED = re.compile(rf"((?:Eqs?|Figs?)\. )?{LABEL}(?:–{LABEL})?")
+TESTS_ALONE = "serves tests alone"  # what the docstring of such a function says
+CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
+
+
+@dataclass(frozen=True)
+class Item:
+    """One item of the paper: its ``place``, what it ``says`` in our words, and the ``tests`` that
+    show it, or why it is ``without_code``.
+
+    ``label`` is the paper's, or, with a hyphen, ours for an equation that is numbered without one.
+    ``number`` counts items of a kind in the order of the paper, as it prints them. Raises
+    ConfigError with the key.
+    """
+
+    kind: str
+    place: str
+    says: str
+    label: str = ""
+    tests: list = field(default_factory=list)
+    without_code: str = ""
+    number: int = 0
+
+    def __post_init__(self) -> None:
+        if self.kind not in LABELLED | NUMBERED:
+            raise ConfigError(
+                f"must be one of {', '.join(LABELLED | NUMBERED)}, found {self.kind!r}", key="kind"
+            )
+        if bool(self.label) != (self.kind in LABELLED):
+            raise ConfigError(
+                "equations and figures have a label, and nothing else has", key="label"
+            )
+        if not all(isinstance(test, str) and "::" in test for test in self.tests):
+            raise ConfigError("must be a list of FILE::NAME", key="tests")
+        if bool(self.tests) == bool(self.without_code):
+            raise ConfigError(
+                "needs tests, or a reason why it is without code, and not both", key="tests"
+            )
+
+    @property
+    def cited_as(self) -> str:
+        """What a docstring says to cite it, but for the parentheses of a label."""
+        return self.label or f"{NUMBERED[self.kind]} {self.number}"
+
+    @property
+    def title(self) -> str:
+        """How the page names it."""
+        return (
+            f"{LABELLED[self.kind]} {self.number} ({self.label})" if self.label else self.cited_as
+        )
+
+
+@dataclass(frozen=True)
+class Source:
+    """A function, class or method by its dotted ``name``, its ``file``, and whether it says that it
+    serves tests alone.
+    """
+
+    name: str
+    file: Path
+    tests_alone: bool = False
+
+
+def parse_items(entries: object) -> list[Item]:
+    """The items of a YAML list, numbered in its order, which is the paper's. Raises ConfigError
+    with the item and the key.
+    """
+    if not isinstance(entries, list):
+        raise ConfigError("must be a list", key="items")
+    items, counted = [], Counter()
+    for place, entry in enumerate(entries, 1):
+        item = build(Item, entry, item=place)
+        counted[item.kind] += 1
+        items.append(replace(item, number=counted[item.kind]))
+    for name, count in Counter(item.cited_as for item in items).items():
+        if count > 1:
+            raise ConfigError("two items have one label", item=name, key="label")
+    return items
+
+
+def cited(docstring: str, items: Sequence[Item]) -> set[str]:
+    """What ``docstring`` cites, by :attr:`Item.cited_as`.
+
+    Words in parentheses that are no label cite nothing. Raises ConfigError for a theorem,
+    definition or algorithm that the paper does not have, and for what follows "Eq." or "Fig."
+    without being a label of its.
+    """
+    known = [item.cited_as for item in items]
+    names = set(CITED_BY_NUMBER.findall(docstring))
+    for said, first, last in CITED.findall(docstring):
+        if first in known and (last or first) in known:
+            names |= set(known[known.index(first) : known.index(last or first) + 1])
+        elif said:
+            names |= {first, last or first}
+    for name in sorted(names - set(known)):
+        raise ConfigError(f"a docstring cites {name}, which the paper does not have", key=name)
+    return names
+
+
+def citations(
+    package: Path, items: Sequence[Item], without: Sequence[str] = ()
+) -> dict[str, list[Source]]:
+    """Of each item, by :attr:`Item.cited_as`, what in the modules of ``package`` cites it, its
+    folders ``without`` left out.
+
+    Raises what :func:`cited` does, with the file and the name.
+    """
+    sources: dict[str, list[Source]] = {item.cited_as: [] for item in items}
+    for file in sorted(package.rglob("*.py")):
+        if file.relative_to(package).parts[0] in without:
+            continue
+        module = ".".join(file.relative_to(package.parent).with_suffix("").parts)
+        for name, docstring in _documented(ast.parse(file.read_text(encoding="utf-8")), module):
+            try:
+                names = cited(docstring, items)
+            except ConfigError as error:
+                raise ConfigError(error.message, file=file, name=name, **error.evidence) from None
+            for item in names:
+                sources[item].append(Source(name, file, TESTS_ALONE in " ".join(docstring.split())))
+    return sources
+
+
+def _documented(tree: ast.Module | ast.ClassDef, owner: str) -> Iterator[tuple[str, str]]:
+    """Dotted name and docstring of every public function, class and method of a module or class."""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+            name = f"{owner}.{node.name}"
+            yield name, ast.get_docstring(node) or ""
+            if isinstance(node, ast.ClassDef):
+                yield from _documented(node, name)
+
+
+def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]]) -> str:
+    """``reports/equations.md``: a row for each of ``items``, with the ``sources`` of
+    :func:`citations`.
+    """
+    rows = [
+        _row("of the paper", "place", "what it says", "implemented by", "shown by"),
+        _row(*["---"] * 5),
+    ]
+    for item in items:
+        by = [
+            f"[`{source.name}`](../{source.file.as_posix()})"
+            + (f" ({TESTS_ALONE})" if source.tests_alone else "")
+            for source in sources[item.cited_as]
+        ]
+        shown = [
+            f"[`{name}`](../{file})"
+            for file, _, name in (test.partition("::") for test in item.tests)
+        ]
+        by = by or [f"no code: {item.without_code}"]
+        rows.append(_row(item.title, item.place, item.says, "<br>".join(by), "<br>".join(shown)))
+    head = (
+        "# Every equation, definition, theorem, algorithm and figure of the paper\n\n"
+        "Written by the stage `report` from `pipeline/verdicts/paper.yaml` and the docstrings of "
+        "the code: what implements an item is what "
+        "cites it. Equations and figures bear the numbers that the paper prints and its labels; "
+        "labels with a hyphen are ours, where it "
+        "numbers an equation without one. What in the paper is wrong or left open stands in "
+        "[errata.md](errata.md).\n\n"
+    )
+    return head + "\n".join(rows) + "\n"
+
+
+def _row(*cells: str) -> str:
+    return "| " + " | ".join(" ".join(cell.replace("|", "\\|").split()) for cell in cells) + " |"

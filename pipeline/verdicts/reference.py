@@ -1,0 +1,105 @@
+"""Where a number of a run stands, and what it is there."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import pandas as pd
+
+from pipeline.core.errors import ConfigError
+
+# file below reports without its suffix (metrics/motion, tables/sigma_s) → name → value, or the rows
+# of a table
+Evidence = Mapping[str, Mapping[str, float] | pd.DataFrame]
+PLACEHOLDER, JOINT = re.compile(r"\{([^{}]*)\}"), re.compile(r"\{joint (\d+)\}")
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A metric by ``file`` and ``key``, or the ``column`` of the one row of a table whose columns
+    equal ``rows``.
+
+    ``{joint 2}`` in any of them stands for the name of the chain's second joint, which each dataset
+    has of its own; any other ``{name}`` for that name's value in a case, and ``{joint}`` for the
+    joint whose number the case has. Raises ConfigError where it is neither.
+    """
+
+    file: str
+    key: str = ""
+    rows: dict = field(default_factory=dict)
+    column: str = ""
+
+    def __post_init__(self) -> None:
+        if bool(self.key) == bool(self.column) or (self.key and self.rows):
+            raise ConfigError(
+                "a reference names a key, or a column and the rows it is read from", file=self.file
+            )
+
+    @property
+    def address(self) -> str:
+        """File and place within it, for a reader."""
+        if self.key:
+            return f"reports/{self.file}.json: {self.key}"
+        rows = ", ".join(f"{column} = {value}" for column, value in self.rows.items())
+        return f"reports/{self.file}.csv: {self.column}" + (f" where {rows}" if rows else "")
+
+    def in_case(self, case: Mapping[str, object]) -> Reference:
+        """This reference with the values of ``case`` in its placeholders. Raises ConfigError for
+        one that the case does not have.
+        """
+
+        def value(place: re.Match) -> str:
+            name = place[1]
+            if JOINT.fullmatch(place[0]):
+                return place[0]
+            if name not in case:
+                raise ConfigError(
+                    f"a placeholder that is not among {', '.join(case) or 'none'}", file=self.file
+                )
+            return f"{{joint {case[name]}}}" if name == "joint" else str(case[name])
+
+        return self._with(lambda text: PLACEHOLDER.sub(value, text))
+
+    def look_up(self, evidence: Evidence, joints: Sequence[str]) -> float | None:
+        """The number, or None where the run has none.
+
+        ``joints`` are the names of the run's joints, base to tip. Raises ConfigError where more
+        than one row of the table fits.
+        """
+        if any(int(j) > len(joints) for text in self._texts for j in JOINT.findall(text)):
+            return None
+        named = self._with(lambda text: JOINT.sub(lambda place: joints[int(place[1]) - 1], text))
+        return named._value(evidence.get(self.file))
+
+    @property
+    def _texts(self) -> list[str]:
+        texts = [self.key, self.column, *self.rows.values()]
+        return [text for text in texts if isinstance(text, str)]
+
+    def _with(self, change) -> Reference:
+        rows = {
+            column: change(value) if isinstance(value, str) else value
+            for column, value in self.rows.items()
+        }
+        return Reference(change(self.file), change(self.key), rows, change(self.column))
+
+    def _value(self, numbers: Mapping[str, float] | pd.DataFrame | None) -> float | None:
+        if self.column:
+            value = self._cell(numbers) if isinstance(numbers, pd.DataFrame) else None
+        else:
+            value = numbers.get(self.key) if isinstance(numbers, Mapping) else None
+        return None if value is None or pd.isna(value) else float(value)
+
+    def _cell(self, table: pd.DataFrame) -> object:
+        if not {self.column, *self.rows} <= set(table.columns):
+            return None
+        fits = table
+        for column, wanted in self.rows.items():
+            fits = fits[fits[column] == wanted]
+        if len(fits) > 1:
+            raise ConfigError(
+                f"{len(fits)} rows fit; name more columns", file=self.file, rows=self.rows
+            )
+        return fits[self.column].iloc[0] if len(fits) else None

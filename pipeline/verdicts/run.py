@@ -1,0 +1,94 @@
+"""What one run leaves for comparison with others: its numbers, in a file whose changes git shows
+line by line.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from pipeline.core.errors import ContractError
+from pipeline.verdicts.reference import Evidence
+
+MATRIX_KINDS = ("wishart", "gaussian")
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run with ``dataset``: the names of its joints, base to tip, its models (name → kind),
+    metrics (file stem → name → value) and tables (file stem → rows).
+    """
+
+    dataset: str
+    scale: str
+    synthetic: bool
+    joints: Sequence[str]
+    models: Mapping[str, str]
+    metrics: Mapping[str, Mapping[str, float]]
+    tables: Mapping[str, pd.DataFrame]
+
+    @property
+    def evidence(self) -> Evidence:
+        """The numbers by the names that claims and errata refer to them by."""
+        metrics = {f"metrics/{stem}": values for stem, values in self.metrics.items()}
+        return metrics | {f"tables/{stem}": rows for stem, rows in self.tables.items()}
+
+    @property
+    def matrix_models(self) -> list[str]:
+        """Names of the models that hold a random matrix."""
+        return [name for name, kind in self.models.items() if kind in MATRIX_KINDS]
+
+    @property
+    def rivals(self) -> list[str]:
+        """Names of the models that do not."""
+        return [name for name in self.models if name not in self.matrix_models]
+
+    def to_json(self) -> str:
+        """JSON in full precision; a table is a list of the lines of its CSV."""
+        tables = {stem: rows.to_csv(index=False).splitlines() for stem, rows in self.tables.items()}
+        values = {
+            "dataset": self.dataset,
+            "scale": self.scale,
+            "synthetic": self.synthetic,
+            "joints": list(self.joints),
+            "models": self.models,
+        }
+        return (
+            json.dumps(
+                values | {"metrics": self.metrics, "tables": tables}, indent=1, ensure_ascii=False
+            )
+            + "\n"
+        )
+
+
+def read_run(file: Path) -> Run:
+    """The run in a file that ``Run.to_json`` wrote. Raises ContractError for any other."""
+    try:
+        values = json.loads(file.read_text(encoding="utf-8"))
+        tables = {
+            stem: pd.read_csv(io.StringIO("\n".join(lines)))
+            for stem, lines in values.pop("tables").items()
+        }
+        return Run(**values, tables=tables)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        raise ContractError(
+            f"no evidence of a run ({error}); run the stage score with that dataset", file=file
+        ) from None
+
+
+def read_runs(folder: Path, first: str) -> list[Run]:
+    """The runs of a folder by the names of their datasets, ``first`` before all others. Raises
+    ContractError where that one is missing.
+    """
+    runs = {run.dataset: run for run in map(read_run, sorted(folder.glob("*.json")))}
+    if first not in runs:
+        raise ContractError(
+            f"there is no evidence of the dataset {first}; run the stage score with it",
+            file=folder / f"{first}.json",
+        )
+    return [runs.pop(first), *runs.values()]

@@ -1,0 +1,111 @@
+"""The report says of each contest who is how much faster an item, and shows what is missed as
+missed.
+"""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from summary import duration, experiment, lines
+
+
+def measured(
+    name: str, seconds: float, items: int = 1, param: str | None = None, **extra: object
+) -> dict:
+    return {
+        "group": "A contest",
+        "name": name,
+        "param": param,
+        "extra_info": {"items": items} | extra,
+        "stats": {"median": seconds},
+    }
+
+
+OURS = measured("test_ours", 2.0, items=1000, role="ours")
+
+
+def only_line(*others: dict, ours: dict = OURS) -> list[str]:
+    (line,) = lines([*others, ours])
+    return line.cells()
+
+
+@pytest.mark.parametrize(("target", "verdict"), [(7, "met"), (7.6, "**missed**"), (None, "–")])
+def test_a_peer_is_compared_by_its_time_an_item(target, verdict):
+    extra = {} if target is None else {"target": target}
+    cells = only_line(measured("test_some_library", 1.5, items=100, role="peer", **extra))
+    assert cells[:3] == ["A contest", "some library", "7.5 times as fast (2 ms against 15 ms)"]
+    assert cells[4] == verdict
+
+
+@pytest.mark.parametrize(("target", "verdict"), [(1.6, "met"), (1.4, "**missed**")])
+def test_a_floor_is_what_ours_is_measured_in(target, verdict):
+    cells = only_line(measured("test_floor", 1.333, items=1000, role="floor", target=target))
+    assert cells[2:5] == ["1.50 times as long (2 ms against 1.33 ms)", f"≤ {target}", verdict]
+
+
+@pytest.mark.parametrize(("error", "verdict"), [(1.0, "met"), (1.005, "met"), (1.1, "**missed**")])
+def test_speed_at_the_cost_of_quality_meets_nothing(error, verdict):
+    ours = measured("test_ours", 1.0, role="ours", error=error)
+    cells = only_line(
+        measured("test_peer", 9.0, param="a library", role="peer", target=2, error=1.0), ours=ours
+    )
+    assert (cells[1], cells[4]) == ("a library", verdict)
+    assert cells[5] == f"error {error:.4g} against 1"
+
+
+@pytest.mark.parametrize(("limit", "verdict"), [(2.1e-3, "met"), (1.9e-3, "**missed**")])
+def test_a_limit_is_one_of_time_an_item(limit, verdict):
+    cells = only_line(ours=measured("test_ours", 2.0, items=1000, role="ours", limit=limit))
+    assert cells[2:5] == ["2 ms an item", f"≤ {duration(limit)}", verdict]
+
+
+def test_a_contest_without_ours_or_with_two_is_refused():
+    for benchmarks in ([measured("test_peer", 1.0, role="peer")], [OURS, OURS]):
+        with pytest.raises(ValueError, match="unpack"):
+            list(lines(benchmarks))
+
+
+def test_opponents_stand_from_the_fastest_to_the_slowest():
+    slow, fast = measured("test_slow", 3.0, role="peer"), measured("test_fast", 2.0, role="peer")
+    assert [line.against for line in lines([slow, OURS, fast])] == ["fast", "slow"]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (95.0, "95 s"),
+        (0.0123, "12.3 ms"),
+        (1.5e-6, "1.5 µs"),
+        (3.3e-8, "33 ns"),
+        (2e-11, "0.02 ns"),
+    ],
+)
+def test_durations_have_the_unit_that_suits(seconds, text):
+    assert duration(seconds) == text
+
+
+@pytest.mark.parametrize(("cpu", "verdict"), [(4.0, "met"), (6.5, "**missed**")])
+def test_the_stages_are_measured_in_the_work_of_all_of_them(tmp_path, cpu, verdict):
+    stages = [
+        {"stage": "fit additive", "cpu": cpu, "elapsed": 3.5, "memory": 2.5e8},
+        {"stage": "score", "cpu": 2.0, "elapsed": 2.0, "memory": 1.6e9},
+    ]
+    work = {"fit additive": {"motion": 2.5, "arm": 0.5}, "score": {"motion": 1.0}}
+    measured = {
+        "machine": "M",
+        "scale": "paper",
+        "ratio_limit": 1.5,
+        "memory_limit": 1.5e9,
+        "elapsed": 5.5,
+        "work": work,
+        "stages": stages,
+    }
+    (tmp_path / "experiment.json").write_text(json.dumps(measured))
+    text = experiment(tmp_path)
+    assert (
+        f"{(cpu + 2) / 4:.2f} times the processor time of the work itself (≤ 1.5: {verdict})"
+        in text
+    )
+    assert "motion 3.5 s, arm 0.5 s" in text and "1.60 GB (< 1.5 GB: **missed**)" in text
+    assert f"| fit additive | 3.5 s | {cpu:.1f} s | 3.0 s | 0.25 GB |" in text

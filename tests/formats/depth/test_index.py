@@ -1,0 +1,123 @@
+"""Which frames a depth sequence has and when: TUM's index, numbered names."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.core.errors import RecordingError
+from pipeline.formats.depth.index import numbered_frames, read_index, write_index
+
+
+def refused(call, *arguments, **keywords) -> RecordingError:
+    with pytest.raises(RecordingError) as caught:
+        call(*arguments, **keywords)
+    assert caught.value.evidence["file"] == arguments[0]
+    return caught.value
+
+
+def test_written_indexes_read_back(tmp_path):
+    stamps, files = (
+        1305031102.175304 + np.arange(5) / 30,
+        tuple(f"depth/{n:04d}.png" for n in range(5)),
+    )
+    write_index(tmp_path / "depth.txt", stamps, files)
+    result = read_index(tmp_path / "depth.txt")
+    np.testing.assert_allclose(result.time, stamps, rtol=0, atol=0.6e-6)
+    assert (result.files, result.counts) == (files, {"cut_rows": 0})
+
+
+def test_blanks_and_comments_in_an_index_are_no_matter(tmp_path):
+    (tmp_path / "depth.txt").write_text(
+        "# depth maps\n\n0.5  depth/a.png \n \n0.6\tdepth/b c.png\n# end\n"
+    )
+    result = read_index(tmp_path / "depth.txt")
+    assert (result.time.tolist(), result.files) == ([0.5, 0.6], ("depth/a.png", "depth/b c.png"))
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        ("0.5 a\n0.5 b\n", 2),
+        ("0.5 a\n\nnan b\n", 3),
+        ("0.5\n", 1),
+        ("a.png 0.5\n", 1),
+        ("# nothing\n", None),
+        ("", None),
+        ("0.5 a", None),
+    ],
+)
+def test_indexes_without_time_or_frame_are_refused(tmp_path, content, line):
+    (tmp_path / "depth.txt").write_text(content)
+    assert refused(read_index, tmp_path / "depth.txt").evidence.get("line") == line
+
+
+@pytest.mark.parametrize("units", [1e3, 1e6, 1e9], ids=["ms", "us", "ns"])
+def test_times_in_another_unit_than_seconds_are_refused(tmp_path, units):
+    file = tmp_path / "depth.txt"
+    write_index(file, 1305031102.0 + np.arange(5) / 30, tuple(f"{n}.png" for n in range(5)))
+    assert len(read_index(file).time) == 5
+    lines = [f"{(1305031102.0 + n / 30) * units:.0f} {n}.png\n" for n in range(5)]
+    file.write_text("".join(lines))
+    assert "write the times in s" in refused(read_index, file).message
+
+
+def test_an_index_cut_at_any_byte_names_only_whole_files(tmp_path):
+    file = tmp_path / "depth.txt"
+    write_index(file, np.arange(3) / 30, ("a.png", "b.png", "c.png"))
+    content = file.read_bytes()
+    for cut in range(len(content)):
+        file.write_bytes(content[:cut])
+        kept = content[:cut].count(b".png\n")
+        if kept:
+            assert read_index(file).files == ("a.png", "b.png", "c.png")[:kept]
+        else:
+            refused(read_index, file)
+
+
+def numbered(folder, *names: str) -> None:
+    for name in names:
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_bytes(b"")
+
+
+def test_numbered_frames_are_seen_at_the_rate_and_missing_numbers_leave_their_time_out(tmp_path):
+    numbered(
+        tmp_path,
+        *(f"depth/frame2-{n}.depth.png" for n in (9, 10, 11, 13, 100)),
+        "depth/colour-1.jpg",
+    )
+    result = numbered_frames(tmp_path, "depth/*.png", rate=30.0)
+    assert result.files == tuple(f"depth/frame2-{n}.depth.png" for n in (9, 10, 11, 13, 100))
+    np.testing.assert_allclose(result.time, np.array([0, 1, 2, 4, 91]) / 30)
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (["a.png", "b.png"], "no number"),
+        (["7.png", "007.png"], "twice"),
+        (["1305031102.175304.png", "1305031103.205304.png"], "differ in more than a number"),
+        (["left1.png", "right1.png"], "differ in more than a number"),
+        ([], "no depth frame matches"),
+    ],
+)
+def test_names_whose_number_is_not_plain_are_refused(tmp_path, names, words):
+    numbered(tmp_path, *names)
+    with pytest.raises(RecordingError, match=words):
+        numbered_frames(tmp_path, "*.png", rate=30.0)
+
+
+def test_the_trailing_and_double_blanks_of_tums_lists_are_no_matter(tmp_path):
+    lines = [
+        "# depth maps",
+        "# file: 'rgbd_dataset.bag'",
+        "# timestamp filename",
+        "1305031102.160407  depth/1305031102.160407.png  ",
+    ]
+    (tmp_path / "depth.txt").write_bytes(("\r\n".join(lines) + "\r\n").encode())
+    result = read_index(tmp_path / "depth.txt")
+    assert (result.time.tolist(), result.files) == (
+        [1305031102.160407],
+        ("depth/1305031102.160407.png",),
+    )

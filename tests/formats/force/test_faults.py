@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.core.errors import RecordingError
+from pipeline.formats.force.faults import frozen, saturated, sound_samples
+from pipeline.formats.force.record import ForceRecord
+
+RATE = 100.0
+
+
+def record(samples: int = 1000, *, torque: bool = True) -> ForceRecord:
+    values = np.random.default_rng(6).normal(size=(samples, 6))
+    torques = values[:, 3:] if torque else np.full((samples, 3), np.nan)
+    return ForceRecord(np.arange(samples) / RATE, values[:, :3], torques, RATE, "", "", {})
+
+
+@pytest.mark.parametrize("torque", [True, False])
+def test_samples_at_or_beyond_full_scale_of_any_axis_are_saturated(torque):
+    log = record(torque=torque)
+    assert not saturated(log, np.full(6, 10.0)).any()
+    log.force[[10, 11], [0, 2]] = [10.0, -12.0]
+    assert np.flatnonzero(saturated(log, np.full(6, 10.0))).tolist() == [10, 11]
+    log.torque[20] = 11.0
+    assert np.flatnonzero(saturated(log, np.full(6, 10.0))).tolist() == [10, 11, 20]
+    assert np.flatnonzero(saturated(log, np.full(3, 10.0))).tolist() == [10, 11]
+
+
+@pytest.mark.parametrize("torque", [True, False])
+@pytest.mark.parametrize(
+    ("start", "length", "result"),
+    [(0, 52, 52), (300, 52, 52), (948, 52, 52), (300, 51, 0), (300, 1, 0)],
+)
+def test_identical_samples_that_last_longer_than_the_limit_are_frozen(
+    torque, start, length, result
+):
+    log = record(torque=torque)
+    log.force[start : start + length] = log.force[start]
+    log.torque[start : start + length] = log.torque[start]
+    expected = range(start, start + length) if result else []
+    assert np.flatnonzero(frozen(log, 0.5)).tolist() == list(expected)
+
+
+def test_one_axis_that_still_moves_is_a_sensor_that_works():
+    log = record()
+    log.force[:, :2] = 3.0
+    assert not frozen(log, 0.5).any()
+
+
+def test_faults_are_counted_up_to_the_stated_share_and_refused_beyond_it():
+    log = record()
+    sound, result = sound_samples(log, np.full(6, 10.0), 0.5, 0.0, file="log.csv")
+    assert sound.all() and result == {}
+    log.force[100:160], log.torque[100:160] = log.force[100], log.torque[100]
+    log.force[5, 1] = 40.0
+    sound, result = sound_samples(log, np.full(6, 10.0), 0.5, 0.06, file="log.csv")
+    assert result == {"frozen_samples": 60, "saturated_samples": 1}
+    assert (~sound).sum() == 61
+    assert sound_samples(log, None, 0.5, 0.06, file="log.csv")[1] == {"frozen_samples": 60}
+    with pytest.raises(
+        RecordingError, match="60 of 1000 samples are frozen, the first at 1 s"
+    ) as caught:
+        sound_samples(log, np.full(6, 10.0), 0.5, 0.059, file="log.csv")
+    assert caught.value.evidence == {"file": "log.csv", "key": "dataset.force.log.frozen_after"}
+    log.force[:100, 1] = 40.0
+    with pytest.raises(RecordingError, match="saturated"):
+        sound_samples(log, np.full(6, 10.0), 0.5, 0.06, file="log.csv")

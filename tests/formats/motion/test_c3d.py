@@ -1,0 +1,197 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import ezc3d
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from motive_files import refusal
+
+from pipeline.core.errors import RecordingError
+from pipeline.formats.motion import c3d
+from pipeline.formats.motion.c3d import read_c3d
+
+
+def points(frames: int = 40, markers: int = 3, seed: int = 1) -> np.ndarray:
+    """(frames, markers, 3) m, rounded to what a C3D file holds of millimetres."""
+    drawn = np.random.default_rng(seed).normal(size=(frames, markers, 3))
+    return (1000 * drawn).astype(np.float32).astype(float) / 1000
+
+
+def write(
+    file: Path,
+    xyz: np.ndarray,
+    *,
+    unit: str = "mm",
+    scale: float = 1000.0,
+    labels=("A", "B", "C"),
+    first: int = 0,
+):
+    recording = ezc3d.c3d()
+    homogeneous = np.ones((4, xyz.shape[1], xyz.shape[0]))
+    homogeneous[:3] = (scale * xyz).transpose(2, 1, 0)
+    recording["data"]["points"] = homogeneous
+    recording["parameters"]["POINT"]["RATE"]["value"] = [100.0]
+    recording["parameters"]["POINT"]["LABELS"]["value"] = list(labels)
+    recording["parameters"]["POINT"]["UNITS"]["value"] = [unit] if unit else []
+    recording["header"]["points"]["first_frame"] = first
+    recording.write(str(file))
+    return file
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale"), [("mm", 1000.0), ("m", 1.0), ("MM", 1000.0), ("cm", 100.0), ("meters", 1.0)]
+)
+def test_points_come_back_in_metres_with_their_labels_and_rate(tmp_path, unit, scale):
+    xyz = points()
+    result = read_c3d(write(tmp_path / "t.c3d", xyz, unit=unit, scale=scale))
+    assert (result.name, result.version, result.rate, list(result.markers)) == (
+        "t",
+        "C3D",
+        100.0,
+        ["A", "B", "C"],
+    )
+    for i, name in enumerate("ABC"):
+        np.testing.assert_allclose(result.markers[name], xyz[:, i], rtol=0, atol=3e-7)
+    np.testing.assert_allclose(result.time, np.arange(40) / 100, rtol=0, atol=1e-12)
+    assert (
+        result.counts["found_frames"],
+        result.counts["missing_samples"],
+        result.counts["gaps"],
+    ) == (40, 0, 0)
+
+
+def test_frames_keep_their_numbers(tmp_path):
+    result = read_c3d(write(tmp_path / "t.c3d", points(5), first=41))
+    np.testing.assert_array_equal(result.frame, 42 + np.arange(5))
+    assert result.time[0] == 0
+
+
+def test_a_negative_residual_and_coordinates_that_are_none_are_missing_samples(tmp_path):
+    xyz = points(6)
+    xyz[2, 1] = np.nan
+    xyz[3, 1] = 0
+    file = write(tmp_path / "t.c3d", xyz)
+    plain, content = read_c3d(file), bytearray(file.read_bytes())
+    assert np.isnan(plain.markers["B"][[2, 3]]).all() and plain.counts["missing_samples"] == 2
+    # the fourth word of each sample is its residual and camera mask
+    start = (int.from_bytes(content[16:18], "little") - 1) * 512
+    content[start + 12 : start + 16] = np.float32(-1).tobytes()
+    file.write_bytes(content)
+    result = read_c3d(file)
+    assert np.isnan(result.markers["A"][0]).all() and np.isfinite(result.markers["A"][1:]).all()
+    assert result.counts["missing_samples"] == 3
+
+
+def test_points_of_one_label_and_of_none_are_kept_apart(tmp_path):
+    result = read_c3d(write(tmp_path / "t.c3d", points(4), labels=("A", "A", "")))
+    assert list(result.markers) == ["A [1]", "A [2]", "Point 3"]
+    assert result.counts["unlabelled_points"] == 1
+
+
+def test_a_unit_that_is_not_stated_is_asked_for_and_another_is_refused(tmp_path):
+    xyz = points(4)
+    file = write(tmp_path / "t.c3d", xyz, unit="")
+    assert refusal(read_c3d, file).evidence["key"] == "dataset.mocap.unit"
+    np.testing.assert_allclose(read_c3d(file, "mm").markers["A"], xyz[:, 0], rtol=0, atol=3e-7)
+    stated = write(tmp_path / "u.c3d", xyz)
+    assert refusal(lambda file: read_c3d(file, "m"), stated).evidence["key"] == "dataset.mocap.unit"
+    assert "furlong" in refusal(read_c3d, write(tmp_path / "v.c3d", xyz, unit="furlong")).message
+
+
+def after(name: bytes, content: bytes) -> int:
+    """Place of the number of dimensions of a parameter in a file's content: behind its name, a word
+    and a type.
+    """
+    return content.index(name) + len(name) + 3
+
+
+def test_a_file_without_a_rate_is_refused(tmp_path):
+    file = write(tmp_path / "t.c3d", points(4))
+    content = bytearray(file.read_bytes())
+    for place in (20, after(b"RATE", content) + 1):  # in the header and in POINT
+        content[place : place + 4] = bytes(4)
+    file.write_bytes(content)
+    assert refusal(read_c3d, file).evidence["key"] == "POINT:RATE"
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"\2P", b"Format Version,1.23\n" * 100, b"\2P" + bytes(1022), bytes(4096)]
+)
+def test_other_files_are_refused(tmp_path, content):
+    (tmp_path / "t.c3d").write_bytes(content)
+    refusal(read_c3d, tmp_path / "t.c3d")
+
+
+def test_missing_files_and_folders_are_refused(tmp_path):
+    refusal(read_c3d, tmp_path / "absent.c3d")
+    refusal(read_c3d, tmp_path)
+
+
+def test_a_file_on_which_the_library_never_returns_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(c3d, "PATIENCE", 0.001)
+    assert (
+        "cannot be read within" in refusal(read_c3d, write(tmp_path / "t.c3d", points(4))).message
+    )
+
+
+def test_a_file_that_crashes_the_library_is_refused(tmp_path):
+    file = write(tmp_path / "t.c3d", points(4))
+    content = bytearray(file.read_bytes())
+    content[after(b"DATA_START", content)] = 130
+    file.write_bytes(content)
+    assert "no sound C3D" in refusal(read_c3d, file).message
+
+
+@pytest.mark.slow
+@settings(derandomize=True, max_examples=15, deadline=None)
+@given(cut=st.floats(0, 1, exclude_max=True))
+def test_a_file_cut_at_any_byte_is_refused_or_whole(tmp_path_factory, cut):
+    file = write(tmp_path_factory.mktemp("cut") / "t.c3d", points())
+    whole, content = read_c3d(file), file.read_bytes()
+    file.write_bytes(content[: int(cut * len(content))])
+    try:
+        result = read_c3d(file)
+    except RecordingError:
+        return
+    # the library pads files to blocks of 512 bytes
+    assert all((result.markers[name] == whole.markers[name]).all() for name in whole.markers)
+
+
+@pytest.mark.slow
+@settings(derandomize=True, max_examples=15, deadline=None)
+@given(place=st.integers(0, 1535), value=st.integers(0, 255))
+def test_a_damaged_byte_of_the_header_or_the_parameters_ends_in_a_take_or_a_refusal(
+    tmp_path_factory, place, value
+):
+    file = write(tmp_path_factory.mktemp("byte") / "t.c3d", points(10))
+    content = bytearray(file.read_bytes())
+    content[place] = value
+    file.write_bytes(content)
+    try:
+        read_c3d(file)
+    except RecordingError as error:
+        assert error.evidence["file"] == file
+
+
+def test_analog_channels_and_force_plates_are_named_and_disturb_nothing(tmp_path):
+    xyz = points()
+    file = write(tmp_path / "t.c3d", xyz)
+    recording = ezc3d.c3d(str(file))
+    recording["parameters"]["ANALOG"]["RATE"]["value"] = [1000.0]
+    recording["parameters"]["ANALOG"]["LABELS"]["value"] = [f"F{i}" for i in range(6)]
+    recording["data"]["analogs"] = np.random.default_rng(2).normal(size=(1, 6, 400))
+    recording.add_parameter("FORCE_PLATFORM", "USED", [1])
+    recording.write(str(file))
+    result = read_c3d(file)
+    assert (result.counts["skipped_analog_channels"], result.counts["skipped_force_plates"]) == (
+        6,
+        1,
+    )
+    for i, name in enumerate("ABC"):
+        np.testing.assert_allclose(result.markers[name], xyz[:, i], rtol=0, atol=3e-7)
+    assert not {"skipped_analog_channels", "skipped_force_plates"} & set(
+        read_c3d(write(tmp_path / "t.c3d", xyz)).counts
+    )

@@ -1,0 +1,203 @@
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from motive_files import refusal, rows_file
+from motive_row_files import DEFINITION, POSE, body_row, frame_row, in_metres, seen_row
+from scipy.spatial.transform import Rotation
+
+from pipeline.core.errors import RecordingError
+from pipeline.formats.motion.motive import read_motive
+from pipeline.formats.motion.take import MotionTake
+
+
+def lines_of_take(frames: int) -> list[str]:
+    rows = [[seen_row(k), body_row(k, f"{k},0,1", "NAN,NAN,NAN")] for k in range(frames)]
+    return [DEFINITION, *(row for pair in rows for row in pair)]
+
+
+def test_version_1_1_gives_measured_markers_poses_and_strays_in_the_unit_that_is_asked_for(shared):
+    file = shared / "samples/motive/motive_v1.1_rigidbody.csv"
+    result = in_metres(file)
+    assert (result.version, result.rate, result.unit, len(result.frame), result.time[-1]) == (
+        "1.1",
+        120.0,
+        "m",
+        548,
+        547 / 120,
+    )
+    assert list(result.bodies) == ["Rigid Body 1"]
+    assert [name for name in result.markers if not name.startswith("Unl")] == [
+        f"Rigid Body 1-Marker {i}" for i in range(1, 6)
+    ]
+    np.testing.assert_array_equal(
+        result.markers["Rigid Body 1-Marker 1"][0], [0.02566679, 0.90468109, 0.67789614]
+    )
+    np.testing.assert_array_equal(result.markers["Rigid Body 1-Marker 4"][0], [np.nan] * 3)
+    np.testing.assert_array_equal(
+        result.bodies["Rigid Body 1"].position[0], [-0.01044001, 0.90504020, 0.70895135]
+    )
+    np.testing.assert_array_equal(
+        result.bodies["Rigid Body 1"].quaternion[0],
+        [0.43526953, -0.81957161, 0.15150657, 0.34042403],
+    )
+    np.testing.assert_array_equal(
+        result.markers["Unlabeled 2"][266], [-0.08343393, 0.72060782, 0.66178828]
+    )
+    assert np.isnan(result.bodies["Rigid Body 1"].position[266]).all()
+    # though its solved place still stands in the file
+    assert np.isnan(result.markers["Rigid Body 1-Marker 2"][266]).all()
+    assert (
+        result.counts["stray_ids"],
+        result.counts["stray_samples"],
+        result.counts["missing_poses"],
+    ) == (6, 55, 20)
+    np.testing.assert_allclose(
+        read_motive(file, "mm").markers["Rigid Body 1-Marker 1"],
+        result.markers["Rigid Body 1-Marker 1"] / 1000,
+    )
+
+
+def test_version_1_1_is_refused_without_a_unit_because_it_states_none(shared):
+    error = refusal(read_motive, shared / "samples/motive/motive_v1.1_rigidbody.csv")
+    assert error.evidence["key"] == "dataset.mocap.unit"
+
+
+def test_the_solved_pose_carries_the_defined_markers_to_where_they_were_measured(shared):
+    file = shared / "samples/motive/motive_v1.1_rigidbody.csv"
+    line = next(line for line in file.read_text().splitlines() if line.startswith("rigidbody"))
+    places = np.array(line.split(",")[4:], dtype=float).reshape(5, 3)
+    result = in_metres(file)
+    body = result.bodies["Rigid Body 1"]
+    tracked = np.isfinite(body.position[:, 0])
+    turn = Rotation.from_quat(body.quaternion[tracked])
+    # the fifth marker moved 22 mm after its body was defined
+    for i, place in enumerate(places[:4], 1):
+        lever = result.markers[f"Rigid Body 1-Marker {i}"][tracked] - body.position[tracked]
+        assert np.nanmedian(np.linalg.norm(lever - turn.apply(place), axis=1)) < 2e-3
+        # the control
+        assert np.nanmedian(np.linalg.norm(lever - turn.inv().apply(place), axis=1)) > 2e-2
+
+
+def test_version_1_0_calls_bodies_trackables_and_has_markers_without_names(tmp_path):
+    head = "righthanded\ninfo,framecount,3\ninfo,trackablecount,1\n"
+    rows = ['trackable,"Arm",7,2,0.1,0,0,-0.1,0,0']
+    for k, t in enumerate((0.0211, 0.0252, 0.0291)):
+        rows += [
+            f"frame,{k},{t},1,{POSE.format(k)},2,{k},0,1,0,5,5,5,0",
+            f'trackable,{k},{t},"Arm",7,0,2,9,9,9,9,9,9,{k},0,1,NAN,NAN,NAN,1,0,0.9,0.0,0.002',
+        ]
+    result = in_metres(rows_file(tmp_path, *rows, head=head))
+    assert (result.version, result.rate) == ("1.0", 250.0)  # the cameras' own times are irregular
+    np.testing.assert_allclose(result.time, [0, 0.004, 0.008], rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(result.markers["Arm-Marker 1"], [[0, 0, 1], [1, 0, 1], [2, 0, 1]])
+    assert np.isnan(result.markers["Arm-Marker 2"]).all()
+    np.testing.assert_array_equal(result.markers["Unlabeled 1"], [[5, 5, 5]] * 3)
+    assert (
+        result.counts["announced_frames"],
+        result.counts["found_frames"],
+        result.counts["stray_samples"],
+    ) == (3, 3, 3)
+
+
+def test_a_stray_that_gets_a_new_id_at_every_occlusion_takes_no_more_room_than_one(tmp_path):
+    rows = [frame_row(k, f"1,{k},5,5,{k},Marker-{k}", tracked=False) for k in range(5000)]
+    start = time.perf_counter()
+    result = in_metres(rows_file(tmp_path, *rows))
+    assert time.perf_counter() - start < 2.0
+    assert list(result.markers) == ["Unlabeled 1"]
+    assert (
+        result.counts["stray_ids"],
+        result.counts["stray_samples"],
+        result.counts["missing_samples"],
+    ) == (5000, 5000, 0)
+
+
+def test_labelled_markers_without_a_body_keep_their_names(tmp_path):
+    result = in_metres(
+        rows_file(
+            tmp_path,
+            frame_row(0, '1,1,2,3,4,"Set:a, b"', tracked=False),
+            frame_row(1, "0", tracked=False),
+        )
+    )
+    np.testing.assert_array_equal(result.markers["Set:a, b"], [[1, 2, 3], [np.nan] * 3])
+
+
+def test_frame_numbers_start_anywhere_and_gaps_are_time(tmp_path):
+    result = in_metres(
+        rows_file(tmp_path, DEFINITION, *(frame_row(k) for k in (72210, 72211, 83158)))
+    )
+    np.testing.assert_allclose(result.time, [0, 0.01, 109.48], rtol=0, atol=1e-9)
+    assert (result.counts["gaps"], result.counts["skipped_frames"]) == (1, 10946)
+
+
+def test_trailing_and_blank_cells_and_repeated_rows_change_nothing_and_are_counted(tmp_path):
+    lines = lines_of_take(3)
+    plain = in_metres(rows_file(tmp_path, *lines))
+    padded = [
+        lines[0] + ",,",
+        "",
+        *lines[1:3],
+        ",,,,",
+        lines[3],
+        lines[3],
+        *(line + ",,," for line in lines[4:]),
+    ]
+    result = in_metres(
+        rows_file(tmp_path, *padded, head='\ufeffcomment,"== \'"\nrighthanded\ninfo,version,1.1\n')
+    )
+    assert all(
+        np.array_equal(result.markers[name], plain.markers[name], equal_nan=True)
+        for name in plain.markers
+    )
+    assert (result.counts["blank_rows"], result.counts["repeated_rows"]) == (2, 1)
+
+
+def samples(take: MotionTake) -> set[tuple[float, ...]]:
+    return {
+        tuple(row) for points in take.markers.values() for row in points[np.isfinite(points[:, 0])]
+    }
+
+
+@settings(derandomize=True, max_examples=120, deadline=None)
+@given(data=st.data())
+def test_any_cut_and_any_dropped_doubled_or_swapped_line_is_refused_or_leaves_true_samples(
+    tmp_path_factory, data
+):
+    folder, lines = tmp_path_factory.mktemp("rows"), lines_of_take(5)
+    whole = samples(in_metres(rows_file(folder, *lines)))
+    first, second = (data.draw(st.integers(0, len(lines) - 1)) for _ in range(2))
+    fault = data.draw(st.sampled_from(["cut", "dropped", "doubled", "swapped"]))
+    if fault == "dropped":
+        del lines[first]
+    elif fault == "doubled":
+        lines.insert(first, lines[first])
+    elif fault == "swapped":
+        lines[first], lines[second] = lines[second], lines[first]
+    file = rows_file(folder, *lines)
+    content = file.read_bytes()
+    if fault == "cut":
+        file.write_bytes(content[: data.draw(st.integers(0, len(content) - 1))])
+    try:
+        result = in_metres(file)
+    except RecordingError:
+        return
+    assert samples(result) <= whole
+    assert fault != "swapped" or first == second
+    counts = result.counts
+    missed = (
+        5
+        - counts["found_frames"]
+        + counts["lacking_body_rows"]
+        + counts["repeated_rows"]
+        + counts["cut_rows"]
+    )
+    assert (
+        missed
+        or fault == "swapped"
+        or (fault == "cut" and content.endswith(b"\n") and len(result.frame) == 5)
+    )

@@ -1,0 +1,101 @@
+"""A format is one module: found by its place, read, inspected and proposed by what finds it."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+
+import pytest
+from motive_files import START, random_take
+
+from pipeline import formats
+from pipeline.core.errors import RecordingError
+from pipeline.formats import force, motion
+from pipeline.formats.format import Head, Kind, formats_in, recognised
+from pipeline.formats.motion.motive import write_motive
+from pipeline.recordings.motion_capture import read_take
+from pipeline.tools.inspect.examine import inspect
+from pipeline.tools.inspect.kinds import DESCRIBE
+from pipeline.tools.inspect.layout import layout
+from pipeline.tools.new_dataset.datasheet_file import datasheet_file
+
+MODULE = '''"""Takes of one marker as a program of our own writes them: x, y, z in m at 10 Hz."""
+
+import numpy as np
+
+from pipeline.formats.format import Format, Kind, begins
+from pipeline.formats.motion.take import MotionTake, clock_counts, sample_counts
+
+
+def read_own(file, unit=None):
+    positions = np.loadtxt(file, skiprows=1, ndmin=2)
+    frame = np.arange(len(positions))
+    markers = {"M": positions}
+    counts = clock_counts(frame, frame / 10, None) | sample_counts(markers, {}, len(frame))
+    return MotionTake(file.stem, "Own", 10.0, frame, frame / 10, markers, {}, counts)
+
+
+FORMAT = Format("Own", Kind.MOTION, read_own, begins(b"OWN"))
+'''
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch):
+    """A take in a format whose module lies in a folder that was added to those of the package."""
+    (tmp_path / "modules").mkdir()
+    (tmp_path / "modules/own.py").write_text(MODULE)
+    monkeypatch.setattr(motion, "__path__", [*motion.__path__, str(tmp_path / "modules")])
+    formats_in.cache_clear()
+    file = tmp_path / "takes/walk_1.own"
+    file.parent.mkdir()
+    file.write_text("OWN\n1 2 3\n4 5 6\n")
+    yield file
+    formats_in.cache_clear()
+    sys.modules.pop("pipeline.formats.motion.own", None)
+
+
+def test_a_module_that_is_added_is_read_by_the_stage_inspected_and_proposed(own):
+    assert read_take(own, None).markers["M"].tolist() == [[1, 2, 3], [4, 5, 6]]
+    (finding,) = inspect(own.parent)
+    assert (finding.format, finding.kind, finding.rate) == ("Own", "motion", 10.0)
+    sheet = datasheet_file("lab", "takes", layout([finding], own.parent), own.parent)
+    assert 'training: "walk_*.own"' in sheet or "training: walk_*.own" in sheet
+
+
+def test_without_the_module_its_take_is_unknown_and_refused_with_what_is_read(own, monkeypatch):
+    monkeypatch.undo()
+    formats_in.cache_clear()
+    (finding,) = inspect(own)
+    assert finding.format == "unknown"
+    with pytest.raises(RecordingError, match="no take of motion capture in C3D or Motive CSV"):
+        read_take(own, None)
+
+
+def test_inspect_describes_every_kind_and_options_name_each_force_log_once():
+    assert set(DESCRIBE) == set(Kind) == {form.kind for form in formats_in(formats)}
+    options = [form.option for form in formats_in(force, Kind.FORCE)]
+    assert sorted(options) == ["bag", "daqft", "netft", "table"]
+
+
+def test_a_table_is_one_only_where_nothing_more_specific_begins_like_it(tmp_path):
+    file = tmp_path / "take.csv"
+    write_motive(file, random_take(50), start=START)
+    (table,) = formats_in(formats, Kind.TABLE)
+    assert table.recognises(Head.read(file)) and formats_in(formats)[-1] is table
+    assert recognised(Head.read(file), formats_in(formats)).name == "Motive CSV"
+
+
+@pytest.mark.parametrize("room", ["motion_capture", "force_transducer"])
+def test_a_stage_of_one_instrument_loads_no_library_of_another(room):
+    script = f"""
+import sys
+import pipeline.recordings.{room}
+from pipeline import formats
+from pipeline.formats.format import formats_in
+from pipeline.formats import force, motion
+formats_in({"force" if room == "force_transducer" else "motion"})
+print([name for name in ("cv2", "PIL", "rosbags", "ezc3d") if name in sys.modules])
+"""
+    printed = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
+    assert re.fullmatch(rb"\[\]\s*", printed.stdout)

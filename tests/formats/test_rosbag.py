@@ -1,0 +1,174 @@
+"""Bags of both ROS versions: their topics, their messages, and what is refused of them."""
+
+from __future__ import annotations
+
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from ros_bags import image, write_bag
+
+from pipeline.core.errors import RecordingError
+from pipeline.formats.rosbag import choose_topic, is_bag, messages, seconds, topics
+
+IMAGE, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
+PIXELS = np.arange(12, dtype=np.uint16).reshape(3, 4)
+FORMS = ("ros1", "ros1_lz4", "sqlite3", "mcap", "zstd")
+
+
+def recorded(folder: Path, form: str, count: int = 5) -> Path:
+    depth = [
+        (1700000000.0 + 0.04 * i, image(PIXELS + i, 1700000000.0 + 0.04 * i)) for i in range(count)
+    ]
+    colour = [(stamp + 0.001, image(PIXELS, stamp)) for stamp, _ in depth]
+    return write_bag(
+        folder, form, {"/depth": depth, "/colour": colour, "/empty": []}, kinds={"/empty": IMAGE}
+    )
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_messages_come_in_order_with_the_time_of_their_headers(tmp_path, form):
+    bag = recorded(tmp_path, form)
+    assert is_bag(bag)
+    assert topics(bag) == {"/depth": IMAGE, "/colour": IMAGE}
+    result = list(messages(bag, "/depth"))
+    np.testing.assert_allclose(
+        [seconds(message) for message in result],
+        1700000000.0 + 0.04 * np.arange(5),
+        rtol=0,
+        atol=1e-6,
+    )
+    assert [int(message.data.view("<u2")[0]) for message in result] == list(range(5))
+
+
+def test_a_topic_is_the_only_one_or_the_chosen_one(tmp_path):
+    bag = recorded(tmp_path, "ros1")
+    assert choose_topic(bag, (IMAGE,), "/depth") == "/depth"
+    for kinds, chosen in [
+        ((IMAGE,), None),
+        ((INFO,), None),
+        ((IMAGE,), "/elsewhere"),
+        ((INFO,), "/depth"),
+    ]:
+        with pytest.raises(
+            RecordingError, match=r"there are /colour \(Image\), /depth \(Image\)"
+        ) as refused:
+            choose_topic(bag, kinds, chosen)
+        assert refused.value.evidence["file"] == bag
+    with pytest.raises(RecordingError, match="no topic '/else'"):
+        next(messages(bag, "/else"))
+
+
+def test_messages_without_time_are_refused():
+    with pytest.raises(RecordingError, match="no time"):
+        seconds(image(PIXELS, 0.0).for_version("ros1"), file="take.bag")
+    assert seconds(image(PIXELS, 12.5).for_version("ros2")) == 12.5
+    with pytest.raises(RecordingError, match="no time"):
+        seconds(object())
+
+
+def test_files_that_are_no_bags_are_refused(tmp_path):
+    (tmp_path / "empty.bag").write_bytes(b"")
+    (tmp_path / "text.bag").write_text("no bag\n")
+    (tmp_path / "text.mcap").write_text("no bag\n")
+    (tmp_path / "text.db3").write_text("no bag\n")
+    for name, content in (
+        ("folder", "a: 1\n"),
+        ("list", "- 1\n"),
+        ("broken", "a: [\n"),
+        ("none", ""),
+    ):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "metadata.yaml").write_text(content)
+    for bag in [*tmp_path.iterdir(), tmp_path / "absent.bag"]:
+        with pytest.raises(RecordingError) as refused:
+            topics(bag)
+        assert refused.value.evidence["file"] == bag
+    assert not is_bag(tmp_path / "absent.bag")
+    assert not is_bag(tmp_path)
+
+
+def test_a_bag_compressed_as_a_whole_is_refused_before_it_unfolds(tmp_path):
+    bag = recorded(tmp_path, "zstd_file")
+    with pytest.raises(RecordingError, match="decompress it first"):
+        topics(bag)
+
+
+@pytest.mark.parametrize("form", ["ros1_bz2", "ros1_lz4", "mcap_zstd", "zstd"])
+def test_what_unfolds_into_more_than_the_bound_is_refused_and_no_more_memory_is_taken(
+    tmp_path, form, monkeypatch
+):
+    zeros = np.zeros((1000, 8000), np.uint16)
+    bag = write_bag(tmp_path, form, {"/depth": [(1.0, image(zeros, 1.0))]})
+    assert len(list(messages(bag, "/depth"))) == 1  # the control: within the bound
+    monkeypatch.setattr("pipeline.formats.rosbag_chunks.LARGEST", 1 << 20)
+    tracemalloc.start()
+    with pytest.raises(RecordingError, match="unfolds into more than 1 MiB") as refused:
+        list(messages(bag, "/depth"))
+    assert tracemalloc.get_traced_memory()[1] < zeros.nbytes / 2
+    tracemalloc.stop()
+    assert refused.value.evidence["file"] == bag
+
+
+def test_a_bag_that_lost_a_message_is_refused(tmp_path):
+    bag = recorded(tmp_path, "sqlite3")
+    metadata = bag / "metadata.yaml"
+    text = metadata.read_text()
+    assert text.count("message_count: 5") == 2
+    metadata.write_text(text.replace("message_count: 5", "message_count: 6"))
+    with pytest.raises(RecordingError, match="5 messages where the bag announces 6"):
+        list(messages(bag, "/depth"))
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory) -> dict[str, tuple[Path, Path, Path]]:
+    """A bag of each form, the file that its messages are in, and a copy of that."""
+    result = {}
+    for form in FORMS:
+        bag = recorded(tmp_path_factory.mktemp(form), form, 3)
+        file = (
+            bag
+            if bag.is_file()
+            else next(path for path in bag.iterdir() if path.name != "metadata.yaml")
+        )
+        copy = tmp_path_factory.mktemp("whole") / form
+        copy.write_bytes(file.read_bytes())
+        result[form] = (bag, file, copy)
+    return result
+
+
+def read_all(bag: Path) -> list[bytes]:
+    return [bytes(message.data) for message in messages(bag, "/depth")]
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.data())
+@pytest.mark.parametrize("form", FORMS)
+def test_a_bag_cut_at_any_byte_is_refused_or_whole(whole, form, data):
+    bag, file, copy = whole[form]
+    content = copy.read_bytes()
+    file.write_bytes(content)
+    before = read_all(bag)
+    file.write_bytes(content[: data.draw(st.integers(0, len(content) - 1))])
+    try:
+        assert read_all(bag) == before
+    except RecordingError as error:
+        assert error.evidence["file"] == bag
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.data())
+@pytest.mark.parametrize("form", FORMS)
+def test_damaged_bytes_never_raise_anything_but_a_refusal(whole, form, data):
+    bag, file, copy = whole[form]
+    damaged = bytearray(copy.read_bytes())
+    for place in data.draw(st.lists(st.integers(0, len(damaged) - 1), min_size=1, max_size=4)):
+        damaged[place] = data.draw(st.integers(0, 255))
+    file.write_bytes(damaged)
+    try:
+        read_all(bag)
+    except RecordingError as error:
+        assert error.evidence["file"] == bag

@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.core.errors import RecordingError
+from pipeline.formats.trajectory import COLUMNS, read_trajectory, write_trajectory
+
+
+def trajectory(rows: int = 321) -> pd.DataFrame:
+    table = np.random.default_rng(1).normal(size=(rows, 7))
+    table[:, 0] = np.arange(rows) / 100
+    return pd.DataFrame(table, columns=COLUMNS)
+
+
+def test_written_trajectories_read_back_bit_for_bit_in_any_order_of_columns(tmp_path):
+    write_trajectory(tmp_path / "t.csv", trajectory())
+    assert (tmp_path / "t.csv").read_text().startswith("t,x,z,phi,vx,vz,vphi\n0.0,")
+    pd.testing.assert_frame_equal(
+        read_trajectory(tmp_path / "t.csv"), trajectory(), check_exact=True
+    )
+    trajectory()[COLUMNS[::-1]].to_csv(tmp_path / "t.csv", index=False)
+    pd.testing.assert_frame_equal(
+        read_trajectory(tmp_path / "t.csv"), trajectory(), check_exact=True
+    )
+
+
+def test_times_printed_with_six_decimals_are_equal_steps(tmp_path):
+    table = trajectory(50).assign(t=np.round(np.arange(50) / 30, 6))
+    write_trajectory(tmp_path / "t.csv", table)
+    assert len(read_trajectory(tmp_path / "t.csv")) == 50
+
+
+@pytest.mark.parametrize(
+    ("row", "column", "value", "line", "words"),
+    [
+        (3, "vz", "nan", 5, "column 6 has no number"),
+        (3, "x", "inf", 5, "'inf'"),
+        (3, "phi", "", 5, "column 4 has no number"),
+        (3, "phi", "O.1", 5, "'O.1'"),
+        (5, "t", "0.0502", 7, "steps must be equal"),
+        (5, "t", "0.03", 7, "steps must be equal"),
+    ],
+)
+def test_values_that_no_robot_can_follow_are_refused_with_their_line(
+    tmp_path, row, column, value, line, words
+):
+    table = trajectory(20).astype(str)
+    table.loc[row, column] = value
+    table.to_csv(tmp_path / "t.csv", index=False)
+    with pytest.raises(RecordingError) as caught:
+        read_trajectory(tmp_path / "t.csv")
+    assert words in caught.value.message
+    assert caught.value.evidence["line"] == line
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "",
+        "t,x\n0,1\n",
+        ",".join(COLUMNS) + "\n",
+        ",".join(COLUMNS) + "\n0,0,0,0,0,0,0\n",
+        "t,x,z,phi,vx,vz\n0,0,0,0,0,0\n",
+    ],
+)
+def test_headers_without_their_columns_or_rows_are_refused(tmp_path, content):
+    (tmp_path / "t.csv").write_text(content)
+    with pytest.raises(RecordingError):
+        read_trajectory(tmp_path / "t.csv")
+
+
+def test_a_trajectory_cut_within_a_row_is_refused_at_every_byte(tmp_path):
+    write_trajectory(tmp_path / "t.csv", trajectory(3))
+    content = (tmp_path / "t.csv").read_bytes()
+    for cut in range(len(content)):
+        (tmp_path / "t.csv").write_bytes(content[:cut])
+        if content[:cut].endswith(b"\n") and content[:cut].count(b"\n") == 3:
+            assert len(read_trajectory(tmp_path / "t.csv")) == 2
+        else:
+            with pytest.raises(RecordingError):
+                read_trajectory(tmp_path / "t.csv")

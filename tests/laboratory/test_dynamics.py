@@ -1,0 +1,203 @@
+"""The synthetic arm: without disturbances it follows its command, and each disturbance is what its
+option says.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import kurtosis
+
+from pipeline.core.errors import ConfigError
+from pipeline.laboratory.dynamics import expose, session_offset, simulate_take, true_chain
+from pipeline.laboratory.options import DynamicsOptions
+from pipeline.laboratory.swing import desired_joints
+
+NO_OFFSET = np.zeros(3)
+
+
+def goal_at(t: np.ndarray, trajectory) -> tuple[np.ndarray, np.ndarray]:
+    return desired_joints(np.clip(t, 0.0, trajectory.duration), trajectory)
+
+
+def deviations(
+    arm, trajectory, quiet: DynamicsOptions, takes: int, rng, **disturbance
+) -> np.ndarray:
+    """(takes, N, 3) what a single kind of disturbance adds to the undisturbed joint angles."""
+    _, still = simulate_take(arm.chain, NO_OFFSET, trajectory, quiet, rng)
+    disturbed = replace(quiet, **disturbance)
+    return (
+        np.stack(
+            [
+                simulate_take(arm.chain, NO_OFFSET, trajectory, disturbed, rng)[1]
+                for _ in range(takes)
+            ]
+        )
+        - still
+    )
+
+
+def lagged_correlation(x: np.ndarray, lag: int) -> float:
+    """Of paths along axis 1 of zero mean."""
+    return float(np.mean(x[:, lag:] * x[:, :-lag]) / np.mean(x**2))
+
+
+def test_without_disturbances_the_arm_follows_its_command_up_to_the_servos_step(
+    arm, trajectory, quiet, rng
+):
+    error = []
+    for rate in (500.0, 1000.0):
+        t, q = simulate_take(arm.chain, NO_OFFSET, trajectory, replace(quiet, rate=rate), rng)
+        error.append(np.abs(q - goal_at(t, trajectory)[0]).max())
+    # Euler's error: acceleration · step / (2 · gain)
+    acceleration = (
+        np.abs(np.diff(desired_joints(np.arange(3200) / 1000, trajectory)[1], axis=0)).max() * 1000
+    )
+    assert error[1] < acceleration / 1000 / 2 / quiet.servo_gain
+    assert 1.9 < error[0] / error[1] < 2.1
+
+
+def test_the_same_stream_gives_the_same_take_and_another_another(arm, trajectory, dynamics):
+    takes = [
+        simulate_take(arm.chain, NO_OFFSET, trajectory, dynamics, np.random.default_rng(seed))[1]
+        for seed in (1, 1, 2)
+    ]
+    assert np.array_equal(takes[0], takes[1])
+    assert not np.array_equal(takes[0], takes[2])
+
+
+def test_a_take_lasts_from_before_the_motion_to_after_it(arm, trajectory, quiet, rng):
+    t, q = simulate_take(arm.chain, NO_OFFSET, trajectory, quiet, rng)
+    assert t[0] < 0
+    assert t[-1] > trajectory.duration
+    np.testing.assert_allclose(np.diff(t), 1 / quiet.rate)
+    assert q.shape == (len(t), 3)
+
+
+def test_the_start_scatters_as_stated_and_the_servo_takes_it_back(arm, trajectory, quiet, rng):
+    takes = 300
+    added = deviations(arm, trajectory, quiet, takes, rng, start_std=4e-3)
+    np.testing.assert_allclose(added[:, 0].std(axis=0), 4e-3, rtol=4 / np.sqrt(2 * takes))
+    decay = (1 - quiet.servo_gain / quiet.rate) ** np.arange(added.shape[1])
+    np.testing.assert_allclose(added, added[:, :1] * decay[:, None], atol=1e-14)
+
+
+def test_the_speed_error_is_a_share_of_the_speed_with_its_own_memory(arm, trajectory, quiet, rng):
+    options = replace(quiet, speed_error_std=0.03, speed_error_time=0.05)
+    shares = []
+    for _ in range(150):
+        t, q = simulate_take(arm.chain, NO_OFFSET, trajectory, options, rng)
+        goal, speed = goal_at(t, trajectory)
+        commanded = speed + options.servo_gain * (goal - q)
+        fast = (t > 0.65) & (t < 1.0)
+        done = np.diff(q, axis=0, append=q[-1:]) * options.rate
+        shares.append(done[fast] / commanded[fast] - 1)
+    shares = np.array(shares)
+    # 150 takes × 3 joints × 0.35 s, which is 7 correlation times
+    band = 4 / np.sqrt(2 * 150 * 3 * 0.35 / (2 * 0.05))
+    np.testing.assert_allclose(shares.std(), 0.03, rtol=band)
+    for lag in (1, 10, 20):
+        correlation = np.mean([lagged_correlation(shares[..., j], lag) for j in range(3)])
+        assert abs(correlation - np.exp(-lag / options.rate / 0.05)) < band
+        # control: a white error would have forgotten
+        assert correlation > band
+
+
+def test_the_end_effector_sways_as_stated_and_more_the_faster_it_moves(arm, trajectory, quiet, rng):
+    std, rest, exponent = np.array([3e-4, 1.5e-3]), 0.02, 2.0
+    options = replace(quiet, sway_std=tuple(std), sway_rest=rest, speed_exponent=exponent)
+    t, still = simulate_take(arm.chain, NO_OFFSET, trajectory, quiet, rng)
+    takes = 150
+    added = (
+        np.stack(
+            [simulate_take(arm.chain, NO_OFFSET, trajectory, options, rng)[1] for _ in range(takes)]
+        )
+        - still
+    )
+    sway = np.einsum("kij,nkj->nki", arm.chain.jacobian(still), added)
+    assert np.abs(sway[..., 2]).max() < 1e-12
+    speed = np.linalg.norm(goal_at(t, trajectory)[1], axis=1) / np.linalg.norm(arm.chain.max_speed)
+    stated = std * (rest + (1 - rest) * speed**exponent)[:, None]
+    unit = sway[..., :2] / stated
+    # samples are 5 ms apart and the sway is correlated over 6 ms: a third of them counts
+    assert abs(unit.std() - 1) < 4 / np.sqrt(2 * unit.size / 3)
+    slow, fast = speed < 0.5 * speed.max(), speed > 0.9 * speed.max()
+    for part in (slow, fast):
+        assert abs(unit[:, part].std() - 1) < 4 / np.sqrt(2 * unit[:, part].size / 3)
+    # control: of one size at every speed it is not
+    assert sway[:, slow, 1].std() < 0.3 * sway[:, fast, 1].std()
+
+
+def test_the_clearance_moves_the_third_joint_alone_anywhere_inside_the_play(
+    arm, trajectory, quiet, rng
+):
+    options = {"clearance": 0.03, "rattle_speed": 0.5, "clearance_time": 2e-3}
+    added = deviations(arm, trajectory, quiet, 60, rng, **options)
+    assert not added[..., :2].any()
+    assert np.abs(added).max() <= 0.03
+    t, _ = simulate_take(arm.chain, NO_OFFSET, trajectory, quiet, rng)
+    filled = added[:, np.abs(goal_at(t, trajectory)[1][:, 2]) > 0.5, 2] / 0.03
+    assert abs(filled.var() - 1 / 3) < 4 * np.sqrt(4 / 45 / filled.size) * 2
+    # uniform, and so far from normal
+    assert abs(kurtosis(filled, axis=None) + 1.2) < 0.05
+
+
+def test_the_ripple_is_bounded_and_its_phase_is_drawn_anew_for_every_take(
+    arm, trajectory, quiet, rng
+):
+    added = deviations(arm, trajectory, quiet, 200, rng, encoder_ripple=1e-3)
+    assert np.abs(added).max() <= 1e-3 + 1e-15
+    # a sine of uniform phase
+    np.testing.assert_allclose(added[:, 0].std(axis=0), 1e-3 / np.sqrt(2), rtol=0.15)
+
+
+def test_the_encoders_zeros_shift_the_whole_take(arm, trajectory, quiet, rng):
+    offset = np.array([1e-3, -2e-3, 3e-3])
+    (_, moved), (_, still) = (
+        simulate_take(arm.chain, zero, trajectory, quiet, rng) for zero in (offset, NO_OFFSET)
+    )
+    np.testing.assert_allclose(moved - still, np.tile(offset, (len(still), 1)), atol=1e-15)
+
+
+def test_a_session_draws_zeros_and_lengths_of_the_stated_size(arm, quiet, rng):
+    options, sessions = replace(quiet, encoder_offset_std=2e-3, length_std=3e-4), 1000
+    offsets = np.array([session_offset(options, rng) for _ in range(sessions)])
+    chains = [true_chain(arm.chain, options, rng) for _ in range(sessions)]
+    errors = np.array([chain.lengths for chain in chains]) - arm.chain.lengths
+    for drawn, std in ((offsets, 2e-3), (errors, 3e-4)):
+        np.testing.assert_allclose(drawn.std(axis=0), std, rtol=4 / np.sqrt(2 * sessions))
+        assert np.all(np.abs(drawn.mean(axis=0)) < 4 * std / np.sqrt(sessions))
+    # only lengths: the links point as they did
+    headings = [np.arctan2(*chain.links.T) for chain in chains]
+    np.testing.assert_allclose(
+        headings, np.tile(np.arctan2(*arm.chain.links.T), (sessions, 1)), atol=1e-14
+    )
+
+
+def test_an_exposure_misses_its_instant_by_the_jitter_and_so_the_angle_by_jitter_times_speed(rng):
+    t = np.arange(-50, 3251) / 1000
+    q = t[:, None] * np.array([1.0, -0.5, 0.0])
+    at = np.full(20_000, 1.0)
+    exposed = expose(t, q, at, DynamicsOptions(jitter_std=5e-4), rng)
+    np.testing.assert_allclose(
+        exposed.std(axis=0), [5e-4, 2.5e-4, 0], rtol=4 / np.sqrt(2 * at.size), atol=1e-15
+    )
+    exact = expose(t, q, np.array([0.1, 0.7003]), DynamicsOptions(jitter_std=0.0), rng)
+    np.testing.assert_allclose(exact[:, 0], [0.1, 0.7003], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("sway_std", (1e-3, -1e-3)),
+        ("clearance", -0.1),
+        ("sway_time", 0.0),
+        ("rate", 0.0),
+        ("servo_gain", 1000.0),
+    ],
+)
+def test_options_without_a_meaning_are_refused(dynamics, name, value):
+    with pytest.raises(ConfigError, match=rf"laboratory\.dynamics\.{name}"):
+        replace(dynamics, **{name: value})

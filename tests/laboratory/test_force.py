@@ -1,0 +1,148 @@
+"""The synthetic force rig: stationary moments, correlation in time, limits without noise, and what
+the transducer adds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import i0e, i1e
+
+from pipeline.core.errors import ConfigError
+from pipeline.laboratory.force import Robots, Transducer, record_force, slipping, wander
+
+TENSION, DIRECTION = np.array([9.0, 7.0, 8.0]), np.array([0.15, 3.7, 1.6])
+ROBOTS = Robots(tension_sd=(0.5, 1.2, 2.0), concentration=(2400.0, 600.0, 170.0))
+SILENT = Transducer(noise=(0.0, 0.0), bias=(0.0, 0.0), drift=(0.0, 0.0))
+PATHS = 6000  # independent robots, so that statistics across them have a known error
+
+
+def across(values, truth):
+    """Standardised deviation of the mean over independent robots from ``truth``."""
+    return abs(values.mean() - truth) / (values.std() / np.sqrt(len(values)))
+
+
+@pytest.mark.parametrize("rate", [62.5, 2.0])
+def test_slipping_has_the_moments_and_correlation_of_its_law_at_any_sampling_rate(rate):
+    slip_rate, recovery, sd = 20.0, 0.25, 1.7
+    paths = slipping(np.full(PATHS, sd), slip_rate, recovery, 40, rate, np.random.default_rng(29))
+    for k in (0, 39):  # stationary from the first sample on
+        assert across(paths[k], 0.0) < 4.5
+        assert across(paths[k] ** 2, sd**2) < 4.5
+        assert across((paths[k] / sd) ** 3, -2 / np.sqrt(slip_rate * recovery)) < 4.5
+    lag = paths[20] * paths[21]
+    assert across(lag, sd**2 * np.exp(-1 / (rate * recovery))) < 4.5
+    assert across((paths[39] / sd) ** 3, 0.0) > 9  # what a normal law would have
+
+
+@pytest.mark.parametrize("rate", [62.5, 2.0])
+def test_wander_is_a_stationary_ornstein_uhlenbeck_process_at_any_sampling_rate(rate):
+    paths = wander(np.full(PATHS, 0.08), 0.4, 40, rate, np.random.default_rng(30))
+    for k in (0, 39):
+        assert across(paths[k], 0.0) < 4.5
+        assert across(paths[k] ** 2, 0.08**2) < 4.5
+    for lag in (1, 5):
+        assert across(paths[10] * paths[10 + lag], 0.08**2 * np.exp(-lag / (rate * 0.4))) < 4.5
+    assert across(paths[0] ** 2, (0.9 * 0.08) ** 2) > 6
+
+
+def test_directions_spread_by_their_concentration_and_tensions_by_their_deviation():
+    kappa, robots = 6.0, 400
+    many = Robots(tension_sd=(1.5,) * robots, concentration=(kappa,) * robots)
+    record = record_force(
+        np.full(robots, 30.0),
+        np.full(robots, 1.0),
+        many,
+        SILENT,
+        0.0,
+        40.0,
+        np.random.default_rng(31),
+    )
+    assert across(np.cos(record.direction - 1.0).mean(axis=0), i1e(kappa) / i0e(kappa)) < 4.5
+    assert across(((record.tension - 30.0) ** 2).mean(axis=0), 1.5**2) < 4.5
+    # the small-angle law 1/κ
+    assert across(np.cos(record.direction - 1.0).mean(axis=0), np.exp(-1 / (2 * kappa))) > 9
+
+
+def test_a_silent_transducer_measures_the_cables_pull_and_its_moment_about_the_origin():
+    record = record_force(TENSION, DIRECTION, ROBOTS, SILENT, 5.0, 20.0, np.random.default_rng(32))
+    unloaded = record.time < 5.0
+    assert not record.force[unloaded].any() and not record.torque[unloaded].any()
+    x = (record.tension * np.cos(record.direction)).sum(axis=1)
+    y = (record.tension * np.sin(record.direction)).sum(axis=1)
+    np.testing.assert_allclose(record.force, np.stack([x, y, 0 * x], axis=1), atol=1e-12)
+    np.testing.assert_allclose(
+        record.torque, np.stack([-0.03 * y, 0.03 * x, 0 * x], axis=1), atol=1e-12
+    )
+
+
+def test_robots_without_slip_or_wander_pull_with_exactly_the_mean_force():
+    still = replace(ROBOTS, tension_sd=(0.0, 0.0, 0.0), concentration=(1e14, 1e14, 1e14))
+    record = record_force(TENSION, DIRECTION, still, SILENT, 1.0, 2.0, np.random.default_rng(33))
+    mean = np.array([TENSION @ np.cos(DIRECTION), TENSION @ np.sin(DIRECTION), 0.0])
+    np.testing.assert_allclose(
+        record.force[record.time >= 1.0],
+        np.tile(mean, (int(np.sum(record.time >= 1.0)), 1)),
+        atol=1e-5,
+    )
+
+
+def test_the_transducer_adds_the_stated_noise_bias_and_drift():
+    transducer = Transducer(noise=(0.02, 0.001), bias=(0.4, 0.01), drift=(1e-3, 1e-4))
+    records = [
+        record_force(TENSION, DIRECTION, ROBOTS, transducer, 30.0, 0.1, rng)
+        for rng in np.random.default_rng(34).spawn(300)
+    ]
+    unloaded = records[0].time < 30.0
+    for channel, name in enumerate(("force", "torque")):
+        readings = np.array([getattr(record, name)[unloaded] for record in records])
+        slope = np.polyfit(
+            records[0].time[unloaded], readings.transpose(1, 0, 2).reshape(unloaded.sum(), -1), 1
+        )
+        assert across(slope[1] ** 2, transducer.bias[channel] ** 2) < 4.5
+        assert across(slope[0] ** 2, transducer.drift[channel] ** 2) < 4.5
+        noise = np.diff(readings, axis=1).std() / np.sqrt(2)
+        assert noise == pytest.approx(transducer.noise[channel], rel=0.01)
+
+
+def test_a_cable_never_pushes_and_the_samples_where_it_would_are_counted():
+    rng = np.random.default_rng(35)
+    record = record_force(np.array([2.0, 7.0, 2.0]), DIRECTION, ROBOTS, SILENT, 0.0, 60.0, rng)
+    assert record.tension.min() == 0.0
+    assert record.slack == np.sum(record.tension == 0.0) > 0
+    taut = record_force(
+        TENSION, DIRECTION, replace(ROBOTS, tension_sd=(0.1, 0.1, 0.1)), SILENT, 5.0, 60.0, rng
+    )
+    assert taut.slack == 0 < taut.tension[taut.time >= 5.0].min()
+
+
+def test_a_record_is_that_of_its_generator():
+    one, same, other = (
+        record_force(TENSION, DIRECTION, ROBOTS, Transducer(), 1.0, 2.0, np.random.default_rng(s))
+        for s in (36, 36, 37)
+    )
+    assert len(one.time) == 188
+    np.testing.assert_array_equal(one.force, same.force)
+    np.testing.assert_array_equal(one.torque, same.torque)
+    assert not np.array_equal(one.force, other.force)
+
+
+@pytest.mark.parametrize(
+    "build",
+    [
+        lambda: Robots((1.0,), (100.0, 100.0)),
+        lambda: Robots((-1.0,), (100.0,)),
+        lambda: Transducer(rate=0.0),
+        lambda: record_force(
+            TENSION[:2], DIRECTION, ROBOTS, SILENT, 1.0, 1.0, np.random.default_rng(38)
+        ),
+        lambda: record_force(
+            TENSION, DIRECTION, ROBOTS, SILENT, -1.0, 1.0, np.random.default_rng(38)
+        ),
+    ],
+)
+def test_rigs_that_cannot_be_built_are_refused(build):
+    with pytest.raises(ConfigError):
+        build()

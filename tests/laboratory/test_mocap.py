@@ -1,0 +1,168 @@
+"""The laboratory's motion capture: exact without noise, faults that are counted and follow their
+laws.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import pipeline.arm
+from pipeline.arm.model import load_arm
+from pipeline.core.errors import ConfigError
+from pipeline.laboratory.mocap import MocapOptions, capture, place_markers
+
+ARM = load_arm(
+    Path(pipeline.arm.__file__).with_name("youbot.urdf"),
+    ["arm_joint_2", "arm_joint_3", "arm_joint_4"],
+    "arm_tool",
+    {},
+)
+TEMPLATE = np.array([[[0.03, -0.04, 0.02], [-0.02, -0.04, 0.1], [0.01, 0.04, 0.06]]] * 3) * [
+    [[1.0]],
+    [[0.9]],
+    [[1.1]],
+]
+WORLD = Rotation.from_euler("xyz", [-1.4, 0.3, 0.2]).as_matrix()
+ORIGIN = np.array([0.4, 0.9, -1.2])
+SILENT = MocapOptions(
+    noise_std=0, placement_std=0, occlusion_rate=0, swap_rate=0, lost_label_rate=0
+)
+NAMES = [f"link{link}_{label}" for link in (1, 2, 3) for label in "abc"]
+
+
+def joint_angles(frames: int) -> np.ndarray:
+    way = np.linspace(0, 1, frames)[:, None]
+    return np.deg2rad([120.0, -11.0, 92.5]) * (1 - way) + np.deg2rad([20.0, -81.0, 12.5]) * way
+
+
+def take(options: MocapOptions, frames: int = 400, seed: int = 5):
+    return capture(
+        ARM, joint_angles(frames), TEMPLATE, WORLD, ORIGIN, options, np.random.default_rng(seed)
+    )
+
+
+def labelled(markers: dict[str, np.ndarray]) -> np.ndarray:
+    return np.stack([markers[name] for name in NAMES], axis=1)
+
+
+def test_markers_without_noise_give_back_the_joint_angles() -> None:
+    q = joint_angles(25)
+    positions = labelled(take(SILENT, 25).markers).reshape(25, 3, 3, 3)
+    plane = ARM.to_plane((positions - ORIGIN) @ WORLD)
+    psi = np.empty((25, 3))
+    for n, j in np.ndindex(25, 3):
+        body, observed = (points - points.mean(axis=0) for points in (TEMPLATE[j], plane[n, j]))
+        axis_z = Rotation.align_vectors(observed, body)[0].apply([0.0, 0.0, 1.0])
+        assert abs(axis_z[1]) < 1e-9
+        psi[n, j] = np.arctan2(axis_z[0], axis_z[2])
+    np.testing.assert_allclose(ARM.chain.joints_from_segments(psi), q, atol=1e-9)
+
+
+def test_noise_is_white_with_the_stated_deviation() -> None:
+    options = MocapOptions(
+        noise_std=2e-4, placement_std=0, occlusion_rate=0, swap_rate=0, lost_label_rate=0
+    )
+    noise = labelled(take(options, 4000).markers) - labelled(take(SILENT, 4000).markers)
+    # 108 000 draws: the deviation's standard error is 0.22 %
+    assert noise.std() == pytest.approx(2e-4, rel=0.01)
+    assert not noise.std() == pytest.approx(2.1e-4, rel=0.01)
+    assert abs((noise[1:] * noise[:-1]).mean()) < 4 * 2e-4**2 / np.sqrt(noise.size)
+
+
+def test_placement_error_is_drawn_once_with_the_stated_deviation() -> None:
+    options = MocapOptions(placement_std=1e-3)
+    rng = np.random.default_rng(3)
+    errors = np.stack([place_markers(TEMPLATE, options, rng) - TEMPLATE for _ in range(400)])
+    assert errors.std() == pytest.approx(1e-3, rel=0.03)
+    assert errors.mean(axis=0) == pytest.approx(0.0, abs=4e-3 / 20)
+
+
+def expected_share(rate: float, frames: float) -> float:
+    """Share of frames inside a burst, bursts of geometric length starting independently and
+    overlapping at will.
+    """
+    ages = np.arange(10_000)
+    return 1 - np.prod(1 - rate * (1 - 1 / frames) ** ages)
+
+
+def test_occlusions_are_counted_and_cover_the_share_of_their_law() -> None:
+    options = MocapOptions(occlusion_rate=0.02, occlusion_frames=8, swap_rate=0, lost_label_rate=0)
+    result = take(options, 40_000)
+    missing = np.isnan(labelled(result.markers))
+    assert np.all(missing.all(axis=2) == missing.any(axis=2))
+    assert result.faults.occluded == missing[..., 0].sum()
+    share = missing[..., 0].mean()
+    # 360 000 marker-frames in stretches of about 10 frames: one standard error is about 0.002
+    assert abs(share - expected_share(0.02, 8)) < 0.006
+    assert abs(share - expected_share(0.02, 9)) > 0.006
+
+
+def test_swaps_exchange_two_labels_of_one_link_and_are_counted() -> None:
+    options = MocapOptions(
+        noise_std=0, occlusion_rate=0, swap_rate=0.01, swap_frames=4, lost_label_rate=0
+    )
+    result = take(options, 2000)
+    observed, true = (
+        labelled(m).reshape(2000, 3, 3, 3) for m in (result.markers, take(SILENT, 2000).markers)
+    )
+    moved = np.any(observed != true, axis=3)
+    assert set(np.unique(moved.sum(axis=2))) == {0, 2}
+    assert result.faults.swapped == moved.any(axis=2).sum() > 0
+    np.testing.assert_array_equal(np.sort(observed, axis=2), np.sort(true, axis=2))
+    kept = [tuple(row) for row in moved[moved.any(axis=2)]]
+    assert len(set(kept)) == 3
+
+
+def test_lost_labels_reappear_as_unlabeled_columns_and_are_counted() -> None:
+    options = MocapOptions(
+        noise_std=0, occlusion_rate=0.01, swap_rate=0, lost_label_rate=0.005, lost_label_frames=5
+    )
+    result = take(options, 3000)
+    observed, true = labelled(result.markers), labelled(take(SILENT, 3000).markers)
+    strays = {name: column for name, column in result.markers.items() if name not in NAMES}
+    assert list(strays) == [f"Unlabeled {1000 + i}" for i in range(len(strays))]
+    appearances = []
+    for column in strays.values():
+        at = np.flatnonzero(~np.isnan(column[:, 0]))
+        np.testing.assert_array_equal(at, np.arange(at[0], at[-1] + 1))
+        appearances.append(at[0])
+        owner = np.flatnonzero(np.all(true[at] == column[at][:, None], axis=(0, 2)))
+        assert owner.size == 1
+        assert np.isnan(observed[at, owner[0]]).all()
+        observed[at, owner[0]] = column[at]
+    assert appearances == sorted(appearances)
+    assert (
+        result.faults.unlabeled
+        == sum(int(np.isfinite(column[:, 0]).sum()) for column in strays.values())
+        > 0
+    )
+    # with the strays put back, occlusions are all that is missing
+    assert np.isnan(observed[..., 0]).sum() == result.faults.occluded
+    np.testing.assert_array_equal(observed[~np.isnan(observed)], true[~np.isnan(observed)])
+
+
+def test_an_equal_stream_gives_equal_captures_and_another_stream_does_not() -> None:
+    options = MocapOptions(occlusion_rate=0.01, swap_rate=0.01, lost_label_rate=0.01)
+    first, second, other = take(options), take(options), take(options, seed=6)
+    assert first.faults == second.faults
+    assert list(first.markers) == list(second.markers)
+    for name, column in first.markers.items():
+        np.testing.assert_array_equal(column, second.markers[name])
+    assert not np.array_equal(first.markers["link1_a"], other.markers["link1_a"], equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"noise_std": -1e-4}, {"swap_rate": 1.5}, {"occlusion_frames": 0.5}]
+)
+def test_impossible_options_are_refused(wrong: dict) -> None:
+    with pytest.raises(ConfigError, match=r"laboratory\.mocap"):
+        MocapOptions(**wrong)
+
+
+def test_arrays_of_another_shape_are_refused() -> None:
+    with pytest.raises(ConfigError, match="marker places"):
+        capture(ARM, joint_angles(5), TEMPLATE[:2], WORLD, ORIGIN, SILENT, np.random.default_rng(0))

@@ -1,0 +1,130 @@
+"""The process noise of 80 takes with the dataset's own disturbances follows none of the motion
+models that are compared on them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import kurtosis
+
+from pipeline.laboratory.dynamics import expose, simulate_take
+from pipeline.laboratory.swing import desired_trajectory
+from pipeline.models.additive.law import AdditiveModel
+from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.noise import mean_covariance, process_noise
+from pipeline.models.realizations import realize
+from pipeline.models.wishart.law import WishartModel
+
+NO_OFFSET = np.zeros(3)
+
+
+@pytest.fixture(scope="module")
+def recorded(arm, trajectory, dynamics):
+    """Recorded poses (takes, M+1, 3), commanded steps (M, 3) and noise (takes, M, 3)."""
+    rng = np.random.default_rng(12)
+    v = (
+        desired_trajectory(arm.chain, trajectory)[["vx", "vz", "vphi"]].to_numpy()[:-1]
+        / trajectory.rate
+    )
+    grid = np.arange(len(v) + 1) / trajectory.rate
+    takes = [
+        expose(*simulate_take(arm.chain, NO_OFFSET, trajectory, dynamics, rng), grid, dynamics, rng)
+        for _ in range(80)
+    ]
+    q = np.array(takes)
+    return q, v, process_noise(arm.chain, q, v)
+
+
+@pytest.fixture(scope="module")
+def modelled(arm, recorded):
+    """Name → (model, free-running poses, noise) of the three models."""
+    q, v, noise = recorded
+    models = {
+        "additive": AdditiveModel(mean_covariance(noise)),
+        "wishart": WishartModel(0.2),
+        "gaussian": GaussianModel(0.12, 25.0),
+    }
+    rng = np.random.default_rng(13)
+    steps = {
+        name: realize(model, arm.chain, q, v, "one_step", rng)[0][:, 1:]
+        for name, model in models.items()
+    }
+    nominal = q[:, 1:] - noise
+    return {name: (models[name], steps[name] - nominal) for name in models}
+
+
+def moving(v: np.ndarray) -> np.ndarray:
+    pace = np.linalg.norm(v, axis=1)
+    return pace > 0.95 * pace.max()
+
+
+def centred(noise: np.ndarray) -> np.ndarray:
+    return noise - noise.mean(axis=0)
+
+
+def test_its_steps_know_of_each_other_and_the_models_steps_do_not(recorded, modelled):
+    _, v, noise = recorded
+    fast = moving(v)[1:] & moving(v)[:-1]
+
+    def neighbours(noise: np.ndarray) -> float:
+        x = centred(noise)
+        return np.mean(
+            [
+                np.corrcoef(x[:, 1:][:, fast, j].ravel(), x[:, :-1][:, fast, j].ravel())[0, 1]
+                for j in range(3)
+            ]
+        )
+
+    # what swung out swings back: the arm is held by its servo
+    assert neighbours(noise) < -0.3
+    for _, drawn in modelled.values():
+        assert abs(neighbours(drawn)) < 4 / np.sqrt(len(noise) * fast.sum())
+
+
+def test_it_does_not_wander_off_and_the_models_do(recorded, modelled):
+    _, _, noise = recorded
+
+    def wandering(noise: np.ndarray) -> np.ndarray:
+        x = centred(noise)
+        return x.sum(axis=1).var(axis=0) / x.var(axis=0).sum(axis=0)
+
+    assert np.all(wandering(noise) < 0.05)
+    for _, drawn in modelled.values():
+        assert np.all(np.abs(wandering(drawn) - 1) < 4 * np.sqrt(2 / len(noise)))
+
+
+def test_its_tails_are_cut_off_and_the_models_are_not(recorded, modelled):
+    _, v, noise = recorded
+    tails = {
+        name: kurtosis(centred(drawn)[:, moving(v), 2], axis=None)
+        for name, (_, drawn) in modelled.items()
+    }
+    band = 4 * np.sqrt(24 / (len(noise) * moving(v).sum()))
+    # two places inside the play of joint 3, one minus the other: a triangle
+    assert kurtosis(centred(noise)[:, moving(v), 2], axis=None) < -band
+    assert abs(tails["additive"]) < band
+    assert tails["wishart"] > -band
+    assert tails["gaussian"] > -band
+
+
+def test_it_grows_with_the_speed_neither_not_at_all_nor_in_proportion(arm, recorded, modelled):
+    q, v, noise = recorded
+    pace = np.linalg.norm(v, axis=1) / np.linalg.norm(v, axis=1).max()
+    slow, fast = (pace > 0.3) & (pace < 0.6), pace > 0.95
+    middle = q[:, :-1].mean(axis=0)
+
+    def growth(std: np.ndarray) -> np.ndarray:
+        """Std of each joint over speed, slow against fast: 1 where they are in proportion."""
+        per_speed = std / pace[:, None].clip(1e-9)
+        return per_speed[slow].mean(axis=0) / per_speed[fast].mean(axis=0)
+
+    recorded_growth = growth(noise.std(axis=0))
+    models = {
+        name: growth(np.sqrt(np.diagonal(model.covariance(arm.chain, middle, v), axis1=1, axis2=2)))
+        for name, (model, _) in modelled.items()
+    }
+    assert np.all(models["additive"] > 1.5)
+    for model in ("wishart", "gaussian"):
+        assert np.all(models[model] > 0.75)
+    assert np.all(recorded_growth < 0.5)

@@ -1,0 +1,115 @@
+"""Takes of motion capture of an arm whose joint angles are known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from motive_files import START
+from scipy.spatial.transform import Rotation
+
+from pipeline.core.options.dataset import Dataset, Motion
+from pipeline.core.options.motion_capture import Mocap, Pose
+from pipeline.formats.motion.motive import write_motive
+from pipeline.formats.motion.take import MotionTake, RigidBody
+from pipeline.perception.link_fit import marker_places
+from pipeline.perception.markers import track_joints
+
+STEPS = 40
+
+
+TEMPLATE = {
+    "link1": {
+        "a1": [0.032, -0.048, 0.018],
+        "b1": [-0.030, -0.052, 0.071],
+        "c1": [0.024, -0.045, 0.139],
+    },
+    "link2": {
+        "a2": [-0.033, -0.046, 0.022],
+        "b2": [0.029, -0.055, 0.058],
+        "c2": [-0.021, -0.042, 0.121],
+    },
+    "link3": {
+        "a3": [0.030, -0.043, 0.012],
+        "b3": [-0.031, -0.050, 0.041],
+        "c3": [0.012, -0.038, 0.104],
+    },
+}
+
+
+PLACES = np.array([list(link.values()) for link in TEMPLATE.values()])
+
+
+BASE = Pose([0.4, 0.3, -0.2], [-np.pi / 2, 0.0, 0.0])
+
+
+MOUNT = Pose([0.01, -0.05, 0.06], [0.3, -0.2, 1.1])
+
+
+def dataset(**mocap) -> Dataset:
+    options = {
+        "training": "*.csv",
+        "base": BASE,
+        "markers": TEMPLATE,
+        "gate": 0.012,
+        "max_gap": 20,
+    } | mocap
+    return Dataset(name="t", motion=Motion(100.0, STEPS), mocap=Mocap(**options))
+
+
+def to_world(arm, plane: np.ndarray) -> np.ndarray:
+    return arm.to_base(plane) @ Rotation.from_euler("xyz", BASE.rpy).as_matrix().T + np.array(
+        BASE.position
+    )
+
+
+def markers_of(arm, q: np.ndarray) -> dict[str, np.ndarray]:
+    places = to_world(arm, marker_places(q, PLACES, arm.chain)).reshape(len(q), 9, 3)
+    return {
+        name: places[:, i]
+        for i, name in enumerate(name for link in TEMPLATE.values() for name in link)
+    }
+
+
+def bodies_of(arm, q: np.ndarray) -> dict[str, RigidBody]:
+    """Bodies B1 to B3, each mounted to its link by MOUNT, in poses made of four points of the
+    segment that MOUNT's axes lead to.
+    """
+    axes = np.array(MOUNT.position) + np.vstack(
+        [np.zeros(3), Rotation.from_euler("xyz", MOUNT.rpy).as_matrix().T]
+    )
+    bodies = {}
+    for link in range(3):
+        ends = [np.repeat(axes[i : i + 1], 3, axis=0) for i in range(4)]
+        origin, *tips = (
+            to_world(arm, marker_places(q, np.repeat(end[None], 3, axis=0), arm.chain))[:, link, 0]
+            for end in ends
+        )
+        turn = np.stack([tip - origin for tip in tips], axis=-1)
+        bodies[f"B{link + 1}"] = RigidBody(origin, Rotation.from_matrix(turn).as_quat())
+    return bodies
+
+
+def written(
+    folder: Path,
+    markers: dict,
+    bodies: dict | None = None,
+    *,
+    name: str = "t",
+    first: int = 0,
+    rate: float = 100.0,
+) -> Path:
+    frame = first + np.arange(STEPS + 1)
+    take = MotionTake(name, "1.23", rate, frame, (frame - first) / rate, markers, bodies or {}, {})
+    write_motive(folder / f"{name}.csv", take, start=START)
+    return folder / f"{name}.csv"
+
+
+def tracked(rows, arm, **options):
+    labelled = rows[rows.link > 0].sort_values(["link", "marker", "k"], kind="stable")
+    xyz = labelled[["x", "y", "z"]].to_numpy().reshape(3, 3, STEPS + 1, 3).transpose(2, 0, 1, 3)
+    return track_joints(xyz, PLACES, arm, gate=0.012, max_gap=20, **options)
+
+
+def quantity(quality: list[dict], name: str) -> float:
+    return next(row["value"] for row in quality if row["quantity"] == name)

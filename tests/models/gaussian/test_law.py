@@ -1,0 +1,114 @@
+"""The Gaussian matrix model of the inverse Jacobian against Algorithm 2 and the conic solver."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from pipeline.core.errors import ModelDomainError
+from pipeline.models.convex import solve_noise_covariance
+from pipeline.models.draws import draw_steps
+from pipeline.models.gaussian.law import GaussianModel, noise_scale
+from pipeline.models.norm import frobenius
+from pipeline.randommatrix import normal
+
+POSE = np.array([0.4, 1.7, -0.3])
+DRAWS = 20_000
+
+
+@pytest.mark.parametrize(
+    ("norm", "alpha", "u"), [(13.5, 0.1, 18.0), (17.0, 1.0, 17.5), (2.0, 0.5, 40.0)]
+)
+def test_the_closed_form_solves_the_log_det_problem(norm, alpha, u):
+    expected = noise_scale(norm, alpha, u, 3) * np.eye(3)
+    np.testing.assert_allclose(
+        solve_noise_covariance(norm, alpha, u, 3), expected, atol=1e-4 * expected[0, 0]
+    )
+
+
+def test_no_feasible_covariance_has_a_larger_determinant_than_the_closed_form():
+    rng = np.random.default_rng(1)
+    best = 3 * np.log(noise_scale(14.0, 0.2, 18.0, 3))
+    factor = rng.standard_normal((1000, 3, 3))
+    sigma = factor @ np.swapaxes(factor, -1, -2)
+    sigma *= (0.2**2 * (18.0**2 - 14.0**2) / 3 / np.trace(sigma, axis1=-2, axis2=-1))[:, None, None]
+    assert np.linalg.slogdet(sigma)[1].max() < best
+
+
+def test_independent_rows_make_the_step_isotropic_with_variance_v_sigma_v(step):
+    """With N ~ N(0, I⊗Σ) after Definition 1, Cov(Nv) = (vᵀΣv)I for any Σ; the other order would
+    give ‖v‖²Σ.
+    """
+    sigma = np.diag([4.0, 1.0, 0.25])
+    drawn = (
+        normal.sample(np.zeros((3, 3)), np.eye(3), sigma, (200_000,), np.random.default_rng(2))
+        @ step
+    )
+    covariance = np.cov(drawn.T) / (step @ sigma @ step)
+    np.testing.assert_allclose(covariance, np.eye(3), atol=0.02)
+    other = (step @ step) * sigma / (step @ sigma @ step)
+    assert np.abs(covariance - other).max() > 1
+
+
+def test_the_law_of_a_step_is_that_of_algorithm_2(chain, step):
+    rng = np.random.default_rng(3)
+    model = GaussianModel(0.1, 18.0)
+    inverse = chain.inverse_jacobian(POSE)
+    sigma = solve_noise_covariance(float(np.linalg.norm(inverse)), model.alpha, model.u, 3)
+    matrices = POSE + normal.sample(inverse, np.eye(3), sigma, (DRAWS,), rng) @ step
+    drawn, clipped = draw_steps(model, chain, np.tile(POSE, (DRAWS, 1)), step, rng)
+    assert clipped == 0
+    wrong, _ = draw_steps(GaussianModel(0.105, 18.0), chain, np.tile(POSE, (DRAWS, 1)), step, rng)
+    mean = model.mean(chain, POSE, step)
+
+    def distances(q: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(q - mean, axis=1)
+
+    for j in range(3):
+        assert stats.ks_2samp(drawn[:, j], matrices[:, j]).pvalue > 0.01
+    assert stats.ks_2samp(distances(drawn), distances(matrices)).pvalue > 0.01
+    assert stats.ks_2samp(distances(wrong), distances(matrices)).pvalue < 1e-4
+    covariance = model.covariance(chain, POSE, step)
+    np.testing.assert_allclose(
+        np.cov(matrices.T) / covariance[0, 0], covariance / covariance[0, 0], atol=0.04
+    )
+
+
+def test_the_noise_shrinks_as_the_pose_nears_the_bound_and_is_clipped_and_counted_beyond(
+    chain, step
+):
+    """Against the paper's motivation: nearer to a singularity, the inverse form gives less
+    noise.
+    """
+    q = np.stack([np.zeros(4), np.deg2rad([100.0, 70.0, 50.0, 20.0]), np.zeros(4)], axis=-1)
+    norms = frobenius(chain.inverse_jacobian(q))
+    model = GaussianModel(0.1, float(norms[2]) + 0.1)
+    assert np.all(np.diff(norms) > 0)
+    variance = model.covariance(chain, q, step)[:, 0, 0]
+    assert np.all(np.diff(variance) < 0)
+    assert variance[3] == 0.0
+    drawn, clipped = draw_steps(model, chain, q, step, np.random.default_rng(4))
+    assert clipped == 1
+    np.testing.assert_allclose(drawn[3], model.mean(chain, q, step)[3], atol=1e-14)
+
+
+def test_a_bound_below_the_norm_has_no_solution():
+    with pytest.raises(ModelDomainError, match="1 of 2 poses"):
+        noise_scale(np.array([14.0, 18.1]), 0.1, 18.0, 3)
+
+
+def test_at_rest_and_without_noise_the_step_is_the_nominal_one(chain, poses, step):
+    rng = np.random.default_rng(5)
+    assert np.array_equal(
+        draw_steps(GaussianModel(0.1, 30.0), chain, poses, np.zeros(3), rng)[0], poses
+    )
+    quiet = GaussianModel(0.0, 30.0)
+    drawn, _ = draw_steps(quiet, chain, poses, step, rng)
+    np.testing.assert_allclose(drawn, quiet.mean(chain, poses, step), atol=1e-14)
+
+
+@pytest.mark.parametrize(("alpha", "u"), [(-0.1, 18.0), (0.1, 0.0), (np.nan, 18.0), (0.1, np.inf)])
+def test_parameters_outside_the_model_are_refused(alpha, u):
+    with pytest.raises(ModelDomainError, match="alpha must be"):
+        GaussianModel(alpha, u)

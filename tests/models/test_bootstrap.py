@@ -1,0 +1,131 @@
+"""Standard errors by the bootstrap over takes are the spread of the estimates over independent
+recordings.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from oracles import sample_inverse_action
+
+from pipeline.models import kinds
+from pipeline.models.bootstrap import percentiles, replicate, resampled_estimator, spreads
+from pipeline.models.kinds import estimate
+from pipeline.models.noise import mean_covariance
+from pipeline.models.steps import Recorded
+from pipeline.models.wishart.density import action_log_density
+from pipeline.models.wishart.law import WishartModel
+from pipeline.models.wishart.likelihood import fit_sigma_b
+from pipeline.studies.recovery.known_laws import drawn
+
+ADDITIVE = kinds.options_type("additive")("additive", estimator="paper")
+LIKELIHOOD = kinds.options_type("wishart")("wishart", estimator="likelihood", decomposition="lu")
+MEASUREMENT = np.diag([0.6, 1.5, 1.7]) * 1e-6
+TAKES = 30
+
+
+def correlated(takes: int, rng: np.random.Generator) -> np.ndarray:
+    """(takes, 20, 3) noise in rad whose size differs from take to take, so that the squares of the
+    steps of a take go together.
+    """
+    size = np.sqrt(rng.gamma(4.0, 0.25, (takes, 1, 1)))
+    return 5e-3 * size * rng.standard_normal((takes, 20, 3))
+
+
+def recording(chain, poses, step, noise: np.ndarray) -> Recorded:
+    return Recorded(
+        chain,
+        np.broadcast_to(poses[: noise.shape[1]], noise.shape),
+        np.tile(step, (noise.shape[1], 1)),
+        noise,
+        ("a", "b", "c"),
+        MEASUREMENT,
+    )
+
+
+def standard_error(recorded: Recorded, replicates: int, rng: np.random.Generator) -> float:
+    estimator = resampled_estimator(recorded, ADDITIVE, estimate(recorded, ADDITIVE))
+    result, lost = spreads([replicate(estimator, len(recorded.q), rng) for _ in range(replicates)])
+    assert lost == 0
+    return result["sigma_omega_11_rad2"].standard_error
+
+
+def test_the_standard_error_is_the_spread_over_independent_recordings(chain, poses, step):
+    rng = np.random.default_rng(1)
+    spread = np.std([mean_covariance(correlated(TAKES, rng))[0, 0] for _ in range(1000)], ddof=1)
+    recordings = [correlated(TAKES, rng) for _ in range(12)]
+    errors = [standard_error(recording(chain, poses, step, noise), 60, rng) for noise in recordings]
+    assert abs(np.mean(errors) / spread - 1) < 0.15
+    # control: steps drawn one by one, as if those of a take were independent
+    single = [
+        standard_error(recording(chain, poses, step, noise.reshape(-1, 1, 3)), 60, rng)
+        for noise in recordings
+    ]
+    assert np.mean(single) / spread < 0.65
+
+
+def wishart(chain, poses, step, takes: int, seed: int) -> Recorded:
+    still = recording(chain, poses, step, np.zeros((takes, 20, 3)))
+    return drawn(WishartModel(0.25), still, np.random.default_rng(seed))
+
+
+def test_resampled_likelihoods_give_the_estimate_of_the_resampled_takes(chain, poses, step):
+    recorded = wishart(chain, poses, step, 8, 2)
+    result = estimate(recorded, LIKELIHOOD)
+    estimator = resampled_estimator(recorded, LIKELIHOOD, result)
+    np.testing.assert_allclose(
+        estimator(np.arange(8))["sigma_b"], result.estimates["sigma_b"], rtol=1e-12
+    )
+    for takes in ([0, 0, 3, 5, 5, 5, 6, 7], [1, 2]):
+        part = recorded.subset(np.array(takes))
+        anew = fit_sigma_b(chain, part.q, part.v, part.noise, MEASUREMENT, "lu").sigma_b
+        np.testing.assert_allclose(estimator(np.array(takes))["sigma_b"], anew, rtol=2e-4)
+    # control: these two takes have another estimate than all
+    assert abs(result.estimates["sigma_b"] / anew - 1) > 2e-3
+
+
+def test_the_likelihoods_standard_error_is_what_the_fisher_information_says(chain, poses, step):
+    """The information of one step is the variance of its score, which the draws of B⁻¹a give
+    without any fit.
+    """
+    action = np.tile([1.0, 0.0, 0.0], (50_000, 1))
+    drawn_action = sample_inverse_action(action, 4 / 0.25**2, np.random.default_rng(7))
+    ahead, behind = (
+        action_log_density(drawn_action, action, 4 / (0.25 * np.exp(h)) ** 2) for h in (1e-3, -1e-3)
+    )
+    information = np.var((ahead - behind) / 2e-3)
+    recorded = wishart(chain, poses, step, 40, 5)
+    estimator = resampled_estimator(recorded, LIKELIHOOD, estimate(recorded, LIKELIHOOD))
+    rng = np.random.default_rng(4)
+    result, _ = spreads([replicate(estimator, 40, rng) for _ in range(100)])
+    expected = 0.25 / np.sqrt(information * 40 * 20)
+    assert 0.8 < result["sigma_b"].standard_error / expected < 1.25
+    assert result["sigma_b"].low < 0.25 < result["sigma_b"].high
+
+
+def test_a_replicate_without_an_estimate_is_counted_and_no_number(chain, poses, step):
+    recorded = recording(chain, poses, step, correlated(1, np.random.default_rng(5)))
+    estimator = resampled_estimator(
+        recorded, ADDITIVE, estimate(recorded.subset(np.array([0, 0])), ADDITIVE)
+    )
+    result = [replicate(estimator, 1, np.random.default_rng(seed)) for seed in range(3)]
+    assert result == [None, None, None] and spreads(result) == ({}, 3)
+    known = [{"a": 1.0, "b": 2.0}, None, {"a": 3.0}]
+    spread, lost = spreads(known)
+    assert (
+        lost == 1
+        and set(spread) == {"a"}
+        and spread["a"].standard_error == pytest.approx(np.sqrt(2))
+    )
+
+
+def test_the_interval_holds_a_further_value_as_often_as_it_says():
+    rng = np.random.default_rng(6)
+    values, further = rng.standard_normal((4000, 39)), rng.standard_normal(4000)
+
+    def share(ends: np.ndarray) -> float:
+        return float(np.mean((ends[:, 0] <= further) & (further <= ends[:, 1])))
+
+    assert abs(share(np.array([percentiles(row) for row in values])) - 0.95) < 0.012
+    # control: the quantiles that take the least and the greatest value for the ends of the law
+    assert share(np.quantile(values, [0.025, 0.975], axis=1).T) < 0.93

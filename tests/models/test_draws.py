@@ -1,0 +1,48 @@
+"""Random numbers of compiled code: NumPy's own, bit for bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from compiled_calls import DRAW
+
+from pipeline.models.draws import numbers_for
+from pipeline.models.law import Numbers
+from pipeline.models.model import Law
+
+PARTICLES = 20_000
+
+
+def drawn(rng: np.random.Generator, count: int = PARTICLES, **wanted: object) -> Numbers:
+    numbers = numbers_for(Law(None, np.empty(0), **wanted), PARTICLES)
+    DRAW(numbers, count, rng)
+    return numbers
+
+
+@pytest.mark.parametrize("generator", [np.random.PCG64, np.random.SFC64])
+@pytest.mark.parametrize("degrees", [0.02, 0.3, 1.0, 1.9999, 2.0, 2.0001, 3.7, 62.0, 1e6])
+def test_chi_squares_are_numpys_and_come_before_the_normals(degrees, generator):
+    one, other = np.random.Generator(generator(7)), np.random.Generator(generator(7))
+    numbers = drawn(one, normals=(1, 2), degrees=degrees)
+    assert np.array_equal(numbers.chi_square, other.chisquare(degrees, PARTICLES))
+    assert np.array_equal(numbers.normal, other.standard_normal((PARTICLES, 2)).T)
+    assert one.random() == other.random()
+
+
+@pytest.mark.parametrize("sets", [1, 2])
+def test_normals_are_numpys_set_by_set_and_particle_by_particle(sets):
+    one, other = np.random.default_rng(8), np.random.default_rng(8)
+    numbers = drawn(one, normals=(sets, 7))
+    assert np.array_equal(
+        numbers.normal,
+        np.concatenate([other.standard_normal((PARTICLES, 7)).T for _ in range(sets)]),
+    )
+    assert one.random() == other.random()
+
+
+def test_a_block_that_is_not_full_takes_no_more_numbers_than_it_has_particles():
+    one, other = np.random.default_rng(9), np.random.default_rng(9)
+    numbers = drawn(one, count=3, normals=(1, 2), degrees=5.0)
+    assert np.array_equal(numbers.chi_square[:3], other.chisquare(5.0, 3))
+    assert np.array_equal(numbers.normal[:, :3], other.standard_normal((3, 2)).T)
+    assert one.random() == other.random()

@@ -1,0 +1,209 @@
+"""Motion models from the parameters that a fit wrote."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from omegaconf import OmegaConf
+
+import pipeline.models
+from pipeline.core import config
+from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
+from pipeline.filtering.measurement import Measurements
+from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
+from pipeline.models import kinds
+from pipeline.models.kinds import fitted_model
+from pipeline.models.steps import Recorded
+
+ROOT = Path(__file__).parents[2]
+PARAMETERS = {
+    "additive": {"noise_covariance": [[3e-5, -2e-5, 0.0], [-2e-5, 4e-5, 0.0], [0.0, 0.0, 9e-5]]},
+    "wishart": {"sigma_b": 0.2, "decomposition": "qr"},
+    "gaussian": {"alpha": 0.15, "u": 20.0},
+    "scaled": {
+        "floor": [[3e-6, 0.0, 0.0], [0.0, 4e-6, 0.0], [0.0, 0.0, 9e-6]],
+        "gain": [[0.04, 0.04, 0.0], [0.04, 0.04, 0.0], [0.0, 0.0, 0.1]],
+    },
+}
+
+
+@pytest.mark.parametrize("kind", PARAMETERS)
+def test_a_model_has_the_parameters_that_were_written(kind, tmp_path):
+    (tmp_path / "parameters.json").write_text(json.dumps({"kind": kind} | PARAMETERS[kind]))
+    model = fitted_model(tmp_path)
+    assert type(model).__name__ == f"{kind.capitalize()}Model"
+    for name, value in PARAMETERS[kind].items():
+        assert np.array_equal(getattr(model, name), value)
+
+
+def test_a_given_first_factor_comes_back(tmp_path):
+    left = [[0.15, 0.0, 0.0], [0.0, 0.15, 0.0], [0.0, 0.0, 1.0]]
+    (tmp_path / "parameters.json").write_text(
+        json.dumps({"kind": "wishart", "sigma_b": 0.2, "decomposition": "given", "left": left})
+    )
+    assert np.array_equal(fitted_model(tmp_path).decomposition, left)
+
+
+def test_parameters_that_were_not_written_are_refused(tmp_path):
+    with pytest.raises(ContractError, match="run the stage fit") as refused:
+        fitted_model(tmp_path)
+    assert refused.value.evidence["file"] == tmp_path / "parameters.json"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[]",
+        "3",
+        "null",
+        "{}",
+        '{"kind": "laplace"}',
+        '{"kind": "gaussian", "alpha": 0.1}',
+        '{"alpha": 0.1, "u": 20.0}',
+        '{"kind": "gaussian", "alpha": "low", "u": 20.0}',
+        '{"kind": "gaussian", "alpha": null, "u": 20.0}',
+        '{"kind": "wishart", "sigma_b": "low", "decomposition": "lu"}',
+        '{"kind": "wishart", "sigma_b": [0.2], "decomposition": "lu"}',
+        '{"kind": "scaled", "floor": [[1.0]]}',
+        '{"kind": "additive", "noise_covariance": [[1.0, 2.0], [3.0]]}',
+        '{"kind": "additive", "noise_covariance": "large"}',
+    ],
+)
+def test_malformed_parameters_are_refused(text, tmp_path):
+    (tmp_path / "parameters.json").write_text(text)
+    with pytest.raises(ContractError, match="parameters") as refused:
+        fitted_model(tmp_path)
+    assert refused.value.evidence["file"] == tmp_path / "parameters.json"
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"kind": "wishart", "sigma_b": 2.0, "decomposition": "lu"},
+        {"kind": "wishart", "sigma_b": float("nan"), "decomposition": "lu"},
+        {"kind": "wishart", "sigma_b": 0.2, "decomposition": "svd"},
+        {"kind": "wishart", "sigma_b": 0.2, "decomposition": "given"},
+        {
+            "kind": "wishart",
+            "sigma_b": 0.2,
+            "decomposition": "given",
+            "left": [[1.0, 0.0], [0.0, 1.0]],
+        },
+        {"kind": "gaussian", "alpha": -0.1, "u": 20.0},
+        {"kind": "gaussian", "alpha": 0.1, "u": float("inf")},
+        {"kind": "additive", "noise_covariance": [[1.0, 2.0], [3.0, 4.0]]},
+        {"kind": "additive", "noise_covariance": None},
+        {"kind": "scaled", "floor": [[1.0]], "gain": [[1.0]]},
+        {"kind": "scaled", "floor": np.eye(3).tolist(), "gain": (-np.eye(3)).tolist()},
+    ],
+)
+def test_parameters_outside_the_models_range_are_refused(parameters, tmp_path):
+    (tmp_path / "parameters.json").write_text(json.dumps(parameters))
+    with pytest.raises(ModelDomainError):
+        fitted_model(tmp_path).law()
+
+
+OPTIONS = """
+from dataclasses import dataclass
+from pipeline.models import options
+
+@dataclass
+class Options(options.Options):
+    std: float = 0.0
+"""
+LAW = """
+from pipeline.models.additive.law import AdditiveModel
+
+class TinyModel(AdditiveModel):
+    pass
+"""
+FIT = """
+import numpy as np
+from pipeline.models.steps import Estimate, Truth
+from pipeline.models.tiny.law import TinyModel
+
+def build(parameters):
+    return TinyModel(np.array(parameters["std"]) ** 2 * np.eye(3))
+
+def estimate(recorded, options):
+    std = options.std or float(recorded.noise.std())
+    return Estimate({"kind": "tiny", "std": std}, {"std_rad": std}, {})
+
+def truths(recorded, options, dispersions):
+    return [Truth("tiny", {"kind": "tiny", "std": 0.01}, {"std_rad": 0.01})]
+"""
+
+
+@pytest.fixture
+def tiny(tmp_path, monkeypatch) -> Path:
+    """A model that is a folder and nothing else."""
+    folder = tmp_path / "tiny"
+    folder.mkdir()
+    for name, text in (("__init__", ""), ("options", OPTIONS), ("law", LAW), ("fit", FIT)):
+        (folder / f"{name}.py").write_text(text)
+    monkeypatch.setattr(pipeline.models, "__path__", [*pipeline.models.__path__, str(tmp_path)])
+    yield folder
+    for name in [name for name in sys.modules if name.startswith("pipeline.models.tiny")]:
+        del sys.modules[name]
+
+
+def test_a_folder_is_a_model_that_is_found_composed_fitted_and_filtered(
+    tiny, tmp_path, monkeypatch, chain, poses, step
+):
+    assert "tiny" in kinds.kinds()
+    options = tmp_path / "conf"
+    shutil.copytree(config.CONF, options)
+    (options / "model/tiny.yaml").write_text("kind: tiny\nlabel: a tiny model\n")
+    params = OmegaConf.load(ROOT / "params.yaml")
+    params.models = ["additive", "tiny"]
+    OmegaConf.save(params, tmp_path / "params.yaml")
+    monkeypatch.setattr(config, "CONF", options)
+    composed = config.compose_config(tmp_path / "params.yaml").models.tiny
+    assert composed.label == "a tiny model"
+
+    requested = kinds.options_type("tiny")(kind="tiny", label=composed.label)
+    noise = 0.01 * np.random.default_rng(1).standard_normal((40, 20, 3))
+    q, v = np.broadcast_to(poses[:20], noise.shape), np.tile(step, (20, 1))
+    recorded = Recorded(chain, q, v, noise, ("a", "b", "c"), 1e-6 * np.eye(3))
+    estimated = kinds.estimate(recorded, requested)
+    assert estimated.estimates["std_rad"] == pytest.approx(0.01, rel=0.05)
+    (truth,) = kinds.truths(recorded, requested, [])
+    (tmp_path / "parameters.json").write_text(json.dumps(truth.parameters))
+    model = kinds.fitted_model(tmp_path)
+    nothing = Measurements(
+        "take", np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3))
+    )
+    posterior = particle_filter(
+        model,
+        chain,
+        step[None],
+        0.01,
+        Start(np.array([0.4, 1.7, -0.3]), np.zeros((3, 3))),
+        nothing,
+        FilterOptions(2000),
+        np.random.default_rng(2),
+    )
+    np.testing.assert_allclose(np.diag(posterior.covariance[1]), 1e-4, rtol=0.15)
+
+
+def test_a_kind_without_a_folder_is_refused_by_name():
+    with pytest.raises(ConfigError, match="no kind 'tiny'; there are additive, gaussian"):
+        kinds.options_type("tiny")
+
+
+@pytest.mark.slow
+def test_a_fit_without_a_compiler_loads_none():
+    program = (
+        "import sys; from pipeline.models import kinds; kinds.options_type('gaussian'); "
+        "import pipeline.models.gaussian.fit, pipeline.models.additive.fit; "
+        "sys.exit('numba' in sys.modules or 'pipeline.models.wishart.law' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == 0

@@ -1,0 +1,57 @@
+"""The process noise of recorded joint angles, its sign, and its moments."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.core.errors import ModelDomainError
+from pipeline.models.noise import measurement_covariance, moments, process_noise, recorded_deviation
+
+
+def test_the_noise_put_into_a_motion_comes_out_measured_minus_nominal(chain):
+    rng = np.random.default_rng(2)
+    v = rng.uniform(-0.02, 0.02, (6, 3)) * [0.1, 0.1, 1]
+    noise = 0.005 * rng.standard_normal((4, 6, 3))
+    q = np.empty((4, 7, 3))
+    q[:, 0] = [0.3, 1.6, -0.2]
+    for k in range(6):
+        q[:, k + 1] = q[:, k] + chain.inverse_jacobian(q[:, k]) @ v[k] + noise[:, k]
+    np.testing.assert_allclose(process_noise(chain, q, v), noise, atol=1e-15)
+
+
+def test_the_covariance_of_each_step_is_about_its_own_mean():
+    samples = np.random.default_rng(3).standard_normal((10, 5, 3)) + np.arange(5)[:, None]
+    mean, covariance = moments(samples)
+    for k in range(5):
+        np.testing.assert_allclose(mean[k], samples[:, k].mean(axis=0))
+        np.testing.assert_allclose(covariance[k], np.cov(samples[:, k].T), rtol=1e-12)
+
+
+def test_one_take_has_no_covariance():
+    with pytest.raises(ModelDomainError, match="at least two takes"):
+        moments(np.zeros((1, 5, 3)))
+
+
+def test_the_measurement_noise_is_what_moves_at_rest():
+    rng = np.random.default_rng(4)
+    noise = rng.multivariate_normal(np.zeros(3), np.diag([1.0, 4.0, 9.0]), (400, 8))
+    v = np.zeros((8, 3))
+    v[3:6, 1] = 0.01
+    noise[:, 3:6] *= 10
+    np.testing.assert_allclose(measurement_covariance(noise, v), np.diag([1.0, 4.0, 9.0]), atol=0.5)
+    # control: with the steps that move it would be far larger
+    assert np.trace(moments(noise)[1].mean(axis=0)) > 30 * 14 / 2
+    with pytest.raises(ModelDomainError, match="never rests"):
+        measurement_covariance(noise, np.ones((8, 3)))
+
+
+def test_the_recorded_spread_is_that_of_the_noise_or_of_the_angles_as_the_realisations_are():
+    rng = np.random.default_rng(6)
+    q, noise = rng.normal(0.0, 0.1, (30, 6, 3)), rng.normal(0.0, 0.01, (30, 5, 3))
+    of_step, of_run = (recorded_deviation(q, noise, mode) for mode in ("one_step", "free_running"))
+    assert np.all(of_step[0] == 0)
+    np.testing.assert_allclose(
+        of_step[1:], np.sqrt(np.diagonal(moments(noise)[1], axis1=1, axis2=2))
+    )
+    np.testing.assert_allclose(of_run, np.sqrt(np.diagonal(moments(q)[1], axis1=1, axis2=2)))

@@ -1,0 +1,126 @@
+"""The perturbations held back by the bound: feasible, each certified by a dual point, and refused
+where Newton's method does not end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.core.errors import SolverError
+from pipeline.models.wishart import bound
+from pipeline.models.wishart.perturbation import least_sum_of_norms
+
+COUNT = 3000
+
+
+def violators(seed: int, ratio: float, floor: float, size: float) -> tuple[np.ndarray, ...]:
+    """ω, e, A and the free y of random problems, as many as have a free optimum beyond the
+    bound.
+    """
+    rng = np.random.default_rng(seed)
+    noise, e, matrix = (
+        size * rng.standard_normal((COUNT, 3)),
+        rng.standard_normal((COUNT, 3)),
+        rng.standard_normal((COUNT, 3, 3)),
+    )
+    e /= np.linalg.norm(e, axis=1)[:, None]
+    y = least_sum_of_norms(noise, matrix, ratio)
+    x = np.vecdot(e, y)
+    broken = 1 + (x - np.sqrt(2 * np.vecdot(y, y) - x**2)) / 2 < floor
+    return noise[broken], e[broken], matrix[broken], y[broken]
+
+
+def parts(s: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """y and c of the optimal S."""
+    image = np.matvec(s, e)
+    y = np.sqrt(2) * image + (1 - np.sqrt(2)) * np.vecdot(e, image)[:, None] * e
+    return y, np.trace(s, axis1=1, axis2=2) - np.vecdot(e, image)
+
+
+def dual_bound(noise, e, matrix, y, c, ratio, floor) -> np.ndarray:
+    """A value that no feasible S goes below, from a dual point (p, u, w) near the optimal one.
+
+    Of the conic program with the cone 2(δ + x)(δ + c) ≥ ‖d‖²: for ‖p‖ ≤ 1, ‖(u, w)‖ ≤ λ and m = u −
+    Aᵀp in the dual cone, 2m_e·w ≥ ‖m⊥‖², the objective is at least pᵀω − δ(m_e + w) (weak duality).
+    """
+    delta = 1 - floor
+    x, size = np.vecdot(e, y), np.sqrt(np.vecdot(y, y) + c**2)
+    u, w = ratio * y / size[:, None], ratio * c / size
+    # p = r/‖r‖, and where the fit is exact what makes m normal to the cone
+    residual = noise - np.matvec(matrix, y)
+    length = np.linalg.norm(residual, axis=1)
+    normal = (w / (delta + x))[:, None] * ((delta + c + x)[:, None] * e - y)
+    of_exact = np.linalg.solve(np.swapaxes(matrix, 1, 2), (u - normal)[..., None])[..., 0]
+    exact = length < 1e-9 * np.linalg.norm(noise, axis=1)
+    p = np.where(exact[:, None], of_exact, residual / np.where(exact, 1.0, length)[:, None])
+    p /= np.maximum(1.0, np.linalg.norm(p, axis=1))[:, None]
+    m = u - np.vecmat(p, matrix)
+    along = np.vecdot(e, m)
+    lifted = np.maximum(np.vecdot(m - along[:, None] * e, m) / (2 * w), along)
+    u = u + (lifted - along)[:, None] * e
+    shrink = np.minimum(1.0, ratio / np.sqrt(np.vecdot(u, u) + w**2))
+    return shrink * (np.vecdot(p, noise) - delta * (lifted + w))
+
+
+@pytest.mark.parametrize("ratio", [1e-3, 0.03, 0.3])
+@pytest.mark.parametrize(("floor", "size"), [(0.01, 3.0), (0.2, 1.0), (0.9, 0.3)])
+def test_every_optimum_is_certified_by_its_dual(ratio, floor, size):
+    noise, e, matrix, free = violators(1, ratio, floor, size)
+    s = bound.solve_bounded(noise, e, matrix, free, ratio, floor)
+    y, c = parts(s, e)
+
+    def objective(of: np.ndarray, corner: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(noise - np.matvec(matrix, of), axis=1) + ratio * np.sqrt(
+            np.vecdot(of, of) + corner**2
+        )
+
+    value = objective(y, c)
+    np.testing.assert_allclose(
+        np.linalg.norm(s, axis=(1, 2)), np.sqrt(np.vecdot(y, y) + c**2), rtol=1e-9
+    )
+    assert len(noise) > 100
+    assert np.linalg.eigvalsh(s).min() > floor - 1 - 1e-10
+    gap = (value - dual_bound(noise, e, matrix, y, c, ratio, floor)) / value
+    assert np.quantile(gap, 0.99) < 1e-8
+    assert gap.max() < 1e-5
+    # the control: the dual point of a place beside the optimum certifies nothing
+    beside = y * (1 + 1e-3)
+    assert (
+        np.median(
+            (objective(beside, c) - dual_bound(noise, e, matrix, beside, c, ratio, floor)) / value
+        )
+        > 1e-4
+    )
+
+
+def test_an_optimum_at_the_exact_fit_is_found_where_it_satisfies_the_bound():
+    """With a weight that hardly counts every fit that B⁻¹ ⪰ εI allows is exact: aᵀ(a + J₂ω) > 0."""
+    noise, e, matrix, free = violators(2, 1e-6, 0.1, 1.0)
+    s = bound.solve_bounded(noise, e, matrix, free, 1e-6, 0.1)
+    residual = np.linalg.norm(noise - np.matvec(matrix, parts(s, e)[0]), axis=1)
+    inside = np.vecdot(e, free) > -0.8
+    assert inside.sum() > 100 and (~inside).sum() > 100
+    assert np.mean(residual[inside] < 1e-9) > 0.99  # but where A is all but singular
+    assert residual[np.vecdot(e, free) < -1].min() > 1e-9
+
+
+def test_along_its_own_direction_the_perturbation_stops_at_the_bound():
+    """With A = −I and ω along e the free optimum is x = −2 < ε − 1; the bounded one is x = ε − 1,
+    no cross term and no block.
+    """
+    e = np.array([0.6, 0.8, 0.0])
+    s = bound.solve_bounded(2 * e[None], e[None], -np.eye(3)[None], -2 * e[None], 1e-3, 0.1)[0]
+    np.testing.assert_allclose(s, -0.9 * np.outer(e, e), atol=1e-12)
+    near = 2 * e + 1e-7 * np.array([0.0, 0.0, 1.0])
+    s = bound.solve_bounded(near[None], e[None], -np.eye(3)[None], -near[None], 1e-3, 0.1)[0]
+    np.testing.assert_allclose(s, -0.9 * np.outer(e, e), atol=1e-6)
+
+
+def test_a_minimum_that_was_not_reached_raises_with_its_evidence(monkeypatch):
+    noise, e, matrix, free = violators(1, 0.03, 0.2, 1.0)
+    monkeypatch.setattr(bound, "STEPS", 2)
+    with pytest.raises(SolverError, match="not solved to optimality") as refusal:
+        bound.solve_bounded(noise, e, matrix, free, 0.03, 0.2)
+    assert len(refusal.value.evidence["noise"]) == 3
+    assert refusal.value.evidence["ratio"] == 0.03

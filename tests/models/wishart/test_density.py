@@ -1,0 +1,223 @@
+"""The one-step density of the Wishart model: against Algorithm 1, in its limits, and with
+measurement noise by two routes.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pytest
+from oracles import algorithm_1, sample_inverse_action
+from scipy import stats
+
+from pipeline.core.errors import ModelDomainError
+from pipeline.models.draws import draw_steps
+from pipeline.models.wishart.decomposition import factors
+from pipeline.models.wishart.density import blurred_log_density, frames
+from pipeline.models.wishart.law import WishartModel
+from pipeline.randommatrix import wishart
+
+POSE = np.array([0.4, 1.7, -0.3])
+MEASUREMENT = np.array([[0.6, -0.6, 0.0], [-0.6, 1.5, -0.9], [0.0, -0.9, 1.7]]) * 1e-6
+DRAWS = 100_000
+
+
+def excess(draws: np.ndarray, low: np.ndarray, high: np.ndarray, log_density, rng) -> float:
+    """By how many standard errors more of ``draws`` lie in a box than the density's integral over
+    it says.
+    """
+    hits = np.mean(np.all((draws > low) & (draws < high), axis=1))
+    inside = np.exp(log_density(rng.uniform(low, high, (40_000, 3)))) * np.prod(high - low)
+    return (hits - inside.mean()) / np.hypot(
+        np.sqrt(hits * (1 - hits) / len(draws)), inside.std() / np.sqrt(len(inside))
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("decomposition", ["lu", "qr"])
+@pytest.mark.parametrize(
+    ("sigma_b", "measurement"),
+    [(0.25, None), (0.25, 100 * MEASUREMENT), (0.9, None), (0.9, 100 * MEASUREMENT)],
+)
+def test_the_density_is_that_of_algorithm_1_box_by_box(
+    chain, step, decomposition, sigma_b, measurement
+):
+    rng = np.random.default_rng(1)
+    draws = algorithm_1(chain, POSE, step, sigma_b, decomposition, DRAWS, rng)
+    if measurement is not None:
+        draws = draws + rng.multivariate_normal(np.zeros(3), measurement, DRAWS)
+    corners = np.quantile(draws, [0.05, 0.4, 0.6, 0.95], axis=0)
+
+    def excesses(model: WishartModel) -> list[float]:
+        density = partial(model.log_density, chain, POSE, step, measurement=measurement)
+        return [
+            abs(excess(draws, corners[i], corners[j], density, rng))
+            for i, j in ((0, 3), (1, 2), (0, 2))
+        ]
+
+    assert max(excesses(WishartModel(sigma_b, decomposition))) < 3.5
+    # control: a dispersion 30 % off
+    assert max(excesses(WishartModel(1.3 * sigma_b, decomposition))) > 5
+
+
+@pytest.mark.parametrize("measurement", [None, MEASUREMENT, 1e4 * MEASUREMENT])
+def test_the_density_integrates_to_one(chain, step, measurement):
+    """By importance sampling from a wider law, whose draws leave no part of this one out."""
+    rng = np.random.default_rng(2)
+    model = WishartModel(0.25)
+    spread = model.covariance(chain, POSE, step) * 4 + (
+        0 if measurement is None else 2 * measurement
+    )
+    wider = stats.multivariate_t(model.mean(chain, POSE, step), spread, df=3, seed=rng)
+    q_next = wider.rvs(20_000)
+    ratio = np.exp(model.log_density(chain, POSE, step, q_next, measurement) - wider.logpdf(q_next))
+    error = ratio.std() / np.sqrt(len(ratio))
+    assert error < 0.015
+    assert abs(ratio.mean() - 1) < 4 * error
+    # control: a share of 8 % less is seen
+    assert abs(0.92 * ratio.mean() - 1) > 4 * error
+
+
+def test_no_step_goes_against_the_command(chain, step):
+    """B > 0 makes aᵀB⁻¹a > 0: on the other side there is nothing, and with measurement noise
+    little.
+    """
+    model = WishartModel(0.25)
+    forward = model.mean(chain, POSE, step) - POSE
+    steps = POSE + np.array([1.0, -1.0])[:, None] * forward
+    exact = model.log_density(chain, POSE, step, steps)
+    assert np.isfinite(exact[0]) and exact[1] == -np.inf
+    blurred = model.log_density(chain, POSE, step, steps, MEASUREMENT)
+    assert np.all(np.isfinite(blurred)) and blurred[1] < blurred[0] - 50
+
+
+def test_measurement_noise_that_vanishes_leaves_the_exact_density(chain, poses, step):
+    model = WishartModel(0.25)
+    q_next, _ = draw_steps(model, chain, poses, step, np.random.default_rng(3))
+    exact = model.log_density(chain, poses, step, q_next)
+    gaps = [
+        np.abs(model.log_density(chain, poses, step, q_next, share * MEASUREMENT) - exact).max()
+        for share in (1e-2, 1e-4, 1e-6)
+    ]
+    # what the blur itself changes is of its own order; what stays is the quadrature's error
+    assert gaps[0] < 0.05 and gaps[1] < 5e-4 and gaps[2] < 5e-5
+
+
+def test_a_command_that_vanishes_leaves_the_measurement_noise(chain, poses, step):
+    model = WishartModel(0.25)
+    q_next = poses + np.random.default_rng(4).multivariate_normal(
+        np.zeros(3), MEASUREMENT, len(poses)
+    )
+    noise = stats.multivariate_normal(cov=MEASUREMENT).logpdf(q_next - poses)
+    np.testing.assert_allclose(
+        model.log_density(chain, poses, np.zeros(3), q_next, MEASUREMENT), noise, rtol=1e-10
+    )
+    # in proportion to the command, until what is left is the quadrature's error
+    gaps = [
+        np.abs(model.log_density(chain, poses, share * step, q_next, MEASUREMENT) - noise).max()
+        for share in (1e-2, 1e-4, 1e-8)
+    ]
+    assert gaps[0] > 1 and gaps[1] < 0.1 and gaps[2] < 1e-4
+
+
+def test_at_rest_there_is_no_density_without_measurement_noise(chain, poses, step):
+    v = np.tile(step, (len(poses), 1))
+    v[[3, 7]] = 0.0
+    with pytest.raises(ModelDomainError, match=r"at rest, as at 2 of 200 step"):
+        WishartModel(0.25).log_density(chain, poses, v, poses)
+    with pytest.raises(ModelDomainError, match="singular"):
+        WishartModel(0.25).log_density(chain, poses, v, poses, np.diag([1e-6, 1e-6, 0.0]))
+
+
+@pytest.mark.parametrize(
+    ("sigma_b", "error"), [(0.05, 5e-6), (0.25, 1e-4), (0.5, 3e-4), (0.8, 1e-3), (1.2, 5e-3)]
+)
+def test_the_quadrature_converges(chain, poses, step, sigma_b, error):
+    """For steps that the law draws, with noise far below, near and far above it."""
+    rng = np.random.default_rng(5)
+    d = wishart.degrees_of_freedom(sigma_b, 3)
+    a, back = factors(chain, poses, step, "lu")
+    forward = np.linalg.inv(back)
+    x = sample_inverse_action(a, d, rng)
+    for scale in (1e-3, 1.0, 1e4):
+        noise = forward @ (scale * MEASUREMENT) @ np.swapaxes(forward, -1, -2)
+        blurred = x + np.matvec(np.linalg.cholesky(noise), rng.standard_normal(x.shape))
+        fine = blurred_log_density(blurred, a, noise, d, nodes=81)
+        # beyond σ_B = 1 single steps are so long that rounding alone is worth more
+        assert np.quantile(np.abs(blurred_log_density(blurred, a, noise, d) - fine), 0.99) < error
+        # control: too few nodes
+        assert np.abs(blurred_log_density(blurred, a, noise, d, nodes=5) - fine).max() > 10 * error
+
+
+@pytest.mark.parametrize("scale", [10.0, 1e3])
+def test_the_quadrature_is_the_mean_of_normals_over_the_law_of_z_and_g(chain, poses, step, scale):
+    """By the definition: x | z, g ~ N(za, C + (rz)²/g·(I − eeᵀ)), over the quantiles of both, in
+    plain NumPy and SciPy.
+    """
+    d, n = 64.0, 3
+    a, back = factors(chain, poses[:8], step, "lu")
+    forward = np.linalg.inv(back)
+    noise = forward @ (scale * MEASUREMENT) @ np.swapaxes(forward, -1, -2)
+    x = 1.05 * a + np.matvec(
+        np.linalg.cholesky(noise), np.random.default_rng(11).standard_normal(a.shape)
+    )
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    z = stats.invgamma((d - n + 1) / 2, scale=d / 2).ppf((nodes + 1) / 2)[:, None, None]
+    g = stats.chi2(d - n + 2).ppf((nodes + 1) / 2)[:, None]
+
+    def density(x: np.ndarray, a: np.ndarray, noise: np.ndarray) -> float:
+        across = np.eye(n) * (a @ a) - np.outer(a, a)
+        covariance = noise + (z**2 / g[None])[..., None] * across
+        residual = x - z * a
+        squared = np.einsum(
+            "zi,zgij,zj->zg", residual[:, 0], np.linalg.inv(covariance), residual[:, 0]
+        )
+        normal = np.exp(-0.5 * squared) / np.sqrt((2 * np.pi) ** n * np.linalg.det(covariance))
+        return float(weights @ normal @ weights / 4)
+
+    exact = np.log([density(*of_step) for of_step in zip(x, a, noise, strict=True)])
+    np.testing.assert_allclose(blurred_log_density(x, a, noise, d), exact, atol=1e-4)
+    # control: one degree of freedom more
+    assert np.abs(blurred_log_density(x, a, noise, d + 1) - exact).max() > 1e-3
+
+
+@pytest.mark.parametrize("share", [-1e-3, 1e-3])
+def test_far_outliers_have_the_density_of_the_nearest_of_two_explanations(
+    chain, poses, step, share
+):
+    """100 times the nominal step away, on either side, the value is finite, negative and steady in
+    the number of nodes.
+    """
+    a, back = factors(chain, poses, step, "lu")
+    forward = np.linalg.inv(back)
+    noise = forward @ MEASUREMENT @ np.swapaxes(forward, -1, -2)
+    x = 1e5 * share * a
+    coarse, fine = (blurred_log_density(x, a, noise, 64.0, nodes=nodes) for nodes in (17, 81))
+    assert np.all(coarse < -50)
+    np.testing.assert_allclose(coarse, fine, rtol=1e-4)
+
+
+def test_one_step_is_as_one_of_many(chain, poses, step):
+    model = WishartModel(0.3)
+    q_next, _ = draw_steps(model, chain, poses, step, np.random.default_rng(6))
+    many = model.log_density(chain, poses, step, q_next, MEASUREMENT)
+    assert many.shape == (200,)
+    np.testing.assert_allclose(
+        model.log_density(chain, poses[5], step, q_next[5], MEASUREMENT), many[5], rtol=1e-9
+    )
+    grid = model.log_density(
+        chain, poses.reshape(20, 10, 3), step, q_next.reshape(20, 10, 3), MEASUREMENT
+    )
+    np.testing.assert_allclose(grid.ravel(), many, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "direction", [[1.0, 0, 0], [-1.0, 0, 0], [0, 0, 2.0], [-0.6, 0.8, 0], [1e-9, -1.0, 1e-12]]
+)
+def test_a_frame_has_its_direction_first(direction):
+    frame = frames(np.array(direction))
+    np.testing.assert_allclose(
+        frame[:, 0], np.array(direction) / np.linalg.norm(direction), atol=1e-15
+    )
+    np.testing.assert_allclose(frame.T @ frame, np.eye(3), atol=1e-15)

@@ -1,0 +1,238 @@
+"""The perturbation samples against the paper's convex problem as printed, and what its estimator
+makes of them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import lu
+
+from pipeline.core.errors import ModelDomainError
+from pipeline.models.convex import solve_perturbation
+from pipeline.models.noise import process_noise
+from pipeline.models.wishart.decomposition import factors
+from pipeline.models.wishart.perturbation import (
+    dispersions,
+    fit_perturbations,
+    least_norm_perturbation,
+    least_sum_of_norms,
+)
+
+FLOOR = 0.01
+
+
+def weights(ratio: float) -> tuple[float, float]:
+    return 1 / (1 + ratio), ratio / (1 + ratio)
+
+
+def scene(chain, poses, step, size: float) -> tuple[np.ndarray, np.ndarray]:
+    """Noise (200, 3) of standard deviation ``size`` in rad and steps (200, 3) of all speeds."""
+    rng = np.random.default_rng(1)
+    return size * rng.standard_normal((200, 3)), step * rng.uniform(0.1, 1.2, (200, 1))
+
+
+def by_singular_values(noise: np.ndarray, matrix: np.ndarray, ratio: float) -> np.ndarray:
+    """The least sum of two norms by another route: the secular equation in the singular values of
+    A, by bisection.
+    """
+    left, singular, right = np.linalg.svd(matrix)
+    c = np.matvec(np.swapaxes(left, -1, -2), noise)
+    square = singular**2
+    # μ = scale·t/(1 − t): t = 0 is the exact fit, t = 1 is y = 0
+    scale = square[:, :1]
+    low, high = np.zeros_like(scale), np.ones_like(scale)
+
+    def beyond(t: np.ndarray) -> np.ndarray:
+        weights = (c / ((1 - t) * square + t * scale)) ** 2
+        return (weights * (square - ratio**2)).sum(axis=-1, keepdims=True) >= 0
+
+    exact, zero = beyond(low), ~beyond(high)
+    for _ in range(60):
+        middle = (low + high) / 2
+        above = beyond(middle)
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    t = np.where(exact, 0.0, np.where(zero, 1.0, high))
+    return np.matvec(
+        np.swapaxes(right, -1, -2), (1 - t) * singular * c / ((1 - t) * square + t * scale)
+    )
+
+
+def test_the_least_norm_perturbation_maps_a_to_s_and_nothing_smaller_does():
+    rng = np.random.default_rng(2)
+    a, y = rng.standard_normal((2, 100, 3))
+    e = a / np.linalg.norm(a, axis=1)[:, None]
+    best = least_norm_perturbation(e, y)
+    along = np.vecdot(e, y)[:, None] * e
+    # W⁻¹y/r
+    np.testing.assert_allclose(np.matvec(best, e), along + (y - along) / np.sqrt(2), atol=1e-12)
+    np.testing.assert_allclose(best, np.swapaxes(best, -1, -2))
+    np.testing.assert_allclose(np.linalg.norm(best, axis=(1, 2)), np.linalg.norm(y, axis=1))
+    # any symmetric change that keeps Sa, with its range across a, is orthogonal to the optimum
+    across = rng.standard_normal((100, 3))
+    across -= np.vecdot(e, across)[:, None] * e
+    change = across[:, :, None] * across[:, None, :]
+    np.testing.assert_allclose((best * change).sum(axis=(-1, -2)), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [0.0, 1e-3, 0.03, 0.3, 1.0, 3.0])
+@pytest.mark.parametrize(("condition", "tolerance"), [(1.0, 1e-10), (1e4, 1e-6)])
+def test_the_root_of_the_quartic_is_that_of_the_secular_equation(ratio, condition, tolerance):
+    rng = np.random.default_rng(4)
+    noise, matrix = rng.standard_normal((2000, 3)), rng.standard_normal((2000, 3, 3))
+    matrix[:, :, 0] *= condition
+    y, reference = (
+        least_sum_of_norms(noise, matrix, ratio),
+        by_singular_values(noise, matrix, ratio),
+    )
+    # A weighs its columns by the condition; the optimum is flat
+    distance = np.linalg.norm((y - reference) * [condition, 1.0, 1.0], axis=1)
+    assert np.all(distance <= tolerance * np.linalg.norm(reference * [condition, 1.0, 1.0], axis=1))
+
+    def objective(of: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(noise - np.matvec(matrix, of), axis=1) + ratio * np.linalg.norm(
+            of, axis=1
+        )
+
+    np.testing.assert_allclose(objective(y), objective(reference), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [0.03, 0.3, 1.0, 3.0])
+def test_the_sum_of_norms_is_stationary_in_each_of_its_three_cases(ratio):
+    rng = np.random.default_rng(3)
+    noise, matrix = rng.standard_normal((400, 3)), rng.standard_normal((400, 3, 3))
+    y = least_sum_of_norms(noise, matrix, ratio)
+    residual = noise - np.matvec(matrix, y)
+    pull = np.matvec(np.swapaxes(matrix, -1, -2), residual)
+    size, rest = np.linalg.norm(y, axis=1), np.linalg.norm(residual, axis=1)
+    zero, exact = size == 0, rest < 1e-9
+    inside = ~zero & ~exact
+    gradient = ratio * y[inside] / size[inside, None] - pull[inside] / rest[inside, None]
+    np.testing.assert_allclose(gradient, 0, atol=1e-6)
+    assert np.all(np.linalg.norm(pull[zero], axis=1) <= ratio * rest[zero] * (1 + 1e-9))
+    dual = (
+        ratio
+        * np.linalg.solve(
+            np.swapaxes(matrix, -1, -2), (y / np.where(zero, 1, size)[:, None])[..., None]
+        )[..., 0]
+    )
+    assert np.all(np.linalg.norm(dual[exact & ~zero], axis=1) <= 1 + 1e-6)
+    assert inside.any()
+    assert {0.03: exact, 3.0: zero}.get(ratio, inside).sum() > 20
+
+
+@pytest.mark.parametrize(
+    ("ratio", "size"), [(1e-4, 0.002), (1e-3, 0.006), (3e-3, 0.006), (3e-3, 0.02)]
+)
+def test_the_closed_form_solves_the_problem_as_printed(chain, poses, step, ratio, size):
+    noise, v = scene(chain, poses, step, size)
+    a, back = factors(chain, poses, v, "lu")
+    fit = fit_perturbations(noise, a, back, weights(ratio), FLOOR)
+    assert np.linalg.eigvalsh(np.eye(3) + fit.s).min() > FLOOR - 1e-12
+    chosen = np.concatenate([np.flatnonzero(fit.bound)[:10], np.flatnonzero(~fit.bound)[:10]])
+    for i in chosen:
+        j1, j2 = lu(chain.jacobian(poses[i]), permute_l=True)
+        b_inv, objective = solve_perturbation(noise[i], v[i], j1, j2, weights(ratio), FLOOR)
+        assert fit.objective[i] == pytest.approx(objective, rel=5e-7, abs=1e-10)
+        np.testing.assert_allclose(
+            np.eye(3) + fit.s[i], b_inv, atol=5e-3 * max(1.0, np.abs(b_inv).max())
+        )
+
+
+def test_many_of_those_problems_are_held_back_by_the_bound(chain, poses, step):
+    """So that the comparison with the printed problem reaches the bounded branch too; a smaller
+    bound only lowers the objective.
+    """
+    noise, v = scene(chain, poses, step, 0.02)
+    a, back = factors(chain, poses, v, "lu")
+    fit, looser = (
+        fit_perturbations(noise, a, back, weights(1e-3), floor) for floor in (0.1, 0.001)
+    )
+    assert fit.bound.sum() > 20
+    assert np.all(looser.objective <= fit.objective * (1 + 1e-9))
+    assert np.any(looser.objective[fit.bound] < fit.objective[fit.bound] * (1 - 1e-3))
+    np.testing.assert_array_equal(looser.s[~fit.bound], fit.s[~fit.bound])
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 10**6),
+    ratio=st.floats(1e-4, 0.1),
+    floor=st.floats(1e-3, 0.5),
+    size=st.floats(1e-3, 0.05),
+)
+def test_no_feasible_perturbation_nearby_is_better(seed, ratio, floor, size):
+    rng = np.random.default_rng(seed)
+    noise, a = size * rng.standard_normal((4, 3)), 0.03 * rng.standard_normal((4, 3))
+    back = 10 * rng.standard_normal((4, 3, 3))
+    fit = fit_perturbations(noise, a, back, weights(ratio), floor)
+    alpha1, alpha2 = weights(ratio)
+    for scale in (1e-3, 1e-1, 1.0):
+        change = scale * rng.standard_normal((300, 4, 3, 3))
+        rival = np.eye(3) + fit.s + change + np.swapaxes(change, -1, -2)
+        values, vectors = np.linalg.eigh(rival)
+        rival = np.einsum(
+            "...ij,...j,...kj->...ik", vectors, np.maximum(values, floor), vectors
+        ) - np.eye(3)
+        residual = np.linalg.norm(noise - np.matvec(back, np.matvec(rival, a)), axis=-1)
+        objective = alpha1 * residual + alpha2 * np.linalg.norm(rival, axis=(-1, -2))
+        assert np.all(objective >= fit.objective * (1 - 1e-9))
+
+
+def test_equal_weights_return_the_identity_for_every_step(chain, poses, step):
+    """The paper's weights are not given: with α₁ = α₂ = ½ every fit is B = I, and σ̂_B = 0."""
+    noise, v = scene(chain, poses, step, 0.006)
+    a, back = factors(chain, poses, v, "lu")
+    fit = fit_perturbations(noise, a, back, (0.5, 0.5), FLOOR)
+    assert not np.any(fit.s)
+    assert dispersions(fit.s[:, None])[0] == 0
+    moved = [
+        np.mean(
+            np.linalg.norm(fit_perturbations(noise, a, back, weights(ratio), FLOOR).s, axis=(1, 2))
+            > 0
+        )
+        for ratio in (0.3, 3e-3)
+    ]
+    assert moved[0] < 0.1 < 0.9 < moved[1]
+
+
+def test_an_exact_fit_inverts_the_model(chain, poses, step):
+    """(B⁻¹ − I)a = J₂ω, with ω measured minus nominal; with the printed sign of (OmgReal) the
+    perturbation comes out reversed.
+    """
+    b_inv = np.eye(3) + 0.1 * np.array([[1.0, 0.5, 0], [0.5, -1.0, 0.3], [0, 0.3, 0.5]])
+    a, back = factors(chain, poses, step, "lu")
+    q = np.stack([poses, poses + np.matvec(back, a @ b_inv)], axis=1)
+    noise = process_noise(chain, q, step[None])[:, 0]
+    fit = fit_perturbations(noise, a, back, weights(1e-9), FLOOR)
+    np.testing.assert_allclose(a + np.matvec(fit.s, a), a @ b_inv, atol=1e-12)
+    reversed_sign = fit_perturbations(-noise, a, back, weights(1e-9), FLOOR)
+    assert np.linalg.norm(np.matvec(reversed_sign.s, a) - np.matvec(fit.s, a)) > np.linalg.norm(
+        np.matvec(fit.s, a)
+    )
+
+
+def test_at_rest_nothing_is_explained(chain, poses):
+    noise = 0.001 * np.random.default_rng(4).standard_normal((200, 3))
+    a, back = factors(chain, poses, np.zeros(3), "lu")
+    fit = fit_perturbations(noise, a, back, weights(1e-3), FLOOR)
+    assert not np.any(fit.s) and not np.any(fit.bound)
+    np.testing.assert_allclose(fit.objective, weights(1e-3)[0] * np.linalg.norm(noise, axis=1))
+
+
+def test_without_noise_there_is_no_perturbation(chain, poses, step):
+    a, back = factors(chain, poses, step, "lu")
+    fit = fit_perturbations(np.zeros((200, 3)), a, back, weights(1e-3), FLOOR)
+    assert not np.any(fit.s) and not np.any(fit.objective)
+
+
+def test_noise_that_is_not_finite_is_refused_with_its_place():
+    noise = np.zeros((4, 3))
+    noise[2, 1] = np.nan
+    with pytest.raises(ModelDomainError) as refusal:
+        fit_perturbations(
+            noise, np.ones((4, 3)), np.tile(np.eye(3), (4, 1, 1)), weights(1e-3), FLOOR
+        )
+    assert refusal.value.evidence["index"] == 2

@@ -1,0 +1,62 @@
+"""A step of every motion model in NumPy, from the numbers that the compiled laws draw: what those
+are held against.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.models.additive.law import AdditiveModel
+from pipeline.models.covariance import root
+from pipeline.models.draws import BLOCK
+from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.norm import frobenius
+from pipeline.models.scaled.law import ScaledModel
+from pipeline.models.wishart.decomposition import factors
+from pipeline.models.wishart.law import WishartModel
+from pipeline.randommatrix.wishart import degrees_of_freedom
+
+
+def plain_steps(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
+    """(P, 3) draws of the next poses after ``q`` (P, 3) in rad under ``v`` (3,), and how many
+    were clipped; a block at a time, as the compiled laws draw.
+    """
+    blocks = [_block(model, chain, q[i : i + BLOCK], v, rng) for i in range(0, len(q), BLOCK)]
+    return np.concatenate([drawn for drawn, _ in blocks]), sum(number for _, number in blocks)
+
+
+def _block(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
+    inverse = chain.inverse_jacobian(q)
+    dq = np.matvec(inverse, v)
+    match model:
+        case AdditiveModel():
+            return q + dq + rng.standard_normal(q.shape) @ root(model.noise_covariance), 0
+        case ScaledModel():
+            at_rest = rng.standard_normal(q.shape) @ root(model.floor)
+            return q + dq + at_rest + dq * (rng.standard_normal(q.shape) @ root(model.gain)), 0
+        case GaussianModel():
+            norm = frobenius(inverse)
+            scale = model.alpha**2 * np.maximum(model.u**2 - norm**2, 0.0) / 9
+            noise = np.sqrt(scale * (v @ v))[:, None] * rng.standard_normal(q.shape)
+            return q + dq + noise, int(np.count_nonzero(norm > model.u))
+        case WishartModel():
+            return q + _wishart(model, chain, q, v, rng), 0
+    raise TypeError(f"no law of {model}")
+
+
+def _wishart(model, chain, q, v, rng) -> np.ndarray:
+    """‖T‖ in closed form: T = N·sqrt((exp(‖N‖²/(d−1)) − 1)/‖N‖²) for N ~ N(0, I₂)."""
+    d = degrees_of_freedom(model.sigma_b, 3)
+    a, back = factors(chain, q, v, model.decomposition)
+    z = d / rng.chisquare(d - 2, len(q))
+    normal = rng.standard_normal((len(q), 2))
+    square = np.vecdot(normal, normal)
+    tangent = np.zeros(q.shape)
+    tangent[:, 1:] = normal * np.sqrt(np.expm1(square / (d - 1)) / square)[:, None]
+    r = np.sqrt(np.vecdot(a, a))
+    mirror = a.copy()
+    mirror[:, 0] += np.copysign(r, a[:, 0])
+    reach = r + np.abs(a[:, 0])
+    along = np.vecdot(mirror, tangent) / np.where(reach > 0, reach, 1.0)
+    action = z[:, None] * (a + r[:, None] * tangent - along[:, None] * mirror)
+    return np.matvec(back, action)

@@ -1,0 +1,36 @@
+"""A planar chain with the arm's link lengths, poses along its motion, and a commanded step."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.arm.chain import PlanarChain
+
+
+@pytest.fixture(scope="session")
+def chain() -> PlanarChain:
+    links = np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]])
+    return PlanarChain(
+        np.zeros(2),
+        links,
+        np.array([1.0, 1.0, -1.0]),
+        np.full(3, -3.0),
+        np.full(3, 3.0),
+        np.full(3, np.pi / 2),
+    )
+
+
+@pytest.fixture(scope="session")
+def poses() -> np.ndarray:
+    """(200, 3) joint angles in rad, elbow between 65 and 135 degrees, heading anywhere."""
+    rng = np.random.default_rng(0)
+    return np.stack(
+        [rng.uniform(-2, 2, 200), np.deg2rad(rng.uniform(65, 135, 200)), rng.uniform(-2, 2, 200)],
+        axis=-1,
+    )
+
+
+@pytest.fixture(scope="session")
+def step() -> np.ndarray:
+    return np.array([0.004, -0.003, 0.03])

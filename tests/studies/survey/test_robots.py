@@ -1,0 +1,147 @@
+"""The recordings of a condition: the laboratory's own motions, and noise of the size that
+instruments were seen to have.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from pipeline.arm.model import Arm
+from pipeline.core import rng
+from pipeline.core.errors import ConfigError
+from pipeline.laboratory import session
+from pipeline.laboratory.options import KinectOptions, MocapOptions
+from pipeline.laboratory.swing import desired_joints
+from pipeline.studies.survey.conditions import Factors
+from pipeline.studies.survey.options import Way
+from pipeline.studies.survey.robots import (
+    disturbed,
+    measured,
+    observe,
+    perform,
+    pose_noise,
+    recorded,
+    trajectories,
+)
+
+STILL = Factors(disturbances=0.0)
+
+
+def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(laboratory):
+    arm = Arm(laboratory.chain, np.eye(3), np.zeros(3))
+    recorded_session = session.open_session(
+        arm,
+        np.zeros((3, 3, 3)),
+        laboratory.dynamics,
+        MocapOptions(),
+        KinectOptions(),
+        rng.stream(5, "record.session"),
+    )
+    way = laboratory.trajectories["own"]
+    for number, take in enumerate(perform(laboratory, "own", Factors(), 5, "test", 2)):
+        motion = session.perform(
+            recorded_session,
+            way,
+            laboratory.dynamics,
+            laboratory.clock,
+            rng.stream(5, "record.test", number),
+        )
+        np.testing.assert_array_equal(take.poses, motion.motion_capture)
+        np.testing.assert_array_equal(take.seen, motion.frame_joints)
+        clock = laboratory.clock.drift
+        np.testing.assert_allclose(
+            take.frames * (1 + clock) + motion.clock_offset, motion.frame_times, rtol=1e-12
+        )
+
+
+def test_without_disturbances_the_robot_does_what_it_is_told(laboratory):
+    (take,) = perform(laboratory, "own", STILL, 5, "train", 1)
+    way = laboratory.trajectories["own"]
+    goal, _ = desired_joints(np.arange(len(take.poses)) / way.rate, way)
+    np.testing.assert_allclose(take.poses, goal, atol=1e-3)
+    (otherwise,) = perform(laboratory, "own", Factors(), 5, "train", 1)
+    assert np.abs(otherwise.poses - goal).max() > 5e-3
+
+
+def test_a_factor_scales_its_disturbance_alone_and_the_common_one_all_of_them(laboratory):
+    own = laboratory.dynamics
+    assert disturbed(own, Factors(clearance=2.0)) == replace(own, clearance=2 * own.clearance)
+    assert disturbed(own, Factors(speed_exponent=0.5)) == replace(
+        own, speed_exponent=own.speed_exponent / 2
+    )
+    half = disturbed(own, Factors(disturbances=0.5))
+    assert (
+        half.sway_std == [own.sway_std[0] / 2, own.sway_std[1] / 2]
+        and half.jitter_std == own.jitter_std / 2
+    )
+    assert (half.speed_exponent, half.servo_gain, half.sway_rest) == (
+        own.speed_exponent,
+        own.servo_gain,
+        own.sway_rest,
+    )
+
+
+@pytest.mark.parametrize("factor", [0.0, 1.0, 3.0])
+def test_measured_poses_have_the_noise_of_the_motion_capture_times_its_factor(laboratory, factor):
+    takes = perform(laboratory, "own", STILL, 5, "train", 8)
+    noise = measured(takes, laboratory.pose_noise, factor, np.random.default_rng(3)) - np.stack(
+        [take.poses for take in takes]
+    )
+    if factor == 0:
+        np.testing.assert_array_equal(noise, 0.0)
+        return
+    whitened = np.linalg.solve(
+        factor * np.linalg.cholesky(laboratory.pose_noise), noise.reshape(-1, 3).T
+    )
+    low, high = chi2.ppf([5e-4, 1 - 5e-4], whitened[0].size)  # 1 in 1000 for each of three axes
+    squares = np.sum(whitened**2, axis=1)
+    assert np.all((low < squares) & (squares < high))
+    # the control: another factor would be seen
+    assert not np.any((low < squares * 1.2) & (squares * 1.2 < high))
+
+
+def test_the_depth_cameras_noise_has_the_interpolated_mean_and_covariance(laboratory):
+    draws = laboratory.depth_noise.sample(np.full(20_000, 0.25), np.random.default_rng(4))
+    variance = 0.75 * 1e-4 + 0.25 * 4e-4
+    error = 4 * np.sqrt(variance / len(draws))
+    np.testing.assert_allclose(draws.mean(axis=0), [0.015, 0.01, 0.0], atol=error)
+    np.testing.assert_allclose(
+        np.cov(draws.T), variance * np.eye(3), atol=4 * variance * np.sqrt(2 / len(draws))
+    )
+
+
+def test_what_the_camera_is_found_to_do_is_what_it_was_made_to_do(laboratory):
+    _, camera = observe(laboratory, "own", Factors(disturbances=0.0, motion_capture=0.0), 5, 2, 12)
+    everywhere = camera.noise[camera.noise["take"] == "none"]
+    share = everywhere["t"].to_numpy() / laboratory.trajectories["own"].duration
+    error = 4.5 * np.sqrt((1e-4 + share * 3e-4) / 12)
+    assert np.all(np.abs(everywhere["b:a"] - 0.02 * (1 - share)) < error) and np.all(
+        np.abs(everywhere["b:b"] - 0.04 * share) < error
+    )
+    assert len(camera.takes) == 12
+
+
+def test_the_noise_of_a_pose_is_what_the_recorded_rest_has_beyond_the_robots(laboratory):
+    takes = perform(laboratory, "own", Factors(), 5, "train", 20)
+    robot = recorded(laboratory, "own", np.stack([take.poses for take in takes])).measurement
+    poses = measured(takes, laboratory.pose_noise, 1.0, np.random.default_rng(6))
+    result = pose_noise(recorded(laboratory, "own", poses).measurement, robot)
+    # 20 takes of some 40 steps at rest: 800 samples, each covariance within 4 √(2/800) of the
+    # greatest variance
+    np.testing.assert_allclose(
+        result, laboratory.pose_noise, atol=4 * np.sqrt(2 / 800) * laboratory.pose_noise.max()
+    )
+    assert np.linalg.eigvalsh(pose_noise(np.zeros((3, 3)), np.eye(3))).min() >= 0
+
+
+def test_a_trajectory_beyond_the_joints_is_refused_by_its_name(laboratory):
+    own = laboratory.trajectories["own"]
+    result = trajectories(laboratory.chain, own, {"own": Way(), "slow": Way(pace=0.5)})
+    assert result["own"] == own and (result["slow"].duration, result["slow"].rest) == (3.2, 0.2)
+    for name, way in {"far": Way(extended=[9.0, -4.0, 2.0]), "fast": Way(pace=3.0)}.items():
+        with pytest.raises(ConfigError, match=f"key trajectories.{name}"):
+            trajectories(laboratory.chain, own, {"own": Way(), name: way})

@@ -1,0 +1,134 @@
+"""Small tables in the shape of those that the studies write."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+JOINTS = ["one", "two", "three"]
+GAP = float("nan")
+
+
+def model_scores() -> pd.DataFrame:
+    """Two scores of three models on four groups of steps; one model has no interval."""
+    groups = ("all", "moving", "moving, least third of ‖J⁻¹‖: 13 to 14", "particle filter")
+    parts = [
+        pd.DataFrame(
+            {
+                "steps": steps,
+                "model": ["additive", "gaussian", "scaled"],
+                "score": score,
+                "mean": [10.0, 10.6, 10.5],
+                "difference": [GAP, 0.6, 0.5],
+                "low": [GAP, 0.5, GAP],
+                "high": [GAP, 0.7, GAP],
+            }
+        )
+        for steps in groups
+        for score in ("log_score", "nees")
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+def parameter_recovery() -> pd.DataFrame:
+    """Two parameters of the additive model, and σ_B by two estimators."""
+    parts = [
+        pd.DataFrame(
+            {"data": data, "estimator": estimator, "parameter": names, "truth": 1.0, "mean": 1.1}
+        ).assign(
+            relative_bias=[-0.2, 0.01][: len(names)],
+            relative_bias_standard_error=0.01,
+            root_mean_square_error=0.1,
+            standard_deviation=0.1,
+            bootstrap_standard_error=0.1,
+            coverage=0.9,
+            datasets=10,
+            without_an_estimate=0,
+        )
+        for data, estimator, names in [
+            ("additive", "additive", ["sigma_omega_11_rad2", "sigma_omega_12_rad2"]),
+            ("wishart 0.25", "wishart", ["sigma_b"]),
+            ("wishart 0.25", "wishart_ml", ["sigma_b"]),
+        ]
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+def sigma_b_choices() -> pd.DataFrame:
+    """The recordings and data of one truth, over three ratios and three floors."""
+    rng = np.random.default_rng(11)
+    sources = [("recorded", GAP), ("drawn", 0.25), ("drawn without measurement noise", 0.25)]
+    choices = [("ratio", [0.1, 1.0, 10.0], 0.2), ("floor", 1.0, [0.1, 0.2, 0.3])]
+    parts = [
+        pd.DataFrame(
+            {
+                "estimator": "wishart",
+                "source": source,
+                "truth": truth,
+                "varied": varied,
+                "share": share,
+                "floor": floor,
+            }
+        ).assign(sigma_b=rng.random(3), sigma_b_moving=0.3, bound=0.1)
+        for source, truth in sources
+        for varied, share, floor in choices
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+def sensitivity() -> pd.DataFrame:
+    """Two claims of two cases each in the base case and three variations."""
+    claims = {
+        ("first-claim", "method"): ("holds", "fails", "no evidence", "holds"),
+        ("second-claim", "robots"): ("fails", "fails", "holds", "holds"),
+    }
+    variations = [("", ""), ("clock", "not aligned"), ("chance", "other draws")]
+    variations.append(("chance", "other takes"))
+    parts = [
+        pd.DataFrame(
+            {
+                "setting": setting,
+                "variation": variation,
+                "claim": claim,
+                "about": about,
+                "case": ["joint 1", "joint 2"],
+                "value": 1.0,
+                "than": GAP,
+                "holds": word,
+                "verdict": word,
+                "changed": word != words[0],
+            }
+        )
+        for (claim, about), words in claims.items()
+        for (setting, variation), word in zip(variations, words, strict=True)
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+def faults() -> pd.DataFrame:
+    """Two faults of takes, one of frames and one of a log, at three severities."""
+    suffered = [
+        ("take: dropped", "motion capture", [0.01, 0.02, GAP], 0.01, "rad"),
+        ("take: swapped", "motion capture", GAP, 0.01, "rad"),
+        ("frames: frozen", "depth camera", [0.05, 0.05, 0.1], 0.05, "rad"),
+        ("log: saturated", "force transducer", [0.0, 0.1, 1.0], 0.0, "N"),
+    ]
+    parts = [
+        pd.DataFrame(
+            {
+                "fault": fault,
+                "instrument": instrument,
+                "severity": [1.0, 2.0, 3.0],
+                "severity_unit": "rows",
+                "outcome": "",
+                "as_expected": True,
+                "rule": "",
+                "said": "",
+                "error": error,
+                "clean_error": clean,
+                "error_unit": unit,
+            }
+        )
+        for fault, instrument, error, clean, unit in suffered
+    ]
+    return pd.concat(parts, ignore_index=True)

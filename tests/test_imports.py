@@ -1,0 +1,73 @@
+"""Imports run one way and heavy libraries have one door each, as pipeline/IMPORTS.yaml says."""
+
+from __future__ import annotations
+
+import ast
+
+import pytest
+import yaml
+from source_code import MODULES, ROOT, imports, pipeline_imports, room, tree
+
+TABLE = yaml.safe_load((ROOT / "pipeline/IMPORTS.yaml").read_text(encoding="utf-8"))
+ROOMS, EXCEPTIONS, DOORS = TABLE["rooms"], TABLE["exceptions"], TABLE["doors"]
+UPPER = {"stages", "studies", "tools", "__main__"}  # what the paper's rooms never import
+
+
+def within(module: str, entries: list[str]) -> bool:
+    """Whether a module of the pipeline is, or lies in, one of ``entries`` of the table."""
+    return any(f"{module}.".startswith(f"pipeline.{entry}.") for entry in entries)
+
+
+def allowed(module: str) -> list[str]:
+    """The entries that ``module`` may import."""
+    own = room(module)
+    entries = [own, "core", *ROOMS[own]["imports"]]
+    if "rooms" in entries:
+        entries += [name for name in ROOMS if name not in UPPER]
+    return entries + EXCEPTIONS.get(module.removeprefix("pipeline."), [])
+
+
+@pytest.mark.parametrize("module", sorted(set(MODULES) - {"pipeline.__init__"}))
+def test_imports_run_one_way(module):
+    for name in pipeline_imports(module):
+        assert name in MODULES, f"{module} imports {name}, which does not exist"
+        assert within(name, allowed(module)), f"{module} imports {name}"
+
+
+def test_the_table_holds_every_room_and_no_other_and_has_no_circle():
+    assert {room(module) for module in MODULES} == {*ROOMS, "__init__"}
+    below: set[str] = set()
+    for name, entry in ROOMS.items():  # the order of the table is the order of the layers
+        assert set(entry["imports"]) - {"rooms"} <= below, name
+        below.add(name)
+    assert not any(UPPER & set(ROOMS[name]["imports"]) for name in set(ROOMS) - UPPER)
+    # the control: an import against the order is none that the table allows
+    assert not within("pipeline.studies.faults.fault", allowed("pipeline.arm.chain"))
+
+
+def test_stages_import_neither_each_other_nor_the_laboratory_but_for_record():
+    for module in MODULES:
+        if room(module) == "stages":
+            others = {room(name) for name in pipeline_imports(module)}
+            assert "stages" not in others, module
+            assert "laboratory" not in others or module == "pipeline.stages.record", module
+
+
+def test_a_recorded_dataset_needs_nothing_of_the_laboratory_to_be_configured():
+    at_the_top = [
+        node
+        for node in tree("pipeline.core.config").body
+        if isinstance(node, ast.Import | ast.ImportFrom)
+    ]
+    assert not any("laboratory" in ast.unparse(node) for node in at_the_top)
+
+
+@pytest.mark.parametrize("library", DOORS)
+def test_a_library_enters_through_its_door(library):
+    users = [
+        module
+        for module in MODULES
+        if any(name.split(".")[0] == library for name in imports(module))
+    ]
+    assert users, f"nothing imports {library}: take it out of the table"
+    assert [module for module in users if not within(module, DOORS[library])] == []

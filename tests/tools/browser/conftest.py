@@ -1,0 +1,87 @@
+"""The page of a whole run, opened from the disk in a browser; skipped where there is none."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+CHROMIUM = (
+    shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+)
+# a browser that asks nobody for anything
+QUIET = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+
+
+@dataclass
+class Opened:
+    """A page in a browser, what it wrote on the console as an error, and what it asked other places
+    for.
+    """
+
+    page: Page
+    errors: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Headless Chromium with a profile of its own."""
+    if CHROMIUM is None:
+        pytest.skip("no Chromium is installed (on Debian and Ubuntu: apt-get install chromium)")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET)
+        yield browser
+        browser.close()
+
+
+def open_page(browser: Browser, file: Path, width: int) -> Opened:
+    """Open ``file`` in a window of ``width`` px and listen."""
+    opened = Opened(browser.new_page(viewport={"width": width, "height": 900}))
+    opened.page.on(
+        "console",
+        lambda message: opened.errors.append(message.text) if message.type == "error" else None,
+    )
+    opened.page.on("pageerror", lambda error: opened.errors.append(str(error)))
+    opened.page.on("request", lambda request: opened.requests.append(request.url))
+    opened.page.goto(file.as_uri())
+    expect(opened.page.locator("#play-now")).to_contain_text(" of ")
+    return opened
+
+
+@pytest.fixture
+def at_width(browser: Browser, results: Path) -> Iterator[Callable[[int], Opened]]:
+    """Opens the page in a window of a width in px."""
+    shown: list[Opened] = []
+
+    def open_at(width: int) -> Opened:
+        shown.append(open_page(browser, results / "reports/index.html", width))
+        return shown[-1]
+
+    yield open_at
+    for each in shown:
+        each.page.close()
+
+
+@pytest.fixture
+def opened(at_width: Callable[[int], Opened]) -> Opened:
+    """The page on a wide screen."""
+    return at_width(1200)
+
+
+@pytest.fixture
+def narrow(at_width: Callable[[int], Opened]) -> Opened:
+    """The page on a narrow one."""
+    return at_width(360)

@@ -1,0 +1,71 @@
+"""A project's root to write datasets into, and exports to write them from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from motive_files import START, random_take
+from written_logs import write_joint_log
+
+from pipeline.core import config, datasheet
+from pipeline.formats.depth.index import write_index
+from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
+from pipeline.formats.depth.png import write_depth
+from pipeline.formats.force.daqft import ForceRecord, write_daqft
+from pipeline.formats.joints.log import JointLog
+from pipeline.formats.motion.motive import write_motive
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch) -> Path:
+    """An empty project that is worked in."""
+    folder = tmp_path / "project"
+    (folder / "conf/dataset").mkdir(parents=True)
+    (folder / "params.yaml").write_text("dataset: youbot\n")
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(config, "CONF", folder / "conf")
+    monkeypatch.setattr(datasheet, "DATASHEETS", folder / "data/raw")
+    return folder
+
+
+@pytest.fixture
+def exports(tmp_path) -> Path:
+    """Takes of motion capture, two of which a depth camera saw, and a force log."""
+    folder = tmp_path / "exports"
+    for part in ("mocap", "kinect", "force"):
+        (folder / part).mkdir(parents=True)
+    for name in ("fit_1", "fit_2", "fit_3", "hold_1", "hold_2"):
+        write_motive(folder / f"mocap/{name}.csv", random_take(21, body=False), start=START)
+    for name in ("hold_1", "hold_2"):
+        (folder / "kinect" / name / "depth").mkdir(parents=True)
+        files = tuple(f"depth/{number}.png" for number in range(3))
+        for file in files:
+            write_depth(folder / "kinect" / name / file, np.full((12, 16), 1000, np.uint16))
+        write_index(folder / "kinect" / name / "depth.txt", np.arange(3) / 30, files)
+    write_intrinsics(folder / "kinect/camera.yaml", Intrinsics(20.0, 20.0, 8.0, 6.0, 16, 12))
+    values = np.random.default_rng(1).normal(size=(50, 3))
+    write_daqft(
+        folder / "force/C1.csv",
+        ForceRecord(np.arange(50) / 100, values, values, 100.0, "FT1", START, {}),
+    )
+    return folder
+
+
+@pytest.fixture
+def joint_exports(tmp_path) -> Path:
+    """Movements of six joints, and a folder that holds something else."""
+    folder = tmp_path / "logs"
+    for number in (1, 2):
+        (folder / f"move_{number}").mkdir(parents=True)
+        for name in ("q_measured", "q_commanded"):
+            log = JointLog(
+                np.arange(30) / 125, np.random.default_rng(number).normal(size=(30, 6)), {}
+            )
+            write_joint_log(folder / f"move_{number}" / f"{name}.csv", log)
+    (folder / "rest_3").mkdir()
+    write_joint_log(
+        folder / "rest_3/force.csv", JointLog(np.arange(30) / 200, np.zeros((30, 6)), {})
+    )
+    return folder

@@ -1,0 +1,203 @@
+"""Verdicts follow from claims and numbers alone, and from whose recordings they are."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from pipeline.verdicts.claims import parse_claims
+from pipeline.verdicts.decision import (
+    NO_EVIDENCE,
+    NOT_REPRODUCED,
+    REPRODUCED,
+    SYNTHETIC_CANNOT,
+    Decided,
+    decide,
+    decide_each,
+    verdict_data,
+    verdict_table,
+)
+from pipeline.verdicts.run import Run
+
+JOINTS = ["shoulder", "elbow"]
+TEXTS = {key: key for key in ("where", "statement", "quantity", "reason", "stage")}
+VALUE = {"file": "metrics/motion", "key": "{model}_error"}
+CLAIM = TEXTS | {
+    "id": "mean",
+    "about": "method",
+    "rule": "below",
+    "limit": 0.02,
+    "each": {"model": ["additive", "wishart"]},
+    "value": VALUE,
+}
+EVIDENCE = {"metrics/motion": {"additive_error": 0.01, "wishart_error": 0.015}}
+
+
+def verdict(evidence=EVIDENCE, recordings="synthetic", **changes):
+    (result,) = decide(parse_claims([CLAIM | changes]), evidence, recordings, JOINTS)
+    return result
+
+
+def test_a_claim_holds_where_its_rule_holds_in_every_case():
+    assert verdict().verdict == REPRODUCED
+    failing = verdict(limit=0.012)
+    assert failing.verdict == NOT_REPRODUCED
+    assert [(case.case, case.value, case.holds) for case in failing.cases] == [
+        ("additive", 0.01, True),
+        ("wishart", 0.015, False),
+    ]
+    assert failing.command == "dvc repro stage"
+
+
+@pytest.mark.parametrize(
+    ("about", "recordings", "expected"),
+    [
+        ("method", "synthetic", REPRODUCED),
+        ("method", "real", REPRODUCED),
+        ("robots", "synthetic", SYNTHETIC_CANNOT),
+        ("robots", "real", REPRODUCED),
+        ("robots", "paper", REPRODUCED),
+        ("specimen", "synthetic", SYNTHETIC_CANNOT),
+        ("specimen", "real", NO_EVIDENCE),
+        ("specimen", "paper", REPRODUCED),
+    ],
+)
+def test_what_is_said_of_a_robot_only_its_recordings_decide(about, recordings, expected):
+    result = verdict(about=about, recordings=recordings)
+    assert result.verdict == expected
+    assert all(case.holds for case in result.cases)
+
+
+def test_a_missing_number_is_no_evidence_and_the_others_are_still_shown():
+    result = verdict({"metrics/motion": {"additive_error": 0.01}})
+    assert result.verdict == NO_EVIDENCE
+    assert [(case.value, case.holds) for case in result.cases] == [(0.01, True), (None, None)]
+    assert verdict({}).verdict == NO_EVIDENCE
+    assert (
+        verdict(rule="less", limit=None, than={"file": "metrics/motion", "key": "nothing"}).verdict
+        == NO_EVIDENCE
+    )
+
+
+def test_an_order_with_a_gap_is_not_judged():
+    changes = {
+        "rule": "decreasing",
+        "limit": None,
+        "each": {"model": ["wishart", "none", "additive"]},
+    }
+    assert [case.holds for case in verdict(**changes).cases] == [None, None, None]
+    assert verdict(**changes | {"each": {"model": ["wishart", "additive"]}}).verdict == REPRODUCED
+    assert (
+        verdict(**changes | {"each": {"model": ["additive", "wishart"]}}).verdict == NOT_REPRODUCED
+    )
+
+
+def test_published_values_belong_to_the_cases_in_their_order():
+    changes = {
+        "rule": "within_relative",
+        "limit": None,
+        "tolerance": 0.1,
+        "published": [0.01, 0.0151],
+    }
+    assert verdict(**changes).verdict == REPRODUCED
+    assert verdict(**changes | {"published": [0.0151, 0.01]}).verdict == NOT_REPRODUCED
+    assert [case.published for case in verdict(**changes | {"published": 0.01}).cases] == [
+        0.01,
+        0.01,
+    ]
+
+
+def test_standard_errors_add_in_squares_and_give_distance_and_interval():
+    evidence = {"metrics/wrench": {"e": 5.0, "se": 0.3, "ee": 0.4}}
+    value, *errors = ({"file": "metrics/wrench", "key": key} for key in ("e", "se", "ee"))
+    changes = {
+        "each": {},
+        "value": value,
+        "standard_error": errors,
+        "rule": "standard_errors",
+        "published": 6.0,
+    }
+    (case,) = verdict(evidence, **changes | {"limit": 2.5}).cases
+    assert (case.distance, case.low, case.high, case.holds) == pytest.approx(
+        (2.0, 4.02, 5.98, True)
+    )
+    assert verdict(evidence, **changes | {"limit": 1.5}).verdict == NOT_REPRODUCED
+
+
+def test_the_same_claims_judge_the_numbers_of_any_variation():
+    claims = parse_claims([CLAIM])
+    variations = {
+        share: {"metrics/motion": {"additive_error": 0.01, "wishart_error": 0.015 * share}}
+        for share in (1.0, 2.0)
+    }
+    tables = {
+        share: verdict_table(decide(claims, evidence, "synthetic", JOINTS))
+        for share, evidence in variations.items()
+    }
+    assert tables[1.0]["verdict"].tolist() == [REPRODUCED] * 2
+    assert tables[2.0]["verdict"].tolist() == [NOT_REPRODUCED] * 2
+    assert tables[2.0]["holds"].tolist() == [True, False]
+    assert list(tables[1.0].columns) == [
+        "id",
+        "verdict",
+        "case",
+        "value",
+        "than",
+        "low",
+        "high",
+        "published",
+        "distance",
+        "holds",
+    ]
+
+
+def test_each_joint_of_a_run_has_its_own_name_and_a_case_its_number():
+    evidence = {"metrics/motion": {"shoulder_error": 0.01, "elbow_error": 0.03}}
+    value = {"file": "metrics/motion", "key": "{joint}_error"}
+    changes = {"each": {"joint": [1, 2]}, "value": value}
+    assert [(case.case, case.value, case.holds) for case in verdict(evidence, **changes).cases] == [
+        ("joint 1", 0.01, True),
+        ("joint 2", 0.03, False),
+    ]
+    assert verdict(evidence, **changes | {"each": {"joint": [1, 2, 3]}}).verdict == NO_EVIDENCE
+
+
+def test_runs_are_decided_by_whose_recordings_they_are_and_by_their_own_joints():
+    value = {"file": "metrics/motion", "key": "{joint 1}_error"}
+    claims = parse_claims([CLAIM | {"each": {}, "value": value}])
+    metrics = {"motion": {"shoulder_error": 0.01, "hip_error": 0.02}}
+    runs = [
+        Run(name, "paper", synthetic, joints, {}, metrics, {})
+        for name, synthetic, joints in (
+            ("youbot", True, JOINTS),
+            ("ur5", False, ["hip"]),
+            ("lab", False, JOINTS),
+        )
+    ]
+    decided = decide_each(claims, runs, ["lab"])
+    assert [whose.recordings for whose in decided] == ["synthetic", "real", "paper"]
+    assert [whose.verdicts[0].cases[0].value for whose in decided] == [0.01, 0.02, 0.01]
+    assert decided[0].summary == "1 reproduced" and decided[1].summary == "1 not reproduced"
+
+
+def test_the_data_hold_every_claim_with_its_evidence_and_are_strict_json():
+    claims = parse_claims(
+        [CLAIM, CLAIM | {"id": "other", "each": {}, "value": {"file": "m", "key": "x"}}]
+    )
+    data = verdict_data(
+        [
+            Decided("youbot", "synthetic", JOINTS, decide(claims, EVIDENCE, "synthetic", JOINTS)),
+            Decided("ur5", "real", JOINTS, decide(claims, {}, "real", JOINTS)),
+        ]
+    )
+    assert json.loads(json.dumps(data, allow_nan=False)) == data
+    assert [entry["id"] for entry in data] == ["mean", "other"]
+    assert data[0]["evidence"] == [
+        "reports/metrics/motion.json: additive_error",
+        "reports/metrics/motion.json: wishart_error",
+    ]
+    here = data[0]["datasets"]["youbot"]["cases"][1]
+    assert (here["value"], here["holds"]) == (0.015, True)
+    there = data[0]["datasets"]["ur5"]
+    assert there["verdict"] == NO_EVIDENCE and there["cases"][0]["value"] is None

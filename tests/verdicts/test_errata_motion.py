@@ -1,0 +1,125 @@
+"""Errata of the motion part that no other test shows: signs, units and orders, and moments that do
+not exist.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import linalg
+
+from pipeline.arm.chain import PlanarChain
+from pipeline.models.draws import draw_steps
+from pipeline.models.gaussian.law import GaussianModel, noise_scale
+from pipeline.models.noise import process_noise
+from pipeline.models.wishart.law import WishartModel
+
+POSE = np.array([0.4, 1.7, -0.3])
+STEP = np.array([0.004, -0.003, 0.03])
+
+
+def arm(metre: float = 1.0) -> PlanarChain:
+    """The arm with its lengths in units of which a metre has ``metre``."""
+    links = metre * np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]])
+    return PlanarChain(
+        np.zeros(2),
+        links,
+        np.array([1.0, 1.0, -1.0]),
+        np.full(3, -3.0),
+        np.full(3, 3.0),
+        np.full(3, np.pi / 2),
+    )
+
+
+def deviation(jacobian: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """(3,) what the noise of each joint is in proportion to under LU, row by row of J₂⁻¹ and with r
+    = ‖J₁⁻¹v‖.
+    """
+    first, second = linalg.lu(jacobian, permute_l=True)
+    return np.linalg.norm(np.linalg.solve(first, step)) * np.linalg.norm(
+        np.linalg.inv(second), axis=1
+    )
+
+
+def test_only_measured_minus_nominal_is_the_noise_of_a_random_jacobian():
+    """(J⁻¹ − J̲⁻¹)ẋᵈΔt of (Omegk) is ω as estimated here, and minus ω as (OmgReal) prints it."""
+    chain = arm()
+    random = chain.jacobian(POSE) @ (
+        np.eye(3) + 0.1 * np.random.default_rng(0).standard_normal((3, 3))
+    )
+    q = np.stack([POSE, POSE + np.linalg.solve(random, STEP)])
+    meant = (np.linalg.inv(random) - chain.inverse_jacobian(POSE)) @ STEP
+    printed = q[0] + chain.inverse_jacobian(q[0]) @ STEP - q[1]
+    np.testing.assert_allclose(process_noise(chain, q[None], STEP[None])[0, 0], meant, atol=1e-14)
+    np.testing.assert_allclose(printed, -meant, atol=1e-14)
+    assert np.abs(meant).max() > 1e-3
+
+
+@pytest.mark.parametrize("decomposition", ["lu", "qr"])
+def test_another_unit_of_length_is_another_model(decomposition):
+    model = WishartModel(0.25, decomposition)
+    metres = model.covariance(arm(), POSE, STEP)
+    millimetres = model.covariance(arm(1000), POSE, STEP * [1000, 1000, 1])
+    assert (np.diag(millimetres) > 25 * np.diag(metres)).all()
+    # control: the nominal step is the same
+    nominal = arm(1000).inverse_jacobian(POSE) @ (STEP * [1000, 1000, 1])
+    np.testing.assert_allclose(nominal, arm().inverse_jacobian(POSE) @ STEP)
+
+
+def test_lu_depends_on_the_order_of_the_joints_and_pivoting_takes_out_that_of_the_rows():
+    jacobian = arm().jacobian(POSE)
+    as_listed = deviation(jacobian, STEP)
+    for order in ([0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]):
+        np.testing.assert_allclose(deviation(jacobian[order], STEP[order]), as_listed, rtol=1e-12)
+        back_in_place = deviation(jacobian[:, order], STEP)[np.argsort(order)]
+        assert np.abs(back_in_place / as_listed - 1).max() > 0.02
+
+
+def test_the_noise_under_lu_jumps_where_the_pivots_change_and_under_qr_nowhere():
+    q = np.tile(POSE, (4001, 1))
+    q[:, 0] = np.linspace(-2, 2, 4001)
+
+    def greatest_jump(decomposition: str) -> float:
+        variance = np.diagonal(
+            WishartModel(0.25, decomposition).covariance(arm(), q, STEP), axis1=-2, axis2=-1
+        )
+        return float(np.abs(np.diff(np.log(variance), axis=0)).max())
+
+    assert greatest_jump("lu") > 0.3
+    assert greatest_jump("qr") < 1e-3
+
+
+def test_steps_through_the_inverse_of_a_gaussian_matrix_have_no_variance():
+    """P(|Δq| > t) falls as 1/t, for the determinant has a density at zero; with the inverse
+    Gaussian it falls faster than any power.
+    """
+    rng = np.random.default_rng(1)
+    chain, size = arm(), 400_000
+    jacobian = chain.jacobian(POSE)
+    forward = np.abs(
+        np.linalg.solve(jacobian + 0.05 * rng.standard_normal((size, 3, 3)), STEP)[:, 0]
+    )
+    far = np.array([1.0, 4.0, 16.0])
+    tail = np.array([np.mean(forward > t) for t in far])
+    # four standard errors of the count beyond the farthest
+    np.testing.assert_allclose(far * tail, far[0] * tail[0], rtol=4 / np.sqrt(size * tail[-1]))
+    # control: the model of the inverse has nothing out there
+    inverse, _ = draw_steps(GaussianModel(0.1, 30.0), chain, np.tile(POSE, (size, 1)), STEP, rng)
+    assert not np.any(np.abs(inverse[:, 0] - POSE[0]) > far[0])
+
+
+def test_half_of_the_matrices_exceed_the_bound_at_full_level():
+    """tr{nΣ} ≤ u² − ‖J̲‖² bounds E‖J‖² by u², and no single norm."""
+    rng = np.random.default_rng(2)
+    inverse, u, draws = arm().inverse_jacobian(POSE), 18.0, 100_000
+    scale = noise_scale(np.linalg.norm(inverse), 1.0, u, 3)
+    norms = np.linalg.norm(
+        inverse + np.sqrt(scale) * rng.standard_normal((draws, 3, 3)), axis=(1, 2)
+    )
+    assert np.mean(norms**2) == pytest.approx(u**2, rel=0.01)
+    assert 0.4 < np.mean(norms > u) < 0.6
+    # control: a tenth of the level all but keeps it
+    quiet = np.linalg.norm(
+        inverse + 0.1 * np.sqrt(scale) * rng.standard_normal((draws, 3, 3)), axis=(1, 2)
+    )
+    assert np.mean(quiet > u) < 1e-3
