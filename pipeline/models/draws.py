@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numba import int64, types
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.chain import JOINTS, PlanarChain
 from pipeline.arm.compiled import ARM, Arm, arm_numbers
 from pipeline.core.compiled import MATRIX, VECTOR, compiled, inlined, inner
 from pipeline.core.errors import SingularJacobianError
-from pipeline.models.law import CUBE, GENERATOR, NUMBERS, STEP, Numbers, block, row
+from pipeline.models.law import CUBE, GENERATOR, NUMBERS, STEP, Numbers, block
 from pipeline.models.model import Law, MotionModel
 from pipeline.randommatrix.variates import gamma_law, standard_gamma, standard_normal
 
@@ -20,7 +20,11 @@ def numbers_for(law: Law, poses: int = BLOCK) -> Numbers:
     """Room for the random numbers that a block of at most so many ``poses`` takes under ``law``."""
     sets, each = law.normals
     return Numbers(
-        gamma_law(law.degrees / 2.0), each, np.empty(poses), np.empty((sets * each, poses))
+        gamma_law(law.degrees / 2.0),
+        each,
+        np.empty(poses),
+        np.empty((sets * each, poses)),
+        np.empty((JOINTS, poses)),
     )
 
 
@@ -56,8 +60,12 @@ def move_block(
         step: the law, with its ``parameters``, and room for its ``numbers``.
         arm: the chain's numbers.
     """
-    draw(numbers, len(here[0]), rng)
-    return step(numbers, parameters, arm, row(v), here, there)
+    count = len(here[0])
+    draw(numbers, count, rng)
+    for r in range(len(v)):
+        for i in range(count):
+            numbers.command[r, i] = v[r]
+    return step(numbers, parameters, arm, block(numbers.command, 0, count), here, there)
 
 
 def draw_steps(

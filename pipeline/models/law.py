@@ -1,10 +1,10 @@
 """What a compiled law of one step is: the function that moves a block of poses.
 
 A law ``step(numbers, parameters, arm, v, q, moved) -> clipped`` makes q_{k+1} of the poses of a
-block of their random ``numbers``. ``parameters`` (K,) are the model's, ``arm`` the chain's, ``v``
-the commanded step, one number a task row (m, m, rad); ``q`` has an array (N,) for each joint, in
-rad, and ``moved`` as many, to be filled; ``clipped`` is for how many of them the noise was clipped
-at zero. Which numbers a step takes is said by :class:`pipeline.models.model.Law`.
+block of their random ``numbers``. ``parameters`` (K,) are the model's, ``arm`` the chain's; ``v``
+has an array (N,) for each task row, the poses' commanded steps (m, m, rad), ``q`` one for each
+joint, in rad, and ``moved`` as many, to be filled; ``clipped`` is for how many of them the noise
+was clipped at zero. Which numbers a step takes is said by :class:`pipeline.models.model.Law`.
 
 That the numbers of a block are there before the law begins has two reasons: a loop without a call
 to the generator is one that the compiler turns into instructions for four poses at once, and how
@@ -33,14 +33,15 @@ class Numbers(NamedTuple):
     each: int  # normals of a pose in a set
     chi_square: np.ndarray  # (N,)
     normal: np.ndarray  # (sets·each, N)
+    command: np.ndarray  # (m, N) room for the commanded step of each pose
 
 
 GENERATOR = types.npy_rng
 ROW = types.UniTuple(float64, JOINTS)  # a number for each joint or task row
-NUMBERS = types.NamedTuple((types.UniTuple(float64, 3), int64, VECTOR, MATRIX), Numbers)
+NUMBERS = types.NamedTuple((types.UniTuple(float64, 3), int64, VECTOR, MATRIX, MATRIX), Numbers)
 BLOCKS = types.UniTuple(VECTOR, JOINTS)
 CUBE = types.Array(float64, 3, "C")
-STEP = int64(NUMBERS, VECTOR, ARM, ROW, BLOCKS, BLOCKS)
+STEP = int64(NUMBERS, VECTOR, ARM, BLOCKS, BLOCKS, BLOCKS)
 
 
 def row_by_row(matrix: np.ndarray) -> np.ndarray:
@@ -63,21 +64,15 @@ def block(q: np.ndarray, start: int, stop: int) -> tuple[np.ndarray, ...]:
 
 
 @inlined
-def row(v: np.ndarray) -> tuple[float, ...]:
-    """The numbers of ``v`` (n,)."""
-    return v[0], v[1], v[2]
-
-
-@inlined
-def pose(q: tuple, i: int) -> tuple[float, ...]:
-    """The joint angles of pose ``i`` of a block ``q``."""
+def at(q: tuple, i: int) -> tuple[float, ...]:
+    """The joint angles, or the commanded step, of pose ``i`` of a block ``q``."""
     return q[0][i], q[1][i], q[2][i]
 
 
 @inlined
 def nominal_step(arm: Arm, q: tuple, i: int, v: tuple) -> tuple[float, ...]:
-    """J(q)⁻¹v in rad of pose ``i`` of a block ``q``."""
-    return joint_step(arm, segments(arm, pose(q, i)), v)
+    """J(q)⁻¹v in rad of pose ``i`` of a block ``q`` for its own step ``v``, a number a task row."""
+    return joint_step(arm, segments(arm, at(q, i)), v)
 
 
 @inlined

@@ -50,7 +50,9 @@ def linear(numbers, parameters, arm, v, q, moved):
         for j in range(3):
             moved[j][i] = q[j][i]
             for k in range(3):
-                moved[j][i] += INVERSE[j, k] * v[k] + parameters[3 * j + k] * numbers.normal[k, i]
+                moved[j][i] += (
+                    INVERSE[j, k] * v[k][i] + parameters[3 * j + k] * numbers.normal[k, i]
+                )
     return 0
 
 
@@ -132,7 +134,7 @@ def spread(q):
 @njit
 def state_dependent(numbers, parameters, arm, v, q, moved):
     for i in range(len(q[0])):
-        moved[0][i] = centre(q[0][i], v[0]) + spread(q[0][i]) * numbers.normal[0, i]
+        moved[0][i] = centre(q[0][i], v[0][i]) + spread(q[0][i]) * numbers.normal[0, i]
         moved[1][i], moved[2][i] = q[1][i], q[2][i]
     return 0
 

@@ -48,8 +48,8 @@ def diffusing(numbers, parameters, arm, v, q, moved):
     for i in range(count):
         to = count - 1 - i if parameters[2] else i
         for j in range(3):
-            moved[j][to] = q[j][to] + v[j] + parameters[0] * numbers.normal[j, i]
-    return int(parameters[1] * v[0])
+            moved[j][to] = q[j][to] + v[j][i] + parameters[0] * numbers.normal[j, i]
+    return int(parameters[1] * v[0][0])
 
 
 def measurements_near(start: Start, steps: np.ndarray, rate: float = 30.0) -> Measurements:

@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.arm.compiled import Arm, joint_step, segments
 from pipeline.core.compiled import passed
-from pipeline.models.law import Numbers, pose
+from pipeline.models.law import Numbers, at
 
 
 @passed
@@ -18,9 +18,8 @@ def gaussian(
     """
     noise, clipped = numbers.normal, 0
     alpha, u = parameters[0], parameters[1]
-    command = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     for i in range(len(q[0])):
-        shape = segments(arm, pose(q, i))
+        shape, (x, z, phi) = segments(arm, at(q, i)), at(v, i)
         square = 0.0
         for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)):
             column = joint_step(arm, shape, axis)
@@ -28,8 +27,10 @@ def gaussian(
         norm = np.sqrt(square)
         clipped += norm > u
         bounded = norm if norm < u else u
-        deviation = np.sqrt(alpha * alpha * (u * u - bounded * bounded) / 9 * command)
-        dq = joint_step(arm, shape, v)
+        deviation = np.sqrt(
+            alpha * alpha * (u * u - bounded * bounded) / 9 * (x * x + z * z + phi * phi)
+        )
+        dq = joint_step(arm, shape, (x, z, phi))
         for j in range(len(q)):
             moved[j][i] = q[j][i] + dq[j] + deviation * noise[j, i]
     return clipped

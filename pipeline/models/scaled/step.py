@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.arm.compiled import Arm
 from pipeline.core.compiled import passed
-from pipeline.models.law import Numbers, nominal_step, transformed
+from pipeline.models.law import Numbers, at, nominal_step, transformed
 
 
 @passed
@@ -18,7 +18,7 @@ def scaled(
     """
     noise, half = numbers.normal, len(parameters) // 2
     for i in range(len(q[0])):
-        dq = nominal_step(arm, q, i, v)
+        dq = nominal_step(arm, q, i, at(v, i))
         eta = transformed(parameters[:half], (noise[0, i], noise[1, i], noise[2, i]))
         epsilon = transformed(parameters[half:], (noise[3, i], noise[4, i], noise[5, i]))
         for j in range(len(q)):

@@ -19,7 +19,7 @@ import numpy as np
 
 from pipeline.arm.compiled import Arm, joint_step, segments
 from pipeline.core.compiled import inlined, passed
-from pipeline.models.law import Numbers, nominal_step, pose, transformed
+from pipeline.models.law import Numbers, at, nominal_step, transformed
 
 # Taylor coefficients of (exp(y) − 1)/y: up to y = 0.7 the first term left out is below half a unit
 # in the last place
@@ -71,9 +71,10 @@ def given_factor(
     gamma, normal = numbers.chi_square, numbers.normal
     d, end = parameters[0], 1 + len(parameters) // 2
     left, inverse = parameters[1:end], parameters[end:]
-    a = transformed(inverse, v)
     for i in range(len(q[0])):
-        w = inverse_action(a, d, gamma[i], (normal[0, i], normal[1, i]))
+        w = inverse_action(
+            transformed(inverse, at(v, i)), d, gamma[i], (normal[0, i], normal[1, i])
+        )
         dq = nominal_step(arm, q, i, transformed(left, w))
         for j in range(len(q)):
             moved[j][i] = q[j][i] + dq[j]
@@ -91,17 +92,17 @@ def lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, m
     gamma, normal = numbers.chi_square, numbers.normal
     d = parameters[0]
     for i in range(len(q[0])):
-        shape = segments(arm, pose(q, i))
+        shape = segments(arm, at(q, i))
         ax, az, bx, bz, tx, tz = shape
         # rows of J: columns of joints 1 and 2, and the commanded step
-        x1, x2, xv = az + bz + tz, bz + tz, v[0]
-        z1, z2, zv = -(ax + bx + tx), -(bx + tx), v[1]
+        x1, x2, xv = az + bz + tz, bz + tz, v[0][i]
+        z1, z2, zv = -(ax + bx + tx), -(bx + tx), v[1][i]
         # first pivot: the greatest of |x1|, |z1| and 1, the first of equals
         by_x = abs(x1) >= abs(z1) and abs(x1) >= 1.0
         by_z = not by_x and abs(z1) >= 1.0
-        f1, f2, fv = (x1, x2, xv) if by_x else ((z1, z2, zv) if by_z else (1.0, 1.0, v[2]))
+        f1, f2, fv = (x1, x2, xv) if by_x else ((z1, z2, zv) if by_z else (1.0, 1.0, v[2][i]))
         s1, s2, sv = (z1, z2, zv) if by_x else (x1, x2, xv)
-        t1, t2, tv = (z1, z2, zv) if not (by_x or by_z) else (1.0, 1.0, v[2])
+        t1, t2, tv = (z1, z2, zv) if not (by_x or by_z) else (1.0, 1.0, v[2][i])
         over = 1 / f1
         ls, lt = s1 * over, t1 * over
         s2, t2 = s2 - ls * f2, t2 - lt * f2
