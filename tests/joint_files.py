@@ -2,22 +2,57 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.joints.log import (
-    JointLog,
-    read_joint_log,
-)
+from pipeline.core.options.logs import SIGNALS
+from pipeline.formats.joints.log import JointLog, LogOptions
+from pipeline.recordings import movement
+
+PLAIN = LogOptions()
 
 
 def log(samples: int = 100, joints: int = 6, seed: int = 1) -> JointLog:
     return JointLog(
         np.arange(samples) * 0.008,
-        np.random.default_rng(seed).uniform(-3, 3, (samples, joints)),
+        {"actual": np.random.default_rng(seed).uniform(-3, 3, (samples, joints))},
         {},
     )
+
+
+def read_joint_log(
+    file: Path,
+    *,
+    joints: int,
+    columns: Sequence[str | int] | None = None,
+    options: LogOptions = PLAIN,
+) -> JointLog:
+    """The log of one signal in ``file``."""
+    return movement.read_log(file, replace(options, joints=joints, signals={"actual": columns}))
+
+
+def read_movement(
+    folder: Path,
+    files: Sequence[str],
+    *,
+    joints: int,
+    rate: float,
+    columns: Sequence[Sequence[str | int] | None] | None = None,
+) -> tuple[list[np.ndarray], dict[str, int]]:
+    """Values of the signals of one movement, each in one of ``files``, and the counts."""
+    wanted: dict[Path, dict] = {}
+    for signal, file, chosen in zip(SIGNALS, files, columns or [None] * len(files), strict=False):
+        wanted.setdefault(folder / file, {})[signal] = chosen
+    options = {
+        file: replace(PLAIN, joints=joints, signals=signals) for file, signals in wanted.items()
+    }
+    signals, counts = movement.read_movement(options, rate)
+    return list(signals.values()), counts
 
 
 def refusal(file, joints: int = 2) -> RecordingError:

@@ -65,7 +65,7 @@ def write_movement(
     )
     folder.mkdir(parents=True)
     for name, angles in zip(FILES, (actual, target, speed), strict=True):
-        write_joint_log(folder / name, JointLog(rows / 125, angles, {}))
+        write_joint_log(folder / name, JointLog(rows / 125, {"actual": angles}, {}))
 
 
 MADE_UP = {

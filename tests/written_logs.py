@@ -36,6 +36,6 @@ def write_netft(file: Path, record: ForceRecord, *, counts_per_unit: int | None 
 
 def write_joint_log(file: Path, log: JointLog) -> None:
     """Write ``log`` with six decimals, which is what controllers print: 1 µs and 1 µrad."""
-    table = np.column_stack([log.time, log.values])
+    table = np.column_stack([log.time, log.signals["actual"]])
     row = ", ".join(["%.6f"] * table.shape[1]) + "\n"
     Path(file).write_bytes((row * len(table) % tuple(table.ravel().tolist())).encode())

@@ -16,6 +16,8 @@ from pathlib import Path
 from pkgutil import resolve_name, walk_packages
 from types import ModuleType
 
+from pipeline.core.errors import RecordingError
+
 BYTES = 16_384  # of a file's head
 
 
@@ -23,6 +25,7 @@ class Kind(StrEnum):
     """What a file holds; ``read`` of every format of a kind takes and returns the same."""
 
     MOTION = "motion"  # read(file, unit) → pipeline.formats.motion.take.MotionTake
+    JOINTS = "joints"  # read(file, options) → pipeline.formats.joints.log.JointLog
     FORCE = "force"  # read(file, options) → pipeline.formats.force.record.ForceRecord
     CALIBRATION = "calibration"  # read(file) → pipeline.formats.force.calibration.Calibration
     IMAGE = "image"  # read(content, file=) → pipeline.formats.depth.image.DepthImage
@@ -112,6 +115,16 @@ def formats_in(package: ModuleType, *kinds: Kind) -> tuple[Format, ...]:
 def recognised(head: Head, formats: Sequence[Format]) -> Format | None:
     """The first of the ``formats`` that the file begins like."""
     return next((one for one in formats if one.recognises and one.recognises(head)), None)
+
+
+def format_of(file: Path, formats: Sequence[Format]) -> Format | None:
+    """The first of the ``formats`` that ``file`` begins like; RecordingError where it cannot be
+    opened.
+    """
+    try:
+        return recognised(Head.read(file), formats)
+    except OSError as error:
+        raise RecordingError(f"the file cannot be read ({error.strerror})", file=file) from None
 
 
 def begins(*marks: bytes) -> Callable[[Head], bool]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +13,11 @@ from pipeline.arm.model import Arm
 from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset
-from pipeline.core.options.logs import JointLog
-from pipeline.formats.joints.log import Layout, read_movement
+from pipeline.core.options.logs import SIGNALS, JointLog
+from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.patterns import matching
 from pipeline.recordings.commands import task_columns
+from pipeline.recordings.movement import read_movement
 from pipeline.recordings.quality import quality_row
 from pipeline.recordings.repetitions import (
     align,
@@ -204,40 +205,33 @@ def _read(
     movement: Path, options: JointLog, rate: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, int]]:
     """Measured and commanded angles and commanded speeds (N, joints) of a folder of logs, or of one
-    table that is a movement.
+    file that is a movement.
     """
-    files = {"actual": options.actual, "target": options.target, "speed": options.speed}
-    if movement.is_file():
-        files = {signal: movement.name if signal in options.signals else None for signal in files}
-    if missing := [signal for signal in ("actual", "target") if files[signal] is None]:
-        where = "signals" if movement.is_file() else " and ".join(missing)
-        raise ConfigError(
-            f"nothing says where {movement.name} holds the {' and '.join(missing)} angles",
-            key=f"dataset.joint_log.{where}",
-        )
-    signals = [signal for signal, file in files.items() if file is not None]
-    layout = Layout(
+    wanted: dict[Path, dict] = {movement: options.signals} if movement.is_file() else {}
+    if movement.is_dir():
+        for signal in SIGNALS:
+            if file := getattr(options, signal):
+                columns = wanted.setdefault(movement / file, {})
+                columns[signal] = options.signals.get(signal)
+    common = LogOptions(
         options.time,
         rate,
         options.separator,
         options.decimal,
         options.angle_unit,
         options.time_unit,
+        options.joints,
     )
-    values, counts = read_movement(
-        movement if movement.is_dir() else movement.parent,
-        [files[signal] for signal in signals],
-        joints=options.joints,
-        rate=rate,
-        columns=[options.signals.get(signal) for signal in signals],
-        layout=layout,
-    )
-    actual, target = values[:2]
-    if len(values) == 3:
-        return actual, target, values[2], counts
-    return (
-        actual,
-        target,
-        commanded_speeds(target, rate, options.rest_speed),
-        counts | {"speed_from_angles": 1},
-    )
+    files = {file: replace(common, signals=signals) for file, signals in wanted.items()}
+    signals, counts = read_movement(files, rate) if files else ({}, {})
+    if missing := [signal for signal in ("actual", "target") if signal not in signals]:
+        where = "signals" if movement.is_file() else " and ".join(missing)
+        raise ConfigError(
+            f"nothing says where {movement.name} holds the {' and '.join(missing)} angles",
+            key=f"dataset.joint_log.{where}",
+        )
+    actual, target = signals["actual"], signals["target"]
+    if "speed" in signals:
+        return actual, target, signals["speed"], counts
+    speed = commanded_speeds(target, rate, options.rest_speed)
+    return actual, target, speed, counts | {"speed_from_angles": 1}

@@ -14,7 +14,7 @@ from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Motion
 from pipeline.core.options.motion_capture import Body, Mocap
 from pipeline.formats import motion as motion_formats
-from pipeline.formats.format import Head, Kind, formats_in, recognised
+from pipeline.formats.format import Kind, format_of, formats_in
 from pipeline.formats.motion.take import MotionTake
 from pipeline.formats.patterns import matching
 from pipeline.formats.trajectory import read_trajectory
@@ -65,12 +65,8 @@ def read_take(file: Path, unit: str | None) -> MotionTake:
     """The take in ``file``, of whichever format it begins like; ``unit`` where the file does not
     say that of its lengths. RecordingError for a file of no format, or that cannot be opened.
     """
-    try:
-        head = Head.read(file)
-    except OSError as error:
-        raise RecordingError(f"the file cannot be read ({error.strerror})", file=file) from None
     formats = formats_in(motion_formats, Kind.MOTION)
-    chosen = recognised(head, formats)
+    chosen = format_of(file, formats)
     if chosen is None:
         known = " or ".join(one.name for one in formats)
         raise RecordingError(f"this is no take of motion capture in {known}", file=file)

@@ -12,6 +12,8 @@ import pandas as pd
 
 from pipeline.core.errors import RecordingError
 
+DEPTH_CAMERA = "depth camera"  # as the table names the instrument
+
 
 def quality_row(
     take: str, part: str, instrument: str, quantity: str, value: float, unit: str = "count"

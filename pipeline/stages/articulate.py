@@ -17,7 +17,7 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.perception.articulation import ArticulationOptions
 from pipeline.perception.depth_angles import articulate_rows
 from pipeline.perception.depth_noise import errors_of, leave_one_out
-from pipeline.recordings.depth_camera import arm_points
+from pipeline.recordings.depth_points import arm_points
 
 MOTION, DEPTH = Path("data/ingest/motion"), Path("data/ingest/depth")
 TRACK, OUT = Path("data/track"), Path("data/articulate")

@@ -1,4 +1,6 @@
-"""ingest@part: raw logs → typed tables in SI units, with a quality record."""
+"""ingest@part: raw logs → typed tables in SI units, with a quality record. Each part imports what
+it reads with: a reader of depth frames is no force's business.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +9,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.arm.model import arm_of
 from pipeline.core import config, contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
-from pipeline.recordings import depth_camera, motion_capture
-from pipeline.recordings.force_transducer import force_rows
-from pipeline.recordings.joint_logs import joint_log_rows
 
 OUT = Path("data/ingest")
 
@@ -35,8 +33,13 @@ def run(part: str) -> None:
 
 def _motion(settings, raw: Path, folder: Path) -> list[dict]:
     """Markers, the commanded trajectory, and the joints that the robot's controller logged."""
+    from pipeline.recordings import motion_capture
+
     dataset, quality = settings.dataset, []
     if dataset.joint_log is not None:
+        from pipeline.arm.model import arm_of
+        from pipeline.recordings.joint_logs import joint_log_rows
+
         trajectory, joints, quality = joint_log_rows(raw, dataset, arm_of(dataset.robot))
         contracts.write(trajectory, "trajectory", folder)
         contracts.write(joints, "joint_log", folder)
@@ -56,6 +59,9 @@ def _motion(settings, raw: Path, folder: Path) -> list[dict]:
 
 def _depth(settings, raw: Path, folder: Path) -> list[dict]:
     """Of every depth frame its time on the camera's clock and the arm's points."""
+    from pipeline.arm.model import arm_of
+    from pipeline.recordings import depth_camera
+
     dataset = settings.dataset
     if dataset.depth is None:
         return []
@@ -73,6 +79,8 @@ def _depth(settings, raw: Path, folder: Path) -> list[dict]:
 
 def _force(settings, raw: Path, folder: Path) -> list[dict]:
     """Force records without their bias."""
+    from pipeline.recordings.force_transducer import force_rows
+
     force = settings.dataset.force
     if force is None:
         return []

@@ -18,8 +18,8 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError, SingularJacobianError
 from pipeline.models.noise import process_noise
 from pipeline.perception.markers import JointTrack, track_rows
-from pipeline.recordings import depth_camera
 from pipeline.recordings.commands import commanded_steps
+from pipeline.recordings.depth_clock import on_motion_clock, with_markers
 from pipeline.recordings.limits import beside_limits, reasons, require_enough
 from pipeline.recordings.quality import quality_row
 
@@ -81,8 +81,8 @@ def _on_motion_clock(settings) -> tuple[pd.DataFrame, list[dict]]:
     """The depth frames' table on the motion's clock, and how well each take's clock is known."""
     dataset = settings.dataset
     frames = contracts.read("frames", INGEST / "depth")
-    takes = depth_camera.with_markers(frames, contracts.read("markers", INGEST / "motion"))
-    align = partial(depth_camera.on_motion_clock, depth=dataset.depth, arm=arm_of(dataset.robot))
+    takes = with_markers(frames, contracts.read("markers", INGEST / "motion"))
+    align = partial(on_motion_clock, depth=dataset.depth, arm=arm_of(dataset.robot))
     rows = list(run_trials(align, takes, compute=settings.compute, label="track: clocks"))
     return pd.concat([table for table, _ in rows]), [row for _, more in rows for row in more]
 

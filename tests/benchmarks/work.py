@@ -9,9 +9,11 @@ work alone.
 
 from __future__ import annotations
 
+import ast
 import functools
 import inspect
 import json
+import pkgutil
 import sys
 import time
 from collections import Counter
@@ -53,18 +55,22 @@ def counted(function: FunctionType, room: str) -> FunctionType:
 
 
 def named_by(module: ModuleType) -> Iterator[object]:
-    """What ``module`` has a name for, and what is in the modules of the pipeline that it names
-    whole.
+    """What ``module`` imports of the pipeline by name, at its top or in a function, and what is in
+    the modules that it imports whole.
     """
-    for thing in vars(module).values():
-        if inspect.ismodule(thing) and thing.__name__.startswith("pipeline."):
-            yield from (
-                value
-                for value in vars(thing).values()
-                if getattr(value, "__module__", None) == thing.__name__
-            )
-        else:
-            yield thing
+    for node in ast.walk(ast.parse(inspect.getsource(module))):
+        if not isinstance(node, ast.ImportFrom) or not (node.module or "").startswith("pipeline"):
+            continue
+        for name in (alias.name for alias in node.names):
+            thing = pkgutil.resolve_name(f"{node.module}.{name}")
+            if inspect.ismodule(thing):
+                yield from (
+                    value
+                    for value in vars(thing).values()
+                    if getattr(value, "__module__", None) == thing.__name__
+                )
+            else:
+                yield thing
 
 
 def count_calls(stage: str) -> None:

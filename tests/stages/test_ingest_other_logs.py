@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from joint_files import read_joint_log, read_movement
 from joint_logs import AWAY, FILES, HOME, MADE_UP, ingested, quality, write_movement
 from written_logs import write_joint_log
 
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.formats.joints.log import read_joint_log, read_movement
 from pipeline.stages import ingest
 
 
@@ -84,7 +84,7 @@ def push(folder: Path, way: int, size: float) -> None:
     """Push joint 3 aside by ``size`` (rad) in the middle of the given way out (from 0)."""
     log = read_joint_log(folder / FILES[0], joints=6)
     first = 60 + 320 * way + 30
-    log.values[first : first + 40, 2] += size * np.sin(np.linspace(0, np.pi, 40))
+    log.signals["actual"][first : first + 40, 2] += size * np.sin(np.linspace(0, np.pi, 40))
     write_joint_log(folder / FILES[0], log)
 
 

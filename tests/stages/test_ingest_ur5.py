@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from joint_files import read_movement
 from joint_logs import FILES, ROOT, ingested, quality
 from omegaconf import OmegaConf
 
@@ -14,7 +15,6 @@ from pipeline.arm.model import load_arm
 from pipeline.core import contracts, datasheet
 from pipeline.core.columns import values
 from pipeline.core.errors import RecordingError, SingularJacobianError
-from pipeline.formats.joints.log import read_movement
 from pipeline.recordings.repetitions import align, excursions, find_repetitions
 from pipeline.stages import ingest, track
 

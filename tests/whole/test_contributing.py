@@ -88,16 +88,17 @@ def test_an_example_adds_files_and_edits_none(heading):
 
 def test_what_is_added_is_found_by_its_place(project):
     parameters = (project / "params.yaml").read_text()
-    (project / "params.yaml").write_text(
-        re.sub(r"^models: \[.*?\]", "models: [additive, drifting]", parameters, flags=re.MULTILINE)
-    )
+    chosen = re.sub(r"(?m)^models: \[.*?\]", "models: [additive, independent]", parameters)
+    (project / "params.yaml").write_text(chosen)
     assert run("python", "-m", "pipeline", "configure", cwd=project).returncode == 0
-    assert "drifting:\n    kind: drifting" in (project / "data/config.yaml").read_text()
-    (project.parent / "take.tsv").write_text(
-        "NO_OF_FRAMES\t1\nFREQUENCY\t100\nMARKER_NAMES\tA\n1\t2\t3\n"
+    assert "independent:\n    kind: independent" in (project / "data/config.yaml").read_text()
+    fields = [f"{name}_q_{j}" for name in ("actual", "target") for j in range(6)]
+    rows = [f"{0.008 * k:.3f}" + " 0.5" * 12 for k in range(3)]
+    (project.parent / "log.csv").write_text(
+        "\n".join([" ".join(["timestamp", *fields]), *rows, ""])
     )
-    inspected = run("python", "-m", "pipeline", "inspect", "../take.tsv", cwd=project)
-    assert "Qualisys TSV" in inspected.stdout and "100" in inspected.stdout
+    inspected = run("python", "-m", "pipeline", "inspect", "../log.csv", cwd=project)
+    assert "UR RTDE log" in inspected.stdout and "125 Hz" in inspected.stdout
     assert " repeatability" in run("python", "-m", "pipeline", "--help", cwd=project).stdout
     stages = run("dvc", "stage", "list", "--all", "--name-only", cwd=project)
     assert "pipeline/studies/repeatability/dvc.yaml:repeatability" in stages.stdout

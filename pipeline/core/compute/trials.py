@@ -24,8 +24,10 @@ from pipeline.core.compute.block import Results, Submit, run_block
 from pipeline.core.errors import ComputeError
 from pipeline.core.options.compute import Compute
 
-START = 2.0  # s, about what it takes until worker processes have imported what they need
-LOADING = 1.0  # s, of which the first trial here may take so much to load what is compiled
+# s, about the processor time of two workers until they compute: imports in the server that they are
+# forks of, and in each of them what is compiled; what they save by the clock has to be worth it
+START = 4.0
+LOADING = 2.0  # s, of which the first trial here may take so much to load what is compiled
 # s of trials that are handed to a worker at a time, against which the handing over is little
 BLOCK = 0.2
 # per worker, that the trials that are left are cut into at least: towards the end blocks shrink, so

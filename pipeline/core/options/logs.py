@@ -18,15 +18,16 @@ class JointLog:
     in them is analysed.
     """
 
-    # glob of the movements' folders, or files where a movement is one table
+    # glob of the movements' folders, or files where a movement is one file
     movements: str = MISSING
-    # file of measured angles in each folder; null where a movement is one table
+    # file of measured angles in each folder; null where a movement is one file
     actual: str | None = None
     target: str | None = None  # file of commanded angles
     # file of commanded speeds; without any, the speed is the step of the commanded angles
     speed: str | None = None
     joints: int = MISSING  # joints that are logged
-    # actual, target, speed → label, or number from 0, of each joint's column
+    # actual, target, speed → label, or number from 0, of each joint's column; for tables, where
+    # another format says itself what it holds
     signals: dict[str, list[Any]] = field(default_factory=dict)
     # column of the time, likewise; null: the rows follow each other at dataset.motion.rate
     time: Any = 0

@@ -21,6 +21,8 @@ from pipeline.perception.articulation import ArticulationOptions
 from pipeline.perception.depth_angles import articulate_rows
 from pipeline.perception.markers import track_rows
 from pipeline.recordings import depth_camera, motion_capture
+from pipeline.recordings.depth_clock import on_motion_clock
+from pipeline.recordings.depth_points import arm_points
 from pipeline.recordings.force_transducer import force_rows
 from pipeline.studies.faults.bench import Bench, Recovered, recovered_from
 
@@ -59,8 +61,8 @@ def joint_angles_of_depth(
     trajectory = motion_capture.trajectory_rows(raw / dataset.trajectory, dataset.motion)
     path = next(iter(sorted(raw.glob(dataset.depth.takes))))
     frames, quality = depth_camera.frame_rows(path, dataset.depth, arm, raw, raw)
-    clouds = depth_camera.arm_points(frames, raw)
-    frames, clock = depth_camera.on_motion_clock((frames, markers), dataset.depth, arm)
+    clouds = arm_points(frames, raw)
+    frames, clock = on_motion_clock((frames, markers), dataset.depth, arm)
     joints = dataset.robot.joints
     angles = articulate_rows(frames, clouds, arm, joints, trajectory, options, start)
     counts = {

@@ -11,13 +11,14 @@ from pathlib import Path
 
 from pipeline import formats
 from pipeline.formats.format import Format, Head, Kind, begins, formats_in, is_xml
-from pipeline.tools.inspect import bag, depth, force, motion, robot, sequence, table
+from pipeline.tools.inspect import bag, depth, force, joints, motion, robot, sequence, table
 from pipeline.tools.inspect.finding import DATASHEET, ROBOT, UNKNOWN, Finding
 
 WIDE = "text in UTF-16"
 DESCRIBE: dict[Kind, Callable[[Format, Path], Finding]] = {
     Kind.MOTION: motion.take,
     Kind.TRAJECTORY: motion.trajectory,
+    Kind.JOINTS: joints.log,
     Kind.FORCE: force.log,
     Kind.CALIBRATION: force.calibration,
     Kind.IMAGE: depth.image,

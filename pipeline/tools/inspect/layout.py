@@ -42,7 +42,7 @@ class Layout:
     test: list[Group]  # those of which one has
     depth: list[Group]  # sequences or bags of a depth camera, by take
     force: list[Finding]
-    movements: list[Group]  # folders of tables with the same names
+    movements: list[Group]  # joint logs, else folders of tables with the same names
     single: dict[str, list[Finding]]  # by kind, those of SINGLE
     unplaced: list[Finding]
 
@@ -66,13 +66,16 @@ def layout(findings: list[Finding], folder: Path) -> Layout:
         if finding.kind in SINGLE:
             single.setdefault(finding.kind, []).append(finding)
     force = [finding for finding in findings if finding.kind == Kind.FORCE]
-    movements = [] if motion else _movements(findings, folder)
-    placed = [*motion, *sequences, *force, *chain.from_iterable(single.values())]
+    joints = [finding for finding in findings if finding.kind == Kind.JOINTS]
+    movements = _groups({finding.file: finding for finding in joints}, folder)
+    if not (motion or joints):
+        movements = _movements(findings, folder)
+    placed = [*motion, *sequences, *force, *joints, *chain.from_iterable(single.values())]
     placed += [
         table
         for group in movements
         for held in group.takes.values()
-        for table in held.facts["tables"].values()
+        for table in held.facts.get("tables", {}).values()
     ]
     taken = {id(finding) for finding in placed}
     unplaced = [finding for finding in findings if id(finding) not in taken]

@@ -30,6 +30,7 @@ NOTABLE = (
     "times",
     "robot",
     "joints",
+    "signals",
     "topics",
     "fx",
     "separator",

@@ -178,17 +178,23 @@ def _force(layout: Layout, below: Callable[[Finding], str]) -> list[str]:
 
 
 def _joint_log(movements: list[Group]) -> list[str]:
-    tables = next(iter(movements[0].takes.values())).facts["tables"]
+    patterns = [text_of(group.pattern) for group in movements]
+    lines = [
+        "joint_log:",
+        f"  movements: {patterns[0] if len(patterns) == 1 else one_of(patterns)}",
+    ]
+    movement = next(iter(movements[0].takes.values()))
+    if movement.kind == Kind.JOINTS:
+        return [*lines, f"  joints: {movement.facts.get('joints', OPEN)} # that are logged"]
+    tables = movement.facts["tables"]
     names = ", ".join(map(text_of, sorted(tables)))
     first = next(iter(tables.values())).facts
     timed = first.get("increasing_columns", [])[:1] == [0]
     columns = {table.facts.get("columns") for table in tables.values()}
     joints = columns.pop() - 1 if len(columns) == 1 and timed else OPEN
     step = f"; it steps by {first['step_of_column_0']:g}" if "step_of_column_0" in first else ""
-    patterns = [text_of(group.pattern) for group in movements]
     return [
-        "joint_log:",
-        f"  movements: {patterns[0] if len(patterns) == 1 else one_of(patterns)}",
+        *lines,
         f"  actual: {OPEN} # file of the measured angles in each folder; there are {names}",
         f"  target: {OPEN} # of the commanded angles",
         "  speed: null # of the commanded speeds; null: the step of the commanded angles",

@@ -115,14 +115,15 @@ def process(seconds: float) -> int:
     return os.getpid()
 
 
-@pytest.mark.slow
-def test_workers_are_started_where_that_is_worth_it_alone():
-    assert set(run_trials(process, [0.01] * 20, compute=TWO, label="trials")) == {os.getpid()}
-    # the first of half a second says little, as it may have had to load what is compiled; the first
-    # of two seconds is enough
-    first, second, *elsewhere = run_trials(process, [0.6] * 12, compute=TWO, label="trials")
+def test_workers_are_started_where_that_is_worth_it_alone(monkeypatch):
+    monkeypatch.setattr(module, "START", 0.4)
+    monkeypatch.setattr(module, "LOADING", 0.2)
+    assert set(run_trials(process, [0.001] * 20, compute=TWO, label="trials")) == {os.getpid()}
+    # a first trial within LOADING says little, as it may have had to load what is compiled; one
+    # that takes longer is enough
+    first, second, *elsewhere = run_trials(process, [0.12] * 12, compute=TWO, label="trials")
     assert first == second == os.getpid() and os.getpid() not in elsewhere
-    first, *elsewhere = run_trials(process, [1.9] * 6, compute=TWO, label="trials")
+    first, *elsewhere = run_trials(process, [0.6] * 6, compute=TWO, label="trials")
     assert first == os.getpid() and os.getpid() not in elsewhere
 
 

@@ -205,7 +205,7 @@ def log_bench(dataset, arm, tmp_path_factory) -> Bench:
     time = np.arange(len(way)) / RATE
     (folder / "joints/run").mkdir(parents=True)
     for name, angles in {"actual": actual, "target": target, "speed": speed}.items():
-        write_joint_log(folder / f"joints/run/{name}.csv", JointLog(time, angles, {}))
+        write_joint_log(folder / f"joints/run/{name}.csv", JointLog(time, {"actual": angles}, {}))
     options = JointLogOptions(
         movements="joints/*",
         actual="actual.csv",

@@ -61,11 +61,14 @@ def joint_exports(tmp_path) -> Path:
         (folder / f"move_{number}").mkdir(parents=True)
         for name in ("q_measured", "q_commanded"):
             log = JointLog(
-                np.arange(30) / 125, np.random.default_rng(number).normal(size=(30, 6)), {}
+                np.arange(30) / 125,
+                {"actual": np.random.default_rng(number).normal(size=(30, 6))},
+                {},
             )
             write_joint_log(folder / f"move_{number}" / f"{name}.csv", log)
     (folder / "rest_3").mkdir()
     write_joint_log(
-        folder / "rest_3/force.csv", JointLog(np.arange(30) / 200, np.zeros((30, 6)), {})
+        folder / "rest_3/force.csv",
+        JointLog(np.arange(30) / 200, {"actual": np.zeros((30, 6))}, {}),
     )
     return folder

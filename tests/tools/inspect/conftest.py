@@ -113,7 +113,9 @@ def zoo(tmp_path_factory) -> Path:
         write_bag(
             folder / form, form, {"/depth": pictures, "/other": pictures, "/info": [(0.0, camera)]}
         )
-    write_joint_log(folder / "q.csv", JointLog(np.arange(30) / 125, rng.normal(size=(30, 6)), {}))
+    write_joint_log(
+        folder / "q.csv", JointLog(np.arange(30) / 125, {"actual": rng.normal(size=(30, 6))}, {})
+    )
     steps = np.arange(6) / 100
     write_trajectory(
         folder / "path.csv",

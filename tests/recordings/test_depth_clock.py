@@ -9,7 +9,7 @@ import pytest
 from pipeline.arm.model import Arm, load_arm
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.depth_camera import Depth
-from pipeline.recordings.depth_camera import arm_points, on_motion_clock, with_markers
+from pipeline.recordings.depth_clock import on_motion_clock, with_markers
 
 TIME, MOTION = np.arange(40) / 30.0, np.arange(160) / 100.0  # s
 
@@ -82,12 +82,3 @@ def test_a_take_without_motion_capture_is_refused_by_its_name(markers):
     assert refused.value.evidence["take"] == "test_002"
     ((rows, of_take),) = with_markers(frames(path(TIME)), markers)
     assert len(rows) == len(TIME) and of_take["take"].unique().tolist() == ["test_001"]
-
-
-def test_the_points_of_each_frame_are_read_back_as_they_were_written(tmp_path):
-    rng = np.random.default_rng(4)
-    clouds = [rng.random((count, 2)) for count in (3, 0, 5)]
-    np.save(tmp_path / "test_001.npy", np.concatenate(clouds))
-    rows = frames(path(TIME))[:3].assign(points=[3, 0, 5])
-    for points, cloud in zip(arm_points(rows, tmp_path), clouds, strict=True):
-        np.testing.assert_array_equal(points, cloud)

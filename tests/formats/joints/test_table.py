@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from joint_files import log, refusal, table
+from joint_files import log, read_joint_log, read_movement, refusal, table
 from written_logs import write_joint_log
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.joints.log import Layout, read_joint_log, read_movement
+from pipeline.formats.joints.log import LogOptions
 
 
 @pytest.mark.parametrize(
@@ -22,7 +22,7 @@ from pipeline.formats.joints.log import Layout, read_joint_log, read_movement
 )
 def test_logs_of_a_real_arm_have_their_lines_less_a_cut_one(shared, name, samples, cut, last):
     result = read_joint_log(shared / "recordings/ur5" / name, joints=6)
-    assert result.values.shape == (samples, 6)
+    assert result.signals["actual"].shape == (samples, 6)
     assert (result.time[0], result.time[-1]) == (0.0, last)
     assert result.counts == {"cut_rows": cut, "blank_rows": 0, "doubled_rows": 0}
 
@@ -32,17 +32,21 @@ def test_values_of_a_real_log_are_those_in_the_file(shared):
         shared / "recordings/ur5/Movement_No5_Acc_slow_no_disturbance/log_q_actual.csv", joints=6
     )
     np.testing.assert_array_equal(
-        result.values[0], [1.265641, -2.135030, -1.947016, -0.376780, -2.541832, -2.736627]
+        result.signals["actual"][0],
+        [1.265641, -2.135030, -1.947016, -0.376780, -2.541832, -2.736627],
     )
     np.testing.assert_array_equal(
-        result.values[-1], [1.265213, -2.135398, -1.945919, -0.377209, -2.542172, -2.736708]
+        result.signals["actual"][-1],
+        [1.265213, -2.135398, -1.945919, -0.377209, -2.542172, -2.736708],
     )
 
 
 def test_written_logs_read_back_to_half_a_microradian(tmp_path):
     write_joint_log(tmp_path / "log.csv", log())
     result = read_joint_log(tmp_path / "log.csv", joints=6)
-    np.testing.assert_allclose(result.values, log().values, rtol=0, atol=0.501e-6)
+    np.testing.assert_allclose(
+        result.signals["actual"], log().signals["actual"], rtol=0, atol=0.501e-6
+    )
     np.testing.assert_allclose(result.time, log().time, rtol=0, atol=1e-12)
 
 
@@ -105,13 +109,15 @@ def test_a_log_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(
         return
     kept = content[:cut].count(b"\n")
     assert 0 < len(result.time) == kept
-    np.testing.assert_array_equal(result.values, whole.values[:kept])
+    np.testing.assert_array_equal(result.signals["actual"], whole.signals["actual"][:kept])
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
 def test_times_are_in_the_unit_of_the_option(tmp_path, unit, factor):
     rows = [f"{0.008 * i * factor:.0f} 0.5 0.25" for i in range(4)]
-    result = read_joint_log(table(tmp_path, "", *rows), joints=2, layout=Layout(time_unit=unit))
+    result = read_joint_log(
+        table(tmp_path, "", *rows), joints=2, options=LogOptions(time_unit=unit)
+    )
     np.testing.assert_allclose(result.time, np.arange(4) * 0.008, rtol=1e-12)
 
 
@@ -140,6 +146,6 @@ def test_dropped_doubled_and_swapped_rows_are_repaired_and_counted_or_refused(
         assert picks != sorted(picks) or kept[-1] - kept[0] + 1 != len(kept)
         return
     np.testing.assert_array_equal(
-        result, read_joint_log(folder / "whole.csv", joints=6).values[kept]
+        result, read_joint_log(folder / "whole.csv", joints=6).signals["actual"][kept]
     )
     assert counts["doubled_rows"] == len(picks) - len(kept)
