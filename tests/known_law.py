@@ -9,14 +9,13 @@ import numpy as np
 import pandas as pd
 from omegaconf import OmegaConf
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.chain import TASK, PlanarChain
 from pipeline.arm.model import load_arm
 from pipeline.core import config, contracts
 from pipeline.core.columns import spread
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.noise import process_noise
-from pipeline.recordings.commands import TASK
 
 ROOT = Path(__file__).parents[1]
 JOINTS = ["arm_joint_2", "arm_joint_3", "arm_joint_4"]

@@ -5,10 +5,23 @@ inverse Wishart matrix from two gammas.
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy import linalg
 
-from pipeline.models.wishart.decomposition import factors
+from pipeline.models.wishart.decomposition import Decomposition
+from pipeline.models.wishart.factors import factors
 from pipeline.randommatrix import wishart
+
+# every decomposition, LU without pivoting in two orders
+READINGS = {
+    "lu": Decomposition("lu"),
+    "lu, other orders": Decomposition("lu", rows=(2, 0, 1), order=(1, 2, 0)),
+    "pivoted_lu": Decomposition("pivoted_lu"),
+    "qr": Decomposition("qr"),
+    "qr_transposed": Decomposition("qr_transposed"),
+    "given": Decomposition("given", left=[[0.15, 0.02, 0.0], [0.0, 0.15, 0.0], [0.0, 0.1, 1.0]]),
+}
+every_reading = pytest.mark.parametrize("decomposition", READINGS.values(), ids=READINGS)
 
 
 def algorithm_1(chain, q, v, sigma_b, decomposition, size, rng) -> np.ndarray:
@@ -16,8 +29,48 @@ def algorithm_1(chain, q, v, sigma_b, decomposition, size, rng) -> np.ndarray:
     d = wishart.degrees_of_freedom(sigma_b, 3)
     b = wishart.sample(d, np.eye(3) / d, (size,), rng)
     jacobian = chain.jacobian(q)
-    j1, j2 = linalg.lu(jacobian, permute_l=True) if decomposition == "lu" else linalg.qr(jacobian)
-    return q + np.linalg.solve(j1 @ b @ j2, v)
+    j1 = first_factor(jacobian, decomposition)
+    return q + np.linalg.solve(j1 @ b @ np.linalg.solve(j1, jacobian), v)
+
+
+def first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndarray:
+    """(m, m) J₁ of one J (m, n), by LAPACK or, without pivoting, by quotients of minors."""
+    m, n = jacobian.shape
+    match decomposition:
+        case Decomposition("lu", rows=rows, order=order):
+            rows = list(rows or range(m))
+            ordered = jacobian[rows][:, list(order or range(n))]
+            j1 = np.zeros((m, m))
+            for k in range(m):
+                for i in range(k, m):
+                    minor = ordered[[*range(k), i], : k + 1]
+                    j1[rows[i], k] = linalg.det(minor) / linalg.det(ordered[: k + 1, : k + 1])
+            return j1
+        case Decomposition("pivoted_lu"):
+            permutation, lower, _ = linalg.lu(jacobian)
+            return permutation @ lower
+        case Decomposition("qr"):
+            return linalg.qr(jacobian, mode="economic")[0]
+        case Decomposition("qr_transposed"):
+            return linalg.qr(jacobian.T, mode="economic")[1].T
+        case Decomposition(left=left):
+            return np.array(left)
+
+
+def pivot_shares(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndarray:
+    """(m,) share of each pivot of LU without pivoting of J (m, n) in the length of what is left of
+    its row, the Schur complement of the rows and columns before.
+    """
+    m, n = jacobian.shape
+    ordered = jacobian[list(decomposition.rows or range(m))][
+        :, list(decomposition.order or range(n))
+    ]
+    shares = []
+    for k in range(m):
+        before = np.linalg.solve(ordered[:k, :k], ordered[:k, k:])
+        left = ordered[k, k:] - ordered[k, :k] @ before
+        shares.append(abs(left[0]) / np.linalg.norm(left))
+    return np.array(shares)
 
 
 def sample_inverse_action(a: np.ndarray, d: float, rng: np.random.Generator) -> np.ndarray:
@@ -43,6 +96,6 @@ def sample_inverse_action(a: np.ndarray, d: float, rng: np.random.Generator) -> 
 
 def inverse_action_steps(chain, q, v, sigma_b, decomposition, rng) -> np.ndarray:
     """(..., 3) draws of q_{k+1} after ``q`` (..., 3) by :func:`sample_inverse_action`."""
-    a, back = factors(chain, q, v, decomposition)
+    a, back, _ = factors(chain, q, v, decomposition)
     d = wishart.degrees_of_freedom(sigma_b, 3)
     return q + np.matvec(back, sample_inverse_action(a, d, rng))

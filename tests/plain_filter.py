@@ -14,10 +14,10 @@ from pipeline.filtering.particle_filter import Posterior, initial_particles
 BELOW_ONE = np.nextafter(1.0, 0.0)
 
 
-def plain_filter(model, chain, steps, dt, start, measurements, options, rng) -> Posterior:
+def plain_filter(model, chain, commands, dt, start, measurements, options, rng) -> Posterior:
     """Arguments and result of :func:`pipeline.filtering.particle_filter.particle_filter`."""
-    grid, count = len(steps) + 1, options.particles
-    due, left_out = measurements.schedule(len(steps), dt)
+    grid, count = len(commands.v) + 1, options.particles
+    due, left_out = measurements.schedule(len(commands.v), dt)
     mean, covariance, ess = np.empty((grid, 3)), np.empty((grid, 3, 3)), np.empty(grid)
     resampled, measured = np.zeros((2, grid), dtype=bool)
     clipped, outside = np.zeros((2, grid), dtype=int)
@@ -31,7 +31,9 @@ def plain_filter(model, chain, steps, dt, start, measurements, options, rng) -> 
     for k in range(grid):
         if k > 0:
             before = q
-            q, clipped[k] = plain_steps(model, chain, before, steps[k - 1], rng)
+            off = commands.path[k - 1] - chain.pose(before)
+            v = commands.v[k - 1] + commands.share * off
+            q, clipped[k] = plain_steps(model, chain, before, v, rng)
             gone = ~chain.within_limits(q) | chain.singular(q)
             outside[k] = np.sum(gone & (log_weights > -np.inf))
             log_weights = np.where(gone, -np.inf, log_weights)

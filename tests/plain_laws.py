@@ -12,16 +12,20 @@ from pipeline.models.draws import BLOCK
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.norm import frobenius
 from pipeline.models.scaled.law import ScaledModel
-from pipeline.models.wishart.decomposition import factors
+from pipeline.models.wishart.factors import split
 from pipeline.models.wishart.law import WishartModel
 from pipeline.randommatrix.wishart import degrees_of_freedom
 
 
 def plain_steps(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
-    """(P, 3) draws of the next poses after ``q`` (P, 3) in rad under ``v`` (3,), and how many
-    were clipped; a block at a time, as the compiled laws draw.
+    """(P, 3) draws of the next poses after ``q`` (P, 3) in rad under ``v`` (3,) or (P, 3), and
+    how many were clipped; a block at a time, as the compiled laws draw.
     """
-    blocks = [_block(model, chain, q[i : i + BLOCK], v, rng) for i in range(0, len(q), BLOCK)]
+    v = np.broadcast_to(v, q.shape)
+    blocks = [
+        _block(model, chain, q[i : i + BLOCK], v[i : i + BLOCK], rng)
+        for i in range(0, len(q), BLOCK)
+    ]
     return np.concatenate([drawn for drawn, _ in blocks]), sum(number for _, number in blocks)
 
 
@@ -37,7 +41,7 @@ def _block(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
         case GaussianModel():
             norm = frobenius(inverse)
             scale = model.alpha**2 * np.maximum(model.u**2 - norm**2, 0.0) / 9
-            noise = np.sqrt(scale * (v @ v))[:, None] * rng.standard_normal(q.shape)
+            noise = np.sqrt(scale * np.vecdot(v, v))[:, None] * rng.standard_normal(q.shape)
             return q + dq + noise, int(np.count_nonzero(norm > model.u))
         case WishartModel():
             return q + _wishart(model, chain, q, v, rng), 0
@@ -47,7 +51,11 @@ def _block(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
 def _wishart(model, chain, q, v, rng) -> np.ndarray:
     """‖T‖ in closed form: T = N·sqrt((exp(‖N‖²/(d−1)) − 1)/‖N‖²) for N ~ N(0, I₂)."""
     d = degrees_of_freedom(model.sigma_b, 3)
-    a, back = factors(chain, q, v, model.decomposition)
+    if model.decomposition.name == "qr_transposed":
+        # Q·B⁻¹Qᵀ has the law of B⁻¹, so that any orthonormal Q will do
+        a, back = np.matvec(chain.inverse_jacobian(q), v), np.eye(3)
+    else:
+        a, back, _ = split(chain.jacobian(q), v, model.decomposition)
     z = d / rng.chisquare(d - 2, len(q))
     normal = rng.standard_normal((len(q), 2))
     square = np.vecdot(normal, normal)

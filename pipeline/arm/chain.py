@@ -18,6 +18,7 @@ from pipeline.core.errors import SingularJacobianError
 # be trusted
 SINGULAR_SINE = 1e-3
 JOINTS = 3  # of a planar chain
+TASK = ("x", "z", "phi")  # rows of its task: m, m, rad
 
 
 @dataclass(frozen=True)
@@ -115,20 +116,11 @@ class PlanarChain:
         bent = np.abs(np.sin(np.asarray(q)[..., 1] - self.straight)) >= SINGULAR_SINE
         return ~(bent & np.isfinite(q).all(axis=-1))
 
-    def _flat(self, cross: np.ndarray) -> np.ndarray:
-        # not "<": a pose that is not a number is refused too
-        return ~(np.abs(cross) >= SINGULAR_SINE * self.lengths[0] * self.lengths[1])
-
-    def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
-        """(..., 3, 3) J(q)⁻¹ in closed form; raises :class:`SingularJacobianError` naming the first
-        singular ``what``.
-
-        With the wrist O3 as the point that the first two joints place: q̇₁ and q̇₂ solve the 2×2
-        system of the wrist's velocity v − φ̇·k×(EE − O3), and q̇₃ takes up the rest of φ̇.
+    def require_regular(self, q: np.ndarray, *, what: str = "pose") -> None:
+        """Raise :class:`SingularJacobianError` naming the first singular ``what`` of ``q`` (...,
+        3).
         """
-        (ax, bx, tx), (az, bz, tz) = self._segments(q)
-        cross = az * bx - ax * bz
-        bad = self._flat(cross)
+        bad = self.singular(q)
         if np.any(bad):
             index = tuple(int(i) for i in np.argwhere(bad)[0])
             raise SingularJacobianError(
@@ -137,6 +129,17 @@ class PlanarChain:
                 index=index,
                 q=np.asarray(q, dtype=float)[index].round(4).tolist(),
             )
+
+    def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
+        """(..., 3, 3) J(q)⁻¹ in closed form; raises :class:`SingularJacobianError` naming the first
+        singular ``what``.
+
+        With the wrist O3 as the point that the first two joints place: q̇₁ and q̇₂ solve the 2×2
+        system of the wrist's velocity v − φ̇·k×(EE − O3), and q̇₃ takes up the rest of φ̇.
+        """
+        self.require_regular(q, what=what)
+        (ax, bx, tx), (az, bz, tz) = self._segments(q)
+        cross = az * bx - ax * bz
         wx, wz = ax + bx, az + bz
         first = (bx / cross, bz / cross, (bz * tx - bx * tz) / cross)
         second = (-wx / cross, -wz / cross, (wx * tz - wz * tx) / cross)

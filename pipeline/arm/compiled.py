@@ -31,10 +31,16 @@ class Arm(NamedTuple):
 
     links: tuple[tuple[float, float], ...]  # x and z of each link at q = 0, m
     signs: tuple[float, ...]  # sense of each joint about the plane's normal
+    origin: tuple[float, float]  # x and z of O1, m
 
 
 ARM = types.NamedTuple(
-    (types.UniTuple(types.UniTuple(float64, 2), JOINTS), types.UniTuple(float64, JOINTS)), Arm
+    (
+        types.UniTuple(types.UniTuple(float64, 2), JOINTS),
+        types.UniTuple(float64, JOINTS),
+        types.UniTuple(float64, 2),
+    ),
+    Arm,
 )
 
 
@@ -43,6 +49,7 @@ def arm_numbers(chain: PlanarChain) -> Arm:
     return Arm(
         tuple((float(x), float(z)) for x, z in chain.links),
         tuple(float(sign) for sign in chain.signs),
+        (float(chain.origin[0]), float(chain.origin[1])),
     )
 
 
@@ -83,6 +90,15 @@ def segments(arm: Arm, q: tuple) -> tuple[float, ...]:
     sine, cosine = sine_cosine(heading)
     tx, tz = cosine * x3 + sine * z3, cosine * z3 - sine * x3
     return ax, az, bx, bz, tx, tz
+
+
+@inlined
+def pose(arm: Arm, q: tuple) -> tuple[float, ...]:
+    """x, z and φ (m, m, rad) of the end-effector at joint angles ``q`` in rad; φ in whole turns
+    too.
+    """
+    (ax, az, bx, bz, tx, tz), (x, z), (s1, s2, s3) = segments(arm, q), arm.origin, arm.signs
+    return x + ax + bx + tx, z + az + bz + tz, s1 * q[0] + s2 * q[1] + s3 * q[2]
 
 
 @inlined

@@ -76,13 +76,7 @@ def load_arm(
         raise ConfigError(
             f"robot.locked: {', '.join(both)} cannot be locked, being of robot.joints", file=urdf
         )
-    held = np.zeros(full.nv)
-    for name, angle in locked.items():
-        held[full.joints[full.getJointId(name)].idx_v] = angle
-    q = pin.integrate(full, pin.neutral(full), held)
-    model = pin.buildReducedModel(
-        full, [full.getJointId(name) for name in full.names[1:] if name not in joints], q
-    )
+    model = _held(full, joints, locked)
     if list(model.names[1:]) != list(joints) or list(model.parents[1:]) != [0, 1, 2]:
         raise ConfigError(
             f"robot.joints: {list(joints)} must be three in a row, in the order of the chain "
@@ -142,6 +136,34 @@ def load_arm(
         max_speed=model.upperVelocityLimit.copy(),
     )
     return Arm(chain, rotation, offset)
+
+
+def torques(robot: Robot, q: np.ndarray, speed: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+    """(N, n) N·m that the motors of the ``robot``'s joints give at ``q`` (N, n) in rad for
+    ``speed`` (N, n) in rad/s and ``acceleration`` (N, n) in rad/s², gravity included, by the masses
+    in its URDF.
+    """
+    model = _held(pin.buildModelFromUrdf(str(robot.urdf)), robot.joints, robot.locked)
+    data = model.createData()
+    return np.array(
+        [pin.rnea(model, data, *row) for row in zip(q, speed, acceleration, strict=True)]
+    )
+
+
+def greatest_torques(robot: Robot) -> np.ndarray:
+    """(n,) N·m that the motors of the ``robot``'s joints give at most, by its URDF."""
+    model = _held(pin.buildModelFromUrdf(str(robot.urdf)), robot.joints, robot.locked)
+    return model.upperEffortLimit.copy()
+
+
+def _held(full: pin.Model, joints: Sequence[str], locked: Mapping[str, float]) -> pin.Model:
+    """``full`` with every joint but ``joints`` held at ``locked`` (rad; 0 where not named)."""
+    held = np.zeros(full.nv)
+    for name, angle in locked.items():
+        held[full.joints[full.getJointId(name)].idx_v] = angle
+    q = pin.integrate(full, pin.neutral(full), held)
+    others = [full.getJointId(name) for name in full.names[1:] if name not in joints]
+    return pin.buildReducedModel(full, others, q)
 
 
 def _frame(model: pin.Model, name: str) -> int | None:

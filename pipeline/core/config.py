@@ -236,14 +236,15 @@ def study_options(folder: Path, structure: type) -> Any:
 
 
 def model_options(names: Iterable[str]) -> dict[str, Any]:
-    """The typed options of models by the names of their option files, for studies of models that
-    the experiment need not have chosen.
-    """
-    known, typed_options = ", ".join(options("model")), {}
-    for name in names:
-        file = CONF / "model" / f"{name}.yaml"
+    """The typed options of models by the names of their option files, chosen by the run or not."""
+    files = {name: CONF / "model" / f"{name}.yaml" for name in names}
+    known = ", ".join(options("model"))
+    for name, file in files.items():
         if not file.is_file():
             raise ConfigError(f"no model {name!r}; there are {known}", file=file)
-        values = load_yaml(file)
+    dataset, typed_options = load_yaml(COMPOSED).dataset, {}
+    for name, file in files.items():
+        whole = OmegaConf.create({"dataset": dataset, "model": load_yaml(file)})
+        OmegaConf.resolve(values := whole.model)
         typed_options[name] = OmegaConf.to_object(typed(_model_type(values.kind), values, name))
     return typed_options

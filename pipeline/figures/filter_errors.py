@@ -2,16 +2,21 @@
 
 One row per motion model, one column per joint. Blue: posterior mean minus motion capture of the
 first test take. Red: ±1σ of the posterior of the same take. Grey: the errors of all other test
-takes. A bound is good when about two thirds of the errors lie inside it and it is wide where the
-errors are wide, narrow where they are narrow.
+takes. Black: ± the root mean square error without any filter, of the training takes' mean. A bound
+is good when about two thirds of the errors lie inside it and it is wide where the errors are wide,
+narrow where they are narrow; a filter is worth its while where its errors lie within the black
+lines.
 """
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from pipeline.core.filters import NONE
 from pipeline.figures.style import (
+    BLACK,
     BLUE,
     LIGHT_GREY,
     TWO_COLUMNS,
@@ -42,6 +47,7 @@ def draw(filter_error: pd.DataFrame, models: list[str], joints: list[str]) -> Fi
         sharey=True,
     )
     shown = filter_error["take"].iloc[0]
+    unfiltered = filter_error[filter_error["model"] == NONE].groupby("t")
     for row, (model, line) in zip(grid, model_lines(models).items(), strict=True):
         rows = filter_error[filter_error["model"] == model]
         take, others = rows[rows["take"] == shown], rows[rows["take"] != shown]
@@ -60,12 +66,16 @@ def draw(filter_error: pd.DataFrame, models: list[str], joints: list[str]) -> Fi
                 (bound,) = axes.plot(
                     take["t"], sign * take[f"s:{joint}"], color=VERMILLION, linewidth=0.8
                 )
+            rms = np.sqrt(unfiltered[f"e:{joint}"].agg(lambda errors: np.mean(errors**2)))
+            for sign in (1, -1):
+                (none,) = axes.plot(rms.index, sign * rms, color=BLACK, linewidth=0.5)
         row[0].set_ylabel(f"{line['label']}\nerror (rad)")
     for line, axes in zip(joint_lines(joints).values(), grid[0], strict=True):
         axes.set_title(line["label"])
     for axes in grid[-1]:
         axes.set(xlabel="time (s)", xlim=(0, filter_error["t"].max()))
-    labels = [f"error of {shown}", f"±1σ bound of {shown}", "errors of the other takes"]
-    entries = [error, bound, *grey[:1]]
-    figure.legend(entries, labels[: len(entries)], loc="outside upper center", ncols=3)
+    labels = [f"error of {shown}", f"±1σ bound of {shown}", "rms error without a filter"]
+    labels.append("errors of the other takes")
+    entries = [error, bound, none, *grey[:1]]
+    figure.legend(entries, labels[: len(entries)], loc="outside upper center", ncols=4)
     return figure

@@ -35,6 +35,7 @@ MODELS = {
         "color": GREEN,
         "linestyle": (0, (6, 1.5, 1, 1.5, 1, 1.5)),
     },
+    "none": {"label": "no filter", "color": GREY, "linestyle": "-"},
     "scaled_full": {"label": "scaled with speed, full", "color": PURPLE, "linestyle": (0, (8, 2))},
 }
 # models of other names take these in turn

@@ -21,6 +21,7 @@ from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.resampling import SCHEMES
 from pipeline.filtering.sampling import sequential_importance_sampling
 from pipeline.filtering.state import Domain, Frames, Particles, Record
+from pipeline.models.commands import Commands
 from pipeline.models.draws import numbers_for
 from pipeline.models.model import MotionModel
 
@@ -82,7 +83,7 @@ class Posterior:
 def particle_filter(
     model: MotionModel,
     chain: PlanarChain,
-    steps: np.ndarray,
+    commands: Commands,
     dt: float,
     start: Start,
     measurements: Measurements,
@@ -100,27 +101,29 @@ def particle_filter(
     Args:
         model: the motion model that moves the particles.
         chain: the arm, of n joints.
-        steps: (M, n) commanded task-space steps ẋᵈ_kΔt (m, m, rad).
+        commands: of M steps, in an open or in a closed loop.
         dt: Δt in s.
         start: law of the first pose.
         measurements: of the take.
         options: how many particles, and how they are resampled.
         rng: of everything random.
     """
-    frames, left_out = due_frames(measurements, len(steps), dt)
+    frames, left_out = due_frames(measurements, len(commands.v), dt)
     start_poses, rejected = initial_particles(
         start, chain, options.particles, rng, take=measurements.take
     )
     law = model.law()
     scheme = SCHEMES[options.resampling]
-    record = empty_record(len(steps) + 1, start_poses.shape[-1])
+    record = empty_record(len(commands.v) + 1, start_poses.shape[-1])
     log_evidence, vanished = sequential_importance_sampling(
         law.step,
         numbers_for(law),
         law.parameters,
         arm_numbers(chain),
         domain_of(chain),
-        np.array(steps, dtype=float, order="C"),
+        Commands(
+            *(np.array(rows, dtype=float, order="C") for rows in commands[:2]), commands.share
+        ),
         frames,
         # a threshold that no effective sample size is below never asks which particles to go on
         # with

@@ -14,9 +14,10 @@ import numpy as np
 from numba import float64, int64, types
 
 from pipeline.arm.compiled import ARM, Arm
-from pipeline.core.compiled import MATRIX, VECTOR, compiled, inner
+from pipeline.core.compiled import VECTOR, compiled, inner
 from pipeline.filtering.resampling import SCHEME
 from pipeline.filtering.state import (
+    COMMANDS,
     DOMAIN,
     FRAMES,
     PARTICLES,
@@ -27,6 +28,7 @@ from pipeline.filtering.state import (
     Record,
 )
 from pipeline.filtering.weights import make_equal, normalise, weigh, weighted_moments
+from pipeline.models.commands import Commands
 from pipeline.models.draws import BLOCK, move_block
 from pipeline.models.law import GENERATOR, NUMBERS, STEP, Numbers, block
 
@@ -36,7 +38,7 @@ SIGNATURE = types.Tuple((float64, int64))(
     VECTOR,
     ARM,
     DOMAIN,
-    MATRIX,
+    COMMANDS,
     FRAMES,
     types.FunctionType(SCHEME),
     float64,
@@ -53,24 +55,27 @@ def propagate(
     parameters: np.ndarray,
     arm: Arm,
     domain: Domain,
-    v: np.ndarray,
+    commands: Commands,
+    k: int,
     before: np.ndarray,
     q: np.ndarray,
     log_weights: np.ndarray,
     rng: np.random.Generator,
 ) -> tuple[int, int]:
-    """Draw ``q`` (3, P) from the motion model given ``before``; for how many the noise was clipped,
-    and how many left D_q.
+    """Draw ``q`` (3, P) from the motion model given ``before`` under the commands of step ``k``;
+    for how many the noise was clipped, and how many left D_q.
 
     A particle that leaves D_q loses its weight and waits where it was: the model is not asked about
     poses that the arm cannot take.
     """
     clipped = outside = 0
-    count = q.shape[1]
+    count, v, target = q.shape[1], commands.v[k], commands.path[k]
     for start in range(0, count, BLOCK):
         stop = start + BLOCK if start + BLOCK < count else count
         here, there = block(before, start, stop), block(q, start, stop)
-        clipped += move_block(law, numbers, parameters, arm, v, here, there, rng)
+        clipped += move_block(
+            law, numbers, parameters, arm, v, target, commands.share, here, there, rng
+        )
         outside += keep_inside(domain, here, there, log_weights[start:stop])
     return clipped, outside
 
@@ -101,7 +106,7 @@ def sequential_importance_sampling(
     parameters: np.ndarray,
     arm: Arm,
     domain: Domain,
-    v: np.ndarray,
+    commands: Commands,
     frames: Frames,
     resample: object,
     threshold: float,
@@ -112,17 +117,17 @@ def sequential_importance_sampling(
     """Fill ``record``; the log-evidence, and the step at which all weights vanished or −1.
 
     ``law`` moves the particles with ``parameters`` and ``numbers``, which have room for a block
-    (:mod:`pipeline.models.law`); ``v`` (M, 3) are the commanded steps (m, m, rad). Below
-    an effective sample size of ``threshold``·P particles ``resample`` chooses anew.
+    (:mod:`pipeline.models.law`). Below an effective sample size of ``threshold``·P particles
+    ``resample`` chooses anew.
     """
     q, before, weights, log_weights, chosen, room = particles
     log_evidence = 0.0
     effective = make_equal(weights, log_weights)
-    for k in range(len(v) + 1):
+    for k in range(len(commands.v) + 1):
         if k > 0:
             before, q = q, before
             record.clipped[k], record.outside[k] = propagate(
-                law, numbers, parameters, arm, domain, v[k - 1], before, q, log_weights, rng
+                law, numbers, parameters, arm, domain, commands, k - 1, before, q, log_weights, rng
             )
         for frame in range(frames.first[k], frames.first[k + 1]):
             weigh(frames, frame, before, q, log_weights)

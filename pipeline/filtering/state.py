@@ -11,6 +11,7 @@ from numba import boolean, float64, types
 
 from pipeline.core.compiled import MATRIX, VECTOR
 from pipeline.filtering.resampling import COUNTS
+from pipeline.models.commands import Commands
 from pipeline.models.law import CUBE, ROW
 
 
@@ -69,6 +70,7 @@ class Record(NamedTuple):
     outside: np.ndarray  # (M+1,) int
 
 
+COMMANDS = types.NamedTuple((MATRIX, MATRIX, float64), Commands)
 DOMAIN = types.NamedTuple((ROW, ROW, float64, float64), Domain)
 FRAMES = types.NamedTuple((COUNTS, VECTOR, MATRIX, CUBE, VECTOR), Frames)
 PARTICLES = types.NamedTuple((MATRIX, MATRIX, VECTOR, VECTOR, COUNTS, MATRIX), Particles)

@@ -19,15 +19,62 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
 from pipeline.laboratory.swing import desired_joints
 
+LAGS = 4  # of a drive: position loop, velocity loop, current loop and the gear's elasticity
+SETTLED = 30  # lags after which nothing is left of a start: four lags pass on 1e-9 of it
 
-def _ornstein_uhlenbeck(
-    shape: tuple[int, ...], steps_per_time: float, rng: np.random.Generator
+
+def lagged_noise(
+    shape: tuple[int, ...], steps_per_lag: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Stationary unit-variance Ornstein–Uhlenbeck paths along the last axis, exact on the grid."""
-    keep = np.exp(-1.0 / steps_per_time)
-    noise = rng.standard_normal(shape)
-    noise[..., 1:] *= np.sqrt(1 - keep**2)
-    return lfilter([1.0], [1.0, -keep], noise, axis=-1)
+    """Stationary normal paths of variance 1 along the last axis: white noise through LAGS equal
+    lags of first order, as a drive behind its servo loops passes it on. Velocity and acceleration
+    exist.
+    """
+    denominator, response = _lags(steps_per_lag)
+    noise = rng.standard_normal((*shape[:-1], len(response) + shape[-1]))
+    passed_on = lfilter([1.0], denominator, noise, axis=-1)[..., len(response) :]
+    return passed_on / np.linalg.norm(response)
+
+
+def lagged_correlation(steps: np.ndarray, steps_per_lag: float) -> np.ndarray:
+    """(...) correlation of :func:`lagged_noise` with itself so many ``steps`` (...) later, whole
+    and not negative.
+    """
+    _, response = _lags(steps_per_lag)
+    size = 2 * len(response)
+    power = np.abs(np.fft.rfft(response, size)) ** 2
+    correlation = np.append(np.fft.irfft(power, size)[: len(response)], 0.0)
+    # beyond the response nothing is left
+    return correlation[np.minimum(steps, len(response))] / correlation[0]
+
+
+def _lags(steps_per_lag: float) -> tuple[np.ndarray, np.ndarray]:
+    """The recursive filter's denominator, and its response to an impulse until that is settled."""
+    denominator = np.poly(np.full(LAGS, np.exp(-1.0 / steps_per_lag)))
+    impulse = np.zeros(int(np.ceil(SETTLED * steps_per_lag)))
+    impulse[0] = 1.0
+    return denominator, lfilter([1.0], denominator, impulse)
+
+
+def servo_times(trajectory: TrajectoryOptions, options: DynamicsOptions) -> np.ndarray:
+    """(N,) times of the servo's steps in s on the motion clock: a little before and after the
+    motion, so that early and late exposures see it too.
+    """
+    dt = 1.0 / options.rate
+    return np.arange(-50, round(trajectory.duration * options.rate) + 51) * dt
+
+
+def sway_share(chain: PlanarChain, speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
+    """(N,) share of the sway that there is at joint speeds ``speed`` (N, n) in rad/s."""
+    pace = (
+        np.linalg.norm(speed, axis=1) / np.linalg.norm(chain.max_speed)
+    ) ** options.speed_exponent
+    return options.sway_rest + (1 - options.sway_rest) * pace
+
+
+def play_share(speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
+    """(N,) share of the play that joint 3 fills at joint speeds ``speed`` (N, n) in rad/s."""
+    return np.minimum(1.0, np.abs(speed[:, 2] / options.rattle_speed) ** options.speed_exponent)
 
 
 def true_chain(
@@ -60,37 +107,27 @@ def simulate_take(
     ``chain`` is the true chain, ``offset`` (3,) the session's encoder zeros in rad.
     """
     dt = 1.0 / options.rate
-    # a little before and after the motion, so that early and late exposures see it too
-    t = np.arange(-50, round(trajectory.duration * options.rate) + 51) * dt
+    t = servo_times(trajectory, options)
     goal, speed = desired_joints(np.clip(t, 0.0, trajectory.duration), trajectory)
     gain = (
         1
-        + options.speed_error_std
-        * _ornstein_uhlenbeck((3, t.size), options.speed_error_time / dt, rng).T
+        + options.speed_error_std * lagged_noise((3, t.size), options.speed_error_time / dt, rng).T
     )
     ripple = options.encoder_ripple * np.sin(goal + rng.uniform(0, 2 * np.pi, 3))
     q = np.empty_like(goal)
     q[0] = goal[0] + options.start_std * rng.standard_normal(3)
     for i in range(t.size - 1):
         q[i + 1] = q[i] + dt * gain[i] * (speed[i] + options.servo_gain * (goal[i] - q[i]))
-    pace = (
-        np.linalg.norm(speed, axis=1) / np.linalg.norm(chain.max_speed)
-    ) ** options.speed_exponent
-    sway = np.zeros_like(q)
-    sway[:, :2] = _ornstein_uhlenbeck((2, t.size), options.sway_time / dt, rng).T * options.sway_std
-    sway *= (options.sway_rest + (1 - options.sway_rest) * pace)[:, None]
+    sway = lagged_noise((3, t.size), options.sway_time / dt, rng).T * options.sway_std
+    sway *= sway_share(chain, speed, options)[:, None]
     q = (
         q
         + offset
         + ripple
         + np.einsum("tij,tj->ti", chain.inverse_jacobian(q, what="time of the laboratory"), sway)
     )
-    play = 2 * ndtr(_ornstein_uhlenbeck((t.size,), options.clearance_time / dt, rng)) - 1
-    q[:, 2] += (
-        options.clearance
-        * play
-        * np.minimum(1.0, np.abs(speed[:, 2] / options.rattle_speed) ** options.speed_exponent)
-    )
+    play = 2 * ndtr(lagged_noise((t.size,), options.clearance_time / dt, rng)) - 1
+    q[:, 2] += options.clearance * play * play_share(speed, options)
     return t, q
 
 

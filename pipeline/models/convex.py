@@ -4,26 +4,33 @@ models have in closed form.
 
 from __future__ import annotations
 
+import warnings
+
 import cvxpy as cp
 import numpy as np
 
 from pipeline.core.errors import SolverError
 
+TOLERANCES = (1e-10, 1e-9, 1e-8)  # of gap and feasibility, in the problem's own unit
+
 
 def _solve(problem: cp.Problem, **evidence: object) -> float:
-    """The optimal value; raises SolverError for any status but optimal."""
-    try:
-        value = problem.solve(
-            solver=cp.CLARABEL, tol_gap_abs=1e-10, tol_gap_rel=1e-10, tol_feas=1e-10
-        )
-    # a ValueError is CVXPY's answer to data that are not numbers
-    except (cp.SolverError, ValueError) as error:
-        raise SolverError(f"the problem could not be solved: {error}", **evidence) from None
-    if problem.status != cp.OPTIMAL:
-        raise SolverError(
-            "the problem was not solved to optimality", status=problem.status, **evidence
-        )
-    return float(value)
+    """The optimal value to the least of TOLERANCES that the solver reaches; raises SolverError for
+    any status but optimal.
+    """
+    for tolerance in TOLERANCES:
+        tolerances = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
+        try:
+            with warnings.catch_warnings():
+                # of an inaccurate solution the status says so
+                warnings.simplefilter("ignore", UserWarning)
+                value = problem.solve(solver=cp.CLARABEL, **tolerances)
+        # a ValueError is CVXPY's answer to data that are not numbers
+        except (cp.SolverError, ValueError) as error:
+            raise SolverError(f"the problem could not be solved: {error}", **evidence) from None
+        if problem.status == cp.OPTIMAL:
+            return float(value)
+    raise SolverError("the problem was not solved to optimality", status=problem.status, **evidence)
 
 
 def solve_perturbation(
@@ -38,20 +45,23 @@ def solve_perturbation(
 
     ``noise`` ω (n,) in rad, measured minus nominal; ``v`` ẋᵈΔt (n,); ``j1`` and ``j2`` the factors
     of the Jacobian (n, n); ``weights`` (α₁, α₂); ``floor`` ε. Raises SolverError.
+
+    Solved in units of ‖ω‖, as the solver's tolerances are absolute.
     """
-    n = len(noise)
+    n, size = len(noise), float(np.linalg.norm(noise))
+    unit = size if 0 < size < np.inf else 1.0
     alpha1, alpha2 = weights
     j1_inv, j2_inv, j_inv = np.linalg.inv(j1), np.linalg.inv(j2), np.linalg.inv(j1 @ j2)
     b_inv = cp.Variable((n, n), symmetric=True)
-    objective = alpha1 * cp.norm(noise - (j2_inv @ b_inv @ j1_inv - j_inv) @ v) + alpha2 * cp.norm(
-        b_inv - np.eye(n), "fro"
-    )
+    a, step = j1_inv @ v, j_inv @ v
+    rest = (noise + step) / unit - (j2_inv / unit) @ (b_inv @ a)
+    objective = alpha1 * cp.norm(rest) + alpha2 / unit * cp.norm(b_inv - np.eye(n), "fro")
     value = _solve(
         cp.Problem(cp.Minimize(objective), [b_inv >> floor * np.eye(n)]),
         noise=noise.tolist(),
         floor=floor,
     )
-    return b_inv.value, value
+    return b_inv.value, unit * value
 
 
 def solve_noise_covariance(norm: float, alpha: float, u: float, n: int) -> np.ndarray:

@@ -40,3 +40,13 @@ def root(covariance: np.ndarray) -> np.ndarray:
     """
     variances, axes = principal_axes(covariance)
     return (axes * np.sqrt(variances)) @ axes.T
+
+
+def without_measurement(covariance: np.ndarray, measurement: np.ndarray) -> tuple[np.ndarray, int]:
+    """(n, n) what ``covariance`` holds beyond ``measurement`` (n, n), in rad², and along how many
+    axes that is nothing.
+
+    There the difference would be negative by chance, and is set to zero.
+    """
+    variances, axes = np.linalg.eigh(covariance - measurement)
+    return (axes * np.maximum(variances, 0.0)) @ axes.T, int(np.count_nonzero(variances < 0))

@@ -6,10 +6,10 @@ import numpy as np
 from numba import int64, types
 
 from pipeline.arm.chain import JOINTS, PlanarChain
-from pipeline.arm.compiled import ARM, Arm, arm_numbers
+from pipeline.arm.compiled import ARM, Arm, arm_numbers, pose
 from pipeline.core.compiled import MATRIX, VECTOR, compiled, inlined, inner
-from pipeline.core.errors import SingularJacobianError
-from pipeline.models.law import CUBE, GENERATOR, NUMBERS, STEP, Numbers, block
+from pipeline.core.errors import ModelDomainError
+from pipeline.models.law import CUBE, GENERATOR, NUMBERS, STEP, Numbers, at, block
 from pipeline.models.model import Law, MotionModel
 from pipeline.randommatrix.variates import gamma_law, standard_gamma, standard_normal
 
@@ -49,23 +49,36 @@ def move_block(
     parameters: np.ndarray,
     arm: Arm,
     v: np.ndarray,
+    target: np.ndarray,
+    share: float,
     here: tuple,
     there: tuple,
     rng: np.random.Generator,
 ) -> int:
-    """Fill ``there`` with draws of the next poses after those of the block ``here`` under ``v``
-    (n,); for how many the noise was clipped.
+    """Fill ``there`` with draws of the next poses after those of the block ``here`` under ``v +
+    share·(target − x(q))``; for how many the noise was clipped.
 
     Args:
         step: the law, with its ``parameters``, and room for its ``numbers``.
         arm: the chain's numbers.
+        v: (m,) commanded step.
+        target: (m,) pose that the loop holds the arm to; not looked at where ``share`` is 0.
+        share: κ, of the deviation that the step corrects; 0 of an open loop.
+        here: a block of poses, and ``there`` their next ones.
+        rng: of the random numbers.
     """
-    count = len(here[0])
+    count, command = len(here[0]), numbers.command
     draw(numbers, count, rng)
     for r in range(len(v)):
         for i in range(count):
-            numbers.command[r, i] = v[r]
-    return step(numbers, parameters, arm, block(numbers.command, 0, count), here, there)
+            command[r, i] = v[r]
+    if share > 0.0:
+        for i in range(count):
+            x, z, phi = pose(arm, at(here, i))
+            command[0, i] += share * (target[0] - x)
+            command[1, i] += share * (target[1] - z)
+            command[2, i] += share * (target[2] - phi)
+    return step(numbers, parameters, arm, block(command, 0, count), here, there)
 
 
 def draw_steps(
@@ -83,16 +96,9 @@ def draw_steps(
 
     Raises:
         SingularJacobianError: at a singular pose, where no model is defined.
+        ModelDomainError: where a draw is not finite, as at poses without a decomposition.
     """
-    singular = chain.singular(q)
-    if np.any(singular):
-        index = tuple(int(i) for i in np.argwhere(singular)[0])
-        raise SingularJacobianError(
-            f"the Jacobian is singular at {int(singular.sum())} pose(s), which have no next step: "
-            "the first two links are in line (or a pose is not finite)",
-            index=index,
-            q=np.asarray(q, dtype=float)[index].round(4).tolist(),
-        )
+    chain.require_regular(q)
     law, commands = model.law(), np.atleast_2d(np.asarray(v, dtype=float))
     n = q.shape[-1]
     # (M, poses under one command, n), whose joints come first in memory for the law
@@ -113,7 +119,18 @@ def draw_steps(
         rng,
     )
     drawn = np.moveaxis(moved, 1, -1)
-    return (drawn if np.ndim(v) == 1 else np.swapaxes(drawn, 0, 1)).reshape(q.shape), clipped
+    drawn = (drawn if np.ndim(v) == 1 else np.swapaxes(drawn, 0, 1)).reshape(q.shape)
+    lost = ~np.isfinite(drawn).all(axis=-1)
+    if np.any(lost):
+        index = tuple(int(i) for i in np.argwhere(lost)[0])
+        raise ModelDomainError(
+            f"the model has no next step at {int(lost.sum())} pose(s): a Wishart model by LU "
+            "without pivoting has none where a pivot is small; name another order of rows or "
+            "joints in the dataset's option elimination, or another decomposition in the model's",
+            index=index,
+            q=np.asarray(q, dtype=float)[index].round(4).tolist(),
+        )
+    return drawn, clipped
 
 
 @compiled(int64(types.FunctionType(STEP), NUMBERS, VECTOR, ARM, MATRIX, CUBE, CUBE, GENERATOR))
@@ -135,5 +152,5 @@ def _draw_steps(
         for start in range(0, count, BLOCK):
             stop = start + BLOCK if start + BLOCK < count else count
             here, there = block(q[k], start, stop), block(moved[k], start, stop)
-            clipped += move_block(step, numbers, parameters, arm, v[k], here, there, rng)
+            clipped += move_block(step, numbers, parameters, arm, v[k], v[k], 0.0, here, there, rng)
     return clipped

@@ -58,6 +58,18 @@ def measurement_covariance(noise: np.ndarray, v: np.ndarray) -> np.ndarray:
     return mean_covariance(noise[:, still])
 
 
+def rest_covariance(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(n, n) in rad²: the mean of the sample covariances of measured poses ``q`` (takes, M+1, n)
+    in rad over the takes, at the steps without a command.
+
+    A measured pose's noise, and with it what a take is off all through, as by the pose of the
+    cameras' frame, which Σ_m, of differences, does not hold. A closed loop takes it for the
+    measurement's, as it takes the arm at rest to be on its path. ``v`` (M, n) commanded steps;
+    raises ModelDomainError as :func:`measurement_covariance`.
+    """
+    return measurement_covariance(q[:, :-1], v)
+
+
 def recorded_deviation(q: np.ndarray, noise: np.ndarray, mode: str) -> np.ndarray:
     """(M+1, n) standard deviation in rad over the takes that the realisations' is to be held
     against.

@@ -16,6 +16,7 @@ class Options:
 
     kind: str = MISSING  # the model's folder in pipeline/models
     label: str = MISSING  # its name in legends and tables
+    closed_loop: bool = True  # whether its closed-loop form is fitted and filtered too
 
 
 def require_choice(key: str, value: str, choices: Sequence[str]) -> None:

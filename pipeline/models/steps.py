@@ -21,7 +21,7 @@ class Recorded:
 
     chain: PlanarChain
     q: np.ndarray  # (takes, M, n) rad, measured pose before each step
-    v: np.ndarray  # (M, n) m, m, rad, commanded steps
+    v: np.ndarray  # (M, m) m, m, rad, commanded steps; of a closed loop (takes, M, m)
     noise: np.ndarray  # (takes, M, n) rad, ω of each step
     joints: tuple[str, ...]  # names of the joints, base to tip
     known_measurement: np.ndarray | None = None  # (n, n) rad², where Σ_m is known
@@ -91,17 +91,13 @@ def moving_steps(
     """(N, n) each: poses, commanded steps and ω of the steps with a command, the only ones that say
     anything of a matrix model.
 
-    ``q`` and ``noise`` (takes, M, n) in rad, ``v`` (M, n). Raises ModelDomainError for a motion at
-    rest throughout.
+    ``q`` and ``noise`` (takes, M, n) in rad, ``v`` (M, n) or (takes, M, n). Raises
+    ModelDomainError for a motion at rest throughout.
     """
-    moving = np.any(v, axis=-1)
+    commanded = np.broadcast_to(v, q.shape)
+    moving = np.any(commanded, axis=-1)
     if not np.any(moving):
         raise ModelDomainError(
             "the motion is at rest at every step: there is nothing to fit a matrix model to"
         )
-    commanded, n = np.broadcast_to(v, q.shape), q.shape[-1]
-    return (
-        q[:, moving].reshape(-1, n),
-        commanded[:, moving].reshape(-1, n),
-        noise[:, moving].reshape(-1, n),
-    )
+    return q[moving], commanded[moving], noise[moving]

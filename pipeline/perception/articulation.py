@@ -1,8 +1,8 @@
 """The articulation of the arm in point clouds by least squares, frame by frame: where each search
 starts, gaps, and an arm that was lost.
 
-Nodes O1 (fixed) and EE (from the desired trajectory) are known; O2 and O3 are found
-(:mod:`pipeline.perception.articulation_search`).
+Node O1 is fixed; O2 and O3 are found (:mod:`pipeline.perception.articulation_search`), and EE comes
+from the desired trajectory or is found too (:mod:`pipeline.perception.articulation_end`).
 """
 
 from __future__ import annotations
@@ -13,8 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.core.errors import RecordingError, SolverError
-from pipeline.perception.articulation_objective import INFEASIBLE
+from pipeline.core.errors import ConfigError, RecordingError, SolverError
+from pipeline.core.options.analysis import Articulation as Chosen
+from pipeline.perception.articulation_end import ENDS, INFEASIBLE
+from pipeline.perception.articulation_objective import frame_of
 from pipeline.perception.articulation_search import MAX_STEPS, fit_frame
 
 # rad; how far from the nominal pose the cold starts lie: lag and drift of the arm against its
@@ -28,7 +30,8 @@ POSES = 24  # directions of the first segment that an arm which was lost is look
 
 @dataclass(frozen=True)
 class ArticulationOptions:
-    """Weights of the objective and what a frame has to have.
+    """Weights of the objective, where the tool ends and what a frame has to have; ConfigError for
+    what does not exist.
 
     Both terms are lengths. γ1 weighs a mean over points, γ2 a sum over the three segments; 1 and
     1/3 weigh two means alike.
@@ -39,6 +42,25 @@ class ArticulationOptions:
     length_range: float = 0.05  # each segment's length within ± this fraction of the nominal one
     min_points: int = 150  # a frame with fewer points of the arm is a gap
     max_gap: int = 3  # frames in a row that may be gaps
+    end_point: str = "commanded"  # one of ENDS
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.length_range < 1.0:
+            raise ConfigError(
+                "articulation.length_range: a share of the length, between 0 and 1",
+                value=self.length_range,
+            )
+        if self.end_point not in ENDS:
+            raise ConfigError(
+                f"articulation.end_point: no end {self.end_point!r}; there are {', '.join(ENDS)}",
+                key="articulation.end_point",
+            )
+
+    @classmethod
+    def chosen(cls, options: Chosen) -> ArticulationOptions:
+        """Those of the configuration's section ``articulation``."""
+        o = options
+        return cls(o.gamma1, o.gamma2, o.length_range, o.minimum_points, o.max_gap, o.end_point)
 
 
 @dataclass(frozen=True)
@@ -71,13 +93,13 @@ def fit_sequence(
 ) -> Articulation:
     """Eq. (KinObj) frame by frame through one take.
 
-    ``clouds``: per frame the arm's points (I, 2) in the plane, m; ``o1`` (2,), ``ee`` (F, 2) m;
-    ``q_start`` (3,) rad the nominal pose of the first frame. The first fit starts from poses around
-    it, each later one from the fit before, its O3 carried along with EE; where that leads to no
-    arm, as it may after a gap, from all poses that join O1 and EE. Frames with fewer than
-    ``min_points`` points are gaps, counted. Raises RecordingError (take, frame) for more than
-    ``max_gap`` of them in a row and for an EE that is missing or that the segments cannot reach,
-    SolverError for a search that does not end.
+    ``clouds``: per frame the arm's points (I, 2) in the plane, m; ``o1`` (2,), ``ee`` (F, 2) m, the
+    latter as commanded; ``q_start`` (3,) rad the nominal pose of the first frame. The first fit
+    starts from poses around it, each later one from the fit before, its O3 and EE carried along
+    with the command; where that leads to no arm, as it may after a gap, from all poses that join O1
+    and EE. Frames with fewer than ``min_points`` points are gaps, counted. Raises RecordingError
+    (take, frame) for more than ``max_gap`` of them in a row and for an EE that is missing or that
+    the segments cannot reach, SolverError for a search that does not end.
     """
     if len(clouds) != len(ee):
         raise RecordingError(
@@ -89,7 +111,7 @@ def fit_sequence(
             take=take,
             frame=int(np.argmax(~np.isfinite(ee).all(axis=1))),
         )
-    bounds = chain.lengths[:, None] * np.array([1 - options.length_range, 1 + options.length_range])
+    end, gammas = ENDS[options.end_point], (options.gamma1, options.gamma2)
     nodes, objective = np.full((len(ee), 4, 2), np.nan), np.full(len(ee), np.nan)
     number = np.array([len(cloud) for cloud in clouds], dtype=int)
     starts, last, gap = _cold_starts(chain, q_start), 0, 0
@@ -107,19 +129,13 @@ def fit_sequence(
             continue
         if not np.isfinite(cloud).all():
             raise RecordingError("a point of the arm is not finite", take=take, frame=frame)
-        starts = starts + np.concatenate([[0.0, 0.0], ee[frame] - ee[last]])
-        points = np.ascontiguousarray(cloud.T, dtype=float)
-        fits = [
-            fit_frame(points, o1, ee[frame], start, bounds, options.gamma1, options.gamma2)
-            for start in starts
-        ]
+        starts = starts + np.array([[0.0], [1.0], [1.0]]) * (ee[frame] - ee[last])
+        problem = frame_of(cloud.T, o1, ee[frame], chain.lengths, options.length_range, gammas)
+        fits = [fit_frame(problem, end, start) for start in starts]
         if min(fit[1] for fit in fits) > LOST * least:
             lost += 1
             poses = _joining_poses(o1, ee[frame], chain.lengths)
-            fits += [
-                fit_frame(points, o1, ee[frame], start, bounds, options.gamma1, options.gamma2)
-                for start in poses
-            ]
+            fits += [fit_frame(problem, end, start) for start in poses]
         best, value, ended = min(fits, key=lambda fit: fit[1])
         least = min(least, value)
         if value >= INFEASIBLE:
@@ -137,7 +153,7 @@ def fit_sequence(
                 frame=frame,
                 step=MAX_STEPS,
             )
-        nodes[frame], objective[frame] = [o1, best[:2], best[2:], ee[frame]], value
+        nodes[frame], objective[frame] = np.vstack([o1, best]), value
         starts, last = best[None], frame
     steps = np.diff(nodes, axis=1)
     q = chain.joints_from_segments(np.arctan2(steps[..., 0], steps[..., 1]))
@@ -145,16 +161,16 @@ def fit_sequence(
 
 
 def _cold_starts(chain: PlanarChain, q: np.ndarray) -> np.ndarray:
-    """(5, 4) positions of O2 and O3 at the nominal pose and with one of the first two joints turned
-    either way.
+    """(5, 3, 2) positions of O2, O3 and EE at the nominal pose and with one of the first two joints
+    turned either way.
     """
     turned = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * SPREAD
-    return chain.points(q + turned)[:, 1:3].reshape(-1, 4)
+    return chain.points(q + turned)[:, 1:]
 
 
 def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """(P, 4) positions of O2 and O3 of poses that join O1 and EE, on a grid of directions of the
-    first segment, O3 on either side.
+    """(P, 3, 2) positions of O2, O3 and EE of poses that join O1 and EE, on a grid of directions of
+    the first segment, O3 on either side.
     """
     psi = np.arange(POSES) * (2 * np.pi / POSES)
     o2 = o1 + lengths[0] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
@@ -164,6 +180,7 @@ def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.nd
     o2, reach, along = o2[joins], reach[joins, None], along[joins, None]
     towards = (ee - o2) / reach
     aside = np.sqrt(lengths[1] ** 2 - along**2) * np.stack([towards[:, 1], -towards[:, 0]], axis=-1)
+    ends = np.broadcast_to(ee, o2.shape)
     return np.concatenate(
-        [np.hstack([o2, o2 + along * towards + side]) for side in (aside, -aside)]
+        [np.stack([o2, o2 + along * towards + side, ends], axis=1) for side in (aside, -aside)]
     )

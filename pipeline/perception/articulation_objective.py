@@ -1,8 +1,7 @@
 """The paper's objective of an articulation, Eq. (KinObj), of one point cloud; compiled.
 
-The bounds on the lengths of the segments have their exact and simplest form: any pose within the
-bounds ranks before any pose outside, and of two outside the one that violates them less
-(feasibility rules, Deb 2000); no weight has to be chosen and no bound is overstepped.
+What a search varies, and how it keeps to the bounds on the lengths of the segments, is said in
+:mod:`pipeline.perception.articulation_end`.
 """
 
 from __future__ import annotations
@@ -12,10 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import float64, int64, types, uint64
 
-from pipeline.core.compiled import MATRIX, VECTOR, inner, passed
-
-# m; above every value of the objective that points within reach of an arm can give
-INFEASIBLE = 1e3
+from pipeline.core.compiled import MATRIX, VECTOR, inner
 
 
 class Frame(NamedTuple):
@@ -28,13 +24,13 @@ class Frame(NamedTuple):
 
     points: np.ndarray  # (2, I) x and z, m
     o1: np.ndarray  # (2,) m
-    ee: np.ndarray  # (2,) m
+    ee: np.ndarray  # (2,) m, where it is commanded to be
     bounds: np.ndarray  # (3, 2) of the segments' lengths, m
     gamma1: float
     gamma2: float
     distance: np.ndarray  # (I,) to its segment, m
-    signed: np.ndarray  # (3, I) by segment, as _assign writes it, m²
-    bits: np.ndarray  # (3, I) the same memory read as integers with a sign
+    signed: np.ndarray  # (4, I) by piece, as _assign writes it, m²
+    bits: np.ndarray  # (4, I) the same memory read as integers with a sign
     unsigned: np.ndarray  # and without
 
 
@@ -53,28 +49,36 @@ FRAME = types.NamedTuple(
     ),
     Frame,
 )
-OBJECTIVE = float64(FRAME, VECTOR)
 
 
 def frame_of(
     points: np.ndarray,
     o1: np.ndarray,
     ee: np.ndarray,
-    bounds: np.ndarray,
-    gamma1: float,
-    gamma2: float,
+    lengths: np.ndarray,
+    length_range: float,
+    gammas: tuple[float, float],
 ) -> Frame:
-    """The frame of ``points`` (2, I) in m between ``o1`` and ``ee`` (2,)."""
-    signed = np.empty((3, points.shape[1]))
+    """A frame.
+
+    Args:
+        points: (2, I) x and z, m.
+        o1: (2,) first joint, m.
+        ee: (2,) commanded end-effector, m.
+        lengths: (3,) nominal lengths of the segments, m.
+        length_range: each length lies within ± this share of the nominal one.
+        gammas: γ1 and γ2.
+    """
+    signed = np.empty((4, points.shape[1]))
     distance = np.empty(points.shape[1])
+    bounds = lengths[:, None] * np.array([1 - length_range, 1 + length_range])
     points, o1, ee, bounds = (np.array(array, order="C") for array in (points, o1, ee, bounds))
     return Frame(
         points,
         o1,
         ee,
         bounds,
-        gamma1,
-        gamma2,
+        *gammas,
         distance,
         signed,
         signed.view(np.int64),
@@ -82,31 +86,35 @@ def frame_of(
     )
 
 
-@passed
-def rank_value(frame: Frame, v: np.ndarray) -> float:
-    """Eq. (KinObj), m, of a ``frame`` at ``v`` = (O2, O3); outside the bounds on the lengths
-    INFEASIBLE and the excess, m.
-
-    A point belongs to the segment nearest to it, one nearest to a common node to both. d_a and d_u
-    are the greatest distances of a segment's points on either side of its line, 0 where there are
-    none.
-    """
-    nodes = ((frame.o1[0], frame.o1[1]), (v[0], v[1]), (v[2], v[3]), (frame.ee[0], frame.ee[1]))
-    violation = 0.0
+@inner
+def excess(frame: Frame, nodes: tuple) -> float:
+    """How far the segments between ``nodes`` overstep the bounds on their lengths, summed, m."""
+    total = 0.0
     for j in range(3):
         length = np.sqrt(
             (nodes[j + 1][0] - nodes[j][0]) ** 2 + (nodes[j + 1][1] - nodes[j][1]) ** 2
         )
         short, long = frame.bounds[j, 0] - length, length - frame.bounds[j, 1]
-        violation += short if short > 0.0 else (long if long > 0.0 else 0.0)
-    if not violation == 0.0:
-        return INFEASIBLE + violation
+        total += short if short > 0.0 else (long if long > 0.0 else 0.0)
+    return total
+
+
+@inner
+def value(frame: Frame, nodes: tuple, pieces: int) -> float:
+    """Eq. (KinObj), m, of a ``frame`` at the ``nodes`` (x, z) O1, O2, O3 and EE, m.
+
+    A point belongs to the segment nearest to it, one nearest to a common node to both. d_a and d_u
+    are the greatest distances of a segment's points on either side of its line, 0 where there are
+    none. The three ``pieces`` that have both are the segments; of four, the last segment is two.
+    """
     signed = frame.signed
     _assign(
         frame.points[0], frame.points[1], nodes, frame.distance, signed[0], signed[1], signed[2]
     )
+    if pieces == 4:
+        _halve(frame.points[0], frame.points[1], nodes[2], nodes[3], signed[2], signed[3])
     asymmetry = 0.0
-    for j in range(3):
+    for j in range(pieces):
         above, under = _greatest(signed[j], frame.bits[j], frame.unsigned[j])
         asymmetry += abs(np.sqrt(above) - np.sqrt(under))
     return frame.gamma1 * _sum(frame.distance) / frame.distance.size + frame.gamma2 * asymmetry
@@ -138,6 +146,24 @@ def _assign(
         first[i] = _signed(nearest if to_first == nearest else 0.0, side_first)
         second[i] = _signed(nearest if to_second == nearest else 0.0, side_second)
         third[i] = _signed(nearest if to_third == nearest else 0.0, side_third)
+
+
+@inner
+def _halve(
+    x: np.ndarray,
+    z: np.ndarray,
+    start: tuple[float, float],
+    end: tuple[float, float],
+    near: np.ndarray,
+    far: np.ndarray,
+) -> None:
+    """What ``near`` holds of points beyond the middle of the segment moves to ``far``."""
+    ux, uz = end[0] - start[0], end[1] - start[1]
+    mx, mz = 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])
+    for i in range(x.size):
+        beyond = (x[i] - mx) * ux + (z[i] - mz) * uz > 0.0
+        far[i] = near[i] if beyond else 0.0
+        near[i] = 0.0 if beyond else near[i]
 
 
 @inner

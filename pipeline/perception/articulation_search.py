@@ -11,52 +11,47 @@ import numpy as np
 from numba import boolean, float64, types
 
 from pipeline.core.compiled import MATRIX, VECTOR, compiled, inner
-from pipeline.perception.articulation_objective import FRAME, OBJECTIVE, Frame, frame_of, rank_value
+from pipeline.perception.articulation_end import OBJECTIVE, End
+from pipeline.perception.articulation_objective import FRAME, Frame
 
-# m; extent of the simplex at which a search has ended: 1e-4 rad on a link, a hundredth of the
-# errors of the sensor
-TOLERANCE = 1e-5
-STEP = 0.02  # m; first extent of the simplex: how far a node moves between frames at 30 Hz
-NEAR = 1e-3  # m; extent at which the first of two searches has done its part
 MAX_STEPS = 2000
-VARIABLES = 4  # x and z of O2 and of O3
 SEARCH = boolean(
     types.FunctionType(OBJECTIVE), FRAME, float64, float64, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR
 )
 
 
-# Loops over four numbers, where array expressions would do: those take seconds more to compile.
-# They are VARIABLES, and not what the arrays have, so that the compiler writes the four out and
-# makes no code for any number of them.
+# Loops over four or five numbers, where array expressions would do: those take seconds more to
+# compile.
 @inner
 def _copy(corner: np.ndarray, other: np.ndarray) -> None:
-    for j in range(VARIABLES):
+    for j in range(corner.size):
         corner[j] = other[j]
 
 
 @inner
 def _place(corner: np.ndarray, middle: np.ndarray, other: np.ndarray, factor: float) -> None:
     """``corner`` at middle + factor·(other − middle)."""
-    for j in range(VARIABLES):
+    for j in range(corner.size):
         corner[j] = middle[j] + factor * (other[j] - middle[j])
 
 
 @inner
 def _mean(corners: np.ndarray, middle: np.ndarray) -> None:
     """``middle`` of all ``corners`` but the last."""
-    for j in range(VARIABLES):
+    n = middle.size
+    for j in range(n):
         total = 0.0
-        for i in range(VARIABLES):
+        for i in range(n):
             total += corners[i, j]
-        middle[j] = total / VARIABLES
+        middle[j] = total / n
 
 
 @inner
 def _extent(corners: np.ndarray) -> float:
     """Greatest distance from the first corner along any axis."""
     extent = 0.0
-    for i in range(1, len(corners)):
-        for j in range(VARIABLES):
+    for i in range(1, corners.shape[0]):
+        for j in range(corners.shape[1]):
             distance = abs(corners[i, j] - corners[0, j])
             extent = distance if distance > extent else extent
     return extent
@@ -71,7 +66,7 @@ def _order(corners: np.ndarray, values: np.ndarray) -> None:
         place = i
         while place > 0 and values[place - 1] > values[place]:
             values[place - 1], values[place] = values[place], values[place - 1]
-            for j in range(VARIABLES):
+            for j in range(corners.shape[1]):
                 corners[place - 1, j], corners[place, j] = corners[place, j], corners[place - 1, j]
             place -= 1
 
@@ -133,28 +128,17 @@ def _simplex(
     return False
 
 
-def fit_frame(
-    points: np.ndarray,
-    o1: np.ndarray,
-    ee: np.ndarray,
-    start: np.ndarray,
-    bounds: np.ndarray,
-    gamma1: float,
-    gamma2: float,
-) -> tuple[np.ndarray, float, bool]:
-    """(O2, O3), value, ended: Nelder–Mead from ``start`` (4,), and once more from near its end with
-    half the simplex, turned the other way.
+def fit_frame(frame: Frame, end: End, start: np.ndarray) -> tuple[np.ndarray, float, bool]:
+    """(O2, O3, EE) (3, 2) in m, value, ended: Nelder–Mead from ``start`` (3, 2) over the variables
+    of ``end``, and from near its end again, turned the other way, as the runs of ``end`` say.
 
-    More restarts lower the objective by about 0.1 mm and the error of the angles not at all; nor
-    does a first search that goes on to the TOLERANCE, which takes 1.7 times as long.
+    With the commanded end more runs lower the objective by about 0.1 mm and the error of the angles
+    not at all; nor does a first run that goes on to the last extent, which takes 1.7 times as long.
     """
-    frame = frame_of(points, o1, ee, bounds, gamma1, gamma2)
-    corners, values, room = (
-        np.empty((VARIABLES + 1, VARIABLES)),
-        np.empty(VARIABLES + 1),
-        np.empty((3, VARIABLES)),
-    )
-    corners[0], ended = start, False
-    for step, extent in ((STEP, NEAR), (-STEP / 2, TOLERANCE)):
-        ended = _simplex(rank_value, frame, step, extent, corners, values, *room)
-    return corners[0].copy(), float(values[0]), ended
+    first = end.variables(frame, start)
+    n = first.size
+    corners, values, room = np.empty((n + 1, n)), np.empty(n + 1), np.empty((3, n))
+    corners[0], ended = first, False
+    for step, extent in end.runs:
+        ended = _simplex(end.objective, frame, step, extent, corners, values, *room)
+    return end.nodes(frame, corners[0]), float(values[0]), ended

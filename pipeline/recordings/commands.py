@@ -7,9 +7,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from pipeline.arm.chain import TASK
 from pipeline.core.columns import columns, values
 
-TASK = ("x", "z", "phi")  # rows of the task of a planar chain: m, m, rad
+STEADY = 0.9  # of the speed, so that noise of the mean path leaves no gap
 
 
 def task_columns(trajectory: pd.DataFrame) -> pd.DataFrame:
@@ -26,3 +27,11 @@ def commanded_steps(trajectory: pd.DataFrame, rate: float) -> np.ndarray:
     and rad; ``rate`` of the motion in 1/s.
     """
     return values(trajectory, "v")[:-1] / rate
+
+
+def constant_speed(q: np.ndarray) -> np.ndarray:
+    """(M,) which steps of the mean of ``q`` (takes, M+1, n) in rad go at the motion's constant
+    speed: at least STEADY of the speed that only a tenth of them exceed.
+    """
+    pace = np.linalg.norm(np.diff(q.mean(axis=0), axis=0), axis=-1)
+    return pace >= STEADY * np.quantile(pace, 0.9)

@@ -4,7 +4,6 @@ and how far these are off the motion capture's.
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +11,12 @@ import pandas as pd
 
 from pipeline.arm.model import Arm, arm_of
 from pipeline.core import config, contracts
-from pipeline.core.columns import columns
-from pipeline.core.compute.trials import run_trials
 from pipeline.perception.articulation import ArticulationOptions
-from pipeline.perception.depth_angles import articulate_rows
 from pipeline.perception.depth_noise import errors_of, leave_one_out
+from pipeline.recordings.depth_angles import DEPTH, TRACK, articulated, depth_takes
 from pipeline.recordings.depth_points import arm_points
 
-MOTION, DEPTH = Path("data/ingest/motion"), Path("data/ingest/depth")
-TRACK, OUT = Path("data/track"), Path("data/articulate")
+OUT = Path("data/articulate")
 
 
 def run() -> None:
@@ -33,35 +29,18 @@ def run() -> None:
         if dataset.depth is None:
             print("articulate: the dataset has no depth camera; nothing to do")
             return
-        arm = arm_of(dataset.robot)
-        joints = contracts.read("joints", TRACK)
-        training = joints[(joints.part == "training") & (joints.k == 0)]
-        frames = contracts.read("frames", TRACK)
-        # track leaves out the takes beyond a limit
-        takes = [rows for _, rows in frames[frames["take"].isin(joints["take"])].groupby("take")]
-        o = settings.articulation
-        fit = partial(
-            _articulate,
-            arm=arm,
-            joints=dataset.robot.joints,
-            trajectory=contracts.read("trajectory", MOTION),
-            options=ArticulationOptions(
-                o.gamma1, o.gamma2, o.length_range, o.minimum_points, o.max_gap
-            ),
-            start=training[columns("q", dataset.robot.joints)].mean().to_numpy(),
-        )
-        fitted = run_trials(fit, takes, compute=settings.compute, label="articulate: takes")
-        angles = pd.concat(fitted, ignore_index=True)
+        arm, takes, o = arm_of(dataset.robot), depth_takes(), settings.articulation
+        options = ArticulationOptions.chosen(o)
+        label = "articulate: takes"
+        angles = articulated(takes, dataset.robot, options, settings.compute, label)
         contracts.write(angles, "angles", folder)
-        noise = leave_one_out(errors_of(angles, joints), window=o.noise_window)
+        noise = leave_one_out(
+            errors_of(angles, contracts.read("joints", TRACK)), window=o.noise_window
+        )
         contracts.write(noise, "kinect_noise", folder)
         views = [_view(name, angles, takes[0], arm) for name in ("initial", "extended")]
         for name, tables in zip(("cloud", "skeleton"), zip(*views, strict=True), strict=True):
             contracts.write(pd.concat(tables, ignore_index=True), name, folder)
-
-
-def _articulate(rows: pd.DataFrame, **given: object) -> pd.DataFrame:
-    return articulate_rows(rows, arm_points(rows, DEPTH), **given)
 
 
 def _view(

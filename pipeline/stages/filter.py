@@ -12,60 +12,79 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.arm.model import arm_of
 from pipeline.core import config, contracts, rng
-from pipeline.core.columns import columns, spread, triangle
+from pipeline.core.columns import spread, triangle
 from pipeline.core.compute.trials import run_trials
 from pipeline.filtering.measurement import Measurements, measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
+from pipeline.models.closed_loop import FOLDER, fitted_closed_loop, mean_path
+from pipeline.models.commands import Commands, open_loop
 from pipeline.models.kinds import fitted_model
 from pipeline.models.model import MotionModel
-from pipeline.recordings.commands import commanded_steps
+from pipeline.recordings.steps import training_steps
 
-MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
 ARTICULATE, FIT, OUT = Path("data/articulate"), Path("data/fit"), Path("data/filter")
 METRICS = Path("reports/metrics")
 OF_A_STEP = ("ess", "resampled", "measured", "clipped", "outside")
 
 
 def run(model: str) -> None:
-    """Posterior mean, covariance and effective sample size of every test take."""
+    """Posterior mean, covariance and effective sample size of every test take, in an open loop and,
+    where the model has been fitted in one, in a closed loop.
+    """
     settings = config.sections("filter", item=model)
     robot, rate, options = settings.dataset.robot, settings.dataset.motion.rate, settings.filter
     metrics = {}
     with contracts.replacing(OUT / model) as folder:
         if contracts.exists("angles", ARTICULATE):
             angles = contracts.read("angles", ARTICULATE)
-            joints = contracts.read("joints", TRACK)
-            first = joints[(joints.part == "training") & (joints.k == 0)]
-            starts = first[columns("q", robot.joints)]
-            trial = partial(
-                _filter_take,
-                model=fitted_model(FIT / model),
-                chain=arm_of(robot).chain,
-                joints=robot.joints,
-                steps=commanded_steps(contracts.read("trajectory", MOTION), rate),
-                rate=rate,
-                start=Start(starts.mean().to_numpy(), starts.cov().to_numpy()),
-                options=FilterOptions(options.particles, options.scheme, options.threshold),
-                stream=(settings.seed, f"filter.{model}"),
+            takes = list(
+                enumerate(measurements(angles, contracts.read("kinect_noise", ARTICULATE)))
             )
-            takes = enumerate(measurements(angles, contracts.read("kinect_noise", ARTICULATE)))
-            label = f"filter {model}: takes"
-            rows = list(run_trials(trial, list(takes), compute=settings.compute, label=label))
-            posterior = pd.concat([table for table, _, _ in rows], ignore_index=True)
-            contracts.write(posterior, "posterior", folder)
-            metrics = {
-                "mean_effective_sample_size": posterior["ess"].mean(),
-                "share_of_steps_resampled": posterior["resampled"].mean(),
-                "particle_steps_with_clipped_noise": posterior["clipped"].sum(),
-                "particle_steps_outside_the_domain": posterior["outside"].sum(),
-                "measurements_outside_the_motion": sum(left_out for _, left_out, _ in rows),
-                "mean_log_evidence_per_take": np.mean([evidence for _, _, evidence in rows]),
-            }
+            recorded = training_steps(robot, rate)
+            loops = {"": (fitted_model(FIT / model), open_loop(recorded.v))}
+            closed = fitted_closed_loop(FIT / model)
+            if closed is not None:
+                loops[FOLDER] = (closed[0], mean_path(recorded).commands(closed[1]))
+            first = recorded.q[:, 0]
+            for loop, (fitted, commands) in loops.items():
+                trial = partial(
+                    _filter_take,
+                    model=fitted,
+                    chain=recorded.chain,
+                    joints=robot.joints,
+                    commands=commands,
+                    rate=rate,
+                    start=Start(first.mean(axis=0), np.cov(first.T)),
+                    options=FilterOptions(options.particles, options.scheme, options.threshold),
+                    stream=(settings.seed, ".".join(filter(None, ("filter", model, loop)))),
+                )
+                label = " ".join(filter(None, ("filter", model, loop)))
+                rows = list(
+                    run_trials(trial, takes, compute=settings.compute, label=f"{label}: takes")
+                )
+                posterior = pd.concat([table for table, _, _ in rows], ignore_index=True)
+                (folder / loop).mkdir(exist_ok=True)
+                contracts.write(posterior, "posterior", folder / loop)
+                prefix = "closed_loop_" if loop else ""
+                metrics |= {f"{prefix}{name}": n for name, n in _metrics(posterior, rows).items()}
         else:
             print("filter: no joint angles from a depth camera; nothing to filter")
     contracts.write_metrics(metrics, METRICS / f"filter_{model}.json")
+
+
+def _metrics(
+    posterior: pd.DataFrame, rows: Sequence[tuple[pd.DataFrame, int, float]]
+) -> dict[str, float]:
+    """How the filters of all takes fared."""
+    return {
+        "mean_effective_sample_size": posterior["ess"].mean(),
+        "share_of_steps_resampled": posterior["resampled"].mean(),
+        "particle_steps_with_clipped_noise": posterior["clipped"].sum(),
+        "particle_steps_outside_the_domain": posterior["outside"].sum(),
+        "measurements_outside_the_motion": sum(left_out for _, left_out, _ in rows),
+        "mean_log_evidence_per_take": np.mean([evidence for _, _, evidence in rows]),
+    }
 
 
 def _filter_take(
@@ -73,7 +92,7 @@ def _filter_take(
     model: MotionModel,
     chain: PlanarChain,
     joints: Sequence[str],
-    steps: np.ndarray,
+    commands: Commands,
     rate: float,
     start: Start,
     options: FilterOptions,
@@ -84,7 +103,7 @@ def _filter_take(
     """
     number, take = trial
     generator = rng.stream(*stream, number)
-    posterior = particle_filter(model, chain, steps, 1 / rate, start, take, options, generator)
+    posterior = particle_filter(model, chain, commands, 1 / rate, start, take, options, generator)
     k = np.arange(len(posterior.mean))
     table = {"take": take.take, "part": "test", "k": k, "t": k / rate}
     table |= spread("m", joints, posterior.mean) | triangle("c", joints, posterior.covariance)

@@ -17,13 +17,17 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import kinds
 from pipeline.models.bootstrap import Estimator, replicate, resampled_estimator, spreads
+from pipeline.models.closed_loop import FOLDER, SHARE
+from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
 from pipeline.models.model import MotionModel
+from pipeline.models.options import Options
 from pipeline.models.realizations import realize, realized_moments
 from pipeline.models.steps import Estimate, Recorded, mean_log_likelihood
 from pipeline.recordings.steps import training_steps
 
 MOTION, TRACK, OUT = Path("data/ingest/motion"), Path("data/track"), Path("data/fit")
 METRICS = Path("reports/metrics")
+NORMAL = (-1.96, 1.96)  # standard errors to the ends of a 95 % interval
 
 
 def run(model: str) -> None:
@@ -37,17 +41,43 @@ def run(model: str) -> None:
     looked_at, tables = kinds.examined(recorded, options, estimate, checks, stream)
     likelihood = _likelihood(recorded, estimate)
     metrics = estimate.estimates | spread_metrics | estimate.diagnostics | likelihood | looked_at
+    closed, refused = closed_loop_of(recorded, options, estimate)
+    if refused:
+        print(f"fit: {model} has no closed loop: {refused}")
     with contracts.replacing(OUT / model) as folder:
         for name, table in tables.items():
             contracts.write(table, name, folder)
-        (folder / "parameters.json").write_text(json.dumps(estimate.parameters, indent=2) + "\n")
+        _write_parameters(estimate.parameters, folder)
+        if closed is not None:
+            _write_parameters(closed.estimate.parameters | {SHARE: closed.share}, folder / FOLDER)
+            metrics |= _closed_loop_metrics(closed, settings.dataset.motion.rate)
         realised = _realise(model, estimate.model, recorded, settings, folder)
     contracts.write_metrics(metrics, METRICS / f"fit_{model}.json")
     contracts.write_metrics(realised, METRICS / f"simulate_{model}.json")
 
 
+def _write_parameters(parameters: dict[str, object], folder: Path) -> None:
+    contracts.write_text(json.dumps(parameters, indent=2) + "\n", folder / "parameters.json")
+
+
+def _closed_loop_metrics(closed: ClosedLoopFit, rate: float) -> dict[str, float]:
+    """κ and K with standard errors and 95 % intervals, and the parameters that go with them."""
+    share, gain = SHARE, "closed_loop_gain_per_s"
+    metrics = {}
+    for name, unit in ((share, 1.0), (gain, rate)):
+        value, error = unit * closed.share, unit * closed.standard_error
+        metrics |= {
+            name: value,
+            f"{name}_standard_error": error,
+            f"{name}_interval_low": value + NORMAL[0] * error,
+            f"{name}_interval_high": value + NORMAL[1] * error,
+        }
+    own = {f"closed_loop_{name}": value for name, value in closed.estimate.estimates.items()}
+    return metrics | {"closed_loop_rounds": closed.rounds} | own
+
+
 def _replicates(
-    model: str, recorded: Recorded, estimate: Estimate, options: object, settings
+    model: str, recorded: Recorded, estimate: Estimate, options: Options, settings
 ) -> list[dict[str, float] | None]:
     """The estimates from resamplings of the takes."""
     trial = partial(

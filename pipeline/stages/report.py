@@ -14,6 +14,7 @@ from pipeline.verdicts.claims import Stated, parse_claims
 from pipeline.verdicts.decision import decide_each, verdict_data
 from pipeline.verdicts.equations import citations, equations_page, parse_items
 from pipeline.verdicts.errata import correct, errata_page, parse_errata
+from pipeline.verdicts.filters import filters_part, first_lines
 from pipeline.verdicts.run import read_runs
 from pipeline.verdicts.strict import build
 
@@ -45,6 +46,7 @@ def run() -> None:
         ("What is not reproduced", report_page.not_reproduced(decided)),
         ("Published against ours", report_page.published_and_ours(decided)),
         ("Every claim", report_page.every_claim(decided)),
+        (f"Filters: {here.dataset}", filters_part(here)),
         (f"Figures: {here.dataset}", report_page.figures(captions, items, sources)),
         ("Errata of the paper", report_page.errata_titles(errata)),
         (f"Counts: {here.dataset}", report_page.counts(here)),
@@ -52,7 +54,7 @@ def run() -> None:
     ]
     pages = {
         "claims.json": json.dumps(claims, indent=2, ensure_ascii=False) + "\n",
-        "report.md": report_page.report_page(here, decided, parts),
+        "report.md": report_page.report_page(here, decided, first_lines(runs), parts),
         "errata.md": errata_page(correct(errata, here, decided[0].verdicts)),
         "equations.md": equations_page(items, sources),
     }

@@ -13,21 +13,17 @@ import pandas as pd
 from pipeline.core import config, contracts, rng
 from pipeline.core.columns import columns, matrices, spread, values
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.noise import measurement_covariance, recorded_deviation
+from pipeline.core.filters import NONE, closed
+from pipeline.models.closed_loop import FOLDER
+from pipeline.models.noise import measurement_covariance, recorded_deviation, rest_covariance
+from pipeline.perception.depth_noise import errors_of
+from pipeline.perception.depth_state import deviations, error_slopes, slope_scores
 from pipeline.recordings import quality
-from pipeline.recordings.commands import commanded_steps
-from pipeline.statistics.joint_scores import (
-    filter_metrics,
-    filter_scores,
-    sensor_scores,
-    spread_scores,
-)
-from pipeline.statistics.resampling import (
-    bound_quantities,
-    resampled_differences,
-    spread_quantities,
-)
-from pipeline.statistics.take_scores import Scores, compared, posterior_scores
+from pipeline.recordings.commands import commanded_steps, constant_speed
+from pipeline.statistics.agreement import lag_one_correlation
+from pipeline.statistics.filters import Filtered, filter_tables, no_filter
+from pipeline.statistics.joint_scores import filter_metrics, sensor_scores, spread_scores
+from pipeline.statistics.resampling import resampled_differences, spread_quantities
 from pipeline.verdicts.run import Run
 
 INGEST, TRACK, ARTICULATE = Path("data/ingest"), Path("data/track"), Path("data/articulate")
@@ -54,7 +50,9 @@ def run() -> None:
         ]
         if ridges:
             contracts.write(pd.concat(ridges, ignore_index=True), "ridges", folder)
-        recordings = _quality(tables) | _kinect(names) | _truth(joints, names, settings)
+        recordings = (
+            _quality(tables) | _kinect(joints, names, settings) | _truth(joints, names, settings)
+        )
         contracts.write_metrics(recordings, METRICS / "recordings.json")
         for name in SHOWN:
             if contracts.exists(name, WRENCH):
@@ -88,7 +86,12 @@ def _score_motion(models, names, joints, settings, folder: Path, tables: Path) -
     # at k = 0 nothing has moved yet
     std = {source: deviation[1:] for source, deviation in std.items()}
     errors = {model: error[1:] for model, error in errors.items()}
-    contracts.write_metrics(spread_scores(std, errors, names), METRICS / "motion.json")
+    white = {
+        f"recorded_lag_one_correlation_{name}": lag_one_correlation(noise[..., j])
+        for j, name in enumerate(names)
+    }
+    metrics = spread_scores(std, errors, names, constant_speed(q)) | white
+    contracts.write_metrics(metrics, METRICS / "motion.json")
     if mode == "one_step":
         quantities = spread_quantities(std, noise, names)
         stream = rng.stream(settings.seed, "score.spread")
@@ -97,71 +100,60 @@ def _score_motion(models, names, joints, settings, folder: Path, tables: Path) -
 
 
 def _score_filters(models, names, joints, settings, folder: Path, tables: Path) -> None:
-    """Errors and bounds of every filter, and its posterior as a law of the measured pose."""
+    """Errors and bounds of every filter, and its posterior as a law of the measured pose, beside
+    those of no filter.
+    """
     metrics = {}
-    filtered = [model for model in models if contracts.exists("posterior", FILTER / model)]
-    if filtered:
+    places = {model: FILTER / model for model in models}
+    places |= {closed(model): FILTER / model / FOLDER for model in models}
+    places = {name: place for name, place in places.items() if contracts.exists("posterior", place)}
+    if places:
         measured = joints[["take", "k", *columns("q", names)]]
         posteriors = {
-            model: contracts.read("posterior", FILTER / model).merge(measured, on=["take", "k"])
-            for model in filtered
+            name: contracts.read("posterior", place).merge(measured, on=["take", "k"])
+            for name, place in places.items()
         }
-        errors, error, bound = [], {}, {}
-        for model, posterior in posteriors.items():
-            error[model] = _by_take(posterior, values(posterior, "m") - values(posterior, "q"))
-            variance = posterior[[f"c:{name}:{name}" for name in names]].to_numpy()
-            bound[model] = _by_take(posterior, np.sqrt(variance))
-            step = posterior[["take", "part", "k", "t"]].assign(model=model)
-            each = spread("e", names, error[model]) | spread("s", names, bound[model])
-            errors.append(step.assign(**each))
+        steps = next(iter(posteriors.values()))
+        _, training = contracts.stacked(joints[joints.part == "training"], "q")
+        _, q = contracts.stacked(steps, "q")
+        pose, held = _pose_covariances(joints, settings)
+        filters = {NONE: no_filter(training, q)} | {
+            name: Filtered(
+                (values(posterior, "m") - values(posterior, "q")).reshape(q.shape),
+                matrices(posterior, "c", names).reshape(*q.shape, len(names)),
+                pose if name in models else held,
+            )
+            for name, posterior in posteriors.items()
+        }
+        step = steps[["take", "part", "k", "t"]]
+        errors = [
+            step.assign(model=name, **spread("e", names, f.error), **spread("s", names, f.bound))
+            for name, f in filters.items()
+        ]
         contracts.write(pd.concat(errors, ignore_index=True), "filter_error", folder)
-        scores = filter_scores(error, bound, names)
-        scores.to_csv(tables / "filter_scores.csv", index=False)
-        metrics = filter_metrics(scores)
         stream = rng.stream(settings.seed, "score.bounds")
-        takes = len(error[filtered[0]])
-        quantities = bound_quantities(error, bound, names)
-        followed = resampled_differences(quantities, filtered, takes, stream)
-        followed.to_csv(tables / "bound_comparison.csv", index=False)
-        pose = _pose_covariance(settings)
-        laws = {
-            model: _posterior_scores(model, error[model], posterior, pose, names)
-            for model, posterior in posteriors.items()
-        }
-        compared(laws).to_csv(tables / "filter_comparison.csv", index=False)
+        compared, refusals = filter_tables(filters, names, constant_speed(training), stream)
+        for refusal in refusals:
+            print(f"score: {refusal}")
+        for name, table in compared.items():
+            table.to_csv(tables / f"{name}.csv", index=False)
+        metrics = filter_metrics(compared["filter_scores"])
     contracts.write_metrics(metrics, METRICS / "filter.json")
 
 
-def _by_take(rows: pd.DataFrame, array: np.ndarray) -> np.ndarray:
-    """(takes, K, n) of ``array`` (rows, n)."""
-    return array.reshape(rows["take"].nunique(), -1, array.shape[-1])
-
-
-def _pose_covariance(settings) -> np.ndarray:
-    """(n, n) rad², noise of one measured pose: half the covariance at rest, as ω holds the noise of
-    two.
+def _pose_covariances(joints: pd.DataFrame, settings) -> tuple[np.ndarray, np.ndarray]:
+    """(n, n) rad² each, noise of one measured pose: half the covariance of steps at rest, as ω
+    holds the noise of two; and to a closed loop that of poses at rest.
     """
     trajectory = contracts.read("trajectory", INGEST / "motion")
+    _, training = contracts.stacked(joints[joints.part == "training"], "q")
     _, noise = contracts.stacked(contracts.read("process_noise", TRACK), "w")
     try:
         v = commanded_steps(trajectory, settings.dataset.motion.rate)
-        return measurement_covariance(noise, v) / 2
+        return measurement_covariance(noise, v) / 2, rest_covariance(training, v)
     except ModelDomainError as error:
-        print(f"score: no measurement noise is added to the filters' posteriors: {error}")
-        return np.zeros((noise.shape[-1],) * 2)
-
-
-def _posterior_scores(
-    model: str, error: np.ndarray, posterior: pd.DataFrame, pose: np.ndarray, names: list[str]
-) -> Scores:
-    """Scores of a filter's posterior as a normal law of the pose that the motion capture measures,
-    over the steps of each take.
-    """
-    covariance = matrices(posterior, "c", names).reshape(*error.shape, len(names)) + pose
-    scores, refused = posterior_scores(error, covariance, names)
-    if refused:
-        print(f"score: the posterior of {model} is not scored as a normal law: {refused}")
-    return scores
+        print(f"score: the noise of a measured pose counts as none: {error}")
+        return tuple(np.zeros((2, *(noise.shape[-1],) * 2)))
 
 
 def _quality(tables: Path) -> dict[str, float]:
@@ -173,14 +165,20 @@ def _quality(tables: Path) -> dict[str, float]:
     return quality.metrics(summary)
 
 
-def _kinect(names: list[str]) -> dict[str, float]:
-    """The scores of the depth camera's noise, where there is one."""
+def _kinect(joints: pd.DataFrame, names: list[str], settings) -> dict[str, float]:
+    """The scores of the depth camera's noise, where there is one, and how its errors depend on the
+    state.
+    """
     if not contracts.exists("kinect_noise", ARTICULATE):
         return {}
     noise = contracts.read("kinect_noise", ARTICULATE)
     everywhere = noise[noise["take"] == "none"]
     variance = np.diagonal(matrices(everywhere, "r", names), axis1=1, axis2=2)
-    return sensor_scores(values(everywhere, "b"), variance, noise["take"].nunique() - 1, names)
+    takes = noise["take"].nunique() - 1
+    scores = sensor_scores(values(everywhere, "b"), variance, takes, names)
+    errors = deviations(errors_of(contracts.read("angles", ARTICULATE), joints), joints)
+    step = 1 / settings.dataset.motion.rate
+    return scores | slope_scores(error_slopes(errors, step, _pose_covariances(joints, settings)[0]))
 
 
 def _truth(joints: pd.DataFrame, names: list[str], settings) -> dict[str, float]:

@@ -19,6 +19,15 @@ def correlation(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.corrcoef(a, b)[0, 1])
 
 
+def lag_one_correlation(values: np.ndarray) -> float:
+    """Correlation of ``values`` (takes, K), about their mean over the takes at each step, with
+    those one step later; 0 of white noise.
+    """
+    centred = values - values.mean(axis=0)
+    scale = np.sqrt(np.sum(centred[:, :-1] ** 2) * np.sum(centred[:, 1:] ** 2))
+    return float(np.sum(centred[:, :-1] * centred[:, 1:]) / scale) if scale > 0 else 0.0
+
+
 def coverage(error: np.ndarray, bound: np.ndarray) -> float:
     """Share of ``error`` within ± ``bound``, both of one shape; 0.683 for a calibrated normal error
     and its standard deviation.

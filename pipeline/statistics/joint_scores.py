@@ -37,16 +37,27 @@ def bound_scores(error: np.ndarray, bound: np.ndarray) -> dict[str, float]:
 
 
 def filter_scores(
-    error: Mapping[str, np.ndarray], bound: Mapping[str, np.ndarray], joints: Sequence[str]
+    error: Mapping[str, np.ndarray],
+    bound: Mapping[str, np.ndarray],
+    joints: Sequence[str],
+    steady: np.ndarray,
 ) -> pd.DataFrame:
-    """:func:`bound_scores` of every model's filter and joint, a row each; ``error`` and ``bound``
-    (takes, K, n) in rad by model, ``joints`` the n names.
+    """:func:`bound_scores` of every model's filter and joint, a row each, and how far the bound
+    follows the error over the ``steady`` steps (K − 1,) at constant speed alone: what follows there
+    follows the pose and not the speed.
+
+    ``error`` and ``bound`` (takes, K, n) in rad by model, ``joints`` the n names.
     """
-    rows = [
-        {"model": model, "joint": joint} | bound_scores(error[model][..., j], bound[model][..., j])
-        for model in error
-        for j, joint in enumerate(joints)
-    ]
+    rows = []
+    for model in error:
+        for j, joint in enumerate(joints):
+            scores = bound_scores(error[model][..., j], bound[model][..., j])
+            at_speed = [part[model][:, 1:, j][:, steady] for part in (error, bound)]
+            follows = correlation(
+                at_speed[1].mean(axis=0), np.sqrt(np.mean(at_speed[0] ** 2, axis=0))
+            )
+            scores["correlation_of_bound_with_error_at_constant_speed"] = follows
+            rows.append({"model": model, "joint": joint} | scores)
     return pd.DataFrame(rows)
 
 
@@ -86,14 +97,18 @@ def sensor_scores(
 
 
 def spread_scores(
-    std: Mapping[str, np.ndarray], error: Mapping[str, np.ndarray], joints: Sequence[str]
+    std: Mapping[str, np.ndarray],
+    error: Mapping[str, np.ndarray],
+    joints: Sequence[str],
+    steady: np.ndarray,
 ) -> dict[str, float]:
     """How each model's mean and standard deviation over time agree with the recorded ones, by names
     that say model, joint and unit.
 
     ``std`` (M, n) in rad by model, and under ``recorded`` what was recorded; ``error`` (M,) in rad
-    by model, ‖mean − recorded mean‖; ``joints`` the n names. A model whose standard deviation does
-    not exist (not finite) has none here.
+    by model, ‖mean − recorded mean‖; ``joints`` the n names. Of the ``steady`` steps (M,) at
+    constant speed there is a correlation of their own: what follows there follows the pose and not
+    the speed. A model whose standard deviation does not exist (not finite) has none here.
     """
     scores = {f"{model}_greatest_mean_error_rad": values.max() for model, values in error.items()}
     scores |= {
@@ -109,5 +124,8 @@ def spread_scores(
             scores[f"{name}_variation"] = variation(modelled)
             if model != "recorded":
                 scores[f"{name}_correlation_with_recorded"] = correlation(modelled, recorded)
+                scores[f"{name}_correlation_with_recorded_at_constant_speed"] = correlation(
+                    modelled[steady], recorded[steady]
+                )
                 scores[f"{name}_relative_error"] = relative_error(modelled, recorded)
     return scores

@@ -79,17 +79,16 @@ def posterior_scores(
     return rms | proper | covered | _consistency(squared, sharpness, len(joints)), refused
 
 
-def compared(scores: Mapping[str, Scores]) -> pd.DataFrame:
-    """Every score of every model, and its paired difference over the takes to the first model with
-    the 95 % interval.
+def compared(scores: Mapping[str, Scores], rival: str) -> pd.DataFrame:
+    """Every score of every model, and its paired difference over the takes to the model ``rival``
+    with the 95 % interval.
     """
-    first, *_ = scores
     rows = []
     for model, own in scores.items():
         for name, values in own.items():
             row = {"model": model, "score": name, "mean": values.mean()}
-            if model != first and values.ndim:
-                difference = paired_difference(values, scores[first][name])
+            if model != rival and values.ndim:
+                difference = paired_difference(values, scores[rival][name])
                 row |= {
                     "difference": difference.mean,
                     "low": difference.low,

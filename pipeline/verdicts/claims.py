@@ -18,14 +18,14 @@ COMPARED = ("value", "than", "low", "high")
 
 @dataclass(frozen=True)
 class Claim:
-    """One claim: its place, what it says, what decides it and by which rule, chosen with its
-    tolerance beforehand.
+    """One claim: its place, what it says, what decides it and by which rule and
+    tolerance.
 
     ``each`` maps names to lists of values; the claim has one case per combination, and its
     references hold the names as placeholders. ``published`` is one number for all cases or one for
     each, and ``parameter`` what the paper calls it. ``standard_error`` holds one reference or
     several, which add in squares. ``why`` says of a dataset, by its name, why the claim fails
-    there. Raises ConfigError with the key.
+    there; ``foregone`` why it can hardly fail anywhere. Raises ConfigError with the key.
     """
 
     id: str
@@ -48,6 +48,7 @@ class Claim:
     high: Reference | None = None
     standard_error: list | None = None
     why: dict = field(default_factory=dict)
+    foregone: str = ""
 
     def __post_init__(self) -> None:
         if self.about not in ABOUT:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import sqrt
 
 from pipeline.core.errors import ConfigError
 from pipeline.verdicts.decision import Verdict
@@ -20,12 +21,14 @@ MISSING = "(not in this dataset)"
 @dataclass(frozen=True)
 class ClaimNumber:
     """A number of a claim: the ``published`` one, ours (``value``) or their ``distance`` in
-    standard errors, in one of its cases.
+    standard errors, in one of its cases; of a variance a step the standard deviation of the sum of
+    so many independent ``steps``.
     """
 
     claim: str
     number: str
     case: str = ""
+    steps: int = 0
 
     def __post_init__(self) -> None:
         if self.number not in ("published", "value", "distance"):
@@ -45,7 +48,8 @@ class ClaimNumber:
         }
         if self.case not in cases:
             raise ConfigError(f"no claim {self.claim!r} with the case {self.case!r}", key="values")
-        return getattr(cases[self.case], self.number)
+        value = getattr(cases[self.case], self.number)
+        return sqrt(self.steps * value) if self.steps and value is not None else value
 
 
 @dataclass(frozen=True)

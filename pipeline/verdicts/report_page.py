@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from pipeline.verdicts.claims import ABOUT
+from pipeline.verdicts.claims import ABOUT, Claim
 from pipeline.verdicts.decision import (
     NO_EVIDENCE,
     NOT_REPRODUCED,
@@ -26,6 +26,10 @@ from pipeline.verdicts.wording import GROUPS, WHOSE, case_text, number, side_by_
 MARKS = {REPRODUCED: "✓", NOT_REPRODUCED: "✗", SYNTHETIC_CANNOT: "?", NO_EVIDENCE: "–"}
 # what a stage counts because it was not solved, lost, clipped or left out
 LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
+READINGS = """\
+The Wishart model decomposes the Jacobian by LU without pivoting here, which the paper's numbers
+allow ([which-lu](errata.md#which-lu)); which claims come out otherwise under the other
+decompositions says the [study of sensitivity](studies/sensitivity.md)."""
 LINKS = """\
 - Claims: [claims.yaml](claims.yaml) states each with its test and the reason for it,
   [claims.json](claims.json) has verdicts with all numbers and the command that recomputes them.
@@ -36,14 +40,17 @@ LINKS = """\
 - All of it in a browser: [index.html](index.html)."""
 
 
-def report_page(here: Run, decided: Sequence[Decided], parts: Sequence[tuple[str, str]]) -> str:
-    """``reports/report.md`` of the run ``here``: the tally of all datasets, then ``parts``, each a
-    heading and its text; those without a text are left out.
+def report_page(
+    here: Run, decided: Sequence[Decided], first: str, parts: Sequence[tuple[str, str]]
+) -> str:
+    """``reports/report.md`` of the run ``here``: what a reader has to know ``first``, the tally of
+    all datasets, then ``parts``, each a heading and its text; what has no text is left out.
     """
     sections = [
         f"# Results: dataset {here.dataset}, scale {here.scale}",
         "Written by the stage `report`. Every number is read from a file: ours from what stages "
         "wrote, published ones from [claims.yaml](claims.yaml).",
+        *filter(None, [first]),
         tally(decided),
     ]
     sections += [f"## {title}\n\n{text}" for title, text in parts if text]
@@ -127,13 +134,19 @@ def _value(case: Case) -> str:
 def every_claim(decided: Sequence[Decided]) -> str:
     """A row for each claim with its verdict in every dataset as a sign."""
     rows = [
-        [claim.statement, claim.where, about, *(MARKS[verdict.verdict] for verdict in verdicts)]
+        [_stated(claim), claim.where, about, *(MARKS[verdict.verdict] for verdict in verdicts)]
         for about in ABOUT
         for claim, verdicts in side_by_side(decided, about)
     ]
     signs = ", ".join(f"{mark} {verdict}" for verdict, mark in MARKS.items())
     header = ["claim", "place", "about the", *(whose.dataset for whose in decided)]
-    return f"{signs}.\n\n{table(header, rows)}"
+    return f"{signs}. {READINGS}\n\n{table(header, rows)}"
+
+
+def _stated(claim: Claim) -> str:
+    """The statement of ``claim``, marked where it can hardly fail."""
+    mark = f" *Can hardly fail: {claim.foregone}.*" if claim.foregone else ""
+    return claim.statement + mark
 
 
 def counts(run: Run) -> str:

@@ -16,7 +16,7 @@ class Readings:
 
     ``value`` is ours, ``than`` what it is compared with, ``low`` and ``high`` its interval,
     ``standard_error`` that of its distance from the published value. ``tolerance`` and ``limit``
-    are the claim's own, chosen beforehand.
+    are the claim's own.
     """
 
     value: np.ndarray

@@ -69,8 +69,5 @@ def record(folder: Path, frames: int) -> Recording:
     write_intrinsics(
         folder / "kinect/intrinsics.yaml", Intrinsics(*camera_matrix, kinect.width, kinect.height)
     )
-    chosen = config.articulation
-    options = ArticulationOptions(
-        chosen.gamma1, chosen.gamma2, chosen.length_range, chosen.minimum_points, chosen.max_gap
-    )
+    options = ArticulationOptions.chosen(config.articulation)
     return Recording(folder, OmegaConf.to_object(config.dataset.depth), options, poses)

@@ -16,13 +16,17 @@ from pipeline.arm.model import Arm, load_arm
 from pipeline.core.config import CONF
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
+from pipeline.models.commands import open_loop
 from pipeline.models.draws import draw_steps
+from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 
 ROOT = Path(__file__).parents[2]
 DT = 0.01  # s
 FRAME_EVERY = 3  # steps
 SIGMA_B = 0.25
+# the LU that the peers' libraries have
+MODEL = WishartModel(SIGMA_B, Decomposition("pivoted_lu"))
 SENSOR = np.diag([0.02, 0.03, 0.04]) ** 2  # rad²
 # rad, far from the limits, the elbow bent at about a right angle
 START = Start(np.array([1.1, -1.0, 1.8]), 1e-5 * np.eye(3))
@@ -51,7 +55,7 @@ class Take:
         """Our filter's posterior."""
         options = FilterOptions(particles)
         return particle_filter(
-            WishartModel(SIGMA_B), youbot(), self.steps, DT, START, self.measurements, options, rng
+            MODEL, youbot(), open_loop(self.steps), DT, START, self.measurements, options, rng
         )
 
     def unseen(self) -> Take:
@@ -96,7 +100,7 @@ def take(steps: int) -> Take:
         # back to the swing from wherever the last step ended, so that the arm stays within its
         # limits for any number of steps
         commanded.append(youbot().jacobian(path[-1]) @ (pose - path[-1]))
-        path.append(draw_steps(WishartModel(SIGMA_B), youbot(), path[-1], commanded[-1], rng)[0])
+        path.append(draw_steps(MODEL, youbot(), path[-1], commanded[-1], rng)[0])
     k = np.arange(FRAME_EVERY, steps + 1, FRAME_EVERY)
     y = rng.multivariate_normal(np.zeros(3), SENSOR, len(k)) + np.array(path)[k]
     return Take(

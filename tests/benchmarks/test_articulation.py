@@ -14,7 +14,7 @@ from scenario import arm, youbot
 from scipy.optimize import minimize
 
 from pipeline.perception.articulation import ArticulationOptions, fit_sequence
-from pipeline.perception.articulation_search import STEP, TOLERANCE
+from pipeline.perception.articulation_end import ENDS, STEP
 from pipeline.recordings.depth_sequence import DepthSequence
 
 pytestmark = pytest.mark.benchmark(group="Articulation of depth frames, 1500 points each")
@@ -61,7 +61,11 @@ def by_scipy(problem: Frames) -> list[float]:
                 v,
                 (cloud, chain.origin, ee, bounds, options.gamma1, options.gamma2),
                 method="Nelder-Mead",
-                options={"initial_simplex": corners, "xatol": TOLERANCE, "fatol": np.inf},
+                options={
+                    "initial_simplex": corners,
+                    "xatol": ENDS["commanded"].runs[-1][-1],
+                    "fatol": np.inf,
+                },
             )
             v = result.x
         least.append(result.fun)

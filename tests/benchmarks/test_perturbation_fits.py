@@ -14,8 +14,9 @@ from pipeline.core.config import compose_config
 from pipeline.laboratory.dynamics import session_offset, simulate_take
 from pipeline.laboratory.swing import desired_trajectory
 from pipeline.models.noise import process_noise
-from pipeline.models.wishart.decomposition import factors
+from pipeline.models.wishart.decomposition import LU
 from pipeline.models.wishart.dispersion import rest_noise
+from pipeline.models.wishart.factors import factors
 from pipeline.models.wishart.perturbation import fit_perturbations, objective_weights
 
 pytestmark = pytest.mark.benchmark(group="Perturbation fits, 32 000 convex problems")
@@ -68,7 +69,7 @@ def problems(size) -> Problems:
         / trajectory.rate
     )
     noise, before = process_noise(chain, measured, v), measured[:, :-1]
-    a, back = factors(chain, before, np.broadcast_to(v, before.shape), "lu")
+    a, back, _ = factors(chain, before, np.broadcast_to(v, before.shape), LU)
     return Problems(
         noise.reshape(-1, 3),
         a.reshape(-1, 3),

@@ -5,13 +5,15 @@ same arm, the same frames.
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scenario import SIGMA_B, START, take, youbot
+from scenario import MODEL, SIGMA_B, START, take, youbot
 from scipy.stats import multivariate_normal
 
+from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 
 sys.path.insert(0, str(Path(__file__).parent / "peers"))
@@ -41,10 +43,11 @@ def test_a_peer_moves_its_particles_by_the_law_of_our_model(law, draws):
     stated = WishartTake(law, **take(12).told())
     moved = stated.step(3, np.tile(START.mean, (draws, 1)))
     v = take(12).steps[2]
-    assert off(moved, WishartModel(SIGMA_B), v) < BAND
-    # neither a slightly wider perturbation nor the other decomposition would pass
-    assert off(moved, WishartModel(1.1 * SIGMA_B), v) > BAND
-    assert off(moved, WishartModel(SIGMA_B, "qr"), v) > BAND
+    assert off(moved, MODEL, v) < BAND
+    # neither a slightly wider perturbation nor another decomposition would pass
+    assert off(moved, replace(MODEL, sigma_b=1.1 * SIGMA_B), v) > BAND
+    for name in ("lu", "qr"):
+        assert off(moved, replace(MODEL, decomposition=Decomposition(name)), v) > BAND
 
 
 def test_a_peers_arm_has_our_jacobian():

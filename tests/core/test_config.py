@@ -195,3 +195,13 @@ def test_a_refusal_leaves_the_written_configuration_as_it_was(tmp_path):
     with pytest.raises(ConfigError):
         config.write_config(parameters(tmp_path, filter="nonsense"), tmp_path / "config.yaml")
     assert (tmp_path / "config.yaml").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("dataset", "rows"), [("youbot", None), ("ur5", "z x phi"), ("ur5_rounds", "z x phi")]
+)
+def test_models_by_lu_eliminate_in_the_order_that_the_dataset_names(compose, dataset, rows):
+    models = compose(dataset=dataset, models="[wishart, wishart_ml, wishart_qr]").models
+    for name in ("wishart", "wishart_ml"):
+        assert models[name].rows == (rows and rows.split()) and models[name].order is None
+    assert models.wishart_qr.rows is None

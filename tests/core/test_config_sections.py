@@ -176,6 +176,12 @@ def test_options_of_models_that_the_run_has_not_chosen_are_typed_by_their_kinds(
     assert {type(model) for model in models.values()} == {options_type(kind) for kind in kinds()}
 
 
+@pytest.mark.parametrize(("dataset", "rows"), [("youbot", None), ("ur5", ["z", "x", "phi"])])
+def test_models_that_the_run_has_not_chosen_refer_to_its_dataset(handed, dataset, rows):
+    handed("models", dataset=dataset, models="[additive]")
+    assert config.model_options(["wishart_ml"])["wishart_ml"].rows == rows
+
+
 def test_a_model_without_an_option_file_is_refused_with_those_there_are():
     known = ", ".join(config.options("model"))
     with pytest.raises(ConfigError, match=f"no model 'laplace'; there are {known}"):

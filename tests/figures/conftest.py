@@ -41,7 +41,8 @@ def tables() -> dict[str, pd.DataFrame]:
     )
     noise = pd.concat(takes_of("training", 5, columns("w", JOINTS), rng))
     named = columns("e", JOINTS) + columns("s", JOINTS)
-    filtered = [t.assign(model=model) for model in MODELS for t in takes_of("test", 3, named, rng)]
+    filters = ["none", *MODELS, "wishart_closed"]
+    filtered = [t.assign(model=name) for name in filters for t in takes_of("test", 3, named, rng)]
     deviation = [
         pd.DataFrame(
             grid()

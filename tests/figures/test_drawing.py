@@ -24,7 +24,7 @@ METRICS = {
     "filter": {"additive_arm_1_rms_error_rad": 0.03},
     "wrench": {"study_m3_mean_error": 0.04, "C1_measured_fx": 3.0},
 }
-DEPTH = {"articulation", "kinect_noise", "filter_errors"}
+DEPTH = {"articulation", "kinect_noise", "filter_closed_loop", "filter_errors"}
 FIGURES = {name.rpartition(".")[2]: import_module(name) for name in figures_in("pipeline.figures")}
 
 STUDY = '''"""A line of a study. Its numbers are those of one table."""

@@ -9,13 +9,14 @@ import pytest
 
 from pipeline.figures import (
     articulation,
+    filter_closed_loop,
     filter_errors,
     joint_realizations,
     joint_std,
     kinect_noise,
     mean_error,
 )
-from pipeline.figures.style import BLUE, RECORDED, VERMILLION
+from pipeline.figures.style import BLACK, BLUE, RECORDED, VERMILLION
 
 MODELS = ["additive", "wishart", "gaussian"]
 JOINTS = ["arm_1", "arm_2", "arm_3"]
@@ -137,12 +138,19 @@ def test_filter_errors_has_a_row_per_model_with_one_take_its_bound_and_the_other
             upper, lower = of_color(axes, VERMILLION)
             np.testing.assert_array_equal(upper.get_ydata(), take[f"s:arm_{j}"])
             np.testing.assert_array_equal(lower.get_ydata(), -take[f"s:arm_{j}"])
-            assert len(axes.lines) == 2 + 3  # two other takes
+            without = tables["filter_error"].query("model == 'none'").groupby("t")[f"e:arm_{j}"]
+            upper, lower = of_color(axes, BLACK)
+            np.testing.assert_allclose(
+                upper.get_ydata() ** 2, without.apply(lambda e: (e**2).mean())
+            )
+            np.testing.assert_array_equal(lower.get_ydata(), -upper.get_ydata())
+            assert len(axes.lines) == 2 + 2 + 3  # two other takes
         assert row[0].get_ylabel().endswith("error (rad)")
     assert len({axes.get_ylim() for axes in figure.axes}) == 1
     assert legend(figure) == [
         "error of test_001",
         "±1σ bound of test_001",
+        "rms error without a filter",
         "errors of the other takes",
     ]
 
@@ -152,4 +160,19 @@ def test_filter_errors_of_a_single_take_have_no_others_to_show(tables):
     assert legend(filter_errors.draw(alone, MODELS, JOINTS)) == [
         "error of test_001",
         "±1σ bound of test_001",
+        "rms error without a filter",
     ]
+
+
+def test_filter_closed_loop_has_the_rms_error_of_each_loop_and_of_no_filter(tables):
+    figure = filter_closed_loop.draw(tables["filter_error"], MODELS, JOINTS)
+    grid = np.reshape(figure.axes, (len(MODELS), 3))
+    by_model = tables["filter_error"].groupby(["model", "t"])
+    for row, model in zip(grid, MODELS, strict=True):
+        # of the models here one alone has a closed loop
+        names = ["none", model] + (["wishart_closed"] if model == "wishart" else [])
+        for j, axes in enumerate(row, start=1):
+            rms = np.sqrt(by_model[f"e:arm_{j}"].apply(lambda e: (e**2).mean()))
+            for line, name in zip(axes.lines, names, strict=True):
+                np.testing.assert_allclose(line.get_ydata(), rms[name])
+    assert legend(figure) == ["no filter", "open loop", "closed loop"]

@@ -2,8 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from planar_poses import chain
 
 from pipeline.arm.chain import PlanarChain
+
+__all__ = ["chain"]
 
 
 @pytest.fixture(scope="session")

@@ -15,6 +15,7 @@ from scipy.stats import norm
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
 from pipeline.filtering.resampling import SCHEMES
+from pipeline.models.commands import open_loop
 from pipeline.models.model import Law
 
 DT = 0.01
@@ -92,12 +93,8 @@ BAND = np.array([2.0, 2.0, 4.0])
 def independent_runs(
     model, chain, steps, start, measurements, options, seeds=range(16)
 ) -> list[Posterior]:
-    return [
-        particle_filter(
-            model, chain, steps, DT, start, measurements, options, np.random.default_rng(seed)
-        )
-        for seed in seeds
-    ]
+    problem = model, chain, open_loop(steps), DT, start, measurements, options
+    return [particle_filter(*problem, np.random.default_rng(seed)) for seed in seeds]
 
 
 @pytest.mark.parametrize("scheme", [name for name, scheme in SCHEMES.items() if scheme is not None])

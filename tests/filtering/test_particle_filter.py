@@ -12,6 +12,7 @@ from scipy.stats import norm
 from pipeline.core.errors import ConfigError, DegenerateFilterError, ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
+from pipeline.models.commands import open_loop
 from pipeline.models.model import Law
 
 DT = 0.01
@@ -78,7 +79,7 @@ def filtered(model, chain, steps, start, measurements=UNSEEN, *, rng=0, **option
     return particle_filter(
         model,
         chain,
-        steps,
+        open_loop(steps),
         DT,
         start,
         measurements,

@@ -9,6 +9,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from compiled_calls import chosen_by, from_python
+from oracles import READINGS
 from plain_filter import PLAIN_SCHEMES, plain_filter
 
 from pipeline.arm.chain import PlanarChain
@@ -23,23 +24,22 @@ from pipeline.filtering.particle_filter import (
 )
 from pipeline.filtering.resampling import SCHEMES
 from pipeline.filtering.sampling import keep_inside
-from pipeline.filtering.weights import normalise, weighted_moments
 from pipeline.models.additive.law import AdditiveModel
+from pipeline.models.commands import Commands, open_loop
 from pipeline.models.draws import BLOCK
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.scaled.law import ScaledModel
+from pipeline.models.wishart.decomposition import LU
+from pipeline.models.wishart.factors import split
 from pipeline.models.wishart.law import WishartModel
 
 DT = 0.01
 COVARIANCE = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
-GIVEN = np.array([[0.15, 0.02, 0.0], [0.01, 0.15, 0.03], [0.1, 0.0, 1.0]])
 MODELS = {
     "additive": AdditiveModel(COVARIANCE),
     "scaled": ScaledModel(COVARIANCE, np.diag([0.04, 0.05, 0.06]) + 0.01),
-    "wishart lu": WishartModel(0.25, "lu"),
-    "wishart lu, wide": WishartModel(1.2, "lu"),
-    "wishart qr": WishartModel(0.25, "qr"),
-    "wishart given": WishartModel(0.25, GIVEN),
+    **{f"wishart {name}": WishartModel(0.25, each) for name, each in READINGS.items()},
+    "wishart pivoted_lu, wide": WishartModel(1.2, READINGS["pivoted_lu"]),
     "gaussian": GaussianModel(0.05, 15.5),
 }
 PATH_START, PARTICLES = np.array([1.1, -1.6, 1.8]), 3 * BLOCK + 77
@@ -51,7 +51,7 @@ def arm() -> PlanarChain:
     links = np.array([[0.01, 0.155], [-0.02, 0.135], [0.03, 0.17]])
     below, above = np.array([0.2, 0.35, 0.3]), np.array([0.27, 0.3, 0.4])
     return PlanarChain(
-        np.zeros(2),
+        np.array([0.05, -0.1]),
         links,
         np.array([1.0, -1.0, 1.0]),
         PATH_START - below,
@@ -101,11 +101,16 @@ def greatest_difference(one: Posterior, other: Posterior) -> float:
     return greatest
 
 
-def both(model, arm, options: FilterOptions, seed: int = 5) -> tuple[Posterior, Posterior]:
+def both(
+    model, arm, options: FilterOptions, seed: int = 5, share: float = 0.0
+) -> tuple[Posterior, Posterior]:
+    """In a loop that holds the arm to where the commands without noise lead it."""
     v, start, observed = scene(arm)
+    path = arm.pose(start.mean) + np.cumsum(v, axis=0) - v
+    commands = Commands(v, path, share)
     streams = [np.random.default_rng(seed) for _ in range(2)]
-    compiled = particle_filter(model, arm, v, DT, start, observed, options, streams[0])
-    plain = plain_filter(model, arm, v, DT, start, observed, options, streams[1])
+    compiled = particle_filter(model, arm, commands, DT, start, observed, options, streams[0])
+    plain = plain_filter(model, arm, commands, DT, start, observed, options, streams[1])
     assert streams[0].bit_generator.state == streams[1].bit_generator.state
     return compiled, plain
 
@@ -124,10 +129,21 @@ def test_the_compiled_filter_is_the_plain_one_for_every_model(kind, arm):
     assert (plain.clipped.sum() > 0) == kind.startswith("gaussian")
 
 
+@pytest.mark.parametrize("kind", MODELS)
+def test_in_a_closed_loop_too_and_the_loop_is_seen(kind, arm):
+    """Band: ten times that of an open loop, as the poses' own rounding enters the commands."""
+    closed, plain = both(MODELS[kind], arm, FilterOptions(PARTICLES), share=0.4)
+    assert greatest_difference(closed, plain) < 1e-11
+    opened, _ = both(MODELS[kind], arm, FilterOptions(PARTICLES))
+    assert greatest_difference(closed, opened) > 1e-3
+
+
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("threshold", [0.3, 0.9])
 def test_the_compiled_filter_is_the_plain_one_for_every_scheme(scheme, threshold, arm):
-    compiled, plain = both(MODELS["wishart lu"], arm, FilterOptions(PARTICLES, scheme, threshold))
+    compiled, plain = both(
+        MODELS["wishart pivoted_lu"], arm, FilterOptions(PARTICLES, scheme, threshold)
+    )
     assert greatest_difference(compiled, plain) < 1e-12
     assert plain.resampled.any() == (scheme != "none")
 
@@ -135,7 +151,7 @@ def test_the_compiled_filter_is_the_plain_one_for_every_scheme(scheme, threshold
 @pytest.mark.parametrize("particles", [1, 2, BLOCK - 1, BLOCK, BLOCK + 1])
 def test_blocks_of_any_filling_are_filtered(particles, arm):
     roomy = replace(arm, lower=arm.lower - 2.0, upper=arm.upper + 2.0)
-    compiled, plain = both(MODELS["wishart lu"], roomy, FilterOptions(particles))
+    compiled, plain = both(MODELS["wishart pivoted_lu"], roomy, FilterOptions(particles))
     assert greatest_difference(compiled, plain) < 1e-12
 
 
@@ -156,7 +172,7 @@ def test_both_lose_all_weight_at_the_same_step(arm):
             run(
                 MODELS["gaussian"],
                 narrow,
-                v,
+                open_loop(v),
                 DT,
                 replace(start, covariance=np.zeros((3, 3))),
                 observed,
@@ -201,19 +217,31 @@ def test_particles_outside_the_chains_domain_lose_their_weight_and_go_back(signs
     assert np.array_equal(log_weights == -np.inf, gone | (np.arange(4000) < 100))
 
 
-def test_moments_are_numpys_with_weights_as_probabilities():
-    rng = np.random.default_rng(12)
-    q, weights = rng.standard_normal((3, 30)), rng.dirichlet(np.ones(30))
-    mean, covariance = np.empty(3), np.empty((3, 3))
-    from_python(weighted_moments)(weights, q, mean, covariance)
-    np.testing.assert_allclose(mean, np.average(q, axis=1, weights=weights))
-    np.testing.assert_allclose(covariance, np.cov(q, aweights=weights, ddof=0))
+def test_particles_where_lu_has_a_small_pivot_are_lost_and_counted(arm):
+    """At rest, so that nothing else moves them out of the domain; band: four standard errors."""
+    roomy = replace(arm, lower=arm.lower - 9.0, upper=arm.upper + 9.0)
+    turned = np.tile(PATH_START, (10_001, 1))
+    turned[:, 0] += np.linspace(-np.pi / 2, np.pi / 2, len(turned))
+    level = turned[np.abs(roomy.jacobian(turned)[:, 0, 0]).argmin()]
+    spread, count = 2e-4 * np.eye(3), 20_000
+    around = np.random.default_rng(6).multivariate_normal(level, spread, count)
+    small = ~np.isfinite(split(roomy.jacobian(around), np.zeros(3), LU).a).all(axis=1)
+    nothing = Measurements(
+        "take", np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3))
+    )
 
+    def lost(model: WishartModel) -> float:
+        start, rng = Start(level, spread), np.random.default_rng(7)
+        still = open_loop(np.zeros((1, 3)))
+        posterior = particle_filter(
+            model, roomy, still, DT, start, nothing, FilterOptions(count), rng
+        )
+        assert np.isfinite(posterior.mean).all() and np.isfinite(posterior.covariance).all()
+        return posterior.outside[1] / count
 
-def test_effective_sample_size_counts_the_particles_among_which_weight_is_shared():
-    normalised = from_python(normalise)
-    shared, weights = np.log(np.append(np.full(10, 3.0), np.full(30, 1e-300))), np.empty(40)
-    assert normalised(np.zeros(40), weights)[0] == pytest.approx(40)
-    assert normalised(shared, weights) == pytest.approx((10, np.log(30)))
-    np.testing.assert_allclose(weights, np.append(np.full(10, 0.1), np.zeros(30)), atol=1e-15)
-    assert normalised(np.append(0.0, np.full(39, -np.inf)), weights)[0] == 1.0
+    share = small.mean()
+    assert 0.1 < share < 0.9
+    assert abs(lost(WishartModel(0.25)) - share) < 4 * np.sqrt(2 * share * (1 - share) / count)
+    # control: the other readings have a step at each of these poses
+    for name in ("pivoted_lu", "qr", "qr_transposed", "given"):
+        assert lost(WishartModel(0.25, READINGS[name])) == 0

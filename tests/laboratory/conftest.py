@@ -40,7 +40,7 @@ def quiet() -> DynamicsOptions:
         encoder_ripple=0,
         speed_error_std=0,
         start_std=0,
-        sway_std=(0, 0),
+        sway_std=(0, 0, 0),
         clearance=0,
         jitter_std=0,
     )

@@ -11,7 +11,13 @@ import pytest
 from scipy.stats import kurtosis
 
 from pipeline.core.errors import ConfigError
-from pipeline.laboratory.dynamics import expose, session_offset, simulate_take, true_chain
+from pipeline.laboratory.dynamics import (
+    expose,
+    lagged_noise,
+    session_offset,
+    simulate_take,
+    true_chain,
+)
 from pipeline.laboratory.options import DynamicsOptions
 from pipeline.laboratory.swing import desired_joints
 
@@ -39,9 +45,31 @@ def deviations(
     )
 
 
+def lagged(x: np.ndarray) -> np.ndarray:
+    """Correlation of white noise behind four lags with itself ``x`` lags later, in continuous
+    time.
+    """
+    return (1 + x + 2 * x**2 / 5 + x**3 / 15) * np.exp(-x)
+
+
 def lagged_correlation(x: np.ndarray, lag: int) -> float:
     """Of paths along axis 1 of zero mean."""
     return float(np.mean(x[:, lag:] * x[:, :-lag]) / np.mean(x**2))
+
+
+@pytest.mark.parametrize(("steps_per_lag", "paths"), [(13.5, 4000), (540.0, 600)])
+def test_lagged_noise_has_variance_one_and_forgets_as_four_lags_do(steps_per_lag, paths, rng):
+    later = np.round(np.array([0.5, 1.0, 2.0]) * steps_per_lag).astype(int)
+    noise = lagged_noise((paths, later[-1] + 1), steps_per_lag, rng)
+    band, x = 4.5 * np.sqrt(2 / paths), later / steps_per_lag
+    for end in (0, -1):  # stationary from the first sample on
+        assert abs(np.mean(noise[:, end] ** 2) - 1) < band
+    # E(x(t + s) − x(t))² = 2(1 − ρ(s)), which tells short times apart
+    moved = np.mean((noise[:, later] - noise[:, :1]) ** 2, axis=0) / 2
+    assert np.all(np.abs(moved / (1 - lagged(x)) - 1) < band)
+    # controls: one lag fewer, and a single one
+    for other in ((1 + x + x**2 / 3) * np.exp(-x), np.exp(-x)):
+        assert np.all(np.abs(moved[:2] / (1 - other[:2]) - 1) > band)
 
 
 def test_without_disturbances_the_arm_follows_its_command_up_to_the_servos_step(
@@ -85,7 +113,7 @@ def test_the_start_scatters_as_stated_and_the_servo_takes_it_back(arm, trajector
 
 
 def test_the_speed_error_is_a_share_of_the_speed_with_its_own_memory(arm, trajectory, quiet, rng):
-    options = replace(quiet, speed_error_std=0.03, speed_error_time=0.05)
+    options = replace(quiet, speed_error_std=0.03, speed_error_time=0.022)
     shares = []
     for _ in range(150):
         t, q = simulate_take(arm.chain, NO_OFFSET, trajectory, options, rng)
@@ -95,18 +123,19 @@ def test_the_speed_error_is_a_share_of_the_speed_with_its_own_memory(arm, trajec
         done = np.diff(q, axis=0, append=q[-1:]) * options.rate
         shares.append(done[fast] / commanded[fast] - 1)
     shares = np.array(shares)
-    # 150 takes × 3 joints × 0.35 s, which is 7 correlation times
-    band = 4 / np.sqrt(2 * 150 * 3 * 0.35 / (2 * 0.05))
+    # 150 takes × 3 joints × 0.35 s; ∫ρ² is 4.29 lags
+    band = 4 / np.sqrt(2 * 150 * 3 * 0.35 / (4.29 * 0.022))
     np.testing.assert_allclose(shares.std(), 0.03, rtol=band)
-    for lag in (1, 10, 20):
+    for lag in (1, 5, 10):
         correlation = np.mean([lagged_correlation(shares[..., j], lag) for j in range(3)])
-        assert abs(correlation - np.exp(-lag / options.rate / 0.05)) < band
-        # control: a white error would have forgotten
-        assert correlation > band
+        x = lag / options.rate / options.speed_error_time
+        assert abs(correlation - lagged(x)) < band
+        # control: behind a single lag it would have forgotten more
+        assert correlation - np.exp(-x) > band
 
 
 def test_the_end_effector_sways_as_stated_and_more_the_faster_it_moves(arm, trajectory, quiet, rng):
-    std, rest, exponent = np.array([3e-4, 1.5e-3]), 0.02, 2.0
+    std, rest, exponent = np.array([3e-4, 1.5e-3, 0.03]), 0.02, 2.0
     options = replace(quiet, sway_std=tuple(std), sway_rest=rest, speed_exponent=exponent)
     t, still = simulate_take(arm.chain, NO_OFFSET, trajectory, quiet, rng)
     takes = 150
@@ -117,17 +146,17 @@ def test_the_end_effector_sways_as_stated_and_more_the_faster_it_moves(arm, traj
         - still
     )
     sway = np.einsum("kij,nkj->nki", arm.chain.jacobian(still), added)
-    assert np.abs(sway[..., 2]).max() < 1e-12
     speed = np.linalg.norm(goal_at(t, trajectory)[1], axis=1) / np.linalg.norm(arm.chain.max_speed)
     stated = std * (rest + (1 - rest) * speed**exponent)[:, None]
-    unit = sway[..., :2] / stated
-    # samples are 5 ms apart and the sway is correlated over 6 ms: a third of them counts
-    assert abs(unit.std() - 1) < 4 / np.sqrt(2 * unit.size / 3)
+    unit = sway / stated
     slow, fast = speed < 0.5 * speed.max(), speed > 0.9 * speed.max()
-    for part in (slow, fast):
-        assert abs(unit[:, part].std() - 1) < 4 / np.sqrt(2 * unit[:, part].size / 3)
+    for part in (slow | ~slow, slow, fast):
+        # samples are 5 ms apart and ∫ρ² is 4.29 lags of 13.5 ms: a twelfth of them counts
+        band = 4 / np.sqrt(2 * unit[:, part, 0].size / 12)
+        assert np.all(np.abs(unit[:, part].std(axis=(0, 1)) - 1) < band)
     # control: of one size at every speed it is not
-    assert sway[:, slow, 1].std() < 0.3 * sway[:, fast, 1].std()
+    sizes = [sway[:, part].std(axis=(0, 1)) for part in (slow, fast)]
+    assert np.all(sizes[0] < 0.3 * sizes[1])
 
 
 def test_the_clearance_moves_the_third_joint_alone_anywhere_inside_the_play(
@@ -191,7 +220,8 @@ def test_an_exposure_misses_its_instant_by_the_jitter_and_so_the_angle_by_jitter
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("sway_std", (1e-3, -1e-3)),
+        ("sway_std", (1e-3, -1e-3, 0.0)),
+        ("sway_std", (1e-3, 1e-3)),
         ("clearance", -0.1),
         ("sway_time", 0.0),
         ("rate", 0.0),

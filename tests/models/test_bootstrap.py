@@ -13,6 +13,7 @@ from pipeline.models.bootstrap import percentiles, replicate, resampled_estimato
 from pipeline.models.kinds import estimate
 from pipeline.models.noise import mean_covariance
 from pipeline.models.steps import Recorded
+from pipeline.models.wishart.decomposition import LU
 from pipeline.models.wishart.density import action_log_density
 from pipeline.models.wishart.law import WishartModel
 from pipeline.models.wishart.likelihood import fit_sigma_b
@@ -78,7 +79,7 @@ def test_resampled_likelihoods_give_the_estimate_of_the_resampled_takes(chain, p
     )
     for takes in ([0, 0, 3, 5, 5, 5, 6, 7], [1, 2]):
         part = recorded.subset(np.array(takes))
-        anew = fit_sigma_b(chain, part.q, part.v, part.noise, MEASUREMENT, "lu").sigma_b
+        anew = fit_sigma_b(chain, part.q, part.v, part.noise, MEASUREMENT, LU).sigma_b
         np.testing.assert_allclose(estimator(np.array(takes))["sigma_b"], anew, rtol=2e-4)
     # control: these two takes have another estimate than all
     assert abs(result.estimates["sigma_b"] / anew - 1) > 2e-3

@@ -8,12 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from oracles import READINGS
 from scipy import stats
 
 from pipeline.core.errors import ModelDomainError, SingularJacobianError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.models.additive.law import AdditiveModel
+from pipeline.models.commands import open_loop
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.norm import frobenius
@@ -26,13 +28,11 @@ MODELS = {
     "additive": AdditiveModel(COVARIANCE),
     "scaled": ScaledModel(COVARIANCE, np.diag([0.04, 0.05, 0.06])),
     "timing": ScaledModel(COVARIANCE, np.full((3, 3), 0.04)),
-    "wishart_lu": WishartModel(0.25, "lu"),
-    "wishart_qr": WishartModel(0.25, "qr"),
-    "wishart_scaled": WishartModel(0.25, np.diag([0.15, 0.15, 1.0])),
+    **{f"wishart {name}": WishartModel(0.25, each) for name, each in READINGS.items()},
     "gaussian": GaussianModel(6e-4, 1e3),
 }
 # those without noise at rest
-MATRIX = ["wishart_lu", "wishart_qr", "wishart_scaled", "gaussian"]
+MATRIX = [kind for kind in MODELS if kind not in ("additive", "scaled", "timing")]
 SINGULAR = np.array([[0.3, 1.5, 0.2], [0.3, 0.0, 0.2], [0.3, np.pi, 0.2]])
 
 
@@ -130,7 +130,7 @@ def test_beyond_the_joint_limits_the_model_goes_on_and_the_filter_counts(kind, c
             particle_filter(
                 MODELS[kind],
                 arm,
-                step[None],
+                open_loop(step[None]),
                 0.01,
                 begin,
                 nothing,

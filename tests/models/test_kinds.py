@@ -18,8 +18,10 @@ from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.models import kinds
+from pipeline.models.commands import open_loop
 from pipeline.models.kinds import fitted_model
 from pipeline.models.steps import Recorded
+from pipeline.models.wishart.decomposition import Decomposition
 
 ROOT = Path(__file__).parents[2]
 PARAMETERS = {
@@ -39,7 +41,15 @@ def test_a_model_has_the_parameters_that_were_written(kind, tmp_path):
     model = fitted_model(tmp_path)
     assert type(model).__name__ == f"{kind.capitalize()}Model"
     for name, value in PARAMETERS[kind].items():
-        assert np.array_equal(getattr(model, name), value)
+        held = Decomposition(value) if name == "decomposition" else value
+        assert np.array_equal(getattr(model, name), held)
+
+
+def test_the_orders_of_elimination_come_back(tmp_path):
+    orders = {"rows": [1, 0, 2], "order": [2, 1, 0]}
+    parameters = {"kind": "wishart", "sigma_b": 0.2, "decomposition": "lu"}
+    (tmp_path / "parameters.json").write_text(json.dumps(parameters | orders))
+    assert fitted_model(tmp_path).decomposition == Decomposition("lu", **orders)
 
 
 def test_a_given_first_factor_comes_back(tmp_path):
@@ -47,7 +57,7 @@ def test_a_given_first_factor_comes_back(tmp_path):
     (tmp_path / "parameters.json").write_text(
         json.dumps({"kind": "wishart", "sigma_b": 0.2, "decomposition": "given", "left": left})
     )
-    assert np.array_equal(fitted_model(tmp_path).decomposition, left)
+    assert fitted_model(tmp_path).decomposition == Decomposition("given", left=left)
 
 
 def test_parameters_that_were_not_written_are_refused(tmp_path):
@@ -91,6 +101,9 @@ def test_malformed_parameters_are_refused(text, tmp_path):
         {"kind": "wishart", "sigma_b": float("nan"), "decomposition": "lu"},
         {"kind": "wishart", "sigma_b": 0.2, "decomposition": "svd"},
         {"kind": "wishart", "sigma_b": 0.2, "decomposition": "given"},
+        {"kind": "wishart", "sigma_b": 0.2, "decomposition": "lu", "rows": [0, 0, 1]},
+        {"kind": "wishart", "sigma_b": 0.2, "decomposition": "lu", "order": [1, 0]},
+        {"kind": "wishart", "sigma_b": 0.2, "decomposition": "qr", "rows": [1, 0, 2]},
         {
             "kind": "wishart",
             "sigma_b": 0.2,
@@ -184,7 +197,7 @@ def test_a_folder_is_a_model_that_is_found_composed_fitted_and_filtered(
     posterior = particle_filter(
         model,
         chain,
-        step[None],
+        open_loop(step[None]),
         0.01,
         Start(np.array([0.4, 1.7, -0.3]), np.zeros((3, 3))),
         nothing,

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.noise import measurement_covariance, moments, process_noise, recorded_deviation
+from pipeline.models.noise import (
+    measurement_covariance,
+    moments,
+    process_noise,
+    recorded_deviation,
+    rest_covariance,
+)
 
 
 def test_the_noise_put_into_a_motion_comes_out_measured_minus_nominal(chain):
@@ -55,3 +61,18 @@ def test_the_recorded_spread_is_that_of_the_noise_or_of_the_angles_as_the_realis
         of_step[1:], np.sqrt(np.diagonal(moments(noise)[1], axis1=1, axis2=2))
     )
     np.testing.assert_allclose(of_run, np.sqrt(np.diagonal(moments(q)[1], axis1=1, axis2=2)))
+
+
+def test_what_a_take_is_off_all_through_is_in_poses_at_rest_and_in_no_noise_of_a_step():
+    rng, v = np.random.default_rng(12), np.zeros((30, 3))
+    v[10:20, 0] = 0.01
+    white, constant = np.array([1.0, 2.0, 1.0]), np.array([3.0, 1.0, 0.0])
+    q = white * rng.standard_normal((500, 31, 3)) + constant * rng.standard_normal((500, 1, 3))
+    q[:, 10:20] *= 10
+    at_rest = np.diag(rest_covariance(q, v))
+    np.testing.assert_allclose(at_rest, white**2 + constant**2, rtol=0.2)
+    # control: the steps' noise tells the white part alone
+    steps = np.diff(q, axis=1)[:, :9]
+    np.testing.assert_allclose(
+        np.diag(measurement_covariance(steps, v[:9])) / 2, white**2, rtol=0.2
+    )

@@ -159,7 +159,7 @@ def test_recorded_poses_that_differ_do_not_count_as_spread_of_single_steps(chain
 
 
 def test_a_model_without_covariance_has_a_mean_and_a_reason_and_no_spread(chain, poses, step, rng):
-    wide, q, v = WishartModel(0.9, "lu"), takes(poses, 5, 4), np.tile(step, (4, 1))
+    wide, q, v = WishartModel(0.9), takes(poses, 5, 4), np.tile(step, (4, 1))
     realized, _, _ = realize(wide, chain, q, v, "one_step", rng)
     mean, deviation, refused = realized_moments(wide, chain, q, v, "one_step", realized)
     assert np.isfinite(mean).all() and np.isnan(deviation).all() and "covariance" in refused

@@ -4,76 +4,27 @@ angles against the truth.
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from articulation_in_numpy import plain_objective, plain_rank
 from compiled_calls import from_python
+from rectangle_clouds import CHAIN, LENGTHS, cloud, limits, motion
 from scipy.optimize import minimize
 
-from pipeline.arm.chain import PlanarChain
 from pipeline.core.errors import RecordingError
 from pipeline.perception.articulation import Articulation, ArticulationOptions, fit_sequence
-from pipeline.perception.articulation_objective import INFEASIBLE, frame_of, rank_value
+from pipeline.perception.articulation_end import INFEASIBLE, at_commanded
+from pipeline.perception.articulation_objective import frame_of
 
-LENGTHS = np.array([0.155, 0.135, 0.17])
-CHAIN = PlanarChain(
-    origin=np.array([0.01, 0.115]),
-    links=np.stack([np.zeros(3), LENGTHS], axis=1),
-    signs=np.ones(3),
-    lower=np.full(3, -3.1),
-    upper=np.full(3, 3.1),
-    max_speed=np.full(3, np.pi / 2),
-)
 OPTIONS = ArticulationOptions()
-RANK = from_python(rank_value)
-
-
-def motion(frames: int = 97) -> np.ndarray:
-    """Joint angles out and back: elbow from 135° to 65°, the wrist through the stretched pose, 1.2
-    to 1.3 rad a joint.
-    """
-    phase = (1 - np.cos(np.linspace(0, 2 * np.pi, frames))) / 2
-    return np.radians([-55.0, 135.0, -60.0] + phase[:, None] * np.array([75.0, -70.0, 75.0]))
-
-
-def cloud(
-    q: np.ndarray,
-    rng: np.random.Generator,
-    *,
-    width: float = 0.06,
-    noise: float = 0.002,
-    points: int = 1500,
-) -> np.ndarray:
-    """Points of three rectangles, ever denser towards one side and one end of each, with normal
-    noise (m).
-    """
-    nodes = CHAIN.points(q)
-    parts = []
-    for j, (a, b) in enumerate(pairwise(nodes)):
-        along = (b - a) / LENGTHS[j]
-        s, n = rng.random((2, points // 3))
-        n = n**1.5 if j != 1 else n**0.7
-        parts.append(
-            a
-            + (s**0.8 * LENGTHS[j])[:, None] * along
-            + ((n - 0.5) * width)[:, None] * np.array([along[1], -along[0]])
-        )
-    return np.concatenate(parts) + rng.normal(scale=noise, size=(points // 3 * 3, 2))
-
-
-def limits(share: float = OPTIONS.length_range) -> np.ndarray:
-    return LENGTHS[:, None] * np.array([1 - share, 1 + share])
+RANK = from_python(at_commanded)
 
 
 def ranked(
     points: np.ndarray, nodes: np.ndarray, share: float, gamma1: float, gamma2: float
 ) -> float:
-    return RANK(
-        frame_of(np.ascontiguousarray(points.T), nodes[0], nodes[3], limits(share), gamma1, gamma2),
-        nodes[1:3].ravel(),
-    )
+    frame = frame_of(points.T, nodes[0], nodes[3], LENGTHS, share, (gamma1, gamma2))
+    return RANK(frame, nodes[1:3].ravel())
 
 
 def fit(

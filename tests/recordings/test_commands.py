@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.arm.chain import TASK
 from pipeline.core.columns import columns
-from pipeline.recordings.commands import TASK, commanded_steps, task_columns
+from pipeline.recordings.commands import commanded_steps, constant_speed, task_columns
 
 RATE = 50.0
 
@@ -36,3 +37,13 @@ def test_a_step_leads_from_one_commanded_pose_to_the_next(trajectory):
     np.testing.assert_allclose(steps, np.diff(poses, axis=0), atol=1e-15)
     # the control: without the rate they are velocities
     assert np.abs(commanded_steps(task_columns(trajectory), 1.0) - steps).max() > 0.5
+
+
+def test_the_steps_of_constant_speed_are_those_between_the_ramps_in_spite_of_noise():
+    pace = np.concatenate([np.zeros(10), np.linspace(0, 1, 10), np.ones(40), np.zeros(20)])
+    path = np.concatenate([[0.0], np.cumsum(0.01 * pace)])
+    noise = 1e-3 * np.random.default_rng(5).standard_normal((100, len(path), 2))
+    steady = constant_speed(noise + path[:, None] * [1.0, -1.0])
+    assert steady[20:60].all()
+    # of the ramp its last steps alone
+    assert not steady[:17].any() and not steady[60:].any()

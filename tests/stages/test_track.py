@@ -53,10 +53,10 @@ def test_a_gap_and_a_bad_clock_leave_two_takes_out_of_all_that_follows(project, 
         ["x", "y", "z"],
     ] = np.nan
     markers.to_parquet(file, index=False)
-    # the camera's clock loses a tenth
+    # the camera's clock loses seven in a hundred, where the estimate to first order still tells
     file = Path("data/ingest/depth/frames.parquet")
     frames = pd.read_parquet(file)
-    frames.loc[frames["take"] == "test_001", "t"] *= 0.9
+    frames.loc[frames["take"] == "test_001", "t"] *= 0.93
     frames.to_parquet(file, index=False)
     track.run()
     said = capsys.readouterr().out

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from pipeline.statistics.agreement import correlation, coverage, root_mean_square
+from pipeline.statistics.agreement import (
+    correlation,
+    coverage,
+    lag_one_correlation,
+    root_mean_square,
+)
 
 
 def test_the_root_mean_square_is_that_of_all_values():
@@ -48,3 +53,12 @@ def test_a_calibrated_bound_of_a_normal_error_covers_what_the_normal_law_says(sc
 
 def test_a_bound_is_reached_on_either_side():
     assert coverage(np.array([-1.0, 1.0, 1.01, -1.01]), np.ones(4)) == 0.5
+
+
+def test_the_lag_one_correlation_is_that_of_its_law_whatever_the_mean_at_each_step():
+    noise = np.random.default_rng(6).standard_normal((100, 401))
+    moving = noise[:, 1:] - 0.5 * noise[:, :-1]  # correlation −0.5/1.25
+    trend = 10 * np.sin(np.arange(400))
+    assert lag_one_correlation(moving + trend) == pytest.approx(-0.4, abs=0.025)
+    assert lag_one_correlation(noise) == pytest.approx(0.0, abs=0.025)
+    assert lag_one_correlation(np.ones((3, 5))) == 0.0

@@ -31,7 +31,7 @@ def test_an_honest_posterior_covers_as_it_says_in_every_joint_and_a_narrow_one_d
         assert honest[f"coverage_of_one_sigma_{joint}"].mean() == pytest.approx(0.683, abs=0.02)
         assert narrow[f"coverage_of_one_sigma_{joint}"].mean() < 0.42
     assert honest["nees"].mean() == pytest.approx(len(JOINTS), rel=0.05)
-    table = compared({"honest": honest, "narrow": narrow}).set_index(["model", "score"])
+    table = compared({"honest": honest, "narrow": narrow}, "honest").set_index(["model", "score"])
     assert table.loc[("narrow", "log_score"), "high"] < 0
 
 

@@ -56,6 +56,11 @@ def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose():
     assert f"It is {MISSING}." in page({})
 
 
+def test_a_variance_a_step_may_stand_as_the_deviation_of_the_sum_of_so_many():
+    added = {"claim": "sigma", "number": "published", "steps": 64}
+    assert "It is 4." in page({}, values=ENTRY["values"] | {"published": added})
+
+
 @pytest.mark.parametrize(
     ("changes", "key"),
     [

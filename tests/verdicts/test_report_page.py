@@ -26,6 +26,7 @@ SPREAD = TEXTS | {
     "each": {"joint": [1, 2]},
     "value": {"file": "metrics/motion", "key": "std_{joint}"},
     "why": {"youbot": "it mixes units"},
+    "foregone": "it is constant",
 }
 SIGMA = TEXTS | {
     "id": "sigma",
@@ -81,9 +82,9 @@ def test_published_numbers_stand_beside_those_of_every_dataset(decided):
 
 
 def test_every_claim_has_a_sign_for_every_dataset(decided):
-    rows = report_page.every_claim(decided).splitlines()[4:]
+    rows = report_page.every_claim(decided).splitlines()[-2:]
     assert rows == [
-        "| the statement | the where | method | ✗ | ✗ |",
+        "| the statement *Can hardly fail: it is constant.* | the where | method | ✗ | ✗ |",
         "| the statement | Sec. 4, results | specimen | ? | – |",
     ]
 
@@ -136,6 +137,11 @@ def test_counts_are_totals_and_no_mean_share_or_row_number_is_among_them():
 def test_the_page_leaves_out_what_has_no_text_and_links_the_studies(decided):
     assert "[studies](studies)" in report_page.LINKS
     parts = [("Empty", ""), ("More", report_page.LINKS)]
-    page = report_page.report_page(RUNS[0], decided, parts)
+    page = report_page.report_page(RUNS[0], decided, "", parts)
     assert page.startswith("# Results: dataset youbot, scale paper\n")
     assert "## Empty" not in page and "## More" in page
+
+
+def test_what_has_to_be_known_first_stands_before_the_tally(decided):
+    page = report_page.report_page(RUNS[0], decided, "Know this.", [])
+    assert page.index("Know this.") < page.index("Claims held")

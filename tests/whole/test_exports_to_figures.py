@@ -95,6 +95,7 @@ def test_exports_become_figures_and_a_changed_export_is_noticed(project):
     assert {
         "joint_std",
         "articulation",
+        "filter_closed_loop",
         "filter_errors",
         "wrench_error_histograms",
         "cable_robot",

@@ -194,9 +194,17 @@ def damage_parameters(model: str, **values: object) -> None:
     file.write_text(json.dumps(json.loads(file.read_text()) | values))
 
 
-def test_a_bound_below_the_norm_of_the_inverse_jacobian(project):
+def test_a_bound_below_the_norm_of_the_inverse_jacobian_clips_the_noise_and_is_counted(project):
+    metrics = Path("reports/metrics/filter_gaussian.json")
+    before = json.loads(metrics.read_text())["particle_steps_with_clipped_noise"]
     damage_parameters("gaussian", u=5.0)
-    refuses("filter", "u", item="gaussian", out="filter/gaussian")
+    import_module("pipeline.stages.filter").run("gaussian")
+    posterior = pd.read_parquet("data/filter/gaussian/posterior.parquet")
+    moving = posterior["k"] > 0
+    # every particle of every step, as ‖J⁻¹‖ of this arm is nowhere as small
+    assert posterior.loc[moving, "clipped"].min() > 0 == before
+    counted = json.loads(metrics.read_text())["particle_steps_with_clipped_noise"]
+    assert counted == posterior["clipped"].sum()
 
 
 def test_a_dispersion_out_of_its_range(project):

@@ -21,6 +21,7 @@ class Articulation:
     length_range: float = MISSING  # share of the nominal length
     minimum_points: int = MISSING  # a frame with fewer points of the arm is a gap
     max_gap: int = MISSING  # frames in a row that may be gaps
+    end_point: str = MISSING  # of the tool's segment: commanded or fitted
     # frames on either side that the covariance of the Kinect noise is estimated over
     noise_window: int = MISSING
 

@@ -29,11 +29,22 @@ class Motion:
 
 
 @dataclass
+class Elimination:
+    """In which order LU without pivoting eliminates the Jacobian, where the natural one meets a
+    small pivot on this motion: names of the task rows, and of the joints.
+    """
+
+    rows: list[str] | None = None  # of x, z, phi
+    order: list[str] | None = None  # of robot.joints
+
+
+@dataclass
 class Dataset:
     name: str = MISSING
     recordings: str = MISSING  # folder of the raw files, from the project's root
     robot: Robot = field(default_factory=Robot)
     motion: Motion = field(default_factory=Motion)
+    elimination: Elimination = field(default_factory=Elimination)
     trajectory: str | None = None  # file of the commanded trajectory, where there is one
     mocap: Mocap | None = None
     joint_log: JointLog | None = None

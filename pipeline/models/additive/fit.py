@@ -12,6 +12,7 @@ import numpy as np
 
 from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.additive.options import Options
+from pipeline.models.covariance import without_measurement
 from pipeline.models.noise import mean_covariance, moments
 from pipeline.models.steps import Estimate, Recorded, Truth
 
@@ -76,13 +77,3 @@ def shrunk_covariance(noise: np.ndarray) -> tuple[np.ndarray, float]:
     variance = np.sum((by_take - pooled) ** 2) / takes**2
     intensity = float(min(variance / distance, 1.0)) if distance > 0 else 1.0
     return (1 - intensity) * pooled + intensity * target, intensity
-
-
-def without_measurement(covariance: np.ndarray, measurement: np.ndarray) -> tuple[np.ndarray, int]:
-    """(n, n) what ``covariance`` holds beyond ``measurement`` (n, n), in rad², and along how many
-    axes that is nothing.
-
-    There the difference would be negative by chance, and is set to zero.
-    """
-    variances, axes = np.linalg.eigh(covariance - measurement)
-    return (axes * np.maximum(variances, 0.0)) @ axes.T, int(np.count_nonzero(variances < 0))

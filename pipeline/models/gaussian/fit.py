@@ -39,7 +39,7 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
             mean,
             covariance,
             np.zeros_like(mean),
-            np.linalg.norm(recorded.v, axis=-1),
+            _rms_norm(recorded.v),
             norms,
             beta1=options.beta,
             extensions=EXTENSIONS * norms.max(),
@@ -56,6 +56,11 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
     return _estimate(fit, frobenius(recorded.chain.inverse_jacobian(recorded.q)), recorded.v)
 
 
+def _rms_norm(v: np.ndarray) -> np.ndarray:
+    """(M,) ‖v_k‖; of commands ``v`` (takes, M, m) of a closed loop the root mean square."""
+    return np.sqrt(np.vecdot(v, v).reshape(-1, v.shape[-2]).mean(axis=0))
+
+
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
     """(α, u) of the recorded mean variance; ``options`` and ``dispersions`` do not matter."""
     squares = frobenius(recorded.chain.inverse_jacobian(recorded.q)) ** 2
@@ -69,8 +74,9 @@ def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -
 
 
 def _mean_square(squares: np.ndarray, speeds: np.ndarray) -> float:
-    """⟨‖J⁻¹‖²⟩ of ``squares`` (..., M), weighed by the square of the commanded steps (M,)."""
-    return np.average(squares, weights=np.broadcast_to(speeds, squares.shape))
+    """⟨‖J⁻¹‖²⟩ of ``squares`` (..., M), weighed by the square of the commanded steps (..., M)."""
+    squares, speeds = np.broadcast_arrays(squares, speeds)
+    return np.average(squares, weights=speeds)
 
 
 def _values(alpha: float, u: float, mean_square: float) -> dict[str, float]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.linalg import lu, qr
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.models.convex import solve_perturbation
@@ -26,16 +28,36 @@ def perturbation_gap(
     the problems ``chosen``.
 
     ``q``, ``v``, ``noise`` (N, 3): pose in rad, commanded step (m, m, rad) and process noise in rad
-    of each problem of ``fits``. J₁ and J₂ come from SciPy here, not from the closed form, unless J₁
-    is given. Objectives are compared and not matrices, as the optimum is flat. Raises SolverError.
+    of each problem of ``fits``. J₁ comes from SciPy here, not from the closed form, unless it is
+    given. Objectives are compared and not matrices, as the optimum is flat. Raises SolverError.
     """
     gaps = []
     for i in chosen:
         jacobian = chain.jacobian(q[i])
-        if isinstance(decomposition, np.ndarray):
-            j1, j2 = decomposition, np.linalg.solve(decomposition, jacobian)
-        else:
-            j1, j2 = lu(jacobian, permute_l=True) if decomposition == "lu" else qr(jacobian)
+        j1 = _first_factor(jacobian, decomposition)
+        j2 = np.linalg.solve(j1, jacobian)
         _, objective = solve_perturbation(noise[i], v[i], j1, j2, weights, floor)
         gaps.append(abs(fits.objective[i] - objective) / objective)
     return max(gaps)
+
+
+def _first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndarray:
+    """J₁ (n, n) of ``jacobian`` (n, n) by SciPy."""
+    n = len(jacobian)
+    match decomposition:
+        case Decomposition("lu", rows=rows, order=order):
+            rows = list(rows or range(n))
+            ordered = jacobian[rows][:, list(order or range(n))]
+            # SuperLU exchanges rows at a zero pivot alone, where its threshold is zero
+            sparse = splu(csc_array(ordered), permc_spec="NATURAL", diag_pivot_thresh=0.0)
+            j1 = np.empty((n, n))
+            j1[rows] = sparse.L.toarray()
+            return j1
+        case Decomposition("pivoted_lu"):
+            return lu(jacobian, permute_l=True)[0]
+        case Decomposition("qr"):
+            return qr(jacobian)[0]
+        case Decomposition("qr_transposed"):
+            return qr(jacobian.T)[1].T
+        case Decomposition(left=left):
+            return np.array(left)

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.models.wishart.decomposition import Decomposition, factors
+from pipeline.models.wishart.decomposition import Decomposition
+from pipeline.models.wishart.factors import factors
 from pipeline.models.wishart.perturbation import (
     Perturbations,
     dispersions,
@@ -31,10 +32,10 @@ class WishartFit:
 
 def rest_noise(noise: np.ndarray, v: np.ndarray) -> float:
     """Root mean square of ‖ω‖ in rad over the steps of ``noise`` (takes, M, n) at which the
-    commanded step ``v`` (M, n) is zero.
+    commanded step ``v`` (M, n) or (takes, M, n) is zero.
     """
-    still = ~np.any(v, axis=-1)
-    return float(np.sqrt(np.mean(np.sum(noise[:, still] ** 2, axis=-1)))) if still.any() else 0.0
+    still = np.broadcast_to(~np.any(v, axis=-1), noise.shape[:-1])
+    return float(np.sqrt(np.mean(np.sum(noise[still] ** 2, axis=-1)))) if still.any() else 0.0
 
 
 def fit_wishart(
@@ -73,7 +74,7 @@ def step_dispersions(
 
     By Eq. (NormStd) over samples of B from Eqs. (BsampOpt) and (const10).
     """
-    a, back = factors(chain, q, np.broadcast_to(v, q.shape), decomposition)
+    a, back, _ = factors(chain, q, np.broadcast_to(v, q.shape), decomposition)
     n = q.shape[-1]
     fits = fit_perturbations(
         noise.reshape(-1, n), a.reshape(-1, n), back.reshape(-1, n, n), weights, floor

@@ -33,7 +33,7 @@ def examined(
         recorded.q.reshape(-1, n),
         v,
         recorded.noise.reshape(-1, n),
-        chosen(options.decomposition, options.left),
+        chosen(options, recorded.joints),
         fit.weights,
         options.floor,
         checked,

@@ -9,22 +9,26 @@ from typing import Any
 import numpy as np
 
 from pipeline.models.steps import Estimate, Recorded, Truth
-from pipeline.models.wishart.decomposition import chosen
+from pipeline.models.wishart.decomposition import Decomposition, chosen
 from pipeline.models.wishart.dispersion import fit_wishart
 from pipeline.models.wishart.law import WishartModel
 from pipeline.models.wishart.likelihood import DispersionFit, fit_sigma_b
 from pipeline.models.wishart.options import Options
 
+PARTS = ("left", "rows", "order")  # of a decomposition, beside its name
+
 
 def build(parameters: dict[str, Any]) -> WishartModel:
     """The model with these parameters."""
-    decomposition = chosen(parameters["decomposition"], parameters.get("left"))
+    decomposition = Decomposition(
+        parameters["decomposition"], *(parameters.get(part) for part in PARTS)
+    )
     return WishartModel(parameters["sigma_b"], decomposition)
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
     """σ_B by the estimator that ``options`` name; raises what that estimator raises."""
-    decomposition = chosen(options.decomposition, options.left)
+    decomposition = chosen(options, recorded.joints)
     if options.estimator == "likelihood":
         fit = fit_sigma_b(
             recorded.chain,
@@ -35,7 +39,9 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
             decomposition,
         )
         diagnostics = {"sigma_b_at_the_end_of_its_interval": fit.at_end}
-        return Estimate(_parameters(fit.sigma_b, options), _values(fit.sigma_b), diagnostics, fit)
+        return Estimate(
+            _parameters(fit.sigma_b, decomposition), _values(fit.sigma_b), diagnostics, fit
+        )
     fit = fit_wishart(
         recorded.chain,
         recorded.q,
@@ -45,16 +51,20 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
         options.floor,
         options.ratio_factor,
     )
+    moving = np.any(recorded.v, axis=-1)
+    moving = moving.any(axis=0) if moving.ndim > 1 else moving
     unperturbed = ~fit.perturbations.s.any(axis=(1, 2))
     diagnostics = {
         "sigma_b_greatest_over_time": fit.dispersions.max(),
+        "sigma_b_mean_over_moving_steps": fit.dispersions[moving].sum() / max(moving.sum(), 1),
+        "share_of_steps_at_rest": 1 - moving.mean(),
         "weights_ratio_alpha2_over_alpha1_rad": fit.weights[1] / fit.weights[0],
         "noise_at_rest_rms_rad": fit.rest_noise,
         "problems": len(fit.perturbations.bound),
         "problems_without_perturbation": int(np.count_nonzero(unperturbed)),
         "problems_on_the_bound_of_definiteness": int(np.count_nonzero(fit.perturbations.bound)),
     }
-    return Estimate(_parameters(fit.sigma_b, options), _values(fit.sigma_b), diagnostics, fit)
+    return Estimate(_parameters(fit.sigma_b, decomposition), _values(fit.sigma_b), diagnostics, fit)
 
 
 def resampled(found: Estimate) -> Callable[[np.ndarray], dict[str, float]] | None:
@@ -73,8 +83,9 @@ def _from_takes(fit: DispersionFit, takes: np.ndarray) -> dict[str, float]:
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
     """Each of ``dispersions``, whatever was recorded."""
+    decomposition = chosen(options, recorded.joints)
     return [
-        Truth(f"wishart {sigma_b:g}", _parameters(sigma_b, options), _values(sigma_b))
+        Truth(f"wishart {sigma_b:g}", _parameters(sigma_b, decomposition), _values(sigma_b))
         for sigma_b in dispersions
     ]
 
@@ -83,6 +94,8 @@ def _values(sigma_b: float) -> dict[str, float]:
     return {"sigma_b": sigma_b}
 
 
-def _parameters(sigma_b: float, options: Options) -> dict[str, Any]:
-    left = {} if options.left is None else {"left": options.left}
-    return {"kind": "wishart", "sigma_b": sigma_b, "decomposition": options.decomposition} | left
+def _parameters(sigma_b: float, decomposition: Decomposition) -> dict[str, Any]:
+    parts = {part: np.array(getattr(decomposition, part)) for part in PARTS}
+    return {"kind": "wishart", "sigma_b": sigma_b, "decomposition": decomposition.name} | {
+        part: numbers.tolist() for part, numbers in parts.items() if numbers.ndim
+    }

@@ -15,8 +15,12 @@ class Options(options.Options):
     """``estimator``: ``paper`` or ``likelihood``."""
 
     estimator: str = MISSING
-    decomposition: str = MISSING  # lu, qr or given
+    decomposition: str = MISSING  # lu, pivoted_lu, qr, qr_transposed or given
     left: list[list[float]] | None = None  # rows of J₁, of the decomposition given alone
+    # names of the task rows and of the joints in the order in which lu alone eliminates them; as
+    # they are in the trajectory and base to tip where none are named
+    rows: list[str] | None = None
+    order: list[str] | None = None
     floor: float | None = None  # of the paper's estimator alone
     ratio_factor: float = 1.0  # on α₂/α₁ of the paper's estimator, which the noise at rest settles
 
@@ -36,3 +40,8 @@ class Options(options.Options):
                 "left must hold the rows of J1, each of as many values as there are rows",
                 key="models.*.left",
             )
+        for key in ("rows", "order"):
+            if getattr(self, key) is not None and self.decomposition != "lu":
+                raise ConfigError(
+                    f"the decomposition lu, and no other, takes {key}", key=f"models.*.{key}"
+                )

@@ -172,7 +172,7 @@ def fit_perturbations(
     vanishes, Eq. (Omegki) holds.
 
     ``noise`` ω (N, 3) in rad, measured minus nominal; ``a`` = J₁⁻¹v (N, 3) and ``back`` = J₂⁻¹ (N,
-    3, 3) from :func:`.decomposition.factors`; ``weights`` (α₁, α₂); ``floor`` ε in
+    3, 3) from :func:`.factors.factors`; ``weights`` (α₁, α₂); ``floor`` ε in
     (0, 1). At rest (a = 0) nothing can be explained and S = 0. Raises ModelDomainError for weights
     or a floor outside their range and for noise that is not finite, SolverError where the bounded
     problem did not reach its optimum.

@@ -20,6 +20,7 @@ import numpy as np
 from pipeline.arm.compiled import Arm, joint_step, segments
 from pipeline.core.compiled import inlined, passed
 from pipeline.models.law import Numbers, at, nominal_step, transformed
+from pipeline.models.wishart.factors import PIVOT
 
 # Taylor coefficients of (exp(y) − 1)/y: up to y = 0.7 the first term left out is below half a unit
 # in the last place
@@ -61,6 +62,18 @@ def inverse_action(a: tuple, d: float, gamma: float, normal: tuple) -> tuple[flo
     return z * (a1 - along * m1), z * (a2 + r * t2 - along * a2), z * (a3 + r * t3 - along * a3)
 
 
+@inlined
+def lower_action(lower: tuple, v: tuple, d: float, gamma: float, normal: tuple) -> tuple:
+    """L·B⁻¹L⁻¹v for the unit lower triangular L whose entries (2, 1), (3, 1), (3, 2) are
+    ``lower``.
+    """
+    (l21, l31, l32), (v1, v2, v3) = lower, v
+    a2 = v2 - l21 * v1
+    a3 = v3 - l31 * v1 - l32 * a2
+    w1, w2, w3 = inverse_action((v1, a2, a3), d, gamma, normal)
+    return w1, l21 * w1 + w2, l31 * w1 + l32 * w2 + w3
+
+
 @passed
 def given_factor(
     numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple
@@ -82,7 +95,72 @@ def given_factor(
 
 
 @passed
+def qr_transposed(
+    numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple
+) -> int:
+    """A step for J₁ = Rᵀ and J₂ = Qᵀ of Jᵀ = QR; ``parameters`` (1,) d.
+
+    The step is Q·B⁻¹Qᵀ·J⁻¹v, and as Q·B⁻¹Qᵀ has the law of B⁻¹ neither factor is needed.
+    """
+    gamma, normal = numbers.chi_square, numbers.normal
+    d = parameters[0]
+    for i in range(len(q[0])):
+        dq = inverse_action(
+            nominal_step(arm, q, i, at(v, i)), d, gamma[i], (normal[0, i], normal[1, i])
+        )
+        for j in range(len(q)):
+            moved[j][i] = q[j][i] + dq[j]
+    return 0
+
+
+@passed
 def lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
+    """A step for J₁ = PᵀL of PJ = LU without pivoting; ``parameters`` (1 + 3·n·n,) d and, row by
+    row, P, Pᵀ and the matrix that puts the joints in the order of their elimination.
+
+    NaN where a pivot is small: J has no such decomposition to be trusted, and the filter counts the
+    pose as outside its domain. L has three numbers; the signs of the joints cancel. U is never
+    needed: J⁻¹J₁ is applied by the chain's closed form.
+    """
+    gamma, normal = numbers.chi_square, numbers.normal
+    d, size = parameters[0], len(parameters) // 3
+    rows, back, order = (
+        parameters[1 : 1 + size],
+        parameters[1 + size : 1 + 2 * size],
+        parameters[1 + 2 * size :],
+    )
+    for i in range(len(q[0])):
+        shape = segments(arm, at(q, i))
+        ax, az, bx, bz, tx, tz = shape
+        x = transformed(order, (az + bz + tz, bz + tz, tz))
+        z = transformed(order, (-(ax + bx + tx), -(bx + tx), -tx))
+        f1, s1, t1 = transformed(rows, (x[0], z[0], 1.0))
+        f2, s2, t2 = transformed(rows, (x[1], z[1], 1.0))
+        f3, s3, _ = transformed(rows, (x[2], z[2], 1.0))
+        l21, l31 = s1 / f1, t1 / f1
+        s2, s3, t2 = s2 - l21 * f2, s3 - l21 * f3, t2 - l31 * f2
+        # the third pivot is all that is left of its row
+        defined = (f1 * f1 >= PIVOT**2 * (f1 * f1 + f2 * f2 + f3 * f3)) & (
+            s2 * s2 >= PIVOT**2 * (s2 * s2 + s3 * s3)
+        )
+        v1, v2, v3 = transformed(rows, at(v, i))
+        y = lower_action(
+            (l21, l31, t2 / s2),
+            (v1 if defined else np.nan, v2, v3),
+            d,
+            gamma[i],
+            (normal[0, i], normal[1, i]),
+        )
+        dq = joint_step(arm, shape, transformed(back, y))
+        for j in range(len(q)):
+            moved[j][i] = q[j][i] + dq[j]
+    return 0
+
+
+@passed
+def pivoted_lu(
+    numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple
+) -> int:
     """A step for J₁ = PᵀL of PJ = LU with partial pivoting; ``parameters`` (1,) d.
 
     L has three numbers, and the columns of joints 1 and 2 alone decide them and P; the signs of the
@@ -109,19 +187,17 @@ def lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, m
         exchanged = abs(t2) > abs(s2)
         pivot, below = (t2, s2) if exchanged else (s2, t2)
         lower = below / pivot
-        # a = L⁻¹Pv
-        l2, l3 = (lt, ls) if exchanged else (ls, lt)
+        l21, l31 = (lt, ls) if exchanged else (ls, lt)
         v2, v3 = (tv, sv) if exchanged else (sv, tv)
-        a2 = v2 - l2 * fv
-        a3 = v3 - l3 * fv - lower * a2
-        w1, w2, w3 = inverse_action((fv, a2, a3), d, gamma[i], (normal[0, i], normal[1, i]))
+        y1, y2, y3 = lower_action(
+            (l21, l31, lower), (fv, v2, v3), d, gamma[i], (normal[0, i], normal[1, i])
+        )
         # PᵀL·B⁻¹a, back in the rows x, z, φ
-        y2, y3 = l2 * w1 + w2, l3 * w1 + lower * w2 + w3
         ys, yt = (y3, y2) if exchanged else (y2, y3)
-        x = w1 if by_x else ys
-        y = w1 if by_z else (ys if by_x else yt)
-        phi = yt if by_x or by_z else w1
-        dq = joint_step(arm, shape, (x, y, phi))
+        x = y1 if by_x else ys
+        z = y1 if by_z else (ys if by_x else yt)
+        phi = yt if by_x or by_z else y1
+        dq = joint_step(arm, shape, (x, z, phi))
         for j in range(len(q)):
             moved[j][i] = q[j][i] + dq[j]
     return 0

@@ -1,4 +1,6 @@
-"""Posteriors of the particle filter under every model, as laws of the pose that was measured."""
+"""Posteriors of the particle filter under every model, in both loops, as laws of the pose that was
+measured.
+"""
 
 from __future__ import annotations
 
@@ -13,20 +15,28 @@ import pandas as pd
 from pipeline.core import contracts, rng
 from pipeline.core.columns import columns, matrices, values
 from pipeline.core.compute.trials import run_trials
+from pipeline.core.filters import NONE
 from pipeline.filtering.measurement import Measurements, measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
+from pipeline.models.closed_loop import FOLDER
+from pipeline.models.commands import Commands
 from pipeline.models.model import MotionModel
+from pipeline.models.noise import rest_covariance
 from pipeline.models.steps import Recorded
+from pipeline.statistics.filters import no_filter
 from pipeline.statistics.take_scores import Scores, posterior_scores
 
 ARTICULATE, FILTER = Path("data/articulate"), Path("data/filter")
+
+Loops = Mapping[str, tuple[MotionModel, Commands]]  # by model
 
 
 @dataclass(frozen=True)
 class Filters:
     """What the filters of the baselines run with."""
 
-    fitted: Mapping[str, MotionModel]
+    loops: Loops
+    closed: bool
     recorded: Recorded
     rate: float  # 1/s
     start: Start
@@ -36,36 +46,50 @@ class Filters:
 
 def filtered_scores(
     chosen: Sequence[str],
-    beside: Sequence[str],
-    fitted: Mapping[str, MotionModel],
+    beside: Loops,
+    closed: bool,
     recorded: Recorded,
     joints: pd.DataFrame,
     settings,
 ) -> dict[str, Scores]:
     """The scores of every filter's posterior as a law of the measured pose: those of the models
-    ``chosen`` for the run, and filters run here of those ``beside`` them.
+    ``chosen`` for the run, and filters run here of those ``beside`` them; no filter last.
+
+    Args:
+        chosen: models of the run.
+        beside: models that have not been filtered yet.
+        closed: whether in a closed loop or in an open one.
+        recorded: the training takes.
+        joints: the table.
+        settings: of the study.
     """
-    if not contracts.exists("angles", ARTICULATE):
+    loop = FOLDER if closed else ""
+    places = {
+        model: FILTER / model / loop
+        for model in chosen
+        if contracts.exists("posterior", FILTER / model / loop)
+    }
+    if not places:
         return {}
     names, o = recorded.joints, settings.filter
     measured = joints[["take", "k", *columns("q", names)]]
     tables = {
-        model: contracts.read("posterior", FILTER / model).merge(measured, on=["take", "k"])
-        for model in chosen
+        model: contracts.read("posterior", place).merge(measured, on=["take", "k"])
+        for model, place in places.items()
     }
-    shape = (next(iter(tables.values()))["take"].nunique(), -1, len(names))
-    truth = values(next(iter(tables.values())), "q").reshape(shape)
-    means = {model: values(table, "m").reshape(shape) for model, table in tables.items()}
+    _, truth = contracts.stacked(next(iter(tables.values())), "q")
+    means = {model: values(table, "m").reshape(truth.shape) for model, table in tables.items()}
     covariances = {
-        model: matrices(table, "c", names).reshape(*means[model].shape, len(names))
+        model: matrices(table, "c", names).reshape(*truth.shape, len(names))
         for model, table in tables.items()
     }
-    first = joints[(joints.part == "training") & (joints.k == 0)][columns("q", names)]
+    first = recorded.q[:, 0]
     run = Filters(
-        fitted,
+        beside,
+        closed,
         recorded,
         settings.dataset.motion.rate,
-        Start(first.mean().to_numpy(), first.cov().to_numpy()),
+        Start(first.mean(axis=0), np.cov(first.T)),
         FilterOptions(o.particles, o.scheme, o.threshold),
         settings.seed,
     )
@@ -81,17 +105,28 @@ def filtered_scores(
         own = posteriors[place * len(takes) : (place + 1) * len(takes)]
         means[model] = np.stack([posterior.mean for posterior in own])
         covariances[model] = np.stack([posterior.covariance for posterior in own])
-    pose = recorded.measurement / 2  # ω holds the noise of two poses
-    return {
+    _, training = contracts.stacked(joints[joints.part == "training"], "q")
+    # ω holds the noise of two poses
+    pose = rest_covariance(training, recorded.v) if closed else recorded.measurement / 2
+    scores = {
         model: posterior_scores(mean - truth, covariances[model] + pose, names)[0]
         for model, mean in means.items()
     }
+    none = no_filter(training, truth)
+    return scores | {NONE: posterior_scores(none.error, none.covariance, names)[0]}
 
 
 def _filter(trial: tuple[str, int, Measurements], run: Filters) -> Posterior:
     model, number, take = trial
-    recorded, stream = run.recorded, rng.stream(run.seed, f"filter.{model}", number)
-    fitted, dt = run.fitted[model], 1 / run.rate
+    stream = f"filter.{model}.{FOLDER}" if run.closed else f"filter.{model}"
+    fitted, commands = run.loops[model]
     return particle_filter(
-        fitted, recorded.chain, recorded.v, dt, run.start, take, run.options, stream
+        fitted,
+        run.recorded.chain,
+        commands,
+        1 / run.rate,
+        run.start,
+        take,
+        run.options,
+        rng.stream(run.seed, stream, number),
     )

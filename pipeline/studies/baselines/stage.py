@@ -16,10 +16,13 @@ from omegaconf import MISSING
 from pipeline.core import config, contracts, rng
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import SingularJacobianError
+from pipeline.models.closed_loop import mean_path
+from pipeline.models.closed_loop_fit import closed_loop_of
+from pipeline.models.commands import open_loop
 from pipeline.models.kinds import estimate, fitted_model
 from pipeline.models.model import MotionModel
 from pipeline.models.options import Options as Model
-from pipeline.models.steps import Recorded
+from pipeline.models.steps import Estimate, Recorded
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.take_scores import (
     Scores,
@@ -28,9 +31,9 @@ from pipeline.statistics.take_scores import (
     prediction_scores,
 )
 from pipeline.studies import page
-from pipeline.studies.baselines.posteriors import filtered_scores
+from pipeline.studies.baselines.posteriors import Loops, filtered_scores
 from pipeline.studies.baselines.prediction import groups_of_steps, score_steps
-from pipeline.studies.baselines.words import FILTERED, TITLE, sections
+from pipeline.studies.baselines.words import FILTERED, FILTERED_CLOSED, TITLE, sections
 from pipeline.verdicts.run import Run, read_runs
 
 HERE = Path(__file__).parent
@@ -75,23 +78,40 @@ def _tables(settings, beside: Mapping[str, Model], recorded: Recorded) -> dict[s
     fitted = {name: fitted_model(FIT / name) for name in settings.models}
     fitted |= {name: fit.model for name, fit in fits.items()}
     groups = _predicted(settings.models | beside, fitted, recorded, joints, settings)
-    posteriors = filtered_scores(
-        list(settings.models), list(beside), fitted, recorded, joints, settings
-    )
-    if posteriors:
-        groups[FILTERED] = posteriors
+    for steps, loops in _loops(beside, fits, recorded).items():
+        closed, chosen = steps == FILTERED_CLOSED, list(settings.models)
+        scores = filtered_scores(chosen, loops, closed, recorded, joints, settings)
+        if scores:
+            groups[steps] = scores
     parameters = [
         {"model": name, "parameter": key, "value": value}
         for name, fit in fits.items()
         for key, value in fit.estimates.items()
     ]
     return {
-        "model_scores": _by_steps({steps: compared(scores) for steps, scores in groups.items()}),
+        "model_scores": _by_steps(
+            {steps: compared(scores, next(iter(scores))) for steps, scores in groups.items()}
+        ),
         "log_score_differences": _by_steps(
             {steps: log_score_differences(scores) for steps, scores in groups.items()}
         ),
         "baseline_fits": pd.DataFrame(parameters, columns=["model", "parameter", "value"]),
     }
+
+
+def _loops(
+    beside: Mapping[str, Model], fits: Mapping[str, Estimate], recorded: Recorded
+) -> dict[str, Loops]:
+    """Of either loop the models ``beside`` the run's, as fitted in it."""
+    opened = {name: (fit.model, open_loop(recorded.v)) for name, fit in fits.items()}
+    closed, path = {}, mean_path(recorded)
+    for name, options in beside.items():
+        fit, refused = closed_loop_of(recorded, options, fits[name])
+        if fit is None:
+            print(f"baselines: {name} has no closed loop: {refused}")
+        else:
+            closed[name] = (fit.estimate.model, path.commands(fit.share))
+    return {FILTERED: opened, FILTERED_CLOSED: closed}
 
 
 def _by_steps(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:

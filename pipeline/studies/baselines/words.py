@@ -15,6 +15,7 @@ from pipeline.verdicts.wording import table
 
 TITLE = "What is left of the matrix models' advantage"
 FILTERED = "posterior of the particle filter"
+FILTERED_CLOSED = "posterior of the particle filter, closed loop"
 SCORE = "log_score"
 NOTHING = "No prediction was scored: the motion of the dataset never rests."
 
@@ -29,7 +30,8 @@ def sections(runs: Sequence[Run], baselines: Sequence[str]) -> list[str]:
         f"that merely scales with the commanded motion? {page.listed(list(baselines))} scale so, "
         "without a matrix (`pipeline/models/scaled`). Held-out steps are predicted by every model "
         "and scored by the log density of the pose that was measured, in nats a step, greater is "
-        "better; so are the posteriors of the particle filter. Brackets hold 95 % intervals of "
+        "better; so are the posteriors of the particle filter in both loops, and beside them none: "
+        "the training takes' mean and spread at each step. Brackets hold 95 % intervals of "
         "paired differences over the takes. ‖J⁻¹‖ is great near singular poses."
     )
     return [

@@ -1,5 +1,5 @@
-"""The depth camera as each clock has it: the noise of its joint angles and, by take, its
-measurements.
+"""The depth camera as a filter knows it, on each clock: the noise of its joint angles and, by take,
+its measurements.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ CLOCKS = ("aligned", "not aligned", "a frame late", "a frame early", "nearest st
 
 
 class Camera(NamedTuple):
-    """The depth camera on one clock."""
+    """The depth camera, its frames on one clock and articulated in one way."""
 
     noise: pd.DataFrame  # as of leave_one_out
     takes: dict[str, Measurements]
@@ -62,6 +62,10 @@ def camera_on(
     arguments as in :func:`retimed`. Raises RecordingError where the takes are too few to estimate
     the noise from.
     """
-    on_clock = retimed(angles, clock, offsets, frame, step)
-    noise = leave_one_out(errors_of(on_clock, joints), window=window)
-    return Camera(noise, {take.take: take for take in measurements(on_clock, noise)})
+    return camera_of(retimed(angles, clock, offsets, frame, step), joints, window=window)
+
+
+def camera_of(angles: pd.DataFrame, joints: pd.DataFrame, *, window: int) -> Camera:
+    """The camera that measured ``angles``, its noise estimated as in :func:`camera_on`."""
+    noise = leave_one_out(errors_of(angles, joints), window=window)
+    return Camera(noise, {take.take: take for take in measurements(angles, noise)})

@@ -19,6 +19,7 @@ class ModelCase(NamedTuple):
     mode: str
     measurement: float
     draw: int
+    closed: bool  # whether in a closed loop, too or, of a filter, at all
 
 
 class FilterCase(NamedTuple):
@@ -37,19 +38,24 @@ class Case:
     models: dict[str, Options]  # by name; those of the paper by their kind
     filter: FilterOptions
     mode: str  # of the realisations: one_step or free_running
-    clock: str = "aligned"  # one of pipeline.studies.cases.camera.CLOCKS
+    # which camera of the recordings: on one of the CLOCKS, or as the study names them
+    clock: str = "aligned"
     # factor on the measurement noise that scores add to every step; 0 for none
     measurement: float = 1.0
     batch: int = 0  # which test takes the filter runs on
     draw: int = 0  # which random numbers
+    closed: bool = False  # whether the paper's models are filtered in a closed loop too
 
     def model_case(self, name: str) -> ModelCase:
         """The part for the model ``name``."""
-        return ModelCase(self.models[name], self.mode, self.measurement, self.draw)
+        closed = self.closed and name in KINDS
+        return ModelCase(self.models[name], self.mode, self.measurement, self.draw, closed)
 
-    def filter_case(self, name: str, take: str) -> FilterCase:
-        """The part for the filter of the model ``name`` on ``take``."""
-        model = ModelCase(self.models[name], "", 1.0, self.draw)
+    def filter_case(self, name: str, take: str, closed: bool) -> FilterCase:
+        """The part for the filter of the model ``name`` on ``take``, in a closed loop or an open
+        one.
+        """
+        model = ModelCase(self.models[name], "", 1.0, self.draw, closed)
         return FilterCase(take, model, self.clock, self.filter)
 
     def batch_of(self, takes: list[str], count: int) -> list[str]:

@@ -10,18 +10,22 @@ from functools import partial
 
 import numpy as np
 
+from pipeline.core import filters as names
 from pipeline.core import rng
 from pipeline.core.errors import DegenerateFilterError, ModelDomainError, SingularJacobianError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import Posterior, Start, particle_filter
+from pipeline.models.closed_loop import mean_path
+from pipeline.models.commands import Commands, open_loop
 from pipeline.models.model import MotionModel
 from pipeline.studies.cases.camera import Camera
 from pipeline.studies.cases.case import KINDS, Case, FilterCase, ModelCase
 from pipeline.studies.cases.evidence import Evidence, case_evidence
 from pipeline.studies.cases.fits import Outcome, Takes, outcome
 
-# number of the take, what bears on its filter, the fitted model, the take's measurements
-Trial = tuple[int, FilterCase, MotionModel, Measurements]
+Loop = tuple[MotionModel, Commands]  # a fitted model and what it is commanded
+# number of the take, what bears on its filter, the loop, the take's measurements
+Trial = tuple[int, FilterCase, Loop, Measurements]
 Run = Callable[[Callable, Sequence], Iterable]  # as the built-in map: trials, in order
 
 
@@ -30,7 +34,7 @@ class Recordings:
     """What every case is worked out from, and how large and with which random numbers."""
 
     takes: Takes
-    cameras: Mapping[str, Camera]  # by clock; none where there is no depth camera
+    cameras: Mapping[str, Camera]  # by clock or name; none where there is no depth camera
     rate: float  # 1/s, of the motion
     filtered: int  # takes that the filter runs on
     realizations: int
@@ -59,10 +63,12 @@ def evaluate(
     trials: dict[str, Trial] = {}
     for case in cases:
         for name in filter(case.models.__contains__, KINDS):
-            model = outcomes[repr(case.model_case(name))].model
-            for take in case.batch_of(takes, recordings.filtered) if model is not None else []:
-                part, measured = case.filter_case(name, take), cameras[case.clock].takes[take]
-                trials[repr(part)] = (takes.index(take), part, model, measured)
+            loops = _loops(outcomes[repr(case.model_case(name))], recordings)
+            for take in case.batch_of(takes, recordings.filtered):
+                measured = cameras[case.clock].takes[take]
+                for closed, loop in loops.items():
+                    part = case.filter_case(name, take, closed)
+                    trials[repr(part)] = (takes.index(take), part, loop, measured)
     function = partial(_posterior, recordings=recordings)
     posteriors = dict(zip(trials, run(function, list(trials.values())), strict=True))
     results = []
@@ -70,9 +76,12 @@ def evaluate(
         batch = case.batch_of(takes, recordings.filtered)
         fared = {name: outcomes[repr(case.model_case(name))] for name in case.models}
         filtered = {
-            name: {take: posteriors[repr(case.filter_case(name, take))] for take in batch}
+            names.closed(name) if closed else name: {
+                take: posteriors[repr(case.filter_case(name, take, closed))] for take in batch
+            }
             for name in fared
-            if name in KINDS and fared[name].model is not None
+            if name in KINDS
+            for closed in _loops(fared[name], recordings)
         }
         camera = cameras.get(case.clock)
         results.append(case_evidence(case, recordings.takes, fared, camera, filtered))
@@ -86,16 +95,28 @@ def _outcome(case: ModelCase, recordings: Recordings) -> Outcome:
     return outcome(case, recordings.takes, recordings.realizations, stream)
 
 
+def _loops(fared: Outcome, recordings: Recordings) -> dict[bool, Loop]:
+    """The loops that a model is filtered in, by whether they are closed."""
+    recorded, loops = recordings.takes.training, {}
+    if fared.model is not None:
+        loops[False] = (fared.model, open_loop(recorded.v))
+    if fared.closed is not None:
+        commands = mean_path(recorded).commands(fared.closed.share)
+        loops[True] = (fared.closed.estimate.model, commands)
+    return loops
+
+
 def _posterior(trial: Trial, recordings: Recordings) -> Posterior | str:
     """The filter's posterior on one take, or why there is none."""
-    (number, case, model, measured), recorded = trial, recordings.takes.training
-    (seed, name), dt = recordings.stream, 1 / recordings.rate
-    stream = rng.stream(seed, f"{name}.filter.{case.model.options.kind}", case.model.draw, number)
+    (number, case, (model, commands), measured), (seed, name) = trial, recordings.stream
+    kind, dt = case.model.options.kind, 1 / recordings.rate
+    loop = names.closed(kind) if case.model.closed else kind
+    stream = rng.stream(seed, f"{name}.filter.{loop}", case.model.draw, number)
     try:
         return particle_filter(
             model,
-            recorded.chain,
-            recorded.v,
+            recordings.takes.training.chain,
+            commands,
             dt,
             recordings.start,
             measured,

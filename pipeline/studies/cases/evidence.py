@@ -11,8 +11,11 @@ import pandas as pd
 
 from pipeline.core.columns import matrices, members, values
 from pipeline.core.errors import ModelDomainError
+from pipeline.core.filters import NONE, models_of
 from pipeline.filtering.particle_filter import Posterior
-from pipeline.models.noise import recorded_deviation
+from pipeline.models.noise import recorded_deviation, rest_covariance
+from pipeline.recordings.commands import constant_speed
+from pipeline.statistics.filters import Filtered, no_filter
 from pipeline.statistics.joint_scores import (
     filter_metrics,
     filter_scores,
@@ -41,8 +44,8 @@ def case_evidence(
         takes: the recordings.
         outcomes: of the models, by name.
         camera: without one there is no evidence on sensor and filter.
-        posteriors: by model and take, or why there is none: a filter that was lost on one take is
-            no evidence.
+        posteriors: by filter, as :mod:`pipeline.core.filters` names them, and take, or why there
+            is none: a filter that was lost on one take is no evidence.
     """
     evidence = motion_evidence(outcomes, takes, case.mode)
     refusals = {
@@ -60,23 +63,25 @@ def case_evidence(
         whole = {m: by_take for m, by_take in posteriors.items() if m not in dict(lost) and by_take}
         if whole:
             truth = np.stack([takes.test[take] for take in next(iter(whole.values()))])
-            evidence |= filter_evidence(
-                {model: list(by_take.values()) for model, by_take in whole.items()},
-                truth,
-                case.measurement * pose_covariance(takes),
-                takes.training.joints,
-            )
+            filters = {name: list(by_take.values()) for name, by_take in whole.items()}
+            pose, held = case.measurement * pose_covariances(takes)
+            if models := {name: filters[name] for name in models_of(filters)}:
+                evidence |= filter_evidence(models, truth, pose, takes.training.joints)
+            if case.closed:
+                evidence |= none_evidence(filters, truth, takes, (pose, held))
     return evidence, sorted(refusals)
 
 
-def pose_covariance(takes: Takes) -> np.ndarray:
-    """(n, n) rad², noise of a measured pose: half the covariance at rest, for ω holds the noise of
-    two poses; zero where the motion never rests.
+def pose_covariances(takes: Takes) -> np.ndarray:
+    """(2, n, n) rad², noise of a measured pose: half the covariance of steps at rest, for ω holds
+    the noise of two poses, and to a closed loop that of poses at rest; zero where the motion never
+    rests.
     """
     try:
-        return takes.training.measurement / 2
+        held = rest_covariance(takes.poses, takes.training.v)
+        return np.stack([takes.training.measurement / 2, held])
     except ModelDomainError:
-        return np.zeros((takes.poses.shape[-1],) * 2)
+        return np.zeros((2, *(takes.poses.shape[-1],) * 2))
 
 
 def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) -> Evidence:
@@ -93,7 +98,8 @@ def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) ->
         model: np.linalg.norm(outcome.mean - middle, axis=1)[1:]
         for model, outcome in realized.items()
     }
-    evidence["metrics/motion"] = spread_scores(std, error, takes.training.joints)
+    steady = constant_speed(takes.poses)
+    evidence["metrics/motion"] = spread_scores(std, error, takes.training.joints, steady)
     tables = {}
     for steps in ("all", "moving"):
         scored = {
@@ -102,7 +108,7 @@ def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) ->
             if steps in outcome.log_score
         }
         if scored:
-            tables[steps] = compared(scored)
+            tables[steps] = compared(scored, next(iter(scored)))
     if tables:
         evidence["tables/one_step_scores"] = pd.concat(tables, names=["steps"]).reset_index("steps")
     return evidence
@@ -126,16 +132,45 @@ def filter_evidence(
     """What the filters' ``posteriors`` by model, one a take, say against the measured poses
     ``truth`` (takes, M+1, n) in rad.
 
-    ``pose`` (n, n) in rad² is the noise of a measured pose, that the scores of a posterior add to
-    it; ``joints`` the n names.
+    ``pose`` (n, n) in rad² is the noise of a measured pose, which bounds and scores hold too;
+    ``joints`` the n names.
     """
     error, bound, scores = {}, {}, {}
     for model, by_take in posteriors.items():
         error[model] = np.stack([posterior.mean for posterior in by_take]) - truth
-        covariance = np.stack([posterior.covariance for posterior in by_take])
+        covariance = np.stack([posterior.covariance for posterior in by_take]) + pose
         bound[model] = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
-        scores[model], _ = posterior_scores(error[model], covariance + pose, joints)
+        scores[model], _ = posterior_scores(error[model], covariance, joints)
     return {
-        "metrics/filter": filter_metrics(filter_scores(error, bound, joints)),
-        "tables/filter_comparison": compared(scores),
+        "metrics/filter": filter_metrics(
+            filter_scores(error, bound, joints, constant_speed(truth))
+        ),
+        "tables/filter_comparison": compared(scores, next(iter(scores))),
     }
+
+
+def none_evidence(
+    posteriors: Mapping[str, list[Posterior]],
+    truth: np.ndarray,
+    takes: Takes,
+    poses: tuple[np.ndarray, np.ndarray],
+) -> Evidence:
+    """What the filters' ``posteriors`` by filter say beside no filter, the mean and covariance of
+    the training ``takes``; ``poses`` are those of :func:`pose_covariances`, the rest as in
+    :func:`filter_evidence`.
+    """
+    opened, (pose, held), joints = models_of(posteriors), poses, takes.training.joints
+    filters = {NONE: no_filter(takes.poses, truth)} | {
+        name: Filtered(
+            np.stack([posterior.mean for posterior in by_take]) - truth,
+            np.stack([posterior.covariance for posterior in by_take]),
+            pose if name in opened else held,
+        )
+        for name, by_take in posteriors.items()
+    }
+    laws = {
+        name: posterior_scores(each.error, each.covariance + each.measurement, joints)
+        for name, each in filters.items()
+    }
+    against = compared({name: scores for name, (scores, _) in laws.items()}, NONE)
+    return {"tables/filter_against_none": against}

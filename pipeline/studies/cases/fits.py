@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.core.errors import ModelDomainError, SingularJacobianError, SolverError
+from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
 from pipeline.models.kinds import estimate
 from pipeline.models.model import MotionModel
 from pipeline.models.realizations import realize, realized_moments
@@ -32,6 +33,7 @@ class Outcome:
     """How a model fared; what it does not have is missing, and ``refusals`` say why."""
 
     model: MotionModel | None = None
+    closed: ClosedLoopFit | None = None  # the model in a closed loop
     estimates: dict[str, float] = field(default_factory=dict)
     mean: np.ndarray | None = None  # (M+1, n) rad, of the realisations
     deviation: np.ndarray | None = None  # (M+1, n) rad
@@ -48,6 +50,10 @@ def outcome(case: ModelCase, takes: Takes, realizations: int, rng: np.random.Gen
     try:
         fit = estimate(takes.training, case.options)
         fared.model, fared.estimates = fit.model, fit.estimates
+        if case.closed:
+            fared.closed, refused = closed_loop_of(takes.training, case.options, fit)
+            if refused:
+                fared.refusals.append(f"no closed loop: {refused}")
         fared.log_score = _log_scores(case, fit, takes)
         starts = np.resize(takes.poses, (realizations, *takes.poses.shape[1:]))
         chain, v = takes.training.chain, takes.training.v

@@ -74,7 +74,7 @@ def _benches(settings, count: int) -> dict[str, tuple[str, Bench]]:
     """Instrument and recording by name: ``count`` takes of the motion capture, one depth take, one
     force record.
     """
-    dataset, o = settings.dataset, settings.articulation
+    dataset = settings.dataset
     arm, raw = arm_of(dataset.robot), Path(dataset.recordings)
     takes = sorted(file.stem for file in raw.glob(dataset.mocap.test))[:count]
     truth = contracts.read("true_joints", raw.parent / "truth")
@@ -86,7 +86,7 @@ def _benches(settings, count: int) -> dict[str, tuple[str, Bench]]:
         arm,
         truth,
         contracts.read("markers", INGEST),
-        ArticulationOptions(o.gamma1, o.gamma2, o.length_range, o.minimum_points, o.max_gap),
+        ArticulationOptions.chosen(settings.articulation),
         first[columns("q", dataset.robot.joints)].mean().to_numpy(),
     )
     benches = {take: (MOTION_CAPTURE, marker_bench(take, dataset, arm, truth)) for take in takes}

@@ -15,10 +15,12 @@ import pandas as pd
 from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models.additive.law import AdditiveModel
+from pipeline.models.closed_loop import measured_poses
 from pipeline.models.kinds import estimate
 from pipeline.models.model import MotionModel
 from pipeline.models.options import Options
 from pipeline.models.steps import Recorded
+from pipeline.recordings.commands import constant_speed
 from pipeline.statistics.joint_scores import spread_scores
 from pipeline.statistics.scores import paired_difference
 from pipeline.studies.consistent import CONSISTENT, consistent
@@ -131,7 +133,7 @@ def _spread(model: MotionModel, control: Control) -> dict[str, float]:
         return {}
     variance = np.diagonal(covariance + noisy.measurement, axis1=1, axis2=2)
     std = {"recorded": noisy.noise.std(axis=0, ddof=1), "model": np.sqrt(variance)}
-    return spread_scores(std, {}, noisy.joints)
+    return spread_scores(std, {}, noisy.joints, constant_speed(measured_poses(noisy)))
 
 
 def _row(true: str, name: str, outcome: Outcome, joints: Sequence[str]) -> dict[str, object]:

@@ -7,19 +7,16 @@ from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 from omegaconf import MISSING
 
 from pipeline.core import config, contracts
-from pipeline.core.columns import columns
 from pipeline.core.compute.trials import run_trials
 from pipeline.filtering.particle_filter import FilterOptions
-from pipeline.recordings.steps import training_steps
 from pipeline.studies import page
 from pipeline.studies.cases.camera import CLOCKS, Camera, camera_on
 from pipeline.studies.cases.case import Case, paper_models
 from pipeline.studies.cases.evaluate import Recordings, evaluate
-from pipeline.studies.cases.fits import Takes
+from pipeline.studies.cases.recorded import recorded_takes
 from pipeline.studies.cases.verdict import decided, read_claims
 from pipeline.studies.sensitivity.table import sensitivity_table
 from pipeline.studies.sensitivity.variations import variations
@@ -74,16 +71,8 @@ def _beside_camera(case: Case, base: Case) -> bool:
 
 
 def _recordings(settings: SimpleNamespace, options: Options) -> Recordings:
-    recorded = training_steps(settings.dataset.robot, settings.dataset.motion.rate)
-    joints = contracts.read("joints", TRACK)
-    _, poses = contracts.stacked(joints[joints.part == "training"], "q")
-    names = columns("q", settings.dataset.robot.joints)
-    test = {
-        take: np.array(rows[names], order="C")
-        for take, rows in joints[joints.part == "test"].groupby("take")
-    }
     return Recordings(
-        takes=Takes(recorded, poses, test),
+        takes=recorded_takes(settings.dataset.robot, settings.dataset.motion.rate),
         cameras=_cameras(settings),
         rate=settings.dataset.motion.rate,
         filtered=options.takes,

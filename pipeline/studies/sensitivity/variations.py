@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import NamedTuple, get_args
+from typing import NamedTuple
 
 from pipeline.filtering.resampling import SCHEMES
-from pipeline.models.wishart.decomposition import Computed
+from pipeline.models.wishart.decomposition import COMPUTED
 from pipeline.studies.cases.camera import CLOCKS
 from pipeline.studies.cases.case import Case
 from pipeline.studies.consistent import consistent
@@ -61,15 +61,17 @@ def _all(base: Case, lever: float) -> Iterator[Variation]:
                 )
             for floor in FLOORS:
                 yield Variation("floor", f"{floor:g}", base.with_wishart(floor=floor))
-        for decomposition in get_args(Computed):
+        for decomposition in COMPUTED:
             yield Variation(
                 "decomposition",
                 decomposition,
-                base.with_wishart(decomposition=decomposition, left=None),
+                base.with_wishart(decomposition=decomposition, left=None, rows=None, order=None),
             )
         left = [[lever, 0.0, 0.0], [0.0, lever, 0.0], [0.0, 0.0, 1.0]]
         yield Variation(
-            "decomposition", "given", base.with_wishart(decomposition="given", left=left)
+            "decomposition",
+            "given",
+            base.with_wishart(decomposition="given", left=left, rows=None, order=None),
         )
     for mode in ("one_step", "free_running"):
         yield Variation("realisations", mode.replace("_", " "), replace(base, mode=mode))

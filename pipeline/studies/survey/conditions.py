@@ -31,6 +31,7 @@ class Factors:
     start_std: float = 1.0
     jitter_std: float = 1.0
     speed_exponent: float = 1.0  # 0: sway and rattling are the same at any speed
+    lasting: float = 1.0  # on the lags of sway and rattling: how long a deviation lasts
     motion_capture: float = 1.0
     depth_camera: float = 1.0
 

@@ -4,9 +4,9 @@ One row per claim, one column per level of a factor: above for the motion, below
 Blue disc: the claim's rule holds in every case of the claim in all conditions of the column (its
 seeds, and what else is varied in them); orange cross: in none of them; diamond: in some, the bluer
 the more; dash: there is no evidence. Shaded, with a large symbol: otherwise than in the base
-condition. Numbers are factors on the youBot laboratory's disturbances, on its instruments' noise
-and on the bounds of the cable systems. Claims with an asterisk are about real robots, or the
-paper's own: synthetic conditions show how the rule behaves, and decide nothing.
+condition. Numbers are factors on the youBot laboratory's disturbances and on how long they last,
+on its instruments' noise and on the bounds of the cable systems. Claims with an asterisk are about
+real robots, or the paper's own: synthetic conditions show how the rule behaves, and decide nothing.
 """
 
 from __future__ import annotations

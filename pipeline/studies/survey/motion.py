@@ -54,5 +54,6 @@ def motion_evidence(condition: MotionCondition, study: MotionStudy) -> Evidence:
         stream=(condition.seed, "survey"),
     )
     options = FilterOptions(condition.particles, study.resampling, study.threshold)
-    ((evidence, _),) = evaluate([Case(study.models, options, study.mode)], recordings, map)
+    case = Case(study.models, options, study.mode, closed=True)
+    ((evidence, _),) = evaluate([case], recordings, map)
     return evidence

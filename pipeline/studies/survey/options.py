@@ -49,15 +49,19 @@ def _pose(value: object) -> bool:
 
 @dataclass(frozen=True)
 class Way:
-    """A trajectory: the dataset's own with other ends, or at another pace."""
+    """A trajectory: the dataset's own with other ends, another rest, or at another pace."""
 
     folded: list | None = None  # rad; null: the dataset's
     extended: list | None = None  # rad; null: the dataset's
+    # s, each of the four rests, of which the turn has two; the motion between them stays, so that
+    # the duration changes; null: the dataset's
+    rest: float | None = None
     pace: float = 1.0  # duration, rest and ramp are divided by it
 
     def __post_init__(self) -> None:
         for key in ("folded", "extended"):
             _require(self, key, _pose, "three joint angles in rad, or null")
+        _require(self, "rest", lambda rest: rest is None or _factor(rest), "a time in s, or null")
         _require(self, "pace", _positive, "a positive number")
 
 
@@ -121,9 +125,13 @@ class Survey:
                 raise ConfigError(
                     f"no factor {name!r}; there are {', '.join(FACTORS)}", key=f"factors.{name}"
                 )
-            if not _list_of(_factor)(levels):
+            # a deviation that lasts no time is none
+            fits, wanted = (
+                (_positive, "all positive") if name == "lasting" else (_factor, "none negative")
+            )
+            if not _list_of(fits)(levels):
                 raise ConfigError(
-                    f"must be a list of factors, none negative, found {levels!r}",
+                    f"must be a list of factors, {wanted}, found {levels!r}",
                     key=f"factors.{name}",
                 )
 

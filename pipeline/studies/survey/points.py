@@ -62,6 +62,7 @@ MOTION = (
     "metrics/filter",
     "tables/one_step_scores",
     "tables/filter_comparison",
+    "tables/filter_against_none",
 )
 WRENCH = (
     "metrics/wrench",

@@ -80,7 +80,7 @@ class Take:
 
 
 def disturbed(dynamics: DynamicsOptions, factors: Factors) -> DynamicsOptions:
-    """``dynamics`` with each disturbance times its factor."""
+    """``dynamics`` with each disturbance, and how long it lasts, times its factor."""
     scaled = {
         name: np.multiply(
             getattr(dynamics, name), factors.disturbances * getattr(factors, name)
@@ -88,7 +88,11 @@ def disturbed(dynamics: DynamicsOptions, factors: Factors) -> DynamicsOptions:
         for name in SIZES
     }
     return replace(
-        dynamics, **scaled, speed_exponent=dynamics.speed_exponent * factors.speed_exponent
+        dynamics,
+        **scaled,
+        speed_exponent=dynamics.speed_exponent * factors.speed_exponent,
+        sway_time=dynamics.sway_time * factors.lasting,
+        clearance_time=dynamics.clearance_time * factors.lasting,
     )
 
 
@@ -145,7 +149,8 @@ def measured(
     """
     poses = np.stack([take.poses for take in takes])
     variances, axes = np.linalg.eigh(covariance)
-    return poses + factor * stream.standard_normal(poses.shape) @ (axes * np.sqrt(variances)).T
+    root = axes * np.sqrt(np.maximum(variances, 0.0))  # what rounds to just below zero is zero
+    return poses + factor * stream.standard_normal(poses.shape) @ root.T
 
 
 def observe(
@@ -208,12 +213,15 @@ def trajectories(
             "folded": tuple(way.folded or own.folded),
             "extended": tuple(way.extended or own.extended),
         }
+        rest = own.rest if way.rest is None else way.rest
+        # the arm rests four times, and what it moves in between stays as it is
+        duration = own.duration + 4 * (rest - own.rest)
         try:
             options[name] = replace(
                 own,
                 **ends,
-                duration=own.duration / way.pace,
-                rest=own.rest / way.pace,
+                duration=duration / way.pace,
+                rest=rest / way.pace,
                 ramp=own.ramp / way.pace,
             )
             desired_trajectory(chain, options[name])

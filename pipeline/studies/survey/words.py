@@ -8,10 +8,18 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.studies.survey import figure
+from pipeline.studies.survey.options import read_survey
 from pipeline.studies.survey.summary import BASE
 from pipeline.verdicts.wording import table
 
+HERE = Path(__file__).parent
 TITLE = "Where the claims hold, and where they turn"
+# factors of the motion that no publication fixes → what they are
+FREE = {
+    "lasting": "How long a deviation lasts: factors on the lags of sway and rattling",
+    "speed_exponent": "The power of the speed that sway and rattling grow with: factors on it",
+    "trajectory": "The share of rest: the same motion, with shorter or longer rests",
+}
 
 
 def sections(folder: Path, left_out: str) -> list[str]:
@@ -20,12 +28,15 @@ def sections(folder: Path, left_out: str) -> list[str]:
     """
     question = (
         "Do the verdicts hang on the very laboratory that the synthetic recordings come from? Its "
-        "disturbances, instruments, trajectory and cable systems are varied, each level alone, and "
-        f"every claim is decided again in each condition. No condition has {left_out}. A survey is "
-        "a run by hand, `python -m pipeline survey NAME`; conditions that were worked out before "
-        "are not worked out again."
+        "disturbances and how long they last, its instruments, trajectory and cable systems are "
+        "varied, and every claim is decided again in each condition. No condition has "
+        f"{left_out}. A survey is a run by hand, `python -m pipeline survey NAME`; conditions that "
+        "were worked out before are not worked out again."
     )
-    surveys = {file.parent.name: pd.read_csv(file) for file in folder.glob("*/verdicts.csv")}
+    surveys = {
+        file.parent.name: pd.read_csv(file, dtype={"level": str})
+        for file in folder.glob("*/verdicts.csv")
+    }
     names = sorted(surveys, key=lambda name: -surveys[name]["conditions"].sum())
     parts = [question]
     for name in names:
@@ -46,6 +57,7 @@ def _survey(name: str, counts: pd.DataFrame, folder: Path) -> list[str]:
         f"![{title}](survey/{name}/survey.png)\n\n**{title}.** {caption}",
         f"All counts: {', '.join(links)}.",
         _table(counts),
+        *_free(counts, name),
     ]
 
 
@@ -82,3 +94,39 @@ def _table(counts: pd.DataFrame) -> str:
         ]
         rows.append([claim, levels["base"].iloc[0], "; ".join(named) or "–"])
     return table(["claim", "holds in the base condition", "otherwise with"], rows)
+
+
+def _free(counts: pd.DataFrame, name: str) -> list[str]:
+    """Which claims turn, and where, along each of the factors FREE that the survey ``name``
+    varies.
+    """
+    ways = read_survey(HERE / f"{name}.yaml").trajectories
+    rests = [way for way, options in ways.items() if options.rest is not None]
+    words = _words(counts)
+    words, parts = words[words["study"] == "motion"], []
+    for factor, what in FREE.items():
+        rows = words[words["factor"] == factor]
+        rows = rows[rows["level"].isin(rests)] if factor == "trajectory" else rows
+        if rows.empty:
+            continue
+        cells = rows.set_index(["claim", "level"])["word"].to_dict()
+        claims = rows.drop_duplicates("claim").set_index("claim")
+        levels = list(rows["level"].unique())
+        turning = [
+            [claim if each["about"] == "method" else f"{claim} *", each["base"]]
+            + [cells.get((claim, level), "–") for level in levels]
+            for claim, each in claims.iterrows()
+            if set(rows.loc[rows["claim"] == claim, "word"]) != {each["base"]}
+        ]
+        parts.append(f"**{what}.** {len(turning)} of {len(claims)} claims turn.")
+        if turning:
+            parts.append(table(["claim", "holds in the base condition", *levels], turning))
+    if not parts:
+        return []
+    opening = (
+        "None of the following is published, and a laboratory has to choose it. Each cell says in "
+        "which of the conditions with that level the claim holds. Claims that do not turn are left "
+        "out. Those with an asterisk are about robots: that they turn shows that the laboratory "
+        "decides them."
+    )
+    return [f"### What nobody published: {name}", opening, *parts]

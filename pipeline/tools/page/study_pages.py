@@ -11,9 +11,12 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 from markupsafe import Markup
 
-from pipeline.tools.page.pictures import picture
+from pipeline.tools.page.pictures import Picture, picture
 
 LOWEST = 6  # heading of HTML
+# of a table, and characters of a figure, at most: what is larger, and every figure but the first,
+# is linked
+ROWS, LARGE = 9, 40_000
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,7 @@ def study_page(file: Path, reports: Path) -> StudyPage:
     title = file.stem
     if len(tokens) > 1 and tokens[0].type == "heading_open" and tokens[0].tag == "h1":
         title, tokens = tokens[1].content, tokens[3:]
+    tokens = _shortened(tokens, file, parser)
     for token in tokens:
         if token.type in ("heading_open", "heading_close"):
             token.tag = f"h{min(int(token.tag[1]) + 1, LOWEST)}"
@@ -54,8 +58,36 @@ def study_page(file: Path, reports: Path) -> StudyPage:
     return StudyPage(file.stem, title, file, Markup(html))
 
 
+def _shortened(tokens: Sequence[Token], file: Path, parser: MarkdownIt) -> list[Token]:
+    """``tokens`` with a link in place of each long table, each large figure and each figure but the
+    first, so that the page of results stays small; ``file`` is the study's own page.
+    """
+    short, place, figures = [], 0, 0
+    while place < len(tokens):
+        end = place + 1
+        part = tokens[place:end]
+        if tokens[place].type == "table_open":
+            end = next(k for k in range(place, len(tokens)) if tokens[k].type == "table_close") + 1
+            part = tokens[place:end]
+            rows = sum(token.type == "tr_open" for token in part) - 1
+            if rows > ROWS:
+                part = parser.parse(f"A table of {rows} rows stands in [the study]({file.name}).")
+        pictures = [c for token in part for c in token.children or [] if c.type == "image"]
+        figures += len(pictures)
+        if pictures and (figures > 1 or len(_shown(pictures[0], file.parent).address) > LARGE):
+            text = f"Figure: [{pictures[0].content}]({pictures[0].attrs['src']})"
+            part = parser.parse(text)[1:-1]
+        short += part
+        place = end
+    return short
+
+
+def _shown(image: Token, folder: Path) -> Picture:
+    return picture((folder / str(image.attrs["src"])).with_suffix(".png"))
+
+
 def _embed(image: Token, folder: Path) -> None:
-    shown = picture((folder / str(image.attrs["src"])).with_suffix(".png"))
+    shown = _shown(image, folder)
     image.attrs |= {"src": shown.address, "width": shown.width, "height": shown.height}
 
 

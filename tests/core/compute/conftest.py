@@ -46,7 +46,8 @@ class Running:
 
     def __init__(self, scheduler: subprocess.Popen, file: Path) -> None:
         end = time.monotonic() + WAIT
-        while not file.exists():
+        # the file is there before it is written to its end
+        while not (file.exists() and file.read_text().endswith("}")):
             assert scheduler.poll() is None and time.monotonic() < end, (
                 "the scheduler does not start"
             )

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.additive.fit import shrunk_covariance, without_measurement
+from pipeline.models.additive.fit import shrunk_covariance
 from pipeline.models.additive.law import AdditiveModel
+from pipeline.models.covariance import without_measurement
 from pipeline.models.draws import draw_steps
 from pipeline.models.noise import mean_covariance
 

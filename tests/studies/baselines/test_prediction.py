@@ -82,7 +82,7 @@ def test_what_a_model_does_not_have_is_a_gap_with_a_reason(known):
     assert all(np.isnan(scores[name]).all() for name in ("z", "nees", "log_determinant"))
     assert all(np.isfinite(scores[name]).all() for name in ("log_density", "energy"))
     # a gap stays one in the comparison, and does not become a number
-    summary = compared({"wishart": prediction_scores(scores, JOINTS, moving=False)})
+    summary = compared({"wishart": prediction_scores(scores, JOINTS, moving=False)}, "wishart")
     means = summary.set_index("score")["mean"]
     assert np.isnan(means["nees"]) and np.isnan(means[f"coverage_of_one_sigma_{JOINTS[0]}"])
     assert np.isfinite(means["log_score"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,12 @@ from pipeline.core import config
 from pipeline.core.columns import spread, triangle
 from pipeline.filtering.particle_filter import Posterior
 from pipeline.studies.cases.camera import Camera
-from pipeline.studies.cases.evidence import case_evidence, filter_evidence, motion_evidence
+from pipeline.studies.cases.evidence import (
+    case_evidence,
+    filter_evidence,
+    motion_evidence,
+    none_evidence,
+)
 from pipeline.studies.cases.fits import outcome
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import decide
@@ -105,6 +111,31 @@ def test_the_noise_of_a_measured_pose_is_added_to_the_posteriors_that_are_scored
 
     # far more noise than there is makes any score worse
     assert log_score(1.0) < log_score(0.0)
+
+
+def test_filters_are_held_against_the_training_takes_mean_and_spread(takes, truth):
+    rng = np.random.default_rng(6)
+    # at the first step the takes of the fixture do not differ
+    poses = takes.poses + 1e-3 * rng.standard_normal(takes.poses.shape)
+    truth = truth + 1e-3 * rng.standard_normal(truth.shape)
+    middle = poses.mean(axis=0)
+    covariance = np.array([np.cov(step.T) for step in poses.swapaxes(0, 1)])
+    known, off = ([posterior(middle + shift, covariance)] * len(truth) for shift in (0.0, 0.05))
+
+    def against(noise: np.ndarray) -> pd.DataFrame:
+        filters = {"additive": off, "gaussian": known, "gaussian_closed": known}
+        table = none_evidence(filters, truth, replace(takes, poses=poses), noise)
+        return table["tables/filter_against_none"].set_index(["model", "score"])
+
+    rows = against(np.zeros((2, 3, 3)))
+    for model in ("gaussian", "gaussian_closed"):
+        np.testing.assert_allclose(rows.loc[model, "difference"].dropna(), 0.0, atol=1e-9)
+    assert rows.loc[("additive", "rms_error_b_rad"), "low"] > 0.02
+    assert rows.loc[("additive", "log_score"), "high"] < -1
+    # the noise of a measured pose is another to a closed loop
+    rows = against(np.stack([np.zeros((3, 3)), np.eye(3)]))
+    assert rows.loc[("gaussian", "log_score"), "difference"] == pytest.approx(0.0)
+    assert rows.loc[("gaussian_closed", "log_score"), "high"] < -1
 
 
 def test_a_model_without_outcome_leaves_the_others_their_evidence(base, takes):

@@ -59,7 +59,7 @@ def test_the_stages_own_choice_is_one_of_those_shown(chain, poses, step):
 
 def test_a_heavy_weight_leaves_no_dispersion_and_a_low_floor_much(chain, poses, step):
     table = sigma_b_over_choices(
-        recording(chain, poses, step, 0.5, 1e-3), PAPER, RATIO, [1e-2, 1e3], [0.05, 0.4]
+        recording(chain, poses, step, 0.5, 1e-3), PAPER, RATIO, [1e-2, 1e5], [0.05, 0.4]
     )
     light, heavy, low, high = table["sigma_b"]
     assert heavy == 0 < light

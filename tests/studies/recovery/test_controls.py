@@ -18,7 +18,7 @@ FITS = {  # of different sizes and directions of the noise
         "kind": "additive",
         "noise_covariance": [[4e-6, -3e-6, 0.0], [-3e-6, 5e-6, 1e-6], [0.0, 1e-6, 9e-6]],
     },
-    "wishart": {"kind": "wishart", "sigma_b": 0.15, "decomposition": "lu"},
+    "wishart": {"kind": "wishart", "sigma_b": 0.15, "decomposition": "pivoted_lu"},
     "gaussian": {"kind": "gaussian", "alpha": 0.05, "u": 25.0},
     "scaled": {
         "kind": "scaled",
@@ -28,7 +28,9 @@ FITS = {  # of different sizes and directions of the noise
 }
 OPTIONS = {
     "additive": options_type("additive")("additive", estimator="paper"),
-    "wishart": options_type("wishart")("wishart", estimator="paper", decomposition="lu", floor=0.2),
+    "wishart": options_type("wishart")(
+        "wishart", estimator="paper", decomposition="pivoted_lu", floor=0.2
+    ),
     "gaussian": options_type("gaussian")("gaussian", estimator="paper", beta=0.5),
     "scaled": options_type("scaled")("scaled", structure="diagonal"),
 }

@@ -55,7 +55,7 @@ def laboratory() -> Laboratory:
         np.array([1e-4, 4e-4])[:, None, None] * np.eye(3),
     )
     way = TrajectoryOptions(**ENDS, duration=1.6, rest=0.1, ramp=0.2)
-    dynamics = DynamicsOptions(sway_std=[2.0e-4, 1.46e-3], clearance_time=1e-3, speed_exponent=2.4)
+    dynamics = DynamicsOptions(sway_std=[3e-4, 1.7e-3, 0.0332])  # a list, as an option file has it
     noise = np.array([[3.0, -2.0, 0.0], [-2.0, 7.0, -3.0], [0.0, -3.0, 6.0]]) * 1e-8
     joints = ("a", "b", "c")
     return Laboratory(chain, joints, dynamics, {"own": way}, ClockOptions(), noise, law, 2)

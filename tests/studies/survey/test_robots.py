@@ -74,15 +74,38 @@ def test_a_factor_scales_its_disturbance_alone_and_the_common_one_all_of_them(la
         own, speed_exponent=own.speed_exponent / 2
     )
     half = disturbed(own, Factors(disturbances=0.5))
-    assert (
-        half.sway_std == [own.sway_std[0] / 2, own.sway_std[1] / 2]
-        and half.jitter_std == own.jitter_std / 2
+    assert half.sway_std == [std / 2 for std in own.sway_std]
+    assert half.jitter_std == own.jitter_std / 2
+    for name in ("speed_exponent", "servo_gain", "sway_rest", "sway_time", "clearance_time"):
+        assert getattr(half, name) == getattr(own, name)
+
+
+def test_deviations_that_last_longer_are_of_the_same_size(laboratory):
+    own = laboratory.dynamics
+    assert disturbed(own, Factors(lasting=10.0)) == replace(
+        own, sway_time=10 * own.sway_time, clearance_time=10 * own.clearance_time
     )
-    assert (half.speed_exponent, half.servo_gain, half.sway_rest) == (
-        own.speed_exponent,
-        own.servo_gain,
-        own.sway_rest,
-    )
+    takes = {
+        lasting: np.stack(
+            [
+                take.poses
+                for take in perform(
+                    laboratory, "own", Factors(lasting=lasting, start_std=0.0), 5, "train", 40
+                )
+            ]
+        )
+        for lasting in (0.15, 1.0, 10.0)
+    }
+    deviations = {lasting: poses - poses.mean(axis=0) for lasting, poses in takes.items()}
+    sizes = {lasting: each[:, 40:70].std() for lasting, each in deviations.items()}
+    # 40 takes of 0.3 s, in which the longest deviations hardly change: three joints count
+    assert all(abs(np.log(sizes[lasting] / sizes[1.0])) < 4 / np.sqrt(2 * 40) for lasting in sizes)
+    # half a frame of a depth camera later: all is forgotten, some, or nothing
+    later = [
+        np.mean(each[:, 42:70] * each[:, 40:68]) / np.mean(each[:, 40:70] ** 2)
+        for each in deviations.values()
+    ]
+    assert later[0] < 0.2 < later[1] < 0.9 < later[2]
 
 
 @pytest.mark.parametrize("factor", [0.0, 1.0, 3.0])
@@ -102,6 +125,16 @@ def test_measured_poses_have_the_noise_of_the_motion_capture_times_its_factor(la
     assert np.all((low < squares) & (squares < high))
     # the control: another factor would be seen
     assert not np.any((low < squares * 1.2) & (squares * 1.2 < high))
+
+
+def test_a_camera_that_is_exact_in_a_direction_adds_nothing_there(laboratory):
+    takes = perform(laboratory, "own", STILL, 5, "train", 1)
+    axis = np.array([0.3, -0.5, 0.7]) * 1e-4
+    # of rank one: the other two variances may round to below zero
+    noise = measured(takes, np.outer(axis, axis), 1.0, np.random.default_rng(3)) - takes[0].poses
+    along = noise @ axis / (axis @ axis)
+    np.testing.assert_allclose(noise, along[..., None] * axis, atol=1e-10)
+    assert 0.8 < along.std() < 1.2
 
 
 def test_the_depth_cameras_noise_has_the_interpolated_mean_and_covariance(laboratory):
@@ -145,3 +178,20 @@ def test_a_trajectory_beyond_the_joints_is_refused_by_its_name(laboratory):
     for name, way in {"far": Way(extended=[9.0, -4.0, 2.0]), "fast": Way(pace=3.0)}.items():
         with pytest.raises(ConfigError, match=f"key trajectories.{name}"):
             trajectories(laboratory.chain, own, {"own": Way(), name: way})
+
+
+@pytest.mark.parametrize("pace", [1.0, 0.5])
+def test_another_rest_leaves_the_motion_in_between_as_it_is(laboratory, pace):
+    own = laboratory.trajectories["own"]
+    ways = {"own": Way(pace=pace), "longer": Way(rest=0.4, pace=pace)}
+    stays, longer = trajectories(laboratory.chain, own, ways).values()
+    assert longer.rest == 0.4 / pace
+    assert longer.duration == pytest.approx(stays.duration + 4 * 0.3 / pace)
+    # the way back begins three rests later, the way out one
+    begins = stays.duration / 2
+    for t, rests in ((np.linspace(0, begins, 50), 1), (np.linspace(begins, 2 * begins, 50), 3)):
+        delayed = t + rests * (longer.rest - stays.rest)
+        for one, other in zip(
+            desired_joints(t, stays), desired_joints(delayed, longer), strict=True
+        ):
+            np.testing.assert_allclose(other, one, atol=1e-9)

@@ -3,9 +3,9 @@
 Paired difference of the mean log score to that of the first model, in nats a step, with its 95 %
 interval over takes; right of zero is better. From left to right: all held-out steps that were
 commanded to move; these in thirds by the norm of the inverse Jacobian, so that the last third is
-the nearest to a singular pose; and the posterior of the particle filter, where there is a depth
-camera. To look at: whether a matrix model beats the models that merely scale with speed, and
-whether that grows towards singular poses.
+the nearest to a singular pose; and the posterior of the particle filter in an open and in a closed
+loop, and without any filter, where there is a depth camera. To look at: whether a matrix model
+beats the models that merely scale with speed, and whether that grows towards singular poses.
 """
 
 from __future__ import annotations
@@ -39,7 +39,9 @@ def draw(model_scores: pd.DataFrame) -> Figure:
         axes.axvline(0, color=GREY, linewidth=0.5)
         scored = rows[rows["steps"] == group].set_index("model")
         for height, model in enumerate(models[1:]):
-            if model not in scored.index or not np.isfinite(scored.loc[model, "difference"]):
+            if model not in scored.index:  # no filter predicts no step
+                continue
+            if not np.isfinite(scored.loc[model, "difference"]):
                 axes.text(
                     0.5,
                     height,

@@ -1,0 +1,111 @@
+"""The filters on the report's page: each beside no filter at all, and whether any beats it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from pipeline.core.filters import CLOSED, NONE
+from pipeline.verdicts.run import Run
+from pipeline.verdicts.wording import number, table
+
+TABLE = "filter_against_none"
+BEYOND = (
+    "An open loop adds the noise of all steps up, a closed one corrects a share of what the arm is "
+    "off the training takes' mean path ([the loop](../pipeline/models/closed_loop.py)). Coverage "
+    "is that of ±1σ, log scores are in nats a step; brackets hold 95 % intervals of the paired "
+    "differences to no filter."
+)
+
+
+def filters_part(run: Run) -> str:
+    """A row for each filter of ``run``, no filter first, and whether any beats it; nothing where
+    the dataset has no depth camera.
+    """
+    if TABLE not in run.tables:
+        return ""
+    rows = run.tables[TABLE].set_index(["model", "score"])
+    names = list(dict.fromkeys(rows.index.get_level_values("model")))
+    opened = [name for name in names if name != NONE and not name.endswith(CLOSED)]
+    closed = [name for name in names if name.endswith(CLOSED)]
+    scores = [
+        *(f"rms_error_{joint}_rad" for joint in run.joints),
+        *(f"coverage_of_one_sigma_{joint}" for joint in run.joints),
+        "log_score",
+    ]
+    header = [
+        "filter",
+        *(f"rms error of {joint} (rad)" for joint in run.joints),
+        *(f"coverage of {joint}" for joint in run.joints),
+        "log score",
+    ]
+    cells = [
+        [_label(name), *(_cell(rows, name, score) for score in scores)]
+        for name in (NONE, *opened, *closed)
+    ]
+    return f"{verdict(run)} {BEYOND}\n\n{table(header, cells)}"
+
+
+def verdict(run: Run) -> str:
+    """Whether any filter of ``run`` beats no filter: in the log score or in a joint's rms error,
+    while it is worse in none of them, all by their 95 % intervals.
+    """
+    if TABLE not in run.tables:
+        return ""
+    rows = run.tables[TABLE]
+    filters = [name for name in dict.fromkeys(rows["model"]) if name != NONE]
+    better, worse = {}, {}
+    for name in filters:
+        gains = _gains(rows, name, run.joints)
+        better[name] = any(low > 0 for low, _ in gains)
+        worse[name] = any(high < 0 for _, high in gains)
+    beating = [name for name in filters if better[name] and not worse[name]]
+    equal = [name for name in filters if not better[name] and not worse[name]]
+    what = "what the training takes alone say, their mean and spread at each step"
+    if beating:
+        return f"On {run.dataset} {_listed(beating)} beat {what}, without any filter."
+    each = "" if equal else ": each is worse in some score"
+    text = f"**On {run.dataset} no filter beats {what}{each}.**"
+    nearer = [
+        name for name in filters if all(low > 0 for low, _ in _gains(rows, name, run.joints)[1:])
+    ]
+    if nearer:
+        text += f" A smaller rms error in every joint, but a worse log score: {_listed(nearer)}."
+    return f"{text} As good as that: {_listed(equal)}." if equal else text
+
+
+def _gains(rows: pd.DataFrame, name: str, joints: Sequence[str]) -> list[tuple[float, float]]:
+    """The interval of what the filter ``name`` gains over none in the log score, then in the rms
+    error of each joint.
+    """
+    own = rows[rows["model"] == name].set_index("score")
+    errors = [own.loc[f"rms_error_{joint}_rad"] for joint in joints]
+    log = own.loc["log_score"]
+    return [(log["low"], log["high"]), *((-error["high"], -error["low"]) for error in errors)]
+
+
+def first_lines(runs: Sequence[Run]) -> str:
+    """The verdicts of those ``runs`` on which no filter beats none."""
+    return "\n\n".join(text for text in map(verdict, runs) if text.startswith("**"))
+
+
+def _label(name: str) -> str:
+    if name == NONE:
+        return "no filter"
+    model = name.removesuffix(CLOSED)
+    return f"{model}, closed loop" if name != model else f"{model}, open loop"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return "; ".join(map(_label, names))
+
+
+def _cell(rows: pd.DataFrame, name: str, score: str) -> str:
+    if (name, score) not in rows.index or pd.isna(rows.loc[(name, score), "mean"]):
+        return "–"
+    row = rows.loc[(name, score)]
+    text = number(row["mean"])
+    if score != "log_score" or pd.isna(row["low"]):
+        return text
+    return f"{text} ({number(row['difference'])} [{number(row['low'])}, {number(row['high'])}])"

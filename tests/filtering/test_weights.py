@@ -1,0 +1,27 @@
+"""Compiled weights of particles: their moments, and the number of particles that share them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from compiled_calls import from_python
+
+from pipeline.filtering.weights import normalise, weighted_moments
+
+
+def test_moments_are_numpys_with_weights_as_probabilities():
+    rng = np.random.default_rng(12)
+    q, weights = rng.standard_normal((3, 30)), rng.dirichlet(np.ones(30))
+    mean, covariance = np.empty(3), np.empty((3, 3))
+    from_python(weighted_moments)(weights, q, mean, covariance)
+    np.testing.assert_allclose(mean, np.average(q, axis=1, weights=weights))
+    np.testing.assert_allclose(covariance, np.cov(q, aweights=weights, ddof=0))
+
+
+def test_effective_sample_size_counts_the_particles_among_which_weight_is_shared():
+    normalised = from_python(normalise)
+    shared, weights = np.log(np.append(np.full(10, 3.0), np.full(30, 1e-300))), np.empty(40)
+    assert normalised(np.zeros(40), weights)[0] == pytest.approx(40)
+    assert normalised(shared, weights) == pytest.approx((10, np.log(30)))
+    np.testing.assert_allclose(weights, np.append(np.full(10, 0.1), np.zeros(30)), atol=1e-15)
+    assert normalised(np.append(0.0, np.full(39, -np.inf)), weights)[0] == 1.0

@@ -1,0 +1,97 @@
+"""The second moments of the arm's deviations, against simulated takes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.laboratory.dynamics import expose, simulate_take
+from pipeline.laboratory.swing import desired_joints
+from pipeline.studies.filters.deviations import deviations
+
+STILL = {
+    "sway_std": (0.0, 0.0, 0.0),
+    "clearance": 0.0,
+    "speed_error_std": 0.0,
+    "start_std": 0.0,
+    "encoder_ripple": 0.0,
+    "jitter_std": 0.0,
+}
+PARTS = {
+    "sway": {"sway_std": (3e-4, 1.7e-3, 0.0332)},
+    "play": {"clearance": 0.039},
+    "servo": {"speed_error_std": 0.1, "start_std": 4e-3},
+    "ripple": {"encoder_ripple": 4e-3},
+}
+TAKES = 160
+EVERY, CLOSE = slice(5, None, 9), slice(20, 45, 3)  # steps of the motion grid that are compared
+
+
+def simulated(laboratory, dynamics, seed: int, steps: slice) -> tuple[np.ndarray, np.ndarray]:
+    """The mean path, and covariances (K, n, K, n) of K ``steps`` over the takes."""
+    rng, motion = np.random.default_rng(seed), laboratory.trajectories[""]
+    grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
+    poses = []
+    for _ in range(TAKES):
+        t, q = simulate_take(laboratory.chain, np.zeros(3), motion, dynamics, rng)
+        poses.append(expose(t, q, grid, dynamics, rng))
+    poses = np.array(poses)
+    off = (poses - poses.mean(axis=0))[:, steps]
+    return poses.mean(axis=0), np.einsum("tki,tlj->kilj", off, off) / (TAKES - 1)
+
+
+def distance(covariance: np.ndarray, sample: np.ndarray) -> float:
+    """Root mean square distance of ``sample`` from ``covariance``, both (K, n, K, n), in standard
+    errors of the entries for normal takes, over entries that are none by their law.
+    """
+    size = covariance.shape[0] * covariance.shape[1]
+    law, seen = covariance.reshape(size, size), sample.reshape(size, size)
+    variance = np.diag(law)
+    moving = variance > 1e-3 * variance.max()
+    error = np.sqrt((np.outer(variance, variance) + law**2) / (TAKES - 1))
+    return float(
+        np.sqrt(np.mean(((seen - law) / np.where(error > 0, error, 1))[moving][:, moving] ** 2))
+    )
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_each_part_has_the_covariance_of_simulated_takes_and_not_another(laboratory, part):
+    dynamics = replace(laboratory.dynamics, **(STILL | PARTS[part]))
+    path, sample = simulated(laboratory, dynamics, 1, EVERY)
+    motion = laboratory.trajectories[""]
+    law = deviations(laboratory.chain, motion, dynamics, path)
+    assert distance(law.covariance[EVERY, :, EVERY], sample) < 2.0
+    # control: half as large
+    smaller = {name: np.multiply(value, 0.5).tolist() for name, value in PARTS[part].items()}
+    other = deviations(laboratory.chain, motion, replace(dynamics, **smaller), path)
+    assert distance(other.covariance[EVERY, :, EVERY], sample) > 4.0
+
+
+def test_how_long_a_deviation_lasts_is_seen_in_the_covariance(laboratory):
+    dynamics = replace(laboratory.dynamics, **(STILL | PARTS["sway"]))
+    path, sample = simulated(laboratory, dynamics, 2, CLOSE)
+    motion = laboratory.trajectories[""]
+    law = deviations(laboratory.chain, motion, dynamics, path).covariance
+    other = replace(dynamics, sway_time=3 * dynamics.sway_time)
+    longer = deviations(laboratory.chain, motion, other, path).covariance
+    np.testing.assert_allclose(law[5, :, 5], longer[5, :, 5])
+    assert longer[40, 0, 46, 0] > 1.5 * law[40, 0, 46, 0] > 0
+    assert distance(law[CLOSE, :, CLOSE], sample) < 2.0
+    assert distance(longer[CLOSE, :, CLOSE], sample) > 3.0
+
+
+def test_the_jitter_of_an_exposure_moves_a_pose_by_the_speed_alone(laboratory):
+    motion = laboratory.trajectories[""]
+    dynamics = replace(laboratory.dynamics, **(STILL | {"jitter_std": 2e-3}))
+    grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
+    path, _ = desired_joints(grid, motion)
+    law = deviations(laboratory.chain, motion, dynamics, path)
+    assert np.all(law.covariance == 0)
+    rng = np.random.default_rng(3)
+    t, q = simulate_take(laboratory.chain, np.zeros(3), motion, dynamics, rng)
+    seen = np.array([expose(t, q, grid, dynamics, rng) for _ in range(2000)])
+    std = np.sqrt(np.diagonal(law.exposure, axis1=1, axis2=2))
+    fast = std[:, 0] > 0.9 * std[:, 0].max()
+    np.testing.assert_allclose(seen.std(axis=0)[fast], std[fast], rtol=0.1)
