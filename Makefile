@@ -24,8 +24,8 @@ all: $(READY)
 test: $(READY)
 	python -m pytest -q -n auto --dist worksteal -m "not slow"
 
-# Every test; how long each module takes is written to tests/durations.csv.
-test-all: $(READY)
+# Every test; how long each module takes is written to tests/durations.csv. The peers' environment has a collection of arms.
+test-all: $(READY) $(PEERS)/.ready
 	python -m pytest -q -n auto --dist worksteal --durations-file=tests/durations.csv
 
 smoke: $(READY)

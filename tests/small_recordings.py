@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.cases.case import Case
+from pipeline.cases.fits import Takes
 from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.models.kinds import options_type
 from pipeline.models.noise import process_noise
 from pipeline.models.steps import Recorded
-from pipeline.studies.cases.case import Case
-from pipeline.studies.cases.fits import Takes
 
 STEPS, REST = 24, 6
 STD = np.array([2e-3, 3e-3, 4e-3])

@@ -91,7 +91,7 @@ def sensitivity() -> pd.DataFrame:
                 "variation": variation,
                 "claim": claim,
                 "about": about,
-                "case": ["joint 1", "joint 2"],
+                "case": ["shoulder", "elbow"],
                 "value": 1.0,
                 "than": GAP,
                 "holds": word,

@@ -9,22 +9,26 @@ vectors r_j (at q = 0) the joints sit at O_{j+1} = O_j + R(φ_j) r_j, O_4 being 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from pipeline.core.errors import SingularJacobianError
+from pipeline.arm.interface import Chain
+from pipeline.arm.numbers import Arm
+from pipeline.core.options.dataset import PLANE
 
 # |det J| = l1 l2 |sin q2|; below this fraction of l1 l2 (about 0.06 degrees) the inverse is not to
 # be trusted
 SINGULAR_SINE = 1e-3
 JOINTS = 3  # of a planar chain
-TASK = ("x", "z", "phi")  # rows of its task: m, m, rad
+TASK = PLANE  # rows of its task: m, m, rad
 
 
 @dataclass(frozen=True)
-class PlanarChain:
+class PlanarChain(Chain):
     """Geometry of a planar 3R chain; built from a URDF by :func:`pipeline.arm.model.load_arm`."""
 
+    task: ClassVar[tuple[str, ...]] = TASK
     origin: np.ndarray  # (2,) O1 in the plane, m
     links: np.ndarray  # (3, 2) link vectors at q = 0, m
     signs: np.ndarray  # (3,) +1 or -1: sense of each joint about the plane's normal
@@ -116,20 +120,6 @@ class PlanarChain:
         bent = np.abs(np.sin(np.asarray(q)[..., 1] - self.straight)) >= SINGULAR_SINE
         return ~(bent & np.isfinite(q).all(axis=-1))
 
-    def require_regular(self, q: np.ndarray, *, what: str = "pose") -> None:
-        """Raise :class:`SingularJacobianError` naming the first singular ``what`` of ``q`` (...,
-        3).
-        """
-        bad = self.singular(q)
-        if np.any(bad):
-            index = tuple(int(i) for i in np.argwhere(bad)[0])
-            raise SingularJacobianError(
-                f"the Jacobian is singular at {int(bad.sum())} {what}(s): the first two links "
-                "are in line (or a pose is not finite)",
-                index=index,
-                q=np.asarray(q, dtype=float)[index].round(4).tolist(),
-            )
-
     def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
         """(..., 3, 3) J(q)⁻¹ in closed form; raises :class:`SingularJacobianError` naming the first
         singular ``what``.
@@ -150,8 +140,19 @@ class PlanarChain:
             result[..., 2, column] = self.signs[2] * (unit_of_phi - first[column] - second[column])
         return result
 
-    def within_limits(self, q: np.ndarray) -> np.ndarray:
-        """(...,) whether every joint of ``q`` (..., 3) is inside its limits: the domain D_q of the
-        filter.
+    def displacement(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """(..., 3) from the poses ``start`` (..., 3) to ``end`` (..., 3); φ in whole turns too."""
+        return end - start
+
+    def numbers(self) -> Arm:
+        """What compiled code needs of the chain; its least singular value is the least sine of the
+        angle between the first two links.
         """
-        return np.all((q >= self.lower) & (q <= self.upper), axis=-1)
+        return Arm(
+            plane=np.concatenate([self.links.ravel(), self.signs, self.origin]),
+            placements=np.empty((0, 12)),
+            sliding=np.zeros(JOINTS),
+            rows=np.array([0, 2, 4]),
+            units=np.ones(len(TASK)),
+            least=SINGULAR_SINE,
+        )

@@ -11,10 +11,10 @@ from math import factorial, pi, sin
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, types
+from numba import float64, int64, types
 
-from pipeline.arm.chain import JOINTS, PlanarChain
-from pipeline.core.compiled import inlined
+from pipeline.arm.numbers import Arm
+from pipeline.core.compiled import MATRIX, VECTOR, inlined
 
 # Taylor coefficients of sine and cosine: within π/4 of zero the first term left out is below half a
 # unit in the last place
@@ -26,31 +26,34 @@ TURN = 6.28125
 REST_OF_TURN = (2 * pi - TURN) + 2 * sin(pi)
 
 
-class Arm(NamedTuple):
-    """What one step needs of the chain."""
+class Plane(NamedTuple):
+    """What one step needs of a planar chain."""
 
     links: tuple[tuple[float, float], ...]  # x and z of each link at q = 0, m
     signs: tuple[float, ...]  # sense of each joint about the plane's normal
     origin: tuple[float, float]  # x and z of O1, m
 
 
-ARM = types.NamedTuple(
-    (
-        types.UniTuple(types.UniTuple(float64, 2), JOINTS),
-        types.UniTuple(float64, JOINTS),
-        types.UniTuple(float64, 2),
-    ),
-    Arm,
-)
+ARM = types.NamedTuple((VECTOR, MATRIX, VECTOR, types.Array(int64, 1, "C"), VECTOR, float64), Arm)
 
 
-def arm_numbers(chain: PlanarChain) -> Arm:
-    """The numbers of ``chain``."""
-    return Arm(
-        tuple((float(x), float(z)) for x, z in chain.links),
-        tuple(float(sign) for sign in chain.signs),
-        (float(chain.origin[0]), float(chain.origin[1])),
+@inlined
+def plane_of(arm: Arm) -> Plane:
+    """The numbers of a planar chain, one by one, so that loops hold them in registers."""
+    x1, z1, x2, z2, x3, z3, s1, s2, s3, x, z = (
+        arm.plane[0],
+        arm.plane[1],
+        arm.plane[2],
+        arm.plane[3],
+        arm.plane[4],
+        arm.plane[5],
+        arm.plane[6],
+        arm.plane[7],
+        arm.plane[8],
+        arm.plane[9],
+        arm.plane[10],
     )
+    return Plane(((x1, z1), (x2, z2), (x3, z3)), (s1, s2, s3), (x, z))
 
 
 @inlined
@@ -75,7 +78,7 @@ def sine_cosine(angle: float) -> tuple[float, float]:
 
 
 @inlined
-def segments(arm: Arm, q: tuple) -> tuple[float, ...]:
+def segments(arm: Plane, q: tuple) -> tuple[float, ...]:
     """x and z in m of the segments O1O2, O2O3, O3EE, one after the other, at joint angles ``q`` in
     rad.
     """
@@ -93,7 +96,7 @@ def segments(arm: Arm, q: tuple) -> tuple[float, ...]:
 
 
 @inlined
-def pose(arm: Arm, q: tuple) -> tuple[float, ...]:
+def pose(arm: Plane, q: tuple) -> tuple[float, ...]:
     """x, z and φ (m, m, rad) of the end-effector at joint angles ``q`` in rad; φ in whole turns
     too.
     """
@@ -102,7 +105,7 @@ def pose(arm: Arm, q: tuple) -> tuple[float, ...]:
 
 
 @inlined
-def joint_step(arm: Arm, shape: tuple, w: tuple) -> tuple[float, ...]:
+def joint_step(arm: Plane, shape: tuple, w: tuple) -> tuple[float, ...]:
     """J⁻¹w in rad for the task-space step ``w`` (m, m, rad) at the pose whose :func:`segments` are
     ``shape``.
 

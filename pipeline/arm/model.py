@@ -1,22 +1,25 @@
-"""The only door to Pinocchio: an arm from its URDF, and the planar chain that its free joints
-form.
-"""
+"""The only door to Pinocchio: an arm from its URDF."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.chain import TASK, PlanarChain
+from pipeline.arm.description import Description, describe
+from pipeline.arm.interface import Chain
+from pipeline.arm.layout import Layout
+from pipeline.arm.plane import planar_chain, plane_of, unlike_three
+from pipeline.arm.serial import SerialChain
+from pipeline.arm.urdf import read_urdf
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.dataset import Robot
+from pipeline.core.options.dataset import SPACE, Robot
 
-PLANAR_TOLERANCE = 1e-6  # sine of the angle by which an axis may lean out of the common normal
-SHORTEST_LINK = 1e-3  # m; joints nearer than this do not span a chain
+SAMPLES = 64  # poses at which the arm shows what it can move
 
 
 @dataclass(frozen=True)
@@ -41,101 +44,78 @@ class Arm:
         return points @ self.rotation.T + self.translation
 
 
+def chain_of(robot: Robot) -> Chain:
+    """The chain of the section ``dataset.robot`` and its task.
+
+    Three parallel revolute joints with the whole pose in their plane as the task have closed forms;
+    every other arm is a serial chain. Raises ConfigError for what :func:`describe` and
+    :func:`plane_of` refuse, and for a task with rows that the arm cannot move.
+    """
+    described = describe(robot)
+    layout = _layout(described)
+    task = tuple(robot.task or (TASK if robot.plane else SPACE))
+    if robot.plane:
+        layout = layout.seen_from(*plane_of(layout, described.file))
+        if task == TASK and robot.length == 1.0 and unlike_three(layout) is None:
+            return planar_chain(layout, described.file)
+    chain = _serial(layout, task, float(robot.length))
+    _require_movable(chain, described.file)
+    return chain
+
+
+def link_chains(robot: Robot, links: Iterable[str], key: str) -> dict[str, SerialChain]:
+    """Of each of the ``links`` that the option ``key`` names the chain of those joints of the arm
+    that move it: its tip is the link's frame, its task the whole pose, in metres and radians, in
+    the axes of the arm's base.
+
+    Raises ConfigError for a link that the URDF does not have or that the arm does not move, and
+    for what :func:`describe` refuses.
+    """
+    tree, chains = read_urdf(Path(robot.urdf)), {}
+    for link in links:
+        above = [joint.name for joint in tree.above(tree.link(link, key))]
+        joints = [name for name in robot.joints if name in above]
+        if not joints:
+            raise ConfigError(f"{key}: no joint of the arm moves {link!r}", file=tree.file)
+        described = describe(replace(robot, joints=joints, tool=link, plane=False, task=["x"]))
+        chains[link] = _serial(_layout(described), SPACE, 1.0)
+    return chains
+
+
+def _serial(layout: Layout, task: tuple[str, ...], length: float) -> SerialChain:
+    return SerialChain(
+        task=task,
+        length=length,
+        placements=layout.placements(),
+        sliding=layout.sliding,
+        lower=layout.lower,
+        upper=layout.upper,
+        max_speed=layout.max_speed,
+    )
+
+
 def arm_of(robot: Robot) -> Arm:
-    """The arm that the section ``dataset.robot`` describes; raises what :func:`load_arm` does."""
-    return load_arm(robot.urdf, robot.joints, robot.tool, robot.locked)
+    """The planar chain of the section ``dataset.robot`` and its plane, whatever its task.
+
+    Raises ConfigError for what :func:`describe` and :func:`plane_of` refuse, and for joints that
+    are not three revolute ones with limits.
+    """
+    described = describe(robot)
+    layout = _layout(described)
+    if why := unlike_three(layout):
+        raise ConfigError(f"robot.joints: {why}", file=described.file)
+    rotation, translation = plane_of(layout, described.file)
+    chain = planar_chain(layout.seen_from(rotation, translation), described.file)
+    return Arm(chain, rotation, translation)
 
 
 def load_arm(
-    urdf: str | Path, joints: Sequence[str], tool: str, locked: Mapping[str, float]
+    urdf: str | Path, joints: Sequence[str], tool: str | None, locked: Mapping[str, float]
 ) -> Arm:
-    """Lock every other joint of the URDF at ``locked`` (rad; 0 where not named) and read off the
-    chain of its three ``joints``.
-
-    The plane's y axis is the first joint's axis, its z axis the base's z as far as it lies in the
-    plane (the base's y where the plane is horizontal). Raises ConfigError for a file that is no
-    URDF, unknown names, joints that are not parallel revolutes one after the other, or a tool not
-    beyond them.
+    """The arm of three parallel ``joints`` of a URDF, every other joint locked at ``locked`` (rad;
+    0 where not named); raises what :func:`arm_of` does.
     """
-    if not Path(urdf).is_file():
-        raise ConfigError("robot.urdf: no such file", file=urdf)
-    try:
-        full = pin.buildModelFromUrdf(str(urdf))
-    except ValueError as error:
-        raise ConfigError(f"robot.urdf: {error}", file=urdf) from None
-    names = set(full.names[1:])
-    for key, wanted in (("robot.joints", joints), ("robot.locked", locked)):
-        for name in wanted:
-            if name not in names:
-                raise ConfigError(
-                    f"{key}: no joint {name!r} in the URDF; it has {sorted(names)}", file=urdf
-                )
-    if _frame(full, tool) is None:
-        raise ConfigError(f"robot.tool: no frame {tool!r} in the URDF", file=urdf)
-    if both := sorted(set(joints) & set(locked)):
-        raise ConfigError(
-            f"robot.locked: {', '.join(both)} cannot be locked, being of robot.joints", file=urdf
-        )
-    model = _held(full, joints, locked)
-    if list(model.names[1:]) != list(joints) or list(model.parents[1:]) != [0, 1, 2]:
-        raise ConfigError(
-            f"robot.joints: {list(joints)} must be three in a row, in the order of the chain "
-            f"{list(model.names[1:])}",
-            file=urdf,
-        )
-    if model.frames[_frame(model, tool)].parentJoint != 3:
-        raise ConfigError(
-            f"robot.tool: {tool!r} does not move with the last joint of the chain", file=urdf
-        )
-    data = model.createData()
-    zero = pin.neutral(model)
-    pin.forwardKinematics(model, data, zero)
-    pin.updateFramePlacements(model, data)
-    # the angular rows of a revolute joint's Jacobian column are its axis in the base frame
-    axes = pin.computeJointJacobians(model, data, zero)[3:].T
-    # a sliding joint has no axis, one without limits two coordinates
-    sliding = len(axes) == 3 and np.linalg.norm(axes, axis=1) < 0.5
-    if model.nq != 3 or np.any(sliding):
-        wrong = [name for i, name in enumerate(joints) if model.joints[i + 1].nq != 1 or sliding[i]]
-        raise ConfigError(
-            f"robot.joints: {list(joints)} must be revolute joints with limits, which "
-            f"{', '.join(wrong)} is not",
-            file=urdf,
-        )
-    normal = axes[0] / np.linalg.norm(axes[0])
-    leaning = np.linalg.norm(np.cross(normal, axes), axis=1) > PLANAR_TOLERANCE
-    if np.any(leaning):
-        wrong = ", ".join(name for name, leans in zip(joints, leaning, strict=True) if leans)
-        message = (
-            "robot.joints: the axes are not parallel, so they form no planar chain: "
-            f"not to that of {joints[0]} is {wrong}"
-        )
-        raise ConfigError(message, file=urdf, axes=axes.round(4).tolist())
-    up = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.99 else np.array([0.0, 1.0, 0.0])
-    up = up - normal * (up @ normal)
-    up /= np.linalg.norm(up)
-    rotation = np.stack([np.cross(normal, up), normal, up], axis=1)
-    placements = [data.oMi[i].translation for i in range(1, 4)] + [
-        data.oMf[_frame(model, tool)].translation
-    ]
-    offset = normal * (normal @ placements[0])
-    planar = (np.array(placements) - offset) @ rotation[:, [0, 2]]
-    links = np.diff(planar, axis=0)
-    if np.any(np.hypot(*links.T) < SHORTEST_LINK):
-        raise ConfigError(
-            "robot: joints or tool of the chain lie on one axis",
-            file=urdf,
-            lengths=np.hypot(*links.T).round(4).tolist(),
-        )
-    chain = PlanarChain(
-        origin=planar[0],
-        links=links,
-        signs=np.sign(axes @ normal),
-        lower=model.lowerPositionLimit.copy(),
-        upper=model.upperPositionLimit.copy(),
-        max_speed=model.upperVelocityLimit.copy(),
-    )
-    return Arm(chain, rotation, offset)
+    return arm_of(Robot(str(urdf), list(joints), tool, locked=dict(locked), plane=True))
 
 
 def torques(robot: Robot, q: np.ndarray, speed: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
@@ -143,34 +123,83 @@ def torques(robot: Robot, q: np.ndarray, speed: np.ndarray, acceleration: np.nda
     ``speed`` (N, n) in rad/s and ``acceleration`` (N, n) in rad/s², gravity included, by the masses
     in its URDF.
     """
-    model = _held(pin.buildModelFromUrdf(str(robot.urdf)), robot.joints, robot.locked)
+    model = _model(describe(robot))
     data = model.createData()
+    # a continuous joint has two coordinates there
+    placed = [pin.integrate(model, pin.neutral(model), row) for row in np.asarray(q, dtype=float)]
     return np.array(
-        [pin.rnea(model, data, *row) for row in zip(q, speed, acceleration, strict=True)]
+        [pin.rnea(model, data, *row) for row in zip(placed, speed, acceleration, strict=True)]
     )
 
 
 def greatest_torques(robot: Robot) -> np.ndarray:
     """(n,) N·m that the motors of the ``robot``'s joints give at most, by its URDF."""
-    model = _held(pin.buildModelFromUrdf(str(robot.urdf)), robot.joints, robot.locked)
-    return model.upperEffortLimit.copy()
+    return _model(describe(robot)).upperEffortLimit.copy()
 
 
-def _held(full: pin.Model, joints: Sequence[str], locked: Mapping[str, float]) -> pin.Model:
-    """``full`` with every joint but ``joints`` held at ``locked`` (rad; 0 where not named)."""
-    held = np.zeros(full.nv)
-    for name, angle in locked.items():
-        held[full.joints[full.getJointId(name)].idx_v] = angle
-    q = pin.integrate(full, pin.neutral(full), held)
+def _model(described: Description) -> pin.Model:
+    """Pinocchio's model of the arm alone, every other joint of its URDF held."""
+    try:
+        full = pin.buildModelFromUrdf(str(described.file))
+    except ValueError as error:
+        raise ConfigError(f"robot.urdf: {error}", file=described.file) from None
+    step = np.zeros(full.nv)
+    for name, value in described.held.items():
+        step[full.joints[full.getJointId(name)].idx_v] = value
+    joints = [joint.name for joint in described.joints]
     others = [full.getJointId(name) for name in full.names[1:] if name not in joints]
-    return pin.buildReducedModel(full, others, q)
+    return pin.buildReducedModel(full, others, pin.integrate(full, pin.neutral(full), step))
 
 
-def _frame(model: pin.Model, name: str) -> int | None:
-    """The frame of the link or joint ``name``: of the link where, as in many URDFs, a joint has the
-    same name; None where neither has.
+def _layout(described: Description) -> Layout:
+    """The arm in the axes of its base."""
+    model, joints = _model(described), described.joints
+    data, zero = model.createData(), pin.neutral(model)
+    # one column comes as a vector
+    jacobian = pin.computeJointJacobians(model, data, zero).reshape(6, -1)
+    pin.updateFramePlacements(model, data)
+    sliding = np.array([joint.kind == "prismatic" for joint in joints])
+    # a joint's column of the Jacobian is the axis it turns about or slides along, in the root's
+    # axes
+    axes = np.where(sliding, jacobian[:3], jacobian[3:]).T
+    for joint, length in zip(joints, np.linalg.norm(axes, axis=1), strict=True):
+        if not abs(length - 1.0) < 1e-6:
+            message = f"robot.urdf: the axis of {joint.name} has length {length:.3g}; make it 1"
+            raise ConfigError(message, file=described.file)
+    tip = data.oMf[model.getFrameId(described.tip, pin.FrameType.BODY)]
+    lower, upper = np.array([joint.range for joint in joints]).T
+    layout = Layout(
+        names=tuple(joint.name for joint in joints),
+        sliding=sliding,
+        axes=axes,
+        points=np.array([data.oMi[i].translation for i in range(1, model.njoints)]),
+        rotation=tip.rotation.copy(),
+        position=tip.translation.copy(),
+        lower=lower.copy(),
+        upper=upper.copy(),
+        max_speed=model.upperVelocityLimit.copy(),
+    )
+    if described.base is None:
+        return layout
+    base = data.oMf[model.getFrameId(described.base, pin.FrameType.BODY)]
+    return layout.seen_from(base.rotation, base.translation)
+
+
+def _require_movable(chain: SerialChain, file: Path) -> None:
+    """Raise ConfigError where the arm cannot move a row of the task at any of :data:`SAMPLES` poses
+    spread evenly over its limits, or not all of its rows at once.
     """
-    for kind in (pin.FrameType.BODY, pin.FrameType.FIXED_JOINT, pin.FrameType.JOINT):
-        if model.existFrame(name, kind):
-            return model.getFrameId(name, kind)
-    return None
+    n = len(chain.lower)
+    low, high = (np.clip(limit, -np.pi, np.pi) for limit in (chain.lower, chain.upper))
+    spread = np.outer(np.arange(SAMPLES), 2.0 ** (np.arange(1, n + 1) / (n + 1))) % 1.0
+    q = low + (high - low) * spread
+    still = np.abs(chain.jacobian(q)).max(axis=(0, 2)) <= 1e-9 * chain.scale
+    if np.any(still):
+        rows = ", ".join(name for name, rests in zip(chain.task, still, strict=True) if rests)
+        raise ConfigError(f"robot.task: the arm cannot move {rows}; leave it out", file=file)
+    if chain.singular(q).all():
+        raise ConfigError(
+            f"robot.task: the arm moves none of {', '.join(chain.task)} without another; leave out "
+            "rows that follow from the others",
+            file=file,
+        )

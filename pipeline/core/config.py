@@ -23,14 +23,14 @@ from pipeline.core.typed_yaml import load_yaml, read_yaml, said, structured, typ
 CONF = Path(__file__).parents[1] / "conf"
 COMPOSED = Path("data/config.yaml")
 GROUPS = ("dataset", "filter", "articulation", "simulation", "wrench", "scale", "compute")
-# options of the synthetic laboratory, typed where its physics is; looked up only for a dataset that
-# it records
+# options of the synthetic laboratory, typed where its physics is; for what it records alone
 LABORATORY = {
     "trajectory": "TrajectoryOptions",
     "dynamics": "DynamicsOptions",
     "mocap": "MocapOptions",
     "kinect": "KinectOptions",
     "clock": "ClockOptions",
+    "encoders": "EncoderOptions",
     "robots": "Robots",
     "transducer": "Transducer",
 }

@@ -1,10 +1,13 @@
-"""The names of the filters that are compared: no filter at all, and each model's in both loops."""
+"""The names of the filters that are compared: no filter at all, the linear one of the takes, and
+each model's in both loops.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 NONE = "none"  # the training takes' mean and spread at each step, whatever is measured
+MEMORY = "memory"  # linear, of the training takes' spread and their correlation over time
 CLOSED = "_closed"  # after a model's name: its closed-loop form; the open one has the name itself
 
 
@@ -15,4 +18,4 @@ def closed(model: str) -> str:
 
 def models_of(filters: Iterable[str]) -> list[str]:
     """The models whose open-loop form is among ``filters``."""
-    return [name for name in filters if name != NONE and not name.endswith(CLOSED)]
+    return [n for n in filters if n not in (NONE, MEMORY) and not n.endswith(CLOSED)]

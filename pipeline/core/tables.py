@@ -17,7 +17,7 @@ PAPER = Path(__file__).with_name("tables.yaml")
 DECLARATION = re.compile(
     r"(?P<kind>real|log|count|flag|text)"
     r"(?: \((?P<among>[^)]*)\))?(?: (?P<low>[^ .]+)\.\.(?P<high>[^ ]*))?(?P<gaps> gaps)?"
-    r" \| (?P<meaning>.+)"
+    r"(?P<optional> optional)? \| (?P<meaning>.+)"
 )
 
 
@@ -34,13 +34,14 @@ def declared(file: Path = PAPER) -> dict[str, dict[str, pa.Column]]:
 def expanded(declaration: dict[str, pa.Column], present: list[str]) -> dict[str, pa.Column]:
     """The ``declaration`` with every family replaced by its members among the columns ``present``.
 
-    A family of which there is none stays as it is declared, so that its absence is noticed.
+    A family of which there is none stays as it is declared, so that its absence is noticed, but for
+    an optional one.
     """
     columns = {}
     for name, column in declaration.items():
         pattern = re.compile(re.escape(name).replace(r"\*", "[^:]+"))
         family = [name] if "*" not in name else [c for c in present if pattern.fullmatch(str(c))]
-        columns |= dict.fromkeys(family or [name], column)
+        columns |= dict.fromkeys(family or [name] * column.required, column)
     return columns
 
 
@@ -54,7 +55,10 @@ def _column(text: str) -> pa.Column:
     match kind:
         case "real":
             finite = pa.Check(np.isfinite, error="must be finite")
-            return pa.Column("float64", [finite, *bounds], nullable=gaps, description=meaning)
+            checks, required = [finite, *bounds], parts["optional"] is None
+            return pa.Column(
+                "float64", checks, nullable=gaps, required=required, description=meaning
+            )
         case "log":
             below = pa.Check(lambda x: x < np.inf, error="must not be plus infinity")
             return pa.Column("float64", below, nullable=True, description=meaning)

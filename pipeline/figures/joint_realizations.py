@@ -13,7 +13,16 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pipeline.core.columns import columns, members
-from pipeline.figures.style import BLACK, GREEN, ONE_COLUMN, RECORDED, joint_lines, panels
+from pipeline.figures.style import (
+    BESIDE,
+    BLACK,
+    GREEN,
+    ONE_COLUMN,
+    RECORDED,
+    TWO_COLUMNS,
+    joint_lines,
+    joint_panels,
+)
 
 TABLES = {"joints": "data/track", "process_noise": "data/track"}
 
@@ -27,8 +36,9 @@ def draw(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Figure:
     spread = process_noise.groupby("t")[columns("w", names)].std()
     q = training[columns("q", names)]
     span = 0.54 * (q.max() - q.min()).max()
-    figure, grid = panels(ONE_COLUMN, 0.8 + 1.2 * len(names), rows=len(names), sharex=True)
-    for (joint, line), axes in zip(joint_lines(names).items(), grid[:, 0], strict=True):
+    across, width = (1, ONE_COLUMN) if len(names) <= BESIDE else (2, TWO_COLUMNS)
+    figure, (row,) = joint_panels(len(names), across, (width, 1.2, 0.8))
+    for (joint, line), axes in zip(joint_lines(names).items(), row, strict=True):
         angles = training.pivot(index="t", columns="take", values=f"q:{joint}")
         # pixels, not paths: a hundred lines on top of each other would weigh megabytes
         lines = axes.plot(
@@ -52,7 +62,6 @@ def draw(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Figure:
         for part in (right.yaxis.label, right.spines["right"]):
             part.set_color(GREEN)
         right.tick_params(axis="y", colors=GREEN)
-    grid[-1, 0].set_xlabel("time (s)")
     labels = ("realisations", "mean", "std of the process noise (right)")
     figure.legend(
         [lines[0], mean, noise], labels, loc="outside upper center", ncols=3, columnspacing=1.2

@@ -12,7 +12,14 @@ from __future__ import annotations
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pipeline.figures.style import RECORDED, TWO_COLUMNS, joint_lines, model_lines, panels
+from pipeline.figures.style import (
+    RECORDED,
+    TWO_COLUMNS,
+    beside,
+    joint_lines,
+    joint_panels,
+    model_lines,
+)
 
 TABLES = {"deviation": "data/score"}
 METRICS = ("reports/metrics/motion.json", ("*_std_*_rms_rad", "*_correlation_with_recorded"))
@@ -27,13 +34,15 @@ def draw(deviation: pd.DataFrame, models: list[str], joints: list[str], mode: st
     """Fig. (STDq): one panel per joint of table ``deviation``, all on one scale; ``mode`` is that
     of the simulation.
     """
-    figure, (row,) = panels(TWO_COLUMNS, 2.5, columns=len(joints), sharex=True, sharey=True)
+    across = beside(len(joints))
+    figure, (row,) = joint_panels(len(joints), across, (TWO_COLUMNS, 1.9, 0.6), sharey=True)
     for (joint, name), axes in zip(joint_lines(joints).items(), row, strict=True):
         for source, line in ({"recorded": RECORDED} | model_lines(models)).items():
             rows = deviation[deviation["source"] == source]
             axes.plot(rows["t"], rows[f"s:{joint}"], **line)
-        axes.set(title=name["label"], xlabel="time (s)", xlim=(0, deviation["t"].max()))
-    row[0].set_ylabel(QUANTITIES[mode])
+        axes.set(title=name["label"], xlim=(0, deviation["t"].max()))
+    for first in row[::across]:
+        first.set_ylabel(QUANTITIES[mode])
     row[0].set_ylim(bottom=0)
     figure.legend(*row[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure

@@ -1,6 +1,6 @@
 """Error of the mean of each model's realisations.
 
-Euclidean distance over the three joints between the mean of a model's realisations and the mean of
+Euclidean distance over all joints between the mean of a model's realisations and the mean of
 the training takes, at every step. All models share the nominal motion, so what differs is the bias
 of each model and the sampling error of a finite number of realisations.
 """

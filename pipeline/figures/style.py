@@ -52,7 +52,9 @@ JOINTS = [
     {"color": SKY, "linestyle": (0, (6, 2))},
     {"color": ORANGE, "linestyle": (0, (3, 1, 1, 1))},
     {"color": BLACK, "linestyle": (0, (1, 1))},
+    {"color": GREY, "linestyle": (0, (8, 1.5, 1, 1.5))},
 ]
+BESIDE = 4  # joints at most whose panels stand in one line
 
 # from the defaults, so that a matplotlibrc of the user's changes no byte
 mpl.rcdefaults()
@@ -115,6 +117,40 @@ def panels(
     return figure, figure.subplots(rows, columns, squeeze=False, **layout)
 
 
+def joint_panels(
+    joints: int, across: int, size: tuple[float, float, float], groups: int = 1, **layout: object
+) -> tuple[Figure, np.ndarray]:
+    """A figure over time and its axes (``groups``, ``joints``): of each group a panel for each
+    joint, ``across`` of them in a line, the last line of a group as short as it comes.
+
+    Args:
+        joints: how many.
+        across: panels in a line.
+        size: inches: the width of the figure, the height of a line, and what is above and below.
+        groups: lines of panels of the same joints, one group below the other.
+        layout: goes to ``Figure.subplots``.
+    """
+    width, line, rest = size
+    lines = -(-joints // across)
+    figure, grid = panels(
+        width, rest + line * groups * lines, groups * lines, across, sharex=True, **layout
+    )
+    axes = grid.reshape(groups, lines * across)
+    for empty in axes[:, joints:].flat:
+        empty.remove()
+    for lowest in axes[-1, :joints][-across:]:
+        lowest.tick_params(labelbottom=True)  # also where the panel below was empty
+        lowest.set_xlabel("time (s)")
+    return figure, axes[:, :joints]
+
+
+def beside(joints: int) -> int:
+    """How many panels of ``joints`` stand in a line over two columns: all, or half of more than
+    ``BESIDE``.
+    """
+    return joints if joints <= BESIDE else -(-joints // 2)
+
+
 def letter(axes: Axes, name: str) -> None:
     """Name a panel (a), (b), … above its upper left corner, as the paper's captions do."""
     axes.set_title(f"({name})", loc="left", fontweight="bold")
@@ -124,8 +160,12 @@ def save(figure: Figure, folder: Path, name: str) -> None:
     """Write ``folder/name.svg`` and ``folder/name.png`` without date or version: the same figure
     gives the same bytes.
     """
+    # laid out at the PNG's resolution, at which hinted letters are the wider
+    rasterised = figure.dpi
+    figure.set_dpi(PNG_RESOLUTION)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
+    figure.set_dpi(rasterised)
     # the layout's solver differs in its last bits from run to run, and the names of clip paths in
     # the SVG are hashes of all bits
     for axes in figure.axes:

@@ -1,5 +1,6 @@
-"""What the depth sensor says of the joints during one take: y_j = q(t_j) + b_j + N(0, R_j), with a
-bias and a covariance per frame.
+"""What instruments say of the arm during one take, with a bias and a covariance per frame: of the
+joints, y_j = q(t_j) + b_j + N(0, R_j), or of the pose of the tip, whose displacement from where the
+joints carry it is b_j + N(0, R_j).
 
 The paper does not say how frames at 30 Hz meet a motion grid of 100 Hz. The models step from q_k to
 q_{k+1} under a velocity that is constant in between, and say nothing about a part of a step; the
@@ -16,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 import pandas as pd
+from scipy.spatial.transform import Rotation
 
 from pipeline.core.columns import matrices, members, values
 from pipeline.core.errors import ContractError, ModelDomainError
@@ -30,23 +32,27 @@ SINGULAR_VARIANCE = 1e-12
 
 @dataclass(frozen=True)
 class Measurements:
-    """The F depth frames of one take; ContractError where shapes disagree or a value is not finite,
-    F = 0 is allowed.
+    """The F frames of one take; ContractError where shapes disagree or a value is not finite, F = 0
+    is allowed.
+
+    A pose of the tip is its position and its rotation, row by row; d = 6 numbers displace it, a way
+    and a rotation vector, in m and rad in the base's axes. Of n joint angles d is n.
     """
 
     take: str
     t: np.ndarray  # (F,) times on the motion clock, s, in any order
-    y: np.ndarray  # (F, n) measured joint angles, rad
-    bias: np.ndarray  # (F, n) mean of the noise, rad
-    covariance: np.ndarray  # (F, n, n) covariance R of the noise, rad²
+    y: np.ndarray  # (F, n) measured joint angles, rad, or (F, 12) poses of the tip
+    bias: np.ndarray  # (F, d) mean of the noise
+    covariance: np.ndarray  # (F, d, d) covariance R of the noise
+    tip: bool = False  # whether the poses of the tip are what was measured
 
     def __post_init__(self) -> None:
-        frames, n = len(self.t), self.y.shape[-1]
+        frames, d = len(self.t), 6 if self.tip else self.y.shape[-1]
         for name, shape in (
             ("t", (frames,)),
-            ("y", (frames, n)),
-            ("bias", (frames, n)),
-            ("covariance", (frames, n, n)),
+            ("y", (frames, 12 if self.tip else d)),
+            ("bias", (frames, d)),
+            ("covariance", (frames, d, d)),
         ):
             values = getattr(self, name)
             if values.shape != shape:
@@ -78,25 +84,35 @@ class Measurements:
         return dict(due), int(np.sum(~inside))
 
     @cached_property
+    def unbiased(self) -> np.ndarray:
+        """(F, n) or (F, 12): ``y`` without its bias."""
+        if not self.tip:
+            return self.y - self.bias
+        back = Rotation.from_rotvec(-self.bias[:, 3:]).as_matrix()
+        turn = back @ self.y[:, 3:].reshape(-1, 3, 3)
+        return np.hstack([self.y[:, :3] - self.bias[:, :3], turn.reshape(-1, 9)])
+
+    @cached_property
     def whitening(self) -> tuple[np.ndarray, np.ndarray]:
-        """(F, n, n) lower triangular inverses W of the Cholesky factors of R, and (F,) logarithms c
+        """(F, d, d) lower triangular inverses W of the Cholesky factors of R, and (F,) logarithms c
         of the normal density's constant.
 
-        So ln p(y_j | q) = c_j − ‖W_j(y_j − b_j − q)‖²/2 for a pose q at the time of frame j. Raises
-        ModelDomainError for an R that is no covariance.
+        So ln p(y_j | q) = c_j − ‖W_j(y_j − b_j − q)‖²/2 for a pose q at the time of frame j, or
+        with the displacement of the tip in the place of y_j − b_j − q. Raises ModelDomainError for
+        an R that is no covariance.
         """
         variances = np.linalg.eigvalsh(self.covariance)
         singular = variances[:, 0] <= SINGULAR_VARIANCE * variances[:, -1]
         if singular.any():
             raise ModelDomainError(
-                "the covariance of the depth sensor's noise is not positive definite; estimate "
+                "the covariance of the measurement's noise is not positive definite; estimate "
                 "it from more takes than joints",
                 take=self.take,
                 frame=int(np.argmax(singular)),
             )
         factor = np.linalg.cholesky(self.covariance)
         log_determinant = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        return np.linalg.inv(factor), -log_determinant - 0.5 * self.y.shape[-1] * np.log(2 * np.pi)
+        return np.linalg.inv(factor), -log_determinant - 0.5 * factor.shape[-1] * np.log(2 * np.pi)
 
 
 def measurements(angles: pd.DataFrame, noise: pd.DataFrame) -> list[Measurements]:

@@ -15,13 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
-from pipeline.arm.compiled import arm_numbers
+from pipeline.arm.interface import Chain
 from pipeline.core.errors import ConfigError, DegenerateFilterError, ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.resampling import SCHEMES
 from pipeline.filtering.sampling import sequential_importance_sampling
 from pipeline.filtering.state import Domain, Frames, Particles, Record
 from pipeline.models.commands import Commands
+from pipeline.models.correction import correction
 from pipeline.models.draws import numbers_for
 from pipeline.models.model import MotionModel
 
@@ -82,7 +83,7 @@ class Posterior:
 
 def particle_filter(
     model: MotionModel,
-    chain: PlanarChain,
+    chain: Chain,
     commands: Commands,
     dt: float,
     start: Start,
@@ -108,18 +109,24 @@ def particle_filter(
         options: how many particles, and how they are resampled.
         rng: of everything random.
     """
+    if measurements.tip and isinstance(chain, PlanarChain):
+        raise ModelDomainError(
+            "a pose of the tip weighs particles of an arm in space, not of one in a plane",
+            take=measurements.take,
+        )
     frames, left_out = due_frames(measurements, len(commands.v), dt)
     start_poses, rejected = initial_particles(
         start, chain, options.particles, rng, take=measurements.take
     )
-    law = model.law()
+    law = model.law(chain)
     scheme = SCHEMES[options.resampling]
     record = empty_record(len(commands.v) + 1, start_poses.shape[-1])
     log_evidence, vanished = sequential_importance_sampling(
         law.step,
-        numbers_for(law),
+        correction(chain),
+        numbers_for(law, chain),
         law.parameters,
-        arm_numbers(chain),
+        chain.numbers(),
         domain_of(chain),
         Commands(
             *(np.array(rows, dtype=float, order="C") for rows in commands[:2]), commands.share
@@ -153,7 +160,8 @@ def particle_filter(
 def started(poses: np.ndarray) -> Particles:
     """The particles at their first ``poses`` (P, n) in rad, where they were before, too."""
     q, count = np.ascontiguousarray(poses.T), len(poses)
-    return Particles(q, q.copy(), *np.empty((2, count)), np.empty(count, int), np.empty((2, count)))
+    room = np.empty((len(q) + 2, count))
+    return Particles(q, q.copy(), *np.empty((2, count)), np.empty(count, int), room)
 
 
 def empty_record(grid: int, n: int) -> Record:
@@ -169,14 +177,12 @@ def empty_record(grid: int, n: int) -> Record:
     )
 
 
-def domain_of(chain: PlanarChain) -> Domain:
+def domain_of(chain: Chain) -> Domain:
     """D_q of ``chain``."""
-    return Domain(
-        tuple(map(float, chain.lower)),
-        tuple(map(float, chain.upper)),
-        chain.straight,
-        float(np.arcsin(SINGULAR_SINE)),
-    )
+    planar = isinstance(chain, PlanarChain)
+    straight, clearance = (chain.straight, np.arcsin(SINGULAR_SINE)) if planar else (0.0, 0.0)
+    lower, upper = (np.array(each, dtype=float) for each in (chain.lower, chain.upper))
+    return Domain(lower, upper, straight, float(clearance))
 
 
 def due_frames(measurements: Measurements, steps: int, dt: float) -> tuple[Frames, int]:
@@ -188,18 +194,17 @@ def due_frames(measurements: Measurements, steps: int, dt: float) -> tuple[Frame
     due, left_out = measurements.schedule(steps, dt)
     order = [(frame, share) for k in sorted(due) for frame, share in due[k]]
     chosen = np.array([frame for frame, _ in order], dtype=int)
-    n = measurements.y.shape[-1]
-    whitening, log_norm = measurements.whitening if order else (np.empty((0, n, n)), np.empty(0))
+    empty = np.empty((0, *measurements.covariance.shape[1:]))
+    whitening, log_norm = measurements.whitening if order else (empty, np.empty(0))
     first = np.cumsum([0, *(len(due.get(k, ())) for k in range(steps + 1))])
-    share, unbiased = (
-        np.array([share for _, share in order], dtype=float),
-        measurements.y - measurements.bias,
-    )
-    return Frames(first, share, unbiased[chosen], whitening[chosen], log_norm[chosen]), left_out
+    share = np.array([share for _, share in order], dtype=float)
+    unbiased = measurements.unbiased[chosen]
+    frames = Frames(first, share, unbiased, whitening[chosen], log_norm[chosen], measurements.tip)
+    return frames, left_out
 
 
 def initial_particles(
-    start: Start, chain: PlanarChain, count: int, rng: np.random.Generator, *, take: str
+    start: Start, chain: Chain, count: int, rng: np.random.Generator, *, take: str
 ) -> tuple[np.ndarray, int]:
     """(count, n) draws of the start's normal law within the joint limits, and how many draws were
     rejected.

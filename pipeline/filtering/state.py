@@ -12,36 +12,38 @@ from numba import boolean, float64, types
 from pipeline.core.compiled import MATRIX, VECTOR
 from pipeline.filtering.resampling import COUNTS
 from pipeline.models.commands import Commands
-from pipeline.models.law import CUBE, ROW
+from pipeline.models.law import CUBE
 
 
 class Domain(NamedTuple):
-    """D_q: the joint limits and, of the second joint, the angle at which the first two links are in
-    line and how clear of that it is to be.
+    """D_q: the joint limits and, of a planar chain's second joint, the angle at which the first two
+    links are in line and how clear of that it is to be.
 
-    |det J| is the product of both links' lengths and the sine of the angle between them, which the
-    second joint alone decides.
+    |det J| of a planar chain is the product of both links' lengths and the sine of the angle
+    between them, which the second joint alone decides. Any other arm has no such angle: its law
+    makes no step from a singular pose, so that a particle leaves D_q with its next step.
     """
 
-    lower: tuple[float, float, float]  # rad
-    upper: tuple[float, float, float]  # rad
+    lower: np.ndarray  # (n,) rad
+    upper: np.ndarray  # (n,) rad
     straight: float  # rad, up to half turns
-    clearance: float  # rad
+    clearance: float  # rad; zero where there is no such angle
 
 
 class Frames(NamedTuple):
     """The F measurements in the order in which they enter: frames first[k] to first[k+1] when step
     k is done.
 
-    The density of y at the pose q is exp(log_norm − ‖whitening·(y − bias − q)‖²/2), q the pose at
-    ``share`` of the step.
+    The density of y at the pose q is exp(log_norm − ‖whitening·e‖²/2), e being y − bias − q, or the
+    displacement of the tip from where q carries it, and q the pose at ``share`` of the step.
     """
 
     first: np.ndarray  # (M+2,)
     share: np.ndarray  # (F,)
-    unbiased: np.ndarray  # (F, 3) y − bias, rad
-    whitening: np.ndarray  # (F, 3, 3) lower triangular, 1/rad
+    unbiased: np.ndarray  # (F, n) joint angles, rad, or (F, 12) poses of the tip, without bias
+    whitening: np.ndarray  # (F, d, d) lower triangular, 1/rad or 1/m
     log_norm: np.ndarray  # (F,)
+    tip: bool  # whether they are poses of the tip
 
 
 class Particles(NamedTuple):
@@ -49,12 +51,12 @@ class Particles(NamedTuple):
     with them.
     """
 
-    q: np.ndarray  # (3, P) rad
-    before: np.ndarray  # (3, P)
+    q: np.ndarray  # (n, P) rad
+    before: np.ndarray  # (n, P)
     weights: np.ndarray  # (P,)
     log_weights: np.ndarray  # (P,)
     chosen: np.ndarray  # (P,) int
-    room: np.ndarray  # (2, P)
+    room: np.ndarray  # (n + 2, P)
 
 
 class Record(NamedTuple):
@@ -62,8 +64,8 @@ class Record(NamedTuple):
     begin at zero.
     """
 
-    mean: np.ndarray  # (M+1, 3) rad
-    covariance: np.ndarray  # (M+1, 3, 3) rad²
+    mean: np.ndarray  # (M+1, n) rad
+    covariance: np.ndarray  # (M+1, n, n) rad²
     ess: np.ndarray  # (M+1,)
     resampled: np.ndarray  # (M+1,) bool
     clipped: np.ndarray  # (M+1,) int
@@ -71,8 +73,8 @@ class Record(NamedTuple):
 
 
 COMMANDS = types.NamedTuple((MATRIX, MATRIX, float64), Commands)
-DOMAIN = types.NamedTuple((ROW, ROW, float64, float64), Domain)
-FRAMES = types.NamedTuple((COUNTS, VECTOR, MATRIX, CUBE, VECTOR), Frames)
+DOMAIN = types.NamedTuple((VECTOR, VECTOR, float64, float64), Domain)
+FRAMES = types.NamedTuple((COUNTS, VECTOR, MATRIX, CUBE, VECTOR, boolean), Frames)
 PARTICLES = types.NamedTuple((MATRIX, MATRIX, VECTOR, VECTOR, COUNTS, MATRIX), Particles)
 RECORD = types.NamedTuple(
     (MATRIX, CUBE, VECTOR, types.Array(boolean, 1, "C"), COUNTS, COUNTS), Record

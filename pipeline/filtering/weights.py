@@ -6,35 +6,63 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.core.compiled import inner
+from pipeline.core.compiled import inlined, inner
 from pipeline.filtering.state import Frames
+
+NEAR = 256  # particles whose scratch stays in the processor's nearest cache
 
 
 @inner
 def weigh(
-    frames: Frames, frame: int, before: np.ndarray, q: np.ndarray, log_weights: np.ndarray
+    frames: Frames,
+    frame: int,
+    before: np.ndarray,
+    q: np.ndarray,
+    log_weights: np.ndarray,
+    room: np.ndarray,
 ) -> None:
     """Add to ``log_weights`` (P,) the log-likelihood of ``frame`` at its share of the way from
-    ``before`` to ``q`` (3, P).
+    ``before`` to ``q`` (n, P); ``room`` (n + 2, NEAR) is scratch.
     """
-    share, log_norm = frames.share[frame], frames.log_norm[frame]
-    y1, y2, y3 = frames.unbiased[frame, 0], frames.unbiased[frame, 1], frames.unbiased[frame, 2]
-    white = frames.whitening[frame]
-    w11, w21, w22, w31, w32, w33 = (
-        white[0, 0],
-        white[1, 0],
-        white[1, 1],
-        white[2, 0],
-        white[2, 1],
-        white[2, 2],
-    )
-    (p1, p2, p3), (q1, q2, q3) = (before[0], before[1], before[2]), (q[0], q[1], q[2])
-    for i in range(len(log_weights)):
-        d1 = y1 - (p1[i] + share * (q1[i] - p1[i]))
-        d2 = y2 - (p2[i] + share * (q2[i] - p2[i]))
-        d3 = y3 - (p3[i] + share * (q3[i] - p3[i]))
-        e1, e2, e3 = w11 * d1, w21 * d1 + w22 * d2, w31 * d1 + w32 * d2 + w33 * d3
-        log_weights[i] += log_norm - 0.5 * (e1 * e1 + e2 * e2 + e3 * e3)
+    n, share, log_norm = len(q), frames.share[frame], frames.log_norm[frame]
+    white, square, whitened = frames.whitening[frame], room[n], room[n + 1]
+    for start in range(0, len(log_weights), NEAR):
+        count = NEAR if start + NEAR < len(log_weights) else len(log_weights) - start
+        # slices: the compiler knows of their indices that none is negative
+        stop = start + count
+        for i in range(count):
+            square[i] = 0.0
+        for j in range(n):
+            y, rest = frames.unbiased[frame, j], room[j]
+            here, there = before[j, start:stop], q[j, start:stop]
+            for i in range(count):
+                rest[i] = y - (here[i] + share * (there[i] - here[i]))
+            add_square(white, j, room, whitened, square, count)
+        total = log_weights[start:stop]
+        for i in range(count):
+            total[i] += log_norm - 0.5 * square[i]
+
+
+@inlined
+def add_square(
+    white: np.ndarray,
+    j: int,
+    rest: np.ndarray,
+    whitened: np.ndarray,
+    square: np.ndarray,
+    count: int,
+) -> None:
+    """Add to ``square`` that of row ``j`` of the lower triangular ``white`` times ``rest`` (j + 1
+    or more, count), ``whitened``.
+    """
+    for i in range(count):
+        whitened[i] = 0.0
+    for k in range(j + 1):
+        w, other = white[j, k], rest[k]
+        for i in range(count):
+            whitened[i] += w * other[i]
+    for i in range(count):
+        square[i] += whitened[i] * whitened[i]
 
 
 @inner
@@ -71,23 +99,51 @@ def make_equal(weights: np.ndarray, log_weights: np.ndarray) -> float:
 
 
 @inner
+def inner_product(x: np.ndarray, y: np.ndarray, count: int) -> float:
+    """Σ x_i y_i of the first ``count`` numbers, in eight sums: one would wait for itself."""
+    a = b = c = d = e = f = g = h = 0.0
+    whole = count // 8
+    for k in range(whole):
+        i = 8 * k
+        a += x[i] * y[i]
+        b += x[i + 1] * y[i + 1]
+        c += x[i + 2] * y[i + 2]
+        d += x[i + 3] * y[i + 3]
+        e += x[i + 4] * y[i + 4]
+        f += x[i + 5] * y[i + 5]
+        g += x[i + 6] * y[i + 6]
+        h += x[i + 7] * y[i + 7]
+    for i in range(8 * whole, count):
+        a += x[i] * y[i]
+    return ((a + b) + (c + d)) + ((e + f) + (g + h))
+
+
+@inner
 def weighted_moments(
-    weights: np.ndarray, q: np.ndarray, mean: np.ndarray, covariance: np.ndarray
+    weights: np.ndarray,
+    q: np.ndarray,
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    room: np.ndarray,
 ) -> None:
-    """Fill ``mean`` (3,) and, about that mean, ``covariance`` (3, 3) of particles ``q`` (3, P)
-    under normalised ``weights`` (P,).
+    """Fill ``mean`` (n,) and, about that mean, ``covariance`` (n, n) of particles ``q`` (n, P)
+    under normalised ``weights`` (P,); ``room`` (n + 2, NEAR) is scratch.
     """
-    q1, q2, q3 = q[0], q[1], q[2]
-    m1 = m2 = m3 = 0.0
-    for i in range(len(weights)):
-        m1, m2, m3 = m1 + weights[i] * q1[i], m2 + weights[i] * q2[i], m3 + weights[i] * q3[i]
-    c11 = c12 = c13 = c22 = c23 = c33 = 0.0
-    for i in range(len(weights)):
-        d1, d2, d3 = q1[i] - m1, q2[i] - m2, q3[i] - m3
-        w1, w2, w3 = weights[i] * d1, weights[i] * d2, weights[i] * d3
-        c11, c12, c13 = c11 + w1 * d1, c12 + w1 * d2, c13 + w1 * d3
-        c22, c23, c33 = c22 + w2 * d2, c23 + w2 * d3, c33 + w3 * d3
-    mean[0], mean[1], mean[2] = m1, m2, m3
-    covariance[0, 0], covariance[0, 1], covariance[0, 2] = c11, c12, c13
-    covariance[1, 0], covariance[1, 1], covariance[1, 2] = c12, c22, c23
-    covariance[2, 0], covariance[2, 1], covariance[2, 2] = c13, c23, c33
+    n, weighted = len(q), room[len(q)]
+    for j in range(n):
+        mean[j] = inner_product(weights, q[j], len(weights))
+        for k in range(n):
+            covariance[j, k] = 0.0
+    for start in range(0, len(weights), NEAR):
+        count = NEAR if start + NEAR < len(weights) else len(weights) - start
+        weight = weights[start : start + count]
+        for j in range(n):
+            angle, middle, deviation = q[j, start : start + count], mean[j], room[j]
+            for i in range(count):
+                deviation[i] = angle[i] - middle
+                weighted[i] = weight[i] * deviation[i]
+            for k in range(j + 1):
+                covariance[j, k] += inner_product(weighted, room[k], count)
+    for j in range(n):
+        for k in range(j):
+            covariance[k, j] = covariance[j, k]

@@ -32,7 +32,7 @@ class Kind(StrEnum):
     CLOUD = "cloud"  # read(content, file=) → pipeline.formats.depth.cloud.PointCloud
     SEQUENCE = "sequence"  # read(file) → pipeline.formats.depth.index.DepthIndex
     INTRINSICS = "intrinsics"  # read(file, width=, height=) → …depth.intrinsics.Intrinsics
-    TRAJECTORY = "trajectory"  # read(file) → table t, x, z, phi, vx, vz, vphi
+    TRAJECTORY = "trajectory"  # read(file) → table t, x:*, v:*
     BAG = "bag"  # read(file) → pipeline.formats.rosbag.Summary
     TABLE = "table"  # read(file, key=) → pipeline.formats.number_sheet.Sheet
 

@@ -1,21 +1,24 @@
 """The synthetic arm in motion: many small disturbances of a position-controlled robot, none of them
 a random Jacobian.
 
-What moves is the true joint angle q(t). The servo follows the commanded angle with speed errors
-proportional to speed; what the cameras see behind the gears is moved further by the end-effector's
-swaying, by the clearance of joint 3 and by the timing of the exposure. All of it is bounded: a
-position-controlled arm does not wander off.
+What moves is the true joint angle q(t) of an arm of any joints and task. The servo follows the
+commanded angle with speed errors proportional to speed; what the cameras see behind the gears is
+moved further by the end-effector's swaying, by the clearance of one joint and by the timing of the
+exposure. All of it is bounded: a position-controlled arm does not wander off.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import lfilter
 from scipy.special import ndtr
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
+from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
 from pipeline.laboratory.swing import desired_joints
 
@@ -64,7 +67,7 @@ def servo_times(trajectory: TrajectoryOptions, options: DynamicsOptions) -> np.n
     return np.arange(-50, round(trajectory.duration * options.rate) + 51) * dt
 
 
-def sway_share(chain: PlanarChain, speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
+def sway_share(chain: Chain, speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
     """(N,) share of the sway that there is at joint speeds ``speed`` (N, n) in rad/s."""
     pace = (
         np.linalg.norm(speed, axis=1) / np.linalg.norm(chain.max_speed)
@@ -73,69 +76,104 @@ def sway_share(chain: PlanarChain, speed: np.ndarray, options: DynamicsOptions) 
 
 
 def play_share(speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
-    """(N,) share of the play that joint 3 fills at joint speeds ``speed`` (N, n) in rad/s."""
-    return np.minimum(1.0, np.abs(speed[:, 2] / options.rattle_speed) ** options.speed_exponent)
+    """(N,) share of the play that its joint fills at joint speeds ``speed`` (N, n) in rad/s."""
+    pace = np.abs(speed[:, options.play_joint - 1] / options.rattle_speed)
+    return np.minimum(1.0, pace**options.speed_exponent)
 
 
-def true_chain(
-    nominal: PlanarChain, options: DynamicsOptions, rng: np.random.Generator
-) -> PlanarChain:
-    """The arm as it was built: the nominal chain with its session's errors of link length."""
-    lengths = nominal.lengths
-    return replace(
-        nominal,
-        links=nominal.links
-        * ((lengths + options.length_std * rng.standard_normal(3)) / lengths)[:, None],
-    )
+def require_fitting(chain: Chain, options: DynamicsOptions) -> None:
+    """ConfigError where ``options`` are those of another arm."""
+    if len(options.sway_std) != len(chain.task):
+        raise ConfigError(
+            f"laboratory.dynamics.sway_std: must have an entry for each of {', '.join(chain.task)}",
+            value=options.sway_std,
+        )
+    if not 1 <= options.play_joint <= len(chain.lower):
+        raise ConfigError(
+            f"laboratory.dynamics.play_joint: must lie between 1 and {len(chain.lower)}",
+            value=options.play_joint,
+        )
 
 
-def session_offset(options: DynamicsOptions, rng: np.random.Generator) -> np.ndarray:
-    """(3,) zero errors of the encoders in rad, constant through a session."""
-    return options.encoder_offset_std * rng.standard_normal(3)
+def true_chain(nominal: Chain, options: DynamicsOptions, rng: np.random.Generator) -> Chain:
+    """The arm as it was built: the nominal chain with its session's errors of link length, along
+    the way from each joint to the next and from the last to the tip.
+    """
+    planar = isinstance(nominal, PlanarChain)
+    links = nominal.links if planar else nominal.placements[1:, 9:]
+    lengths = nominal.lengths if planar else np.linalg.norm(links, axis=1)
+    built = lengths + options.length_std * rng.standard_normal(len(links))
+    # where two axes meet there is no link
+    ratio = np.divide(built, lengths, out=np.ones_like(lengths), where=lengths > 0)
+    if planar:
+        return replace(nominal, links=links * ratio[:, None])
+    placements = nominal.placements.copy()
+    placements[1:, 9:] *= ratio[:, None]
+    return replace(nominal, placements=placements)
+
+
+def session_offset(options: DynamicsOptions, joints: int, rng: np.random.Generator) -> np.ndarray:
+    """(joints,) zero errors of the encoders in rad, constant through a session."""
+    return options.encoder_offset_std * rng.standard_normal(joints)
+
+
+class Swing(NamedTuple):
+    """One take of the arm, at the servo's steps."""
+
+    t: np.ndarray  # (N,) s on the motion clock
+    q: np.ndarray  # (N, n) rad, true joint angles
+    servo: np.ndarray  # (N, n) rad, what the encoders feel of them, before the gears
 
 
 def simulate_take(
-    chain: PlanarChain,
+    chain: Chain,
     offset: np.ndarray,
     trajectory: TrajectoryOptions,
     options: DynamicsOptions,
     rng: np.random.Generator,
-) -> tuple[np.ndarray, np.ndarray]:
-    """One take: times (N,) in s on the motion clock and true joint angles (N, 3) in rad, at
-    ``options.rate``.
-
-    ``chain`` is the true chain, ``offset`` (3,) the session's encoder zeros in rad.
+) -> Swing:
+    """One take at ``options.rate``. ``chain`` is the true chain, ``offset`` (n,) the session's
+    encoder zeros in rad. Raises SingularJacobianError.
     """
-    dt = 1.0 / options.rate
+    dt, n = 1.0 / options.rate, len(offset)
     t = servo_times(trajectory, options)
     goal, speed = desired_joints(np.clip(t, 0.0, trajectory.duration), trajectory)
     gain = (
         1
-        + options.speed_error_std * lagged_noise((3, t.size), options.speed_error_time / dt, rng).T
+        + options.speed_error_std * lagged_noise((n, t.size), options.speed_error_time / dt, rng).T
     )
-    ripple = options.encoder_ripple * np.sin(goal + rng.uniform(0, 2 * np.pi, 3))
-    q = np.empty_like(goal)
-    q[0] = goal[0] + options.start_std * rng.standard_normal(3)
+    ripple = options.encoder_ripple * np.sin(goal + rng.uniform(0, 2 * np.pi, n))
+    servo = np.empty_like(goal)
+    servo[0] = goal[0] + options.start_std * rng.standard_normal(n)
     for i in range(t.size - 1):
-        q[i + 1] = q[i] + dt * gain[i] * (speed[i] + options.servo_gain * (goal[i] - q[i]))
-    sway = lagged_noise((3, t.size), options.sway_time / dt, rng).T * options.sway_std
+        servo[i + 1] = servo[i] + dt * gain[i] * (
+            speed[i] + options.servo_gain * (goal[i] - servo[i])
+        )
+    sway = lagged_noise((len(chain.task), t.size), options.sway_time / dt, rng).T * options.sway_std
     sway *= sway_share(chain, speed, options)[:, None]
     q = (
-        q
+        servo
         + offset
         + ripple
-        + np.einsum("tij,tj->ti", chain.inverse_jacobian(q, what="time of the laboratory"), sway)
+        + np.einsum(
+            "tij,tj->ti", chain.inverse_jacobian(servo, what="time of the laboratory"), sway
+        )
     )
     play = 2 * ndtr(lagged_noise((t.size,), options.clearance_time / dt, rng)) - 1
-    q[:, 2] += options.clearance * play * play_share(speed, options)
-    return t, q
+    q[:, options.play_joint - 1] += options.clearance * play * play_share(speed, options)
+    return Swing(t, q, servo)
 
 
 def expose(
     t: np.ndarray, q: np.ndarray, at: np.ndarray, options: DynamicsOptions, rng: np.random.Generator
 ) -> np.ndarray:
-    """(K, 3) true joint angles in rad at the instants ``at`` (K,) in s, each missed by the jitter
+    """(K, n) true joint angles in rad at the instants ``at`` (K,) in s, each missed by the jitter
     of its exposure.
     """
     instants = np.clip(at + options.jitter_std * rng.standard_normal(at.shape), t[0], t[-1])
-    return np.stack([np.interp(instants, t, q[:, j]) for j in range(3)], axis=-1)
+    return joints_at(instants, t, q)
+
+
+def joints_at(instants: np.ndarray, t: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """(K, n) ``q`` (N, n) in rad of the times ``t`` (N,) at the ``instants`` (K,), both in s."""
+    return np.stack([np.interp(instants, t, joint) for joint in q.T], axis=-1)

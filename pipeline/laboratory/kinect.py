@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import KinectOptions
-from pipeline.laboratory.scene import ArmSolid, Solid, cast, room_solid
+from pipeline.laboratory.scene import ArmPrisms, Prism, cast, room_prisms
 from pipeline.laboratory.sensor import Sensor
 
 
@@ -49,26 +49,37 @@ class DepthCamera:
         #: ``rotation @ p + translation``
         self.rotation = arm.rotation @ self._rotation
         self.translation = arm.to_base(self._position)
-        v, u = np.mgrid[: options.height, : options.width]
-        self._directions = np.stack(
-            [(u - options.cx) / options.fx, (v - options.cy) / options.fy, np.ones(u.shape)],
-            axis=-1,
+        self._x = (np.arange(options.width) - options.cx) / options.fx
+        self._y = (np.arange(options.height) - options.cy) / options.fy
+        self._arm = ArmPrisms(arm.chain, options.scene)
+        depth = np.full((options.height, options.width), np.inf, dtype=np.float32)
+        self._room = depth, np.zeros_like(depth)
+        for solid in room_prisms(arm.chain, options.scene):
+            self._draw(self._in_camera(solid), (slice(None), slice(None)), *self._room)
+        self._sensor = Sensor(
+            options, bias, np.where(np.isfinite(depth), depth, np.float32(0)), self._room[1]
         )
-        self._arm = ArmSolid(arm.chain, options.scene)
-        room = self._in_camera(room_solid(arm.chain, options.scene))
-        self._room_depth, grazing = cast(room, self._directions)
-        depth = np.where(np.isfinite(self._room_depth), self._room_depth, 0.0)
-        self._room = depth.astype(np.float32), grazing.astype(np.float32)
-        self._sensor = Sensor(options, bias, *self._room)
 
-    def _in_camera(self, solid: Solid) -> Solid:
-        return Solid((solid.vertices - self._position) @ self._rotation, solid.triangles)
+    def _in_camera(self, solid: Prism) -> Prism:
+        return solid.moved(self._rotation.T, -self._rotation.T @ self._position)
 
-    def _window(self, solid: Solid) -> tuple[slice, slice]:
+    def _draw(
+        self, solid: Prism, window: tuple[slice, slice], depth: np.ndarray, grazing: np.ndarray
+    ) -> None:
+        """Draw a solid of the camera's frame, in the rows and columns ``window``, into images
+        (height, width) of depth, infinite where nothing is, and grazing angle.
+        """
+        rows, columns = window
+        solid_depth, solid_grazing = cast(solid, self._x[columns], self._y[rows])
+        nearer = solid_depth < depth[window]
+        np.copyto(depth[window], solid_depth, where=nearer, casting="same_kind")
+        np.copyto(grazing[window], solid_grazing, where=nearer, casting="same_kind")
+
+    def _window(self, solid: Prism) -> tuple[slice, slice]:
         """Rows and columns of the image that a solid of the camera's frame covers; ConfigError
         where it is not wholly in view.
         """
-        x, y, z = solid.vertices.T
+        x, y, z = np.moveaxis(solid.ends, -1, 0)
         sizes = (self.options.height, self.options.width)
         if np.all(z > 0):
             rows, columns = (
@@ -97,11 +108,9 @@ class DepthCamera:
         Raises ConfigError where the arm is not wholly in view.
         """
         depth, grazing = (image.copy() for image in self._room)
-        solid = self._in_camera(self._arm.at(q))
-        window = self._window(solid)
-        arm_depth, arm_grazing = cast(solid, self._directions[window])
-        nearer = arm_depth < self._room_depth[window]
-        depth[window][nearer], grazing[window][nearer] = arm_depth[nearer], arm_grazing[nearer]
+        for solid in map(self._in_camera, self._arm.at(q)):
+            self._draw(solid, self._window(solid), depth, grazing)
+        depth[np.isinf(depth)] = 0.0
         return depth, grazing
 
     def observe(self, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -43,13 +43,13 @@ class Capture:
 def place_markers(
     template: np.ndarray, options: MocapOptions, rng: np.random.Generator
 ) -> np.ndarray:
-    """(3, 3, 3) where the markers (link, marker, xyz) of a session really sit in the segment
-    frames, m; one call a session.
+    """(..., 3) where the markers of a session really sit whose places are known as ``template``
+    (..., 3), both in m in the frame of their link; one call a session.
     """
     return template + options.placement_std * rng.standard_normal(template.shape)
 
 
-def _bursts(
+def bursts(
     frames: int, shape: tuple[int, ...], rate: float, mean: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Where bursts start and where one is under way, both (frames, *shape); overlapping bursts
@@ -74,7 +74,7 @@ def _exchange_labels(
     link-frames concerned.
     """
     frames = observed.shape[0]
-    starts, swapped = _bursts(frames, (3,), options.swap_rate, options.swap_frames, rng)
+    starts, swapped = bursts(frames, (3,), options.swap_rate, options.swap_frames, rng)
     drawn = rng.integers(len(PAIRS), size=(frames, 3))
     # a burst keeps the pair drawn at its start
     latest = np.maximum.accumulate(np.where(starts, np.arange(frames)[:, None], 0), axis=0)
@@ -93,7 +93,7 @@ def _lose_labels(
     Each uninterrupted stretch is a column of its own, since Motive numbers a stray marker anew at
     every appearance.
     """
-    _, lost = _bursts(
+    _, lost = bursts(
         *observed.shape[:1],
         observed.shape[1:2],
         options.lost_label_rate,
@@ -138,7 +138,7 @@ def capture(
     plane = np.einsum("njab,jmb->njma", axes, markers) + origin[:, :, None, :]
     world = arm.to_base(plane) @ rotation.T + translation
     observed = world + options.noise_std * rng.standard_normal(world.shape)
-    _, hidden = _bursts(len(q), (3, 3), options.occlusion_rate, options.occlusion_frames, rng)
+    _, hidden = bursts(len(q), (3, 3), options.occlusion_rate, options.occlusion_frames, rng)
     observed[hidden] = np.nan
     observed, swapped = _exchange_labels(observed, options, rng)
     labelled, unlabeled, lost = _lose_labels(observed.reshape(-1, 9, 3), options, rng)

@@ -1,65 +1,70 @@
-"""The scene before the depth camera: the arm's solids, its stand and the room; and the door to
-Open3D's ray casting.
+"""The scene before the depth camera, the arm, its stand and the room, and where rays meet it.
 
-Everything is a prism, so that Embree only has to say which triangle a ray meets first; the depth is
-then taken from that triangle's plane in double precision. Embree's own distance is in single
-precision and uses an approximate reciprocal that differs between makes of processor, so it must not
-reach an image that is to have the same bytes on every machine.
+Everything is a convex prism. Along a ray (x, y, 1) the plane of a face lies at an inverse depth
+that is linear in x and y, and the ray is inside of the prism between the least of those of the
+faces turned to the camera and the greatest of those turned away. Exactly rounded operations on
+doubles thus decide which face is met, also where a ray brushes an edge. Ray casters that work in
+single precision decide it there by approximate reciprocals, which differ between makes of
+processor, and the images are to have the same bytes on all.
 """
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Sequence
 from dataclasses import dataclass
-from types import ModuleType
 
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.segments import segment_frames
+from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import SceneOptions
 
 ARC = 16  # facets of half a circle
-NO_TRIANGLE = np.uint32(0xFFFFFFFF)  # Open3D's id of a ray that meets nothing
-
-
-def _load_open3d() -> ModuleType:
-    """Open3D, after the libusb that its library asks for but does not bring along."""
-    import libusb_package
-
-    ctypes.CDLL(str(libusb_package.get_library_path()), mode=ctypes.RTLD_GLOBAL)
-    import open3d
-
-    return open3d
-
-
-o3d = _load_open3d()
+# m, stands for the distance zero of a plane that passes through the camera: nothing of its face is
+# seen, and it bounds the other faces as a plane does from behind
+THROUGH = 1e-200
 
 
 @dataclass(frozen=True)
-class Solid:
-    """A triangle mesh."""
+class Prism:
+    """A convex prism."""
 
-    vertices: np.ndarray  # (V, 3) m
-    triangles: np.ndarray  # (T, 3) indices of vertices
+    ends: np.ndarray  # (2, n, 3) m, corners of both ends, turning left seen from outside the first
+
+    def moved(self, rotation: np.ndarray, translation: np.ndarray) -> Prism:
+        """Every point p of it at ``rotation @ p + translation``; no library's product, whose last
+        bits follow the instruction set.
+        """
+        return Prism((self.ends[..., None, :] * rotation).sum(axis=-1) + translation)
+
+    def faces(self) -> tuple[np.ndarray, np.ndarray]:
+        """Outward unit normals n (n + 2, 3) and distances d (n + 2,) in m of the planes n · p = d
+        of sides and ends.
+        """
+        first, second = self.ends
+        n = len(first)
+        # corners far apart, for a normal that their rounding does not turn
+        end = np.cross(first[n // 3] - first[0], first[2 * n // 3] - first[0])
+        sides = np.cross(second - first, np.roll(first, -1, axis=0) - first)
+        normal = np.concatenate([sides, [end, -end]])
+        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+        return normal, (normal * np.concatenate([first, self.ends[:, 0]])).sum(axis=-1)
 
 
-def prism(outline: np.ndarray, low: float, high: float) -> Solid:
-    """The convex polygon ``outline`` (n, 2) in x and z, extruded along y from ``low`` to ``high``
-    (m).
+def prism(outline: np.ndarray, low: float, high: float) -> Prism:
+    """The polygon ``outline`` (n, 2) in x and z, convex and turning from x to z, extruded along y
+    from ``low`` to ``high`` (m); ConfigError for any other outline.
     """
-    n = len(outline)
-    vertices = np.concatenate(
-        [np.stack([outline[:, 0], np.full(n, y), outline[:, 1]], axis=-1) for y in (low, high)]
-    )
-    i = np.arange(n)
-    after = (i + 1) % n
-    fan = np.stack([np.zeros(n - 2, dtype=int), i[1:-1], i[2:]], axis=-1)
-    sides = np.concatenate(
-        [np.stack([i, after, i + n], axis=-1), np.stack([after, after + n, i + n], axis=-1)]
-    )
-    return Solid(vertices, np.concatenate([fan, fan + n, sides]))
+    edge = np.roll(outline, -1, axis=0) - outline
+    after = np.roll(edge, -1, axis=0)
+    if not (np.all(edge[:, 0] * after[:, 1] > edge[:, 1] * after[:, 0]) and low < high):
+        raise ConfigError(
+            "laboratory.kinect.scene: a solid has no room for its width in its length, or no "
+            "extent; make it longer or more slender",
+            width=float(np.ptp(outline[:, 0])),
+            depth=high - low,
+        )
+    return Prism(np.stack([np.insert(outline, 1, y, axis=1) for y in (low, high)]))
 
 
 def _rectangle(left: float, right: float, bottom: float, top: float) -> np.ndarray:
@@ -73,105 +78,97 @@ def _rounded(bottom: float, top: float, width: float) -> np.ndarray:
     return np.concatenate([cap + np.array([0.0, top]), np.array([0.0, bottom]) - cap])
 
 
-def merge(solids: Sequence[Solid]) -> Solid:
-    """One mesh of several."""
-    first = np.cumsum([0] + [len(solid.vertices) for solid in solids[:-1]])
-    return Solid(
-        np.concatenate([solid.vertices for solid in solids]),
-        np.concatenate(
-            [solid.triangles + shift for solid, shift in zip(solids, first, strict=True)]
-        ),
-    )
-
-
-def room_solid(chain: PlanarChain, options: SceneOptions) -> Solid:
+def room_prisms(chain: PlanarChain, options: SceneOptions) -> list[Prism]:
     """Everything that stands still, in the plane's frame: turntable, stand, floor and wall."""
     x, z = chain.origin
     half, stand, far = options.base_width / 2, options.stand_width / 2, 20.0
-    return merge(
-        [
-            prism(_rectangle(x - half, x + half, 0.0, z - options.base_gap), -half, half),
-            # the neck that carries joint O1, hidden behind the first link
-            prism(
-                _rectangle(x - half / 2, x + half / 2, z - options.base_gap, z), -half / 2, half / 2
-            ),
-            prism(_rectangle(x - stand, x + stand, options.floor_height, 0.0), -stand, stand),
-            prism(
-                _rectangle(-far, far, options.floor_height - 0.1, options.floor_height),
-                -far,
-                options.wall_distance,
-            ),
-            prism(
-                _rectangle(-far, far, options.floor_height, far),
-                options.wall_distance,
-                options.wall_distance + 0.1,
-            ),
-        ]
-    )
+    return [
+        prism(_rectangle(x - half, x + half, 0.0, z - options.base_gap), -half, half),
+        # the neck that carries joint O1, hidden behind the first link
+        prism(_rectangle(x - half / 2, x + half / 2, z - options.base_gap, z), -half / 2, half / 2),
+        prism(_rectangle(x - stand, x + stand, options.floor_height, 0.0), -stand, stand),
+        prism(
+            _rectangle(-far, far, options.floor_height - 0.1, options.floor_height),
+            -far,
+            options.wall_distance,
+        ),
+        prism(
+            _rectangle(-far, far, options.floor_height, far),
+            options.wall_distance,
+            options.wall_distance + 0.1,
+        ),
+    ]
 
 
-class ArmSolid:
-    """The three links as solids that move with their segment frames."""
+class ArmPrisms:
+    """The solids of the three links, which move with their segment frames."""
 
     def __init__(self, chain: PlanarChain, options: SceneOptions) -> None:
         first, second, third = chain.lengths
         hand, finger = options.hand_share * third, options.finger_width / 2
         half = [depth / 2 for depth in options.link_depths]
-        links = [
-            prism(_rounded(0.0, first, options.link_width), -half[0], half[0]),
-            prism(_rounded(0.0, second, options.link_width), -half[1], half[1]),
-            merge(
-                [
-                    prism(
-                        _rounded(0.0, hand - options.tool_width / 2, options.tool_width),
-                        -half[2],
-                        half[2],
-                    ),
-                    prism(
-                        _rectangle(-finger, finger, 0.0, third),
-                        -options.finger_depth / 2,
-                        options.finger_depth / 2,
-                    ),
-                ]
+        self.chain = chain
+        #: index of the link and solid in its segment frame
+        self.at_rest = [
+            (0, prism(_rounded(0.0, first, options.link_width), -half[0], half[0])),
+            (1, prism(_rounded(0.0, second, options.link_width), -half[1], half[1])),
+            (
+                2,
+                prism(
+                    _rounded(0.0, hand - options.tool_width / 2, options.tool_width),
+                    -half[2],
+                    half[2],
+                ),
+            ),
+            (
+                2,
+                prism(
+                    _rectangle(-finger, finger, 0.0, third),
+                    -options.finger_depth / 2,
+                    options.finger_depth / 2,
+                ),
             ),
         ]
-        self.chain = chain
-        self.at_rest = merge(links)
-        self.link = np.repeat(np.arange(3), [len(solid.vertices) for solid in links])
 
-    def at(self, q: np.ndarray) -> Solid:
+    def at(self, q: np.ndarray) -> list[Prism]:
         """The arm at joint angles ``q`` (3,) in rad, in the plane's frame."""
         rotation, origin = segment_frames(self.chain, q)
-        moved = (
-            np.einsum("vab,vb->va", rotation[self.link], self.at_rest.vertices) + origin[self.link]
-        )
-        return Solid(moved, self.at_rest.triangles)
+        return [solid.moved(rotation[link], origin[link]) for link, solid in self.at_rest]
 
 
-def cast(solid: Solid, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def arccos(cosine: np.ndarray) -> np.ndarray:
+    """The angle in rad, from 0 to π/2, of ``cosine`` from 0 to 1, of its shape, by exactly rounded
+    operations: the last bit of the C library's follows the instruction set.
+    """
+    tangent = np.sqrt((1 - cosine) / (1 + cosine))
+    for _ in range(3):  # of a half, a quarter, an eighth and a sixteenth of the angle
+        tangent = tangent / (1 + np.sqrt(1 + tangent * tangent))
+    square, series = tangent * tangent, 0.0
+    for power in range(17, 0, -2):  # at most 0.1¹⁹/19 is left of the arc tangent's series
+        series = 1 / power - square * series
+    return 16 * tangent * series
+
+
+def cast(solid: Prism, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Depth (h, w) along the camera's z axis in m, infinite where nothing is met, and grazing angle
     (h, w) in rad; both float64.
 
-    ``solid`` in the camera's frame; ``directions`` (h, w, 3) of the rays through the camera's
-    origin with z component 1. The grazing angle is the one between ray and surface normal: 0
-    head-on, π/2 along the surface.
+    ``solid`` in the camera's frame, the camera outside of it; ``x`` (w,) and ``y`` (h,) of the
+    rays (x, y, 1) through the camera's origin. The grazing angle is the one between ray and surface
+    normal: 0 head-on, π/2 along the surface.
     """
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(
-        o3d.core.Tensor.from_numpy(solid.vertices.astype(np.float32)),
-        o3d.core.Tensor.from_numpy(solid.triangles.astype(np.uint32)),
-    )
-    rays = np.zeros((*directions.shape[:2], 6), dtype=np.float32)
-    rays[..., 3:] = directions
-    met = scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)["primitive_ids"].numpy()
-    corner, *others = np.moveaxis(solid.vertices[solid.triangles], 1, 0)
-    normal = np.cross(others[0] - corner, others[1] - corner)
-    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    offset = np.einsum("ta,ta->t", normal, corner)
-    hit = met != NO_TRIANGLE
-    triangle, ray = met[hit], directions[hit]
-    slope = (normal[triangle] * ray).sum(axis=-1)
-    depth, grazing = np.full(met.shape, np.inf), np.zeros(met.shape)
-    depth[hit] = offset[triangle] / slope
-    grazing[hit] = np.arccos(np.minimum(np.abs(slope) / np.sqrt((ray * ray).sum(axis=-1)), 1.0))
-    return depth, grazing
+    enter, leave, distance = (np.full((len(y), len(x)), value) for value in (np.inf, 0.0, 0.0))
+    for (a, b, c), d in zip(*solid.faces(), strict=True):
+        d = d if d else THROUGH
+        inverse = a / d * x + (b / d * y + c / d)[:, None]
+        if d < 0:
+            np.copyto(distance, -d, where=inverse < enter)
+            np.minimum(enter, inverse, out=enter)
+        else:
+            np.maximum(leave, inverse, out=leave)
+    if np.isinf(enter).any():
+        raise ConfigError("laboratory.kinect: the camera stands in a solid of the scene; move it")
+    met = enter > leave
+    depth = np.divide(1.0, enter, out=np.full(met.shape, np.inf), where=met)
+    cosine = distance * enter / np.sqrt(x * x + (y * y + 1)[:, None])
+    return depth, arccos(np.where(met, np.minimum(cosine, 1.0), 1.0))

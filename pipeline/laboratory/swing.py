@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.chain import PlanarChain
 from pipeline.arm.commanded import trajectory_table
+from pipeline.arm.interface import Chain
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import TrajectoryOptions
 
@@ -29,7 +29,7 @@ def _progress(t: np.ndarray, options: TrajectoryOptions) -> tuple[np.ndarray, np
 
 
 def desired_joints(t: np.ndarray, options: TrajectoryOptions) -> tuple[np.ndarray, np.ndarray]:
-    """Commanded joint angles (..., 3) in rad and speeds (..., 3) in rad/s at times ``t`` (...) in
+    """Commanded joint angles (..., n) in rad and speeds (..., n) in rad/s at times ``t`` (...) in
     s.
     """
     folded, extended = np.asarray(options.folded), np.asarray(options.extended)
@@ -37,12 +37,17 @@ def desired_joints(t: np.ndarray, options: TrajectoryOptions) -> tuple[np.ndarra
     return folded + progress[..., None] * (extended - folded), rate[..., None] * (extended - folded)
 
 
-def desired_trajectory(chain: PlanarChain, options: TrajectoryOptions) -> pd.DataFrame:
-    """The commanded end-effector trajectory xᵈ, ẋᵈ on the motion grid: columns k, t, x, z, phi, vx,
-    vz, vphi (SI).
+def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:
+    """(M+1, n) commanded joint angles in rad on the motion grid.
 
-    Raises ConfigError for a motion beyond the joints' limits of angle or speed.
+    Raises ConfigError for a motion of another number of joints, or beyond their limits of angle or
+    speed.
     """
+    if len(options.folded) != len(chain.lower):
+        raise ConfigError(
+            f"laboratory.trajectory: folded and extended must have {len(chain.lower)} angles each",
+            folded=options.folded,
+        )
     q, speed = desired_joints(
         np.arange(round(options.duration * options.rate) + 1) / options.rate, options
     )
@@ -59,4 +64,11 @@ def desired_trajectory(chain: PlanarChain, options: TrajectoryOptions) -> pd.Dat
             peak=np.abs(speed).max(axis=0).round(3).tolist(),
             limit=chain.max_speed.round(3).tolist(),
         )
-    return trajectory_table(chain, q, options.rate)
+    return q
+
+
+def desired_trajectory(chain: Chain, options: TrajectoryOptions) -> pd.DataFrame:
+    """The commanded end-effector trajectory xᵈ, ẋᵈ on the motion grid: columns k, t and the
+    families x and v (SI); raises what :func:`desired_path` does.
+    """
+    return trajectory_table(chain, desired_path(chain, options), options.rate)

@@ -6,12 +6,13 @@ The deviation from the mean path goes to first order by
     e_{k+1} = F_k e_k + w_k,   F_k = D_k − κG_k,   y_k = e_k + b + n_k,   n ~ N(0, Σ_m/2),
 
 with D_k = ∂E[q_{k+1}]/∂q at (q̄_k, v_k) and G_k = ∂E[q_{k+1}]/∂v·J(q̄_k) of the model's own mean
-(G_k = I where that is q + J⁻¹v). Cov w_k is the model's own at the measured poses and commands,
-averaged over the takes: exact for every model but for what the measurement adds to the poses, and
-for the Wishart model the normal law of the same two moments. κ enters F_k alone.
+(G_k = J⁺J where that is the nominal step, I for as many joints as task rows). Cov w_k is the
+model's own at the measured poses and commands, averaged over the takes: exact for every model but
+for what the measurement adds to the poses, and for the Wishart model the normal law of the same two
+moments. κ enters F_k alone.
 
 An estimator that leaves the measurement's noise in the model's, as those of the paper do, leaves it
-in here too: (1 + (1 − κ)²)/2 of it.
+in here too, as the loop leaves it (:func:`.closed_loop.closed_measurement`).
 
 Regressing the noise of a step on the deviation before it is no way to κ: both hold the noise of
 the same measured pose.
@@ -103,17 +104,17 @@ def state_space(model: MotionModel, recorded: Recorded, path: MeanPath, share: f
     raises ModelDomainError where ``model`` has no mean or covariance.
     """
     chain, q, v = recorded.chain, path.poses[:-1], path.v
-    jacobian = chain.jacobian(q)
+    jacobian, m = chain.jacobian(q), len(chain.task)
     drift, correction = np.empty((2, *q.shape, q.shape[-1]))
     for j, h in enumerate(PERTURBATION * np.eye(q.shape[-1])):
         drift[..., j] = model.mean(chain, q + h, v) - model.mean(chain, q - h, v)
-        step = np.matvec(jacobian, h)
+        step = np.zeros_like(v)
+        step[:, :m] = np.matvec(jacobian, h)
         correction[..., j] = model.mean(chain, q, v + step) - model.mean(chain, q, v - step)
-    commanded = v + share * (chain.pose(q) - chain.pose(recorded.q))
     return StateSpace(
         drift / (2 * PERTURBATION),
         correction / (2 * PERTURBATION),
-        model.covariance(chain, recorded.q, commanded).mean(axis=0),
+        model.covariance(chain, recorded.q, path.corrected(recorded.q, share)).mean(axis=0),
         recorded.measurement / 2,
         np.any(recorded.v, axis=-1),
     )

@@ -41,32 +41,36 @@ def solve_perturbation(
     weights: tuple[float, float],
     floor: float,
 ) -> tuple[np.ndarray, float]:
-    """B⁻¹ (n, n) and the objective F of (BsampOpt) under (const10) as B⁻¹ ⪰ εI.
+    """B⁻¹ (m, m) and the objective F of (BsampOpt) under (const10) as B⁻¹ ⪰ εI.
 
-    ``noise`` ω (n,) in rad, measured minus nominal; ``v`` ẋᵈΔt (n,); ``j1`` and ``j2`` the factors
-    of the Jacobian (n, n); ``weights`` (α₁, α₂); ``floor`` ε. Raises SolverError.
+    Solved in units of ‖ω‖, as the solver's tolerances are absolute. Raises SolverError.
 
-    Solved in units of ‖ω‖, as the solver's tolerances are absolute.
+    Args:
+        noise: (n,) ω in rad, measured minus nominal.
+        v: (m,) ẋᵈΔt.
+        j1: (m, m) first factor of the Jacobian.
+        j2: (m, n) the second.
+        weights: (α₁, α₂).
+        floor: ε.
     """
-    n, size = len(noise), float(np.linalg.norm(noise))
+    m, size = len(v), float(np.linalg.norm(noise))
     unit = size if 0 < size < np.inf else 1.0
     alpha1, alpha2 = weights
-    j1_inv, j2_inv, j_inv = np.linalg.inv(j1), np.linalg.inv(j2), np.linalg.inv(j1 @ j2)
-    b_inv = cp.Variable((n, n), symmetric=True)
-    a, step = j1_inv @ v, j_inv @ v
-    rest = (noise + step) / unit - (j2_inv / unit) @ (b_inv @ a)
-    objective = alpha1 * cp.norm(rest) + alpha2 / unit * cp.norm(b_inv - np.eye(n), "fro")
+    b_inv = cp.Variable((m, m), symmetric=True)
+    a, step, back = np.linalg.inv(j1) @ v, np.linalg.pinv(j1 @ j2) @ v, np.linalg.pinv(j2)
+    rest = (noise + step) / unit - (back / unit) @ (b_inv @ a)
+    objective = alpha1 * cp.norm(rest) + alpha2 / unit * cp.norm(b_inv - np.eye(m), "fro")
     value = _solve(
-        cp.Problem(cp.Minimize(objective), [b_inv >> floor * np.eye(n)]),
+        cp.Problem(cp.Minimize(objective), [b_inv >> floor * np.eye(m)]),
         noise=noise.tolist(),
         floor=floor,
     )
     return b_inv.value, unit * value
 
 
-def solve_noise_covariance(norm: float, alpha: float, u: float, n: int) -> np.ndarray:
-    """(n, n) Σ_k of (cost)–(const2): maximise ln|Σ| subject to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0,
-    with ``norm`` ‖J‖_F. Raises SolverError.
+def solve_noise_covariance(norm: float, alpha: float, u: float, n: int, m: int) -> np.ndarray:
+    """(m, m) Σ_k of (cost)–(const2) for a matrix J (n, m) of ``norm`` ‖J‖_F: maximise ln|Σ| subject
+    to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0, with levels ``alpha`` α and ``u``. Raises SolverError.
 
     Σ is solved for in units of the bound, as the solver's tolerances are absolute: that adds a
     constant to ln|Σ|.
@@ -79,7 +83,7 @@ def solve_noise_covariance(norm: float, alpha: float, u: float, n: int) -> np.nd
             alpha=alpha,
             u=u,
         )
-    sigma = cp.Variable((n, n), symmetric=True)
+    sigma = cp.Variable((m, m), symmetric=True)
     _solve(
         cp.Problem(cp.Maximize(cp.log_det(sigma)), [cp.trace(n * sigma) <= 1, sigma >> 0]),
         norm=norm,

@@ -2,40 +2,66 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import int64, types
 
-from pipeline.arm.chain import JOINTS, PlanarChain
-from pipeline.arm.compiled import ARM, Arm, arm_numbers, pose
+from pipeline.arm.chain import PlanarChain
+from pipeline.arm.compiled import ARM
+from pipeline.arm.interface import Chain
+from pipeline.arm.numbers import Arm
+from pipeline.arm.serial_compiled import WIDTH
 from pipeline.core.compiled import MATRIX, VECTOR, compiled, inlined, inner
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.law import CUBE, GENERATOR, NUMBERS, STEP, Numbers, at, block
+from pipeline.models.correction import correction
+from pipeline.models.law import CORRECTION, CUBE, GENERATOR, NUMBERS, STEP, Numbers, Poses
 from pipeline.models.model import Law, MotionModel
+from pipeline.models.serial import rows_of_room
 from pipeline.randommatrix.variates import gamma_law, standard_gamma, standard_normal
 
-BLOCK = 256  # poses that are moved at once
+# poses that are moved at once, of a planar chain; of any other arm as many as its room is wide
+BLOCK = 256
+LINE = 8  # floats in a line of the processor's cache
 
 
-def numbers_for(law: Law, poses: int = BLOCK) -> Numbers:
-    """Room for the random numbers that a block of at most so many ``poses`` takes under ``law``."""
+def numbers_for(law: Law, chain: Chain, poses: int | None = None) -> Numbers:
+    """Room for the random numbers that a block of at most so many ``poses`` takes under ``law``,
+    and for the kinematics of ``chain``.
+    """
     sets, each = law.normals
+    m, n, planar = len(chain.task), len(chain.lower), isinstance(chain, PlanarChain)
+    size = poses or (BLOCK if planar else WIDTH)
     return Numbers(
-        gamma_law(law.degrees / 2.0),
+        np.array([gamma_law(each / 2.0) for each in law.degrees]).reshape(-1, 3),
         each,
-        np.empty(poses),
-        np.empty((sets * each, poses)),
-        np.empty((JOINTS, poses)),
+        _aligned(len(law.degrees), size),
+        _aligned(sets * each, size),
+        _aligned(m if m == n else m + n, size),
+        _aligned(0 if planar else rows_of_room(n, m), size),
     )
+
+
+def _aligned(rows: int, size: int) -> np.ndarray:
+    """(rows, size) floats, not set, from the start of a line of the processor's cache on: NumPy
+    starts anywhere, and what is computed four at once would go across the lines' ends.
+    """
+    floats = np.empty(rows * size + LINE)
+    first = -floats.ctypes.data % (8 * LINE) // 8
+    return floats[first : first + rows * size].reshape(rows, size)
 
 
 @inner
 def draw(numbers: Numbers, count: int, rng: np.random.Generator) -> None:
-    """Fill ``numbers`` for the first ``count`` poses of a block: the χ² variates of all of them, if
-    there are any, then set by set the normals, those of one pose in a row.
+    """Fill ``numbers`` for the first ``count`` poses of a block: the χ² variates of all of them,
+    one after the other, then set by set the normals, those of one pose in a row.
     """
-    if numbers.gamma[0] > 0.0:
+    for k in range(len(numbers.gamma)):
+        law = (numbers.gamma[k, 0], numbers.gamma[k, 1], numbers.gamma[k, 2])
         for i in range(count):
-            numbers.chi_square[i] = 2.0 * standard_gamma(numbers.gamma, rng)
+            numbers.chi_square[k, i] = 2.0 * standard_gamma(law, rng)
+    if numbers.each == 0:
+        return
     for first in range(0, len(numbers.normal), numbers.each):
         for i in range(count):
             for j in range(first, first + numbers.each):
@@ -44,46 +70,48 @@ def draw(numbers: Numbers, count: int, rng: np.random.Generator) -> None:
 
 @inlined
 def move_block(
-    step: object,
+    step: Callable,
+    correct: Callable,
     numbers: Numbers,
     parameters: np.ndarray,
     arm: Arm,
     v: np.ndarray,
     target: np.ndarray,
     share: float,
-    here: tuple,
-    there: tuple,
+    q: np.ndarray,
+    moved: np.ndarray,
+    start: int,
+    count: int,
     rng: np.random.Generator,
 ) -> int:
-    """Fill ``there`` with draws of the next poses after those of the block ``here`` under ``v +
-    share·(target − x(q))``; for how many the noise was clipped.
+    """Fill ``count`` columns of ``moved`` from ``start`` on with draws of the next poses under
+    ``v + share·(target − x(q))``; for how many the noise was clipped. A call, with all that it
+    is handed, would take a tenth of a planar arm's step.
 
     Args:
         step: the law, with its ``parameters``, and room for its ``numbers``.
+        correct: the chain's correction (:mod:`pipeline.models.correction`).
         arm: the chain's numbers.
-        v: (m,) commanded step.
-        target: (m,) pose that the loop holds the arm to; not looked at where ``share`` is 0.
+        v: (m,) or (m + n,) commanded step.
+        target: pose that the loop holds the arm to; not looked at where ``share`` is 0.
         share: κ, of the deviation that the step corrects; 0 of an open loop.
-        here: a block of poses, and ``there`` their next ones.
+        q: (n, P) poses in rad, and ``moved`` (n, P) their next ones.
+        start: of the block, and ``count`` its poses.
         rng: of the random numbers.
     """
-    count, command = len(here[0]), numbers.command
     draw(numbers, count, rng)
+    poses = Poses(numbers.command, q, moved, start, count)
     for r in range(len(v)):
         for i in range(count):
-            command[r, i] = v[r]
+            poses.command[r, i] = v[r]
     if share > 0.0:
-        for i in range(count):
-            x, z, phi = pose(arm, at(here, i))
-            command[0, i] += share * (target[0] - x)
-            command[1, i] += share * (target[1] - z)
-            command[2, i] += share * (target[2] - phi)
-    return step(numbers, parameters, arm, block(command, 0, count), here, there)
+        correct(arm, target, share, poses, numbers.room)
+    return step(numbers, parameters, arm, poses)
 
 
 def draw_steps(
     model: MotionModel,
-    chain: PlanarChain,
+    chain: Chain,
     q: np.ndarray,
     v: np.ndarray,
     rng: np.random.Generator,
@@ -91,15 +119,16 @@ def draw_steps(
     """One draw of q_{k+1} for each of the poses ``q`` (..., n) in rad, of the same shape, and for
     how many of them the noise was clipped at zero.
 
-    ``v`` (n,) or (M, n) are commanded steps (m, m, rad): all poses take the one, or those at ``q``
-    (..., M, n) each its own. Draws are made command by command, of all poses under one, in blocks.
+    ``v`` (m,) or (M, m), or m + n of an arm with more joints than task rows, are commanded steps
+    (m, m, rad): all poses take the one, or those at ``q`` (..., M, n) each its own. Draws are made
+    command by command, of all poses under one, in blocks.
 
     Raises:
         SingularJacobianError: at a singular pose, where no model is defined.
         ModelDomainError: where a draw is not finite, as at poses without a decomposition.
     """
     chain.require_regular(q)
-    law, commands = model.law(), np.atleast_2d(np.asarray(v, dtype=float))
+    law, commands = model.law(chain), np.atleast_2d(np.asarray(v, dtype=float))
     n = q.shape[-1]
     # (M, poses under one command, n), whose joints come first in memory for the law
     if np.ndim(v) == 1:
@@ -110,9 +139,10 @@ def draw_steps(
     moved = np.empty_like(before)
     clipped = _draw_steps(
         law.step,
-        numbers_for(law),
+        correction(chain),
+        numbers_for(law, chain),
         law.parameters,
-        arm_numbers(chain),
+        chain.numbers(),
         np.ascontiguousarray(commands),
         before,
         moved,
@@ -133,9 +163,22 @@ def draw_steps(
     return drawn, clipped
 
 
-@compiled(int64(types.FunctionType(STEP), NUMBERS, VECTOR, ARM, MATRIX, CUBE, CUBE, GENERATOR))
+@compiled(
+    int64(
+        types.FunctionType(STEP),
+        types.FunctionType(CORRECTION),
+        NUMBERS,
+        VECTOR,
+        ARM,
+        MATRIX,
+        CUBE,
+        CUBE,
+        GENERATOR,
+    )
+)
 def _draw_steps(
-    step: object,
+    step: Callable,
+    correct: Callable,
     numbers: Numbers,
     parameters: np.ndarray,
     arm: Arm,
@@ -145,12 +188,25 @@ def _draw_steps(
     rng: np.random.Generator,
 ) -> int:
     """Fill ``moved`` (M, n, N) with draws of the next poses after ``q`` (M, n, N) under ``v`` (M,
-    n); for how many the noise was clipped.
+    m); for how many the noise was clipped.
     """
-    clipped, count = 0, q.shape[2]
+    clipped, poses, size = 0, q.shape[2], numbers.command.shape[1]
     for k in range(len(v)):
-        for start in range(0, count, BLOCK):
-            stop = start + BLOCK if start + BLOCK < count else count
-            here, there = block(q[k], start, stop), block(moved[k], start, stop)
-            clipped += move_block(step, numbers, parameters, arm, v[k], v[k], 0.0, here, there, rng)
+        for start in range(0, poses, size):
+            count = size if start + size < poses else poses - start
+            clipped += move_block(
+                step,
+                correct,
+                numbers,
+                parameters,
+                arm,
+                v[k],
+                v[k],
+                0.0,
+                q[k],
+                moved[k],
+                start,
+                count,
+                rng,
+            )
     return clipped

@@ -1,14 +1,14 @@
 """What a compiled law of one step is: the function that moves a block of poses.
 
-A law ``step(numbers, parameters, arm, v, q, moved) -> clipped`` makes q_{k+1} of the poses of a
-block of their random ``numbers``. ``parameters`` (K,) are the model's, ``arm`` the chain's; ``v``
-has an array (N,) for each task row, the poses' commanded steps (m, m, rad), ``q`` one for each
-joint, in rad, and ``moved`` as many, to be filled; ``clipped`` is for how many of them the noise
-was clipped at zero. Which numbers a step takes is said by :class:`pipeline.models.model.Law`.
+A law ``step(numbers, parameters, arm, poses) -> clipped`` makes q_{k+1} of a block of ``poses`` of
+their random ``numbers``. ``parameters`` (K,) are the model's, ``arm`` the chain's; ``clipped`` is
+for how many of the poses the noise was clipped at zero. Which numbers a step takes is said by
+:class:`pipeline.models.model.Law`. An arm whose joints form a planar chain of three has laws of its
+own, in closed form: by those of any arm most of its steps take twice as long.
 
 That the numbers of a block are there before the law begins has two reasons: a loop without a call
 to the generator is one that the compiler turns into instructions for four poses at once, and how
-numbers are drawn is compiled once and not in every law. A joint has an array of its own for the
+numbers are drawn is compiled once and not in every law. The poses come last in every array for the
 first reason too.
 """
 
@@ -19,48 +19,70 @@ from typing import NamedTuple
 import numpy as np
 from numba import float64, int64, types
 
-from pipeline.arm.chain import JOINTS
-from pipeline.arm.compiled import ARM, Arm, joint_step, segments
+from pipeline.arm.compiled import ARM, Plane, joint_step, segments
 from pipeline.core.compiled import MATRIX, VECTOR, inlined
 from pipeline.core.errors import ModelDomainError
 
 
 class Numbers(NamedTuple):
-    """Standard random numbers of a block of at most N poses."""
+    """Standard random numbers of a block of at most N poses, and room for what else it takes."""
 
-    # law of half a χ² variate (pipeline.randommatrix.variates); shape 0 where a step takes none
-    gamma: tuple[float, float, float]
+    # of each χ² variate of a step the law of its half (pipeline.randommatrix.variates)
+    gamma: np.ndarray  # (G, 3)
     each: int  # normals of a pose in a set
-    chi_square: np.ndarray  # (N,)
+    chi_square: np.ndarray  # (G, N)
     normal: np.ndarray  # (sets·each, N)
-    command: np.ndarray  # (m, N) room for the commanded step of each pose
+    command: np.ndarray  # (m or m + n, N) the commanded step of each pose
+    room: np.ndarray  # (R, N) scratch of the arm's kinematics
+
+
+class Poses(NamedTuple):
+    """A block: ``count`` poses from number ``start`` on."""
+
+    # (m, N) the commanded step of each pose of the block; (m + n, N) of an arm with more joints
+    # than task rows (:class:`pipeline.models.commands.Commands`)
+    command: np.ndarray
+    q: np.ndarray  # (n, P) all poses, rad
+    moved: np.ndarray  # (n, P), to be filled
+    start: int
+    count: int
 
 
 GENERATOR = types.npy_rng
-ROW = types.UniTuple(float64, JOINTS)  # a number for each joint or task row
-NUMBERS = types.NamedTuple((types.UniTuple(float64, 3), int64, VECTOR, MATRIX, MATRIX), Numbers)
-BLOCKS = types.UniTuple(VECTOR, JOINTS)
+NUMBERS = types.NamedTuple((MATRIX, int64, MATRIX, MATRIX, MATRIX, MATRIX), Numbers)
 CUBE = types.Array(float64, 3, "C")
-STEP = int64(NUMBERS, VECTOR, ARM, BLOCKS, BLOCKS, BLOCKS)
+POSES = types.NamedTuple((MATRIX, MATRIX, MATRIX, int64, int64), Poses)
+STEP = int64(NUMBERS, VECTOR, ARM, POSES)
+# (arm, target, share, poses, room): adds share·(target − x(q)) to the commands
+CORRECTION = types.void(ARM, VECTOR, float64, POSES, MATRIX)
 
 
-def row_by_row(matrix: np.ndarray) -> np.ndarray:
-    """(n·n,) ``matrix`` (n, n) as the parameters of a law hold it.
+def row_by_row(matrix: np.ndarray, size: int) -> np.ndarray:
+    """(size·size,) ``matrix`` (size, size) as the parameters of a law hold it.
 
-    Raises ModelDomainError where n is not the number of joints that laws are compiled for.
+    Raises ModelDomainError for a matrix of another size than the arm's joints or task rows.
     """
-    if matrix.shape != (JOINTS, JOINTS):
+    if matrix.shape != (size, size):
         raise ModelDomainError(
-            f"a step is compiled for {JOINTS} joints, not for a matrix of another size",
+            f"the model's matrix is not one of the {size} joints or task rows of this arm; run "
+            "the stage fit for it",
             shape=matrix.shape,
         )
     return matrix.ravel()
 
 
 @inlined
-def block(q: np.ndarray, start: int, stop: int) -> tuple[np.ndarray, ...]:
-    """Poses ``start`` to ``stop`` of ``q`` (n, N), an array for each joint."""
-    return q[0, start:stop], q[1, start:stop], q[2, start:stop]
+def planar(poses: Poses) -> tuple[tuple[np.ndarray, ...], ...]:
+    """The commands, the poses and room for the next ones of a block of three joints and task rows,
+    an array for each of these.
+    """
+    start, count = poses.start, poses.count
+    v, q, moved, stop = poses.command, poses.q, poses.moved, start + count
+    return (
+        (v[0, :count], v[1, :count], v[2, :count]),
+        (q[0, start:stop], q[1, start:stop], q[2, start:stop]),
+        (moved[0, start:stop], moved[1, start:stop], moved[2, start:stop]),
+    )
 
 
 @inlined
@@ -70,9 +92,9 @@ def at(q: tuple, i: int) -> tuple[float, ...]:
 
 
 @inlined
-def nominal_step(arm: Arm, q: tuple, i: int, v: tuple) -> tuple[float, ...]:
+def nominal_step(plane: Plane, q: tuple, i: int, v: tuple) -> tuple[float, ...]:
     """J(q)⁻¹v in rad of pose ``i`` of a block ``q`` for its own step ``v``, a number a task row."""
-    return joint_step(arm, segments(arm, at(q, i)), v)
+    return joint_step(plane, segments(plane, at(q, i)), v)
 
 
 @inlined

@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
 
 
 class Law(NamedTuple):
@@ -17,19 +18,21 @@ class Law(NamedTuple):
     parameters: np.ndarray  # (K,) for it
     # that a pose takes: of all poses of a block one set after the other, and how many in a set
     normals: tuple[int, int]
-    degrees: float = 0.0  # of freedom of the one χ² variate that a pose takes; 0 for none
+    degrees: tuple[float, ...] = ()  # of freedom of the χ² variates that a pose takes
 
 
 class MotionModel(Protocol):
     """p(q_{k+1} | q_k) for the commanded step v = ẋᵈ_kΔt.
 
-    In every method ``q`` (..., n) are joint angles in rad and ``v`` (n,) or (..., n) is in m, m,
-    rad. All raise SingularJacobianError where J(q) has no inverse, the moments ModelDomainError
-    where they do not exist.
+    In every method ``q`` (..., n) are joint angles in rad and ``v`` (m,) or (..., m) or longer is a
+    command (:mod:`pipeline.models.commands`). All raise SingularJacobianError where J(q) has no
+    inverse, the moments ModelDomainError where they do not exist.
     """
 
-    def law(self) -> Law:
-        """A step for compiled code, and for :func:`pipeline.models.draws.draw_steps`."""
+    def law(self, chain: Chain) -> Law:
+        """A step of the arm ``chain`` for compiled code, and for
+        :func:`pipeline.models.draws.draw_steps`.
+        """
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n) E[q_{k+1} | q_k = q] in rad."""

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError
 
 
-def process_noise(chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+def process_noise(chain: Chain, q: np.ndarray, command: np.ndarray) -> np.ndarray:
     """(takes, M, n) noise ω_{k+1} = q̃_{k+1} − q̃_k − J(q̃_k)⁻¹ẋᵈ_kΔt in rad, entry k being the
-    step from k to k + 1.
+    step from k to k + 1; of a redundant arm the nominal step is that of its whole command.
 
-    ``q`` (takes, M+1, n) measured joint angles in rad; ``v`` (M, n) commanded steps ẋᵈ_kΔt (m, m,
-    rad). Measured minus nominal, as the additive model (InvDiffRndm) and (Omegk) need it; (OmgReal)
-    prints the opposite sign. Raises SingularJacobianError.
+    ``q`` (takes, M+1, n) measured joint angles in rad; ``command`` (M, m) steps ẋᵈ_kΔt (m, rad), or
+    (M, m + n) as the interface of chains has them. Measured minus nominal, as the additive model
+    (InvDiffRndm) and (Omegk) need it; (OmgReal) prints the opposite sign. Raises
+    SingularJacobianError.
     """
-    nominal = q[:, :-1] + np.matvec(chain.inverse_jacobian(q[:, :-1], what="measured pose"), v)
+    chain.require_regular(q[:, :-1], what="measured pose")
+    nominal = q[:, :-1] + chain.nominal_step(q[:, :-1], command)
     return q[:, 1:] - nominal
 
 
@@ -46,8 +48,8 @@ def measurement_covariance(noise: np.ndarray, v: np.ndarray) -> np.ndarray:
     steps without a command, v_k = 0.
 
     Where the robot rests ω is nothing but the noise of the two measured poses it is made of, so Σ_m
-    holds both; ``v`` (M, n) commanded steps. Raises ModelDomainError where the motion never rests,
-    or for a single take.
+    holds both; ``v`` (M, m) or longer, commands. Raises ModelDomainError where the motion never
+    rests, or for a single take.
     """
     still = ~np.any(v, axis=-1)
     if not np.any(still):
@@ -64,7 +66,7 @@ def rest_covariance(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
     A measured pose's noise, and with it what a take is off all through, as by the pose of the
     cameras' frame, which Σ_m, of differences, does not hold. A closed loop takes it for the
-    measurement's, as it takes the arm at rest to be on its path. ``v`` (M, n) commanded steps;
+    measurement's, as it takes the arm at rest to be on its path. ``v`` (M, m) or longer, commands;
     raises ModelDomainError as :func:`measurement_covariance`.
     """
     return measurement_covariance(q[:, :-1], v)

@@ -21,8 +21,8 @@ def realize(
     """(N, M+1, n) joint angles in rad, for how many steps the noise had to be clipped, and how many
     realisations were lost.
 
-    ``q`` (N, M+1, n) recorded angles in rad, one take a realisation; ``v`` (M, n) commanded steps
-    (m, m, rad). ``one_step``: each step starts at the recorded pose, so that what spreads is the
+    ``q`` (N, M+1, n) recorded angles in rad, one take a realisation; ``v`` (M, m) or longer,
+    commands. ``one_step``: each step starts at the recorded pose, so that what spreads is the
     process noise of one step. ``free_running``: each realisation starts at its take's start pose
     and goes on from where it came to; one that comes to a singular pose, where no model is defined,
     is lost: NaN from there on. Raises ConfigError for another mode, SingularJacobianError for a
@@ -71,7 +71,7 @@ def realized_moments(
         )
     spread = realized
     if mode == "one_step":
-        nominal = q[:, :-1] + np.matvec(chain.inverse_jacobian(q[:, :-1], what="measured pose"), v)
+        nominal = q[:, :-1] + chain.nominal_step(q[:, :-1], v)
         spread = np.concatenate([np.zeros_like(q[:, :1]), realized[:, 1:] - nominal], axis=1)
     mean, deviation = np.nanmean(realized, axis=0), np.nanstd(spread, axis=0, ddof=1)
     try:

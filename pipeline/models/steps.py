@@ -17,11 +17,12 @@ from pipeline.models.noise import measurement_covariance
 
 @dataclass(frozen=True)
 class Recorded:
-    """Recorded steps of one motion of n joints: what every estimator is given."""
+    """Recorded steps of one motion of n joints and m task rows: what every estimator is given."""
 
     chain: PlanarChain
     q: np.ndarray  # (takes, M, n) rad, measured pose before each step
-    v: np.ndarray  # (M, m) m, m, rad, commanded steps; of a closed loop (takes, M, m)
+    # (M, m) or (M, m + n), commands (pipeline.models.commands); of a closed loop one for each take
+    v: np.ndarray
     noise: np.ndarray  # (takes, M, n) rad, ω of each step
     joints: tuple[str, ...]  # names of the joints, base to tip
     known_measurement: np.ndarray | None = None  # (n, n) rad², where Σ_m is known
@@ -40,7 +41,7 @@ class Recorded:
     @property
     def q_next(self) -> np.ndarray:
         """(takes, M, n) rad, measured pose after each step."""
-        return self.q + np.matvec(self.chain.inverse_jacobian(self.q), self.v) + self.noise
+        return self.q + self.chain.nominal_step(self.q, self.v) + self.noise
 
     def subset(self, takes: np.ndarray) -> Recorded:
         """The takes with these numbers, as often as each is named."""
@@ -88,13 +89,13 @@ def mean_log_likelihood(recorded: Recorded, model: MotionModel) -> float:
 def moving_steps(
     q: np.ndarray, v: np.ndarray, noise: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(N, n) each: poses, commanded steps and ω of the steps with a command, the only ones that say
-    anything of a matrix model.
+    """Poses (N, n), commands (N, m) or longer and ω (N, n) of the steps with a command, the only
+    ones that say anything of a matrix model.
 
-    ``q`` and ``noise`` (takes, M, n) in rad, ``v`` (M, n) or (takes, M, n). Raises
+    ``q`` and ``noise`` (takes, M, n) in rad, ``v`` (M, m) or (takes, M, m) or longer. Raises
     ModelDomainError for a motion at rest throughout.
     """
-    commanded = np.broadcast_to(v, q.shape)
+    commanded = np.broadcast_to(v, (*q.shape[:-1], v.shape[-1]))
     moving = np.any(commanded, axis=-1)
     if not np.any(moving):
         raise ModelDomainError(

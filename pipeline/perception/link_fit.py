@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.arm.rigid import nearest_rotation
 from pipeline.arm.segments import rotation_about_normal, segment_frames
 
 
@@ -25,9 +26,7 @@ def fit_segments(markers: np.ndarray, template: np.ndarray) -> tuple[np.ndarray,
     reference = (template - (weight * template).sum(axis=-2, keepdims=True)) * present[..., None]
     rotation = np.swapaxes(measured, -1, -2) @ reference
     three = number == 3
-    u, _, vt = np.linalg.svd(rotation[three])
-    u[..., 2] *= np.linalg.det(u @ vt)[..., None]
-    rotation[three] = u @ vt
+    rotation[three] = nearest_rotation(rotation[three])
     # the same formula maximises tr(R_y(ψ)ᵀ M) for a rotation M and for the cross-covariance of two
     # markers
     psi = np.arctan2(

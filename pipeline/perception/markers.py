@@ -4,35 +4,17 @@ rotation about the joint axes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.motion_capture import Mocap
+from pipeline.perception.joint_track import JointTrack, fill_gaps
 from pipeline.perception.labels import correct_labels
 from pipeline.perception.link_fit import fit_segments
 
 MIN_LEVER = 0.01  # m; two markers closer than this in the plane give no angle worth having
-
-
-@dataclass(frozen=True)
-class JointTrack:
-    """Joint angles of one take.
-
-    ``q`` (N, n) rad, continuous in time. ``residual`` (N,) rms distance of the markers to the
-    fitted links in m, NaN where the frame was filled in. ``counts``: samples ``missing`` (label
-    without a position), ``relabelled`` (moved to another label), ``adopted`` (taken from the
-    unlabelled markers), ``rejected`` (labelled, but no marker of the arm); ``two_marker_fits``
-    (link and frame); frames ``interpolated`` (linearly in q) and ``held`` (before the first or
-    after the last solved frame).
-    """
-
-    q: np.ndarray
-    residual: np.ndarray
-    counts: dict[str, int]
 
 
 def track_rows(rows: pd.DataFrame, mocap: Mocap, arm: Arm, *, take: str) -> JointTrack:
@@ -72,6 +54,10 @@ def track_joints(
     take: str = "",
 ) -> JointTrack:
     """Joint angles of one take from its markers.
+
+    Its counts: samples ``missing`` (label without a position), ``relabelled`` (moved to another
+    label), ``adopted`` (taken from the unlabelled markers), ``rejected`` (labelled, but no marker
+    of the arm); ``two_marker_fits`` (link and frame); frames ``interpolated`` and ``held``.
 
     Raises RecordingError (take and frames) for longer gaps than ``max_gap`` or markers that never
     fit the arm, ConfigError for a template that determines no angle.
@@ -113,8 +99,8 @@ def track_joints(
     counts["two_marker_fits"] = int((present.sum(axis=-1) == 2).sum())
     residual = np.full(len(q), np.nan)
     residual[solved] = np.sqrt(square.sum(axis=-1) / present.sum(axis=(-2, -1)))
-    q, filled = _fill_gaps(q, solved, max_gap, take)
-    return JointTrack(q, residual, counts | filled)
+    q, filled = fill_gaps(q, solved, max_gap, take, lack="shows two markers of every link")
+    return JointTrack(q, residual, counts | filled, samples=markers[..., 0].size)
 
 
 def check_template(template: np.ndarray) -> None:
@@ -135,25 +121,3 @@ def check_template(template: np.ndarray) -> None:
                 "the arm",
                 link=link,
             )
-
-
-def _fill_gaps(
-    q: np.ndarray, solved: np.ndarray, max_gap: int, take: str
-) -> tuple[np.ndarray, dict[str, int]]:
-    """Continuous angles, linear in time across gaps, held at the ends of the take."""
-    frames = np.flatnonzero(solved)
-    if not len(frames):
-        raise RecordingError("no frame shows two markers of every link", take=take)
-    edges = np.concatenate([[-1], frames, [len(q)]])
-    longest = int(np.argmax(np.diff(edges)))
-    if edges[longest + 1] - edges[longest] - 1 > max_gap:
-        raise RecordingError(
-            f"markers give no joint angles for longer than {max_gap} frames: repair the labels, "
-            "or leave the take out",
-            take=take,
-            frames=f"{edges[longest] + 1} to {edges[longest + 1] - 1}",
-        )
-    known = np.unwrap(q[frames], axis=0)
-    q = np.stack([np.interp(np.arange(len(q)), frames, joint) for joint in known.T], axis=1)
-    held = int(frames[0] + len(q) - 1 - frames[-1])
-    return q, {"interpolated": len(q) - len(frames) - held, "held": held}

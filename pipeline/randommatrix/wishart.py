@@ -72,8 +72,10 @@ def largest_dispersion(n: int, *, inverse_moments: int = 0) -> float:
     ``inverse_moments`` moments.
 
     They exist for d > n − 1 (none), d > n + 1 (the mean), d > n + 3 (the variance): Eq. (invmomnt).
+    A matrix of one number has a density for every σ_B.
     """
-    return float(np.sqrt((n + 1) / (n - 1 + 2 * inverse_moments)))
+    least = n - 1 + 2 * inverse_moments  # of a number no dispersion is too large
+    return float(np.sqrt((n + 1) / least)) if least else np.inf
 
 
 def maxent_theta(sigma_b: float, n: int) -> float:

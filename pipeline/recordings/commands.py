@@ -7,26 +7,17 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.chain import TASK
-from pipeline.core.columns import columns, values
+from pipeline.core.columns import values
 
 STEADY = 0.9  # of the speed, so that noise of the mean path leaves no gap
 
 
-def task_columns(trajectory: pd.DataFrame) -> pd.DataFrame:
-    """The table ``trajectory`` from the columns k, t, x, z, phi, vx, vz, vphi of a commanded
-    trajectory: its families x and v.
-    """
-    names = dict(zip(TASK, columns("x", TASK), strict=True))
-    names |= dict(zip((f"v{row}" for row in TASK), columns("v", TASK), strict=True))
-    return trajectory[["k", "t", *names]].rename(columns=names)
-
-
 def commanded_steps(trajectory: pd.DataFrame, rate: float) -> np.ndarray:
     """(M, m) v = ẋᵈΔt of the steps that start at k = 0 … M − 1 of the table ``trajectory``, in m
-    and rad; ``rate`` of the motion in 1/s.
+    and rad; ``rate`` of the motion in 1/s. Of a redundant arm (M, m + n): v, and the commanded
+    joint steps that it leaves a choice of.
     """
-    return values(trajectory, "v")[:-1] / rate
+    return np.hstack([values(trajectory, family) for family in ("v", "u")])[:-1] / rate
 
 
 def constant_speed(q: np.ndarray) -> np.ndarray:

@@ -61,6 +61,8 @@ def _patterns(dataset: Dataset) -> dict[str, list[tuple[str, str]]]:
         named["motion"] += [("mocap.training", mocap.training), ("mocap.test", mocap.test)]
     if log is not None:
         named["motion"].append(("joint_log.movements", log.movements))
+    if dataset.encoders is not None:
+        named["motion"].append(("encoders.takes", dataset.encoders.takes))
     if depth is not None:
         named["depth"] += [("depth.takes", depth.takes), ("depth.intrinsics", depth.intrinsics)]
     if force is not None:

@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from pipeline.arm.commanded import trajectory_table
-from pipeline.arm.model import Arm
+from pipeline.arm.interface import Chain
 from pipeline.core.columns import spread
-from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
-from pipeline.core.options.logs import SIGNALS, JointLog
-from pipeline.formats.joints.log import LogOptions
+from pipeline.core.options.logs import JointLog
 from pipeline.formats.patterns import matching
-from pipeline.recordings.commands import task_columns
-from pipeline.recordings.movement import read_movement
+from pipeline.recordings.logged_movement import UNITS, read_logged_movement
+from pipeline.recordings.pairing import require_pair
 from pipeline.recordings.quality import quality_row
 from pipeline.recordings.repetitions import (
     align,
-    commanded_speeds,
     disturbances,
     excursions,
+    find_passes,
     find_repetitions,
+    in_phase,
     lag,
+    stretch,
 )
 
 
@@ -34,37 +35,58 @@ class Take:
     """The chain's angles in the movement that a repetition was found in."""
 
     movement: str
-    actual: np.ndarray  # (N, 3) rad
-    target: np.ndarray  # (N, 3) rad
-    first: int  # row at which the repetition starts to move
+    actual: np.ndarray  # (N, n) rad
+    target: np.ndarray  # (N, n) rad
+    first: int  # row at which the repetition starts
 
 
 def joint_log_rows(
-    raw: Path, dataset: Dataset, arm: Arm
+    raw: Path, dataset: Dataset, chain: Chain
 ) -> tuple[pd.DataFrame, pd.DataFrame, list[dict]]:
     """Desired trajectory and measured angles of every undisturbed repetition of the motion that the
     dataset asks for.
 
     The desired pose is that of the mean command over the repetitions. Before and after the motion
-    it is held: a controller at rest logs the measured angle for the commanded one.
+    it is held: a controller at rest logs the measured angle for the commanded one. Repetitions that
+    follow each other without rest are brought in phase with the first, between the rows.
     """
     options, motion = dataset.joint_log, dataset.motion
-    steps = motion.steps - 2 * options.rest
-    takes, observed, quality = _repetitions(raw, options, motion.rate, steps)
+    steps, length = motion.steps - 2 * options.rest, motion.steps + 1
+    takes, observed, quality = _repetitions(raw, dataset, steps)
     if takes:
         first = next(iter(takes.values()))
         reference = first.target[first.first : first.first + steps + 1]
+        place = align if options.rest else in_phase
         starts = {
-            name: align(take.target, take.first, reference) - options.rest
+            name: place(take.target, take.first, reference) - options.rest
             for name, take in takes.items()
         }
-        rows = {name: slice(start, start + motion.steps + 1) for name, start in starts.items()}
-        residuals = np.stack(
-            [(take.actual - take.target)[rows[name]] for name, take in takes.items()]
+        actual, target = (
+            {
+                name: stretch(getattr(take, angles), starts[name], length)
+                for name, take in takes.items()
+            }
+            for angles in ("actual", "target")
         )
+        quality += [
+            quality_row(name, "training", "joint log", "resampled_rows", length)
+            for name, start in starts.items()
+            if start != round(start)
+        ]
+        residuals = np.stack([actual[name] - target[name] for name in takes])
         left_out, result = _disturbed(takes, residuals, options, raw)
         quality += result
         takes = {name: take for name, take in takes.items() if name not in left_out}
+        for name in takes:
+            require_pair(
+                actual[name],
+                target[name],
+                motion.rate,
+                limit=options.mismatch,
+                joints=dataset.robot.joints,
+                file=raw,
+                take=name,
+            )
     if len(takes) < 2:
         raise RecordingError(
             f"{len(takes)} repetition(s) of a motion of {steps} steps from {list(options.start)} "
@@ -74,8 +96,7 @@ def joint_log_rows(
             file=raw,
             key="dataset.joint_log",
         )
-    measured = np.stack([take.actual[rows[name]] for name, take in takes.items()])
-    commanded = np.stack([take.target[rows[name]] for name, take in takes.items()])
+    measured, commanded = (np.stack([rows[name] for name in takes]) for rows in (actual, target))
     command = commanded.mean(axis=0)
     moving = slice(options.rest, options.rest + steps + 1)
     deviations = np.abs(commanded - command)[:, moving].max(axis=(1, 2))
@@ -96,18 +117,19 @@ def joint_log_rows(
             quality_row(take, "training", "joint log", "lag_behind_command", behind, "s")
         )
     # the commanded angle takes its first step one sample before the commanded speed is first logged
-    held = command[np.clip(np.arange(motion.steps + 1), options.rest - 1, options.rest + steps)]
-    k = np.tile(np.arange(motion.steps + 1), len(takes))
+    moving_rows = max(options.rest - 1, 0), options.rest + steps
+    held = command[np.clip(np.arange(length), *moving_rows)]
+    k = np.tile(np.arange(length), len(takes))
     joints = pd.DataFrame(
         {
-            "take": np.repeat(list(takes), motion.steps + 1),
+            "take": np.repeat(list(takes), length),
             "part": "training",
             "k": k,
             "t": k / motion.rate,
         }
     )
     joints = joints.assign(**spread("q", dataset.robot.joints, measured))
-    return task_columns(trajectory_table(arm.chain, held, motion.rate)), joints, quality
+    return trajectory_table(chain, held, motion.rate, dataset.robot.joints), joints, quality
 
 
 def _disturbed(
@@ -155,42 +177,49 @@ def _disturbed(
 
 
 def _repetitions(
-    raw: Path, options: JointLog, rate: float, steps: int
+    raw: Path, dataset: Dataset, steps: int
 ) -> tuple[dict[str, Take], list[str], list[dict]]:
     """The repetitions by name; all motions in words; quality."""
     takes, observed, quality = {}, [], []
-    chain = [column - 1 for column in options.columns]
+    options, rest = dataset.joint_log, dataset.joint_log.rest_speed
+    chain = [options.joints.index(name) for name in dataset.robot.joints]
     movements = matching(raw, options.movements, key="dataset.joint_log.movements")
     if not movements:
         raise RecordingError(
             f"no folder or file of a movement matches {options.movements!r}", file=raw
         )
-    for movement in movements:
-        actual, target, speed, counts = _read(movement, options, rate)
-        rest = options.rest_speed
-        repetitions = find_repetitions(
-            target,
-            speed,
-            chain,
-            options.start,
-            options.end,
-            steps=steps,
-            rest=options.rest,
-            rest_speed=rest,
-        )
-        name = movement.name if movement.is_dir() else movement.stem
-        takes |= {
-            f"{name}_{number}": Take(name, actual[:, chain], target[:, chain], run.first)
-            for number, run in enumerate(repetitions.runs, 1)
-        }
-        observed += [
-            run.describe(target[:, chain]) for run in excursions(target, speed, rest) if run.whole
-        ]
-        counts |= {"repetitions": len(repetitions.runs)} | {
+    for folder in movements:
+        movement = read_logged_movement(folder, options, dataset.motion.rate)
+        name, target = movement.name, movement.target
+        if options.rest:
+            repetitions = find_repetitions(
+                target,
+                movement.speed,
+                chain,
+                options.start,
+                options.end,
+                steps=steps,
+                rest=options.rest,
+                rest_speed=rest,
+            )
+        else:
+            repetitions = find_passes(target[:, chain], options.start, options.end, steps)
+        for number, run in enumerate(repetitions.runs, 1):
+            take = f"{name}_{number}"
+            rows = slice(max(run.first - options.rest, 0), run.last + options.rest + 1)
+            movement.require_held(rows, dataset.robot.locked, file=folder, take=take)
+            takes[take] = Take(name, movement.actual[:, chain], target[:, chain], run.first)
+        motions = excursions(target, movement.speed, rest)
+        observed += [run.describe(target[:, chain]) for run in motions if run.whole]
+        if motions and not any(run.whole for run in motions):
+            observed.append("a command that never rests, to be cut with rest: 0")
+        counts = dict(movement.counts) | {"repetitions": len(repetitions.runs)}
+        counts |= {
             f"excursions_{reason}": len(rows) for reason, rows in repetitions.left_out.items()
         }
         quality += [
-            quality_row(name, "training", "joint log", key, value) for key, value in counts.items()
+            quality_row(name, "training", "joint log", key, value, UNITS.get(key, "count"))
+            for key, value in counts.items()
         ]
         # a motion that was left out is named by the row it starts at
         named = [(reason, row) for reason, rows in repetitions.left_out.items() for row in rows]
@@ -199,39 +228,3 @@ def _repetitions(
             for reason, row in named
         ]
     return takes, observed, quality
-
-
-def _read(
-    movement: Path, options: JointLog, rate: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, int]]:
-    """Measured and commanded angles and commanded speeds (N, joints) of a folder of logs, or of one
-    file that is a movement.
-    """
-    wanted: dict[Path, dict] = {movement: options.signals} if movement.is_file() else {}
-    if movement.is_dir():
-        for signal in SIGNALS:
-            if file := getattr(options, signal):
-                columns = wanted.setdefault(movement / file, {})
-                columns[signal] = options.signals.get(signal)
-    common = LogOptions(
-        options.time,
-        rate,
-        options.separator,
-        options.decimal,
-        options.angle_unit,
-        options.time_unit,
-        options.joints,
-    )
-    files = {file: replace(common, signals=signals) for file, signals in wanted.items()}
-    signals, counts = read_movement(files, rate) if files else ({}, {})
-    if missing := [signal for signal in ("actual", "target") if signal not in signals]:
-        where = "signals" if movement.is_file() else " and ".join(missing)
-        raise ConfigError(
-            f"nothing says where {movement.name} holds the {' and '.join(missing)} angles",
-            key=f"dataset.joint_log.{where}",
-        )
-    actual, target = signals["actual"], signals["target"]
-    if "speed" in signals:
-        return actual, target, signals["speed"], counts
-    speed = commanded_speeds(target, rate, options.rest_speed)
-    return actual, target, speed, counts | {"speed_from_angles": 1}

@@ -10,25 +10,29 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
+from pipeline.arm.commanded import trajectory_table
+from pipeline.arm.model import chain_of
+from pipeline.core.columns import columns, members
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.dataset import Dataset, Motion
+from pipeline.core.options.dataset import Dataset
 from pipeline.core.options.motion_capture import Body, Mocap
 from pipeline.formats import motion as motion_formats
 from pipeline.formats.format import Kind, format_of, formats_in
 from pipeline.formats.motion.take import MotionTake
 from pipeline.formats.patterns import matching
 from pipeline.formats.trajectory import read_trajectory
-from pipeline.recordings.commands import task_columns
 from pipeline.recordings.quality import quality_row, require_text
 
 UNIT_QUATERNION = 0.01  # far above what six decimals leave of a unit quaternion's length
 
 
-def trajectory_rows(file: Path, motion: Motion) -> pd.DataFrame:
-    """The table ``trajectory`` from its file; RecordingError where it is not on the grid of
-    ``motion``.
+def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
+    """The table ``trajectory`` from its file.
+
+    Raises RecordingError where it is not on the grid of the motion, holds the angles of other
+    joints than the arm's, or leaves open what the joints do beside the task.
     """
-    table = read_trajectory(file)
+    motion, table = dataset.motion, read_trajectory(file)
     if len(table) != motion.steps + 1 or not np.isclose(
         table.t.iloc[1] - table.t.iloc[0], 1 / motion.rate, rtol=1e-6
     ):
@@ -37,7 +41,27 @@ def trajectory_rows(file: Path, motion: Motion) -> pd.DataFrame:
             f"at {motion.rate} per second",
             file=file,
         )
-    return task_columns(table.assign(k=np.arange(len(table))))
+    if names := members(table, "q"):
+        joints = dataset.robot.joints
+        if sorted(names) != sorted(joints):
+            raise RecordingError(
+                f"the trajectory has the joints {', '.join(names)}; the arm's are "
+                f"{', '.join(joints)}",
+                file=file,
+                key="dataset.robot.joints",
+            )
+        q = table[columns("q", joints)].to_numpy()
+        return trajectory_table(chain_of(dataset.robot), q, motion.rate, joints)
+    task = members(table, "x")
+    if chain_of(dataset.robot).task != task:
+        raise RecordingError(
+            f"the trajectory commands {', '.join(task)}, which is not the task of the arm; export "
+            "the commanded joints, t and q:JOINT of each",
+            file=file,
+            key="dataset.robot.task",
+        )
+    table.insert(0, "k", np.arange(len(table)))
+    return table
 
 
 def find_takes(raw: Path, mocap: Mocap) -> list[tuple[Path, str]]:

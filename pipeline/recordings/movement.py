@@ -1,4 +1,4 @@
-"""The logs of one movement of a robot, paired row by row."""
+"""The logs of one movement of a robot, paired row by row on an even clock."""
 
 from __future__ import annotations
 
@@ -7,37 +7,40 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats import joints as joint_formats
 from pipeline.formats.format import Kind, format_of, formats_in
 from pipeline.formats.joints import table
-from pipeline.formats.joints.log import JointLog, LogOptions
+from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
 
-CLOCK_TOLERANCE = 0.1  # of a step
+CLOCK_TOLERANCE = 0.1  # of a step, up to which the rows are taken as even
+JITTER = 0.5  # of a step, beyond which a row is missing, or one too many
+RATE_TOLERANCE = 0.01  # of the rate, which the rows keep on average
+# no joint of an arm turns farther from its zero than this, so that angles beyond are in another
+# unit
+MOST_TURNS = 4
 
 
 def read_movement(
-    files: Mapping[Path, LogOptions], rate: float
-) -> tuple[dict[str, np.ndarray], dict[str, int]]:
+    files: Mapping[Path, LogOptions], rate: float, clock: str | None = None
+) -> tuple[dict[str, np.ndarray], dict[str, float]]:
     """Signals (N, joints) of the logs ``files`` of one movement, row by row at the same times, as
     many as the shortest log has; of each the signals of its options, or all where these name none.
 
-    ``counts``: those of the logs, and ``rows_without_partner`` that were left out because another
-    log ends before them. Raises RecordingError for clocks that disagree or do not step at ``rate``
-    (1/s) throughout.
+    Rows that their times put unevenly, by more than a tenth of a step and up to half of one, are
+    counted as ``uneven_rows``, with the standard deviation of the steps in s as ``clock_jitter``;
+    what becomes of them says ``clock``: taken row by row (``rows``), or interpolated by a cubic
+    spline through the times (``times``) and counted as ``resampled_rows``. ``counts`` beside: those
+    of the logs, and ``rows_without_partner`` that were left out because another log ends before
+    them. Raises RecordingError for clocks that disagree, do not keep to ``rate`` (1/s), or are
+    uneven where ``clock`` is None.
     """
     logs = {file: read_log(file, options) for file, options in files.items()}
     length = min(len(log.time) for log in logs.values())
     first, time = next((file, log.time[:length]) for file, log in logs.items())
-    uneven = np.abs(np.diff(time) * rate - 1) > CLOCK_TOLERANCE
-    if uneven.any():
-        row = int(np.argmax(uneven))
-        message = (
-            f"the log steps by {time[row + 1] - time[row]:.6g} s at {time[row]:.6g} "
-            f"s, not by 1/{rate:g} s; samples are missing"
-        )
-        raise RecordingError(message, file=first)
+    uneven = _uneven_rows(time, rate, first)
     for file, log in logs.items():
         if (np.abs(log.time[:length] - time) * rate > CLOCK_TOLERANCE).any():
             raise RecordingError(
@@ -49,13 +52,74 @@ def read_movement(
     signals = {
         name: values[:length] for log in logs.values() for name, values in log.signals.items()
     }
-    return signals, dict(counts)
+    if not uneven:
+        return signals, dict(counts)
+    jitter = float(np.diff(time).std())
+    if clock is None:
+        smoother = smoothness_by_rows(time, np.hstack([*signals.values()]), rate)
+        raise RecordingError(
+            f"{uneven} rows are uneven by their times, which jitter by {1e3 * jitter:.3g} ms: say "
+            "whether the rows follow each other at the rate (rows) or were measured at those times "
+            f"(times); row by row the angles are {smoother:.3g} times as smooth",
+            file=first,
+            key=f"{OPTION}.clock",
+        )
+    clocked: dict[str, float] = {"uneven_rows": uneven, "clock_jitter": jitter}
+    if clock == "times":
+        grid = time[0] + np.arange(int((time[-1] - time[0]) * rate + CLOCK_TOLERANCE) + 1) / rate
+        signals = {name: CubicSpline(time, rows)(grid) for name, rows in signals.items()}
+        clocked["resampled_rows"] = len(grid)
+    return signals, dict(counts) | clocked
+
+
+def smoothness_by_rows(time: np.ndarray, angles: np.ndarray, rate: float) -> float:
+    """By how much smoother ``angles`` (N, joints) are as a function of the row, at ``rate``, than
+    of the ``time`` (N,) in s: above 1 where the times jitter and the sampling does not, below 1
+    where the rows were measured at their times. The ratio of the root mean square third derivatives
+    (divided differences; medians over rows, so that a jump does not decide).
+    """
+
+    def roughness(clock: np.ndarray) -> float:
+        derivative = angles
+        for order in (1, 2, 3):
+            derivative = np.diff(derivative, axis=0) / (clock[order:] - clock[:-order])[:, None]
+        return float(np.sqrt(np.median((derivative**2).sum(axis=1))))
+
+    by_rows = roughness(np.arange(len(time)) / rate)
+    return roughness(time) / by_rows if by_rows else np.inf
+
+
+def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
+    """How many of the steps of ``time`` (N,) are not 1/``rate``; RecordingError where they cannot
+    be those of a log at that rate.
+    """
+    off = np.abs(np.diff(time) * rate - 1)
+    mean = (time[-1] - time[0]) / max(len(time) - 1, 1)
+    if off.max(initial=0.0) > JITTER:
+        row = int(np.argmax(off > JITTER))
+        step = time[row + 1] - time[row]
+        what = "samples are missing" if step * rate > 1 else "rows stand too close"
+        raise RecordingError(
+            f"the log steps by {step:.6g} s at {time[row] - time[0]:.6g} s from its start, not by "
+            f"1/{rate:g} s; {what}",
+            file=file,
+        )
+    if len(time) > 1 and abs(mean * rate - 1) > RATE_TOLERANCE:
+        raise RecordingError(
+            f"the log steps by {mean:.6g} s on average, not by 1/{rate:g} s: is its rate "
+            f"{1 / mean:.6g} 1/s?",
+            file=file,
+            key="dataset.motion.rate",
+        )
+    return int((off > CLOCK_TOLERANCE).sum())
 
 
 def read_log(file: Path, options: LogOptions) -> JointLog:
-    """The log in ``file``, of whichever format it begins like, else as a plain table.
+    """The log in ``file``, of whichever format it begins like, else as a plain table; its signals
+    multiplied by the factors of ``options``.
 
-    Raises RecordingError for another number of joints than the options say.
+    Raises RecordingError for another number of joints than the options say, and for angles beyond
+    four turns.
     """
     chosen = format_of(file, formats_in(joint_formats, Kind.JOINTS)) or table.FORMAT
     log = chosen.read(file, options)
@@ -68,6 +132,20 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
         raise RecordingError(
             f"the log holds {wrong.pop()} joints, not {options.joints}",
             file=file,
-            key="dataset.joint_log.joints",
+            key=f"{OPTION}.joints",
         )
+    signals = {
+        name: rows * np.asarray(options.factors[name]) if name in options.factors else rows
+        for name, rows in signals.items()
+    }
+    for name, rows in signals.items():
+        greatest = np.abs(rows).max(axis=1, initial=0.0)
+        if greatest.max() > MOST_TURNS * 2 * np.pi:
+            raise RecordingError(
+                f"{name}: {greatest.max():.6g} rad, or rad/s, at "
+                f"{log.time[greatest.argmax()] - log.time[0]:.6g} s from the start is not a joint "
+                f"of an arm: is the angle_unit {options.angle_unit}?",
+                file=file,
+                key=f"{OPTION}.angle_unit",
+            )
     return JointLog(log.time, signals, log.counts)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 # rad: a command that moves no joint farther is the controller taking over, not a motion; ends this
 # near are the same
@@ -13,6 +14,7 @@ REACH = 0.01
 # of the median residual: what repetitions differ by undisturbed, however few there are to show it
 LEAST_SPREAD = 0.25
 REST_SPEED = 1e-4  # rad/s: less than a microradian a sample, below what encoders resolve
+PHASE_ROUNDS = 4  # each squares what is left of the phase
 SLACK = 2  # rows by which the logger may see the same command start early or late, or last longer
 
 
@@ -46,7 +48,8 @@ class Repetitions:
     """
 
     runs: list[Excursion]
-    left_out: dict[str, list[int]]  # cut_off, other_motion, too_little_rest
+    # cut_off, other_motion, too_little_rest; of motions in passing overlapping
+    left_out: dict[str, list[int]]
 
 
 def _moving(speeds: np.ndarray, rest_speed: float) -> np.ndarray:
@@ -125,6 +128,50 @@ def find_repetitions(
         else:
             runs.append(run)
     return Repetitions(runs, left_out)
+
+
+def find_passes(
+    angles: np.ndarray, start: Sequence[float], end: Sequence[float], steps: int
+) -> Repetitions:
+    """The stretches of ``steps`` steps in which commanded ``angles`` (N, joints) in rad pass
+    ``start`` and then ``end``, of a command that repeats without rest.
+
+    Both are passed within 0.01 rad; of the rows around, the one nearest to both counts. A stretch
+    that begins before the one before has ended is left out.
+    """
+    runs, left_out = [], {"overlapping": []}
+    if len(angles) <= steps:
+        return Repetitions(runs, left_out)
+    away = np.abs(np.hstack([angles[:-steps] - start, angles[steps:] - end])).max(axis=1)
+    edges = np.flatnonzero(np.diff(away <= REACH, prepend=False, append=False)).tolist()
+    for begin, stop in zip(edges[::2], edges[1::2], strict=True):
+        first = begin + int(away[begin:stop].argmin())
+        if runs and first < runs[-1].last:
+            left_out["overlapping"].append(first)
+        else:
+            runs.append(Excursion(first, first + steps, whole=True))
+    return Repetitions(runs, left_out)
+
+
+def in_phase(angles: np.ndarray, first: int, reference: np.ndarray) -> float:
+    """The place between rows near ``first`` from which ``angles`` (N, joints) follow ``reference``
+    (K, joints), both in rad, best by least squares: a period is seldom a whole number of rows.
+    """
+    place = float(first)
+    for _ in range(PHASE_ROUNDS):
+        late = lag(reference, stretch(angles, place, len(reference)), 1.0)
+        place = float(np.clip(place + late, max(0, first - SLACK), first + SLACK))
+        place = min(place, float(len(angles) - len(reference)))
+    return place
+
+
+def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
+    """(length, joints) of ``angles`` (N, joints) from ``place`` on, a row or a place between two:
+    there by cubic splines through the rows.
+    """
+    if place == round(place):
+        return angles[round(place) :][:length]
+    return CubicSpline(np.arange(len(angles)), angles)(place + np.arange(length))
 
 
 def align(angles: np.ndarray, first: int, reference: np.ndarray) -> int:

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.arm.model import arm_of
+import numpy as np
+
+from pipeline.arm.model import chain_of
 from pipeline.core import contracts
-from pipeline.core.options.dataset import Robot
+from pipeline.core.options.dataset import Motion, Robot
 from pipeline.models.steps import Recorded
 from pipeline.recordings.commands import commanded_steps
 
 MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
 
 
-def training_steps(robot: Robot, rate: float) -> Recorded:
-    """Poses before each step, commanded steps and process noise of the training takes; ``rate`` of
-    the motion in 1/s.
+def training_steps(robot: Robot, motion: Motion) -> Recorded:
+    """Poses before each step, commanded steps and process noise of the training takes of
+    ``motion``.
     """
     joints = contracts.read("joints", TRACK)
     _, q = contracts.stacked(joints[joints.part == "training"], "q")
-    v = commanded_steps(contracts.read("trajectory", MOTION), rate)
+    v = commanded_steps(contracts.read("trajectory", MOTION), motion.rate)
     _, noise = contracts.stacked(contracts.read("process_noise", TRACK), "w")
-    return Recorded(arm_of(robot).chain, q[:, :-1], v, noise, tuple(robot.joints))
+    stated = motion.pose_noise
+    known = None if stated is None else 2 * stated**2 * np.eye(len(robot.joints))
+    return Recorded(chain_of(robot), q[:, :-1], v, noise, tuple(robot.joints), known)

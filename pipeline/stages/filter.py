@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
 from pipeline.core import config, contracts, rng
 from pipeline.core.columns import spread, triangle
 from pipeline.core.compute.trials import run_trials
-from pipeline.filtering.measurement import Measurements, measurements
+from pipeline.filtering.measured import measured_takes
+from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.models.closed_loop import FOLDER, fitted_closed_loop, mean_path
 from pipeline.models.commands import Commands, open_loop
@@ -23,7 +24,7 @@ from pipeline.models.kinds import fitted_model
 from pipeline.models.model import MotionModel
 from pipeline.recordings.steps import training_steps
 
-ARTICULATE, FIT, OUT = Path("data/articulate"), Path("data/fit"), Path("data/filter")
+FIT, OUT = Path("data/fit"), Path("data/filter")
 METRICS = Path("reports/metrics")
 OF_A_STEP = ("ess", "resampled", "measured", "clipped", "outside")
 
@@ -36,12 +37,8 @@ def run(model: str) -> None:
     robot, rate, options = settings.dataset.robot, settings.dataset.motion.rate, settings.filter
     metrics = {}
     with contracts.replacing(OUT / model) as folder:
-        if contracts.exists("angles", ARTICULATE):
-            angles = contracts.read("angles", ARTICULATE)
-            takes = list(
-                enumerate(measurements(angles, contracts.read("kinect_noise", ARTICULATE)))
-            )
-            recorded = training_steps(robot, rate)
+        if takes := list(enumerate(measured_takes(settings.dataset))):
+            recorded = training_steps(robot, settings.dataset.motion)
             loops = {"": (fitted_model(FIT / model), open_loop(recorded.v))}
             closed = fitted_closed_loop(FIT / model)
             if closed is not None:
@@ -90,7 +87,7 @@ def _metrics(
 def _filter_take(
     trial: tuple[int, Measurements],
     model: MotionModel,
-    chain: PlanarChain,
+    chain: Chain,
     joints: Sequence[str],
     commands: Commands,
     rate: float,

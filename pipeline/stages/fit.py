@@ -34,7 +34,7 @@ def run(model: str) -> None:
     """Fit ``model`` and realise it; tables to ``data/fit``, numbers to ``reports/metrics``."""
     settings = config.sections("fit", item=model)
     options, checks = vars(settings.models)[model], settings.scale.convex_checks
-    recorded = training_steps(settings.dataset.robot, settings.dataset.motion.rate)
+    recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
     estimate = kinds.estimate(recorded, options)
     spread_metrics = _standard_errors(_replicates(model, recorded, estimate, options, settings))
     stream = rng.stream(settings.seed, f"fit.{model}")

@@ -32,15 +32,17 @@ def run(part: str) -> None:
 
 
 def _motion(settings, raw: Path, folder: Path) -> list[dict]:
-    """Markers, the commanded trajectory, and the joints that the robot's controller logged."""
+    """Markers, the commanded trajectory, and the joints that the robot's controller logged or its
+    encoders read.
+    """
     from pipeline.recordings import motion_capture
 
     dataset, quality = settings.dataset, []
     if dataset.joint_log is not None:
-        from pipeline.arm.model import arm_of
+        from pipeline.arm.model import chain_of
         from pipeline.recordings.joint_logs import joint_log_rows
 
-        trajectory, joints, quality = joint_log_rows(raw, dataset, arm_of(dataset.robot))
+        trajectory, joints, quality = joint_log_rows(raw, dataset, chain_of(dataset.robot))
         contracts.write(trajectory, "trajectory", folder)
         contracts.write(joints, "joint_log", folder)
         for row in quality:
@@ -48,12 +50,16 @@ def _motion(settings, raw: Path, folder: Path) -> list[dict]:
                 what = row["quantity"].replace("_", " ")
                 print(f"ingest: {row['take']}: {what} {row['value']:.0f}")
     if dataset.trajectory is not None:
-        trajectory = motion_capture.trajectory_rows(raw / dataset.trajectory, dataset.motion)
+        trajectory = motion_capture.trajectory_rows(raw / dataset.trajectory, dataset)
         contracts.write(trajectory, "trajectory", folder)
     if dataset.mocap is not None:
         takes = motion_capture.find_takes(raw, dataset.mocap)
         read = [motion_capture.marker_rows(*take, dataset) for take in takes]
         quality = quality + _write(read, "markers", folder)
+    if dataset.encoders is not None:
+        from pipeline.recordings.encoders import encoder_rows
+
+        quality = quality + _write(encoder_rows(raw, dataset), "encoders", folder)
     return quality
 
 

@@ -15,6 +15,7 @@ from pipeline.verdicts.decision import decide_each, verdict_data
 from pipeline.verdicts.equations import citations, equations_page, parse_items
 from pipeline.verdicts.errata import correct, errata_page, parse_errata
 from pipeline.verdicts.filters import filters_part, first_lines
+from pipeline.verdicts.readings import readings_part
 from pipeline.verdicts.run import read_runs
 from pipeline.verdicts.strict import build
 
@@ -45,7 +46,7 @@ def run() -> None:
     parts = [
         ("What is not reproduced", report_page.not_reproduced(decided)),
         ("Published against ours", report_page.published_and_ours(decided)),
-        ("Every claim", report_page.every_claim(decided)),
+        ("Every claim", report_page.every_claim(decided, readings_part(runs, decided))),
         (f"Filters: {here.dataset}", filters_part(here)),
         (f"Figures: {here.dataset}", report_page.figures(captions, items, sources)),
         ("Errata of the paper", report_page.errata_titles(errata)),

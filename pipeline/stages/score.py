@@ -11,9 +11,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline.core import config, contracts, rng
-from pipeline.core.columns import columns, matrices, spread, values
+from pipeline.core.columns import columns, matrices, members, spread, values
 from pipeline.core.errors import ModelDomainError
-from pipeline.core.filters import NONE, closed
+from pipeline.core.filters import MEMORY, NONE, closed
+from pipeline.filtering.measured import measured_takes
+from pipeline.filtering.memory import memory_filter
 from pipeline.models.closed_loop import FOLDER
 from pipeline.models.noise import measurement_covariance, recorded_deviation, rest_covariance
 from pipeline.perception.depth_noise import errors_of
@@ -28,10 +30,11 @@ from pipeline.verdicts.run import Run
 
 INGEST, TRACK, ARTICULATE = Path("data/ingest"), Path("data/track"), Path("data/articulate")
 FIT, FILTER, WRENCH = Path("data/fit"), Path("data/filter"), Path("data/wrench")
+READINGS = Path("data/readings")
 OUT, METRICS, TABLES = Path("data/score"), Path("reports/metrics"), Path("reports/tables")
 DATASETS = Path("reports/datasets")
-# tables of the wrench that the report shows as they are
-SHOWN = ("sigma_s", "force_moments", "force_test")
+# tables that the report shows as they are
+SHOWN = dict.fromkeys(("sigma_s", "force_moments", "force_test"), WRENCH) | {"readings": READINGS}
 LONG = ("deviation",)  # a table that no verdict is read from
 
 
@@ -54,9 +57,9 @@ def run() -> None:
             _quality(tables) | _kinect(joints, names, settings) | _truth(joints, names, settings)
         )
         contracts.write_metrics(recordings, METRICS / "recordings.json")
-        for name in SHOWN:
-            if contracts.exists(name, WRENCH):
-                contracts.read(name, WRENCH).to_csv(tables / f"{name}.csv", index=False)
+        for name, place in SHOWN.items():
+            if contracts.exists(name, place):
+                contracts.read(name, place).to_csv(tables / f"{name}.csv", index=False)
         _wrench_study().to_csv(tables / "wrench_study.csv", index=False)
         takes = quality.side_by_side(contracts.read("takes", TRACK))
         takes.to_csv(tables / "takes.csv", index=False)
@@ -67,19 +70,16 @@ def _score_motion(models, names, joints, settings, folder: Path, tables: Path) -
     """Mean error and standard deviation over time of every model beside what was recorded."""
     _, q = contracts.stacked(joints[joints.part == "training"], "q")
     _, noise = contracts.stacked(contracts.read("process_noise", TRACK), "w")
-    recorded, mode = (
-        recorded_deviation(q, noise, settings.simulation.mode),
-        settings.simulation.mode,
-    )
-    rows, errors, std = [], {}, {"recorded": recorded}
+    mode = settings.simulation.mode
+    rows, errors, std = [], {}, {"recorded": recorded_deviation(q, noise, mode)}
     for model in models:
         moments = contracts.read("moments", FIT / model)
         errors[model] = np.linalg.norm(values(moments, "m") - q.mean(axis=0), axis=1)
         std[model] = values(moments, "s")
     for source, deviation in std.items():
         step = {"k": moments["k"], "t": moments["t"], "source": source}
-        step |= {"error": errors.get(source, 0.0)} | spread("s", names, deviation)
-        rows.append(pd.DataFrame(step))
+        step["error"] = errors.get(source, 0.0)
+        rows.append(pd.DataFrame(step | spread("s", names, deviation)))
     deviation = pd.concat(rows, ignore_index=True)
     contracts.write(deviation, "deviation", folder)
     deviation.to_csv(tables / "deviation.csv", index=False)
@@ -101,7 +101,7 @@ def _score_motion(models, names, joints, settings, folder: Path, tables: Path) -
 
 def _score_filters(models, names, joints, settings, folder: Path, tables: Path) -> None:
     """Errors and bounds of every filter, and its posterior as a law of the measured pose, beside
-    those of no filter.
+    those of no filter and of the linear one of the training takes.
     """
     metrics = {}
     places = {model: FILTER / model for model in models}
@@ -115,9 +115,16 @@ def _score_filters(models, names, joints, settings, folder: Path, tables: Path) 
         }
         steps = next(iter(posteriors.values()))
         _, training = contracts.stacked(joints[joints.part == "training"], "q")
-        _, q = contracts.stacked(steps, "q")
+        takes, q = contracts.stacked(steps, "q")
         pose, held = _pose_covariances(joints, settings)
-        filters = {NONE: no_filter(training, q)} | {
+        filters, axes = {NONE: no_filter(training, q)}, {}
+        frames = {take.take: take for take in measured_takes(settings.dataset)}
+        if settings.dataset.measurement != "tip":  # of which the joints are no linear function
+            dt, own = 1 / settings.dataset.motion.rate, [frames[take] for take in takes]
+            means, covariances, without = memory_filter(training, pose, own, dt)
+            filters[MEMORY] = Filtered(means - q, covariances, pose)
+            axes = {"axes_of_training_steps_without_spread": without}
+        filters |= {
             name: Filtered(
                 (values(posterior, "m") - values(posterior, "q")).reshape(q.shape),
                 matrices(posterior, "c", names).reshape(*q.shape, len(names)),
@@ -137,7 +144,7 @@ def _score_filters(models, names, joints, settings, folder: Path, tables: Path) 
             print(f"score: {refusal}")
         for name, table in compared.items():
             table.to_csv(tables / f"{name}.csv", index=False)
-        metrics = filter_metrics(compared["filter_scores"])
+        metrics = filter_metrics(compared["filter_scores"]) | axes
     contracts.write_metrics(metrics, METRICS / "filter.json")
 
 
@@ -145,6 +152,9 @@ def _pose_covariances(joints: pd.DataFrame, settings) -> tuple[np.ndarray, np.nd
     """(n, n) rad² each, noise of one measured pose: half the covariance of steps at rest, as ω
     holds the noise of two; and to a closed loop that of poses at rest.
     """
+    if (stated := settings.dataset.motion.pose_noise) is not None:
+        pose = stated**2 * np.eye(len(settings.dataset.robot.joints))
+        return pose, pose
     trajectory = contracts.read("trajectory", INGEST / "motion")
     _, training = contracts.stacked(joints[joints.part == "training"], "q")
     _, noise = contracts.stacked(contracts.read("process_noise", TRACK), "w")
@@ -228,6 +238,7 @@ def _write_evidence(settings) -> None:
         # a synthetic dataset alone has a table of what is true
         synthetic=contracts.exists("true_joints", _truth_of(dataset)),
         joints=list(dataset.robot.joints),
+        task=members(contracts.read("trajectory", INGEST / "motion"), "v"),
         models=models,
         metrics=metrics,
         tables=tables,

@@ -11,13 +11,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.model import arm_of
+from pipeline.arm.model import arm_of, chain_of
 from pipeline.core import config, contracts
 from pipeline.core.columns import spread
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError, SingularJacobianError
 from pipeline.models.noise import process_noise
-from pipeline.perception.markers import JointTrack, track_rows
+from pipeline.perception import markers, space
+from pipeline.perception.carried import carried
+from pipeline.perception.joint_track import JointTrack
 from pipeline.recordings.commands import commanded_steps
 from pipeline.recordings.depth_clock import on_motion_clock, with_markers
 from pipeline.recordings.limits import beside_limits, reasons, require_enough
@@ -90,7 +92,6 @@ def _on_motion_clock(settings) -> tuple[pd.DataFrame, list[dict]]:
 def _tracks(dataset) -> dict[tuple[str, str], JointTrack]:
     """By name and part of each take."""
     mocap, longest = dataset.mocap, dataset.limits.longest_gap
-    arm = arm_of(dataset.robot)
     if longest is not None:
         if longest > mocap.max_gap:
             message = (
@@ -100,9 +101,14 @@ def _tracks(dataset) -> dict[tuple[str, str], JointTrack]:
             raise ConfigError(message, key="dataset.limits.longest_gap")
         # a take with a longer gap is left out, and has to be followed to its end to be measured
         mocap = replace(mocap, max_gap=dataset.motion.steps)
-    markers = contracts.read("markers", INGEST / "motion")
-    takes = markers.groupby(["take", "part"], sort=False)
-    return {key: track_rows(rows, mocap, arm, take=key[0]) for key, rows in takes}
+    takes = contracts.read("markers", INGEST / "motion").groupby(["take", "part"], sort=False)
+    robot = dataset.robot
+    if robot.plane:
+        follow = partial(markers.track_rows, mocap=mocap, arm=arm_of(robot))
+    else:
+        points = carried(robot, mocap)
+        follow = partial(space.track_rows, mocap=mocap, points=points, joints=robot.joints)
+    return {key: follow(rows, take=key[0]) for key, rows in takes}
 
 
 def _joint_rows(take: str, part: str, track: JointTrack, dataset) -> pd.DataFrame:
@@ -113,15 +119,17 @@ def _joint_rows(take: str, part: str, track: JointTrack, dataset) -> pd.DataFram
 
 
 def _quality_rows(take: str, part: str, track: JointTrack) -> list[dict]:
-    frames, samples = np.flatnonzero(np.isfinite(track.residual)), 9 * len(track.q)
+    frames, samples = np.flatnonzero(np.isfinite(track.residual)), track.samples
     gap = int(np.diff(frames, prepend=-1, append=len(track.q)).max()) - 1
     rows = [(name, count) for name, count in track.counts.items()]
     rows += [
         ("missing_share", track.counts["missing"] / samples, "share"),
-        ("relabelled_share", track.counts["relabelled"] / samples, "share"),
         ("longest_gap", gap, "frames"),
         ("residual_rms", float(np.sqrt(np.nanmean(track.residual**2))), "m"),
     ]
+    if "relabelled" in track.counts:
+        rows.append(("relabelled_share", track.counts["relabelled"] / samples, "share"))
+    rows += [(f"standard_error_{joint}", error, "rad") for joint, error in track.errors.items()]
     return [quality_row(take, part, "motion capture", *row) for row in rows]
 
 
@@ -131,7 +139,7 @@ def _process_noise(joints: pd.DataFrame, dataset) -> pd.DataFrame:
     names, q = contracts.stacked(training, "q")
     v = commanded_steps(contracts.read("trajectory", INGEST / "motion"), dataset.motion.rate)
     try:
-        noise = process_noise(arm_of(dataset.robot).chain, q, v)
+        noise = process_noise(chain_of(dataset.robot), q, v)
     except SingularJacobianError as error:
         take, k = error.evidence["index"]
         where = {"take": names[take], "step": k, "q": error.evidence["q"]}

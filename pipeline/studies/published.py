@@ -34,7 +34,7 @@ def published(claims: Sequence[Claim]) -> Published:
     if absent := {"sigma-b", "alpha", "u", "sigma-omega"} - set(stated):
         raise ConfigError("no claim with a published value", claim=", ".join(sorted(absent)))
     covariance = stated["sigma-omega"]
-    entries = [tuple(int(digit) - 1 for digit in case["entry"]) for case in covariance.cases]
+    entries = [tuple(int(digit) - 1 for digit in case["entry"]) for case in covariance.cases()]
     matrix = np.full((1 + max(i for entry in entries for i in entry),) * 2, np.nan)
     for (i, j), value in zip(entries, covariance.published, strict=True):
         matrix[i, j] = matrix[j, i] = value

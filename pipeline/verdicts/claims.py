@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
@@ -14,6 +15,7 @@ from pipeline.verdicts.strict import build, is_number
 # those of the paper's own robot
 ABOUT = ("method", "robots", "specimen")
 COMPARED = ("value", "than", "low", "high")
+EVERY = "every"  # joint of a dataset's arm
 
 
 @dataclass(frozen=True)
@@ -21,11 +23,12 @@ class Claim:
     """One claim: its place, what it says, what decides it and by which rule and
     tolerance.
 
-    ``each`` maps names to lists of values; the claim has one case per combination, and its
-    references hold the names as placeholders. ``published`` is one number for all cases or one for
-    each, and ``parameter`` what the paper calls it. ``standard_error`` holds one reference or
-    several, which add in squares. ``why`` says of a dataset, by its name, why the claim fails
-    there; ``foregone`` why it can hardly fail anywhere. Raises ConfigError with the key.
+    ``each`` maps names to lists of values, or the name ``joint`` to ``every``; the claim has one
+    case per combination, and its references hold the names as placeholders. ``published`` is one
+    number for all cases or one for each, and ``parameter`` what the paper calls it.
+    ``standard_error`` holds one reference or several, which add in squares. ``why`` says of a
+    dataset, by its name, why the claim fails there; ``foregone`` why it can hardly fail anywhere.
+    Raises ConfigError with the key.
     """
 
     id: str
@@ -57,20 +60,26 @@ class Claim:
             )
         if self.rule not in RULES:
             raise ConfigError(f"no rule {self.rule!r}; there are {', '.join(RULES)}", key="rule")
-        if not all(isinstance(values, list) and values for values in self.each.values()):
-            raise ConfigError("must map names to lists of values", key="each")
+        if not all(
+            (values and isinstance(values, list)) or (name, values) == ("joint", EVERY)
+            for name, values in self.each.items()
+        ):
+            raise ConfigError(f"must map names to lists of values, or joint to {EVERY}", key="each")
         if not all(isinstance(reason, str) for reason in self.why.values()):
             raise ConfigError("must map names of datasets to texts", key="why")
         published = self.published if isinstance(self.published, list) else [self.published]
+        cases = 1 if EVERY in self.each.values() else len(self.cases())
         if self.published is not None and not (
-            all(map(is_number, published)) and len(published) in (1, len(self.cases))
+            all(map(is_number, published)) and len(published) in (1, cases)
         ):
             raise ConfigError(
-                f"must be one number, or one for each of the {len(self.cases)} cases",
-                key="published",
+                f"must be one number, or one for each of the {cases} cases", key="published"
             )
-        if self.parameter and self.published is None:
-            raise ConfigError("only what has a published value is a parameter", key="parameter")
+        if self.parameter and (self.published is None or EVERY in self.each.values()):
+            raise ConfigError(
+                "only what has a published value, and the same cases on every arm, is a parameter",
+                key="parameter",
+            )
         self._require_what_the_rule_needs()
 
     def _require_what_the_rule_needs(self) -> None:
@@ -91,12 +100,19 @@ class Claim:
             if getattr(self, key) is None:
                 raise ConfigError(f"the rule {self.rule} needs the key {key!r}", key=key)
 
+    def cases(self, joints: Sequence[str] = ("{joint}",)) -> list[dict]:
+        """Every combination of the values of ``each``, in the order of the lists, on an arm with
+        these ``joints``.
+        """
+        values = [joints if listed == EVERY else listed for listed in self.each.values()]
+        return [dict(zip(self.each, each, strict=True)) for each in product(*values)]
+
     @property
-    def cases(self) -> list[dict]:
-        """Every combination of the values of ``each``, in the order of the lists."""
-        return [
-            dict(zip(self.each, values, strict=True)) for values in product(*self.each.values())
-        ]
+    def numbers_joints(self) -> bool:
+        """Whether it singles joints out by their numbers, and so is about an arm like the paper's
+        alone; as are numbers of the paper's own specimen.
+        """
+        return self.about == "specimen" or any(ref.numbers_joints for ref in self.references())
 
     @property
     def test(self) -> str:
@@ -106,13 +122,12 @@ class Claim:
             tolerance=self.tolerance, limit=self.limit, yardstick=yardstick
         )
 
-    @property
-    def references(self) -> list[Reference]:
-        """Every reference of every case."""
+    def references(self, joints: Sequence[str] = ("{joint}",)) -> list[Reference]:
+        """Every reference of every case on an arm with these ``joints``."""
         named = [getattr(self, key) for key in COMPARED if getattr(self, key) is not None] + (
             self.standard_error or []
         )
-        return [reference.in_case(case) for case in self.cases for reference in named]
+        return [reference.in_case(case) for case in self.cases(joints) for reference in named]
 
 
 @dataclass(frozen=True)
@@ -152,7 +167,7 @@ def _parse(entry: object, number: int) -> Claim:
         ]
     claim = build(Claim, entry | references, claim=name)
     try:
-        _ = claim.references
+        claim.references()
     except ConfigError as error:
         raise ConfigError(error.message, claim=name, **error.evidence) from None
     return claim

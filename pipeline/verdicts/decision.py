@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.verdicts.claims import COMPARED, Claim
-from pipeline.verdicts.reference import Evidence, Reference
+from pipeline.verdicts.reference import ArmNames, Evidence, Reference, joint_names
 from pipeline.verdicts.rules import RULES, Readings
 from pipeline.verdicts.run import Run
 
@@ -58,13 +58,10 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Decided:
-    """The verdicts on all claims from the recordings of one dataset, whose ``joints`` have names,
-    base to tip.
-    """
+    """The verdicts on all claims from the recordings of one dataset."""
 
     dataset: str
     recordings: Recordings
-    joints: Sequence[str]
     verdicts: Sequence[Verdict]
 
     @property
@@ -85,25 +82,28 @@ def decide_each(
     def decided(run: Run) -> Decided:
         recordings = "synthetic" if run.synthetic else "real"
         recordings = "paper" if run.dataset in papers_own else recordings
-        verdicts = decide(claims, run.evidence, recordings, run.joints)
-        return Decided(run.dataset, recordings, run.joints, verdicts)
+        verdicts = decide(claims, run.evidence, recordings, run.arm)
+        return Decided(run.dataset, recordings, verdicts)
 
     return [decided(run) for run in runs]
 
 
 def decide(
-    claims: Sequence[Claim], evidence: Evidence, recordings: Recordings, joints: Sequence[str]
+    claims: Sequence[Claim], evidence: Evidence, recordings: Recordings, arm: ArmNames
 ) -> list[Verdict]:
     """A verdict on every claim from the numbers of a run on ``recordings``: synthetic, of a real
-    robot, or the paper's own; ``joints`` are the names of the run's joints, base to tip.
+    robot, or the paper's own, of an ``arm``.
+
+    Where joints have no numbers there is no evidence on claims that number them.
     """
-    return [_decide(claim, evidence, recordings, joints) for claim in claims]
+    return [_decide(claim, evidence, recordings, arm) for claim in claims]
 
 
-def _decide(
-    claim: Claim, evidence: Evidence, recordings: Recordings, joints: Sequence[str]
-) -> Verdict:
-    readings = _read(claim, evidence, joints)
+def _decide(claim: Claim, evidence: Evidence, recordings: Recordings, arm: ArmNames) -> Verdict:
+    if claim.numbers_joints and not arm.numbered:
+        evidence = {}
+    each = claim.cases(arm.joints)
+    readings = _read(claim, each, evidence, arm)
     holds = RULES[claim.rule].holds(readings)
     needed = [
         getattr(readings, key)
@@ -121,9 +121,10 @@ def _decide(
     )
     names = [
         ", ".join(
-            value if isinstance(value, str) else f"{name} {value}" for name, value in case.items()
+            joint_names(value, arm) if isinstance(value, str) else f"{name} {value}"
+            for name, value in case.items()
         )
-        for case in claim.cases
+        for case in each
     ]
     cases = tuple(
         Case(name, *map(_or_none, row), bool(held) if is_known else None)
@@ -140,16 +141,16 @@ def _verdict(about: str, recordings: Recordings, known: np.ndarray, holds: np.nd
     return REPRODUCED if holds.all() else NOT_REPRODUCED
 
 
-def _read(claim: Claim, evidence: Evidence, joints: Sequence[str]) -> Readings:
+def _read(claim: Claim, each: list[dict], evidence: Evidence, arm: ArmNames) -> Readings:
     def numbers(reference: Reference | None) -> np.ndarray:
         values = [
-            None if reference is None else reference.in_case(case).look_up(evidence, joints)
-            for case in claim.cases
+            None if reference is None else reference.in_case(case).look_up(evidence, arm)
+            for case in each
         ]
         return np.array(values, dtype=float)
 
     errors = [numbers(part) for part in claim.standard_error or [None]]
-    published = np.broadcast_to(np.array(claim.published, dtype=float), len(claim.cases))
+    published = np.broadcast_to(np.array(claim.published, dtype=float), len(each))
     return Readings(
         **{key: numbers(getattr(claim, key)) for key in COMPARED},
         standard_error=np.sqrt(np.sum(np.square(errors), axis=0)),
@@ -193,7 +194,7 @@ def verdict_data(decided: Sequence[Decided]) -> list[dict]:
             "test": row[0].claim.test,
             "reason": row[0].claim.reason,
             "command": row[0].command,
-            "evidence": [reference.address for reference in row[0].claim.references],
+            "evidence": [reference.address for reference in row[0].claim.references()],
             "datasets": {
                 whose.dataset: {
                     "verdict": verdict.verdict,

@@ -159,5 +159,5 @@ def _number(source: ClaimNumber | Reference, run: Run, verdicts: Sequence[Verdic
     if isinstance(source, ClaimNumber):
         value = source.look_up(verdicts)
     else:
-        value = source.look_up(run.evidence, run.joints)
+        value = source.look_up(run.evidence, run.arm)
     return MISSING if value is None else number(value)

@@ -3,17 +3,35 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import pandas as pd
 
 from pipeline.core.errors import ConfigError
+from pipeline.core.options.dataset import PLANE
 
 # file below reports without its suffix (metrics/motion, tables/sigma_s) → name → value, or the rows
 # of a table
 Evidence = Mapping[str, Mapping[str, float] | pd.DataFrame]
+NUMBERED = 3  # joints of the paper's arm
 PLACEHOLDER, JOINT = re.compile(r"\{([^{}]*)\}"), re.compile(r"\{joint (\d+)\}")
+
+
+class ArmNames(NamedTuple):
+    """What a run calls the joints of its arm, base to tip, and the rows of its task."""
+
+    joints: tuple[str, ...]
+    task: tuple[str, ...]
+
+    @property
+    def numbered(self) -> tuple[str, ...]:
+        """The joints where a number means one, as in the paper: those of a planar chain of three
+        with its whole pose as the task; of any other arm none.
+        """
+        same = len(self.joints) == NUMBERED and self.task == PLANE
+        return self.joints if same else ()
 
 
 @dataclass(frozen=True)
@@ -21,9 +39,9 @@ class Reference:
     """A metric by ``file`` and ``key``, or the ``column`` of the one row of a table whose columns
     equal ``rows``.
 
-    ``{joint 2}`` in any of them stands for the name of the chain's second joint, which each dataset
-    has of its own; any other ``{name}`` for that name's value in a case, and ``{joint}`` for the
-    joint whose number the case has. Raises ConfigError where it is neither.
+    ``{joint 2}`` in any of them stands for the name of the second of the :attr:`ArmNames.numbered`
+    joints, which each dataset has of its own; any other ``{name}`` for that name's value in a case.
+    Raises ConfigError where it is neither.
     """
 
     file: str
@@ -45,6 +63,11 @@ class Reference:
         rows = ", ".join(f"{column} = {value}" for column, value in self.rows.items())
         return f"reports/{self.file}.csv: {self.column}" + (f" where {rows}" if rows else "")
 
+    @property
+    def numbers_joints(self) -> bool:
+        """Whether it names a joint by its number."""
+        return any(JOINT.search(text) for text in self._texts)
+
     def in_case(self, case: Mapping[str, object]) -> Reference:
         """This reference with the values of ``case`` in its placeholders. Raises ConfigError for
         one that the case does not have.
@@ -58,20 +81,19 @@ class Reference:
                 raise ConfigError(
                     f"a placeholder that is not among {', '.join(case) or 'none'}", file=self.file
                 )
-            return f"{{joint {case[name]}}}" if name == "joint" else str(case[name])
+            return str(case[name])
 
         return self._with(lambda text: PLACEHOLDER.sub(value, text))
 
-    def look_up(self, evidence: Evidence, joints: Sequence[str]) -> float | None:
-        """The number, or None where the run has none.
+    def look_up(self, evidence: Evidence, arm: ArmNames) -> float | None:
+        """The number, or None where the run of ``arm`` has none, or no joint of that number.
 
-        ``joints`` are the names of the run's joints, base to tip. Raises ConfigError where more
-        than one row of the table fits.
+        Raises ConfigError where more than one row of the table fits.
         """
-        if any(int(j) > len(joints) for text in self._texts for j in JOINT.findall(text)):
+        numbers = [int(number) for text in self._texts for number in JOINT.findall(text)]
+        if any(number > len(arm.numbered) for number in numbers):
             return None
-        named = self._with(lambda text: JOINT.sub(lambda place: joints[int(place[1]) - 1], text))
-        return named._value(evidence.get(self.file))
+        return self._with(lambda text: joint_names(text, arm))._value(evidence.get(self.file))
 
     @property
     def _texts(self) -> list[str]:
@@ -103,3 +125,9 @@ class Reference:
                 f"{len(fits)} rows fit; name more columns", file=self.file, rows=self.rows
             )
         return fits[self.column].iloc[0] if len(fits) else None
+
+
+def joint_names(text: str, arm: ArmNames) -> str:
+    """``text`` with the name of a joint in the place of each of its numbers that ``arm`` has."""
+    named = {str(number): name for number, name in enumerate(arm.numbered, 1)}
+    return JOINT.sub(lambda place: named.get(place[1], place[0]), text)

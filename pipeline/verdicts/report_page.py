@@ -21,15 +21,19 @@ from pipeline.verdicts.decision import (
 from pipeline.verdicts.equations import Item, Source
 from pipeline.verdicts.errata import Erratum
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.wording import GROUPS, WHOSE, case_text, number, side_by_side, table
+from pipeline.verdicts.wording import (
+    ARM_OF_THE_PAPER,
+    GROUPS,
+    WHOSE,
+    case_text,
+    number,
+    side_by_side,
+    table,
+)
 
 MARKS = {REPRODUCED: "✓", NOT_REPRODUCED: "✗", SYNTHETIC_CANNOT: "?", NO_EVIDENCE: "–"}
 # what a stage counts because it was not solved, lost, clipped or left out
 LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
-READINGS = """\
-The Wishart model decomposes the Jacobian by LU without pivoting here, which the paper's numbers
-allow ([which-lu](errata.md#which-lu)); which claims come out otherwise under the other
-decompositions says the [study of sensitivity](studies/sensitivity.md)."""
 LINKS = """\
 - Claims: [claims.yaml](claims.yaml) states each with its test and the reason for it,
   [claims.json](claims.json) has verdicts with all numbers and the command that recomputes them.
@@ -68,12 +72,8 @@ def tally(decided: Sequence[Decided]) -> str:
         for whose in decided
     ]
     kinds = "\n".join(f"- {GROUPS[about][1]}" for about in ABOUT)
-    names = "; ".join(f"{', '.join(whose.joints)} of {whose.dataset}" for whose in decided)
     header = ["recordings", *(f"about the {about}" for about in ABOUT), "all"]
-    return (
-        f"Claims held / failed / undecided:\n\n{table(header, rows)}\n\n{kinds}\n"
-        f"- Joints are counted from base to tip: {names}."
-    )
+    return f"Claims held / failed / undecided:\n\n{table(header, rows)}\n\n{kinds}"
 
 
 def _counted(verdicts: Sequence[Verdict]) -> str:
@@ -116,8 +116,10 @@ def published_and_ours(decided: Sequence[Decided]) -> str:
     rows = []
     for verdicts in zip(*(whose.verdicts for whose in decided), strict=True):
         claim = verdicts[0].claim
+        if not claim.parameter:
+            continue
         for cases in zip(*(verdict.cases for verdict in verdicts), strict=True):
-            if claim.parameter and any(case.value is not None for case in cases):
+            if any(case.value is not None for case in cases):
                 unit = f" ({claim.unit})" if claim.unit else ""
                 name = ", ".join(filter(None, [claim.parameter, cases[0].case]))
                 printed = number(cases[0].published)
@@ -131,8 +133,10 @@ def _value(case: Case) -> str:
     return "–" if case.value is None else case_text(replace(case, case="", than=None, holds=None))
 
 
-def every_claim(decided: Sequence[Decided]) -> str:
-    """A row for each claim with its verdict in every dataset as a sign."""
+def every_claim(decided: Sequence[Decided], readings: str) -> str:
+    """A row for each claim with its verdict in every dataset as a sign, and what
+    :func:`pipeline.verdicts.readings.readings_part` says of the others.
+    """
     rows = [
         [_stated(claim), claim.where, about, *(MARKS[verdict.verdict] for verdict in verdicts)]
         for about in ABOUT
@@ -140,12 +144,15 @@ def every_claim(decided: Sequence[Decided]) -> str:
     ]
     signs = ", ".join(f"{mark} {verdict}" for verdict, mark in MARKS.items())
     header = ["claim", "place", "about the", *(whose.dataset for whose in decided)]
-    return f"{signs}. {READINGS}\n\n{table(header, rows)}"
+    return f"{signs}.\n\n{table(header, rows)}\n\n{readings}"
 
 
 def _stated(claim: Claim) -> str:
-    """The statement of ``claim``, marked where it can hardly fail."""
+    """The statement of ``claim``, marked where it can hardly fail and where not every arm is
+    evidence.
+    """
     mark = f" *Can hardly fail: {claim.foregone}.*" if claim.foregone else ""
+    mark += f" *{ARM_OF_THE_PAPER}*" if claim.numbers_joints else ""
     return claim.statement + mark
 
 

@@ -13,24 +13,30 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.core.errors import ContractError
-from pipeline.verdicts.reference import Evidence
+from pipeline.verdicts.reference import ArmNames, Evidence
 
 MATRIX_KINDS = ("wishart", "gaussian")
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run with ``dataset``: the names of its joints, base to tip, its models (name → kind),
-    metrics (file stem → name → value) and tables (file stem → rows).
+    """A run with ``dataset``: the names of its joints, base to tip, and of its task's rows, its
+    models (name → kind), metrics (file stem → name → value) and tables (file stem → rows).
     """
 
     dataset: str
     scale: str
     synthetic: bool
     joints: Sequence[str]
+    task: Sequence[str]
     models: Mapping[str, str]
     metrics: Mapping[str, Mapping[str, float]]
     tables: Mapping[str, pd.DataFrame]
+
+    @property
+    def arm(self) -> ArmNames:
+        """What its joints and rows are called."""
+        return ArmNames(tuple(self.joints), tuple(self.task))
 
     @property
     def evidence(self) -> Evidence:
@@ -56,6 +62,7 @@ class Run:
             "scale": self.scale,
             "synthetic": self.synthetic,
             "joints": list(self.joints),
+            "task": list(self.task),
             "models": self.models,
         }
         return (

@@ -30,6 +30,7 @@ GROUPS = {
         "numbers, so that nearness is no evidence.",
     ),
 }
+ARM_OF_THE_PAPER = "Only a planar chain of three joints is evidence."
 WHOSE = {
     "synthetic": "synthetic recordings",
     "real": "recordings of a real robot, not the paper's",

@@ -7,7 +7,7 @@ import pytest
 from compiled_calls import from_python
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.arm.compiled import arm_numbers, joint_step, segments, sine_cosine
+from pipeline.arm.compiled import joint_step, plane_of, segments, sine_cosine
 
 SINE_COSINE = from_python(sine_cosine)
 
@@ -37,7 +37,7 @@ def test_segments_and_joint_steps_are_the_chains():
     q = np.random.default_rng(0).uniform(-2, 2, (2000, 3))
     poses = q[np.abs(chain.determinant(q)) > 0.2 * chain.lengths[0] * chain.lengths[1]]
     v = np.array([0.004, -0.003, 0.03])
-    arm = arm_numbers(chain)
+    arm = from_python(plane_of)(chain.numbers())
     shape_at, moved = from_python(segments), from_python(joint_step)
     shapes = [shape_at(arm, tuple(q)) for q in poses]
     expected = np.diff(chain.points(poses), axis=1).reshape(len(poses), 6)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -24,7 +26,6 @@ from tests.arm.example_urdf import JOINTS, YOUBOT, urdf
         ({"tool": "arm_link_3"}, "'arm_link_3' does not move with the last joint"),
         ({"tool": "arm_link_4"}, "lie on one axis"),
         ({"joints": ["arm_joint_3", "arm_joint_2", "arm_joint_4"]}, "in the order of the chain"),
-        ({"joints": ["arm_joint_2", "arm_joint_3"]}, "must be three in a row"),
         ({"joints": ["arm_joint_1", "arm_joint_2", "arm_joint_3"], "locked": {}}, "not parallel"),
     ],
 )
@@ -32,7 +33,7 @@ def test_a_chain_that_the_urdf_does_not_hold_is_refused(change, said):
     arguments = {"urdf": YOUBOT, "joints": JOINTS, "tool": "arm_tool", "locked": {}} | change
     with pytest.raises(ConfigError, match=said) as refused:
         load_arm(**arguments)
-    assert refused.value.evidence["file"] == arguments["urdf"]
+    assert refused.value.evidence["file"] == Path(arguments["urdf"])
 
 
 @pytest.mark.parametrize("kind", ["prismatic", "continuous"])
@@ -42,7 +43,7 @@ def test_a_joint_that_is_no_revolute_with_limits_is_refused(tmp_path, kind, plac
     kinds[place] = kind
     file = tmp_path / "robot.urdf"
     file.write_text(urdf(("0 1 0",) * 3, kinds=tuple(kinds)))
-    with pytest.raises(ConfigError, match="must be revolute joints with limits"):
+    with pytest.raises(ConfigError, match="three revolute joints with limits"):
         load_arm(file, ["a", "b", "c"], "tool", {})
 
 
@@ -51,7 +52,7 @@ def test_joints_on_two_branches_are_refused(tmp_path):
     file.write_text(
         urdf(("0 1 0",) * 3).replace('<parent link="link_b"/>', '<parent link="link_a"/>')
     )
-    with pytest.raises(ConfigError, match="three in a row"):
+    with pytest.raises(ConfigError, match="b does not move 'tool'"):
         load_arm(file, ["a", "b", "c"], "tool", {})
 
 

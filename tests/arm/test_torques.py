@@ -9,7 +9,7 @@ from pipeline.arm.model import greatest_torques, torques
 from pipeline.core.options.dataset import Robot
 from tests.arm.example_urdf import JOINTS, LOCKED, YOUBOT
 
-ROBOT = Robot(str(YOUBOT), JOINTS, "arm_tool", LOCKED)
+ROBOT = Robot(str(YOUBOT), JOINTS, "arm_tool", locked=LOCKED, plane=True)
 GRAVITY = 9.81  # m/s²
 HEADING = np.cumsum(np.deg2rad([-65.0, 146.0, -102.5]))  # of links 2 to 4 about y where q = 0
 LINK = np.array([0.155, 0.135])  # m, from joint 2 to 3 and from 3 to 4
@@ -83,10 +83,23 @@ def test_a_joint_that_is_held_leaves_the_others_torques_as_they_are(states):
     whole = torques(ROBOT, q, np.zeros_like(q), moving)
     for angles, acting, stated in zip(q, moving, whole, strict=True):
         locked = LOCKED | dict(zip(JOINTS[:2], angles[:2].tolist(), strict=True))
-        one = Robot(str(YOUBOT), JOINTS[2:], "arm_tool", locked)
+        one = Robot(str(YOUBOT), JOINTS[2:], "arm_tool", locked=locked, plane=True, task=["phi"])
         alone = torques(one, angles[None, 2:], np.zeros((1, 1)), acting[None, 2:])
         np.testing.assert_allclose(alone, [stated[2:]], atol=1e-12)
 
 
 def test_the_greatest_torques_are_those_of_the_urdf():
     assert greatest_torques(ROBOT).tolist() == [9.5, 6.0, 2.0]
+
+
+def test_a_continuous_joint_takes_the_torques_of_a_revolute_one_at_the_same_angle(tmp_path):
+    text = YOUBOT.read_text().replace(
+        '"arm_joint_3" type="revolute"', '"arm_joint_3" type="continuous"'
+    )
+    file = tmp_path / "endless.urdf"
+    file.write_text(text)
+    endless = Robot(str(file), JOINTS, "arm_tool", locked=LOCKED, plane=True)
+    q, speed, acceleration = np.random.default_rng(3).uniform(-2, 2, (3, 4, 3))
+    np.testing.assert_allclose(
+        torques(endless, q, speed, acceleration), torques(ROBOT, q, speed, acceleration), atol=1e-12
+    )

@@ -2,11 +2,13 @@
 sizes for measuring or for trying.
 
 A contest is one group of pytest-benchmark, named by a sentence, of tests ``test_ours…``,
-``test_PEER…`` and ``test_floor…`` (the random numbers alone). Each states in
+``test_PEER…`` and ``test_floor…`` (what ours has to do at least). Each states in
 ``benchmark.extra_info`` its ``role`` ("ours", "peer" or "floor"), the ``items`` that one call
 treats, and where its result has a quality its ``error`` or ``objective`` (less is better); a peer
 and a floor also the ``target``: the ratio of its time an item to ours that is to be reached, for a
-floor that of ours to it; ours may state a ``limit`` in seconds an item.
+floor that of ours to it; ours may state a ``limit`` in seconds an item. A test of several
+parameters states by ``against`` what it is called in the report. What is no contest but ``part`` of
+the filter of an ``arm`` has the role "part".
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 # last, so that tests/conftest.py stays what other tests find by that name
-sys.path.append(str(Path(__file__).parent))
+sys.path += [str(Path(__file__).parent), str(Path(__file__).parent / "peers")]
 from machine import machine, versions
 from peer_process import INTERPRETER, PeerProcess
 

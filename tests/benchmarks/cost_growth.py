@@ -1,4 +1,4 @@
-"""Processor time and memory over particles, takes, steps, frames and agents: ``python
+"""Processor time and memory over particles, takes, steps, joints, frames and agents: ``python
 tests/benchmarks/cost_growth.py`` writes reports/benchmarks/cost_growth.csv and the figure of it
 beside it.
 """
@@ -9,7 +9,7 @@ import gc
 import re
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -24,7 +24,7 @@ import numpy as np  # isort: skip
 import pandas as pd
 from depth_scenario import Recording, record
 from growth_figure import draw
-from scenario import ROOT, Take, take
+from scenario import ROOT, Take, many_joints, take
 
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.options.compute import Compute
@@ -37,14 +37,23 @@ REPEATS = 2  # of which the shortest time and the least memory are kept
 LEAST_MEMORY = 1.0  # MB, below which the allocator decides and not the size
 # of the paper's study: T̲ in N, θ̲ in rad, σ_T in N, κ
 CABLES = Bounds((1.0, 15.0), (0.0, 2 * np.pi), (0.5, 2.0), (150.0, 2500.0))
-# the smallest size and how many there are, each twice the one before
+
+
+def doublings(first: int, count: int) -> tuple[int, ...]:
+    """``count`` sizes from ``first`` on, each twice the one before."""
+    return tuple(first * 2**k for k in range(count))
+
+
 SIZES = {
-    "particles": (1000, 9),
-    "steps": (10, 9),
-    "takes": (1, 8),
-    "frames": (1, 7),
-    "agents": (2, 6),
+    "particles": doublings(1000, 9),
+    "steps": doublings(10, 9),
+    "takes": doublings(1, 8),
+    "joints": (2, 3, 4, 5, 6, 7, 8, 10, 12),
+    "frames": doublings(1, 7),
+    "agents": doublings(2, 6),
 }
+# slope of the time that is not to be passed
+LIMITS = {"joints": 3.0}
 
 
 def call_of(over: str, size: int, recording: Recording) -> Callable[[], object]:
@@ -55,6 +64,8 @@ def call_of(over: str, size: int, recording: Recording) -> Callable[[], object]:
             return partial(take(40).filtered, size, rng)
         case "steps":
             return partial(take(size).filtered, 1000, rng)
+        case "joints":
+            return partial(take(40, many_joints(size)).filtered, 10_000, rng)
         case "takes":
             trial = partial(_filtered, motion=take(40))
             return partial(
@@ -105,7 +116,7 @@ def megabytes(name: str) -> float:
     return int(re.search(rf"{name}:\s+(\d+) kB", Path("/proc/self/status").read_text())[1]) / 1e3
 
 
-def slope(sizes: np.ndarray, costs: np.ndarray) -> float:
+def slope(sizes: Sequence[float], costs: np.ndarray) -> float:
     """Of log cost over log size, by least squares over the larger half of the sizes."""
     half = len(sizes) // 2
     return float(np.polyfit(np.log(sizes[half:]), np.log(costs[half:]), 1)[0])
@@ -115,13 +126,11 @@ def main() -> None:
     """Measure, write the table and draw it."""
     rows = []
     with TemporaryDirectory() as folder:
-        first, doublings = SIZES["frames"]
-        recording = in_a_process(record, Path(folder), first * 2 ** (doublings - 1))
-        for over, (first, doublings) in SIZES.items():
-            sizes = first * 2 ** np.arange(doublings)
+        recording = in_a_process(record, Path(folder), SIZES["frames"][-1])
+        for over, sizes in SIZES.items():
             costs = np.array(
                 [
-                    [in_a_process(cost, over, int(size), recording) for _ in range(REPEATS)]
+                    [in_a_process(cost, over, size, recording) for _ in range(REPEATS)]
                     for size in sizes
                 ]
             ).min(axis=1)
@@ -130,6 +139,7 @@ def main() -> None:
             slopes = {
                 "time_slope": slope(sizes, seconds),
                 "memory_slope": slope(sizes, memory) if grows else np.nan,
+                "time_limit": LIMITS.get(over, np.nan),
             }
             rows += [
                 {"over": over, "size": size, "seconds": s, "megabytes": m} | slopes

@@ -12,6 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pipeline.figures.style import (
+    BLACK,
     BLUE,
     GREEN,
     LIGHT_GREY,
@@ -27,6 +28,7 @@ TOLD = 0.1  # MB; less is a matter of single pages, and none has no place on a l
 LINES = {
     "particles": {"color": BLUE, "marker": "o", "linestyle": "-"},
     "steps": {"color": VERMILLION, "marker": "s", "linestyle": "--"},
+    "joints": {"color": BLACK, "marker": "x", "linestyle": (0, (1, 1))},
     "takes": {"color": GREEN, "marker": "^", "linestyle": "-."},
     "frames": {"color": PURPLE, "marker": "D", "linestyle": ":"},
     "agents": {"color": ORANGE, "marker": "v", "linestyle": (0, (6, 1.5, 1, 1.5))},

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 from growth_figure import draw
 from project_copy import run
+from scenario import many_joints, take
 
 EVERY_SMALLEST_CALL = """
 recording = cost_growth.in_a_process(depth_scenario.record, Path("."), 2)
@@ -55,6 +56,13 @@ def test_the_slope_is_the_power_of_the_larger_sizes():
     assert cost_growth.slope(sizes, 3 * sizes**1.5) == pytest.approx(1.5)
     # what every call costs, whatever its size, tells in the smaller half
     assert cost_growth.slope(sizes, sizes + np.where(sizes < 16, 5.0, 0.0)) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("joints", cost_growth.SIZES["joints"])
+def test_an_arm_of_many_joints_keeps_clear_of_singular_poses(joints):
+    motion = take(40, many_joints(joints))
+    posterior = motion.filtered(500, np.random.default_rng(1))
+    assert len(posterior.mean) == 41 and not posterior.outside.any()
 
 
 @pytest.mark.slow

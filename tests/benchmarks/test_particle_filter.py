@@ -10,7 +10,8 @@ from functools import partial
 
 import numpy as np
 import pytest
-from scenario import SIGMA_B, Take, take
+from filter_parts import PARTS
+from scenario import Take, apart, take
 
 from pipeline.filtering.particle_filter import Posterior
 
@@ -35,19 +36,6 @@ def items(problem: tuple[Take, int]) -> int:
     """A particle moved by a step is what a filter treats."""
     motion, particles = problem
     return particles * len(motion.steps)
-
-
-def apart(means: np.ndarray, posterior: Posterior) -> float:
-    """Root mean square distance of posterior ``means`` (M+1, 3) from ``posterior``'s, in its
-    standard deviations.
-    """
-    return float(
-        np.sqrt(
-            np.mean(
-                (means - posterior.mean) ** 2 / np.diagonal(posterior.covariance, axis1=1, axis2=2)
-            )
-        )
-    )
 
 
 def contested(benchmark, peer, problem: tuple[Take, int], library: str, law: str) -> None:
@@ -95,20 +83,15 @@ def test_particles_with_algorithm_1_written_out_by_hand(benchmark, peer, problem
 
 
 @pytest.mark.benchmark(group=EXACT)
-def test_floor_of_the_random_numbers_alone(benchmark, problem):
-    benchmark.extra_info |= {"role": "floor", "items": items(problem), "target": 1.6}
-    motion, particles = problem
-    d = 4 / SIGMA_B**2
-    gammas, normals = np.empty((2, particles)), np.empty((2, particles))
-    rng = np.random.default_rng(1)
+def test_floor_of_the_numbers_that_the_law_draws(benchmark, problem):
+    benchmark.extra_info |= {"role": "floor", "items": items(problem), "target": 2}
+    benchmark(PARTS["numbers"](*problem, np.random.default_rng(1)))
 
-    def draw() -> None:
-        for _ in range(len(motion.steps)):
-            rng.standard_gamma((d - 2) / 2, out=gammas[0])
-            rng.standard_gamma((d - 1) / 2, out=gammas[1])
-            rng.standard_normal(out=normals)
 
-    benchmark(draw)
+@pytest.mark.benchmark(group=EXACT)
+def test_floor_of_sines_cosines_and_roots(benchmark, problem):
+    benchmark.extra_info |= {"role": "floor", "items": items(problem)}
+    benchmark(PARTS["circular functions"](*problem, np.random.default_rng(1)))
 
 
 # what else the machine does comes and goes in seconds: measured for longer than the other contests

@@ -7,7 +7,8 @@ from __future__ import annotations
 import json
 
 import pytest
-from summary import duration, experiment, lines
+from contests import duration, lines
+from summary import experiment, limited, parts
 
 
 def measured(
@@ -69,6 +70,29 @@ def test_a_contest_without_ours_or_with_two_is_refused():
 def test_opponents_stand_from_the_fastest_to_the_slowest():
     slow, fast = measured("test_slow", 3.0, role="peer"), measured("test_fast", 2.0, role="peer")
     assert [line.against for line in lines([slow, OURS, fast])] == ["fast", "slow"]
+
+
+def test_the_parts_of_a_step_stand_in_no_contest_and_add_up():
+    times = {"numbers": 2, "moves": 5, "weights and moments": 1, "resampling": 0.5}
+    measured_parts = [
+        measured("test_part", seconds * 1e-6, items=1000, role="part", arm="An arm", part=part)
+        for part, seconds in (times | {"filter": 7, "circular functions": 0.8}).items()
+    ]
+    assert [line.against for line in lines([OURS, *measured_parts])] == []
+    expected = "| An arm | 2 ns | 3 ns | 1 ns | 0.5 ns | 6.5 ns | 7 ns | 0.8 ns | 3.5 |"
+    assert parts([OURS, *measured_parts]).splitlines()[-1] == expected
+
+
+@pytest.mark.parametrize(
+    ("limit", "text"), [(3.0, " (≤ 3: met)"), (2.0, " (≤ 2: **missed**)"), (float("nan"), "")]
+)
+def test_a_slope_is_held_to_its_limit(limit, text):
+    assert limited(2.5, limit) == text
+
+
+def test_what_a_test_is_against_is_its_name_in_the_report():
+    cells = only_line(measured("test_x", 1.0, param="a-b", role="peer", against="a library"))
+    assert cells[1] == "a library"
 
 
 @pytest.mark.parametrize(

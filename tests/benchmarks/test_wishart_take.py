@@ -4,20 +4,16 @@ same arm, the same frames.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scenario import MODEL, SIGMA_B, START, take, youbot
 from scipy.stats import multivariate_normal
+from wishart_take import WishartTake
 
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
-
-sys.path.insert(0, str(Path(__file__).parent / "peers"))
-from wishart_take import WishartTake
 
 # what a sample's mean or covariance may be off, in its standard errors: the greatest of twelve is
 # beyond it once in ten thousand

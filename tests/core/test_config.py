@@ -198,7 +198,7 @@ def test_a_refusal_leaves_the_written_configuration_as_it_was(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("dataset", "rows"), [("youbot", None), ("ur5", "z x phi"), ("ur5_rounds", "z x phi")]
+    ("dataset", "rows"), [("youbot", None), ("ur5_planar", "z x phi"), ("ur5_rounds", "z x phi")]
 )
 def test_models_by_lu_eliminate_in_the_order_that_the_dataset_names(compose, dataset, rows):
     models = compose(dataset=dataset, models="[wishart, wishart_ml, wishart_qr]").models

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from matplotlib import rcParams
 from PIL import Image
@@ -73,3 +74,13 @@ def test_files_hold_no_date_and_no_version(tmp_path):
 def test_a_figure_has_the_size_it_was_asked_for(tmp_path, height):
     save(drawing(height), tmp_path, "figure")
     assert Image.open(tmp_path / "figure.png").size == (700, round(200 * height))
+
+
+def test_no_label_touches_the_edge(tmp_path):
+    figure, ((axes,),) = panels(3.5, 2.0)
+    axes.set_yticks(range(3), ["linear, takes' memory", "gaussian, closed loop", "none"])
+    save(figure, tmp_path, "figure")
+    pixels = np.asarray(Image.open(tmp_path / "figure.png").convert("L"))
+    assert (pixels[:, :5] == 255).all()
+    # control: there is a label
+    assert (pixels[:, :40] < 255).any()

@@ -16,6 +16,7 @@ from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
 from pipeline.filtering.resampling import SCHEMES
 from pipeline.models.commands import open_loop
+from pipeline.models.law import planar
 from pipeline.models.model import Law
 
 DT = 0.01
@@ -41,13 +42,14 @@ class Linear:
 
     noise: np.ndarray
 
-    def law(self):
+    def law(self, chain):
         return Law(linear, np.linalg.cholesky(self.noise).ravel(), normals=(1, 3))
 
 
 @njit
-def linear(numbers, parameters, arm, v, q, moved):
-    for i in range(len(q[0])):
+def linear(numbers, parameters, arm, poses):
+    v, q, moved = planar(poses)
+    for i in range(poses.count):
         for j in range(3):
             moved[j][i] = q[j][i]
             for k in range(3):
@@ -114,7 +116,7 @@ class StateDependent:
     still.
     """
 
-    def law(self):
+    def law(self, chain):
         return Law(state_dependent, np.empty(0), normals=(1, 1))
 
 
@@ -129,8 +131,9 @@ def spread(q):
 
 
 @njit
-def state_dependent(numbers, parameters, arm, v, q, moved):
-    for i in range(len(q[0])):
+def state_dependent(numbers, parameters, arm, poses):
+    v, q, moved = planar(poses)
+    for i in range(poses.count):
         moved[0][i] = centre(q[0][i], v[0][i]) + spread(q[0][i]) * numbers.normal[0, i]
         moved[1][i], moved[2][i] = q[1][i], q[2][i]
     return 0

@@ -13,6 +13,7 @@ from pipeline.core.errors import ConfigError, DegenerateFilterError, ModelDomain
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
 from pipeline.models.commands import open_loop
+from pipeline.models.law import planar
 from pipeline.models.model import Law
 
 DT = 0.01
@@ -32,7 +33,7 @@ class Diffusing:
     clips: float = 0.0
     backwards: bool = False  # the numbers are dealt to the particles of a block in reverse
 
-    def law(self):
+    def law(self, chain):
         return Law(
             diffusing,
             np.array([self.spread, self.clips, self.backwards], dtype=float),
@@ -44,8 +45,9 @@ EXACT = Diffusing(0.0)
 
 
 @njit
-def diffusing(numbers, parameters, arm, v, q, moved):
-    count = len(q[0])
+def diffusing(numbers, parameters, arm, poses):
+    v, q, moved = planar(poses)
+    count = poses.count
     for i in range(count):
         to = count - 1 - i if parameters[2] else i
         for j in range(3):

@@ -211,7 +211,7 @@ def test_particles_outside_the_chains_domain_lose_their_weight_and_go_back(signs
     here, there, log_weights = np.zeros((3, 4000)), np.ascontiguousarray(q.T), np.zeros(4000)
     log_weights[:100] = -np.inf
     assert from_python(keep_inside)(
-        domain_of(chain), tuple(here), tuple(there), log_weights
+        domain_of(chain), here, there, 0, 4000, log_weights, np.empty(4000)
     ) == np.sum(gone[100:])
     assert np.array_equal(there.T, np.where(gone[:, None], 0.0, q))
     assert np.array_equal(log_weights == -np.inf, gone | (np.arange(4000) < 100))

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from compiled_calls import from_python
 
-from pipeline.filtering.weights import normalise, weighted_moments
+from pipeline.filtering.weights import NEAR, normalise, weighted_moments
 
 
 def test_moments_are_numpys_with_weights_as_probabilities():
     rng = np.random.default_rng(12)
-    q, weights = rng.standard_normal((3, 30)), rng.dirichlet(np.ones(30))
+    q, weights = rng.standard_normal((3, 700)), rng.dirichlet(np.ones(700))
     mean, covariance = np.empty(3), np.empty((3, 3))
-    from_python(weighted_moments)(weights, q, mean, covariance)
+    from_python(weighted_moments)(weights, q, mean, covariance, np.empty((5, NEAR)))
     np.testing.assert_allclose(mean, np.average(q, axis=1, weights=weights))
     np.testing.assert_allclose(covariance, np.cov(q, aweights=weights, ddof=0))
 

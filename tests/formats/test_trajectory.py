@@ -14,21 +14,27 @@ def trajectory(rows: int = 321) -> pd.DataFrame:
     return pd.DataFrame(table, columns=COLUMNS)
 
 
+def families(table: pd.DataFrame) -> pd.DataFrame:
+    """As the table is read: the rows of the task as families of columns."""
+    names = ["t", *(f"{family}:{row}" for family in "xv" for row in ("x", "z", "phi"))]
+    return table.set_axis(names, axis=1)
+
+
 def test_written_trajectories_read_back_bit_for_bit_in_any_order_of_columns(tmp_path):
-    write_trajectory(tmp_path / "t.csv", trajectory())
+    write_trajectory(tmp_path / "t.csv", families(trajectory()))
     assert (tmp_path / "t.csv").read_text().startswith("t,x,z,phi,vx,vz,vphi\n0.0,")
     pd.testing.assert_frame_equal(
-        read_trajectory(tmp_path / "t.csv"), trajectory(), check_exact=True
+        read_trajectory(tmp_path / "t.csv"), families(trajectory()), check_exact=True
     )
     trajectory()[COLUMNS[::-1]].to_csv(tmp_path / "t.csv", index=False)
     pd.testing.assert_frame_equal(
-        read_trajectory(tmp_path / "t.csv"), trajectory(), check_exact=True
+        read_trajectory(tmp_path / "t.csv"), families(trajectory()), check_exact=True
     )
 
 
 def test_times_printed_with_six_decimals_are_equal_steps(tmp_path):
     table = trajectory(50).assign(t=np.round(np.arange(50) / 30, 6))
-    write_trajectory(tmp_path / "t.csv", table)
+    write_trajectory(tmp_path / "t.csv", families(table))
     assert len(read_trajectory(tmp_path / "t.csv")) == 50
 
 
@@ -72,7 +78,7 @@ def test_headers_without_their_columns_or_rows_are_refused(tmp_path, content):
 
 
 def test_a_trajectory_cut_within_a_row_is_refused_at_every_byte(tmp_path):
-    write_trajectory(tmp_path / "t.csv", trajectory(3))
+    write_trajectory(tmp_path / "t.csv", families(trajectory(3)))
     content = (tmp_path / "t.csv").read_bytes()
     for cut in range(len(content)):
         (tmp_path / "t.csv").write_bytes(content[:cut])
@@ -81,3 +87,17 @@ def test_a_trajectory_cut_within_a_row_is_refused_at_every_byte(tmp_path):
         else:
             with pytest.raises(RecordingError):
                 read_trajectory(tmp_path / "t.csv")
+
+
+def test_joint_angles_of_any_arm_read_back_bit_for_bit(tmp_path):
+    q = np.random.default_rng(1).normal(size=(30, 2))
+    table = pd.DataFrame({"t": np.arange(30) / 100, "q:shoulder": q[:, 0], "q:elbow": q[:, 1]})
+    write_trajectory(tmp_path / "t.csv", table.assign(other=1.0))
+    assert (tmp_path / "t.csv").read_text().startswith("t,q:shoulder,q:elbow\n0.0,")
+    pd.testing.assert_frame_equal(read_trajectory(tmp_path / "t.csv"), table, check_exact=True)
+
+
+def test_a_joint_that_is_named_twice_is_refused(tmp_path):
+    (tmp_path / "t.csv").write_text("t,q:a,q:a\n0,1,2\n0.1,1,2\n")
+    with pytest.raises(RecordingError, match="must name q:a once"):
+        read_trajectory(tmp_path / "t.csv")

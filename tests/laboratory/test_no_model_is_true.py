@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.core.columns import values
 from pipeline.laboratory.dynamics import expose, simulate_take
 from pipeline.laboratory.swing import desired_trajectory
 from pipeline.models.additive.law import AdditiveModel
@@ -23,13 +24,12 @@ NO_OFFSET = np.zeros(3)
 def perform(arm, trajectory, dynamics, takes: int, seed: int):
     """Recorded poses (takes, M+1, 3), commanded steps (M, 3) and noise (takes, M, 3)."""
     rng = np.random.default_rng(seed)
-    v = (
-        desired_trajectory(arm.chain, trajectory)[["vx", "vz", "vphi"]].to_numpy()[:-1]
-        / trajectory.rate
-    )
+    v = values(desired_trajectory(arm.chain, trajectory), "v")[:-1] / trajectory.rate
     grid = np.arange(len(v) + 1) / trajectory.rate
     poses = [
-        expose(*simulate_take(arm.chain, NO_OFFSET, trajectory, dynamics, rng), grid, dynamics, rng)
+        expose(
+            *simulate_take(arm.chain, NO_OFFSET, trajectory, dynamics, rng)[:2], grid, dynamics, rng
+        )
         for _ in range(takes)
     ]
     q = np.array(poses)

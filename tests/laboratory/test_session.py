@@ -8,22 +8,20 @@ import numpy as np
 import pytest
 
 from pipeline.core.errors import ConfigError
-from pipeline.laboratory.options import (
-    ClockOptions,
-    DynamicsOptions,
-    KinectOptions,
-    MocapOptions,
-    TrajectoryOptions,
-)
-from pipeline.laboratory.session import Session, open_session, perform
+from pipeline.laboratory.options import ClockOptions, DynamicsOptions, TrajectoryOptions
+from pipeline.laboratory.session import Session, depth_frames, open_session, perform
 from pipeline.laboratory.swing import desired_joints
 
-TEMPLATE = np.random.default_rng(1).uniform(-0.05, 0.05, (3, 3, 3))
 STEADY = ClockOptions(offset=0.14, offset_std=0.0, drift=0.0, jitter_std=0.0)
 
 
 def session(arm, dynamics: DynamicsOptions, rng: np.random.Generator) -> Session:
-    return open_session(arm, TEMPLATE, dynamics, MocapOptions(), KinectOptions(), rng)
+    return open_session(arm.chain, dynamics, rng)
+
+
+def frames_of(lab: Session, trajectory, dynamics, clock: ClockOptions, rng):
+    motion = perform(lab, trajectory, dynamics, rng)
+    return depth_frames(motion.swing, trajectory.duration, clock, rng)
 
 
 def servo_error(trajectory: TrajectoryOptions, dynamics: DynamicsOptions) -> float:
@@ -34,10 +32,11 @@ def servo_error(trajectory: TrajectoryOptions, dynamics: DynamicsOptions) -> flo
 
 
 def test_frames_come_at_the_cameras_rate_for_the_whole_motion(arm, trajectory, quiet, rng):
-    motion = perform(session(arm, quiet, rng), trajectory, quiet, STEADY, rng)
-    np.testing.assert_allclose(np.diff(motion.frame_times), 1 / STEADY.rate)
-    assert len(motion.frame_times) == 97
-    assert motion.frame_joints.shape == (97, 3)
+    motion = perform(session(arm, quiet, rng), trajectory, quiet, rng)
+    frames = depth_frames(motion.swing, trajectory.duration, STEADY, rng)
+    np.testing.assert_allclose(np.diff(frames.times), 1 / STEADY.rate)
+    assert len(frames.times) == 97
+    assert frames.joints.shape == (97, 3)
     assert motion.truth.shape == motion.motion_capture.shape == (321, 3)
 
 
@@ -46,32 +45,33 @@ def test_the_cameras_clock_is_ahead_by_its_offset_and_runs_at_its_own_rate(
 ):
     lab = session(arm, quiet, rng)
     steady, drifting = (
-        perform(lab, trajectory, quiet, replace(STEADY, drift=drift), rng) for drift in (0.0, 0.01)
+        frames_of(lab, trajectory, quiet, replace(STEADY, drift=drift), rng)
+        for drift in (0.0, 0.01)
     )
-    exposed = steady.frame_times - 0.14
+    exposed = steady.times - 0.14
     np.testing.assert_allclose(exposed[[0, -1]], [0, 3.2], atol=1e-12)
-    np.testing.assert_allclose(drifting.frame_times, exposed * 1.01 + 0.14, atol=1e-12)
+    np.testing.assert_allclose(drifting.times, exposed * 1.01 + 0.14, atol=1e-12)
     # a clock that runs wrong sees no other motion
-    assert np.array_equal(drifting.frame_joints, steady.frame_joints)
+    assert np.array_equal(drifting.joints, steady.joints)
     assert steady.clock_offset == drifting.clock_offset == 0.14
 
 
 def test_a_frame_shows_the_arm_at_the_instant_that_its_time_stands_for(arm, trajectory, quiet, rng):
     clock = ClockOptions(offset=-0.2, offset_std=0.05, drift=1e-3, jitter_std=5e-3)
-    motion = perform(session(arm, quiet, rng), trajectory, quiet, clock, rng)
-    instants = (motion.frame_times - motion.clock_offset) / (1 + clock.drift)
+    frames = frames_of(session(arm, quiet, rng), trajectory, quiet, clock, rng)
+    instants = (frames.times - frames.clock_offset) / (1 + clock.drift)
     band = servo_error(trajectory, quiet)
-    assert np.abs(motion.frame_joints - desired_joints(instants, trajectory)[0]).max() < band
+    assert np.abs(frames.joints - desired_joints(instants, trajectory)[0]).max() < band
     # control: without the jitter of the exposures the angles would be off by far more
     nominal = np.arange(97) / clock.rate
-    assert np.abs(motion.frame_joints - desired_joints(nominal, trajectory)[0]).max() > 3 * band
+    assert np.abs(frames.joints - desired_joints(nominal, trajectory)[0]).max() > 3 * band
 
 
 def test_the_offset_varies_from_take_to_take_as_stated(arm, trajectory, quiet, rng):
     lab, takes = session(arm, quiet, rng), 100
     clock = replace(STEADY, offset_std=0.02)
     offsets = np.array(
-        [perform(lab, trajectory, quiet, clock, rng).clock_offset for _ in range(takes)]
+        [frames_of(lab, trajectory, quiet, clock, rng).clock_offset for _ in range(takes)]
     )
     assert abs(offsets.mean() - 0.14) < 4 * 0.02 / np.sqrt(takes)
     assert abs(offsets.std() / 0.02 - 1) < 4 / np.sqrt(2 * takes)
@@ -81,8 +81,8 @@ def test_the_truth_is_where_the_arm_was_and_motion_capture_misses_it_by_its_jitt
     arm, trajectory, quiet, rng
 ):
     lab = session(arm, quiet, rng)
-    sharp = perform(lab, trajectory, quiet, STEADY, rng)
-    blurred = perform(lab, trajectory, replace(quiet, jitter_std=2e-3), STEADY, rng)
+    sharp = perform(lab, trajectory, quiet, rng)
+    blurred = perform(lab, trajectory, replace(quiet, jitter_std=2e-3), rng)
     assert np.array_equal(sharp.motion_capture, sharp.truth)
     assert np.array_equal(blurred.truth, sharp.truth)
     speed = desired_joints(np.arange(321) / trajectory.rate, trajectory)[1]
@@ -97,28 +97,33 @@ def test_the_truth_is_where_the_arm_was_and_motion_capture_misses_it_by_its_jitt
 def test_a_session_keeps_the_nominal_arm_beside_the_one_that_was_built(arm, dynamics):
     lab, other = (session(arm, dynamics, np.random.default_rng(seed)) for seed in (1, 2))
     assert lab.nominal is arm.chain
-    assert np.array_equal(lab.arm.rotation, arm.rotation)
     for drawn, elsewhere in (
-        (lab.arm.chain.lengths, other.arm.chain.lengths),
+        (lab.chain.lengths, other.chain.lengths),
         (lab.encoder, other.encoder),
-        (lab.markers, other.markers),
     ):
         assert not np.any(drawn == elsewhere)
-    np.testing.assert_allclose(
-        lab.arm.chain.lengths, arm.chain.lengths, atol=6 * dynamics.length_std
-    )
-    np.testing.assert_allclose(lab.markers, TEMPLATE, atol=6 * MocapOptions().placement_std)
+    np.testing.assert_allclose(lab.chain.lengths, arm.chain.lengths, atol=6 * dynamics.length_std)
 
 
 def test_takes_of_one_stream_repeat_to_the_last_bit(arm, trajectory, dynamics):
-    lab = session(arm, dynamics, np.random.default_rng(1))
-    first, again, other = (
-        perform(lab, trajectory, dynamics, ClockOptions(), np.random.default_rng(seed))
-        for seed in (3, 3, 4)
-    )
-    for name in ("motion_capture", "frame_times", "frame_joints", "truth"):
-        assert np.array_equal(getattr(first, name), getattr(again, name))
-        assert not np.array_equal(getattr(first, name), getattr(other, name))
+    lab, takes = session(arm, dynamics, np.random.default_rng(1)), []
+    for seed in (3, 3, 4):
+        rng = np.random.default_rng(seed)
+        motion = perform(lab, trajectory, dynamics, rng)
+        frames = depth_frames(motion.swing, trajectory.duration, ClockOptions(), rng)
+        takes.append((motion.motion_capture, motion.truth, frames.times, frames.joints))
+    for first, again, other in zip(*takes, strict=True):
+        assert np.array_equal(first, again)
+        assert not np.array_equal(first, other)
+
+
+@pytest.mark.parametrize(
+    ("options", "key"),
+    [({"sway_std": (1e-3, 1e-3)}, "sway_std"), ({"play_joint": 4}, "play_joint")],
+)
+def test_the_disturbances_of_another_arm_are_refused(arm, dynamics, rng, options, key):
+    with pytest.raises(ConfigError, match=rf"laboratory\.dynamics\.{key}"):
+        session(arm, replace(dynamics, **options), rng)
 
 
 @pytest.mark.parametrize(

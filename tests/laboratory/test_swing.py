@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.core.columns import values
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import TrajectoryOptions
 from pipeline.laboratory.swing import desired_joints, desired_trajectory
@@ -62,7 +63,7 @@ def test_joints_stay_within_their_limits_of_angle_and_speed(arm, trajectory):
 
 def test_the_table_steps_from_pose_to_pose_exactly(arm, trajectory):
     table = desired_trajectory(arm.chain, trajectory)
-    pose, velocity = table[["x", "z", "phi"]].to_numpy(), table[["vx", "vz", "vphi"]].to_numpy()
+    pose, velocity = values(table, "x"), values(table, "v")
     assert len(table) == round(trajectory.duration * trajectory.rate) + 1
     np.testing.assert_allclose(pose[:-1] + velocity[:-1] / trajectory.rate, pose[1:], atol=1e-15)
     np.testing.assert_allclose(

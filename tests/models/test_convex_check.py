@@ -51,7 +51,7 @@ def test_the_closed_form_agrees_with_the_problem_as_printed_and_a_wrong_one_does
 
 def test_the_noise_covariance_agrees_and_a_wrong_scale_does_not(monkeypatch):
     norms = np.array([13.6, 15.0, 16.4])
-    assert noise_covariance_gap(norms, 0.1, 18.0, 3) < 1e-3
+    assert noise_covariance_gap(norms, 0.1, 18.0, 3, 3) < 1e-3
     right = convex_check.noise_scale
     monkeypatch.setattr(convex_check, "noise_scale", lambda *arguments: 1.05 * right(*arguments))
-    assert noise_covariance_gap(norms, 0.1, 18.0, 3) > 0.04
+    assert noise_covariance_gap(norms, 0.1, 18.0, 3, 3) > 0.04

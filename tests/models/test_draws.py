@@ -13,26 +13,27 @@ from pipeline.models.model import Law
 PARTICLES = 20_000
 
 
-def drawn(rng: np.random.Generator, count: int = PARTICLES, **wanted: object) -> Numbers:
-    numbers = numbers_for(Law(None, np.empty(0), **wanted), PARTICLES)
+def drawn(chain, rng: np.random.Generator, count: int = PARTICLES, **wanted: object) -> Numbers:
+    numbers = numbers_for(Law(None, np.empty(0), **wanted), chain, PARTICLES)
     DRAW(numbers, count, rng)
     return numbers
 
 
 @pytest.mark.parametrize("generator", [np.random.PCG64, np.random.SFC64])
 @pytest.mark.parametrize("degrees", [0.02, 0.3, 1.0, 1.9999, 2.0, 2.0001, 3.7, 62.0, 1e6])
-def test_chi_squares_are_numpys_and_come_before_the_normals(degrees, generator):
+def test_chi_squares_are_numpys_and_come_before_the_normals(degrees, generator, chain):
     one, other = np.random.Generator(generator(7)), np.random.Generator(generator(7))
-    numbers = drawn(one, normals=(1, 2), degrees=degrees)
-    assert np.array_equal(numbers.chi_square, other.chisquare(degrees, PARTICLES))
+    numbers = drawn(chain, one, normals=(1, 2), degrees=(degrees, 5.0))
+    for number, each in zip(numbers.chi_square, (degrees, 5.0), strict=True):
+        assert np.array_equal(number, other.chisquare(each, PARTICLES))
     assert np.array_equal(numbers.normal, other.standard_normal((PARTICLES, 2)).T)
     assert one.random() == other.random()
 
 
 @pytest.mark.parametrize("sets", [1, 2])
-def test_normals_are_numpys_set_by_set_and_particle_by_particle(sets):
+def test_normals_are_numpys_set_by_set_and_particle_by_particle(sets, chain):
     one, other = np.random.default_rng(8), np.random.default_rng(8)
-    numbers = drawn(one, normals=(sets, 7))
+    numbers = drawn(chain, one, normals=(sets, 7))
     assert np.array_equal(
         numbers.normal,
         np.concatenate([other.standard_normal((PARTICLES, 7)).T for _ in range(sets)]),
@@ -40,9 +41,15 @@ def test_normals_are_numpys_set_by_set_and_particle_by_particle(sets):
     assert one.random() == other.random()
 
 
-def test_a_block_that_is_not_full_takes_no_more_numbers_than_it_has_particles():
+def test_a_block_that_is_not_full_takes_no_more_numbers_than_it_has_particles(chain):
     one, other = np.random.default_rng(9), np.random.default_rng(9)
-    numbers = drawn(one, count=3, normals=(1, 2), degrees=5.0)
-    assert np.array_equal(numbers.chi_square[:3], other.chisquare(5.0, 3))
+    numbers = drawn(chain, one, count=3, normals=(1, 2), degrees=(5.0,))
+    assert np.array_equal(numbers.chi_square[0, :3], other.chisquare(5.0, 3))
     assert np.array_equal(numbers.normal[:, :3], other.standard_normal((3, 2)).T)
     assert one.random() == other.random()
+
+
+def test_every_row_of_a_block_starts_with_a_line_of_the_cache(chain):
+    numbers = numbers_for(Law(None, np.empty(0), normals=(1, 2), degrees=(5.0,)), chain)
+    for rows in (numbers.chi_square, numbers.normal, numbers.command):
+        assert [row.ctypes.data % 64 for row in rows] == [0] * len(rows) and rows.flags.c_contiguous

@@ -118,10 +118,10 @@ def test_malformed_parameters_are_refused(text, tmp_path):
         {"kind": "scaled", "floor": np.eye(3).tolist(), "gain": (-np.eye(3)).tolist()},
     ],
 )
-def test_parameters_outside_the_models_range_are_refused(parameters, tmp_path):
+def test_parameters_outside_the_models_range_are_refused(parameters, chain, tmp_path):
     (tmp_path / "parameters.json").write_text(json.dumps(parameters))
     with pytest.raises(ModelDomainError):
-        fitted_model(tmp_path).law()
+        fitted_model(tmp_path).law(chain)
 
 
 OPTIONS = """

@@ -1,4 +1,6 @@
-"""The commanded steps: velocity over the rate, one a step, in the order of the task's rows."""
+"""The commanded steps: velocity over the rate, one a step, in the order of the task's rows, and of
+a redundant arm the joints' own.
+"""
 
 from __future__ import annotations
 
@@ -6,37 +8,37 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.arm.chain import TASK
-from pipeline.core.columns import columns
-from pipeline.recordings.commands import commanded_steps, constant_speed, task_columns
+from pipeline.core.columns import spread
+from pipeline.recordings.commands import commanded_steps, constant_speed
 
 RATE = 50.0
+TASK = ("x", "rz")
 
 
 @pytest.fixture
 def trajectory() -> pd.DataFrame:
-    """A motion as its file has it: a pose that grows by what the velocity says."""
+    """A motion that grows by what the velocity says."""
     k = np.arange(6)
-    speed = np.random.default_rng(2).normal(size=(6, 3))
-    pose = np.concatenate([np.zeros((1, 3)), np.cumsum(speed[:-1] / RATE, axis=0)])
-    named = dict(zip(TASK, pose.T, strict=True))
-    named |= dict(zip((f"v{row}" for row in TASK), speed.T, strict=True))
-    return pd.DataFrame({"comment": "", "k": k, "t": k / RATE} | named)
+    speed = np.random.default_rng(2).normal(size=(6, 2))
+    x = np.concatenate([np.zeros((1, 2)), np.cumsum(speed[:-1] / RATE, axis=0)])
+    families = spread("x", TASK, x) | spread("v", TASK, speed)
+    return pd.DataFrame({"k": k, "t": k / RATE} | families)
 
 
-def test_the_rows_of_the_task_become_families_of_columns(trajectory):
-    table = task_columns(trajectory)
-    assert list(table) == ["k", "t", *columns("x", TASK), *columns("v", TASK)]
-    assert table["v:phi"].tolist() == trajectory["vphi"].tolist()
-
-
-def test_a_step_leads_from_one_commanded_pose_to_the_next(trajectory):
-    steps = commanded_steps(task_columns(trajectory), RATE)
-    poses = trajectory[list(TASK)].to_numpy()
-    assert steps.shape == (5, 3)
-    np.testing.assert_allclose(steps, np.diff(poses, axis=0), atol=1e-15)
+def test_a_step_leads_from_one_commanded_place_to_the_next(trajectory):
+    steps = commanded_steps(trajectory, RATE)
+    assert steps.shape == (5, 2)
+    np.testing.assert_allclose(steps, np.diff(trajectory[["x:x", "x:rz"]], axis=0), atol=1e-15)
     # the control: without the rate they are velocities
-    assert np.abs(commanded_steps(task_columns(trajectory), 1.0) - steps).max() > 0.5
+    assert np.abs(commanded_steps(trajectory, 1.0) - steps).max() > 0.5
+
+
+def test_the_commanded_joint_steps_of_a_redundant_arm_stand_behind_them(trajectory):
+    speeds = np.random.default_rng(3).normal(size=(6, 3))
+    redundant = trajectory.assign(**spread("u", ("a", "b", "c"), speeds))
+    steps = commanded_steps(redundant, RATE)
+    np.testing.assert_array_equal(steps[:, :2], commanded_steps(trajectory, RATE))
+    np.testing.assert_allclose(steps[:, 2:], speeds[:-1] / RATE, atol=1e-15)
 
 
 def test_the_steps_of_constant_speed_are_those_between_the_ramps_in_spite_of_noise():

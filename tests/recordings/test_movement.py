@@ -25,8 +25,9 @@ def test_logs_of_one_movement_are_paired_row_by_row_as_far_as_the_shortest_goes(
 @pytest.mark.parametrize(
     ("time", "file", "words"),
     [
-        (np.delete(np.arange(51), 20) * 0.008, "a.csv", "by 0.016 s at 0.152 s"),
-        (np.arange(50) * 0.01, "a.csv", "by 0.01 s at 0 s"),
+        (np.delete(np.arange(51), 20) * 0.008, "a.csv", "by 0.016 s at 0.152 s .*are missing"),
+        (np.sort(np.append(np.arange(49), 20.3)) * 0.008, "a.csv", "at 0.16 s .*too close"),
+        (np.arange(50) * 0.0084, "a.csv", "by 0.0084 s on average.* is its rate 119.048"),
         (np.arange(50) * 0.008 + 0.004, "b.csv", "not those of a.csv"),
     ],
 )
@@ -68,3 +69,50 @@ def test_a_log_of_another_format_is_told_by_how_it_begins(tmp_path, monkeypatch)
     (tmp_path / "log.txt").write_text("0 1 2\n0.1 3 4\n")
     signals, _ = movement.read_movement({tmp_path / "log.txt": named}, 10.0)
     assert signals["target"].tolist() == [[1, 2], [3, 4]]
+
+
+def jittered(samples: int = 400, jitter: float = 2e-4, sampled: bool = True) -> JointLog:
+    """A log at 200 Hz whose times jitter; ``sampled``: the angles are those of these times."""
+    even = np.arange(samples) * 0.005
+    times = even + np.random.default_rng(1).normal(0, jitter, samples)
+    t = (times if sampled else even)[:, None]
+    return JointLog(times, {"actual": np.sin(2 * t + np.arange(3))}, {})
+
+
+@pytest.mark.parametrize("sampled", [True, False])
+def test_a_jittered_clock_is_asked_about_and_the_angles_say_which_it_is(tmp_path, sampled):
+    log = jittered(sampled=sampled)
+    np.savez(tmp_path / "log.npz", times=log.time, q=log.signals["actual"])
+    files = {tmp_path / "log.npz": LogOptions(joints=3, signals={"actual": None})}
+    with pytest.raises(
+        RecordingError, match=r"rows are uneven .*jitter by 0.2[0-9]+ ms"
+    ) as refused:
+        movement.read_movement(files, 200.0)
+    assert refused.value.evidence["key"] == "dataset.joint_log.clock"
+    smoother = movement.smoothness_by_rows(log.time, log.signals["actual"], 200.0)
+    assert smoother < 0.1 if sampled else smoother > 10
+    truth = np.sin(2 * np.arange(400)[:, None] * 0.005 + np.arange(3))
+    errors = {}
+    for clock in ("rows", "times"):
+        signals, counts = movement.read_movement(files, 200.0, clock)
+        begun = log.time[0] if clock == "times" else 0.0
+        grid = np.arange(len(signals["actual"]))[:, None] * 0.005 + begun
+        truth = np.sin(2 * grid + np.arange(3))
+        errors[clock] = np.abs(signals["actual"] - truth).max()
+        assert counts["clock_jitter"] == pytest.approx(2e-4 * np.sqrt(2), rel=0.1)
+        assert 0 < counts["uneven_rows"] < 400
+        assert counts.get("resampled_rows", 0) == (len(grid) if clock == "times" else 0)
+    right, wrong = ("times", "rows") if sampled else ("rows", "times")
+    # the jitter of 0.2 ms is up to 0.4 mrad a standard deviation at 2 rad/s
+    assert errors[right] < 1e-7 and errors[wrong] > 4e-4
+
+
+def test_signals_are_multiplied_by_their_factors_before_they_are_held_to_be_angles(tmp_path):
+    table(tmp_path, "t,q,qd", "0.000,0.5,90", "0.008,0.6,180")
+    signals = {"actual": ["q"], "target": ["qd"]}
+    options = LogOptions(joints=1, signals=signals, factors={"target": [np.pi / 180]})
+    read, _ = movement.read_movement({tmp_path / "log.txt": options}, 125.0)
+    np.testing.assert_allclose(read["target"], [[np.pi / 2], [np.pi]])
+    assert read["actual"].tolist() == [[0.5], [0.6]]
+    with pytest.raises(RecordingError, match=r"target: 180 rad.* at 0.008 s"):
+        movement.read_movement({tmp_path / "log.txt": LogOptions(joints=1, signals=signals)}, 125.0)

@@ -8,8 +8,11 @@ from pipeline.recordings.repetitions import (
     commanded_speeds,
     disturbances,
     excursions,
+    find_passes,
     find_repetitions,
+    in_phase,
     lag,
+    stretch,
 )
 
 RATE = 125.0
@@ -211,3 +214,37 @@ def test_of_two_repetitions_neither_is_the_disturbed_one():
     pair[0, 100:150] += 0.01
     assert disturbances(pair)[1].tolist() == [0, 0]
     assert disturbances(np.zeros((3, 10, 3)))[1].tolist() == [0, 0, 0]
+
+
+def periodic(rows: int, period: float) -> np.ndarray:
+    """A command (rows, 2) in rad without rest that repeats after ``period`` rows."""
+    phase = 2 * np.pi * np.arange(rows) / period
+    return np.stack([np.sin(phase), 0.5 * np.cos(2 * phase) + 0.2 * np.sin(phase)], axis=1)
+
+
+def test_a_motion_in_passing_is_found_in_each_period_and_brought_in_phase():
+    period, steps, first = 251.3274, 180, 20
+    command = periodic(800, period)
+    outcome = find_passes(command, command[first], command[first + steps], steps)
+    assert [run.first for run in outcome.runs] == [20, 271, 523] and outcome.left_out == {
+        "overlapping": []
+    }
+    assert {run.steps for run in outcome.runs} == {steps}
+    reference = command[first : first + steps + 1]
+    for number, run in enumerate(outcome.runs):
+        place = in_phase(command, run.first, reference)
+        assert place == pytest.approx(first + number * period, abs=1e-4)
+        np.testing.assert_allclose(stretch(command, place, steps + 1), reference, atol=1e-6)
+    # the control: by whole rows the last one is off by a third of a row
+    assert np.abs(command[523 : 523 + steps + 1] - reference).max() > 5e-3
+    # a row is a row
+    np.testing.assert_array_equal(stretch(command, 20.0, steps + 1), reference)
+
+
+def test_motions_in_passing_that_would_overlap_or_do_not_fit_are_left_out():
+    command = periodic(800, 200.0)
+    outcome = find_passes(command, command[10], command[10 + 250], 250)
+    assert [run.first for run in outcome.runs] == [10, 410]
+    assert outcome.left_out == {"overlapping": [210]}
+    assert find_passes(command, command[10], command[10], 800).runs == []
+    assert find_passes(command, command[10] + 0.02, command[260], 250).runs == []

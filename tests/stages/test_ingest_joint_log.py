@@ -24,7 +24,7 @@ def test_repetitions_are_gathered_over_movements_and_their_mean_command_is_the_t
 ):
     write_movement(tmp_path / "logs/move_1", 5, late=8e-4, offset=1e-4, noise=1e-5)
     write_movement(tmp_path / "logs/move_2", 1, late=8e-4, offset=-1e-4, noise=1e-5, seed=1)
-    log_project("ur5", tmp_path / "logs", joint_log=MADE_UP, motion={"steps": 140})
+    log_project("ur5_planar", tmp_path / "logs", joint_log=MADE_UP, motion={"steps": 140})
     ingest.run("motion")
     names, q = ingested()
     assert names == ["move_1_1", "move_1_2", "move_1_3", "move_2_1"] and q.shape == (4, 141, 3)
@@ -65,14 +65,16 @@ def test_too_few_or_unequal_repetitions_are_refused_with_what_there_is(
 ):
     write_movement(tmp_path / "logs/move_1", 5, offset=1e-4)
     write_movement(tmp_path / "logs/move_2", 1, offset=-1e-4)
-    log_project("ur5", tmp_path / "logs", joint_log=MADE_UP | choice, motion={"steps": steps})
+    log_project(
+        "ur5_planar", tmp_path / "logs", joint_log=MADE_UP | choice, motion={"steps": steps}
+    )
     with pytest.raises(RecordingError, match=words):
         ingest.run("motion")
     assert not list(Path("data/ingest").iterdir())
 
 
 def test_recordings_that_are_not_there_are_refused_by_their_folder(log_project, tmp_path):
-    log_project("ur5", tmp_path / "nowhere")
+    log_project("ur5_planar", tmp_path / "nowhere")
     for run in (
         files.run,
         lambda: command.run([str(tmp_path / "nowhere"), str(tmp_path / "inventory.csv")]),
@@ -87,11 +89,18 @@ def test_recordings_that_are_not_there_are_refused_by_their_folder(log_project, 
 
 
 @pytest.mark.parametrize(
-    "choice", [{"columns": [2, 3]}, {"columns": [2, 3, 7]}, {"rest": 0}, {"start": [0.0]}]
+    ("choice", "words"),
+    [
+        ({"joints": [f"joint_{j}" for j in (1, 2, 3, 5, 6)]}, "joint_4 of robot.joints is not"),
+        ({"joints": ["joint_2", "joint_2", "joint_3", "joint_4"]}, "a name for each"),
+        ({"rest": -1}, "not negative"),
+        ({"start": [0.0]}, "a value for each"),
+        ({"start": [0.0] * 6, "end": [0.0] * 6}, "6 values where robot.joints are 3"),
+    ],
 )
-def test_options_that_name_no_chain_are_refused(log_project, tmp_path, choice):
-    with pytest.raises(ConfigError, match="columns"):
-        log_project("ur5", tmp_path, joint_log=choice)
+def test_options_that_name_no_chain_are_refused(log_project, tmp_path, choice, words):
+    with pytest.raises(ConfigError, match=words):
+        log_project("ur5_planar", tmp_path, joint_log=choice)
 
 
 def test_the_inventory_tells_changed_recordings_apart(tmp_path):

@@ -49,20 +49,20 @@ TABLES = {
 
 def test_one_table_a_movement_gives_what_one_file_a_signal_does(log_project, tmp_path):
     write_movement(tmp_path / "logs/move_1", 5, late=8e-4, noise=1e-5)
-    log_project("ur5", tmp_path / "logs", joint_log=MADE_UP, motion={"steps": 140})
+    log_project("ur5_planar", tmp_path / "logs", joint_log=MADE_UP, motion={"steps": 140})
     ingest.run("motion")
     names, q = ingested()
     write_table(tmp_path / "tables", tmp_path / "logs/move_1", speed=True)
     log_project(
-        "ur5",
+        "ur5_planar",
         tmp_path / "tables",
         joint_log=MADE_UP | TABLES | {"signals": signals("ist", "soll", "v")},
         motion={"steps": 140},
     )
     ingest.run("motion")
-    found = ingested()
-    assert found[0] == names
-    np.testing.assert_allclose(found[1], q, rtol=0, atol=1e-9)
+    result = ingested()
+    assert result[0] == names
+    np.testing.assert_allclose(result[1], q, rtol=0, atol=1e-9)
     assert quality("speed_from_angles", "move") == 0
 
 
@@ -70,7 +70,7 @@ def test_without_a_speed_the_steps_of_the_commanded_angles_are_it(log_project, t
     write_movement(tmp_path / "logs/move_1", 5, late=8e-4, noise=1e-5)
     write_table(tmp_path / "tables", tmp_path / "logs/move_1", speed=False)
     choice = MADE_UP | TABLES | {"signals": signals("ist", "soll"), "rest_speed": 1e-3}
-    log_project("ur5", tmp_path / "tables", joint_log=choice, motion={"steps": 140})
+    log_project("ur5_planar", tmp_path / "tables", joint_log=choice, motion={"steps": 140})
     ingest.run("motion")
     names, q = ingested()
     assert names == ["move_1_1", "move_1_2", "move_1_3"] and q.shape == (3, 141, 3)
@@ -92,15 +92,15 @@ def test_a_disturbed_repetition_is_left_out_and_named_and_the_others_stay_as_the
     log_project, tmp_path, capsys
 ):
     write_movement(tmp_path / "logs/move_1", 9, noise=5e-5)
-    log_project("ur5", tmp_path / "logs", joint_log=MADE_UP, motion={"steps": 140})
+    log_project("ur5_planar", tmp_path / "logs", joint_log=MADE_UP, motion={"steps": 140})
     ingest.run("motion")
     names, q = ingested()
     assert len(names) == 5 and quality("disturbed_from_row", "move_1") == 0
     push(tmp_path / "logs/move_1", 2, 2e-3)
     ingest.run("motion")
-    found = ingested()
-    assert found[0] == [name for name in names if name != "move_1_3"]
-    np.testing.assert_array_equal(found[1], np.delete(q, 2, axis=0))
+    result = ingested()
+    assert result[0] == [name for name in names if name != "move_1_3"]
+    np.testing.assert_array_equal(result[1], np.delete(q, 2, axis=0))
     assert quality("disturbed_from_row", "move_1") == 60 + 2 * 320
     assert quality("disturbance", "move_1_3") > 6 > quality("disturbance", "move_1_4")
     assert "disturbed from row 700" in capsys.readouterr().out
@@ -109,7 +109,10 @@ def test_a_disturbed_repetition_is_left_out_and_named_and_the_others_stay_as_the
 def test_a_disturbed_repetition_is_refused_where_the_option_says_so(log_project, tmp_path):
     write_movement(tmp_path / "logs/move_1", 9, noise=5e-5)
     log_project(
-        "ur5", tmp_path / "logs", joint_log=MADE_UP | {"disturbed": "refuse"}, motion={"steps": 140}
+        "ur5_planar",
+        tmp_path / "logs",
+        joint_log=MADE_UP | {"disturbed": "refuse"},
+        motion={"steps": 140},
     )
     ingest.run("motion")
     push(tmp_path / "logs/move_1", 2, 2e-3)
@@ -122,7 +125,7 @@ def test_a_limit_on_the_residual_finds_what_two_repetitions_cannot_show(log_proj
     write_movement(tmp_path / "logs/move_1", 5, noise=5e-5)
     push(tmp_path / "logs/move_1", 1, 2e-3)
     log_project(
-        "ur5",
+        "ur5_planar",
         tmp_path / "logs",
         joint_log=MADE_UP | {"residual_limit": 1e-3, "disturbed_beyond": 1e9},
         motion={"steps": 140},
@@ -134,7 +137,13 @@ def test_a_limit_on_the_residual_finds_what_two_repetitions_cannot_show(log_proj
 @pytest.mark.parametrize(
     "choice",
     [
-        {"signals": {"actual": ["a"]}},
+        {"signals": {"actual": ["a", "b"]}},
+        {"clock": "cells"},
+        {"mismatch": 0.0},
+        {"target_factor": "deg"},
+        {"target_factor": [1.0, 2.0]},
+        {"target_delay": [1.0] * 6},
+        {"target_delay": {"move_1": "late"}},
         {"signals": {"force": list(range(6))}},
         {"angle_unit": "grad"},
         {"time_unit": "min"},
@@ -143,14 +152,14 @@ def test_a_limit_on_the_residual_finds_what_two_repetitions_cannot_show(log_proj
 )
 def test_options_of_logs_that_mean_nothing_are_refused(log_project, tmp_path, choice):
     with pytest.raises(ConfigError, match=r"dataset\.joint_log"):
-        log_project("ur5", tmp_path, joint_log=choice)
+        log_project("ur5_planar", tmp_path, joint_log=choice)
 
 
 def test_a_table_without_the_places_of_its_angles_is_refused(log_project, tmp_path):
     write_movement(tmp_path / "logs/move_1", 5)
     write_table(tmp_path / "tables", tmp_path / "logs/move_1", speed=True)
     log_project(
-        "ur5",
+        "ur5_planar",
         tmp_path / "tables",
         joint_log=MADE_UP | TABLES | {"signals": signals("ist")},
         motion={"steps": 140},

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.core.filters import NONE, closed, models_of
+from pipeline.core.filters import MEMORY, NONE, closed, models_of
 from pipeline.statistics.filters import Filtered, filter_tables, no_filter
 
 JOINTS = ("hip", "knee")
@@ -39,7 +39,7 @@ def test_filters_are_held_against_the_first_model_and_against_none(takes):
     pose = 1e-4 * np.eye(2)
     worse = Filtered(2 * none.error, 4 * none.covariance, pose)
     better = Filtered(0.5 * none.error, 0.25 * none.covariance, 0 * pose)
-    filters = {NONE: none, "lag": worse, "drift": worse, closed("lag"): better}
+    filters = {NONE: none, MEMORY: better, "lag": worse, "drift": worse, closed("lag"): better}
     tables, refusals = filter_tables(filters, JOINTS, STEADY, rng)
     assert refusals == [] and models_of(filters) == ["lag", "drift"]
     against = tables["filter_against_none"].set_index(["model", "score"])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pipeline.cases.verdict import read_claims
 from pipeline.core.errors import ConfigError
-from pipeline.studies.cases.verdict import read_claims
 from pipeline.studies.published import published
 
 

@@ -27,6 +27,7 @@ CLAIM = TEXTS | {
     "each": {"model": ["additive", "wishart"]},
     "value": VALUE,
 }
+EVERY = {"limit": None, "each": {"model": ["a"], "joint": "every"}}
 
 
 @pytest.mark.parametrize(
@@ -47,6 +48,10 @@ CLAIM = TEXTS | {
         ({"limit": None, "published": [1.0, "2"]}, "published"),
         ({"each": {"model": "wishart"}}, "each"),
         ({"each": {"model": []}}, "each"),
+        ({"each": {"model": "every"}}, "each"),
+        ({"each": {"model": ["a"], "joint": "all"}}, "each"),
+        (EVERY | {"published": [1.0, 2.0]}, "published"),
+        (EVERY | {"published": 1.0, "parameter": "x"}, "parameter"),
         ({"statement": 3}, "statement"),
         ({"parameter": "x"}, "parameter"),
         ({"why": {"youbot": 3}}, "why"),
@@ -70,7 +75,7 @@ def test_claims_without_their_keys_names_or_cases_are_refused():
     with pytest.raises(ConfigError, match="two claims have one id"):
         parse_claims([CLAIM, CLAIM])
     with pytest.raises(ConfigError, match="placeholder"):
-        parse_claims([CLAIM | {"each": {"joint": [1]}}])
+        parse_claims([CLAIM | {"each": {"joint": "every"}}])
     # a joint by its place in the chain is no placeholder of a case
     joint = {"file": "metrics/motion", "key": "{model}_{joint 3}"}
     assert parse_claims([CLAIM | {"value": joint}])
@@ -90,8 +95,8 @@ def test_the_evidence_of_every_claim_is_in_the_run(claims):
     missing = [
         f"{claim.id}: {reference.address}"
         for claim in claims
-        for reference in claim.references
-        if reference.look_up(run.evidence, run.joints) is None
+        for reference in claim.references(run.joints)
+        if reference.look_up(run.evidence, run.arm) is None
     ]
     assert missing == []
 
@@ -121,7 +126,7 @@ def test_every_claim_is_recomputed_by_a_stage_that_writes_its_evidence(claims):
             (entry if isinstance(entry, str) else next(iter(entry))).replace("${item.model}", model)
             for entry in entries
         }
-        files = [reference.file for reference in claim.references]
+        files = [reference.file for reference in claim.references()]
         assert any(
             f"reports/{file}.json" in written or f"reports/{Path(file).parent}" in written
             for file in files

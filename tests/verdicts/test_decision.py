@@ -18,9 +18,11 @@ from pipeline.verdicts.decision import (
     verdict_data,
     verdict_table,
 )
+from pipeline.verdicts.reference import ArmNames
 from pipeline.verdicts.run import Run
 
-JOINTS = ["shoulder", "elbow"]
+JOINTS = ("shoulder", "elbow", "wrist")
+ARM = ArmNames(JOINTS, ("x", "z", "phi"))
 TEXTS = {key: key for key in ("where", "statement", "quantity", "reason", "stage")}
 VALUE = {"file": "metrics/motion", "key": "{model}_error"}
 CLAIM = TEXTS | {
@@ -35,7 +37,7 @@ EVIDENCE = {"metrics/motion": {"additive_error": 0.01, "wishart_error": 0.015}}
 
 
 def verdict(evidence=EVIDENCE, recordings="synthetic", **changes):
-    (result,) = decide(parse_claims([CLAIM | changes]), evidence, recordings, JOINTS)
+    (result,) = decide(parse_claims([CLAIM | changes]), evidence, recordings, ARM)
     return result
 
 
@@ -132,7 +134,7 @@ def test_the_same_claims_judge_the_numbers_of_any_variation():
         for share in (1.0, 2.0)
     }
     tables = {
-        share: verdict_table(decide(claims, evidence, "synthetic", JOINTS))
+        share: verdict_table(decide(claims, evidence, "synthetic", ARM))
         for share, evidence in variations.items()
     }
     assert tables[1.0]["verdict"].tolist() == [REPRODUCED] * 2
@@ -152,27 +154,58 @@ def test_the_same_claims_judge_the_numbers_of_any_variation():
     ]
 
 
-def test_each_joint_of_a_run_has_its_own_name_and_a_case_its_number():
-    evidence = {"metrics/motion": {"shoulder_error": 0.01, "elbow_error": 0.03}}
+@pytest.mark.parametrize("joints", [("slide",), JOINTS, tuple("abcdef"), tuple("abcdefg")])
+def test_every_joint_of_an_arm_of_any_size_is_a_case_by_its_own_name(joints):
+    evidence = {"metrics/motion": {f"{name}_error": 0.01 for name in joints[:-1]}}
+    evidence["metrics/motion"][f"{joints[-1]}_error"] = 0.03
     value = {"file": "metrics/motion", "key": "{joint}_error"}
-    changes = {"each": {"joint": [1, 2]}, "value": value}
-    assert [(case.case, case.value, case.holds) for case in verdict(evidence, **changes).cases] == [
-        ("joint 1", 0.01, True),
-        ("joint 2", 0.03, False),
+    claims = parse_claims([CLAIM | {"each": {"joint": "every"}, "value": value}])
+    (result,) = decide(claims, evidence, "real", ArmNames(joints, ("x",)))
+    assert [(case.case, case.value) for case in result.cases] == [
+        *((name, 0.01) for name in joints[:-1]),
+        (joints[-1], 0.03),
     ]
-    assert verdict(evidence, **changes | {"each": {"joint": [1, 2, 3]}}).verdict == NO_EVIDENCE
+    assert [case.holds for case in result.cases] == [True] * (len(joints) - 1) + [False]
+    assert result.verdict == NOT_REPRODUCED
+    missing = {"metrics/motion": {f"{name}_error": 0.01 for name in joints[:-1]}}
+    (result,) = decide(claims, missing, "real", ArmNames(joints, ("x",)))
+    assert result.verdict == NO_EVIDENCE
+
+
+def test_a_claim_that_singles_out_a_joint_has_evidence_on_the_papers_kind_of_arm_alone():
+    evidence = {"metrics/motion": {f"{name}_error": 0.01 for name in JOINTS}}
+    value, than = (
+        {"file": "metrics/motion", "key": f"{{{name}}}_error"} for name in ("joint", "joint 3")
+    )
+    changes = {"each": {"joint": ["{joint 1}", "{joint 2}"]}, "value": value, "than": than}
+    claims = parse_claims([CLAIM | changes | {"rule": "less", "limit": None}])
+    (here,) = decide(claims, evidence, "real", ARM)
+    assert [case.case for case in here.cases] == ["shoulder", "elbow"]
+    assert here.verdict == NOT_REPRODUCED
+    # the same names and numbers, in space
+    (there,) = decide(claims, evidence, "real", ARM._replace(task=("x", "y", "z")))
+    assert there.verdict == NO_EVIDENCE and {case.value for case in there.cases} == {None}
+
+
+def test_the_papers_own_parameters_are_not_held_against_those_of_another_kind_of_arm():
+    claims = parse_claims([CLAIM | {"about": "specimen"}])
+    (here,), (there,) = (
+        decide(claims, EVIDENCE, "paper", arm) for arm in (ARM, ArmNames(tuple("abcdef"), ("x",)))
+    )
+    assert here.verdict == REPRODUCED
+    assert there.verdict == NO_EVIDENCE and there.cases[0].value is None
 
 
 def test_runs_are_decided_by_whose_recordings_they_are_and_by_their_own_joints():
-    value = {"file": "metrics/motion", "key": "{joint 1}_error"}
-    claims = parse_claims([CLAIM | {"each": {}, "value": value}])
+    value = {"file": "metrics/motion", "key": "{joint}_error"}
+    claims = parse_claims([CLAIM | {"each": {"joint": "every"}, "value": value}])
     metrics = {"motion": {"shoulder_error": 0.01, "hip_error": 0.02}}
     runs = [
-        Run(name, "paper", synthetic, joints, {}, metrics, {})
+        Run(name, "paper", synthetic, joints, ["x"], {}, metrics, {})
         for name, synthetic, joints in (
-            ("youbot", True, JOINTS),
+            ("youbot", True, ["shoulder"]),
             ("ur5", False, ["hip"]),
-            ("lab", False, JOINTS),
+            ("lab", False, ["shoulder"]),
         )
     ]
     decided = decide_each(claims, runs, ["lab"])
@@ -187,8 +220,8 @@ def test_the_data_hold_every_claim_with_its_evidence_and_are_strict_json():
     )
     data = verdict_data(
         [
-            Decided("youbot", "synthetic", JOINTS, decide(claims, EVIDENCE, "synthetic", JOINTS)),
-            Decided("ur5", "real", JOINTS, decide(claims, {}, "real", JOINTS)),
+            Decided("youbot", "synthetic", decide(claims, EVIDENCE, "synthetic", ARM)),
+            Decided("ur5", "real", decide(claims, {}, "real", ARM)),
         ]
     )
     assert json.loads(json.dumps(data, allow_nan=False)) == data

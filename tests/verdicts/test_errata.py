@@ -43,8 +43,17 @@ CLAIM = {key: key for key in ("where", "statement", "quantity", "reason", "stage
 
 
 def page(evidence, **changes) -> str:
-    run = Run("lab", "paper", True, ["shoulder"], {}, {"fit": evidence}, {})
-    verdicts = decide(parse_claims([CLAIM]), run.evidence, "synthetic", run.joints)
+    run = Run(
+        "lab",
+        "paper",
+        True,
+        ["shoulder", "elbow", "wrist"],
+        ["x", "z", "phi"],
+        {},
+        {"fit": evidence},
+        {},
+    )
+    verdicts = decide(parse_claims([CLAIM]), run.evidence, "synthetic", run.arm)
     return errata_page(correct(parse_errata([ENTRY | changes]), run, verdicts))
 
 
@@ -116,12 +125,12 @@ def test_no_measured_number_is_typed(erratum):
 def test_every_number_of_the_errata_is_in_the_run():
     run = read_run(ROOT / "reports/datasets/youbot.json")
     claims = parse_claims(config.read_yaml(ROOT / "reports/claims.yaml")["claims"])
-    verdicts = decide(claims, run.evidence, "synthetic", run.joints)
+    verdicts = decide(claims, run.evidence, "synthetic", run.arm)
     assert MISSING not in errata_page(correct(ERRATA, run, verdicts))
     assert len({erratum.id for erratum in ERRATA}) == len(ERRATA)
 
 
-def test_a_joint_is_named_by_its_place_in_the_chain():
+def test_a_joint_is_named_by_its_place_in_the_papers_arm():
     values = {"ours": {"file": "metrics/fit", "key": "std_{joint 1}_rad"}}
     text = page({"std_shoulder_rad": 0.125}, paper="It.", values=values)
     assert "**In fact**: It is 0.125." in text

@@ -111,7 +111,7 @@ def test_half_of_the_matrices_exceed_the_bound_at_full_level():
     """tr{nΣ} ≤ u² − ‖J̲‖² bounds E‖J‖² by u², and no single norm."""
     rng = np.random.default_rng(2)
     inverse, u, draws = arm().inverse_jacobian(POSE), 18.0, 100_000
-    scale = noise_scale(np.linalg.norm(inverse), 1.0, u, 3)
+    scale = noise_scale(np.linalg.norm(inverse), 1.0, u, 3, 3)
     norms = np.linalg.norm(
         inverse + np.sqrt(scale) * rng.standard_normal((draws, 3, 3)), axis=(1, 2)
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pandas as pd
+import pytest
 
 from pipeline.verdicts.filters import filters_part, first_lines, verdict
 from pipeline.verdicts.run import Run
@@ -20,28 +21,49 @@ def a_run(**differences: tuple[float, float]) -> Run:
             ends = {"difference": by, "low": by - 0.1, "high": by + 0.1}
             rows.append({"model": model, "score": score, "mean": SCORES[score] + by} | ends)
     tables = {"filter_against_none": pd.DataFrame(rows)}
-    return Run("lab", "paper", True, ["a"], {}, {}, tables)
+    return Run("lab", "paper", True, ["a"], ["x", "z", "phi"], {}, {}, tables)
+
+
+BEATS, LOSES, EQUALS = (-0.5, 0.5), (-0.5, -0.5), (0.0, 0.0)
 
 
 def test_a_filter_that_is_worse_anywhere_beats_nothing_and_the_first_lines_say_so():
-    run = a_run(additive=(0.5, -1.0), wishart=(-0.5, -1.0), additive_closed=(0.05, 0.05))
-    assert verdict(run).startswith("**On lab no filter beats what the training takes alone say")
-    assert verdict(run).endswith("As good as that: additive, closed loop.")
-    assert first_lines([run, a_run(additive=(0.5, 0.0))]).count("**On lab") == 2
+    run = a_run(
+        memory=BEATS, additive=(0.5, -1.0), wishart=(-0.5, -1.0), additive_closed=(0.05, 0.05)
+    )
+    said = verdict(run)
+    assert said.startswith("**On lab no model's filter beats what the training takes alone say")
+    assert "worse log score: wishart, open loop. As good as that: additive, closed loop." in said
+    assert said.endswith("own spread and memory beats it.")
+    other = a_run(memory=LOSES, additive=(0.5, 0.0))
+    assert first_lines([run, other]).count("**On lab") == 2
+
+
+@pytest.mark.parametrize(
+    ("differences", "fares"),
+    [(BEATS, "beats it"), (LOSES, "is worse in some score"), (EQUALS, "is as good")],
+)
+def test_the_linear_filter_is_held_against_none_by_its_own_intervals(differences, fares):
+    said = verdict(a_run(memory=differences, additive=(0.5, -1.0)))
+    assert said.startswith("**On lab no model's filter beats ") and "each is worse" in said
+    assert said.endswith(f"The linear filter of the takes' own spread and memory {fares}.")
 
 
 def test_a_filter_that_is_better_in_something_and_worse_in_nothing_beats_none():
-    run = a_run(additive=(0.5, -1.0), wishart_closed=(0.0, 0.5), gaussian_closed=(-0.5, 0.0))
-    said = verdict(run)
-    assert said.startswith("On lab wishart, closed loop; gaussian, closed loop beat ")
+    run = a_run(
+        memory=BEATS, additive=(0.5, -1.0), wishart_closed=(0.0, 0.5), gaussian_closed=(-0.5, 0.0)
+    )
+    beating = "wishart, closed loop; gaussian, closed loop beat "
+    assert verdict(run).startswith(f"On lab of the models' filters {beating}")
     assert first_lines([run]) == ""
 
 
-def test_no_filter_comes_first_and_closed_loops_last():
-    run = a_run(additive_closed=(0.0, 1.0), additive=(0.5, -1.0))
+def test_no_filter_comes_first_then_the_linear_one_and_closed_loops_last():
+    run = a_run(additive_closed=(0.0, 1.0), additive=(0.5, -1.0), memory=BEATS)
     rows = filters_part(run).splitlines()
-    assert [row.split(" | ")[0] for row in rows[-3:]] == [
+    assert [row.split(" | ")[0] for row in rows[-4:]] == [
         "| no filter",
+        "| linear, takes' memory",
         "| additive, open loop",
         "| additive, closed loop",
     ]
@@ -49,5 +71,5 @@ def test_no_filter_comes_first_and_closed_loops_last():
 
 
 def test_without_a_depth_camera_nothing_is_said():
-    run = Run("arm", "paper", False, ["a"], {}, {}, {})
+    run = Run("arm", "paper", False, ["a"], ["x", "z", "phi"], {}, {}, {})
     assert filters_part(run) == verdict(run) == first_lines([run]) == ""

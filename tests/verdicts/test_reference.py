@@ -8,10 +8,11 @@ import pandas as pd
 import pytest
 
 from pipeline.core.errors import ConfigError
-from pipeline.verdicts.reference import Reference
+from pipeline.verdicts.reference import ArmNames, Reference
 from pipeline.verdicts.strict import build
 
-JOINTS = ["arm_joint_2", "arm_joint_3"]
+JOINTS = ("arm_joint_2", "arm_joint_3", "arm_joint_4")
+ARM = ArmNames(JOINTS, ("x", "z", "phi"))
 
 EVIDENCE = {
     "metrics/motion": {"wishart_std": 0.5, "std_arm_joint_3_rad": 0.25, "gap": float("nan")},
@@ -27,16 +28,14 @@ EVIDENCE = {
 
 
 def test_a_key_and_a_row_are_found():
-    assert Reference("metrics/motion", "wishart_std").look_up(EVIDENCE, JOINTS) == 0.5
+    assert Reference("metrics/motion", "wishart_std").look_up(EVIDENCE, ARM) == 0.5
     assert (
         Reference("tables/sigma_s", rows={"name": "C1", "form": "full"}, column="e").look_up(
-            EVIDENCE, JOINTS
+            EVIDENCE, ARM
         )
         == 2.0
     )
-    assert (
-        Reference("tables/sigma_s", rows={"agents": 5}, column="e").look_up(EVIDENCE, JOINTS) == 3.0
-    )
+    assert Reference("tables/sigma_s", rows={"agents": 5}, column="e").look_up(EVIDENCE, ARM) == 3.0
 
 
 @pytest.mark.parametrize(
@@ -53,19 +52,19 @@ def test_a_key_and_a_row_are_found():
     ],
 )
 def test_what_a_run_lacks_is_none(reference):
-    assert reference.look_up(EVIDENCE, JOINTS) is None
+    assert reference.look_up(EVIDENCE, ARM) is None
 
 
 def test_several_rows_are_refused():
     with pytest.raises(ConfigError, match="2 rows fit"):
-        Reference("tables/sigma_s", rows={"name": "C1"}, column="e").look_up(EVIDENCE, JOINTS)
+        Reference("tables/sigma_s", rows={"name": "C1"}, column="e").look_up(EVIDENCE, ARM)
 
 
 def test_placeholders_take_the_values_of_a_case():
     template = Reference(
         "tables/sigma_s", rows={"name": "{c}", "form": "diagonal", "agents": 3}, column="{column}"
     )
-    assert template.in_case({"c": "C1", "column": "e"}).look_up(EVIDENCE, JOINTS) == 1.0
+    assert template.in_case({"c": "C1", "column": "e"}).look_up(EVIDENCE, ARM) == 1.0
     assert (
         template.in_case({"c": "C1", "column": "e"}).address
         == "reports/tables/sigma_s.csv: e where name = C1, form = diagonal, agents = 3"
@@ -93,14 +92,30 @@ def test_what_is_neither_a_key_nor_a_cell_is_refused(parts):
         build(Reference, {"file": "metrics/motion"} | parts)
 
 
-def test_a_joint_by_its_place_has_the_name_that_the_run_gives_it():
-    in_case = Reference("metrics/motion", "std_{joint}_rad").in_case({"joint": 2})
+def test_a_joint_by_its_number_has_the_name_that_the_run_gives_it():
+    in_case = Reference("metrics/motion", "std_{joint}_rad").in_case({"joint": "{joint 2}"})
     fixed = Reference("metrics/motion", "std_{joint 2}_rad")
     assert in_case == fixed == fixed.in_case({"model": "wishart"})
-    assert fixed.look_up(EVIDENCE, JOINTS) == 0.25
-    assert fixed.look_up(EVIDENCE, JOINTS[::-1]) is None
-    assert fixed.look_up(EVIDENCE, JOINTS[:1]) is None
+    assert fixed.look_up(EVIDENCE, ARM) == 0.25
+    assert fixed.look_up(EVIDENCE, ARM._replace(joints=JOINTS[::-1])) == 0.25
+    assert fixed.look_up(EVIDENCE, ARM._replace(joints=("a", "b", "arm_joint_3"))) is None
     assert fixed.address == "reports/metrics/motion.json: std_{joint 2}_rad"
     table = {"tables/t": pd.DataFrame({"score": ["rms_arm_joint_2"], "mean": [1.5]})}
     row = Reference("tables/t", rows={"score": "rms_{joint 1}"}, column="mean")
-    assert row.look_up(table, JOINTS) == 1.5
+    assert row.look_up(table, ARM) == 1.5
+
+
+@pytest.mark.parametrize(
+    "arm",
+    [
+        ARM._replace(joints=(*JOINTS, "arm_joint_5")),
+        ARM._replace(joints=JOINTS[:2], task=("x", "z")),
+        ARM._replace(task=("x", "z")),
+        ARM._replace(task=("x", "y", "z")),
+    ],
+)
+def test_the_joints_of_another_arm_or_task_than_the_papers_have_no_numbers(arm):
+    assert arm.numbered == () and ARM.numbered == JOINTS
+    assert Reference("metrics/motion", "std_{joint 2}_rad").look_up(EVIDENCE, arm) is None
+    named = Reference("metrics/motion", "std_{joint}_rad").in_case({"joint": "arm_joint_3"})
+    assert named.look_up(EVIDENCE, arm) == 0.25

@@ -17,6 +17,7 @@ RUN = Run(
     "paper",
     False,
     ["base", "elbow"],
+    ["x", "z"],
     {"a": "additive", "g": "gaussian", "gf": "gaussian"},
     {"motion": {"x": 1 / 3}},
     {"scores": TABLE},
@@ -29,7 +30,7 @@ def test_a_run_comes_back_from_its_file(tmp_path):
     again = read_run(file)
     assert (
         again.metrics == RUN.metrics
-        and again.joints == RUN.joints
+        and again.arm == RUN.arm == (("base", "elbow"), ("x", "z"))
         and again.models == RUN.models
         and again.matrix_models == ["g", "gf"]
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import Decided, decide
+from pipeline.verdicts.reference import ArmNames
 from pipeline.verdicts.wording import (
     case_text,
     distance_rows,
@@ -20,7 +21,7 @@ SPREAD = TEXTS | {
     "id": "spread",
     "about": "method",
     "rule": "less",
-    "each": {"joint": [1, 2]},
+    "each": {"joint": "every"},
     "unit": "rad",
     "value": {"file": "m", "key": "{joint}"},
     "than": {"file": "m", "key": "b"},
@@ -43,11 +44,11 @@ ROBOT = TEXTS | {
 }
 CLAIMS = parse_claims([SPREAD, SIGMA, ROBOT])
 EVIDENCE = {"m": {"a1": 0.12345, "a2": 0.6789, "b": 0.5, "e": 6.0, "se": 0.25}}
-JOINTS = ["a1", "a2"]
+ARM = ArmNames(("a1", "a2"), ("x", "z"))
 
 
 def decided(recordings: str, dataset: str, evidence: dict) -> Decided:
-    return Decided(dataset, recordings, JOINTS, decide(CLAIMS, evidence, recordings, JOINTS))
+    return Decided(dataset, recordings, decide(CLAIMS, evidence, recordings, ARM))
 
 
 YOUBOT = decided("synthetic", "youbot", EVIDENCE)
@@ -57,8 +58,8 @@ UR5 = decided("real", "ur5", {"m": {"a1": 0.25, "a2": 0.3, "b": 0.5, "lost": 0.7
 def test_values_comparisons_intervals_and_failures_are_shown():
     spread, sigma, robot = YOUBOT.verdicts
     assert [case_text(case) for case in spread.cases] == [
-        "joint 1: 0.1235 against 0.5",
-        "joint 2: 0.6789 against 0.5 ✗",
+        "a1: 0.1235 against 0.5",
+        "a2: 0.6789 against 0.5 ✗",
     ]
     assert [case_text(case) for case in sigma.cases] == ["6 [5.51, 6.49] ✗"]
     assert [case_text(case) for case in robot.cases] == ["–"]

@@ -13,7 +13,7 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parents[1]))
 from project_copy import ROOT, copy_project, set_parameters
 
-DATASETS = ("ur5", "ur5_rounds")
+DATASETS = ("ur5", "ur5_planar", "ur5_rounds", "lwr4")
 # beside the project, where the datasets say that their recordings are
 BESIDE = ROOT.parent / "shared"
 # what a dataset leaves for the others to be held beside it
@@ -25,13 +25,14 @@ def main(folder: Path) -> int:
     """Reproduce the evidence of each dataset in ``folder`` and take it into this project; the first
     that fails ends it.
     """
-    if not (BESIDE / "recordings/ur5").is_dir():
-        print(
-            f"error: there are no recordings in {BESIDE}; data/raw/ur5/README.md says where they "
-            "come from",
-            file=sys.stderr,
-        )
-        return 1
+    for robot in ("ur5", "lwr4"):
+        if not (BESIDE / "recordings" / robot).is_dir():
+            print(
+                f"error: there are no recordings of {robot} in {BESIDE}; "
+                f"data/raw/{robot}/README.md says where they come from",
+                file=sys.stderr,
+            )
+            return 1
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     (folder / BESIDE.name).symlink_to(BESIDE)

@@ -155,7 +155,8 @@ def test_a_singular_jacobian_on_the_way(project):
         for take in joints["take"].unique()
     ]
     pd.DataFrame(lag).to_parquet("data/ingest/motion/quality.parquet", index=False)
-    log = {"movements": "*", "joints": 3, "columns": [1, 2, 3], "rest": 1, "tolerance": 1.0}
+    names = ["arm_joint_2", "arm_joint_3", "arm_joint_4"]
+    log = {"movements": "*", "joints": names, "rest": 1, "tolerance": 1.0}
     set_option("dataset.joint_log", log | {"start": [0.0] * 3, "end": [0.0] * 3})
     for instrument in ("mocap", "depth"):
         set_option(f"dataset.{instrument}", None)

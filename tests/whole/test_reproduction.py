@@ -122,7 +122,7 @@ def test_an_edit_of_the_filter_reruns_the_filters_and_what_shows_them(copy):
     said = succeeds("dvc", "repro", cwd=copy)
     ran = set(re.findall(r"Running stage '([^']+)'", said))
     filters = {f"filter@{model}" for model in MODELS}
-    assert ran == {"configure", "score", "figures", "report"} | filters
+    assert ran == {"configure", "readings", "score", "figures", "report"} | filters
     # and that is what the plan said that the other tests look at
     set_parameters(copy, filter="systematic")
     assert reruns(copy) == ran - {"configure"}
@@ -137,7 +137,7 @@ def test_an_edit_reruns_only_what_depends_on_it(copy):
     set_parameters(copy, wrench="paper", overrides="{wrench: {grid: 21}}")
     assert reruns(copy) == {"wrench"} | shown
     set_parameters(copy, models="[additive, gaussian]", overrides="{}")
-    assert reruns(copy) == shown
+    assert reruns(copy) == {"readings"} | shown
     succeeds("python", "-m", "pipeline", "score", cwd=copy)
     assert "wishart" not in str(metrics(copy)["motion"])
 
@@ -152,7 +152,7 @@ def test_an_edit_of_a_recording_reruns_the_part_that_reads_it_and_what_follows(c
     force, take = "force/C2.csv", "optitrack/train_001.csv"
     for name, expected in (
         (force, {"files", "ingest@force", "wrench"}),
-        (take, {"files", "ingest@motion", "track", "articulate"} | after_track),
+        (take, {"files", "ingest@motion", "track", "articulate", "readings"} | after_track),
     ):
         file = copy / "data/raw/youbot/recordings" / name
         before = file.read_bytes()
@@ -203,7 +203,7 @@ def test_a_bad_parameter_stops_with_one_message_and_leaves_what_stood(copy):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("dataset", ["ur5", "ur5_rounds"])
+@pytest.mark.parametrize("dataset", ["ur5_planar", "ur5_rounds"])
 def test_the_motion_part_runs_on_a_real_robot_and_the_rest_says_what_it_lacks(copy, dataset):
     recordings = ROOT.parent / "shared/recordings"
     if not (recordings / "ur5").is_dir():

@@ -5,6 +5,7 @@ controller.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import Any
 
 from omegaconf import MISSING
@@ -25,21 +26,34 @@ class JointLog:
     target: str | None = None  # file of commanded angles
     # file of commanded speeds; without any, the speed is the step of the commanded angles
     speed: str | None = None
-    joints: int = MISSING  # joints that are logged
-    # actual, target, speed → label, or number from 0, of each joint's column; for tables, where
-    # another format says itself what it holds
+    # names of the logged joints in their order; those of the arm as its URDF has them
+    joints: list[str] = MISSING
+    # actual, target, speed → label, or number from 0, of each joint's column; ARRAY:COLUMN of a
+    # NumPy archive, or ARRAY alone; where another format says itself what it holds, none
     signals: dict[str, list[Any]] = field(default_factory=dict)
     # column of the time, likewise; null: the rows follow each other at dataset.motion.rate
     time: Any = 0
+    # of rows that the times put unevenly: rows, which follow each other at the rate all the same,
+    # or times, at which they were measured; null: such a log is refused
+    clock: str | None = None
     # of cells: comma, semicolon, tab, or a blank for any number of them; null: as found
     separator: str | None = None
     decimal: str | None = None  # point or comma; null: as found
     angle_unit: str = "rad"  # rad or deg, also of the speeds
     time_unit: str = "s"  # s, ms, us or ns
-    columns: list[int] = MISSING  # which of the joints (from 1) are the chain's
-    start: list[float] = MISSING  # rad, commanded angles of the chain at rest before the motion
+    # by which commanded angles and speeds are multiplied beyond the unit: one number, or one of
+    # each logged joint
+    target_factor: Any = 1.0
+    # s by which the command is early on the measured angles' clock, to the nearest row: one number,
+    # or one of each movement by its name
+    target_delay: Any = 0.0
+    # of a joint's motion, by which the measured angles may miss the commanded ones (median)
+    mismatch: float = 0.05
+    start: list[float] = MISSING  # rad, commanded angles of robot.joints before the motion
     end: list[float] = MISSING  # rad, and after it
-    rest: int = MISSING  # steps at rest kept on either side, of dataset.motion.steps
+    # steps at rest kept on either side, of dataset.motion.steps; 0: the motion starts and ends in
+    # passing, as in a command that repeats without rest
+    rest: int = MISSING
     rest_speed: float = 1e-4  # rad/s, up to which a commanded speed is rest
     tolerance: float = MISSING  # rad, how exactly commands must repeat
     disturbed: str = "leave_out"  # or refuse: what becomes of a repetition that was disturbed
@@ -49,24 +63,27 @@ class JointLog:
     residual_limit: float | None = None
 
     def __post_init__(self) -> None:
-        if any(len(values) != 3 for values in (self.columns, self.start, self.end)):
+        if len(self.start) != len(self.end) or len(set(self.joints)) != len(self.joints):
             raise ConfigError(
-                "columns, start and end must each hold three values, one a joint of the chain",
+                "start and end hold a value for each of robot.joints, joints a name for each "
+                "logged joint",
                 key="dataset.joint_log",
             )
-        if not all(1 <= column <= self.joints for column in self.columns) or self.rest < 1:
+        if self.rest < 0 or not self.mismatch > 0 or self.clock not in (None, "rows", "times"):
             raise ConfigError(
-                f"columns must lie between 1 and {self.joints}, and rest be at least 1",
+                "rest is not negative, mismatch is positive, clock is rows or times",
                 key="dataset.joint_log",
             )
+        _require_numbers("target_factor", self.target_factor, len(self.joints))
+        _require_numbers("target_delay", self.target_delay)
         if wrong := [
             name
             for name, columns in self.signals.items()
-            if len(columns) != self.joints or name not in SIGNALS
+            if len(columns) not in (1, len(self.joints)) or name not in SIGNALS
         ]:
             message = (
-                f"{', '.join(wrong)}: signals name {self.joints} columns for each of "
-                f"{', '.join(SIGNALS)}"
+                f"{', '.join(wrong)}: signals name {len(self.joints)} columns, or one array, for "
+                f"each of {', '.join(SIGNALS)}"
             )
             raise ConfigError(message, key="dataset.joint_log.signals")
         if self.angle_unit not in ("rad", "deg") or self.time_unit not in ("s", "ms", "us", "ns"):
@@ -80,7 +97,44 @@ class JointLog:
             )
 
 
+@dataclass
+class Encoders:
+    """The controller's logs of the test takes, beside the motion capture: what the filter may weigh
+    particles by.
+    """
+
+    takes: str = MISSING  # glob of the logs, one of each test take, of its name
+    # label, or number from 0, of the column of each of robot.joints' measured angles
+    actual: list[Any] = MISSING
+    time: Any = 0  # column of the time, likewise
+    angle_unit: str = "rad"  # rad or deg
+    time_unit: str = "s"  # s, ms, us or ns
+    start: float = 0.0  # s on the log's clock when the motion capture starts
+    # rad, of a reading from its joint's angle: zero and resolution, and what the gears keep from it
+    deviation: float = MISSING
+
+    def __post_init__(self) -> None:
+        if self.deviation != MISSING and not self.deviation > 0:
+            raise ConfigError(
+                f"deviation: {self.deviation} must be positive", key="dataset.encoders.deviation"
+            )
+
+
 SIGNALS = ("actual", "target", "speed")
+
+
+def _require_numbers(name: str, value: Any, joints: int | None = None) -> None:
+    """ConfigError where the option is neither a number nor, of target_factor, one of each of the
+    ``joints``, of target_delay one of each movement.
+    """
+    held = [value]
+    if isinstance(value, list) and len(value) == joints:
+        held = value
+    if isinstance(value, dict) and joints is None:
+        held = list(value.values())
+    if not all(type(number) in (int, float) and isfinite(number) for number in held):
+        several = "a list of one for each joint" if joints else "one for each movement"
+        raise ConfigError(f"{name} is a number, or {several}", key=f"dataset.joint_log.{name}")
 
 
 @dataclass

@@ -4,13 +4,16 @@ clock.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.core.errors import RecordingError
+
+ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180}
+OPTION = "dataset.joint_log"
 
 
 @dataclass(frozen=True)
@@ -39,22 +42,24 @@ class LogOptions:
     angle_unit: str = "rad"
     time_unit: str = "s"
     joints: int | None = None  # as many as the log holds
+    # signal → by what its values are multiplied, one number or one a joint; of no mention, by 1
+    factors: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
     # the signals to be read, each with the columns of its joints by label or by number from 0; None
     # for all columns behind the time
     signals: Mapping[str, Sequence[str | int] | None] = field(default_factory=dict)
 
 
-def increasing(log: JointLog, lines: Sequence[int], file: Path) -> JointLog:
+def increasing(log: JointLog, file: Path, place: Callable[[int], dict[str, object]]) -> JointLog:
     """``log`` without the rows that repeat the one before, time and all, counted as
-    ``doubled_rows``; RecordingError at the first of ``lines`` (N,) whose time does not increase
-    otherwise.
+    ``doubled_rows``; RecordingError at the first row whose time does not increase otherwise,
+    ``place`` saying where in the ``file`` a row stands.
     """
     steps, values = np.diff(log.time), np.hstack([log.time[:, None], *log.signals.values()])
     doubled = (values[1:] == values[:-1]).all(axis=1)
     wrong = (steps <= 0) & ~doubled
     if wrong.any():
-        line = lines[int(np.argmax(wrong)) + 1]
-        raise RecordingError("the time does not increase", file=file, line=line)
+        at = place(int(np.argmax(wrong)) + 1)
+        raise RecordingError("the time does not increase", file=file, **at)
     keep = np.append(True, ~doubled)
     return replace(
         log,

@@ -11,12 +11,11 @@ import numpy as np
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import Format, Kind
-from pipeline.formats.joints.log import JointLog, LogOptions, increasing
+from pipeline.formats.joints.log import ANGLE_UNITS, OPTION, JointLog, LogOptions, increasing
 from pipeline.formats.labels import columns_of, unit_of
 from pipeline.formats.number_sheet import Sheet, read_sheet
 from pipeline.formats.units import TIME_UNITS
 
-ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180}
 SPELLINGS = {
     "radian": "rad",
     "radians": "rad",
@@ -27,10 +26,6 @@ SPELLINGS = {
     "seconds": "s",
     "µs": "us",
 }
-# no joint of an arm turns farther from its zero than this, so that angles beyond are in another
-# unit
-MOST_TURNS = 4
-OPTION = "dataset.joint_log"
 
 
 def read_joint_table(file: Path, options: LogOptions) -> JointLog:
@@ -39,8 +34,8 @@ def read_joint_table(file: Path, options: LogOptions) -> JointLog:
     A controller that is stopped while it writes leaves a last line that is short or has no line
     end: it is dropped and counted. Raises RecordingError with the line for any other line of
     another width, a value that is not a finite number and a time that does not increase; with the
-    option that settles it for a column that is not there, for a unit in the header that is not the
-    option's and for angles beyond four turns.
+    option that settles it for a column that is not there, and for a unit in the header that is not
+    the option's.
     """
     sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
     if not sheet.rows:
@@ -57,21 +52,14 @@ def read_joint_table(file: Path, options: LogOptions) -> JointLog:
         wanted |= {f"joint {n} ({signal})": column for n, column in enumerate(named, start=1)}
     table = sheet.values(_places(sheet, wanted, options))
     values = table[:, first:] * ANGLE_UNITS[options.angle_unit]
-    greatest = np.abs(values).max(axis=1, initial=0.0)
-    if greatest.max() > MOST_TURNS * 2 * np.pi:
-        message = (
-            f"{greatest.max():.6g} rad, or rad/s, is not a joint of an arm: is "
-            f"the angle_unit {options.angle_unit}?"
-        )
-        line = sheet.lines[int(greatest.argmax())]
-        raise RecordingError(message, file=file, line=line, key=f"{OPTION}.angle_unit")
     time = (
         table[:, 0] * TIME_UNITS[options.time_unit]
         if first
         else np.arange(len(table)) / options.rate
     )
     signals = {signal: values[:, columns] for signal, columns in chosen.items()}
-    return increasing(JointLog(time, signals, dict(sheet.counts)), sheet.lines, file)
+    log = JointLog(time, signals, dict(sheet.counts))
+    return increasing(log, file, lambda row: {"line": sheet.lines[row]})
 
 
 def _behind_the_time(sheet: Sheet, joints: int, first: int) -> list[int]:

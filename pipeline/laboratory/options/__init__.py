@@ -12,11 +12,12 @@ from pipeline.laboratory.options.cameras import (
     SceneOptions,
 )
 from pipeline.laboratory.options.force import Robots, Transducer
-from pipeline.laboratory.options.motion import DynamicsOptions, TrajectoryOptions
+from pipeline.laboratory.options.motion import DynamicsOptions, EncoderOptions, TrajectoryOptions
 
 __all__ = [
     "ClockOptions",
     "DynamicsOptions",
+    "EncoderOptions",
     "KinectOptions",
     "MocapOptions",
     "Robots",

@@ -11,14 +11,20 @@ from pipeline.core.errors import ConfigError
 class TrajectoryOptions:
     """The motion's two ends and how time is spent between them."""
 
-    folded: tuple[float, float, float]  # rad, joint angles of the folded pose
-    extended: tuple[float, float, float]  # rad, joint angles of the most extended pose
+    folded: tuple[float, ...]  # rad, joint angles of the folded pose
+    extended: tuple[float, ...]  # rad, joint angles of the most extended pose
     duration: float = 3.2  # s, T of the paper
     rest: float = 0.08  # s, standing still at the start, at the turn (twice this) and at the end
     ramp: float = 0.3  # s, from rest to full speed and from full speed to rest
     rate: float = 100.0  # 1/s, steps of the motion grid
 
     def __post_init__(self) -> None:
+        if len(self.folded) != len(self.extended):
+            raise ConfigError(
+                "laboratory.trajectory: folded and extended must have an angle for every joint",
+                folded=self.folded,
+                extended=self.extended,
+            )
         if not (
             self.rate > 0
             and self.rest >= 0
@@ -51,18 +57,20 @@ class DynamicsOptions:
     speed_error_time: float = 0.022  # s, of each of its lags
     # rad, start pose of a take against the commanded one; repeatability of homing moves
     start_std: float = 4e-3
-    # m, m, rad, the tool's sway along x and z and about its tip at the joints' speed limits; with
-    # the clearance they give the published covariance of the noise: study principles
-    sway_std: tuple[float, float, float] = (3e-4, 1.7e-3, 0.0332)
+    # m or rad, the tool's sway along and about each of the task's rows at the joints' speed limits.
+    # Here x, z and the turn about the tip of the youBot; with the clearance they give the published
+    # covariance of the noise: study principles
+    sway_std: tuple[float, ...] = (3e-4, 1.7e-3, 0.0332)
     # s, of each of the lags that pass the sway on: as brief as the motors can drive it, by the
     # study principles. Four lags of 22 ms have the bandwidth of the servo, 20 1/s
     sway_time: float = 0.0135
     sway_rest: float = 0.02  # 1, share of the sway that is left at rest; motors holding
-    # rad, half the play of joint 3; the paper reports an unusual clearance there
+    # rad, half the play of one joint; the paper reports an unusual clearance in the youBot's third
     clearance: float = 0.039
+    play_joint: int = 3  # which joint of the chain, from 1
     # s, of each of the lags of the rattling inside the play; impacts of gear teeth, no motor
     clearance_time: float = 5e-3
-    rattle_speed: float = 1.5  # rad/s, speed of joint 3 at which the rattling fills the play
+    rattle_speed: float = 1.5  # rad/s, speed of that joint at which the rattling fills the play
     # 1, how sway and rattling grow with speed; loads of inertia go with its square
     speed_exponent: float = 2.0
     # s, time of the exposure against the motion clock; trigger and USB latency
@@ -85,15 +93,28 @@ class DynamicsOptions:
                     f"{'be positive' if name in positive else 'not be negative'}",
                     value=value,
                 )
-        if len(self.sway_std) != 3:
-            raise ConfigError(
-                "laboratory.dynamics.sway_std: must have an entry for x, z and the turn about "
-                "the tip",
-                value=self.sway_std,
-            )
         if self.servo_gain >= self.rate:
             raise ConfigError(
                 "laboratory.dynamics.servo_gain: must be below rate, or the servo does not settle",
                 servo_gain=self.servo_gain,
                 rate=self.rate,
+            )
+
+
+@dataclass(frozen=True)
+class EncoderOptions:
+    """The controller's log of what its encoders read; their zeros' errors are the arm's own, of
+    :class:`DynamicsOptions`.
+    """
+
+    rate: float = 125.0  # 1/s, rows of the log; of the controllers of UR5s
+    # rad; assumed: 17 bits a turn behind the gear, as absolute encoders of such arms have
+    resolution: float = 4.8e-5
+
+    def __post_init__(self) -> None:
+        if min(self.rate, self.resolution) <= 0:
+            raise ConfigError(
+                "laboratory.encoders: rate and resolution must be positive",
+                rate=self.rate,
+                resolution=self.resolution,
             )

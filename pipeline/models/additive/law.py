@@ -1,5 +1,5 @@
-"""The additive Gaussian model: q_{k+1} = q_k + J(q_k)⁻¹ẋᵈ_kΔt + ω_{k+1}, ω ~ N(0, Σ_ω) (Eq.
-InvDiffRndm).
+"""The additive Gaussian model: q_{k+1} = q_k + J(q_k)⁺ẋᵈ_kΔt + ω_{k+1}, ω ~ N(0, Σ_ω) (Eq.
+InvDiffRndm), J⁺ the inverse of a square J; of another what is commanded in its null space is added.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
 from pipeline.models.covariance import root
 from pipeline.models.density import normal_log_density
 from pipeline.models.model import Law
@@ -31,16 +32,18 @@ class AdditiveModel:
         """(n, n) symmetric square root of Σ_ω."""
         return root(self.noise_covariance)
 
-    def law(self) -> Law:
+    def law(self, chain: Chain) -> Law:
         """A step, compiled."""
-        from pipeline.models.additive.step import additive  # here, as it loads the compiler
+        from pipeline.models.additive import step  # here, as it loads the compiler
         from pipeline.models.law import row_by_row
 
-        return Law(additive, row_by_row(self._root), normals=(1, len(self._root)))
+        n = len(chain.lower)
+        move = step.planar_additive if isinstance(chain, PlanarChain) else step.additive
+        return Law(move, row_by_row(self._root, n), normals=(1, n))
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(..., n) q + J(q)⁻¹v."""
-        return q + np.matvec(chain.inverse_jacobian(q), v)
+        """(..., n) q and the nominal step."""
+        return q + chain.nominal_step(q, v)
 
     def covariance(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) Σ_ω, whatever the pose and the step."""
@@ -54,8 +57,8 @@ class AdditiveModel:
         q_next: np.ndarray,
         measurement: np.ndarray | None = None,
     ) -> np.ndarray:
-        """(...,) that of N(q + J⁻¹v, Σ_ω + ``measurement``); raises ModelDomainError where that
-        covariance is singular.
+        """(...,) that of the nominal step and N(0, Σ_ω + ``measurement``); raises
+        ModelDomainError where that covariance is singular.
         """
         covariance = (
             self.noise_covariance if measurement is None else self.noise_covariance + measurement

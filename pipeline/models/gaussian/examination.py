@@ -21,9 +21,10 @@ def examined(
         # imported here: CVXPY takes longer to import than the model to fit
         from pipeline.models.gaussian.convex_check import noise_covariance_gap
 
-        norms = frobenius(recorded.chain.inverse_jacobian(recorded.q.mean(axis=0)))
+        inverse = recorded.chain.inverse_jacobian(recorded.q.mean(axis=0))
+        norms = frobenius(inverse)
         checked = norms[np.linspace(0, len(norms) - 1, min(checks, len(norms))).astype(int)]
-        gap = noise_covariance_gap(checked, fit.alpha, fit.u, recorded.q.shape[-1])
+        gap = noise_covariance_gap(checked, fit.alpha, fit.u, *inverse.shape[-2:])
         metrics = {
             "convex_problems_checked": len(checked),
             "convex_check_greatest_relative_gap": gap,

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.models.commands import task_step
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.gaussian.likelihood import fit_alpha_u
 from pipeline.models.gaussian.options import Options
@@ -15,7 +16,7 @@ from pipeline.models.noise import mean_covariance, moments
 from pipeline.models.norm import frobenius
 from pipeline.models.steps import Estimate, Recorded, Truth
 
-# ũ tried, as shares of the greatest ‖J̲⁻¹‖: the bound may at most double it
+# ũ tried, as shares of the greatest ‖J̲⁺‖: the bound may at most double it
 EXTENSIONS = np.linspace(0.005, 1.0, 200)
 # fewer, for a likelihood has to be searched over α at each
 LIKELY_EXTENSIONS = np.geomspace(0.005, 1.0, 25)
@@ -39,12 +40,13 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
             mean,
             covariance,
             np.zeros_like(mean),
-            _rms_norm(recorded.v),
+            _rms_norm(recorded),
             norms,
+            rows=len(recorded.chain.task),
             beta1=options.beta,
             extensions=EXTENSIONS * norms.max(),
         )
-        return _estimate(fit, norms, recorded.v)
+        return _estimate(fit, norms, recorded)
     fit = fit_alpha_u(
         recorded.chain,
         recorded.q,
@@ -53,41 +55,48 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
         recorded.measurement,
         LIKELY_EXTENSIONS,
     )
-    return _estimate(fit, frobenius(recorded.chain.inverse_jacobian(recorded.q)), recorded.v)
+    return _estimate(fit, frobenius(recorded.chain.inverse_jacobian(recorded.q)), recorded)
 
 
-def _rms_norm(v: np.ndarray) -> np.ndarray:
-    """(M,) ‖v_k‖; of commands ``v`` (takes, M, m) of a closed loop the root mean square."""
-    return np.sqrt(np.vecdot(v, v).reshape(-1, v.shape[-2]).mean(axis=0))
+def _rms_norm(recorded: Recorded) -> np.ndarray:
+    """(M,) ‖v_k‖; of the commands (takes, M, m) of a closed loop the root mean square."""
+    speeds = _square_speeds(recorded)
+    return np.sqrt(speeds.reshape(-1, speeds.shape[-1]).mean(axis=0))
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
     """(α, u) of the recorded mean variance; ``options`` and ``dispersions`` do not matter."""
     squares = frobenius(recorded.chain.inverse_jacobian(recorded.q)) ** 2
-    speeds = np.vecdot(recorded.v, recorded.v)
+    speeds = _square_speeds(recorded)
     total_variance = np.trace(mean_covariance(recorded.noise))
     u = BOUND * float(np.sqrt(squares.max()))
-    n = recorded.q.shape[-1]
-    alpha = float(np.sqrt(n * total_variance / np.mean((u**2 - squares) * speeds)))
+    m = len(recorded.chain.task)
+    alpha = float(np.sqrt(m * total_variance / np.mean((u**2 - squares) * speeds)))
     values = _values(alpha, u, _mean_square(squares, speeds))
     return [Truth("gaussian", {"kind": "gaussian", "alpha": alpha, "u": u}, values)]
 
 
+def _square_speeds(recorded: Recorded) -> np.ndarray:
+    """(..., M) ‖v_k‖²."""
+    v = task_step(recorded.chain, recorded.v)
+    return np.vecdot(v, v)
+
+
 def _mean_square(squares: np.ndarray, speeds: np.ndarray) -> float:
-    """⟨‖J⁻¹‖²⟩ of ``squares`` (..., M), weighed by the square of the commanded steps (..., M)."""
+    """⟨‖J⁺‖²⟩ of ``squares`` (..., M), weighed by the square of the commanded steps (..., M)."""
     squares, speeds = np.broadcast_arrays(squares, speeds)
     return np.average(squares, weights=speeds)
 
 
 def _values(alpha: float, u: float, mean_square: float) -> dict[str, float]:
-    """(α, u) are hardly told apart; α·sqrt(u² − ⟨‖J⁻¹‖²⟩) is told well, its square times ‖v‖² being
+    """(α, u) are hardly told apart; α·sqrt(u² − ⟨‖J⁺‖²⟩) is told well, its square times ‖v‖² being
     the mean variance of the noise.
     """
     return {"u": u, "alpha": alpha, "noise_level": alpha * np.sqrt(u**2 - mean_square)}
 
 
-def _estimate(fit: GaussianFit, norms: np.ndarray, v: np.ndarray) -> Estimate:
-    mean_square = _mean_square(norms**2, np.vecdot(v, v))
+def _estimate(fit: GaussianFit, norms: np.ndarray, recorded: Recorded) -> Estimate:
+    mean_square = _mean_square(norms**2, _square_speeds(recorded))
     diagnostics = {
         "extension_of_the_norm": fit.extension,
         "greatest_norm_of_the_inverse_jacobian": fit.u - fit.extension,

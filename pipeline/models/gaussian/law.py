@@ -1,9 +1,10 @@
-"""The Gaussian random matrix model of the inverse Jacobian: J⁻¹ ~ N_{n,n}(J̲⁻¹, I⊗Σ_k) (Eqs.
-GausMod–const2; Algorithm 2).
+"""The Gaussian random matrix model of the inverse Jacobian: J⁺ ~ N_{n,m}(J̲⁺, I⊗Σ_k) (Eqs.
+GausMod–const2; Algorithm 2), the inverse where m = n.
 
 The rows of the noise matrix N ~ N(0, I⊗Σ_k) are independent with covariance Σ_k each, so the
-components of N v are independent with variance vᵀΣ_k v: one step is exactly N(J̲⁻¹v, (vᵀΣ_k v)·I),
-isotropic in joint space. As Σ_k = s·I, that is s‖v‖²·I.
+components of N v are independent with variance vᵀΣ_k v: one step is exactly N(J̲⁺v, (vᵀΣ_k v)·I),
+isotropic in joint space. As Σ_k = s·I, that is s‖v‖²·I. What the arm is commanded in the null space
+of J has no noise.
 """
 
 from __future__ import annotations
@@ -12,16 +13,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arm.chain import JOINTS, PlanarChain
+from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError
+from pipeline.models.commands import task_step
 from pipeline.models.density import normal_log_density
 from pipeline.models.model import Law
 from pipeline.models.norm import frobenius
 
 
-def noise_scale(norm: np.ndarray, alpha: float, u: float, n: int) -> np.ndarray:
-    """(...,) s of Σ_k = s·I_n, the solution of (cost)–(const2): s = α²(u² − ‖J̲_k⁻¹‖_F²)/n², with
-    ``norm`` (...,) ‖J̲_k⁻¹‖_F.
+def noise_scale(norm: np.ndarray, alpha: float, u: float, n: int, m: int) -> np.ndarray:
+    """(...,) s of Σ_k = s·I_m, the solution of (cost)–(const2): s = α²(u² − ‖J̲_k⁺‖_F²)/(nm), of
+    J̲_k⁺ (n, m) of ``norm`` (...,) ‖J̲_k⁺‖_F, with levels ``alpha`` α and ``u``.
 
     ln|Σ| under a bound on tr Σ is greatest where all eigenvalues are equal. In the paper's units
     (1/m and 1 mixed) of the inverse Jacobian, squared. Raises ModelDomainError where u is below the
@@ -35,15 +38,15 @@ def noise_scale(norm: np.ndarray, alpha: float, u: float, n: int) -> np.ndarray:
             u=u,
             largest_norm=float(norm.max()),
         )
-    return alpha**2 * (u**2 - norm**2) / n**2
+    return alpha**2 * (u**2 - norm**2) / (n * m)
 
 
 @dataclass(frozen=True)
 class GaussianModel:
     """Random inverse Jacobian of level ``alpha`` α ≥ 0 under the bound ``u`` > 0 on its Frobenius
-    norm: Eq. (GausMod) of J⁻¹. The law of a step, Eq. (RMTInvDiff), is that of Algorithm 2.
+    norm: Eq. (GausMod) of J⁺. The law of a step, Eq. (RMTInvDiff), is that of Algorithm 2.
 
-    Where a single pose exceeds the bound, ‖J̲⁻¹‖_F > u, its noise is zero, and such poses are
+    Where a single pose exceeds the bound, ‖J̲⁺‖_F > u, its noise is zero, and such poses are
     counted.
     """
 
@@ -58,19 +61,21 @@ class GaussianModel:
                 u=self.u,
             )
 
-    def law(self) -> Law:
+    def law(self, chain: Chain) -> Law:
         """A step, compiled."""
-        from pipeline.models.gaussian.step import gaussian  # here, as it loads the compiler
+        from pipeline.models.gaussian import step  # here, as it loads the compiler
 
-        return Law(gaussian, np.array([self.alpha, self.u], dtype=float), normals=(1, JOINTS))
+        move = step.planar_gaussian if isinstance(chain, PlanarChain) else step.gaussian
+        parameters = np.array([self.alpha, self.u], dtype=float)
+        return Law(move, parameters, normals=(1, len(chain.lower)))
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(..., n) q + J(q)⁻¹v."""
-        return q + np.matvec(chain.inverse_jacobian(q), v)
+        """(..., n) q and the nominal step."""
+        return q + chain.nominal_step(q, v)
 
     def covariance(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) s‖v‖²·I in rad², zero beyond the bound."""
-        return self._variance(chain.inverse_jacobian(q), v)[..., None, None] * np.eye(q.shape[-1])
+        return self._variance(chain, q, v)[..., None, None] * np.eye(q.shape[-1])
 
     def log_density(
         self,
@@ -80,20 +85,20 @@ class GaussianModel:
         q_next: np.ndarray,
         measurement: np.ndarray | None = None,
     ) -> np.ndarray:
-        """(...,) that of N(q + J⁻¹v, s‖v‖²·I + ``measurement``).
+        """(...,) that of the nominal step and N(0, s‖v‖²·I + ``measurement``).
 
         Raises ModelDomainError where that covariance is singular: without ``measurement`` at rest
         and beyond the bound.
         """
-        inverse = chain.inverse_jacobian(q)
-        deviation = q_next - q - np.matvec(inverse, v)
+        n = q_next.shape[-1]
         return normal_log_density(
-            deviation,
-            self._variance(inverse, v),
-            np.zeros(inverse.shape[-2:]) if measurement is None else measurement,
+            q_next - self.mean(chain, q, v),
+            self._variance(chain, q, v),
+            np.zeros((n, n)) if measurement is None else measurement,
         )
 
-    def _variance(self, inverse: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def _variance(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(...,) s‖v‖² in rad², zero beyond the bound."""
+        inverse, v = chain.inverse_jacobian(q), task_step(chain, v)
         bounded = np.minimum(frobenius(inverse), self.u)
-        return noise_scale(bounded, self.alpha, self.u, inverse.shape[-1]) * np.vecdot(v, v)
+        return noise_scale(bounded, self.alpha, self.u, *inverse.shape[-2:]) * np.vecdot(v, v)

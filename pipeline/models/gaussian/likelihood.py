@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.models.commands import task_step
 from pipeline.models.density import normal_log_density
 from pipeline.models.gaussian.law import noise_scale
 from pipeline.models.gaussian.ridge import GaussianFit, search
@@ -26,7 +27,7 @@ def fit_alpha_u(
     measurement: np.ndarray,
     extensions: np.ndarray,
 ) -> GaussianFit:
-    """(α̂, û) and the ridge: the greatest likelihood over α for each u = max ‖J⁻¹‖_F·(1 +
+    """(α̂, û) and the ridge: the greatest likelihood over α for each u = max ‖J⁺‖_F·(1 +
     extension), and the best of these, refined.
 
     The maximum is over all recorded poses with a command, so that no recorded step is beyond the
@@ -36,18 +37,19 @@ def fit_alpha_u(
     Args:
         chain: of n joints.
         q: (takes, M, n) measured poses in rad before each step.
-        v: (M, n) commanded steps (m, m, rad).
+        v: (M, m) or longer, commands.
         noise: (takes, M, n) ω of each step in rad.
         measurement: (n, n) Σ_m in rad², without which the slowest steps would decide everything.
         extensions: (G ≥ 3,) shares of that maximum, ascending and positive.
     """
     q, v, noise = moving_steps(q, v, noise)
-    norms, speeds = frobenius(chain.inverse_jacobian(q)), np.vecdot(v, v)
+    inverse, v = chain.inverse_jacobian(q), task_step(chain, v)
+    norms, speeds = frobenius(inverse), np.vecdot(v, v)
     largest = float(norms.max())
     squared = float(np.mean(noise**2))
 
     def best(extension: float) -> tuple[float, float]:
-        gain = noise_scale(norms, 1.0, largest * (1 + extension), noise.shape[-1]) * speeds
+        gain = noise_scale(norms, 1.0, largest * (1 + extension), *inverse.shape[-2:]) * speeds
 
         def cost(log_alpha: float) -> float:
             return -float(

@@ -20,7 +20,7 @@ class GaussianFit:
     """
 
     alpha: float
-    u: float  # û = max_k ‖J̲_k⁻¹‖_F + ũ
+    u: float  # û = max_k ‖J̲_k⁺‖_F + ũ
     extension: float  # ũ > 0
     objective: float  # what was minimised: F, rad and rad² mixed as in the paper, or −Σ ln p
     # whether ũ stopped at an end of its interval, so that the data do not determine it
@@ -68,25 +68,26 @@ def fit_gaussian(
     step_norm: np.ndarray,
     inverse_norm: np.ndarray,
     *,
+    rows: int,
     beta1: float,
     extensions: np.ndarray,
 ) -> GaussianFit:
     """Minimise F = Σ_k β₁‖q̲_k − q̲̃_k‖ + β₂|tr{Cov(q_k) − Cov(q̃_k)}| over ũ in the range of
     ``extensions`` and all α ≥ 0, β₂ = 1 − β₁.
 
-    Eq. (objective-u-alpha), with u = max_k ‖J̲_k⁻¹‖_F + ũ of Eq. (bound-u). The moments are of one
+    Eq. (objective-u-alpha), with u = max_k ‖J̲_k⁺‖_F + ũ of Eq. (bound-u). The moments are of one
     step. The model's mean is the nominal one for every (ũ, α), so the first term, from
     ``nominal_mean`` and ``recorded_mean`` (M, n) in rad, is a constant. The model's trace is α²g_k,
-    g_k = (u² − ‖J̲_k⁻¹‖²)‖v_k‖²/n, with ``step_norm`` ‖v_k‖ and ``inverse_norm`` ‖J̲_k⁻¹‖_F (M,);
-    ``recorded_covariance`` (M, n, n) in rad². The absolute value, step by step, mends the printed
-    objective, which falls without bound as the model's noise vanishes. In α² it is a weighted sum
-    of distances: its minimum is the median of tr Cov(q̃_k)/g_k under the weights g_k. Over ũ it is
-    searched on ``extensions`` (G ≥ 3, ascending, positive; the paper's ũ > 0 has no upper end, here
-    the interval is the caller's to state) and refined between the neighbours of the best.
+    g_k = (u² − ‖J̲_k⁺‖²)‖v_k‖²/m, with ``step_norm`` ‖v_k‖ and ``inverse_norm`` ‖J̲_k⁺‖_F (M,), m =
+    ``rows`` of the task; ``recorded_covariance`` (M, n, n) in rad². The absolute value, step by
+    step, mends the printed objective, which falls without bound as the model's noise vanishes. In
+    α² it is a weighted sum of distances: its minimum is the median of tr Cov(q̃_k)/g_k under the
+    weights g_k. Over ũ it is searched on ``extensions`` (G ≥ 3, ascending, positive; the paper's ũ
+    > 0 has no upper end, here the interval is the caller's to state) and refined between the
+    neighbours of the best.
 
     Raises ModelDomainError for β₁ outside [0, 1), bad extensions, or a motion at rest throughout.
     """
-    n = recorded_mean.shape[-1]
     if not 0 <= beta1 < 1:
         raise ModelDomainError(
             "beta1 must lie in [0, 1): with beta1 = 1 the objective does not depend on the noise",
@@ -107,7 +108,7 @@ def fit_gaussian(
     constant = beta1 * np.linalg.norm(nominal_mean - recorded_mean, axis=-1).sum()
 
     def best(extension: float) -> tuple[float, float]:
-        gain = ((largest + extension) ** 2 - inverse_norm**2) * step_norm**2 / n
+        gain = ((largest + extension) ** 2 - inverse_norm**2) * step_norm**2 / rows
         alpha_squared = weighted_median(traces[moving] / gain[moving], gain[moving])
         return float(constant + (1 - beta1) * np.abs(alpha_squared * gain - traces).sum()), float(
             np.sqrt(alpha_squared)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.models.noise import mean_covariance
-from pipeline.models.scaled.law import ScaledModel, joint_step
+from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.scaled.options import Options
 from pipeline.models.steps import Estimate, Recorded, Truth
 
@@ -25,7 +25,7 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
     # here, as it loads the compiler, which building a model does not need
     from pipeline.models.scaled.likelihood import fit_scaled
 
-    steps = joint_step(recorded.chain, recorded.q, recorded.v)
+    steps = recorded.chain.nominal_step(recorded.q, recorded.v)
     fit = fit_scaled(recorded.noise, steps, recorded.measurement, options.structure)
     return _estimate(fit.floor, fit.gain, recorded.joints)
 
@@ -33,7 +33,7 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
     """Half of the recorded variance from speed and half at rest; ``dispersions`` do not matter."""
     covariance = mean_covariance(recorded.noise)
-    square = np.mean(joint_step(recorded.chain, recorded.q, recorded.v) ** 2, axis=(0, 1))
+    square = np.mean(recorded.chain.nominal_step(recorded.q, recorded.v) ** 2, axis=(0, 1))
     kept = np.diag(np.diag(covariance)) if options.structure == "diagonal" else covariance
     gain = kept / np.sqrt(np.outer(square, square)) / 2
     known = _estimate(kept / 2, gain, recorded.joints)

@@ -1,7 +1,7 @@
 """Gaussian noise that grows with the joint speed: the law that a random Jacobian has to be held
 against.
 
-    ω_{k+1} = η + D(q̇)ε,   η ~ N(0, A),   ε ~ N(0, B),   q̇ = J(q_k)⁻¹ẋᵈ_kΔt  (rad a step),   D(q̇)
+    ω_{k+1} = η + D(q̇)ε,   η ~ N(0, A),   ε ~ N(0, B),   q̇ = J(q_k)⁺ẋᵈ_kΔt  (rad a step),   D(q̇)
     = diag(q̇),
 
 so Cov(ω) = A + D(q̇)BD(q̇): a floor A at rest, and for each joint a share of its own step that
@@ -18,18 +18,10 @@ from functools import cached_property
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
 from pipeline.models.covariance import principal_axes, root
 from pipeline.models.density import gaussian_log_density
 from pipeline.models.model import Law
-
-
-def joint_step(chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(..., n) nominal step q̇ = J(q)⁻¹v in rad of the joints at ``q`` (..., n) in rad; ``v`` (n,)
-    or (..., n) in m, m, rad.
-
-    Raises SingularJacobianError.
-    """
-    return np.matvec(chain.inverse_jacobian(q), v)
 
 
 def scaled_covariance(floor: np.ndarray, gain: np.ndarray, dq: np.ndarray) -> np.ndarray:
@@ -57,21 +49,23 @@ class ScaledModel:
     def _roots(self) -> tuple[np.ndarray, np.ndarray]:
         return root(self.floor), root(self.gain)
 
-    def law(self) -> Law:
+    def law(self, chain: Chain) -> Law:
         """A step, compiled."""
         from pipeline.models.law import row_by_row  # here, as it loads the compiler
-        from pipeline.models.scaled.step import scaled
+        from pipeline.models.scaled import step
 
-        parameters = np.concatenate([row_by_row(each) for each in self._roots])
-        return Law(scaled, parameters, normals=(2, len(self.floor)))
+        n = len(chain.lower)
+        move = step.planar_scaled if isinstance(chain, PlanarChain) else step.scaled
+        parameters = np.concatenate([row_by_row(each, n) for each in self._roots])
+        return Law(move, parameters, normals=(2, n))
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(..., n) q + J(q)⁻¹v."""
-        return q + joint_step(chain, q, v)
+        """(..., n) q and the nominal step."""
+        return q + chain.nominal_step(q, v)
 
     def covariance(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) A + D(q̇)BD(q̇) in rad²."""
-        return scaled_covariance(self.floor, self.gain, joint_step(chain, q, v))
+        return scaled_covariance(self.floor, self.gain, chain.nominal_step(q, v))
 
     def log_density(
         self,
@@ -86,7 +80,7 @@ class ScaledModel:
 
         Raises ModelDomainError where the covariance is singular: the density does not exist there.
         """
-        dq = joint_step(chain, q, v)
+        dq = chain.nominal_step(q, v)
         covariance = scaled_covariance(self.floor, self.gain, dq)
         if measurement is not None:
             _ = principal_axes(measurement)  # refuses what is not a covariance

@@ -120,85 +120,88 @@ def second_moment(noise: np.ndarray, measurement: np.ndarray) -> np.ndarray:
 def negative_log_likelihood(
     w: np.ndarray, x: np.ndarray, floor: np.ndarray, gain: np.ndarray
 ) -> tuple[float, np.ndarray, np.ndarray]:
-    """−mean ln N(w; 0, Σ) but for its constant, Σ = F + D(x)BD(x), and its slopes (3, 3) by F and
+    """−mean ln N(w; 0, Σ) but for its constant, Σ = F + D(x)BD(x), and its slopes (n, n) by F and
     by B; infinite where a Σ is singular.
 
-    ``w`` (N, 3) the steps' noise, ``x`` (N, 3) their speeds, ``floor`` F (3, 3) the measurement's
-    covariance included, ``gain`` B (3, 3).
+    ``w`` (N, n) the steps' noise, ``x`` (N, n) their speeds, ``floor`` F (n, n) the measurement's
+    covariance included, ``gain`` B (n, n).
     """
-    by_floor, by_gain = np.zeros((2, 3, 3))
-    total = _add_up(w, x, floor, gain, by_floor, by_gain, *np.empty((4, 3, 3)), np.empty(3))
+    n = len(floor)
+    by_floor, by_gain = np.zeros((2, n, n))
+    room = *np.empty((4, n, n)), np.empty((2, n))
+    total = _add_up((0.0,) * n, w, x, floor, gain, by_floor, by_gain, *room)
     return 0.5 * total / len(w), 0.5 * by_floor / len(w), 0.5 * by_gain / len(w)
 
 
 @compiled()
 def _add_up(
+    joints: tuple,
     w: np.ndarray,
     x: np.ndarray,
     floor: np.ndarray,
     gain: np.ndarray,
     by_floor: np.ndarray,
     by_gain: np.ndarray,
-    covariance: np.ndarray,
-    precision: np.ndarray,
+    lower: np.ndarray,
+    inverse: np.ndarray,
     floor_sum: np.ndarray,
     gain_sum: np.ndarray,
     white: np.ndarray,
 ) -> float:
     """Of :func:`negative_log_likelihood` what is halved and divided by N; the slopes are added to
-    ``by_floor`` and ``by_gain``; the rest is room, of (3, 3) and (3,).
+    ``by_floor`` and ``by_gain``. ``joints`` has an entry for each; the rest is room, of (n, n) and
+    (2, n).
 
-    Σ⁻¹ is had from cofactors, one step after the other: nothing of the steps' number is written to
-    memory. The loops over three numbers stand for array expressions, which take longer to compile
-    than all the rest.
+    With Σ = LLᵀ the slope by Σ is Σ⁻¹ − (Σ⁻¹w)(Σ⁻¹w)ᵀ, Σ⁻¹ = L⁻ᵀL⁻¹, one step after the other:
+    nothing of the steps' number is written to memory. The loops over joints stand for array
+    expressions, which take longer to compile than all the rest.
     """
-    total = 0.0
+    # of a tuple the compiler knows the length, and unrolls the loops over joints
+    total, size = 0.0, len(joints)
     # sums of SUMMED steps are added up, so that rounding does not grow with the number of steps
     for start in range(0, len(w), SUMMED):
         value = 0.0
-        for i in range(3):
-            for j in range(3):
-                floor_sum[i, j] = gain_sum[i, j] = 0.0
+        floor_sum[:], gain_sum[:] = 0.0, 0.0
         stop = start + SUMMED if start + SUMMED < len(w) else len(w)
         for n in range(start, stop):
-            for i in range(3):
-                for j in range(3):
-                    covariance[i, j] = floor[i, j] + gain[i, j] * x[n, i] * x[n, j]
-            for i in range(3):
-                i1, i2 = (i + 1) % 3, (i + 2) % 3
-                for j in range(3):
-                    j1, j2 = (j + 1) % 3, (j + 2) % 3
-                    precision[i, j] = (
-                        covariance[i1, j1] * covariance[i2, j2]
-                        - covariance[i1, j2] * covariance[i2, j1]
-                    )
-            determinant = (
-                covariance[0, 0] * precision[0, 0]
-                + covariance[0, 1] * precision[0, 1]
-                + covariance[0, 2] * precision[0, 2]
-            )
-            if not determinant > 0:
-                return np.inf
-            value += np.log(determinant)
-            for i in range(3):
-                for j in range(3):
-                    precision[i, j] /= determinant
-                white[i] = (
-                    precision[i, 0] * w[n, 0]
-                    + precision[i, 1] * w[n, 1]
-                    + precision[i, 2] * w[n, 2]
-                )
-                value += w[n, i] * white[i]
-            for i in range(3):
-                for j in range(3):
-                    slope = precision[i, j] - white[i] * white[j]
+            for i in range(size):
+                for j in range(i + 1):
+                    entry = floor[i, j] + gain[i, j] * x[n, i] * x[n, j]
+                    for k in range(j):
+                        entry -= lower[i, k] * lower[j, k]
+                    if i > j:
+                        lower[i, j] = entry * inverse[j, j]
+                if not entry > 0:
+                    return np.inf
+                value += np.log(entry)
+                inverse[i, i] = 1 / np.sqrt(entry)
+                for j in range(i):
+                    entry = 0.0
+                    for k in range(j, i):
+                        entry -= lower[i, k] * inverse[k, j]
+                    inverse[i, j] = entry * inverse[i, i]
+                entry = 0.0
+                for j in range(i + 1):
+                    entry += inverse[i, j] * w[n, j]
+                white[0, i] = entry
+                value += entry * entry
+            for i in range(size):
+                entry = 0.0
+                for k in range(i, size):
+                    entry += inverse[k, i] * white[0, k]
+                white[1, i] = entry
+                for j in range(i + 1):
+                    slope = -white[1, i] * white[1, j]
+                    for k in range(i, size):
+                        slope += inverse[k, i] * inverse[k, j]
                     floor_sum[i, j] += slope
                     gain_sum[i, j] += slope * x[n, i] * x[n, j]
         total += value
-        for i in range(3):
-            for j in range(3):
-                by_floor[i, j] += floor_sum[i, j]
-                by_gain[i, j] += gain_sum[i, j]
+        for i in range(size):
+            for j in range(size):
+                p, q = (i, j) if i >= j else (j, i)
+                by_floor[i, j] += floor_sum[p, q]
+                by_gain[i, j] += gain_sum[p, q]
     return total
 
 

@@ -1,29 +1,28 @@
 """The perturbations held back by positive definiteness: (BsampOpt) under B⁻¹ ⪰ εI as a convex
-problem in three variables, in bulk.
+problem in m variables, in bulk.
 
 With the notation of :mod:`.perturbation` write S in a frame whose first axis is e and in units of
 δ = 1 − ε: x − 1 in its corner, d/√2 beside it and a block C across e, so that y = (x − 1, d).
-B⁻¹ ⪰ εI means C ⪰ ddᵀ/2x − I (Schur), and the C of least norm that does is c·ddᵀ/‖d‖²,
-c = max(0, ‖d‖²/2x − 1). No cone is left, and what is left is convex, as c is:
+B⁻¹ ⪰ εI means C ⪰ ddᵀ/2x − I (Schur). Of that matrix one eigenvalue alone can be positive: so the C
+of least norm, its positive part, is c·ddᵀ/‖d‖², c = max(0, ‖d‖²/2x − 1), whatever m. No cone is
+left, and what is left is convex, as c is:
 
     minimise F = ‖ω − Ay‖ + λ‖z‖,   z = (y, c),   over x > 0 and d, or x = 0, d = 0.
 
-F has a gradient but at three points: y = 0, the exact fit y = A⁻¹ω, and the apex x = 0, d = 0. The
-first is never the minimum here: F is less where the way to the free optimum meets the bound. From
-the other two a step leads down unless they are. Newton's method starts from the lowest place so
-found and only descends, so that it meets none of the three; elsewhere F is convex and has a
-gradient, and Newton's steps, shortened as needed, lead to its minimum. A conic solver takes 10 ms a
-problem where this takes 0.02 ms: 5 s instead of 10 ms for the 529 of a fit, which the bootstrap
-repeats, and its entries of S are good to 2e-4 alone.
+F has a gradient but at three points: y = 0, the exact fit y = A⁺ω where there is one, as with as
+many joints as task rows, and the apex x = 0, d = 0. The first is never the minimum here: F is less
+where the way to the free optimum meets the bound. From the other two a step leads down unless they
+are. Newton's method starts from the lowest place so found and only descends, so that it meets none
+of the three; elsewhere F is convex and has a gradient, and Newton's steps, shortened as needed,
+lead to its minimum. A conic solver takes hundreds of times as long.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pipeline.core.errors import SolverError
+from pipeline.models.wishart.bounded_objective import Problems, moved, norm, norm_slopes
 from pipeline.models.wishart.density import frames
 
 STEPS = 100  # of Newton's method at most; ten are usual
@@ -36,136 +35,106 @@ RIDGE = 1e-12  # in shares of the diagonal
 GRADED = 1e-10
 # shares of the longest step that are tried from a point without a gradient
 WAYS = 0.1 ** np.arange(15)
-ZERO = np.array([1.0, 0.0, 0.0])  # (x, d) of y = 0
+BENT = 2  # from which of them on, near the apex, the paraboloid is too bent for Newton's steps
+GOLDEN, SECTIONS = (np.sqrt(5) - 1) / 2, 20
 
 
-@dataclass(frozen=True)
-class _Problems:
-    """N problems, each in the frame of its e and in units of δ; a place is u = (x, d), (...,
-    N, 3).
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(norm(vectors), np.finfo(float).tiny)[:, None]
+
+
+def _starts(problems: Problems, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(N, m) the lowest of the places tried, and whether it is a point without a gradient (N,);
+    ``free`` (N, m), y of the free optimum.
     """
-
-    noise: np.ndarray  # (N, 3) ω
-    matrix: np.ndarray  # (N, 3, 3) A
-    ratio: float  # λ
-
-    def subset(self, chosen: np.ndarray) -> _Problems:
-        return _Problems(self.noise[chosen], self.matrix[chosen], self.ratio)
-
-    def terms(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """ω − Ay (..., N, 3) and z (..., N, 4)."""
-        x, d = u[..., 0], u[..., 1:]
-        c = np.maximum(np.vecdot(d, d) / np.where(x > 0, 2 * x, np.inf) - 1, 0.0)
-        return self.noise - np.matvec(self.matrix, u - ZERO), np.concatenate(
-            [u - ZERO, c[..., None]], axis=-1
-        )
-
-    def __call__(self, u: np.ndarray) -> np.ndarray:
-        """F (..., N); infinite where no C would do."""
-        rest, z = self.terms(u)
-        feasible = (u[..., 0] > 0) | ~np.any(u, axis=-1)
-        return np.where(feasible, _norm(rest) + self.ratio * _norm(z), np.inf)
-
-    def along(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Slopes of Ay (N, 3, 3) and of z (N, 4, 3) by (τ, η), which move x and d by τx and τd + η.
-
-        Along τ, ‖d‖²/2x has no curvature, and along η that of 1/x: so nothing cancels near the
-        apex, where x is as small as d².
-        """
-        x, d = u[:, 0], u[:, 1:]
-        y_slopes = np.concatenate(
-            [u[:, :, None], np.broadcast_to(np.eye(3)[:, 1:], (len(u), 3, 2))], axis=2
-        )
-        cone = np.vecdot(d, d) / (2 * x)
-        c_slopes = np.where(
-            cone[:, None] > 1, np.concatenate([cone[:, None], d / x[:, None]], axis=1), 0.0
-        )
-        return self.matrix @ y_slopes, np.concatenate([y_slopes, c_slopes[:, None]], axis=1)
-
-    def slopes(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Gradient (N, 3) and Hessian (N, 3, 3) of F by (τ, η)."""
-        rest, z = self.terms(u)
-        fit_slopes, z_slopes = self.along(u)
-        fit, fit_curvature = _norm_slopes(rest, -fit_slopes)
-        size, curvature = _norm_slopes(z, z_slopes)
-        curvature[:, [1, 2], [1, 2]] += (z[:, 3] / (_norm(z) * u[:, 0]))[:, None]
-        return fit + self.ratio * size, fit_curvature + self.ratio * curvature
-
-
-def _norm(vectors: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.vecdot(vectors, vectors))
-
-
-def _norm_slopes(vectors: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient (N, 3) and Hessian (N, 3, 3) of the norm of ``vectors`` (N, k) that change by the
-    constant ``slopes`` (N, k, 3).
-    """
-    length = _norm(vectors)[:, None]
-    gradient = np.vecmat(vectors / length, slopes)
-    return gradient, (
-        np.swapaxes(slopes, 1, 2) @ slopes - gradient[:, :, None] * gradient[:, None, :]
-    ) / length[..., None]
-
-
-def _moved(u: np.ndarray, move: np.ndarray) -> np.ndarray:
-    """The places ``u`` (N, 3) moved by (τ, η) = ``move`` (..., N, 3)."""
-    return u * (1 + move[..., :1]) + move * np.array([0.0, 1.0, 1.0])
-
-
-def _starts(problems: _Problems, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(N, 3) the lowest of the places tried, and whether it is a point without a gradient (N,);
-    ``free`` (N, 3), y of the free optimum.
-    """
+    noise, matrix, zero = problems.noise, problems.matrix, problems.zero
     # from 0 towards the free optimum, as far as the least eigenvalue of S may go
     least = (free[:, 0] - np.sqrt(free[:, 0] ** 2 + 2 * np.vecdot(free[:, 1:], free[:, 1:]))) / 2
-    towards_free = ZERO - free / least[:, None]
+    towards_free = zero - free / least[:, None]
     # from the apex along the paraboloid on which c begins
     apex = np.zeros_like(free)
-    down = np.vecmat(problems.terms(apex)[0], problems.matrix)[:, 1:]
-    d = WAYS[:, None, None] * down / np.maximum(_norm(down), np.finfo(float).tiny)[:, None]
-    from_apex = np.concatenate([np.vecdot(d, d)[..., None] / 2, d], axis=-1)
+    down = np.vecmat(problems.terms(apex)[0], matrix)[:, 1:]
+    along = _unit(down)
+    from_apex = _on_paraboloid(along, WAYS[:, None])
     # from the exact fit, or from halfway to the apex where none is feasible, against the slope of
     # ‖z‖ over ω
-    exact = ZERO + np.linalg.solve(problems.matrix, problems.noise[..., None])[..., 0]
+    left, triangle = np.linalg.qr(matrix)
+    exact = zero + np.linalg.solve(triangle, np.vecmat(noise, left)[..., None])[..., 0]
     within = exact[:, 0] > 0
-    exact = np.where(within[:, None], exact, ZERO / 2)
-    fit_slopes, z_slopes = problems.along(exact)
-    over_noise = np.linalg.inv(fit_slopes)
-    slope = np.vecmat(_norm_slopes(problems.terms(exact)[1], z_slopes)[0], over_noise)
-    down = np.matvec(over_noise, slope) * (_norm(problems.noise) / _norm(slope))[:, None]
-    from_exact = _moved(exact, -WAYS[:, None, None] * down)
+    exact = np.where(within[:, None], exact, zero / 2)
+    rest, z = problems.terms(exact)
+    square = matrix.shape[1] == matrix.shape[2]
+    explained = within & (square | (norm(rest) < GRADED * norm(noise)))
+    z_slopes = problems.along(exact)[1]
+    over_noise = np.linalg.solve(triangle @ z_slopes[:, :-1], np.swapaxes(left, 1, 2))
+    slope = np.vecmat(norm_slopes(z, z_slopes)[0], over_noise)
+    down = np.matvec(over_noise, slope) * (norm(noise) / norm(slope))[:, None]
+    from_exact = moved(exact, -WAYS[:, None, None] * down)
     places = np.concatenate([apex[None], exact[None], towards_free[None], from_apex, from_exact])
     values = problems(places)
+    if square:  # what is left of ω is rounding
+        values[1] = np.where(within, problems.ratio * norm(z), values[1])
     values[2:] *= 1 + GRADED
     lowest = values.argmin(axis=0)
-    return places[lowest, np.arange(len(free))], (lowest == 0) | (lowest == 1) & within
+    start = places[lowest, np.arange(len(free))]
+    curved = np.flatnonzero((lowest >= 3 + BENT) & (lowest < 3 + len(WAYS)))
+    if curved.size:
+        way = WAYS[lowest[curved] - 3]
+        start[curved] = _lowest_on_paraboloid(problems.subset(curved), along[curved], way)
+    return start, (lowest == 0) | (lowest == 1) & explained
 
 
-def _descend(problems: _Problems, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where Newton's steps from ``u`` (N, 3), shortened where they do not descend, lead (N, 3), and
+def _on_paraboloid(along: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """(..., N, m) the places d = ``way``·``along``, (..., N) and (N, m − 1), where ‖d‖²/2x = 1."""
+    d = way[..., None] * along
+    return np.concatenate([np.vecdot(d, d)[..., None] / 2, d], axis=-1)
+
+
+def _lowest_on_paraboloid(problems: Problems, along: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """(N, m) the lowest places near ``way`` (N,), by golden sections of its logarithm: Newton's
+    steps along what is so bent are short.
+    """
+    low, high = 0.1 * way, 10 * way
+    for _ in range(SECTIONS):
+        width = GOLDEN * np.log(high / low)
+        inner, outer = high * np.exp(-width), low * np.exp(width)
+        rises = problems(_on_paraboloid(along, inner)) < problems(_on_paraboloid(along, outer))
+        low, high = np.where(rises, low, inner), np.where(rises, outer, high)
+    return _on_paraboloid(along, np.sqrt(low * high))
+
+
+def _descend(problems: Problems, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where Newton's steps from ``u`` (N, m), shortened where they do not descend, lead (N, m), and
     whether they settled (N,).
     """
     gradient, hessian = problems.slopes(u)
     # both norms are straight along one line where A maps it on that of ω: a ridge keeps their
-    # Hessian regular
-    hessian *= 1 + RIDGE * np.eye(3)
+    # Hessian regular, and where rounding makes it indefinite all the same its diagonal takes its
+    # place
+    diagonal = np.diagonal(hessian, axis1=1, axis2=2).copy()
+    hessian *= 1 + RIDGE * np.eye(u.shape[1])
     move = -np.linalg.solve(hessian, gradient[..., None])[..., 0]
+    uphill = np.vecdot(gradient, move) > 0
+    move[uphill] = -gradient[uphill] / diagonal[uphill]
     gain, value = -np.vecdot(gradient, move), problems(u)
     settled = gain <= SETTLED * value
     # of the way to the apex, where τ = −1
     share = np.minimum(1.0, 0.9 / np.maximum(-move[:, 0], np.finfo(float).tiny))
     for _ in range(SHORTENINGS):
-        high = ~settled & (
-            problems(_moved(u, share[:, None] * move)) > value - DESCENT * share * gain
-        )
+        there = moved(u, share[:, None] * move)
+        reached = problems(there)
+        high = ~settled & (reached > value - DESCENT * share * gain)
         if not np.any(high):
             break
         share[high] /= 4
-    return _moved(u, share[:, None] * move), settled
+    # the last step brings less than the rounding of F, and yet the place
+    there = np.where((reached <= (1 + GRADED) * value)[:, None], there, u)
+    # or what is left to gain is below the rounding of F
+    return there, settled | (reached >= value) & (gain <= GRADED * value)
 
 
-def _minima(problems: _Problems, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(N, 3) where F is least, and whether that was reached (N,)."""
+def _minima(problems: Problems, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(N, m) where F is least, and whether that was reached (N,)."""
     try:
         u, reached = _starts(problems, free)
         for _ in range(STEPS):
@@ -186,13 +155,19 @@ def solve_bounded(
     ratio: float,
     floor: float,
 ) -> np.ndarray:
-    """(N, 3, 3) the optimal S of N problems whose free optimum breaks the bound.
+    """(N, m, m) the optimal S of N problems whose free optimum breaks the bound; raises SolverError
+    where a minimum was not reached.
 
-    ``noise`` ω (N, 3), ``a`` (N, 3) along e, ``matrix`` A (N, 3, 3), ``free`` (N, 3) y of the free
-    optimum, λ = ``ratio``, ε = ``floor``. Raises SolverError where a minimum was not reached.
+    Args:
+        noise: (N, n) ω.
+        a: (N, m) along e.
+        matrix: (N, n, m) A, of full column rank.
+        free: (N, m) y of the free optimum.
+        ratio: λ.
+        floor: ε.
     """
     delta, frame = 1 - floor, frames(a)
-    problems = _Problems(noise, delta * matrix @ frame, delta * ratio)
+    problems = Problems(noise, delta * matrix @ frame, delta * ratio)
     u, reached = _minima(problems, np.vecmat(free, frame) / delta)
     if not np.all(reached):
         raise SolverError(
@@ -203,9 +178,9 @@ def solve_bounded(
             floor=floor,
         )
     (_, z), d = problems.terms(u), u[:, 1:]
-    s = np.zeros(matrix.shape)
+    s = np.zeros(frame.shape)
     s[:, 0, 0] = u[:, 0] - 1
     s[:, 0, 1:] = s[:, 1:, 0] = d / np.sqrt(2)
-    along = d / np.maximum(_norm(d), np.finfo(float).tiny)[:, None]
-    s[:, 1:, 1:] = z[:, 3, None, None] * along[:, :, None] * along[:, None, :]
+    along = _unit(d)
+    s[:, 1:, 1:] = z[:, -1, None, None] * along[:, :, None] * along[:, None, :]
     return delta * frame @ s @ np.swapaxes(frame, 1, 2)

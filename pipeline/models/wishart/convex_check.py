@@ -27,30 +27,32 @@ def perturbation_gap(
     """Greatest relative distance of the objectives of (BsampOpt), closed form against solver, over
     the problems ``chosen``.
 
-    ``q``, ``v``, ``noise`` (N, 3): pose in rad, commanded step (m, m, rad) and process noise in rad
-    of each problem of ``fits``. J₁ comes from SciPy here, not from the closed form, unless it is
-    given. Objectives are compared and not matrices, as the optimum is flat. Raises SolverError.
+    ``q`` (N, n), ``v`` (N, m) or longer and ``noise`` (N, n): pose in rad, command and process
+    noise in rad of each problem of ``fits``. J₁ comes from SciPy here, not from the closed form,
+    unless it is given. Objectives are compared and not matrices, as the optimum is flat. Raises
+    SolverError.
     """
     gaps = []
     for i in chosen:
         jacobian = chain.jacobian(q[i])
         j1 = _first_factor(jacobian, decomposition)
         j2 = np.linalg.solve(j1, jacobian)
-        _, objective = solve_perturbation(noise[i], v[i], j1, j2, weights, floor)
+        _, objective = solve_perturbation(noise[i], v[i, : len(j1)], j1, j2, weights, floor)
         gaps.append(abs(fits.objective[i] - objective) / objective)
     return max(gaps)
 
 
 def _first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndarray:
-    """J₁ (n, n) of ``jacobian`` (n, n) by SciPy."""
-    n = len(jacobian)
+    """J₁ (m, m) of ``jacobian`` (m, n) by SciPy."""
+    m, n = jacobian.shape
     match decomposition:
         case Decomposition("lu", rows=rows, order=order):
-            rows = list(rows or range(n))
-            ordered = jacobian[rows][:, list(order or range(n))]
+            rows = list(rows or range(m))
+            # L is that of the columns that are eliminated
+            ordered = jacobian[rows][:, list(order or range(n))[:m]]
             # SuperLU exchanges rows at a zero pivot alone, where its threshold is zero
             sparse = splu(csc_array(ordered), permc_spec="NATURAL", diag_pivot_thresh=0.0)
-            j1 = np.empty((n, n))
+            j1 = np.empty((m, m))
             j1[rows] = sparse.L.toarray()
             return j1
         case Decomposition("pivoted_lu"):
@@ -58,6 +60,6 @@ def _first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndar
         case Decomposition("qr"):
             return qr(jacobian)[0]
         case Decomposition("qr_transposed"):
-            return qr(jacobian.T)[1].T
+            return qr(jacobian.T, mode="economic")[1].T
         case Decomposition(left=left):
             return np.array(left)

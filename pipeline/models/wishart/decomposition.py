@@ -25,7 +25,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arm.chain import TASK
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.models.wishart.options import Options
 
@@ -92,14 +91,14 @@ class Decomposition:
 LU = Decomposition("lu")  # the reading of the paper that its numbers leave possible
 
 
-def chosen(options: Options, joints: Sequence[str]) -> Decomposition:
-    """The decomposition that ``options`` name, for the ``joints`` by their names, base to tip;
-    raises ConfigError for a name of a row or a joint that there is not.
+def chosen(options: Options, task: Sequence[str], joints: Sequence[str]) -> Decomposition:
+    """The decomposition that ``options`` name, for the rows of the ``task`` and the ``joints``,
+    base to tip, by their names; raises ConfigError for a name of one that there is not.
     """
     return Decomposition(
         options.decomposition,
         options.left,
-        _numbers("rows", options.rows, TASK),
+        _numbers("rows", options.rows, task),
         _numbers("order", options.order, joints),
     )
 

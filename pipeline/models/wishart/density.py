@@ -1,18 +1,16 @@
-"""The density of w = B⁻¹a for B ~ W_n(d, I/d): in closed form, and for n = 3 blurred by normal
-noise by quadrature.
+"""The density of a step of the Wishart model: of w = B⁻¹a for B ~ W_m(d, I/d) in closed form, and
+of J₂⁺w with normal noise by quadrature.
 
 With r = ‖a‖, e = a/r the law is w = r·R·[z, z·T]ᵀ (see :mod:`.law`), so with u₁
 = eᵀw/r > 0 and u⊥ the rest of w/r
 
-    p(w) = r⁻ⁿ · p_z(u₁) · p_T(‖u⊥‖/u₁) · u₁^{−(n−1)},
+    p(w) = r⁻ᵐ · p_z(u₁) · p_T(‖u⊥‖/u₁) · u₁^{−(m−1)},
 
-z inverse-gamma of shape (d−n+1)/2 and scale d/2, T of density ∝ (1 + ‖t‖²)^{−(d+1)/2}; there is
+z inverse-gamma of shape (d−m+1)/2 and scale d/2, T of density ∝ (1 + ‖t‖²)^{−(d+1)/2}; there is
 none where u₁ ≤ 0.
 
-Of x = w + ε, ε ~ N(0, C), only the given z and g of T = N(0, I)/√g, g ~ χ²(d−n+2), make a normal: x
-| z, g ~ N(za, C + (rz)²/g·(I − eeᵀ)). Both are taken out by quadrature
-(:mod:`.quadrature`). Written in the axes of C given its part along e, the
-normal is a product of scalars.
+With measurement noise a step is a mixture of normals over z and g of T = N(0, I)/√g, g ~
+χ²(d−m+2): both are taken out by quadrature (:mod:`.mixture`, :mod:`.quadrature`), whatever m.
 """
 
 from __future__ import annotations
@@ -24,29 +22,29 @@ NODES = 17  # of the quadrature for each of z and g
 
 
 def action_log_density(w: np.ndarray, a: np.ndarray, d: float) -> np.ndarray:
-    """(...,) log density of B⁻¹a at ``w`` (..., n), for ``a`` (..., n) not zero; −inf where wᵀa ≤
+    """(...,) log density of B⁻¹a at ``w`` (..., m), for ``a`` (..., m) not zero; −inf where wᵀa ≤
     0, which no B > 0 can give.
     """
-    n = a.shape[-1]
+    m = a.shape[-1]
     r = np.sqrt(np.vecdot(a, a))
     e, u = a / r[..., None], w / r[..., None]
     along = np.vecdot(e, u)
     inside = along > 0
     z = np.where(inside, along, 1.0)
     t = (u - along[..., None] * e) / z[..., None]
-    shape = (d - n + 1) / 2
+    shape = (d - m + 1) / 2
     z_term = shape * np.log(d / 2) - gammaln(shape) - (shape + 1) * np.log(z) - d / (2 * z)
     t_term = (
         gammaln((d + 1) / 2)
-        - gammaln((d - n + 2) / 2)
-        - (n - 1) / 2 * np.log(np.pi)
+        - gammaln((d - m + 2) / 2)
+        - (m - 1) / 2 * np.log(np.pi)
         - (d + 1) / 2 * np.log1p(np.vecdot(t, t))
     )
-    return np.where(inside, z_term + t_term - n * np.log(r) - (n - 1) * np.log(z), -np.inf)
+    return np.where(inside, z_term + t_term - m * np.log(r) - (m - 1) * np.log(z), -np.inf)
 
 
 def frames(a: np.ndarray) -> np.ndarray:
-    """(..., n, n) orthonormal matrices R of first column a/‖a‖, for ``a`` (..., n) not zero:
+    """(..., m, m) orthonormal matrices R of first column a/‖a‖, for ``a`` (..., m) not zero:
     Householder's reflection, its sign turned.
     """
     r = np.sqrt(np.vecdot(a, a))
@@ -61,38 +59,31 @@ def frames(a: np.ndarray) -> np.ndarray:
 
 
 def blurred_log_density(
-    x: np.ndarray, a: np.ndarray, noise: np.ndarray, d: float, nodes: int = NODES
+    step: np.ndarray,
+    a: np.ndarray,
+    back: np.ndarray,
+    measurement: np.ndarray,
+    d: float,
+    nodes: int = NODES,
 ) -> np.ndarray:
-    """(N,) log density of B⁻¹a + ε at ``x`` (N, 3), for ``a`` (N, 3) not zero and ε ~ N(0, C), C =
-    ``noise`` (N, 3, 3) positive definite.
+    """(N,) log density of J₂⁺B⁻¹a + ε at ``step`` (N, n) in rad, for ``a`` (N, m) not zero and
+    ``back`` J₂⁺ (N, n, m).
 
-    ``nodes`` for each of the two integrals; the defaults leave a relative error of the density
-    below 1e-4 for the arm's steps.
+    Args:
+        step: q_{k+1} − q_k without its part in the null space of J.
+        a: J₁⁻¹v.
+        back: J₂⁺, of full column rank.
+        measurement: (n, n) covariance of ε in rad², positive definite.
+        d: degrees of freedom of B.
+        nodes: for each of the two integrals; the default leaves a relative error of the density
+            below 1e-4 for the arm's steps.
     """
-    from pipeline.models.wishart.quadrature import log_integrals  # here, as it loads the compiler
+    # here, as they load the compiler
+    from pipeline.models.wishart.mixture import mixture
+    from pipeline.models.wishart.quadrature import log_integrals
 
-    r = np.sqrt(np.vecdot(a, a))
-    turn = frames(a)
-    x = np.matvec(np.swapaxes(turn, -1, -2), x) / r[:, None]
-    c = np.swapaxes(turn, -1, -2) @ noise @ turn / (r**2)[:, None, None]
-    variance = c[:, 0, 0]
-    slope = c[:, 1:, 0] / variance[:, None]
-    across = c[:, 1:, 1:] - slope[:, :, None] * c[:, None, 0, 1:]
-    variances, axes = np.linalg.eigh((across + np.swapaxes(across, -1, -2)) / 2)
-    # rounding can take the least of them to zero or below
-    variances = np.maximum(variances, np.finfo(float).eps * c.max(axis=(-1, -2))[:, None])
-    turned_back = np.swapaxes(axes, -1, -2)
-    numbers = np.column_stack(
-        [
-            x[:, 0],
-            variance,
-            np.matvec(turned_back, x[:, 1:]),
-            np.matvec(turned_back, slope),
-            variances,
-        ]
-    )
-    return (
-        log_integrals(numbers, d, nodes)
-        - a.shape[-1] * (np.log(r) + 0.5 * np.log(2 * np.pi))
-        - 0.5 * np.log(variance)
-    )
+    lower = np.linalg.cholesky(measurement)
+    white = np.linalg.inv(lower)
+    numbers = mixture(step @ white.T, a, white @ back)
+    constant = np.log(np.diag(lower)).sum() + 0.5 * len(lower) * np.log(2 * np.pi)
+    return log_integrals(numbers, a.shape[-1], d, nodes) - constant

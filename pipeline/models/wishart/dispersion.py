@@ -30,12 +30,15 @@ class WishartFit:
     rest_noise: float  # rad, rms of ‖ω‖ where the command rests
 
 
-def rest_noise(noise: np.ndarray, v: np.ndarray) -> float:
+def rest_noise(noise: np.ndarray, v: np.ndarray, measurement: np.ndarray | None = None) -> float:
     """Root mean square of ‖ω‖ in rad over the steps of ``noise`` (takes, M, n) at which the
-    commanded step ``v`` (M, n) or (takes, M, n) is zero.
+    command ``v``, (M, ·) or (takes, M, ·), is zero; where none is, that of ``measurement`` noise
+    Σ_m (n, n), or zero.
     """
     still = np.broadcast_to(~np.any(v, axis=-1), noise.shape[:-1])
-    return float(np.sqrt(np.mean(np.sum(noise[still] ** 2, axis=-1)))) if still.any() else 0.0
+    if still.any():
+        return float(np.sqrt(np.mean(np.sum(noise[still] ** 2, axis=-1))))
+    return 0.0 if measurement is None else float(np.sqrt(np.trace(measurement)))
 
 
 def fit_wishart(
@@ -46,16 +49,25 @@ def fit_wishart(
     decomposition: Decomposition,
     floor: float,
     ratio_factor: float = 1.0,
+    measurement: np.ndarray | None = None,
 ) -> WishartFit:
     """σ̂_B = (1/M) Σ_k σ̂_Bk (Sec. "Motion uncertainty characterization").
 
-    ``q`` (takes, M, n) measured poses in rad before each step, ``v`` (M, n) commanded steps (m, m,
-    rad), ``noise`` (takes, M, n) in rad, ``floor`` ε of B⁻¹ ⪰ εI. The weights follow from the noise
-    recorded at rest, α₂/α₁ times ``ratio_factor``. Raises ModelDomainError where the motion never
-    rests.
+    The weights follow from the noise recorded at rest. Raises ModelDomainError where the motion
+    never rests and the noise of its measurement is not known.
+
+    Args:
+        chain: of n joints and m task rows.
+        q: (takes, M, n) measured poses in rad before each step.
+        v: (M, m) or longer, commands.
+        noise: (takes, M, n) ω in rad.
+        decomposition: of the Jacobian.
+        floor: ε of B⁻¹ ⪰ εI.
+        ratio_factor: on α₂/α₁.
+        measurement: (n, n) Σ_m in rad², of a motion that never rests.
     """
-    resting = rest_noise(noise, v)
-    weights = objective_weights(resting, q.shape[-1], ratio_factor)
+    resting = rest_noise(noise, v, measurement)
+    weights = objective_weights(resting, len(chain.task), ratio_factor)
     by_step, fits = step_dispersions(chain, q, v, noise, decomposition, weights, floor)
     return WishartFit(float(by_step.mean()), by_step, fits, weights, resting)
 
@@ -74,9 +86,9 @@ def step_dispersions(
 
     By Eq. (NormStd) over samples of B from Eqs. (BsampOpt) and (const10).
     """
-    a, back, _ = factors(chain, q, np.broadcast_to(v, q.shape), decomposition)
-    n = q.shape[-1]
+    a, back, _ = factors(chain, q, np.broadcast_to(v, (*q.shape[:-1], v.shape[-1])), decomposition)
+    n, m = back.shape[-2:]
     fits = fit_perturbations(
-        noise.reshape(-1, n), a.reshape(-1, n), back.reshape(-1, n, n), weights, floor
+        noise.reshape(-1, n), a.reshape(-1, m), back.reshape(-1, n, m), weights, floor
     )
-    return dispersions(fits.s.reshape(*q.shape, n)), fits
+    return dispersions(fits.s.reshape(*q.shape[:-1], m, m)), fits

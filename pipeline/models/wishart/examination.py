@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from pipeline.models.commands import task_step
 from pipeline.models.steps import Estimate, Recorded
 from pipeline.models.wishart.decomposition import chosen
 from pipeline.models.wishart.dispersion import WishartFit
@@ -23,17 +24,17 @@ def examined(
     # imported here: CVXPY takes longer to import than most models to fit
     from pipeline.models.wishart.convex_check import perturbation_gap
 
-    n = recorded.q.shape[-1]
-    v = np.broadcast_to(recorded.v, (*recorded.q.shape[:2], recorded.v.shape[-1])).reshape(-1, n)
-    moving = np.flatnonzero(np.any(v, axis=1))
+    q, v = recorded.q, recorded.v
+    v = np.broadcast_to(v, (*q.shape[:2], v.shape[-1])).reshape(-1, v.shape[-1])
+    moving = np.flatnonzero(np.any(task_step(recorded.chain, v), axis=1))
     checked = np.sort(rng.choice(moving, min(checks, len(moving)), replace=False))
     gap = perturbation_gap(
         fit.perturbations,
         recorded.chain,
-        recorded.q.reshape(-1, n),
+        q.reshape(-1, q.shape[-1]),
         v,
-        recorded.noise.reshape(-1, n),
-        chosen(options, recorded.joints),
+        recorded.noise.reshape(-1, q.shape[-1]),
+        chosen(options, recorded.chain.task, recorded.joints),
         fit.weights,
         options.floor,
         checked,

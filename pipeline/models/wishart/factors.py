@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arm.chain import TASK, PlanarChain
+from pipeline.arm.chain import PlanarChain
 from pipeline.core.errors import ModelDomainError
+from pipeline.models.commands import task_step
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.reduction import eliminate, orthonormalize
 
@@ -89,20 +90,20 @@ def _reduce(rows: np.ndarray, n: int, decomposition: Decomposition) -> np.ndarra
 def factors(
     chain: PlanarChain, q: np.ndarray, v: np.ndarray, decomposition: Decomposition
 ) -> Factors:
-    """The factors, Eq. (LUDecom), at joint angles ``q`` (..., n) in rad for the step ``v`` (m,) or
-    (..., m) in m, m, rad.
+    """The factors, Eq. (LUDecom), at joint angles ``q`` (..., n) in rad for the command ``v``, (m,)
+    or (..., m) or longer, of which the first m numbers are the task step.
 
     Raises SingularJacobianError, and ModelDomainError where a pivot of LU without pivoting is
     small.
     """
     chain.require_regular(q)
-    result = split(chain.jacobian(q), v, decomposition)
+    result = split(chain.jacobian(q), task_step(chain, v), decomposition)
     bad = np.isnan(result.log_determinant)
     if not np.any(bad):
         return result
     index = tuple(int(i) for i in np.argwhere(bad)[0])
     pose = np.broadcast_to(q, (*bad.shape, q.shape[-1]))[index]
-    rows = _augmented(chain.jacobian(pose), np.zeros((len(TASK), 1)))
+    rows = _augmented(chain.jacobian(pose), np.zeros((len(chain.task), 1)))
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = _reduce(rows, len(pose), decomposition)
     first = int((~(shares >= PIVOT)).argmax())

@@ -28,7 +28,7 @@ def build(parameters: dict[str, Any]) -> WishartModel:
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
     """σ_B by the estimator that ``options`` name; raises what that estimator raises."""
-    decomposition = chosen(options, recorded.joints)
+    decomposition = chosen(options, recorded.chain.task, recorded.joints)
     if options.estimator == "likelihood":
         fit = fit_sigma_b(
             recorded.chain,
@@ -50,6 +50,7 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
         decomposition,
         options.floor,
         options.ratio_factor,
+        recorded.known_measurement,
     )
     moving = np.any(recorded.v, axis=-1)
     moving = moving.any(axis=0) if moving.ndim > 1 else moving
@@ -83,7 +84,7 @@ def _from_takes(fit: DispersionFit, takes: np.ndarray) -> dict[str, float]:
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
     """Each of ``dispersions``, whatever was recorded."""
-    decomposition = chosen(options, recorded.joints)
+    decomposition = chosen(options, recorded.chain.task, recorded.joints)
     return [
         Truth(f"wishart {sigma_b:g}", _parameters(sigma_b, decomposition), _values(sigma_b))
         for sigma_b in dispersions

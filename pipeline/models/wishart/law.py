@@ -1,22 +1,25 @@
-"""The random Jacobian of maximum entropy: J = J₁BJ₂ with B ~ W_n(d, I/d) (Eqs. LUDecom, Thetaa;
+"""The random Jacobian of maximum entropy: J = J₁BJ₂ with B ~ W_m(d, I/d) (Eqs. LUDecom, Thetaa;
 Algorithm 1).
 
 One step needs only B⁻¹a, a = J₁⁻¹v, and its law is exact: with r = ‖a‖ and R orthonormal of first
 column a/r,
 
-    B⁻¹a = r·R·[z, z·T]ᵀ,   z = d/χ²(d − n + 1),   T = N(0, I_{n−1})/sqrt(χ²(d − n + 2)),
+    B⁻¹a = r·R·[z, z·T]ᵀ,   z = d/χ²(d − m + 1),   T = N(0, I_{m−1})/sqrt(χ²(d − m + 2)),
 
 z and T independent. So no matrix is drawn or inverted.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arm.chain import JOINTS, PlanarChain
+from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError
+from pipeline.models.commands import task_step
 from pipeline.models.density import normal_log_density
 from pipeline.models.model import Law
 from pipeline.models.wishart.decomposition import LU, Decomposition
@@ -30,24 +33,36 @@ class WishartModel:
     """Random Jacobian of dispersion ``sigma_b`` σ_B around J₁J₂ of a ``decomposition``.
 
     J₁BJ₂ is Eq. (LUDecom), and a step through its inverse Eq. (RMTInvDiff), whose law is that of
-    Algorithm 1. Raises ModelDomainError where σ_B has no density or
-    the decomposition another size; a covariance or a density raises
-    it where a pivot of LU without pivoting is small.
+    Algorithm 1; of m task rows and n ≥ m joints B is (m, m), and what the arm is commanded in the
+    null space of J has no noise. Raises ModelDomainError where σ_B is not positive; with a chain,
+    where σ_B has no density or the decomposition another size, and where a pivot of LU without
+    pivoting is small.
     """
 
     sigma_b: float
     decomposition: Decomposition = LU
 
     def __post_init__(self) -> None:
-        self.decomposition.require_size(JOINTS, JOINTS)
-        degrees_of_freedom(self.sigma_b, JOINTS)
+        if not 0 < self.sigma_b < np.inf:
+            raise ModelDomainError("sigma_B must be positive and finite", sigma_B=self.sigma_b)
 
-    def law(self) -> Law:
+    def law(self, chain: Chain) -> Law:
         """A step, compiled."""
+        m, n = len(chain.task), len(chain.lower)
+        self.decomposition.require_size(m, n)
+        d = degrees_of_freedom(self.sigma_b, m)
+        # three task rows take one χ² variate and two normals, see :mod:`.step`; one takes no
+        # direction
+        degrees = (d - m + 1,) if m in (1, 3) else (d - m + 1, d - m + 2)
+        move, parameters = self._planar() if isinstance(chain, PlanarChain) else self._serial(m, n)
+        return Law(move, np.array([d, *parameters]), normals=(1, m - 1), degrees=degrees)
+
+    def _planar(self) -> tuple[Callable, list[float]]:
+        """The step of a planar chain of three joints, and its parameters beside d."""
         from pipeline.models.law import row_by_row  # here, as it loads the compiler
         from pipeline.models.wishart import step
 
-        d, n = degrees_of_freedom(self.sigma_b, JOINTS), JOINTS
+        n = 3
         match self.decomposition:
             case Decomposition("lu", rows=rows, order=order):
                 ordered, columns = (np.eye(n)[list(each or range(n))] for each in (rows, order))
@@ -59,16 +74,22 @@ class WishartModel:
             case Decomposition(left=given):
                 left = np.eye(n) if given is None else np.array(given)
                 move, matrices = step.given_factor, (left, np.linalg.inv(left))
-        parameters = np.array([d, *(number for each in matrices for number in row_by_row(each))])
-        return Law(move, parameters, normals=(1, n - 1), degrees=d - (n - 1))
+        return move, [number for each in matrices for number in row_by_row(each, n)]
+
+    def _serial(self, m: int, n: int) -> tuple[Callable, list[float]]:
+        """The step of any arm, and its parameters beside d."""
+        from pipeline.models.wishart import serial_step  # here, as it loads the compiler
+
+        return serial_step.law_of(self.decomposition, m, n)
 
     def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(..., n) q + d/(d−n−1)·J⁻¹v: longer than the nominal step. Raises ModelDomainError for
-        σ_B ≥ 1, where it does not exist.
+        """(..., n) q + d/(d−m−1)·J⁺v and the step in the null space of J: longer than the nominal
+        step. Raises ModelDomainError for σ_B ≥ 1, where it does not exist.
         """
-        n = q.shape[-1]
-        d = _degrees_with_moments(self.sigma_b, 1, n)
-        return q + d / (d - n - 1) * np.matvec(chain.inverse_jacobian(q), v)
+        m = len(chain.task)
+        d = _degrees_with_moments(self.sigma_b, 1, m)
+        perturbed = chain.nominal_step(q, task_step(chain, v))
+        return q + chain.null_step(q, v) + d / (d - m - 1) * perturbed
 
     def covariance(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) in rad², by :func:`step_covariance`; raises what it raises."""
@@ -83,20 +104,21 @@ class WishartModel:
         q_next: np.ndarray,
         measurement: np.ndarray | None = None,
     ) -> np.ndarray:
-        """(...,) |det J₂|·p(B⁻¹a) at J₂(q_next − q), a = J₁⁻¹v: the exact one-step density.
+        """(...,) of the exact density of a step, |det J₂|·p(B⁻¹a) at J₂(q_next − q), a = J₁⁻¹v.
 
         Without ``measurement`` −inf where no B > 0 gives the step (aᵀJ₂(q_next − q) ≤ 0), and
-        ModelDomainError where v = 0: there q_{k+1} = q has all the probability. With it both are
-        ordinary values, by quadrature, at rest those of N(q, measurement). Raises ModelDomainError
-        where ``measurement`` is not positive definite.
+        ModelDomainError where v = 0: there q_{k+1} = q has all the probability. It raises that
+        with more joints than task rows too, as the law then lies on a plane. With ``measurement``
+        all are ordinary values, by quadrature, at rest those of N(q, measurement). Raises
+        ModelDomainError where ``measurement`` is not positive definite.
         """
-        q, v, q_next = np.broadcast_arrays(q, v, q_next)
-        d = degrees_of_freedom(self.sigma_b, q.shape[-1])
-        step = q_next - q
+        batch = np.broadcast_shapes(q.shape[:-1], v.shape[:-1], q_next.shape[:-1])
+        q, v, q_next = (np.broadcast_to(x, (*batch, x.shape[-1])) for x in (q, v, q_next))
+        step = q_next - q - chain.null_step(q, v)
         a, back, log_determinant = factors(chain, q, v, self.decomposition)
-        forward = np.linalg.inv(back)
-        action = np.matvec(forward, step)
-        moving = np.any(v, axis=-1)
+        n, m = back.shape[-2:]
+        d = degrees_of_freedom(self.sigma_b, m)
+        moving = np.any(task_step(chain, v), axis=-1)
         if measurement is None:
             if not np.all(moving):
                 raise ModelDomainError(
@@ -104,12 +126,14 @@ class WishartModel:
                     f"{int(np.count_nonzero(~moving))} of {moving.size} step(s); "
                     "give the covariance of the measurement noise"
                 )
-            return action_log_density(action, a, d) + log_determinant
-        at_rest = normal_log_density(step, 0.0, measurement)
-        noise = forward @ measurement @ np.swapaxes(forward, -1, -2)
-        result = np.array(at_rest)
-        result[moving] = blurred_log_density(action[moving], a[moving], noise[moving], d)
-        result[moving] += log_determinant[moving]
+            if n > m:
+                raise ModelDomainError(
+                    f"a step of the matrix model of {n} joints and {m} task rows lies on a plane, "
+                    "where it has no density; give the covariance of the measurement noise"
+                )
+            return action_log_density(np.matvec(np.linalg.inv(back), step), a, d) + log_determinant
+        result = np.array(normal_log_density(step, 0.0, measurement))
+        result[moving] = blurred_log_density(step[moving], a[moving], back[moving], measurement, d)
         return result
 
 
@@ -130,13 +154,13 @@ def step_covariance(a: np.ndarray, back: np.ndarray, sigma_b: float) -> np.ndarr
     return size * np.einsum("...ij,...kj->...ik", back, back) + along
 
 
-def _degrees_with_moments(sigma_b: float, moments: int, n: int) -> float:
-    """d, where the first ``moments`` moments of B⁻¹ (n, n) exist."""
-    limit = largest_dispersion(n, inverse_moments=moments)
+def _degrees_with_moments(sigma_b: float, moments: int, m: int) -> float:
+    """d, where the first ``moments`` moments of B⁻¹ (m, m) exist."""
+    limit = largest_dispersion(m, inverse_moments=moments)
     if not sigma_b < limit:
         name = ("mean", "covariance")[moments - 1]
         raise ModelDomainError(
             f"the {name} of a Wishart step exists only for sigma_B below {limit:.4g}",
             sigma_B=sigma_b,
         )
-    return degrees_of_freedom(sigma_b, n)
+    return degrees_of_freedom(sigma_b, m)

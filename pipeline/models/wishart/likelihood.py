@@ -21,6 +21,7 @@ from pipeline.models.wishart.law import WishartModel
 from pipeline.randommatrix.wishart import largest_dispersion
 
 LEAST_SIGMA_B = 0.01  # d = 40 000: a step that differs from the nominal one by 1 %
+GREATEST_SIGMA_B = 2.0  # beyond all that have a density, but for a single task row
 TOLERANCE = 1e-4  # of ln σ_B, below the widest that has a density
 # of ln σ_B: how near the greatest likelihood is sought before it is read off a spline
 COARSE = 0.05
@@ -72,14 +73,14 @@ def fit_sigma_b(
     Args:
         chain: of n joints.
         q: (takes, M, n) measured poses in rad before each step.
-        v: (M, n) commanded steps (m, m, rad).
+        v: (M, m) or longer, commands.
         noise: (takes, M, n) ω of each step in rad.
         measurement: (n, n) Σ_m in rad².
         decomposition: of the Jacobian.
     """
     takes = len(q)
     q, v, noise = moving_steps(q, v, noise)
-    q_next = q + np.matvec(chain.inverse_jacobian(q), v) + noise
+    q_next = q + chain.nominal_step(q, v) + noise
 
     def by_take(log_sigma_b: float) -> np.ndarray:
         density = WishartModel(np.exp(log_sigma_b), decomposition).log_density(
@@ -87,7 +88,8 @@ def fit_sigma_b(
         )
         return density.reshape(takes, -1).sum(axis=1)
 
-    low, high = np.log(LEAST_SIGMA_B), np.log(largest_dispersion(noise.shape[-1])) - TOLERANCE
+    widest = min(largest_dispersion(len(chain.task)), GREATEST_SIGMA_B)
+    low, high = np.log(LEAST_SIGMA_B), np.log(widest) - TOLERANCE
     coarse = minimize_scalar(
         lambda x: -by_take(x).sum(),
         bounds=(low, high),

@@ -17,9 +17,10 @@ from math import factorial
 
 import numpy as np
 
-from pipeline.arm.compiled import Arm, joint_step, segments
+from pipeline.arm.compiled import joint_step, plane_of, segments
+from pipeline.arm.numbers import Arm
 from pipeline.core.compiled import inlined, passed
-from pipeline.models.law import Numbers, at, nominal_step, transformed
+from pipeline.models.law import Numbers, Poses, at, nominal_step, planar, transformed
 from pipeline.models.wishart.factors import PIVOT
 
 # Taylor coefficients of (exp(y) − 1)/y: up to y = 0.7 the first term left out is below half a unit
@@ -75,46 +76,44 @@ def lower_action(lower: tuple, v: tuple, d: float, gamma: float, normal: tuple) 
 
 
 @passed
-def given_factor(
-    numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple
-) -> int:
+def given_factor(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Poses) -> int:
     """A step for a constant J₁; ``parameters`` (1 + 2·n·n,) d and, row by row, J₁ and J₁⁻¹. Both
     are I for the decomposition by QR.
     """
-    gamma, normal = numbers.chi_square, numbers.normal
+    plane, (v, here, there) = plane_of(arm), planar(poses)
+    gamma, normal = numbers.chi_square[0], numbers.normal
     d, end = parameters[0], 1 + len(parameters) // 2
     left, inverse = parameters[1:end], parameters[end:]
-    for i in range(len(q[0])):
+    for i in range(poses.count):
         w = inverse_action(
             transformed(inverse, at(v, i)), d, gamma[i], (normal[0, i], normal[1, i])
         )
-        dq = nominal_step(arm, q, i, transformed(left, w))
-        for j in range(len(q)):
-            moved[j][i] = q[j][i] + dq[j]
+        dq = nominal_step(plane, here, i, transformed(left, w))
+        for j in range(3):
+            there[j][i] = here[j][i] + dq[j]
     return 0
 
 
 @passed
-def qr_transposed(
-    numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple
-) -> int:
+def qr_transposed(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Poses) -> int:
     """A step for J₁ = Rᵀ and J₂ = Qᵀ of Jᵀ = QR; ``parameters`` (1,) d.
 
     The step is Q·B⁻¹Qᵀ·J⁻¹v, and as Q·B⁻¹Qᵀ has the law of B⁻¹ neither factor is needed.
     """
-    gamma, normal = numbers.chi_square, numbers.normal
+    plane, (v, here, there) = plane_of(arm), planar(poses)
+    gamma, normal = numbers.chi_square[0], numbers.normal
     d = parameters[0]
-    for i in range(len(q[0])):
+    for i in range(poses.count):
         dq = inverse_action(
-            nominal_step(arm, q, i, at(v, i)), d, gamma[i], (normal[0, i], normal[1, i])
+            nominal_step(plane, here, i, at(v, i)), d, gamma[i], (normal[0, i], normal[1, i])
         )
-        for j in range(len(q)):
-            moved[j][i] = q[j][i] + dq[j]
+        for j in range(3):
+            there[j][i] = here[j][i] + dq[j]
     return 0
 
 
 @passed
-def lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple) -> int:
+def lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Poses) -> int:
     """A step for J₁ = PᵀL of PJ = LU without pivoting; ``parameters`` (1 + 3·n·n,) d and, row by
     row, P, Pᵀ and the matrix that puts the joints in the order of their elimination.
 
@@ -122,15 +121,16 @@ def lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, m
     pose as outside its domain. L has three numbers; the signs of the joints cancel. U is never
     needed: J⁻¹J₁ is applied by the chain's closed form.
     """
-    gamma, normal = numbers.chi_square, numbers.normal
+    plane, (v, here, there) = plane_of(arm), planar(poses)
+    gamma, normal = numbers.chi_square[0], numbers.normal
     d, size = parameters[0], len(parameters) // 3
     rows, back, order = (
         parameters[1 : 1 + size],
         parameters[1 + size : 1 + 2 * size],
         parameters[1 + 2 * size :],
     )
-    for i in range(len(q[0])):
-        shape = segments(arm, at(q, i))
+    for i in range(poses.count):
+        shape = segments(plane, at(here, i))
         ax, az, bx, bz, tx, tz = shape
         x = transformed(order, (az + bz + tz, bz + tz, tz))
         z = transformed(order, (-(ax + bx + tx), -(bx + tx), -tx))
@@ -151,26 +151,25 @@ def lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, m
             gamma[i],
             (normal[0, i], normal[1, i]),
         )
-        dq = joint_step(arm, shape, transformed(back, y))
-        for j in range(len(q)):
-            moved[j][i] = q[j][i] + dq[j]
+        dq = joint_step(plane, shape, transformed(back, y))
+        for j in range(3):
+            there[j][i] = here[j][i] + dq[j]
     return 0
 
 
 @passed
-def pivoted_lu(
-    numbers: Numbers, parameters: np.ndarray, arm: Arm, v: tuple, q: tuple, moved: tuple
-) -> int:
+def pivoted_lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Poses) -> int:
     """A step for J₁ = PᵀL of PJ = LU with partial pivoting; ``parameters`` (1,) d.
 
     L has three numbers, and the columns of joints 1 and 2 alone decide them and P; the signs of the
     joints cancel. The rows are exchanged by selection, not by branches. U is never needed: J⁻¹J₁ is
     applied by the chain's closed form.
     """
-    gamma, normal = numbers.chi_square, numbers.normal
+    plane, (v, here, there) = plane_of(arm), planar(poses)
+    gamma, normal = numbers.chi_square[0], numbers.normal
     d = parameters[0]
-    for i in range(len(q[0])):
-        shape = segments(arm, at(q, i))
+    for i in range(poses.count):
+        shape = segments(plane, at(here, i))
         ax, az, bx, bz, tx, tz = shape
         # rows of J: columns of joints 1 and 2, and the commanded step
         x1, x2, xv = az + bz + tz, bz + tz, v[0][i]
@@ -197,7 +196,7 @@ def pivoted_lu(
         x = y1 if by_x else ys
         z = y1 if by_z else (ys if by_x else yt)
         phi = yt if by_x or by_z else y1
-        dq = joint_step(arm, shape, (x, z, phi))
-        for j in range(len(q)):
-            moved[j][i] = q[j][i] + dq[j]
+        dq = joint_step(plane, shape, (x, z, phi))
+        for j in range(3):
+            there[j][i] = here[j][i] + dq[j]
     return 0

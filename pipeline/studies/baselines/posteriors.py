@@ -16,7 +16,8 @@ from pipeline.core import contracts, rng
 from pipeline.core.columns import columns, matrices, values
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.filters import NONE
-from pipeline.filtering.measurement import Measurements, measurements
+from pipeline.filtering.measured import measured_takes
+from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
 from pipeline.models.closed_loop import FOLDER
 from pipeline.models.commands import Commands
@@ -26,7 +27,7 @@ from pipeline.models.steps import Recorded
 from pipeline.statistics.filters import no_filter
 from pipeline.statistics.take_scores import Scores, posterior_scores
 
-ARTICULATE, FILTER = Path("data/articulate"), Path("data/filter")
+FILTER = Path("data/filter")
 
 Loops = Mapping[str, tuple[MotionModel, Commands]]  # by model
 
@@ -93,8 +94,7 @@ def filtered_scores(
         FilterOptions(o.particles, o.scheme, o.threshold),
         settings.seed,
     )
-    noise = contracts.read("kinect_noise", ARTICULATE)
-    takes = list(enumerate(measurements(contracts.read("angles", ARTICULATE), noise)))
+    takes = list(enumerate(measured_takes(settings.dataset)))
     trials = [(model, *take) for model in beside for take in takes]
     posteriors = list(
         run_trials(

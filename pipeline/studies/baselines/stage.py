@@ -57,7 +57,7 @@ def run() -> None:
     names = config.study_options(HERE, Options).models
     beside = config.model_options([name for name in names if name not in settings.models])
     models = settings.models | beside
-    recorded = training_steps(settings.dataset.robot, settings.dataset.motion.rate)
+    recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
     if np.all(np.any(recorded.v, axis=1)):
         print("baselines: the motion never rests: no measurement noise is known, nothing scored")
         tables = {}
@@ -67,7 +67,7 @@ def run() -> None:
         for name, table in tables.items():
             contracts.write(table, name, folder, HERE / "tables.yaml")
     page.draw_figures("baselines", {}, settings.compute)
-    runs = _beside_other_datasets(settings, models, tables)
+    runs = _beside_other_datasets(settings, recorded, models, tables)
     page.write_page("baselines", TITLE, sections(runs, names))
 
 
@@ -184,14 +184,17 @@ def _score_take(
         raise SingularJacobianError(error.message, **error.evidence | {"take": take}) from None
 
 
-def _beside_other_datasets(settings, models: Mapping[str, Model], tables: dict) -> list[Run]:
+def _beside_other_datasets(
+    settings, recorded: Recorded, models: Mapping[str, Model], tables: dict
+) -> list[Run]:
     """This dataset's evidence, written, before that of the others."""
     dataset = settings.dataset
     here = Run(
         dataset=dataset.name,
         scale=settings.scale.name,
         synthetic=dataset.laboratory is not None,
-        joints=list(dataset.robot.joints),
+        joints=recorded.joints,
+        task=recorded.chain.task,
         models={name: options.kind for name, options in models.items()},
         metrics={},
         tables={name: tables[name] for name in EVIDENT if name in tables},

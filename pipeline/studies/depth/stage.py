@@ -13,6 +13,12 @@ import numpy as np
 import pandas as pd
 from omegaconf import MISSING
 
+from pipeline.cases.camera import camera_of
+from pipeline.cases.case import Case, paper_models
+from pipeline.cases.evaluate import Recordings, evaluate
+from pipeline.cases.evidence import pose_covariances
+from pipeline.cases.fits import Takes
+from pipeline.cases.recorded import recorded_takes
 from pipeline.core import config, contracts
 from pipeline.core.columns import values
 from pipeline.core.compute.trials import run_trials
@@ -23,12 +29,6 @@ from pipeline.perception.depth_noise import errors_of
 from pipeline.perception.depth_state import deviations, error_slopes
 from pipeline.recordings.depth_angles import articulated, depth_takes
 from pipeline.studies import page
-from pipeline.studies.cases.camera import camera_of
-from pipeline.studies.cases.case import Case, paper_models
-from pipeline.studies.cases.evaluate import Recordings, evaluate
-from pipeline.studies.cases.evidence import pose_covariances
-from pipeline.studies.cases.fits import Takes
-from pipeline.studies.cases.recorded import recorded_takes
 from pipeline.studies.depth.compare import error_bins
 from pipeline.studies.depth.words import NOTHING, TITLE, sections
 
@@ -64,7 +64,7 @@ def run() -> None:
 def _tables(settings: SimpleNamespace, count: int) -> dict[str, pd.DataFrame]:
     """The study's tables by name."""
     joints, step = contracts.read("joints", TRACK), 1 / settings.dataset.motion.rate
-    takes = recorded_takes(settings.dataset.robot, settings.dataset.motion.rate)
+    takes = recorded_takes(settings.dataset.robot, settings.dataset.motion)
     angles = {end: _angles(end, settings) for end in ENDS}
     slopes, bins = {}, {}
     for end, table in angles.items():

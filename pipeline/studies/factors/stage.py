@@ -13,6 +13,7 @@ from omegaconf import MISSING, OmegaConf
 
 from pipeline.arm.chain import TASK, PlanarChain
 from pipeline.arm.model import arm_of
+from pipeline.cases.verdict import read_claims
 from pipeline.core import config, contracts, rng
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
@@ -20,7 +21,6 @@ from pipeline.core.options.dataset import Robot
 from pipeline.core.typed_yaml import load_yaml, typed
 from pipeline.models.gaussian.law import noise_scale
 from pipeline.studies import page
-from pipeline.studies.cases.verdict import read_claims
 from pipeline.studies.factors.paths import draw_paths, quadrature, with_tool
 from pipeline.studies.factors.readings import all_readings, crossings, wishart_spread
 from pipeline.studies.factors.shares import Spreads, joined, path_table, share_table
@@ -115,7 +115,7 @@ def spreads_of_chunk(
     jacobian = chain.jacobian(paths.q)
     v = np.matvec(jacobian, paths.step[:, None])
     m, n = jacobian.shape[-2:]
-    variance = noise_scale(paths.norm, stated.alpha, stated.u, n) * np.vecdot(v, v)
+    variance = noise_scale(paths.norm, stated.alpha, stated.u, n, m) * np.vecdot(v, v)
     crossed = crossings(jacobian)
     wishart = [
         wishart_spread(reading, jacobian, v, weights, stated.sigma_b, crossed)

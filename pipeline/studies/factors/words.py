@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
+from pipeline.cases.readings import NAMES
 from pipeline.studies import page
 from pipeline.studies.factors.shares import ALL, SPEEDS
 from pipeline.studies.published import Published
@@ -44,12 +45,7 @@ PIVOTS = """LU without pivoting has a weakness of its own. Where a pivot vanishe
 without bound, at poses that mean nothing to the arm: in the natural order where the tip is level
 with the first joint, or in line with the first link. A path that meets such a pose counts against
 the reading here; the column "small pivot" counts them."""
-FACTORISATIONS = {
-    "lu": "LU",
-    "pivoted_lu": "pivoted LU",
-    "qr": "QR of J",
-    "qr_transposed": "QR of Jᵀ",
-}
+FACTORISATIONS = {"lu": "LU"} | NAMES
 NATURAL = ("lu", "x z φ", "1-2-3")
 KEY = ["factorisation", "rows", "joints"]
 PLACES = ("first", "in the middle", "last")

@@ -58,7 +58,7 @@ def joint_angles_of_depth(
         options: of the articulation.
         start: (3,) rad, nominal pose of the first frame.
     """
-    trajectory = motion_capture.trajectory_rows(raw / dataset.trajectory, dataset.motion)
+    trajectory = motion_capture.trajectory_rows(raw / dataset.trajectory, dataset)
     path = next(iter(sorted(raw.glob(dataset.depth.takes))))
     frames, quality = depth_camera.frame_rows(path, dataset.depth, arm, raw, raw)
     clouds = arm_points(frames, raw)

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.core.filters import MEMORY
+from pipeline.filtering.linear import linear_filter
 from pipeline.filtering.measurement import Measurements
+from pipeline.filtering.memory import memory, memory_filter, remembered, spreads
 from pipeline.statistics.filters import Filtered
 from pipeline.studies.filters.deviations import Deviations
-from pipeline.studies.filters.memory import first_order, memory, remembered, spreads
-from pipeline.studies.filters.scores import FIRST_ORDER, REMEMBERED, YARDSTICK
-from pipeline.studies.filters.yardstick import best_linear
+from pipeline.studies.filters.scores import FIRST_ORDER, YARDSTICK
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,7 @@ def filtered(
     mean, on the ``frames`` of a camera of ``response`` (n, n), each take's.
     """
     path = filmed.training.mean(axis=0)
-    known = [best_linear(path, covariance, take, filmed.dt, response) for take in frames]
-    means, covariances = (np.stack(each) for each in zip(*known, strict=True))
+    means, covariances = linear_filter(path, covariance, frames, filmed.dt, response)
     return Filtered(means - filmed.test, covariances, filmed.pose)
 
 
@@ -44,15 +44,22 @@ def linear_filters(filmed: Filmed, law: Deviations, lag: int) -> dict[str, Filte
     """Those that take the camera as every filter does, by name; ``lag`` is a frame of the camera in
     steps, ``law`` the laboratory's.
     """
-    root, correlation = spreads(filmed.training, filmed.pose), memory(filmed.training, filmed.pose)
-    laws = {
-        FIRST_ORDER: remembered(root, first_order(correlation, lag)),
-        REMEMBERED: remembered(root, correlation),
-        YARDSTICK: law.covariance,
+    training, pose, blind = filmed.training, filmed.pose, np.eye(len(filmed.pose))
+    roots, _ = spreads(training, pose)
+    lasting = remembered(roots, first_order(memory(training, pose), lag))
+    means, covariances, _ = memory_filter(training, pose, filmed.frames, filmed.dt)
+    return {
+        FIRST_ORDER: filtered(filmed, filmed.frames, lasting, blind),
+        MEMORY: Filtered(means - filmed.test, covariances, pose),
+        YARDSTICK: exposed(filtered(filmed, filmed.frames, law.covariance, blind), law),
     }
-    blind = np.eye(len(filmed.pose))
-    filters = {name: filtered(filmed, filmed.frames, each, blind) for name, each in laws.items()}
-    return filters | {YARDSTICK: exposed(filters[YARDSTICK], law)}
+
+
+def first_order(correlation: np.ndarray, lag: int) -> np.ndarray:
+    """(K,) the correlation of a deviation of which a step leaves the same share each time, as a
+    closed loop does: that of ``correlation`` (K,) at ``lag``, which is to be positive there.
+    """
+    return np.maximum(correlation[lag], 0.0) ** (np.arange(len(correlation)) / lag)
 
 
 def exposed(best: Filtered, law: Deviations) -> Filtered:

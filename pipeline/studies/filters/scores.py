@@ -13,8 +13,7 @@ from pipeline.core.filters import NONE
 from pipeline.statistics.filters import Filtered
 from pipeline.statistics.take_scores import compared, posterior_scores
 
-# no filter, and how long a deviation lasts: as a closed loop has it, and as the takes do
-FIRST_ORDER, REMEMBERED = "first_order", "remembered"
+FIRST_ORDER = "first_order"  # the takes' spread as MEMORY has it, and a closed loop's correlation
 YARDSTICK = "yardstick"  # knows the law of the arm's deviations
 INFORMED = "yardstick_informed"  # and how the camera's error depends on the pose
 RMS, COVERAGE, LOG = "rms error", "coverage", "log score"

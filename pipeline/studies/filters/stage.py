@@ -52,7 +52,7 @@ def run() -> None:
     settings = config.sections("filters", HERE / "dvc.yaml")
     options, tables = config.study_options(HERE, Options), {}
     if settings.dataset.laboratory is not None and contracts.exists("angles", ARTICULATE):
-        recorded = training_steps(settings.dataset.robot, settings.dataset.motion.rate)
+        recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
         law = _law(recorded, settings.dataset.laboratory)
         response, rows = _run(recorded, law, settings)
         tables = {
@@ -95,9 +95,9 @@ def _run(recorded: Recorded, law: Deviations, settings) -> tuple[np.ndarray, pd.
     known = [by_take[take.take] for take in frames]
     filters[INFORMED] = exposed(filtered(filmed, known, law.covariance, response), law)
     own = scored(filters, names, np.append(~np.any(recorded.v, axis=1), True))
-    own = own[own["score"] != AT_REST]
     rows = shown(pd.read_csv(AGAINST_NONE), names)
-    return response, placed(pd.concat([rows, own[own["filter"] != NONE]], ignore_index=True))
+    own = own[(own["score"] != AT_REST) & ~own["filter"].isin(rows["filter"])]
+    return response, placed(pd.concat([rows, own], ignore_index=True))
 
 
 def _lag(settings) -> int:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from pipeline.core.filters import CLOSED, NONE
+from pipeline.core.filters import CLOSED, MEMORY, NONE
 from pipeline.studies import page
 from pipeline.studies.filters.scores import (
     ALL,
@@ -18,19 +18,17 @@ from pipeline.studies.filters.scores import (
     FIRST_ORDER,
     INFORMED,
     LOG,
-    REMEMBERED,
     RMS,
     YARDSTICK,
     over_none,
     verdicts,
 )
+from pipeline.verdicts import filters
 from pipeline.verdicts.wording import table
 
 TITLE = "Each filter between no filter and the best linear one that knows the laboratory"
 LABELS = {
-    NONE: "no filter",
-    FIRST_ORDER: "takes' spread, first order",
-    REMEMBERED: "takes' spread, takes' memory",
+    FIRST_ORDER: "linear, first order",
     YARDSTICK: "yardstick",
     INFORMED: "yardstick that knows the camera",
 }
@@ -48,10 +46,7 @@ def missing() -> list[str]:
 
 def label(name: str) -> str:
     """Of the filter ``name``."""
-    if name in LABELS:
-        return LABELS[name]
-    model = name.removesuffix(CLOSED)
-    return f"{model}, {'closed' if model != name else 'open'} loop"
+    return LABELS.get(name) or filters.label(name)
 
 
 def sections(
@@ -81,8 +76,8 @@ def _first(placed: pd.DataFrame) -> str:
     beating = [
         name for name, rows in by_filter.items() if rows["better"].any() and not rows["worse"].any()
     ]
-    models = [name for name in beating if name not in LABELS]
-    linear = [name for name in beating if name in (FIRST_ORDER, REMEMBERED)]
+    models = [name for name in beating if name not in (*LABELS, MEMORY)]
+    linear = [name for name in beating if name in (FIRST_ORDER, MEMORY)]
     loops = [
         f"- the closed loop of {name.removesuffix(CLOSED)} loses in {_scores(rows, 'worse')} and "
         f"gains in {_scores(rows, 'better')};"

@@ -11,7 +11,7 @@ from pipeline.laboratory.dynamics import expose, simulate_take
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
 from pipeline.laboratory.swing import desired_joints, desired_trajectory
 from pipeline.models.noise import mean_covariance, process_noise
-from pipeline.recordings.commands import commanded_steps, task_columns
+from pipeline.recordings.commands import commanded_steps
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,11 @@ def moved(
     grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
     poses, paths = [], []
     for _ in range(takes):
-        t, q = simulate_take(chain, np.zeros(len(chain.lower)), motion, dynamics, rng)
+        t, q, _ = simulate_take(chain, np.zeros(len(chain.lower)), motion, dynamics, rng)
         poses.append(expose(t, q, grid, dynamics, rng))
         paths.append(q)
     q = np.array(poses)
-    v = commanded_steps(task_columns(desired_trajectory(chain, motion)), motion.rate)
+    v = commanded_steps(desired_trajectory(chain, motion), motion.rate)
     noise = process_noise(chain, q, v)
     return Moved(mean_covariance(noise), q - q.mean(axis=0), t, np.array(paths))
 

@@ -14,12 +14,12 @@ from omegaconf import MISSING
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import arm_of, greatest_torques, torques
+from pipeline.cases.verdict import read_claims
 from pipeline.core import config, contracts, rng
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.options.dataset import Robot
 from pipeline.laboratory.options import TrajectoryOptions
 from pipeline.studies import page
-from pipeline.studies.cases.verdict import read_claims
 from pipeline.studies.principles import rows
 from pipeline.studies.principles.motion import driven, lasting, moved
 from pipeline.studies.principles.paths import candidates, misfit, shares

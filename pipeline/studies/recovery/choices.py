@@ -32,7 +32,8 @@ def sigma_b_over_choices(
     a command that the floor held back. The last three are gaps where a problem was not solved to
     optimality, as may be where the weights are many decades apart.
     """
-    moving, decomposition = np.any(recorded.v, axis=-1), chosen(options, recorded.joints)
+    moving = np.any(recorded.v, axis=-1)
+    decomposition = chosen(options, recorded.chain.task, recorded.joints)
     rows = []
     choices = [("ratio", share, options.floor) for share in shares] + [
         ("floor", 1.0, floor) for floor in floors

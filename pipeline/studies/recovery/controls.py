@@ -108,16 +108,17 @@ def _outcome(trial: tuple[str, str], study: Controls) -> Outcome:
     control, undetermined = study.controls[true], False
     try:
         model = estimate(control.training, study.models[name]).model
+        own = _log_scores(model, control.held_out)
     except (ModelDomainError, SolverError):
         model, undetermined = study.fitted[name.removesuffix(CONSISTENTLY)], True
-    scores = [_log_scores(law, control.held_out) for law in (model, control.truth)]
+        own = _log_scores(model, control.held_out)
+    scores = own, _log_scores(control.truth, control.held_out)
     return Outcome(*scores, _spread(model, control), undetermined)
 
 
 def _log_scores(model: MotionModel, recorded: Recorded) -> np.ndarray:
-    v = np.broadcast_to(recorded.v, recorded.q.shape)
     density = model.log_density(
-        recorded.chain, recorded.q, v, recorded.q_next, recorded.measurement
+        recorded.chain, recorded.q, recorded.v, recorded.q_next, recorded.measurement
     )
     return density.mean(axis=1)
 

@@ -22,7 +22,7 @@ def drawn(truth: MotionModel, recorded: Recorded, rng: np.random.Generator) -> R
     SingularJacobianError and, where the motion never rests, ModelDomainError.
     """
     q, v = recorded.q, recorded.v
-    nominal = q + np.matvec(recorded.chain.inverse_jacobian(q), v)
+    nominal = q + recorded.chain.nominal_step(q, v)
     step, _ = draw_steps(truth, recorded.chain, q, v, rng)
     measured = rng.multivariate_normal(np.zeros(q.shape[-1]), recorded.measurement, q.shape[:-1])
     noise = step - nominal + measured

@@ -55,7 +55,7 @@ def run() -> None:
     """Draw, estimate, and compare with what was drawn."""
     settings = config.sections("recovery", HERE / "dvc.yaml")
     options, compute = config.study_options(HERE, Options), settings.compute
-    recorded = training_steps(settings.dataset.robot, settings.dataset.motion.rate)
+    recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
     rests = not np.all(np.any(recorded.v, axis=1))
     tables = {}
     if rests:
@@ -147,8 +147,8 @@ def _sweeps(
 def _sweep(trial: tuple[dict[str, object], Model, Recorded], recorded: Recorded) -> pd.DataFrame:
     """At the weights that the noise at rest gives the recordings, and at shares of their ratio."""
     names, model, data = trial
-    resting = rest_noise(recorded.noise, recorded.v)
-    alpha1, alpha2 = objective_weights(resting, recorded.q.shape[-1])
+    resting = rest_noise(recorded.noise, recorded.v, recorded.known_measurement)
+    alpha1, alpha2 = objective_weights(resting, len(recorded.chain.task))
     return sigma_b_over_choices(data, model, alpha2 / alpha1, SHARES, FLOORS).assign(**names)
 
 

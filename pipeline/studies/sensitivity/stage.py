@@ -9,15 +9,16 @@ from types import SimpleNamespace
 
 from omegaconf import MISSING
 
+from pipeline.cases.camera import Camera
+from pipeline.cases.case import Case, paper_models
+from pipeline.cases.evaluate import Recordings, evaluate
+from pipeline.cases.recorded import recorded_takes
+from pipeline.cases.verdict import decided, read_claims
 from pipeline.core import config, contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.studies import page
-from pipeline.studies.cases.camera import CLOCKS, Camera, camera_on
-from pipeline.studies.cases.case import Case, paper_models
-from pipeline.studies.cases.evaluate import Recordings, evaluate
-from pipeline.studies.cases.recorded import recorded_takes
-from pipeline.studies.cases.verdict import decided, read_claims
+from pipeline.studies.sensitivity.clocks import CLOCKS, camera_on
 from pipeline.studies.sensitivity.table import sensitivity_table
 from pipeline.studies.sensitivity.variations import variations
 from pipeline.studies.sensitivity.words import sections
@@ -37,12 +38,12 @@ class Options:
 def run() -> None:
     """Decide the claims in the base case, the run's own options, and in each of its variations."""
     settings = config.sections("sensitivity", HERE / "dvc.yaml")
-    joints = settings.dataset.robot.joints
     recordings = _recordings(settings, config.study_options(HERE, Options))
     f = settings.filter
     options = FilterOptions(f.particles, f.scheme, f.threshold)
     base = Case(paper_models(settings.models), options, settings.simulation.mode)
-    varied = variations(base, float(recordings.takes.training.chain.lengths.mean()))
+    chain = recordings.takes.training.chain
+    varied = variations(base, float(chain.lengths.mean()), chain.task)
     if not recordings.cameras:
         print(
             "sensitivity: no joint angles from a depth camera; what the paper leaves open of "
@@ -55,7 +56,7 @@ def run() -> None:
     for (setting, value, _), (of_case, refusals) in zip(varied, evidence, strict=True):
         for refusal in refusals:
             print(f"sensitivity: {setting} {value}: {refusal}")
-        rows[setting, value] = decided(claims, of_case, joints)
+        rows[setting, value] = decided(claims, of_case, recordings.takes.arm)
     table = sensitivity_table(rows)
     with contracts.replacing(OUT) as folder:
         contracts.write(table, "sensitivity", folder, HERE / "tables.yaml")
@@ -72,7 +73,7 @@ def _beside_camera(case: Case, base: Case) -> bool:
 
 def _recordings(settings: SimpleNamespace, options: Options) -> Recordings:
     return Recordings(
-        takes=recorded_takes(settings.dataset.robot, settings.dataset.motion.rate),
+        takes=recorded_takes(settings.dataset.robot, settings.dataset.motion),
         cameras=_cameras(settings),
         rate=settings.dataset.motion.rate,
         filtered=options.takes,

@@ -8,11 +8,11 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from pipeline.studies.cases.verdict import UNKNOWN
+from pipeline.cases.verdict import UNKNOWN
 
 
 def sensitivity_table(decided: Mapping[tuple[str, str], pd.DataFrame]) -> pd.DataFrame:
-    """The table ``sensitivity`` from what :func:`pipeline.studies.cases.verdict.decided` gives, by
+    """The table ``sensitivity`` from what :func:`pipeline.cases.verdict.decided` gives, by
     (setting, variation), the base case first.
 
     ``changed`` says whether ``holds`` is not what it is in the base case. Claims without evidence

@@ -4,16 +4,20 @@ decision taken otherwise.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from pipeline.filtering.resampling import SCHEMES
-from pipeline.models.wishart.decomposition import COMPUTED
-from pipeline.studies.cases.camera import CLOCKS
-from pipeline.studies.cases.case import Case
-from pipeline.studies.consistent import consistent
+import numpy as np
 
+from pipeline.arm.chain import TASK
+from pipeline.cases.case import Case
+from pipeline.cases.readings import readings
+from pipeline.filtering.resampling import SCHEMES
+from pipeline.studies.consistent import consistent
+from pipeline.studies.sensitivity.clocks import CLOCKS
+
+LINEAR = ("x", "y", "z")  # rows of a task in m
 RATIO_FACTORS = (0.1, 0.3, 3.0, 10.0)  # on α₂/α₁
 FLOORS = (0.1, 0.3)  # of B⁻¹
 THRESHOLDS = (0.25, 1.0)  # share of the particles; 1 resamples at every step
@@ -31,20 +35,20 @@ class Variation(NamedTuple):
     case: Case
 
 
-def variations(base: Case, lever: float) -> list[Variation]:
+def variations(base: Case, lever: float, task: Sequence[str] = TASK) -> list[Variation]:
     """The base case and after it every variation of one decision that makes a difference to its
     options.
 
-    ``lever`` in m is the distance at which the given decomposition diag(lever, lever, 1) counts an
-    error in angle like one in position.
+    ``lever`` in m is the distance at which the given decomposition, diag(lever, lever, 1) of the
+    ``task`` x, z, φ, counts an error in angle like one in position.
     """
     return [
         Variation("", "", base),
-        *(variation for variation in _all(base, lever) if variation.case != base),
+        *(variation for variation in _all(base, lever, task) if variation.case != base),
     ]
 
 
-def _all(base: Case, lever: float) -> Iterator[Variation]:
+def _all(base: Case, lever: float, task: Sequence[str]) -> Iterator[Variation]:
     yield Variation(
         "estimator",
         "likelihood",
@@ -61,13 +65,9 @@ def _all(base: Case, lever: float) -> Iterator[Variation]:
                 )
             for floor in FLOORS:
                 yield Variation("floor", f"{floor:g}", base.with_wishart(floor=floor))
-        for decomposition in COMPUTED:
-            yield Variation(
-                "decomposition",
-                decomposition,
-                base.with_wishart(decomposition=decomposition, left=None, rows=None, order=None),
-            )
-        left = [[lever, 0.0, 0.0], [0.0, lever, 0.0], [0.0, 0.0, 1.0]]
+        for name, case in readings(base, task).items():
+            yield Variation("decomposition", name, case)
+        left = np.diag([lever if row in LINEAR else 1.0 for row in task]).tolist()
         yield Variation(
             "decomposition",
             "given",

@@ -21,7 +21,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pipeline.figures.style import BLACK, BLUE, GREY, LIGHT_GREY, TWO_COLUMNS, VERMILLION, panels
-from pipeline.studies.cases.claim_grid import LARGE, Column, draw_grid
+from pipeline.studies.claim_grid import LARGE, Column, draw_grid
 
 SHARES = LinearSegmentedColormap.from_list("shares", [VERMILLION, "white", BLUE])
 MARKERS = {"all": "o", "some": "D", "none": "X", "no evidence": "_"}

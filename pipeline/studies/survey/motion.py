@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pipeline.cases.case import Case
+from pipeline.cases.evaluate import Recordings, evaluate
+from pipeline.cases.evidence import Evidence
 from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError
 from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.models.options import Options
-from pipeline.studies.cases.case import Case
-from pipeline.studies.cases.evaluate import Recordings, evaluate
-from pipeline.studies.cases.evidence import Evidence
 from pipeline.studies.survey.conditions import MotionCondition
 from pipeline.studies.survey.robots import Laboratory, observe
 

@@ -20,11 +20,11 @@ from time import process_time
 import numpy as np
 import pandas as pd
 
+from pipeline.cases.verdict import decided
 from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ContractError
 from pipeline.core.options.compute import Compute
-from pipeline.studies.cases.verdict import decided
 from pipeline.studies.survey.conditions import FACTORS, Condition, MotionCondition
 from pipeline.studies.survey.motion import MotionStudy, motion_evidence
 from pipeline.studies.survey.wrench import WrenchStudy, claims_for, wrench_evidence
@@ -43,7 +43,7 @@ SOURCES = (
     "recordings/commands.py",
     "recordings/tare.py",
     "statistics",
-    "studies/cases",
+    "cases",
     *(
         f"studies/survey/{name}"
         for name in ("conditions.py", "motion.py", "options.py", "points.py", "robots.py")
@@ -137,16 +137,16 @@ def decidable(claims: Sequence[Claim], files: tuple[str, ...]) -> list[Claim]:
     return [
         claim
         for claim in claims
-        if all(reference.file.startswith(files) for reference in claim.references)
+        if all(reference.file.startswith(files) for reference in claim.references())
     ]
 
 
 def point(condition: Condition, study: Study) -> pd.DataFrame:
     """The rows of the table ``survey`` of one condition, and the processor time they took."""
-    begin, joints = process_time(), study.motion.laboratory.joints
+    begin, arm = process_time(), study.motion.laboratory.arm
     if isinstance(condition, MotionCondition):
         evidence, claims = motion_evidence(condition, study.motion), study.claims
-        rows = decided(decidable(claims, MOTION), evidence, joints)
+        rows = decided(decidable(claims, MOTION), evidence, arm)
         place = {
             "study": "motion",
             "trajectory": condition.trajectory,
@@ -157,7 +157,7 @@ def point(condition: Condition, study: Study) -> pd.DataFrame:
     else:
         claims = claims_for(study.claims, condition.agents)
         evidence = wrench_evidence(condition, study.wrench)
-        rows = decided(decidable(claims, WRENCH), evidence, joints)
+        rows = decided(decidable(claims, WRENCH), evidence, arm)
         place = {
             "study": "wrench",
             "trajectory": "",

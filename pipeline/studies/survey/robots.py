@@ -20,6 +20,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.cases.camera import Camera
+from pipeline.cases.fits import Takes
 from pipeline.core import rng
 from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError
@@ -30,11 +32,10 @@ from pipeline.laboratory.swing import desired_trajectory
 from pipeline.models.noise import process_noise
 from pipeline.models.steps import Recorded
 from pipeline.perception.depth_noise import errors_of, leave_one_out
-from pipeline.recordings.commands import commanded_steps, task_columns
-from pipeline.studies.cases.camera import Camera
-from pipeline.studies.cases.fits import Takes
+from pipeline.recordings.commands import commanded_steps
 from pipeline.studies.survey.conditions import SIZES, Factors
 from pipeline.studies.survey.options import Way
+from pipeline.verdicts.reference import ArmNames
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,11 @@ class Laboratory:
     depth_noise: NoiseLaw
     # frames on either side that the covariance of the depth camera's noise is estimated over
     window: int
+
+    @property
+    def arm(self) -> ArmNames:
+        """What claims call its joints and rows."""
+        return ArmNames(self.joints, self.chain.task)
 
 
 @dataclass(frozen=True)
@@ -110,14 +116,14 @@ def perform(
     session = rng.stream(seed, "record.session")
     built, offset = (
         true_chain(laboratory.chain, dynamics, session),
-        session_offset(dynamics, session),
+        session_offset(dynamics, len(laboratory.joints), session),
     )
     grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
     nominal = np.arange(int(motion.duration * clock.rate) + 1) / clock.rate
     takes = []
     for number in range(count):
         stream = rng.stream(seed, f"record.{part}", number)
-        t, q = simulate_take(built, offset, motion, dynamics, stream)
+        t, q, _ = simulate_take(built, offset, motion, dynamics, stream)
         poses = expose(t, q, grid, dynamics, stream)
         frames = np.clip(
             nominal + clock.jitter_std * stream.standard_normal(nominal.shape), 0.0, motion.duration
@@ -135,8 +141,7 @@ def recorded(laboratory: Laboratory, trajectory: str, poses: np.ndarray) -> Reco
     raises SingularJacobianError.
     """
     motion = laboratory.trajectories[trajectory]
-    table = task_columns(desired_trajectory(laboratory.chain, motion))
-    v = commanded_steps(table, motion.rate)
+    v = commanded_steps(desired_trajectory(laboratory.chain, motion), motion.rate)
     noise = process_noise(laboratory.chain, poses, v)
     return Recorded(laboratory.chain, poses[:, :-1], v, noise, laboratory.joints)
 

@@ -12,14 +12,14 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.model import arm_of
+from pipeline.cases.case import paper_models
+from pipeline.cases.verdict import read_claims
 from pipeline.core import config, contracts
 from pipeline.core.columns import matrices, values
 from pipeline.core.errors import ConfigError
 from pipeline.figures.style import save
 from pipeline.recordings.steps import training_steps
 from pipeline.studies import page
-from pipeline.studies.cases.case import paper_models
-from pipeline.studies.cases.verdict import read_claims
 from pipeline.studies.survey.conditions import Factors
 from pipeline.studies.survey.figure import draw
 from pipeline.studies.survey.motion import MotionStudy
@@ -106,7 +106,7 @@ def _motion(options: Survey, settings: SimpleNamespace) -> MotionStudy:
     )
     takes = perform(own, "", Factors(), settings.seed, "train", options.training_takes)
     robot_alone = recorded(own, "", np.stack([take.poses for take in takes])).measurement
-    at_rest = training_steps(robot, settings.dataset.motion.rate).measurement
+    at_rest = training_steps(robot, settings.dataset.motion).measurement
     laboratory = replace(
         own,
         trajectories=trajectories(chain, laboratory["trajectory"], options.trajectories),
@@ -166,7 +166,7 @@ def _base_condition(tally: Tally, claims: tuple[Claim, ...], folder: Path) -> No
     run = read_run(Path("reports/datasets") / f"{name}.json")
     scores = read_run(page.REPORTS / f"baselines/{name}.json").tables["model_scores"]
     evidence = {**run.evidence, "tables/one_step_scores": scores}
-    beside = against_the_pipeline(tally, claims, evidence, run.joints)
+    beside = against_the_pipeline(tally, claims, evidence, run.arm)
     beside.to_csv(folder / "base_condition.csv", index=False)
     differ = beside.loc[~beside["agrees"], "claim"].unique()
     print(

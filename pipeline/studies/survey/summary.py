@@ -8,11 +8,12 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import pandas as pd
 
-from pipeline.studies.cases.evidence import Evidence
-from pipeline.studies.cases.verdict import FAILS, HOLDS, WORDS, decided
+from pipeline.cases.evidence import Evidence
+from pipeline.cases.verdict import FAILS, HOLDS, WORDS, decided
 from pipeline.studies.survey.conditions import FACTORS
 from pipeline.studies.survey.points import MOTION, WRENCH, decidable
 from pipeline.verdicts.claims import Claim
+from pipeline.verdicts.reference import ArmNames
 
 VARIED = {
     "motion": ("trajectory", "particles", *FACTORS),
@@ -164,15 +165,15 @@ def cost(points: pd.DataFrame, size: int) -> dict[str, float]:
 
 
 def against_the_pipeline(
-    tally: Tally, claims: Sequence[Claim], evidence: Evidence, joints: Sequence[str]
+    tally: Tally, claims: Sequence[Claim], evidence: Evidence, arm: ArmNames
 ) -> pd.DataFrame:
     """The base condition's verdicts beside those of a run of the whole pipeline, decided by the
-    same rules from the run's ``evidence``, whose ``joints`` have names.
+    same rules from the ``evidence`` of the run, of an ``arm``.
 
     A row for each case: the run's value and word, the survey's with its first seed, and in how many
     of its seeds the rule holds.
     """
-    run = decided(decidable(claims, MOTION + WRENCH), evidence, joints)[
+    run = decided(decidable(claims, MOTION + WRENCH), evidence, arm)[
         ["claim", "about", "case", "value", "than", "holds"]
     ]
     parts = []

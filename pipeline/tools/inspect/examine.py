@@ -13,7 +13,7 @@ from pipeline.formats import rosbag
 from pipeline.formats.depth.index import frame_endings
 from pipeline.formats.format import Kind
 from pipeline.formats.rosbag import is_bag
-from pipeline.tools.inspect import bag, sequence
+from pipeline.tools.inspect import bag, joints, sequence
 from pipeline.tools.inspect.finding import UNKNOWN, Finding
 from pipeline.tools.inspect.kinds import known_as
 from pipeline.tools.inspect.limits import MAX_BYTES, MAX_FILES, bounded
@@ -42,6 +42,7 @@ def inspect(place: Path) -> list[Finding]:
     findings += [_numbered_sequence(folder, pattern) for folder, pattern, _ in groups]
     covered |= {os.path.normpath(file) for _, _, group in groups for file in group}
     findings += [_described(file) for file in files if os.path.normpath(file) not in covered]
+    joints.compare_tables(findings)
     return sorted(findings, key=lambda finding: str(finding.file))
 
 

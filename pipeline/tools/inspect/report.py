@@ -31,6 +31,7 @@ NOTABLE = (
     "robot",
     "joints",
     "signals",
+    "command",
     "topics",
     "fx",
     "separator",
@@ -89,6 +90,7 @@ def _alike(finding: Finding) -> object:
         tuple(finding.markers),
         tuple(finding.bodies),
         questions,
+        str(finding.facts.get("settings")),
     )
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from xml.parsers import expat
 
+from pipeline.arm.urdf import SINGLE, Tree, read_urdf
 from pipeline.core import datasheet as datasheets
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.formats.format import Head
@@ -13,75 +13,40 @@ from pipeline.tools.inspect.finding import DATASHEET, ROBOT, Finding
 
 
 def urdf(file: Path) -> Finding:
-    """A robot's URDF: its joints by type, and which three of them are a planar chain that ends in
-    which link.
+    """A robot's URDF: its joints by type, which of them move which last link, and which three are a
+    planar chain that ends in which.
     """
-    elements: list[tuple[str, dict[str, str]]] = []  # type and attributes of each joint
-    links: list[str] = []
-    followed: set[str | None] = set()  # links that others follow
-    depth = 0
-
-    def start(name: str, values: dict[str, str]) -> None:
-        nonlocal depth
-        depth += 1
-        if depth == 1:
-            robot.append(values.get("name", ""))
-        if depth == 2 and name == "joint":
-            elements.append((values.get("type", ""), values))
-        if depth == 2 and name == "link":
-            links.append(values.get("name", ""))
-        if depth == 3 and name == "parent":
-            followed.add(values.get("link"))
-
-    def end(_: str) -> None:
-        nonlocal depth
-        depth -= 1
-
-    def refuse(*_: object) -> None:
-        raise RecordingError("the URDF declares a document type or entities, which no robot needs")
-
-    robot: list[str] = []
-    parser = expat.ParserCreate()
-    parser.StartElementHandler, parser.EndElementHandler, parser.StartDoctypeDeclHandler = (
-        start,
-        end,
-        refuse,
-    )
     try:
-        parser.Parse(file.read_bytes(), True)
-    except expat.ExpatError as error:
-        raise RecordingError(
-            f"this is no XML ({expat.ErrorString(error.code)})", line=error.lineno
-        ) from None
-    except (LookupError, ValueError) as error:
-        raise RecordingError(
-            f"the encoding that the XML announces cannot be read ({error}); save it as UTF-8",
-            line=1,
-        ) from None
-    joints = {
-        kind: [values.get("name", "") for other, values in elements if other == kind]
-        for kind in dict.fromkeys(type_ for type_, _ in elements)
-    }
+        tree = read_urdf(file)
+    except ConfigError as error:
+        raise RecordingError(error.message, line=error.evidence.get("line")) from None
+    joints: dict[str, list[str]] = {}
+    for joint in tree.joints.values():
+        joints.setdefault(joint.kind, []).append(joint.name)
     finding = Finding(
-        file, "URDF", ROBOT, facts={"robot": robot[0], "joints": joints, "links": links}
+        file, "URDF", ROBOT, facts={"robot": tree.name, "joints": joints, "links": tree.links}
     )
-    if len(joints.get("revolute", [])) < 3:
-        finding.stops.append(
-            "fewer than three revolute joints with limits: no planar chain of three"
-        )
-        return finding
-    ends = [link for link in links if link not in followed]
-    finding.facts["chains"] = chains = _chains(file, joints["revolute"], ends)
-    if not chains:
-        finding.stops.append(
-            "no three revolute joints in a row have parallel axes and a last link beyond them: "
-            "no planar chain of three"
-        )
+    finding.facts["arms"] = arms = _arms(tree)
+    finding.facts["chains"] = chains = _chains(file, joints.get("revolute", []), tree.ends)
+    if not arms:
+        finding.stops.append("no joint of one coordinate moves a last link: no arm")
     elif len(chains) > 1:
         finding.open.append(("which three parallel joints are the chain", "dataset.robot.joints"))
-    elif len(chains[0]["tools"]) > 1:
+    elif len(chains[0]["tools"] if chains else arms) > 1:
         finding.open.append(("which link is the end-effector", "dataset.robot.tool"))
     return finding
+
+
+def _arms(tree: Tree) -> list[dict[str, list[str] | str]]:
+    """Of each last link that joints of one coordinate move, which follow no other, these joints,
+    base to tip; only those with the most.
+    """
+    arms = []
+    for end in tree.ends:
+        above = [joint for joint in tree.above(end) if joint.kind in SINGLE]
+        arms.append({"joints": [j.name for j in above if j.follows is None], "tip": end})
+    most = max((len(arm["joints"]) for arm in arms), default=0)
+    return [arm for arm in arms if most and len(arm["joints"]) == most]
 
 
 def _chains(file: Path, joints: list[str], ends: list[str]) -> list[dict[str, list[str]]]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
@@ -185,21 +185,58 @@ def _joint_log(movements: list[Group]) -> list[str]:
     ]
     movement = next(iter(movements[0].takes.values()))
     if movement.kind == Kind.JOINTS:
-        return [*lines, f"  joints: {movement.facts.get('joints', OPEN)} # that are logged"]
+        lines.append(_names(movement.facts.get("joints")))
+        takes = {path.stem: take for group in movements for path, take in group.takes.items()}
+        return [*lines, *_settings(takes)]
     tables = movement.facts["tables"]
     names = ", ".join(map(text_of, sorted(tables)))
     first = next(iter(tables.values())).facts
     timed = first.get("increasing_columns", [])[:1] == [0]
     columns = {table.facts.get("columns") for table in tables.values()}
-    joints = columns.pop() - 1 if len(columns) == 1 and timed else OPEN
+    joints = columns.pop() - 1 if len(columns) == 1 and timed else None
     step = f"; it steps by {first['step_of_column_0']:g}" if "step_of_column_0" in first else ""
     return [
         *lines,
         f"  actual: {OPEN} # file of the measured angles in each folder; there are {names}",
         f"  target: {OPEN} # of the commanded angles",
         "  speed: null # of the commanded speeds; null: the step of the commanded angles",
-        f"  joints: {joints} # columns after the first",
+        _names(joints),
         f"  time: {0 if timed else OPEN} # column of the time{step}",
         f"  time_unit: {OPEN} # s, ms, us or ns",
         f"  angle_unit: {OPEN} # rad or deg",
+        *_settings(
+            {
+                path.name: table
+                for group in movements
+                for path, held in group.takes.items()
+                for table in held.facts["tables"].values()
+                if "settings" in table.facts
+            }
+        ),
     ]
+
+
+def _names(joints: int | None) -> str:
+    number = f"the {joints}" if joints else "all"
+    return (
+        f"  joints: {OPEN} # names of {number} logged joints in their order, those of robot.joints "
+        "as the URDF has them"
+    )
+
+
+def _settings(movements: Mapping[str, Finding]) -> list[str]:
+    """The options that settle what was found of measured and commanded angles, each with the value
+    that is suggested, or that of each movement where they differ.
+    """
+    suggested: dict[str, dict[str, str]] = {}
+    for name, finding in movements.items():
+        for key, value in finding.facts.get("settings", {}).items():
+            suggested.setdefault(key, {})[name] = value
+    lines = []
+    for key, values in suggested.items():
+        if key in ("rest", "angle_unit"):  # asked elsewhere
+            continue
+        each = ", ".join(f"{text_of(name)}: {value}" for name, value in values.items())
+        value = f"{{{each}}}" if len(set(values.values())) > 1 else next(iter(values.values()))
+        lines.append(f"  {key}: {OPEN} # by the angles themselves it is {value}")
+    return lines

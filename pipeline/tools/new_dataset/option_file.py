@@ -25,9 +25,9 @@ def option_file(name: str, recordings: str, layout: Layout, folder: Path) -> str
         "describes. Put a value for every ???.",
         f"name: {text_of(name)}",
         "robot:",
-        f"  urdf: {urdf} # from the project's root; those of the youBot and the UR5 are in "
-        "pipeline/arm",
-        *_chain(robots),
+        f"  urdf: {urdf} # from the project's root; those of the youBot, the UR5 and the LWR4+ are "
+        "in pipeline/arm",
+        *_arm(robots, planar=bool(takes or layout.depth)),
         "motion:",
         f"  rate: {agreed(take.rate for take in takes)} # 1/s, of the motion grid",
         f"  steps: {agreed(take.facts.get('steps') for take in takes)} # M, steps of a take",
@@ -68,21 +68,38 @@ def option_file(name: str, recordings: str, layout: Layout, folder: Path) -> str
     if layout.movements:
         lines += [
             "joint_log:",
-            f"  columns: {OPEN} # [a, b, c]: which three of the logged joints, from 1, are "
-            "robot.joints, by the controller's manual",
-            f"  start: {OPEN} # rad, [a, b, c]: commanded angles of the chain at rest before the "
-            "motion, as in the log of the commands",
-            f"  end: {OPEN} # rad, [a, b, c]: and after it",
+            f"  start: {OPEN} # rad, [a, b, …]: commanded angles of robot.joints at rest before "
+            "the motion, as in the log of the commands",
+            f"  end: {OPEN} # rad, [a, b, …]: and after it",
             f"  rest: {OPEN} # steps at rest kept on either side, of motion.steps: at most half "
-            "of the shortest pause between two motions",
+            "of the shortest pause between two motions; 0 where the command never rests, and the "
+            "motion starts and ends in passing",
             "  tolerance: 2.0e-4 # rad, how exactly commands must repeat: a UR5's repeat to 1.3e-4",
         ]
     return "\n".join(lines) + "\n"
 
 
-def _chain(robots: list[Finding]) -> list[str]:
-    """Joints, tool and locked joints of the robot, as far as its URDF leaves no choice."""
+def _arm(robots: list[Finding], *, planar: bool) -> list[str]:
+    """Joints, tool and locked joints of the robot, as far as its URDF leaves no choice: the whole
+    arm, or the ``planar`` chain that the cameras look at.
+    """
     facts = robots[0].facts if len(robots) == 1 else {}
+    arms = facts.get("arms", [])
+    if planar or not arms or [arms[0]["joints"]] == [c["joints"] for c in facts["chains"]]:
+        return _chain(facts)
+    tips = several([arm["tip"] for arm in arms])
+    tool = f"{text_of(arms[0]['tip'])} # the last link" if len(arms) == 1 else f"{OPEN} # {tips}"
+    return [
+        f"  joints: [{several(arms[0]['joints'])}] # base to tip: all that move the last link",
+        f"  tool: {tool}",
+        "  # task: [x, y, z, rx, ry, rz] # rows of the tip's pose in the base's axes, any of them; "
+        "these are the default",
+        "  # locked: {joint: 0.0} # rad: joints left out above that are held elsewhere than at 0",
+    ]
+
+
+def _chain(facts: dict) -> list[str]:
+    """The planar chain of the ``facts`` of a robot."""
     others, chains = facts.get("joints", {}).get("revolute", []), facts.get("chains", [])
     if len(chains) != 1:
         joints = (
@@ -105,6 +122,7 @@ def _chain(robots: list[Finding]) -> list[str]:
     )
     return [
         f"  joints: {joints}",
+        "  plane: true # the task is x, z and phi in the plane that they turn in",
         f"  tool: {tool}",
         f"  locked: {locked if others or not chains else '{} # no other joint turns'}",
     ]

@@ -26,6 +26,7 @@ from pipeline.verdicts.decision import (
 )
 from pipeline.verdicts.errata import Corrected
 from pipeline.verdicts.wording import (
+    ARM_OF_THE_PAPER,
     GROUPS,
     WHOSE,
     case_text,
@@ -97,6 +98,7 @@ def render(content: Content) -> str:
         groups=groups,
         marks=MARKS,
         whose=WHOSE,
+        of_planar_arms=ARM_OF_THE_PAPER,
         distances=distance_rows(content.decided),
         box=(WIDTH, HEIGHT),
         # our own files stand in the page as they are

@@ -9,21 +9,27 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.figures.style import ORANGE, RECORDED, VERMILLION, model_lines
-from pipeline.tools.page.pictures import address
+from pipeline.tools.page.frames import MILLI, SPREAD, frames_of, spread_axes
 from pipeline.tools.page.plots import Axis, Panel, Plot, band, dots, line, stroke
-from pipeline.tools.page.take import Posterior, Take
+from pipeline.tools.page.posterior import Posterior
+from pipeline.tools.page.scene import Scene, scene_data
+from pipeline.tools.page.take import Pictures, Take
 
-MILLI = 1e3  # deviations are shown in mrad
 BANDS = ((2, "#E4E4E4"), (1, "#B8B8B8"))  # standard deviations, widest first
+STILL = 0.002  # rad on either side of the angles of a joint that stands still
 LEFT, GAP, BELOW = 58, 14, 40  # px: letters left of a panel, between panels, below the last
-ANGLES, ERRORS, SPREAD = (560, 116), (380, 112), 120  # px: width and height of panels
+PAIRS = 2  # of joints beside each other
+ANGLES, ERRORS = (560, 116), (380, 112)  # px: width and height of panels
 
 
 @dataclass(frozen=True)
 class Player:
     """What the page plays: ``models`` by name with their labels and lines' styles, the plot of the
-    ``angles``, of each model's ``errors`` and ``spreads``, the ``size`` of an image in px, and the
-    ``frames``, which the page's script shows one at a time.
+    ``angles``, of each model's ``errors`` and ``spreads``, and the ``frames``, which the page's
+    script shows one at a time.
+
+    The arm is shown in images of a ``size`` in px, or as a ``scene`` that the script turns.
+    ``filtered``: whether the models are those of filters, and not one step ahead.
     """
 
     take: str
@@ -32,7 +38,9 @@ class Player:
     angles: Plot
     errors: Mapping[str, Plot]
     spreads: Mapping[str, Plot]
-    size: tuple[int, int]
+    size: tuple[int, int] | None
+    scene: dict | None
+    filtered: bool
     frames: list[dict]
 
 
@@ -42,14 +50,15 @@ def player(take: Take) -> Player:
     styles = {model: stroke(look["color"], look["linestyle"]) for model, look in looks.items()}
     joints = [joint.replace("_", " ") for joint in take.joints]
     truth = np.column_stack([np.interp(take.frame_t, take.t, q) for q in take.truth.T])
-    measured = MILLI * (take.frame_q - truth)
+    measured = None if take.frame_q is None else MILLI * (take.frame_q - truth)
     errors = {m: MILLI * (of_m.mean - take.truth) for m, of_m in take.posteriors.items()}
     bounds = {m: MILLI * _std(of_m) for m, of_m in take.posteriors.items()}
     # where a frame lies: at the first step that is not before it
     steps = np.searchsorted(take.t, take.frame_t.clip(take.t[0], take.t[-1]) - 1e-9)
     extents = np.concatenate([np.maximum(abs(errors[m]), 2 * bounds[m]) for m in looks])
-    reach = np.quantile(extents, 0.99, axis=0)  # (n,) mrad, all but a hundredth of the steps
-    shown = _frames(take, steps, measured, errors, bounds, reach)
+    # (n,) mrad, all but a hundredth of the steps; a joint that no model moves has an axis too
+    reach = np.quantile(extents, 0.99, axis=0).clip(1e-6)
+    shown = frames_of(take, steps, measured, errors, bounds, reach)
     return Player(
         take.name,
         joints,
@@ -60,7 +69,9 @@ def player(take: Take) -> Player:
             for m in looks
         },
         {m: _spread(joints, reach) for m in looks},
-        take.size,
+        take.view.size if isinstance(take.view, Pictures) else None,
+        scene_data(take.view) if isinstance(take.view, Scene) else None,
+        all(posterior.ess is not None for posterior in take.posteriors.values()),
         shown,
     )
 
@@ -84,15 +95,12 @@ def _angles(take: Take, joints: list[str], styles: Mapping[str, str]) -> Plot:
     x = Axis(0.0, float(take.t[-1]), width)
     panels = []
     for j, joint in enumerate(joints):
-        drawn = [
-            take.truth[:, j],
-            take.frame_q[:, j],
-            *(p.mean[:, j] for p in take.posteriors.values()),
-        ]
-        y = _padded(np.concatenate(drawn), height)
+        seen = [] if take.frame_q is None else [take.frame_q[:, j]]
+        means = [p.mean[:, j] for p in take.posteriors.values()]
+        y = _padded(np.concatenate([take.truth[:, j], *seen, *means]), height)
         shapes = [
             line(x, y, take.t, take.truth[:, j], stroke(RECORDED["color"], width=3)),
-            dots(x, y, take.frame_t, take.frame_q[:, j], ORANGE),
+            *(dots(x, y, take.frame_t, angles, ORANGE) for angles in seen),
             *(line(x, y, take.t, p.mean[:, j], styles[m]) for m, p in take.posteriors.items()),
         ]
         last = j == len(joints) - 1
@@ -105,14 +113,14 @@ def _angles(take: Take, joints: list[str], styles: Mapping[str, str]) -> Plot:
 
 def _padded(values: np.ndarray, height: float) -> Axis:
     low, high = float(values.min()), float(values.max())
-    margin = 0.05 * (high - low) or 0.01
+    margin = max(0.05 * (high - low), STILL)
     return Axis(low - margin, high + margin, height, reversed=True)
 
 
 def _errors(
     take: Take,
     joints: list[str],
-    measured: np.ndarray,
+    measured: np.ndarray | None,
     error: np.ndarray,
     bound: np.ndarray,
     style: str,
@@ -123,7 +131,7 @@ def _errors(
     Args:
         take: that is played.
         joints: names to be read.
-        measured: (F, n) mrad, the depth camera's deviations.
+        measured: (F, n) mrad, the deviations of a depth camera, where there is one.
         error: (K, n) mrad.
         bound: (K, n) mrad, one standard deviation.
         style: of the model's line.
@@ -142,7 +150,7 @@ def _errors(
                 for k, colour in BANDS
             ),
             line(x, y, take.t[[0, -1]], np.zeros(2), stroke(VERMILLION, width=1)),
-            dots(x, y, take.frame_t, measured[:, j], ORANGE),
+            *(() if measured is None else (dots(x, y, take.frame_t, measured[:, j], ORANGE),)),
             line(x, y, take.t, e, style),
         ]
         last = j == len(joints) - 1
@@ -159,85 +167,15 @@ def _spread(joints: list[str], reach: np.ndarray) -> Plot:
     """
     panels = []
     for place, (i, j) in enumerate(pairwise(range(len(joints)))):
-        x, y = _spread_axes(i, j, reach)
+        x, y = spread_axes(i, j, reach)
         zero = np.zeros(2)
         cross = stroke(VERMILLION, width=1)
         shapes = [
             line(x, y, np.array([x.low, x.high]), zero, cross),
             line(x, y, zero, np.array([y.low, y.high]), cross),
         ]
-        left = LEFT + place * (SPREAD + LEFT + 6)
-        panels.append(Panel(x, y, left, 6, f"{joints[j]} (mrad)", shapes, f"{joints[i]} (mrad)"))
-    return Plot(panels[-1].left + SPREAD + 12, SPREAD + 6 + BELOW, panels)
-
-
-def _spread_axes(i: int, j: int, reach: np.ndarray) -> tuple[Axis, Axis]:
-    across, up = float(reach[i]), float(reach[j])
-    return Axis(-across, across, SPREAD), Axis(-up, up, SPREAD, reversed=True)
-
-
-def _frames(
-    take: Take,
-    steps: np.ndarray,
-    measured: np.ndarray,
-    errors: Mapping[str, np.ndarray],
-    bounds: Mapping[str, np.ndarray],
-    reach: np.ndarray,
-) -> list[dict]:
-    """What is shown at each frame, ready to be set: place of the cursor in % of the time, image,
-    links, dots of the camera, and of each model its ellipses and numbers.
-
-    Args:
-        take: that is played.
-        steps: (F,) the step of each frame.
-        measured: (F, n) mrad, the depth camera's deviations.
-        errors: by model (K, n) mrad.
-        bounds: by model (K, n) mrad, one standard deviation.
-        reach: (n,) mrad, ends of the axes of the spread.
-    """
-    frames = []
-    for f, k in enumerate(steps):
-        models = {}
-        for model, posterior in take.posteriors.items():
-            e, b = errors[model][k], bounds[model][k]
-            texts = [f"{error:.1f} ± {bound:.1f}" for error, bound in zip(e, b, strict=True)]
-            models[model] = {
-                "texts": [*texts, f"{posterior.ess[k]:.0f}"],
-                "ellipses": _ellipses(e, MILLI**2 * posterior.covariance[k], reach),
-            }
-        frames.append(
-            {
-                "t": f"{take.frame_t[f]:.2f}",
-                "cursor": round(100 * float(take.frame_t[f] / take.t[-1]), 2),
-                "image": address(take.images[f]),
-                "links": " ".join(f"{u:.1f},{v:.1f}" for u, v in take.nodes[f]),
-                "dots": _dots(measured[f], reach),
-                "models": models,
-            }
-        )
-    return frames
-
-
-def _dots(measured: np.ndarray, reach: np.ndarray) -> list[list[float]]:
-    """px of the depth camera's deviation in each pair of joints."""
-    axes = [(i, j, *_spread_axes(i, j, reach)) for i, j in pairwise(range(len(measured)))]
-    return [
-        [round(float(x.place(measured[i])), 1), round(float(y.place(measured[j])), 1)]
-        for i, j, x, y in axes
-    ]
-
-
-def _ellipses(mean: np.ndarray, covariance: np.ndarray, reach: np.ndarray) -> list[str]:
-    """For each pair of joints the transform of the unit circle into the outline of one standard
-    deviation, from mrad and mrad².
-    """
-    transforms = []
-    for i, j in pairwise(range(len(mean))):
-        x, y = _spread_axes(i, j, reach)
-        variances, axes = np.linalg.eigh(covariance[np.ix_([i, j], [i, j])])
-        root = axes * np.sqrt(np.maximum(variances, 0.0))
-        scale = np.array([SPREAD / (x.high - x.low), -SPREAD / (y.high - y.low)])
-        (a, c), (b, d) = scale[:, None] * root
-        numbers = (a, b, c, d, x.place(mean[i]), y.place(mean[j]))
-        transforms.append(f"matrix({' '.join(f'{number:.2f}' for number in numbers)})")
-    return transforms
+        row, column = divmod(place, PAIRS)
+        left, top = LEFT + column * (SPREAD + LEFT + 6), 6 + row * (SPREAD + BELOW + GAP)
+        panels.append(Panel(x, y, left, top, f"{joints[j]} (mrad)", shapes, f"{joints[i]} (mrad)"))
+    right, below = (max((getattr(p, side) for p in panels), default=0) for side in ("left", "top"))
+    return Plot(right + SPREAD + 12, below + SPREAD + BELOW, panels)

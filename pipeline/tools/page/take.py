@@ -1,5 +1,5 @@
-"""The test take that the page plays: what the depth camera saw, the links that were fitted to it,
-and every filter's posterior.
+"""The take that the page plays: what the depth camera saw of a planar arm with the links that were
+fitted to it, or an arm in space as its joints have it; and what every model says of its joints.
 """
 
 from __future__ import annotations
@@ -15,44 +15,54 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arm.model import Arm, arm_of
 from pipeline.core import contracts
-from pipeline.core.columns import matrices, members, values
+from pipeline.core.columns import members, values
+from pipeline.core.errors import ModelDomainError
 from pipeline.core.options.dataset import Dataset
 from pipeline.core.options.depth_camera import Depth
 from pipeline.formats.rosbag import is_bag
+from pipeline.models.kinds import fitted_model
 from pipeline.recordings.depth_frames import BagFrames, FileFrames
 from pipeline.recordings.depth_sequence import take_paths
+from pipeline.recordings.steps import training_steps
 from pipeline.tools.page.depth_view import DepthView
+from pipeline.tools.page.posterior import (
+    FILTER,
+    FIT,
+    Posterior,
+    filtered_posterior,
+    one_step_ahead,
+)
+from pipeline.tools.page.scene import Scene, scene_of
 
-TRACK, ARTICULATE, FILTER = Path("data/track"), Path("data/articulate"), Path("data/filter")
+TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
 FRAMES = 33  # of a take's, evenly: every third of the Kinect's 97
+STEPS = 321  # of a take's of an arm in space, evenly: more a plot of a few hundred px does not show
 MODELS = 3  # those of the figures
 
 
-class Posterior(NamedTuple):
-    """A filter's posterior over K steps: ``mean`` (K, n) rad, ``covariance`` (K, n, n) rad², and
-    the effective number of particles ``ess`` (K,).
+class Pictures(NamedTuple):
+    """F images (rows, columns, 3) of a depth camera, RGB of 8 bits, of the ``size`` (width, height)
+    px, and in them the ends of the fitted links, ``nodes`` (F, n + 1, 2) px, base to tip.
     """
 
-    mean: np.ndarray
-    covariance: np.ndarray
-    ess: np.ndarray
+    images: Sequence[np.ndarray]
+    size: tuple[int, int]
+    nodes: np.ndarray
 
 
 @dataclass(frozen=True)
 class Take:
-    """One take of n joints over K steps and F depth frames.
+    """One take of n joints over K steps, shown at F frames.
 
     Args:
         name: of the take.
         joints: their names, base to tip.
         t: (K,) s, time of the steps.
-        truth: (K, n) rad, joint angles of the motion capture.
+        truth: (K, n) rad, measured joint angles.
         posteriors: by the models' names.
         frame_t: (F,) s, time of the frames.
-        frame_q: (F, n) rad, joint angles read from the frames.
-        images: F images (rows, columns, 3), RGB of 8 bits.
-        size: (width, height) of an image, px.
-        nodes: (F, n + 1, 2) px, the ends of the fitted links in the images, base to tip.
+        frame_q: (F, n) rad, joint angles read from a depth camera's frames, where there is one.
+        view: of the arm at the frames.
     """
 
     name: str
@@ -61,17 +71,17 @@ class Take:
     truth: np.ndarray
     posteriors: Mapping[str, Posterior]
     frame_t: np.ndarray
-    frame_q: np.ndarray
-    images: Sequence[np.ndarray]
-    size: tuple[int, int]
-    nodes: np.ndarray
+    frame_q: np.ndarray | None
+    view: Pictures | Scene
 
 
 def read_take(dataset: Dataset, models: Sequence[str]) -> Take | None:
-    """The first test take of ``dataset`` under the first filtered ``models``; None where there is
-    no image of a depth camera, or no filter ran.
+    """A take of ``dataset`` under the first ``models``; of a planar arm None where there is no
+    image of a depth camera, or no filter ran.
     """
     filtered = [model for model in models if contracts.exists("posterior", FILTER / model)]
+    if not dataset.robot.plane:
+        return _spatial_take(dataset, models[:MODELS], filtered)
     if dataset.depth is None or not filtered:
         print("page: no depth camera whose frames could be played; the player is left out")
         return None
@@ -87,7 +97,7 @@ def read_take(dataset: Dataset, models: Sequence[str]) -> Take | None:
     pose = dataset.depth.camera
     rotation = Rotation.from_euler("xyz", pose.rpy).as_matrix()
     view = DepthView(arm, frames.camera, rotation, np.array(pose.position), nodes.reshape(-1, 2))
-    rows = np.unique(np.linspace(0, len(angles) - 1, FRAMES).round().astype(int))
+    rows = evenly(len(angles), FRAMES)
     shown = angles.iloc[rows]
     joints = contracts.read("joints", TRACK)
     joints = joints[joints["take"] == name]
@@ -97,13 +107,57 @@ def read_take(dataset: Dataset, models: Sequence[str]) -> Take | None:
         joints=names,
         t=joints["t"].to_numpy(),
         truth=values(joints, "q"),
-        posteriors={model: _posterior(model, name, names) for model in filtered[:MODELS]},
+        posteriors={model: filtered_posterior(model, name, names) for model in filtered[:MODELS]},
         frame_t=shown["t"].to_numpy(),
         frame_q=values(shown, "q"),
-        images=[view.colours(depth) for depth, _ in frames.read(shown["frame"])],
-        size=view.size,
-        nodes=np.stack([view.pixels(nodes[row]) for row in rows]),
+        view=Pictures(
+            [view.colours(depth) for depth, _ in frames.read(shown["frame"])],
+            view.size,
+            np.stack([view.pixels(nodes[row]) for row in rows]),
+        ),
     )
+
+
+def _spatial_take(dataset: Dataset, models: Sequence[str], filtered: Sequence[str]) -> Take | None:
+    """The first test take under the ``filtered`` models or, where there is none, the first training
+    take with what each of the ``models`` says of it one step ahead; None where none says anything.
+    """
+    joints = contracts.read("joints", TRACK)
+    takes = joints[joints["part"] == ("test" if filtered else "training")]
+    name, names = takes["take"].iloc[0], members(joints, "q")
+    own = takes[takes["take"] == name]
+    t, truth = own["t"].to_numpy(), values(own, "q")
+    if filtered:
+        posteriors = {model: filtered_posterior(model, name, names) for model in filtered[:MODELS]}
+    else:
+        recorded = training_steps(dataset.robot, dataset.motion)
+        posteriors = {}
+        for model in models:
+            try:
+                posteriors[model] = one_step_ahead(fitted_model(FIT / model), recorded)
+            except ModelDomainError as error:
+                print(f"page: {model} is left out of the player: {error}")
+    if not posteriors:
+        return None
+    shown = evenly(len(t), STEPS)
+    t, truth = t[shown], truth[shown]
+    posteriors = {model: each.at(shown) for model, each in posteriors.items()}
+    rows = evenly(len(t), FRAMES)
+    return Take(
+        name=name,
+        joints=names,
+        t=t,
+        truth=truth,
+        posteriors=posteriors,
+        frame_t=t[rows],
+        frame_q=None,
+        view=scene_of(dataset.robot, truth, posteriors, rows),
+    )
+
+
+def evenly(count: int, most: int) -> np.ndarray:
+    """Numbers from 0 to ``count`` − 1, both among them, no more than ``most``."""
+    return np.unique(np.linspace(0, count - 1, most).round().astype(int))
 
 
 def _frames(take: str, depth: Depth, raw: Path) -> BagFrames | FileFrames:
@@ -117,9 +171,3 @@ def _nodes(angles: pd.DataFrame, arm: Arm) -> np.ndarray:
     moving = np.stack([angles[[f"x{end}", f"z{end}"]].to_numpy() for end in ends], axis=1)
     base = np.broadcast_to(arm.chain.origin, (len(angles), 1, 2))
     return np.concatenate([base, moving], axis=1)
-
-
-def _posterior(model: str, take: str, joints: Sequence[str]) -> Posterior:
-    table = contracts.read("posterior", FILTER / model)
-    table = table[table["take"] == take]
-    return Posterior(values(table, "m"), matrices(table, "c", joints), table["ess"].to_numpy())

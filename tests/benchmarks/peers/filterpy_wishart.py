@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 from filterpy.monte_carlo import systematic_resample
-from wishart_take import WishartTake
+from wishart_take import take_of
 
 
 def setup(count, **told):
-    take = WishartTake(**told)
+    take = take_of(**told)
 
     def call() -> list:
         q, weights, means = take.start(count), np.full(count, 1 / count), []

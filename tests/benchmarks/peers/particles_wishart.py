@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import particles
+from measured_take import Take
 from particles.collectors import Moments
-from wishart_take import WishartTake
+from wishart_take import take_of
 
 
 class Motion(particles.FeynmanKac):
     """Moved by the model, weighted by the frames."""
 
-    def __init__(self, take: WishartTake) -> None:
+    def __init__(self, take: Take) -> None:
         super().__init__(T=len(take.steps) + 1)
         self.take = take
 
@@ -26,7 +27,7 @@ class Motion(particles.FeynmanKac):
 
 
 def setup(count, **told):
-    motion = Motion(WishartTake(**told))
+    motion = Motion(take_of(**told))
 
     def call() -> list:
         filtered = particles.SMC(

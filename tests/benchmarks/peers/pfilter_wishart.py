@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 from pfilter import ParticleFilter, systematic_resample
-from wishart_take import WishartTake
+from wishart_take import take_of
 
 
 def setup(count, **told):
-    take = WishartTake(**told)
+    take = take_of(**told)
 
     def call() -> list:
         filtered = ParticleFilter(

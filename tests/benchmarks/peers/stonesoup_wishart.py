@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import datetime, timedelta
 
 import numpy as np
+from measured_take import Take
 from stonesoup.base import Property
 from stonesoup.models.measurement.base import MeasurementModel
 from stonesoup.models.transition.base import TransitionModel
@@ -14,7 +15,7 @@ from stonesoup.types.detection import Detection
 from stonesoup.types.hypothesis import SingleHypothesis
 from stonesoup.types.state import ParticleState, StateVectors
 from stonesoup.updater.particle import ParticleUpdater
-from wishart_take import WishartTake
+from wishart_take import take_of
 
 START, STEP = datetime(2017, 1, 1), timedelta(milliseconds=10)
 
@@ -24,10 +25,13 @@ def step_at(time: datetime) -> int:
 
 
 class Motion(TransitionModel):
-    """Moved by the model: a state vector is (3, P)."""
+    """Moved by the model: a state vector is (n, P)."""
 
-    take: WishartTake = Property()
-    ndim_state = 3
+    take: Take = Property()
+
+    @property
+    def ndim_state(self):
+        return len(self.take.start_mean)
 
     def function(self, state, noise=False, time_interval=None, **kwargs):
         q = self.take.step(
@@ -42,11 +46,14 @@ class Motion(TransitionModel):
         raise NotImplementedError
 
 
-class Camera(MeasurementModel):
+class Sensor(MeasurementModel):
     """Weighted by the frames."""
 
-    take: WishartTake = Property()
-    ndim_meas = 3
+    take: Take = Property()
+
+    @property
+    def ndim_meas(self):
+        return len(self.take.start_mean)
 
     def function(self, state, noise=False, **kwargs):
         return state.state_vector
@@ -64,11 +71,11 @@ class Camera(MeasurementModel):
 
 
 def setup(count, **told):
-    take = WishartTake(**told)
-    predictor = ParticlePredictor(Motion(take))
+    take = take_of(**told)
+    predictor, joints = ParticlePredictor(Motion(take)), len(take.start_mean)
     # the estimate is formed before resampling, as everywhere else
     updater, resampler = (
-        ParticleUpdater(Camera(ndim_state=3, mapping=(0, 1, 2), take=take)),
+        ParticleUpdater(Sensor(ndim_state=joints, mapping=tuple(range(joints)), take=take)),
         ESSResampler(),
     )
 

@@ -1,22 +1,23 @@
-"""One take of the robot arm as a user of another library would write it down, in NumPy: how the
-Wishart model moves particles, in either of two ways, and what the depth camera says of them. Joint
-limits and singular poses are left out, to the peers' advantage.
-"""
+"""How the Wishart model moves the particles of a planar arm, in either of two ways."""
 
 from __future__ import annotations
 
 import numpy as np
+from arm_in_space import SpatialTake
+from measured_take import Take
 from scipy import linalg, stats
 
 
-class WishartTake:
-    """A motion of M steps of a planar arm of three joints; arguments are what `scenario.Take.told`
-    tells of it.
-    """
+def take_of(law, **told) -> Take:
+    """The take that `scenario.Take.told` tells of, moved by ``law``."""
+    return (WishartTake if "links" in told else SpatialTake)(law, **told)
 
-    def __init__(
-        self, law, links, signs, sigma_b, steps, start_mean, start_covariance, seen, y, covariance
-    ) -> None:
+
+class WishartTake(Take):
+    """A motion of a planar arm of three joints."""
+
+    def __init__(self, law, links, signs, sigma_b, **told) -> None:
+        super().__init__(**told)
         self.move = {
             "closed form": self.closed_form,
             "Algorithm 1": self.algorithm_1,
@@ -24,26 +25,6 @@ class WishartTake:
         }[law]
         self.links, self.signs = np.array(links), np.array(signs)
         self.d = 4 / sigma_b**2  # (n + 1)/σ_B²
-        self.steps = np.array(steps)  # (M, 3)
-        self.start_mean, self.start_covariance = np.array(start_mean), np.array(start_covariance)
-        self.y = dict(zip(seen, np.array(y), strict=True))  # by the step that a frame falls on
-        self.precision = np.linalg.inv(covariance)
-        self.rng = np.random.default_rng(1)
-
-    def start(self, count: int) -> np.ndarray:
-        """(P, 3) particles before the first step."""
-        return self.rng.multivariate_normal(self.start_mean, self.start_covariance, count)
-
-    def step(self, k: int, q: np.ndarray) -> np.ndarray:
-        """(P, 3) particles after step k = 1 … M, from those before."""
-        return self.move(q, self.steps[k - 1])
-
-    def log_likelihood(self, k: int, q: np.ndarray) -> np.ndarray:
-        """(P,) logarithm of the normal density, its constant left out, of the frame that falls on
-        step k.
-        """
-        error = self.y[k] - q
-        return -0.5 * np.einsum("pi,pi->p", error @ self.precision, error)
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """(P, 3, 3) rows x, z, φ."""

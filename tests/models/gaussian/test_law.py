@@ -21,15 +21,15 @@ DRAWS = 20_000
     ("norm", "alpha", "u"), [(13.5, 0.1, 18.0), (17.0, 1.0, 17.5), (2.0, 0.5, 40.0)]
 )
 def test_the_closed_form_solves_the_log_det_problem(norm, alpha, u):
-    expected = noise_scale(norm, alpha, u, 3) * np.eye(3)
+    expected = noise_scale(norm, alpha, u, 3, 3) * np.eye(3)
     np.testing.assert_allclose(
-        solve_noise_covariance(norm, alpha, u, 3), expected, atol=1e-4 * expected[0, 0]
+        solve_noise_covariance(norm, alpha, u, 3, 3), expected, atol=1e-4 * expected[0, 0]
     )
 
 
 def test_no_feasible_covariance_has_a_larger_determinant_than_the_closed_form():
     rng = np.random.default_rng(1)
-    best = 3 * np.log(noise_scale(14.0, 0.2, 18.0, 3))
+    best = 3 * np.log(noise_scale(14.0, 0.2, 18.0, 3, 3))
     factor = rng.standard_normal((1000, 3, 3))
     sigma = factor @ np.swapaxes(factor, -1, -2)
     sigma *= (0.2**2 * (18.0**2 - 14.0**2) / 3 / np.trace(sigma, axis1=-2, axis2=-1))[:, None, None]
@@ -55,7 +55,7 @@ def test_the_law_of_a_step_is_that_of_algorithm_2(chain, step):
     rng = np.random.default_rng(3)
     model = GaussianModel(0.1, 18.0)
     inverse = chain.inverse_jacobian(POSE)
-    sigma = solve_noise_covariance(float(np.linalg.norm(inverse)), model.alpha, model.u, 3)
+    sigma = solve_noise_covariance(float(np.linalg.norm(inverse)), model.alpha, model.u, 3, 3)
     matrices = POSE + normal.sample(inverse, np.eye(3), sigma, (DRAWS,), rng) @ step
     drawn, clipped = draw_steps(model, chain, np.tile(POSE, (DRAWS, 1)), step, rng)
     assert clipped == 0
@@ -95,7 +95,7 @@ def test_the_noise_shrinks_as_the_pose_nears_the_bound_and_is_clipped_and_counte
 
 def test_a_bound_below_the_norm_has_no_solution():
     with pytest.raises(ModelDomainError, match="1 of 2 poses"):
-        noise_scale(np.array([14.0, 18.1]), 0.1, 18.0, 3)
+        noise_scale(np.array([14.0, 18.1]), 0.1, 18.0, 3, 3)
 
 
 def test_at_rest_and_without_noise_the_step_is_the_nominal_one(chain, poses, step):

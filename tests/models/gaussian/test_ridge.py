@@ -27,6 +27,7 @@ def fit(covariance: np.ndarray, **options):
         np.zeros((STEPS, 3)),
         STEP_NORM,
         INVERSE_NORM,
+        rows=3,
         **options,
     )
 
@@ -126,6 +127,7 @@ def test_a_motion_at_rest_throughout_is_refused():
             np.zeros((5, 3)),
             np.zeros(5),
             np.full(5, 14.0),
+            rows=3,
             beta1=0.5,
             extensions=EXTENSIONS,
         )

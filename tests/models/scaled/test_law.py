@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.draws import draw_steps
-from pipeline.models.scaled.law import ScaledModel, joint_step, scaled_covariance
+from pipeline.models.scaled.law import ScaledModel, scaled_covariance
 
 FLOOR = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
 GAIN = np.array([[0.04, -0.02, 0.01], [-0.02, 0.09, 0.0], [0.01, 0.0, 0.05]])
@@ -43,7 +43,7 @@ def test_draws_have_the_models_mean_and_covariance(model, chain, poses, step):
 
 
 def test_each_form_is_the_formula_it_stands_for(chain, poses, step):
-    dq = joint_step(chain, poses, step)
+    dq = chain.nominal_step(poses, step)
     np.testing.assert_allclose(
         np.matvec(chain.jacobian(poses), dq), np.broadcast_to(step, dq.shape), atol=1e-12
     )
@@ -82,8 +82,8 @@ def test_without_timing_error_and_without_floor_all_noise_lies_along_the_joint_s
         step,
         np.random.default_rng(72),
     )[0]
-    noise -= poses + joint_step(chain, poses, step)
-    np.testing.assert_allclose(np.cross(noise, joint_step(chain, poses, step)), 0, atol=1e-9)
+    noise -= poses + chain.nominal_step(poses, step)
+    np.testing.assert_allclose(np.cross(noise, chain.nominal_step(poses, step)), 0, atol=1e-9)
     assert np.linalg.norm(noise, axis=1).min() > 0
     still = ScaledModel(np.zeros((3, 3)), np.zeros((3, 3)))
     np.testing.assert_allclose(

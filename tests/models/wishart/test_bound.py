@@ -9,25 +9,31 @@ import pytest
 
 from pipeline.core.errors import SolverError
 from pipeline.models.wishart import bound
-from pipeline.models.wishart.perturbation import least_sum_of_norms
+from pipeline.models.wishart.least_norms import least_sum_of_norms
 
 COUNT = 3000
 
 
-def violators(seed: int, ratio: float, floor: float, size: float) -> tuple[np.ndarray, ...]:
-    """ω, e, A and the free y of random problems, as many as have a free optimum beyond the
-    bound.
+def violators(
+    seed: int, ratio: float, floor: float, size: float, n: int = 3, m: int = 3, across: float = 1.0
+) -> tuple[np.ndarray, ...]:
+    """ω, e, A and the free y of random problems, as many as have a free optimum beyond the bound;
+    of what ω has across the range of A a share ``across``.
     """
     rng = np.random.default_rng(seed)
     noise, e, matrix = (
-        size * rng.standard_normal((COUNT, 3)),
-        rng.standard_normal((COUNT, 3)),
-        rng.standard_normal((COUNT, 3, 3)),
+        size * rng.standard_normal((COUNT, n)),
+        rng.standard_normal((COUNT, m)),
+        rng.standard_normal((COUNT, n, m)),
     )
     e /= np.linalg.norm(e, axis=1)[:, None]
+    if n > m:
+        axes = np.linalg.qr(matrix)[0]
+        within = np.matvec(axes, np.vecmat(noise, axes))
+        noise = within + across * (noise - within)
     y = least_sum_of_norms(noise, matrix, ratio)
     x = np.vecdot(e, y)
-    broken = 1 + (x - np.sqrt(2 * np.vecdot(y, y) - x**2)) / 2 < floor
+    broken = 1 + (x - np.sqrt(np.maximum(2 * np.vecdot(y, y) - x**2, 0.0))) / 2 < floor
     return noise[broken], e[broken], matrix[broken], y[broken]
 
 
@@ -92,6 +98,36 @@ def test_every_optimum_is_certified_by_its_dual(ratio, floor, size):
         )
         > 1e-4
     )
+
+
+@pytest.mark.parametrize(("n", "m"), [(1, 1), (2, 2), (6, 6), (3, 2), (7, 6), (8, 3)])
+@pytest.mark.parametrize("across", [0.0, 1e-13, 1e-9, 1e-3, 1.0])
+def test_every_minimum_of_any_size_is_reached_and_none_beside_it_is_lower(n, m, across):
+    """However little of the noise lies across the range of A, where F all but has no gradient."""
+    rng = np.random.default_rng(5)
+    for ratio, floor, size in ((1e-3, 0.01, 3.0), (0.03, 0.2, 1.0), (0.3, 0.01, 3.0)):
+        noise, e, matrix, free = violators(4, ratio, floor, size, n, m, across)
+        s = bound.solve_bounded(noise, e, matrix, free, ratio, floor)
+        assert np.linalg.eigvalsh(s).min() > floor - 1 - 1e-9
+
+        def objective(s, e=e, noise=noise, matrix=matrix, ratio=ratio) -> np.ndarray:
+            rest = np.linalg.norm(noise - np.matvec(matrix, parts(s, e)[0]), axis=1)
+            return rest + ratio * np.linalg.norm(s, axis=(1, 2))
+
+        for step in (1e-4, 1e-2):
+            root = np.sqrt(step) * rng.standard_normal((len(s), m, m))
+            inward = floor * np.eye(m) - np.eye(m) + root @ np.swapaxes(root, 1, 2)
+            beside = s + step * (inward - s)
+            assert np.all(objective(beside) >= objective(s) * (1 - 1e-9))
+
+
+def test_minima_near_the_apex_are_sought_along_the_paraboloid(monkeypatch):
+    noise, e, matrix, free = violators(1, 0.3, 0.01, 3.0, 2, 2)
+    bound.solve_bounded(noise, e, matrix, free, 0.3, 0.01)
+    # control: Newton's steps alone do not reach all of them
+    monkeypatch.setattr(bound, "BENT", len(bound.WAYS))
+    with pytest.raises(SolverError, match="not solved to optimality"):
+        bound.solve_bounded(noise, e, matrix, free, 0.3, 0.01)
 
 
 def test_an_optimum_at_the_exact_fit_is_found_where_it_satisfies_the_bound():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pipeline.arm.chain import TASK
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.models.wishart.decomposition import Decomposition, chosen
 from pipeline.models.wishart.options import Options
@@ -19,11 +20,12 @@ def options(decomposition: str, **values: object) -> Options:
 
 
 def test_an_option_names_a_decomposition_and_the_orders_of_lu():
-    assert chosen(options("qr"), JOINTS) == Decomposition("qr")
+    assert chosen(options("qr"), TASK, JOINTS) == Decomposition("qr")
     left = np.diag([0.15, 0.15, 1.0])
-    assert chosen(options("given", left=left.tolist()), JOINTS) == Decomposition("given", left=left)
+    given = options("given", left=left.tolist())
+    assert chosen(given, TASK, JOINTS) == Decomposition("given", left=left)
     ordered = options("lu", rows=["phi", "x", "z"], order=["wrist", "shoulder", "elbow"])
-    assert chosen(ordered, JOINTS) == Decomposition("lu", rows=(2, 0, 1), order=(2, 0, 1))
+    assert chosen(ordered, TASK, JOINTS) == Decomposition("lu", rows=(2, 0, 1), order=(2, 0, 1))
 
 
 @pytest.mark.parametrize(
@@ -32,7 +34,7 @@ def test_an_option_names_a_decomposition_and_the_orders_of_lu():
 )
 def test_an_order_of_other_names_than_there_are_is_refused(key, names):
     with pytest.raises(ConfigError, match=f"{key} must name each of"):
-        chosen(options("lu", **{key: names}), JOINTS)
+        chosen(options("lu", **{key: names}), TASK, JOINTS)
 
 
 @pytest.mark.parametrize("name", ["pivoted_lu", "qr", "qr_transposed", "given"])

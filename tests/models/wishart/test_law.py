@@ -133,11 +133,13 @@ def test_moments_end_where_the_theory_says(chain, step):
         WishartModel(1.0).mean(chain, POSE, step)
 
 
-def test_parameters_outside_the_model_are_refused():
+def test_parameters_outside_the_model_are_refused(chain):
     with pytest.raises(ModelDomainError, match="sigma_B"):
-        WishartModel(1.5)
+        WishartModel(1.5).law(chain)
+    with pytest.raises(ModelDomainError, match="sigma_B"):
+        WishartModel(-0.1)
     with pytest.raises(ModelDomainError, match="decomposition"):
-        WishartModel(0.2, Decomposition("lu", rows=[1, 0]))
+        WishartModel(0.2, Decomposition("lu", rows=[1, 0])).law(chain)
 
 
 def rotation(seed: int) -> np.ndarray:

@@ -19,7 +19,6 @@ from pipeline.models.wishart.perturbation import (
     dispersions,
     fit_perturbations,
     least_norm_perturbation,
-    least_sum_of_norms,
 )
 
 FLOOR = 0.01
@@ -37,32 +36,6 @@ def scene(chain, poses, step, size: float) -> tuple[np.ndarray, np.ndarray]:
     return size * rng.standard_normal((200, 3)), step * rng.uniform(0.1, 1.2, (200, 1))
 
 
-def by_singular_values(noise: np.ndarray, matrix: np.ndarray, ratio: float) -> np.ndarray:
-    """The least sum of two norms by another route: the secular equation in the singular values of
-    A, by bisection.
-    """
-    left, singular, right = np.linalg.svd(matrix)
-    c = np.matvec(np.swapaxes(left, -1, -2), noise)
-    square = singular**2
-    # μ = scale·t/(1 − t): t = 0 is the exact fit, t = 1 is y = 0
-    scale = square[:, :1]
-    low, high = np.zeros_like(scale), np.ones_like(scale)
-
-    def beyond(t: np.ndarray) -> np.ndarray:
-        weights = (c / ((1 - t) * square + t * scale)) ** 2
-        return (weights * (square - ratio**2)).sum(axis=-1, keepdims=True) >= 0
-
-    exact, zero = beyond(low), ~beyond(high)
-    for _ in range(60):
-        middle = (low + high) / 2
-        above = beyond(middle)
-        low, high = np.where(above, low, middle), np.where(above, middle, high)
-    t = np.where(exact, 0.0, np.where(zero, 1.0, high))
-    return np.matvec(
-        np.swapaxes(right, -1, -2), (1 - t) * singular * c / ((1 - t) * square + t * scale)
-    )
-
-
 def test_the_least_norm_perturbation_maps_a_to_s_and_nothing_smaller_does():
     rng = np.random.default_rng(2)
     a, y = rng.standard_normal((2, 100, 3))
@@ -78,52 +51,6 @@ def test_the_least_norm_perturbation_maps_a_to_s_and_nothing_smaller_does():
     across -= np.vecdot(e, across)[:, None] * e
     change = across[:, :, None] * across[:, None, :]
     np.testing.assert_allclose((best * change).sum(axis=(-1, -2)), 0, atol=1e-12)
-
-
-@pytest.mark.parametrize("ratio", [0.0, 1e-3, 0.03, 0.3, 1.0, 3.0])
-@pytest.mark.parametrize(("condition", "tolerance"), [(1.0, 1e-10), (1e4, 1e-6)])
-def test_the_root_of_the_quartic_is_that_of_the_secular_equation(ratio, condition, tolerance):
-    rng = np.random.default_rng(4)
-    noise, matrix = rng.standard_normal((2000, 3)), rng.standard_normal((2000, 3, 3))
-    matrix[:, :, 0] *= condition
-    y, reference = (
-        least_sum_of_norms(noise, matrix, ratio),
-        by_singular_values(noise, matrix, ratio),
-    )
-    # A weighs its columns by the condition; the optimum is flat
-    distance = np.linalg.norm((y - reference) * [condition, 1.0, 1.0], axis=1)
-    assert np.all(distance <= tolerance * np.linalg.norm(reference * [condition, 1.0, 1.0], axis=1))
-
-    def objective(of: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(noise - np.matvec(matrix, of), axis=1) + ratio * np.linalg.norm(
-            of, axis=1
-        )
-
-    np.testing.assert_allclose(objective(y), objective(reference), rtol=1e-9, atol=1e-9)
-
-
-@pytest.mark.parametrize("ratio", [0.03, 0.3, 1.0, 3.0])
-def test_the_sum_of_norms_is_stationary_in_each_of_its_three_cases(ratio):
-    rng = np.random.default_rng(3)
-    noise, matrix = rng.standard_normal((400, 3)), rng.standard_normal((400, 3, 3))
-    y = least_sum_of_norms(noise, matrix, ratio)
-    residual = noise - np.matvec(matrix, y)
-    pull = np.matvec(np.swapaxes(matrix, -1, -2), residual)
-    size, rest = np.linalg.norm(y, axis=1), np.linalg.norm(residual, axis=1)
-    zero, exact = size == 0, rest < 1e-9
-    inside = ~zero & ~exact
-    gradient = ratio * y[inside] / size[inside, None] - pull[inside] / rest[inside, None]
-    np.testing.assert_allclose(gradient, 0, atol=1e-6)
-    assert np.all(np.linalg.norm(pull[zero], axis=1) <= ratio * rest[zero] * (1 + 1e-9))
-    dual = (
-        ratio
-        * np.linalg.solve(
-            np.swapaxes(matrix, -1, -2), (y / np.where(zero, 1, size)[:, None])[..., None]
-        )[..., 0]
-    )
-    assert np.all(np.linalg.norm(dual[exact & ~zero], axis=1) <= 1 + 1e-6)
-    assert inside.any()
-    assert {0.03: exact, 3.0: zero}.get(ratio, inside).sum() > 20
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ KINDS = {"additive": "additive", "gaussian": "gaussian", "scaled": "scaled"}
 
 
 def run(**tables: pd.DataFrame) -> Run:
-    return Run("lab", "paper", False, ["a"], KINDS, {}, tables)
+    return Run("lab", "paper", False, ["a"], ["x", "z", "phi"], KINDS, {}, tables)
 
 
 def test_differences_and_their_intervals_stand_by_steps_and_model():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.studies.cases.verdict import read_claims
+from pipeline.cases.verdict import read_claims
 from pipeline.studies.factors.paths import draw_paths, quadrature
 from pipeline.studies.factors.stage import paper_arm
 from pipeline.studies.published import published

@@ -58,7 +58,7 @@ def test_the_spreads_on_the_youbots_motion_are_those_of_the_theory(youbot, readi
 def test_the_gaussian_spread_on_the_youbots_motion_is_that_of_the_theory(youbot, stated):
     jacobian, v, weights = youbot
     norm = frobenius(np.linalg.inv(jacobian))
-    variance = noise_scale(norm, stated.alpha, stated.u, 3) * np.vecdot(v, v)
+    variance = noise_scale(norm, stated.alpha, stated.u, 3, 3) * np.vecdot(v, v)
     np.testing.assert_allclose(np.sqrt(variance @ weights), GAUSSIAN, rtol=0.02)
 
 

@@ -17,7 +17,7 @@ from written_logs import write_joint_log
 from pipeline.arm.model import Arm, load_arm
 from pipeline.core.columns import values
 from pipeline.core.config import compose_config
-from pipeline.core.options.dataset import Dataset, Motion
+from pipeline.core.options.dataset import Dataset, Motion, Robot
 from pipeline.core.options.logs import JointLog as JointLogOptions
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
@@ -186,7 +186,7 @@ def force_bench(dataset, tmp_path_factory) -> Bench:
 
 
 def _joint_angles_of_logs(raw: Path, dataset: Dataset, arm: Arm) -> Recovered:
-    _, joints, quality = joint_log_rows(raw, dataset, arm)
+    _, joints, quality = joint_log_rows(raw, dataset, arm.chain)
     counts = pd.DataFrame(quality).groupby("quantity")["value"].sum().to_dict()
     return Recovered(joints["t"].to_numpy(), values(joints, "q"), counts)
 
@@ -211,14 +211,14 @@ def log_bench(dataset, arm, tmp_path_factory) -> Bench:
         actual="actual.csv",
         target="target.csv",
         speed="speed.csv",
-        joints=3,
-        columns=[1, 2, 3],
+        joints=["a", "b", "c"],
         rest=5,
         start=start.tolist(),
         end=end.tolist(),
         tolerance=1e-3,
     )
-    logged = Dataset(name="t", motion=Motion(RATE, 40 + 10), joint_log=options)
+    robot = Robot(joints=options.joints, plane=True)
+    logged = Dataset(name="t", robot=robot, motion=Motion(RATE, 40 + 10), joint_log=options)
     recover = partial(_joint_angles_of_logs, dataset=logged, arm=arm)
     clean = recovered_from(_files(folder), recover)
     return Bench(_files(folder), recover, clean, clean.time[:51], clean.values[:51])

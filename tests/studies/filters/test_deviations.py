@@ -35,7 +35,7 @@ def simulated(laboratory, dynamics, seed: int, steps: slice) -> tuple[np.ndarray
     grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
     poses = []
     for _ in range(TAKES):
-        t, q = simulate_take(laboratory.chain, np.zeros(3), motion, dynamics, rng)
+        t, q, _ = simulate_take(laboratory.chain, np.zeros(3), motion, dynamics, rng)
         poses.append(expose(t, q, grid, dynamics, rng))
     poses = np.array(poses)
     off = (poses - poses.mean(axis=0))[:, steps]
@@ -90,7 +90,7 @@ def test_the_jitter_of_an_exposure_moves_a_pose_by_the_speed_alone(laboratory):
     law = deviations(laboratory.chain, motion, dynamics, path)
     assert np.all(law.covariance == 0)
     rng = np.random.default_rng(3)
-    t, q = simulate_take(laboratory.chain, np.zeros(3), motion, dynamics, rng)
+    t, q, _ = simulate_take(laboratory.chain, np.zeros(3), motion, dynamics, rng)
     seen = np.array([expose(t, q, grid, dynamics, rng) for _ in range(2000)])
     std = np.sqrt(np.diagonal(law.exposure, axis1=1, axis2=2))
     fast = std[:, 0] > 0.9 * std[:, 0].max()

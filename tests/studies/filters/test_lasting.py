@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 
 from pipeline.core import config
+from pipeline.core.filters import MEMORY
 from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.studies.filters.lasting import Sweep, lasted
-from pipeline.studies.filters.scores import COVERAGE, REMEMBERED, RMS, YARDSTICK, over_none
+from pipeline.studies.filters.scores import COVERAGE, RMS, YARDSTICK, over_none
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +24,7 @@ def test_the_longer_a_deviation_lasts_the_more_the_yardstick_gains(sweep):
     brief, long = (lasted(factor, sweep) for factor in (0.2, 5.0))
     pd.testing.assert_frame_equal(long, lasted(5.0, sweep))
     assert brief["left"].max() < 0.3 < 0.8 < long["left"].min()
-    assert set(long["filter"]) >= {"none", "additive_closed", REMEMBERED, YARDSTICK}
+    assert set(long["filter"]) >= {"none", "additive_closed", MEMORY, YARDSTICK}
     gains = []
     for rows in (brief, long):
         best = rows[(rows["filter"] == YARDSTICK) & (rows["score"] == RMS)]

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.core.filters import MEMORY
 from pipeline.studies.filters import words
 from pipeline.studies.filters.scores import (
     ALL,
@@ -14,13 +15,12 @@ from pipeline.studies.filters.scores import (
     FIRST_ORDER,
     INFORMED,
     LOG,
-    REMEMBERED,
     RMS,
     YARDSTICK,
     placed,
 )
 
-FILTERS = ("none", "additive", "additive_closed", FIRST_ORDER, REMEMBERED, YARDSTICK, INFORMED)
+FILTERS = ("none", "additive", "additive_closed", FIRST_ORDER, MEMORY, YARDSTICK, INFORMED)
 
 
 def rows(gains: dict[str, float]) -> pd.DataFrame:
@@ -62,10 +62,10 @@ def page(monkeypatch):
 
 
 def test_the_first_line_names_the_filters_that_beat_none(page):
-    text = page({"additive_closed": 0.1, REMEMBERED: 0.2, INFORMED: 0.4})
+    text = page({"additive_closed": 0.1, MEMORY: 0.2, INFORMED: 0.4})
     assert text.startswith("**Of the models' filters “additive, closed loop” beats no filter**")
     assert "loses in nothing and gains in rms error of a and log score" in text
-    assert "“takes' spread, takes' memory” beats it" in text
+    assert "“linear, takes' memory” beats it" in text
     assert "-0.1 [-0.11, -0.09] 25%" in text
     assert "a -0.25" in text
 
@@ -83,8 +83,8 @@ def test_a_closed_loop_that_loses_is_told_where(page):
 
 
 def test_the_goal_is_told_by_duration(page):
-    text = page({REMEMBERED: 0.1, INFORMED: 0.4})
-    line = next(line for line in text.splitlines() if line.startswith("- **takes' spread, takes'"))
+    text = page({MEMORY: 0.1, INFORMED: 0.4})
+    line = next(line for line in text.splitlines() if line.startswith("- **linear, takes'"))
     assert "worse than no filter nowhere" in line and "coverage 0.68 to 0.68;" in line
     assert "log score at rest +0.1 to +0.1" in line
 

@@ -7,9 +7,9 @@ from omegaconf import OmegaConf
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import load_arm
+from pipeline.cases.verdict import read_claims
 from pipeline.core.config import CONF
 from pipeline.laboratory.options import TrajectoryOptions
-from pipeline.studies.cases.verdict import read_claims
 from pipeline.studies.published import Published, published
 
 YOUBOT = OmegaConf.load(CONF / "dataset/youbot.yaml")

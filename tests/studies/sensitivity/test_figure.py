@@ -8,7 +8,7 @@ import pytest
 import study_tables
 from matplotlib.patches import Rectangle
 
-from pipeline.studies.cases.claim_grid import LARGE, SMALL
+from pipeline.studies.claim_grid import LARGE, SMALL
 from pipeline.studies.sensitivity.figures import sensitivity
 from pipeline.studies.sensitivity.figures.sensitivity import SYMBOLS
 

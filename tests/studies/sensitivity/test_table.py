@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.studies.cases.verdict import decided
+from pipeline.cases.verdict import decided
 from pipeline.studies.sensitivity.table import sensitivity_table
 from pipeline.verdicts.claims import parse_claims
+from pipeline.verdicts.reference import ArmNames
 
 COMMON = {
     "where": "Sec. 4",
@@ -22,7 +23,7 @@ CLAIMS = parse_claims(
         COMMON
         | {
             "id": "small",
-            "each": {"joint": [1, 2]},
+            "each": {"joint": "every"},
             "value": {"file": "metrics/a", "key": "{joint}"},
             "limit": 1.0,
         },
@@ -33,7 +34,7 @@ CLAIMS = parse_claims(
 
 def table(**variations: dict[str, float]):
     rows = {
-        (name, "v"): decided(CLAIMS, {"metrics/a": values}, ["q1", "q2"])
+        (name, "v"): decided(CLAIMS, {"metrics/a": values}, ArmNames(("q1", "q2"), ("x", "z")))
         for name, values in variations.items()
     }
     return sensitivity_table(rows)
@@ -44,7 +45,7 @@ def test_a_case_that_comes_out_otherwise_is_marked_and_only_that():
         base={"q1": 0.5, "q2": 0.6}, same={"q1": 0.9, "q2": 0.1}, other={"q1": 0.5, "q2": 1.5}
     )
     assert rows.loc[rows["changed"], ["setting", "case", "holds"]].to_numpy().tolist() == [
-        ["other", "joint 2", "fails"]
+        ["other", "q2", "fails"]
     ]
     assert rows.groupby("setting")["verdict"].first().to_dict() == {
         "base": "holds",

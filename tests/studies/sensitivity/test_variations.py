@@ -6,8 +6,8 @@ from dataclasses import fields, replace
 
 import pytest
 
+from pipeline.cases.case import paper_models
 from pipeline.models.kinds import options_type
-from pipeline.studies.cases.case import paper_models
 from pipeline.studies.sensitivity.variations import variations
 
 LEVER = 0.15

@@ -8,7 +8,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.patches import Rectangle
 
 from pipeline.figures.style import BLUE, VERMILLION
-from pipeline.studies.cases.claim_grid import LARGE, SMALL
+from pipeline.studies.claim_grid import LARGE, SMALL
 from pipeline.studies.survey.figure import MARKERS, draw, word_of
 
 LEVELS = [("base condition", ""), ("clearance", "0"), ("clearance", "2")]

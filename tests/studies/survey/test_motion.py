@@ -7,8 +7,8 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from pipeline.studies.cases.case import KINDS, Case
-from pipeline.studies.cases.verdict import decided
+from pipeline.cases.case import KINDS, Case
+from pipeline.cases.verdict import decided
 from pipeline.studies.survey import motion as survey_motion
 from pipeline.studies.survey.conditions import Factors, MotionCondition
 from pipeline.studies.survey.motion import motion_evidence
@@ -38,7 +38,7 @@ def verdicts(study):
         name: decided(
             decidable(study.claims, MOTION),
             motion_evidence(MotionCondition(3, "own", 60, factors), motion),
-            study.motion.laboratory.joints,
+            study.motion.laboratory.arm,
         )
         for name, factors in conditions.items()
     }
@@ -84,7 +84,7 @@ def test_a_motion_through_a_singular_pose_is_no_evidence_and_no_failure(study):
     )
     through = replace(study.motion, laboratory=replace(laboratory, trajectories={"own": straight}))
     evidence = motion_evidence(MotionCondition(3, "own", 60), through)
-    rows = decided(decidable(study.claims, MOTION), evidence, laboratory.joints)
+    rows = decided(decidable(study.claims, MOTION), evidence, laboratory.arm)
     assert set(rows["verdict"]) == {"no evidence"} and rows["value"].isna().all()
 
 
@@ -94,7 +94,8 @@ def test_closed_loops_stand_beside_no_filter_and_leave_the_papers_evidence_as_it
     condition = MotionCondition(3, "own", 60)
     evidence = motion_evidence(condition, study.motion)
     against = evidence.pop("tables/filter_against_none")
-    assert set(against["model"]) == {"none", *KINDS, *(f"{kind}_closed" for kind in KINDS)}
+    closed = {f"{kind}_closed" for kind in KINDS}
+    assert set(against["model"]) == {"none", "memory", *KINDS} | closed
     monkeypatch.setattr(survey_motion, "Case", lambda *parts, closed: Case(*parts))
     alone = motion_evidence(condition, study.motion)
     assert alone.keys() == evidence.keys()

@@ -10,11 +10,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from pipeline.arm.model import Arm
 from pipeline.core import rng
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory import session
-from pipeline.laboratory.options import KinectOptions, MocapOptions
 from pipeline.laboratory.swing import desired_joints
 from pipeline.studies.survey.conditions import Factors
 from pipeline.studies.survey.options import Way
@@ -32,29 +30,19 @@ STILL = Factors(disturbances=0.0)
 
 
 def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(laboratory):
-    arm = Arm(laboratory.chain, np.eye(3), np.zeros(3))
     recorded_session = session.open_session(
-        arm,
-        np.zeros((3, 3, 3)),
-        laboratory.dynamics,
-        MocapOptions(),
-        KinectOptions(),
-        rng.stream(5, "record.session"),
+        laboratory.chain, laboratory.dynamics, rng.stream(5, "record.session")
     )
     way = laboratory.trajectories["own"]
     for number, take in enumerate(perform(laboratory, "own", Factors(), 5, "test", 2)):
-        motion = session.perform(
-            recorded_session,
-            way,
-            laboratory.dynamics,
-            laboratory.clock,
-            rng.stream(5, "record.test", number),
-        )
+        stream = rng.stream(5, "record.test", number)
+        motion = session.perform(recorded_session, way, laboratory.dynamics, stream)
+        frames = session.depth_frames(motion.swing, way.duration, laboratory.clock, stream)
         np.testing.assert_array_equal(take.poses, motion.motion_capture)
-        np.testing.assert_array_equal(take.seen, motion.frame_joints)
+        np.testing.assert_array_equal(take.seen, frames.joints)
         clock = laboratory.clock.drift
         np.testing.assert_allclose(
-            take.frames * (1 + clock) + motion.clock_offset, motion.frame_times, rtol=1e-12
+            take.frames * (1 + clock) + frames.clock_offset, frames.times, rtol=1e-12
         )
 
 

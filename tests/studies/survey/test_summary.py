@@ -16,6 +16,7 @@ from pipeline.studies.survey.summary import (
     cost,
     verdict_counts,
 )
+from pipeline.verdicts.reference import ArmNames
 
 
 def rows(point: str, condition, words: dict[str, str], seconds: float) -> pd.DataFrame:
@@ -119,9 +120,10 @@ def test_the_base_condition_is_held_against_the_run_case_by_case(claims):
         )
     )
     tally = tallied([table[table["case"] == "b"].assign(case="") for table in points])
-    beside = against_the_pipeline(
-        tally, [by_id["sigma-b"], by_id["u"]], evidence, ("a",)
-    ).set_index("claim")
+    arm = ArmNames(("a", "b", "c"), ("x", "z", "phi"))
+    beside = against_the_pipeline(tally, [by_id["sigma-b"], by_id["u"]], evidence, arm).set_index(
+        "claim"
+    )
     assert beside["agrees"].to_dict() == {"sigma-b": True, "u": False}
     assert beside.loc[
         "u", ["value_pipeline", "holds_pipeline", "value_survey", "seeds", "holding"]

@@ -10,11 +10,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.cases.verdict import FAILS, HOLDS, decided
 from pipeline.core import rng
-from pipeline.studies.cases.verdict import FAILS, HOLDS, decided
 from pipeline.studies.survey.conditions import WrenchCondition
 from pipeline.studies.survey.points import WRENCH, decidable
 from pipeline.studies.survey.wrench import WrenchStudy, claims_for, scaled, wrench_evidence
+from pipeline.verdicts.reference import ArmNames
 from pipeline.wrench.study import run_study
 
 
@@ -101,7 +102,7 @@ def tension_in_x(study: WrenchStudy) -> float:
 
 def test_the_claims_on_measured_force_are_decided(study, claims):
     evidence = wrench_evidence(WrenchCondition(9, (3,)), study.wrench)
-    rows = decided(decidable(claims, WRENCH), evidence, ("a",)).set_index("claim")
+    rows = decided(decidable(claims, WRENCH), evidence, ArmNames(("a",), ("x",))).set_index("claim")
     about_c1 = rows[
         rows["case"].str.contains("C1")
         & rows.index.isin(["force-mean", "force-modelled-as-measured"])
@@ -115,5 +116,5 @@ def test_the_claims_on_measured_force_are_decided(study, claims):
 
 def test_the_order_over_numbers_of_cables_is_claims_for_those_compared(claims):
     changed = {claim.id: claim for claim in claims_for(claims, (2, 4))}
-    assert changed["wrench-mean-error-falls"].cases == [{"cables": 2}, {"cables": 4}]
+    assert changed["wrench-mean-error-falls"].cases() == [{"cables": 2}, {"cables": 4}]
     assert changed["wrench-mean-error"] in claims and len(changed) == len(claims)

@@ -9,6 +9,13 @@ from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
+from spatial_take import spatial_take
+
+from pipeline.tools.page.graph import draw
+from pipeline.tools.page.page import Content, render
+from pipeline.tools.page.player import player
+from pipeline.tools.page.provenance import Costs
+from pipeline.tools.page.stages import Stage
 
 CHROMIUM = (
     shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -85,3 +92,32 @@ def opened(at_width: Callable[[int], Opened]) -> Opened:
 def narrow(at_width: Callable[[int], Opened]) -> Opened:
     """The page on a narrow one."""
     return at_width(360)
+
+
+@pytest.fixture
+def in_space(browser: Browser, tmp_path: Path) -> Iterator[Opened]:
+    """A page that plays a take of an arm in space, and holds nothing else."""
+    stages = [Stage("fit", "parameters", ["data/fit/*"], [])]
+    content = Content(
+        dataset="lab",
+        scale="smoke",
+        decided=[],
+        player=player(spatial_take()),
+        illustrations=[],
+        studies=[],
+        errata=[],
+        stages=stages,
+        drawing=draw(stages),
+        tables=[],
+        options={"seed": 7},
+        outputs=[],
+        recordings=[],
+        libraries={},
+        requirements="0" * 64,
+        costs=Costs("a machine", "smoke", []),
+    )
+    file = tmp_path / "index.html"
+    file.write_text(render(content), encoding="utf-8")
+    opened = open_page(browser, file, 1200)
+    yield opened
+    opened.page.close()

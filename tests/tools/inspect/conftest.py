@@ -13,6 +13,7 @@ from motive_files import START, random_take, rows_file
 from ros_bags import camera_info, image, write_bag
 from written_logs import write_joint_log, write_netft
 
+from pipeline.core.options.dataset import PLANE
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.depth.png import write_depth
@@ -119,9 +120,7 @@ def zoo(tmp_path_factory) -> Path:
     steps = np.arange(6) / 100
     write_trajectory(
         folder / "path.csv",
-        pd.DataFrame(
-            {"t": steps} | {name: steps for name in ("x", "z", "phi", "vx", "vz", "vphi")}
-        ),
+        pd.DataFrame({"t": steps} | {f"{family}:{row}": steps for family in "xv" for row in PLANE}),
     )
     (folder / "three.urdf").write_text(URDF)
     (folder / "dataset.yaml").write_text(

@@ -27,13 +27,18 @@ def test_a_datasheet_says_what_is_to_be_filled_in(findings):
         (
             "arm.urdf",
             "<robot name='a'><joint name='j' type='revolute'/></robot>",
-            "fewer than three revolute",
+            "j joins the link ''",
+        ),
+        (
+            "lamp.urdf",
+            "<robot name='a'><link name='foot'/></robot>",
+            "no joint of one coordinate",
         ),
         ("bomb.urdf", "<!DOCTYPE r [<!ENTITY a 'aaaa'>]><robot>&a;</robot>", "document type"),
         (
             "klingon.urdf",
             "<?xml version='1.0' encoding='klingon'?><robot name='a'/>",
-            "save it as UTF-8",
+            "is it XML in UTF-8",
         ),
         (
             "log.csv",

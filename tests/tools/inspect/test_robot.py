@@ -21,17 +21,24 @@ def test_robots_say_their_joints_and_chain(urdf):
     assert not robot.open
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ('xyz="0 1 0"', 'xyz="1 0 0"', "no three revolute joints in a row have parallel axes"),
-        ("<limit", "<no", "robot.urdf"),
-    ],
-)
-def test_a_robot_without_a_planar_chain_would_stop_the_analysis(tmp_path, urdf, old, new, said):
-    (tmp_path / "bent.urdf").write_text(urdf.read_text().replace(old, new, 1))
+def test_a_robot_without_a_planar_chain_is_an_arm_all_the_same(tmp_path, urdf):
+    (tmp_path / "bent.urdf").write_text(urdf.read_text().replace('xyz="0 1 0"', 'xyz="1 0 0"', 1))
     (one,) = inspect(tmp_path / "bent.urdf")
-    assert said in one.stops[0]
+    assert one.facts["arms"] == [{"joints": ["j1", "j2", "j3"], "tip": "tip"}]
+    assert not one.facts["chains"] and not one.stops
+
+
+def test_a_joint_without_limits_would_stop_the_analysis(tmp_path, urdf):
+    (tmp_path / "endless.urdf").write_text(urdf.read_text().replace("<limit", "<no", 1))
+    (one,) = inspect(tmp_path / "endless.urdf")
+    assert "robot.urdf" in one.stops[0]
+
+
+def test_of_several_last_links_those_count_that_most_joints_move():
+    (one,) = inspect(Path("pipeline/arm/ur5.urdf"))
+    arms = {arm["tip"]: arm["joints"] for arm in one.facts["arms"]}
+    assert arms["flange"] == [f"joint_{j}" for j in range(1, 7)]
+    assert {len(joints) for joints in arms.values()} == {6}
 
 
 def test_a_robot_of_two_last_links_asks_which_is_the_tool(tmp_path, urdf):

@@ -7,6 +7,7 @@ import re
 from omegaconf import OmegaConf
 from source_code import MODULES, ROOT, covers, needed, room
 
+from pipeline.recordings import steps
 from pipeline.tools.page import card, command, take
 
 STAGE = OmegaConf.to_container(OmegaConf.load(ROOT / "pipeline/tools/page/dvc.yaml"))["stages"][
@@ -57,6 +58,8 @@ def test_the_files_that_it_reads_are_among_its_dependencies():
         take.TRACK,
         take.ARTICULATE,
         take.FILTER,
+        take.FIT,
+        steps.MOTION,
         card.OPTIONS,
     ]
     missing = [

@@ -62,12 +62,12 @@ STAGES = [
     Stage("fit", "parameters", ["data/fit/*"], []),
     Stage("score", "numbers", ["data/score"], ["fit"]),
 ]
-RUN = Run("lab", "smoke", True, ["a", "b"], {}, {"m": {"a": 0.3}}, {})
+RUN = Run("lab", "smoke", True, ["a", "b", "c"], ["x", "z", "phi"], {}, {"m": {"a": 0.3}}, {})
 
 
 def decided(value: float) -> Decided:
-    verdicts = decide(CLAIMS, {"metrics/m": {"a": value}}, "synthetic", RUN.joints)
-    return Decided("lab", "synthetic", RUN.joints, verdicts)
+    verdicts = decide(CLAIMS, {"metrics/m": {"a": value}}, "synthetic", RUN.arm)
+    return Decided("lab", "synthetic", verdicts)
 
 
 @pytest.fixture
@@ -124,8 +124,8 @@ def test_a_claim_that_fails_says_why_for_its_dataset_alone(content):
     why = {"why": {"lab": "its arm is short", "other": "its arm is long"}}
     claims = parse_claims([TEXTS | BELOW | why])
     for value, reasons in ((0.7, 1), (0.3, 0)):
-        verdicts = decide(claims, {"metrics/m": {"a": value}}, "synthetic", RUN.joints)
-        shown = [Decided("lab", "synthetic", RUN.joints, verdicts)]
+        verdicts = decide(claims, {"metrics/m": {"a": value}}, "synthetic", RUN.arm)
+        shown = [Decided("lab", "synthetic", verdicts)]
         page = render(replace(content, decided=shown))
         assert page.count("its arm is short") == reasons and "its arm is long" not in page
 
@@ -150,7 +150,7 @@ def test_no_text_is_taken_for_markup(content):
 def test_what_is_played_cannot_end_its_script(content):
     plot = Plot(10, 10, [])
     frames = [{"t": "a</script>"}]
-    player = Player("test_001", [], {}, plot, {}, {}, (4, 3), frames)
+    player = Player("test_001", [], {}, plot, {}, {}, (4, 3), None, True, frames)
     page = render(replace(content, player=player))
     assert "a\\u003c/script>" in page and "a</script>" not in page
 

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.tools.page.player import SPREAD, Player, player
-from pipeline.tools.page.take import Posterior, Take
+from pipeline.tools.page.frames import SPREAD
+from pipeline.tools.page.player import Player, player
+from pipeline.tools.page.posterior import Posterior
+from pipeline.tools.page.take import Pictures, Take
 
 STEPS, FRAMES = 41, 5
 JOINTS = ("shoulder", "elbow", "wrist")
@@ -39,9 +41,11 @@ def take_of(joints: tuple[str, ...]) -> Take:
         },
         frame_t=at,
         frame_q=np.sin(at[:, None] + number) + 0.01 * number,
-        images=[np.full((3, 4, 3), 50 * n, np.uint8) for n in range(FRAMES)],
-        size=(200, 100),
-        nodes=np.stack([ends, ends + 1], axis=-1),
+        view=Pictures(
+            [np.full((3, 4, 3), 50 * n, np.uint8) for n in range(FRAMES)],
+            (200, 100),
+            np.stack([ends, ends + 1], axis=-1),
+        ),
     )
 
 

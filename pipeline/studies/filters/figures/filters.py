@@ -17,7 +17,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pipeline.core.filters import NONE
+from pipeline.core.filters import MEMORY, NONE
 from pipeline.figures.style import (
     BLACK,
     BLUE,
@@ -33,7 +33,6 @@ from pipeline.studies.filters.scores import (
     FIRST_ORDER,
     INFORMED,
     LOG,
-    REMEMBERED,
     RMS,
     YARDSTICK,
     over_none,
@@ -49,7 +48,7 @@ NEEDS = "synthetic laboratory or no depth camera"
 
 LOOKS = {
     FIRST_ORDER: {"color": ORANGE, "linestyle": "--"},
-    REMEMBERED: {"color": GREEN, "linestyle": "-."},
+    MEMORY: {"color": GREEN, "linestyle": "-."},
     YARDSTICK: {"color": BLACK, "linestyle": "-"},
 }
 CLOSED_LOOP = {"color": BLUE, "linestyle": ":"}

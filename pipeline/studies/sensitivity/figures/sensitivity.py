@@ -23,7 +23,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pipeline.figures.style import BLUE, GREY, LIGHT_GREY, TWO_COLUMNS, VERMILLION, panels
-from pipeline.studies.cases.claim_grid import LARGE, Column, draw_grid
+from pipeline.studies.claim_grid import LARGE, Column, draw_grid
 
 TABLES = {"sensitivity": "data/studies/sensitivity"}
 DECLARATIONS = Path(__file__).parents[1] / "tables.yaml"

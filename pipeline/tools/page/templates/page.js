@@ -32,6 +32,70 @@ for (const frame of document.querySelectorAll(".scrolled")) {
   sizes.observe(frame);
 }
 
+// the arm in space: a function that draws a frame of it, in a parallel projection that is turned
+const turnable = (scene, current) => {
+  const { centre, radius, path } = JSON.parse(scene.dataset.scene);
+  const turn = document.getElementById("play-turn");
+  const tilt = document.getElementById("play-tilt");
+  const nodes = document.getElementById("play-nodes");
+  const points = (places) => places.map((place) => place.join(",")).join(" ");
+
+  const draw = (frame) => {
+    const [yaw, pitch] = [turn, tilt].map((input) => (input.value * Math.PI) / 180);
+    const right = [-Math.sin(yaw), Math.cos(yaw), 0];
+    const down = [Math.sin(pitch) * Math.cos(yaw), Math.sin(pitch) * Math.sin(yaw), -Math.cos(pitch)];
+    const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    const scale = 0.9 / radius;
+    const project = (place) => {
+      const from = place.map((value, axis) => value - centre[axis]);
+      return [right, down].map((side) => (scale * dot(side, from)).toFixed(4));
+    };
+    document.getElementById("play-path").setAttribute("points", points(path.map(project)));
+    const joints = frame.nodes.map(project);
+    document.getElementById("play-links").setAttribute("points", points(joints));
+    nodes.replaceChildren(
+      ...joints.map(([x, y]) => {
+        const circle = document.createElementNS("http://www.w3.org/2000/svg", "circle");
+        for (const [name, value] of Object.entries({ cx: x, cy: y, r: 0.018 })) circle.setAttribute(name, value);
+        return circle;
+      }),
+    );
+    ["x", "y", "z"].forEach((name, axis) => {
+      const [line, text] = scene.querySelectorAll(`.axis-${name}`);
+      const [from, to] = [0, 0.25 * radius].map((value) => project([0, 1, 2].map((k) => (k === axis ? value : 0))));
+      const ends = { x1: from[0], y1: from[1], x2: to[0], y2: to[1] };
+      for (const [key, value] of Object.entries(ends)) line.setAttribute(key, value);
+      text.setAttribute("x", to[0]);
+      text.setAttribute("y", to[1]);
+    });
+    // the outline of an ellipsoid in a parallel projection is the ellipse of the projected covariance
+    for (const tip of scene.querySelectorAll(".tip")) {
+      const { place, covariance } = frame.tips[tip.dataset.model];
+      const [xx, xy, xz, yy, yz, zz] = covariance;
+      const times = (side) => [
+        dot([xx, xy, xz], side), dot([xy, yy, yz], side), dot([xz, yz, zz], side),
+      ];
+      const [a, b, c] = [dot(right, times(right)), dot(down, times(right)), dot(down, times(down))];
+      const first = Math.sqrt(Math.max(a, 0));
+      const across = first > 0 ? b / first : 0;
+      const second = Math.sqrt(Math.max(c - across * across, 0));
+      const root = [first, across, 0, second].map((value) => (scale * value).toFixed(5));
+      tip.firstElementChild.setAttribute("transform", `matrix(${[...root, ...project(place)].join(" ")})`);
+    }
+  };
+
+  const redraw = () => draw(current());
+  for (const input of [turn, tilt]) input.addEventListener("input", redraw);
+  scene.addEventListener("pointerdown", (event) => scene.setPointerCapture(event.pointerId));
+  scene.addEventListener("pointermove", (event) => {
+    if (!scene.hasPointerCapture(event.pointerId)) return;
+    turn.value = ((Number(turn.value) - event.movementX / 2 + 540) % 360) - 180;
+    tilt.value = Number(tilt.value) + event.movementY / 2;
+    redraw();
+  });
+  return draw;
+};
+
 const data = document.getElementById("played");
 if (data) {
   const frames = JSON.parse(data.textContent);
@@ -40,13 +104,19 @@ if (data) {
   const now = document.getElementById("play-now");
   const image = document.getElementById("play-image");
   const links = document.getElementById("play-links");
+  const scene = document.getElementById("play-scene");
+  const draw = scene ? turnable(scene, () => frames[slider.value]) : null;
   const cursors = document.querySelectorAll(".cursor");
   const rows = document.querySelectorAll("#play-values tr");
 
   const show = (number) => {
     const frame = frames[number];
-    image.setAttribute("href", frame.image);
-    links.setAttribute("points", frame.links);
+    if (draw) {
+      draw(frame);
+    } else {
+      image.setAttribute("href", frame.image);
+      links.setAttribute("points", frame.links);
+    }
     for (const cursor of cursors) {
       cursor.setAttribute("x1", `${frame.cursor}%`);
       cursor.setAttribute("x2", `${frame.cursor}%`);

@@ -1,0 +1,37 @@
+"""Rigid bodies: the pose in which known points lie nearest to measured ones."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) rotations R of the greatest tr(RᵀM) for ``matrix`` M (..., 3, 3): Kabsch
+    (1976).
+    """
+    u, _, vt = np.linalg.svd(matrix)
+    u[..., 2] *= np.linalg.det(u @ vt)[..., None]
+    return u @ vt
+
+
+def rigid_motion(places: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (..., 3, 3) and translations (..., 3) in m that carry the points at ``places`` (K,
+    3) nearest to where they were ``measured`` (..., K, 3), in m, by least squares.
+
+    Missing points are not finite; with fewer than three, or all in one line, the pose is NaN.
+    """
+    present = np.isfinite(measured).all(axis=-1)
+    weight = (present / np.maximum(present.sum(axis=-1), 1)[..., None])[..., None]
+    known = np.where(present[..., None], measured, 0.0)
+    centres = [(weight * points).sum(axis=-2) for points in (places, known)]
+    local, seen = (
+        (p - c[..., None, :]) * present[..., None]
+        for p, c in zip((places, known), centres, strict=True)
+    )
+    spread = np.linalg.svd(local, compute_uv=False)
+    decided = spread[..., 1] > 1e-6 * np.maximum(spread[..., 0], 1e-300)
+    rotation = nearest_rotation(np.swapaxes(seen, -1, -2) @ local)
+    translation = centres[1] - np.matvec(rotation, centres[0])
+    gone = ~(decided & (present.sum(axis=-1) >= 3))
+    rotation[gone], translation[gone] = np.nan, np.nan
+    return rotation, translation

@@ -1,0 +1,189 @@
+"""What a URDF says of the tree of links and joints, before anything heavier reads it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.parsers import expat
+
+from pipeline.core.errors import ConfigError
+
+# Pinocchio goes through the tree by recursion, and past some thousands of joints it takes the
+# process with it; its memory grows as the square. A humanoid with two hands has some eighty.
+MOST_JOINTS = 250
+LIMITED = ("revolute", "prismatic")  # kinds of joints with one coordinate and limits
+SINGLE = (*LIMITED, "continuous")  # with one coordinate
+
+
+@dataclass
+class Joint:
+    name: str
+    kind: str
+    parent: str = ""  # links
+    child: str = ""
+    follows: str | None = None  # the joint that it is coupled to (mimic): multiplier·q + offset
+    multiplier: float = 1.0
+    offset: float = 0.0
+    limits: dict[str, float] | None = None  # lower, upper (rad or m), velocity, effort
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The least and the greatest coordinate, rad or m: none of a continuous joint."""
+        if self.kind == "continuous":
+            return -math.inf, math.inf
+        limits = self.limits or {}
+        return limits.get("lower", 0.0), limits.get("upper", 0.0)
+
+
+@dataclass
+class Tree:
+    """The links of a robot, and its joints by name, in the order of the file."""
+
+    file: Path
+    name: str = ""  # of the robot
+    links: list[str] = field(default_factory=list)
+    joints: dict[str, Joint] = field(default_factory=dict)
+
+    @property
+    def ends(self) -> list[str]:
+        """The links that no other follows."""
+        followed = {joint.parent for joint in self.joints.values()}
+        return [link for link in self.links if link not in followed]
+
+    def above(self, link: str) -> list[Joint]:
+        """The joints from the root to ``link``."""
+        by_child = {joint.child: joint for joint in self.joints.values()}
+        result: list[Joint] = []
+        while link in by_child and len(result) <= len(self.joints):
+            result.append(by_child[link])
+            link = by_child[link].parent
+        return result[::-1]
+
+    def link(self, name: str, key: str) -> str:
+        """The link ``name``, or the one that the joint of this name moves; raises ConfigError for
+        the option ``key`` where there is neither.
+        """
+        if name in self.links:
+            return name
+        if name in self.joints:
+            return self.joints[name].child
+        raise ConfigError(f"{key}: no frame {name!r} in the URDF", file=self.file)
+
+
+def read_urdf(file: Path) -> Tree:
+    """The tree that ``file`` describes; raises ConfigError for a file that is none, one of more
+    than :data:`MOST_JOINTS` joints, and links that form a loop.
+    """
+    if not file.is_file():
+        raise ConfigError("robot.urdf: no such file; name one from the project's root", file=file)
+    tree, reader = Tree(file), expat.ParserCreate()
+    path: list[str] = []
+
+    def start(element: str, values: dict[str, str]) -> None:
+        path.append(element)
+        _take(tree, path, values)
+
+    def refuse(*_: object) -> None:
+        raise ValueError("it declares a document type or entities, which no robot needs")
+
+    reader.StartElementHandler, reader.EndElementHandler = start, lambda _: path.pop()
+    reader.StartDoctypeDeclHandler = refuse
+    try:
+        with file.open("rb") as stream:
+            reader.ParseFile(stream)
+    except expat.ExpatError as error:
+        reason = expat.ErrorString(error.code)
+        raise ConfigError(
+            f"robot.urdf: this is no URDF ({reason})", file=file, line=error.lineno
+        ) from None
+    except (LookupError, ValueError) as error:
+        raise ConfigError(
+            f"robot.urdf: this is no URDF ({error}); is it XML in UTF-8?", file=file
+        ) from None
+    _require_tree(tree)
+    return tree
+
+
+def _take(tree: Tree, path: list[str], values: dict[str, str]) -> None:
+    """Note the element that ``path`` leads to."""
+    match path:
+        case ["robot"]:
+            tree.name = values.get("name", "")
+        case ["robot", "link"]:
+            tree.links.append(values.get("name", ""))
+        case ["robot", "joint"]:
+            if len(tree.joints) == MOST_JOINTS:
+                raise ConfigError(
+                    f"robot.urdf: more than {MOST_JOINTS} joints; take out what does not belong to "
+                    "the arm",
+                    file=tree.file,
+                )
+            name = values.get("name", "")
+            if name in tree.joints:
+                raise ConfigError(f"robot.urdf: two joints are named {name!r}", file=tree.file)
+            tree.joints[name] = Joint(name, values.get("type", ""))
+        case ["robot", "joint", part]:
+            joint: Any = tree.joints[[*tree.joints][-1]]
+            if part in ("parent", "child"):
+                setattr(joint, part, values.get("link", ""))
+            elif part == "limit":
+                known = {"lower", "upper", "velocity", "effort"} & {*values}
+                joint.limits = {name: float(values[name]) for name in known}
+            elif part == "mimic" and joint.kind in SINGLE:  # some fixed joints say so too
+                joint.follows = values.get("joint", "")
+                joint.multiplier = float(values.get("multiplier", 1))
+                joint.offset = float(values.get("offset", 0))
+
+
+def _require_tree(tree: Tree) -> None:
+    """Raise ConfigError where the links are no tree: one that a joint names and that is none, that
+    two joints move or that moves itself, that none holds beside the root; and for a joint without
+    the limits that its kind has to have.
+    """
+    for joint in tree.joints.values():
+        for link in (joint.parent, joint.child):
+            if link not in tree.links:
+                raise ConfigError(
+                    f"robot.urdf: {joint.name} joins the link {link!r}, which the URDF does not "
+                    "have",
+                    file=tree.file,
+                )
+        if joint.kind in LIMITED and not {"velocity", "effort"} <= {*(joint.limits or {})}:
+            raise _without_limits(joint, tree.file)
+    children = [joint.child for joint in tree.joints.values()]
+    closing = {
+        joint.name
+        for joint in tree.joints.values()
+        if children.count(joint.child) > 1 or len(tree.above(joint.child)) > len(tree.joints)
+    }
+    if closing:
+        raise ConfigError(
+            "robot.urdf: links form a loop, which a URDF cannot hold; leave out one of the joints "
+            f"{', '.join(sorted(closing))}",
+            file=tree.file,
+        )
+    roots = [link for link in tree.links if link not in children]
+    if len(roots) != 1:
+        raise ConfigError(
+            f"robot.urdf: a robot has one link that no joint holds, and this one {roots or 'none'}",
+            file=tree.file,
+        )
+
+
+def require_range(joint: Joint, file: Path) -> None:
+    """Raise ConfigError for a joint whose limits leave it no way, or an endless one; a continuous
+    one needs none.
+    """
+    lower, upper = joint.range
+    if joint.kind in LIMITED and not 0 < upper - lower < math.inf:
+        raise _without_limits(joint, file)
+
+
+def _without_limits(joint: Joint, file: Path) -> ConfigError:
+    return ConfigError(
+        f"robot.urdf: the joint {joint.name} has no limits; give it <limit lower upper velocity "
+        "effort>, or the type continuous",
+        file=file,
+    )

@@ -1,0 +1,189 @@
+"""The evidence of a case under the names that the stages give it in a run, so that the claims can
+be decided by the same rules.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from pipeline.cases.camera import Camera
+from pipeline.cases.case import Case
+from pipeline.cases.fits import Outcome, Takes
+from pipeline.core.columns import matrices, members, values
+from pipeline.core.errors import ModelDomainError
+from pipeline.core.filters import MEMORY, NONE, models_of
+from pipeline.filtering.memory import memory_filter
+from pipeline.filtering.particle_filter import Posterior
+from pipeline.models.noise import recorded_deviation, rest_covariance
+from pipeline.recordings.commands import constant_speed
+from pipeline.statistics.filters import Filtered, no_filter
+from pipeline.statistics.joint_scores import (
+    filter_metrics,
+    filter_scores,
+    sensor_scores,
+    spread_scores,
+)
+from pipeline.statistics.take_scores import compared, posterior_scores
+
+Evidence = dict[str, dict[str, float] | pd.DataFrame]
+
+
+def case_evidence(
+    case: Case,
+    takes: Takes,
+    outcomes: Mapping[str, Outcome],
+    camera: Camera | None,
+    posteriors: Mapping[str, Mapping[str, Posterior | str]],
+    dt: float,
+) -> tuple[Evidence, list[str]]:
+    """All evidence of ``case``, and what its models and filters refused.
+
+    Args:
+        case: whose evidence it is.
+        takes: the recordings.
+        outcomes: of the models, by name.
+        camera: without one there is no evidence on sensor and filter.
+        posteriors: by filter, as :mod:`pipeline.core.filters` names them, and take, or why there
+            is none: a filter that was lost on one take is no evidence.
+        dt: step of the motion in s.
+    """
+    evidence = motion_evidence(outcomes, takes, case.mode)
+    refusals = {
+        f"{model}: {refusal}" for model, outcome in outcomes.items() for refusal in outcome.refusals
+    }
+    if camera is not None:
+        evidence |= sensor_evidence(camera.noise)
+        lost = {
+            (model, posterior)
+            for model, by_take in posteriors.items()
+            for posterior in by_take.values()
+            if isinstance(posterior, str)
+        }
+        refusals |= {f"{model}: {refusal}" for model, refusal in lost}
+        whole = {m: by_take for m, by_take in posteriors.items() if m not in dict(lost) and by_take}
+        if whole:
+            tested = list(next(iter(whole.values())))
+            truth = np.stack([takes.test[take] for take in tested])
+            filters = {name: list(by_take.values()) for name, by_take in whole.items()}
+            pose, held = case.measurement * pose_covariances(takes)
+            if models := {name: filters[name] for name in models_of(filters)}:
+                evidence |= filter_evidence(models, truth, pose, takes.training.joints)
+            if case.closed:
+                frames = [camera.takes[take] for take in tested]
+                means, covariances, _ = memory_filter(takes.poses, pose, frames, dt)
+                linear = Filtered(means - truth, covariances, pose)
+                evidence |= none_evidence(filters, linear, truth, takes, (pose, held))
+    return evidence, sorted(refusals)
+
+
+def pose_covariances(takes: Takes) -> np.ndarray:
+    """(2, n, n) rad², noise of a measured pose: half the covariance of steps at rest, for ω holds
+    the noise of two poses, and to a closed loop that of poses at rest; zero where the motion never
+    rests.
+    """
+    try:
+        held = rest_covariance(takes.poses, takes.training.v)
+        return np.stack([takes.training.measurement / 2, held])
+    except ModelDomainError:
+        return np.zeros((2, *(takes.poses.shape[-1],) * 2))
+
+
+def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) -> Evidence:
+    """What fits, realisations and predictions say; ``outcomes`` by model."""
+    evidence: Evidence = {
+        f"metrics/fit_{model}": dict(outcome.estimates) for model, outcome in outcomes.items()
+    }
+    realized = {model: outcome for model, outcome in outcomes.items() if outcome.mean is not None}
+    # at k = 0 nothing has moved yet
+    std = {"recorded": recorded_deviation(takes.poses, takes.training.noise, mode)[1:]}
+    std |= {model: outcome.deviation[1:] for model, outcome in realized.items()}
+    middle = takes.poses.mean(axis=0)
+    error = {
+        model: np.linalg.norm(outcome.mean - middle, axis=1)[1:]
+        for model, outcome in realized.items()
+    }
+    steady = constant_speed(takes.poses)
+    evidence["metrics/motion"] = spread_scores(std, error, takes.training.joints, steady)
+    tables = {}
+    for steps in ("all", "moving"):
+        scored = {
+            model: {"log_score": outcome.log_score[steps]}
+            for model, outcome in outcomes.items()
+            if steps in outcome.log_score
+        }
+        if scored:
+            tables[steps] = compared(scored, next(iter(scored)))
+    if tables:
+        evidence["tables/one_step_scores"] = pd.concat(tables, names=["steps"]).reset_index("steps")
+    return evidence
+
+
+def sensor_evidence(noise: pd.DataFrame) -> Evidence:
+    """What the depth camera's ``noise`` says, the table ``kinect_noise``."""
+    everywhere, joints = noise[noise["take"] == "none"], members(noise, "b")
+    variance = np.diagonal(matrices(everywhere, "r", joints), axis1=1, axis2=2)
+    takes = noise["take"].nunique() - 1
+    scores = sensor_scores(values(everywhere, "b"), variance, takes, joints)
+    return {"metrics/recordings": scores}
+
+
+def filter_evidence(
+    posteriors: Mapping[str, list[Posterior]],
+    truth: np.ndarray,
+    pose: np.ndarray,
+    joints: Sequence[str],
+) -> Evidence:
+    """What the filters' ``posteriors`` by model, one a take, say against the measured poses
+    ``truth`` (takes, M+1, n) in rad.
+
+    ``pose`` (n, n) in rad² is the noise of a measured pose, which bounds and scores hold too;
+    ``joints`` the n names.
+    """
+    error, bound, scores = {}, {}, {}
+    for model, by_take in posteriors.items():
+        error[model] = np.stack([posterior.mean for posterior in by_take]) - truth
+        covariance = np.stack([posterior.covariance for posterior in by_take]) + pose
+        bound[model] = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+        scores[model], _ = posterior_scores(error[model], covariance, joints)
+    return {
+        "metrics/filter": filter_metrics(
+            filter_scores(error, bound, joints, constant_speed(truth))
+        ),
+        "tables/filter_comparison": compared(scores, next(iter(scores))),
+    }
+
+
+def none_evidence(
+    posteriors: Mapping[str, list[Posterior]],
+    linear: Filtered,
+    truth: np.ndarray,
+    takes: Takes,
+    poses: tuple[np.ndarray, np.ndarray],
+) -> Evidence:
+    """What the models' filters and the linear one say beside no filter.
+
+    Args:
+        posteriors: by filter and take.
+        linear: filter of the takes' own spread and memory.
+        truth: (takes, M+1, n) rad, measured poses.
+        takes: the training takes' mean and covariance are no filter.
+        poses: (n, n) rad² each, as by :func:`pose_covariances`.
+    """
+    opened, (pose, held), joints = models_of(posteriors), poses, takes.training.joints
+    filters = {NONE: no_filter(takes.poses, truth), MEMORY: linear} | {
+        name: Filtered(
+            np.stack([posterior.mean for posterior in by_take]) - truth,
+            np.stack([posterior.covariance for posterior in by_take]),
+            pose if name in opened else held,
+        )
+        for name, by_take in posteriors.items()
+    }
+    laws = {
+        name: posterior_scores(each.error, each.covariance + each.measurement, joints)
+        for name, each in filters.items()
+    }
+    against = compared({name: scores for name, (scores, _) in laws.items()}, NONE)
+    return {"tables/filter_against_none": against}

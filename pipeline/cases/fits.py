@@ -1,0 +1,110 @@
+"""A model in one case: its parameters, its realisations, and its predictions of takes that its fit
+has not seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pipeline.cases.case import ModelCase
+from pipeline.core.errors import ModelDomainError, SingularJacobianError, SolverError
+from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
+from pipeline.models.kinds import estimate
+from pipeline.models.model import MotionModel
+from pipeline.models.realizations import realize, realized_moments
+from pipeline.models.steps import Estimate, Recorded
+from pipeline.verdicts.reference import ArmNames
+
+
+@dataclass(frozen=True)
+class Takes:
+    """The takes of the motion capture: those to fit to and, where there are any, those kept for
+    testing.
+    """
+
+    training: Recorded
+    poses: np.ndarray  # (takes, M+1, n) rad, of the training takes
+    test: dict[str, np.ndarray]  # take → (M+1, n) rad
+
+    @property
+    def arm(self) -> ArmNames:
+        """What claims call its joints and rows."""
+        return ArmNames(tuple(self.training.joints), tuple(self.training.chain.task))
+
+
+@dataclass
+class Outcome:
+    """How a model fared; what it does not have is missing, and ``refusals`` say why."""
+
+    model: MotionModel | None = None
+    closed: ClosedLoopFit | None = None  # the model in a closed loop
+    estimates: dict[str, float] = field(default_factory=dict)
+    mean: np.ndarray | None = None  # (M+1, n) rad, of the realisations
+    deviation: np.ndarray | None = None  # (M+1, n) rad
+    # of all steps and of the moving ones, (takes,) nats
+    log_score: dict[str, np.ndarray] = field(default_factory=dict)
+    refusals: list[str] = field(default_factory=list)
+
+
+def outcome(case: ModelCase, takes: Takes, realizations: int, rng: np.random.Generator) -> Outcome:
+    """Fit, realise ``realizations`` times and score a model; a model that refuses any of it is an
+    outcome too.
+    """
+    fared = Outcome()
+    try:
+        fit = estimate(takes.training, case.options)
+        fared.model, fared.estimates = fit.model, fit.estimates
+        if case.closed:
+            fared.closed, refused = closed_loop_of(takes.training, case.options, fit)
+            if refused:
+                fared.refusals.append(f"no closed loop: {refused}")
+        fared.log_score = _log_scores(case, fit, takes)
+        starts = np.resize(takes.poses, (realizations, *takes.poses.shape[1:]))
+        chain, v = takes.training.chain, takes.training.v
+        realized, _, _ = realize(fared.model, chain, starts, v, case.mode, rng)
+        fared.mean, fared.deviation, refused = realized_moments(
+            fared.model, chain, starts, v, case.mode, realized
+        )
+        if refused:
+            fared.refusals.append(refused)
+    except (ModelDomainError, SingularJacobianError, SolverError) as error:
+        fared.refusals.append(str(error))
+    return fared
+
+
+def _log_scores(case: ModelCase, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:
+    """Mean log density over the steps of each held-out take; without test takes each training take,
+    predicted by a fit to the others.
+    """
+    training = takes.training
+    if takes.test:
+        poses = np.stack(list(takes.test.values()))
+        density = _log_density(fit.model, training, poses, case.measurement)
+    else:
+        parts = []
+        for i in range(len(takes.poses)):
+            others = training.subset(np.delete(np.arange(len(takes.poses)), i))
+            model = estimate(others, case.options).model
+            parts.append(_log_density(model, others, takes.poses[[i]], case.measurement))
+        density = np.concatenate(parts)
+    moving = np.any(training.v, axis=1)
+    scores = {"moving": density[:, moving].mean(axis=1)}
+    return scores if case.measurement == 0 else scores | {"all": density.mean(axis=1)}
+
+
+def _log_density(
+    model: MotionModel, training: Recorded, poses: np.ndarray, factor: float
+) -> np.ndarray:
+    """(takes, M) nats of the steps between ``poses`` (takes, M+1, n); a gap at rest where no
+    measurement noise is added.
+    """
+    q, q_next = poses[:, :-1], poses[:, 1:]
+    v = np.broadcast_to(training.v, (*q.shape[:-1], training.v.shape[-1]))
+    if factor:
+        return model.log_density(training.chain, q, v, q_next, factor * training.measurement)
+    moving = np.any(v, axis=-1)
+    density = np.full(moving.shape, np.nan)
+    density[moving] = model.log_density(training.chain, q[moving], v[moving], q_next[moving])
+    return density

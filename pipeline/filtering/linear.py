@@ -1,0 +1,97 @@
+"""The linear filter of minimum variance of deviations whose second moments over time are known:
+each pose given the frames so far. Where deviations and the camera's noise are normal it is the
+exact posterior, and of a Markov law the Kalman filter (Anderson & Moore, Optimal Filtering, 1979);
+in this form, all frames at once, the regression of a Gaussian process (Rasmussen & Williams,
+Gaussian Processes for Machine Learning, 2006, Sec. 2.2).
+
+Of the whole path a priori N(q̄, P). Frame j shows of the deviation at its point between the two
+poses of its step (:mod:`pipeline.filtering.measurement`) the response A: of the point p_j,
+
+    y_j − b_j = p̄_j + A(p_j − p̄_j) + N(0, R_j),
+
+so that H_j is A times the two poses' weights. With the frames in the order of time and S =
+H P Hᵀ + R = L Lᵀ the leading block of L is the factor of the frames up to any time, and one
+factorisation holds the posterior of every step,
+
+    E q_k = q̄_k + G_kᵀ w,   Cov q_k = P_kk − G_kᵀ G_k,   G = L⁻¹ H P,   w = L⁻¹(y − b − p̄),
+
+with the rows of the frames so far.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import cho_factor, solve_triangular
+
+from pipeline.core.errors import ModelDomainError
+from pipeline.filtering.measurement import Measurements
+from pipeline.filtering.particle_filter import due_frames
+
+
+def linear_filter(
+    path: np.ndarray,
+    covariance: np.ndarray,
+    takes: Sequence[Measurements],
+    dt: float,
+    response: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Means (T, M+1, n) and covariances (T, M+1, n, n) of the T ``takes``, each as by
+    :func:`best_linear`.
+    """
+    known = [best_linear(path, covariance, take, dt, response) for take in takes]
+    means, covariances = zip(*known, strict=True)
+    return np.stack(means), np.stack(covariances)
+
+
+def best_linear(
+    path: np.ndarray,
+    covariance: np.ndarray,
+    measurements: Measurements,
+    dt: float,
+    response: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (M+1, n) in rad and covariance (M+1, n, n) in rad² of the pose at each step given the
+    frames up to it.
+
+    Frames before the start or after the end of the motion are left out. Raises ModelDomainError for
+    an R that is no covariance.
+
+    Args:
+        path: (M+1, n) rad, prior mean q̄ on the motion grid.
+        covariance: (M+1, n, M+1, n) rad², P.
+        measurements: of the take.
+        dt: step of the grid in s.
+        response: (n, n) A, the identity where the camera's error is independent of the pose.
+    """
+    grid, n = path.shape
+    frames, _ = due_frames(measurements, grid - 1, dt)
+    after = np.repeat(np.arange(grid), np.diff(frames.first))
+    before, share = np.maximum(after - 1, 0), frames.share[:, None]
+    point = (1 - share) * path[before] + share * path[after]
+    share = share[:, :, None, None]
+    # (F, n, M+1, n), of each frame's point with each pose
+    across = (1 - share) * covariance[before] + share * covariance[after]
+    across = (response @ across.reshape(-1, n, grid * n)).reshape(across.shape)
+    share = share[:, 0]
+    among = np.moveaxis(across, 2, 0)
+    among = (1 - share[..., None]) * among[before] + share[..., None] * among[after]
+    total = np.moveaxis(among @ response.T, 0, 2)  # (F, n, F, n)
+    each = np.arange(len(after))
+    root = np.linalg.inv(frames.whitening)
+    total[each, :, each] += root @ root.swapaxes(-1, -2)
+    rows = len(after) * n
+    try:
+        factor, _ = cho_factor(total.reshape(rows, rows), lower=True)
+    except np.linalg.LinAlgError:
+        raise ModelDomainError(
+            "the prior covariance of the path is none", take=measurements.take
+        ) from None
+    white = solve_triangular(factor, (frames.unbiased - point).reshape(rows), lower=True)
+    gain = solve_triangular(factor, across.reshape(rows, grid * n), lower=True)
+    so_far = np.arange(rows)[:, None] < n * frames.first[1:]
+    gain = np.moveaxis(gain.reshape(rows, grid, n) * so_far[..., None], 0, 2)  # (M+1, n, nF)
+    steps = np.arange(grid)
+    known = covariance[steps, :, steps] - gain @ gain.swapaxes(1, 2)
+    return path + gain @ white, known

@@ -1,0 +1,50 @@
+"""Weights of particles by a measured pose of the tip, compiled: a block of poses at a time goes
+through the forward kinematics.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.arm.numbers import Arm
+from pipeline.arm.serial_compiled import JOINTS, WIDTH, displacement_rows, tip
+from pipeline.core.compiled import inner
+from pipeline.filtering.state import Frames
+from pipeline.filtering.weights import add_square
+
+ROWS = 6  # of a displacement
+
+
+@inner
+def weigh_tip(
+    arm: Arm,
+    frames: Frames,
+    frame: int,
+    before: np.ndarray,
+    q: np.ndarray,
+    log_weights: np.ndarray,
+) -> None:
+    """Add to ``log_weights`` (P,) the log-likelihood of ``frame``, a pose of the tip of ``arm``, at
+    its share of the way from ``before`` to ``q`` (n, P).
+    """
+    n, share, log_norm = len(q), frames.share[frame], frames.log_norm[frame]
+    white, measured = frames.whitening[frame], frames.unbiased[frame]
+    # the whole pose, in metres and radians, whatever the task
+    whole = Arm(arm.plane, arm.placements, arm.sliding, np.arange(ROWS), np.ones(ROWS), arm.least)
+    room, poses = np.empty((JOINTS + 6 * n, WIDTH)), np.empty((n, WIDTH))
+    way, whitened, square = np.empty((ROWS, WIDTH)), np.empty(WIDTH), np.empty(WIDTH)
+    for start in range(0, len(log_weights), WIDTH):
+        count = WIDTH if start + WIDTH < len(log_weights) else len(log_weights) - start
+        stop = start + count
+        for j in range(n):
+            here, there, pose = before[j, start:stop], q[j, start:stop], poses[j]
+            for i in range(count):
+                pose[i] = here[i] + share * (there[i] - here[i])
+        tip(whole, poses, 0, count, room)
+        way[:], square[:] = 0.0, 0.0
+        displacement_rows(whole, measured, room, count, way, 1.0)
+        for j in range(ROWS):
+            add_square(white, j, way, whitened, square, count)
+        total = log_weights[start:stop]
+        for i in range(count):
+            total[i] += log_norm - 0.5 * square[i]

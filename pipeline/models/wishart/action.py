@@ -1,0 +1,70 @@
+"""What B⁻¹ and a constant matrix do to m rows of a block, for compiled laws of any arm."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.core.compiled import inner
+from pipeline.models.law import Numbers
+from pipeline.models.wishart.step import expm1
+
+
+@inner
+def act(numbers: Numbers, d: float, first: int, m: int, spare: int, count: int) -> None:
+    """Make of a, m rows of the room from ``first`` on, B⁻¹a = z(a + rR[0, T]ᵀ), zero where a is;
+    ``spare`` is the first of four rows of scratch.
+
+    T = N/sqrt(χ²(d−m+2)) of m − 1 normals; of two of them ‖T‖ has a closed form, see
+    :mod:`.step`. R is the Householder reflection of the first axis to a/r, up to its sign.
+    """
+    room, normal, a1 = numbers.room, numbers.normal, numbers.room[first]
+    stretch, r, along, z = room[spare], room[spare + 1], room[spare + 2], room[spare + 3]
+    for i in range(count):
+        r[i] = 0.0
+        along[i] = 0.0
+    for k in range(m):
+        a = room[first + k]
+        for i in range(count):
+            r[i] += a[i] * a[i]
+    if m == 3:
+        for i in range(count):
+            square = normal[0, i] * normal[0, i] + normal[1, i] * normal[1, i]
+            stretch[i] = np.sqrt(expm1(square * (1 / (d - 1))) / square)
+    elif m > 1:
+        for i in range(count):
+            stretch[i] = 1 / np.sqrt(numbers.chi_square[1, i])
+    for k in range(1, m):
+        a, n = room[first + k], normal[k - 1]
+        for i in range(count):
+            along[i] += a[i] * (stretch[i] * n[i])
+    for i in range(count):
+        r[i] = np.sqrt(r[i])
+        reach = r[i] + abs(a1[i])
+        along[i] *= 1 / reach if reach > 0 else 0.0
+        z[i] = d / numbers.chi_square[0, i]
+        a1[i] = z[i] * (a1[i] - along[i] * (a1[i] + np.copysign(r[i], a1[i])))
+    for k in range(1, m):
+        a, n = room[first + k], normal[k - 1]
+        for i in range(count):
+            a[i] = z[i] * (a[i] + r[i] * (stretch[i] * n[i]) - along[i] * a[i])
+
+
+@inner
+def multiply(
+    room: np.ndarray, matrix: np.ndarray, first: int, m: int, spare: int, count: int
+) -> None:
+    """Make of x, m rows of ``room`` from ``first`` on, ``matrix`` x, row by row (m·m,); ``spare``
+    is the first of m rows of scratch.
+    """
+    for r in range(m):
+        result = room[spare + r]
+        for i in range(count):
+            result[i] = 0.0
+        for s in range(m):
+            entry, x = matrix[r * m + s], room[first + s]
+            for i in range(count):
+                result[i] += entry * x[i]
+    for r in range(m):
+        result, x = room[spare + r], room[first + r]
+        for i in range(count):
+            x[i] = result[i]

@@ -1,0 +1,106 @@
+"""Measured and commanded angles of one movement in a controller's logs, as the dataset's options
+have them: in rad, row by row, and a pair.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.logs import SIGNALS, JointLog
+from pipeline.formats.joints.log import LogOptions
+from pipeline.recordings.movement import read_movement
+from pipeline.recordings.pairing import delayed, require_pair
+from pipeline.recordings.repetitions import REACH, commanded_speeds
+
+
+@dataclass(frozen=True)
+class LoggedMovement:
+    """The rows of a movement, of all its logged joints."""
+
+    name: str
+    joints: Sequence[str]
+    actual: np.ndarray  # (N, joints) rad, measured
+    target: np.ndarray  # (N, joints) rad, commanded
+    speed: np.ndarray  # (N, joints) rad/s, commanded
+    counts: Mapping[str, float]  # of rows, but for those of UNITS
+
+    def require_held(self, rows: slice, locked: Mapping[str, float], **evidence: object) -> None:
+        """RecordingError with ``evidence`` where a logged joint is not within 0.01 rad of where it
+        is ``locked`` (rad) during the ``rows``.
+        """
+        for joint in sorted({*locked} & {*self.joints}):
+            angle, measured = locked[joint], self.actual[rows, self.joints.index(joint)]
+            if np.abs(measured - angle).max() > REACH:
+                raise RecordingError(
+                    f"{joint} is held at {angle:.4g} rad, and was logged from "
+                    f"{measured.min():.4g} to {measured.max():.4g} rad: lock it where it stood, or "
+                    "choose a motion in which it does not move",
+                    **evidence,
+                    key=f"dataset.robot.locked.{joint}",
+                )
+
+
+UNITS = {"clock_jitter": "s", "command_delay": "s"}  # of counts that are none
+
+
+def read_logged_movement(movement: Path, options: JointLog, rate: float) -> LoggedMovement:
+    """A folder of logs, or one file that is a movement, at ``rate`` rows a second.
+
+    Raises RecordingError for logs that cannot be read or whose clock is not even, and for a command
+    that is none of the measured angles; ConfigError where the options do not say where both stand.
+    """
+    wanted: dict[Path, dict] = {movement: options.signals} if movement.is_file() else {}
+    if movement.is_dir():
+        for signal in SIGNALS:
+            if file := getattr(options, signal):
+                columns = wanted.setdefault(movement / file, {})
+                columns[signal] = options.signals.get(signal)
+    common = LogOptions(
+        options.time,
+        rate,
+        options.separator,
+        options.decimal,
+        options.angle_unit,
+        options.time_unit,
+        len(options.joints),
+        {} if options.target_factor == 1 else dict.fromkeys(SIGNALS[1:], options.target_factor),
+    )
+    files = {file: replace(common, signals=signals) for file, signals in wanted.items()}
+    signals, counts = read_movement(files, rate, options.clock) if files else ({}, {})
+    if missing := [signal for signal in ("actual", "target") if signal not in signals]:
+        where = "signals" if movement.is_file() else " and ".join(missing)
+        raise ConfigError(
+            f"nothing says where {movement.name} holds the {' and '.join(missing)} angles",
+            key=f"dataset.joint_log.{where}",
+        )
+    name = movement.name if movement.is_dir() else movement.stem
+    early = round(_delay(options.target_delay, name) * rate)
+    actual, target = delayed(signals["actual"], signals["target"], early)
+    if early:
+        counts |= {"command_delay": early / rate, "rows_beside_the_delay": abs(early)}
+    require_pair(actual, target, rate, limit=options.mismatch, joints=options.joints, file=movement)
+    if "speed" in signals:
+        _, speed = delayed(signals["actual"], signals["speed"], early)
+    else:
+        speed = commanded_speeds(target, rate, options.rest_speed)
+        counts |= {"speed_from_angles": 1}
+    return LoggedMovement(name, options.joints, actual, target, speed, counts)
+
+
+def _delay(option: float | Mapping[str, float], movement: str) -> float:
+    """s by which the command of a ``movement`` is early; ConfigError where the option names others
+    alone.
+    """
+    if not isinstance(option, Mapping):
+        return option
+    if movement not in option:
+        raise ConfigError(
+            f"no delay for the movement {movement}; there are {', '.join(option)}",
+            key="dataset.joint_log.target_delay",
+        )
+    return option[movement]

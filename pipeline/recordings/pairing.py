@@ -1,0 +1,225 @@
+"""Measured angles held against commanded ones: whether they are a pair, and if not, whether another
+unit, order or clock of the command makes them one.
+
+How fast the arm as a whole moves depends neither on the order nor on the signs of its joints, and
+how far they turn in all shows the unit; so each of the three is found without the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.signal import correlate, correlation_lags
+
+from pipeline.core.errors import RecordingError
+from pipeline.recordings.repetitions import lag
+
+OPTION = "dataset.joint_log"
+LATEST = 0.05  # s by which a controller may lag behind its command; beyond, two clocks differ
+SEARCH = 10.0  # s, the farthest that clocks are looked for apart
+MOST = 0.9  # of the rows: a repetition that was disturbed does not decide
+LEAST_MOTION = 0.1  # of the farthest joint's motion: what joints that move less are held against
+SMOOTHING = 0.02  # s, over which the speed of the arm is taken
+PEAKS, NEAR = 8, 0.8  # delays that are tried: those of the highest correlations, down to this share
+SAME = 0.02  # of a factor, up to which it is one of those that unit conversions have
+ORDER_GAIN = 0.5  # of what is left: another order or sign has to leave less than this of it
+TURN = 180 / np.pi
+FACTORS = {
+    "1": 1.0,
+    "180/π": TURN,
+    "π/180": 1 / TURN,
+    "(180/π)²": TURN**2,
+    "(π/180)²": TURN**-2,
+    "2π": 2 * np.pi,
+    "1/2π": 1 / (2 * np.pi),
+}
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """What makes a pair of measured and commanded angles: the command of joint i is that in column
+    ``order[i]``, times ``factor[i]``, ``delay`` rows later.
+    """
+
+    factor: np.ndarray  # (n,)
+    order: np.ndarray  # (n,) int
+    delay: int  # rows by which the command is early
+
+    def apply(self, actual: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The rows of both (N − |delay|, n) that belong together, in rad."""
+        actual, target = delayed(actual, target, self.delay)
+        return actual, target[:, self.order] * self.factor
+
+
+def delayed(actual: np.ndarray, target: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Measured rows and the commanded ones ``rows`` before them, without those that have no
+    partner.
+    """
+    length = len(actual) - abs(rows)
+    return actual[max(rows, 0) :][:length], target[max(-rows, 0) :][:length]
+
+
+def missed(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """(n,) by what share of its motion each joint misses its command: what nine in ten of the rows
+    of ``actual`` and ``target`` (N, n) in rad keep to, of those at which the command moves or of
+    those at which it rests, whichever is more. A joint that hardly moves is held against a tenth of
+    the farthest one's motion.
+    """
+    residual = np.abs(actual - target)
+    motion = np.ptp(actual, axis=0)
+    scale = np.maximum(motion, LEAST_MOTION * motion.max())
+    steps = np.abs(np.diff(target, axis=0, prepend=target[:1])).max(axis=1)
+    moving = steps > LEAST_MOTION * np.quantile(steps, 0.99)
+    shares = [np.quantile(residual[rows], MOST, axis=0) for rows in (moving, ~moving) if rows.any()]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.nan_to_num(np.max(shares, axis=0) / scale, posinf=np.inf)
+
+
+def pairing_of(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
+    """The pairing of ``actual`` and ``target`` (N, n) in rad, at ``rate`` rows a second, that
+    leaves the least; the one without any change where no other leaves clearly less.
+    """
+    plain = Pairing(np.ones(actual.shape[1]), np.arange(actual.shape[1]), 0)
+    if not (np.ptp(actual, axis=0).any() and np.ptp(target, axis=0).any()):
+        return plain
+    best, least = plain, _left(plain, actual, target)
+    for delay in _delays(actual, target, rate):
+        tried = _settled(*delayed(actual, target, delay), delay)
+        if (left := _left(tried, actual, target)) < ORDER_GAIN * least:
+            best, least = tried, left
+    return _fine(best, actual, target, rate)
+
+
+def require_pair(
+    actual: np.ndarray,
+    target: np.ndarray,
+    rate: float,
+    *,
+    limit: float,
+    joints: Sequence[str],
+    **evidence: object,
+) -> None:
+    """RecordingError where measured angles are no pair with the commanded ones: it names unit,
+    order and clock, each with the option that settles it and with what is left without it.
+
+    Args:
+        actual: (N, n) measured angles in rad.
+        target: (N, n) commanded ones.
+        rate: Rows a second.
+        limit: What share of its motion a joint may miss its command by; beside, the arm may lag by
+            LATEST.
+        joints: Their names.
+        evidence: Where the angles stand.
+    """
+    missing = missed(actual, target)
+    worst = int(missing.argmax())
+    if missing[worst] > limit:
+        fault = (
+            f"{joints[worst]} misses its command by {missing[worst]:.2g} of its motion (or of a "
+            f"tenth of the farthest joint's), more than {limit:g} (mismatch)"
+        )
+    elif np.ptp(target) and abs(late := lag(target, actual, rate)) > LATEST:
+        fault = f"the arm is {late:.2g} s behind its command, more than {LATEST:g}"
+    else:
+        return
+    pairing = pairing_of(actual, target, rate)
+    left = _left(pairing, actual, target)
+    words = [
+        f"the {what} ({option.rpartition('.')[2]}: {value}, without which {without:.2g} is left)"
+        for what, option, value, without in suspects(pairing, actual, target, rate)
+    ]
+    cause = (
+        f"suspected {'are' if len(words) > 1 else 'is'} {', '.join(words)}; that leaves {left:.2g}"
+        if words and left <= limit
+        else "no other unit, order or clock makes them one: are they of one movement?"
+    )
+    raise RecordingError(
+        f"measured and commanded angles are no pair: {fault}; {cause}", **evidence, key=OPTION
+    )
+
+
+def suspects(
+    pairing: Pairing, actual: np.ndarray, target: np.ndarray, rate: float
+) -> Iterator[tuple[str, str, str, float]]:
+    """What of a ``pairing`` is not plain: in words, its option, the option's value, and what share
+    of the motion would be left without it.
+    """
+    n = len(pairing.order)
+    plain = Pairing(np.ones(n), np.arange(n), 0)
+    if (pairing.factor != 1).any():
+        factors = [f"{factor:.16g}" for factor in pairing.factor]
+        value = factors[0] if len(set(factors)) == 1 else f"[{', '.join(factors)}]"
+        named = [name for name, known in FACTORS.items() if known == abs(pairing.factor[0])]
+        what = f"unit, {named[0]}" if named else "unit"
+        what = "sign" if (np.abs(pairing.factor) == 1).all() else what
+        without = _left(replace(pairing, factor=plain.factor), actual, target)
+        yield what, f"{OPTION}.target_factor", value, without
+    if (pairing.order != plain.order).any():
+        value = f"the commanded columns in the order {[int(j) + 1 for j in pairing.order]}"
+        without = _left(replace(pairing, order=plain.order), actual, target)
+        yield "order", f"{OPTION}.signals", value, without
+    if pairing.delay:
+        without = _left(replace(pairing, delay=0), actual, target)
+        yield "clock", f"{OPTION}.target_delay", f"{pairing.delay / rate:.6g}", without
+
+
+def _left(pairing: Pairing, actual: np.ndarray, target: np.ndarray) -> float:
+    return float(missed(*pairing.apply(actual, target)).max())
+
+
+def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
+    """Rows by which the command may be early, the least first: none, and the highest peaks of the
+    correlation of the speeds of the whole arm.
+    """
+    width = max(1, round(SMOOTHING * rate))
+    speeds = [np.linalg.norm(q[width:] - q[:-width], axis=1) for q in (actual, target)]
+    measured, commanded = (speed - speed.mean() for speed in speeds)
+    alike = correlate(measured, commanded)
+    rows = correlation_lags(len(measured), len(commanded))
+    near = np.abs(rows) <= min(SEARCH * rate, len(measured) // 2)
+    # each by what its rows alone could reach: a longer delay leaves fewer
+    alike, rows = alike[near] / (len(measured) - np.abs(rows[near])), rows[near]
+    peak = np.flatnonzero((alike[1:-1] >= alike[:-2]) & (alike[1:-1] > alike[2:])) + 1
+    peak = peak[alike[peak] > NEAR * alike.max()]
+    highest = peak[np.argsort(-alike[peak])[:PEAKS]]
+    return sorted({0, *rows[highest].tolist()}, key=abs)
+
+
+def _settled(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairing:
+    """Unit and order of rows that are paired already."""
+    n, motion = actual.shape[1], np.ptp(target, axis=0).sum()
+    if not motion:  # the command moves in none of these rows
+        return Pairing(np.ones(n), np.arange(n), delay)
+    size = np.ptp(actual, axis=0).sum() / motion
+    size = next((known for known in FACTORS.values() if abs(size / known - 1) < SAME), size)
+    scaled = size * target
+    # (2, n, n) root mean square residual of joint i from column j, and from its opposite
+    costs = np.array(
+        [
+            [[np.sqrt(np.mean((a - sign * t) ** 2)) for t in scaled.T] for a in actual.T]
+            for sign in (1, -1)
+        ]
+    )
+    cost, same = costs.min(axis=0), np.arange(n)
+    rows, order = linear_sum_assignment(cost)
+    if cost[rows, order].sum() > ORDER_GAIN * costs[0, same, same].sum():
+        return Pairing(np.full(n, size), same, delay)
+    sign = np.where(costs[1, rows, order] < ORDER_GAIN * costs[0, rows, order], -1.0, 1.0)
+    # columns that are alike stay where they are
+    stay = costs[0, same, same] <= cost[rows, order] / ORDER_GAIN
+    kept = np.where(stay, same, order)
+    if len(set(kept.tolist())) == n:
+        order, sign = kept, np.where(stay, 1.0, sign)
+    return Pairing(size * sign, order, delay)
+
+
+def _fine(pairing: Pairing, actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
+    """``pairing`` with its delay to the nearest row, by the lag that it leaves; within LATEST of
+    none it is the controller's, not a clock's.
+    """
+    behind, command = pairing.apply(actual, target)
+    delay = pairing.delay + round(lag(command, behind, rate) * rate)
+    return replace(pairing, delay=delay if abs(delay) > LATEST * rate else 0)

@@ -1,0 +1,53 @@
+"""readings: the claims decided again under every other reading of "LU or QR" (Eq. LUDecom), on the
+same takes and with equal random numbers.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+from pipeline.cases.camera import camera_of
+from pipeline.cases.case import Case, paper_models
+from pipeline.cases.evaluate import Recordings, evaluate
+from pipeline.cases.readings import readings, readings_table
+from pipeline.cases.recorded import recorded_takes
+from pipeline.cases.verdict import read_claims
+from pipeline.core import config, contracts
+from pipeline.core.compute.trials import run_trials
+from pipeline.filtering.particle_filter import FilterOptions
+
+TRACK, ARTICULATE, OUT = Path("data/track"), Path("data/articulate"), Path("data/readings")
+
+
+def run() -> None:
+    """Fit, realise and filter the paper's models under each reading, and write the table
+    ``readings``; nothing where no Wishart model is among them.
+    """
+    settings = config.sections("readings")
+    chosen, robot, rate = settings.filter, settings.dataset.robot, settings.dataset.motion.rate
+    options = FilterOptions(chosen.particles, chosen.scheme, chosen.threshold)
+    base = Case(paper_models(settings.models), options, settings.simulation.mode)
+    takes, cameras = recorded_takes(robot, settings.dataset.motion), {}
+    cases = readings(base, takes.training.chain.task)
+    if contracts.exists("angles", ARTICULATE):
+        angles, joints = contracts.read("angles", ARTICULATE), contracts.read("joints", TRACK)
+        window = settings.articulation.noise_window
+        cameras[base.clock] = camera_of(angles, joints, window=window)
+    recordings = Recordings(
+        takes=takes,
+        cameras=cameras,
+        rate=rate,
+        filtered=sum(len(camera.takes) for camera in cameras.values()),
+        realizations=settings.simulation.realizations,
+        stream=(settings.seed, "readings"),
+    )
+    trials = partial(run_trials, compute=settings.compute, label="readings: models and filters")
+    evidence = dict(zip(cases, evaluate(list(cases.values()), recordings, trials), strict=True))
+    for name, (_, refusals) in evidence.items():
+        for refusal in refusals:
+            print(f"readings: {name}: {refusal}")
+    with contracts.replacing(OUT) as folder:
+        if cases:
+            table = readings_table(read_claims(), evidence, recordings.takes.arm)
+            contracts.write(table, "readings", folder)

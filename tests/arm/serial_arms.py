@@ -1,0 +1,115 @@
+"""Arms of any joints as URDFs, and Pinocchio's kinematics of the whole robot in them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from pipeline.core.options.dataset import SPACE, Robot
+
+LWR4 = Path(__file__).parents[3] / "shared/recordings/lwr4/kuka_lwr4.urdf"
+UR5 = Path("pipeline/arm/ur5.urdf")
+LIMIT = '<limit lower="-2.5" upper="2.5" velocity="1.5" effort="10"/>'
+
+
+def origin(place: pin.SE3) -> str:
+    """The URDF's element of a placement."""
+    angles = pin.rpy.matrixToRpy(place.rotation)
+    xyz, rpy = (" ".join(repr(float(x)) for x in row) for row in (place.translation, angles))
+    return f'<origin xyz="{xyz}" rpy="{rpy}"/>'
+
+
+def joint(name: str, kind: str, parent: str, child: str, inside: str = "") -> str:
+    """The URDF's elements of a link and of the joint that moves it."""
+    return (
+        f'<link name="{child}"/><joint name="{name}" type="{kind}"><parent link="{parent}"/>'
+        f'<child link="{child}"/>{inside}</joint>'
+    )
+
+
+def robot_text(*joints: str) -> str:
+    """A URDF of the root l0 and ``joints``."""
+    return f'<robot name="test"><link name="l0"/>{"".join(joints)}</robot>'
+
+
+def chain_text(
+    kinds: Sequence[str], places: Sequence[pin.SE3], axes: Sequence[Sequence[float]]
+) -> str:
+    """A URDF of joints j1, j2, … of ``kinds`` about or along ``axes`` in frames at ``places``; the
+    last of them is the tip's, fixed to the last joint.
+    """
+    joints = [
+        joint(
+            f"j{i + 1}",
+            kind,
+            f"l{i}",
+            f"l{i + 1}",
+            f'{origin(place)}<axis xyz="{" ".join(repr(float(x)) for x in axis)}"/>{LIMIT}',
+        )
+        for i, (kind, place, axis) in enumerate(zip(kinds, places[:-1], axes, strict=True))
+    ]
+    tip = joint("grip", "fixed", f"l{len(kinds)}", "tip", origin(places[-1]))
+    return robot_text(*joints, tip)
+
+
+def random_text(kinds: Sequence[str], rng: np.random.Generator) -> str:
+    """A URDF of joints of ``kinds`` placed and pointing anywhere."""
+    places = [
+        pin.SE3(
+            pin.Quaternion(*(x := rng.normal(size=4)) / np.linalg.norm(x)), rng.normal(size=3) / 4
+        )
+        for _ in range(len(kinds) + 1)
+    ]
+    axes = rng.normal(size=(len(kinds), 3))
+    return chain_text(kinds, places, axes / np.linalg.norm(axes, axis=1, keepdims=True))
+
+
+def sample_text() -> str:
+    """Pinocchio's own sample manipulator as a URDF."""
+    model = pin.buildSampleModelManipulator()
+    axes = {"JointModelRX": (1, 0, 0), "JointModelRY": (0, 1, 0), "JointModelRZ": (0, 0, 1)}
+    places = [*model.jointPlacements[1:], model.frames[model.getFrameId("effector_body")].placement]
+    turned = [axes[joint.shortname()] for joint in model.joints[1:]]
+    return chain_text(["revolute"] * model.nv, places, turned)
+
+
+def jn(count: int) -> list[str]:
+    """The joints' names of such a URDF."""
+    return [f"j{i + 1}" for i in range(count)]
+
+
+def by_pinocchio(robot: Robot, tip: str, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Poses (N, 12) of the link ``tip`` of the whole robot at ``poses`` (N, n) of its joints in the
+    axes of its base, and the task's rows of its Jacobian (N, m, n).
+    """
+    model = pin.buildModelFromUrdf(str(robot.urdf))
+    data, zero = model.createData(), pin.neutral(model)
+    frame = model.getFrameId(tip, pin.FrameType.BODY)
+    columns = [model.joints[model.getJointId(name)].idx_v for name in robot.joints]
+    held = np.zeros(model.nv)
+    for name, value in robot.locked.items():
+        held[model.joints[model.getJointId(name)].idx_v] = value
+    rows = [SPACE.index(name) for name in robot.task or SPACE]
+    units = np.where(np.array(rows) < 3, 1.0, robot.length)
+    places, jacobians = [], []
+    for pose in poses:
+        step = held.copy()
+        step[columns] = pose
+        q = pin.integrate(model, zero, step)
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        base = (
+            data.oMf[model.getFrameId(robot.base, pin.FrameType.BODY)]
+            if robot.base
+            else pin.SE3.Identity()
+        )
+        place = base.actInv(data.oMf[frame])
+        places.append([*place.translation, *place.rotation.ravel()])
+        world = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+        world = world.reshape(6, -1)[:, columns]  # one column comes as a vector
+        seen = np.vstack([base.rotation.T @ world[:3], base.rotation.T @ world[3:]])
+        jacobians.append(seen[rows] * units[:, None])
+    return np.array(places), np.array(jacobians)

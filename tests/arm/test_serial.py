@@ -1,0 +1,168 @@
+"""Serial chains of any joints and tasks against Pinocchio and NumPy, pose by pose."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pipeline.arm.model import chain_of
+from pipeline.arm.serial import LEAST_SINGULAR
+from pipeline.core.errors import SingularJacobianError
+from pipeline.core.options.dataset import Robot
+from tests.arm.example_urdf import YOUBOT
+from tests.arm.serial_arms import (
+    LWR4,
+    UR5,
+    by_pinocchio,
+    jn,
+    random_text,
+    sample_text,
+)
+
+R, P = "revolute", "prismatic"
+KINDS = [[R], [P, R], [R, R, P], [R, P, R, R], [R] * 5, [P, P, P, R, R, R], [R] * 7, [R, P] * 4]
+TASKS = [["y"], ["rz", "x"], ["z", "x", "ry"], ["x", "y", "z", "rx"], ["rz", "ry", "rx", "z", "y"]]
+LENGTH = 0.4
+
+
+def youbot() -> Robot:
+    """All five joints of the arm and the task that they can do."""
+    names = [f"arm_joint_{j}" for j in range(1, 6)]
+    return Robot(str(YOUBOT), names, task=["rx", "z", "y", "x", "rz"], length=LENGTH)
+
+
+@pytest.fixture(
+    scope="module",
+    params=["sample", "youbot", "ur5", "lwr4", *(f"random {'-'.join(k)}" for k in KINDS)],
+)
+def robot(request, tmp_path_factory) -> tuple[Robot, str]:
+    """The options of an arm, and the link that is its tip."""
+    file = tmp_path_factory.mktemp("urdf") / "robot.urdf"
+    if request.param == "youbot":
+        return youbot(), "arm_tool"
+    if request.param == "ur5":
+        return Robot(str(UR5), [f"joint_{j}" for j in range(1, 7)], "flange", length=0.3), "flange"
+    if request.param == "lwr4":
+        if not LWR4.is_file():
+            pytest.skip(f"{LWR4} is absent")
+        return Robot(str(LWR4), [f"lwr_{j}_joint" for j in range(7)]), "lwr_7_link"
+    if request.param == "sample":
+        file.write_text(sample_text())
+        return Robot(str(file), jn(6)), "tip"
+    kinds = request.param.split()[1].split("-")
+    file.write_text(random_text(kinds, np.random.default_rng(len(kinds))))
+    task = TASKS[len(kinds) - 1] if len(kinds) <= len(TASKS) else None
+    return Robot(str(file), jn(len(kinds)), task=task, length=LENGTH), "tip"
+
+
+@pytest.fixture(scope="module")
+def chain(robot):
+    return chain_of(robot[0])
+
+
+def poses(chain, count: int = 150) -> np.ndarray:
+    """Poses within the limits, more than a block of them."""
+    return np.random.default_rng(1).uniform(chain.lower, chain.upper, (count, len(chain.lower)))
+
+
+def regular(chain, count: int = 150) -> np.ndarray:
+    """Those whose least singular value is ten times the least."""
+    q = poses(chain, 4 * count)
+    least = np.linalg.svd(chain.jacobian(q), compute_uv=False)[:, -1]
+    return q[least > 10 * LEAST_SINGULAR * chain.scale][:count]
+
+
+def test_pose_and_jacobian_are_pinocchios(robot, chain):
+    q = poses(chain)
+    places, jacobians = by_pinocchio(*robot, q)
+    np.testing.assert_allclose(chain.pose(q), places, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(chain.jacobian(q), jacobians, rtol=0, atol=1e-12)
+
+
+def test_the_jacobian_is_the_derivative_of_the_displacement(chain):
+    q, step = poses(chain, 20), 1e-6
+    for j, e in enumerate(np.eye(q.shape[1])):
+        difference = chain.displacement(chain.pose(q - step * e), chain.pose(q + step * e))
+        np.testing.assert_allclose(difference / (2 * step), chain.jacobian(q)[..., j], atol=1e-8)
+
+
+def test_no_entry_of_the_jacobian_is_beyond_its_scale_nor_all_far_below(chain):
+    greatest = np.abs(chain.jacobian(poses(chain))).max()
+    assert chain.sliding.any() or greatest <= chain.scale
+    assert len(chain.task) < 6 or chain.scale < 4 * greatest
+
+
+def test_the_inverse_is_numpys_pseudoinverse(chain):
+    q = regular(chain)
+    assert len(q) > 50
+    expected = np.linalg.pinv(chain.jacobian(q))
+    size = np.linalg.norm(expected, axis=(-2, -1), keepdims=True)
+    np.testing.assert_allclose(chain.inverse_jacobian(q) / size, expected / size, atol=1e-12)
+
+
+def test_what_is_singular_is_so_by_the_least_singular_value(chain, monkeypatch):
+    q = poses(chain, 1000)
+    shares = np.linalg.svd(chain.jacobian(q), compute_uv=False)[:, -1] / chain.scale
+    for bound in (LEAST_SINGULAR, *np.quantile(shares, [0.1004, 0.5004, 0.9004])):
+        monkeypatch.setattr("pipeline.arm.serial.LEAST_SINGULAR", bound)
+        np.testing.assert_array_equal(chain.singular(q), shares < bound)
+    assert 850 < chain.singular(q).sum() < 950
+
+
+def test_a_step_does_the_task_and_the_rest_of_the_command_where_the_task_does_not_feel_it(chain):
+    q, m = regular(chain), len(chain.task)
+    command = np.random.default_rng(2).normal(size=(len(q), m + q.shape[1]))
+    v, w = command[:, :m], command[:, m:]
+    jacobian, back = chain.jacobian(q), np.linalg.pinv(chain.jacobian(q))
+    rest = chain.null_step(q, command)
+    np.testing.assert_allclose(np.matvec(jacobian, rest), 0, atol=1e-11)
+    np.testing.assert_allclose(rest, w - np.matvec(back, np.matvec(jacobian, w)), atol=1e-10)
+    step = chain.nominal_step(q, command)
+    np.testing.assert_allclose(np.matvec(jacobian, step), v, atol=1e-10)
+    np.testing.assert_allclose(step - rest, chain.nominal_step(q, v), atol=1e-14)
+    assert not chain.null_step(q, v).any()
+    # the control: an arm of more joints than rows does more than its task
+    assert (np.abs(rest).max() > 0.1) == (q.shape[1] > m)
+
+
+def test_the_displacement_is_scipys_rotation_vector_times_the_length(robot, chain):
+    start, end = chain.pose(poses(chain, 40))[None, :20], chain.pose(poses(chain, 40))[20:, None]
+    result = chain.displacement(start, end)
+    turns = [Rotation.from_matrix(x[..., 3:].reshape(-1, 3, 3)) for x in (start, end)]
+    for i, j in np.ndindex(20, 20):
+        way = end[i, 0, :3] - start[0, j, :3]
+        turn = (turns[1][i] * turns[0][j].inv()).as_rotvec() * robot[0].length
+        all_rows = dict(zip(("x", "y", "z", "rx", "ry", "rz"), [*way, *turn], strict=True))
+        expected = [all_rows[name] for name in chain.task]
+        np.testing.assert_allclose(result[i, j], expected, atol=1e-12)
+
+
+def test_every_batch_shape_holds_what_single_poses_give(chain):
+    q, m, n = regular(chain, 6), len(chain.task), len(chain.lower)
+    tails = {
+        "pose": (12,),
+        "jacobian": (m, n),
+        "inverse_jacobian": (n, m),
+        "singular": (),
+        "within_limits": (),
+    }
+    for single in (q[0], q, q.reshape(2, 3, n), q[:0]):
+        for method, tail in tails.items():
+            batch = getattr(chain, method)(single)
+            assert np.shape(batch) == (*single.shape[:-1], *tail)
+            alone = [getattr(chain, method)(one) for one in single.reshape(-1, n)]
+            np.testing.assert_array_equal(batch, np.reshape(alone, np.shape(batch)))
+    command = np.zeros((2, 1, m + n))
+    assert chain.nominal_step(q[:3], command).shape == (2, 3, n)
+    assert chain.null_step(q[:3], command[..., :m]).shape == (2, 3, n)
+
+
+@pytest.mark.parametrize("broken", [np.nan, np.inf])
+def test_a_pose_that_is_no_number_is_refused_with_its_place(chain, broken):
+    q = regular(chain, 6).reshape(2, 3, -1)
+    q[1, 2, -1] = broken
+    with pytest.raises(SingularJacobianError, match=r"singular at 1 frame\(s\)") as refused:
+        chain.inverse_jacobian(q, what="frame")
+    assert refused.value.evidence["index"] == (1, 2)
+    assert chain.singular(q).sum() == 1

@@ -1,0 +1,208 @@
+"""Steps drawn from each model on an arm of seven joints and six task rows, and on three joints that
+hold x and z alone, come back through every estimator; drawn from another they do not.
+
+Drawn in plain NumPy, of the Wishart model by Algorithm 1: matrices by Bartlett's decomposition and
+the pseudo-inverse of J₁BJ₂.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from oracles import algorithm_1_steps
+from random_arm import RandomArm, motion, random_arm
+
+from pipeline.models.additive.law import AdditiveModel
+from pipeline.models.additive.options import Options as Additive
+from pipeline.models.closed_loop import MeanPath
+from pipeline.models.closed_loop_fit import fit_closed_loop
+from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.gaussian.options import Options as Gaussian
+from pipeline.models.kinds import estimate, truths
+from pipeline.models.noise import process_noise
+from pipeline.models.scaled.law import ScaledModel
+from pipeline.models.scaled.options import Options as Scaled
+from pipeline.models.steps import Recorded
+from pipeline.models.wishart.decomposition import Decomposition
+from pipeline.models.wishart.law import WishartModel
+from pipeline.models.wishart.options import Options as Wishart
+
+TAKES, STEPS, REST = 40, 80, 20
+every_arm = pytest.mark.parametrize(("n", "m"), [(7, 6), (3, 2)])
+
+
+@dataclass(frozen=True)
+class Scene:
+    """An arm, a motion of it, and noise of a tenth of the steps' size."""
+
+    arm: RandomArm
+    q: np.ndarray
+    v: np.ndarray
+    covariance: np.ndarray
+
+    @property
+    def measurement(self) -> np.ndarray:
+        """A hundredth of it in the measured pose."""
+        return 1e-2 * np.diag(np.diag(self.covariance))
+
+
+def scene(n: int, m: int) -> Scene:
+    arm = random_arm(n, m)
+    q, v = motion(arm, STEPS, REST)
+    step = np.sqrt(np.mean(np.diff(q[REST:], axis=0) ** 2))
+    root = np.eye(n) + 0.5 * np.random.default_rng(1).standard_normal((n, n)) / np.sqrt(n)
+    return Scene(arm, q, v, (0.1 * step) ** 2 * root @ root.T)
+
+
+def draw(model, arm, q, v, rng) -> np.ndarray:
+    """(N, n) one step after each of the poses ``q`` (N, n) under the command ``v``."""
+    if isinstance(model, WishartModel):
+        return algorithm_1_steps(arm, q, v, model.sigma_b, model.decomposition, rng)
+    covariance = np.broadcast_to(model.covariance(arm, q, v), (*q.shape, q.shape[-1]))
+    values, axes = np.linalg.eigh(covariance)
+    white = np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(q.shape)
+    return q + arm.nominal_step(q, v) + np.matvec(axes, white)
+
+
+def recorded(scene: Scene, model, seed: int = 1) -> Recorded:
+    """Takes of steps that begin at the poses of the motion, measured with noise."""
+    rng, (arm, q) = np.random.default_rng(seed), (scene.arm, scene.q[:-1])
+    drawn = [
+        draw(model, arm, np.tile(pose, (TAKES, 1)), command, rng)
+        for pose, command in zip(q, scene.v, strict=True)
+    ]
+    noise = np.swapaxes(drawn, 0, 1) - q - arm.nominal_step(q, scene.v)
+    noise += rng.multivariate_normal(np.zeros(q.shape[1]), scene.measurement, noise.shape[:2])
+    joints = tuple(f"joint_{j}" for j in range(q.shape[1]))
+    return Recorded(arm, np.tile(q, (TAKES, 1, 1)), scene.v, noise, joints, scene.measurement)
+
+
+def likelihood(name: str) -> Wishart:
+    return Wishart("wishart", "", estimator="likelihood", decomposition=name)
+
+
+@every_arm
+@pytest.mark.parametrize("estimator", ["paper", "shrinkage"])
+def test_the_additive_covariance_comes_back(n, m, estimator):
+    """Band: 0.15 of every variance along any axis, of which sampling alone takes 0.1 at most."""
+    case = scene(n, m)
+
+    def excess(covariance: np.ndarray) -> float:
+        data = recorded(case, AdditiveModel(covariance))
+        result = estimate(data, Additive("additive", "", estimator=estimator))
+        # the paper's holds the measurement's too
+        of_it = case.measurement if estimator == "paper" else 0.0
+        fitted = result.model.noise_covariance
+        return np.abs(np.linalg.eigvals(np.linalg.solve(case.covariance + of_it, fitted)) - 1).max()
+
+    assert excess(case.covariance) < 0.15
+    # control: another covariance
+    assert excess(1.3 * case.covariance) > 0.15
+
+
+@every_arm
+@pytest.mark.parametrize("name", ["qr_transposed", pytest.param("lu", marks=pytest.mark.slow)])
+def test_the_wishart_dispersion_comes_back_by_likelihood(n, m, name):
+    """Band: 4 %, twice what sampling takes of the fewest rows."""
+    case, options = scene(n, m), likelihood(name)
+
+    def result(sigma_b: float) -> float:
+        data = recorded(case, WishartModel(sigma_b, Decomposition(name)))
+        return estimate(data, options).estimates["sigma_b"]
+
+    assert result(0.25) == pytest.approx(0.25, rel=0.04)
+    # control: another dispersion
+    assert result(0.28) != pytest.approx(0.25, rel=0.04)
+
+
+@every_arm
+def test_the_papers_estimator_returns_the_share_of_the_dispersion_that_one_direction_shows(n, m):
+    """2m of the m(m + 1) parts of ‖B − I‖², of moving steps, within a tenth: its error, not one of
+    its solution.
+    """
+    case = scene(n, m)
+    case = replace(case, covariance=1e-4 * case.covariance)
+    options = Wishart("wishart", "", estimator="paper", decomposition="qr_transposed", floor=0.01)
+
+    def result(sigma_b: float) -> float:
+        data = recorded(case, WishartModel(sigma_b, Decomposition("qr_transposed")))
+        return estimate(data, options).diagnostics["sigma_b_mean_over_moving_steps"]
+
+    share = np.sqrt(2 / (m + 1))
+    assert result(0.15) == pytest.approx(0.15 * share, rel=0.1)
+    # controls: all of it, and another dispersion
+    assert result(0.15) != pytest.approx(0.15, rel=0.1)
+    assert result(0.2) != pytest.approx(0.15 * share, rel=0.1)
+
+
+@every_arm
+@pytest.mark.parametrize("estimator", ["paper", "likelihood"])
+def test_the_gaussian_level_of_noise_comes_back(n, m, estimator):
+    """α·sqrt(u² − ⟨‖J⁺‖²⟩) within 4 %: α and u themselves are hardly told apart."""
+    case = scene(n, m)
+    options = Gaussian("gaussian", "", estimator=estimator, beta=0.5)
+    (truth,) = truths(recorded(case, AdditiveModel(case.covariance)), options, ())
+
+    def result(alpha: float) -> float:
+        data = recorded(case, GaussianModel(alpha, truth.parameters["u"]))
+        return estimate(data, options).estimates["noise_level"]
+
+    assert result(truth.values["alpha"]) == pytest.approx(truth.values["noise_level"], rel=0.04)
+    # control: another level
+    assert result(1.1 * truth.values["alpha"]) != pytest.approx(
+        truth.values["noise_level"], rel=0.04
+    )
+
+
+@every_arm
+@pytest.mark.parametrize("structure", ["diagonal", "full"])
+def test_noise_that_grows_with_the_joint_speed_comes_back(n, m, structure):
+    """Standard deviations at rest and shares of the step within 15 %."""
+    case, options = scene(n, m), Scaled("scaled", "", structure=structure)
+    (truth,) = truths(recorded(case, AdditiveModel(case.covariance)), options, ())
+
+    def excess(factor: float) -> float:
+        model = ScaledModel(
+            *(factor * np.array(truth.parameters[part]) for part in ("floor", "gain"))
+        )
+        result = estimate(recorded(case, model), options).estimates
+        return max(abs(result[name] / value - 1) for name, value in truth.values.items())
+
+    assert excess(1.0) < 0.15
+    # control: half as much variance again
+    assert excess(1.5) > 0.15
+
+
+@every_arm
+@pytest.mark.parametrize("kind", ["additive", pytest.param("wishart", marks=pytest.mark.slow)])
+def test_the_share_of_the_closed_loop_comes_back(n, m, kind):
+    """Band: 4.5 standard errors, which tell the share from one a third as large again."""
+    case = scene(n, m)
+    arm, path = case.arm, MeanPath(case.arm, case.q)
+    model, options = {
+        "additive": (
+            AdditiveModel(case.covariance),
+            Additive("additive", "", estimator="shrinkage"),
+        ),
+        "wishart": (WishartModel(0.2, Decomposition("qr_transposed")), likelihood("qr_transposed")),
+    }[kind]
+
+    def fitted(share: float):
+        rng = np.random.default_rng(3)
+        q = np.tile(case.q[0], (TAKES, STEPS + 1, 1))
+        for k in range(STEPS):
+            v = path.v[k] * np.ones((TAKES, 1))
+            v[:, :m] += share * arm.displacement(arm.pose(q[:, k]), arm.pose(case.q[k]))
+            q[:, k + 1] = q[:, k] if k < REST else draw(model, arm, q[:, k], v, rng)
+        q += rng.multivariate_normal(np.zeros(n), case.measurement / 2, q.shape[:2])
+        noise, joints = process_noise(arm, q, path.v), tuple(f"joint_{j}" for j in range(n))
+        data = Recorded(arm, q[:, :-1], path.v, noise, joints, case.measurement)
+        return fit_closed_loop(data, options, estimate(data, options))
+
+    fit = fitted(0.4)
+    assert abs(fit.share - 0.4) < 4.5 * fit.standard_error < 0.13
+    # control: another loop
+    other = fitted(0.6)
+    assert abs(other.share - 0.4) > 4.5 * other.standard_error

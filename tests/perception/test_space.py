@@ -1,0 +1,181 @@
+"""Joint angles of arms in space from points on their links: exact, as SciPy and Pinocchio have
+them, with missing links as far as the rest decides, and refused with one message where nothing
+does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from space_arms import LWR4, MARKERS, START, UR5, mocap, motion, points
+
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.motion_capture import Body
+from pipeline.perception.carried import carried
+from pipeline.perception.space import track_joints
+
+FRAMES, NOISE = 120, 5e-5  # m
+OPTIONS = {"gate": 0.005, "max_gap": 20}
+UPPER, FORE, HAND = slice(0, 3), slice(3, 6), slice(6, 9)
+
+
+@pytest.fixture(scope="module")
+def measured() -> np.ndarray:
+    """Of the UR5, exact."""
+    return points(UR5, MARKERS, motion(FRAMES))
+
+
+def tracked(positions: np.ndarray, markers: dict = MARKERS, robot=UR5, **options):
+    of_mocap = mocap(markers, **options)
+    return track_joints(positions, carried(robot, of_mocap), robot.joints, **OPTIONS, take="t")
+
+
+def noisy(positions: np.ndarray, seed: int = 1) -> np.ndarray:
+    return positions + NOISE * np.random.default_rng(seed).standard_normal(positions.shape)
+
+
+def test_exact_points_give_exact_angles(measured):
+    track = tracked(measured)
+    np.testing.assert_allclose(track.q, motion(FRAMES), atol=1e-9)
+    assert track.residual.max() < 1e-10 and not any(track.counts.values())
+    assert track.samples == 9 * FRAMES
+
+
+def test_single_markers_on_many_links_do_as_well():
+    single = {
+        "shoulder": {"s": [0.05, 0.06, 0.0]},
+        "upper_arm": {"a": [-0.2, 0.06, 0.05]},
+        "forearm": {"d": [-0.3, 0.05, 0.05]},
+        "wrist_2": {"w": [0.03, 0.02, 0.05]},
+        "flange": {"g": [0.0, 0.07, 0.01], "h": [0.06, 0.0, 0.02]},
+    }
+    track = tracked(points(UR5, single, motion(FRAMES)), single, posture=START.round(1).tolist())
+    np.testing.assert_allclose(track.q, motion(FRAMES), atol=1e-9)
+
+
+def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(measured):
+    frame, q = noisy(measured)[60], motion(FRAMES)[60]
+
+    def ways(angles: np.ndarray) -> np.ndarray:
+        return (points(UR5, MARKERS, angles[None])[0] - frame).ravel()
+
+    other = least_squares(ways, q, x_scale=0.1, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    solution = carried(UR5, mocap()).solve(frame, q + 0.05)
+    np.testing.assert_allclose(solution.q, other.x, atol=2e-8)
+    assert solution.square == pytest.approx(2 * other.cost, rel=1e-9)
+    np.testing.assert_allclose(solution.normal, other.jac.T @ other.jac, rtol=0, atol=1e-5)
+    # control: the exact angles are no minimum of the noisy points
+    assert np.abs(solution.q - q).max() > 1e-5
+
+
+def test_standard_errors_are_those_that_the_noise_makes(measured):
+    still = np.repeat(measured[:1], 2000, axis=0)
+    track = tracked(noisy(still))
+    spread, stated = track.q.std(axis=0), np.array(list(track.errors.values()))
+    np.testing.assert_allclose(stated, spread, rtol=4.5 / np.sqrt(2 * 2000) + 0.01)
+    # control: twice the noise, twice the errors
+    doubled = tracked(still + 2 * (noisy(still) - still))
+    np.testing.assert_allclose(list(doubled.errors.values()), 2 * stated, rtol=0.01)
+
+
+def test_the_errors_of_bodies_count_six_numbers_each(measured):
+    bodies = {link: Body(link) for link in MARKERS}
+    by_body, by_marker = tracked(noisy(measured), bodies=bodies), tracked(noisy(measured))
+    ratio = np.array(list(by_body.errors.values())) / list(by_marker.errors.values())
+    np.testing.assert_allclose(ratio, np.sqrt((27 - 6) / (18 - 6)), rtol=1e-9)
+
+
+def test_a_link_is_missed_where_the_rest_decides_and_a_gap_is_filled_where_it_does_not(measured):
+    without_forearm, without_hand = measured.copy(), measured.copy()
+    without_forearm[30:60, FORE] = np.nan
+    track = tracked(without_forearm)
+    np.testing.assert_allclose(track.q, motion(FRAMES), atol=1e-9)
+    assert track.counts["missing"] == 90 and track.counts["undecided"] == 0
+    without_hand[30:40, HAND] = np.nan
+    track = tracked(without_hand)
+    assert track.counts["undecided"] == track.counts["interpolated"] == 10
+    assert np.isnan(track.residual[30:40]).all()
+    np.testing.assert_allclose(track.q, motion(FRAMES), atol=1e-9)  # the motion is a straight line
+    without_hand[30:55, HAND] = np.nan
+    with pytest.raises(RecordingError, match="longer than 20 frames"):
+        tracked(without_hand)
+
+
+def test_a_take_that_starts_in_the_dark_is_followed_backwards(measured):
+    measured = measured.copy()
+    measured[:15, FORE] = np.nan
+    measured[:5] = np.nan
+    track = tracked(measured)
+    np.testing.assert_allclose(track.q[5:], motion(FRAMES)[5:], atol=1e-9)
+    assert track.counts["held"] == 5
+
+
+def test_a_body_that_slips_is_left_out_of_its_frames(measured):
+    slipped = measured.copy()
+    slipped[40:50, FORE] += [0.03, -0.02, 0.01]
+    track = tracked(slipped)
+    np.testing.assert_allclose(track.q, motion(FRAMES), atol=1e-9)
+    assert track.counts["rejected"] == 30 and track.counts["unfit"] == 0
+    # of two bodies apart nobody knows which is right, and the hand is needed
+    slipped = measured.copy()
+    slipped[40:50, HAND] += [0.03, -0.02, 0.01]
+    assert tracked(slipped).counts["undecided"] + tracked(slipped).counts["unfit"] == 10
+
+
+def test_joints_that_no_point_shows_are_named(measured):
+    upper = {"upper_arm": MARKERS["upper_arm"]}
+    with pytest.raises(RecordingError, match="leave joint_3, joint_4, joint_5, joint_6 open"):
+        tracked(measured[:, UPPER], upper)
+    two = {link: MARKERS[link] for link in ("upper_arm", "forearm")}
+    with pytest.raises(RecordingError, match="leave joint_4, joint_5, joint_6 open"):
+        tracked(measured[:, :6], two)
+
+
+def test_postures_that_fit_alike_are_refused_until_one_is_named():
+    hand = {"flange": MARKERS["flange"]}
+    seen = points(UR5, hand, motion(FRAMES))
+    with pytest.raises(RecordingError, match="8 postures of the arm fit"):
+        tracked(seen, hand)
+    track = tracked(seen, hand, posture=(START + 0.1).tolist())
+    np.testing.assert_allclose(track.q, motion(FRAMES), atol=1e-8)
+    # the shoulder of the LWR4 is spherical: what is beyond it fits two postures
+    beyond = {
+        "link_3": MARKERS["forearm"],
+        "link_5": MARKERS["forearm"],
+        "flange": MARKERS["flange"],
+    }
+    q = np.repeat([[0.3, 0.9, -0.3, -1.6, 0.4, 1.0, 0.2]], 3, axis=0)
+    with pytest.raises(RecordingError, match="2 postures"):
+        tracked(points(LWR4, beyond, q), beyond, LWR4)
+    other = {"link_1": {"x": [0.1, 0.0, 0.1]}} | beyond
+    np.testing.assert_allclose(tracked(points(LWR4, other, q), other, LWR4).q, q, atol=1e-9)
+
+
+def test_whole_turns_are_those_of_the_posture_that_is_named(measured):
+    turned = START - 2 * np.pi * np.eye(6)[5]
+    track = tracked(measured, posture=turned.tolist())
+    np.testing.assert_allclose(track.q[:, 5], motion(FRAMES)[:, 5] - 2 * np.pi, atol=1e-9)
+    np.testing.assert_allclose(track.q[:, :5], motion(FRAMES)[:, :5], atol=1e-9)
+
+
+def test_points_that_never_fit_are_refused(measured):
+    with pytest.raises(RecordingError, match="no posture of the arm has all markers"):
+        tracked(measured[:3, [0, 1, 2, 6, 7, 8, 3, 4, 5]])
+    with pytest.raises(RecordingError, match="no posture"):
+        tracked(np.full_like(measured, np.nan))
+
+
+@pytest.mark.parametrize(
+    ("markers", "posture", "words"),
+    [
+        ({"elbow": {"a": [0, 0, 0]}}, None, "no frame 'elbow'"),
+        ({"base": {"a": [0, 0, 0]}}, None, "no joint of the arm moves 'base'"),
+        ({"forearm": {"a": [0, 0]}}, None, "forearm needs markers"),
+        ({"forearm": {}}, None, "forearm needs markers"),
+        (MARKERS, [0.0] * 7, "7 angles for an arm of 6 joints"),
+    ],
+)
+def test_options_that_are_not_of_the_arm_are_refused(markers, posture, words):
+    with pytest.raises(ConfigError, match=words):
+        carried(UR5, mocap(markers, posture=posture))

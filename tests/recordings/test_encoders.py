@@ -1,0 +1,67 @@
+"""Logs of encoders as a table: at their own rate, on the motion's clock, refused where they are not
+those of the arm.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.dataset import Dataset, Robot
+from pipeline.core.options.logs import Encoders
+from pipeline.formats.joints.written import labels, write_joint_table
+from pipeline.recordings.encoders import encoder_rows
+
+JOINTS = ["shoulder", "elbow"]
+
+
+def dataset(**options) -> Dataset:
+    stated = {
+        "takes": "logs/test_*.csv",
+        "time": "time",
+        "actual": labels("actual", JOINTS),
+        "deviation": 1e-3,
+    }
+    robot = Robot("arm.urdf", JOINTS, task=["x"])
+    return Dataset(name="t", robot=robot, encoders=Encoders(**stated | options))
+
+
+@pytest.fixture
+def raw(tmp_path):
+    (tmp_path / "logs").mkdir()
+    q = np.random.default_rng(1).normal(size=(40, 2)).round(4)
+    for take in ("test_b", "test_a", "train_a"):
+        signals = {"target": np.zeros((40, 2)), "actual": q}
+        write_joint_table(tmp_path / f"logs/{take}.csv", 7 + np.arange(40) / 250, signals, JOINTS)
+    return tmp_path, q
+
+
+def test_every_log_of_a_test_take_is_read_at_its_own_rate(raw):
+    folder, q = raw
+    (rows, quality), (other, _) = encoder_rows(folder, dataset(start=6.9))
+    assert (rows["take"].unique().tolist(), other["take"].unique().tolist()) == (
+        ["test_a"],
+        ["test_b"],
+    )
+    np.testing.assert_allclose(rows["t"], 0.1 + np.arange(40) / 250, atol=1e-9)
+    np.testing.assert_allclose(rows[["q:shoulder", "q:elbow"]], q, atol=1e-9)
+    assert {row["quantity"]: row["value"] for row in quality}["rows"] == 40
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"takes": "logs/run_*.csv"}, RecordingError, "no log matches 'logs/run_"),
+        ({"actual": ["actual_shoulder"]}, ConfigError, "1 columns for the 2 joints"),
+        ({"actual": ["actual_shoulder", "actual_wrist"]}, RecordingError, "actual_wrist"),
+    ],
+)
+def test_logs_of_other_joints_are_refused(raw, options, error, words):
+    with pytest.raises(error, match=words):
+        encoder_rows(raw[0], dataset(**options))
+
+
+def test_a_deviation_of_nothing_is_refused():
+    with pytest.raises(ConfigError, match="must be positive"):
+        dataset(deviation=0.0)

@@ -1,0 +1,59 @@
+"""Arms in space, and where they carry points, by Pinocchio."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+import pipeline.arm
+from pipeline.core.options.dataset import Robot
+from pipeline.core.options.motion_capture import Mocap
+
+HERE = Path(pipeline.arm.__file__).parent
+UR5 = Robot(str(HERE / "ur5.urdf"), [f"joint_{i}" for i in range(1, 7)], "flange")
+LWR4 = Robot(str(HERE / "lwr4.urdf"), [f"joint_{i}" for i in range(1, 8)], "flange")
+# on links near both ends and in between, so that they leave one posture alone
+MARKERS = {
+    "upper_arm": {"a": [0.0, 0.05, 0.06], "b": [-0.2, 0.06, 0.05], "c": [-0.1, -0.05, 0.06]},
+    "forearm": {"d": [0.0, 0.05, 0.05], "e": [-0.2, 0.06, 0.05], "f": [-0.1, -0.05, 0.06]},
+    "flange": {"g": [0.0, 0.07, 0.01], "h": [0.06, 0.0, 0.02], "i": [-0.06, -0.04, 0.0]},
+}
+START, END = (
+    np.array([0.3, -1.2, 1.4, -0.8, 1.0, 0.4]),
+    np.array([1.1, -1.7, 2.0, -0.4, 0.3, 1.4]),
+)
+
+
+def mocap(markers: dict = MARKERS, **options) -> Mocap:
+    return Mocap(
+        **{"training": "*.csv", "markers": markers, "gate": 0.005, "max_gap": 20} | options
+    )
+
+
+def motion(frames: int) -> np.ndarray:
+    """(frames, 6) rad, of the UR5."""
+    return START + np.linspace(0, 1, frames)[:, None] * (END - START)
+
+
+def link_poses(robot: Robot, link: str, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (N, 3, 3) and positions (N, 3) of the frame of ``link``."""
+    model = pin.buildModelFromUrdf(robot.urdf)
+    data, frame = model.createData(), model.getFrameId(link, pin.FrameType.BODY)
+    rotations, positions = [], []
+    for row in q:
+        pin.framesForwardKinematics(model, data, row)
+        rotations.append(data.oMf[frame].rotation.copy())
+        positions.append(data.oMf[frame].translation.copy())
+    return np.array(rotations), np.array(positions)
+
+
+def points(robot: Robot, markers: dict, q: np.ndarray) -> np.ndarray:
+    """(N, P, 3) m, where the arm carries the ``markers`` in the frame of its base."""
+    places = []
+    for link, held in markers.items():
+        rotation, position = link_poses(robot, link, q)
+        local = np.array(list(held.values()))
+        places.append(position[:, None] + np.einsum("nab,mb->nma", rotation, local))
+    return np.concatenate(places, axis=1)

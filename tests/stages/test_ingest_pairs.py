@@ -1,0 +1,105 @@
+"""A command in another unit, order or clock than the measured angles never becomes a result, nor do
+locked joints that moved; what the options settle gives what the right logs do.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from joint_files import read_joint_log
+from joint_logs import FILES, HOME, MADE_UP, ingested, quality, write_movement
+from written_logs import write_joint_log
+
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.formats.joints.log import JointLog
+from pipeline.stages import ingest
+
+ROWS = 30  # by which the command is early
+ORDER = [1, 3, 2, 4, 5, 6]
+
+
+@pytest.fixture
+def logs(tmp_path) -> Path:
+    """Two movements of a robot that repeats its motions, as it should be logged."""
+    for number in (1, 2):
+        folder = tmp_path / f"logs/move_{number}"
+        write_movement(folder, 4, late=8e-4, noise=1e-5, seed=number)
+    return tmp_path / "logs"
+
+
+def spoil(folder: Path, *, factor: float = 1.0, order: bool = False, early: int = 0) -> None:
+    """Log what is commanded in another unit, with columns exchanged, or ``early`` rows before."""
+    for name in FILES[1:]:
+        log = read_joint_log(folder / name, joints=6)
+        rows = log.signals["actual"][:, [0, 2, 1, 3, 4, 5]] if order else log.signals["actual"]
+        rows = np.vstack([rows[early:], np.repeat(rows[-1:], early, axis=0)])
+        write_joint_log(folder / name, JointLog(log.time, {"actual": rows * factor}, {}))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words", "option"),
+    [
+        ({"factor": np.pi / 180}, "target_factor: 57.2957", {"target_factor": 180 / np.pi}),
+        ({"order": True}, r"\[1, 3, 2, 4, 5, 6\]", {"signals": {"target": ORDER, "speed": ORDER}}),
+        ({"early": ROWS}, "target_delay: 0.24", {"target_delay": {"move_1": 0.24, "move_2": 0.24}}),
+    ],
+)
+def test_a_command_that_is_no_pair_is_refused_and_settled_by_its_option(
+    log_project, logs, wrong, words, option
+):
+    choice = {"joint_log": MADE_UP, "motion": {"steps": 140}}
+    log_project("ur5_planar", logs, **choice)
+    ingest.run("motion")
+    names, q = ingested()
+    for number in (1, 2):
+        spoil(logs / f"move_{number}", **wrong)
+    with pytest.raises(RecordingError, match=f"are no pair.*{words}") as refused:
+        ingest.run("motion")
+    assert refused.value.evidence["file"].name == "move_1"
+    log_project("ur5_planar", logs, **choice | {"joint_log": MADE_UP | option})
+    ingest.run("motion")
+    outcome = ingested()
+    assert outcome[0] == names
+    np.testing.assert_allclose(outcome[1], q, rtol=0, atol=1e-9)
+    # six decimals of a command in radians that was divided by 57.3 are 57 µrad, over 100 steps
+    assert quality("lag_behind_command", names[0]) == pytest.approx(8e-4, abs=4e-5)
+    if wrong.get("early"):
+        assert quality("command_delay", "move_1") == 0.24
+
+
+def test_what_is_refused_leaves_nothing_behind(log_project, logs):
+    spoil(logs / "move_2", order=True)
+    log_project("ur5_planar", logs, joint_log=MADE_UP, motion={"steps": 140})
+    with pytest.raises(RecordingError, match="are no pair"):
+        ingest.run("motion")
+    assert not list(Path("data/ingest").iterdir())
+
+
+def test_a_delay_of_every_movement_is_needed_where_they_have_their_own(log_project, logs):
+    choice = MADE_UP | {"target_delay": {"move_1": 0.0}}
+    log_project("ur5_planar", logs, joint_log=choice, motion={"steps": 140})
+    with pytest.raises(ConfigError, match="no delay for the movement move_2; there are move_1"):
+        ingest.run("motion")
+
+
+def test_joints_that_are_locked_elsewhere_than_logged_are_refused(log_project, tmp_path):
+    # joint 1 turns by 0.2 rad in this motion, joint 6 by 0.1
+    write_movement(tmp_path / "logs/move_1", 5)
+    held = {"locked": {"joint_1": float(HOME[0])}}
+    log_project(
+        "ur5_planar", tmp_path / "logs", joint_log=MADE_UP, motion={"steps": 140}, robot=held
+    )
+    with pytest.raises(RecordingError, match=r"joint_1 is held at 1 rad.*0.8 to 1 rad") as refused:
+        ingest.run("motion")
+    assert refused.value.evidence["key"] == "dataset.robot.locked.joint_1"
+    assert refused.value.evidence["take"] == "move_1_1"
+    assert not list(Path("data/ingest").iterdir())
+    # the control: what it is not held at nobody says, and another joint's column is not its own
+    names = [f"joint_{j}" for j in (6, 2, 3, 4, 5, 1)]
+    log = MADE_UP | {"joints": names}
+    robot = {"locked": {"joint_1": float(HOME[5])}}
+    log_project("ur5_planar", tmp_path / "logs", joint_log=log, motion={"steps": 140}, robot=robot)
+    with pytest.raises(RecordingError, match=r"joint_1 is held at 0 rad.*0.1 rad"):
+        ingest.run("motion")

@@ -1,0 +1,118 @@
+"""The synthetic arm in space, from nothing to measured joint angles, held against the truth."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from joint_logs import ROOT
+from omegaconf import OmegaConf
+
+from pipeline.core import config, contracts
+from pipeline.core.columns import columns, values
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.stages import ingest, record, track
+
+JOINTS = [f"joint_{i}" for i in range(1, 8)]
+RECORDINGS = Path("data/raw/lwr4_lab/recordings")
+
+
+def choose(**overrides) -> None:
+    params = OmegaConf.load(ROOT / "params.yaml")
+    scale = {"training_takes": 3, "test_takes": 2}
+    params.update({"dataset": "lwr4_lab", "scale": "smoke", "compute": "serial"})
+    params.update({"overrides": {"scale": scale} | overrides})
+    OmegaConf.save(params, "params.yaml")
+    config.write_config(Path("params.yaml"))
+
+
+@pytest.fixture
+def project(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("pipeline", "dvc.yaml"):
+        Path(name).symlink_to(ROOT / name)
+    Path("data/raw/lwr4_lab").mkdir(parents=True)
+    shutil.copy(ROOT / "data/raw/lwr4_lab/dvc.yaml", "data/raw/lwr4_lab")
+    choose()
+
+
+def tracked() -> np.ndarray:
+    """(takes, M+1, 7) rad: measured minus true angles."""
+    ingest.run("motion")
+    track.run()
+    joints = contracts.read("joints", Path("data/track")).sort_values(["take", "k"])
+    truth = contracts.read("true_joints", RECORDINGS.parent / "truth").sort_values(["take", "k"])
+    errors = joints[columns("q", JOINTS)].to_numpy() - truth[columns("q", JOINTS)].to_numpy()
+    return errors.reshape(-1, 321, 7)
+
+
+def test_angles_are_measured_as_well_as_their_noise_lets_them(project):
+    record.run("lwr4_lab")
+    errors = tracked()
+    assert errors.shape == (5, 321, 7)
+    # the arm rests for 0.3 s at the start: what changes then is the noise of the bodies
+    noise = errors[:, :28].std(axis=1)
+    assert noise.max() < 1e-3
+    # misplaced markers and misbuilt links are there, and the same in every take
+    assert 1e-4 < np.abs(errors.mean(axis=(0, 1))).max() < 0.02
+    assert np.abs(errors.mean(axis=1) - errors.mean(axis=(0, 1))).max() < 1e-3
+    quality = contracts.read("quality", Path("data/track")).groupby("quantity")["value"]
+    assert quality.mean()["residual_rms"] < 1e-3
+    assert quality.sum()[["unfit", "undecided", "rejected"]].sum() == 0
+    trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
+    assert values(trajectory, "v").shape == (321, 6) and values(trajectory, "u").shape == (321, 7)
+    noise = values(contracts.read("process_noise", Path("data/track")), "w")
+    assert noise.shape == (3 * 320, 7) and 1e-4 < noise.std() < 1e-2
+
+
+def test_the_same_seed_records_the_same_files_and_a_perfect_arm_is_measured_to_their_digits(
+    project,
+):
+    perfect = {
+        "dynamics": {
+            "length_std": 0.0,
+            "encoder_offset_std": 0.0,
+            "jitter_std": 0.0,
+        },
+        "mocap": {"noise_std": 0.0, "placement_std": 0.0},
+    }
+    choose(dataset={"laboratory": perfect})
+    files = []
+    for _ in range(2):
+        record.run("lwr4_lab")
+        files.append({file: file.read_bytes() for file in RECORDINGS.rglob("*.csv")})
+    assert files[0] == files[1] and len(files[0]) == 11
+    # Motive prints micrometres
+    assert np.abs(tracked()).max() < 5e-5
+
+
+@pytest.mark.parametrize(
+    ("mocap", "error", "words"),
+    [
+        ({"markers": {"link_9": {"a": [0.0, 0.0, 0.1]}}}, ConfigError, "every link of markers"),
+        ({"posture": [0.0] * 6}, ConfigError, "6 angles for an arm of 7 joints"),
+        ({"bodies": {"flange": {"name": "Foot"}}}, RecordingError, "no rigid body named Foot"),
+        (
+            {"base": {"position": [0.35, 0.72, -0.31]}},
+            RecordingError,
+            "no posture of the arm has all markers and bodies",
+        ),
+    ],
+)
+def test_what_does_not_fit_the_arm_is_refused_with_one_message(project, mocap, error, words):
+    if "markers" not in mocap:
+        record.run("lwr4_lab")
+    choose(dataset={"mocap": mocap})
+    with pytest.raises(error, match=words):
+        record.run("lwr4_lab") if "markers" in mocap else tracked()
+
+
+def test_recordings_of_a_dataset_that_is_not_analysed_stay_as_they_are(project, capsys):
+    kept = Path("data/raw/youbot/recordings/kept")
+    kept.parent.mkdir(parents=True)
+    kept.touch()
+    shutil.copy(ROOT / "data/raw/youbot/dvc.yaml", "data/raw/youbot")
+    record.run("youbot")
+    assert kept.exists() and "set dataset: youbot" in capsys.readouterr().out
