@@ -10,7 +10,7 @@ export PATH := $(BIN):$(PATH)
 export DVC_NO_ANALYTICS := 1
 export HOME ?= $(CURDIR)/$(VENV)
 
-.PHONY: repro all test test-all smoke real audit bench bench-experiment lint lock clean-env
+.PHONY: repro all test test-all smoke real synthetic audit bench bench-experiment lint lock clean-env
 
 # The paper alone.
 repro: $(READY)
@@ -33,7 +33,11 @@ smoke: $(READY)
 
 # The same analysis on the recordings of real robots, for the verdicts side by side.
 real: $(READY)
-	python tests/whole/real.py .real
+	python tests/whole/evidence.py .real ur5 ur5_planar ur5_rounds lwr4
+
+# And on what the laboratory records of another arm, and on the youBot's recordings with another task.
+synthetic: $(READY)
+	python tests/whole/evidence.py .real lwr4_lab youbot_redundant towing
 
 # What is committed, run anew with nothing that an earlier run left: is it what is committed? Fails where it is not.
 audit: $(READY)

@@ -16,7 +16,7 @@ def in_metres(file) -> MotionTake:
 
 
 def frame_row(k: int, markers: str = "0", *, tracked: bool = True) -> str:
-    return f"frame,{k},{k / 100:.8f},{'1,' + POSE.format(k) if tracked else '0'},{markers}"
+    return f"frame,{k},{k / 100:.8f},{'1,' + POSE.format(k % 100) if tracked else '0'},{markers}"
 
 
 def body_row(k: int, first: str, second: str) -> str:

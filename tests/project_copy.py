@@ -38,7 +38,13 @@ def run(*command: str, cwd: Path) -> subprocess.CompletedProcess:
         for what in ("NAME", "EMAIL")
     }
     return subprocess.run(
-        command, cwd=cwd, env=environment, capture_output=True, text=True, check=False
+        command,
+        cwd=cwd,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
     )
 
 

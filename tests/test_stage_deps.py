@@ -59,6 +59,8 @@ def test_a_stage_depends_on_the_code_that_it_runs(stage):
     if module.endswith((".choose", ".configure")):
         result |= {"pipeline/conf", "pipeline/conf/dataset"}
         result |= {"pipeline/laboratory/options", "pipeline/models"}
+    if module.endswith(".predict"):
+        result |= {"pipeline/conf/model"}  # of the plain models beside the run's
     if module.endswith(".report"):
         # the docstrings of all code of the paper say what implements what
         result |= {path for path in code if path not in ("pipeline/studies", "pipeline/tools")}

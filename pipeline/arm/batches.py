@@ -7,7 +7,7 @@ from numba import int64, void
 
 from pipeline.arm.compiled import ARM
 from pipeline.arm.lq import invert, orthonormalise, too_singular
-from pipeline.arm.numbers import Arm
+from pipeline.arm.numbers import INVERSE, POSE, SINGULAR, Arm
 from pipeline.arm.serial_compiled import (
     JOINTS,
     POSITION,
@@ -21,8 +21,6 @@ from pipeline.arm.serial_compiled import (
     tip,
 )
 from pipeline.core.compiled import MATRIX, compiled
-
-POSE, JACOBIAN, SINGULAR, INVERSE = range(4)  # parts of the kinematics
 
 
 @compiled(void(ARM, MATRIX, int64, MATRIX))

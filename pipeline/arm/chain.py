@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.arm.interface import Chain
 from pipeline.arm.numbers import Arm
-from pipeline.core.options.dataset import PLANE
+from pipeline.core.task import PLANE
 
 # |det J| = l1 l2 |sin q2|; below this fraction of l1 l2 (about 0.06 degrees) the inverse is not to
 # be trusted
@@ -150,7 +150,7 @@ class PlanarChain(Chain):
         """
         return Arm(
             plane=np.concatenate([self.links.ravel(), self.signs, self.origin]),
-            placements=np.empty((0, 12)),
+            frames=np.empty((0, 6)),
             sliding=np.zeros(JOINTS),
             rows=np.array([0, 2, 4]),
             units=np.ones(len(TASK)),

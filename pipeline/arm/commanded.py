@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.interface import Chain
+from pipeline.arm.serial import ROWS, SerialChain
 from pipeline.core.columns import spread
 
 
@@ -19,19 +20,30 @@ def trajectory_table(
     their commanded speed in rad/s.
 
     The velocity of step k is the mean velocity that takes the pose at t_k to the pose at t_{k+1},
-    so that v_kΔt is their displacement; it is exactly zero where the command rests. x is the pose,
-    or, where a pose has no coordinates of its own (a rotation in space), its displacement from the
-    first one.
+    so that v_kΔt is their displacement; it is exactly zero where the command rests. x are
+    :func:`task_coordinates`.
     """
     pose = chain.pose(q)
-    k = np.arange(len(q))
-    coordinates = pose.shape[-1] == len(chain.task)
-    x = pose if coordinates else chain.displacement(pose[:1], pose)
+    k, x = np.arange(len(q)), task_coordinates(chain, pose)
     v = _speeds(chain.displacement(pose[:-1], pose[1:]), rate)
     table = {"k": k, "t": k / rate} | spread("x", chain.task, x) | spread("v", chain.task, v)
     if len(chain.task) < q.shape[1]:
         table |= spread("u", joints, _speeds(np.diff(q, axis=0), rate))
     return pd.DataFrame(table)
+
+
+def task_coordinates(chain: Chain, pose: np.ndarray) -> np.ndarray:
+    """(M+1, m) the rows of the task along the poses ``pose`` (M+1, p) of a motion, in m and rad:
+    the pose; of a serial chain, whose rotations have no coordinates, their rows are the
+    displacement from the first pose.
+    """
+    if not isinstance(chain, SerialChain):
+        return pose
+    x = chain.displacement(pose[:1], pose)
+    for row, name in enumerate(chain.task):
+        if ROWS[name] < 3:
+            x[:, row] = pose[:, ROWS[name]]
+    return x
 
 
 def _speeds(steps: np.ndarray, rate: float) -> np.ndarray:

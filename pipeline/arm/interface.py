@@ -1,8 +1,10 @@
-"""What every arm's kinematics offers, whatever its joints and its task: the interface of chains."""
+"""What the kinematics of every robot offers, whatever its joints and its task: the interfaces of
+mechanisms and of those among them that compiled code moves.
+"""
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -10,8 +12,8 @@ from pipeline.arm.numbers import Arm
 from pipeline.core.errors import SingularJacobianError
 
 
-class Chain(Protocol):
-    """An arm of n joints and a task of m ≤ n rows; J (m, n) is its Jacobian.
+class Mechanism(Protocol):
+    """A robot of n joints and a task of m ≤ n rows; J (m, n) is its Jacobian.
 
     ``q`` (..., n) are joint angles in rad, m of prismatic joints, of any leading axes. A *command*
     (..., m) is a step of the task, or (..., m + n) such a step v and beside it a step w of the
@@ -19,6 +21,11 @@ class Chain(Protocol):
     follows from the rest.
     """
 
+    # what is wrong at a singular pose
+    defect: ClassVar[str] = (
+        "the Jacobian is singular at {where}, where a step of the task asks for any step of the "
+        "joints"
+    )
     task: tuple[str, ...]  # names of the m rows
     lower: np.ndarray  # (n,) joint limits, rad or m; infinite where a joint has none
     upper: np.ndarray  # (n,)
@@ -41,22 +48,22 @@ class Chain(Protocol):
         singular ``what``.
         """
 
-    def numbers(self) -> Arm:
-        """What compiled code needs of the chain."""
+    def least_singular_value(self, q: np.ndarray) -> np.ndarray:
+        """(...,) of the matrix that a singular pose has no inverse of: of J."""
+        return np.linalg.svd(self.jacobian(q), compute_uv=False)[..., -1]
 
     def require_regular(self, q: np.ndarray, *, what: str = "pose") -> None:
         """Raise :class:`SingularJacobianError` naming the first singular ``what`` of ``q`` and the
-        least singular value of J there.
+        :meth:`least_singular_value` there.
         """
         bad = self.singular(q)
         if np.any(bad):
             index = tuple(int(i) for i in np.argwhere(bad)[0])
             pose = np.asarray(q, dtype=float)[index]
-            finite = np.isfinite(pose).all()
-            least = np.linalg.svd(self.jacobian(pose), compute_uv=False)[-1] if finite else np.nan
+            least = self.least_singular_value(pose) if np.isfinite(pose).all() else np.nan
+            defect = self.defect.format(where=f"{int(bad.sum())} {what}(s)")
             raise SingularJacobianError(
-                f"the Jacobian is singular at {int(bad.sum())} {what}(s), where a step of the task "
-                "asks for any step of the joints (or a pose is not finite)",
+                f"{defect} (or a pose is not finite)",
                 index=index,
                 q=pose.round(4).tolist(),
                 least_singular_value=float(f"{least:.3g}"),
@@ -83,3 +90,10 @@ class Chain(Protocol):
         filter.
         """
         return np.all((q >= self.lower) & (q <= self.upper), axis=-1)
+
+
+class Chain(Mechanism, Protocol):
+    """A serial arm, its joints one behind the other: compiled code moves it too."""
+
+    def numbers(self) -> Arm:
+        """What compiled code needs of the chain."""

@@ -74,7 +74,7 @@ def too_singular(
     from ``lower`` on, is below ``least`` or no number, else 0.
 
     LLᵀ − least²·I has as many negative pivots as L has singular values below ``least`` (Sylvester's
-    law of inertia): no eigenvalue is needed.
+    law of inertia): no eigenvalue is needed. Blocks far from singular are not asked for it.
 
     Args:
         room: the block.
@@ -85,13 +85,17 @@ def too_singular(
         out: the row of the result.
         count: how many poses.
     """
+    singular = room[out]
+    if _far_from_singular(room, lower, spare, m, least, singular, count):
+        for i in range(count):
+            singular[i] = 0.0
+        return
     for r in range(m):
         for s in range(r + 1):
             entry = room[spare + r * m + s]
             _product(room, lower + r * m, lower + s * m, s + 1, entry, count)
         for i in range(count):
             entry[i] -= least * least
-    singular = room[out]
     for i in range(count):
         singular[i] = 0.0
     for k in range(m):
@@ -105,6 +109,39 @@ def too_singular(
                 multiple[i] = below[i] * pivot[i]
             for s in range(k + 1, r + 1):
                 _add(room[spare + r * m + s], -1.0, multiple, room[spare + s * m + k], count)
+
+
+@inlined
+def _far_from_singular(
+    room: np.ndarray,
+    lower: int,
+    spare: int,
+    m: int,
+    least: float,
+    bound: np.ndarray,
+    count: int,
+) -> bool:
+    """Whether a bound keeps the least singular value of every L above twice ``least``.
+
+    Its square is (det L)² over the product of the others, which is at most the (m − 1)th power of
+    their mean, (‖L‖²/(m − 1))^{m−1}. The rows ``bound`` and ``spare`` are overwritten.
+    """
+    over, near = room[spare], 0
+    for i in range(count):
+        over[i] = 0.0
+        bound[i] = 1.0
+    for r in range(m):
+        for s in range(r + 1):
+            _add(over, 1.0, room[lower + r * m + s], room[lower + r * m + s], count)
+    for i in range(count):
+        over[i] = (m - 1) / over[i]
+    for r in range(m):
+        diagonal = room[lower + r * m + r]
+        for i in range(count):
+            bound[i] *= diagonal[i] * diagonal[i] * (over[i] if r > 0 else 1.0)
+    for i in range(count):
+        near += 0 if bound[i] > 4 * least * least else 1  # NaN too
+    return near == 0
 
 
 @inner

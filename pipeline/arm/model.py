@@ -17,7 +17,8 @@ from pipeline.arm.plane import planar_chain, plane_of, unlike_three
 from pipeline.arm.serial import SerialChain
 from pipeline.arm.urdf import read_urdf
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.dataset import SPACE, Robot
+from pipeline.core.options.dataset import Robot
+from pipeline.core.task import SPACE
 
 SAMPLES = 64  # poses at which the arm shows what it can move
 

@@ -24,13 +24,13 @@ def rigid_motion(places: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, 
     weight = (present / np.maximum(present.sum(axis=-1), 1)[..., None])[..., None]
     known = np.where(present[..., None], measured, 0.0)
     centres = [(weight * points).sum(axis=-2) for points in (places, known)]
-    local, seen = (
+    local, rotated = (
         (p - c[..., None, :]) * present[..., None]
         for p, c in zip((places, known), centres, strict=True)
     )
     spread = np.linalg.svd(local, compute_uv=False)
     decided = spread[..., 1] > 1e-6 * np.maximum(spread[..., 0], 1e-300)
-    rotation = nearest_rotation(np.swapaxes(seen, -1, -2) @ local)
+    rotation = nearest_rotation(np.swapaxes(rotated, -1, -2) @ local)
     translation = centres[1] - np.matvec(rotation, centres[0])
     gone = ~(decided & (present.sum(axis=-1) >= 3))
     rotation[gone], translation[gone] = np.nan, np.nan

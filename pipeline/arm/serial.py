@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arm.batches import INVERSE, JACOBIAN, POSE, SINGULAR, displacements, kinematics
+from pipeline.arm.folded import folded
 from pipeline.arm.interface import Chain
-from pipeline.arm.numbers import Arm
+from pipeline.arm.numbers import INVERSE, JACOBIAN, POSE, SINGULAR, Arm
 
 # The least singular value of the Jacobian at a pose whose inverse is trusted, as a share of the
 # greatest entry that the Jacobian can have (see :meth:`SerialChain.scale`). Below it a step of a
@@ -66,6 +66,8 @@ class SerialChain(Chain):
         """(..., m) from the poses ``start`` (..., 12) to ``end`` (..., 12): the way between their
         positions, and the rotation vector of R_end·R_startᵀ times the length.
         """
+        from pipeline.arm.batches import displacements  # here, as it loads the compiler
+
         start, end = np.broadcast_arrays(np.asarray(start, float), np.asarray(end, float))
         result = np.zeros((start.size // 12, len(self.task)))
         pairs = (np.array(poses.reshape(-1, 12), order="C") for poses in (start, end))
@@ -94,7 +96,7 @@ class SerialChain(Chain):
         rows = self._rows()
         return Arm(
             plane=np.empty(0),
-            placements=self.placements,
+            frames=folded(self.placements),
             sliding=self.sliding.astype(float),
             rows=rows,
             units=np.where(rows < 3, 1.0, self.length),
@@ -112,6 +114,8 @@ class SerialChain(Chain):
 
     def _computed(self, q: np.ndarray, part: int, rows: int) -> np.ndarray:
         """(rows, ...) of ``part`` of :func:`kinematics`; the batch last, as it computes."""
+        from pipeline.arm.batches import kinematics  # here, as it loads the compiler
+
         q = np.asarray(q, dtype=float)
         result = np.empty((rows, q.size // len(self.sliding)))
         columns = np.array(q.reshape(-1, len(self.sliding)).T, order="C")

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.arm import folded
 from pipeline.arm.compiled import sine_cosine
 from pipeline.arm.numbers import Arm
 from pipeline.core.compiled import compiled, inlined, inner
@@ -19,7 +20,7 @@ WIDTH = 64  # poses of a room
 ARC = tuple((-1.0) ** k / (2 * k + 1) for k in range(12))
 # rows of a room; the first twelve are the tip's pose
 POSITION, ROTATION = 0, 3  # of the tip: (3) in m, and (9) row by row
-SINE, COSINE, SLIDE = 12, 13, 14  # of one joint: of its angle, and its way in m
+SINE, COSINE = 12, 13  # of the turn of one frame
 TURN = 12  # the rotation vector (3) of a displacement, when the joints are done
 JOINTS = 15  # for each joint its axis (3) and a point of it (3, m)
 
@@ -50,7 +51,7 @@ def tip(arm: Arm, q: np.ndarray, start: int, count: int, room: np.ndarray) -> No
     in the base's axes, of the ``count`` poses of ``q`` (n, P) from ``start`` on, in rad, m of
     prismatic joints.
 
-    The frame of each joint is that of the joint before times its placement and its own motion.
+    Each frame is turned by the joint before, shifted and tilted (:mod:`pipeline.arm.folded`).
     """
     rows, n = room.reshape(-1), len(arm.sliding)
     for k in range(12):
@@ -59,53 +60,61 @@ def tip(arm: Arm, q: np.ndarray, start: int, count: int, room: np.ndarray) -> No
     for k in range(3):
         for i in range(count):
             rows[(ROTATION + 4 * k) * WIDTH + i] = 1.0
-    for j in range(n):
-        if arm.sliding[j] > 0.0:
+    for frame in range(n + 2):
+        turn, joint = arm.frames[frame, folded.TURN], frame - 1
+        if 0 <= joint < n and arm.sliding[joint] == 0.0:
+            angle = q[joint, start : start + count]
             for i in range(count):
-                rows[SINE * WIDTH + i] = 0.0
-                rows[COSINE * WIDTH + i] = 1.0
-                rows[SLIDE * WIDTH + i] = q[j, start + i]
-        else:
-            for i in range(count):
-                sine, cosine = sine_cosine(q[j, start + i])
+                sine, cosine = sine_cosine(angle[i] + turn)
                 rows[SINE * WIDTH + i] = sine
                 rows[COSINE * WIDTH + i] = cosine
-                rows[SLIDE * WIDTH + i] = 0.0
-        _follow(arm.placements[j], rows, count)
-        for k in range(3):
-            axis = JOINTS + 6 * j + k
+        else:
+            sine, cosine = sine_cosine(turn)
             for i in range(count):
-                rows[axis * WIDTH + i] = rows[(ROTATION + 3 * k + 2) * WIDTH + i]
-                rows[(axis + 3) * WIDTH + i] = rows[(POSITION + k) * WIDTH + i]
-    for i in range(count):
-        rows[SINE * WIDTH + i] = 0.0
-        rows[COSINE * WIDTH + i] = 1.0
-        rows[SLIDE * WIDTH + i] = 0.0
-    _follow(arm.placements[n], rows, count)
+                rows[SINE * WIDTH + i] = sine
+                rows[COSINE * WIDTH + i] = cosine
+        _follow(0, arm.frames[frame], rows, count)
+        _follow(1, arm.frames[frame], rows, count)
+        _follow(2, arm.frames[frame], rows, count)
+        if frame < n:
+            if arm.sliding[frame] > 0.0:
+                _slide(q[frame, start : start + count], rows, count)
+            for k in range(3):
+                axis, point = room[JOINTS + 6 * frame + k], room[JOINTS + 6 * frame + 3 + k]
+                along, here = room[ROTATION + 3 * k + 2], room[POSITION + k]
+                for i in range(count):
+                    axis[i] = along[i]
+                    point[i] = here[i]
 
 
 @inlined
-def _follow(placement: np.ndarray, rows: np.ndarray, count: int) -> None:
-    """Make of the frames in ``rows`` those that lie in them at ``placement`` (12,), then turned
-    about their z axes and moved along them.
+def _follow(k: int, frame: np.ndarray, rows: np.ndarray, count: int) -> None:
+    """Make of row ``k`` of the frames in ``rows`` that of those which are turned about their z
+    axes, then shifted and tilted as ``frame`` (6,) says.
+
+    The compiler computes several poses at once only where ``k`` is a number in the text of the
+    call.
     """
-    xx, xy, xz = placement[0], placement[1], placement[2]
-    yx, yy, yz = placement[3], placement[4], placement[5]
-    zx, zy, zz = placement[6], placement[7], placement[8]
-    px, py, pz = placement[9], placement[10], placement[11]
+    c, s = frame[folded.COSINE], frame[folded.SINE]
+    px, py, pz = frame[folded.SHIFT], frame[folded.SHIFT + 1], frame[folded.SHIFT + 2]
+    for i in range(count):
+        at = (ROTATION + 3 * k) * WIDTH + i
+        sine, cosine = rows[SINE * WIDTH + i], rows[COSINE * WIDTH + i]
+        x, y, z = rows[at], rows[at + WIDTH], rows[at + 2 * WIDTH]
+        turned, across = x * cosine + y * sine, y * cosine - x * sine
+        rows[(POSITION + k) * WIDTH + i] += turned * px + across * py + z * pz
+        rows[at] = turned
+        rows[at + WIDTH] = across * c + z * s
+        rows[at + 2 * WIDTH] = z * c - across * s
+
+
+@inlined
+def _slide(way: np.ndarray, rows: np.ndarray, count: int) -> None:
+    """Move the frames in ``rows`` by ``way`` (count,) in m along their z axes."""
     for k in range(3):
         for i in range(count):
-            at = (ROTATION + 3 * k) * WIDTH + i
-            sine, cosine = rows[SINE * WIDTH + i], rows[COSINE * WIDTH + i]
-            x, y, z = rows[at], rows[at + WIDTH], rows[at + 2 * WIDTH]
-            first, second = x * xx + y * yx + z * zx, x * xy + y * yy + z * zy
-            third = x * xz + y * yz + z * zz
-            rows[at] = first * cosine + second * sine
-            rows[at + WIDTH] = second * cosine - first * sine
-            rows[at + 2 * WIDTH] = third
-            rows[(POSITION + k) * WIDTH + i] += (
-                x * px + y * py + z * pz + third * rows[SLIDE * WIDTH + i]
-            )
+            along = rows[(ROTATION + 3 * k + 2) * WIDTH + i]
+            rows[(POSITION + k) * WIDTH + i] += along * way[i]
 
 
 @inner

@@ -13,6 +13,7 @@ from pipeline.core.errors import ConfigError
 # Pinocchio goes through the tree by recursion, and past some thousands of joints it takes the
 # process with it; its memory grows as the square. A humanoid with two hands has some eighty.
 MOST_JOINTS = 250
+FARTHEST = 1e6  # m or rad, of an origin or an axis: squares of it stay finite
 LIMITED = ("revolute", "prismatic")  # kinds of joints with one coordinate and limits
 SINGLE = (*LIMITED, "continuous")  # with one coordinate
 
@@ -126,6 +127,9 @@ def _take(tree: Tree, path: list[str], values: dict[str, str]) -> None:
             tree.joints[name] = Joint(name, values.get("type", ""))
         case ["robot", "joint", part]:
             joint: Any = tree.joints[[*tree.joints][-1]]
+            for word in f"{values.get('xyz', '')} {values.get('rpy', '')}".split():
+                if not abs(float(word)) <= FARTHEST:
+                    raise ValueError(f"{joint.name} has {word[:80]} m or rad in its {part}")
             if part in ("parent", "child"):
                 setattr(joint, part, values.get("link", ""))
             elif part == "limit":
@@ -167,7 +171,8 @@ def _require_tree(tree: Tree) -> None:
     roots = [link for link in tree.links if link not in children]
     if len(roots) != 1:
         raise ConfigError(
-            f"robot.urdf: a robot has one link that no joint holds, and this one {roots or 'none'}",
+            "robot.urdf: a robot has one link that no joint holds, and this one "
+            f"{', '.join(roots[:5]) or 'none'}",
             file=tree.file,
         )
 

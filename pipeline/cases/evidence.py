@@ -73,7 +73,9 @@ def case_evidence(
                 evidence |= filter_evidence(models, truth, pose, takes.training.joints)
             if case.closed:
                 frames = [camera.takes[take] for take in tested]
-                means, covariances, _ = memory_filter(takes.poses, pose, frames, dt)
+                means, covariances, _ = memory_filter(
+                    takes.poses, pose, frames, dt, takes.training.chain
+                )
                 linear = Filtered(means - truth, covariances, pose)
                 evidence |= none_evidence(filters, linear, truth, takes, (pose, held))
     return evidence, sorted(refusals)

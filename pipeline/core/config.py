@@ -1,7 +1,5 @@
 """Composes the configuration from params.yaml, pipeline/conf and the dataset's datasheet, validates
 it, and hands each stage its sections.
-
-The only module that knows Hydra.
 """
 
 from __future__ import annotations
@@ -16,6 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from pipeline.core import datasheet
+from pipeline.core.composition import composed_with
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.config import Config
 from pipeline.core.typed_yaml import load_yaml, read_yaml, said, structured, typed
@@ -76,24 +75,13 @@ def compose_config(params_file: Path) -> DictConfig:
             )
     sheet = datasheet.read(datasheet.path_of(params["dataset"]))
     option_file = CONF / "dataset" / f"{params['dataset']}.yaml"
-    # imported here: only configure composes, every other stage reads what it composed
-    from hydra import compose, initialize_config_dir
-    from hydra.errors import HydraException
-
     overrides = [f"{group}={params[group]}" for group in GROUPS] + [
         f"+model@models.{model}={model}" for model in models
     ]
     try:
-        with initialize_config_dir(str(CONF), version_base="1.3"):
-            composed = compose("config", overrides=overrides)
-        OmegaConf.set_struct(composed, False)
-        datasheet.require_apart(composed._get_node("dataset"), sheet, option_file)
-        composed = OmegaConf.merge(
-            composed, {"dataset": sheet.values, "seed": params["seed"]}, changes
-        )
-        OmegaConf.resolve(composed)
-    except (HydraException, OmegaConfBaseException) as error:
-        raise ConfigError(said(error), file=params_file) from None
+        composed = composed_with(overrides, sheet, option_file, {"seed": params["seed"]}, changes)
+    except ConfigError as error:
+        raise ConfigError(error.message, **({"file": params_file} | error.evidence)) from None
     datasheet.require_filled(composed, sheet, option_file)
     try:
         config = typed(Config, composed)

@@ -55,7 +55,7 @@ def read(file: Path) -> Datasheet:
             key="about",
             file=file,
         )
-    if isinstance(about, DictConfig) and any(_unfilled(OmegaConf.to_container(about))):
+    if isinstance(about, DictConfig) and any(unfilled_keys(OmegaConf.to_container(about))):
         _refuse(unfilled(file), file)
     try:
         typed(About, about, "about")
@@ -66,16 +66,19 @@ def read(file: Path) -> Datasheet:
 
 def unfilled(file: Path) -> list[str]:
     """The keys of a YAML file that have ??? for a value."""
-    return list(_unfilled(read_yaml(file)))
+    return list(unfilled_keys(read_yaml(file)))
 
 
 def require_apart(option: DictConfig, sheet: Datasheet, option_file: Path) -> None:
     """ConfigError for a key that stands both in the ``option`` of the dataset, of ``option_file``,
     and in its datasheet.
     """
-    for key in _common(option, sheet.values, "dataset."):
+    if keys := list(_common(option, sheet.values, "dataset.")):
+        verb, of_each = ("stands", "them") if len(keys) == 1 else ("stand", "each")
         raise ConfigError(
-            f"{key} stands in {option_file.name} too: keep one of them", key=key, file=sheet.file
+            f"{', '.join(keys)} {verb} in {option_file.name} too: keep one of {of_each}",
+            key=keys[0],
+            file=sheet.file,
         )
 
 
@@ -83,7 +86,7 @@ def require_filled(composed: DictConfig, sheet: Datasheet, option_file: Path) ->
     """ConfigError with the file and all keys of the ``composed`` dataset that were left to fill in
     and that no override fills.
     """
-    keys = list(_unfilled(OmegaConf.to_container(composed).get("dataset")))
+    keys = list(unfilled_keys(OmegaConf.to_container(composed).get("dataset")))
     mine = [key for key in keys if sheet.holds(key.partition("[")[0])]
     _refuse(mine, sheet.file)
     _refuse(keys, option_file)
@@ -103,16 +106,18 @@ def _common(option: DictConfig, sheet: DictConfig, prefix: str) -> Iterator[str]
             yield f"{prefix}{key}"
 
 
-def _unfilled(values: Any, key: str = "") -> Iterator[str]:
-    """As OmegaConf.missing_keys, without resolving what refers to another file."""
+def unfilled_keys(values: Any, key: str = "") -> Iterator[str]:
+    """The keys of ``values`` that hold ???, in their order; as OmegaConf.missing_keys, without
+    resolving what refers to another file.
+    """
     if values == MISSING:
         yield key
     elif isinstance(values, dict):
         for name, value in values.items():
-            yield from _unfilled(value, f"{key}.{name}" if key else str(name))
+            yield from unfilled_keys(value, f"{key}.{name}" if key else str(name))
     elif isinstance(values, list):
         for place, value in enumerate(values):
-            yield from _unfilled(value, f"{key}[{place}]")
+            yield from unfilled_keys(value, f"{key}[{place}]")
 
 
 def _refuse(keys: Iterable[str], file: Path) -> None:

@@ -23,7 +23,9 @@ DECLARATION = re.compile(
 
 @cache
 def declared(file: Path = PAPER) -> dict[str, dict[str, pa.Column]]:
-    """Columns by name of every table of ``file``; a name with ``*`` stands for a family."""
+    """Columns by name of every table of ``file``; a name with ``*`` or ``#`` stands for a
+    family.
+    """
     tables = {name: lines for name, lines in read_yaml(file).items() if name[0] != "."}
     return {
         name: {column: _column(text) for column, text in lines.items()}
@@ -39,8 +41,9 @@ def expanded(declaration: dict[str, pa.Column], present: list[str]) -> dict[str,
     """
     columns = {}
     for name, column in declaration.items():
-        pattern = re.compile(re.escape(name).replace(r"\*", "[^:]+"))
-        family = [name] if "*" not in name else [c for c in present if pattern.fullmatch(str(c))]
+        pattern = re.escape(name).replace(r"\*", "[^:]+").replace(r"\#", "[1-9]")
+        single = pattern == re.escape(name)
+        family = [name] if single else [c for c in present if re.fullmatch(pattern, str(c))]
         columns |= dict.fromkeys(family or [name] * column.required, column)
     return columns
 

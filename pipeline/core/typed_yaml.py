@@ -16,6 +16,10 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 
 from pipeline.core.errors import ConfigError
 
+MOST_BYTES = 1 << 24  # of a file
+MOST_LEVELS = 50  # of lists and mappings in one another
+MOST_VALUES = 200_000  # of a file, what it repeats by reference counted each time
+
 
 class Loader(yaml.cyaml.CParser, get_yaml_loader()):
     """OmegaConf's own, its text parsed by libyaml: every stage reads dvc.yaml, and would spend more
@@ -43,7 +47,10 @@ def load_yaml(file: Path) -> DictConfig:
 def read_yaml(file: Path) -> dict:
     """As :func:`load_yaml`, as plain data."""
     try:
-        loaded = yaml.load(file.read_bytes(), Loader)
+        with file.open("rb") as stream:
+            content = stream.read(MOST_BYTES + 1)
+        require_bounded(content)
+        loaded = yaml.load(content, Loader)
     except FileNotFoundError:
         raise ConfigError(
             "no such file; run the pipeline from the project's root", file=file
@@ -55,6 +62,45 @@ def read_yaml(file: Path) -> dict:
     if not isinstance(loaded, dict | None):
         raise ConfigError("must hold keys and values", file=file)
     return loaded or {}
+
+
+def require_bounded(text: str | bytes) -> None:
+    """Raise ValueError where YAML nests deeper than MOST_LEVELS, unfolds into more than
+    MOST_VALUES, refers to a part of itself that holds the reference, or is no YAML: whoever builds
+    what it means goes down by recursion, and at some depth takes the process along. No recording
+    or option comes near these bounds, so that none is an option.
+    """
+    if len(text) > MOST_BYTES:
+        raise ValueError(f"it has more than {MOST_BYTES >> 20} MiB")
+    try:
+        _count(text)
+    except yaml.YAMLError as error:
+        raise ValueError(str(error)) from None
+
+
+def _count(text: str | bytes) -> None:
+    sizes: dict[str, int] = {}  # anchor → how many values it stands for, 0 as long as it is open
+    opened: list[tuple[str | None, int]] = []  # the anchor of each level, the values before it
+    values = 0
+    for event in yaml.parse(text, yaml.CSafeLoader):
+        if isinstance(event, yaml.AliasEvent):
+            if sizes.get(event.anchor) == 0:
+                raise ValueError(f"*{event.anchor} stands in what it refers to")
+            values += sizes.get(event.anchor, 1)
+        elif isinstance(event, yaml.CollectionStartEvent):
+            opened.append((event.anchor, values))
+            sizes[event.anchor] = 0
+            values += 1
+        elif isinstance(event, yaml.ScalarEvent):
+            values += 1
+            sizes[event.anchor] = 1
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = opened.pop()
+            sizes[anchor] = values - before
+        if len(opened) > MOST_LEVELS:
+            raise ValueError(f"it nests deeper than {MOST_LEVELS} levels")
+        if values > MOST_VALUES:
+            raise ValueError(f"it unfolds into more than {MOST_VALUES} values")
 
 
 def structured(structure: Any) -> DictConfig:
@@ -103,3 +149,12 @@ def typed(structure: Any, values: Any, section: str = "") -> DictConfig:
     # makes the objects, whose types may check ranges of their own
     OmegaConf.to_object(merged)
     return merged
+
+
+def parsed(text: str, **evidence: object) -> Any:
+    """What ``text`` holds as YAML; ConfigError with ``evidence`` where it is none."""
+    try:
+        return yaml.load(text, Loader)
+    except (yaml.YAMLError, ValueError) as error:
+        message = f"cannot be read as YAML: {' '.join(str(error).split())}"
+        raise ConfigError(message, **evidence) from None

@@ -22,7 +22,7 @@ from pipeline.figures.style import BLACK, BLUE, GREY, SKY, TWO_COLUMNS, panels
 
 TABLES = {"force_density": "data/wrench"}
 METRICS = ("reports/metrics/wrench.json", ("*_measured_*", "*_modelled_*"))
-NEEDS = "force transducer"
+NEEDS = "force record of cables in a plane that meet in one point"
 
 SOURCES = ("measured", "modelled")
 ROBOTS = 1.45  # distance of the robots' circles from the platform, in greatest tensions

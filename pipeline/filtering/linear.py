@@ -9,7 +9,9 @@ poses of its step (:mod:`pipeline.filtering.measurement`) the response A: of the
 
     y_j − b_j = p̄_j + A(p_j − p̄_j) + N(0, R_j),
 
-so that H_j is A times the two poses' weights. With the frames in the order of time and S =
+so that H_j is A times the two poses' weights. A pose of the tip is displaced from that at p̄_j by
+J(p̄_j)A(p_j − p̄_j) + b_j + N(0, R_j), to first order in a deviation, J being the whole Jacobian of
+an arm in space. With the frames in the order of time and S =
 H P Hᵀ + R = L Lᵀ the leading block of L is the factor of the frames up to any time, and one
 factorisation holds the posterior of every step,
 
@@ -21,13 +23,17 @@ with the rows of the frames so far.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import cho_factor, solve_triangular
 
+from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError
+from pipeline.core.options.dataset import SPACE
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import due_frames
+from pipeline.filtering.state import Frames
 
 
 def linear_filter(
@@ -35,12 +41,13 @@ def linear_filter(
     covariance: np.ndarray,
     takes: Sequence[Measurements],
     dt: float,
-    response: np.ndarray,
+    chain: Chain,
+    response: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Means (T, M+1, n) and covariances (T, M+1, n, n) of the T ``takes``, each as by
     :func:`best_linear`.
     """
-    known = [best_linear(path, covariance, take, dt, response) for take in takes]
+    known = [best_linear(path, covariance, take, dt, chain, response) for take in takes]
     means, covariances = zip(*known, strict=True)
     return np.stack(means), np.stack(covariances)
 
@@ -50,7 +57,8 @@ def best_linear(
     covariance: np.ndarray,
     measurements: Measurements,
     dt: float,
-    response: np.ndarray,
+    chain: Chain,
+    response: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean (M+1, n) in rad and covariance (M+1, n, n) in rad² of the pose at each step given the
     frames up to it.
@@ -63,7 +71,8 @@ def best_linear(
         covariance: (M+1, n, M+1, n) rad², P.
         measurements: of the take.
         dt: step of the grid in s.
-        response: (n, n) A, the identity where the camera's error is independent of the pose.
+        chain: the arm, whose tip may be what was measured.
+        response: (n, n) A; the identity, where none is given: an error independent of the pose.
     """
     grid, n = path.shape
     frames, _ = due_frames(measurements, grid - 1, dt)
@@ -71,27 +80,42 @@ def best_linear(
     before, share = np.maximum(after - 1, 0), frames.share[:, None]
     point = (1 - share) * path[before] + share * path[after]
     share = share[:, :, None, None]
-    # (F, n, M+1, n), of each frame's point with each pose
+    # (F, d, M+1, n), of what each frame shows with each pose
     across = (1 - share) * covariance[before] + share * covariance[after]
-    across = (response @ across.reshape(-1, n, grid * n)).reshape(across.shape)
+    shown, residual = _seen(frames, point, chain)
+    shown = shown if response is None else shown @ response
+    d = residual.shape[-1]
+    across = (shown @ across.reshape(-1, n, grid * n)).reshape(-1, d, grid, n)
     share = share[:, 0]
     among = np.moveaxis(across, 2, 0)
     among = (1 - share[..., None]) * among[before] + share[..., None] * among[after]
-    total = np.moveaxis(among @ response.T, 0, 2)  # (F, n, F, n)
+    total = np.moveaxis(among @ shown.swapaxes(1, 2)[:, None], 0, 2)  # (F, d, F, d)
     each = np.arange(len(after))
     root = np.linalg.inv(frames.whitening)
     total[each, :, each] += root @ root.swapaxes(-1, -2)
-    rows = len(after) * n
+    rows = len(after) * d
     try:
         factor, _ = cho_factor(total.reshape(rows, rows), lower=True)
     except np.linalg.LinAlgError:
         raise ModelDomainError(
             "the prior covariance of the path is none", take=measurements.take
         ) from None
-    white = solve_triangular(factor, (frames.unbiased - point).reshape(rows), lower=True)
+    white = solve_triangular(factor, residual.reshape(rows), lower=True)
     gain = solve_triangular(factor, across.reshape(rows, grid * n), lower=True)
-    so_far = np.arange(rows)[:, None] < n * frames.first[1:]
-    gain = np.moveaxis(gain.reshape(rows, grid, n) * so_far[..., None], 0, 2)  # (M+1, n, nF)
+    so_far = np.arange(rows)[:, None] < d * frames.first[1:]
+    gain = np.moveaxis(gain.reshape(rows, grid, n) * so_far[..., None], 0, 2)  # (M+1, n, dF)
     steps = np.arange(grid)
     known = covariance[steps, :, steps] - gain @ gain.swapaxes(1, 2)
     return path + gain @ white, known
+
+
+def _seen(frames: Frames, point: np.ndarray, chain: Chain) -> tuple[np.ndarray, np.ndarray]:
+    """Of F frames (F, d, n) what each shows of a deviation from its ``point`` (F, n) in rad, and
+    (F, d) what it shows beyond that point.
+    """
+    if not frames.tip:
+        n = point.shape[-1]
+        return np.broadcast_to(np.eye(n), (len(point), n, n)), frames.unbiased - point
+    # the whole pose, in metres and radians, whatever the task
+    whole = replace(chain, task=SPACE, length=1.0)
+    return whole.jacobian(point), whole.displacement(whole.pose(point), frames.unbiased)

@@ -12,10 +12,11 @@ import pandas as pd
 from pipeline.arm.description import describe
 from pipeline.arm.rigid import rigid_motion
 from pipeline.core import contracts
-from pipeline.core.columns import columns
+from pipeline.core.columns import columns, values
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Dataset
 from pipeline.core.options.motion_capture import Mocap
+from pipeline.filtering.encoder_noise import EncoderNoise, encoder_noise
 from pipeline.filtering.measurement import Measurements, measurements
 
 MOTION, TRACK, ARTICULATE = Path("data/ingest/motion"), Path("data/track"), Path("data/articulate")
@@ -25,8 +26,8 @@ def measured_takes(dataset: Dataset) -> list[Measurements]:
     """Of every test take, in the order of their names, what ``dataset.measurement`` chooses, from
     the tables of the stages before; none where the dataset has no depth camera to choose.
 
-    Raises ConfigError where the instrument that is chosen is none of the dataset's, or its
-    deviation is not stated.
+    Raises ConfigError where the instrument that is chosen is none of the dataset's, and where
+    nothing says how far it is off.
     """
     if dataset.measurement == "depth":
         if not contracts.exists("angles", ARTICULATE):
@@ -36,8 +37,9 @@ def measured_takes(dataset: Dataset) -> list[Measurements]:
     joints = contracts.read("joints", TRACK)
     takes = joints.loc[joints["part"] == "test", "take"].unique()
     if dataset.measurement == "encoders":
+        noise = noise_of_encoders(dataset)
         rows = _of_takes("encoders", takes, "dataset.encoders", dataset.encoders)
-        return [_encoders(take, each, dataset) for take, each in rows]
+        return [_encoders(take, each, dataset, noise) for take, each in rows]
     if dataset.robot.plane:
         message = "the pose of the tip is measured of an arm in space, not of one in a plane"
         raise ConfigError(message, key="dataset.measurement")
@@ -53,15 +55,31 @@ def _of_takes(name: str, takes: np.ndarray, key: str, stated: object) -> list[tu
     table = contracts.read(name, MOTION)
     held = dict(list(table[table["take"].isin(takes)].groupby("take")))
     if absent := sorted(set(takes) - set(held)):
-        raise ConfigError(f"nothing is measured of the test takes {', '.join(absent)}", key=key)
+        raise ConfigError(f"nothing is measured of the takes {', '.join(absent)}", key=key)
     return sorted(held.items())
 
 
-def _encoders(take: str, rows: pd.DataFrame, dataset: Dataset) -> Measurements:
-    y = rows[columns("q", dataset.robot.joints)].to_numpy()
-    noise = dataset.encoders.deviation**2 * np.eye(y.shape[1])
-    covariance = np.tile(noise, (len(y), 1, 1))
-    return Measurements(str(take), rows["t"].to_numpy(), y, np.zeros_like(y), covariance)
+def noise_of_encoders(dataset: Dataset) -> EncoderNoise:
+    """How far the encoders were off in the training takes, as the motion capture saw them."""
+    joints = contracts.read("joints", TRACK)
+    takes = joints.loc[joints["part"] == "training", "take"].unique()
+    rows = _of_takes("encoders", takes, "dataset.encoders", dataset.encoders)
+    errors = []
+    for take, read in rows:
+        observed = joints[joints["take"] == take]
+        y = values(read, "q")
+        at_steps = [np.interp(observed["t"], read["t"], reading) for reading in y.T]
+        errors.append(np.stack(at_steps, axis=-1) - values(observed, "q"))
+    return encoder_noise(np.stack(errors), 1 / dataset.motion.rate)
+
+
+def _encoders(take: str, rows: pd.DataFrame, dataset: Dataset, noise: EncoderNoise) -> Measurements:
+    """A reading for each step of the motion grid: what is read in between has the same error."""
+    rate = 1 / rows["t"].diff().median()
+    read = rows[:: max(1, round(rate / dataset.motion.rate))]
+    t, y = read["t"].to_numpy(), read[columns("q", dataset.robot.joints)].to_numpy()
+    bias, covariance = noise.of_readings(t)
+    return Measurements(str(take), t, y, bias, covariance)
 
 
 def tip_poses(take: str, rows: pd.DataFrame, mocap: Mocap, tool: str) -> Measurements:
@@ -79,12 +97,12 @@ def tip_poses(take: str, rows: pd.DataFrame, mocap: Mocap, tool: str) -> Measure
             key="dataset.mocap.deviation",
         )
     number = list(mocap.markers).index(tool) + 1
-    seen = rows[rows["link"] == number].sort_values(["marker", "k"], kind="stable")
+    observed = rows[rows["link"] == number].sort_values(["marker", "k"], kind="stable")
     places = np.array(list(mocap.markers[tool].values()), dtype=float)
-    points = seen[["x", "y", "z"]].to_numpy().reshape(len(places), -1, 3).transpose(1, 0, 2)
+    points = observed[["x", "y", "z"]].to_numpy().reshape(len(places), -1, 3).transpose(1, 0, 2)
     rotation, position = rigid_motion(places, points)
     known = np.isfinite(position).all(axis=1)
-    t = seen["t"].to_numpy()[: len(points)][known]
+    t = observed["t"].to_numpy()[: len(points)][known]
     present = np.isfinite(points).all(axis=-1)[known]
     rotation, position = rotation[known], position[known]
     # a displacement (δ, θ) moves the point at lever r from the tip by δ + θ × r

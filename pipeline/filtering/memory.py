@@ -14,13 +14,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pipeline.arm.interface import Chain
 from pipeline.filtering.linear import linear_filter
 from pipeline.filtering.measurement import Measurements
 from pipeline.models.covariance import root, without_measurement
 
 
 def memory_filter(
-    poses: np.ndarray, measurement: np.ndarray, takes: Sequence[Measurements], dt: float
+    poses: np.ndarray,
+    measurement: np.ndarray,
+    takes: Sequence[Measurements],
+    dt: float,
+    chain: Chain,
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """Means (T, K, n) in rad and covariances (T, K, n, n) in rad² of the poses of the T ``takes``
     at each step given the frames up to it; along how many axes, over all steps, the training takes
@@ -29,13 +34,13 @@ def memory_filter(
     Args:
         poses: (takes, K, n) rad, the training takes.
         measurement: (n, n) rad², noise of a measured pose.
-        takes: what the camera measured of the takes that are filtered.
+        takes: what was measured of the takes that are filtered.
         dt: step of the motion grid in s.
+        chain: the arm.
     """
     roots, without = spreads(poses, measurement)
     law = remembered(roots, memory(poses, measurement))
-    blind = np.eye(poses.shape[-1])
-    return *linear_filter(poses.mean(axis=0), law, takes, dt, blind), without
+    return *linear_filter(poses.mean(axis=0), law, takes, dt, chain), without
 
 
 def spreads(poses: np.ndarray, measurement: np.ndarray) -> tuple[np.ndarray, int]:

@@ -30,7 +30,7 @@ def weigh_tip(
     n, share, log_norm = len(q), frames.share[frame], frames.log_norm[frame]
     white, measured = frames.whitening[frame], frames.unbiased[frame]
     # the whole pose, in metres and radians, whatever the task
-    whole = Arm(arm.plane, arm.placements, arm.sliding, np.arange(ROWS), np.ones(ROWS), arm.least)
+    whole = Arm(arm.plane, arm.frames, arm.sliding, np.arange(ROWS), np.ones(ROWS), arm.least)
     room, poses = np.empty((JOINTS + 6 * n, WIDTH)), np.empty((n, WIDTH))
     way, whitened, square = np.empty((ROWS, WIDTH)), np.empty(WIDTH), np.empty(WIDTH)
     for start in range(0, len(log_weights), WIDTH):

@@ -11,9 +11,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline.core.bounds import read_whole
 from pipeline.core.errors import RecordingError
 
-NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*")
+# in each of its ways to go on the next letter differs, so that no text takes it long
+NUMBER = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*")
+GREATEST = 1e20  # of what is measured, and beyond any time in ns: squares of it stay finite
 # a blank cell and what C runtimes print for a sample that is not there
 MISSING = ("", "NaN", "nan", "NAN", "-nan(ind)", "1.#QNAN", "-1.#IND")
 
@@ -38,7 +41,7 @@ def read_text(file: Path) -> Text:
     Raises RecordingError where the file cannot be read, is empty or is not text.
     """
     try:
-        content = Path(file).read_bytes()
+        content = read_whole(file)
     except OSError as error:
         raise RecordingError(f"the file cannot be read ({error.strerror})", file=file) from None
     if not content.strip():
@@ -89,7 +92,7 @@ def numbers_of(
 
     ``line_numbers`` (N) are the rows' places in the file. Cells of other columns may hold anything.
     Raises RecordingError with the line for a row with more or fewer cells than the first one, a
-    cell that is not a number, an infinite one, and a missing one unless ``gaps``.
+    cell that is not a number, one beyond GREATEST, and a missing one unless ``gaps``.
     """
     width = rows[0].count(separator)
     for row, number in zip(rows, line_numbers, strict=True):
@@ -116,7 +119,8 @@ def numbers_of(
         values = table[columns].to_numpy()
     except ValueError:
         values = np.full((len(rows), len(columns)), np.inf)
-    if len(values) != len(rows) or np.isinf(values).any() or (not gaps and np.isnan(values).any()):
+    wrong = np.abs(values) > GREATEST
+    if len(values) != len(rows) or wrong.any() or (not gaps and np.isnan(values).any()):
         raise _first_fault(
             rows, line_numbers, columns, file=file, separator=separator, decimal=decimal, gaps=gaps
         )
@@ -142,12 +146,15 @@ def _first_fault(
                     return RecordingError(
                         f"column {column + 1} has no number", file=file, line=number
                     )
-            elif not NUMBER.fullmatch(
-                cell if decimal == "." else cell.replace(".", "?").replace(decimal, ".")
-            ):
-                return RecordingError(
-                    f"column {column + 1} holds {cell!r}, not a finite number",
-                    file=file,
-                    line=number,
-                )
-    return RecordingError("a number is too large to be represented", file=file)
+                continue
+            plain = cell if decimal == "." else cell.replace(".", "?").replace(decimal, ".")
+            if not NUMBER.fullmatch(plain):
+                fault = "not a finite number"
+            elif abs(float(plain)) > GREATEST:
+                fault = f"beyond {GREATEST:g}, which nothing measures"
+            else:
+                continue
+            return RecordingError(
+                f"column {column + 1} holds {cell[:80]!r}, {fault}", file=file, line=number
+            )
+    return RecordingError("the cells cannot be told apart", file=file)

@@ -46,7 +46,9 @@ class Head:
 
     @classmethod
     def read(cls, file: Path) -> Head:
-        """The first bytes of ``file``; OSError where it cannot be opened."""
+        """The first bytes of ``file``, none of a folder; OSError where it cannot be opened."""
+        if Path(file).is_dir():
+            return cls(Path(file), b"")
         with Path(file).open("rb") as stream:
             return cls(Path(file), stream.read(BYTES))
 

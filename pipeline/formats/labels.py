@@ -8,13 +8,13 @@ from pathlib import Path
 
 from pipeline.core.errors import RecordingError
 
-UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")  # a label and, in brackets, its unit
+UNIT = re.compile(r"(.*)[(\[]([^()\[\]]*)[)\]]")  # a label and, in brackets, its unit
 
 
 def bare(label: str) -> str:
     """The label without a unit in brackets behind it."""
     match = UNIT.fullmatch(label)
-    return match[1] if match else label
+    return match[1].rstrip() if match else label
 
 
 def unit_of(label: str) -> str | None:

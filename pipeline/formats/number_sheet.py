@@ -63,6 +63,20 @@ class Sheet:
             line=1,
         )
 
+    def require_cells(self) -> None:
+        """RecordingError where the line above the rows labels more columns than these have: which
+        of them is missing, nobody can tell.
+        """
+        cells = self.header_cells(len(self.header) - 1) if self.header else []
+        labels = [cell for cell in cells if cell and "=" not in cell]  # settings have no column
+        if len(labels) > self.width:
+            raise RecordingError(
+                f"the row has {self.width} cells under {len(labels)} labels, the last of which is "
+                f"{labels[-1]!r}: a column is missing; export the log again",
+                file=self.file,
+                line=self.lines[0],
+            )
+
     def values(self, columns: list[int]) -> np.ndarray:
         """(N, len(columns)) the numbers of the columns, 0 being the first; RecordingError with the
         line for a cell that is none.

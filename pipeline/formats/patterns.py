@@ -19,3 +19,8 @@ def matching(folder: Path, pattern: str, *, key: str) -> list[Path]:
             "be a relative path, with * for what differs"
         )
         raise ConfigError(message, key=key) from None
+
+
+def is_literal(part: str) -> bool:
+    """Whether one ``part`` of a pattern, a name between slashes, matches itself alone."""
+    return not any(mark in part.replace("[[]", "") for mark in "*?[")

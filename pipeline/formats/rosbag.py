@@ -12,19 +12,14 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_typestore
 
+from pipeline.core.bounds import read_whole
 from pipeline.core.errors import RecordingError
+from pipeline.core.typed_yaml import require_bounded
+from pipeline.formats.bag_path import SUFFIXES
 from pipeline.formats.format import Format, Head, Kind
 from pipeline.formats.rosbag_chunks import DAMAGE, unfold_message
 
-SUFFIXES = (".bag", ".mcap", ".db3")
 MARKS = (b"#ROSBAG V", b"\x89MCAP0")
-
-
-def is_bag(path: Path) -> bool:
-    """Whether ``path`` is a bag: a file of a bag's suffix, or a folder with the metadata.yaml of
-    ROS 2.
-    """
-    return path.suffix in SUFFIXES if path.is_file() else (path / "metadata.yaml").is_file()
 
 
 def topics(file: Path) -> dict[str, str]:
@@ -164,22 +159,35 @@ def _opened(file: Path) -> Iterator[AnyReader]:
     file = Path(file)
     metadata = file / "metadata.yaml"
     try:
-        if metadata.is_file() and re.search(
-            r"compression_mode:\s*[\"']?file", metadata.read_text(), re.IGNORECASE
-        ):
+        described = read_whole(metadata) if metadata.is_file() else b""
+        require_bounded(described)
+        if re.search(rb"(?i)compression_mode:\s*[\"']?file", described):
             raise RecordingError(
                 "the bag is compressed as a whole file, whose size nothing bounds; decompress it "
                 "first",
                 file=file,
             )
+        # SQLite may fill up what a file lacks
+        if cut := [each.name for each in file.glob("*.db3") if _is_cut(each)]:
+            raise ValueError(f"{', '.join(cut)} is cut short")
         reader = AnyReader([file], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
         reader.open()
+        if any(connection.msgcount is None for connection in reader.connections):
+            raise ValueError("it does not say how many messages it holds")
     except DAMAGE as error:
         raise _damaged(error, file) from None
     try:
         yield reader
     finally:
         reader.close()
+
+
+def _is_cut(database: Path) -> bool:
+    """Whether an SQLite database is shorter than the pages that its header counts."""
+    with database.open("rb") as stream:
+        head = stream.read(32)
+    size, pages = int.from_bytes(head[16:18]), int.from_bytes(head[28:32])
+    return database.stat().st_size < pages * (1 << 16 if size == 1 else size)
 
 
 def _damaged(error: BaseException, file: Path, **evidence: object) -> RecordingError:

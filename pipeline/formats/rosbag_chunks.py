@@ -20,8 +20,8 @@ from rosbags.rosbag2 import ReaderError as FolderError
 from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 from rosbags.typesys import TypesysError
 
-# bytes that a chunk or a message may unfold into; recorders fill chunks of some MB
-LARGEST = 1 << 28
+from pipeline.core.bounds import MIB, bounds
+
 # what rosbags and the storages under it raise for bytes that are not what they should be
 DAMAGE = (
     AnyReaderError,
@@ -46,15 +46,17 @@ DAMAGE = (
 
 def _bounded(decompressor: Callable) -> Callable[..., bytes]:
     """What unfolds one compressed part of a bag, whatever size is announced; ValueError where it is
-    cut or larger than LARGEST.
+    cut or larger than the bound of a part.
     """
 
     def unfold(content: bytes, *_: object) -> bytes:
         stream = decompressor()
-        unfolded = stream.decompress(content, LARGEST)
+        most = bounds().part_mib  # recorders fill chunks of some MB
+        unfolded = stream.decompress(content, most * MIB)
         if not stream.eof:
             raise ValueError(
-                f"a compressed part is cut, or unfolds into more than {LARGEST >> 20} MiB"
+                f"a compressed part is cut, or unfolds into more than {most} MiB, the bound "
+                "dataset.reading.part_mib"
             )
         return unfolded
 

@@ -1,9 +1,10 @@
 """The commanded trajectory as plain CSV: pose and velocity of the end-effector in the plane of the
-chain, or the joint angles, which say what an arm of any joints is told.
+chain, the joint angles, which say what an arm of any joints is told, or both.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,8 @@ import pandas as pd
 
 from pipeline.core.columns import columns, members
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.dataset import PLANE
-from pipeline.formats.delimited import cells_of, is_blank, numbers_of, read_text
+from pipeline.core.task import PLANE
+from pipeline.formats.delimited import Text, cells_of, is_blank, numbers_of, read_text
 from pipeline.formats.format import Format, Head, Kind
 
 COLUMNS = ["t", "x", "z", "phi", "vx", "vz", "vphi"]  # s, m, m, rad, m/s, m/s, rad/s
@@ -21,15 +22,37 @@ STEP_TOLERANCE = 1.01e-6
 
 
 def read_trajectory(file: Path) -> pd.DataFrame:
-    """Trajectory in ``file``: one row a time step, the column t in s and, float64, either the
-    families x and v of the task's rows in m, m, rad and per second, or the family q of the joints
-    in rad.
+    """Trajectory in ``file``: one row a time step, the column t in s and, float64, the families x
+    and v of the task's rows in m, m, rad and per second, the family q of the joints in rad, or
+    both.
 
-    The header names the columns ``t, x, z, phi, vx, vz, vphi``, or ``t`` and ``q:JOINT`` of each
-    joint, in any order. Raises RecordingError, with the line where there is one, for missing
-    columns, fewer than two rows, a value that is not a finite number, steps that are not positive
-    and equal within a microsecond, and a last row without line end, which may have lost digits.
+    The header names the columns ``t, x, z, phi, vx, vz, vphi``, ``t`` and ``q:JOINT`` of each
+    joint, or all of them, in any order. Raises RecordingError, with the line where there is one,
+    for missing columns, fewer than two rows, a value that is not a finite number, steps that are
+    not positive and equal within a microsecond, and a last row without line end, which may have
+    lost digits.
     """
+    text = _whole_text(file)
+    labels = cells_of(text.lines[0], ",", file=file, number=1)
+    joints = list(dict.fromkeys(label for label in labels if label.startswith("q:")))
+    whole = not joints or not {*COLUMNS[1:]}.isdisjoint(labels)
+    wanted = [*(COLUMNS if whole else ["t"]), *joints]
+    table = _even_rows(text, labels, wanted, "; or t and q:JOINT of each joint", file)
+    return pd.DataFrame(table, columns=[*(_families() if whole else ["t"]), *joints])
+
+
+def read_poses(file: Path, task: Sequence[str]) -> pd.DataFrame:
+    """Poses in ``file``: one row a time step, the columns t in s and the rows of the ``task`` by
+    their names, in m and rad, in any order; others may stand beside them. Raises as
+    :func:`read_trajectory` does.
+    """
+    text = _whole_text(file)
+    labels = cells_of(text.lines[0], ",", file=file, number=1)
+    wanted = ["t", *task]
+    return pd.DataFrame(_even_rows(text, labels, wanted, "", file), columns=wanted)
+
+
+def _whole_text(file: Path) -> Text:
     text = read_text(file)
     if text.cut is not None:
         line = len(text.lines) + 1
@@ -38,13 +61,19 @@ def read_trajectory(file: Path) -> pd.DataFrame:
             file=file,
             line=line,
         )
-    labels = cells_of(text.lines[0], ",", file=file, number=1)
-    joints = list(dict.fromkeys(label for label in labels if label.startswith("q:")))
-    wanted = ["t", *joints] if joints else COLUMNS
+    return text
+
+
+def _even_rows(
+    text: Text, labels: list[str], wanted: list[str], otherwise: str, file: Path
+) -> np.ndarray:
+    """(rows, columns) the ``wanted`` columns under ``labels``, time first, its steps equal;
+    ``otherwise`` ends the refusal of a header without them.
+    """
     if missing := [column for column in wanted if labels.count(column) != 1]:
         raise RecordingError(
-            f"the header must name {', '.join(missing)} once each, of {', '.join(wanted)}; or t "
-            "and q:JOINT of each joint",
+            f"the header must name {', '.join(missing)} once each, of {', '.join(wanted)}"
+            f"{otherwise}",
             file=file,
             line=1,
         )
@@ -73,15 +102,17 @@ def read_trajectory(file: Path) -> pd.DataFrame:
             "equal and positive"
         )
         raise RecordingError(message, file=file, line=places[first + 1])
-    return pd.DataFrame(table, columns=wanted if joints else _families())
+    return table
 
 
 def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
-    """Write t and, of ``trajectory``, the family q where it has one, else the families x and v of
-    the plane; every number reads back bit for bit.
+    """Write t and, of ``trajectory``, the families x and v of the plane and the family q, as far as
+    it has them; every number reads back bit for bit.
     """
     joints = columns("q", members(trajectory, "q"))
-    chosen, header = (["t", *joints], ["t", *joints]) if joints else (_families(), COLUMNS)
+    whole = bool(members(trajectory, "x"))
+    chosen = [*(_families() if whole else ["t"]), *joints]
+    header = [*(COLUMNS if whole else ["t"]), *joints]
     trajectory[chosen].to_csv(file, index=False, header=header, lineterminator="\n")
 
 

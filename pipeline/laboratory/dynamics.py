@@ -19,6 +19,7 @@ from scipy.special import ndtr
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ConfigError
+from pipeline.laboratory.joint_path import JointPath
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
 from pipeline.laboratory.swing import desired_joints
 
@@ -59,12 +60,12 @@ def _lags(steps_per_lag: float) -> tuple[np.ndarray, np.ndarray]:
     return denominator, lfilter([1.0], denominator, impulse)
 
 
-def servo_times(trajectory: TrajectoryOptions, options: DynamicsOptions) -> np.ndarray:
+def servo_times(motion: TrajectoryOptions | JointPath, options: DynamicsOptions) -> np.ndarray:
     """(N,) times of the servo's steps in s on the motion clock: a little before and after the
     motion, so that early and late exposures see it too.
     """
     dt = 1.0 / options.rate
-    return np.arange(-50, round(trajectory.duration * options.rate) + 51) * dt
+    return np.arange(-50, round(motion.duration * options.rate) + 51) * dt
 
 
 def sway_share(chain: Chain, speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
@@ -117,51 +118,86 @@ def session_offset(options: DynamicsOptions, joints: int, rng: np.random.Generat
     return options.encoder_offset_std * rng.standard_normal(joints)
 
 
+class Chance(NamedTuple):
+    """The random numbers of a take; of many takes, stacked along leading axes (...). Paths are
+    :func:`lagged_noise`.
+    """
+
+    gain: np.ndarray  # (..., N, n) of the speed errors
+    phase: np.ndarray  # (..., n) rad, of the encoders' ripple
+    start: np.ndarray  # (..., n) standard normal, of the start pose
+    sway: np.ndarray  # (..., N, m) of the task's rows
+    play: np.ndarray  # (..., N) of the joint with play
+
+
+def draw(
+    chain: Chain,
+    motion: TrajectoryOptions | JointPath,
+    options: DynamicsOptions,
+    rng: np.random.Generator,
+) -> Chance:
+    """The numbers of one take; they hang on how long ``motion`` is and on nothing else of it."""
+    n, steps = len(chain.lower), len(servo_times(motion, options))
+    rate = options.rate
+    return Chance(
+        gain=lagged_noise((n, steps), options.speed_error_time * rate, rng).T,
+        phase=rng.uniform(0, 2 * np.pi, n),
+        start=rng.standard_normal(n),
+        sway=lagged_noise((len(chain.task), steps), options.sway_time * rate, rng).T,
+        play=lagged_noise((steps,), options.clearance_time * rate, rng),
+    )
+
+
 class Swing(NamedTuple):
-    """One take of the arm, at the servo's steps."""
+    """One take of the arm, or many along leading axes (...), at the servo's steps."""
 
     t: np.ndarray  # (N,) s on the motion clock
-    q: np.ndarray  # (N, n) rad, true joint angles
-    servo: np.ndarray  # (N, n) rad, what the encoders feel of them, before the gears
+    q: np.ndarray  # (..., N, n) rad, true joint angles
+    servo: np.ndarray  # (..., N, n) rad, what the encoders feel of them, before the gears
+
+
+def swing(
+    chain: Chain,
+    offset: np.ndarray,
+    motion: TrajectoryOptions | JointPath,
+    options: DynamicsOptions,
+    chance: Chance,
+) -> Swing:
+    """The takes that ``chance`` makes of the commanded ``motion``, at ``options.rate``.
+
+    ``chain`` is the true chain, ``offset`` (n,) the session's encoder zeros in rad. Takes that are
+    simulated together are those simulated one by one. Raises SingularJacobianError.
+    """
+    dt = 1.0 / options.rate
+    t = servo_times(motion, options)
+    goal, speed = desired_joints(np.clip(t, 0.0, motion.duration), motion)
+    gain = 1 + options.speed_error_std * chance.gain
+    ripple = options.encoder_ripple * np.sin(goal + chance.phase[..., None, :])
+    servo = np.empty_like(gain)
+    servo[..., 0, :] = goal[0] + options.start_std * chance.start
+    for i in range(t.size - 1):
+        now = servo[..., i, :]
+        servo[..., i + 1, :] = now + dt * gain[..., i, :] * (
+            speed[i] + options.servo_gain * (goal[i] - now)
+        )
+    sway = chance.sway * options.sway_std
+    sway *= sway_share(chain, speed, options)[:, None]
+    inverse = chain.inverse_jacobian(servo, what="time of the laboratory")
+    q = servo + offset + ripple + np.einsum("...ij,...j->...i", inverse, sway)
+    play = 2 * ndtr(chance.play) - 1
+    q[..., options.play_joint - 1] += options.clearance * play * play_share(speed, options)
+    return Swing(t, q, servo)
 
 
 def simulate_take(
     chain: Chain,
     offset: np.ndarray,
-    trajectory: TrajectoryOptions,
+    motion: TrajectoryOptions | JointPath,
     options: DynamicsOptions,
     rng: np.random.Generator,
 ) -> Swing:
-    """One take at ``options.rate``. ``chain`` is the true chain, ``offset`` (n,) the session's
-    encoder zeros in rad. Raises SingularJacobianError.
-    """
-    dt, n = 1.0 / options.rate, len(offset)
-    t = servo_times(trajectory, options)
-    goal, speed = desired_joints(np.clip(t, 0.0, trajectory.duration), trajectory)
-    gain = (
-        1
-        + options.speed_error_std * lagged_noise((n, t.size), options.speed_error_time / dt, rng).T
-    )
-    ripple = options.encoder_ripple * np.sin(goal + rng.uniform(0, 2 * np.pi, n))
-    servo = np.empty_like(goal)
-    servo[0] = goal[0] + options.start_std * rng.standard_normal(n)
-    for i in range(t.size - 1):
-        servo[i + 1] = servo[i] + dt * gain[i] * (
-            speed[i] + options.servo_gain * (goal[i] - servo[i])
-        )
-    sway = lagged_noise((len(chain.task), t.size), options.sway_time / dt, rng).T * options.sway_std
-    sway *= sway_share(chain, speed, options)[:, None]
-    q = (
-        servo
-        + offset
-        + ripple
-        + np.einsum(
-            "tij,tj->ti", chain.inverse_jacobian(servo, what="time of the laboratory"), sway
-        )
-    )
-    play = 2 * ndtr(lagged_noise((t.size,), options.clearance_time / dt, rng)) - 1
-    q[:, options.play_joint - 1] += options.clearance * play * play_share(speed, options)
-    return Swing(t, q, servo)
+    """One take with numbers of ``rng``, see :func:`swing`."""
+    return swing(chain, offset, motion, options, draw(chain, motion, options, rng))
 
 
 def expose(

@@ -1,22 +1,36 @@
-"""The synthetic force rig: mobile robots that pull a force/torque transducer by cables tied to one
-point.
+"""The synthetic force rig: robots that pull a force/torque transducer by cables, in a plane or in
+space, tied to one point or each to its own.
 
 Each wheeled robot loses and regains traction: slips arrive at random, each takes an exponential
-amount off the tension, which then comes back exponentially. Each cable's direction wanders as an
-Ornstein–Uhlenbeck process. A cable cannot push. So tensions are skewed, correlated in time and
+amount off the tension, which then comes back exponentially; robots that fly lose pull to gusts
+alike. Each cable's direction wanders as an Ornstein–Uhlenbeck process, in space of two angles. A
+cable cannot push. So tensions are skewed, correlated in time and
 bounded below; of a normal law they have the first two moments alone.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.signal import lfilter
-from scipy.special import i0e, i1e
+from scipy.special import dawsn, i0e, i1e
 
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import Robots, Transducer
+
+
+@dataclass(frozen=True)
+class Cables:
+    """The mean of m cables."""
+
+    tension: Sequence[float]  # N
+    direction: Sequence[float]  # rad, in the transducer's x-y plane; in space the azimuth
+    elevation: Sequence[float] | None = None  # rad, above that plane; none: they lie in it
+    # (m, 2 or 3) m, from the end of the transducer's lever; none: all are tied there
+    attachment: Sequence[Sequence[float]] | None = None
 
 
 @dataclass(frozen=True)
@@ -27,7 +41,7 @@ class ForceRecord:
     force: np.ndarray  # (N, 3) N, with bias, drift and noise
     torque: np.ndarray  # (N, 3) N·m, likewise
     tension: np.ndarray  # (N, m) N, true; 0 in the tare interval
-    direction: np.ndarray  # (N, m) rad, true
+    direction: np.ndarray  # (N, m, 3) unit vectors from the platform along the cables, true
     slack: int  # samples of a loaded cable whose tension would have been negative
 
 
@@ -78,28 +92,75 @@ def slipping(
     return size * (nu - paths)
 
 
+def directions(
+    cables: Cables,
+    concentration: np.ndarray,
+    wander_time: float,
+    samples: int,
+    rate: float,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """(samples, m, 3) unit vectors that wander about the means of ``cables``, with the mean
+    resultant length of the von Mises–Fisher law of ``concentration`` κ (m,).
+
+    In a plane the angle is an Ornstein–Uhlenbeck process: of variance s² it has the mean resultant
+    length exp(−s²/2), which is set to I₁(κ)/I₀(κ). In space two such processes turn the cable along
+    and across its elevation: their common size is Rayleigh's, E[cos] = 1 − √2·s·D(s/√2) with
+    Dawson's D, which is set to coth κ − 1/κ.
+    """
+    azimuth = np.asarray(cables.direction, dtype=float)
+    if cables.elevation is None:
+        sd = np.sqrt(-2 * np.log(i1e(concentration) / i0e(concentration)))
+        angle = azimuth + wander(sd, wander_time, samples, rate, rng)
+        return np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=-1)
+    sd = np.array([_angle_in_space(kappa) for kappa in concentration])
+    up, aside = (wander(sd, wander_time, samples, rate, rng)[..., None] for _ in range(2))
+    (ca, sa), (ce, se) = (
+        (np.cos(angle), np.sin(angle)) for angle in (azimuth, np.asarray(cables.elevation))
+    )
+    mean = np.stack([ce * ca, ce * sa, se], axis=-1)
+    upwards = np.stack([-se * ca, -se * sa, ce], axis=-1)
+    sideways = np.stack([-sa, ca, np.zeros_like(sa)], axis=-1)
+    size = np.hypot(up, aside)
+    return np.cos(size) * mean + np.sinc(size / np.pi) * (up * upwards + aside * sideways)
+
+
+def _angle_in_space(kappa: float) -> float:
+    """s in rad of the two angles whose direction has the mean resultant length of ``kappa``."""
+
+    def excess(s: float) -> float:
+        return 1 - np.sqrt(2) * s * dawsn(s / np.sqrt(2)) - (1 / np.tanh(kappa) - 1 / kappa)
+
+    return brentq(excess, 1e-9, 1.5)
+
+
 def record_force(
-    tension: np.ndarray,
-    direction: np.ndarray,
+    cables: Cables,
     robots: Robots,
     transducer: Transducer,
     tare: float,
     duration: float,
     rng: np.random.Generator,
 ) -> ForceRecord:
-    """A record of ``tare`` seconds without load and ``duration`` seconds in which the robots pull
-    with mean ``tension`` (m,) in N.
+    """A record of ``tare`` seconds without load and ``duration`` seconds in which the robots pull.
 
-    ``direction`` (m,) in rad are the cables' mean directions in the transducer's x–y plane. A
-    normal angle of variance s² has the mean resultant length exp(−s²/2); s is chosen so that it is
-    the von Mises law's, I₁(κ)/I₀(κ). Raises ConfigError where robots, tensions and directions
-    differ in number, or for times that make no record.
+    Args:
+        cables: mean of each.
+        robots: how they err, one for each cable.
+        transducer: what feels them, in whose axes all is.
+        tare: s.
+        duration: s.
+        rng: of all that is random.
+
+    Raises:
+        ConfigError: where robots, tensions and directions differ in number, or for times that make
+            no record.
     """
-    tension, direction = np.asarray(tension, dtype=float), np.asarray(direction, dtype=float)
-    if not len(tension) == len(direction) == len(robots.tension_sd):
+    tension = np.asarray(cables.tension, dtype=float)
+    if not len(tension) == len(cables.direction) == len(robots.tension_sd):
         raise ConfigError(
             f"laboratory.force: {len(robots.tension_sd)} robots, {len(tension)} tensions and "
-            f"{len(direction)} directions; one each is needed"
+            f"{len(cables.direction)} directions; one each is needed"
         )
     if tare < 0 or duration <= 0:
         raise ConfigError(
@@ -111,33 +172,31 @@ def record_force(
     time = np.arange(samples) / transducer.rate
     unloaded = time < tare
     concentration = np.asarray(robots.concentration)
-    direction_sd = np.sqrt(-2 * np.log(i1e(concentration) / i0e(concentration)))
-    directions = direction + wander(direction_sd, robots.wander_time, samples, transducer.rate, rng)
+    rate = transducer.rate
+    e = directions(cables, concentration, robots.wander_time, samples, rate, rng)
     pull = tension + slipping(
         np.asarray(robots.tension_sd),
         robots.slip_rate,
         robots.slip_recovery,
         samples,
-        transducer.rate,
+        rate,
         rng,
     )
     pull[unloaded] = 0.0
     slack = int(np.sum(pull < 0))
     pull = np.maximum(pull, 0.0)
-    force = np.stack(
-        [
-            np.sum(pull * np.cos(directions), axis=1),
-            np.sum(pull * np.sin(directions), axis=1),
-            np.zeros(samples),
-        ],
-        axis=1,
-    )
-    channels = (force, np.cross(transducer.lever, force))
+    pulls = pull[..., None] * e
+    force = np.sum(pulls, axis=1)
+    torque = np.cross(transducer.lever, force)
+    if cables.attachment is not None:
+        places = np.zeros((len(tension), 3))
+        places[:, : len(cables.attachment[0])] = cables.attachment
+        torque = torque + np.sum(np.cross(places, pulls), axis=1)
     measured = [
         true
         + rng.normal(0.0, transducer.bias[i], 3)
         + rng.normal(0.0, transducer.drift[i], 3) * time[:, None]
         + rng.normal(0.0, transducer.noise[i], true.shape)
-        for i, true in enumerate(channels)
+        for i, true in enumerate((force, torque))
     ]
-    return ForceRecord(time, *measured, pull, directions, slack)
+    return ForceRecord(time, *measured, pull, e, slack)

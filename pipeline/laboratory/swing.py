@@ -8,6 +8,7 @@ import pandas as pd
 from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ConfigError
+from pipeline.laboratory.joint_path import JointPath
 from pipeline.laboratory.options import TrajectoryOptions
 
 
@@ -28,12 +29,16 @@ def _progress(t: np.ndarray, options: TrajectoryOptions) -> tuple[np.ndarray, np
     return np.where(s <= moving / 2, way, 1.0 - way), np.where(t <= half, speed, -speed)
 
 
-def desired_joints(t: np.ndarray, options: TrajectoryOptions) -> tuple[np.ndarray, np.ndarray]:
+def desired_joints(
+    t: np.ndarray, motion: TrajectoryOptions | JointPath
+) -> tuple[np.ndarray, np.ndarray]:
     """Commanded joint angles (..., n) in rad and speeds (..., n) in rad/s at times ``t`` (...) in
-    s.
+    s, of the out-and-back motion or of any joint path.
     """
-    folded, extended = np.asarray(options.folded), np.asarray(options.extended)
-    progress, rate = _progress(np.asarray(t, dtype=float), options)
+    if isinstance(motion, JointPath):
+        return motion.at(t)
+    folded, extended = np.asarray(motion.folded), np.asarray(motion.extended)
+    progress, rate = _progress(np.asarray(t, dtype=float), motion)
     return folded + progress[..., None] * (extended - folded), rate[..., None] * (extended - folded)
 
 

@@ -73,16 +73,29 @@ def spreads(replicates: list[dict[str, float] | None]) -> tuple[dict[str, Spread
     """The spread of every estimate that all replicates have, and how many replicates have none; no
     spread for fewer than two.
     """
+    lost = sum(estimates is None for estimates in replicates)
+    return {
+        name: Spread(float(estimates.std(ddof=1)), *percentiles(estimates))
+        for name, estimates in _together(replicates).items()
+    }, lost
+
+
+def joint_covariance(
+    replicates: list[dict[str, float] | None],
+) -> tuple[list[str], list[list[float]]]:
+    """Names (K,) of the estimates that all replicates have, and their covariance (K, K)."""
+    values = _together(replicates)
+    covariance = np.atleast_2d(np.cov([*values.values()])).tolist() if values else []
+    return [*values], covariance
+
+
+def _together(replicates: list[dict[str, float] | None]) -> dict[str, np.ndarray]:
+    """Of every estimate that all replicates have its values; nothing for fewer than two."""
     solved = [estimates for estimates in replicates if estimates is not None]
-    lost = len(replicates) - len(solved)
     if len(solved) < 2:
-        return {}, lost
-    values = {
+        return {}
+    return {
         name: np.array([estimates[name] for estimates in solved])
         for name in solved[0]
         if all(name in other for other in solved)
     }
-    return {
-        name: Spread(float(estimates.std(ddof=1)), *percentiles(estimates))
-        for name, estimates in values.items()
-    }, lost

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Mechanism
 
 
 class Commands(NamedTuple):
@@ -24,7 +24,7 @@ class Commands(NamedTuple):
     share: float  # κ, of the deviation from the path that a step corrects; 0 of an open loop
 
 
-def task_step(chain: PlanarChain, command: np.ndarray) -> np.ndarray:
+def task_step(chain: Mechanism, command: np.ndarray) -> np.ndarray:
     """(..., m) v of the ``command`` (..., m) or (..., m + n)."""
     return command[..., : len(chain.task)]
 

@@ -32,12 +32,14 @@ def numbers_for(law: Law, chain: Chain, poses: int | None = None) -> Numbers:
     sets, each = law.normals
     m, n, planar = len(chain.task), len(chain.lower), isinstance(chain, PlanarChain)
     size = poses or (BLOCK if planar else WIDTH)
+    command = _aligned(m if m == n else m + n, size)
+    command[:] = 0.0  # a command of the task alone leaves the rows of the joints as they are
     return Numbers(
         np.array([gamma_law(each / 2.0) for each in law.degrees]).reshape(-1, 3),
         each,
         _aligned(len(law.degrees), size),
         _aligned(sets * each, size),
-        _aligned(m if m == n else m + n, size),
+        command,
         _aligned(0 if planar else rows_of_room(n, m), size),
     )
 

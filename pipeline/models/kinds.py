@@ -1,7 +1,7 @@
 """The kinds of motion models: each is a folder of this package, found by its place.
 
 A folder holds ``options.py`` with ``Options``, the type of its option file; ``law.py`` with the
-model's class; and ``fit.py`` with ``estimate(recorded, options)``, ``build(parameters)`` and
+model's class and ``build(parameters)``; and ``fit.py`` with ``estimate(recorded, options)`` and
 ``truths(recorded, options, dispersions)``. Where a fit takes too long to be repeated on resampled
 takes, ``fit.py`` has ``resampled(found)`` too, the estimates from any takes once ``found`` from
 all; ``examination.py``, where there is one, tells of a fit what no parameter does. Nothing of a
@@ -20,13 +20,13 @@ from typing import TYPE_CHECKING, Any
 
 import pipeline.models
 from pipeline.core.errors import ConfigError, ContractError
-from pipeline.models.model import MotionModel
-from pipeline.models.options import Options
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
+    from pipeline.models.model import MotionModel
+    from pipeline.models.options import Options
     from pipeline.models.steps import Estimate, Recorded, Truth
 
 
@@ -84,7 +84,7 @@ def build_model(parameters: Any) -> MotionModel:
     if kind not in kinds():
         raise ContractError("not the parameters of a motion model; run the stage fit again")
     try:
-        return _fit(kind).build(parameters)
+        return import_module(f"pipeline.models.{kind}.law").build(parameters)
     except (KeyError, TypeError, ValueError) as error:
         raise ContractError(
             f"not the parameters of a motion model ({error!r}); run the stage fit again"

@@ -4,7 +4,7 @@ A law ``step(numbers, parameters, arm, poses) -> clipped`` makes q_{k+1} of a bl
 their random ``numbers``. ``parameters`` (K,) are the model's, ``arm`` the chain's; ``clipped`` is
 for how many of the poses the noise was clipped at zero. Which numbers a step takes is said by
 :class:`pipeline.models.model.Law`. An arm whose joints form a planar chain of three has laws of its
-own, in closed form: by those of any arm most of its steps take twice as long.
+own, in closed form: by those of any arm its steps take several times as long.
 
 That the numbers of a block are there before the law begins has two reasons: a loop without a call
 to the generator is one that the compiler turns into instructions for four poses at once, and how

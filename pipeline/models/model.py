@@ -7,8 +7,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
-from pipeline.arm.interface import Chain
+from pipeline.arm.interface import Chain, Mechanism
 
 
 class Law(NamedTuple):
@@ -34,15 +33,22 @@ class MotionModel(Protocol):
         :func:`pipeline.models.draws.draw_steps`.
         """
 
-    def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n) E[q_{k+1} | q_k = q] in rad."""
 
-    def covariance(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) Cov(q_{k+1} | q_k = q) in rad²."""
+
+    def sample(
+        self, chain: Chain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
+    ) -> np.ndarray:
+        """(..., n) a draw of q_{k+1} for each of the poses, by NumPy alone: where there is a
+        compiler :func:`pipeline.models.draws.draw_steps` draws the same law many times as fast.
+        """
 
     def log_density(
         self,
-        chain: PlanarChain,
+        chain: Mechanism,
         q: np.ndarray,
         v: np.ndarray,
         q_next: np.ndarray,

@@ -47,7 +47,7 @@ class Carried:
     arm: Arm
     lower: np.ndarray  # (n,) joint limits, rad or m; infinite where a joint has none
     upper: np.ndarray  # (n,)
-    links: np.ndarray  # (L, n + 1, 12) placements of the chain to each link
+    links: np.ndarray  # (L, n + 2, 6) frames of the chain to each link
     joints: np.ndarray  # (L,) how many joints move it
     owner: np.ndarray  # (P,) the link of each point
     places: np.ndarray  # (P, 3) m, in the link's frame
@@ -136,9 +136,10 @@ def carried(robot: Robot, mocap: Mocap) -> Carried:
     if posture is not None and len(posture) != len(chain.lower):
         message = f"{len(posture)} angles for an arm of {len(chain.lower)} joints"
         raise ConfigError(message, key="dataset.mocap.posture")
-    links = np.zeros((len(chains), len(chain.lower) + 1, 12))
+    links = np.zeros((len(chains), len(chain.lower) + 2, 6))
     for link, part in zip(links, chains.values(), strict=True):
-        link[: len(part.placements)] = part.placements
+        frames = part.numbers().frames
+        link[: len(frames)] = frames
     return Carried(
         arm=chain.numbers(),
         lower=chain.lower,

@@ -47,8 +47,8 @@ def _equations(
     row, total = np.zeros((3, len(gradient))), 0.0
     for link in range(len(links)):
         n = joints[link]
-        placements, sliding = links[link, : n + 1], arm.sliding[:n]
-        part = Arm(arm.plane, placements, sliding, arm.rows, arm.units, arm.least)
+        frames, sliding = links[link, : n + 2], arm.sliding[:n]
+        part = Arm(arm.plane, frames, sliding, arm.rows, arm.units, arm.least)
         tip(part, q, 0, 1, room)
         for p in range(len(owner)):
             if owner[p] != link or np.isnan(measured[p, 0]):
@@ -101,8 +101,8 @@ def solve(
 
     Args:
         arm: numbers of the arm's chain.
-        links: (L, n + 1, 12) placements of the chain to each link, of which
-        joints: (L,) says how many joints move it; rows beyond its frame are not read.
+        links: (L, n + 2, 6) frames of the chain to each link, of which
+        joints: (L,) says how many joints move it; rows beyond its own are not read.
         owner: (P,) the link of each point.
         places: (P, 3) m, of the points in their links' frames.
         measured: (P, 3) m, in the base frame, not a number where missing.

@@ -7,7 +7,6 @@ Definition 2, Theorems 3 and 4, Eqs. (NormStd) and (Thetaa).
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import multigammaln
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.randommatrix.normal import cholesky
@@ -46,6 +45,8 @@ def log_density(s: np.ndarray, d: float, sigma: np.ndarray) -> np.ndarray:
     """(...,) log density of ``s`` (..., n, n): Definition 2, Eq. (Wishart). Raises ModelDomainError
     outside its domain. It serves tests alone.
     """
+    from scipy.special import multigammaln  # here, as what loads a model does without SciPy
+
     n = len(sigma)
     _require_density(d, n)
     log_det_s = 2 * np.log(

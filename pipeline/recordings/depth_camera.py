@@ -11,25 +11,15 @@ import pandas as pd
 from pipeline.arm.model import Arm
 from pipeline.core.options.depth_camera import Depth
 from pipeline.recordings.depth_points import write_points
-from pipeline.recordings.depth_sequence import DepthSequence, take_name, take_paths
-from pipeline.recordings.quality import DEPTH_CAMERA, quality_row, require_text
-
-
-def find_takes(raw: Path, depth: Depth) -> list[Path]:
-    """Folder or bag of every depth take below ``raw``; RecordingError where the pattern matches
-    none.
-    """
-    paths = list(take_paths(raw, depth).values())
-    for path in paths:
-        require_text(path)
-    return paths
+from pipeline.recordings.depth_sequence import DepthSequence
+from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
 
 
 def frame_rows(
-    path: Path, depth: Depth, arm: Arm, raw: Path, folder: Path
+    named: tuple[str, Path], depth: Depth, arm: Arm, raw: Path, folder: Path
 ) -> tuple[pd.DataFrame, list[dict]]:
-    """Rows of the table ``frames`` of the take in the folder or bag ``path``, on the camera's own
-    clock; and their quality. The arm's points are written below ``folder``
+    """Rows of the table ``frames`` of a take, of its name and its folder or bag, on the camera's
+    own clock; and their quality. The arm's points are written below ``folder``
     (:func:`pipeline.recordings.depth_points.write_points`), so that no frame is decoded twice.
 
     A frame whose points of the arm are the very same as in the one before was not measured: what a
@@ -37,7 +27,7 @@ def frame_rows(
 
     Raises RecordingError for frames that are no depth images.
     """
-    take = take_name(path)
+    take, path = named
     sequence = DepthSequence(path, depth, arm, raw)
     frames = list(sequence.points(range(len(sequence.time))))
     clouds = [points for points, _ in frames]

@@ -14,39 +14,27 @@ from scipy.spatial.transform import Rotation
 from pipeline.arm.model import Arm
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.depth_camera import Depth
-from pipeline.formats.patterns import matching
-from pipeline.formats.rosbag import is_bag
+from pipeline.formats.bag_path import is_bag
 from pipeline.perception.segment import ArmSegmenter, CloudSegmenter, Crop
 from pipeline.recordings.depth_frames import BagFrames, FileFrames
-
-
-def take_name(path: Path) -> str:
-    """Name of the take in the folder or bag ``path``."""
-    return path.stem if path.is_file() else path.name
+from pipeline.recordings.take_names import named_takes
 
 
 def take_paths(raw: Path, depth: Depth) -> dict[str, Path]:
     """Take → folder or bag, in the order of their paths; RecordingError where none matches or two
     have one name.
     """
-    paths = [
-        path
-        for path in matching(raw, depth.takes, key="dataset.depth.takes")
-        if path.is_dir() or is_bag(path)
-    ]
+    paths = named_takes(
+        raw,
+        depth.takes,
+        key="dataset.depth.takes",
+        wanted=lambda path: path.is_dir() or is_bag(path),
+    )
     if not paths:
         raise RecordingError(
             f"no folder of depth frames and no bag matches {depth.takes!r}", file=raw
         )
-    named = {take_name(path): path for path in paths}
-    for path in paths:
-        if named[take_name(path)] != path:
-            raise RecordingError(
-                f"the take is there twice, as {named[take_name(path)].name} too",
-                file=path,
-                take=take_name(path),
-            )
-    return named
+    return paths
 
 
 class DepthSequence:

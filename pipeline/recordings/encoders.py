@@ -1,4 +1,4 @@
-"""What the encoders read during the test takes, as a table."""
+"""What the encoders read during the takes, as a table."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.formats.joints.log import LogOptions
-from pipeline.formats.patterns import matching
 from pipeline.recordings.movement import read_log
-from pipeline.recordings.quality import quality_row, require_text
+from pipeline.recordings.quality import quality_row
+from pipeline.recordings.take_names import named_takes
 
 KEY = "dataset.encoders"
 
@@ -27,9 +27,6 @@ def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[d
     if len(options.actual) != len(joints):
         message = f"{len(options.actual)} columns for the {len(joints)} joints {', '.join(joints)}"
         raise ConfigError(message, key=f"{KEY}.actual")
-    files = matching(raw, options.takes, key=f"{KEY}.takes")
-    if not files:
-        raise RecordingError(f"no log matches {options.takes!r}", file=raw, key=f"{KEY}.takes")
     read = LogOptions(
         time=options.time,
         angle_unit=options.angle_unit,
@@ -38,13 +35,16 @@ def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[d
         signals={"actual": options.actual},
     )
     result = []
-    for file in files:
-        require_text(file)
-        log = read_log(file, read)
-        identity = {"take": file.stem, "part": "test", "t": log.time - options.start}
-        rows = pd.DataFrame(identity | spread("q", joints, log.signals["actual"]))
-        counts = {"rows": len(rows)} | log.counts
-        result.append(
-            (rows, [quality_row(file.stem, "test", "encoders", *row) for row in counts.items()])
-        )
+    for part in ("training", "test"):
+        pattern, key = getattr(options, part), f"{KEY}.{part}"
+        files = named_takes(raw, pattern, key=key)
+        if not files:
+            raise RecordingError(f"no log matches {pattern!r}", file=raw, key=key)
+        for name, file in files.items():
+            log = read_log(file, read)
+            identity = {"take": name, "part": part, "t": log.time - options.start}
+            rows = pd.DataFrame(identity | spread("q", joints, log.signals["actual"]))
+            counts = {"rows": len(rows)} | log.counts
+            quality = [quality_row(name, part, "encoders", *row) for row in counts.items()]
+            result.append((rows, quality))
     return result

@@ -1,4 +1,4 @@
-"""Force records without their bias, as tables."""
+"""Force records without their bias, as tables: all axes that were logged."""
 
 from __future__ import annotations
 
@@ -17,10 +17,12 @@ from pipeline.formats.format import Format, Kind, formats_in
 from pipeline.recordings.quality import quality_row
 from pipeline.recordings.tare import remove_bias
 
+WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")  # N, N·m
+
 
 def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[dict]]:
     """Rows of the table ``force`` of the configuration ``name``, from the end of its tare on; and
-    their quality.
+    their quality. Moments, where torques were logged, are about the option ``point``.
 
     Samples that are saturated or frozen are left out, and looked for before the bias is taken out:
     a sensor measures the whole load. Raises ConfigError for a format that does not exist.
@@ -43,16 +45,21 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
     ratings = np.array(log.full_scale) if log.full_scale is not None else full_scale(calibration)
     sound, faults = sound_samples(record, ratings, log.frozen_after, log.max_faulty, file=file)
     counts = record.counts | faults
-    tared = remove_bias(record.time[sound], record.force[sound], force.tare)
-    rows = pd.DataFrame(
-        {"configuration": name, "t": tared.time, "fx": tared.force[:, 0], "fy": tared.force[:, 1]}
-    )
+    wrench = record.force
+    if np.isfinite(record.torque).any():
+        moment = record.torque - np.cross(force.point, record.force)
+        wrench = np.hstack([record.force, moment])
+    tared = remove_bias(record.time[sound], wrench[sound], force.tare)
+    axes = dict(zip(WRENCH, tared.wrench.T, strict=False))
+    rows = pd.DataFrame({"configuration": name, "t": tared.time} | axes)
     quality = [
         quality_row(name, "test", "force transducer", key, value) for key, value in counts.items()
     ]
     quality += [
-        quality_row(name, "test", "force transducer", f"bias_f{axis}", tared.bias[i], "N")
-        for i, axis in enumerate("xyz")
+        quality_row(
+            name, "test", "force transducer", f"bias_{axis}", bias, "N" if axis[0] == "f" else "N·m"
+        )
+        for axis, bias in zip(axes, tared.bias, strict=True)
     ]
     return rows, quality
 

@@ -62,7 +62,9 @@ def _patterns(dataset: Dataset) -> dict[str, list[tuple[str, str]]]:
     if log is not None:
         named["motion"].append(("joint_log.movements", log.movements))
     if dataset.encoders is not None:
-        named["motion"].append(("encoders.takes", dataset.encoders.takes))
+        named["motion"] += [
+            (f"encoders.{part}", getattr(dataset.encoders, part)) for part in ("training", "test")
+        ]
     if depth is not None:
         named["depth"] += [("depth.takes", depth.takes), ("depth.intrinsics", depth.intrinsics)]
     if force is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +12,12 @@ from pipeline.arm.interface import Chain
 from pipeline.core.columns import spread
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
-from pipeline.core.options.logs import JointLog
-from pipeline.formats.patterns import matching
-from pipeline.recordings.logged_movement import UNITS, read_logged_movement
+from pipeline.recordings.disturbed_takes import disturbed_takes
+from pipeline.recordings.logged_movement import UNITS, Take, read_logged_movement
 from pipeline.recordings.pairing import require_pair
-from pipeline.recordings.quality import quality_row
+from pipeline.recordings.quality import LEFT_OUT, REPETITIONS, quality_row
 from pipeline.recordings.repetitions import (
     align,
-    disturbances,
     excursions,
     find_passes,
     find_repetitions,
@@ -28,16 +25,7 @@ from pipeline.recordings.repetitions import (
     lag,
     stretch,
 )
-
-
-@dataclass(frozen=True)
-class Take:
-    """The chain's angles in the movement that a repetition was found in."""
-
-    movement: str
-    actual: np.ndarray  # (N, n) rad
-    target: np.ndarray  # (N, n) rad
-    first: int  # row at which the repetition starts
+from pipeline.recordings.take_names import named_takes
 
 
 def joint_log_rows(
@@ -52,7 +40,7 @@ def joint_log_rows(
     """
     options, motion = dataset.joint_log, dataset.motion
     steps, length = motion.steps - 2 * options.rest, motion.steps + 1
-    takes, observed, quality = _repetitions(raw, dataset, steps)
+    takes, observed, quality = find_takes(raw, dataset, steps)
     if takes:
         first = next(iter(takes.values()))
         reference = first.target[first.first : first.first + steps + 1]
@@ -73,8 +61,9 @@ def joint_log_rows(
             for name, start in starts.items()
             if start != round(start)
         ]
-        residuals = np.stack([actual[name] - target[name] for name in takes])
-        left_out, result = _disturbed(takes, residuals, options, raw)
+        logged = [take.logged(starts[name], length) for name, take in takes.items()]
+        signals = {key: np.stack([held[key] for held in logged]) for key in logged[0]}
+        left_out, result = disturbed_takes(takes, signals, options, motion.rate, raw)
         quality += result
         takes = {name: take for name, take in takes.items() if name not in left_out}
         for name in takes:
@@ -132,65 +121,21 @@ def joint_log_rows(
     return trajectory_table(chain, held, motion.rate, dataset.robot.joints), joints, quality
 
 
-def _disturbed(
-    takes: dict[str, Take], residuals: np.ndarray, options: JointLog, raw: Path
-) -> tuple[set[str], list[dict]]:
-    """Names of the disturbed takes, and how far each take is from the others; RecordingError where
-    the option refuses disturbed ones.
-    """
-    limit = np.inf if options.residual_limit is None else options.residual_limit
-    result, quality = set(), []
-    for (name, take), residual, distance, score in zip(
-        takes.items(), residuals, *disturbances(residuals), strict=True
-    ):
-        largest = np.abs(residual).max()
-        quality.append(
-            quality_row(name, "training", "joint log", "residual_beside_others", distance, "rad")
-        )
-        quality.append(
-            quality_row(
-                name, "training", "joint log", "disturbance", score, "robust standard deviations"
-            )
-        )
-        quality.append(
-            quality_row(name, "training", "joint log", "greatest_residual", largest, "rad")
-        )
-        if score <= options.disturbed_beyond and largest <= limit:
-            continue
-        if options.disturbed == "refuse":
-            raise RecordingError(
-                f"the repetition from row {take.first} was disturbed: its residual is "
-                f"{score:.3g} robust standard deviations from the "
-                "median over the repetitions, at most "
-                f"{largest:.3g} rad",
-                file=raw,
-                take=name,
-                key="dataset.joint_log.disturbed",
-            )
-        result.add(name)
-        quality.append(
-            quality_row(
-                take.movement, "training", "joint log", "disturbed_from_row", take.first, "row"
-            )
-        )
-    return result, quality
-
-
-def _repetitions(
+def find_takes(
     raw: Path, dataset: Dataset, steps: int
 ) -> tuple[dict[str, Take], list[str], list[dict]]:
     """The repetitions by name; all motions in words; quality."""
     takes, observed, quality = {}, [], []
     options, rest = dataset.joint_log, dataset.joint_log.rest_speed
     chain = [options.joints.index(name) for name in dataset.robot.joints]
-    movements = matching(raw, options.movements, key="dataset.joint_log.movements")
+    movements = named_takes(raw, options.movements, key="dataset.joint_log.movements")
     if not movements:
         raise RecordingError(
             f"no folder or file of a movement matches {options.movements!r}", file=raw
         )
-    for folder in movements:
-        movement = read_logged_movement(folder, options, dataset.motion.rate)
-        name, target = movement.name, movement.target
+    for name, place in movements.items():
+        movement = read_logged_movement(name, place, options, dataset.motion.rate)
+        target = movement.target
         if options.rest:
             repetitions = find_repetitions(
                 target,
@@ -207,15 +152,13 @@ def _repetitions(
         for number, run in enumerate(repetitions.runs, 1):
             take = f"{name}_{number}"
             rows = slice(max(run.first - options.rest, 0), run.last + options.rest + 1)
-            movement.require_held(rows, dataset.robot.locked, file=folder, take=take)
-            takes[take] = Take(name, movement.actual[:, chain], target[:, chain], run.first)
+            movement.require_held(rows, dataset.robot.locked, file=place, take=take)
+            takes[take] = Take(movement, name, chain, run.first)
         motions = excursions(target, movement.speed, rest)
-        observed += [run.describe(target[:, chain]) for run in motions if run.whole]
-        if motions and not any(run.whole for run in motions):
-            observed.append("a command that never rests, to be cut with rest: 0")
-        counts = dict(movement.counts) | {"repetitions": len(repetitions.runs)}
+        observed += [run.lack(len(target)) or run.describe(target[:, chain]) for run in motions]
+        counts = dict(movement.counts) | {REPETITIONS: len(repetitions.runs)}
         counts |= {
-            f"excursions_{reason}": len(rows) for reason, rows in repetitions.left_out.items()
+            f"{LEFT_OUT}{reason}": len(rows) for reason, rows in repetitions.left_out.items()
         }
         quality += [
             quality_row(name, "training", "joint log", key, value, UNITS.get(key, "count"))

@@ -12,21 +12,22 @@ import numpy as np
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.logs import SIGNALS, JointLog
+from pipeline.formats.bag_path import is_bag
 from pipeline.formats.joints.log import LogOptions
 from pipeline.recordings.movement import read_movement
 from pipeline.recordings.pairing import delayed, require_pair
-from pipeline.recordings.repetitions import REACH, commanded_speeds
+from pipeline.recordings.repetitions import REACH, commanded_speeds, stretch
 
 
 @dataclass(frozen=True)
 class LoggedMovement:
     """The rows of a movement, of all its logged joints."""
 
-    name: str
     joints: Sequence[str]
     actual: np.ndarray  # (N, joints) rad, measured
     target: np.ndarray  # (N, joints) rad, commanded
     speed: np.ndarray  # (N, joints) rad/s, commanded
+    others: Mapping[str, np.ndarray]  # (N, joints) each, other signals in any unit
     counts: Mapping[str, float]  # of rows, but for those of UNITS
 
     def require_held(self, rows: slice, locked: Mapping[str, float], **evidence: object) -> None:
@@ -45,21 +46,58 @@ class LoggedMovement:
                 )
 
 
+@dataclass(frozen=True)
+class Take:
+    """A repetition, and the movement that it was found in."""
+
+    movement: LoggedMovement
+    name: str  # of the movement
+    chain: list[int]  # columns of the chain's joints
+    first: int  # row at which the repetition starts
+
+    @property
+    def actual(self) -> np.ndarray:
+        """(N, n) rad, measured angles of the chain."""
+        return self.movement.actual[:, self.chain]
+
+    @property
+    def target(self) -> np.ndarray:
+        """(N, n) rad, commanded angles of the chain."""
+        return self.movement.target[:, self.chain]
+
+    def logged(self, start: float, length: int) -> dict[str, np.ndarray]:
+        """(length, joints) residuals in rad of all logged joints, as RESIDUALS, and the other
+        logged signals, from ``start`` on.
+        """
+        held = {RESIDUALS: self.movement.actual - self.movement.target} | self.movement.others
+        return {name: stretch(rows, start, length) for name, rows in held.items()}
+
+
+RESIDUALS = "residuals"
 UNITS = {"clock_jitter": "s", "command_delay": "s"}  # of counts that are none
 
 
-def read_logged_movement(movement: Path, options: JointLog, rate: float) -> LoggedMovement:
-    """A folder of logs, or one file that is a movement, at ``rate`` rows a second.
+def read_logged_movement(
+    name: str, movement: Path, options: JointLog, rate: float
+) -> LoggedMovement:
+    """The ``movement`` of that name, a folder of logs or one file, at ``rate`` rows a second.
 
     Raises RecordingError for logs that cannot be read or whose clock is not even, and for a command
     that is none of the measured angles; ConfigError where the options do not say where both stand.
     """
-    wanted: dict[Path, dict] = {movement: options.signals} if movement.is_file() else {}
-    if movement.is_dir():
+    single = movement.is_file() or is_bag(movement)
+    wanted: dict[Path, dict] = {movement: {**options.signals}} if single else {}
+    if not single:
         for signal in SIGNALS:
             if file := getattr(options, signal):
                 columns = wanted.setdefault(movement / file, {})
                 columns[signal] = options.signals.get(signal)
+    for signal, place in options.others.items():
+        file = movement / place if isinstance(place, str) else movement
+        columns = None if isinstance(place, str) else place
+        # beside angles that the file names itself
+        angles = dict.fromkeys(SIGNALS[:2]) if file == movement else {}
+        wanted[file] = (wanted.get(file) or angles) | {signal: columns}
     common = LogOptions(
         options.time,
         rate,
@@ -68,17 +106,17 @@ def read_logged_movement(movement: Path, options: JointLog, rate: float) -> Logg
         options.angle_unit,
         options.time_unit,
         len(options.joints),
+        options.joints,
         {} if options.target_factor == 1 else dict.fromkeys(SIGNALS[1:], options.target_factor),
     )
     files = {file: replace(common, signals=signals) for file, signals in wanted.items()}
     signals, counts = read_movement(files, rate, options.clock) if files else ({}, {})
     if missing := [signal for signal in ("actual", "target") if signal not in signals]:
-        where = "signals" if movement.is_file() else " and ".join(missing)
+        where = "signals" if single else " and ".join(missing)
         raise ConfigError(
-            f"nothing says where {movement.name} holds the {' and '.join(missing)} angles",
+            f"nothing says where {name} holds the {' and '.join(missing)} angles",
             key=f"dataset.joint_log.{where}",
         )
-    name = movement.name if movement.is_dir() else movement.stem
     early = round(_delay(options.target_delay, name) * rate)
     actual, target = delayed(signals["actual"], signals["target"], early)
     if early:
@@ -89,7 +127,8 @@ def read_logged_movement(movement: Path, options: JointLog, rate: float) -> Logg
     else:
         speed = commanded_speeds(target, rate, options.rest_speed)
         counts |= {"speed_from_angles": 1}
-    return LoggedMovement(name, options.joints, actual, target, speed, counts)
+    others = {name: delayed(signals[name], signals["target"], early)[0] for name in options.others}
+    return LoggedMovement(options.joints, actual, target, speed, others, counts)
 
 
 def _delay(option: float | Mapping[str, float], movement: str) -> float:

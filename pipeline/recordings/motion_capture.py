@@ -19,11 +19,10 @@ from pipeline.core.options.motion_capture import Body, Mocap
 from pipeline.formats import motion as motion_formats
 from pipeline.formats.format import Kind, format_of, formats_in
 from pipeline.formats.motion.take import MotionTake
-from pipeline.formats.patterns import matching
 from pipeline.formats.trajectory import read_trajectory
-from pipeline.recordings.quality import quality_row, require_text
-
-UNIT_QUATERNION = 0.01  # far above what six decimals leave of a unit quaternion's length
+from pipeline.recordings.cross_check import require_velocities
+from pipeline.recordings.quality import quality_row
+from pipeline.recordings.take_names import named_takes
 
 
 def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
@@ -41,8 +40,9 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
             f"at {motion.rate} per second",
             file=file,
         )
-    if names := members(table, "q"):
-        joints = dataset.robot.joints
+    chain, names, joints = chain_of(dataset.robot), members(table, "q"), dataset.robot.joints
+    task = members(table, "x")
+    if names and chain.task != task:
         if sorted(names) != sorted(joints):
             raise RecordingError(
                 f"the trajectory has the joints {', '.join(names)}; the arm's are "
@@ -51,9 +51,8 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
                 key="dataset.robot.joints",
             )
         q = table[columns("q", joints)].to_numpy()
-        return trajectory_table(chain_of(dataset.robot), q, motion.rate, joints)
-    task = members(table, "x")
-    if chain_of(dataset.robot).task != task:
+        return trajectory_table(chain, q, motion.rate, joints)
+    if chain.task != task:
         raise RecordingError(
             f"the trajectory commands {', '.join(task)}, which is not the task of the arm; export "
             "the commanded joints, t and q:JOINT of each",
@@ -61,28 +60,28 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
             key="dataset.robot.task",
         )
     table.insert(0, "k", np.arange(len(table)))
-    return table
+    require_velocities(table, motion.rate, file)
+    return table.drop(columns=columns("q", names))
 
 
-def find_takes(raw: Path, mocap: Mocap) -> list[tuple[Path, str]]:
-    """File and part of every take below ``raw``; RecordingError where a pattern matches none, or
-    two takes have one name.
+def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
+    """Name, file and part of every take below ``raw``; RecordingError where a pattern matches none,
+    or two takes have one name.
     """
     takes: dict[str, tuple[Path, str]] = {}
     for part, pattern in (("training", mocap.training), ("test", mocap.test)):
-        files = matching(raw, pattern, key=f"dataset.mocap.{part}") if pattern else []
+        key = f"dataset.mocap.{part}"
+        files = named_takes(raw, pattern, key=key) if pattern else {}
         if pattern and not files:
             raise RecordingError(f"no {part} take matches {pattern!r}", file=raw)
-        for file in files:
-            require_text(file)
-            if file.stem in takes:
-                raise RecordingError(
-                    f"two files are named as the take {file.stem!r}, the other is "
-                    f"{takes[file.stem][0]}",
-                    file=file,
-                )
-            takes[file.stem] = (file, part)
-    return list(takes.values())
+        for name in files.keys() & takes.keys():
+            raise RecordingError(
+                f"the training take {takes[name][0]} is named {name!r} too",
+                file=files[name],
+                key=key,
+            )
+        takes |= {name: (file, part) for name, file in files.items()}
+    return [(name, *take) for name, take in takes.items()]
 
 
 def read_take(file: Path, unit: str | None) -> MotionTake:
@@ -97,9 +96,11 @@ def read_take(file: Path, unit: str | None) -> MotionTake:
     return chosen.read(file, unit)
 
 
-def marker_rows(file: Path, part: str, dataset: Dataset) -> tuple[pd.DataFrame, list[dict]]:
-    """The markers of one take in the arm's base frame: those of the template by link, all others as
-    unlabelled; and its quality.
+def marker_rows(
+    name: str, file: Path, part: str, dataset: Dataset
+) -> tuple[pd.DataFrame, list[dict]]:
+    """The markers of the take ``name`` in the arm's base frame: those of the template by link, all
+    others as unlabelled; and its quality.
 
     Frames that the file skips are missing samples, and so are ``frozen_frames``: those that repeat
     every position of the one before. Where links are followed by rigid bodies, no marker of another
@@ -133,7 +134,7 @@ def marker_rows(file: Path, part: str, dataset: Dataset) -> tuple[pd.DataFrame, 
         xyz[steps] = (positions - np.array(mocap.base.position)) @ rotation
         missing += int(np.isnan(xyz[:, 0]).sum()) if link else 0
         identity = {
-            "take": file.stem,
+            "take": name,
             "part": part,
             "k": k,
             "t": k / motion.rate,
@@ -147,7 +148,7 @@ def marker_rows(file: Path, part: str, dataset: Dataset) -> tuple[pd.DataFrame, 
         "frozen_frames": int(frozen.sum()),
     }
     return pd.concat(rows, ignore_index=True), [
-        quality_row(file.stem, part, "motion capture", key, value) for key, value in counts.items()
+        quality_row(name, part, "motion capture", key, value) for key, value in counts.items()
     ]
 
 
@@ -233,10 +234,6 @@ def _carried(take: MotionTake, body: Body, places: np.ndarray, file: Path) -> np
         )
     pose = take.bodies[body.name]
     tracked = np.isfinite(pose.position).all(axis=-1) & np.isfinite(pose.quaternion).all(axis=-1)
-    if np.any(np.abs(np.linalg.norm(pose.quaternion[tracked], axis=-1) - 1) > UNIT_QUATERNION):
-        raise RecordingError(
-            f"a quaternion of rigid body {body.name} is far from unit length: damaged", file=file
-        )
     local = (places - np.array(body.mount.position)) @ Rotation.from_euler(
         "xyz", body.mount.rpy
     ).as_matrix()

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from pipeline.core.errors import RecordingError
+from pipeline.core.options.logs import SIGNALS
 from pipeline.formats import joints as joint_formats
 from pipeline.formats.format import Kind, format_of, formats_in
 from pipeline.formats.joints import table
@@ -93,8 +95,17 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
     """How many of the steps of ``time`` (N,) are not 1/``rate``; RecordingError where they cannot
     be those of a log at that rate.
     """
-    off = np.abs(np.diff(time) * rate - 1)
+    steps = np.diff(time)
+    off = np.abs(steps * rate - 1)
     mean = (time[-1] - time[0]) / max(len(time) - 1, 1)
+    usual = float(np.median(steps)) if len(steps) else 1 / rate
+    if len(time) > 1 and abs(usual * rate - 1) > JITTER:
+        raise RecordingError(
+            f"the log steps by {usual:.6g} s as a rule, not by 1/{rate:g} s: is its rate "
+            f"{1 / usual:.6g} 1/s, and its time_unit right?",
+            file=file,
+            key="dataset.motion.rate",
+        )
     if off.max(initial=0.0) > JITTER:
         row = int(np.argmax(off > JITTER))
         step = time[row + 1] - time[row]
@@ -118,8 +129,8 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
     """The log in ``file``, of whichever format it begins like, else as a plain table; its signals
     multiplied by the factors of ``options``.
 
-    Raises RecordingError for another number of joints than the options say, and for angles beyond
-    four turns.
+    Raises RecordingError for another number of joints than the options say or other names, and for
+    angles beyond four turns.
     """
     chosen = format_of(file, formats_in(joint_formats, Kind.JOINTS)) or table.FORMAT
     log = chosen.read(file, options)
@@ -134,11 +145,19 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
             file=file,
             key=f"{OPTION}.joints",
         )
+    if log.joints and options.names and log.joints != tuple(options.names):
+        raise RecordingError(
+            f"the log states its joints as {', '.join(log.joints)}",
+            file=file,
+            key=f"{OPTION}.joints",
+        )
     signals = {
         name: rows * np.asarray(options.factors[name]) if name in options.factors else rows
         for name, rows in signals.items()
     }
     for name, rows in signals.items():
+        if name not in SIGNALS:
+            continue
         greatest = np.abs(rows).max(axis=1, initial=0.0)
         if greatest.max() > MOST_TURNS * 2 * np.pi:
             raise RecordingError(
@@ -148,4 +167,4 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
                 file=file,
                 key=f"{OPTION}.angle_unit",
             )
-    return JointLog(log.time, signals, log.counts)
+    return replace(log, signals=signals)

@@ -15,13 +15,14 @@ from scipy.optimize import linear_sum_assignment
 from scipy.signal import correlate, correlation_lags
 
 from pipeline.core.errors import RecordingError
-from pipeline.recordings.repetitions import lag
+from pipeline.recordings.repetitions import REACH, lag
 
 OPTION = "dataset.joint_log"
 LATEST = 0.05  # s by which a controller may lag behind its command; beyond, two clocks differ
 SEARCH = 10.0  # s, the farthest that clocks are looked for apart
 MOST = 0.9  # of the rows: a repetition that was disturbed does not decide
 LEAST_MOTION = 0.1  # of the farthest joint's motion: what joints that move less are held against
+STILL = 0.1  # rad, likewise: an arm at rest is held to a command, not to the noise of its encoders
 SMOOTHING = 0.02  # s, over which the speed of the arm is taken
 PEAKS, NEAR = 8, 0.8  # delays that are tried: those of the highest correlations, down to this share
 SAME = 0.02  # of a factor, up to which it is one of those that unit conversions have
@@ -66,16 +67,15 @@ def missed(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
     """(n,) by what share of its motion each joint misses its command: what nine in ten of the rows
     of ``actual`` and ``target`` (N, n) in rad keep to, of those at which the command moves or of
     those at which it rests, whichever is more. A joint that hardly moves is held against a tenth of
-    the farthest one's motion.
+    the farthest one's motion, and any against STILL at least.
     """
     residual = np.abs(actual - target)
     motion = np.ptp(actual, axis=0)
-    scale = np.maximum(motion, LEAST_MOTION * motion.max())
+    scale = np.maximum(motion, max(LEAST_MOTION * motion.max(), STILL))
     steps = np.abs(np.diff(target, axis=0, prepend=target[:1])).max(axis=1)
     moving = steps > LEAST_MOTION * np.quantile(steps, 0.99)
     shares = [np.quantile(residual[rows], MOST, axis=0) for rows in (moving, ~moving) if rows.any()]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.nan_to_num(np.max(shares, axis=0) / scale, posinf=np.inf)
+    return np.max(shares, axis=0) / scale
 
 
 def pairing_of(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
@@ -83,7 +83,7 @@ def pairing_of(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
     leaves the least; the one without any change where no other leaves clearly less.
     """
     plain = Pairing(np.ones(actual.shape[1]), np.arange(actual.shape[1]), 0)
-    if not (np.ptp(actual, axis=0).any() and np.ptp(target, axis=0).any()):
+    if not (np.ptp(actual, axis=0).max() > REACH and np.ptp(target, axis=0).any()):
         return plain
     best, least = plain, _left(plain, actual, target)
     for delay in _delays(actual, target, rate):
@@ -121,7 +121,7 @@ def require_pair(
             f"{joints[worst]} misses its command by {missing[worst]:.2g} of its motion (or of a "
             f"tenth of the farthest joint's), more than {limit:g} (mismatch)"
         )
-    elif np.ptp(target) and abs(late := lag(target, actual, rate)) > LATEST:
+    elif abs(late := lag(target, actual, rate)) > LATEST:  # of a command at rest there is none
         fault = f"the arm is {late:.2g} s behind its command, more than {LATEST:g}"
     else:
         return
@@ -221,5 +221,6 @@ def _fine(pairing: Pairing, actual: np.ndarray, target: np.ndarray, rate: float)
     none it is the controller's, not a clock's.
     """
     behind, command = pairing.apply(actual, target)
-    delay = pairing.delay + round(lag(command, behind, rate) * rate)
+    late = lag(command, behind, rate)
+    delay = pairing.delay + (round(late * rate) if np.isfinite(late) else 0)
     return replace(pairing, delay=delay if abs(delay) > LATEST * rate else 0)

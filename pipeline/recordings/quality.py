@@ -13,6 +13,8 @@ import pandas as pd
 from pipeline.core.errors import RecordingError
 
 DEPTH_CAMERA = "depth camera"  # as the table names the instrument
+# counts of a movement: the repetitions in it that are takes, and its motions that are none, by why
+REPETITIONS, LEFT_OUT = "repetitions", "excursions_"
 
 
 def quality_row(

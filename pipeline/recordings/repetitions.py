@@ -11,8 +11,6 @@ from scipy.interpolate import CubicSpline
 # rad: a command that moves no joint farther is the controller taking over, not a motion; ends this
 # near are the same
 REACH = 0.01
-# of the median residual: what repetitions differ by undisturbed, however few there are to show it
-LEAST_SPREAD = 0.25
 REST_SPEED = 1e-4  # rad/s: less than a microradian a sample, below what encoders resolve
 PHASE_ROUNDS = 4  # each squares what is left of the phase
 SLACK = 2  # rows by which the logger may see the same command start early or late, or last longer
@@ -32,6 +30,19 @@ class Excursion:
     def steps(self) -> int:
         """Steps of the log's clock that the motion takes."""
         return self.last - self.first
+
+    def lack(self, rows: int) -> str:
+        """What keeps it from being whole, in words, in a log of so many ``rows``; empty of a whole
+        one.
+        """
+        if self.whole:
+            return ""
+        # the first row has no step before it
+        at_start, at_end = self.first <= 1, self.last >= rows
+        if at_start and at_end:
+            return "a command that never rests, to be cut with rest: 0"
+        edge = "start" if at_start else "end"
+        return f"a motion from row {self.first}, cut off by the {edge} of the log"
 
     def describe(self, angles: np.ndarray) -> str:
         """The motion in words, its ends read from the commanded ``angles`` (N, joints): for a
@@ -190,24 +201,9 @@ def lag(commanded: np.ndarray, measured: np.ndarray, rate: float) -> float:
     samples per second.
 
     Least squares of measured(t) = commanded(t − lag) to first order in the lag, over all joints
-    together.
+    together. NaN of a command at rest, which moves no joint farther than REACH: nothing trails it.
     """
+    if not np.ptp(commanded, axis=0).max() > REACH:
+        return np.nan
     velocity = np.gradient(commanded, axis=0) * rate
     return float(np.sum((commanded - measured) * velocity) / np.sum(velocity**2))
-
-
-def disturbances(residuals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far each repetition is from the others: in rad (takes,), and in robust standard
-    deviations from their median (takes,).
-
-    ``residuals`` (takes, K, joints) in rad are measured minus commanded angles. What every
-    repetition has at a step, such as the lag, is their median there; a repetition's distance is the
-    root mean square of the rest over steps and joints. Its standard deviation is 1.4826 times the
-    median absolute deviation (Gaussian-consistent), yet no less than a quarter of the median. A
-    disturbance shows where more repetitions are undisturbed than not; of two, neither can be told
-    to be the disturbed one.
-    """
-    distance = np.sqrt(np.mean((residuals - np.median(residuals, axis=0)) ** 2, axis=(1, 2)))
-    middle = np.median(distance)
-    spread = max(1.4826 * np.median(np.abs(distance - middle)), LEAST_SPREAD * middle)
-    return distance, (distance - middle) / spread if spread > 0 else np.zeros_like(distance)

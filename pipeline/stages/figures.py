@@ -14,10 +14,10 @@ DRAWN = 3  # models in the paper's figures: more lines than these cannot be told
 def run() -> None:
     """Draw every figure whose tables the dataset has into ``reports/figures``."""
     settings = config.sections("figures")
-    force = settings.dataset.force
+    robot, force = settings.dataset.robot, settings.dataset.force
     options = {
         "models": list(settings.models)[:DRAWN],
-        "joints": settings.dataset.robot.joints,
+        "joints": robot.joints if robot else [],
         "mode": settings.simulation.mode,
         "configurations": force.configurations if force else {},
     }

@@ -34,10 +34,11 @@ def run(model: str) -> None:
     where the model has been fitted in one, in a closed loop.
     """
     settings = config.sections("filter", item=model)
-    robot, rate, options = settings.dataset.robot, settings.dataset.motion.rate, settings.filter
+    robot, options = settings.dataset.robot, settings.filter
     metrics = {}
     with contracts.replacing(OUT / model) as folder:
         if takes := list(enumerate(measured_takes(settings.dataset))):
+            rate = settings.dataset.motion.rate
             recorded = training_steps(robot, settings.dataset.motion)
             loops = {"": (fitted_model(FIT / model), open_loop(recorded.v))}
             closed = fitted_closed_loop(FIT / model)

@@ -16,7 +16,13 @@ from pipeline.core.columns import spread
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import kinds
-from pipeline.models.bootstrap import Estimator, replicate, resampled_estimator, spreads
+from pipeline.models.bootstrap import (
+    Estimator,
+    joint_covariance,
+    replicate,
+    resampled_estimator,
+    spreads,
+)
 from pipeline.models.closed_loop import FOLDER, SHARE
 from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
 from pipeline.models.model import MotionModel
@@ -26,17 +32,25 @@ from pipeline.models.steps import Estimate, Recorded, mean_log_likelihood
 from pipeline.recordings.steps import training_steps
 
 MOTION, TRACK, OUT = Path("data/ingest/motion"), Path("data/track"), Path("data/fit")
-METRICS = Path("reports/metrics")
+METRICS, COVARIANCE = Path("reports/metrics"), "covariance.json"
 NORMAL = (-1.96, 1.96)  # standard errors to the ends of a 95 % interval
 
 
 def run(model: str) -> None:
     """Fit ``model`` and realise it; tables to ``data/fit``, numbers to ``reports/metrics``."""
     settings = config.sections("fit", item=model)
+    if settings.dataset.robot is None:
+        print("fit: the dataset has no robot; nothing to fit")
+        with contracts.replacing(OUT / model):
+            pass
+        for stage in ("fit", "simulate"):
+            contracts.write_metrics({}, METRICS / f"{stage}_{model}.json")
+        return
     options, checks = vars(settings.models)[model], settings.scale.convex_checks
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
     estimate = kinds.estimate(recorded, options)
-    spread_metrics = _standard_errors(_replicates(model, recorded, estimate, options, settings))
+    replicates = _replicates(model, recorded, estimate, options, settings)
+    spread_metrics = _standard_errors(replicates)
     stream = rng.stream(settings.seed, f"fit.{model}")
     looked_at, tables = kinds.examined(recorded, options, estimate, checks, stream)
     likelihood = _likelihood(recorded, estimate)
@@ -48,6 +62,8 @@ def run(model: str) -> None:
         for name, table in tables.items():
             contracts.write(table, name, folder)
         _write_parameters(estimate.parameters, folder)
+        names, covariance = joint_covariance(replicates)
+        _write_json({"estimates": names, "covariance": covariance}, folder / COVARIANCE)
         if closed is not None:
             _write_parameters(closed.estimate.parameters | {SHARE: closed.share}, folder / FOLDER)
             metrics |= _closed_loop_metrics(closed, settings.dataset.motion.rate)
@@ -57,7 +73,11 @@ def run(model: str) -> None:
 
 
 def _write_parameters(parameters: dict[str, object], folder: Path) -> None:
-    contracts.write_text(json.dumps(parameters, indent=2) + "\n", folder / "parameters.json")
+    _write_json(parameters, folder / "parameters.json")
+
+
+def _write_json(values: dict[str, object], file: Path) -> None:
+    contracts.write_text(json.dumps(values, indent=2) + "\n", file)
 
 
 def _closed_loop_metrics(closed: ClosedLoopFit, rate: float) -> dict[str, float]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.core import config, contracts
+from pipeline.core.bounds import within
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
 
@@ -23,7 +24,8 @@ def run(part: str) -> None:
     settings = config.sections("ingest")
     parts = {"motion": _motion, "depth": _depth, "force": _force}
     with contracts.replacing(OUT / part) as folder:
-        quality = parts[part](settings, Path(settings.dataset.recordings), folder)
+        raw = Path(settings.dataset.recordings)
+        quality = within(settings.dataset.reading, parts[part], settings, raw, folder)
         if quality:
             contracts.write(pd.DataFrame(quality), "quality", folder)
         else:
@@ -41,12 +43,13 @@ def _motion(settings, raw: Path, folder: Path) -> list[dict]:
     if dataset.joint_log is not None:
         from pipeline.arm.model import chain_of
         from pipeline.recordings.joint_logs import joint_log_rows
+        from pipeline.recordings.quality import REPETITIONS
 
         trajectory, joints, quality = joint_log_rows(raw, dataset, chain_of(dataset.robot))
         contracts.write(trajectory, "trajectory", folder)
         contracts.write(joints, "joint_log", folder)
         for row in quality:
-            if row["quantity"] == "repetitions" or row["unit"] == "row":
+            if row["quantity"] == REPETITIONS or row["unit"] == "row":
                 what = row["quantity"].replace("_", " ")
                 print(f"ingest: {row['take']}: {what} {row['value']:.0f}")
     if dataset.trajectory is not None:
@@ -66,7 +69,8 @@ def _motion(settings, raw: Path, folder: Path) -> list[dict]:
 def _depth(settings, raw: Path, folder: Path) -> list[dict]:
     """Of every depth frame its time on the camera's clock and the arm's points."""
     from pipeline.arm.model import arm_of
-    from pipeline.recordings import depth_camera
+    from pipeline.recordings.depth_camera import frame_rows
+    from pipeline.recordings.depth_sequence import take_paths
 
     dataset = settings.dataset
     if dataset.depth is None:
@@ -75,11 +79,13 @@ def _depth(settings, raw: Path, folder: Path) -> list[dict]:
         message = "a depth camera needs the motion capture that its clock is set by"
         raise ConfigError(message, key="dataset.depth")
     arm = arm_of(dataset.robot)
-    takes = depth_camera.find_takes(raw, dataset.depth)
-    read = partial(
-        depth_camera.frame_rows, depth=dataset.depth, arm=arm, raw=raw, folder=folder.resolve()
+    takes = take_paths(raw, dataset.depth)
+    read = partial(frame_rows, depth=dataset.depth, arm=arm, raw=raw, folder=folder.resolve())
+    # workers do not share the bounds of this process
+    bounded = partial(within, dataset.reading, read)
+    rows = run_trials(
+        bounded, list(takes.items()), compute=settings.compute, label="ingest: depth takes"
     )
-    rows = run_trials(read, takes, compute=settings.compute, label="ingest: depth takes")
     return _write(list(rows), "frames", folder)
 
 

@@ -25,6 +25,10 @@ def run() -> None:
     ``readings``; nothing where no Wishart model is among them.
     """
     settings = config.sections("readings")
+    if settings.dataset.robot is None:
+        print("readings: the dataset has no robot; there are no claims about its motion")
+        with contracts.replacing(OUT):
+            return
     chosen, robot, rate = settings.filter, settings.dataset.robot, settings.dataset.motion.rate
     options = FilterOptions(chosen.particles, chosen.scheme, chosen.threshold)
     base = Case(paper_models(settings.models), options, settings.simulation.mode)

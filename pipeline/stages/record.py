@@ -28,7 +28,7 @@ from pipeline.formats.motion.take import MotionTake, RigidBody
 from pipeline.formats.trajectory import write_trajectory
 from pipeline.laboratory.bodies import Cluster, as_built, capture_bodies, in_body
 from pipeline.laboratory.encoders import log_joints
-from pipeline.laboratory.force import record_force
+from pipeline.laboratory.force import Cables, record_force
 from pipeline.laboratory.kinect import DepthCamera
 from pipeline.laboratory.mocap import capture, place_markers
 from pipeline.laboratory.sensor import draw_bias
@@ -48,35 +48,44 @@ def run(name: str) -> None:
     what is analysed, as `dvc repro -P` runs this for all, its recordings stay as they are.
     """
     settings = config.sections("record", RAW / name / "dvc.yaml")
-    dataset, laboratory, scale = settings.dataset, settings.dataset.laboratory, settings.scale
-    if dataset.name != name:
-        print(f"record: {dataset.name} is what is analysed; to record {name} set dataset: {name}")
+    dataset, laboratory = settings.dataset, settings.dataset.laboratory
+    if Path(dataset.recordings) != RAW / name / "recordings":
+        print(f"record: analysed is {dataset.recordings}; to record {name} set dataset: {name}")
         for folder in ("recordings", "truth"):
             (RAW / name / folder).mkdir(exist_ok=True)
         return
     if laboratory is None:
         message = f"{name} has no laboratory that would record it"
         raise ConfigError(message, key="dataset.laboratory")
-    # those with depth images, which take longest, first
-    takes = [("test", i) for i in range(scale.test_takes)]
-    takes += [("train", i) for i in range(scale.training_takes)]
     with (
         contracts.replacing(RAW / name / "recordings") as folder,
         contracts.replacing(RAW / name / "truth") as truth,
     ):
-        stream, nominal = rng.stream(settings.seed, "record.session"), chain_of(dataset.robot)
-        session = open_session(nominal, laboratory["dynamics"], stream)
-        set_up = _in_plane if dataset.robot.plane else _in_space
-        instruments = set_up(session, dataset, stream, folder)
-        record = partial(_record_take, session=session, settings=settings, instruments=instruments)
-        rows = list(run_trials(record, takes, compute=settings.compute, label="record: takes"))
-        rows = rows[scale.test_takes :] + rows[: scale.test_takes]
-        joints = pd.concat([joints for joints, _ in rows], ignore_index=True)
-        contracts.write(joints, "true_joints", truth)
-        if clocks := [clock for _, clock in rows if clock]:
-            contracts.write(pd.DataFrame(clocks), "true_clock", truth)
+        if dataset.robot is not None:
+            _record_takes(settings, folder, truth)
         if "robots" in laboratory:
             _record_forces(folder, settings)
+
+
+def _record_takes(settings, folder: Path, truth: Path) -> None:
+    """Every take of the motion, and its truth."""
+    dataset, scale = settings.dataset, settings.scale
+    # those with depth images, which take longest, first
+    takes = [("test", i) for i in range(scale.test_takes)]
+    takes += [("train", i) for i in range(scale.training_takes)]
+    # what an arm does has nothing to do with which rows of its task are analysed
+    nominal = chain_of(replace(dataset.robot, task=None))
+    stream = rng.stream(settings.seed, "record.session")
+    session = open_session(nominal, dataset.laboratory["dynamics"], stream)
+    set_up = _in_plane if dataset.robot.plane else _in_space
+    instruments = set_up(session, dataset, stream, folder)
+    record = partial(_record_take, session=session, settings=settings, instruments=instruments)
+    rows = list(run_trials(record, takes, compute=settings.compute, label="record: takes"))
+    rows = rows[scale.test_takes :] + rows[: scale.test_takes]
+    joints = pd.concat([joints for joints, _ in rows], ignore_index=True)
+    contracts.write(joints, "true_joints", truth)
+    if clocks := [clock for _, clock in rows if clock]:
+        contracts.write(pd.DataFrame(clocks), "true_clock", truth)
 
 
 def _record_take(
@@ -102,11 +111,12 @@ def _in_plane(session: Session, dataset, stream: np.random.Generator, folder: Pa
     template = np.array([list(link.values()) for link in dataset.mocap.markers.values()])
     markers = place_markers(template, laboratory["mocap"], stream)
     bias = draw_bias(laboratory["kinect"], stream)
-    for place in ("optitrack", "kinect", "force"):
+    for place in ("optitrack", "kinect"):
         (folder / place).mkdir()
-    write_trajectory(
-        folder / "trajectory.csv", desired_trajectory(session.nominal, laboratory["trajectory"])
-    )
+    trajectory = desired_trajectory(session.nominal, laboratory["trajectory"])
+    path = desired_path(session.nominal, laboratory["trajectory"])
+    joints = spread("q", dataset.robot.joints, path)
+    write_trajectory(folder / "trajectory.csv", trajectory.assign(**joints))
     k = laboratory["kinect"]
     camera = Intrinsics(k.fx, k.fy, k.cx, k.cy, k.width, k.height)
     write_intrinsics(folder / "kinect" / "intrinsics.yaml", camera)
@@ -193,9 +203,13 @@ def _record_forces(folder: Path, settings) -> None:
     transducer = laboratory["transducer"]
     for number, configuration in enumerate(force.configurations.values()):
         felt = record_force(
-            configuration.tension,
-            configuration.direction,
-            laboratory["robots"],
+            Cables(
+                configuration.tension,
+                configuration.direction,
+                configuration.elevation,
+                configuration.attachment,
+            ),
+            laboratory["robots"].first(len(configuration.tension)),
             transducer,
             force.tare,
             settings.scale.force_seconds,
@@ -204,4 +218,6 @@ def _record_forces(folder: Path, settings) -> None:
         felt = ForceRecord(
             felt.time, felt.force, felt.torque, transducer.rate, "FT00001", STARTED, {}
         )
-        write_daqft(folder / configuration.file, felt)
+        file = folder / configuration.file
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_daqft(file, felt)

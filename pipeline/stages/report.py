@@ -1,5 +1,5 @@
 """report: what holds of the paper's claims in every dataset there is a run of, the paper's numbers,
-figures and errata on one page, and where its equations are in the code.
+figures and errata on one page, which model to use, and where its equations are in the code.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pipeline.verdicts.decision import decide_each, verdict_data
 from pipeline.verdicts.equations import citations, equations_page, parse_items
 from pipeline.verdicts.errata import correct, errata_page, parse_errata
 from pipeline.verdicts.filters import filters_part, first_lines
+from pipeline.verdicts.model_card import model_card
 from pipeline.verdicts.readings import readings_part
 from pipeline.verdicts.run import read_runs
 from pipeline.verdicts.strict import build
@@ -27,8 +28,8 @@ BEYOND = ("studies", "tools")  # what goes beyond the paper comes after its repo
 
 
 def run() -> None:
-    """Decide the claims on every run's numbers, and write claims.json, report.md, errata.md and
-    equations.md.
+    """Decide the claims on every run's numbers, and write claims.json, report.md, errata.md,
+    equations.md and model_card.md.
     """
     runs = read_runs(DATASETS, first=config.sections("report").dataset.name)
     here = runs[0]
@@ -50,6 +51,7 @@ def run() -> None:
         (f"Filters: {here.dataset}", filters_part(here)),
         (f"Figures: {here.dataset}", report_page.figures(captions, items, sources)),
         ("Errata of the paper", report_page.errata_titles(errata)),
+        (f"Recordings: {here.dataset}", report_page.kept(here)),
         (f"Counts: {here.dataset}", report_page.counts(here)),
         ("More", report_page.LINKS),
     ]
@@ -58,6 +60,7 @@ def run() -> None:
         "report.md": report_page.report_page(here, decided, first_lines(runs), parts),
         "errata.md": errata_page(correct(errata, here, decided[0].verdicts)),
         "equations.md": equations_page(items, sources),
+        "model_card.md": model_card(here, runs[1:]),
     }
     for name, text in pages.items():
         contracts.write_text(text, REPORTS / name)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline.arm.model import chain_of
 from pipeline.core import config, contracts, rng
 from pipeline.core.columns import columns, matrices, members, spread, values
 from pipeline.core.errors import ModelDomainError
@@ -21,49 +22,65 @@ from pipeline.models.noise import measurement_covariance, recorded_deviation, re
 from pipeline.perception.depth_noise import errors_of
 from pipeline.perception.depth_state import deviations, error_slopes, slope_scores
 from pipeline.recordings import quality
+from pipeline.recordings.account import account
 from pipeline.recordings.commands import commanded_steps, constant_speed
+from pipeline.recordings.truth import held_against, truth_of
 from pipeline.statistics.agreement import lag_one_correlation
 from pipeline.statistics.filters import Filtered, filter_tables, no_filter
 from pipeline.statistics.joint_scores import filter_metrics, sensor_scores, spread_scores
 from pipeline.statistics.resampling import resampled_differences, spread_quantities
+from pipeline.statistics.scores import wrench_summary
 from pipeline.verdicts.run import Run
 
-INGEST, TRACK, ARTICULATE = Path("data/ingest"), Path("data/track"), Path("data/articulate")
+FILES, INGEST, TRACK = Path("data/files"), Path("data/ingest"), Path("data/track")
+ARTICULATE, READINGS = Path("data/articulate"), Path("data/readings")
 FIT, FILTER, WRENCH = Path("data/fit"), Path("data/filter"), Path("data/wrench")
-READINGS = Path("data/readings")
 OUT, METRICS, TABLES = Path("data/score"), Path("reports/metrics"), Path("reports/tables")
 DATASETS = Path("reports/datasets")
 # tables that the report shows as they are
 SHOWN = dict.fromkeys(("sigma_s", "force_moments", "force_test"), WRENCH) | {"readings": READINGS}
+SHOWN |= dict.fromkeys(("ranges", "predictions", "prediction_pairs"), Path("data/predict"))
 LONG = ("deviation",)  # a table that no verdict is read from
 
 
 def run() -> None:
     """Compare every model with the recordings, in mean, in spread and in the filter."""
     settings = config.sections("score")
-    models, names = list(settings.models), settings.dataset.robot.joints
-    joints = contracts.read("joints", TRACK)
     with contracts.replacing(OUT) as folder, contracts.replacing(TABLES) as tables:
-        _score_motion(models, names, joints, settings, folder, tables)
-        _score_filters(models, names, joints, settings, folder, tables)
-        ridges = [
-            contracts.read("ridge", FIT / model).assign(model=model)
-            for model in models
-            if contracts.exists("ridge", FIT / model)
-        ]
-        if ridges:
-            contracts.write(pd.concat(ridges, ignore_index=True), "ridges", folder)
-        recordings = (
-            _quality(tables) | _kinect(joints, names, settings) | _truth(joints, names, settings)
-        )
+        if settings.dataset.robot is None:
+            print("score: the dataset has no robot; its forces alone are scored")
+            recordings = _quality(tables)
+            for name in ("motion", "filter"):
+                contracts.write_metrics({}, METRICS / f"{name}.json")
+        else:
+            recordings = _score_robot(settings, folder, tables)
         contracts.write_metrics(recordings, METRICS / "recordings.json")
         for name, place in SHOWN.items():
             if contracts.exists(name, place):
                 contracts.read(name, place).to_csv(tables / f"{name}.csv", index=False)
-        _wrench_study().to_csv(tables / "wrench_study.csv", index=False)
-        takes = quality.side_by_side(contracts.read("takes", TRACK))
-        takes.to_csv(tables / "takes.csv", index=False)
+        study = [contracts.read(name, WRENCH) for name in ("wrench_errors", "wrench_spread")]
+        wrench_summary(*study).to_csv(tables / "wrench_study.csv", index=False)
     _write_evidence(settings)
+
+
+def _score_robot(settings, folder: Path, tables: Path) -> dict[str, float]:
+    """The motion, its models and filters; what was lost and repaired of the recordings."""
+    models, names = list(settings.models), settings.dataset.robot.joints
+    joints = contracts.read("joints", TRACK)
+    _score_motion(models, names, joints, settings, folder, tables)
+    _score_filters(models, names, joints, settings, folder, tables)
+    ridges = [
+        contracts.read("ridge", FIT / model).assign(model=model)
+        for model in models
+        if contracts.exists("ridge", FIT / model)
+    ]
+    if ridges:
+        contracts.write(pd.concat(ridges, ignore_index=True), "ridges", folder)
+    takes = contracts.read("takes", TRACK)
+    quality.side_by_side(takes).to_csv(tables / "takes.csv", index=False)
+    files, counts = sorted(FILES.glob("*.csv")), contracts.read("quality", INGEST / "motion")
+    account(map(pd.read_csv, files), counts, takes).to_csv(tables / "kept.csv", index=False)
+    return _quality(tables) | _kinect(joints, names, settings) | _truth(joints, names, settings)
 
 
 def _score_motion(models, names, joints, settings, folder: Path, tables: Path) -> None:
@@ -108,7 +125,8 @@ def _score_filters(models, names, joints, settings, folder: Path, tables: Path) 
     places |= {closed(model): FILTER / model / FOLDER for model in models}
     places = {name: place for name, place in places.items() if contracts.exists("posterior", place)}
     if places:
-        measured = joints[["take", "k", *columns("q", names)]]
+        measured, true = held_against(joints, settings.dataset)
+        measured = measured[["take", "k", *columns("q", names)]]
         posteriors = {
             name: contracts.read("posterior", place).merge(measured, on=["take", "k"])
             for name, place in places.items()
@@ -117,13 +135,13 @@ def _score_filters(models, names, joints, settings, folder: Path, tables: Path) 
         _, training = contracts.stacked(joints[joints.part == "training"], "q")
         takes, q = contracts.stacked(steps, "q")
         pose, held = _pose_covariances(joints, settings)
-        filters, axes = {NONE: no_filter(training, q)}, {}
         frames = {take.take: take for take in measured_takes(settings.dataset)}
-        if settings.dataset.measurement != "tip":  # of which the joints are no linear function
-            dt, own = 1 / settings.dataset.motion.rate, [frames[take] for take in takes]
-            means, covariances, without = memory_filter(training, pose, own, dt)
-            filters[MEMORY] = Filtered(means - q, covariances, pose)
-            axes = {"axes_of_training_steps_without_spread": without}
+        dt, own = 1 / settings.dataset.motion.rate, [frames[take] for take in takes]
+        filtered = memory_filter(training, pose, own, dt, chain_of(settings.dataset.robot))
+        means, covariances, without = filtered
+        # what is true has no noise that a bound would have to hold
+        pose, held = (0 * pose, 0 * held) if true else (pose, held)
+        filters = {NONE: no_filter(training, q), MEMORY: Filtered(means - q, covariances, pose)}
         filters |= {
             name: Filtered(
                 (values(posterior, "m") - values(posterior, "q")).reshape(q.shape),
@@ -144,7 +162,8 @@ def _score_filters(models, names, joints, settings, folder: Path, tables: Path) 
             print(f"score: {refusal}")
         for name, table in compared.items():
             table.to_csv(tables / f"{name}.csv", index=False)
-        metrics = filter_metrics(compared["filter_scores"]) | axes
+        metrics = filter_metrics(compared["filter_scores"])
+        metrics["axes_of_training_steps_without_spread"] = without
     contracts.write_metrics(metrics, METRICS / "filter.json")
 
 
@@ -193,7 +212,7 @@ def _kinect(joints: pd.DataFrame, names: list[str], settings) -> dict[str, float
 
 def _truth(joints: pd.DataFrame, names: list[str], settings) -> dict[str, float]:
     """How far measured joint angles are off the true ones, which synthetic datasets alone have."""
-    truth = _truth_of(settings.dataset)
+    truth = truth_of(settings.dataset)
     if not contracts.exists("true_joints", truth):
         return {}
     both = joints.merge(
@@ -205,40 +224,22 @@ def _truth(joints: pd.DataFrame, names: list[str], settings) -> dict[str, float]
     return bias | {f"tracking_std_{name}_rad": values.std() for name, values in error.items()}
 
 
-def _truth_of(dataset) -> Path:
-    """Where a synthetic dataset has the truth."""
-    return Path(dataset.recordings).parent / "truth"
-
-
-def _wrench_study() -> pd.DataFrame:
-    """Mean and greatest error of the study by number of cables, and where 95 % of the repeats have
-    the greatest, which is a random number.
-    """
-    errors = contracts.read("wrench_errors", WRENCH).groupby("agents")["error"]
-    maxima = contracts.read("wrench_spread", WRENCH).groupby("agents")["maximum"]
-    ends = {"max_low": maxima.quantile(0.025), "max_high": maxima.quantile(0.975)}
-    return errors.agg(["mean", "max"]).assign(**ends).reset_index()
-
-
 def _write_evidence(settings) -> None:
     """Every metric and every short table of the run in one committed file."""
     models = {name: options.kind for name, options in settings.models.items()}
-    stems = [f"{stage}_{model}" for stage in ("fit", "simulate", "filter") for model in models]
-    files = {
-        stem: METRICS / f"{stem}.json" for stem in ("motion", "filter", "recordings", "wrench")
-    }
-    files |= {stem: METRICS / f"{stem}.json" for stem in stems}
-    metrics = {stem: json.loads(file.read_text()) for stem, file in files.items()}
+    stems = ["motion", "filter", "recordings", "wrench"]
+    stems += [f"{stage}_{model}" for stage in ("fit", "simulate", "filter") for model in models]
+    metrics = {stem: json.loads((METRICS / f"{stem}.json").read_text()) for stem in stems}
     csv = [file for file in sorted(TABLES.glob("*.csv")) if file.stem not in LONG]
     tables = {file.stem: pd.read_csv(file) for file in csv}
     dataset = settings.dataset
     here = Run(
         dataset=dataset.name,
         scale=settings.scale.name,
-        # a synthetic dataset alone has a table of what is true
-        synthetic=contracts.exists("true_joints", _truth_of(dataset)),
-        joints=list(dataset.robot.joints),
-        task=members(contracts.read("trajectory", INGEST / "motion"), "v"),
+        # a synthetic dataset alone has a place for what is true
+        synthetic=truth_of(dataset).is_dir(),
+        joints=list(dataset.robot.joints) if dataset.robot else [],
+        task=members(contracts.read("trajectory", INGEST / "motion"), "v") if dataset.robot else [],
         models=models,
         metrics=metrics,
         tables=tables,

@@ -13,14 +13,14 @@ import pandas as pd
 
 from pipeline.arm.model import arm_of, chain_of
 from pipeline.core import config, contracts
-from pipeline.core.columns import spread
+from pipeline.core.columns import columns, spread
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError, SingularJacobianError
 from pipeline.models.noise import process_noise
-from pipeline.perception import markers, space
-from pipeline.perception.carried import carried
+from pipeline.perception.follow import follower
 from pipeline.perception.joint_track import JointTrack
 from pipeline.recordings.commands import commanded_steps
+from pipeline.recordings.cross_check import require_commanded, require_encoders
 from pipeline.recordings.depth_clock import on_motion_clock, with_markers
 from pipeline.recordings.limits import beside_limits, reasons, require_enough
 from pipeline.recordings.quality import quality_row
@@ -36,6 +36,9 @@ def run() -> None:
     dataset = settings.dataset
     limits = dict(vars(dataset.limits))
     with contracts.replacing(OUT) as folder:
+        if dataset.robot is None:
+            print("track: the dataset has no robot; nothing to do")
+            return
         logged = [contracts.read("quality", INGEST / part) for part in _parts(dataset)]
         quality = pd.concat(logged, ignore_index=True)
         if dataset.mocap is None:
@@ -70,6 +73,8 @@ def run() -> None:
         contracts.write(takes, "takes", folder)
         contracts.write(pd.DataFrame(repairs), "quality", folder)
         joints = joints[~joints["take"].isin(takes.loc[takes["left_out"], "take"])]
+        if dataset.mocap is not None:
+            _cross_check(joints, dataset)
         contracts.write(joints, "joints", folder)
         contracts.write(_process_noise(joints, dataset), "process_noise", folder)
 
@@ -102,12 +107,7 @@ def _tracks(dataset) -> dict[tuple[str, str], JointTrack]:
         # a take with a longer gap is left out, and has to be followed to its end to be measured
         mocap = replace(mocap, max_gap=dataset.motion.steps)
     takes = contracts.read("markers", INGEST / "motion").groupby(["take", "part"], sort=False)
-    robot = dataset.robot
-    if robot.plane:
-        follow = partial(markers.track_rows, mocap=mocap, arm=arm_of(robot))
-    else:
-        points = carried(robot, mocap)
-        follow = partial(space.track_rows, mocap=mocap, points=points, joints=robot.joints)
+    follow = follower(dataset.robot, mocap)
     return {key: follow(rows, take=key[0]) for key, rows in takes}
 
 
@@ -131,6 +131,19 @@ def _quality_rows(take: str, part: str, track: JointTrack) -> list[dict]:
         rows.append(("relabelled_share", track.counts["relabelled"] / samples, "share"))
     rows += [(f"standard_error_{joint}", error, "rad") for joint, error in track.errors.items()]
     return [quality_row(take, part, "motion capture", *row) for row in rows]
+
+
+def _cross_check(joints: pd.DataFrame, dataset) -> None:
+    """Hold the tracked ``joints`` against the command and, where there are any, the encoders."""
+    names, motion, chain = dataset.robot.joints, INGEST / "motion", chain_of(dataset.robot)
+    trajectory = contracts.read("trajectory", motion)
+    for take, rows in joints.groupby("take"):
+        require_commanded(rows[columns("q", names)].to_numpy(), trajectory, chain, take)
+    if contracts.exists("encoders", motion):
+        tracked = dict(list(joints.groupby("take")))
+        for take, rows in contracts.read("encoders", motion).groupby("take"):
+            if take in tracked:
+                require_encoders(tracked[take], rows, names, take)
 
 
 def _process_noise(joints: pd.DataFrame, dataset) -> pd.DataFrame:

@@ -4,6 +4,7 @@ measured against modelled.
 
 from __future__ import annotations
 
+import re
 from functools import partial
 from pathlib import Path
 
@@ -12,34 +13,39 @@ import pandas as pd
 
 from pipeline.core import config, contracts, rng
 from pipeline.core.compute.trials import run_trials
+from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
 from pipeline.core.options.force import Force
-from pipeline.wrench.bounds import Bounds
+from pipeline.wrench.bounds import study_bounds
+from pipeline.wrench.configuration import configuration_bounds, nominal_system
 from pipeline.wrench.expectation import expected_sigma_s
 from pipeline.wrench.matrix import FORMS
-from pipeline.wrench.measured_force import force_density, force_moments, force_test, modelled_forces
-from pipeline.wrench.parametric import CableSystem
+from pipeline.wrench.measured_force import (
+    force_density,
+    force_moments,
+    force_test,
+    measured_wrenches,
+    modelled_wrenches,
+    rows_of,
+    wrench_marginals,
+    wrench_planes,
+)
 from pipeline.wrench.study import estimate_sigma_s, sigma_s_rows, study_repeat, study_tables
 
 INGEST, OUT = Path("data/ingest/force"), Path("data/wrench")
 # of a form of Σ_S in the names of metrics
 NAME_OF = {"diagonal": "", "full": "_full", "none": "_without_sigma_s"}
+ENTRY = re.compile("s[1-9][1-9]")
 
 
 def run() -> None:
     """Tables of the study, and of the configurations where the dataset has a force transducer."""
     settings = config.sections("wrench")
     options, force = settings.wrench, settings.dataset.force
-    bounds = Bounds(
-        tuple(options.tension),
-        tuple(options.direction),
-        tuple(options.tension_std),
-        tuple(options.kappa),
-    )
     repeats = list(enumerate(rng.stream(settings.seed, "wrench.study").spawn(options.repeats)))
     repeat = partial(
         study_repeat,
-        bounds=bounds,
+        bounds=study_bounds(options),
         agents=options.agents,
         systems=options.systems,
         tests=options.test_systems,
@@ -64,8 +70,8 @@ def run() -> None:
                 )
             )
             tables = {
-                name: pd.concat([tables[name] for tables in done], ignore_index=True)
-                for name in done[0]
+                name: pd.concat([own[name] for own in done if name in own], ignore_index=True)
+                for name in dict.fromkeys(name for own in done for name in own)
             }
             metrics |= _configuration_metrics(
                 tables["sigma_s"], tables["force_moments"], tables["force_test"]
@@ -99,79 +105,77 @@ def _configuration_metrics(
     is not the paper's diagonal one.
     """
     metrics = {}
-    for row in sigma.itertuples():
-        for ij in ("11", "22") if row.form == "diagonal" else ("11", "12", "22"):
-            name = f"{row.system_class}{NAME_OF[row.form]}_sigma_s_{ij}"
-            kinds = {
-                "": "s",
-                "_standard_error": "se",
-                "_expected": "e",
-                "_expected_standard_error": "ee",
-            }
-            metrics |= {name + kind: getattr(row, column + ij) for kind, column in kinds.items()}
-        metrics[f"{row.system_class}{NAME_OF[row.form]}_sigma_s_clipped"] = row.clipped
-    for row in moments.itertuples():
-        metrics |= {
-            f"{row.configuration}_{row.source}_{name}": getattr(row, name)
-            for name in ("fx", "fy", "var_fx", "var_fy", "cov")
+    kinds = {
+        "": "s",
+        "_standard_error": "se",
+        "_expected": "e",
+        "_expected_standard_error": "ee",
+    }
+    for row in sigma.to_dict("records"):
+        name = f"{row['system_class']}{NAME_OF[row['form']]}_sigma_s"
+        entries = [column[1:] for column in row if ENTRY.fullmatch(column)]
+        for ij in (ij for ij in entries if row["form"] != "diagonal" or ij[0] == ij[1]):
+            metrics |= {f"{name}_{ij}{kind}": row[column + ij] for kind, column in kinds.items()}
+        metrics[f"{name}_clipped"] = row["clipped"]
+    for row in moments.to_dict("records"):
+        source = f"{row.pop('configuration')}_{row.pop('source')}"
+        del row["samples"]
+        metrics |= {f"{source}_{name}": value for name, value in row.items()}
+    for row in tests.to_dict("records"):
+        name, form = row.pop("configuration"), row.pop("form")
+        of_form = {
+            f"{name}{NAME_OF[form]}_{key}": row.pop(key)
+            for key in ("energy_distance", "two_sample_p_value")
         }
-    for row in tests.itertuples():
-        for name in ("energy_distance", "two_sample_p_value"):
-            metrics[f"{row.configuration}{NAME_OF[row.form]}_{name}"] = getattr(row, name)
-        if row.form == "diagonal":
-            metrics |= {
-                f"{row.configuration}_{name}": getattr(row, name)
-                for name in (
-                    "effective_samples",
-                    "tested_samples",
-                    "matrix_share_fx",
-                    "matrix_share_fy",
-                )
-            }
-    return metrics
+        metrics |= of_form
+        if form == "diagonal":
+            metrics |= {f"{name}_{key}": value for key, value in row.items()}
+    # of another configuration's rows there is nothing
+    return {name: value for name, value in metrics.items() if not pd.isna(value)}
 
 
 def _configuration(
     trial: tuple[int, str], force: Force, options: Wrench, seed: int
 ) -> dict[str, pd.DataFrame]:
     """Rows of one configuration: Σ_S of its bounds; moments, densities and tests of its measured
-    force and of draws of the model.
+    wrench and of draws of the model.
     """
     number, name = trial
     configuration = force.configurations[name]
     stream = rng.stream(seed, "wrench.configuration", number)
-    bounds = Bounds(
-        tuple(force.tension_bounds),
-        tuple(configuration.direction_bounds),
-        tuple(force.tension_std_bounds),
-        tuple(force.kappa_bounds),
+    bounds, nominal = (
+        configuration_bounds(force, configuration),
+        nominal_system(force, configuration),
     )
-    agents = len(configuration.direction)
+    agents, rows = len(configuration.direction), rows_of(nominal)
     estimates = estimate_sigma_s(bounds, options.systems, agents, stream)
     expected = expected_sigma_s(bounds, agents, stream.spawn(1)[0])
     record = contracts.read("force", INGEST)
-    measured = record.loc[record["configuration"] == name, ["fx", "fy"]].to_numpy()
-    # the matrix model knows no law of the directions: the concentration is given and does not enter
-    # it
-    concentration = np.full(agents, force.kappa_bounds[0])
-    nominal = CableSystem(
-        configuration.tension, configuration.direction, force.tension_std, concentration
-    )
-    forces = {
-        "measured": measured,
-        "modelled": modelled_forces(nominal, estimates["diagonal"].mean, len(measured), stream),
-    }
+    record = record[record["configuration"] == name]
+    if absent := [row for row in rows if row not in record or record[row].isna().any()]:
+        raise ConfigError(
+            f"the log holds no {', '.join(absent)}, which the attachments ask for; leave them out",
+            key=f"dataset.force.configurations.{name}.attachment",
+        )
+    measured = measured_wrenches(record, nominal, force.length)
+    modelled = modelled_wrenches(nominal, estimates["diagonal"].mean, len(measured), stream)
+    wrenches = {"measured": measured, "modelled": modelled}
     # the actuation alone, without a random matrix, is what the model has to be better than
     tested = {form: estimate.mean for form, estimate in estimates.items()} | {
-        "none": np.zeros((2, 2))
+        "none": np.zeros((len(rows), len(rows)))
     }
     tests = [
         {"configuration": name, "form": form} | force_test(measured, nominal, sigma_s, stream)
         for form, sigma_s in tested.items()
     ]
-    return {
+    tables = {
         "sigma_s": pd.DataFrame(sigma_s_rows(name, agents, estimates, expected)),
-        "force_moments": force_moments(name, forces),
-        "force_density": force_density(name, forces, options.grid),
+        "force_moments": force_moments(name, wrenches, rows),
         "force_test": pd.DataFrame(tests),
+    }
+    if len(rows) == 2:
+        return tables | {"force_density": force_density(name, wrenches, options.grid)}
+    return tables | {
+        "wrench_planes": wrench_planes(name, wrenches, rows, options.grid),
+        "wrench_marginals": wrench_marginals(name, wrenches, rows, options.grid),
     }

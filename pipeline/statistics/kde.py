@@ -1,11 +1,11 @@
-"""Kernel density of two variables with the kernel and bandwidth of MATLAB's ksdensity, which drew
-the paper's force densities.
+"""Kernel density of one and of two variables with the kernel and bandwidth of MATLAB's ksdensity,
+which drew the paper's force densities.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import median_abs_deviation
+from scipy.stats import gaussian_kde, median_abs_deviation
 
 from pipeline.core.compiled import compiled, inner
 from pipeline.core.errors import ModelDomainError
@@ -31,6 +31,14 @@ def normal_reference_bandwidth(samples: np.ndarray) -> np.ndarray:
             samples=count,
         )
     return scale * (4 / ((p + 2) * count)) ** (1 / (p + 4))
+
+
+def marginal_density(samples: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """(g,) Gaussian kernel density of ``samples`` (N,) at ``x`` (g,), per unit, with the
+    :func:`normal_reference_bandwidth`; raises what that does.
+    """
+    (bandwidth,) = normal_reference_bandwidth(samples[:, None])
+    return gaussian_kde(samples, bandwidth / samples.std(ddof=1))(x)
 
 
 def kernel_density(

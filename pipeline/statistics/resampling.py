@@ -20,6 +20,15 @@ TAILS = (0.025, 0.975)
 Quantities = Callable[[str, np.ndarray], dict[str, float]]
 
 
+def drawn_takes(takes: int, rng: np.random.Generator) -> list[np.ndarray]:
+    """The numbers of the ``takes`` that each of REPLICATES resamplings draws: none of a single
+    take, and of few takes not those that hold one alone.
+    """
+    drawn = [rng.integers(takes, size=takes) for _ in range(REPLICATES if takes > 1 else 0)]
+    # one take over and over has no spread that a quantity could be of
+    return [numbers for numbers in drawn if np.ptp(numbers) > 0]
+
+
 def resampled_differences(
     quantities: Quantities, models: Sequence[str], takes: int, rng: np.random.Generator
 ) -> pd.DataFrame:
@@ -31,9 +40,7 @@ def resampled_differences(
     there is no interval for a single take.
     """
     everything = [quantities(model, np.arange(takes)) for model in models]
-    drawn = [rng.integers(takes, size=takes) for _ in range(REPLICATES if takes > 1 else 0)]
-    # one take over and over has no spread that a quantity could be of
-    drawn = [numbers for numbers in drawn if np.ptp(numbers) > 0]
+    drawn = drawn_takes(takes, rng)
     resampled = [[quantities(model, numbers) for numbers in drawn] for model in models]
     rows = []
     for model, values, replicates in zip(models, everything, resampled, strict=True):

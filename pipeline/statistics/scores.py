@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from scipy.special import gammaincinv, stdtrit
 
 from pipeline.core.compiled import compiled
@@ -206,3 +207,12 @@ def paired_difference(scores: np.ndarray, reference: np.ndarray, level: float = 
         return Difference(mean, np.nan, np.nan)
     half = float(stdtrit(takes - 1, (1 + level) / 2) * difference.std(ddof=1) / np.sqrt(takes))
     return Difference(mean, mean - half, mean + half)
+
+
+def wrench_summary(errors: pd.DataFrame, spread: pd.DataFrame) -> pd.DataFrame:
+    """Mean and greatest error of the study of the tables ``wrench_errors`` and ``wrench_spread`` by
+    number of cables, and where 95 % of the repeats have the greatest, which is a random number.
+    """
+    maxima = spread.groupby("agents")["maximum"]
+    ends = {"max_low": maxima.quantile(0.025), "max_high": maxima.quantile(0.975)}
+    return errors.groupby("agents")["error"].agg(["mean", "max"]).assign(**ends).reset_index()

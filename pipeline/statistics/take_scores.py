@@ -30,7 +30,7 @@ def prediction_scores(
     """Each score of the predictions of one step as its mean over the K steps of a take.
 
     ``steps``: the scores (takes, K) by the names of
-    :func:`pipeline.studies.baselines.prediction.score_steps`, and under ``z`` (takes, K, n) the
+    :func:`pipeline.models.prediction.score_steps`, and under ``z`` (takes, K, n) the
     errors in standard deviations; ``joints`` the n names. ``moving``: whether none of the steps is
     at rest, so that there is a score without measurement noise.
     """

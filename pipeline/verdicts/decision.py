@@ -134,7 +134,8 @@ def _decide(claim: Claim, evidence: Evidence, recordings: Recordings, arm: ArmNa
 
 
 def _verdict(about: str, recordings: Recordings, known: np.ndarray, holds: np.ndarray) -> str:
-    if not known.all() or (about == "specimen" and recordings == "real"):
+    # of no joints nothing holds, though no case of it fails
+    if not len(known) or not known.all() or (about == "specimen" and recordings == "real"):
         return NO_EVIDENCE
     if about != "method" and recordings == "synthetic":
         return SYNTHETIC_CANNOT

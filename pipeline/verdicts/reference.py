@@ -10,7 +10,7 @@ from typing import NamedTuple
 import pandas as pd
 
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.dataset import PLANE
+from pipeline.core.task import PLANE
 
 # file below reports without its suffix (metrics/motion, tables/sigma_s) → name → value, or the rows
 # of a table

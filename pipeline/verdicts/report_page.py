@@ -35,6 +35,7 @@ MARKS = {REPRODUCED: "✓", NOT_REPRODUCED: "✗", SYNTHETIC_CANNOT: "?", NO_EVI
 # what a stage counts because it was not solved, lost, clipped or left out
 LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
 LINKS = """\
+- Which model to use for this arm, where and how surely: [model_card.md](model_card.md).
 - Claims: [claims.yaml](claims.yaml) states each with its test and the reason for it,
   [claims.json](claims.json) has verdicts with all numbers and the command that recomputes them.
 - The paper, item by item: [equations.md](equations.md) says where each is in code and tests.
@@ -112,8 +113,10 @@ def _values(case: Case) -> str:
 
 
 def published_and_ours(decided: Sequence[Decided]) -> str:
-    """A row for each number that the paper publishes: its value beside that of every dataset."""
-    rows = []
+    """A row for each number that the paper publishes: its value beside that of the run and of every
+    dataset that has such numbers of its own recordings.
+    """
+    rows, decided = [], [decided[0], *filter(_has_numbers, decided[1:])]
     for verdicts in zip(*(whose.verdicts for whose in decided), strict=True):
         claim = verdicts[0].claim
         if not claim.parameter:
@@ -127,6 +130,12 @@ def published_and_ours(decided: Sequence[Decided]) -> str:
                 rows.append([name + unit, place, printed, *map(_value, cases)])
     header = ["", "place", "published", *(whose.dataset for whose in decided)]
     return f"In brackets 95 % intervals.\n\n{table(header, rows)}"
+
+
+def _has_numbers(whose: Decided) -> bool:
+    """Whether something that the paper publishes of its recordings was measured in these."""
+    own = [each for each in whose.verdicts if each.claim.parameter and each.claim.about != "method"]
+    return any(case.value is not None for each in own for case in each.cases)
 
 
 def _value(case: Case) -> str:
@@ -154,6 +163,14 @@ def _stated(claim: Claim) -> str:
     mark = f" *Can hardly fail: {claim.foregone}.*" if claim.foregone else ""
     mark += f" *{ARM_OF_THE_PAPER}*" if claim.numbers_joints else ""
     return claim.statement + mark
+
+
+def kept(run: Run) -> str:
+    """What ``run`` found in the recordings, step by step, what it kept, and what it left out."""
+    if "kept" not in run.tables:
+        return ""
+    rows = run.tables["kept"].fillna("").astype(str).to_numpy().tolist()
+    return table(["step", "recording", "found", "kept", "left out"], rows)
 
 
 def counts(run: Run) -> str:

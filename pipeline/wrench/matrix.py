@@ -18,14 +18,14 @@ FORMS = ("diagonal", "full")  # of Σ_S, see optimal_sigma_s
 
 @dataclass(frozen=True)
 class MatrixModel:
-    """All of the model but Σ_S, for one system or an array of them: n wrench components, m
-    actuators.
+    """All of the model but Σ_S, for one system or an array of them: n rows of the wrench, m
+    actuators. Rows of moments are in N·m, or in N where a characteristic length divides them.
     """
 
     jacobian: np.ndarray  # S̲ (..., n, m)
     actuation: np.ndarray  # T̲ (..., m), N
     actuation_cov: np.ndarray  # Σ_T (..., m, m), N²
-    psi: np.ndarray  # Ψ_S (m, m)
+    psi: np.ndarray  # Ψ_S (..., m, m)
 
     def spread(self) -> np.ndarray:
         """tr{(Σ_T + T̲T̲ᵀ)Ψ_S} = E[TᵀΨ_ST] in N², (...): what Σ_S is multiplied by in Cov(W).
@@ -36,37 +36,39 @@ class MatrixModel:
         return noise + np.einsum("...i,...ij,...j->...", self.actuation, self.psi, self.actuation)
 
     def actuation_part(self) -> np.ndarray:
-        """S̲Σ_TS̲ᵀ in N², (..., n, n): the covariance that the actuation alone causes."""
+        """S̲Σ_TS̲ᵀ, (..., n, n): the covariance that the actuation alone causes."""
         return self.jacobian @ self.actuation_cov @ np.swapaxes(self.jacobian, -1, -2)
+
+    def mean(self) -> np.ndarray:
+        """E[W] = S̲T̲, (..., n)."""
+        return np.einsum("...nm,...m->...n", self.jacobian, self.actuation)
+
+    def covariance(self, sigma_s: np.ndarray) -> np.ndarray:
+        """Cov(W) = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}·Σ_S + S̲Σ_TS̲ᵀ, (..., n, n): Eqs. (TorqCov)–(CovWNonPar);
+        ``sigma_s`` Σ_S (..., n, n).
+        """
+        return self.spread()[..., None, None] * sigma_s + self.actuation_part()
 
 
 def matrix_model(system: CableSystem) -> MatrixModel:
-    """The model of planar cables that meet in one point (n = 2): S̲ has the cosines and sines of
-    the nominal directions as rows.
+    """The model of a cable system: S̲ at the nominal directions, T̲ and Σ_T of the tensions.
 
-    Eq. (static-jacobian) at the means. As in the paper S̲ stands at θ̲, not at E[S] = A(κ)·S̲,
-    which differs from it by 1/(2κ); Ψ_S = I, as the directions are independent.
+    As in the paper S̲ stands at e̲, not at E[S] = A(κ)·S̲, which differs from it by (p − 1)/(2κ),
+    and Ψ_S = I, as the directions are independent; :mod:`pipeline.wrench.kronecker` estimates Ψ_S.
     """
     identity = np.eye(system.tension.shape[-1])
-    jacobian = np.stack([np.cos(system.direction), np.sin(system.direction)], axis=-2)
     return MatrixModel(
-        jacobian, system.tension, system.tension_sd[..., None] ** 2 * identity, identity
+        system.jacobian(), system.tension, system.tension_sd[..., None] ** 2 * identity, identity
     )
-
-
-def wrench_covariance(model: MatrixModel, sigma_s: np.ndarray) -> np.ndarray:
-    """Cov(W) = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}·Σ_S + S̲Σ_TS̲ᵀ in N², (..., n, n): Eqs. (TorqCov)–(CovWNonPar);
-    ``sigma_s`` Σ_S (..., n, n).
-    """
-    return model.spread()[..., None, None] * sigma_s + model.actuation_part()
 
 
 def unbounded_sigma_s(model: MatrixModel, covariance: np.ndarray) -> np.ndarray:
     """M = (Cov(F) − S̲Σ_TS̲ᵀ)/tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, (..., n, n): the Σ_S with which Cov(W) is
-    ``covariance`` (..., n, n) in N².
+    ``covariance`` (..., n, n).
 
     It may have negative eigenvalues: S̲ stands at the nominal directions, so S̲Σ_TS̲ᵀ overstates
-    what the tensions cause along a cable. Raises ModelDomainError where there is neither actuation
+    what the tensions cause along a cable. A characteristic length scales its rows and columns of
+    moments and changes nothing else. Raises ModelDomainError where there is neither actuation
     nor variance of it.
     """
     spread = model.spread()
@@ -87,7 +89,8 @@ def optimal_sigma_s(unbounded: np.ndarray, form: str) -> tuple[np.ndarray, np.nd
     − Cov(F)‖_F = c·‖Σ_S − M‖_F, in which the covariance counts twice, as it stands twice in the
     matrix. Its optimum is the projection of M on the cone of positive semidefinite matrices: the
     eigenvectors stay and negative eigenvalues become 0 (Higham 1988). Of a diagonal matrix that is
-    the diagonal problem's max. Where nothing is held Σ_S is M, whatever the weights.
+    the diagonal problem's max. Where nothing is held Σ_S is M, whatever the weights; where
+    something is, "full" depends on the characteristic length.
     """
     target = unbounded if form == "full" else unbounded * np.eye(unbounded.shape[-1])
     values, vectors = np.linalg.eigh(target)
@@ -99,7 +102,7 @@ def optimal_sigma_s(unbounded: np.ndarray, form: str) -> tuple[np.ndarray, np.nd
 def sample_wrenches(
     model: MatrixModel, sigma_s: np.ndarray, samples: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """``samples`` independent wrenches W = S·T, Eq. (wrench), of one system in N, (samples, n);
+    """``samples`` independent wrenches W = S·T, Eq. (wrench), of one system, (samples, n);
     ``sigma_s`` Σ_S (n, n).
 
     Given T the product S·T is exactly N(S̲T, (TᵀΨ_ST)·Σ_S), so n normals stand for the n·m of the

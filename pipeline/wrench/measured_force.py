@@ -1,17 +1,25 @@
-"""Measured force against the matrix model of one configuration: moments, densities on a common
-grid, and a test of one law.
+"""Measured wrench against the matrix model of one configuration: moments, densities on common
+grids, and a test of one law.
+
+Rows of a wrench are named as in the table ``force``; where a system's attachments are multiples of
+a characteristic length, rows of moments are in N like those of forces.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import combinations
+
 import numpy as np
 import pandas as pd
 
-from pipeline.statistics.kde import kernel_density, normal_reference_bandwidth
+from pipeline.statistics.kde import kernel_density, marginal_density, normal_reference_bandwidth
 from pipeline.statistics.two_sample import autocorrelation_time, energy_test, thinned
-from pipeline.wrench.matrix import matrix_model, sample_wrenches, wrench_covariance
+from pipeline.wrench.matrix import matrix_model, sample_wrenches
 from pipeline.wrench.parametric import CableSystem
 
+# rows of forces and of moments in the plane and in space
+ROWS = {2: (("fx", "fy"), ("mz",)), 3: (("fx", "fy", "fz"), ("mx", "my", "mz"))}
 # standard deviations of the wider source that the common grid extends beyond the means
 GRID_REACH = 4.0
 # of the model for every measured sample that is tested: its own scatter then adds a tenth to the
@@ -19,72 +27,111 @@ GRID_REACH = 4.0
 DRAWS = 10
 
 
-def modelled_forces(
+def rows_of(system: CableSystem) -> tuple[str, ...]:
+    """Names of the n rows of the wrench: forces, then moments where the cables do not meet in one
+    point.
+    """
+    forces, moments = ROWS[system.dimension]
+    return forces if system.attachment is None else forces + moments
+
+
+def measured_wrenches(record: pd.DataFrame, system: CableSystem, length: float) -> np.ndarray:
+    """(N, n) N the rows of ``record``, of the table ``force``, that ``system`` has; moments over
+    the characteristic ``length`` in m.
+    """
+    rows = rows_of(system)
+    return record[list(rows)].to_numpy() / [1.0 if row[0] == "f" else length for row in rows]
+
+
+def modelled_wrenches(
     system: CableSystem, sigma_s: np.ndarray, samples: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """``samples`` forces (samples, 2) in N of the matrix model at the nominal ``system`` (m,) with
-    ``sigma_s`` (2, 2).
+    """``samples`` wrenches (samples, n) of the matrix model at the nominal ``system`` (m,) with
+    ``sigma_s`` (n, n).
     """
     return sample_wrenches(matrix_model(system), sigma_s, samples, rng)
 
 
-def force_moments(configuration: str, forces: dict[str, np.ndarray]) -> pd.DataFrame:
-    """The rows of the table ``force_moments`` of one configuration; ``forces`` maps a source to its
-    samples (N, 2) in N.
+def force_moments(
+    configuration: str, wrenches: dict[str, np.ndarray], rows: Sequence[str]
+) -> pd.DataFrame:
+    """The rows of the table ``force_moments`` of one configuration; ``wrenches`` maps a source to
+    its samples (N, n) in N of the ``rows``.
     """
-    rows = []
-    for source, sample in forces.items():
-        (fx, fy), covariance = sample.mean(axis=0), np.cov(sample, rowvar=False)
-        rows.append(
-            {
-                "configuration": configuration,
-                "source": source,
-                "fx": fx,
-                "fy": fy,
-                "var_fx": covariance[0, 0],
-                "var_fy": covariance[1, 1],
-                "cov": covariance[0, 1],
-                "samples": len(sample),
-            }
-        )
-    return pd.DataFrame(rows)
+    table = []
+    for source, sample in wrenches.items():
+        covariance = np.cov(sample, rowvar=False)
+        row = {"configuration": configuration, "source": source}
+        row |= dict(zip(rows, sample.mean(axis=0), strict=True))
+        row |= {f"var_{name}": covariance[i, i] for i, name in enumerate(rows)}
+        table.append(row | {"cov": covariance[0, 1], "samples": len(sample)})
+    return pd.DataFrame(table)
 
 
-def force_density(configuration: str, forces: dict[str, np.ndarray], points: int) -> pd.DataFrame:
-    """The rows of the table ``force_density`` of one configuration: every source on one grid of
-    ``points`` × ``points``.
-
-    ``forces`` maps a source to its samples (N, 2) in N; the grid spans 4 standard deviations about
-    the means of all of them.
+def common_grid(samples: Sequence[np.ndarray], points: int) -> np.ndarray:
+    """(points, n) values of each row, evenly from 4 standard deviations of the widest of
+    ``samples`` (N, n) below the least mean to as many above the greatest.
     """
-    centres = np.array([sample.mean(axis=0) for sample in forces.values()])
-    spread = GRID_REACH * np.max([sample.std(axis=0) for sample in forces.values()], axis=0)
-    x, y = np.linspace(centres.min(axis=0) - spread, centres.max(axis=0) + spread, points).T
+    centres = np.array([sample.mean(axis=0) for sample in samples])
+    spread = GRID_REACH * np.max([sample.std(axis=0) for sample in samples], axis=0)
+    return np.linspace(centres.min(axis=0) - spread, centres.max(axis=0) + spread, points)
+
+
+def force_density(configuration: str, wrenches: dict[str, np.ndarray], points: int) -> pd.DataFrame:
+    """The rows of the table ``force_density`` of one planar configuration: every source on one grid
+    of ``points`` × ``points``; ``wrenches`` maps a source to its samples (N, 2) in N.
+    """
+    x, y = common_grid([*wrenches.values()], points).T
     fx, fy = np.meshgrid(x, y, indexing="ij")
-    return pd.concat(
-        [
-            pd.DataFrame(
-                {
-                    "configuration": configuration,
-                    "source": source,
-                    "fx": fx.ravel(),
-                    "fy": fy.ravel(),
-                    "density": kernel_density(
-                        sample, x, y, normal_reference_bandwidth(sample)
-                    ).ravel(),
-                }
+    tables = []
+    for source, sample in wrenches.items():
+        density = kernel_density(sample, x, y, normal_reference_bandwidth(sample))
+        table = {"configuration": configuration, "source": source}
+        table |= {"fx": fx.ravel(), "fy": fy.ravel(), "density": density.ravel()}
+        tables.append(pd.DataFrame(table))
+    return pd.concat(tables, ignore_index=True)
+
+
+def wrench_planes(
+    configuration: str, wrenches: dict[str, np.ndarray], rows: Sequence[str], points: int
+) -> pd.DataFrame:
+    """The rows of the table ``wrench_planes`` of one configuration: in each plane of two forces or
+    of two moments every source on one grid of ``points`` × ``points``; ``wrenches`` as in
+    :func:`force_moments`.
+    """
+    tables = []
+    for i, j in combinations(range(len(rows)), 2):
+        if rows[i][0] == rows[j][0]:
+            plane = {source: sample[:, [i, j]] for source, sample in wrenches.items()}
+            table = force_density(configuration, plane, points)
+            tables.append(
+                table.rename(columns={"fx": "x", "fy": "y"}).assign(row_x=rows[i], row_y=rows[j])
             )
-            for source, sample in forces.items()
-        ],
-        ignore_index=True,
-    )
+    return pd.concat(tables, ignore_index=True)
+
+
+def wrench_marginals(
+    configuration: str, wrenches: dict[str, np.ndarray], rows: Sequence[str], points: int
+) -> pd.DataFrame:
+    """The rows of the table ``wrench_marginals`` of one configuration: of each row of the wrench
+    every source at the same ``points`` values; ``wrenches`` as in :func:`force_moments`.
+    """
+    tables = []
+    for row, values in zip(
+        range(len(rows)), common_grid([*wrenches.values()], points).T, strict=True
+    ):
+        for source, sample in wrenches.items():
+            table = {"configuration": configuration, "source": source, "row": rows[row]}
+            table |= {"value": values, "density": marginal_density(sample[:, row], values)}
+            tables.append(pd.DataFrame(table))
+    return pd.concat(tables, ignore_index=True)
 
 
 def force_test(
     measured: np.ndarray, system: CableSystem, sigma_s: np.ndarray, rng: np.random.Generator
 ) -> dict[str, float]:
-    """Whether the record ``measured`` (N, 2) in N has the law of the matrix model at the nominal
-    ``system`` (m,) with ``sigma_s`` (2, 2).
+    """Whether the record ``measured`` (N, n) in N has the law of the matrix model at the nominal
+    ``system`` (m,) with ``sigma_s`` (n, n), all rows together.
 
     The energy distance (N) and its permutation p-value of the record, thinned to samples that count
     as independent, against ten times as many of the model; the record's effective samples N/τ, τ
@@ -93,16 +140,14 @@ def force_test(
     actuation's law.
     """
     model = matrix_model(system)
-    shares = 1 - np.diag(model.actuation_part()) / np.diag(wrench_covariance(model, sigma_s))
+    shares = 1 - np.diag(model.actuation_part()) / np.diag(model.covariance(sigma_s))
     independent = thinned(measured)
     distance, p_value = energy_test(
-        independent, modelled_forces(system, sigma_s, DRAWS * len(independent), rng), rng
+        independent, modelled_wrenches(system, sigma_s, DRAWS * len(independent), rng), rng
     )
     return {
         "energy_distance": distance,
         "two_sample_p_value": p_value,
         "effective_samples": len(measured) / autocorrelation_time(measured),
         "tested_samples": len(independent),
-        "matrix_share_fx": shares[0],
-        "matrix_share_fy": shares[1],
-    }
+    } | {f"matrix_share_{row}": share for row, share in zip(rows_of(system), shares, strict=True)}

@@ -1,68 +1,141 @@
-"""The parametric force model: tensions are normal, cable directions von Mises, everything
+"""The parametric wrench model: tensions are normal, cable directions von Mises–Fisher, everything
 independent.
 
-Planar cables that meet in one point pull with F = Σᵢ Tᵢ·(cos θᵢ, sin θᵢ), Tᵢ ~ N(T̲ᵢ, σ_Tᵢ²), θᵢ ~
-vM(θ̲ᵢ, κᵢ). The concentration κ is what the paper writes σ_θ: the larger, the narrower.
+Cable i pulls with fᵢ = Tᵢ·eᵢ at rᵢ, Tᵢ ~ N(T̲ᵢ, σ_Tᵢ²), eᵢ ~ vMF(e̲ᵢ, κᵢ) on the unit sphere of
+R^p. The wrench is W = Σᵢ Gᵢfᵢ, Gᵢ = [I; (rᵢ)×]: n = 3 rows in the plane, p = 2, and six in space,
+p = 3. Cables that meet in one point have no moment: G = I, n = p. The concentration κ is what the
+paper writes σ_θ: the larger, the narrower.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import i0e, i1e
 
 from pipeline.core.errors import ModelDomainError
+from pipeline.wrench.directions import mean_resultant_length
+
+UNIT = 1e-9  # that a direction's length may be off 1
 
 
 @dataclass(frozen=True)
 class CableSystem:
-    """One planar cable system, or an array of them: every field has shape (..., m), m the number of
-    cables.
+    """One cable system of m cables, or an array of them; p = 2 in the plane, 3 in space.
 
-    Its force is that of Eq. (WrenchStatEq), the directions those of Eq. (vMis).
+    Its wrench is that of Eq. (WrenchStatEq), the directions those of Eq. (vMis). Raises
+    ModelDomainError for values without a law.
     """
 
-    tension: np.ndarray  # T̲, N
-    direction: np.ndarray  # θ̲, rad, from the platform along the cable
-    tension_sd: np.ndarray  # σ_T, N
-    concentration: np.ndarray  # κ (the paper's σ_θ), dimensionless
+    tension: np.ndarray  # T̲ (..., m), N
+    direction: np.ndarray  # e̲ (..., m, p), unit vectors from the platform along the cable
+    tension_sd: np.ndarray  # σ_T (..., m), N
+    concentration: np.ndarray  # κ (..., m), dimensionless
+    # r (..., m, p), m, in axes parallel to those of the directions; none where the cables meet in
+    # the point that the wrench is taken about
+    attachment: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        for name in ("tension", "direction", "tension_sd", "concentration"):
+        shape = np.shape(self.tension)
+        vector = (*shape, np.shape(self.direction)[-1] if np.ndim(self.direction) else 0)
+        shapes = {
+            "tension": shape,
+            "tension_sd": shape,
+            "concentration": shape,
+            "direction": vector,
+        }
+        if self.attachment is not None:
+            shapes["attachment"] = vector
+        for name, due in shapes.items():
             values = np.asarray(getattr(self, name), dtype=float)
-            if values.ndim == 0 or values.shape != np.shape(self.tension):
+            if values.ndim == 0 or values.shape != due:
                 raise ModelDomainError(
-                    f"{name} {values.shape} and tension {np.shape(self.tension)} must have one "
-                    "shape, (..., cables)"
+                    f"{name} has shape {values.shape}, not {due} as the tensions {shape} ask for"
                 )
             if not np.isfinite(values).all():
                 raise ModelDomainError(f"{name} has values that are not finite")
             object.__setattr__(self, name, values)
         if np.any(self.tension_sd < 0) or np.any(self.concentration <= 0):
             raise ModelDomainError("a cable system needs tension_sd ≥ 0 and concentration > 0")
+        if self.dimension not in (2, 3):
+            raise ModelDomainError(f"directions have 2 or 3 components, not {self.dimension}")
+        if np.any(np.abs(np.linalg.norm(self.direction, axis=-1) - 1) > UNIT):
+            raise ModelDomainError("directions must be unit vectors; divide them by their lengths")
+
+    @classmethod
+    def from_angles(
+        cls,
+        tension: np.ndarray,
+        angle: np.ndarray,
+        tension_sd: np.ndarray,
+        concentration: np.ndarray,
+    ) -> CableSystem:
+        """The planar system whose cables meet in one point and point along ``angle`` θ̲ (..., m) in
+        rad.
+        """
+        direction = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        return cls(tension, direction, tension_sd, concentration)
+
+    @property
+    def dimension(self) -> int:
+        """p."""
+        return self.direction.shape[-1]
+
+    def in_units_of(self, length: float) -> CableSystem:
+        """The system with its attachments as multiples of the characteristic ``length`` in m: rows
+        of moments are then in N and compare with those of forces.
+        """
+        if self.attachment is None:
+            return self
+        return replace(self, attachment=self.attachment / length)
+
+    def maps(self) -> np.ndarray:
+        """Gᵢ (..., m, n, p), which maps the force of a cable to its wrench."""
+        if self.attachment is None:
+            return np.broadcast_to(np.eye(self.dimension), (*self.direction.shape, self.dimension))
+        return wrench_map(self.attachment)
+
+    def jacobian(self) -> np.ndarray:
+        """S̲ (..., n, m), its columns Gᵢe̲ᵢ: Eq. (static-jacobian) at the means, with rows of
+        moments where the cables do not meet in one point.
+        """
+        return np.einsum("...mnp,...mp->...nm", self.maps(), self.direction)
 
 
-def mean_resultant_length(concentration: np.ndarray) -> np.ndarray:
-    """A(κ) = I₁(κ)/I₀(κ) = E cos(θ − θ̲) of the von Mises law, any shape.
-
-    The exponential scaling cancels in the ratio; without it I₀ overflows a double beyond κ = 713.
+def wrench_map(attachment: np.ndarray) -> np.ndarray:
+    """G = [I; (r)×] (..., n, p) of a force at ``attachment`` r (..., p): in the plane its last row
+    gives rₓf_y − r_yfₓ.
     """
-    return i1e(concentration) / i0e(concentration)
+    p = attachment.shape[-1]
+    if p == 2:
+        moment = np.stack([-attachment[..., 1], attachment[..., 0]], axis=-1)[..., None, :]
+    else:
+        moment = np.swapaxes(np.cross(attachment[..., None, :], np.eye(p)), -1, -2)
+    force = np.broadcast_to(np.eye(p), (*attachment.shape, p))
+    return np.concatenate([force, moment], axis=-2)
 
 
-def force_covariance(system: CableSystem) -> np.ndarray:
-    """Cov(F) in N², (..., 2, 2): Eqs. (kapF11) and (kapF22) on the diagonal, and the covariance
-    that the paper leaves out.
-
-    Off the diagonal each cable gives ½·sin 2θ̲·(ā − 2b̄), with the paper's ā and b̄.
+def wrench_mean(system: CableSystem) -> np.ndarray:
+    """E[W] = Σᵢ A(κᵢ)·T̲ᵢ·Gᵢe̲ᵢ, (..., n) in N and N·m: shorter than the nominal S̲T̲ by the
+    spread of the directions.
     """
-    length = mean_resultant_length(system.concentration)
+    pull = mean_resultant_length(system.concentration, system.dimension) * system.tension
+    return np.einsum("...nm,...m->...n", system.jacobian(), pull)
+
+
+def wrench_covariance(system: CableSystem) -> np.ndarray:
+    """Cov(W) = Σᵢ Gᵢ Cov(fᵢ) Gᵢᵀ, (..., n, n) in N², N²·m and N²·m².
+
+    Cov(fᵢ) = (T̲² + σ_T²)·E[eeᵀ] − T̲²A²·e̲e̲ᵀ with E[eeᵀ] = (A/κ)·I + (1 − pA/κ)·e̲e̲ᵀ (Mardia &
+    Jupp 2000, ch. 9). For p = 2 and G = I its diagonal is Eqs. (kapF11) and (kapF22), and off it
+    stands the covariance that the paper leaves out.
+    """
+    p = system.dimension
+    length = mean_resultant_length(system.concentration, p)
     second_moment = system.tension**2 + system.tension_sd**2
-    a = second_moment - (length * system.tension) ** 2
-    b = length * second_moment / system.concentration
-    cos2 = np.cos(2 * system.direction)
-    xx = np.sum(a * np.cos(system.direction) ** 2 - b * cos2, axis=-1)
-    yy = np.sum(a * np.sin(system.direction) ** 2 + b * cos2, axis=-1)
-    xy = np.sum(np.sin(2 * system.direction) * (a - 2 * b) / 2, axis=-1)
-    return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2)
+    all_round = second_moment * length / system.concentration
+    along = second_moment - (length * system.tension) ** 2 - p * all_round
+    g = system.maps()
+    round_part = np.einsum("...mip,...m,...mjp->...ij", g, all_round, g)
+    columns = system.jacobian()
+    return round_part + (columns * along[..., None, :]) @ np.swapaxes(columns, -1, -2)

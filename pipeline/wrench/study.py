@@ -14,14 +14,8 @@ import pandas as pd
 from pipeline.core.errors import ConfigError
 from pipeline.wrench.bounds import Bounds, draw_systems
 from pipeline.wrench.expectation import ExpectedSigmaS, expected_sigma_s
-from pipeline.wrench.matrix import (
-    FORMS,
-    matrix_model,
-    optimal_sigma_s,
-    unbounded_sigma_s,
-    wrench_covariance,
-)
-from pipeline.wrench.parametric import CableSystem, force_covariance
+from pipeline.wrench.matrix import FORMS, matrix_model, optimal_sigma_s, unbounded_sigma_s
+from pipeline.wrench.parametric import CableSystem, wrench_covariance
 
 
 @dataclass(frozen=True)
@@ -29,8 +23,8 @@ class SigmaS:
     """Σ_S averaged over drawn systems."""
 
     systems: int
-    mean: np.ndarray  # (2, 2)
-    standard_error: np.ndarray  # (2, 2) of the mean
+    mean: np.ndarray  # (n, n)
+    standard_error: np.ndarray  # (n, n) of the mean
     # eigenvalues of single systems' Σ_S that the bound Σ_S ≥ 0 held; of the diagonal form these are
     # its entries
     clipped: int
@@ -49,36 +43,39 @@ def estimate_sigma_s(
             f"wrench study: {systems} systems of {agents} cables; at least 2 systems of at least "
             "1 cable are needed"
         )
-    drawn = draw_systems(bounds, systems, agents, rng)
-    unbounded = unbounded_sigma_s(matrix_model(drawn), force_covariance(drawn))
+    return averaged_sigma_s(draw_systems(bounds, systems, agents, rng))
+
+
+def averaged_sigma_s(systems: CableSystem) -> dict[str, SigmaS]:
+    """Average of the optimal Σ_S, in each of its forms, of an array of ``systems`` (s, m)."""
+    unbounded = unbounded_sigma_s(matrix_model(systems), wrench_covariance(systems))
     estimates = {}
     for form in FORMS:
         optimal, held = optimal_sigma_s(unbounded, form)
         estimates[form] = SigmaS(
-            systems,
+            len(optimal),
             optimal.mean(axis=0),
-            optimal.std(axis=0, ddof=1) / np.sqrt(systems),
+            optimal.std(axis=0, ddof=1) / np.sqrt(len(optimal)),
             int(held.sum()),
         )
     return estimates
 
 
-def variance_errors(system: CableSystem, sigma_s: np.ndarray) -> np.ndarray:
-    """‖diag Cov(W) − Var(F)‖/‖Var(F)‖, (...): the paper's error of the matrix model with
-    ``sigma_s`` (2, 2).
+def variance_errors(modelled: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """‖diag Cov(W) − Var‖/‖Var‖, (...): the paper's error of the matrix model, whose covariance is
+    ``modelled`` (..., n, n), against the variances of the parametric ``covariance`` (..., n, n).
     """
-    covariances = wrench_covariance(matrix_model(system), sigma_s), force_covariance(system)
-    modelled, variance = (np.einsum("...ii->...i", covariance) for covariance in covariances)
-    return np.linalg.norm(modelled - variance, axis=-1) / np.linalg.norm(variance, axis=-1)
+    variances = np.einsum("...ii->...i", covariance)
+    difference = np.einsum("...ii->...i", modelled) - variances
+    return np.linalg.norm(difference, axis=-1) / np.linalg.norm(variances, axis=-1)
 
 
-def covariance_errors(system: CableSystem, sigma_s: np.ndarray) -> np.ndarray:
-    """‖Cov(W) − Cov(F)‖_F/‖Cov(F)‖_F, (...): error of the whole covariance of the matrix model with
-    ``sigma_s`` (2, 2).
+def covariance_errors(modelled: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """‖Cov(W) − Cov‖_F/‖Cov‖_F, (...): error of the whole covariance of the matrix model,
+    ``modelled`` (..., n, n), against the parametric ``covariance`` (..., n, n).
     """
-    covariance = force_covariance(system)
-    difference = wrench_covariance(matrix_model(system), sigma_s) - covariance
-    return np.linalg.norm(difference, axis=(-2, -1)) / np.linalg.norm(covariance, axis=(-2, -1))
+    difference = np.linalg.norm(modelled - covariance, axis=(-2, -1))
+    return difference / np.linalg.norm(covariance, axis=(-2, -1))
 
 
 def sigma_s_rows(
@@ -103,7 +100,7 @@ def sigma_s_rows(
         row |= {
             f"{name}{i + 1}{j + 1}": values[i, j]
             for name, values in columns.items()
-            for i, j in ((0, 0), (0, 1), (1, 1))
+            for i, j in zip(*np.triu_indices(len(values)), strict=True)
         }
         rows.append(row | {"clipped": estimate.clipped})
     return rows
@@ -130,14 +127,17 @@ def study_repeat(
     for m, m_rng in zip(agents, rng.spawn(len(agents)), strict=True):
         estimates = estimate_sigma_s(bounds, systems, m, m_rng)
         fresh = draw_systems(bounds, tests, m, m_rng)
-        error = variance_errors(fresh, estimates["diagonal"].mean)
+        model, covariance = matrix_model(fresh), wrench_covariance(fresh)
+        error = variance_errors(model.covariance(estimates["diagonal"].mean), covariance)
         spread.append({"agents": m, "repeat": repeat, "mean": error.mean(), "maximum": error.max()})
         if repeat == 0:
             sigma_rows += sigma_s_rows(
                 "study", m, estimates, expected_sigma_s(bounds, m, m_rng.spawn(1)[0])
             )
             whole = {
-                f"covariance_error_{form}": covariance_errors(fresh, estimate.mean)
+                f"covariance_error_{form}": covariance_errors(
+                    model.covariance(estimate.mean), covariance
+                )
                 for form, estimate in estimates.items()
             }
             errors.append(

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from pipeline.core.options.dataset import SPACE, Robot
+from pipeline.core.options.dataset import Robot
+from pipeline.core.task import SPACE
 
 LWR4 = Path(__file__).parents[3] / "shared/recordings/lwr4/kuka_lwr4.urdf"
 UR5 = Path("pipeline/arm/ur5.urdf")
@@ -110,6 +111,6 @@ def by_pinocchio(robot: Robot, tip: str, poses: np.ndarray) -> tuple[np.ndarray,
         places.append([*place.translation, *place.rotation.ravel()])
         world = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
         world = world.reshape(6, -1)[:, columns]  # one column comes as a vector
-        seen = np.vstack([base.rotation.T @ world[:3], base.rotation.T @ world[3:]])
-        jacobians.append(seen[rows] * units[:, None])
+        in_base = np.vstack([base.rotation.T @ world[:3], base.rotation.T @ world[3:]])
+        jacobians.append(in_base[rows] * units[:, None])
     return np.array(places), np.array(jacobians)

@@ -8,7 +8,8 @@ import pytest
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import chain_of
-from pipeline.core.options.dataset import SPACE, Robot
+from pipeline.core.options.dataset import Robot
+from pipeline.core.task import SPACE
 from tests.arm.example_urdf import YOUBOT
 from tests.arm.serial_arms import LIMIT, UR5, by_pinocchio, jn, joint, origin, robot_text
 

@@ -58,9 +58,10 @@ def test_each_step_is_the_displacement_between_two_poses(motion):
         np.testing.assert_allclose(steps[k, 3:], 0.5 * turned, atol=1e-12)
         away = (after * first[1].inv()).as_rotvec()
         np.testing.assert_allclose(places[k + 1, 3:], 0.5 * away, atol=1e-12)
-    assert not places[0].any() and not steps[:5].any() and not steps[-1].any()
+        np.testing.assert_allclose(places[k + 1, :3], b, atol=1e-12)
+    assert not places[0, 3:].any() and not steps[:5].any() and not steps[-1].any()
     # the control: rotations do not add up as positions do
-    np.testing.assert_allclose(places[-1, :3], steps.sum(axis=0)[:3], atol=1e-12)
+    np.testing.assert_allclose(places[-1, :3] - places[0, :3], steps.sum(axis=0)[:3], atol=1e-12)
     assert np.abs(places[-1, 3:] - steps.sum(axis=0)[3:]).max() > 1e-3
 
 

@@ -42,7 +42,7 @@ MIMIC = LIMIT + '<mimic joint="j1"/>'
         (robot_text(*TWO, TWO[0]), {}, "two joints are named 'j1'"),
         (robot_text(*TWO, fixed("back", "l2", "l0")), {}, "links form a loop.*back, j1, j2"),
         (robot_text(*TWO, fixed("again", "l0", "l2")), {}, "links form a loop.*again, j2 .file"),
-        (robot_text(*TWO, '<link name="lone"/>'), {}, "this one .'l0', 'lone'. .file"),
+        (robot_text(*TWO, '<link name="lone"/>'), {}, r"this one l0, lone .file"),
         (robot_text(*TWO, fixed("far", "l2", "moon")), {}, "far joins the link 'moon'"),
         (robot_text(*chain(2, inside="")), {}, "joint j1 has no limits.*or the type continuous"),
         (robot_text(*chain(2, inside='<limit lower="-1" upper="1"/>')), {}, "j1 has no limits"),

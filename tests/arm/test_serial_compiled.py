@@ -41,10 +41,10 @@ def test_a_room_holds_the_poses_that_were_asked_for_and_nothing_else_is_touched(
     room = np.full((spare_at(6, 6), WIDTH), 7.0)
     TIP(chain.numbers(), q, start, count, room)
     JACOBIAN(chain.numbers(), room, count)
-    asked = q[:, start : start + count].T
-    np.testing.assert_array_equal(room[:12, :count].T, chain.pose(asked))
+    block = q[:, start : start + count].T
+    np.testing.assert_array_equal(room[:12, :count].T, chain.pose(block))
     entries = room[jacobian_at(6) : lower_at(6, 6), :count].T
-    np.testing.assert_array_equal(entries.reshape(-1, 6, 6), chain.jacobian(asked))
+    np.testing.assert_array_equal(entries.reshape(-1, 6, 6), chain.jacobian(block))
     assert (room[:, count:] == 7).all() and (room[lower_at(6, 6) :] == 7).all()
 
 

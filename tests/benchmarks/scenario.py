@@ -18,7 +18,8 @@ from pipeline.arm.interface import Chain
 from pipeline.arm.model import Arm, chain_of, load_arm
 from pipeline.arm.serial import SerialChain
 from pipeline.core.config import CONF
-from pipeline.core.options.dataset import SPACE, Robot
+from pipeline.core.options.dataset import Robot
+from pipeline.core.task import SPACE
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
 from pipeline.models.commands import open_loop
@@ -30,9 +31,10 @@ ROOT = Path(__file__).parents[2]
 DT = 0.01  # s
 FRAME_EVERY = 3  # steps
 SIGMA_B = 0.25
-# the LU that the peers' libraries have
-MODEL = WishartModel(SIGMA_B, Decomposition("pivoted_lu"))
-SENSOR = np.diag([0.02, 0.03, 0.04]) ** 2  # rad²
+# what decomposes the Jacobian of the youBot's planar arm: the default, and the LU that the peers'
+# libraries have
+PLANAR = {"youbot": "lu", "youbot_pivoted": "pivoted_lu"}
+SENSOR = np.diag([0.01, 0.015, 0.02]) ** 2  # rad²
 # rad, far from the limits, the elbow bent at about a right angle
 START = Start(np.array([1.1, -1.0, 1.8]), 1e-5 * np.eye(3))
 ENCODER = 0.005  # rad
@@ -68,9 +70,10 @@ class Scene:
 
 @cache
 def scene(arm: str) -> Scene:
-    """That of the youBot, or of an arm of :data:`SPATIAL`."""
-    if arm == "youbot":
-        return Scene(youbot(), MODEL, START, SENSOR, FRAME_EVERY)
+    """That of one of :data:`PLANAR` or :data:`SPATIAL`."""
+    if arm in PLANAR:
+        model = WishartModel(SIGMA_B, Decomposition(PLANAR[arm]))
+        return Scene(youbot(), model, START, SENSOR, FRAME_EVERY)
     return in_space(chain_of(robot(arm)), np.array(SPATIAL[arm]))
 
 
@@ -128,7 +131,8 @@ class Take:
         """The same in plain values, as arguments of the takes in peers/."""
         chain, start = self.scene.chain, self.scene.start
         if isinstance(chain, PlanarChain):
-            arm = {"links": chain.links, "signs": chain.signs}
+            pivoted = self.scene.model.decomposition.name == "pivoted_lu"
+            arm = {"links": chain.links, "signs": chain.signs, "pivoted": pivoted}
         else:
             arm = {"placements": chain.placements}
         return arm | {

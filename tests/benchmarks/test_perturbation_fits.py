@@ -41,7 +41,7 @@ class Problems:
     back: np.ndarray
     weights: tuple[float, float]
 
-    def of(self, chosen: np.ndarray) -> Problems:
+    def these(self, chosen: np.ndarray) -> Problems:
         return Problems(self.noise[chosen], self.a[chosen], self.back[chosen], self.weights)
 
     def fits(self):
@@ -54,8 +54,8 @@ class Problems:
         bound = self.fits().bound
         binding = round(count * bound.mean() + 0.5)
         spread = [
-            np.flatnonzero(of)[:: max(of.sum() // number, 1)][:number]
-            for of, number in ((bound, binding), (~bound, count - binding))
+            np.flatnonzero(these)[:: max(these.sum() // number, 1)][:number]
+            for these, number in ((bound, binding), (~bound, count - binding))
         ]
         return np.concatenate(spread)
 
@@ -117,9 +117,9 @@ class Parametrised:
         objective = cp.Minimize(weights[0] * residual + weights[1] * cp.norm(self.s, "fro"))
         self.problem = cp.Problem(objective, [self.s + np.eye(m) >> FLOOR * np.eye(m)])
 
-    def __call__(self, of: Problems) -> list[float]:
+    def __call__(self, these: Problems) -> list[float]:
         values = []
-        for noise, a, back in zip(of.noise, of.a, of.back, strict=True):
+        for noise, a, back in zip(these.noise, these.a, these.back, strict=True):
             self.noise.value, self.map.value = noise, np.kron(a, back)
             values.append(self.problem.solve(solver=cp.CLARABEL))
         return values
@@ -148,7 +148,7 @@ def test_cvxpy(benchmark, problems, few):
         "items": few,
         "target": TARGETS[problems.a.shape[1]],
     }
-    chosen = problems.of(problems.some(few))
+    chosen = problems.these(problems.some(few))
     values = benchmark.pedantic(
         Parametrised(problems.weights, problems.a.shape[1]), (chosen,), rounds=5, warmup_rounds=1
     )

@@ -41,11 +41,11 @@ def test_every_option_composes(compose, number):
         said.pop("defaults", None)
         # what the option says stands in the configuration, whatever else it holds by default
         for path, section in nested(said):
-            found = composed[group]
+            node = composed[group]
             for key in filter(None, path.split(".")):
-                found = found[key]
+                node = node[key]
             for key, value in section.items():
-                assert isinstance(value, dict) or "${" in str(value) or found[key] == value
+                assert isinstance(value, dict) or "${" in str(value) or node[key] == value
 
 
 @pytest.mark.parametrize("model", config.options("model"))

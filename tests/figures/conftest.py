@@ -29,6 +29,25 @@ def takes_of(part, count, names, rng):
     ]
 
 
+def six_rows() -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Two planes and two rows of two configurations, the modelled wrench twice as wide."""
+    grid = np.linspace(-4, 4, 21)
+    x, y = (c.ravel() for c in np.meshgrid(grid, grid, indexing="ij"))
+    planes, marginals = [], []
+    for name in ("T3", "T4"):
+        for source, width in (("measured", 1.0), ("modelled", 2.0)):
+            own = {"configuration": name, "source": source}
+            for pair in (("fx", "fy"), ("mx", "mz")):
+                density = np.exp(-(x**2 + y**2) / (2 * width**2)) / width**2
+                table = {"row_x": pair[0], "row_y": pair[1], "x": x, "y": y, "density": density}
+                planes.append(pd.DataFrame(own | table))
+            for row in ("fx", "mz"):
+                density = np.exp(-(grid**2) / (2 * width**2)) / width
+                table = {"row": row, "value": grid, "density": density}
+                marginals.append(pd.DataFrame(own | table))
+    return pd.concat(planes, ignore_index=True), pd.concat(marginals, ignore_index=True)
+
+
 @pytest.fixture
 def tables() -> dict[str, pd.DataFrame]:
     """One table of each kind that a figure shows, from one seed."""
@@ -144,7 +163,9 @@ def tables() -> dict[str, pd.DataFrame]:
         "wrench_errors": errors,
         "force_density": densities,
     }
-    return {name: pd.concat(parts, ignore_index=True) for name, parts in lists.items()}
+    planes, marginals = six_rows()
+    whole = {"wrench_planes": planes, "wrench_marginals": marginals}
+    return whole | {name: pd.concat(parts, ignore_index=True) for name, parts in lists.items()}
 
 
 @pytest.fixture

@@ -6,7 +6,13 @@ import numpy as np
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Arc
 
-from pipeline.figures import cable_robot, wrench_density, wrench_error_histograms
+from pipeline.figures import (
+    cable_robot,
+    wrench_density,
+    wrench_error_histograms,
+    wrench_marginals,
+    wrench_planes,
+)
 
 
 def test_histograms_count_every_system_and_state_mean_and_greatest_error(tables):
@@ -89,3 +95,28 @@ def test_each_arc_of_the_schematic_spans_the_angle_of_its_cable():
         np.testing.assert_array_equal(arc.get_center(), start)
         x, y = tip - start
         np.testing.assert_allclose(np.degrees(np.arctan2(y, x)) % 360, arc.theta2)
+
+
+def test_planes_have_the_measured_density_in_shades_and_the_model_in_lines_at_their_edges(tables):
+    figure = wrench_planes.draw(tables["wrench_planes"])
+    assert len(figure.axes) == 4
+    for axes in figure.axes:
+        shades, lines = axes.collections
+        np.testing.assert_allclose(lines.levels, shades.levels[:-1])
+        assert lines.levels[0] == wrench_planes.LEVELS[0]  # the greatest measured density is 1
+        # the model's outermost line lies where its own density is that low
+        places = np.vstack([path.vertices for path in lines.get_paths()[:1]])
+        radius = 2 * np.sqrt(-2 * np.log(4 * wrench_planes.LEVELS[0]))
+        np.testing.assert_allclose(np.hypot(*places.T), radius, atol=0.1)
+    labels = [axes.get_xlabel() for axes in figure.axes[:2]]
+    assert labels == ["$F_x$ (N)", r"$M_x/\ell$ (N)"]
+
+
+def test_marginals_have_a_line_for_each_source_and_a_panel_for_each_row(tables):
+    marginals = tables["wrench_marginals"]
+    figure = wrench_marginals.draw(marginals)
+    assert len(figure.axes) == 4
+    for axes, row in zip(figure.axes, ("fx", "mz") * 2, strict=True):
+        for line, source in zip(axes.lines, ("measured", "modelled"), strict=True):
+            own = marginals[(marginals["source"] == source) & (marginals["row"] == row)]
+            np.testing.assert_array_equal(line.get_ydata(), own["density"].to_numpy()[:21])

@@ -49,9 +49,9 @@ def scored(path: MeanPath, share: float, commands: Commands) -> tuple[np.ndarray
     errors, covered = [], []
     for take in takes:
         y = take[frames] + SENSOR * rng.standard_normal((len(frames), 3))
-        seen = Measurements("take", DT * frames, y, np.zeros_like(y), noise)
+        measured = Measurements("take", DT * frames, y, np.zeros_like(y), noise)
         posterior = particle_filter(
-            model_of(share), path.chain, commands, DT, start, seen, FilterOptions(400), rng
+            model_of(share), path.chain, commands, DT, start, measured, FilterOptions(400), rng
         )
         errors.append(posterior.mean - take)
         bound = np.sqrt(np.diagonal(posterior.covariance, axis1=1, axis2=2))

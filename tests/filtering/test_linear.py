@@ -1,15 +1,19 @@
-"""The linear filter, against a direct solution of the joint normal law and a Kalman filter."""
+"""The linear filter, against a direct solution of the joint normal law and a Kalman filter; of the
+pose of the tip against the joints that it is the pose of."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from space_arms import LWR4
 
+from pipeline.arm.model import chain_of
 from pipeline.core.errors import ModelDomainError
 from pipeline.filtering.linear import best_linear
 from pipeline.filtering.measurement import Measurements
 
 DT = 0.01
+CHAIN = chain_of(LWR4)
 
 
 def drawn(grid: int, n: int, times: list[float], seed: int):
@@ -58,13 +62,13 @@ def direct(path, prior, frames, response, k: int) -> tuple[np.ndarray, np.ndarra
 def test_every_step_has_the_moments_of_the_joint_law_given_the_frames_so_far(n):
     times = [-0.004, 0.0, 0.0125, 0.03, 0.031, 0.0475, 0.09, 0.2]
     path, prior, frames, response = drawn(10, n, times, seed=n)
-    mean, covariance = best_linear(path, prior, frames, DT, response)
+    mean, covariance = best_linear(path, prior, frames, DT, CHAIN, response)
     for k in range(10):
         expected, spread = direct(path, prior, frames, response, k)
         np.testing.assert_allclose(mean[k], expected, rtol=1e-8)
         np.testing.assert_allclose(covariance[k], spread, rtol=1e-6, atol=1e-12)
     # control: a camera without the response is another
-    other, _ = best_linear(path, prior, frames, DT, np.eye(n))
+    other, _ = best_linear(path, prior, frames, DT, CHAIN)
     assert np.abs(other - mean)[1:].max() > 1e-3
 
 
@@ -74,7 +78,7 @@ def test_of_a_first_order_law_it_is_the_kalman_filter():
     steps = np.arange(grid)
     prior = np.einsum("kl,ij->kilj", keep ** np.abs(steps[:, None] - steps), spread)
     path, _, frames, _ = drawn(grid, n, [0.033, 0.066, 0.1, 0.133, 0.3], seed=7)
-    mean, covariance = best_linear(path, prior, frames, DT, np.eye(n))
+    mean, covariance = best_linear(path, prior, frames, DT, CHAIN)
     due, _ = frames.schedule(grid - 1, DT)
     # the poses before and after a step
     state, known = np.zeros(2 * n), np.tile(spread, (2, 2))
@@ -97,4 +101,34 @@ def test_of_a_first_order_law_it_is_the_kalman_filter():
 def test_a_prior_that_is_no_covariance_is_refused():
     path, prior, frames, response = drawn(6, 2, [0.01, 0.03], seed=1)
     with pytest.raises(ModelDomainError, match="prior covariance"):
-        best_linear(path, -prior, frames, DT, response)
+        best_linear(path, -prior, frames, DT, CHAIN, response)
+
+
+def test_by_the_pose_of_the_tip_it_is_the_filter_of_the_joints_seen_through_the_jacobian():
+    """Six rows of the six joints before the last say of small deviations what the joints would."""
+    rng, q = np.random.default_rng(5), np.array([0.3, 0.9, -0.3, -1.6, 0.4, 1.0, 0.2])
+    grid, n, size = 12, 7, 1e-4
+    path = q + np.linspace(0, 0.3, grid)[:, None] * np.ones(n)
+    spread = np.diag([1.0] * 6 + [0.0]) * size**2  # the last joint is known
+    apart = np.abs(np.arange(grid)[:, None] - np.arange(grid))
+    prior = np.einsum("kl,ij->kilj", 0.95**apart, spread)
+    true = path + np.linalg.cholesky(0.95**apart) @ rng.standard_normal((grid, n)) @ (spread**0.5)
+    t = DT * np.arange(grid)
+    whole = CHAIN.jacobian(path)[..., :6]
+    noise = (0.3 * size) ** 2 * np.eye(6)
+    measured = CHAIN.pose(true)
+    tip = Measurements(
+        "a", t, measured, np.zeros((grid, 6)), np.tile(noise, (grid, 1, 1)), tip=True
+    )
+    inverse = np.linalg.inv(whole)
+    known = np.zeros((grid, n, n))
+    known[:, :6, :6] = inverse @ noise @ inverse.swapaxes(1, 2)
+    known[:, 6, 6] = 1.0
+    joints = Measurements("a", t, true, np.zeros((grid, n)), known)
+    mean, covariance = best_linear(path, prior, tip, DT, CHAIN)
+    expected, spread = best_linear(path, prior, joints, DT, CHAIN)
+    # what is left of second order
+    np.testing.assert_allclose(mean, expected, atol=2e-3 * size)
+    np.testing.assert_allclose(covariance, spread, atol=1e-6 * size**2)
+    # control: the prior alone is far off
+    assert np.abs(path - expected)[:, :6].max() > 0.3 * size

@@ -15,7 +15,7 @@ from space_arms import LWR4, link_poses, points
 from pipeline.core import contracts
 from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.dataset import Dataset
+from pipeline.core.options.dataset import Dataset, Motion
 from pipeline.core.options.logs import Encoders
 from pipeline.core.options.motion_capture import Mocap
 from pipeline.filtering.measured import MOTION, TRACK, measured_takes, tip_poses
@@ -33,7 +33,8 @@ DATASET = Dataset(
     name="t",
     robot=LWR4,
     mocap=MOCAP,
-    encoders=Encoders(takes="*", actual=[], deviation=2e-3),
+    encoders=Encoders(training="*", test="*", actual=[]),
+    motion=Motion(rate=100.0, steps=4),
     measurement="tip",
 )
 
@@ -98,7 +99,8 @@ def tables(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     MOTION.mkdir(parents=True), TRACK.mkdir(parents=True)
     q, k = np.full((5, 7), 0.3), np.arange(5)
-    takes = {"test_2": "test", "test_1": "test", "train_1": "training"}
+    trained = [f"train_{number}" for number in range(1, 31)]
+    takes = {"test_2": "test", "test_1": "test"} | dict.fromkeys(trained, "training")
     joints = [
         pd.DataFrame({"take": take, "part": part, "k": k, "t": k / 100}).assign(
             **spread("q", LWR4.joints, q), residual=0.0
@@ -114,6 +116,12 @@ def tables(tmp_path, monkeypatch):
         )
         for number, take in enumerate(("test_1", "test_2", "test_3"))
     ]
+    # errors of which the first joint's is off by 0.02 rad all the same
+    t, rng = np.arange(9) / 200, np.random.default_rng(1)
+    for take in trained:
+        off = 2e-3 * rng.standard_normal((9, 7)) + [0.02, 0, 0, 0, 0, 0, 0]
+        frame = pd.DataFrame({"take": take, "part": "training", "t": t})
+        read.append(frame.assign(**spread("q", LWR4.joints, 0.3 + off)))
     contracts.write(pd.concat(read, ignore_index=True), "encoders", MOTION)
 
 
@@ -124,8 +132,11 @@ def test_the_takes_that_stay_are_measured_by_the_instrument_that_is_chosen(table
     by_encoders = measured_takes(replace(DATASET, measurement="encoders"))
     assert [take.take for take in by_encoders] == ["test_1", "test_2"]
     second = by_encoders[1]
-    assert (second.y == 1.3).all() and second.y.shape == (9, 7) and not second.tip
-    np.testing.assert_allclose(second.covariance, np.tile(4e-6 * np.eye(7), (9, 1, 1)))
+    # every second reading: one a step of the motion
+    assert (second.y == 1.3).all() and second.y.shape == (5, 7) and not second.tip
+    np.testing.assert_allclose(second.t, np.arange(5) / 100)
+    np.testing.assert_allclose(second.bias.mean(axis=0), [0.02] + [0.0] * 6, atol=8e-4)
+    np.testing.assert_allclose(second.covariance[2], 4e-6 * np.eye(7), atol=2e-6)
     assert measured_takes(replace(DATASET, measurement="depth")) == []
 
 
@@ -143,6 +154,7 @@ def test_what_the_dataset_does_not_have_is_refused_with_one_message(tables):
         replace(DATASET, measurement="lidar")
     file = MOTION / "encoders.parquet"
     table = pd.read_parquet(file)
-    contracts.write(table[table["take"] != "test_2"], "encoders", Path(MOTION))
-    with pytest.raises(ConfigError, match="nothing is measured of the test takes test_2"):
-        measured_takes(replace(DATASET, measurement="encoders"))
+    for take in ("test_2", "train_7"):
+        contracts.write(table[table["take"] != take], "encoders", Path(MOTION))
+        with pytest.raises(ConfigError, match=f"nothing is measured of the takes {take}"):
+            measured_takes(replace(DATASET, measurement="encoders"))

@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
+from space_arms import LWR4
 
+from pipeline.arm.model import chain_of
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.memory import memory, memory_filter, remembered, spreads
 
 KEEP, TAKES, STEPS, DT = 0.8, 400, 120, 0.01
 SPREAD = np.array([[4.0, 1.0], [1.0, 3.0]]) * 1e-4
+CHAIN = chain_of(LWR4)
 NOISE = np.array([[2.0, -0.5], [-0.5, 1.0]]) * 1e-5
 
 
@@ -84,7 +87,7 @@ def frames(poses: np.ndarray, every: int, noise: np.ndarray) -> list[Measurement
 
 def test_the_filter_beats_none_by_what_the_law_says_and_is_calibrated(poses):
     test = true_poses(100, 6)
-    means, covariances, without = memory_filter(poses, NOISE, frames(test, 3, NOISE), DT)
+    means, covariances, without = memory_filter(poses, NOISE, frames(test, 3, NOISE), DT, CHAIN)
     assert without == 0 and covariances.shape == (*test.shape, 2)
     error, variances = means - test, np.diagonal(covariances, axis1=2, axis2=3)
     assert np.mean(np.abs(error) <= np.sqrt(variances)) == pytest.approx(0.683, abs=0.02)
@@ -92,6 +95,6 @@ def test_the_filter_beats_none_by_what_the_law_says_and_is_calibrated(poses):
     assert rms == pytest.approx(np.sqrt(variances.mean()), rel=0.03)
     assert rms < 0.6 * np.sqrt(np.mean((poses.mean(axis=0) - test) ** 2))
     # control: frames that say nothing leave no filter at all
-    blind, spread, _ = memory_filter(poses, NOISE, frames(test, 3, 1e6 * NOISE), DT)
+    blind, spread, _ = memory_filter(poses, NOISE, frames(test, 3, 1e6 * NOISE), DT, CHAIN)
     np.testing.assert_allclose(blind[0], poses.mean(axis=0), atol=1e-3)
     np.testing.assert_allclose(spread[0, 50] + NOISE, np.cov(poses[:, 50].T), rtol=1e-3)

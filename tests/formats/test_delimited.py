@@ -1,12 +1,13 @@
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import numbers_of, read_text
+from pipeline.formats.delimited import NUMBER, numbers_of, read_text
 
 FILE = Path("log.csv")
 
@@ -68,3 +69,18 @@ def test_what_follows_the_last_line_end_is_kept_apart(tmp_path, end):
     assert (text.lines, text.cut) == (["one", "two"], "thr")
     (tmp_path / "t.txt").write_bytes(f"one{end}".encode())
     assert read_text(tmp_path / "t.txt").cut is None
+
+
+@pytest.mark.parametrize("cell", ["1e300", "-2E20", "7" * 5000, "1e400"])
+def test_a_number_that_nothing_measures_is_refused_by_its_line(cell):
+    with pytest.raises(RecordingError, match=r"nothing measures") as caught:
+        numbers_of(["1,2", f"3,{cell}"], [4, 5], [0, 1], file=Path("a.csv"))
+    assert caught.value.evidence["line"] == 5
+    assert len(str(caught.value)) < 200
+
+
+def test_a_text_is_told_from_a_number_in_a_time_that_grows_with_its_length():
+    began = time.perf_counter()
+    assert not NUMBER.fullmatch("1" * 10**6 + "x") and not NUMBER.fullmatch(" " * 10**6 + "x")
+    assert NUMBER.fullmatch("1" * 10**6 + "." + "1" * 10**6)
+    assert time.perf_counter() - began < 2

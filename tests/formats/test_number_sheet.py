@@ -3,8 +3,13 @@ from __future__ import annotations
 import pytest
 
 from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.formats.force.record import LogOptions as ForceOptions
+from pipeline.formats.force.table import read_force_table
+from pipeline.formats.joints.log import LogOptions
+from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.labels import unit_of
 from pipeline.formats.number_sheet import read_sheet
+from pipeline.tools.inspect.examine import inspect
 
 KEY = "dataset.here"
 
@@ -83,3 +88,20 @@ def test_a_unit_stands_in_brackets_of_either_form():
         "N-m",
         None,
     ]
+
+
+def test_rows_that_lack_a_column_of_their_labels_are_refused_also_by_columns_numbers(tmp_path):
+    file = tmp_path / "log.csv"
+    rows = "".join(f"{k}.5,1.5,2.5\n" for k in range(12))
+    file.write_text("time,q1,q2,q3\n" + rows)
+    joints = LogOptions(joints=2, signals={"actual": [1, 2]})
+    forces = ForceOptions({"t": 0, "fx": 0, "fy": 1, "fz": 2}, force_unit="N", time_unit="s")
+    for read, options in ((read_joint_table, joints), (read_force_table, forces)):
+        with pytest.raises(RecordingError, match=r"3 cells under 4 labels.*'q3'") as refused:
+            read(file, options)
+        assert refused.value.evidence["line"] == 2
+    assert "3 cells under 4 labels" in inspect(file)[0].stops[0]
+    # the control: as many labels, and cells that a spreadsheet has padded
+    file.write_text("time;q1;q2;;\n" + rows.replace(",", ";").replace("\n", ";;\n"))
+    assert read_joint_table(file, joints).signals["actual"].shape == (12, 2)
+    assert inspect(file)[0].facts["columns"] == 3 and not inspect(file)[0].stops

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tracemalloc
 from pathlib import Path
 
@@ -11,8 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ros_bags import image, write_bag
 
+from pipeline.core.bounds import within
 from pipeline.core.errors import RecordingError
-from pipeline.formats.rosbag import choose_topic, is_bag, messages, seconds, topics
+from pipeline.core.options.reading import Reading
+from pipeline.formats.bag_path import is_bag
+from pipeline.formats.rosbag import choose_topic, messages, seconds, topics
 
 IMAGE, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 PIXELS = np.arange(12, dtype=np.uint16).reshape(3, 4)
@@ -99,15 +103,14 @@ def test_a_bag_compressed_as_a_whole_is_refused_before_it_unfolds(tmp_path):
 
 @pytest.mark.parametrize("form", ["ros1_bz2", "ros1_lz4", "mcap_zstd", "zstd"])
 def test_what_unfolds_into_more_than_the_bound_is_refused_and_no_more_memory_is_taken(
-    tmp_path, form, monkeypatch
+    tmp_path, form
 ):
     zeros = np.zeros((1000, 8000), np.uint16)
     bag = write_bag(tmp_path, form, {"/depth": [(1.0, image(zeros, 1.0))]})
     assert len(list(messages(bag, "/depth"))) == 1  # the control: within the bound
-    monkeypatch.setattr("pipeline.formats.rosbag_chunks.LARGEST", 1 << 20)
     tracemalloc.start()
     with pytest.raises(RecordingError, match="unfolds into more than 1 MiB") as refused:
-        list(messages(bag, "/depth"))
+        within(Reading(part_mib=1), lambda: list(messages(bag, "/depth")))
     assert tracemalloc.get_traced_memory()[1] < zeros.nbytes / 2
     tracemalloc.stop()
     assert refused.value.evidence["file"] == bag
@@ -172,3 +175,20 @@ def test_damaged_bytes_never_raise_anything_but_a_refusal(whole, form, data):
         read_all(bag)
     except RecordingError as error:
         assert error.evidence["file"] == bag
+
+
+def test_a_database_that_is_cut_short_is_refused(tmp_path):
+    bag = recorded(tmp_path, "sqlite3")
+    (database,) = bag.glob("*.db3")
+    content = database.read_bytes()
+    database.write_bytes(content[:-4096])
+    with pytest.raises(RecordingError, match="is cut short"):
+        topics(bag)
+
+
+def test_a_bag_that_does_not_say_how_many_messages_it_holds_is_refused(tmp_path):
+    bag = recorded(tmp_path, "sqlite3")
+    metadata = bag / "metadata.yaml"
+    metadata.write_text(re.sub(r"message_count: \d+", "message_count:", metadata.read_text()))
+    with pytest.raises(RecordingError, match="how many messages"):
+        topics(bag)

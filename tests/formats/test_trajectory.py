@@ -32,6 +32,19 @@ def test_written_trajectories_read_back_bit_for_bit_in_any_order_of_columns(tmp_
     )
 
 
+def test_the_joints_may_stand_beside_the_pose_or_alone(tmp_path):
+    joints = {"q:a": np.linspace(0, 1, 9), "q:b": np.linspace(2, 3, 9)}
+    both = families(trajectory(9)).assign(**joints)
+    for written in (both, both[["t", "q:a", "q:b"]]):
+        write_trajectory(tmp_path / "t.csv", written)
+        read = read_trajectory(tmp_path / "t.csv")
+        pd.testing.assert_frame_equal(read, written, check_exact=True)
+    # beside the joints a pose is whole, or there is none
+    both.drop(columns="x:z").rename(columns={"x:x": "x", "x:phi": "phi"}).to_csv(tmp_path / "t.csv")
+    with pytest.raises(RecordingError, match="must name z"):
+        read_trajectory(tmp_path / "t.csv")
+
+
 def test_times_printed_with_six_decimals_are_equal_steps(tmp_path):
     table = trajectory(50).assign(t=np.round(np.arange(50) / 30, 6))
     write_trajectory(tmp_path / "t.csv", families(table))

@@ -11,9 +11,23 @@ import pytest
 from scipy.special import i0e, i1e
 
 from pipeline.core.errors import ConfigError
-from pipeline.laboratory.force import Robots, Transducer, record_force, slipping, wander
+from pipeline.laboratory.force import (
+    Cables,
+    Robots,
+    Transducer,
+    directions,
+    record_force,
+    slipping,
+    wander,
+)
 
 TENSION, DIRECTION = np.array([9.0, 7.0, 8.0]), np.array([0.15, 3.7, 1.6])
+CABLES = Cables(TENSION, DIRECTION)
+IN_SPACE = replace(
+    CABLES,
+    elevation=[0.9, 1.1, 0.7],
+    attachment=[[0.1, 0.0, 0.01], [-0.05, 0.09, 0.0], [-0.05, -0.08, 0.02]],
+)
 ROBOTS = Robots(tension_sd=(0.5, 1.2, 2.0), concentration=(2400.0, 600.0, 170.0))
 SILENT = Transducer(noise=(0.0, 0.0), bias=(0.0, 0.0), drift=(0.0, 0.0))
 PATHS = 6000  # independent robots, so that statistics across them have a known error
@@ -52,35 +66,70 @@ def test_directions_spread_by_their_concentration_and_tensions_by_their_deviatio
     kappa, robots = 6.0, 400
     many = Robots(tension_sd=(1.5,) * robots, concentration=(kappa,) * robots)
     record = record_force(
-        np.full(robots, 30.0),
-        np.full(robots, 1.0),
+        Cables(np.full(robots, 30.0), np.full(robots, 1.0)),
         many,
         SILENT,
         0.0,
         40.0,
         np.random.default_rng(31),
     )
-    assert across(np.cos(record.direction - 1.0).mean(axis=0), i1e(kappa) / i0e(kappa)) < 4.5
+    along = record.direction @ [np.cos(1.0), np.sin(1.0), 0.0]
+    assert across(along.mean(axis=0), i1e(kappa) / i0e(kappa)) < 4.5
     assert across(((record.tension - 30.0) ** 2).mean(axis=0), 1.5**2) < 4.5
     # the small-angle law 1/κ
-    assert across(np.cos(record.direction - 1.0).mean(axis=0), np.exp(-1 / (2 * kappa))) > 9
+    assert across(along.mean(axis=0), np.exp(-1 / (2 * kappa))) > 9
 
 
 def test_a_silent_transducer_measures_the_cables_pull_and_its_moment_about_the_origin():
-    record = record_force(TENSION, DIRECTION, ROBOTS, SILENT, 5.0, 20.0, np.random.default_rng(32))
+    record = record_force(CABLES, ROBOTS, SILENT, 5.0, 20.0, np.random.default_rng(32))
     unloaded = record.time < 5.0
     assert not record.force[unloaded].any() and not record.torque[unloaded].any()
-    x = (record.tension * np.cos(record.direction)).sum(axis=1)
-    y = (record.tension * np.sin(record.direction)).sum(axis=1)
+    x, y, z = (record.tension[..., None] * record.direction).sum(axis=1).T
+    assert not z.any()
     np.testing.assert_allclose(record.force, np.stack([x, y, 0 * x], axis=1), atol=1e-12)
     np.testing.assert_allclose(
         record.torque, np.stack([-0.03 * y, 0.03 * x, 0 * x], axis=1), atol=1e-12
     )
 
 
+def test_cables_in_space_pull_at_their_own_points_and_the_torque_is_about_the_origin():
+    record = record_force(IN_SPACE, ROBOTS, SILENT, 5.0, 20.0, np.random.default_rng(40))
+    np.testing.assert_allclose(np.linalg.norm(record.direction, axis=-1), 1, rtol=1e-14)
+    pulls = record.tension[..., None] * record.direction
+    np.testing.assert_allclose(record.force, pulls.sum(axis=1), atol=1e-12)
+    places = np.array(IN_SPACE.attachment) + SILENT.lever
+    torque = np.cross(places, pulls).sum(axis=1)
+    np.testing.assert_allclose(record.torque, torque, atol=1e-12)
+    # the control: tied to one point they turn it otherwise
+    met = record_force(
+        replace(IN_SPACE, attachment=None), ROBOTS, SILENT, 5.0, 20.0, np.random.default_rng(40)
+    )
+    np.testing.assert_array_equal(met.force, record.force)
+    assert np.abs(met.torque - record.torque).max() > 0.1
+
+
+@pytest.mark.parametrize("kappa", [6.0, 300.0])
+def test_directions_in_space_spread_by_their_concentration_alike_in_all_directions(kappa):
+    azimuth, elevation, many = 0.4, 0.8, 600
+    cables = Cables([1.0] * many, [azimuth] * many, [elevation] * many)
+    e = directions(cables, np.full(many, kappa), 0.4, 60, 2.0, np.random.default_rng(41))
+    level = np.cos(elevation)
+    mean = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+    sideways = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    upwards = np.cross(mean, sideways)
+    resultant = 1 / np.tanh(kappa) - 1 / kappa
+    assert across((e @ mean).mean(axis=0), resultant) < 4.5
+    for axis in (sideways, upwards):
+        assert across((e @ axis).mean(axis=0), 0.0) < 4.5
+    sizes = [((e @ axis) ** 2).mean(axis=0) for axis in (sideways, upwards)]
+    assert across(sizes[0] - sizes[1], 0.0) < 4.5
+    # the control: in a plane of the same concentration cables keep nearer to their mean
+    assert across((e @ mean).mean(axis=0), i1e(kappa) / i0e(kappa)) > 9
+
+
 def test_robots_without_slip_or_wander_pull_with_exactly_the_mean_force():
     still = replace(ROBOTS, tension_sd=(0.0, 0.0, 0.0), concentration=(1e14, 1e14, 1e14))
-    record = record_force(TENSION, DIRECTION, still, SILENT, 1.0, 2.0, np.random.default_rng(33))
+    record = record_force(CABLES, still, SILENT, 1.0, 2.0, np.random.default_rng(33))
     mean = np.array([TENSION @ np.cos(DIRECTION), TENSION @ np.sin(DIRECTION), 0.0])
     np.testing.assert_allclose(
         record.force[record.time >= 1.0],
@@ -92,7 +141,7 @@ def test_robots_without_slip_or_wander_pull_with_exactly_the_mean_force():
 def test_the_transducer_adds_the_stated_noise_bias_and_drift():
     transducer = Transducer(noise=(0.02, 0.001), bias=(0.4, 0.01), drift=(1e-3, 1e-4))
     records = [
-        record_force(TENSION, DIRECTION, ROBOTS, transducer, 30.0, 0.1, rng)
+        record_force(CABLES, ROBOTS, transducer, 30.0, 0.1, rng)
         for rng in np.random.default_rng(34).spawn(300)
     ]
     unloaded = records[0].time < 30.0
@@ -109,18 +158,16 @@ def test_the_transducer_adds_the_stated_noise_bias_and_drift():
 
 def test_a_cable_never_pushes_and_the_samples_where_it_would_are_counted():
     rng = np.random.default_rng(35)
-    record = record_force(np.array([2.0, 7.0, 2.0]), DIRECTION, ROBOTS, SILENT, 0.0, 60.0, rng)
+    record = record_force(replace(CABLES, tension=[2.0, 7.0, 2.0]), ROBOTS, SILENT, 0.0, 60.0, rng)
     assert record.tension.min() == 0.0
     assert record.slack == np.sum(record.tension == 0.0) > 0
-    taut = record_force(
-        TENSION, DIRECTION, replace(ROBOTS, tension_sd=(0.1, 0.1, 0.1)), SILENT, 5.0, 60.0, rng
-    )
+    taut = record_force(CABLES, replace(ROBOTS, tension_sd=(0.1, 0.1, 0.1)), SILENT, 5.0, 60.0, rng)
     assert taut.slack == 0 < taut.tension[taut.time >= 5.0].min()
 
 
 def test_a_record_is_that_of_its_generator():
     one, same, other = (
-        record_force(TENSION, DIRECTION, ROBOTS, Transducer(), 1.0, 2.0, np.random.default_rng(s))
+        record_force(CABLES, ROBOTS, Transducer(), 1.0, 2.0, np.random.default_rng(s))
         for s in (36, 36, 37)
     )
     assert len(one.time) == 188
@@ -136,11 +183,14 @@ def test_a_record_is_that_of_its_generator():
         lambda: Robots((-1.0,), (100.0,)),
         lambda: Transducer(rate=0.0),
         lambda: record_force(
-            TENSION[:2], DIRECTION, ROBOTS, SILENT, 1.0, 1.0, np.random.default_rng(38)
+            replace(CABLES, tension=TENSION[:2]),
+            ROBOTS,
+            SILENT,
+            1.0,
+            1.0,
+            np.random.default_rng(38),
         ),
-        lambda: record_force(
-            TENSION, DIRECTION, ROBOTS, SILENT, -1.0, 1.0, np.random.default_rng(38)
-        ),
+        lambda: record_force(CABLES, ROBOTS, SILENT, -1.0, 1.0, np.random.default_rng(38)),
     ],
 )
 def test_rigs_that_cannot_be_built_are_refused(build):

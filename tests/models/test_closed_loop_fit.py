@@ -155,9 +155,9 @@ def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
         return -0.5 * squares - 0.5 * (takes - 1) / takes * np.linalg.slogdet(total)[1]
 
     shares = np.array([0.0, 0.3, 0.9])
-    found = take_log_likelihoods(space, deviation, shares)
+    likelihoods = take_log_likelihoods(space, deviation, shares)
     expected = np.stack([log_likelihoods(share) for share in shares])
-    np.testing.assert_allclose(found, expected, rtol=1e-10)
+    np.testing.assert_allclose(likelihoods, expected, rtol=1e-10)
 
 
 def test_deviations_go_as_the_linear_law_says(path):

@@ -5,12 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from compiled_calls import DRAW
+from planned_arms import path_problem
 
+from pipeline.models import draws
 from pipeline.models.draws import numbers_for
 from pipeline.models.law import Numbers
 from pipeline.models.model import Law
 
 PARTICLES = 20_000
+
+
+def test_what_a_command_of_the_task_alone_leaves_out_is_zero_whatever_the_memory_held(monkeypatch):
+    monkeypatch.setattr(draws, "_aligned", lambda rows, size: np.full((rows, size), np.nan))
+    held = numbers_for(Law(None, np.empty(0), normals=(1, 3)), path_problem("planar", 1).chain)
+    assert held.command.shape[0] == 5
+    assert not held.command.any()
 
 
 def drawn(chain, rng: np.random.Generator, count: int = PARTICLES, **wanted: object) -> Numbers:

@@ -133,18 +133,17 @@ class Options(options.Options):
     std: float = 0.0
 """
 LAW = """
+import numpy as np
 from pipeline.models.additive.law import AdditiveModel
 
 class TinyModel(AdditiveModel):
     pass
-"""
-FIT = """
-import numpy as np
-from pipeline.models.steps import Estimate, Truth
-from pipeline.models.tiny.law import TinyModel
 
 def build(parameters):
     return TinyModel(np.array(parameters["std"]) ** 2 * np.eye(3))
+"""
+FIT = """
+from pipeline.models.steps import Estimate, Truth
 
 def estimate(recorded, options):
     std = options.std or float(recorded.noise.std())

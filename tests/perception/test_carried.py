@@ -21,11 +21,12 @@ def arm(n: int, rng: np.random.Generator, points: int = 3) -> tuple[Carried, lis
     """An arm with ``points`` on a link beyond each of its joints, and the chains to these."""
     sliding = rng.random(n) < 0.3
     whole, ends, chains = placements(n, rng), placements(n, rng), []
-    links = np.zeros((n, n + 1, 12))
+    links = np.zeros((n, n + 2, 6))
     for j in range(n):
-        links[j, : j + 2] = np.vstack([whole[: j + 1], ends[j]])
+        to_link = np.vstack([whole[: j + 1], ends[j]])
         limits = np.full(j + 1, -2.0), np.full(j + 1, 2.0), np.ones(j + 1)
-        chains.append(SerialChain(("x",), 1.0, links[j, : j + 2], sliding[: j + 1], *limits))
+        chains.append(SerialChain(("x",), 1.0, to_link, sliding[: j + 1], *limits))
+        links[j, : j + 3] = chains[-1].numbers().frames
     carried = Carried(
         arm=chains[-1].numbers(),
         lower=chains[-1].lower,

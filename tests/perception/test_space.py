@@ -134,10 +134,10 @@ def test_joints_that_no_point_shows_are_named(measured):
 
 def test_postures_that_fit_alike_are_refused_until_one_is_named():
     hand = {"flange": MARKERS["flange"]}
-    seen = points(UR5, hand, motion(FRAMES))
+    observed = points(UR5, hand, motion(FRAMES))
     with pytest.raises(RecordingError, match="8 postures of the arm fit"):
-        tracked(seen, hand)
-    track = tracked(seen, hand, posture=(START + 0.1).tolist())
+        tracked(observed, hand)
+    track = tracked(observed, hand, posture=(START + 0.1).tolist())
     np.testing.assert_allclose(track.q, motion(FRAMES), atol=1e-8)
     # the shoulder of the LWR4 is spherical: what is beyond it fits two postures
     beyond = {

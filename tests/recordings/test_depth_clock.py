@@ -45,8 +45,8 @@ def markers(arm) -> pd.DataFrame:
 
 
 def test_an_offset_that_nobody_states_is_that_of_the_motion(arm, markers):
-    seen = frames(path(TIME + 0.12))
-    rows, quality = on_motion_clock((seen, markers), Depth(search=0.3), arm)
+    filmed = frames(path(TIME + 0.12))
+    rows, quality = on_motion_clock((filmed, markers), Depth(search=0.3), arm)
     values = {row["quantity"]: row["value"] for row in quality}
     assert abs(values["clock_offset"] - 0.12) < 1e-4
     np.testing.assert_allclose(rows["t"], TIME + values["clock_offset"])
@@ -54,8 +54,8 @@ def test_an_offset_that_nobody_states_is_that_of_the_motion(arm, markers):
 
 
 def test_an_offset_that_is_stated_is_taken_as_given_whatever_the_motion_says(arm, markers):
-    seen, depth = frames(path(TIME + 0.12)), Depth(search=0.3, clock_offset=-0.25)
-    rows, quality = on_motion_clock((seen, markers), depth, arm)
+    filmed, depth = frames(path(TIME + 0.12)), Depth(search=0.3, clock_offset=-0.25)
+    rows, quality = on_motion_clock((filmed, markers), depth, arm)
     np.testing.assert_allclose(rows["t"], TIME - 0.25)
     assert [(row["quantity"], row["value"]) for row in quality] == [("clock_offset", -0.25)]
 

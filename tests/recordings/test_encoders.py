@@ -18,10 +18,10 @@ JOINTS = ["shoulder", "elbow"]
 
 def dataset(**options) -> Dataset:
     stated = {
-        "takes": "logs/test_*.csv",
+        "training": "logs/train_*.csv",
+        "test": "logs/test_*.csv",
         "time": "time",
         "actual": labels("actual", JOINTS),
-        "deviation": 1e-3,
     }
     robot = Robot("arm.urdf", JOINTS, task=["x"])
     return Dataset(name="t", robot=robot, encoders=Encoders(**stated | options))
@@ -37,13 +37,11 @@ def raw(tmp_path):
     return tmp_path, q
 
 
-def test_every_log_of_a_test_take_is_read_at_its_own_rate(raw):
+def test_every_log_of_a_take_is_read_at_its_own_rate(raw):
     folder, q = raw
-    (rows, quality), (other, _) = encoder_rows(folder, dataset(start=6.9))
-    assert (rows["take"].unique().tolist(), other["take"].unique().tolist()) == (
-        ["test_a"],
-        ["test_b"],
-    )
+    (trained, _), (rows, quality), (other, _) = encoder_rows(folder, dataset(start=6.9))
+    takes = [(each["take"].iloc[0], each["part"].iloc[0]) for each in (trained, rows, other)]
+    assert takes == [("train_a", "training"), ("test_a", "test"), ("test_b", "test")]
     np.testing.assert_allclose(rows["t"], 0.1 + np.arange(40) / 250, atol=1e-9)
     np.testing.assert_allclose(rows[["q:shoulder", "q:elbow"]], q, atol=1e-9)
     assert {row["quantity"]: row["value"] for row in quality}["rows"] == 40
@@ -52,7 +50,7 @@ def test_every_log_of_a_test_take_is_read_at_its_own_rate(raw):
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
-        ({"takes": "logs/run_*.csv"}, RecordingError, "no log matches 'logs/run_"),
+        ({"training": "logs/run_*.csv"}, RecordingError, "no log matches 'logs/run_"),
         ({"actual": ["actual_shoulder"]}, ConfigError, "1 columns for the 2 joints"),
         ({"actual": ["actual_shoulder", "actual_wrist"]}, RecordingError, "actual_wrist"),
     ],
@@ -60,8 +58,3 @@ def test_every_log_of_a_test_take_is_read_at_its_own_rate(raw):
 def test_logs_of_other_joints_are_refused(raw, options, error, words):
     with pytest.raises(error, match=words):
         encoder_rows(raw[0], dataset(**options))
-
-
-def test_a_deviation_of_nothing_is_refused():
-    with pytest.raises(ConfigError, match="must be positive"):
-        dataset(deviation=0.0)

@@ -4,6 +4,8 @@ faults named.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from omegaconf import OmegaConf
@@ -79,12 +81,16 @@ def test_the_same_record_in_every_format_gives_the_same_table(tmp_path, kind):
     rows, quality = force_rows(tmp_path, "C1", force)
     loaded = log.time >= TARE
     np.testing.assert_allclose(rows["t"], log.time[loaded], rtol=0, atol=1e-9)
+    alone = kind.startswith("table")  # of forces
+    logged = log.force if alone else np.hstack([log.force, log.torque])
+    axes = ["fx", "fy", "fz", "mx", "my", "mz"][: logged.shape[1]]
+    assert list(rows) == ["configuration", "t", *axes]
     np.testing.assert_allclose(
-        rows[["fx", "fy"]], (log.force[loaded] - log.force[~loaded].mean(axis=0))[:, :2], atol=1e-12
+        rows[axes], logged[loaded] - logged[~loaded].mean(axis=0), atol=1e-12
     )
-    np.testing.assert_allclose(rows[["fx", "fy"]].mean(), LOAD[:2], atol=5e-3)
+    np.testing.assert_allclose(rows[axes[:3]].mean(), LOAD, atol=5e-3)
     bias = [row["value"] for row in quality if row["quantity"].startswith("bias")]
-    np.testing.assert_allclose(bias, BIAS, atol=5e-3)
+    np.testing.assert_allclose(bias, [*BIAS, 0, 0, 0][: len(axes)], atol=5e-3)
     # of the sensor's faults only those that there are
     assert not [
         row for row in quality if "frozen" in row["quantity"] or "saturated" in row["quantity"]
@@ -100,6 +106,21 @@ def test_a_load_beyond_the_full_scale_is_counted_or_refused_before_the_bias_is_t
     with pytest.raises(RecordingError, match="10 of 2500 samples are saturated") as caught:
         force_rows(tmp_path, "C1", options(full_scale=[9.0, 9.0, 9.0], max_faulty=0.003))
     assert caught.value.evidence["file"] == tmp_path / "log.csv"
+
+
+def test_moments_are_about_the_stated_point_whatever_the_bias(tmp_path):
+    """A force at the point makes no moment about it, whatever it makes about the origin."""
+    point, log = np.array([0.02, -0.03, 0.05]), record()
+    offset = np.array([0.2, -0.1, 0.3])  # N·m, of the sensor
+    log.torque[:] = np.cross(point, log.force - BIAS) + offset
+    write_daqft(tmp_path / "log.csv", log)
+    moments = {}
+    for name, about in (("point", point.tolist()), ("origin", [0.0, 0.0, 0.0])):
+        rows, _ = force_rows(tmp_path, "C1", replace(options(), point=about))
+        moments[name] = rows[["mx", "my", "mz"]].to_numpy()
+    np.testing.assert_allclose(moments["point"], 0, atol=1e-12)
+    # the control
+    np.testing.assert_allclose(moments["origin"].mean(axis=0), np.cross(point, LOAD), atol=1e-3)
 
 
 def test_a_sensor_that_froze_is_refused_with_the_time_it_did(tmp_path):

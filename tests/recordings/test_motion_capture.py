@@ -36,7 +36,7 @@ def joints():
 
 def test_markers_give_back_the_joints_that_carried_them(tmp_path, arm, joints):
     rows, quality = marker_rows(
-        written(tmp_path, markers_of(arm, joints), first=72210), "training", dataset()
+        "t", written(tmp_path, markers_of(arm, joints), first=72210), "training", dataset()
     )
     np.testing.assert_allclose(tracked(rows, arm).q, joints, rtol=0, atol=5e-5)
     assert quantity(quality, "missing_samples") == quantity(quality, "unlabelled_markers") == 0
@@ -45,7 +45,7 @@ def test_markers_give_back_the_joints_that_carried_them(tmp_path, arm, joints):
 def test_rigid_bodies_alone_give_back_the_joints_that_carried_them(tmp_path, arm, joints):
     bodies = {link: Body(f"B{j}", MOUNT) for j, link in enumerate(TEMPLATE, 1)}
     rows, _ = marker_rows(
-        written(tmp_path, {}, bodies_of(arm, joints)), "training", dataset(bodies=bodies)
+        "t", written(tmp_path, {}, bodies_of(arm, joints)), "training", dataset(bodies=bodies)
     )
     track = tracked(rows, arm)
     np.testing.assert_allclose(track.q, joints, rtol=0, atol=5e-5)
@@ -55,7 +55,7 @@ def test_rigid_bodies_alone_give_back_the_joints_that_carried_them(tmp_path, arm
         link: Body(body.name, Pose(MOUNT.position, [0.3, -0.1, 1.1]))
         for link, body in bodies.items()
     }
-    rows, _ = marker_rows(tmp_path / "t.csv", "training", dataset(bodies=other))
+    rows, _ = marker_rows("t", tmp_path / "t.csv", "training", dataset(bodies=other))
     assert np.abs(tracked(rows, arm).q - joints).max() > 0.01
 
 
@@ -69,7 +69,7 @@ def test_bodies_and_markers_mix_link_by_link_and_lost_poses_are_missing_markers(
         "stray": markers["a2"]
     }
     rows, quality = marker_rows(
-        written(tmp_path, kept, bodies), "test", dataset(bodies={"link2": Body("B2", MOUNT)})
+        "t", written(tmp_path, kept, bodies), "test", dataset(bodies={"link2": Body("B2", MOUNT)})
     )
     np.testing.assert_allclose(tracked(rows, arm).q, joints, rtol=0, atol=5e-5)
     assert (quantity(quality, "missing_samples"), quantity(quality, "unlabelled_markers")) == (9, 0)
@@ -81,24 +81,24 @@ def test_a_body_that_the_take_lacks_or_that_has_no_link_is_named(tmp_path, arm, 
     with pytest.raises(
         RecordingError, match="no rigid body named X in the take; it has B1, B2, B3"
     ):
-        marker_rows(file, "training", dataset(bodies={"link1": Body("X", MOUNT)}))
+        marker_rows("t", file, "training", dataset(bodies={"link1": Body("X", MOUNT)}))
     with pytest.raises(ConfigError, match="no link arm; there are link1, link2, link3"):
-        marker_rows(file, "training", dataset(bodies={"arm": Body("B1", MOUNT)}))
+        marker_rows("t", file, "training", dataset(bodies={"arm": Body("B1", MOUNT)}))
 
 
 def test_a_quaternion_that_is_none_is_refused(tmp_path, arm, joints):
     bodies = bodies_of(arm, joints)
     bodies["B1"].quaternion[3] *= 0.9
     file = written(tmp_path, markers_of(arm, joints), bodies)
-    with pytest.raises(RecordingError, match="far from unit length"):
-        marker_rows(file, "training", dataset(bodies={"link1": Body("B1", MOUNT)}))
+    with pytest.raises(RecordingError, match="rotation of B1 is of the length 0"):
+        marker_rows("t", file, "training", dataset(bodies={"link1": Body("B1", MOUNT)}))
 
 
 def test_frames_that_the_file_skips_are_missing_samples(tmp_path, arm, joints):
     file = written(tmp_path, markers_of(arm, joints))
     lines = file.read_bytes().splitlines(keepends=True)
     file.write_bytes(b"".join(lines[:17] + lines[20:]))
-    rows, quality = marker_rows(file, "training", dataset())
+    rows, quality = marker_rows("t", file, "training", dataset())
     assert (quantity(quality, "skipped_frames"), quantity(quality, "missing_samples")) == (3, 27)
     assert set(rows.k[rows.x.isna()]) == {10, 11, 12}
     np.testing.assert_allclose(tracked(rows, arm).q, joints, rtol=0, atol=5e-5)
@@ -107,20 +107,20 @@ def test_frames_that_the_file_skips_are_missing_samples(tmp_path, arm, joints):
 def test_takes_of_another_rate_or_length_are_refused(tmp_path, arm, joints):
     markers = markers_of(arm, joints)
     with pytest.raises(RecordingError, match="exported at 120"):
-        marker_rows(written(tmp_path, markers, rate=120.0), "training", dataset())
+        marker_rows("t", written(tmp_path, markers, rate=120.0), "training", dataset())
     file = written(tmp_path, markers)
     file.write_bytes(b"".join(file.read_bytes().splitlines(keepends=True)[:-1]))
     with pytest.raises(RecordingError, match="spans 40 frames; the motion has 41"):
-        marker_rows(file, "training", dataset())
+        marker_rows("t", file, "training", dataset())
 
 
 def test_names_stand_without_their_asset_unless_two_assets_share_them(tmp_path, arm, joints):
     markers = {f"Arm:{name}": points for name, points in markers_of(arm, joints).items()}
-    rows, _ = marker_rows(written(tmp_path, markers), "training", dataset())
+    rows, _ = marker_rows("t", written(tmp_path, markers), "training", dataset())
     np.testing.assert_allclose(tracked(rows, arm).q, joints, rtol=0, atol=5e-5)
     file = written(tmp_path, markers | {"Leg:a1": markers["Arm:a1"] + 1})
     with pytest.raises(RecordingError, match="'a1' may be Arm:a1 or Leg:a1"):
-        marker_rows(file, "training", dataset())
+        marker_rows("t", file, "training", dataset())
     named = {
         "link1": {
             "Arm:a1": TEMPLATE["link1"]["a1"],
@@ -128,7 +128,7 @@ def test_names_stand_without_their_asset_unless_two_assets_share_them(tmp_path, 
             "c1": TEMPLATE["link1"]["c1"],
         }
     }
-    rows, quality = marker_rows(file, "training", dataset(markers=TEMPLATE | named))
+    rows, quality = marker_rows("t", file, "training", dataset(markers=TEMPLATE | named))
     np.testing.assert_allclose(tracked(rows, arm).q, joints, rtol=0, atol=5e-5)
     assert quantity(quality, "unlabelled_markers") == 1
 
@@ -143,8 +143,8 @@ def test_a_c3d_take_gives_the_rows_of_the_csv_take(tmp_path, arm, joints):
     for key, value in {"RATE": [100.0], "LABELS": list(markers), "UNITS": ["mm"]}.items():
         recording["parameters"]["POINT"][key]["value"] = value
     recording.write(str(tmp_path / "t.c3d"))
-    rows, _ = marker_rows(tmp_path / "t.c3d", "training", dataset())
-    expected, _ = marker_rows(written(tmp_path, markers), "training", dataset())
+    rows, _ = marker_rows("t", tmp_path / "t.c3d", "training", dataset())
+    expected, _ = marker_rows("t", written(tmp_path, markers), "training", dataset())
     np.testing.assert_allclose(rows[["x", "y", "z"]], expected[["x", "y", "z"]], rtol=0, atol=1e-6)
     assert (
         rows[["take", "part", "k", "link", "marker"]]
@@ -169,13 +169,13 @@ def test_takes_are_found_by_part_and_two_of_one_name_are_refused(tmp_path):
     for name in ("train_1.csv", "train_2.c3d", "test_1.csv"):
         (tmp_path / name).touch()
     result = find_takes(tmp_path, dataset(training="train_*", test="test_*").mocap)
-    assert [(file.name, part) for file, part in result] == [
-        ("train_1.csv", "training"),
-        ("train_2.c3d", "training"),
-        ("test_1.csv", "test"),
+    assert [(name, file.name, part) for name, file, part in result] == [
+        ("train_1", "train_1.csv", "training"),
+        ("train_2", "train_2.c3d", "training"),
+        ("test_1", "test_1.csv", "test"),
     ]
     (tmp_path / "train_1.c3d").touch()
-    with pytest.raises(RecordingError, match="two files are named as the take 'train_1'"):
+    with pytest.raises(RecordingError, match="two recordings are named 'train_1'"):
         find_takes(tmp_path, dataset(training="train_*").mocap)
     with pytest.raises(RecordingError, match="no test take matches"):
         find_takes(tmp_path, dataset(training="train_2*", test="none_*").mocap)
@@ -187,12 +187,12 @@ def test_frames_that_repeat_the_one_before_are_missing_and_counted(tmp_path, arm
     markers = markers_of(arm, joints)
     for points in markers.values():
         points[11:14] = points[10]
-    rows, quality = marker_rows(written(tmp_path, markers), "training", dataset())
+    rows, quality = marker_rows("t", written(tmp_path, markers), "training", dataset())
     assert (quantity(quality, "frozen_frames"), quantity(quality, "missing_samples")) == (3, 27)
     assert rows[rows.x.isna()].k.unique().tolist() == [11, 12, 13]
     # the control: one marker that still moves
     markers["a1"][12] += 1e-5
-    _, quality = marker_rows(written(tmp_path, markers), "training", dataset())
+    _, quality = marker_rows("t", written(tmp_path, markers), "training", dataset())
     assert quantity(quality, "frozen_frames") == 1
 
 

@@ -116,5 +116,10 @@ def test_a_joint_at_rest_and_a_few_pushes_do_not_decide():
 def test_an_arm_that_never_moves_is_held_to_where_it_is_commanded():
     rest = np.full((50, 2), 0.3)
     require_pair(rest, rest, RATE, limit=0.05, joints=JOINTS[:2])
+    # encoders have noise, a command that is read back creeps, and a static error is no lag
+    rng = np.random.default_rng(2)
+    noisy, creeping = (rest + rng.normal(0, 2e-5, rest.shape) for _ in range(2))
+    require_pair(noisy + 1e-3, creeping, RATE, limit=0.05, joints=JOINTS[:2])
+    assert not list(suspects(pairing_of(noisy, creeping, RATE), noisy, creeping, RATE))
     with pytest.raises(RecordingError, match="misses its command"):
         require_pair(rest, rest + 0.1, RATE, limit=0.05, joints=JOINTS[:2])

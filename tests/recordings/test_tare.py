@@ -24,30 +24,30 @@ def test_the_loaded_force_comes_back_without_the_bias():
     samples = int(np.ceil(TARE * RATE))
     assert (
         tared.tare_samples == samples
-        and len(tared.force) == len(time) - samples
+        and len(tared.wrench) == len(time) - samples
         and tared.time[0] >= TARE
     )
     np.testing.assert_allclose(tared.bias, BIAS, atol=4.5 * 0.01 / np.sqrt(samples))
     np.testing.assert_allclose(tared.noise, 0.01, rtol=4.5 / np.sqrt(2 * samples))
     np.testing.assert_allclose(
-        tared.force.mean(axis=0), [3.0, 5.0, 0.0], atol=6 * 0.01 / np.sqrt(samples)
+        tared.wrench.mean(axis=0), [3.0, 5.0, 0.0], atol=6 * 0.01 / np.sqrt(samples)
     )
     np.testing.assert_array_equal(
-        tared.force + tared.bias, (force[samples:] - tared.bias) + tared.bias
+        tared.wrench + tared.bias, (force[samples:] - tared.bias) + tared.bias
     )
 
 
 def test_a_clock_that_does_not_start_at_zero_moves_the_interval_with_it():
     time, force = record(np.random.default_rng(21))
     np.testing.assert_array_equal(
-        remove_bias(time + 1000.0, force, TARE).force, remove_bias(time, force, TARE).force
+        remove_bias(time + 1000.0, force, TARE).wrench, remove_bias(time, force, TARE).wrench
     )
 
 
 def test_a_record_tared_by_its_instrument_is_left_as_it_is():
     time, force = record(np.random.default_rng(22))
     tared = remove_bias(time, force, 0.0)
-    assert tared.force is force and tared.tare_samples == 0 and not tared.bias.any()
+    assert tared.wrench is force and tared.tare_samples == 0 and not tared.bias.any()
 
 
 @pytest.mark.parametrize("tare_seconds", [0.1, 20.0, -1.0])

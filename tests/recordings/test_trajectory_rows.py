@@ -11,10 +11,12 @@ import pandas as pd
 import pytest
 from space_arms import LWR4, UR5, motion
 
+from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.model import chain_of
 from pipeline.core.columns import columns, members, spread, values
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.dataset import PLANE, Dataset, Motion, Robot
+from pipeline.core.options.dataset import Dataset, Motion, Robot
+from pipeline.core.task import PLANE
 from pipeline.formats.trajectory import write_trajectory
 from pipeline.recordings.motion_capture import trajectory_rows
 
@@ -70,3 +72,19 @@ def test_a_trajectory_of_the_plane_leaves_open_what_joints_do_beside_a_smaller_t
     with pytest.raises(RecordingError, match="export the commanded joints") as refused:
         trajectory_rows(tmp_path / "t.csv", dataset(replace(PLANAR, task=["x", "z"])))
     assert refused.value.evidence["key"] == "dataset.robot.task"
+
+
+def test_of_pose_and_joints_the_pose_is_the_whole_tasks_and_the_joints_are_a_smaller_ones(tmp_path):
+    names, q = PLANAR.joints, motion(STEPS + 1)[:, 1:4]
+    chain = chain_of(PLANAR)
+    pose = trajectory_table(chain, q, 100.0)
+    write_trajectory(tmp_path / "t.csv", pose)
+    alone = trajectory_rows(tmp_path / "t.csv", dataset(PLANAR))
+    write_trajectory(tmp_path / "t.csv", pose.assign(**spread("q", names, q)))
+    beside = trajectory_rows(tmp_path / "t.csv", dataset(PLANAR))
+    pd.testing.assert_frame_equal(beside, alone, check_exact=True)
+    redundant = trajectory_rows(tmp_path / "t.csv", dataset(replace(PLANAR, task=["x", "z"])))
+    assert members(redundant, "v") == ("x", "z")
+    np.testing.assert_allclose(values(redundant, "x"), values(alone, "x")[:, :2], atol=1e-9)
+    np.testing.assert_allclose(values(redundant, "v"), values(alone, "v")[:, :2], atol=1e-9)
+    np.testing.assert_allclose(values(redundant, "u")[:-1] / 100, np.diff(q, axis=0), atol=1e-12)

@@ -9,12 +9,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from joint_files import read_joint_log
 from joint_logs import AWAY, FILES, HOME, MADE_UP, ingested, quality, write_movement
+from written_logs import write_joint_log
 
 from pipeline.arm.model import load_arm
 from pipeline.core import contracts
 from pipeline.core.columns import values
 from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.recordings.account import account
+from pipeline.recordings.limits import beside_limits
 from pipeline.stages import files, ingest
 from pipeline.tools.inventory import command
 
@@ -57,6 +61,7 @@ def test_repetitions_are_gathered_over_movements_and_their_mean_command_is_the_t
         ({}, 200, "0 repetition.*in 100 steps"),
         ({"rest": 58}, 216, "0 repetition"),
         ({"movements": "move_2"}, 140, "1 repetition"),
+        ({"movements": "move_3"}, 140, "a motion from row 60, cut off by the end of the log"),
         ({"tolerance": 1e-4}, 140, "another motion"),
     ],
 )
@@ -65,6 +70,11 @@ def test_too_few_or_unequal_repetitions_are_refused_with_what_there_is(
 ):
     write_movement(tmp_path / "logs/move_1", 5, offset=1e-4)
     write_movement(tmp_path / "logs/move_2", 1, offset=-1e-4)
+    if "move_3" in choice.values():  # ends in the middle of the motion
+        write_movement(tmp_path / "logs/move_3", 1)
+        for name in FILES:
+            file = tmp_path / "logs/move_3" / name
+            file.write_text("".join(file.read_text().splitlines(keepends=True)[:110]))
     log_project(
         "ur5_planar", tmp_path / "logs", joint_log=MADE_UP | choice, motion={"steps": steps}
     )
@@ -115,3 +125,32 @@ def test_the_inventory_tells_changed_recordings_apart(tmp_path):
     assert list(before.index) == [f"move_1/{name}" for name in FILES]
     assert list(before.index[(before != after).any(axis=1)]) == [f"move_1/{FILES[0]}"]
     assert (after["bytes"] - before["bytes"]).tolist() == [1, 0, 0]
+
+
+def test_files_in_a_folder_below_each_movement_give_every_take_and_a_disturbed_one_by_name(
+    log_project, tmp_path
+):
+    for number, ways in ((1, 5), (2, 3), (3, 1)):
+        write_movement(tmp_path / f"logs/move_{number}/csv", ways, noise=1e-5, seed=number)
+    write_movement(tmp_path / "logs/move_4/csv", 0)
+    # in the second way out of the second movement
+    log = read_joint_log(tmp_path / "logs/move_2/csv" / FILES[0], joints=6)
+    log.signals["actual"][410:450, 2] += 5e-3
+    write_joint_log(tmp_path / "logs/move_2/csv" / FILES[0], log)
+    choice = MADE_UP | {"movements": "move_*/csv"}
+    log_project("ur5_planar", tmp_path / "logs", joint_log=choice, motion={"steps": 140})
+    files.run()
+    ingest.run("motion")
+    names, _ = ingested()
+    assert names == ["move_1_1", "move_1_2", "move_1_3", "move_2_1", "move_3_1"]
+    table = contracts.read("quality", Path("data/ingest/motion"))
+    takes = beside_limits(table, {"disturbance": 6.0})
+    parts = [pd.read_csv(file) for file in Path("data/files").glob("*.csv")]
+    assert account(parts, table, takes)[["recording", "found", "kept"]].to_numpy().tolist() == [
+        ["all", 12, 12],
+        ["move_1", 5, 3],
+        ["move_2", 3, 2],
+        ["move_3", 1, 1],
+        ["move_4", 0, 0],
+        ["training", 6, 5],
+    ]

@@ -11,6 +11,7 @@ from joint_logs import AWAY, FILES, HOME, MADE_UP, ingested, quality, write_move
 from written_logs import write_joint_log
 
 from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.formats.joints.log import JointLog
 from pipeline.stages import ingest
 
 
@@ -166,3 +167,33 @@ def test_a_table_without_the_places_of_its_angles_is_refused(log_project, tmp_pa
     )
     with pytest.raises(ConfigError, match="target angles"):
         ingest.run("motion")
+
+
+@pytest.mark.parametrize("archive", [False, True])
+def test_a_current_that_stands_out_leaves_its_repetition_out_where_it_is_logged(
+    log_project, tmp_path, archive
+):
+    folder = tmp_path / "logs/move_1"
+    write_movement(folder, 9, noise=5e-5)
+    logs = [read_joint_log(folder / name, joints=6) for name in FILES]
+    current = 2 + np.random.default_rng(2).normal(0, 0.1, logs[0].signals["actual"].shape)
+    current[60 + 2 * 320 + 30 :][:40, 4] *= 2  # in the third way out, of a joint beside the chain
+    write_joint_log(folder / "current.csv", JointLog(logs[0].time, {"actual": current}, {}))
+    place, choice = tmp_path / "logs", MADE_UP | {"others": {"current": "current.csv"}}
+    if archive:
+        place = tmp_path / "archives"
+        place.mkdir()
+        rows = {name: log.signals["actual"] for name, log in zip("qd", logs, strict=False)}
+        np.savez(place / "move_1.npz", time=logs[0].time, i=current, **rows)
+        choice |= {"actual": None, "target": None, "speed": None, "time": "time"}
+        choice |= {"others": {"current": ["i"]}, "signals": {"actual": ["q"], "target": ["d"]}}
+        choice |= {"rest_speed": 1e-3}
+    log_project("ur5_planar", place, joint_log=choice, motion={"steps": 140})
+    ingest.run("motion")
+    assert ingested()[0] == [f"move_1_{n}" for n in (1, 2, 4, 5)]
+    assert quality("disturbance", "move_1_3") > 6 > quality("disturbance", "move_1_4")
+    assert 0 < quality("smallest_push_found", "move_1") < 2e-3
+    # the control: by the angles alone nobody sees it
+    log_project("ur5_planar", place, joint_log=choice | {"others": {}}, motion={"steps": 140})
+    ingest.run("motion")
+    assert len(ingested()[0]) == 5

@@ -18,7 +18,7 @@ from pipeline.stages import report
 from pipeline.verdicts.run import read_run
 
 ROOT = Path(__file__).parents[2]
-WRITTEN = ("claims.json", "report.md", "errata.md", "equations.md")
+WRITTEN = ("claims.json", "report.md", "errata.md", "equations.md", "model_card.md")
 YOUBOT = Path("reports/datasets/youbot.json")
 
 

@@ -10,7 +10,11 @@ from scipy.stats import multivariate_normal
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.statistics import kde
-from pipeline.statistics.kde import kernel_density, normal_reference_bandwidth
+from pipeline.statistics.kde import (
+    kernel_density,
+    marginal_density,
+    normal_reference_bandwidth,
+)
 
 COVARIANCE = np.array([[5.0, -2.0], [-2.0, 2.0]])
 MEAN = np.array([3.0, 5.0])
@@ -152,3 +156,14 @@ def test_a_variable_that_stands_still_has_no_density():
     samples[:60, 1] = 5.0
     with pytest.raises(ModelDomainError, match="median absolute deviation"):
         normal_reference_bandwidth(samples)
+
+
+def test_a_marginal_density_is_the_sum_of_its_kernels():
+    samples, x = draw(300)[:, 0], np.linspace(-6, 12, 50)
+    (bandwidth,) = normal_reference_bandwidth(samples[:, None])
+    # by hand: the median absolute deviation, and the rule for one variable
+    mad = np.median(np.abs(samples - np.median(samples)))
+    assert bandwidth == pytest.approx(mad / 0.6745 * (4 / (3 * 300)) ** 0.2, rel=1e-12)
+    kernels = np.exp(-0.5 * ((x[:, None] - samples) / bandwidth) ** 2)
+    direct = kernels.mean(axis=1) / (bandwidth * np.sqrt(2 * np.pi))
+    np.testing.assert_allclose(marginal_density(samples, x), direct, rtol=1e-9)

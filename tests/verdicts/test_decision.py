@@ -172,6 +172,14 @@ def test_every_joint_of_an_arm_of_any_size_is_a_case_by_its_own_name(joints):
     assert result.verdict == NO_EVIDENCE
 
 
+def test_a_claim_about_every_joint_has_no_evidence_where_there_is_no_joint():
+    """Of no cases all hold, which says nothing."""
+    value = {"file": "metrics/motion", "key": "{joint}_error"}
+    claims = parse_claims([CLAIM | {"each": {"joint": "every"}, "value": value}])
+    (result,) = decide(claims, {"metrics/motion": {}}, "real", ArmNames((), ()))
+    assert (result.verdict, result.cases) == (NO_EVIDENCE, ())
+
+
 def test_a_claim_that_singles_out_a_joint_has_evidence_on_the_papers_kind_of_arm_alone():
     evidence = {"metrics/motion": {f"{name}_error": 0.01 for name in JOINTS}}
     value, than = (

@@ -12,7 +12,7 @@ import pytest
 from pipeline.core import config
 from pipeline.wrench.bounds import Bounds, draw_systems
 from pipeline.wrench.expectation import expected_sigma_s
-from pipeline.wrench.matrix import matrix_model, wrench_covariance
+from pipeline.wrench.matrix import matrix_model
 from pipeline.wrench.study import estimate_sigma_s, run_study
 
 ROOT = Path(__file__).parents[2]
@@ -89,7 +89,7 @@ def test_within_the_bounds_of_the_experiment_actuation_makes_most_of_the_varianc
         rng = np.random.default_rng(20 + number)
         sigma_s = expected_sigma_s(bounds[name], CABLES, rng)["diagonal"].mean
         model = matrix_model(draw_systems(bounds[name], 2000, CABLES, rng))
-        whole, actuation = wrench_covariance(model, sigma_s), model.actuation_part()
+        whole, actuation = model.covariance(sigma_s), model.actuation_part()
         assert (
             np.mean(
                 1 - np.trace(actuation, axis1=-2, axis2=-1) / np.trace(whole, axis1=-2, axis2=-1)
@@ -97,7 +97,7 @@ def test_within_the_bounds_of_the_experiment_actuation_makes_most_of_the_varianc
             < 0.1
         )
         # control: with twenty times the matrix's covariance it would be most of it
-        greater = wrench_covariance(model, 20 * sigma_s)
+        greater = model.covariance(20 * sigma_s)
         assert (
             np.mean(
                 1 - np.trace(actuation, axis1=-2, axis2=-1) / np.trace(greater, axis1=-2, axis2=-1)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from pipeline.core.options.dataset import PLANE
+from pipeline.core.task import PLANE
 from pipeline.verdicts import report_page
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import decide_each
@@ -77,9 +77,11 @@ def test_what_fails_stands_with_its_cases_and_a_reason_where_one_is_written(deci
     assert report_page.not_reproduced(holding) == ""
 
 
-def test_published_numbers_stand_beside_those_of_every_arm_like_the_papers(decided):
+def test_published_numbers_stand_beside_those_of_the_arms_that_have_such_numbers(decided):
     text = report_page.published_and_ours(decided)
-    assert text.endswith("| σ̂ | Sec. 4 | 0.25 | 0.2877 [0.25, 0.5] | – |")
+    assert text.endswith("| σ̂ | Sec. 4 | 0.25 | 0.2877 [0.25, 0.5] |")
+    text = report_page.published_and_ours([decided[0], decided[0]])
+    assert text.endswith("| σ̂ | Sec. 4 | 0.25 | 0.2877 [0.25, 0.5] | 0.2877 [0.25, 0.5] |")
 
 
 def test_every_claim_has_a_sign_for_every_dataset(decided):
@@ -133,6 +135,19 @@ def test_counts_are_totals_and_no_mean_share_or_row_number_is_among_them():
         "| filter of wishart | particle steps outside the domain 19,194 |",
     ]
     assert report_page.counts(RUNS[1]) == ""
+
+
+def test_the_report_has_a_row_for_each_movement_also_of_one_without_a_take():
+    kept = pd.DataFrame(
+        [("motions", "a", 5, 2, "cut off 3"), ("motions", "b", 1, 0, None)],
+        columns=["step", "recording", "found", "kept", "left_out"],
+    )
+    run = Run("lab", "paper", False, ["a"], PLANE, {}, {}, {"kept": kept})
+    assert report_page.kept(run).splitlines()[2:] == [
+        "| motions | a | 5 | 2 | cut off 3 |",
+        "| motions | b | 1 | 0 |  |",
+    ]
+    assert report_page.kept(RUNS[1]) == ""
 
 
 def test_the_page_leaves_out_what_has_no_text_and_links_the_studies(decided):

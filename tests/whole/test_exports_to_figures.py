@@ -53,7 +53,7 @@ def fill_in(project: Path) -> list[str]:
 
 
 def test_exports_become_figures_and_a_changed_export_is_noticed(project):
-    inspect, new_dataset, reproduce, inspect_json = documented(project)
+    inspect, new_dataset, check, reproduce, inspect_json = documented(project)
     findings = json.loads(run(*inspect_json, cwd=project).stdout)
     assert not [
         finding for finding in findings if finding["stops"] or finding["format"] == "unknown"
@@ -64,6 +64,8 @@ def test_exports_become_figures_and_a_changed_export_is_noticed(project):
     assert written.returncode == 0, written.stderr
     set_parameters(project, dataset="lab", models="[additive]")
 
+    checked = run(*check, cwd=project)
+    assert checked.returncode == 1 and "about.subject: there is ??? for a value" in checked.stdout
     unfilled = run(*reproduce, cwd=project)
     message = [line for line in unfilled.stderr.splitlines() if line.startswith("error:")]
     assert unfilled.returncode != 0 and len(message) == 1
@@ -74,6 +76,7 @@ def test_exports_become_figures_and_a_changed_export_is_noticed(project):
     )
 
     filled = fill_in(project)
+    assert (done := run(*check, cwd=project)).returncode == 0, done.stdout
     # what files tell was found: nobody had to say it
     inferred = {
         "mocap.training",

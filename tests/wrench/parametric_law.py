@@ -1,39 +1,46 @@
-"""Mean and draws of the parametric force model, which the matrix model is tested against."""
+"""Draws of the parametric wrench model, cable by cable, which the closed forms are tested
+against.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from pipeline.wrench.parametric import CableSystem, mean_resultant_length
+from pipeline.wrench.parametric import CableSystem
 
 
-def force_mean(system: CableSystem) -> np.ndarray:
-    """E[F] = Σᵢ A(κᵢ)·T̲ᵢ·(cos θ̲ᵢ, sin θ̲ᵢ) in N, (..., 2): shorter than the nominal force S̲T̲ by
-    the spread of the directions.
+def directions_about(
+    mean: np.ndarray, concentration: float, samples: int, rng: np.random.Generator
+) -> np.ndarray:
+    """(samples, p) unit vectors about ``mean`` (p,): an angle of the von Mises law in the plane, in
+    space the inverse distribution function of eᵀe̲ and a uniform angle about it.
     """
-    pull = mean_resultant_length(system.concentration) * system.tension
-    return np.stack(
-        [
-            np.sum(pull * np.cos(system.direction), axis=-1),
-            np.sum(pull * np.sin(system.direction), axis=-1),
-        ],
-        axis=-1,
-    )
+    if len(mean) == 2:
+        angle = rng.vonmises(0.0, concentration, samples) + np.arctan2(mean[1], mean[0])
+        return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    u, turn = rng.random(samples), rng.uniform(0, 2 * np.pi, samples)
+    along = 1 + np.log(u + (1 - u) * np.exp(-2 * concentration)) / concentration
+    first = np.cross(mean, [1.0, 0.0, 0.0] if abs(mean[0]) < 0.7 else [0.0, 1.0, 0.0])
+    first /= np.linalg.norm(first)
+    across = np.outer(np.cos(turn), first) + np.outer(np.sin(turn), np.cross(mean, first))
+    return along[:, None] * mean + np.sqrt(1 - along**2)[:, None] * across
 
 
-def sample_forces(system: CableSystem, samples: int, rng: np.random.Generator) -> np.ndarray:
-    """``samples`` independent forces of the parametric model in N, (samples, ..., 2).
-
-    The forces of Eq. (WrenchStatEq) with directions of Eq. (vMis); cables that meet in one point
-    have no moment.
+def sample_wrench(system: CableSystem, samples: int, rng: np.random.Generator) -> np.ndarray:
+    """``samples`` independent wrenches of one ``system``, (samples, n): Eq. (WrenchStatEq) in the
+    plane, f and r × f in space; forces alone where the cables meet in one point.
     """
-    shape = (samples, *system.tension.shape)
-    tension = rng.normal(system.tension, system.tension_sd, shape)
-    direction = rng.vonmises(np.zeros(shape), system.concentration) + system.direction
-    return np.stack(
-        [
-            np.sum(tension * np.cos(direction), axis=-1),
-            np.sum(tension * np.sin(direction), axis=-1),
-        ],
-        axis=-1,
-    )
+    force, moment = 0.0, 0.0
+    for i in range(len(system.tension)):
+        tension = rng.normal(system.tension[i], system.tension_sd[i], (samples, 1))
+        pull = tension * directions_about(
+            system.direction[i], system.concentration[i], samples, rng
+        )
+        force = force + pull
+        if system.attachment is not None:
+            r = system.attachment[i]
+            planar = system.dimension == 2
+            moment = moment + (
+                r[0] * pull[:, 1:] - r[1] * pull[:, :1] if planar else np.cross(r, pull)
+            )
+    return force if system.attachment is None else np.concatenate([force, moment], axis=-1)

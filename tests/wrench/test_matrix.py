@@ -4,6 +4,8 @@ limits.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -16,9 +18,8 @@ from pipeline.wrench.matrix import (
     optimal_sigma_s,
     sample_wrenches,
     unbounded_sigma_s,
-    wrench_covariance,
 )
-from pipeline.wrench.parametric import CableSystem, force_covariance
+from pipeline.wrench.parametric import CableSystem, wrench_covariance
 
 BAND = 4.5  # standard errors
 
@@ -53,7 +54,7 @@ def covariance_z(samples, covariance):
 
 def random_systems(count, agents, rng):
     shape = (count, agents)
-    return CableSystem(
+    return CableSystem.from_angles(
         rng.uniform(1.8, 14, shape),
         rng.uniform(0, 6.3, shape),
         rng.uniform(0.5, 2.3, shape),
@@ -63,22 +64,20 @@ def random_systems(count, agents, rng):
 
 def test_products_of_whole_random_matrices_have_the_closed_forms_moments():
     samples = whole_matrix_wrenches(np.random.default_rng(3))
-    covariance = wrench_covariance(MODEL, SIGMA_S)
+    covariance = MODEL.covariance(SIGMA_S)
     mean_z = (samples.mean(axis=0) - MODEL.jacobian @ MODEL.actuation) / np.sqrt(
         np.diag(covariance) / N
     )
     assert np.abs(mean_z).max() < BAND
     assert np.abs(covariance_z(samples, covariance)).max() < BAND
     identity = MatrixModel(MODEL.jacobian, MODEL.actuation, MODEL.actuation_cov, np.eye(3))
-    assert np.abs(covariance_z(samples, wrench_covariance(identity, SIGMA_S))).max() > 2 * BAND
+    assert np.abs(covariance_z(samples, identity.covariance(SIGMA_S))).max() > 2 * BAND
 
 
 def test_reduced_sampling_has_the_law_of_the_whole_product_and_a_normal_law_has_not():
     rng = np.random.default_rng(4)
     whole, reduced = whole_matrix_wrenches(rng), sample_wrenches(MODEL, SIGMA_S, N, rng)
-    normal = rng.multivariate_normal(
-        MODEL.jacobian @ MODEL.actuation, wrench_covariance(MODEL, SIGMA_S), N
-    )
+    normal = rng.multivariate_normal(MODEL.jacobian @ MODEL.actuation, MODEL.covariance(SIGMA_S), N)
     for direction in ([1.0, 0.0], [0.0, 1.0], [0.6, -0.8]):
         assert ks_2samp(whole @ direction, reduced @ direction).pvalue > 1e-3
     assert ks_2samp(whole[:, 0], normal[:, 0]).pvalue < 1e-6
@@ -93,14 +92,14 @@ def test_without_randomness_of_the_matrix_or_of_the_actuation_the_wrench_is_what
         rtol=1e-12,
     )
     np.testing.assert_allclose(
-        wrench_covariance(MODEL, np.zeros((2, 2))),
+        MODEL.covariance(np.zeros((2, 2))),
         MODEL.jacobian @ MODEL.actuation_cov @ MODEL.jacobian.T,
     )
 
 
 def test_the_diagonal_optimum_is_that_of_a_bounded_optimiser_with_and_without_its_bound_active():
     systems = random_systems(400, 2, np.random.default_rng(6))
-    model, covariance = matrix_model(systems), force_covariance(systems)
+    model, covariance = matrix_model(systems), wrench_covariance(systems)
     closed, held = optimal_sigma_s(unbounded_sigma_s(model, covariance), "diagonal")
     np.testing.assert_array_equal(held, np.sum(np.einsum("...ii->...i", closed) == 0, axis=-1))
     assert np.sum(held > 0) >= 10
@@ -108,7 +107,7 @@ def test_the_diagonal_optimum_is_that_of_a_bounded_optimiser_with_and_without_it
         one = MatrixModel(model.jacobian[k], model.actuation[k], model.actuation_cov[k], model.psi)
         optimum = least_squares(
             lambda s, one=one, k=k: (
-                1e4 * np.diag(wrench_covariance(one, np.diag(s) * 1e-4) - covariance[k])
+                1e4 * np.diag(one.covariance(np.diag(s) * 1e-4) - covariance[k])
             ),
             [5.0, 5.0],
             bounds=(0, np.inf),
@@ -121,7 +120,7 @@ def test_the_diagonal_optimum_is_that_of_a_bounded_optimiser_with_and_without_it
 
 def test_the_full_optimum_is_that_of_an_optimiser_and_clipped_diagonals_alone_are_not():
     systems = random_systems(400, 2, np.random.default_rng(40))
-    model, covariance = matrix_model(systems), force_covariance(systems)
+    model, covariance = matrix_model(systems), wrench_covariance(systems)
     unbounded = unbounded_sigma_s(model, covariance)
     closed, held = optimal_sigma_s(unbounded, "full")
     np.testing.assert_array_equal(held > 0, np.linalg.det(unbounded) < 0)
@@ -131,7 +130,7 @@ def test_the_full_optimum_is_that_of_an_optimiser_and_clipped_diagonals_alone_ar
         one = MatrixModel(model.jacobian[k], model.actuation[k], model.actuation_cov[k], model.psi)
 
         def difference(sigma_s, one=one, k=k):
-            return (wrench_covariance(one, sigma_s) - covariance[k]).ravel()
+            return (one.covariance(sigma_s) - covariance[k]).ravel()
 
         def of_factor(entries, difference=difference):
             factor = np.array([[entries[0], 0.0], entries[1:]])
@@ -169,31 +168,49 @@ def test_the_projection_keeps_the_eigenvectors_and_the_positive_eigenvalues():
 
 def test_without_active_bounds_the_moments_are_the_parametric_ones_and_else_variances_are_greater():
     systems = random_systems(300, 5, np.random.default_rng(7))
-    model, covariance = matrix_model(systems), force_covariance(systems)
+    model, covariance = matrix_model(systems), wrench_covariance(systems)
     unbounded = unbounded_sigma_s(model, covariance)
     full, held = optimal_sigma_s(unbounded, "full")
-    fitted = wrench_covariance(model, full)
+    fitted = model.covariance(full)
     assert 0.5 < np.mean(held == 0) < 1
     np.testing.assert_allclose(fitted[held == 0], covariance[held == 0], rtol=1e-11, atol=1e-12)
     assert np.all(np.trace(fitted - covariance, axis1=-2, axis2=-1)[held > 0] > 0)
     diagonal, entries = optimal_sigma_s(unbounded, "diagonal")
-    difference = wrench_covariance(model, diagonal) - covariance
+    difference = model.covariance(diagonal) - covariance
     np.testing.assert_allclose(np.einsum("...ii->...i", difference)[entries == 0], 0.0, atol=1e-12)
     # without off-diagonal terms the covariance of the two components is that of the actuation alone
     assert np.abs(difference[..., 0, 1]).max() > 0.01
 
 
-def test_forces_alone_tell_the_trace_of_psi_times_sigma_but_neither_of_the_two():
-    rng = np.random.default_rng(41)
-    factor = rng.standard_normal((3, 3))
-    other = MatrixModel(
-        MODEL.jacobian, MODEL.actuation, MODEL.actuation_cov, factor @ factor.T + np.eye(3)
-    )
-    sigma_s = SIGMA_S * MODEL.spread() / other.spread()
-    np.testing.assert_allclose(
-        wrench_covariance(other, sigma_s), wrench_covariance(MODEL, SIGMA_S), rtol=1e-12
-    )
-    assert np.abs(wrench_covariance(other, SIGMA_S) - wrench_covariance(MODEL, SIGMA_S)).max() > 0.1
+@pytest.mark.parametrize("p", [2, 3])
+def test_with_attachments_apart_sigma_s_has_rows_of_moments_that_scale_with_the_length(p):
+    rng = np.random.default_rng(63)
+    shape = (400, 4)
+    planar = random_systems(*shape, rng)
+    direction = rng.standard_normal((*shape, p))
+    direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+    systems = replace(planar, direction=direction, attachment=rng.uniform(-1, 1, (*shape, p)))
+    scaled, n = systems.in_units_of(0.2), 3 * (p - 1)
+    units = np.where(np.arange(n) < p, 1.0, 1 / 0.2)
+    optimal, scaled_optimal = {}, {}
+    for form in ("diagonal", "full"):
+        for system, optima in ((systems, optimal), (scaled, scaled_optimal)):
+            model, covariance = matrix_model(system), wrench_covariance(system)
+            optima[form], held = optimal_sigma_s(unbounded_sigma_s(model, covariance), form)
+            free = held == 0
+            fitted = model.covariance(optima[form])
+            assert 0.1 < free.mean() and (form == "diagonal" or free.mean() < 1)
+            if form == "full":
+                np.testing.assert_allclose(fitted[free], covariance[free], rtol=1e-9, atol=1e-9)
+            else:
+                spread = np.einsum("...ii->...i", fitted - covariance)
+                np.testing.assert_allclose(spread[free], 0.0, atol=1e-9)
+    off = {
+        form: np.abs(scaled_optimal[form] / np.outer(units, units) - optimal[form]).max()
+        for form in optimal
+    }
+    # the bound makes the full form, and it alone, depend on the characteristic length
+    assert off["diagonal"] < 1e-15 < 1e-6 < off["full"]
 
 
 def test_covariances_that_are_none_and_cables_without_tension_are_refused():
@@ -202,5 +219,6 @@ def test_covariances_that_are_none_and_cables_without_tension_are_refused():
         sample_wrenches(MODEL, np.array([[1.0, 2.0], [2.0, 1.0]]), 3, rng)
     with pytest.raises(ModelDomainError, match="tension"):
         unbounded_sigma_s(
-            matrix_model(CableSystem(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))), np.eye(2)
+            matrix_model(CableSystem.from_angles(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))),
+            np.eye(2),
         )

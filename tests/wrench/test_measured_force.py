@@ -4,6 +4,8 @@ say.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,18 +14,23 @@ from pipeline.core import contracts
 from pipeline.statistics import two_sample
 from pipeline.wrench.bounds import Bounds
 from pipeline.wrench.expectation import expected_sigma_s
-from pipeline.wrench.matrix import matrix_model, wrench_covariance
-from pipeline.wrench.measured_force import force_density, force_moments, force_test, modelled_forces
+from pipeline.wrench.matrix import matrix_model
+from pipeline.wrench.measured_force import (
+    force_density,
+    force_moments,
+    force_test,
+    modelled_wrenches,
+)
 from pipeline.wrench.parametric import CableSystem
 from pipeline.wrench.study import estimate_sigma_s, run_study, sigma_s_rows
-from tests.wrench.parametric_law import sample_forces
+from tests.wrench.parametric_law import sample_wrench
 
 BOUNDS = Bounds(
     tension=(1.8, 14.0), direction=(0.0, 3.8), tension_sd=(0.5, 2.3), concentration=(170.0, 2400.0)
 )
 DIRECTIONS = np.array([0.15, 3.7, 1.6])
 TENSIONS = np.array([9.19, 6.92, 7.30])  # N; along these directions they give (3, 5) N
-SYSTEM = CableSystem(
+SYSTEM = CableSystem.from_angles(
     TENSIONS, DIRECTIONS, np.array([0.5, 1.2, 2.3]), np.array([2400.0, 600.0, 170.0])
 )
 
@@ -32,15 +39,15 @@ def compared():
     rng = np.random.default_rng(25)
     sigma_s = estimate_sigma_s(BOUNDS, 1000, 3, rng)["diagonal"].mean
     return sigma_s, {
-        "measured": sample_forces(SYSTEM, 20_000, rng),
-        "modelled": modelled_forces(SYSTEM, sigma_s, 20_000, rng),
+        "measured": sample_wrench(SYSTEM, 20_000, rng),
+        "modelled": modelled_wrenches(SYSTEM, sigma_s, 20_000, rng),
     }
 
 
-def test_modelled_forces_have_the_mean_and_covariance_of_the_matrix_model():
+def test_modelled_wrenches_have_the_mean_and_covariance_of_the_matrix_model():
     sigma_s, forces = compared()
-    moments = force_moments("C1", forces).set_index("source").loc["modelled"]
-    covariance = wrench_covariance(matrix_model(SYSTEM), sigma_s)
+    moments = force_moments("C1", forces, ("fx", "fy")).set_index("source").loc["modelled"]
+    covariance = matrix_model(SYSTEM).covariance(sigma_s)
     np.testing.assert_allclose(
         [moments.fx, moments.fy], [3.0, 5.0], atol=4.5 * np.sqrt(covariance.max() / 20_000)
     )
@@ -56,19 +63,15 @@ def test_modelled_forces_have_the_mean_and_covariance_of_the_matrix_model():
 
 def test_a_system_within_the_bounds_is_modelled_with_nearly_its_variances_and_one_outside_is_not():
     sigma_s, forces = compared()
-    moments = force_moments("C1", forces).set_index("source")
+    moments = force_moments("C1", forces, ("fx", "fy")).set_index("source")
     ratio = (
         moments.loc["modelled", ["var_fx", "var_fy"]]
         / moments.loc["measured", ["var_fx", "var_fy"]]
     )
     assert ratio.sub(1).abs().max() < 0.25
-    loose = CableSystem(
-        SYSTEM.tension, SYSTEM.direction, SYSTEM.tension_sd, SYSTEM.concentration / 20
-    )
-    measured = sample_forces(loose, 20_000, np.random.default_rng(26))
-    assert np.trace(np.cov(measured.T)) > 1.5 * np.trace(
-        wrench_covariance(matrix_model(SYSTEM), sigma_s)
-    )
+    loose = replace(SYSTEM, concentration=SYSTEM.concentration / 20)
+    measured = sample_wrench(loose, 20_000, np.random.default_rng(26))
+    assert np.trace(np.cov(measured.T)) > 1.5 * np.trace(matrix_model(SYSTEM).covariance(sigma_s))
 
 
 def test_both_sources_stand_on_one_grid_and_hold_all_their_mass_there():
@@ -88,7 +91,7 @@ def correlated(system, sigma_s, samples, rng):
     """Draws of the matrix model that stay for 20 samples each: the law is the model's, a twentieth
     of them are independent.
     """
-    return np.repeat(modelled_forces(system, sigma_s, samples // 20, rng), 20, axis=0)
+    return np.repeat(modelled_wrenches(system, sigma_s, samples // 20, rng), 20, axis=0)
 
 
 def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_tensions_does_not(
@@ -103,9 +106,7 @@ def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_ten
     assert np.mean(p_values <= 0.05) <= 0.2
     assert np.mean([test["effective_samples"] for test in own]) == pytest.approx(300, rel=0.15)
     assert all(75 <= test["tested_samples"] <= 300 for test in own)
-    loose = CableSystem(
-        SYSTEM.tension, SYSTEM.direction, 1.6 * SYSTEM.tension_sd, SYSTEM.concentration
-    )
+    loose = replace(SYSTEM, tension_sd=1.6 * SYSTEM.tension_sd)
     other = [
         force_test(correlated(loose, sigma_s, 6000, rng), SYSTEM, sigma_s, rng)[
             "two_sample_p_value"
@@ -127,7 +128,7 @@ def test_every_table_keeps_its_contract(tmp_path):
             ignore_index=True,
         ),
         "wrench_errors": errors,
-        "force_moments": force_moments("C1", forces),
+        "force_moments": force_moments("C1", forces, ("fx", "fy")),
         "force_density": force_density("C1", forces, 30),
         "force_test": pd.DataFrame(
             [

@@ -1,39 +1,50 @@
-"""Moments of the parametric force model against quadrature, simulation, limits and invariances."""
+"""Moments of the parametric wrench model in plane and space against quadrature, simulation, the
+paper's formulas, limits and invariances.
+"""
 
 from __future__ import annotations
+
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.special import i0
-from scipy.stats import vonmises
+from scipy.special import i0, i0e, i1e
+from scipy.stats import special_ortho_group, vonmises
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.wrench.parametric import (
-    CableSystem,
-    force_covariance,
-    mean_resultant_length,
-)
-from tests.wrench.parametric_law import force_mean, sample_forces
+from pipeline.wrench.directions import mean_resultant_length
+from pipeline.wrench.parametric import CableSystem, wrench_covariance, wrench_mean
+from tests.wrench.parametric_law import sample_wrench
 
-BAND = 4.5  # standard errors; six moments leave it with probability 4e-5
+BAND = 4.5  # standard errors; six rows have 27 moments, which leave it with probability 2e-4
 
-WIDE = CableSystem(
+WIDE = CableSystem.from_angles(
     np.array([4.0, 7.0, 2.5]),
     np.array([0.4, 2.1, 5.0]),
     np.array([0.5, 2.0, 1.0]),
     np.array([3.0, 8.0, 40.0]),
 )
+APART = replace(WIDE, attachment=np.array([[0.3, -0.2], [-0.5, 0.1], [0.2, 0.6]]))
+SPACE = replace(
+    WIDE,
+    direction=np.array([[0.36, 0.48, 0.8], [-0.6, 0.0, 0.8], [0.0, -0.8, 0.6]]),
+    attachment=np.array([[0.3, -0.2, 0.1], [-0.5, 0.1, 0.4], [0.2, 0.6, -0.3]]),
+)
+SYSTEMS = {
+    "plane, one point": WIDE,
+    "plane": APART,
+    "space, one point": replace(SPACE, attachment=None),
+    "space": SPACE,
+}
 
 
 def covariance_z(samples, covariance):
-    """Standardised deviation of the three distinct sample (co)variances from ``covariance``."""
+    """Standardised deviations of the distinct sample (co)variances from ``covariance``."""
     centred = samples - samples.mean(axis=0)
-    products = np.stack(
-        [centred[:, 0] ** 2, centred[:, 1] ** 2, centred[:, 0] * centred[:, 1]], axis=1
-    )
-    expected = np.array([covariance[0, 0], covariance[1, 1], covariance[0, 1]])
-    return (products.mean(axis=0) - expected) * np.sqrt(len(samples)) / products.std(axis=0)
+    i, j = np.triu_indices(samples.shape[1])
+    products = centred[:, i] * centred[:, j]
+    return (products.mean(axis=0) - covariance[i, j]) * np.sqrt(len(samples)) / products.std(axis=0)
 
 
 @pytest.mark.parametrize(("theta", "kappa"), [(0.0, 0.5), (0.7, 4.0), (2.5, 169.35), (4.0, 2416.0)])
@@ -58,78 +69,134 @@ def test_moments_of_one_cable_equal_those_integrated_over_its_direction(theta, k
             [expectation(lambda a: np.cos(a) * np.sin(a)), expectation(lambda a: np.sin(a) ** 2)],
         ]
     )
-    cable = CableSystem(np.array([tension]), np.array([theta]), np.array([sd]), np.array([kappa]))
-    np.testing.assert_allclose(force_mean(cable), mean, atol=1e-10)
-    np.testing.assert_allclose(force_covariance(cable), second - np.outer(mean, mean), atol=1e-9)
+    cable = CableSystem.from_angles(*(np.array([value]) for value in (tension, theta, sd, kappa)))
+    np.testing.assert_allclose(wrench_mean(cable), mean, atol=1e-10)
+    np.testing.assert_allclose(wrench_covariance(cable), second - np.outer(mean, mean), atol=1e-9)
 
 
-def test_simulated_forces_have_the_closed_forms_moments_and_the_small_angle_law_does_not():
-    samples = sample_forces(WIDE, 200_000, np.random.default_rng(1))
-    covariance = force_covariance(WIDE)
-    mean_z = (samples.mean(axis=0) - force_mean(WIDE)) / np.sqrt(np.diag(covariance) / len(samples))
+def test_in_the_plane_the_variances_of_the_force_are_the_papers_formulas():
+    angle = np.arctan2(WIDE.direction[:, 1], WIDE.direction[:, 0])
+    length = i1e(WIDE.concentration) / i0e(WIDE.concentration)
+    second_moment = WIDE.tension**2 + WIDE.tension_sd**2
+    a = second_moment - (length * WIDE.tension) ** 2
+    b = length * second_moment / WIDE.concentration
+    xx = np.sum(a * np.cos(angle) ** 2 - b * np.cos(2 * angle))
+    yy = np.sum(a * np.sin(angle) ** 2 + b * np.cos(2 * angle))
+    xy = np.sum(np.sin(2 * angle) * (a - 2 * b) / 2)
+    np.testing.assert_allclose(wrench_covariance(WIDE), [[xx, xy], [xy, yy]], rtol=1e-13)
+    # the forces of cables with attachments apart are the same
+    np.testing.assert_allclose(wrench_covariance(APART)[:2, :2], [[xx, xy], [xy, yy]], rtol=1e-13)
+
+
+@pytest.mark.parametrize("place", SYSTEMS)
+def test_simulated_wrenches_have_the_closed_forms_moments_and_the_small_angle_law_does_not(place):
+    system = SYSTEMS[place]
+    samples = sample_wrench(system, 100_000, np.random.default_rng(1))
+    mean, covariance = wrench_mean(system), wrench_covariance(system)
+    mean_z = (samples.mean(axis=0) - mean) / np.sqrt(np.diag(covariance) / len(samples))
+    assert samples.shape[1] == {"plane": 3, "space": 6}.get(place, system.dimension)
     assert np.abs(mean_z).max() < BAND
     assert np.abs(covariance_z(samples, covariance)).max() < BAND
-    along = np.stack([np.cos(WIDE.direction), np.sin(WIDE.direction)])
-    across = np.stack([-np.sin(WIDE.direction), np.cos(WIDE.direction)])
-    small_angle = (along * WIDE.tension_sd**2) @ along.T + (
-        across * WIDE.tension**2 / WIDE.concentration
-    ) @ across.T
+    maps, columns = system.maps(), system.jacobian()
+    across = system.tension**2 / system.concentration
+    small_angle = np.einsum("mip,m,mjp->ij", maps, across, maps)
+    small_angle += (columns * (system.tension_sd**2 - across)) @ columns.T
     assert np.abs(covariance_z(samples, small_angle)).max() > 5 * BAND
+
+
+@pytest.mark.parametrize("place", ["plane", "space"])
+def test_the_moment_is_that_about_the_origin_and_one_about_another_point_is_not(place):
+    system = SYSTEMS[place]
+    shift = np.array([0.4, -0.7, 0.2])[: system.dimension]
+    samples = sample_wrench(system, 20_000, np.random.default_rng(62))
+    moved = replace(system, attachment=system.attachment - shift)
+    p = system.dimension
+    for distinct, case in ((False, system), (True, moved)):
+        covariance = wrench_covariance(case)
+        z = covariance_z(samples[:, p:], covariance[p:, p:])
+        assert (np.abs(z).max() > 3 * BAND) == distinct
+    # the moment about another point is M − shift × F
+    carry = np.eye(len(covariance))
+    for column, force in enumerate(np.eye(p)):
+        carry[p:, column] = -np.cross(np.append(shift, 0.0)[:3], np.append(force, 0.0)[:3])[
+            2 if p == 2 else slice(None)
+        ]
+    np.testing.assert_allclose(carry @ wrench_covariance(system) @ carry.T, covariance, atol=1e-12)
+
+
+def test_a_characteristic_length_divides_the_rows_of_moments_alone():
+    for system in (APART, SPACE):
+        p, n = system.dimension, len(wrench_mean(system))
+        units = np.where(np.arange(n) < p, 1.0, 1 / 0.25)
+        scaled = system.in_units_of(0.25)
+        np.testing.assert_allclose(wrench_mean(scaled), units * wrench_mean(system))
+        np.testing.assert_allclose(
+            wrench_covariance(scaled), np.outer(units, units) * wrench_covariance(system)
+        )
+    assert WIDE.in_units_of(0.25) is WIDE
 
 
 def test_concentrations_whose_bessel_functions_overflow_give_the_small_angle_law():
     kappa = 1e5
     with np.errstate(over="ignore"):
         assert np.isinf(i0(kappa))
-    assert mean_resultant_length(kappa) == pytest.approx(1 - 1 / (2 * kappa), abs=1 / kappa**2)
-    cable = CableSystem(np.array([6.0]), np.array([np.pi / 2]), np.array([2.0]), np.array([kappa]))
+    assert mean_resultant_length(kappa, 2) == pytest.approx(1 - 1 / (2 * kappa), abs=1 / kappa**2)
+    cable = CableSystem.from_angles(*(np.array([v]) for v in (6.0, np.pi / 2, 2.0, kappa)))
     np.testing.assert_allclose(
-        np.diag(force_covariance(cable)), [36.0 / kappa, 4.0], rtol=0.2, atol=0
+        np.diag(wrench_covariance(cable)), [36.0 / kappa, 4.0], rtol=0.2, atol=0
     )
-    np.testing.assert_allclose(force_covariance(cable)[0, 0], (36.0 + 4.0) / kappa, rtol=1e-4)
+    np.testing.assert_allclose(wrench_covariance(cable)[0, 0], (36.0 + 4.0) / kappa, rtol=1e-4)
 
 
-def test_turning_every_cable_turns_the_mean_and_the_covariance():
-    angle = 0.83
-    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    turned = CableSystem(WIDE.tension, WIDE.direction + angle, WIDE.tension_sd, WIDE.concentration)
-    np.testing.assert_allclose(force_mean(turned), rotation @ force_mean(WIDE), rtol=1e-12)
+@pytest.mark.parametrize("system", [APART, SPACE])
+def test_turning_every_cable_turns_the_mean_and_the_covariance(system):
+    p = system.dimension
+    rotation = special_ortho_group(p, seed=3).rvs()
+    turned = replace(
+        system,
+        direction=system.direction @ rotation.T,
+        attachment=system.attachment @ rotation.T,
+    )
+    # in the plane the moment does not turn
+    whole = np.eye(len(wrench_mean(system)))
+    whole[:p, :p] = rotation
+    if p == 3:
+        whole[p:, p:] = rotation
+    np.testing.assert_allclose(wrench_mean(turned), whole @ wrench_mean(system), atol=1e-12)
     np.testing.assert_allclose(
-        force_covariance(turned), rotation @ force_covariance(WIDE) @ rotation.T, rtol=1e-12
+        wrench_covariance(turned), whole @ wrench_covariance(system) @ whole.T, atol=1e-11
     )
 
 
-def test_an_array_of_systems_gives_what_each_system_gives():
+@pytest.mark.parametrize("p", [2, 3])
+def test_an_array_of_systems_gives_what_each_system_gives(p):
     rng = np.random.default_rng(2)
     shape = (4, 5, 3)
+    direction = rng.standard_normal((*shape, p))
     many = CableSystem(
         rng.uniform(2, 9, shape),
-        rng.uniform(0, 6, shape),
+        direction / np.linalg.norm(direction, axis=-1, keepdims=True),
         rng.uniform(0, 2, shape),
         rng.uniform(1, 900, shape),
+        rng.uniform(-1, 1, (*shape, p)),
     )
-    one = CableSystem(
-        many.tension[2, 3], many.direction[2, 3], many.tension_sd[2, 3], many.concentration[2, 3]
-    )
-    np.testing.assert_array_equal(force_covariance(many)[2, 3], force_covariance(one))
-    np.testing.assert_array_equal(force_mean(many)[2, 3], force_mean(one))
+    one = CableSystem(*(getattr(many, field.name)[2, 3] for field in fields(many)))
+    np.testing.assert_allclose(wrench_covariance(many)[2, 3], wrench_covariance(one), rtol=1e-13)
+    np.testing.assert_allclose(wrench_mean(many)[2, 3], wrench_mean(one), rtol=1e-13)
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("change", "words"),
     [
-        {"concentration": np.zeros(3)},
-        {"tension_sd": -np.ones(3)},
-        {"direction": np.zeros(2)},
-        {"tension": np.full(3, np.nan)},
+        ({"concentration": np.zeros(3)}, "concentration > 0"),
+        ({"tension_sd": -np.ones(3)}, "tension_sd"),
+        ({"direction": WIDE.direction[:2]}, "direction has shape"),
+        ({"direction": 2 * WIDE.direction}, "unit vectors"),
+        ({"direction": np.ones((3, 1))}, "2 or 3 components"),
+        ({"attachment": np.zeros((3, 3))}, "attachment has shape"),
+        ({"tension": np.full(3, np.nan)}, "not finite"),
     ],
 )
-def test_values_without_a_law_are_refused(change):
-    fields = {
-        "tension": np.ones(3),
-        "direction": np.zeros(3),
-        "tension_sd": np.ones(3),
-        "concentration": np.ones(3),
-    }
-    with pytest.raises(ModelDomainError):
-        CableSystem(**(fields | change))
+def test_values_without_a_law_are_refused(change, words):
+    with pytest.raises(ModelDomainError, match=words):
+        replace(WIDE, **change)

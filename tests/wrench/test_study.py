@@ -4,6 +4,8 @@ numbers of cables.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,7 +13,7 @@ import pytest
 from pipeline.core.errors import ConfigError
 from pipeline.wrench.bounds import Bounds, draw_systems
 from pipeline.wrench.matrix import matrix_model, optimal_sigma_s, unbounded_sigma_s
-from pipeline.wrench.parametric import force_covariance
+from pipeline.wrench.parametric import wrench_covariance
 from pipeline.wrench.study import covariance_errors, estimate_sigma_s, run_study, variance_errors
 
 STUDY = Bounds(
@@ -23,6 +25,7 @@ STUDY = Bounds(
 ROUND = Bounds(
     tension=(5.0, 9.0), direction=(0.3, 2.8), tension_sd=(0.5, 2.0), concentration=(100.0, 800.0)
 )
+SPACE = replace(ROUND, elevation=(0.2, 1.2), attachment=(-1.0, 1.0))
 
 
 def test_entries_held_by_the_bound_are_counted():
@@ -47,22 +50,23 @@ def test_the_standard_error_is_the_spread_of_the_estimate_over_seeds(form, entri
     np.testing.assert_allclose(spread / stated, 1.0, atol=0.15)
 
 
-def test_a_system_served_by_its_own_sigma_s_has_no_error_and_by_none_a_large_one():
-    system = draw_systems(ROUND, 1, 8, np.random.default_rng(13))
-    unbounded = unbounded_sigma_s(matrix_model(system), force_covariance(system))
+@pytest.mark.parametrize("bounds", [ROUND, SPACE])
+def test_a_system_served_by_its_own_sigma_s_has_no_error_and_by_none_a_large_one(bounds):
+    system = draw_systems(bounds, 1, 8, np.random.default_rng(13))
+    model, covariance = matrix_model(system), wrench_covariance(system)
+    unbounded = unbounded_sigma_s(model, covariance)
     (diagonal, _), (full, held) = (
         optimal_sigma_s(unbounded, form) for form in ("diagonal", "full")
     )
     assert held[0] == 0
-    assert variance_errors(system, diagonal[0])[0] < 1e-12
-    assert (
-        covariance_errors(system, full[0])[0]
-        < 1e-12
-        < 0.01
-        < covariance_errors(system, diagonal[0])[0]
-    )
+    assert variance_errors(model.covariance(diagonal), covariance)[0] < 1e-12
+    whole = {
+        form: covariance_errors(model.covariance(sigma_s), covariance)[0]
+        for form, sigma_s in (("diagonal", diagonal), ("full", full))
+    }
+    assert whole["full"] < 1e-12 < 0.01 < whole["diagonal"]
     for errors in (variance_errors, covariance_errors):
-        assert errors(system, np.zeros((2, 2)))[0] > 0.01
+        assert errors(model.actuation_part(), covariance)[0] > 0.01
 
 
 def test_off_diagonal_terms_lower_the_error_of_the_covariance_and_less_so_with_few_cables():

@@ -13,9 +13,10 @@ from pipeline.core.options.force import Force
 from pipeline.core.options.limits import Limits
 from pipeline.core.options.logs import Encoders, JointLog
 from pipeline.core.options.motion_capture import Mocap
+from pipeline.core.options.reading import Reading
+from pipeline.core.task import PLANE, SPACE
 
 MEASUREMENTS = ("depth", "encoders", "tip")
-PLANE, SPACE = ("x", "z", "phi"), ("x", "y", "z", "rx", "ry", "rz")  # rows of a task, m and rad
 
 
 @dataclass
@@ -90,8 +91,8 @@ class Elimination:
 class Dataset:
     name: str = MISSING
     recordings: str = MISSING  # folder of the raw files, from the project's root
-    robot: Robot = field(default_factory=Robot)
-    motion: Motion = field(default_factory=Motion)
+    robot: Robot | None = field(default_factory=Robot)  # null where forces alone were recorded
+    motion: Motion | None = field(default_factory=Motion)  # likewise
     elimination: Elimination = field(default_factory=Elimination)
     trajectory: str | None = None  # file of the commanded trajectory, where there is one
     mocap: Mocap | None = None
@@ -103,6 +104,7 @@ class Dataset:
     # tip (the pose of the tool, which the motion capture follows)
     measurement: str = "depth"
     limits: Limits = field(default_factory=Limits)
+    reading: Reading = field(default_factory=Reading)
     # the synthetic laboratory that records this dataset; typed by pipeline/laboratory
     laboratory: Any = None
 
@@ -112,6 +114,9 @@ class Dataset:
                 f"measurement: no {self.measurement!r}; there are {', '.join(MEASUREMENTS)}",
                 key="dataset.measurement",
             )
+        if self.robot is None or self.motion is None:
+            self._require_forces_alone()
+            return
         if self.joint_log is None:
             return
         arm, log = self.robot.joints, self.joint_log
@@ -126,3 +131,13 @@ class Dataset:
                 f"start and end hold {len(log.start)} values where robot.joints are {len(arm)}",
                 key="dataset.joint_log.start",
             )
+
+    def _require_forces_alone(self) -> None:
+        parts = ("robot", "motion", "trajectory", "mocap", "joint_log", "encoders", "depth")
+        if there := [name for name in parts if getattr(self, name) is not None]:
+            raise ConfigError(
+                f"without a robot or its motion there is nothing to see of {', '.join(there)}",
+                key=f"dataset.{there[0]}",
+            )
+        if self.force is None:
+            raise ConfigError("a dataset has a robot or a force transducer", key="dataset.robot")

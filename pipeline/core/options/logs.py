@@ -5,12 +5,39 @@ controller.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import StrEnum, auto
 from math import isfinite
 from typing import Any
 
 from omegaconf import MISSING
 
 from pipeline.core.errors import ConfigError
+
+
+class AngleUnit(StrEnum):
+    rad = auto()
+    deg = auto()
+
+
+class TimeUnit(StrEnum):
+    s = auto()
+    ms = auto()
+    us = auto()
+    ns = auto()
+
+
+class Clock(StrEnum):
+    """What becomes of rows that the times put unevenly."""
+
+    rows = auto()  # they follow each other at the rate all the same
+    times = auto()  # they were measured at these times
+
+
+class Disturbed(StrEnum):
+    """What becomes of a repetition that was disturbed."""
+
+    leave_out = auto()
+    refuse = auto()
 
 
 @dataclass
@@ -31,16 +58,19 @@ class JointLog:
     # actual, target, speed → label, or number from 0, of each joint's column; ARRAY:COLUMN of a
     # NumPy archive, or ARRAY alone; where another format says itself what it holds, none
     signals: dict[str, list[Any]] = field(default_factory=dict)
+    # other signals of the joints, as currents or torques, that show a disturbance: signal → its
+    # file in each folder, or where a movement is one file its columns, as those of signals
+    others: dict[str, Any] = field(default_factory=dict)
     # column of the time, likewise; null: the rows follow each other at dataset.motion.rate
     time: Any = 0
     # of rows that the times put unevenly: rows, which follow each other at the rate all the same,
     # or times, at which they were measured; null: such a log is refused
-    clock: str | None = None
+    clock: Clock | None = None
     # of cells: comma, semicolon, tab, or a blank for any number of them; null: as found
     separator: str | None = None
     decimal: str | None = None  # point or comma; null: as found
-    angle_unit: str = "rad"  # rad or deg, also of the speeds
-    time_unit: str = "s"  # s, ms, us or ns
+    angle_unit: AngleUnit = AngleUnit.rad  # also of the speeds
+    time_unit: TimeUnit = TimeUnit.s
     # by which commanded angles and speeds are multiplied beyond the unit: one number, or one of
     # each logged joint
     target_factor: Any = 1.0
@@ -56,22 +86,23 @@ class JointLog:
     rest: int = MISSING
     rest_speed: float = 1e-4  # rad/s, up to which a commanded speed is rest
     tolerance: float = MISSING  # rad, how exactly commands must repeat
-    disturbed: str = "leave_out"  # or refuse: what becomes of a repetition that was disturbed
+    disturbed: Disturbed = Disturbed.leave_out
     # robust standard deviations of its residual from the median over the repetitions
     disturbed_beyond: float = 6.0
     # rad, measured minus commanded angle that no undisturbed repetition reaches
     residual_limit: float | None = None
 
     def __post_init__(self) -> None:
+        if not self.mismatch > 0:
+            raise ConfigError("mismatch is positive", key="dataset.joint_log.mismatch")
+        if self.rest != MISSING and self.rest < 0:
+            raise ConfigError("rest is not negative", key="dataset.joint_log.rest")
+        if MISSING in (self.joints, self.start, self.end):
+            return
         if len(self.start) != len(self.end) or len(set(self.joints)) != len(self.joints):
             raise ConfigError(
                 "start and end hold a value for each of robot.joints, joints a name for each "
                 "logged joint",
-                key="dataset.joint_log",
-            )
-        if self.rest < 0 or not self.mismatch > 0 or self.clock not in (None, "rows", "times"):
-            raise ConfigError(
-                "rest is not negative, mismatch is positive, clock is rows or times",
                 key="dataset.joint_log",
             )
         _require_numbers("target_factor", self.target_factor, len(self.joints))
@@ -86,38 +117,32 @@ class JointLog:
                 f"each of {', '.join(SIGNALS)}"
             )
             raise ConfigError(message, key="dataset.joint_log.signals")
-        if self.angle_unit not in ("rad", "deg") or self.time_unit not in ("s", "ms", "us", "ns"):
+        if wrong := [
+            name
+            for name, place in self.others.items()
+            if name in (*SIGNALS, "residuals") or not isinstance(place, str | list)
+        ]:
             raise ConfigError(
-                "angle_unit is rad or deg, time_unit s, ms, us or ns", key="dataset.joint_log"
-            )
-        if self.disturbed not in ("leave_out", "refuse"):
-            raise ConfigError(
-                f"disturbed: {self.disturbed!r} is not leave_out or refuse",
-                key="dataset.joint_log.disturbed",
+                f"{', '.join(wrong)}: others name a file or columns, and are none of "
+                f"{', '.join(SIGNALS)}",
+                key="dataset.joint_log.others",
             )
 
 
 @dataclass
 class Encoders:
-    """The controller's logs of the test takes, beside the motion capture: what the filter may weigh
-    particles by.
+    """The controller's logs beside the motion capture: what the filter may weigh particles by.
+    Those of the training takes say how far a reading is off.
     """
 
-    takes: str = MISSING  # glob of the logs, one of each test take, of its name
+    training: str = MISSING  # glob of the logs, one of each training take, of its name
+    test: str = MISSING  # glob of the logs, one of each test take, of its name
     # label, or number from 0, of the column of each of robot.joints' measured angles
     actual: list[Any] = MISSING
     time: Any = 0  # column of the time, likewise
-    angle_unit: str = "rad"  # rad or deg
-    time_unit: str = "s"  # s, ms, us or ns
+    angle_unit: AngleUnit = AngleUnit.rad
+    time_unit: TimeUnit = TimeUnit.s
     start: float = 0.0  # s on the log's clock when the motion capture starts
-    # rad, of a reading from its joint's angle: zero and resolution, and what the gears keep from it
-    deviation: float = MISSING
-
-    def __post_init__(self) -> None:
-        if self.deviation != MISSING and not self.deviation > 0:
-            raise ConfigError(
-                f"deviation: {self.deviation} must be positive", key="dataset.encoders.deviation"
-            )
 
 
 SIGNALS = ("actual", "target", "speed")

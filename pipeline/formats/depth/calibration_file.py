@@ -5,18 +5,37 @@ JSON and Open3D's JSON.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Mapping
 from itertools import accumulate
 from pathlib import Path
+from typing import ClassVar
 
 import cv2
 import yaml
 
+from pipeline.core.bounds import read_whole
+from pipeline.core.compute.sandbox import call_alone
 from pipeline.core.errors import RecordingError
+from pipeline.core.typed_yaml import require_bounded
 from pipeline.formats.delimited import read_text
 
-MAX_CHARACTERS = 10**6
+MAX_CHARACTERS = 10**5
 MAX_NESTING = 50  # how deep a parser follows differs between versions of Python
+# a number of a calibration is decimal: YAML 1.1 and OpenCV take 0525 for 341, and YAML 1.1 yes for
+# true and 5:25 for 325
+WHOLE = re.compile(r"[-+]?(0|[1-9][0-9]*)$")
+REAL = re.compile(
+    r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=[eE]))([eE][-+]?[0-9]+)?$|[-+]?\.(nan|inf)$"
+)
+# where OpenCV's YAML and XML have the numbers of a camera, and what OpenCV makes others of
+NAMED = r"(?:[fc][xy]|\w*(?:[wW]idth|[hH]eight))"
+LISTS = re.compile(
+    rf"\[[^\]]*\]|<data>[^<]*</data>|^[^\S\n]*{NAMED}[^\S\n]*:.*$|<{NAMED}>[^<]*<", re.MULTILINE
+)
+NO_DECIMAL = re.compile(
+    r"(?<![\w.:/+-])([-+]?0[0-9xX][0-9a-fA-F]*|true|false|yes|no|on|off)(?![\w.:/-])", re.IGNORECASE
+)
 # how OpenCV names the types of a matrix; it would round its numbers to any other
 FLOATING = ("d", "f")
 
@@ -41,18 +60,20 @@ def read_values(file: Path) -> Mapping:
                 "this is no JSON, or it is truncated; export it again", file=file
             ) from None
     elif body.startswith(("%YAML", "<?xml")) or "!!opencv-matrix" in body:
-        values = _opencv(body, file)
+        # some that are damaged end the process that OpenCV reads them in
+        values = call_alone(_opencv, body, file, file=file)
     else:
         try:
             if any(
-                isinstance(event, yaml.AliasEvent) for event in yaml.parse(body, yaml.SafeLoader)
+                isinstance(event, yaml.AliasEvent) for event in yaml.parse(body, yaml.CSafeLoader)
             ):
                 raise RecordingError(
                     "the file refers to parts of itself, which can unfold without bound; write "
                     "the numbers out",
                     file=file,
                 )
-            values = _only(yaml.safe_load_all(body), file)
+            require_bounded(body)
+            values = _only(yaml.load_all(body, _Decimal), file)
         except (yaml.YAMLError, ValueError, RecursionError):
             raise RecordingError(
                 "this is no calibration in OpenCV's YAML or XML, YAML or JSON, or it is truncated",
@@ -65,9 +86,20 @@ def read_values(file: Path) -> Mapping:
     return values
 
 
+class _Decimal(yaml.SafeLoader):
+    """Plain YAML whose numbers are decimal; every other plain word is text."""
+
+    yaml_implicit_resolvers: ClassVar[dict] = {}
+
+
+_Decimal.add_implicit_resolver("tag:yaml.org,2002:null", re.compile(r"(~|null|)$"), None)
+_Decimal.add_implicit_resolver("tag:yaml.org,2002:int", WHOLE, None)
+_Decimal.add_implicit_resolver("tag:yaml.org,2002:float", REAL, None)
+
+
 def is_json(file: Path) -> bool:
     """Whether ``file`` begins as JSON does."""
-    return Path(file).read_bytes().lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
+    return read_whole(file).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
 
 
 def _only(documents: Iterable[object], file: Path) -> object:
@@ -94,6 +126,13 @@ def _nesting(body: str) -> int:
 
 
 def _opencv(body: str, file: Path) -> dict[str, object]:
+    for held in LISTS.findall(body):
+        if wrong := NO_DECIMAL.search(held):
+            raise RecordingError(
+                f"OpenCV reads {wrong[0]} as no decimal number: write it as one, without a zero "
+                "before it",
+                file=file,
+            )
     values = {}
     try:
         storage = cv2.FileStorage(body, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
@@ -108,6 +147,9 @@ def _opencv(body: str, file: Path) -> dict[str, object]:
                 if stored and stored not in FLOATING:
                     values[key] = f"a matrix of type {stored}"
                     continue
+                if stored and not _is_whole(node):
+                    values[key] = None
+                    continue
                 try:
                     values[key] = node.mat()
                 except cv2.error:
@@ -119,3 +161,12 @@ def _opencv(body: str, file: Path) -> dict[str, object]:
             file=file,
         ) from None
     return values
+
+
+def _is_whole(matrix: cv2.FileNode) -> bool:
+    """Whether as many numbers stand there as the matrix has rows times columns; OpenCV would read
+    on behind its end.
+    """
+    rows, columns, data = (matrix.getNode(name) for name in ("rows", "cols", "data"))
+    sized = rows.isInt() and columns.isInt() and data.isSeq()
+    return sized and rows.real() * columns.real() == data.size() > 0

@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.core.bounds import MIB, read_whole, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats import depth
 from pipeline.formats.delimited import numbers_of
 from pipeline.formats.depth.lzf import decompress
 from pipeline.formats.format import BYTES, Head, Kind, formats_in, recognised
 
-MAX_BYTES = 2**30  # of the points of one frame; a header that announces more is damaged
 # as C++ prints it; nan itself is known to numbers_of
 NO_POSITION = ("-nan", "+nan", "inf", "-inf", "+inf")
 
@@ -42,13 +42,14 @@ class PointCloud:
 @dataclass(frozen=True)
 class Header:
     """What a header announces: ``count`` points, each a record of ``point`` (field 'x' among them),
-    in ``form`` from byte ``start`` on.
+    in ``form`` from byte ``start`` on; whether other elements than points follow them.
     """
 
     count: int
     point: np.dtype
     form: str
     start: int
+    more: bool = False
 
 
 def is_cloud(file: Path) -> bool:
@@ -67,7 +68,7 @@ def read_cloud(file: Path) -> PointCloud:
     """
     file = Path(file)
     try:
-        content = file.read_bytes()
+        content = read_whole(file)
     except OSError as error:
         raise RecordingError(
             f"the cloud cannot be read ({error.strerror}); copy it again, or take it out of the "
@@ -92,7 +93,9 @@ def points_of(content: bytes, header: Header, file: Path) -> np.ndarray:
             raise RecordingError(
                 f"the cloud has no single floating-point {axis}; there are {names}", file=file
             )
-    if not 0 < header.count * header.point.itemsize <= MAX_BYTES:
+    size = header.count * header.point.itemsize
+    require("part_mib", size / MIB, "MiB of points, which the header announces,", file)
+    if size <= 0:
         raise RecordingError(
             f"the header announces {header.count} points of {header.point.itemsize} bytes",
             file=file,
@@ -110,6 +113,8 @@ def _records(content: bytes, header: Header, file: Path) -> np.ndarray:
                 f"{len(data)} bytes of data that should unfold to {size}: truncated or damaged",
                 file=file,
             )
+        # PCL sets the size of the file before it has compressed, and leaves zeros
+        _require_none(len(data[8 + packed :].rstrip(b"\0")), file)
         data = decompress(data[8 : 8 + packed], size)
         if data is None:
             raise RecordingError("the compressed data are damaged; copy the cloud again", file=file)
@@ -125,9 +130,19 @@ def _records(content: bytes, header: Header, file: Path) -> np.ndarray:
             file=file,
         )
     else:
+        _require_none(0 if header.more else len(data) - size, file)
         records = np.frombuffer(data, header.point, header.count)
         columns = [records[name] for name in "xyz"]
     return np.stack(columns, axis=1).astype(float)
+
+
+def _require_none(surplus: int, file: Path) -> None:
+    if surplus:
+        raise RecordingError(
+            f"{surplus} bytes follow the points that the header announces: the header is of "
+            "another cloud, or the file is damaged; write the cloud again",
+            file=file,
+        )
 
 
 def _rows(content: bytes, header: Header, file: Path) -> np.ndarray:
@@ -136,13 +151,21 @@ def _rows(content: bytes, header: Header, file: Path) -> np.ndarray:
     first = content.count(b"\n", 0, header.start) + 1
     filled = [
         (number, line.split()) for number, line in enumerate(lines, start=first) if line.strip()
-    ][: header.count]
+    ]
     if len(filled) < header.count:
         raise RecordingError(
             f"{len(filled)} whole rows where the header announces {header.count} points: "
             "truncated or damaged",
             file=file,
         )
+    if len(filled) > header.count and not header.more:
+        raise RecordingError(
+            f"{len(filled)} rows where the header announces {header.count} points: the header is "
+            "of another cloud, or the file is damaged; write the cloud again",
+            file=file,
+            line=filled[header.count][0],
+        )
+    filled = filled[: header.count]
     widths = [int(np.prod(header.point[name].shape)) for name in header.point.names]
     cells = [sum(widths[: header.point.names.index(axis)]) for axis in "xyz"]
     for number, row in filled:

@@ -96,7 +96,7 @@ def metres(raw: RawDepth, encoding: Encoding, **evidence: object) -> np.ndarray:
 
 
 def _factor(description: str, key: str, evidence: dict[str, object]) -> float:
-    before, number = r"\"?\s*[:=\s]\s*\"?", r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+    before, number = r"\"?(?:\s*[:=]\s*|\s+)\"?", r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
     pattern = rf"(?<![\w.]){re.escape(key)}{before}({number})(?![\w.])"
     factors = re.findall(pattern, description)
     if len(factors) != 1 or not 0 < float(factors[0]) < np.inf:

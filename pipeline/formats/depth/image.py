@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
+from pipeline.core.bounds import MIB, read_whole, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats import depth
 from pipeline.formats.format import BYTES, Head, Kind, formats_in, recognised
@@ -31,6 +32,9 @@ HEADER_DAMAGE = (
     RuntimeError,
     struct.error,
 )
+
+
+PIXEL = 4  # bytes, the largest that is kept
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,7 @@ def read_depth(file: Path, *, shape: tuple[int, int]) -> RawDepth:
     missing, else as :func:`decode_depth`.
     """
     try:
-        content = Path(file).read_bytes()
+        content = read_whole(file)
     except OSError as error:
         raise RecordingError(
             f"the depth frame cannot be read ({error.strerror}); copy it again, or take its line "
@@ -104,7 +108,10 @@ def _opened(content: bytes, file: Path) -> DepthImage:
     chosen = recognised(Head(Path(file), content[:BYTES]), formats_in(depth, Kind.IMAGE))
     if chosen is None:
         raise no_image(file)
-    return chosen.read(content, file=file)
+    image = chosen.read(content, file=file)
+    height, width = image.shape
+    require("part_mib", height * width * PIXEL / MIB, "MiB of pixels", file)
+    return image
 
 
 def header_by_pillow(content: bytes, form: str, file: Path) -> Image.Image:

@@ -54,6 +54,8 @@ def read_index(file: Path) -> DepthIndex:
             )
             raise RecordingError(message, file=file, line=number)
         time.append(float(stamp))
+        if not np.isfinite(time[-1]):
+            raise RecordingError(f"the time {stamp[:80]} is no finite one", file=file, line=number)
         files += name
         if len(time) > 1 and time[-1] <= time[-2]:
             raise RecordingError("the time does not increase", file=file, line=number)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,6 +40,7 @@ BENT = re.compile(r"(?i)dist.*|.*coeff.*|[kp]1")  # a key that may be of distort
 MODELS = ("plumb_bob", "radtan", "rational_polynomial", "none")
 FOCAL = ("fx", "fy", "cx", "cy")
 SIZE = (("width", "height"), ("image_width", "image_height"), ("image_Width", "image_Height"))
+NARROWEST = 100  # focal length over the longer side: a view of half a degree
 COEFFICIENTS = (0, 4, 5, 8, 12, 14)  # the numbers of coefficients that OpenCV's model has
 
 
@@ -64,8 +65,8 @@ def pinhole(
     """Intrinsics of the camera ``matrix`` (3, 3) and OpenCV's ``distortion`` (k,) of an image of
     ``width`` × ``height`` pixels.
 
-    Raises RecordingError (with ``evidence``) for a matrix that is none, a coefficient too many and
-    a principal point outside the image.
+    Raises RecordingError (with ``evidence``) for a matrix that is none, a coefficient too many, a
+    focal length of no camera and a principal point outside the image.
     """
     (fx, skew, cx), (low, fy, cy), bottom = matrix.tolist()
     if (
@@ -79,6 +80,11 @@ def pinhole(
         raise RecordingError(
             f"{distortion.size} distortion coefficients, or one that is not finite; OpenCV's "
             f"model has {COEFFICIENTS}",
+            **evidence,
+        )
+    if max(fx, fy) > NARROWEST * max(width, height):
+        raise RecordingError(
+            f"a focal length of {max(fx, fy):.6g} px is of no camera of {width} × {height}",
             **evidence,
         )
     if not (0 < cx < width and 0 < cy < height):
@@ -175,13 +181,25 @@ def _key(
 def _numbers(value: object, file: Path, key: str) -> np.ndarray:
     # ROS writes a matrix as rows, cols, data
     value = value.get("data", value) if isinstance(value, Mapping) else value
+    # NumPy would make numbers of words and of true
+    words = [str(each) for each in _flat(value) if isinstance(each, str | bool)]
     try:
+        if words:
+            raise TypeError
         return np.array(value, dtype=float)
     except (TypeError, ValueError, OverflowError):
-        instead = f", but {value}" if isinstance(value, str) else ""
+        instead = f", but {words[0]}" if words else ""
         raise RecordingError(
-            f"{key} holds no floating-point numbers{instead}", file=file, key=key
+            f"{key} holds no decimal numbers{instead}", file=file, key=key
         ) from None
+
+
+def _flat(value: object) -> Iterator[object]:
+    if isinstance(value, list):
+        for each in value:
+            yield from _flat(each)
+    else:
+        yield value
 
 
 def write_intrinsics(file: Path, intrinsics: Intrinsics) -> None:
@@ -201,7 +219,7 @@ def write_intrinsics(file: Path, intrinsics: Intrinsics) -> None:
 
 
 CALIBRATED = re.compile(
-    rf'(?:^|[{{,])\s*["<]?(?:{"|".join((*MATRIX, *DISTORTION))})\b"?\s*[:>\s]', re.MULTILINE
+    rf'(?:^|[{{,])[^\S\n]*["<]?(?:{"|".join((*MATRIX, *DISTORTION))})\b"?\s*[:>\s]', re.MULTILINE
 )
 
 
@@ -210,7 +228,7 @@ def _begins(head: Head) -> bool:
         return False
     text = head.text or ""
     return CALIBRATED.search(text) is not None or all(
-        re.search(rf'(?m)(?:^|[{{,])\s*"?{name}"?\s*:', text) for name in FOCAL
+        re.search(rf'(?m)(?:^|[{{,])[^\S\n]*"?{name}"?\s*:', text) for name in FOCAL
     )
 
 
@@ -219,7 +237,7 @@ def _states(file: Path) -> Stated:
     values = read_values(file)
     sizes = [[values.get(wide), values.get(high)] for wide, high in SIZE]
     for size in sizes:
-        if all(isinstance(pixels, int | float) and 0 < pixels < 2**31 for pixels in size):
+        if all(type(pixels) in (int, float) and 0 < pixels < 2**31 for pixels in size):
             return Stated(facts={"width": int(size[0]), "height": int(size[1])})
     return Stated()
 

@@ -84,7 +84,10 @@ def _begins(head: Head) -> bool:
 
 def _states(file: Path) -> Stated:
     rows = [line.split() for line in Head.read(file).content.decode("latin-1").splitlines()]
-    return Stated(next((" ".join(row[1:]) for row in rows if row[:1] == ["VERSION"]), None))
+    held = {row[0]: row[1:] for row in reversed(rows) if row}
+    width, height = (" ".join(held.get(name, [])) for name in ("WIDTH", "HEIGHT"))
+    organised = {"organised": f"{width} × {height}"} if height not in ("", "1") else {}
+    return Stated(" ".join(held.get("VERSION", [])) or None, facts=organised)
 
 
 FORMAT = Format("point cloud, PCD", Kind.CLOUD, read_pcd, _begins, _states, endings=(".pcd",))

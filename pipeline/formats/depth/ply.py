@@ -55,7 +55,8 @@ def _header(content: bytes, file: Path) -> Header:
         )
         if lines[0][0] != "format" or element != "vertex":
             raise ValueError("it does not begin with a format and the element vertex")
-        return Header(int(count), point, "ascii" if form == "ascii" else "binary", end.end())
+        text = "ascii" if form == "ascii" else "binary"
+        return Header(int(count), point, text, end.end(), more=len(elements) > 1)
     except (KeyError, ValueError, IndexError, TypeError) as error:
         raise RecordingError(
             f"the header of the PLY is damaged, or a vertex has more than single numbers ({error})",

@@ -14,6 +14,7 @@ from xml.parsers import expat
 
 import numpy as np
 
+from pipeline.core.bounds import read_whole
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import Format, Kind, is_xml
 from pipeline.formats.units import FORCE_UNITS, LENGTH_UNITS, TORQUE_UNITS, plain_unit
@@ -122,7 +123,7 @@ def _elements(file: Path) -> list[tuple[str, dict[str, str]]]:
     parser.StartElementHandler = lambda name, values: elements.append((name, values))
     parser.StartDoctypeDeclHandler = refuse
     try:
-        parser.Parse(file.read_bytes(), True)
+        parser.Parse(read_whole(file), True)
     except OSError as error:
         raise RecordingError(f"the file cannot be read ({error.strerror})", file=file) from None
     except expat.ExpatError as error:

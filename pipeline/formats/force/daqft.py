@@ -36,7 +36,7 @@ from pipeline.formats.format import Format, Head, Kind, Stated
 from pipeline.formats.labels import columns_of, unit_of
 from pipeline.formats.number_sheet import Sheet, read_sheet
 
-DELAY = re.compile(r'"?(Paused for|Skipped)\s+(\d+)')
+DELAY = re.compile(r'"?(Paused for|Skipped)\s+(\d{1,18})\b')
 GAUGE = re.compile(r"G([0-5])")
 HEADING = re.compile(
     r'^"?(Paused for|Skipped)\s+\d|Frequency\s*=|Averaging Level\s*=|F/T Serial Number\s*='
@@ -77,7 +77,7 @@ def read_daqft(file: Path, options: LogOptions = NO_OPTIONS) -> ForceRecord:
         for line, number in _under(sheet, top)
     ]
     settings = dict(
-        re.split(r"\s*=\s*", cell, maxsplit=1) for row in cells for cell in row if "=" in cell
+        map(str.strip, cell.split("=", 1)) for row in cells for cell in row if "=" in cell
     )
     rows = [[cell for cell in row if "=" not in cell] for row in cells]
     if not any(rows):

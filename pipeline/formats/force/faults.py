@@ -1,5 +1,5 @@
-"""Samples that a force sensor did not measure: beyond its full scale, or the same ones over and
-over.
+"""Samples that a force sensor did not measure: a line of settings above none, beyond its full
+scale, or the same ones over and over.
 """
 
 from __future__ import annotations
@@ -8,6 +8,19 @@ import numpy as np
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.force.record import ForceRecord
+
+FEWEST = 10  # samples of a record; what holds fewer may be settings that look like numbers
+
+
+def require_record(record: ForceRecord, file: object) -> None:
+    """RecordingError where ``record`` holds too few samples to be one."""
+    if len(record.time) < FEWEST:
+        first = ", ".join(f"{force:g}" for force in record.force[0])
+        raise RecordingError(
+            f"{len(record.time)} sample(s) are no record, where {FEWEST} is the fewest; the first "
+            f"is {first} N, which may be a line of settings below a header: record again",
+            file=file,
+        )
 
 
 def saturated(record: ForceRecord, full_scale: np.ndarray) -> np.ndarray:
@@ -42,8 +55,10 @@ def sound_samples(
     """(N,) whether a sample was measured, and how many are saturated (where ``full_scale`` is
     known) and frozen, if any.
 
-    Raises RecordingError where a fault is in more than the given ``share`` of the samples.
+    Raises RecordingError where a fault is in more than the given ``share`` of the samples, and for
+    what is no record.
     """
+    require_record(record, file)
     faulty = {"frozen_samples": frozen(record, longest)}
     if full_scale is not None:
         faulty["saturated_samples"] = saturated(record, full_scale)

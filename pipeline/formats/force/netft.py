@@ -32,7 +32,7 @@ from pipeline.formats.labels import columns_of
 
 SETTING = re.compile(
     r'"?(Start Time|RDT Sample Rate|Force Units|Counts per Unit Force|Torque Units|Counts per '
-    r'Unit Torque):\s*(.*?)"?\s*'
+    r"Unit Torque):(.*)"
 )
 STATUS = re.compile(r"(0x)?[0-9a-fA-F]{1,8}")
 NO_OPTIONS = LogOptions()
@@ -58,9 +58,7 @@ def read_netft(file: Path, options: LogOptions = NO_OPTIONS) -> ForceRecord:
             file=file,
             key=f"{OPTION}.format",
         )
-    settings = {
-        match[1]: match[2] for line in text.lines[:top] if (match := SETTING.fullmatch(line))
-    }
+    settings = _settings(text.lines[:top])
     labels = cells_of(text.lines[top], ",", file=file, number=top + 1)
     places = [
         number
@@ -191,10 +189,15 @@ def _positive(settings: dict[str, str], name: str, option: str, file: Path) -> f
     return value
 
 
+def _settings(lines: list[str]) -> dict[str, str]:
+    found = filter(None, map(SETTING.fullmatch, lines))
+    return {match[1]: match[2].strip().removesuffix('"').rstrip() for match in found}
+
+
 def _states(file: Path) -> Stated:
-    settings = map(SETTING.fullmatch, read_text(file).lines[:12])
-    units = {match[1]: match[2] for match in settings if match and match[1].endswith("Units")}
-    return Stated(units={name.split()[0].lower(): unit for name, unit in units.items()})
+    settings = _settings(read_text(file).lines[:12]).items()
+    units = {name.split()[0].lower(): unit for name, unit in settings if name.endswith("Units")}
+    return Stated(units=units)
 
 
 FORMAT = Format(

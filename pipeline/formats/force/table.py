@@ -48,6 +48,7 @@ def read_force_table(file: Path, options: LogOptions) -> ForceRecord:
             file=file,
             line=sheet.header_lines[-1],
         )
+    sheet.require_cells()
     columns, units, line = _named(sheet, options)
     axes = [axis for axis in (*FORCES, *TORQUES) if axis in columns]
     values = sheet.values([columns[axis] for axis in axes]) * si_factors(

@@ -26,6 +26,7 @@ class JointLog:
     signals: Mapping[str, np.ndarray]  # each (N, joints)
     # cut_rows, blank_rows and doubled_rows (the same line at the same time, left out), as there are
     counts: dict[str, int]
+    joints: tuple[str, ...] = ()  # their names in order, where the file states them
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,7 @@ class LogOptions:
     angle_unit: str = "rad"
     time_unit: str = "s"
     joints: int | None = None  # as many as the log holds
+    names: Sequence[str] = ()  # of the joints; those that a log states have to be these
     # signal → by what its values are multiplied, one number or one a joint; of no mention, by 1
     factors: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
     # the signals to be read, each with the columns of its joints by label or by number from 0; None

@@ -78,6 +78,7 @@ def _places(sheet: Sheet, wanted: Mapping[str, str | int], options: LogOptions) 
     """Where the ``wanted`` columns are."""
     names = [name for name in wanted.values() if isinstance(name, str)]
     labels, line = [], sheet.lines[0]
+    sheet.require_cells()
     if names:
         index = sheet.label_row(names)
         labels, line = sheet.header_cells(index), sheet.header_lines[index]

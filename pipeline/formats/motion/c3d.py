@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import io
 import struct
-import subprocess
-import sys
+from collections import Counter
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
+from pipeline.core.bounds import require
+from pipeline.core.compute.sandbox import call_alone
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import Format, Head, Kind
 from pipeline.formats.motion import c3d_library
@@ -19,6 +18,7 @@ from pipeline.formats.motion.take import (
     MotionTake,
     blank_samples,
     clock_counts,
+    require_position,
     sample_counts,
     settle_unit,
 )
@@ -27,7 +27,6 @@ KEY = 0x50  # the second byte of every C3D file
 INTEL, DEC, MIPS = 84, 85, 86
 BLOCK = 512  # bytes
 LONGEST = 0xFFFF  # frames that the header's last word can tell
-PATIENCE = 30.0  # s; a take of an hour takes a few
 
 
 def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
@@ -47,6 +46,7 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     says, makes the library fail, or has no point, no rate or no unit.
     """
     points, frames = _announced(file)
+    require("markers", points, "points", file)
     contents = _contents(file)
     position, residual = contents["points"], contents["residuals"]
     if (
@@ -78,6 +78,9 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     for number, name in enumerate(_names(contents["labels"].tolist(), points)):
         samples = position[:, number].T / UNITS_PER_METRE[unit]
         samples[~np.isfinite(samples) | (residual[number] < 0)[:, None]] = np.nan
+        require_position(
+            samples, name, unit, lambda k, axis: {"file": file, "frame": int(frame[k])}
+        )
         blank_samples(samples, counts)
         markers[name] = samples
     counts |= sample_counts(markers, {}, len(frame))
@@ -97,10 +100,12 @@ def _names(labels: list[str], points: int) -> list[str]:
         label.strip() or f"Point {number}"
         for number, label in enumerate([*labels, *[""] * (points - len(labels))], start=1)
     ]
-    return [
-        label if labels.count(label) == 1 else f"{label} [{labels[:i].count(label) + 1}]"
-        for i, label in enumerate(labels)
-    ]
+    times, numbered = Counter(labels), Counter()
+    names = []
+    for label in labels:
+        numbered[label] += 1
+        names.append(label if times[label] == 1 else f"{label} [{numbered[label]}]")
+    return names
 
 
 def _announced(file: Path) -> tuple[int, int]:
@@ -151,23 +156,11 @@ def _announced(file: Path) -> tuple[int, int]:
 def _contents(file: Path) -> dict[str, np.ndarray]:
     """What the library finds in the file, read in a process of its own."""
     try:
-        done = subprocess.run(
-            [sys.executable, "-P", c3d_library.__file__, str(Path(file).resolve())],
-            capture_output=True,
-            check=False,
-            timeout=PATIENCE,
-        )
-        with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
-            return dict(archive)
-    except subprocess.TimeoutExpired:
+        return call_alone(c3d_library.contents, str(file), file=file)
+    except RecordingError as error:
         raise RecordingError(
-            f"the file cannot be read within {PATIENCE:.0f} s: damaged", file=file
-        ) from None
-    except (ValueError, EOFError, BadZipFile):
-        last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
-        reason = last[0] if last else f"the library ended with {done.returncode}"
-        raise RecordingError(
-            f"the file is no sound C3D ({reason}); export or copy it again", file=file
+            f"the file is no sound C3D ({error.message}); export or copy it again",
+            **error.evidence,
         ) from None
 
 

@@ -1,19 +1,11 @@
-"""A program of its own that reads one C3D file through ezc3d and writes what it holds to standard
-output, as .npz.
+"""What one C3D file holds, by ezc3d.
 
-On a damaged file the library may crash or never return, which no caller could catch in its own
-process.
+On a damaged file the library may crash or never return: this is called in a process of its own.
 """
 
 from __future__ import annotations
 
-import resource
-import sys
-
 import numpy as np
-
-# bytes of address space; a take of an hour at 100 Hz with 50 points needs a half of one GiB
-MEMORY = 8 << 30
 
 
 def contents(file: str) -> dict[str, np.ndarray]:
@@ -43,8 +35,3 @@ def contents(file: str) -> dict[str, np.ndarray]:
 def _stated(group: dict, name: str) -> int:
     """The whole number that a group of parameters states under ``name``, 0 where it does not."""
     return int(next(iter(group[name]["value"]), 0)) if name in group else 0
-
-
-if __name__ == "__main__":
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    np.savez(sys.stdout.buffer, **contents(sys.argv[1]))

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from pipeline.core.bounds import require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import Text, is_blank, numbers_of
 from pipeline.formats.motion.motive_header import BODY, RAW, SOLVED, Header, read_header
@@ -27,6 +28,8 @@ from pipeline.formats.motion.take import (
     frame_numbers,
     keeps_time,
     rate_from_times,
+    require_position,
+    require_rotation,
     sample_counts,
     settle_unit,
 )
@@ -39,6 +42,7 @@ def read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     :func:`pipeline.formats.motion.motive.read_motive` for what it holds and raises.
     """
     header = read_header(text.lines, file)
+    require("markers", len(header.groups), "markers and bodies", file)
     rows, numbers, repeated = _rows(text, header, file)
     counts = {
         "blank_rows": len(text.lines) - header.line - len(rows) - repeated,
@@ -47,13 +51,6 @@ def read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     groups = header.groups
     columns = [FRAME] + [column for group in groups.values() for column in group.values()]
     columns += [] if header.time is None else [header.time]
-    width = rows[0].count(",") + 1
-    if max(columns) >= width:
-        raise RecordingError(
-            f"the row has {width} cells where the header labels {max(columns) + 1} columns",
-            file=file,
-            line=numbers[0],
-        )
     values = dict(
         zip(columns, numbers_of(rows, numbers, columns, file=file, gaps=True).T, strict=True)
     )
@@ -75,9 +72,10 @@ def read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
         if number > 1
     }
     for (kind, name, identity), group in groups.items():
-        position = (
-            np.stack([values[group["Position", axis]] for axis in "XYZ"], axis=-1)
-            / UNITS_PER_METRE[unit]
+        places = [group["Position", axis] for axis in "XYZ"]
+        position = np.stack([values[place] for place in places], axis=-1) / UNITS_PER_METRE[unit]
+        require_position(
+            position, name, unit, lambda k, axis, at=places: _place(file, numbers[k], at[axis])
         )
         blank_samples(position, counts)
         owner = {RAW: raw, SOLVED: solved, BODY: bodies}[kind]
@@ -92,6 +90,9 @@ def read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
                 position,
                 _quaternion(rotation, header.fields.get("Rotation Type", ""), counts, file),
             )
+            require_rotation(
+                owner[key].quaternion, name, lambda k: {"file": file, "line": numbers[k]}
+            )
         else:
             owner[key] = position
     for name, position in solved.items():
@@ -104,7 +105,8 @@ def read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
         header.fields.get("Take Name") or Path(file).stem,
         header.fields["Format Version"],
     )
-    return MotionTake(name, version, rate, frame, time, raw, bodies, counts, unit)
+    timed = None if printed is None else rate_from_times(frame, printed)
+    return MotionTake(name, version, rate, frame, time, raw, bodies, counts, unit, timed)
 
 
 def _rows(text: Text, header: Header, file: Path) -> tuple[list[str], list[int], int]:
@@ -112,17 +114,17 @@ def _rows(text: Text, header: Header, file: Path) -> tuple[list[str], list[int],
     to the letter.
     """
     rows, numbers, repeated = [], [], 0
+    unlabelled = [column for column, label in enumerate(header.labels) if not label]
     for number, line in enumerate(text.lines[header.line :], start=header.line + 1):
         if is_blank(line, ","):
             continue
-        row = _labelled(line, header, file, number)
+        row = _labelled(line, header.labels, unlabelled, file, number)
         if rows and row == rows[-1]:
             repeated += 1
         else:
             rows.append(row)
             numbers.append(number)
-    width = rows[0].count(",") + 1 if rows else header.columns
-    if text.cut is not None and text.cut.count(",") + 1 < width:
+    if text.cut is not None and text.cut.count(",") + 1 < len(header.labels):
         raise RecordingError(
             "the last row is cut short; export or copy the take again",
             file=file,
@@ -131,6 +133,14 @@ def _rows(text: Text, header: Header, file: Path) -> tuple[list[str], list[int],
     if not rows:
         raise RecordingError(
             "the header is followed by no frame; export the take again", file=file, line=header.line
+        )
+    if not any(row.rpartition(",")[2].strip() for row in rows) and any(
+        row.split(",")[-2].strip() for row in rows
+    ):
+        raise RecordingError(
+            f"no row has anything in the last labelled column, {header.labels[-1]}, though in the "
+            "one before it: a column is missing, and the others are shifted; export the take again",
+            **_place(file, numbers[0], len(header.labels) - 1),
         )
     if not header.groups:
         lacking = (
@@ -144,21 +154,31 @@ def _rows(text: Text, header: Header, file: Path) -> tuple[list[str], list[int],
     return rows, numbers, repeated
 
 
-def _labelled(line: str, header: Header, file: Path, number: int) -> str:
-    # spreadsheets pad rows with empty cells; a number there has no label, so the row is shifted or
-    # of another take
-    if line.count(",") < header.columns:
-        return line
+def _labelled(line: str, labels: list[str], unlabelled: list[int], file: Path, number: int) -> str:
+    """The cells of a row that have a label; spreadsheets pad rows with empty ones.
+
+    RecordingError for a row with fewer, and for one with content in a column without a label: it is
+    shifted, or of another take.
+    """
     cells = line.split(",")
-    if any(cell.strip() for cell in cells[header.columns :]):
-        message = (
-            f"the row has more cells than the {header.columns} labelled columns: of "
-            "another take, or with decimal commas"
-        )
+    if len(cells) < len(labels):
         raise RecordingError(
-            f"{message}; export it again, with decimal points", file=file, line=number
+            f"the row has {len(cells)} cells where the header labels {len(labels)} columns; the "
+            f"last one is {labels[-1]}. Which column lacks? Export the take again",
+            **_place(file, number, len(cells)),
         )
-    return ",".join(cells[: header.columns])
+    for column in [*unlabelled, *range(len(labels), len(cells))]:
+        if cells[column].strip():
+            raise RecordingError(
+                f"there is {cells[column].strip()!r} in a column without a label: of another take, "
+                "or with decimal commas; export it again, with decimal points",
+                **_place(file, number, column),
+            )
+    return ",".join(cells[: len(labels)])
+
+
+def _place(file: Path, line: int, column: int) -> dict[str, object]:
+    return {"file": file, "line": line, "column": column + 1}
 
 
 def _rate(

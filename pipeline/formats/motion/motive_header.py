@@ -36,7 +36,8 @@ class Header:
     # (type, name, ID): {(quantity, axis): column}
     groups: dict[tuple[str, str, str], dict[tuple[str, str], int]]
     bones: int  # bones and markers of bones, which are not read
-    columns: int
+    # of each column up to the last with a label, what the header calls it; empty where it does not
+    labels: list[str]
     unused: int  # labelled columns that are none of the above
     line: int  # of the axis row
 
@@ -106,10 +107,17 @@ def read_header(lines: list[str], file: Path) -> Header:
         time,
         groups,
         len(bones),
-        columns,
+        _labels(rows),
         unused,
         number,
     )
+
+
+def _labels(rows: list[list[str]]) -> list[str]:
+    labels = [" ".join(dict.fromkeys(filter(None, column))) for column in zip(*rows, strict=True)]
+    while not labels[-1]:
+        del labels[-1]
+    return labels
 
 
 def _fields(cells: list[str], file: Path) -> dict[str, str]:

@@ -29,6 +29,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import Text, cells_of, is_blank
 from pipeline.formats.motion.motive_row import Row, Samples
@@ -42,12 +43,15 @@ from pipeline.formats.motion.take import (
     clock_counts,
     frame_numbers,
     rate_from_times,
+    require_position,
+    require_rotation,
     sample_counts,
     settle_unit,
 )
 
 BODY_ROWS = ("rigidbody", "trackable")
 ROW_TYPES = ("comment", "info", "righthanded", "lefthanded", "frame", *BODY_ROWS)
+SAMPLE = 24  # bytes of x, y, z
 POSE = slice(0, 7)  # of x, y, z, qx, qy, qz, qw, yaw, pitch, roll
 
 
@@ -161,6 +165,11 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
         counts["announced_frames"] = int(recording.infos["framecount"])
     counts |= clock_counts(frame, time, printed) | {"zero_samples": 0, "partial_samples": 0}
 
+    names = len(recording.markers.rows) + len(recording.poses.rows)
+    names += max(map(len, recording.strays))
+    require("markers", names, "markers and bodies", file)
+    # a name that few rows hold is a column of all frames
+    require("memory_mib", names * len(frame) * SAMPLE / MIB, "MiB of samples", file)
     markers = {
         name: position / UNITS_PER_METRE[unit]
         for name, position in recording.markers.dense(len(frame)).items()
@@ -179,7 +188,13 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
         lost = (pose[:, 3:] == 0).all(axis=-1)
         counts["zero_samples"] += int(lost.sum())
         bodies[name].quaternion[lost] = nan
-    for position in [*markers.values(), *(body.position for body in bodies.values())]:
+    for name, body in bodies.items():
+        require_rotation(body.quaternion, name, lambda k: {"file": file, "line": recording.line[k]})
+    places = markers | {name: body.position for name, body in bodies.items()}
+    for name, position in places.items():
+        require_position(
+            position, name, unit, lambda k, axis: {"file": file, "line": recording.line[k]}
+        )
         blank_samples(position, counts)
     if not markers and not bodies:
         raise RecordingError(

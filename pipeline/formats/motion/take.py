@@ -5,6 +5,7 @@ frames, in m and s.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +19,7 @@ SPELLINGS = {
     "cm": ("cm", "centimeters", "centimetres"),
     "mm": ("mm", "millimeters", "millimetres"),
 }
+FARTHEST = 100.0  # m from the origin, beyond which nothing is captured
 # what capture programs call a marker of no asset
 STRAY = re.compile(r"(Marker-|Unlabeled[: ]?)\d+|")
 WHOLE = re.compile(r"[0-9]{1,18}")  # a count or an ID as text, of a size that can be meant
@@ -26,6 +28,7 @@ WHOLE = re.compile(r"[0-9]{1,18}")  # a count or an ID as text, of a size that c
 TIME_ROUNDING = 0.0101
 # share by which a stated rate may be off that of the printed times: far above any clock's drift
 RATE_TOLERANCE = 0.01
+UNIT_TOLERANCE = 0.01  # of a quaternion's length, far above what printed digits take from it
 TELLING = 20  # printed times, fewer are too few to contradict a stated rate
 
 
@@ -57,6 +60,7 @@ class MotionTake:
     # what was skipped, lost, repaired or contradicted; see the reader of the format
     counts: dict[str, int]
     unit: str = "m"  # of lengths in the file
+    printed_rate: float | None = None  # Hz, by the times that the file prints, where there are any
 
 
 def settle_unit(stated: str, option: str | None, file: Path, *, key: str) -> str:
@@ -157,6 +161,50 @@ def clock_counts(frame: np.ndarray, time: np.ndarray, printed: np.ndarray | None
         "skipped_frames": int(np.sum(step - 1)),
         "time_mismatches": int(np.sum(off > TIME_ROUNDING)),
     }
+
+
+def require_position(
+    position: np.ndarray, name: str, unit: str, place: Callable[[int, int], dict[str, object]]
+) -> None:
+    """RecordingError where ``position`` (N, 3) in m, of ``name`` in a file in ``unit``, lies beyond
+    FARTHEST, or one coordinate is missing wherever the others are there; ``place`` says where a
+    sample and an axis stand.
+    """
+    with np.errstate(invalid="ignore"):
+        far = np.abs(position) > FARTHEST
+    if far.any():
+        k, axis = (int(index) for index in np.argwhere(far)[0])
+        raise RecordingError(
+            f"{name} is at {position[k, axis]:.6g} m, farther than any camera sees "
+            f"({FARTHEST:g} m): are lengths in {unit}, and is the decimal mark a point?",
+            **place(k, axis),
+        )
+    there = np.isfinite(position)
+    for axis in range(3):
+        sighted = there[:, [other for other in range(3) if other != axis]].any(axis=1)
+        if sighted.any() and not there[:, axis].any():
+            raise RecordingError(
+                f"{name} has no {'XYZ'[axis]} in any row, but other coordinates: a column is "
+                "missing or shifted; export the take again",
+                **place(int(sighted.argmax()), axis),
+            )
+
+
+def require_rotation(
+    quaternion: np.ndarray, name: str, place: Callable[[int], dict[str, object]]
+) -> None:
+    """RecordingError where a ``quaternion`` (N, 4) of the body ``name`` that is there is of another
+    length than 1; ``place`` says where a sample stands.
+    """
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(quaternion, axis=-1)
+    if (off := np.abs(length - 1) > UNIT_TOLERANCE).any():
+        k = int(off.argmax())
+        raise RecordingError(
+            f"the rotation of {name} is of the length {length[k]:.6g}, where a unit quaternion "
+            "should stand: a number is damaged, or columns are shifted",
+            **place(k),
+        )
 
 
 def blank_samples(position: np.ndarray, counts: dict[str, int]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.core.errors import ConfigError
 
@@ -37,6 +37,14 @@ class Robots:
                 key="robots",
             )
 
+    def first(self, count: int) -> Robots:
+        """The first ``count`` of them, or all where there are fewer."""
+        return replace(
+            self,
+            tension_sd=self.tension_sd[:count],
+            concentration=self.concentration[:count],
+        )
+
 
 @dataclass(frozen=True)
 class Transducer:
@@ -51,7 +59,8 @@ class Transducer:
     bias: tuple[float, float] = (0.5, 0.02)
     # sd of the linear thermal drift, per s; assumed: 0.025 N in two minutes
     drift: tuple[float, float] = (2e-4, 1e-5)
-    # m, from the transducer's origin to the point the cables are tied to
+    # m, from the transducer's origin to the point that the cables are tied to, or that their
+    # attachments are measured from
     lever: tuple[float, float, float] = (0.0, 0.0, 0.03)
 
     def __post_init__(self) -> None:

@@ -6,20 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
-from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.additive.options import Options
 from pipeline.models.covariance import without_measurement
 from pipeline.models.noise import mean_covariance, moments
 from pipeline.models.steps import Estimate, Recorded, Truth
-
-
-def build(parameters: dict[str, Any]) -> AdditiveModel:
-    """The model with these parameters."""
-    return AdditiveModel(np.array(parameters["noise_covariance"]))
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:

@@ -6,11 +6,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.arm.interface import Chain
+from pipeline.arm.interface import Chain, Mechanism
 from pipeline.models.covariance import root
 from pipeline.models.density import normal_log_density
 from pipeline.models.model import Law
@@ -41,17 +42,24 @@ class AdditiveModel:
         move = step.planar_additive if isinstance(chain, PlanarChain) else step.additive
         return Law(move, row_by_row(self._root, n), normals=(1, n))
 
-    def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n) q and the nominal step."""
         return q + chain.nominal_step(q, v)
 
-    def covariance(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) Σ_ω, whatever the pose and the step."""
         return np.broadcast_to(self.noise_covariance, (*q.shape, q.shape[-1]))
 
+    def sample(
+        self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
+    ) -> np.ndarray:
+        """(..., n) the nominal step and ω."""
+        mean = self.mean(chain, q, v)
+        return mean + rng.standard_normal(mean.shape) @ self._root
+
     def log_density(
         self,
-        chain: PlanarChain,
+        chain: Mechanism,
         q: np.ndarray,
         v: np.ndarray,
         q_next: np.ndarray,
@@ -64,3 +72,8 @@ class AdditiveModel:
             self.noise_covariance if measurement is None else self.noise_covariance + measurement
         )
         return normal_log_density(q_next - self.mean(chain, q, v), 0.0, covariance)
+
+
+def build(parameters: dict[str, Any]) -> AdditiveModel:
+    """The model with these parameters."""
+    return AdditiveModel(np.array(parameters["noise_covariance"]))

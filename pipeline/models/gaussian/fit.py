@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from pipeline.models.commands import task_step
-from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.gaussian.likelihood import fit_alpha_u
 from pipeline.models.gaussian.options import Options
 from pipeline.models.gaussian.ridge import GaussianFit, fit_gaussian
@@ -23,11 +21,6 @@ LIKELY_EXTENSIONS = np.geomspace(0.005, 1.0, 25)
 # u of known parameters over the greatest norm of the poses: near enough to bend the noise, and
 # within what is searched
 BOUND = 1.1
-
-
-def build(parameters: dict[str, Any]) -> GaussianModel:
-    """The model with these parameters."""
-    return GaussianModel(parameters["alpha"], parameters["u"])
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:

@@ -10,11 +10,12 @@ of J has no noise.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.arm.interface import Chain
+from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.commands import task_step
 from pipeline.models.density import normal_log_density
@@ -69,17 +70,24 @@ class GaussianModel:
         parameters = np.array([self.alpha, self.u], dtype=float)
         return Law(move, parameters, normals=(1, len(chain.lower)))
 
-    def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n) q and the nominal step."""
         return q + chain.nominal_step(q, v)
 
-    def covariance(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) s‖v‖²·I in rad², zero beyond the bound."""
         return self._variance(chain, q, v)[..., None, None] * np.eye(q.shape[-1])
 
+    def sample(
+        self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
+    ) -> np.ndarray:
+        """(..., n) the nominal step and noise of variance s‖v‖²."""
+        mean, variance = self.mean(chain, q, v), self._variance(chain, q, v)
+        return mean + np.sqrt(variance)[..., None] * rng.standard_normal(mean.shape)
+
     def log_density(
         self,
-        chain: PlanarChain,
+        chain: Mechanism,
         q: np.ndarray,
         v: np.ndarray,
         q_next: np.ndarray,
@@ -97,8 +105,13 @@ class GaussianModel:
             np.zeros((n, n)) if measurement is None else measurement,
         )
 
-    def _variance(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def _variance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(...,) s‖v‖² in rad², zero beyond the bound."""
         inverse, v = chain.inverse_jacobian(q), task_step(chain, v)
         bounded = np.minimum(frobenius(inverse), self.u)
         return noise_scale(bounded, self.alpha, self.u, *inverse.shape[-2:]) * np.vecdot(v, v)
+
+
+def build(parameters: dict[str, Any]) -> GaussianModel:
+    """The model with these parameters."""
+    return GaussianModel(parameters["alpha"], parameters["u"])

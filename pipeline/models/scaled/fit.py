@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from pipeline.models.noise import mean_covariance
-from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.scaled.options import Options
 from pipeline.models.steps import Estimate, Recorded, Truth
-
-
-def build(parameters: dict[str, Any]) -> ScaledModel:
-    """The model with these parameters."""
-    return ScaledModel(np.array(parameters["floor"]), np.array(parameters["gain"]))
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:

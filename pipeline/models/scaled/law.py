@@ -14,11 +14,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.arm.interface import Chain
+from pipeline.arm.interface import Chain, Mechanism
 from pipeline.models.covariance import principal_axes, root
 from pipeline.models.density import gaussian_log_density
 from pipeline.models.model import Law
@@ -59,17 +60,25 @@ class ScaledModel:
         parameters = np.concatenate([row_by_row(each, n) for each in self._roots])
         return Law(move, parameters, normals=(2, n))
 
-    def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n) q and the nominal step."""
         return q + chain.nominal_step(q, v)
 
-    def covariance(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) A + D(q̇)BD(q̇) in rad²."""
         return scaled_covariance(self.floor, self.gain, chain.nominal_step(q, v))
 
+    def sample(
+        self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
+    ) -> np.ndarray:
+        """(..., n) the nominal step and η + D(q̇)ε."""
+        dq = chain.nominal_step(q, v)
+        eta, epsilon = (rng.standard_normal(dq.shape) @ each for each in self._roots)
+        return q + dq + eta + dq * epsilon
+
     def log_density(
         self,
-        chain: PlanarChain,
+        chain: Mechanism,
         q: np.ndarray,
         v: np.ndarray,
         q_next: np.ndarray,
@@ -86,3 +95,8 @@ class ScaledModel:
             _ = principal_axes(measurement)  # refuses what is not a covariance
             covariance = covariance + measurement
         return gaussian_log_density(q_next - q - dq, covariance)
+
+
+def build(parameters: dict[str, Any]) -> ScaledModel:
+    """The model with these parameters."""
+    return ScaledModel(np.array(parameters["floor"]), np.array(parameters["gain"]))

@@ -18,10 +18,11 @@ def planar_scaled(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Pos
     """
     plane, (v, here, there) = plane_of(arm), planar(poses)
     noise, half = numbers.normal, len(parameters) // 2
+    floor, gain = parameters[:half], parameters[half:]
     for i in range(poses.count):
         dq = nominal_step(plane, here, i, at(v, i))
-        eta = transformed(parameters[:half], (noise[0, i], noise[1, i], noise[2, i]))
-        epsilon = transformed(parameters[half:], (noise[3, i], noise[4, i], noise[5, i]))
+        eta = transformed(floor, (noise[0, i], noise[1, i], noise[2, i]))
+        epsilon = transformed(gain, (noise[3, i], noise[4, i], noise[5, i]))
         for j in range(3):
             there[j][i] = here[j][i] + dq[j] + eta[j] + dq[j] * epsilon[j]
     return 0

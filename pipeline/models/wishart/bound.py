@@ -46,34 +46,57 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 def _starts(problems: Problems, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(N, m) the lowest of the places tried, and whether it is a point without a gradient (N,);
     ``free`` (N, m), y of the free optimum.
+
+    No place but the exact fit is tried where it is the minimum: where no step r of Ay lowers λ‖z‖
+    by more than the ‖r‖ that it adds.
     """
-    noise, matrix, zero = problems.noise, problems.matrix, problems.zero
-    # from 0 towards the free optimum, as far as the least eigenvalue of S may go
-    least = (free[:, 0] - np.sqrt(free[:, 0] ** 2 + 2 * np.vecdot(free[:, 1:], free[:, 1:]))) / 2
-    towards_free = zero - free / least[:, None]
-    # from the apex along the paraboloid on which c begins
-    apex = np.zeros_like(free)
-    down = np.vecmat(problems.terms(apex)[0], matrix)[:, 1:]
-    along = _unit(down)
-    from_apex = _on_paraboloid(along, WAYS[:, None])
-    # from the exact fit, or from halfway to the apex where none is feasible, against the slope of
-    # ‖z‖ over ω
-    left, triangle = np.linalg.qr(matrix)
-    exact = zero + np.linalg.solve(triangle, np.vecmat(noise, left)[..., None])[..., 0]
-    within = exact[:, 0] > 0
-    exact = np.where(within[:, None], exact, zero / 2)
+    zero, square = problems.zero, problems.matrix.shape[1] == problems.matrix.shape[2]
+    # the exact fit, or halfway to the apex where none is feasible; the slope of ‖z‖ over ω there
+    left, triangle = np.linalg.qr(problems.matrix)
+    fit = np.linalg.solve(triangle, np.vecmat(problems.noise, left)[..., None])[..., 0]
+    within = zero[0] + fit[:, 0] > 0
+    exact = np.where(within[:, None], zero + fit, zero / 2)
     rest, z = problems.terms(exact)
-    square = matrix.shape[1] == matrix.shape[2]
-    explained = within & (square | (norm(rest) < GRADED * norm(noise)))
+    explained = within & (square | (norm(rest) < GRADED * norm(problems.noise)))
     z_slopes = problems.along(exact)[1]
     over_noise = np.linalg.solve(triangle @ z_slopes[:, :-1], np.swapaxes(left, 1, 2))
     slope = np.vecmat(norm_slopes(z, z_slopes)[0], over_noise)
-    down = np.matvec(over_noise, slope) * (norm(noise) / norm(slope))[:, None]
+    settled = explained & (problems.ratio * norm(slope) <= 1)
+    other = np.flatnonzero(~settled)
+    if other.size:
+        down = np.matvec(over_noise, slope) * (norm(problems.noise) / norm(slope))[:, None]
+        # what is left of ω is rounding where all of it is explained
+        value = np.where(within & square, problems.ratio * norm(z), problems(exact))
+        places = exact[other], value[other], down[other]
+        start, apex = _lowest(problems.subset(other), free[other], *places)
+        exact[other] = start
+        settled[other] = apex | explained[other] & np.all(start == places[0], axis=1)
+    return exact, settled
+
+
+def _lowest(
+    problems: Problems, free: np.ndarray, exact: np.ndarray, value: np.ndarray, down: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(N, m) the lowest of the places tried, and whether it is the apex (N,).
+
+    Args:
+        problems: N of them.
+        free: (N, m) y of the free optimum.
+        exact: (N, m) the exact fit, or halfway to the apex.
+        value: (N,) F there.
+        down: (N, m) the longest step tried from there.
+    """
+    # from 0 towards the free optimum, as far as the least eigenvalue of S may go
+    least = (free[:, 0] - np.sqrt(free[:, 0] ** 2 + 2 * np.vecdot(free[:, 1:], free[:, 1:]))) / 2
+    towards_free = problems.zero - free / least[:, None]
+    # from the apex along the paraboloid on which c begins
+    apex = np.zeros_like(free)
+    along = _unit(np.vecmat(problems.terms(apex)[0], problems.matrix)[:, 1:])
+    from_apex = _on_paraboloid(along, WAYS[:, None])
     from_exact = moved(exact, -WAYS[:, None, None] * down)
     places = np.concatenate([apex[None], exact[None], towards_free[None], from_apex, from_exact])
     values = problems(places)
-    if square:  # what is left of ω is rounding
-        values[1] = np.where(within, problems.ratio * norm(z), values[1])
+    values[1] = value
     values[2:] *= 1 + GRADED
     lowest = values.argmin(axis=0)
     start = places[lowest, np.arange(len(free))]
@@ -81,7 +104,7 @@ def _starts(problems: Problems, free: np.ndarray) -> tuple[np.ndarray, np.ndarra
     if curved.size:
         way = WAYS[lowest[curved] - 3]
         start[curved] = _lowest_on_paraboloid(problems.subset(curved), along[curved], way)
-    return start, (lowest == 0) | (lowest == 1) & explained
+    return start, lowest == 0
 
 
 def _on_paraboloid(along: np.ndarray, way: np.ndarray) -> np.ndarray:

@@ -22,12 +22,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.core.errors import ConfigError, ModelDomainError
-from pipeline.models.wishart.options import Options
 
+if TYPE_CHECKING:
+    from pipeline.models.wishart.options import Options
+
+PARTS = ("left", "rows", "order")  # of a decomposition, beside its name
 COMPUTED = ("lu", "pivoted_lu", "qr", "qr_transposed")
 # least singular value of a given J₁ as a share of its greatest: below it the units of the task rows
 # are hardly what was meant

@@ -1,5 +1,5 @@
-"""The density of a step of the Wishart model: of w = B⁻¹a for B ~ W_m(d, I/d) in closed form, and
-of J₂⁺w with normal noise by quadrature.
+"""The law of a step of the Wishart model: draws and density of w = B⁻¹a for B ~ W_m(d, I/d) in
+closed form, and the density of J₂⁺w with normal noise by quadrature.
 
 With r = ‖a‖, e = a/r the law is w = r·R·[z, z·T]ᵀ (see :mod:`.law`), so with u₁
 = eᵀw/r > 0 and u⊥ the rest of w/r
@@ -15,8 +15,9 @@ With measurement noise a step is a mixture of normals over z and g of T = N(0, I
 
 from __future__ import annotations
 
+from math import lgamma
+
 import numpy as np
-from scipy.special import gammaln
 
 NODES = 17  # of the quadrature for each of z and g
 
@@ -33,14 +34,24 @@ def action_log_density(w: np.ndarray, a: np.ndarray, d: float) -> np.ndarray:
     z = np.where(inside, along, 1.0)
     t = (u - along[..., None] * e) / z[..., None]
     shape = (d - m + 1) / 2
-    z_term = shape * np.log(d / 2) - gammaln(shape) - (shape + 1) * np.log(z) - d / (2 * z)
+    z_term = shape * np.log(d / 2) - lgamma(shape) - (shape + 1) * np.log(z) - d / (2 * z)
     t_term = (
-        gammaln((d + 1) / 2)
-        - gammaln((d - m + 2) / 2)
+        lgamma((d + 1) / 2)
+        - lgamma((d - m + 2) / 2)
         - (m - 1) / 2 * np.log(np.pi)
         - (d + 1) / 2 * np.log1p(np.vecdot(t, t))
     )
     return np.where(inside, z_term + t_term - m * np.log(r) - (m - 1) * np.log(z), -np.inf)
+
+
+def draw_action(a: np.ndarray, d: float, rng: np.random.Generator) -> np.ndarray:
+    """(..., m) a draw of B⁻¹a for each ``a`` (..., m); zero where a is."""
+    batch, m = a.shape[:-1], a.shape[-1]
+    z = d / rng.chisquare(d - m + 1, batch)
+    t = rng.standard_normal((*batch, m - 1)) / np.sqrt(rng.chisquare(d - m + 2, (*batch, 1)))
+    r = np.sqrt(np.vecdot(a, a))
+    turned = frames(np.where(r[..., None] > 0, a, np.eye(m)[0]))
+    return (r * z)[..., None] * (turned[..., 0] + np.matvec(turned[..., 1:], t))
 
 
 def frames(a: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Mechanism
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.commands import task_step
 from pipeline.models.wishart.decomposition import Decomposition
@@ -88,7 +88,7 @@ def _reduce(rows: np.ndarray, n: int, decomposition: Decomposition) -> np.ndarra
 
 
 def factors(
-    chain: PlanarChain, q: np.ndarray, v: np.ndarray, decomposition: Decomposition
+    chain: Mechanism, q: np.ndarray, v: np.ndarray, decomposition: Decomposition
 ) -> Factors:
     """The factors, Eq. (LUDecom), at joint angles ``q`` (..., n) in rad for the command ``v``, (m,)
     or (..., m) or longer, of which the first m numbers are the task step.

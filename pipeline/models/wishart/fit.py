@@ -9,21 +9,10 @@ from typing import Any
 import numpy as np
 
 from pipeline.models.steps import Estimate, Recorded, Truth
-from pipeline.models.wishart.decomposition import Decomposition, chosen
+from pipeline.models.wishart.decomposition import PARTS, Decomposition, chosen
 from pipeline.models.wishart.dispersion import fit_wishart
-from pipeline.models.wishart.law import WishartModel
 from pipeline.models.wishart.likelihood import DispersionFit, fit_sigma_b
 from pipeline.models.wishart.options import Options
-
-PARTS = ("left", "rows", "order")  # of a decomposition, beside its name
-
-
-def build(parameters: dict[str, Any]) -> WishartModel:
-    """The model with these parameters."""
-    decomposition = Decomposition(
-        parameters["decomposition"], *(parameters.get(part) for part in PARTS)
-    )
-    return WishartModel(parameters["sigma_b"], decomposition)
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:

@@ -13,17 +13,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.arm.interface import Chain
+from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.commands import task_step
 from pipeline.models.density import normal_log_density
 from pipeline.models.model import Law
-from pipeline.models.wishart.decomposition import LU, Decomposition
-from pipeline.models.wishart.density import action_log_density, blurred_log_density
+from pipeline.models.wishart.decomposition import LU, PARTS, Decomposition
+from pipeline.models.wishart.density import (
+    action_log_density,
+    blurred_log_density,
+    draw_action,
+)
 from pipeline.models.wishart.factors import factors
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion
 
@@ -82,7 +87,7 @@ class WishartModel:
 
         return serial_step.law_of(self.decomposition, m, n)
 
-    def mean(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n) q + d/(d−m−1)·J⁺v and the step in the null space of J: longer than the nominal
         step. Raises ModelDomainError for σ_B ≥ 1, where it does not exist.
         """
@@ -91,14 +96,22 @@ class WishartModel:
         perturbed = chain.nominal_step(q, task_step(chain, v))
         return q + chain.null_step(q, v) + d / (d - m - 1) * perturbed
 
-    def covariance(self, chain: PlanarChain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) in rad², by :func:`step_covariance`; raises what it raises."""
         a, back, _ = factors(chain, q, v, self.decomposition)
         return step_covariance(a, back, self.sigma_b)
 
+    def sample(
+        self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
+    ) -> np.ndarray:
+        """(..., n) q, J₂⁺B⁻¹a and the step in the null space of J."""
+        a, back, _ = factors(chain, q, v, self.decomposition)
+        drawn = draw_action(a, degrees_of_freedom(self.sigma_b, a.shape[-1]), rng)
+        return q + chain.null_step(q, v) + np.matvec(back, drawn)
+
     def log_density(
         self,
-        chain: PlanarChain,
+        chain: Mechanism,
         q: np.ndarray,
         v: np.ndarray,
         q_next: np.ndarray,
@@ -135,6 +148,14 @@ class WishartModel:
         result = np.array(normal_log_density(step, 0.0, measurement))
         result[moving] = blurred_log_density(step[moving], a[moving], back[moving], measurement, d)
         return result
+
+
+def build(parameters: dict[str, Any]) -> WishartModel:
+    """The model with these parameters."""
+    decomposition = Decomposition(
+        parameters["decomposition"], *(parameters.get(part) for part in PARTS)
+    )
+    return WishartModel(parameters["sigma_b"], decomposition)
 
 
 def step_covariance(a: np.ndarray, back: np.ndarray, sigma_b: float) -> np.ndarray:

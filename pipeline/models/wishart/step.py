@@ -172,14 +172,14 @@ def pivoted_lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Poses)
         shape = segments(plane, at(here, i))
         ax, az, bx, bz, tx, tz = shape
         # rows of J: columns of joints 1 and 2, and the commanded step
-        x1, x2, xv = az + bz + tz, bz + tz, v[0][i]
-        z1, z2, zv = -(ax + bx + tx), -(bx + tx), v[1][i]
+        xv, zv, phiv = at(v, i)
+        x1, x2, z1, z2 = az + bz + tz, bz + tz, -(ax + bx + tx), -(bx + tx)
         # first pivot: the greatest of |x1|, |z1| and 1, the first of equals
         by_x = abs(x1) >= abs(z1) and abs(x1) >= 1.0
         by_z = not by_x and abs(z1) >= 1.0
-        f1, f2, fv = (x1, x2, xv) if by_x else ((z1, z2, zv) if by_z else (1.0, 1.0, v[2][i]))
+        f1, f2, fv = (x1, x2, xv) if by_x else ((z1, z2, zv) if by_z else (1.0, 1.0, phiv))
         s1, s2, sv = (z1, z2, zv) if by_x else (x1, x2, xv)
-        t1, t2, tv = (z1, z2, zv) if not (by_x or by_z) else (1.0, 1.0, v[2][i])
+        t1, t2, tv = (z1, z2, zv) if not (by_x or by_z) else (1.0, 1.0, phiv)
         over = 1 / f1
         ls, lt = s1 * over, t1 * over
         s2, t2 = s2 - ls * f2, t2 - lt * f2

@@ -13,15 +13,15 @@ import numpy as np
 import pandas as pd
 from omegaconf import MISSING
 
-from pipeline.core import config, contracts, rng
+from pipeline.core import config, contracts
 from pipeline.core.compute.trials import run_trials
-from pipeline.core.errors import SingularJacobianError
 from pipeline.models.closed_loop import mean_path
 from pipeline.models.closed_loop_fit import closed_loop_of
 from pipeline.models.commands import open_loop
 from pipeline.models.kinds import estimate, fitted_model
 from pipeline.models.model import MotionModel
 from pipeline.models.options import Options as Model
+from pipeline.models.prediction import groups_of_steps, score_take
 from pipeline.models.steps import Estimate, Recorded
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.take_scores import (
@@ -32,7 +32,6 @@ from pipeline.statistics.take_scores import (
 )
 from pipeline.studies import page
 from pipeline.studies.baselines.posteriors import Loops, filtered_scores
-from pipeline.studies.baselines.prediction import groups_of_steps, score_steps
 from pipeline.studies.baselines.words import FILTERED, FILTERED_CLOSED, TITLE, sections
 from pipeline.verdicts.run import Run, read_runs
 
@@ -132,7 +131,7 @@ def _predicted(
     names, poses = contracts.stacked(training if test.empty else test, "q")
     trials = [(model, number) for model in models for number in range(len(names))]
     score = partial(
-        _score_take,
+        score_take,
         takes=dict(enumerate(zip(names, poses, strict=True))),
         recorded=recorded,
         models=models if test.empty else fitted,
@@ -160,28 +159,6 @@ def _predicted(
         }
         for steps, inside in groups.items()
     }
-
-
-def _score_take(
-    trial: tuple[str, int],
-    takes: Mapping[int, tuple[str, np.ndarray]],
-    recorded: Recorded,
-    models: Mapping[str, MotionModel | Model],
-    seed: int,
-) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """The scores of the steps of one take under a fitted model, or, where there are options of one,
-    under their fit to the other takes.
-    """
-    name, number = trial
-    model, (take, poses) = models[name], takes[number]
-    if isinstance(model, Model):
-        recorded = recorded.subset(np.delete(np.arange(len(recorded.q)), number))
-        model = estimate(recorded, model).model
-    stream = rng.stream(seed, f"evaluate.{name}", number)
-    try:
-        return score_steps(model, recorded, poses, stream)
-    except SingularJacobianError as error:
-        raise SingularJacobianError(error.message, **error.evidence | {"take": take}) from None
 
 
 def _beside_other_datasets(

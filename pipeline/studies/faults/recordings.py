@@ -23,6 +23,7 @@ from pipeline.perception.markers import track_rows
 from pipeline.recordings import depth_camera, motion_capture
 from pipeline.recordings.depth_clock import on_motion_clock
 from pipeline.recordings.depth_points import arm_points
+from pipeline.recordings.depth_sequence import take_paths
 from pipeline.recordings.force_transducer import force_rows
 from pipeline.studies.faults.bench import Bench, Recovered, recovered_from
 
@@ -32,9 +33,9 @@ DEPTH_SHARE = 0.5
 
 def joint_angles_of_markers(raw: Path, dataset: Dataset, arm: Arm) -> Recovered:
     """Measured joint angles of the one training take below ``raw``: ingest and track."""
-    (file, part), *_ = motion_capture.find_takes(raw, dataset.mocap)
-    rows, quality = motion_capture.marker_rows(file, part, dataset)
-    track = track_rows(rows, dataset.mocap, arm, take=file.stem)
+    take, *_ = motion_capture.find_takes(raw, dataset.mocap)
+    rows, quality = motion_capture.marker_rows(*take, dataset)
+    track = track_rows(rows, dataset.mocap, arm, take=take[0])
     time = np.arange(len(track.q)) / dataset.motion.rate
     return Recovered(time, track.q, _counts(quality) | track.counts)
 
@@ -59,8 +60,8 @@ def joint_angles_of_depth(
         start: (3,) rad, nominal pose of the first frame.
     """
     trajectory = motion_capture.trajectory_rows(raw / dataset.trajectory, dataset)
-    path = next(iter(sorted(raw.glob(dataset.depth.takes))))
-    frames, quality = depth_camera.frame_rows(path, dataset.depth, arm, raw, raw)
+    take = next(iter(take_paths(raw, dataset.depth).items()))
+    frames, quality = depth_camera.frame_rows(take, dataset.depth, arm, raw, raw)
     clouds = arm_points(frames, raw)
     frames, clock = on_motion_clock((frames, markers), dataset.depth, arm)
     joints = dataset.robot.joints

@@ -20,8 +20,8 @@ from pipeline.statistics.filters import Filtered, no_filter
 from pipeline.studies.filters.deviations import Deviations, deviations
 from pipeline.studies.filters.linear import Filmed, linear_filters
 from pipeline.studies.filters.scores import scored
-from pipeline.studies.survey.conditions import Factors
-from pipeline.studies.survey.robots import Laboratory, disturbed, observe
+from pipeline.studies.survey.conditions import Factors, disturbed
+from pipeline.studies.survey.robots import Laboratory, observe
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,7 @@ def lasted(factor: float, sweep: Sweep) -> pd.DataFrame:
         list(camera.takes.values()),
         pose,
         1 / motion.rate,
+        laboratory.chain,
     )
     fit = fit_closed_loop(recorded, sweep.options, kinds.estimate(recorded, sweep.options))
     first = takes.poses[:, 0]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.arm.interface import Chain
 from pipeline.core.filters import MEMORY
 from pipeline.filtering.linear import linear_filter
 from pipeline.filtering.measurement import Measurements
@@ -27,16 +28,21 @@ class Filmed:
     frames: Sequence[Measurements]  # of the test takes, in their order
     pose: np.ndarray  # (n, n) rad², noise of a measured pose
     dt: float  # s, step of the motion grid
+    chain: Chain  # the arm
 
 
 def filtered(
-    filmed: Filmed, frames: Sequence[Measurements], covariance: np.ndarray, response: np.ndarray
+    filmed: Filmed,
+    frames: Sequence[Measurements],
+    covariance: np.ndarray,
+    response: np.ndarray | None = None,
 ) -> Filtered:
     """The best linear filter of ``covariance`` (M+1, n, M+1, n) in rad² about the training takes'
-    mean, on the ``frames`` of a camera of ``response`` (n, n), each take's.
+    mean, on each take's ``frames`` of a camera; of ``response`` (n, n) where its error depends on
+    the pose.
     """
     path = filmed.training.mean(axis=0)
-    means, covariances = linear_filter(path, covariance, frames, filmed.dt, response)
+    means, covariances = linear_filter(path, covariance, frames, filmed.dt, filmed.chain, response)
     return Filtered(means - filmed.test, covariances, filmed.pose)
 
 
@@ -44,14 +50,14 @@ def linear_filters(filmed: Filmed, law: Deviations, lag: int) -> dict[str, Filte
     """Those that take the camera as every filter does, by name; ``lag`` is a frame of the camera in
     steps, ``law`` the laboratory's.
     """
-    training, pose, blind = filmed.training, filmed.pose, np.eye(len(filmed.pose))
+    training, pose = filmed.training, filmed.pose
     roots, _ = spreads(training, pose)
     lasting = remembered(roots, first_order(memory(training, pose), lag))
-    means, covariances, _ = memory_filter(training, pose, filmed.frames, filmed.dt)
+    means, covariances, _ = memory_filter(training, pose, filmed.frames, filmed.dt, filmed.chain)
     return {
-        FIRST_ORDER: filtered(filmed, filmed.frames, lasting, blind),
+        FIRST_ORDER: filtered(filmed, filmed.frames, lasting),
         MEMORY: Filtered(means - filmed.test, covariances, pose),
-        YARDSTICK: exposed(filtered(filmed, filmed.frames, law.covariance, blind), law),
+        YARDSTICK: exposed(filtered(filmed, filmed.frames, law.covariance), law),
     }
 
 

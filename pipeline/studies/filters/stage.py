@@ -85,7 +85,7 @@ def _run(recorded: Recorded, law: Deviations, settings) -> tuple[np.ndarray, pd.
     frames = [frames[takes.index(name)] for name in names]
     motion, names = settings.dataset.motion, recorded.joints
     training, pose = measured_poses(recorded), recorded.measurement / 2
-    filmed = Filmed(training, poses, frames, pose, 1 / motion.rate)
+    filmed = Filmed(training, poses, frames, pose, 1 / motion.rate, recorded.chain)
     filters = {NONE: no_filter(training, poses)}
     filters |= linear_filters(filmed, law, _lag(settings))
     known, response = informed(

@@ -165,8 +165,8 @@ def _durations(rows: pd.DataFrame) -> str:
     """Whether the goal is met: never worse than no filter, better where a deviation outlasts a
     frame, calibrated.
     """
-    seen, lines = verdicts(rows), []
-    for name, own in seen.groupby("filter", sort=False):
+    decided, lines = verdicts(rows), []
+    for name, own in decided.groupby("filter", sort=False):
         worse = own[own["worse"]].groupby("score")["factor"].unique()
         long = own[(own["left"] >= OUTLASTS) & (own["score"] == RMS)]
         covered = rows[(rows["filter"] == name) & (rows["score"] == COVERAGE)]["mean"]

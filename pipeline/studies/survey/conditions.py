@@ -9,10 +9,15 @@ first trajectory, the first number of particles and the first numbers of cables.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from itertools import product
 
+import numpy as np
+
+from pipeline.laboratory.options import DynamicsOptions
+
 DESIGNS = ("one_at_a_time", "factorial")
+BASE = "base condition"
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,24 @@ class Factors:
 
 FACTORS = tuple(each.name for each in fields(Factors))
 SIZES = FACTORS[1:9]  # the disturbances that have a size
+INSTRUMENTS = FACTORS[11:]  # what is no disturbance of the arm
+
+
+def disturbed(dynamics: DynamicsOptions, factors: Factors) -> DynamicsOptions:
+    """``dynamics`` with each disturbance, and how long it lasts, times its factor."""
+    scaled = {
+        name: np.multiply(
+            getattr(dynamics, name), factors.disturbances * getattr(factors, name)
+        ).tolist()
+        for name in SIZES
+    }
+    return replace(
+        dynamics,
+        **scaled,
+        speed_exponent=dynamics.speed_exponent * factors.speed_exponent,
+        sway_time=dynamics.sway_time * factors.lasting,
+        clearance_time=dynamics.clearance_time * factors.lasting,
+    )
 
 
 @dataclass(frozen=True)
@@ -80,6 +103,19 @@ def designed(
         for value in values:
             if value != base[name]:
                 yield {**base, name: value}
+
+
+def physics(levels: Mapping[str, list[float]]) -> dict[str, Factors]:
+    """The factors of every arm that a survey with ``levels`` knows when it varies one at a time, by
+    name, the base condition's first; what it varies of the instruments is left out.
+    """
+    of_the_arm = {name: each for name, each in levels.items() if name not in INSTRUMENTS}
+    points = designed(dict.fromkeys(FACTORS, 1.0), of_the_arm, "one_at_a_time")
+    named = {}
+    for point in points:
+        changed = [f"{name} {value:g}" for name, value in point.items() if value != 1]
+        named[" ".join(changed) or BASE] = Factors(**point)
+    return named
 
 
 def motion_conditions(

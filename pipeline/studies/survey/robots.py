@@ -33,7 +33,7 @@ from pipeline.models.noise import process_noise
 from pipeline.models.steps import Recorded
 from pipeline.perception.depth_noise import errors_of, leave_one_out
 from pipeline.recordings.commands import commanded_steps
-from pipeline.studies.survey.conditions import SIZES, Factors
+from pipeline.studies.survey.conditions import Factors, disturbed
 from pipeline.studies.survey.options import Way
 from pipeline.verdicts.reference import ArmNames
 
@@ -83,23 +83,6 @@ class Take:
     poses: np.ndarray  # (M+1, 3) rad, at the exposures of the motion capture
     frames: np.ndarray  # (F,) s, exposures of the depth camera on the motion clock
     seen: np.ndarray  # (F, 3) rad, at these
-
-
-def disturbed(dynamics: DynamicsOptions, factors: Factors) -> DynamicsOptions:
-    """``dynamics`` with each disturbance, and how long it lasts, times its factor."""
-    scaled = {
-        name: np.multiply(
-            getattr(dynamics, name), factors.disturbances * getattr(factors, name)
-        ).tolist()
-        for name in SIZES
-    }
-    return replace(
-        dynamics,
-        **scaled,
-        speed_exponent=dynamics.speed_exponent * factors.speed_exponent,
-        sway_time=dynamics.sway_time * factors.lasting,
-        clearance_time=dynamics.clearance_time * factors.lasting,
-    )
 
 
 def perform(

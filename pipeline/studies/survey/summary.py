@@ -10,7 +10,7 @@ import pandas as pd
 
 from pipeline.cases.evidence import Evidence
 from pipeline.cases.verdict import FAILS, HOLDS, WORDS, decided
-from pipeline.studies.survey.conditions import FACTORS
+from pipeline.studies.survey.conditions import BASE, FACTORS
 from pipeline.studies.survey.points import MOTION, WRENCH, decidable
 from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.reference import ArmNames
@@ -26,7 +26,6 @@ CONDITION = [
     *dict.fromkeys(name for names in VARIED.values() for name in names),
     "cpu_seconds",
 ]
-BASE = "base condition"
 MANY = 1_000_000  # conditions of a study that one machine outgrows
 HOUR = 3600.0  # s
 PART = 10_000  # points whose words are turned into numbers at a time

@@ -8,8 +8,8 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.studies.survey import figure
+from pipeline.studies.survey.conditions import BASE
 from pipeline.studies.survey.options import read_survey
-from pipeline.studies.survey.summary import BASE
 from pipeline.verdicts.wording import table
 
 HERE = Path(__file__).parent

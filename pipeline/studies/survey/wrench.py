@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.core import rng
-from pipeline.laboratory.force import record_force
+from pipeline.laboratory.force import Cables, record_force
 from pipeline.laboratory.options import Robots, Transducer
 from pipeline.recordings.tare import remove_bias
 from pipeline.studies.survey.conditions import WrenchCondition
@@ -19,7 +19,12 @@ from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.reference import Evidence
 from pipeline.wrench.bounds import Bounds
 from pipeline.wrench.expectation import expected_sigma_s
-from pipeline.wrench.measured_force import force_moments, force_test, modelled_forces
+from pipeline.wrench.measured_force import (
+    force_moments,
+    force_test,
+    modelled_wrenches,
+    rows_of,
+)
 from pipeline.wrench.parametric import CableSystem
 from pipeline.wrench.study import estimate_sigma_s, run_study, sigma_s_rows
 
@@ -106,7 +111,7 @@ def wrench_evidence(condition: WrenchCondition, study: WrenchStudy) -> Evidence:
             configuration, study.rig, condition, rng.stream(condition.seed, "record.force", number)
         )
         # as the stage wrench has it: the concentration is given and does not enter the matrix model
-        stated = CableSystem(
+        stated = CableSystem.from_angles(
             np.array(configuration.tension),
             np.array(configuration.direction),
             condition.tension_std * np.array(configuration.tension_sd),
@@ -118,8 +123,9 @@ def wrench_evidence(condition: WrenchCondition, study: WrenchStudy) -> Evidence:
                 name,
                 {
                     "measured": measured,
-                    "modelled": modelled_forces(stated, sigma_s, len(measured), drawn),
+                    "modelled": modelled_wrenches(stated, sigma_s, len(measured), drawn),
                 },
+                rows_of(stated),
             )
         )
         tests.append(
@@ -150,15 +156,14 @@ def _measured(
         concentration=tuple(condition.kappa * value for value in rig.robots.concentration),
     )
     felt = record_force(
-        configuration.tension,
-        configuration.direction,
+        Cables(configuration.tension, configuration.direction),
         robots,
         rig.transducer,
         rig.tare,
         rig.duration,
         stream,
     )
-    return remove_bias(felt.time, felt.force, rig.tare).force[:, :2]
+    return remove_bias(felt.time, felt.force, rig.tare).wrench[:, :2]
 
 
 def claims_for(claims: Sequence[Claim], agents: Sequence[int]) -> list[Claim]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from pipeline.formats.depth.messages import CAMERA_INFO, CLOUD, IMAGE
 from pipeline.formats.force.bag import WRENCH
 from pipeline.formats.format import Format
+from pipeline.formats.joints.bag import JOINT_STATE
 from pipeline.tools.inspect.depth import UNIT
 from pipeline.tools.inspect.finding import Finding
 
@@ -31,7 +32,7 @@ def bag(form: Format, file: Path) -> Finding:
         )
         if len(several) > 1:
             finding.open.append((f"several topics could be meant: {', '.join(several)}", option))
-    held = {kind for kind, count in summary.topics.values() if count}
+    held = _held(finding)
     if IMAGE in held:
         finding.open.append(
             (
@@ -40,9 +41,19 @@ def bag(form: Format, file: Path) -> Finding:
                 UNIT,
             )
         )
-    if not held & {IMAGE, CLOUD, *WRENCH}:
+    if not held & {IMAGE, CLOUD, *WRENCH, JOINT_STATE}:
         finding.stops.append(
-            "no topic of Image, PointCloud2 or WrenchStamped with a message: nothing that is "
-            "analysed"
+            "no topic of Image, PointCloud2, WrenchStamped or JointState with a message: nothing "
+            "that is analysed"
         )
     return finding
+
+
+def is_of_joints(bag: Finding) -> bool:
+    """Whether a bag holds angles of joints, and nothing else that is analysed."""
+    return JOINT_STATE in _held(bag) and not _held(bag) & {IMAGE, CLOUD, *WRENCH}
+
+
+def _held(bag: Finding) -> set[str]:
+    """The types of its messages."""
+    return {topic["type"] for topic in bag.facts["topics"].values() if topic["messages"]}

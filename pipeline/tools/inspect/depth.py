@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from pipeline import formats
+from pipeline.core.bounds import read_whole
 from pipeline.core.errors import PipelineError
 from pipeline.formats.depth.image import RawDepth, depth_size, no_image, read_depth
 from pipeline.formats.format import Format, Head, Kind, formats_in, recognised
 from pipeline.tools.inspect.finding import Finding
 
-MAX_PIXELS = 1 << 25  # of one frame; depth cameras have a tenth of it
 ANY_SIZE = 10**6  # px, holds every principal point
 UNIT, ENCODING = "dataset.depth.units_per_metre", "dataset.depth.encoding"
 
@@ -28,11 +28,8 @@ def frame(file: Path) -> Finding:
 def image(form: Format, file: Path) -> Finding:
     """A depth image."""
     finding = Finding.read_by(form, file)
-    height, width = depth_size(file.read_bytes(), file=file)
+    height, width = depth_size(read_whole(file), file=file)
     finding.facts = {"width": width, "height": height}
-    if height * width > MAX_PIXELS:
-        finding.stops.append(f"{width} × {height} pixels are more than any depth camera has")
-        return finding
     raw = read_depth(file, shape=(height, width))
     finding.version = f"{8 * raw.pixels.itemsize} bits"
     return _valued(finding, raw)
@@ -40,9 +37,12 @@ def image(form: Format, file: Path) -> Finding:
 
 def cloud(form: Format, file: Path) -> Finding:
     """A point cloud."""
-    finding, points = Finding.read_by(form, file), form.read(file.read_bytes(), file=file)
-    finding.version = form.states(file).version
+    finding, points = Finding.read_by(form, file), form.read(read_whole(file), file=file)
+    stated = form.states(file)
+    finding.version, finding.facts = stated.version, dict(stated.facts)
     finding.facts |= {"points": len(points.points), "without_position": points.missing}
+    total = len(points.points) + points.missing
+    finding.facts["share_without_position"] = round(points.missing / max(total, 1), 4)
     if len(points.points):
         extent = [float(edge(np.abs(points.points).max(axis=1))) for edge in (np.min, np.max)]
         finding.facts["greatest_coordinate_of_points"] = [round(value, 4) for value in extent]
@@ -75,7 +75,8 @@ def intrinsics(form: Format, file: Path) -> Finding:
 def _valued(finding: Finding, raw: RawDepth) -> Finding:
     """With the range of the values, from which somebody who knows the scene can tell their unit."""
     measured = raw.pixels[raw.pixels > 0]
-    finding.facts["without_depth"] = round(1 - measured.size / raw.pixels.size, 4)
+    # which values stand for no depth, the encoding says
+    finding.facts["share_not_above_zero"] = round(1 - measured.size / raw.pixels.size, 4)
     if raw.description:
         finding.facts["description"] = raw.description[:200]
     span = ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.core.errors import PipelineError
+from pipeline.formats.force.faults import require_record
 from pipeline.formats.force.record import FORCES, TORQUES, LogOptions
 from pipeline.formats.format import Format
 from pipeline.tools.inspect.finding import Finding, counted
@@ -41,6 +42,10 @@ def log(form: Format, file: Path) -> Finding:
     finding.gaps = counted(record.counts, *FAULTS)
     facts = {"samples": len(record.time), "serial": record.serial, "started": record.started}
     finding.facts |= {name: value for name, value in facts.items() if value}
+    try:
+        require_record(record, file)
+    except PipelineError as error:
+        finding.refused(error)
     return finding
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from math import comb
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,9 @@ from pipeline.recordings.repetitions import commanded_speeds, excursions, lag
 from pipeline.tools.inspect.finding import Finding, counted
 
 # words of a file's name that tell measured from commanded angles
+ORDER = 6  # of the differences that show noise
+LEAST_NOISE = 1e-8  # rad, where they show none
+LIKE_SPEED = 0.1  # of the mean step of the angles, by which its speed may be off on average
 MEASURED, COMMANDED = ("actual", "measured"), ("target", "commanded", "desired")
 
 
@@ -37,6 +41,8 @@ def log(form: Format, file: Path) -> Finding:
     finding.gaps = counted(record.counts, "cut_rows", "blank_rows", "doubled_rows")
     finding.facts |= {"samples": len(record.time), "signals": list(record.signals)}
     finding.facts |= {"joints": max(values.shape[1] for values in record.signals.values())}
+    if record.joints:
+        finding.facts["joint_names"] = list(record.joints)
     _clock(finding, record)
     if {"actual", "target"} <= {*record.signals}:
         _pair(finding, record.time, record.signals["actual"], record.signals["target"])
@@ -57,6 +63,11 @@ def compare_tables(findings: Sequence[Finding]) -> None:
             other = file.with_stem("".join([*parts[:place], word, *parts[place + 1 :]]))
             if other in tables:
                 _pair_of_tables(finding, tables[other])
+                tables[other].facts["measured"] = file.name
+                _find_speed(
+                    tables[other],
+                    [one for path, one in tables.items() if path.parent == file.parent],
+                )
 
 
 def _pair_of_tables(measured: Finding, commanded: Finding) -> None:
@@ -70,6 +81,26 @@ def _pair_of_tables(measured: Finding, commanded: Finding) -> None:
     angles = [log.signals["angles"][:length] for log in logs]
     if length > 2:
         _pair(commanded, logs[0].time[:length], *angles)
+
+
+def _find_speed(commanded: Finding, beside: Sequence[Finding]) -> None:
+    """Mark the table ``beside`` the ``commanded`` angles that holds their speed."""
+    width = commanded.facts["columns"]
+    options = LogOptions(joints=width - 1, signals={"angles": None})
+    for finding in beside:
+        if finding is commanded or finding.facts.get("columns") != width:
+            continue
+        try:
+            angles, speeds = (read_joint_table(one.file, options) for one in (commanded, finding))
+        except PipelineError:
+            continue
+        length = min(len(angles.time), len(speeds.time))
+        if length < 3:
+            continue
+        q, v = (log.signals["angles"][:length] for log in (angles, speeds))
+        steps = np.gradient(q, angles.time[:length], axis=0)
+        if np.abs(v - steps).mean() < LIKE_SPEED * np.abs(steps).mean():
+            finding.facts["speed_of"] = commanded.file.name
 
 
 def _clock(finding: Finding, record: JointLog) -> None:
@@ -104,12 +135,30 @@ def _pair(finding: Finding, time: np.ndarray, actual: np.ndarray, target: np.nda
     actual, target = pairing.apply(actual, target)
     if np.abs(actual).max() > MOST_TURNS * 2 * np.pi:
         _ask(finding, "angle_unit", "deg", f"angles of {np.abs(actual).max():.4g} are no radians")
-    missing = float(missed(actual, target).max())
-    late = lag(target, actual, rate) if np.ptp(target) else 0.0
-    finding.facts["command"] = f"missed by {missing:.2g} of the motion and {1e3 * late:.2g} ms"
+    missing, late = float(missed(actual, target).max()), lag(target, actual, rate)
+    finding.facts["command"] = (
+        f"missed by {missing:.2g} of the motion and {1e3 * late:.2g} ms"
+        if np.isfinite(late)
+        else f"at rest, missed by {np.abs(actual - target).max():.2g} rad"
+    )
     motions = excursions(target, commanded_speeds(target, rate))
-    if motions and not any(run.whole for run in motions):
+    lacks = [run.lack(len(target)) for run in motions]
+    finding.facts["motions"] = f"{lacks.count('')} whole"
+    if cut := sum("cut off" in lack for lack in lacks):
+        finding.gaps["motions_cut_off"] = cut
+    if any("never rests" in lack for lack in lacks):
         _ask(finding, "rest", "0", "the command never rests: a motion is cut in passing")
+        if len(actual) > ORDER:
+            finding.facts["noise"] = _noise(actual)
+
+
+def _noise(angles: np.ndarray) -> float:
+    """Standard deviation in rad of what white noise ``angles`` (N, joints) hold beside a smooth
+    motion: by their differences of the order ORDER, the greatest over the joints.
+    """
+    gain = comb(2 * ORDER, ORDER)  # of the variance of white noise
+    power = np.mean(np.diff(angles, ORDER, axis=0) ** 2, axis=0)
+    return max(float(np.sqrt(power.max() / gain)), LEAST_NOISE)
 
 
 def _ask(finding: Finding, key: str, value: str, question: str) -> None:

@@ -13,6 +13,7 @@ from pipeline import formats
 from pipeline.formats.format import Format, Head, Kind, begins, formats_in, is_xml
 from pipeline.tools.inspect import bag, depth, force, joints, motion, robot, sequence, table
 from pipeline.tools.inspect.finding import DATASHEET, ROBOT, UNKNOWN, Finding
+from pipeline.tools.inspect.unrecognised import unrecognised
 
 WIDE = "text in UTF-16"
 DESCRIBE: dict[Kind, Callable[[Format, Path], Finding]] = {
@@ -58,7 +59,7 @@ def _known() -> list[Known]:
         Known("URDF", ROBOT, is_xml("robot"), robot.urdf),
         Known("datasheet", DATASHEET, robot.is_datasheet, robot.datasheet),
         *recordings,
-        Known(UNKNOWN, UNKNOWN, lambda head: True, lambda file: Finding(file, UNKNOWN)),
+        Known(UNKNOWN, UNKNOWN, lambda head: True, unrecognised),
     ]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.core.errors import PipelineError
 from pipeline.formats.format import Format
-from pipeline.formats.motion.take import STRAY, MotionTake
+from pipeline.formats.motion.take import RATE_TOLERANCE, STRAY, MotionTake
 from pipeline.tools.inspect.finding import Finding, counted
 
 UNIT = "dataset.mocap.unit"
@@ -49,8 +49,8 @@ def take(form: Format, file: Path) -> Finding:
         if error.evidence.get("key") != UNIT:
             return finding
         # every length is left out of what is said: the unit is the file's reader's to know, not
-        # ours to guess
-        recorded, unit = form.read(file, "m"), "not stated"
+        # ours to guess; in the smallest nothing is too far away
+        recorded, unit = form.read(file, "mm"), "not stated"
     return _filled(finding, recorded, unit or recorded.unit)
 
 
@@ -67,6 +67,8 @@ def trajectory(form: Format, file: Path) -> Finding:
 def _filled(finding: Finding, take: MotionTake, unit: str) -> Finding:
     finding.version = take.version if take.version != finding.format else None
     finding.rate, finding.units = take.rate, {"length": unit}
+    if take.printed_rate and abs(take.printed_rate / take.rate - 1) > RATE_TOLERANCE:
+        finding.facts["rate_by_the_printed_times"] = f"{take.printed_rate:.4g} Hz"
     finding.duration = float(take.frame[-1] - take.frame[0]) / take.rate
     finding.bodies = list(take.bodies)
     finding.markers = [name for name in take.markers if not STRAY.fullmatch(name)]

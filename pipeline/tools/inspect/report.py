@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 from pipeline.tools.inspect.finding import UNKNOWN, Finding, shown
@@ -11,11 +12,15 @@ from pipeline.tools.inspect.finding import UNKNOWN, Finding, shown
 HEADINGS = ("recording", "format", "rate", "unit", "duration", "lost", "holds")
 WIDEST = (64, 48, 12, 16, 16, 48, 5)  # characters up to which a column is padded
 SHOWN = 4  # names of a list
+NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 NOTABLE = (
     "unlabelled_markers",
     "width",
     "height",
     "points",
+    "organised",
+    "share_without_position",
+    "share_not_above_zero",
     "samples",
     "rows",
     "columns",
@@ -27,11 +32,13 @@ NOTABLE = (
     "skipped_analog_channels",
     "skipped_force_plates",
     "rate_from",
+    "rate_by_the_printed_times",
     "times",
     "robot",
     "joints",
     "signals",
     "command",
+    "motions",
     "topics",
     "fx",
     "separator",
@@ -49,7 +56,7 @@ def as_json(findings: list[Finding]) -> str:
 
 def as_table(findings: list[Finding], folder: Path) -> str:
     """A line a recording, those alike but for their number in one; below each what an option must
-    settle (?) and what stops (!).
+    settle (?) and what stops (!), and below all what several have in common.
     """
     known, others = [], []
     for finding in findings:
@@ -57,18 +64,23 @@ def as_table(findings: list[Finding], folder: Path) -> str:
     groups: dict[object, list[Finding]] = {}
     for finding in known:
         groups.setdefault(_alike(finding), []).append(finding)
-    rows = [(_row(group, folder), _remarks(group[0])) for group in groups.values()]
+    shared = _shared_remarks(groups.values())
+    rows = [(_row(group, folder), group[0]) for group in groups.values()]
     widths = [
         min(max([len(heading), *(len(row[i]) for row, _ in rows)]), WIDEST[i])
         for i, heading in enumerate(HEADINGS)
     ]
     lines = [_line(HEADINGS, widths), _line(tuple("-" * width for width in widths), widths)]
-    for row, remarks in rows:
-        lines += [_line(row, widths), *remarks]
-    if others:
-        lines.append(
-            f"not recognised: {_listed([_below(finding.file, folder) for finding in others])}"
-        )
+    for row, first in rows:
+        own = [remark for remark in _remarks(first) if _masked(remark) not in shared]
+        lines += [_line(row, widths), *(f"    {remark}" for remark in own)]
+    for remarked in shared.values():
+        places = [_name(group, folder) for group, _ in remarked]
+        lines += [_merged([remark for _, remark in remarked]), f"    in {_listed(places)}"]
+    reasons: dict[str, list[str]] = {}
+    for finding in others:
+        reasons.setdefault(finding.facts["reason"], []).append(_below(finding.file, folder))
+    lines += [f"not recognised, {reason}: {_listed(names)}" for reason, names in reasons.items()]
     # names come from the files: what a terminal would act on is not printed
     return "\n".join(
         "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in line)
@@ -96,10 +108,8 @@ def _alike(finding: Finding) -> object:
 
 def _row(group: list[Finding], folder: Path) -> tuple[str, ...]:
     first = group[0]
-    place = _below(first.file, folder)
-    name = place if len(group) == 1 else f"{re.sub(r'[0-9]+', '*', place)} ({len(group)})"
     return (
-        name,
+        _name(group, folder),
         " ".join(filter(None, [first.format, first.version])),
         _range([finding.rate for finding in group], "Hz"),
         ", ".join(dict.fromkeys(first.units.values())),
@@ -107,6 +117,11 @@ def _row(group: list[Finding], folder: Path) -> tuple[str, ...]:
         _lost(group),
         _held(first),
     )
+
+
+def _name(group: list[Finding], folder: Path) -> str:
+    place = _below(group[0].file, folder)
+    return place if len(group) == 1 else f"{re.sub(r'[0-9]+', '*', place)} ({len(group)})"
 
 
 def _held(finding: Finding) -> str:
@@ -150,9 +165,34 @@ def _lost(group: list[Finding]) -> str:
 
 
 def _remarks(finding: Finding) -> list[str]:
-    return [f"    ? {question}: {option}" for question, option in finding.open] + [
-        f"    ! {reason}" for reason in finding.stops
+    return [f"? {question}: {option}" for question, option in finding.open] + [
+        f"! {reason}" for reason in finding.stops
     ]
+
+
+def _shared_remarks(
+    groups: Iterable[list[Finding]],
+) -> dict[str, list[tuple[list[Finding], str]]]:
+    """The remarks that more than one group has, numbers apart, by what they share."""
+    remarked: dict[str, list[tuple[list[Finding], str]]] = {}
+    for group in groups:
+        for remark in _remarks(group[0]):
+            remarked.setdefault(_masked(remark), []).append((group, remark))
+    return {masked: held for masked, held in remarked.items() if len(held) > 1}
+
+
+def _masked(remark: str) -> str:
+    return NUMBER.sub("#", remark)
+
+
+def _merged(remarks: list[str]) -> str:
+    """One remark of several that differ in their numbers alone: each number, or its range."""
+    numbers = zip(*(NUMBER.findall(remark) for remark in remarks), strict=True)
+    ranges = (
+        held[0] if len({*held}) == 1 else "–".join((min(held, key=float), max(held, key=float)))
+        for held in numbers
+    )
+    return NUMBER.sub(lambda _: next(ranges), remarks[0])
 
 
 def _range(values: list[float | None], unit: str) -> str:

@@ -27,8 +27,13 @@ def urdf(file: Path) -> Finding:
         file, "URDF", ROBOT, facts={"robot": tree.name, "joints": joints, "links": tree.links}
     )
     finding.facts["arms"] = arms = _arms(tree)
-    finding.facts["chains"] = chains = _chains(file, joints.get("revolute", []), tree.ends)
-    if not arms:
+    chains, refused = _chains(file, joints.get("revolute", []), tree.ends)
+    finding.facts["chains"] = chains
+    if refused and not chains:
+        finding.stops.append(refused[0])
+    elif refused:
+        finding.facts["chains_refused"] = refused[0]
+    if not (arms or chains):
         finding.stops.append("no joint of one coordinate moves a last link: no arm")
     elif len(chains) > 1:
         finding.open.append(("which three parallel joints are the chain", "dataset.robot.joints"))
@@ -49,18 +54,23 @@ def _arms(tree: Tree) -> list[dict[str, list[str] | str]]:
     return [arm for arm in arms if most and len(arm["joints"]) == most]
 
 
-def _chains(file: Path, joints: list[str], ends: list[str]) -> list[dict[str, list[str]]]:
+def _chains(
+    file: Path, joints: list[str], ends: list[str]
+) -> tuple[list[dict[str, list[str]]], list[str]]:
     """The planar chains of the URDF: three ``joints`` in the order of the file, and those of the
-    last links that the third one moves.
+    last links that the third one moves; and why the URDF is refused with others, as for a joint
+    without limits that is no part of these.
     """
     from pipeline.arm.model import load_arm
+
+    refused: list[str] = []
 
     def moves(chain: list[str], tool: str) -> bool:
         try:
             load_arm(file, chain, tool, {})
         except ConfigError as error:
             if error.message.startswith("robot.urdf"):
-                raise RecordingError(error.message) from None
+                refused.append(error.message)
             return False
         return True
 
@@ -69,7 +79,7 @@ def _chains(file: Path, joints: list[str], ends: list[str]) -> list[dict[str, li
         {"joints": chain, "tools": [tool for tool in ends if moves(chain, tool)]}
         for chain in triples
     ]
-    return [chain for chain in chains if chain["tools"]]
+    return [chain for chain in chains if chain["tools"]], refused
 
 
 def is_datasheet(head: Head) -> bool:

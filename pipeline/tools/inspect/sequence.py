@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.core.bounds import read_whole
 from pipeline.core.errors import RecordingError
 from pipeline.formats.depth.image import depth_size
 from pipeline.formats.depth.index import numbered_frames
@@ -81,7 +82,7 @@ def _framed(finding: Finding, frames: list[Path]) -> Finding:
     damaged = []
     for frame in [] if first.kind is Kind.CLOUD else there[1:]:
         try:
-            height, width = depth_size(frame.read_bytes(), file=frame)
+            height, width = depth_size(read_whole(frame), file=frame)
             if (height, width) != (first.facts["height"], first.facts["width"]):
                 damaged.append(
                     f"{frame.name}: {width} × {height} pixels where the first frame has others"

@@ -10,11 +10,14 @@ import re
 from pathlib import Path
 
 from pipeline.core import config, datasheet
-from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.draft import Draft
+from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.tools.inspect.examine import inspect
 from pipeline.tools.inspect.layout import layout
 from pipeline.tools.new_dataset.datasheet_file import datasheet_file
+from pipeline.tools.new_dataset.filling import Filling
 from pipeline.tools.new_dataset.option_file import option_file
+from pipeline.tools.new_dataset.suggestions import Suggestions
 
 INVENTORY = """\
 # These recordings are read in place: their inventory stands here for them, so that a change of the
@@ -30,9 +33,49 @@ stages:
 
 
 def run(words: list[str]) -> None:
-    """Write datasheet and option file, and the inventory's stage where the recordings are read in
-    place; say what is left to do.
-    """
+    """Write the two files, or fill in what is open in those that are there; say what is left."""
+    arguments = _arguments(words)
+    name = arguments.name
+    if not Path("params.yaml").is_file():
+        raise ConfigError("there is no params.yaml here; run the pipeline from the project's root")
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
+        raise ConfigError(
+            f"{name!r} cannot name a dataset: letters, digits, _ and - alone", key="NAME"
+        )
+    files = datasheet.path_of(name), config.CONF / "dataset" / f"{name}.yaml"
+    if arguments.folder is None:
+        draft = Draft({file: _text(file) for file in files})
+        folder, inventory = Path(draft.values().get("recordings", "")), {}
+        recorded = layout(inspect(folder), folder)
+    else:
+        folder = arguments.folder
+        recordings = _below_project(folder)
+        _require_new([*files, files[0].parent / "dvc.yaml"])
+        recorded = layout(inspect(folder), folder)
+        texts = (
+            datasheet_file(name, recordings, recorded, folder),
+            option_file(name, recordings, recorded, folder),
+        )
+        draft, inventory = Draft(dict(zip(files, texts, strict=True))), {}
+        if files[0].parent.resolve() not in folder.resolve().parents:
+            inventory = {files[0].parent / "dvc.yaml": INVENTORY.format(name=name)}
+    filling = Filling(draft, Suggestions(recorded, folder))
+    filling.by_options(arguments.set)
+    if arguments.suggested:
+        filling.by_suggestions()
+    if arguments.motion is not None:
+        filling.by_motion(arguments.motion)
+    if arguments.ask:
+        filling.by_asking()
+    filling.note_suggestions()
+    for file, text in (draft.texts | inventory).items():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+        print(f"new-dataset: wrote {os.path.relpath(file)}")
+    _say_what_is_left(name, draft, filling)
+
+
+def _arguments(words: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m pipeline new-dataset", description=__doc__.partition(": ")[2]
     )
@@ -43,18 +86,33 @@ def run(words: list[str]) -> None:
         "--from",
         dest="folder",
         type=Path,
-        required=True,
         metavar="FOLDER",
-        help="the folder of its recordings",
+        help="the folder of its recordings; without it, what is ??? in the dataset's files is "
+        "filled in",
     )
-    arguments = parser.parse_args(words)
-    name, folder = arguments.name, arguments.folder
-    if not Path("params.yaml").is_file():
-        raise ConfigError("there is no params.yaml here; run the pipeline from the project's root")
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
-        raise ConfigError(
-            f"{name!r} cannot name a dataset: letters, digits, _ and - alone", key="NAME"
-        )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a value that no file states, as robot.urdf=arm.urdf; as often as needed",
+    )
+    parser.add_argument("--suggested", action="store_true", help="take whatever is suggested")
+    parser.add_argument(
+        "--motion", type=int, metavar="NUMBER", help="of joint logs the motion of that number"
+    )
+    parser.add_argument("--ask", action="store_true", help="ask for what is then still open")
+    return parser.parse_args(words)
+
+
+def _text(file: Path) -> str:
+    if not file.is_file():
+        raise ConfigError("there is no such dataset; make it with --from FOLDER", file=file)
+    return file.read_text()
+
+
+def _below_project(folder: Path) -> str:
+    """``folder`` as the datasheet names it."""
     if not folder.is_dir():
         raise RecordingError("there is no such folder", file=folder)
     recordings = Path(os.path.relpath(folder.resolve())).as_posix()
@@ -62,26 +120,31 @@ def run(words: list[str]) -> None:
         raise RecordingError(
             "the folder's name holds a quote, a dollar or a backslash; rename it", file=folder
         )
-    sheet, option = datasheet.path_of(name), config.CONF / "dataset" / f"{name}.yaml"
-    recorded = layout(inspect(folder), folder)
-    texts = {
-        sheet: datasheet_file(name, recordings, recorded, folder),
-        option: option_file(name, recordings, recorded, folder),
-    }
-    if sheet.parent.resolve() not in folder.resolve().parents:
-        texts[sheet.parent / "dvc.yaml"] = INVENTORY.format(name=name)
-    for file in texts:
+    return recordings
+
+
+def _require_new(files: list[Path]) -> None:
+    for file in files:
         if file.exists():
             raise ConfigError(
-                "this file is there already, and nothing is overwritten; choose another name",
+                "this file is there already, and nothing is overwritten; choose another name, or "
+                "leave out --from to fill in what is open there",
                 file=file,
             )
-    for file, text in texts.items():
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text)
-        print(f"new-dataset: wrote {os.path.relpath(file)}")
-    values = sum(len(datasheet.unfilled(file)) for file in (sheet, option))
-    print(
-        f"new-dataset: fill in the {values} values that are ??? there, set `dataset: {name}` in "
-        "params.yaml, and run `dvc repro`"
-    )
+
+
+def _say_what_is_left(name: str, draft: Draft, filling: Filling) -> None:
+    """The motions to choose from, the values that are open, and the next command."""
+    left = [question.key for question in draft.questions()]
+    if "joint_log.start" in left:
+        try:
+            filling.by_motion(None)
+            print("new-dataset: the motion is chosen by --motion NUMBER")
+        except PipelineError as error:
+            print(f"new-dataset: {error}")
+    if left:
+        print(
+            f"new-dataset: {len(left)} values are open: {', '.join(left)}; fill them in there, or "
+            f"by `new-dataset {name}` with --set, --suggested, --motion or --ask"
+        )
+    print(f"new-dataset: set `dataset: {name}` in params.yaml, and run `python -m pipeline check`")

@@ -4,17 +4,19 @@ put there.
 
 from __future__ import annotations
 
-import re
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
+from pipeline.core.options.logs import AngleUnit, TimeUnit
 from pipeline.formats.format import Kind
+from pipeline.formats.joints.table import SPELLINGS
 from pipeline.tools.inspect.finding import Finding
 from pipeline.tools.inspect.layout import Group, Layout
 from pipeline.tools.new_dataset.depth_section import depth_section
-from pipeline.tools.new_dataset.yaml_text import OPEN, below_folder, one_of, text_of
+from pipeline.tools.new_dataset.mocap_section import encoders_section, mocap_section
+from pipeline.tools.new_dataset.yaml_text import OPEN, below_folder, one_of, several, text_of
 
 SHOWN = 12  # recordings that are named although they have no place
 
@@ -24,10 +26,9 @@ def datasheet_file(name: str, recordings: str, layout: Layout, folder: Path) -> 
     is ``recordings`` from the project's root.
     """
     lines = [
-        f"# Datasheet of {name}: what is known of the recordings. Put a value for every ???; "
-        "every key is explained, with those that these",
-        "# recordings may need and that do not stand here, in data/raw/youbot/dataset.yaml. m, "
-        "rad, s, N.",
+        f"# Datasheet of {name}: what is known of the recordings. Put a value for every ???; every "
+        "key, also those that do not stand here,",
+        "# is explained in data/raw/README.md. m, rad, s, N.",
         "about:",
         f"  subject: {OPEN} # what was recorded: robot, instruments, motion",
         f"  source: {OPEN} # who recorded it, and where it comes from",
@@ -41,10 +42,12 @@ def datasheet_file(name: str, recordings: str, layout: Layout, folder: Path) -> 
     elif trajectories or layout.training or layout.test:
         lines.append(
             f"trajectory: {one_of(map(below, trajectories))} # the commanded end-effector: "
-            "columns t, x, z, phi, vx, vz, vphi"
+            "columns t, x, z, phi, vx, vz, vphi; or t and q:JOINT of each joint"
         )
     if layout.training or layout.test:
-        lines += _mocap(layout)
+        lines += mocap_section(layout)
+    if layout.encoders:
+        lines += encoders_section(layout)
     if layout.depth:
         lines += depth_section(layout, below)
     if layout.force:
@@ -57,71 +60,6 @@ def datasheet_file(name: str, recordings: str, layout: Layout, folder: Path) -> 
             + (f" … ({len(unplaced)})" if len(unplaced) > SHOWN else "")
         )
     return "\n".join(lines) + "\n"
-
-
-def _mocap(layout: Layout) -> list[str]:
-    takes = [take for group in (*layout.training, *layout.test) for take in group.takes.values()]
-    lines = ["mocap:"]
-    # which group is which is known where the depth camera saw the one; a single group is what there
-    # is to fit to
-    training, test = layout.training, layout.test
-    if len(training) == 1 and len(test) <= 1:
-        lines += [
-            f"  training: {text_of(training[0].pattern)}",
-            f"  test: {text_of(test[0].pattern) if test else 'null'}",
-        ]
-    else:
-        patterns = [text_of(group.pattern) for group in (*training, *test)]
-        lines += [
-            f"  training: {one_of(patterns)} # takes that the models are fitted to",
-            f"  test: {OPEN} # that they are compared on",
-        ]
-    if any(take.units.get("length") == "not stated" for take in takes):
-        lines.append(f"  unit: {OPEN} # m, cm or mm: the files do not say it")
-    lines += [
-        "  base: # the arm's base in the motion capture's world",
-        f"    position: {OPEN} # m, [x, y, z], of the base frame of the URDF: by markers on the "
-        "base, or a probe at its bolts",
-        f"    rpy: {OPEN} # rad, about the fixed axes x, y, z, likewise; Motive's world has y "
-        "up: [-1.5707963267948966, 0.0, 0.0] turns it",
-    ]
-    shared = [name for name in takes[0].markers if all(name in take.markers for take in takes)]
-    if links := _links(shared):
-        lines.append(
-            "  markers: # m, from the joint at each segment's start (z along it, y the normal of "
-            "the plane), by callipers; grouped by name"
-        )
-        for link, names in links.items():
-            lines += [
-                f"    {text_of(link)}:",
-                *(f"      {text_of(name)}: {OPEN} # [x, y, z]" for name in names),
-            ]
-    else:
-        names = ", ".join(map(text_of, shared)) or "none in all takes"
-        lines.append(
-            f"  markers: {OPEN} # three links of three markers, "
-            f"{{link1: {{name: [x, y, z], …}}, …}} in m; there are {names}"
-        )
-    if bodies := [name for name in takes[0].bodies if all(name in take.bodies for take in takes)]:
-        lines.append(
-            "  # bodies: of a link followed by a rigid body, its name; there are "
-            f"{', '.join(map(text_of, bodies))}"
-        )
-    return lines
-
-
-def _links(names: list[str]) -> dict[str, list[str]] | None:
-    """The names by what stands before their last part, where these are three times three."""
-    links: dict[str, list[str]] = {}
-    for name in names:
-        links.setdefault(re.sub(r"[_:. -]*(\d+|[A-Za-z]|[Mm]arker ?\d+)$", "", name), []).append(
-            name
-        )
-    return (
-        links
-        if len(links) == 3 and all(len(markers) == 3 for markers in links.values()) and all(links)
-        else None
-    )
 
 
 def _force(layout: Layout, below: Callable[[Finding], str]) -> list[str]:
@@ -185,38 +123,85 @@ def _joint_log(movements: list[Group]) -> list[str]:
     ]
     movement = next(iter(movements[0].takes.values()))
     if movement.kind == Kind.JOINTS:
-        lines.append(_names(movement.facts.get("joints")))
-        takes = {path.stem: take for group in movements for path, take in group.takes.items()}
-        return [*lines, *_settings(takes)]
+        takes = [take for group in movements for take in group.takes.values()]
+        stated = {tuple(take.facts.get("joint_names", [])) for take in takes}
+        names = next(iter(stated)) if len(stated) == 1 else ()
+        return [*lines, _names(movement.facts.get("joints"), names), *_settings(takes)]
+    if "signals" in movement.facts:
+        signals = [f"{name}: [{several(held)}]" for name, held in movement.facts["signals"].items()]
+        return [
+            *lines,
+            _names(len(next(iter(movement.facts["signals"].values())))),
+            f"  signals: {{{', '.join(signals)}}} # columns, by their labels",
+            f"  time: {text_of(movement.facts['labels'][0])} # column of the time",
+            *_units(movement),
+        ]
     tables = movement.facts["tables"]
-    names = ", ".join(map(text_of, sorted(tables)))
     first = next(iter(tables.values())).facts
     timed = first.get("increasing_columns", [])[:1] == [0]
     columns = {table.facts.get("columns") for table in tables.values()}
     joints = columns.pop() - 1 if len(columns) == 1 and timed else None
-    step = f"; it steps by {first['step_of_column_0']:g}" if "step_of_column_0" in first else ""
+    every = [
+        table
+        for group in movements
+        for held in group.takes.values()
+        for table in held.facts["tables"].values()
+    ]
+    # a table of another instrument beside the joints' has steps of its own
+    steps = {table.facts.get("step_of_column_0") for table in tables.values()} - {None}
+    step = f"; it steps by {steps.pop():g}" if len(steps) == 1 else ""
     return [
         *lines,
-        f"  actual: {OPEN} # file of the measured angles in each folder; there are {names}",
-        f"  target: {OPEN} # of the commanded angles",
-        "  speed: null # of the commanded speeds; null: the step of the commanded angles",
+        *_signals(tables),
         _names(joints),
         f"  time: {0 if timed else OPEN} # column of the time{step}",
-        f"  time_unit: {OPEN} # s, ms, us or ns",
-        f"  angle_unit: {OPEN} # rad or deg",
-        *_settings(
-            {
-                path.name: table
-                for group in movements
-                for path, held in group.takes.items()
-                for table in held.facts["tables"].values()
-                if "settings" in table.facts
-            }
-        ),
+        *_units(next(iter(tables.values()))),
+        *_settings(every),
     ]
 
 
-def _names(joints: int | None) -> str:
+def _signals(tables: dict[str, Finding]) -> list[str]:
+    """Which of the ``tables`` holds which signal, as far as their names and values say it."""
+    pairs = [
+        (table.facts["measured"], name)
+        for name, table in tables.items()
+        if "measured" in table.facts
+    ]
+    if len(pairs) != 1:
+        names = ", ".join(map(text_of, sorted(tables)))
+        return [
+            f"  actual: {OPEN} # file of the measured angles in each folder; there are {names}",
+            f"  target: {OPEN} # of the commanded angles",
+            "  speed: null # of the commanded speeds; null: the step of the commanded angles",
+        ]
+    ((actual, target),) = pairs
+    speeds = [name for name, table in tables.items() if table.facts.get("speed_of") == target]
+    speed = f"{text_of(speeds[0])} # by their values" if len(speeds) == 1 else "null #"
+    return [
+        f"  actual: {text_of(actual)} # file of the measured angles in each folder, by its name",
+        f"  target: {text_of(target)} # of the commanded angles, likewise",
+        f"  speed: {speed} of the commanded speeds; null: the step of the commanded angles",
+    ]
+
+
+def _units(table: Finding) -> list[str]:
+    """The units that the labels of a ``table`` state, or ???."""
+    stated = {SPELLINGS.get(unit, unit) for unit in table.units.values()}
+    lines = []
+    for key, units in (("time_unit", TimeUnit), ("angle_unit", AngleUnit)):
+        named = stated & {*units}
+        value = (
+            f"{named.pop()} # by the labels"
+            if len(named) == 1
+            else f"{OPEN} # one of {', '.join(units)}"
+        )
+        lines.append(f"  {key}: {value}")
+    return lines
+
+
+def _names(joints: int | None, stated: Sequence[str] = ()) -> str:
+    if stated:
+        return f"  joints: [{several(list(stated))}] # as the logs name them"
     number = f"the {joints}" if joints else "all"
     return (
         f"  joints: {OPEN} # names of {number} logged joints in their order, those of robot.joints "
@@ -224,19 +209,16 @@ def _names(joints: int | None) -> str:
     )
 
 
-def _settings(movements: Mapping[str, Finding]) -> list[str]:
-    """The options that settle what was found of measured and commanded angles, each with the value
-    that is suggested, or that of each movement where they differ.
-    """
-    suggested: dict[str, dict[str, str]] = {}
-    for name, finding in movements.items():
-        for key, value in finding.facts.get("settings", {}).items():
-            suggested.setdefault(key, {})[name] = value
-    lines = []
-    for key, values in suggested.items():
-        if key in ("rest", "angle_unit"):  # asked elsewhere
-            continue
-        each = ", ".join(f"{text_of(name)}: {value}" for name, value in values.items())
-        value = f"{{{each}}}" if len(set(values.values())) > 1 else next(iter(values.values()))
-        lines.append(f"  {key}: {OPEN} # by the angles themselves it is {value}")
-    return lines
+def _settings(movements: list[Finding]) -> list[str]:
+    """The options that settle what was found of measured and commanded angles."""
+    asked = {
+        option.rpartition(".")[2]: question
+        for finding in reversed(movements)
+        for question, option in finding.open
+        if option.rpartition(".")[2] in finding.facts.get("settings", {})
+    }
+    return [
+        f"  {key}: {OPEN} # {question.rpartition(';')[0]}"
+        for key, question in sorted(asked.items())
+        if key not in ("rest", "angle_unit")  # asked elsewhere
+    ]

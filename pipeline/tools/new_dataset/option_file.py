@@ -14,6 +14,10 @@ def option_file(name: str, recordings: str, layout: Layout, folder: Path) -> str
     which is ``recordings`` from the project's root.
     """
     takes = [take for group in (*layout.training, *layout.test) for take in group.takes.values()]
+    logs = [log for group in layout.movements for log in group.takes.values()]
+    rates = [meant(take.rate) for take in (*takes, *logs)]
+    passing = any(log.facts.get("settings", {}).get("rest") == "0" for log in logs)
+    planar = bool(takes and not layout.bodies) or bool(layout.depth)
     robots = layout.single.get(ROBOT, [])
     urdf = (
         text_of(f"{recordings}/{shown(robots[0].file.relative_to(folder))}")
@@ -27,11 +31,22 @@ def option_file(name: str, recordings: str, layout: Layout, folder: Path) -> str
         "robot:",
         f"  urdf: {urdf} # from the project's root; those of the youBot, the UR5 and the LWR4+ are "
         "in pipeline/arm",
-        *_arm(robots, planar=bool(takes or layout.depth)),
+        *_arm(robots, planar=planar),
         "motion:",
-        f"  rate: {agreed(take.rate for take in takes)} # 1/s, of the motion grid",
+        f"  rate: {agreed(rates)} # 1/s, of the motion grid",
         f"  steps: {agreed(take.facts.get('steps') for take in takes)} # M, steps of a take",
     ]
+    if not planar:
+        lines.append(
+            "elimination: {decomposition: qr_transposed} # the one that does not depend on "
+            "the unit of length, nor meets small pivots"
+        )
+    if passing:
+        lines.insert(
+            -1 if not planar else len(lines),
+            f"  pose_noise: {OPEN} # rad, standard deviation of a measured joint angle, which no "
+            "row at rest shows",
+        )
     if takes:
         lines += [
             "mocap:",
@@ -39,6 +54,8 @@ def option_file(name: str, recordings: str, layout: Layout, folder: Path) -> str
             "for it: under half of what parts two",
             "  max_gap: 20 # frames, longest gap that is interpolated",
         ]
+    if layout.encoders:
+        lines.append("measurement: encoders # what the filter weighs particles by; or tip, depth")
     if layout.depth:
         lines += [
             "depth:",
@@ -79,14 +96,25 @@ def option_file(name: str, recordings: str, layout: Layout, folder: Path) -> str
     return "\n".join(lines) + "\n"
 
 
+def meant(rate: float | None) -> float | None:
+    """A measured ``rate`` as it was set."""
+    return None if rate is None else float(f"{rate:.4g}")
+
+
 def _arm(robots: list[Finding], *, planar: bool) -> list[str]:
     """Joints, tool and locked joints of the robot, as far as its URDF leaves no choice: the whole
     arm, or the ``planar`` chain that the cameras look at.
     """
     facts = robots[0].facts if len(robots) == 1 else {}
     arms = facts.get("arms", [])
-    if planar or not arms or [arms[0]["joints"]] == [c["joints"] for c in facts["chains"]]:
+    if planar or (arms and [arms[0]["joints"]] == [c["joints"] for c in facts["chains"]]):
         return _chain(facts)
+    if not arms:
+        return [
+            f"  joints: {OPEN} # those of the URDF that move the end-effector, base to tip",
+            f"  tool: {OPEN} # link of the URDF that is the end-effector",
+            "  # plane: true # where three parallel joints are analysed alone",
+        ]
     tips = several([arm["tip"] for arm in arms])
     tool = f"{text_of(arms[0]['tip'])} # the last link" if len(arms) == 1 else f"{OPEN} # {tips}"
     return [

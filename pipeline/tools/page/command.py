@@ -15,7 +15,7 @@ from pipeline.tools.page.card import card, gather
 from pipeline.tools.page.crate import describe
 from pipeline.tools.page.graph import draw
 from pipeline.tools.page.illustrations import illustrations, table
-from pipeline.tools.page.page import Content, render
+from pipeline.tools.page.page import Content, player_script, render, render_studies
 from pipeline.tools.page.player import player
 from pipeline.tools.page.provenance import (
     flat_options,
@@ -36,8 +36,10 @@ HERE, STUDIES = Path("pipeline/tools/page"), Path("pipeline/studies")
 REPORTS, RECORDINGS, LOCK = Path("reports"), Path("data/raw"), Path("dvc.lock")
 DATASETS, FIGURES = REPORTS / "datasets", REPORTS / "figures"
 TABLES, STUDY_PAGES = REPORTS / "tables", REPORTS / "studies"
-PAGE, CARD, CRATE = (
+PAGE, STUDIES_PAGE, PLAYER, CARD, CRATE = (
     REPORTS / "index.html",
+    REPORTS / "studies.html",
+    REPORTS / "player.js",
     REPORTS / "dataset_card.md",
     REPORTS / "ro-crate-metadata.json",
 )
@@ -58,7 +60,10 @@ def run(words: list[str]) -> None:
     locks = [LOCK, *sorted(STUDIES.glob("*/dvc.lock"))]
     outputs = [stage_run for file in locks for stage_run in locked_runs(file, models)]
     contracts.write_text(card(gather(settings)), CARD)
-    contracts.write_text(render(_content(settings, recordings, outputs)), PAGE)
+    content = _content(settings, recordings, outputs)
+    contracts.write_text(render(content), PAGE)
+    contracts.write_text(render_studies(content.studies), STUDIES_PAGE)
+    contracts.write_text(player_script(content.player), PLAYER)
     crate = _crate(settings.dataset.name, [*recordings, *outputs, _own_run(settings.dataset.name)])
     text = json.dumps(crate, indent=1, ensure_ascii=False, sort_keys=True) + "\n"
     contracts.write_text(text, CRATE)
@@ -104,7 +109,7 @@ def _own_run(dataset: str) -> StageRun:
     entry = read_yaml(HERE / "dvc.yaml")["stages"]["page"]
     reads = [path.replace("${dataset}", dataset) for path in entry["deps"]]
     program = HERE / "command.py"
-    writes = dict.fromkeys(file.as_posix() for file in (PAGE, CARD, CRATE))
+    writes = dict.fromkeys(file.as_posix() for file in (PAGE, STUDIES_PAGE, PLAYER, CARD, CRATE))
     return StageRun(
         "page",
         "page",

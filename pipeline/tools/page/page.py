@@ -1,4 +1,6 @@
-"""The page of results: everything that a run yields, in one file that opens without any other."""
+"""The pages of results: everything that a run yields, the studies, and as a script what the player
+shows.
+"""
 
 from __future__ import annotations
 
@@ -75,6 +77,28 @@ class Content:
 
 def render(content: Content) -> str:
     """The page as HTML."""
+    groups = [
+        (about, *texts, side_by_side(content.decided, about)) for about, texts in GROUPS.items()
+    ]
+    return _filled(
+        "index.html",
+        content=content,
+        groups=groups,
+        marks=MARKS,
+        whose=WHOSE,
+        of_planar_arms=ARM_OF_THE_PAPER,
+        distances=distance_rows(content.decided),
+        box=(WIDTH, HEIGHT),
+    )
+
+
+def render_studies(studies: Sequence[StudyPage]) -> str:
+    """The page of the ``studies`` as HTML."""
+    return _filled("studies.html", studies=studies)
+
+
+def _filled(template: str, **values: object) -> str:
+    """The ``template`` with ``values``, and in it our own style and script as they are."""
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES, encoding="utf-8"),
         autoescape=True,
@@ -90,22 +114,27 @@ def render(content: Content) -> str:
         "measured": measured,
         "published": published,
     }
-    groups = [
-        (about, *texts, side_by_side(content.decided, about)) for about, texts in GROUPS.items()
-    ]
-    return environment.get_template("index.html").render(
-        content=content,
-        groups=groups,
-        marks=MARKS,
-        whose=WHOSE,
-        of_planar_arms=ARM_OF_THE_PAPER,
-        distances=distance_rows(content.decided),
-        box=(WIDTH, HEIGHT),
-        # our own files stand in the page as they are
-        style=Markup(_template("style.css")),
-        script=Markup(_template("page.js")),
-        played=_inside_script(content.player.frames if content.player else None),
+    style, script = (
+        Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("style.css", "page.js")
     )
+    return environment.get_template(template).render(style=style, script=script, **values)
+
+
+def player_script(player: Player | None) -> str:
+    """The script beside the page that holds what its player shows: the frames, and of each plot by
+    its id the outlines of its shapes; null where nothing is played.
+    """
+    played = None
+    if player:
+        plots = {"play-joints": player.angles}
+        plots |= {f"play-error-{model}": plot for model, plot in player.errors.items()}
+        plots |= {f"play-spread-{model}": plot for model, plot in player.spreads.items()}
+        paths = {
+            name: [s.path for p in plot.panels for s in p.shapes] for name, plot in plots.items()
+        }
+        played = {"frames": player.frames, "paths": paths}
+    text = json.dumps(played, separators=(",", ":"), ensure_ascii=False)
+    return f"window.played = {text};\n"
 
 
 def beside(file: Path) -> str:
@@ -124,14 +153,3 @@ def brief(verdict: Verdict) -> str:
     if len(verdict.cases) == 1:
         return case_text(known[0])
     return f"holds in {sum(bool(case.holds) for case in known)} of {len(known)} cases"
-
-
-def _template(name: str) -> str:
-    return (TEMPLATES / name).read_text(encoding="utf-8")
-
-
-def _inside_script(values: object) -> Markup:
-    """JSON that cannot end the element it stands in."""
-    return Markup(
-        json.dumps(values, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
-    )

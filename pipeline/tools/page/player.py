@@ -95,12 +95,12 @@ def _angles(take: Take, joints: list[str], styles: Mapping[str, str]) -> Plot:
     x = Axis(0.0, float(take.t[-1]), width)
     panels = []
     for j, joint in enumerate(joints):
-        seen = [] if take.frame_q is None else [take.frame_q[:, j]]
+        by_depth = [] if take.frame_q is None else [take.frame_q[:, j]]
         means = [p.mean[:, j] for p in take.posteriors.values()]
-        y = _padded(np.concatenate([take.truth[:, j], *seen, *means]), height)
+        y = _padded(np.concatenate([take.truth[:, j], *by_depth, *means]), height)
         shapes = [
             line(x, y, take.t, take.truth[:, j], stroke(RECORDED["color"], width=3)),
-            *(dots(x, y, take.frame_t, angles, ORANGE) for angles in seen),
+            *(dots(x, y, take.frame_t, angles, ORANGE) for angles in by_depth),
             *(line(x, y, take.t, p.mean[:, j], styles[m]) for m, p in take.posteriors.items()),
         ]
         last = j == len(joints) - 1

@@ -1,4 +1,4 @@
-"""The studies' pages of Markdown as parts of the page, their figures in them."""
+"""The studies' pages of Markdown as parts of the page."""
 
 from __future__ import annotations
 
@@ -11,12 +11,10 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 from markupsafe import Markup
 
-from pipeline.tools.page.pictures import Picture, picture
+from pipeline.tools.page.pictures import picture
 
 LOWEST = 6  # heading of HTML
-# of a table, and characters of a figure, at most: what is larger, and every figure but the first,
-# is linked
-ROWS, LARGE = 9, 40_000
+ROWS = 9  # of a table at most; a longer one is linked
 
 
 @dataclass(frozen=True)
@@ -37,8 +35,8 @@ def study_pages(folder: Path, reports: Path) -> list[StudyPage]:
 
 
 def study_page(file: Path, reports: Path) -> StudyPage:
-    """The page of one study: headings one level lower, pictures with all their data, tables in
-    frames that scroll.
+    """The page of one study: headings one level lower, pictures of a known size, tables in frames
+    that scroll.
     """
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(file.read_text(encoding="utf-8"))
@@ -51,7 +49,13 @@ def study_page(file: Path, reports: Path) -> StudyPage:
             token.tag = f"h{min(int(token.tag[1]) + 1, LOWEST)}"
         for child in token.children or []:
             if child.type == "image":
-                _embed(child, file.parent)
+                shown = picture((file.parent / str(child.attrs["src"])).with_suffix(".png"))
+                child.attrs |= {
+                    "src": Path(os.path.relpath(shown.file, reports)).as_posix(),
+                    "width": shown.width,
+                    "height": shown.height,
+                    "loading": "lazy",
+                }
             elif child.type == "link_open":
                 _lead_from(child, file.parent, reports)
     html = parser.renderer.render(_framed(tokens, title), parser.options, {})
@@ -59,10 +63,10 @@ def study_page(file: Path, reports: Path) -> StudyPage:
 
 
 def _shortened(tokens: Sequence[Token], file: Path, parser: MarkdownIt) -> list[Token]:
-    """``tokens`` with a link in place of each long table, each large figure and each figure but the
-    first, so that the page of results stays small; ``file`` is the study's own page.
+    """``tokens`` with a link in place of each long table, so that the page of results stays small;
+    ``file`` is the study's own page.
     """
-    short, place, figures = [], 0, 0
+    short, place = [], 0
     while place < len(tokens):
         end = place + 1
         part = tokens[place:end]
@@ -72,23 +76,9 @@ def _shortened(tokens: Sequence[Token], file: Path, parser: MarkdownIt) -> list[
             rows = sum(token.type == "tr_open" for token in part) - 1
             if rows > ROWS:
                 part = parser.parse(f"A table of {rows} rows stands in [the study]({file.name}).")
-        pictures = [c for token in part for c in token.children or [] if c.type == "image"]
-        figures += len(pictures)
-        if pictures and (figures > 1 or len(_shown(pictures[0], file.parent).address) > LARGE):
-            text = f"Figure: [{pictures[0].content}]({pictures[0].attrs['src']})"
-            part = parser.parse(text)[1:-1]
         short += part
         place = end
     return short
-
-
-def _shown(image: Token, folder: Path) -> Picture:
-    return picture((folder / str(image.attrs["src"])).with_suffix(".png"))
-
-
-def _embed(image: Token, folder: Path) -> None:
-    shown = _shown(image, folder)
-    image.attrs |= {"src": shown.address, "width": shown.width, "height": shown.height}
 
 
 def _lead_from(link: Token, folder: Path, reports: Path) -> None:

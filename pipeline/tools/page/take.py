@@ -19,7 +19,7 @@ from pipeline.core.columns import members, values
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.options.dataset import Dataset
 from pipeline.core.options.depth_camera import Depth
-from pipeline.formats.rosbag import is_bag
+from pipeline.formats.bag_path import is_bag
 from pipeline.models.kinds import fitted_model
 from pipeline.recordings.depth_frames import BagFrames, FileFrames
 from pipeline.recordings.depth_sequence import take_paths

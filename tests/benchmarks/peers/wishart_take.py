@@ -16,8 +16,9 @@ def take_of(law, **told) -> Take:
 class WishartTake(Take):
     """A motion of a planar arm of three joints."""
 
-    def __init__(self, law, links, signs, sigma_b, **told) -> None:
+    def __init__(self, law, links, signs, pivoted, sigma_b, **told) -> None:
         super().__init__(**told)
+        self.pivoted = pivoted
         self.move = {
             "closed form": self.closed_form,
             "Algorithm 1": self.algorithm_1,
@@ -44,7 +45,7 @@ class WishartTake(Take):
         exact step).
         """
         d, count = self.d, len(q)
-        upper, a = eliminated(self.jacobian(q), v)
+        upper, a = eliminated(self.jacobian(q), v, self.pivoted)
         r = np.sqrt((a * a).sum(axis=0))
         z = d / self.rng.chisquare(d - 2, count)
         second, third = self.rng.standard_normal((2, count)) / np.sqrt(
@@ -72,7 +73,7 @@ class WishartTake(Take):
         once: B(J₂q̇) = J₁⁻¹v.
         """
         count = len(q)
-        upper, a = eliminated(self.jacobian(q), v)
+        upper, a = eliminated(self.jacobian(q), v, self.pivoted)
         factor = np.zeros((count, 3, 3))
         factor[:, [0, 1, 2], [0, 1, 2]] = np.sqrt(
             self.rng.chisquare(self.d - np.arange(3), (count, 3))
@@ -82,21 +83,26 @@ class WishartTake(Take):
         return q + back_substituted(upper, np.linalg.solve(b, a.T[..., None])[..., 0].T).T
 
 
-def eliminated(jacobian: np.ndarray, v: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-    """Rows of U, each (3, P), and a = J₁⁻¹v (3, P) of the LU decomposition with partial pivoting of
-    all J (P, 3, 3) at once.
+def eliminated(
+    jacobian: np.ndarray, v: np.ndarray, pivoted: bool
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """Rows of U, each (3, P), and a = J₁⁻¹v (3, P) of the LU decomposition, with partial pivoting
+    or without, of all J (P, 3, 3) at once.
     """
     rows = np.empty((3, 4, len(jacobian)))
     rows[:, :3] = jacobian.transpose(1, 2, 0)
     rows[:, 3] = v[:, None]
-    pivot = np.abs(rows[:, 0]).argmax(axis=0)
-    first = np.where(pivot == 0, rows[0], np.where(pivot == 1, rows[1], rows[2]))
-    second = np.where(pivot == 1, rows[0], rows[1])
-    third = np.where(pivot == 2, rows[0], rows[2])
+    first, second, third = rows
+    if pivoted:
+        pivot = np.abs(rows[:, 0]).argmax(axis=0)
+        first = np.where(pivot == 0, rows[0], np.where(pivot == 1, rows[1], rows[2]))
+        second = np.where(pivot == 1, rows[0], rows[1])
+        third = np.where(pivot == 2, rows[0], rows[2])
     second = second - second[0] / first[0] * first
     third = third - third[0] / first[0] * first
-    exchanged = np.abs(third[1]) > np.abs(second[1])
-    second, third = np.where(exchanged, third, second), np.where(exchanged, second, third)
+    if pivoted:
+        exchanged = np.abs(third[1]) > np.abs(second[1])
+        second, third = np.where(exchanged, third, second), np.where(exchanged, second, third)
     third = third - third[1] / second[1] * second
     return [first[:3], second[:3], third[:3]], np.stack([first[3], second[3], third[3]])
 

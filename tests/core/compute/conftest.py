@@ -120,10 +120,10 @@ def start(tmp_path: Path) -> Iterator[Callable[[], Running]]:
     with ExitStack() as stack:
 
         def started() -> Running:
-            found = stack.enter_context(scheduler(tmp_path))
-            stack.enter_context(found.worker(PYTHONPATH="."))
-            with Client(found.address, timeout=WAIT, set_as_default=False) as client:
+            cluster = stack.enter_context(scheduler(tmp_path))
+            stack.enter_context(cluster.worker(PYTHONPATH="."))
+            with Client(cluster.address, timeout=WAIT, set_as_default=False) as client:
                 client.wait_for_workers(1, timeout=WAIT)
-            return found
+            return cluster
 
         yield started

@@ -34,7 +34,7 @@ def filtered(number: int, steps: np.ndarray) -> pd.DataFrame:
     """The Wishart model's posterior of a take with a few measurements near where it starts."""
     random, t = stream(7, "filter", number), np.arange(0.0, 0.2, 0.03)
     y = START + 0.02 * random.standard_normal((len(t), 3))
-    seen = Measurements(
+    measured = Measurements(
         f"take_{number:03d}", t, y, np.zeros_like(y), np.tile(4e-4 * np.eye(3), (len(t), 1, 1))
     )
     start = Start(START, 1e-4 * np.eye(3))
@@ -44,7 +44,7 @@ def filtered(number: int, steps: np.ndarray) -> pd.DataFrame:
         open_loop(steps),
         0.01,
         start,
-        seen,
+        measured,
         FilterOptions(200, "systematic", 0.5),
         random,
     )
@@ -62,10 +62,10 @@ def articulated(number: int, width: float) -> pd.DataFrame:
         points = (nodes[:-1, None] * (1 - along) + nodes[1:, None] * along).reshape(-1, 2)
         clouds.append(points + width * random.standard_normal(points.shape))
         ends.append(nodes[-1])
-    found = fit_sequence(
+    fitted = fit_sequence(
         clouds, ARM.origin, np.array(ends), ARM, ArticulationOptions(min_points=50), START
     )
-    return pd.DataFrame(found.q).assign(take=number)
+    return pd.DataFrame(fitted.q).assign(take=number)
 
 
 def layout(array: np.ndarray, kept: list[int]) -> tuple[int, str, np.ndarray]:

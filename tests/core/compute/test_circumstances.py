@@ -39,8 +39,8 @@ def test_the_instruction_set_shows_in_the_arithmetic():
 
 
 def test_the_variable_shows_by_its_name():
-    found = elsewhere("circumstances()['OPENBLAS_CORETYPE']", OPENBLAS_CORETYPE="Prescott")
-    assert found == "Prescott"
+    value = elsewhere("circumstances()['OPENBLAS_CORETYPE']", OPENBLAS_CORETYPE="Prescott")
+    assert value == "Prescott"
 
 
 def test_an_edit_of_the_code_shows_and_another_file_does_not(tmp_path):

@@ -138,6 +138,19 @@ def test_pgm_images_are_read_in_their_own_byte_order(tmp_path):
     np.testing.assert_array_equal(read_depth(tmp_path / "d.pgm", shape=SHAPE).pixels, image)
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [(-1, "1 bytes lack"), (-300, "300 bytes lack"), (1, "1 bytes are left"), (9, "9 bytes are")],
+)
+def test_a_pgm_with_other_than_its_pixels_is_refused_with_the_bytes_counted(
+    tmp_path, change, words
+):
+    content = CONTENTS["pgm"] + bytes(9)
+    file = tmp_path / "d.pgm"
+    file.write_bytes(content[: len(content) - 9 + change])
+    assert words in refused(read_depth, file, shape=SMALL.shape).message
+
+
 def bomb(width: int, height: int) -> bytes:
     def chunk(name: bytes, data: bytes) -> bytes:
         return (

@@ -121,3 +121,9 @@ def test_the_trailing_and_double_blanks_of_tums_lists_are_no_matter(tmp_path):
         [1305031102.160407],
         ("depth/1305031102.160407.png",),
     )
+
+
+def test_an_endless_time_is_refused_by_its_line(tmp_path):
+    (tmp_path / "depth.txt").write_text("0.1 a.png\n0.2 b.png\n1e400 c.png\n")
+    error = refused(read_index, tmp_path / "depth.txt")
+    assert error.evidence["line"] == 3 and "no finite one" in error.message

@@ -119,4 +119,45 @@ def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp
 def test_a_whole_number_beyond_floating_point_is_refused(tmp_path):
     file = tmp_path / "camera.json"
     file.write_text(json.dumps({"fx": 10**400, "fy": 1, "cx": 4, "cy": 3}))
-    assert "no floating-point numbers" in refused(read_intrinsics, file, width=8, height=6).message
+    assert "no decimal numbers" in refused(read_intrinsics, file, width=8, height=6).message
+
+
+PLAIN = "fx: {}\nfy: 525.0\ncx: 319.5\ncy: 239.5\ndistortion_coefficients: [0, 0, 0, 0, 0]\n"
+LISTED = "camera_matrix: {{rows: 3, cols: 3, data: [{}, 0, 319.5, 0, 525.0, 239.5, 0, 0, 1]}}\n"
+OPENCV = (
+    "%YAML:1.0\n---\ncameraMatrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+    "   data: [ {}, 0., 319.5, 0., 525., 239.5, 0., 0., 1. ]\ndistortionCoefficients: "
+    "!!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   data: [ 0., 0., 0., 0., 0. ]\n"
+)
+JSON = '{{"fx": {}, "fy": 525.0, "cx": 319.5, "cy": 239.5}}'
+
+
+@pytest.mark.parametrize("word", ["yes", "true", "0525", "+0525", "0x20D", "8:45"])
+@pytest.mark.parametrize(
+    ("name", "form"),
+    [
+        ("plain.yaml", PLAIN),
+        ("listed.yaml", LISTED + "distortion_coefficients: [0, 0, 0, 0, 0]\n"),
+        ("opencv.yaml", OPENCV),
+        ("camera.json", JSON),
+    ],
+)
+def test_what_is_no_decimal_number_is_none(tmp_path, name, form, word):
+    file = tmp_path / name
+    file.write_text(form.format(word))
+    refused(read_intrinsics, file, width=640, height=480)
+    # the control
+    file.write_text(form.format("525.0"))
+    assert read_intrinsics(file, width=640, height=480).fx == 525.0
+    file.write_text(form.format("525"))
+    assert read_intrinsics(file, width=640, height=480).fx == 525.0
+
+
+def test_a_focal_length_of_no_camera_is_refused(tmp_path):
+    file, size = tmp_path / "camera.json", {"width": 640, "height": 480}
+    for focal, sound in ((6e4, True), (7e4, False)):
+        file.write_text(json.dumps({"fx": focal, "fy": 500, "cx": 320, "cy": 240}))
+        if sound:
+            assert read_intrinsics(file, **size).fx == focal
+        else:
+            assert "is of no camera" in refused(read_intrinsics, file, **size).message

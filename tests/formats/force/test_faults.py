@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from pipeline.core.errors import RecordingError
+from pipeline.formats.force.daqft import read_daqft
 from pipeline.formats.force.faults import frozen, saturated, sound_samples
-from pipeline.formats.force.record import ForceRecord
+from pipeline.formats.force.record import ForceRecord, LogOptions
+from pipeline.formats.force.table import read_force_table
+from pipeline.tools.inspect.examine import inspect
 
 RATE = 100.0
 
@@ -66,3 +69,23 @@ def test_faults_are_counted_up_to_the_stated_share_and_refused_beyond_it():
     log.force[:100, 1] = 40.0
     with pytest.raises(RecordingError, match="saturated"):
         sound_samples(log, np.full(6, 10.0), 0.5, 0.06, file="log.csv")
+
+
+LABELS = '"Force X (N)","Force Y (N)","Force Z (N)","Frequency = 1000","Averaging Level = 1"\n'
+SETTINGS = '"150","75","500"\n'
+COLUMNS = LogOptions({"fx": 0, "fy": 1, "fz": 2}, force_unit="N", rate=1000.0)
+
+
+@pytest.mark.parametrize("read", [read_daqft, lambda file: read_force_table(file, COLUMNS)])
+def test_a_line_of_settings_below_a_header_is_no_record(tmp_path, read):
+    file = tmp_path / "log.csv"
+    file.write_text(LABELS + SETTINGS)
+    with pytest.raises(RecordingError, match="the first is 150, 75, 500 N") as refused:
+        sound_samples(read(file), None, 0.5, 0.01, file=file)
+    assert refused.value.evidence == {"file": file}
+    (finding,) = inspect(file)
+    assert "may be a line of settings" in finding.stops[0]
+    # the control: a record
+    file.write_text(LABELS + "".join(f'"1.{k}","2","3"\n' for k in range(10)))
+    assert sound_samples(read(file), None, 0.5, 0.01, file=file)[0].all()
+    assert inspect(file)[0].stops == []

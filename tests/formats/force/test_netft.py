@@ -120,7 +120,7 @@ def test_conditions_that_the_transducer_reports_are_counted(log):
         ('"0x0","7"', '"0x0","7","7"', "12 cells|11 cells"),
         ('"0x0","7"', '"0x0"', "9 cells"),
         ('"0x0","7"', '"0x0",""', "no number"),
-        ('"0x0","7"', '"0x0","1e999"', "too large"),
+        ('"0x0","7"', '"0x0","1e999"', "nothing measures"),
     ],
 )
 def test_a_log_that_leaves_something_open_is_refused(log, old, new, words):

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import ezc3d
@@ -9,7 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motive_files import refusal
 
+from pipeline.core.bounds import within
 from pipeline.core.errors import RecordingError
+from pipeline.core.options.reading import Reading
 from pipeline.formats.motion import c3d
 from pipeline.formats.motion.c3d import read_c3d
 
@@ -130,11 +133,22 @@ def test_missing_files_and_folders_are_refused(tmp_path):
     refusal(read_c3d, tmp_path)
 
 
+def _never(file: str) -> None:
+    time.sleep(60)
+
+
 def test_a_file_on_which_the_library_never_returns_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(c3d, "PATIENCE", 0.001)
-    assert (
-        "cannot be read within" in refusal(read_c3d, write(tmp_path / "t.c3d", points(4))).message
-    )
+    monkeypatch.setattr(c3d.c3d_library, "contents", _never)
+    file = write(tmp_path / "t.c3d", points(4))
+    error = refusal(lambda file: within(Reading(seconds=1), read_c3d, file), file)
+    assert "not read within 1 s" in error.message
+    assert error.evidence["bound"] == "dataset.reading.seconds"
+
+
+def test_a_take_of_more_points_than_the_bound_is_refused_before_it_is_read(tmp_path):
+    file = write(tmp_path / "t.c3d", points(4))
+    error = refusal(lambda file: within(Reading(markers=1), read_c3d, file), file)
+    assert error.evidence["bound"] == "dataset.reading.markers"
 
 
 def test_a_file_that_crashes_the_library_is_refused(tmp_path):

@@ -6,6 +6,8 @@ import pytest
 from motive_files import refusal, rows_file
 from motive_row_files import DEFINITION, POSE, body_row, frame_row, in_metres, seen_row
 
+from pipeline.formats.motion.motive import read_motive
+
 
 @pytest.mark.parametrize(
     ("rows", "line", "words"),
@@ -39,3 +41,14 @@ def test_damaged_rows_are_refused_with_their_line(tmp_path, rows, line, words):
     error = refusal(in_metres, rows_file(tmp_path, *rows, head=head))
     assert words in error.message
     assert error.evidence["line"] == line
+
+
+def test_a_position_that_no_camera_sees_is_refused_with_its_line(tmp_path):
+    rows = [
+        frame_row(0, "1,1,2,3,4,a", tracked=False),
+        frame_row(1, "1,1,2000,3,4,a", tracked=False),
+    ]
+    file = rows_file(tmp_path, *rows)
+    error = refusal(lambda path: read_motive(path, "m"), file)
+    assert "a is at 2000 m, farther" in error.message and error.evidence["line"] == 4
+    assert read_motive(file, "mm").markers["a"][1, 1] == 2.0

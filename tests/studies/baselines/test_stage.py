@@ -11,6 +11,7 @@ from known_law import JOINTS, MODELS, TAKES
 from pipeline.core import config, contracts
 from pipeline.models.kinds import build_model, estimate
 from pipeline.models.noise import process_noise
+from pipeline.models.prediction import score_take
 from pipeline.models.steps import Recorded
 from pipeline.studies.baselines import stage
 from pipeline.verdicts.run import read_run
@@ -51,7 +52,7 @@ def test_without_test_takes_each_take_is_predicted_by_the_fit_to_the_others(proj
     noise = process_noise(chain, q[:TAKES], v)
     recorded = Recorded(chain, q[:TAKES, :-1], v, noise, tuple(JOINTS))
     takes = {0: ("take_00", q[0])}
-    scores, _ = stage._score_take(("gaussian", 0), takes, recorded, options, 1)
+    scores, _ = score_take(("gaussian", 0), takes, recorded, options, 1)
     others = recorded.subset(np.arange(1, TAKES))
     model = estimate(others, options["gaussian"]).model
     expected = model.log_density(chain, q[0, :-1], v, q[0, 1:], others.measurement)
@@ -62,7 +63,7 @@ def test_without_test_takes_each_take_is_predicted_by_the_fit_to_the_others(proj
     assert np.abs(known - expected).max() > 1e-3
     # and a fitted model predicts as it is
     fitted = {"gaussian": build_model(MODELS["gaussian"])}
-    scores, _ = stage._score_take(("gaussian", 0), takes, recorded, fitted, 1)
+    scores, _ = score_take(("gaussian", 0), takes, recorded, fitted, 1)
     density = fitted["gaussian"].log_density(chain, q[0, :-1], v, q[0, 1:], recorded.measurement)
     assert scores["log_density"] == pytest.approx(density)
 

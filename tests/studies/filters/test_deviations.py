@@ -47,12 +47,12 @@ def distance(covariance: np.ndarray, sample: np.ndarray) -> float:
     errors of the entries for normal takes, over entries that are none by their law.
     """
     size = covariance.shape[0] * covariance.shape[1]
-    law, seen = covariance.reshape(size, size), sample.reshape(size, size)
+    law, scatter = covariance.reshape(size, size), sample.reshape(size, size)
     variance = np.diag(law)
     moving = variance > 1e-3 * variance.max()
     error = np.sqrt((np.outer(variance, variance) + law**2) / (TAKES - 1))
     return float(
-        np.sqrt(np.mean(((seen - law) / np.where(error > 0, error, 1))[moving][:, moving] ** 2))
+        np.sqrt(np.mean(((scatter - law) / np.where(error > 0, error, 1))[moving][:, moving] ** 2))
     )
 
 
@@ -91,7 +91,7 @@ def test_the_jitter_of_an_exposure_moves_a_pose_by_the_speed_alone(laboratory):
     assert np.all(law.covariance == 0)
     rng = np.random.default_rng(3)
     t, q, _ = simulate_take(laboratory.chain, np.zeros(3), motion, dynamics, rng)
-    seen = np.array([expose(t, q, grid, dynamics, rng) for _ in range(2000)])
+    scatter = np.array([expose(t, q, grid, dynamics, rng) for _ in range(2000)])
     std = np.sqrt(np.diagonal(law.exposure, axis1=1, axis2=2))
     fast = std[:, 0] > 0.9 * std[:, 0].max()
-    np.testing.assert_allclose(seen.std(axis=0)[fast], std[fast], rtol=0.1)
+    np.testing.assert_allclose(scatter.std(axis=0)[fast], std[fast], rtol=0.1)

@@ -55,8 +55,8 @@ def test_there_is_no_share_of_what_the_yardstick_does_not_gain(rows):
 
 
 def test_a_filter_is_better_or_worse_beyond_its_interval(rows):
-    seen = verdicts(rows)
-    by_filter = seen.groupby("filter")[["better", "worse"]].all()
+    decided = verdicts(rows)
+    by_filter = decided.groupby("filter")[["better", "worse"]].all()
     assert by_filter.loc["good"].tolist() == [True, False]
     assert by_filter.loc["bad"].tolist() == [False, True]
     # control: an interval that holds zero

@@ -8,10 +8,12 @@ import pytest
 
 from pipeline.laboratory.options import DynamicsOptions
 from pipeline.studies.survey.conditions import (
+    BASE,
     FACTORS,
     SIZES,
     Factors,
     motion_conditions,
+    physics,
     wrench_conditions,
 )
 
@@ -61,3 +63,11 @@ def test_the_wrench_has_a_grid_of_its_own(design, count):
 
 def test_every_factor_on_a_size_is_a_disturbance_of_the_laboratory():
     assert set(SIZES) < set(vars(DynamicsOptions())) and set(FACTORS) == set(asdict(Factors()))
+
+
+def test_the_physics_of_a_survey_are_its_factors_on_the_arm_one_at_a_time():
+    named = physics(LEVELS | {"motion_capture": [4.0], "depth_camera": [0.25]})
+    assert list(named) == [BASE, "clearance 0", "clearance 2", "jitter_std 4"]
+    assert named[BASE] == Factors() and named["clearance 2"] == Factors(clearance=2.0)
+    # the control: an instrument is no physics of the arm, and a factor on two levels is none twice
+    assert physics({"motion_capture": [4.0]}) == {BASE: Factors()}

@@ -14,10 +14,9 @@ from pipeline.core import rng
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory import session
 from pipeline.laboratory.swing import desired_joints
-from pipeline.studies.survey.conditions import Factors
+from pipeline.studies.survey.conditions import Factors, disturbed
 from pipeline.studies.survey.options import Way
 from pipeline.studies.survey.robots import (
-    disturbed,
     measured,
     observe,
     perform,

@@ -7,9 +7,14 @@ import pandas as pd
 import pytest
 
 from pipeline.studies.survey import summary
-from pipeline.studies.survey.conditions import FACTORS, Factors, MotionCondition, WrenchCondition
-from pipeline.studies.survey.summary import (
+from pipeline.studies.survey.conditions import (
     BASE,
+    FACTORS,
+    Factors,
+    MotionCondition,
+    WrenchCondition,
+)
+from pipeline.studies.survey.summary import (
     VARIED,
     Tally,
     against_the_pipeline,

@@ -42,7 +42,7 @@ class Clones:
             self.write(place, STAGES, 0.5)
 
     def write(self, place: Path, stages: dict, value: float) -> None:
-        for file, of in stages.items():
+        for file, parts in stages.items():
             (place / file).parent.mkdir(parents=True, exist_ok=True)
             entries = {
                 name: {
@@ -53,7 +53,7 @@ class Clones:
                     "cmd": stage["cmd"],
                     "params": {"data/config.yaml": {"seed": stage.get("seed", 1)}},
                 }
-                for name, stage in of.items()
+                for name, stage in parts.items()
             }
             OmegaConf.save({"schema": "2.0", "stages": entries}, place / file)
         (place / "reports").mkdir(exist_ok=True)

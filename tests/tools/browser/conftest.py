@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 from spatial_take import spatial_take
 
 from pipeline.tools.page.graph import draw
-from pipeline.tools.page.page import Content, render
+from pipeline.tools.page.page import Content, player_script, render
 from pipeline.tools.page.player import player
 from pipeline.tools.page.provenance import Costs
 from pipeline.tools.page.stages import Stage
@@ -98,11 +98,12 @@ def narrow(at_width: Callable[[int], Opened]) -> Opened:
 def in_space(browser: Browser, tmp_path: Path) -> Iterator[Opened]:
     """A page that plays a take of an arm in space, and holds nothing else."""
     stages = [Stage("fit", "parameters", ["data/fit/*"], [])]
+    played = player(spatial_take())
     content = Content(
         dataset="lab",
         scale="smoke",
         decided=[],
-        player=player(spatial_take()),
+        player=played,
         illustrations=[],
         studies=[],
         errata=[],
@@ -118,6 +119,7 @@ def in_space(browser: Browser, tmp_path: Path) -> Iterator[Opened]:
     )
     file = tmp_path / "index.html"
     file.write_text(render(content), encoding="utf-8")
+    (tmp_path / "player.js").write_text(player_script(played), encoding="utf-8")
     opened = open_page(browser, file, 1200)
     yield opened
     opened.page.close()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 
 import pytest
@@ -35,7 +34,7 @@ def state(page) -> tuple:
 
 def test_the_slider_moves_by_keyboard_and_everything_with_it(opened):
     page = opened.page
-    frames = json.loads(page.locator("#played").text_content())
+    frames = page.evaluate("played.frames")
     last = len(frames) - 1
     page.locator(SLIDER).focus()
     page.keyboard.press("Home")
@@ -44,6 +43,8 @@ def test_the_slider_moves_by_keyboard_and_everything_with_it(opened):
     assert page.locator(SLIDER).input_value() == "1"
     after = state(page)
     assert all(one != other for one, other in zip(before, after, strict=True))
+    outlines = "[...document.querySelectorAll('.shape')].map((e) => e.getAttribute('d'))"
+    assert all(page.evaluate(outlines))
     page.keyboard.press("End")
     image, links, cursors, ellipses, dots, _ = state(page)
     frame = frames[last]

@@ -41,7 +41,7 @@ def view_of(page) -> tuple[np.ndarray, np.ndarray, dict]:
     towards = [np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)]
     scene = json.loads(page.locator("#play-scene").get_attribute("data-scene"))
     axes = 0.9 / scene["radius"] * np.array([right, -np.cross(towards, right)])
-    frames = json.loads(page.locator("#played").text_content())
+    frames = page.evaluate("played.frames")
     return axes, np.array(scene["centre"]), frames[int(page.locator("#play-slider").input_value())]
 
 
@@ -88,7 +88,7 @@ def test_it_turns_by_the_mouse_and_moves_with_the_slider(in_space):
 
 def test_nothing_is_asked_of_anybody_and_the_page_is_accessible(in_space):
     in_space.page.locator("#player").scroll_into_view_if_needed()
-    assert in_space.errors == [] and len(in_space.requests) == 1
+    assert in_space.errors == [] and all(url.startswith("file:") for url in in_space.requests)
     result = Axe().run(in_space.page, context="#player").response["violations"]
     assert [f"{rule['id']}: {rule['nodes'][0]['html'][:200]}" for rule in result] == []
     assert in_space.page.locator("#play-depth").count() == 0

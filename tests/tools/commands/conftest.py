@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from motive_files import START, random_take
 from written_logs import write_joint_log
 
+from pipeline import arm
 from pipeline.core import config, datasheet
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
@@ -72,3 +74,21 @@ def joint_exports(tmp_path) -> Path:
         JointLog(np.arange(30) / 200, {"actual": np.zeros((30, 6))}, {}),
     )
     return folder
+
+
+@pytest.fixture
+def space_exports(exports) -> Path:
+    """Takes of rigid bodies alone, with a controller's logs of their names, and a URDF."""
+    for part in ("mocap", "kinect", "force"):
+        shutil.rmtree(exports / part)
+    (exports / "logs").mkdir()
+    (exports / "mocap").mkdir()
+    names = ["time", *(f"measured_{joint}" for joint in "ab"), "target_a"]
+    for take in ("move_1", "move_2", "hold_1"):
+        recorded = random_take(9)
+        recorded.markers.clear()
+        write_motive(exports / f"mocap/{take}.csv", recorded, start=START)
+        rows = [",".join(f"{0.01 * k + column:.3f}" for column in range(4)) for k in range(9)]
+        (exports / f"logs/{take}.csv").write_text("\n".join([",".join(names), *rows, ""]))
+    shutil.copy(Path(arm.__file__).parent / "lwr4.urdf", exports / "robot.urdf")
+    return exports

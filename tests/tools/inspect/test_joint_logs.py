@@ -16,6 +16,7 @@ from pipeline.tools.inspect.finding import Finding
 from pipeline.tools.inspect.layout import layout
 from pipeline.tools.inspect.report import as_table
 from pipeline.tools.new_dataset.datasheet_file import datasheet_file
+from pipeline.tools.new_dataset.suggestions import Suggestions
 
 TIME = np.arange(1000) * 0.008
 
@@ -46,15 +47,18 @@ def test_an_archive_says_what_would_settle_its_traps(tmp_path):
         settings | {"target_delay": "0.96"},
     ]
     assert asked(findings[0]) == {"clock", "target_factor", "target_delay", "rest"}
-    # recordings that are settled differently each stand in a line
+    # recordings that are settled differently each stand in a line; what is asked of both, once
     table = as_table(findings, tmp_path)
-    assert "run_1.npz" in table and "suggested is 0.96: dataset.joint_log.target_delay" in table
-    proposed = datasheet_file("lab", "lab", layout(findings, tmp_path), tmp_path)
+    assert "run_1.npz" in table and "run_2.npz" in table
+    assert table.count("suggested is 0.8–0.96: dataset.joint_log.target_delay") == 1
+    assert table.count("dataset.joint_log.clock") == 1
+    recorded = layout(findings, tmp_path)
+    proposed = datasheet_file("lab", "lab", recorded, tmp_path)
     assert "joints: ??? # names of the 3 logged joints" in proposed
-    assert (
-        "target_delay: ??? # by the angles themselves it is {run_1: 0.8, run_2: 0.96}" in proposed
-    )
-    assert "clock: ??? # by the angles themselves it is rows" in proposed
+    assert "target_delay: ??? # the command differs from the measured angles by" in proposed
+    suggestions = Suggestions(recorded, tmp_path)
+    assert suggestions.of("joint_log.target_delay", {}) == "{run_1: 0.8, run_2: 0.96}"
+    assert suggestions.of("joint_log.clock", {}) == "rows"
 
 
 def test_an_archive_without_traps_says_that_its_angles_are_a_pair(tmp_path):

@@ -233,7 +233,10 @@ def test_the_library_reads_back_every_file_and_every_stage_of_a_run(results):
 @pytest.mark.slow
 def test_what_is_written_anew_is_the_same_to_the_byte(results):
     """The page is among what the second run finds there, and the crate's own text."""
-    files = [results / f"reports/{name}" for name in ("index.html", "ro-crate-metadata.json")]
+    files = [
+        results / f"reports/{name}"
+        for name in ("index.html", "studies.html", "player.js", "ro-crate-metadata.json")
+    ]
     before = [file.read_bytes() for file in files]
     done = run("python", "-m", "pipeline", "page", cwd=results)
     assert done.returncode == 0, done.stderr

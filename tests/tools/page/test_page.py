@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
@@ -11,10 +12,10 @@ from markupsafe import Markup
 
 from pipeline.tools.page.graph import draw
 from pipeline.tools.page.illustrations import Illustration, Table
-from pipeline.tools.page.page import Content, beside, render
+from pipeline.tools.page.page import Content, beside, player_script, render, render_studies
 from pipeline.tools.page.pictures import Picture
 from pipeline.tools.page.player import Player
-from pipeline.tools.page.plots import Plot
+from pipeline.tools.page.plots import Axis, Panel, Plot, Shape
 from pipeline.tools.page.provenance import Costs
 from pipeline.tools.page.stages import Stage, StageRun
 from pipeline.tools.page.study_pages import StudyPage
@@ -137,31 +138,44 @@ def test_what_there_is_not_is_said(content):
 
 
 def test_no_text_is_taken_for_markup(content):
-    picture = Picture('data:image/png;base64,"', 3, 2, Path("reports/figures/f.png"))
+    picture = Picture(Path('reports/figures/f".png'), 3, 2)
     figure = Illustration("f", "T<i>", "C", "", {}, "a.py", picture, [], ["fit"])
     page = render(replace(content, illustrations=[figure]))
     assert (
         "less than &lt;b&gt;half&lt;/b&gt; &amp; more" in page
         and "T&lt;i&gt;" in page
-        and 'base64,"' not in page
+        and 'f".png' not in page
     )
 
 
-def test_what_is_played_cannot_end_its_script(content):
-    plot = Plot(10, 10, [])
-    frames = [{"t": "a</script>"}]
-    player = Player("test_001", [], {}, plot, {}, {}, (4, 3), None, True, frames)
+def test_what_is_played_stands_beside_the_page_the_outlines_in_the_order_of_the_shapes(content):
+    panels = [Panel(Axis(0, 1, 9), Axis(0, 1, 9), 0, 0, "", [Shape(p, "")]) for p in ("M0", "M1")]
+    plot = Plot(10, 10, panels)
+    player = Player("test_001", [], {"a": ("A", "")}, plot, {"a": plot}, {"a": plot}, (4, 3), None,
+                    True, [{"t": "0.25"}])  # fmt: skip
     page = render(replace(content, player=player))
-    assert "a\\u003c/script>" in page and "a</script>" not in page
+    script = player_script(player)
+    played = json.loads(script.removeprefix("window.played = ").removesuffix(";\n"))
+    assert played["frames"] == [{"t": "0.25"}]
+    assert [*played["paths"]] == ["play-joints", "play-error-a", "play-spread-a"]
+    assert [*played["paths"].values()] == 3 * [["M0", "M1"]]
+    assert all(f'id="{name}"' in page for name in played["paths"])
+    assert page.count('class="shape"') == 6 and 'src="player.js"' in page
+    assert player_script(None) == "window.played = null;\n" and 'src="player.js"' not in render(
+        content
+    )
 
 
 def test_a_study_is_shown_as_its_page_says(content):
     study = StudyPage(
         "faults", "What faults cost", Path("reports/studies/faults.md"), Markup("<p>Much.</p>")
     )
-    page = render(replace(content, studies=[study]))
+    page = render_studies([study])
     assert "What faults cost" in page and "<p>Much.</p>" in page
     assert '<a href="studies/faults.md">' in page and "No study has run" not in page
+    linked = render(replace(content, studies=[study]))
+    assert '<a href="studies.html#study-faults">faults</a>: What faults cost' in linked
+    assert 'id="study-faults"' in page and "No study has run" not in linked
 
 
 def test_of_a_long_table_the_first_rows_are_shown_and_that_is_said(content):

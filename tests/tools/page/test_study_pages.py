@@ -1,4 +1,4 @@
-"""A study's page of Markdown becomes a part of the page that needs no file for what it shows."""
+"""A study's page of Markdown becomes a part of the page of results."""
 
 from __future__ import annotations
 
@@ -33,10 +33,11 @@ def reports(tmp_path) -> Path:
     return tmp_path / "reports"
 
 
-def test_its_figures_are_inside_and_its_links_lead_from_where_the_page_lies(reports):
+def test_its_figures_and_links_lead_from_where_the_page_lies(reports):
     (study,) = study_pages(reports / "studies", reports)
     assert (study.name, study.title) == ("faults", "What <it> costs")
-    assert 'src="data:image/webp;base64,' in study.html and 'width="30" height="20"' in study.html
+    assert 'src="studies/faults/figures/costs.png"' in study.html
+    assert 'width="30" height="20"' in study.html
     assert 'href="studies/faults/rows.csv"' in study.html
     assert 'href="errata.md#sign"' in study.html
 

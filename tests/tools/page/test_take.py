@@ -12,7 +12,8 @@ from spatial_take import UR5
 
 from pipeline.core import contracts
 from pipeline.core.columns import spread, triangle
-from pipeline.core.options.dataset import SPACE, Dataset, Motion
+from pipeline.core.options.dataset import Dataset, Motion
+from pipeline.core.task import SPACE
 from pipeline.tools.page.player import player
 from pipeline.tools.page.posterior import FILTER, FIT
 from pipeline.tools.page.take import FRAMES, STEPS, TRACK, read_take

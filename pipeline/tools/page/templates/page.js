@@ -96,9 +96,14 @@ const turnable = (scene, current) => {
   return draw;
 };
 
-const data = document.getElementById("played");
-if (data) {
-  const frames = JSON.parse(data.textContent);
+// the outlines of the player's plots and its frames stand in player.js
+if (window.played) {
+  const { frames, paths } = window.played;
+  for (const [plot, outlines] of Object.entries(paths)) {
+    document.querySelectorAll(`#${CSS.escape(plot)} .shape`).forEach((shape, place) => {
+      shape.setAttribute("d", outlines[place]);
+    });
+  }
   const slider = document.getElementById("play-slider");
   const button = document.getElementById("play-button");
   const now = document.getElementById("play-now");

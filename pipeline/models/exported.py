@@ -1,0 +1,154 @@
+"""A fitted model as one readable file, and the object that it is taken up as: NumPy alone, neither
+the pipeline's configuration nor its compiler.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
+from pipeline.arm.plain import PlainChain
+from pipeline.core.errors import ContractError
+from pipeline.models.kinds import build_model
+from pipeline.models.model import MotionModel
+
+FORMAT = "motion model 1"
+ARMS = {"planar": PlanarChain, "serial": PlainChain}
+UNLIMITED = {"lower": -np.inf, "upper": np.inf, "max_speed": np.inf}  # null in the file
+# of a range's width, and beside it in its own unit, that a pose or a command may be beyond it
+# before it is warned of
+MARGIN, SLACK = 0.05, 1e-3
+
+
+class OutsideRanges(UserWarning):
+    """A pose or a command beyond those that the model was fitted to."""
+
+
+@dataclass(frozen=True)
+class ExportedModel:
+    """p(q_{k+1} | q_k) for the command v of a step of 1/rate s, as it was fitted.
+
+    ``q`` (..., n) are joint angles in rad, ``v`` (m,) or (..., m) steps of the task in m and rad,
+    (m + n) of an arm with more joints than task rows (:mod:`pipeline.models.commands`). Beyond the
+    ranges of the fit each method warns :class:`OutsideRanges`, of each joint and row once. All
+    raise SingularJacobianError at a singular pose, the moments ModelDomainError where there are
+    none.
+    """
+
+    law: MotionModel
+    chain: Chain
+    record: Mapping[str, Any]  # what the file holds
+    _warned: set[str] = field(default_factory=set, compare=False)
+
+    def mean(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(..., n) E[q_{k+1}] in rad."""
+        return self.law.mean(self.chain, *self._checked(q, v))
+
+    def covariance(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(..., n, n) Cov(q_{k+1}) in rad²."""
+        return self.law.covariance(self.chain, *self._checked(q, v))
+
+    def step(self, q: np.ndarray, v: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """(..., n) a random next pose in rad for each of ``q``, as a particle filter needs it."""
+        return self.law.sample(self.chain, *self._checked(q, v), rng)
+
+    def sample(
+        self, q: np.ndarray, v: np.ndarray, size: int, rng: np.random.Generator
+    ) -> np.ndarray:
+        """(size, ..., n) independent next poses in rad from the same ``q``."""
+        q, v = self._checked(q, v)
+        return self.law.sample(self.chain, np.broadcast_to(q, (size, *q.shape)), v, rng)
+
+    def log_density(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        q_next: np.ndarray,
+        measurement: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """(...,) ln p(q_next | q) in rad⁻ⁿ; with ``measurement`` (n, n) in rad² of the next pose as
+        it is measured (for a Wishart model by a quadrature that needs the project's compiler).
+
+        Raises ModelDomainError where the step has no density, as a matrix model's at rest.
+        """
+        q, v = self._checked(q, v)
+        return self.law.log_density(self.chain, q, v, np.asarray(q_next, float), measurement)
+
+    def command(self, q: np.ndarray, v: np.ndarray, target: np.ndarray) -> np.ndarray:
+        """``v`` and what the closed loop corrects of it at ``q``, a share of the way to ``target``,
+        the pose of the tip that it is held to; ``v`` itself for an open loop.
+        """
+        q, v, m = np.asarray(q, float), np.asarray(v, float), len(self.chain.task)
+        off = self.chain.displacement(self.chain.pose(q), target)
+        command = np.array(np.broadcast_to(v, (*off.shape[:-1], v.shape[-1])))
+        command[..., :m] += self.record["closed_loop_share"] * off
+        return command
+
+    def _checked(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Both as arrays, after a warning where they are beyond what was fitted."""
+        q, v = np.asarray(q, dtype=float), np.asarray(v, dtype=float)
+        rate = self.record["rate_per_s"]
+        for what, values in (("pose", q), ("speed", rate * v)):
+            ranges = self.record["ranges"][what]
+            for column, (name, ends) in enumerate(ranges.items()):
+                slack = SLACK + MARGIN * (ends["greatest"] - ends["least"])
+                low, high = ends["least"] - slack, ends["greatest"] + slack
+                each = values[..., column]
+                beyond = (each < low) | (each > high)
+                if f"{what} {name}" in self._warned or not np.any(beyond):
+                    continue
+                self._warned.add(f"{what} {name}")
+                warnings.warn(
+                    f"{what} of {name}: {each[beyond].flat[0]:.4g} {ends['unit']} is outside "
+                    f"{ends['least']:.4g} to {ends['greatest']:.4g}, where the model "
+                    f"{self.record['model']} was fitted",
+                    OutsideRanges,
+                    stacklevel=3,
+                )
+        return q, v
+
+
+def chain_record(chain: Chain) -> dict[str, Any]:
+    """The numbers of ``chain`` in plain values, without any robot's description."""
+    planar = isinstance(chain, PlanarChain)
+    values = {each.name: getattr(chain, each.name) for each in fields(chain)}
+    plain = {
+        name: value.tolist() if isinstance(value, np.ndarray) else value
+        for name, value in values.items()
+    }
+    for name in UNLIMITED:
+        plain[name] = [limit if np.isfinite(limit) else None for limit in plain[name]]
+    return {"kind": "planar" if planar else "serial"} | plain
+
+
+def _chain(record: Mapping[str, Any]) -> Chain:
+    values = {}
+    for name, value in record.items():
+        if name in UNLIMITED:
+            value = [UNLIMITED[name] if limit is None else limit for limit in value]
+        values[name] = np.array(value) if isinstance(value, list) and name != "task" else value
+    if "task" in values:
+        values["task"] = tuple(values["task"])
+    return ARMS[values.pop("kind")](**values)
+
+
+def read_exported(file: Path) -> ExportedModel:
+    """The model that the tool export wrote to ``file``; raises ContractError for any other file."""
+    try:
+        record = json.loads(file.read_text(encoding="utf-8"))
+        if record["format"] != FORMAT:
+            raise ValueError(f"format {record['format']!r}, not {FORMAT!r}")
+        return ExportedModel(build_model(record["parameters"]), _chain(record["arm"]), record)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ContractError(
+            f"no exported model ({error!r}); write one by python -m pipeline export MODEL",
+            file=file,
+        ) from None

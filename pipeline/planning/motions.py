@@ -1,0 +1,214 @@
+"""Motions of the joints along a task path: least uncertain, best conditioned, of least norm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.core.errors import ConfigError
+from pipeline.planning.cost import Cost, where_defined
+from pipeline.planning.problem import InfeasibleError, Problem
+from pipeline.planning.refine import objective, refined
+from pipeline.planning.search import cheapest, way_to
+from pipeline.planning.self_motion import ROUNDS, Grid, grid, spacing_of, stages
+from pipeline.planning.settle import settle
+
+POINTS = 200  # of the grid, at a step
+SPACINGS = 1.5  # that the slowest joint can move from one stage of the search to the next
+WAYS, APART = 3, 0.5  # through a grid that are refined, and the rad that sets two of them apart
+CLOUDS, CROWD = 2, 5  # with two spare degrees or more: grids, and by how much larger each is
+
+
+@dataclass(frozen=True, eq=False)
+class Planned:
+    """A motion that keeps the path, the limits and the margin."""
+
+    joints: np.ndarray  # (M+1, n) rad
+    cost: np.ndarray  # (M,) of each step, what the motion was chosen by
+    objective: float  # Σ cost + smoothness·Σ‖w‖², w the steps in the null space, rad
+    grid_cost: float  # the same of the optimum to the grid, before it was refined
+    clearance: np.ndarray  # (M+1,) least singular value of J, m
+
+
+def least_uncertain(problem: Problem, cost: Cost, points: int = POINTS) -> Planned:
+    """The motion of least Σ ``cost`` + smoothness·Σ‖w_k‖², w_k = (I − J⁺J)-part of the step k.
+
+    By dynamic programming over a grid of ``points`` at a step, which is globally optimal to the
+    grid; then locally (:mod:`.refine`), from the best way through the grid and the best that are
+    apart from it, as the grid may hold a better motion worse than another. With m = n the grid is
+    the whole set of motions, and the search decides the branch. Its stages are the steps of the
+    path, or so many of them together that a joint can move from one point of the grid to the next;
+    the costs of all steps count, each at the pose of the nearest stage. With two spare degrees or
+    more it runs on clouds, and the best of all is taken: a local optimum.
+
+    Eq. (least-uncertain-path), of the trace of its sum or what else is a number, and with the
+    self-motion free that its constraint leaves out.
+
+    Raises InfeasibleError with the first step at which no motion keeps the path, the limits and the
+    margin, and what the ``cost`` raises where it exists nowhere.
+    """
+    if points < 1:
+        raise ConfigError(f"a grid needs points, not {points}", key="points")
+    best, failed = None, None
+    clouds, size = (CLOUDS, CROWD * points) if problem.spare > 1 else (1, points)
+    for number in range(clouds):
+        try:
+            planned = _on_grid(problem, cost, size, number * size)
+        except InfeasibleError as error:
+            failed = failed or error
+            continue
+        if best is None or planned.objective < best.objective:
+            best = planned
+    if best is None:
+        raise failed
+    return best
+
+
+def best_conditioned(problem: Problem, points: int = POINTS) -> Planned:
+    """The motion of greatest Σ ln w, w = sqrt(det JJᵀ) Yoshikawa's manipulability, less smoothness;
+    as :func:`least_uncertain` with −ln w as the cost.
+    """
+
+    def cost(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        jacobian = problem.chain.jacobian(q)
+        return -np.linalg.slogdet(jacobian @ np.swapaxes(jacobian, -1, -2))[1] / 2
+
+    return least_uncertain(problem, cost, points)
+
+
+def minimum_norm(problem: Problem, start: np.ndarray) -> Planned:
+    """The motion from ``start`` (n,) in rad by J⁺v alone, brought back to the path at every step:
+    what resolved-rate control does (Whitney, 1969). Its cost is the square of each step in rad².
+
+    Raises InfeasibleError with the first step at which it leaves the limits or the margin.
+    """
+    chain, joints = problem.chain, np.empty((len(problem.path), len(start)))
+    guess = np.asarray(start, dtype=float)[None]
+    for k, target in enumerate(problem.path):
+        q, reached = settle(chain, guess, target[None], ROUNDS)
+        if not reached[0] or chain.singular(q)[0]:
+            raise InfeasibleError("the least-norm motion does not reach the path", step=k)
+        joints[k] = q[0]
+        if k < len(problem.steps):
+            guess = q + np.matvec(chain.inverse_jacobian(q), problem.steps[k])
+    _require_kept(problem, joints)
+    cost = np.sum(np.diff(joints, axis=0) ** 2, axis=-1)
+    return Planned(joints, cost, cost.sum(), cost.sum(), problem.clearance(joints))
+
+
+def on_stages(problem: Problem, cost: Cost, chosen: Grid) -> list[tuple[np.ndarray, float]]:
+    """The cheapest way through the grid ``chosen``, (S, n) in rad, and what it costs; behind it the
+    cheapest others that end apart from each other. Eq. (least-uncertain-path) to the grid.
+
+    Raises InfeasibleError with the first step to which none leads, and what ``cost`` does.
+    """
+    chain, steps, counts = problem.chain, chosen.steps, np.array([len(q) for q in chosen.poses])
+    stage = np.searchsorted((steps[1:] + steps[:-1]) / 2, np.arange(len(problem.steps)), "right")
+    q = np.concatenate([chosen.poses[s] for s in stage])
+    each = where_defined(cost, q, np.repeat(problem.steps, counts[stage], axis=0))
+    own = np.full((len(steps), counts.max()), np.inf)
+    poses = np.zeros((*own.shape, len(chain.lower)))
+    nominal = np.zeros((len(steps) - 1, *poses.shape[1:]))
+    for s, solutions in enumerate(chosen.poses):
+        poses[s, : len(solutions)], own[s, : len(solutions)] = solutions, 0.0
+        if s + 1 < len(steps):
+            v = chain.displacement(problem.path[steps[s]], problem.path[steps[s + 1]])
+            nominal[s, : len(solutions)] = np.matvec(chain.inverse_jacobian(solutions), v)
+    for s, part in zip(stage, np.split(each, np.cumsum(counts[stage])[:-1]), strict=True):
+        own[s, : len(part)] += part
+    wide = np.diff(steps)
+    before, total = np.zeros(own.shape, dtype=np.int64), np.full_like(own, np.inf)
+    reached = cheapest(
+        poses,
+        counts,
+        own,
+        nominal,
+        wide[:, None] * problem.reach,
+        problem.smoothness / wide,
+        _more_than_a_turn(problem),
+        before,
+        total,
+    )
+    if reached < len(steps):
+        _raise_unreached(problem, chosen, own, reached)
+    ways: list[tuple[np.ndarray, float]] = []
+    for last in np.argsort(total[-1], kind="stable"):
+        if len(ways) == WAYS or not np.isfinite(total[-1, last]):
+            break
+        ends = (problem.less_turns(poses[-1, last] - way[-1]) for way, _ in ways)
+        if all(np.abs(end).max() > APART for end in ends):
+            way = poses[np.arange(len(steps)), way_to(last, before)]
+            ways.append((way, float(total[-1, last])))
+    return ways
+
+
+def _on_grid(problem: Problem, cost: Cost, points: int, first: int) -> Planned:
+    """The best of one grid, refined."""
+    spacing = spacing_of(problem, points)
+    steps = stages(problem, spacing, SPACINGS)
+    ways = on_stages(problem, cost, grid(problem, steps, spacing, points, first))
+    planned, failed = [], []
+    for way, _ in ways if problem.spare > 0 else ways[:1]:
+        try:
+            planned.append(_filled_in(problem, cost, _unwound(problem, way), steps, ways[0][1]))
+        except InfeasibleError as error:
+            failed.append(error)
+    if not planned:
+        raise failed[0]
+    return min(planned, key=lambda motion: motion.objective)
+
+
+def _filled_in(
+    problem: Problem, cost: Cost, way: np.ndarray, steps: np.ndarray, grid_cost: float
+) -> Planned:
+    """The motion through ``way`` (S, n) in rad at the ``steps`` (S,), refined."""
+    every = np.arange(len(problem.path))
+    between = np.stack([np.interp(every, steps, column) for column in way.T], axis=-1)
+    joints, reached = settle(problem.chain, between, problem.path, ROUNDS)
+    if not reached.all():
+        raise InfeasibleError(
+            "the motion cannot be filled in between two points of the grid; give it more points",
+            step=int((~reached).argmax()),
+        )
+    if problem.spare > 0:
+        joints = refined(problem, cost, joints)
+    _require_kept(problem, joints)
+    each = cost(joints[:-1], problem.steps)
+    clearance = problem.clearance(joints)
+    return Planned(joints, each, objective(problem, each, joints), grid_cost, clearance)
+
+
+def _more_than_a_turn(problem: Problem) -> np.ndarray:
+    """(n,) joints that come round within their limits."""
+    chain = problem.chain
+    return problem.comes_round & (chain.upper - chain.lower > 2 * np.pi)
+
+
+def _unwound(problem: Problem, poses: np.ndarray) -> np.ndarray:
+    """``poses`` (S, n) without jumps of whole turns, within the limits where some turns fit."""
+    chain, turn = problem.chain, 2 * np.pi * _more_than_a_turn(problem)
+    steps = np.diff(poses, axis=0, prepend=0.0)
+    steps[1:] -= turn * np.round(steps[1:] / (2 * np.pi))
+    poses = np.cumsum(steps, axis=0)
+    over = np.where(turn > 0, np.maximum(poses.max(axis=0) - chain.upper, 0.0), 0.0)
+    under = np.where(turn > 0, np.maximum(chain.lower - poses.min(axis=0), 0.0), 0.0)
+    return poses + 2 * np.pi * (np.ceil(under / (2 * np.pi)) - np.ceil(over / (2 * np.pi)))
+
+
+def _require_kept(problem: Problem, joints: np.ndarray) -> None:
+    if failure := problem.failure(joints):
+        raise InfeasibleError(failure[1], step=failure[0])
+
+
+def _raise_unreached(problem: Problem, chosen: Grid, own: np.ndarray, stage: int) -> None:
+    """Why no way leads to ``stage``."""
+    step = int(chosen.steps[stage])
+    if not np.isfinite(own[stage]).any():
+        raise InfeasibleError("the model has no covariance at any pose of the path", step=step)
+    raise InfeasibleError(
+        "no pose of the path can be reached from those before within the joints' speeds; give "
+        "the path more time",
+        step=step,
+        after=int(chosen.steps[stage - 1]) if stage else None,
+    )

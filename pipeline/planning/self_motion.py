@@ -1,0 +1,250 @@
+"""The poses of the joints that carry the tip to a pose of the path, as a grid.
+
+With one joint more than task rows they are curves: each branch (elbow up and down, wrist turned
+over) one of its own, closed but where it ends at a singular pose or a joint's limit. A curve is
+followed along the null space of J, each point brought back to the path by Newton's method, so that
+its points lie a spacing apart wherever it turns. Starting points come from Newton's method begun at
+spread poses (a Halton sequence within the limits); every solution that no curve passes begins
+another, so that all branches that any start leads to are covered, whole turns taken off. With as
+many joints as rows the curves are points. With more spare joints the grid is a cloud: the solutions
+of the starts at the first step, carried along the path by least-norm steps, and begun anew where
+one is lost.
+
+A curve is followed through the limits and the margin, and cut there last: what lies beyond is
+dropped and does not part a branch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats.qmc import Halton
+
+from pipeline.arm.interface import Chain
+from pipeline.planning.problem import InfeasibleError, Problem
+from pipeline.planning.settle import settle
+
+STARTS, ALL = 32, 256  # poses at which Newton's method begins, a step; where those find nothing
+ROUNDS, CORRECTIONS = 40, 6  # of Newton's method, from a start and along a curve
+RETRIES = 15  # of it from a start that comes for a lost one
+COARSE = 0.25  # rad, the spacing at which the length of the curves is taken
+SAME = 1e-4  # rad, between two solutions that are one
+LONGEST = 4000  # points of a curve
+PILOTS = 5  # steps at which the length is taken
+
+
+@dataclass(frozen=True)
+class Grid:
+    """At each of ``steps`` (S,), of the path, the poses (G, n) in rad of its grid."""
+
+    steps: np.ndarray
+    poses: list[np.ndarray]
+
+
+def starts(chain: Chain, count: int, first: int = 0) -> np.ndarray:
+    """(count, n) poses spread within the joint limits, a turn where a joint has none; ``first`` of
+    the sequence are passed over.
+    """
+    unbounded = ~np.isfinite(chain.upper - chain.lower)
+    low = np.where(unbounded, -np.pi, chain.lower)
+    high = np.where(unbounded, np.pi, chain.upper)
+    sequence = Halton(len(low), scramble=False).fast_forward(first + 1)
+    return low + (high - low) * sequence.random(count)
+
+
+def stages(problem: Problem, spacing: float, spacings: float) -> np.ndarray:
+    """(S,) steps of the path, its first and last among them, so far apart that the slowest joint
+    moves by ``spacings`` of the ``spacing`` in between.
+
+    On a grid that is wide beside a step of the joints no pose could be left within one step.
+    """
+    last, slowest = len(problem.steps), problem.reach.min()
+    wide = 1 if problem.spare == 0 else int(np.ceil(spacings * spacing / slowest))
+    count = -(-last // min(max(wide, 1), last))
+    return np.round(np.linspace(0, last, count + 1)).astype(int)
+
+
+def spacing_of(problem: Problem, points: int) -> float:
+    """The spacing in rad at which the curves within limits and margin have ``points`` points at
+    the step of a few where they are longest.
+    """
+    if problem.spare != 1:
+        return 0.0
+    pilots = np.unique(np.linspace(0, len(problem.steps), PILOTS).round().astype(int))
+    most = max(len(poses) for poses in curves(problem, pilots, COARSE))
+    return COARSE * max(most, 1) / points
+
+
+def grid(problem: Problem, steps: np.ndarray, spacing: float, points: int, first: int = 0) -> Grid:
+    """The grid at the ``steps`` (S,): of the whole curves at the ``spacing`` in rad, with two spare
+    degrees or more a cloud of ``points``, whose starts come behind ``first`` others.
+
+    Raises InfeasibleError with the first step of the path that has no pose, and why.
+    """
+    if problem.spare > 1:
+        return Grid(steps, cloud(problem, steps, points, first))
+    poses = curves(problem, steps, spacing)
+    for s, solutions in enumerate(poses):
+        if len(solutions) == 0:
+            poses[s] = _sought(problem, np.arange(steps[max(s - 1, 0)], steps[s] + 1), spacing)
+    return Grid(steps, poses)
+
+
+def _sought(problem: Problem, steps: np.ndarray, spacing: float) -> np.ndarray:
+    """(G, n) of the last of ``steps``, from all starts; raises InfeasibleError with the first of
+    them that has no pose.
+    """
+    solutions = curves(problem, steps, spacing, ALL)
+    for step, poses in zip(steps, solutions, strict=True):
+        if len(poses) == 0:
+            raise _no_pose(problem, int(step))
+    return solutions[-1]
+
+
+def curves(
+    problem: Problem, steps: np.ndarray, spacing: float, count: int = STARTS
+) -> list[np.ndarray]:
+    """For each of ``steps`` (S,) the points (G, n) in rad, ``spacing`` apart, of the curves that
+    ``count`` starts lead to.
+    """
+    targets = problem.path[steps]
+    solutions, waiting = _solutions(problem, steps, count)
+    passed: list[list[np.ndarray]] = [[] for _ in steps]
+    while waiting.any():
+        lanes = np.flatnonzero(waiting.any(axis=1))
+        begun = solutions[lanes, waiting[lanes].argmax(axis=1)]
+        followed = _follow(problem, begun, targets[lanes], spacing)
+        for lane, points in zip(lanes, followed, strict=True):
+            passed[lane].append(points)
+            open_ = np.flatnonzero(waiting[lane])
+            distance = _apart(problem, solutions[lane, open_, None], points).min(axis=1)
+            waiting[lane, open_] = distance > max(1.5 * spacing, SAME)
+    return _kept(
+        problem, [np.concatenate([solutions[s, :0], *each]) for s, each in enumerate(passed)]
+    )
+
+
+def cloud(problem: Problem, steps: np.ndarray, points: int, first: int) -> list[np.ndarray]:
+    """For each of ``steps`` (S,) up to ``points`` poses (G, n) in rad, carried along the path."""
+    chain, fresh, at, kept = problem.chain, first, int(steps[0]), []
+    q, alive = np.empty((points, len(chain.lower))), np.zeros(points, dtype=bool)
+    for step in steps:
+        for k in range(at, step):
+            lanes = np.flatnonzero(alive)
+            guess = q[lanes] + _least_norm(problem, q[lanes], k)
+            targets = np.broadcast_to(problem.path[k + 1], (len(lanes), problem.path.shape[1]))
+            q[lanes], reached = settle(chain, guess, targets, CORRECTIONS)
+            alive[lanes] = reached & chain.within_limits(q[lanes]) & problem.clear(q[lanes])
+        at = step
+        lost, some = np.flatnonzero(~alive), alive.any()
+        tried = starts(chain, len(lost) if some else max(len(lost), ALL), fresh)
+        targets = np.broadcast_to(problem.path[step], (len(tried), problem.path.shape[1]))
+        anew, reached = settle(chain, tried, targets, RETRIES if some else ROUNDS)
+        anew, fresh = problem.nearest_turns(anew[reached]), fresh + len(tried)
+        anew = anew[chain.within_limits(anew) & problem.clear(anew)][: len(lost)]
+        q[lost[: len(anew)]], alive[lost[: len(anew)]] = anew, True
+        if not alive.any():
+            raise _no_pose(problem, int(step))
+        kept.append(q[alive].copy())
+    return kept
+
+
+def _least_norm(problem: Problem, q: np.ndarray, k: int) -> np.ndarray:
+    """(P, n) J⁺v_k at ``q`` (P, n)."""
+    return np.matvec(problem.chain.inverse_jacobian(q), problem.steps[k])
+
+
+def _solutions(problem: Problem, steps: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """(S, count, n) what Newton's method makes of the starts at each of ``steps`` (S,), and (S,
+    count) whether they are solutions.
+    """
+    chain = problem.chain
+    begin = np.tile(starts(chain, count), (len(steps), 1))
+    targets = np.repeat(problem.path[steps], count, axis=0)
+    solutions, reached = settle(chain, begin, targets, ROUNDS)
+    return solutions.reshape(len(steps), count, -1), reached.reshape(len(steps), count)
+
+
+def _follow(
+    problem: Problem, begun: np.ndarray, targets: np.ndarray, spacing: float
+) -> list[np.ndarray]:
+    """For each lane the points (·, n) of the curve through ``begun`` (L, n) over ``targets``."""
+    if problem.spare == 0:
+        return [q[None] for q in begun]
+    tangent = np.linalg.svd(problem.chain.jacobian(begun))[2][:, -1]
+    forward, closed = _one_way(problem, begun, targets, tangent, spacing)
+    ended = np.flatnonzero(~closed)
+    backward, _ = _one_way(problem, begun[ended], targets[ended], -tangent[ended], spacing)
+    for lane, points in zip(ended, backward, strict=True):
+        forward[lane] = np.concatenate([forward[lane], points])
+    return [np.concatenate([q[None], points]) for q, points in zip(begun, forward, strict=True)]
+
+
+def _one_way(
+    problem: Problem, begun: np.ndarray, targets: np.ndarray, tangent: np.ndarray, spacing: float
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """For each lane the points (·, n) behind ``begun`` (L, n) in the direction of ``tangent`` (L,
+    n), and (L,) whether the curve came back.
+    """
+    chain = problem.chain
+    q, tangent, closed = begun.copy(), tangent.copy(), np.zeros(len(begun), dtype=bool)
+    points, lanes = [[] for _ in begun], np.arange(len(begun))
+    for count in range(LONGEST):
+        if len(lanes) == 0:
+            break
+        new, good = settle(chain, q[lanes] + spacing * tangent[lanes], targets[lanes], CORRECTIONS)
+        good &= ~chain.singular(new) & _inside(problem, new)
+        lanes, new = lanes[good], new[good]
+        along = tangent[lanes] - np.matvec(
+            chain.inverse_jacobian(new), np.matvec(chain.jacobian(new), tangent[lanes])
+        )
+        length = np.linalg.norm(along, axis=-1)
+        # a turn of more than a right angle or a long jump is another curve's
+        same = (length > 0.5) & (np.linalg.norm(new - q[lanes], axis=-1) < 2 * spacing)
+        back = (count > 1) & (_apart(problem, new, begun[lanes]) < 0.75 * spacing)
+        closed[lanes[same & back]] = True
+        lanes, new = lanes[same & ~back], new[same & ~back]
+        q[lanes], tangent[lanes] = new, (along / length[:, None])[same & ~back]
+        for lane, point in zip(lanes, new, strict=True):
+            points[lane].append(point)
+    return [np.reshape(each, (-1, begun.shape[1])) for each in points], closed
+
+
+def _inside(problem: Problem, q: np.ndarray) -> np.ndarray:
+    """(P,) whether ``q`` (P, n) is within the limits of the joints that do not come round."""
+    chain = problem.chain
+    return np.all(((q >= chain.lower) & (q <= chain.upper)) | problem.comes_round, axis=-1)
+
+
+def _apart(problem: Problem, q: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """(...,) distance in rad of ``q`` (..., n) from ``other`` (..., n), whole turns apart."""
+    return np.linalg.norm(problem.less_turns(q - other), axis=-1)
+
+
+def _kept(problem: Problem, points: list[np.ndarray]) -> list[np.ndarray]:
+    """Of each of ``points`` (·, n) those within limits and margin, whole turns taken off."""
+    q = problem.nearest_turns(np.concatenate(points))
+    kept = problem.chain.within_limits(q)
+    kept[kept] = problem.clear(q[kept])
+    ends = np.cumsum([len(each) for each in points])[:-1]
+    parts = zip(np.split(q, ends), np.split(kept, ends), strict=True)
+    return [part[good] for part, good in parts]
+
+
+def _no_pose(problem: Problem, step: int) -> InfeasibleError:
+    """Why the path has no pose at ``step``."""
+    chain = problem.chain
+    solutions, reached = _solutions(problem, np.array([step]), ALL)
+    q = problem.nearest_turns(solutions[reached])
+    if len(q) == 0:
+        why = "the arm does not reach the pose of the path; check its frame and its units"
+    elif not chain.within_limits(q).any():
+        why = "the arm reaches the pose of the path beyond its joint limits alone"
+    else:
+        best = float(problem.clearance(q[chain.within_limits(q)]).max())
+        why = (
+            f"the arm reaches the pose of the path with a least singular value of {best:.3g} m at "
+            f"most, below the margin of {problem.margin:g} m"
+        )
+    return InfeasibleError(why, step=step)

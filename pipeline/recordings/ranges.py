@@ -1,0 +1,42 @@
+"""Where a model was fitted: the ends of the poses, speeds and conditions of its takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from pipeline.models.norm import frobenius
+from pipeline.models.steps import Recorded
+
+
+def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
+    """A row each with its ends over the steps of ``recorded``, of ``rate`` a second: the measured
+    ``pose`` and the commanded ``joint speed`` of every joint, the commanded ``speed`` of every row
+    of the command, and the ``condition`` ‖J⁺‖, greater the nearer a pose is to a singular one.
+    """
+    chain, joints, v = recorded.chain, recorded.joints, recorded.v
+    poses = np.concatenate([recorded.q, recorded.q_next[:, -1:]], axis=1)
+    speeds = rate * chain.nominal_step(recorded.q, v)
+    units = ["m/s" if name in ("x", "y", "z") else "rad/s" for name in chain.task]
+    units = [*units, *["rad/s"] * len(joints)][: v.shape[-1]]
+    norms = frobenius(chain.inverse_jacobian(recorded.q))[..., None]
+    rows = [
+        *_ends("pose", joints, ["rad"] * len(joints), poses),
+        *_ends("joint speed", joints, ["rad/s"] * len(joints), speeds),
+        *_ends("speed", [*chain.task, *joints][: v.shape[-1]], units, rate * v),
+        *_ends("condition", ["‖J⁺‖"], ["1/m and 1"], norms),
+    ]
+    return pd.DataFrame(rows, columns=["quantity", "name", "unit", "least", "greatest"])
+
+
+def _ends(
+    quantity: str, names: Sequence[str], units: Sequence[str], values: np.ndarray
+) -> list[tuple]:
+    """A row for each of the ``names``, the columns of ``values`` (..., columns)."""
+    columns = values.reshape(-1, values.shape[-1]).T
+    return [
+        (quantity, name, unit, float(each.min()), float(each.max()))
+        for name, unit, each in zip(names, units, columns, strict=True)
+    ]

@@ -1,0 +1,114 @@
+"""predict: the next pose of held-out takes as every model says it, and as plain baselines do; where
+the models were fitted.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline.core import config, contracts
+from pipeline.core.compute.trials import run_trials
+from pipeline.core.errors import ModelDomainError
+from pipeline.core.filters import MEMORY, NONE
+from pipeline.filtering.alone import predicted_alone
+from pipeline.models.closed_loop import measured_poses
+from pipeline.models.kinds import estimate, fitted_model
+from pipeline.models.prediction import Steps, groups_by_speed, normal_steps, score_take
+from pipeline.models.steps import Recorded
+from pipeline.recordings.ranges import fitted_ranges
+from pipeline.recordings.steps import training_steps
+from pipeline.statistics.take_scores import compared, log_score_differences, prediction_scores
+
+TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")
+PLAIN = ("scaled", "scaled_full")  # models without a random matrix beside those of the run
+
+
+def run() -> None:
+    """Write the ranges of the fits, and the scores of all where the measurement noise is known."""
+    settings = config.sections("predict")
+    recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
+    rate = settings.dataset.motion.rate
+    with contracts.replacing(OUT) as folder:
+        contracts.write(fitted_ranges(recorded, rate), "ranges", folder)
+        try:
+            pose = recorded.measurement / 2
+        except ModelDomainError as error:
+            print(f"predict: no prediction is scored: {error}; state dataset.motion.pose_noise")
+            return
+        by_model = _scored(settings, recorded, pose)
+        scores = {
+            steps: {
+                model: prediction_scores(
+                    {key: value[:, inside] for key, value in own.items()},
+                    recorded.joints,
+                    moving=False,
+                )
+                for model, own in by_model.items()
+            }
+            for steps, inside in groups_by_speed(recorded, rate).items()
+        }
+        for name, make in (
+            ("predictions", partial(compared, rival=NONE)),
+            ("prediction_pairs", log_score_differences),
+        ):
+            tables = {steps: make(own) for steps, own in scores.items()}
+            rows = pd.concat(tables, names=["steps"]).reset_index("steps")
+            contracts.write(rows, name, folder)
+
+
+def _scored(settings, recorded: Recorded, pose: np.ndarray) -> dict[str, Steps]:
+    """Of every baseline and model the scores (takes, M) by name: of the test takes, or, where there
+    are none, of each training take by what the others say. ``pose`` (n, n) rad², the noise of a
+    measured pose.
+    """
+    joints = contracts.read("joints", TRACK)
+    test = joints[joints.part == "test"]
+    names, q = contracts.stacked(joints if test.empty else test, "q")
+    models = dict(settings.models)
+    models |= config.model_options([name for name in PLAIN if name not in models])
+    training = measured_poses(recorded)
+    if test.empty:
+        chosen = models
+        alone = [
+            predicted_alone(np.delete(training, number, axis=0), poses, pose)
+            for number, poses in enumerate(q)
+        ]
+    else:
+        chosen = {
+            name: fitted_model(FIT / name)
+            if name in settings.models
+            else estimate(recorded, options).model
+            for name, options in models.items()
+        }
+        together = predicted_alone(training, q, pose)
+        alone = [
+            {name: (error[number], covariance) for name, (error, covariance) in together.items()}
+            for number in range(len(q))
+        ]
+    scored: dict[str, list[Steps]] = {}
+    reasons: dict[str, dict[str, str]] = {}
+    for name in (NONE, MEMORY):
+        for each in alone:
+            steps, missing = normal_steps(*each[name])
+            scored.setdefault(name, []).append(steps)
+            reasons.setdefault(name, {}).update(missing)
+    takes = dict(enumerate(zip(names, q, strict=True)))
+    score = partial(score_take, takes=takes, recorded=recorded, models=chosen, seed=settings.seed)
+    trials = [(model, number) for model in chosen for number in takes]
+    label = "predict: takes"
+    for (model, _), (steps, missing) in zip(
+        trials, run_trials(score, trials, compute=settings.compute, label=label), strict=True
+    ):
+        scored.setdefault(model, []).append(steps)
+        reasons.setdefault(model, {}).update(missing)
+    for name, missing in reasons.items():
+        for what, reason in missing.items():
+            print(f"predict: {name} gives no {what}: {reason}")
+    return {
+        name: {key: np.stack([each[key] for each in steps]) for key in steps[0]}
+        for name, steps in scored.items()
+    }

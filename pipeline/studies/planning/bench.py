@@ -1,0 +1,135 @@
+"""An arm of the laboratory on the bench: its disturbances, the task that is planned for it, and
+the takes that it performs of any motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from omegaconf import OmegaConf
+
+from pipeline.arm.commanded import trajectory_table
+from pipeline.arm.interface import Chain
+from pipeline.arm.model import chain_of
+from pipeline.core import rng
+from pipeline.core.options.dataset import Robot
+from pipeline.core.typed_yaml import load_yaml, typed
+from pipeline.laboratory.dynamics import Chance, draw, expose, swing
+from pipeline.laboratory.joint_path import JointPath
+from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
+from pipeline.laboratory.session import Session, open_session
+from pipeline.laboratory.swing import desired_path
+from pipeline.models.noise import process_noise
+from pipeline.models.steps import Recorded
+from pipeline.recordings.commands import commanded_steps
+
+TOGETHER = 50  # takes that are simulated at once, so many that memory does not count
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """What of an arm no physics changes."""
+
+    joints: tuple[str, ...]  # names, base to tip
+    built: Chain  # nominal, of the task whose rows sway
+    chain: Chain  # of the task that is planned, the same or fewer rows
+    trajectory: TrajectoryOptions  # of the dataset, at the pace of the study
+    dynamics: DynamicsOptions
+
+    @cached_property
+    def recorded(self) -> np.ndarray:
+        """(M+1, n) rad, the motion of the dataset."""
+        return desired_path(self.built, self.trajectory)
+
+    @property
+    def rate(self) -> float:
+        """Steps of a motion a second."""
+        return self.trajectory.rate
+
+    def command(self, path: np.ndarray) -> np.ndarray:
+        """(M, m + n) commands of a ``path`` (M+1, n) in rad, see :mod:`pipeline.models.commands`;
+        (M, m) of a task that leaves no choice.
+        """
+        table = trajectory_table(self.chain, path, self.rate, self.joints)
+        return commanded_steps(table, self.rate)
+
+
+def bench_of(file: Path, task: Sequence[str], pace: float) -> Bench:
+    """The arm of a dataset's option ``file`` with the rows ``task`` to plan, its own where there
+    are none named; its motion's duration, rests and ramps divided by ``pace``.
+
+    Raises ConfigError for what is no arm, task or motion of it.
+    """
+    section = load_yaml(file)
+    robot = OmegaConf.to_object(typed(Robot, section.robot, "robot"))
+    trajectory, dynamics = (
+        OmegaConf.to_object(typed(kind, section.laboratory[key], f"laboratory.{key}"))
+        for key, kind in (("trajectory", TrajectoryOptions), ("dynamics", DynamicsOptions))
+    )
+    built = chain_of(robot)
+    return Bench(
+        joints=tuple(robot.joints),
+        built=built,
+        chain=chain_of(replace(robot, task=list(task))) if task else built,
+        trajectory=replace(
+            trajectory,
+            duration=trajectory.duration / pace,
+            rest=trajectory.rest / pace,
+            ramp=trajectory.ramp / pace,
+        ),
+        dynamics=dynamics,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """The arm of a ``bench`` in one physics, ``dynamics``: one session, whose takes draw the same
+    numbers whatever the motion and the physics, so that what differs between two motions is the
+    motions' own.
+    """
+
+    bench: Bench
+    dynamics: DynamicsOptions
+    takes: int
+    seed: int
+
+    @cached_property
+    def session(self) -> Session:
+        """The arm as it was built, and its encoders' zeros."""
+        return open_session(
+            self.bench.built, self.dynamics, rng.stream(self.seed, "planning.session")
+        )
+
+    def poses(self, path: np.ndarray, name: str) -> np.ndarray:
+        """(takes, M+1, n) rad: the ``path`` (M+1, n) in rad performed by the takes ``name``, at the
+        exposures of a motion capture without noise of its own.
+
+        Raises ConfigError for a path that the arm cannot follow, SingularJacobianError where it
+        comes to a pose at which the sway has no law.
+        """
+        motion = JointPath(path, self.bench.rate)
+        motion.require_followable(self.bench.built)
+        grid = np.arange(len(path)) / motion.rate
+        poses = []
+        for first in range(0, self.takes, TOGETHER):
+            numbers = range(first, min(first + TOGETHER, self.takes))
+            streams = [rng.stream(self.seed, f"planning.{name}", number) for number in numbers]
+            drawn = [draw(self.bench.built, motion, self.dynamics, stream) for stream in streams]
+            chance = Chance(*map(np.stack, zip(*drawn, strict=True)))
+            t, q, _ = swing(self.session.chain, self.session.encoder, motion, self.dynamics, chance)
+            poses += [
+                expose(t, each, grid, self.dynamics, stream)
+                for each, stream in zip(q, streams, strict=True)
+            ]
+        return np.stack(poses)
+
+    def training(self) -> Recorded:
+        """The steps of the training takes, of the dataset's motion."""
+        bench = self.bench
+        q, command = self.poses(bench.recorded, "training"), bench.command(bench.recorded)
+        noise = process_noise(bench.chain, q, command)
+        return Recorded(bench.chain, q[:, :-1], command, noise, bench.joints)

@@ -1,0 +1,60 @@
+"""Files of exported models of the planar chain of tests/planar_poses.py, of known parameters."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.arm.interface import Chain
+from pipeline.models.exported import FORMAT, chain_record
+
+ROOT_OF_NOISE = np.array([[3.0, 0.0, 0.0], [-2.0, 4.0, 0.0], [1.0, 1.0, 5.0]]) * 1e-3
+PARAMETERS = {
+    "additive": {"noise_covariance": (ROOT_OF_NOISE @ ROOT_OF_NOISE.T).tolist()},
+    "gaussian": {"alpha": 0.05, "u": 30.0},
+    "scaled": {"floor": (1e-7 * np.eye(3)).tolist(), "gain": (0.09 * np.eye(3)).tolist()},
+    "wishart": {"sigma_b": 0.25, "decomposition": "qr_transposed"},
+}
+
+
+def write_model(
+    file: Path,
+    kind: str,
+    chain: Chain,
+    *,
+    share: float = 0.0,
+    width: float = 3.5,
+    speed: float = 1.0,
+) -> Path:
+    """``file`` with the model of ``kind``, fitted at poses up to ``width`` rad from the elbow's
+    right angle and at task speeds up to ``speed``
+    times 0.5 m/s and 4 rad/s.
+    """
+    middle = dict(zip(("a", "b", "c"), (0.3, np.pi / 2, -0.4), strict=True))
+    speeds = dict(zip(chain.task, (0.5 * speed, 0.5 * speed, 4.0 * speed), strict=True))
+    record = {
+        "format": FORMAT,
+        "model": kind,
+        "rate_per_s": 100.0,
+        "parameters": {"kind": kind} | PARAMETERS[kind],
+        "closed_loop_share": share,
+        "ranges": {
+            "pose": {
+                name: {"least": at - width, "greatest": at + width, "unit": "rad"}
+                for name, at in middle.items()
+            },
+            "speed": {
+                name: {
+                    "least": -most,
+                    "greatest": most,
+                    "unit": "rad/s" if name == "phi" else "m/s",
+                }
+                for name, most in speeds.items()
+            },
+        },
+        "arm": chain_record(chain),
+    }
+    file.write_text(json.dumps(record))
+    return file

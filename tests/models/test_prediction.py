@@ -1,0 +1,127 @@
+"""One-step predictions on takes drawn from a known model: calibrated and best where the model is
+the true one, and not where it is not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from known_law import JOINTS, MEASUREMENT, MODELS, REST, STEPS, TAKES, TRUE, write_project
+from scipy.stats import multivariate_normal
+
+from pipeline.models.kinds import build_model
+from pipeline.models.noise import process_noise
+from pipeline.models.prediction import groups_of_steps, score_steps
+from pipeline.models.steps import Recorded
+from pipeline.statistics.scores import nees_band, paired_difference
+from pipeline.statistics.take_scores import compared, posterior_scores, prediction_scores
+
+MOVING = slice(REST, STEPS)
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory):
+    """The recorded training takes, and the poses of the test takes."""
+    with pytest.MonkeyPatch.context() as patch:
+        folder = tmp_path_factory.mktemp("known")
+        patch.chdir(folder)
+        chain, q, v = write_project(folder)
+    noise = process_noise(chain, q[:TAKES], v)
+    return Recorded(chain, q[:TAKES, :-1], v, noise, tuple(JOINTS)), q[TAKES:]
+
+
+def scored(known, model: str) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """The scores (takes, M) of every test take, and why some are missing."""
+    recorded, poses = known
+    law = build_model(MODELS[model])
+    takes = [
+        score_steps(law, recorded, take, np.random.default_rng([len(model), number]))
+        for number, take in enumerate(poses)
+    ]
+    return {name: np.stack([take[name] for take, _ in takes]) for name in takes[0][0]}, takes[0][1]
+
+
+def test_every_step_of_a_take_is_scored_by_the_density_of_its_law(known):
+    (recorded, poses), (scores, _) = known, scored(known, "gaussian")
+    for k in (0, REST + 29):
+        before, after = poses[0, k], poses[0, k + 1]
+        mean = before + np.linalg.solve(recorded.chain.jacobian(before), recorded.v[k])
+        alone = TRUE.covariance(recorded.chain, before, recorded.v[k])
+        law = multivariate_normal(mean, alone + recorded.measurement)
+        error = after - mean
+        assert scores["log_density"][0, k] == pytest.approx(law.logpdf(after))
+        assert scores["nees"][0, k] == pytest.approx(error @ np.linalg.solve(law.cov, error))
+        assert scores["z"][0, k, 1] == pytest.approx(error[1] / np.sqrt(law.cov[1, 1]))
+        assert np.isnan(scores["log_density_noiseless"][0, k]) == (k < REST)
+        if k >= REST:
+            density = multivariate_normal(mean, alone).logpdf(after)
+            assert scores["log_density_noiseless"][0, k] == pytest.approx(density)
+
+
+def test_the_true_model_is_calibrated_and_a_wrong_one_is_not(known):
+    low, high = nees_band(TAKES * (STEPS - REST), 3, level=0.999)
+    true, wrong = (scored(known, model)[0]["nees"] for model in ("gaussian", "gaussian_ml"))
+    assert low < true[:, MOVING].mean() < high
+    assert not low < wrong[:, MOVING].mean() < high
+
+
+@pytest.mark.parametrize(("score", "sign"), [("log_density", 1), ("energy", -1)])
+def test_the_true_model_scores_best_beyond_its_interval(known, score, sign):
+    true, *others = (
+        scored(known, model)[0][score].mean(axis=1)
+        for model in ("gaussian", "gaussian_ml", "additive")
+    )
+    for other in others:
+        difference = paired_difference(true, other)
+        assert np.sign(difference.low) == np.sign(difference.high) == sign
+
+
+def test_what_a_model_does_not_have_is_a_gap_with_a_reason(known):
+    scores, reasons = scored(known, "wishart")
+    assert "sigma_B 1.2" in reasons["mean and covariance"]
+    assert all(np.isnan(scores[name]).all() for name in ("z", "nees", "log_determinant"))
+    assert all(np.isfinite(scores[name]).all() for name in ("log_density", "energy"))
+    # a gap stays one in the comparison, and does not become a number
+    summary = compared({"wishart": prediction_scores(scores, JOINTS, moving=False)}, "wishart")
+    means = summary.set_index("score")["mean"]
+    assert np.isnan(means["nees"]) and np.isnan(means[f"coverage_of_one_sigma_{JOINTS[0]}"])
+    assert np.isfinite(means["log_score"])
+
+
+def test_equal_random_numbers_give_the_same_scores(known):
+    first, again, other = (
+        scored(known, model)[0]["energy"] for model in ("gaussian", "gaussian", "gaussian_ml")
+    )
+    assert np.array_equal(first, again) and not np.array_equal(first, other)
+
+
+def test_thirds_of_the_moving_steps_grow_towards_singular_poses_and_leave_none_out(known):
+    recorded, poses = known
+    groups = groups_of_steps(recorded, poses)
+    everything, moving, *thirds = groups.values()
+    assert everything.all() and moving.sum() == STEPS - REST
+    np.testing.assert_array_equal(np.sum(thirds, axis=0), moving)
+    inverse = np.linalg.inv(recorded.chain.jacobian(poses[:, :-1]))
+    norms = np.linalg.norm(inverse, axis=(-2, -1)).mean(axis=0)
+    means = [norms[third].mean() for third in thirds]
+    assert means == sorted(means) and means[0] < means[2]
+
+
+def test_a_posterior_is_scored_as_a_normal_law_of_the_measured_pose():
+    rng, cases = np.random.default_rng(5), TAKES * (STEPS + 1)
+    stated = np.diag([2e-6, 4e-6, 1e-6])
+    law = stated + MEASUREMENT / 2
+    error = rng.multivariate_normal(np.zeros(3), law, (TAKES, STEPS + 1))
+    right, narrow = (
+        posterior_scores(error, np.broadcast_to(covariance, (*error.shape, 3)), JOINTS)[0]
+        for covariance in (law, law / 2)
+    )
+    low, high = nees_band(cases, 3, level=0.999)
+    assert low < right["nees"].mean() < high < narrow["nees"].mean()
+    coverage = right["coverage_of_the_95_percent_region"].mean()
+    assert abs(coverage - 0.95) < 4 * np.sqrt(0.95 * 0.05 / cases)
+    band = "share_of_steps_with_nees_in_its_95_percent_band"
+    assert right[band].mean() > 0.85 and narrow[band].mean() < 0.7
+    assert paired_difference(narrow["log_score"], right["log_score"]).high < 0
+    rms = np.sqrt(np.mean(error[..., 1] ** 2, axis=1))
+    np.testing.assert_allclose(right[f"rms_error_{JOINTS[1]}_rad"], rms)

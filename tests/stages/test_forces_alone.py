@@ -1,0 +1,99 @@
+"""A dataset without a robot goes through every stage of the paper, and its six rows are held
+against the model.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.core import config, contracts
+from pipeline.core.errors import ConfigError
+from pipeline.core.options.dataset import Dataset
+from pipeline.core.options.force import Force
+from pipeline.stages import (
+    articulate,
+    figures,
+    filter,
+    fit,
+    ingest,
+    readings,
+    record,
+    report,
+    score,
+    track,
+    wrench,
+)
+from pipeline.verdicts.decision import NO_EVIDENCE
+from pipeline.verdicts.run import read_run
+
+ROOT = Path(__file__).parents[2]
+PARAMS = """dataset: towing
+models: [additive, gaussian]
+filter: systematic
+articulation: least_squares
+simulation: one_step
+wrench: paper
+scale: smoke
+compute: serial
+seed: 5
+overrides: {}
+"""
+
+
+@pytest.mark.slow
+def test_forces_alone_go_through_every_stage_and_are_scored_on_all_rows(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("pipeline", "dvc.yaml", "reports/claims.yaml"):
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).symlink_to(ROOT / name)
+    raw = Path("data/raw/towing")
+    raw.mkdir(parents=True)
+    shutil.copy(ROOT / raw / "dvc.yaml", raw)
+    Path("params.yaml").write_text(PARAMS)
+    config.write_config(Path("params.yaml"))
+    record.run("towing")
+    assert sorted(file.name for file in (raw / "recordings/force").iterdir()) == [
+        *("T3.csv", "T4.csv", "T6.csv")
+    ]
+    for part in ("motion", "depth", "force"):
+        ingest.run(part)
+    track.run()
+    articulate.run()
+    for model in ("additive", "gaussian"):
+        fit.run(model)
+        filter.run(model)
+    for stage in (wrench, readings, score, figures, report):
+        stage.run()
+    forces = contracts.read("force", Path("data/ingest/force"))
+    assert list(forces)[2:] == ["fx", "fy", "fz", "mx", "my", "mz"]
+    run = read_run(Path("reports/datasets/towing.json"))
+    assert run.synthetic and run.joints == [] == list(run.task)
+    moments = run.tables["force_moments"].set_index(["configuration", "source"])
+    for name in ("T3", "T4", "T6"):
+        measured, modelled = (moments.loc[(name, s)] for s in ("measured", "modelled"))
+        rows = ["fx", "fy", "fz", "mx", "my", "mz"]
+        size = np.sqrt([measured[f"var_{row}"] for row in rows])
+        # a record of some seconds has few independent samples
+        assert np.all(np.abs(measured[rows] - modelled[rows]) < 2 * size), name
+    sigma = run.tables["sigma_s"].set_index(["system_class", "form"])
+    assert sigma.loc[("T6", "full")].notna().all()
+    assert pd.isna(sigma.loc[("study", "full"), "s66"].iloc[0])
+    drawn = json.loads(Path("reports/figures/captions.json").read_text())
+    assert {"wrench_planes", "wrench_marginals"} < set(drawn) and "wrench_density" not in drawn
+    decided = json.loads(Path("reports/claims.json").read_text())["claims"]
+    verdicts = [claim["datasets"]["towing"] for claim in decided]
+    of_joints = [verdict["verdict"] for verdict in verdicts if not verdict["cases"]]
+    assert of_joints and {*of_joints} == {NO_EVIDENCE}
+
+
+def test_a_dataset_without_a_robot_has_forces_and_nothing_that_sees_a_robot():
+    with pytest.raises(ConfigError, match="robot or a force transducer"):
+        Dataset(robot=None, motion=None)
+    with pytest.raises(ConfigError, match="nothing to see of trajectory"):
+        Dataset(robot=None, motion=None, trajectory="t.csv", force=Force())

@@ -1,0 +1,136 @@
+"""check says everything that is wrong with a dataset at once, and nothing where nothing is."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from written_logs import write_joint_log
+
+from pipeline import arm
+from pipeline.core import config, datasheet
+from pipeline.core.errors import ConfigError
+from pipeline.formats.joints.log import JointLog
+from pipeline.tools.check.command import run
+
+JOINTS = [f"joint_{j}" for j in range(1, 7)]
+START, END = [0.3, -1.2, 1.4, -1.0, -1.2, 0.2], [0.7, -0.9, 1.1, -0.8, -1.0, 0.7]
+SHEET = """\
+about:
+  subject: an arm
+  source: a test
+  licence: MIT
+recordings: {folder}
+joint_log:
+  movements: run_*
+  actual: q_actual.csv
+  target: q_target.csv
+  joints: [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6]
+"""
+OPTION = """\
+name: lab
+robot:
+  urdf: {urdf}
+  joints: [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6]
+  tool: flange
+elimination: {{decomposition: qr_transposed}}
+motion: {{rate: 100.0, steps: 100}}
+joint_log:
+  start: {start}
+  end: {end}
+  rest: 10
+  tolerance: 1.0e-4
+"""
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch) -> tuple[Path, Path]:
+    """Datasheet and option file of the dataset lab, with which nothing is wrong."""
+    shutil.copytree(config.CONF, tmp_path / "conf")
+    monkeypatch.setattr(config, "CONF", tmp_path / "conf")
+    monkeypatch.setattr(datasheet, "DATASHEETS", tmp_path / "raw")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "params.yaml").write_text("dataset: other\n")
+    way = (1 - np.cos(np.pi * np.arange(1, 81) / 80))[:, None] / 2
+    start, end = np.array(START), np.array(END)
+    there, back = start + way * (end - start), end + way * (start - end)
+    rest = [np.tile(place, (30, 1)) for place in (end, start)]
+    target = np.vstack([rest[1], *[there, rest[0], back, rest[1]] * 3])
+    for number in (1, 2):
+        (tmp_path / f"logs/run_{number}").mkdir(parents=True)
+        for name in ("q_actual", "q_target"):
+            log = JointLog(np.arange(len(target)) / 100, {"actual": target}, {})
+            write_joint_log(tmp_path / f"logs/run_{number}/{name}.csv", log)
+    sheet, option = tmp_path / "raw/lab/dataset.yaml", tmp_path / "conf/dataset/lab.yaml"
+    sheet.parent.mkdir(parents=True)
+    sheet.write_text(SHEET.format(folder=tmp_path / "logs"))
+    urdf = Path(arm.__file__).with_name("ur5.urdf")
+    option.write_text(OPTION.format(urdf=urdf, start=START, end=END))
+    return sheet, option
+
+
+def edit(file: Path, old: str, new: str) -> None:
+    assert old in file.read_text()
+    file.write_text(file.read_text().replace(old, new))
+
+
+def test_nothing_is_wrong(files, capsys):
+    run(["lab"])
+    assert capsys.readouterr().out == "check: nothing is wrong with lab\n"
+
+
+def test_everything_that_is_wrong_is_said_at_once(files, capsys):
+    sheet, option = files
+    edit(sheet, "source: a test", "source: ???")
+    edit(sheet, "run_*", "walk_*")
+    edit(sheet, "  actual: ", "  angle_unit: turns\n  actual: ")
+    edit(option, "tool: flange", "tol: flange")
+    edit(option, "rate: 100.0", "rate: fast")
+    edit(option, "rest: 10", "rest: -1")
+    edit(option, "  tolerance: 1.0e-4\n", "")
+    with pytest.raises(ConfigError, match=r"^8 to be mended"):
+        run(["lab"])
+    said = capsys.readouterr().out
+    for key in (
+        "about.source",
+        "angle_unit",
+        "robot.tol",
+        "motion.rate",
+        "joint_log.rest",
+        "joint_log.tolerance",
+        "walk_*",
+    ):
+        assert said.count(key) == 1, key
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("run_*", "walk_*", ["nothing in", "walk_*"]),
+        ("q_actual.csv", "q.csv", ["does not hold q.csv, nor do 1 others"]),
+        ("joint_6]", "joint_7]", ["joint_6 of robot.joints is not logged"]),
+        ("joint_log:", "joint_log:\n  angle_unit: deg", ["no motion", "motions"]),
+        ("joint_log:", "joint_log:\n  rest: 10", ["rest stands in lab.yaml too"]),
+    ],
+)
+def test_files_and_recordings_are_looked_at(files, capsys, old, new, words):
+    edit(files[0], old, new)
+    with pytest.raises(ConfigError, match="to be mended"):
+        run(["lab"])
+    said = capsys.readouterr().out
+    assert any(word in said for word in words), said
+
+
+def test_every_movement_that_cannot_be_read_is_named(files, capsys):
+    for number in (1, 2):
+        edit(files[0].parents[2] / f"logs/run_{number}/q_actual.csv", "0.300000", "0.3x")
+    with pytest.raises(ConfigError, match=r"^2 to be mended"):
+        run(["lab"])
+    assert "run_1" in (said := capsys.readouterr().out) and "run_2" in said
+
+
+def test_a_dataset_that_there_is_not_is_refused(files):
+    with pytest.raises(ConfigError, match="no dataset 'nowhere'; there are"):
+        run(["nowhere"])

@@ -1,0 +1,112 @@
+"""A plan is a trajectory that the project reads; what cannot be planned leaves nothing behind."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+from planned_arms import ARMS, LAWS, chain, joint_path
+from scipy.spatial.transform import Rotation
+
+from pipeline.core import config
+from pipeline.core.errors import PipelineError
+from pipeline.formats.trajectory import read_trajectory
+from pipeline.tools.plan.command import run
+from pipeline.tools.plan.path_file import read_path
+
+STEPS = 20
+
+
+@pytest.fixture
+def work(tmp_path, monkeypatch):
+    """A folder with a planar arm that has a joint to spare, a fit and a path."""
+    monkeypatch.chdir(tmp_path)
+    settings = SimpleNamespace(dataset=SimpleNamespace(robot=ARMS["planar"][0]))
+    monkeypatch.setattr(config, "sections", lambda stage: settings)
+    fit = tmp_path / "data/fit/wishart"
+    fit.mkdir(parents=True)
+    (fit / "parameters.json").write_text(json.dumps(LAWS["qr_transposed"]))
+    write_path(tmp_path / "path.csv")
+    return tmp_path
+
+
+def write_path(file, **changes: object) -> None:
+    pose = chain("planar").pose(joint_path("planar", STEPS))
+    t = np.arange(STEPS + 1) / 10
+    table = pd.DataFrame({"note": 0, "z": pose[:, 2], "t": t, "x": pose[:, 0]} | changes)
+    table.to_csv(file, index=False, lineterminator="\n")
+
+
+def test_a_plan_follows_the_path_within_the_limits_and_can_be_read_and_seen(work, capsys):
+    run(["wishart", "path.csv", "out", "--margin", "0.03", "--points", "30"])
+    table = read_trajectory(work / "out/joints.csv")
+    assert list(table) == ["t", "q:arm_joint_2", "q:arm_joint_3", "q:arm_joint_4"]
+    arm, q = chain("planar"), table.to_numpy()[:, 1:]
+    off = arm.displacement(arm.pose(q), arm.pose(joint_path("planar", STEPS)))
+    assert np.abs(off).max() < 1e-8
+    assert arm.within_limits(q).all()
+    assert np.all(np.abs(np.diff(q, axis=0)) <= arm.max_speed / 10 * 1.001)
+    assert Image.open(work / "out/plan.png").size[0] > 1000
+    assert "out: 20 steps; summed trace of the covariance" in capsys.readouterr().out
+    # a plan may take the place of a plan, and its own joints are a path
+    run(["data/fit/wishart", "out/joints.csv", "out", "--points", "30"])
+
+
+@pytest.mark.parametrize(
+    ("changes", "words", "message"),
+    [
+        ({"x": 9.0}, [], r"does not reach the pose .*\[step 0\]"),
+        ({"t": np.arange(21) / 2000}, [], r"joints' speeds; .*\[step "),
+        ({}, ["--margin", "0.5"], r"below the margin of 0.5 m \[step 0\]"),
+        ({"t": np.r_[np.arange(20), 50] / 10}, [], r"steps must be equal .*path.csv, line 22"),
+        ({"x": "a"}, [], r"holds 'a', not a finite number \[.*path.csv, line 2"),
+        ({}, ["--points", "0"], "a grid needs points, not 0"),
+    ],
+)
+def test_what_cannot_be_planned_is_one_message_and_nothing_is_written(
+    work, changes, words, message
+):
+    write_path(work / "path.csv", **changes)
+    with pytest.raises(PipelineError, match=message):
+        run(["wishart", "path.csv", "out", "--points", "30", *words])
+    assert sorted(file.name for file in work.iterdir()) == ["data", "path.csv"]
+
+
+def test_missing_files_columns_and_a_folder_of_something_else_are_refused(work):
+    for words, message in (
+        (["other", "path.csv", "out"], "fitted parameters cannot be read"),
+        (["wishart", "none.csv", "out"], "cannot be read .*none.csv"),
+        (["wishart", "path.csv", "data"], "exists and is no plan"),
+    ):
+        with pytest.raises(PipelineError, match=message):
+            run(words)
+    (work / "path.csv").write_text("t,x\n0,1\n1,2\n")
+    with pytest.raises(PipelineError, match="must name z once each, of t, x, z"):
+        run(["wishart", "path.csv", "out"])
+
+
+def test_a_pose_in_space_is_a_position_and_a_rotation_vector(tmp_path):
+    arm, robot, file = chain("seven"), ARMS["seven"][0], tmp_path / "path.csv"
+    pose = arm.pose(joint_path("seven", 5))
+    turn = Rotation.from_matrix(pose[:, 3:].reshape(-1, 3, 3)).as_rotvec()
+    rows = np.column_stack([np.arange(6) / 4, pose[:, :3], turn])
+    table = pd.DataFrame(rows, columns=["t", *arm.task])
+    table.to_csv(file, index=False, lineterminator="\n")
+    path, rate = read_path(file, arm, robot)
+    np.testing.assert_allclose(path, pose, atol=1e-12)
+    assert rate == pytest.approx(4.0)
+
+
+def test_joints_in_any_order_stand_for_their_poses_and_others_are_refused(tmp_path):
+    arm, robot, file = chain("planar"), ARMS["planar"][0], tmp_path / "joints.csv"
+    q = joint_path("planar", 5)
+    table = {f"q:{name}": q[:, j] for j, name in reversed([*enumerate(robot.joints)])}
+    pd.DataFrame({"t": np.arange(6.0)} | table).to_csv(file, index=False, lineterminator="\n")
+    np.testing.assert_allclose(read_path(file, arm, robot)[0], arm.pose(q), atol=1e-12)
+    file.write_text(file.read_text().replace("arm_joint_2", "wrist"))
+    with pytest.raises(PipelineError, match="those of the arm arm_joint_2, arm_joint_3"):
+        read_path(file, arm, robot)

@@ -1,0 +1,123 @@
+"""Measured against modelled wrench of cables in space that do not meet in one point: six rows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from pipeline.statistics import two_sample
+from pipeline.wrench.matrix import matrix_model, optimal_sigma_s, unbounded_sigma_s
+from pipeline.wrench.measured_force import (
+    force_moments,
+    force_test,
+    measured_wrenches,
+    modelled_wrenches,
+    rows_of,
+    wrench_marginals,
+    wrench_planes,
+)
+from pipeline.wrench.parametric import CableSystem, wrench_covariance
+from tests.wrench.parametric_law import sample_wrench
+
+TOWED = CableSystem(
+    tension=[8.2, 9.1, 7.6],
+    direction=[[0.6, 0.0, 0.8], [-0.48, 0.36, 0.8], [-0.36, -0.48, 0.8]],
+    tension_sd=[0.5, 0.8, 1.1],
+    concentration=[2400.0, 1200.0, 600.0],
+    attachment=[[0.1, 0.0, 0.01], [-0.05, 0.087, 0.01], [-0.05, -0.087, 0.01]],
+)
+LENGTH = 0.1
+SIX = ("fx", "fy", "fz", "mx", "my", "mz")
+
+
+def sigma_s_of(system: CableSystem) -> np.ndarray:
+    """(6, 6) the Σ_S with which the matrix model has the covariance of the cables."""
+    unbounded = unbounded_sigma_s(matrix_model(system), wrench_covariance(system))
+    return optimal_sigma_s(unbounded, "full")[0]
+
+
+def test_rows_are_those_that_the_cables_give_and_moments_are_over_the_length():
+    met = replace(TOWED, attachment=None)
+    angles = CableSystem.from_angles([5.0, 4.0], [0.1, 2.0], [0.5, 0.5], [900.0, 900.0])
+    planar = replace(angles, attachment=np.ones((2, 2)))
+    assert rows_of(angles) == ("fx", "fy") and rows_of(planar) == ("fx", "fy", "mz")
+    assert rows_of(met) == SIX[:3] and rows_of(TOWED) == SIX
+    record = pd.DataFrame(sample_wrench(TOWED, 50, np.random.default_rng(1)), columns=SIX)
+    measured = measured_wrenches(record, TOWED, LENGTH)
+    np.testing.assert_allclose(measured[:, :3], record[["fx", "fy", "fz"]])
+    np.testing.assert_allclose(LENGTH * measured[:, 3:], record[["mx", "my", "mz"]])
+    np.testing.assert_array_equal(
+        measured_wrenches(record, planar, LENGTH)[:, 2], record["mz"] / LENGTH
+    )
+
+
+def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model():
+    system, rng = TOWED.in_units_of(LENGTH), np.random.default_rng(45)
+    sigma_s = sigma_s_of(system)
+    record = pd.DataFrame(sample_wrench(TOWED, 20_000, rng), columns=SIX)
+    wrenches = {
+        "measured": measured_wrenches(record, system, LENGTH),
+        "modelled": modelled_wrenches(system, sigma_s, 20_000, rng),
+    }
+    moments = force_moments("T3", wrenches, SIX).set_index("source")
+    exact = wrench_covariance(system)
+    for source in wrenches:
+        variances = moments.loc[source, [f"var_{row}" for row in SIX]].astype(float)
+        np.testing.assert_allclose(variances, np.diag(exact), rtol=0.06)
+        size = 4.5 * np.sqrt(np.diag(exact) / 20_000)
+        mean = moments.loc[source, list(SIX)].astype(float)
+        # of vMF(κ) cables pull 1/κ less than their tension
+        assert np.all(np.abs(mean - system.jacobian() @ system.tension) < size + 0.03)
+    # the control: of other attachments the moments differ and the forces do not
+    other = wrench_covariance(replace(system, attachment=0.5 * system.attachment))
+    assert np.all(np.abs(np.diag(other)[3:] / np.diag(exact)[3:] - 1) > 0.2)
+
+
+def test_planes_and_marginals_hold_all_mass_of_every_source_on_one_grid():
+    rng = np.random.default_rng(46)
+    wrenches = {name: sample_wrench(TOWED, 4000, rng) for name in ("measured", "modelled")}
+    planes = wrench_planes("T3", wrenches, SIX, 40)
+    pairs = planes.groupby(["row_x", "row_y"], sort=False)
+    assert list(pairs.groups) == [
+        *[("fx", "fy"), ("fx", "fz"), ("fy", "fz")],
+        *[("mx", "my"), ("mx", "mz"), ("my", "mz")],
+    ]
+    for _, table in pairs:
+        cell = np.diff(np.unique(table["x"]))[0] * np.diff(np.unique(table["y"]))[0]
+        for _, own in table.groupby("source"):
+            assert len(own) == 1600 and abs(own["density"].sum() * cell - 1) < 5e-3
+    marginals = wrench_marginals("T3", wrenches, SIX, 80)
+    for row, table in marginals.groupby("row"):
+        step = np.diff(np.unique(table["value"]))[0]
+        masses = table.groupby("source")["density"].sum() * step
+        np.testing.assert_allclose(masses, 1, atol=5e-3)
+        # a marginal is the plane's density summed across, but for the bandwidth
+        across = {"fx": "fy", "mx": "my"}.get(row)
+        if across:
+            own = planes[(planes["row_x"] == row) & (planes["row_y"] == across)]
+            own = own[own["source"] == "measured"].groupby("x")["density"].sum()
+            own *= np.diff(np.unique(planes[planes["row_y"] == across]["y"]))[0]
+            mine = table[table["source"] == "measured"]
+            there = np.interp(own.index, mine["value"], mine["density"])
+            np.testing.assert_allclose(own, there, atol=0.1 * there.max())
+
+
+def test_the_test_of_all_rows_finds_moments_that_are_wrong_where_all_forces_are_right(
+    monkeypatch,
+):
+    monkeypatch.setattr(two_sample, "PERMUTATIONS", 199)
+    system = TOWED.in_units_of(LENGTH)
+    sigma_s = sigma_s_of(system)
+    turned = replace(system, attachment=system.attachment[:, [1, 0, 2]])
+    own, other = (
+        [
+            force_test(modelled_wrenches(rig, sigma_s, 120, rng), system, sigma_s, rng)
+            for rng in np.random.default_rng(47).spawn(12)
+        ]
+        for rig in (system, turned)
+    )
+    assert sum(test["two_sample_p_value"] <= 0.05 for test in own) <= 4
+    assert all(test["two_sample_p_value"] <= 0.05 for test in other)
+    assert {f"matrix_share_{row}" for row in SIX} < set(own[0])

@@ -1,0 +1,125 @@
+"""A folder of one small recording of every format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import ezc3d
+import numpy as np
+import pandas as pd
+from motive_files import START, random_take, rows_file
+from ros_bags import camera_info, image, write_bag
+from written_logs import write_joint_log, write_netft
+
+from pipeline.core.task import PLANE
+from pipeline.formats.depth.index import write_index
+from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
+from pipeline.formats.depth.png import write_depth
+from pipeline.formats.force.daqft import ForceRecord, write_daqft
+from pipeline.formats.joints.log import JointLog
+from pipeline.formats.motion.motive import write_motive
+from pipeline.formats.trajectory import write_trajectory
+
+SHAPE = (24, 32)
+AXES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+LINKS = ("base", "a", "b", "c", "tip")
+JOINT = """<joint name="j{number}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
+<origin xyz="0 0 0.2"/>
+<axis xyz="0 1 0"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+"""
+CHAIN = [
+    JOINT.format(
+        number=n, kind="revolute" if n < 4 else "fixed", parent=LINKS[n - 1], child=LINKS[n]
+    )
+    for n in range(1, len(LINKS))
+]
+URDF = f"""<robot name="three">{"".join(f'<link name="{name}"/>' for name in LINKS)}
+{"".join(CHAIN)}</robot>
+"""
+
+
+def frames(folder: Path, count: int = 4) -> list[str]:
+    """Depth images 0000.png … in ``folder``, values 900 to 1100 and a tenth without depth."""
+    folder.mkdir(parents=True)
+    rng = np.random.default_rng(5)
+    for number in range(count):
+        depth = rng.integers(900, 1101, SHAPE).astype(np.uint16)
+        depth[rng.random(SHAPE) < 0.1] = 0
+        write_depth(folder / f"{number:04d}.png", depth)
+    return [f"{number:04d}.png" for number in range(count)]
+
+
+def write_zoo(folder: Path) -> None:
+    """One recording of every format, and two files that are none."""
+    rng = np.random.default_rng(3)
+    take = random_take(50)
+    take.markers["Link1:Marker1"][10:15] = np.nan
+    write_motive(folder / "columns.csv", take, start=START)
+    body = "rigidbody,Hand,1,0"
+    rows = [f"frame,{k},{k / 120:.6f},1,1,{0.1 * k},0,1,0,0,0,1,0,0,0,0" for k in range(30)]
+    rows_file(folder, body, *rows)
+    c3d = ezc3d.c3d()
+    c3d["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    c3d["parameters"]["POINT"]["RATE"]["value"] = [100]
+    c3d["parameters"]["POINT"]["LABELS"]["value"] = ["A", "B", "C"]
+    c3d["data"]["points"] = np.concatenate([rng.normal(size=(3, 3, 20)), np.ones((1, 3, 20))])
+    c3d.write(str(folder / "take.c3d"))
+    time = np.arange(500) / 100
+    record = ForceRecord(
+        time, rng.normal(size=(500, 3)), rng.normal(size=(500, 3)), 100.0, "FT7", START, {}
+    )
+    write_daqft(folder / "points.csv", record)
+    write_daqft(folder / "commas.csv", record, decimal=",")
+    write_netft(folder / "netft.csv", record)
+    rows = "\n".join(
+        f'<UserAxis Name="{axis}" values="1 0 0 0 0 {n}" max="{n + 1}"/>'
+        for n, axis in enumerate(AXES)
+    )
+    (folder / "FT7.cal").write_text(
+        '<?xml version="1.0"?>\n<FTSensor Serial="FT7"><Calibration ForceUnits="N" '
+        f'TorqueUnits="N-m">\n{rows}\n</Calibration></FTSensor>\n'
+    )
+    write_depth(folder / "single.png", np.full(SHAPE, 1000, np.uint16))
+    cv2.imwrite(str(folder / "metres.tiff"), np.full(SHAPE, 1.5, np.float32))
+    names = frames(folder / "indexed" / "depth")
+    write_index(
+        folder / "indexed" / "depth.txt",
+        np.array([0.0, 0.1, 0.2, 0.4]),
+        tuple(f"depth/{name}" for name in names),
+    )
+    frames(folder / "numbered")
+    write_intrinsics(folder / "camera.yaml", Intrinsics(30.0, 30.0, 16.0, 12.0, *SHAPE[::-1]))
+    (folder / "sized.json").write_text(
+        '{"width": 32, "height": 24, "fx": 30, "fy": 30, "cx": 16, "cy": 12}'
+    )
+    (folder / "cloud.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 1\n"
+        + "".join(f"property float {x}\n" for x in "xyz")
+        + "end_header\n1 2 3\n"
+    )
+    fields = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ascii\n"
+    (folder / "cloud.pcd").write_text(f"# .PCD v0.7\nVERSION 0.7\n{fields}1 2 3\nnan nan nan\n")
+    for form in ("ros1", "sqlite3", "mcap"):
+        (folder / form).mkdir()
+        pictures = [
+            (k / 10, image(np.full(SHAPE, 900 + k, np.uint16), 1 + k / 10)) for k in range(3)
+        ]
+        camera = camera_info([30, 0, 16, 0, 30, 12, 0, 0, 1], [0] * 5, SHAPE[::-1])
+        write_bag(
+            folder / form, form, {"/depth": pictures, "/other": pictures, "/info": [(0.0, camera)]}
+        )
+    write_joint_log(
+        folder / "q.csv", JointLog(np.arange(30) / 125, {"actual": rng.normal(size=(30, 6))}, {})
+    )
+    steps = np.arange(6) / 100
+    write_trajectory(
+        folder / "path.csv",
+        pd.DataFrame({"t": steps} | {f"{family}:{row}": steps for family in "xv" for row in PLANE}),
+    )
+    (folder / "three.urdf").write_text(URDF)
+    (folder / "dataset.yaml").write_text(
+        "about: {subject: a, source: b, licence: c}\nrecordings: ???\nmocap: {training: a.csv}\n"
+    )
+    (folder / "notes.md").write_text("Recorded on a Monday.\n")
+    (folder / "payload.pkl").write_bytes(b"cos\nsystem\n(S'touch pwned'\ntR.")
