@@ -30,9 +30,12 @@ PLAIN = ("scaled", "scaled_full")  # models without a random matrix beside those
 def run() -> None:
     """Write the ranges of the fits, and the scores of all where the measurement noise is known."""
     settings = config.sections("predict")
-    recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-    rate = settings.dataset.motion.rate
     with contracts.replacing(OUT) as folder:
+        if settings.dataset.robot is None:
+            print("predict: the dataset has no robot; there is no pose to predict")
+            return
+        recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
+        rate = settings.dataset.motion.rate
         contracts.write(fitted_ranges(recorded, rate), "ranges", folder)
         try:
             pose = recorded.measurement / 2

@@ -54,6 +54,15 @@ def test_a_stage_is_handed_the_sections_it_declares_as_typed_objects(handed):
     assert isinstance(settings.compute, Compute)
 
 
+def test_a_study_of_motion_is_refused_without_a_robot_and_the_papers_stage_is_not(handed):
+    assert handed("dataset.robot", dataset="towing").dataset.robot is None
+    Path("study.yaml").write_bytes(Path("dvc.yaml").read_bytes())
+    with pytest.raises(ConfigError, match="about a robot's motion, and the dataset has no robot"):
+        config.sections("stage", Path("study.yaml"))
+    handed("dataset.robot")
+    assert config.sections("stage", Path("study.yaml")).dataset.robot is not None
+
+
 @pytest.mark.parametrize(
     "access", ["wrench", "models", "dataset.motion", "dataset.laboratory", "scale.particles"]
 )
