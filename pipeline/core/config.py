@@ -168,9 +168,7 @@ def declared_sections(stage: str, dvc_file: Path) -> list[str]:
     ]
 
 
-def sections(
-    stage: str, dvc_file: Path = PAPER, item: str | None = None
-) -> SimpleNamespace:
+def sections(stage: str, dvc_file: Path = PAPER, item: str | None = None) -> SimpleNamespace:
     """What a stage may know: the sections it declares, as typed objects, and where to compute; any
     other is an AttributeError.
 

@@ -45,6 +45,12 @@ def test_an_override_changes_its_value_and_nothing_else(compose):
     assert after == before
 
 
+def test_a_depth_camera_needs_the_rows_of_the_task_that_it_follows_the_tip_by(compose):
+    with pytest.raises(ConfigError, match="by commanded x and z; keep both rows"):
+        compose(overrides="{dataset: {robot: {task: [x, phi]}}}")
+    assert compose(overrides="{dataset: {robot: {task: [z, x]}}}").dataset.depth is not None
+
+
 def test_scientific_notation_without_a_point_is_a_number(compose):
     assert compose(overrides="{dataset: {mocap: {gate: 1e-3}}}").dataset.mocap.gate == 1e-3
 

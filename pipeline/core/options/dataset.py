@@ -117,6 +117,12 @@ class Dataset:
         if self.robot is None or self.motion is None:
             self._require_forces_alone()
             return
+        task = self.robot.task
+        if self.depth is not None and task is not None and not {"x", "z"} <= {*task}:
+            raise ConfigError(
+                "task: the depth camera follows the tip by commanded x and z; keep both rows",
+                key="dataset.robot.task",
+            )
         if self.joint_log is None:
             return
         arm, log = self.robot.joints, self.joint_log
