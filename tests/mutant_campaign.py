@@ -146,9 +146,9 @@ if __name__ == "__main__":  # writes the table anew: PYTHONPATH=. python tests/m
         names = sys.argv[1:] or list(SAMPLES)
         tables = []
         for name in names:
-            found = run(name, Path(place))
-            tables.append(found.table(name))
-            ends = dict(sum(found.outcomes.values(), Counter()))
-            print(name, ends, *found.failures[:5], sep="\n    ", flush=True)
+            run_of_mutants = run(name, Path(place))
+            tables.append(run_of_mutants.table(name))
+            ends = dict(sum(run_of_mutants.outcomes.values(), Counter()))
+            print(name, ends, *run_of_mutants.failures[:5], sep="\n    ", flush=True)
     if not sys.argv[1:]:
         pd.concat(tables).to_csv(TABLE, index=False, lineterminator="\n")

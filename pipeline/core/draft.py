@@ -167,10 +167,10 @@ def _out_of_range(node: DictConfig) -> list[ConfigError]:
     asked about the others, where it holds no sections itself.
     """
     sections = [child for child in (node._get_node(key) for key in node) if _is_section(child)]
-    found = [fault for section in sections for fault in _out_of_range(section)]
+    faults = [fault for section in sections for fault in _out_of_range(section)]
     missing = OmegaConf.missing_keys(node)
-    if found or (missing and sections):
-        return found
+    if faults or (missing and sections):
+        return faults
     try:
         if missing:
             held = OmegaConf.to_container(node)

@@ -77,20 +77,20 @@ def motions(movements: Mapping[str, LoggedMovement], robot: Robot, rate: float) 
     for name, movement in movements.items():
         columns = [movement.joints.index(joint) for joint in robot.joints]
         paths[name] = _Path(movement.actual[:, columns], movement.target[:, columns])
-    found: list[Motion] = []
+    listed: list[Motion] = []
     for name, movement in movements.items():
         runs = excursions(movement.target, movement.speed)
         for before, run, after in zip([None, *runs], runs, [*runs[1:], None], strict=False):
             if run.whole:
-                _gather(found, name, paths[name].target, run, before, after)
-    found = found or _passing(paths, chain)
-    for motion in found:
+                _gather(listed, name, paths[name].target, run, before, after)
+    listed = listed or _passing(paths, chain)
+    for motion in listed:
         _compare(motion, paths, chain, rate)
-    return sorted(found, key=lambda motion: -len(motion.places))
+    return sorted(listed, key=lambda motion: -len(motion.places))
 
 
 def _gather(
-    found: list[Motion],
+    listed: list[Motion],
     name: str,
     angles: np.ndarray,
     run: Excursion,
@@ -105,9 +105,9 @@ def _gather(
         run.first - (before.last if before else 0),
         (after.first if after else len(angles)) - run.last,
     )
-    motion = next((one for one in found if _is(one, start, end, run.steps)), None)
+    motion = next((one for one in listed if _is(one, start, end, run.steps)), None)
     if motion is None:
-        found.append(motion := Motion(start, end, run.steps, pause))
+        listed.append(motion := Motion(start, end, run.steps, pause))
     motion.pause = min(motion.pause, pause)
     motion.places.append((name, run.first))
 
@@ -118,11 +118,11 @@ def _is(motion: Motion, start: np.ndarray, end: np.ndarray, steps: int) -> bool:
 
 
 def _passing(paths: Mapping[str, _Path], chain: Chain) -> list[Motion]:
-    found: list[Motion] = []
+    listed: list[Motion] = []
     for path in paths.values():
         for first, last in _stretches(path.target, chain):
             start, end, steps = path.target[first], path.target[last], last - first
-            if any(_is(motion, start, end, steps) for motion in found):
+            if any(_is(motion, start, end, steps) for motion in listed):
                 continue
             passes = [
                 (name, run.first)
@@ -130,8 +130,8 @@ def _passing(paths: Mapping[str, _Path], chain: Chain) -> list[Motion]:
                 for run in find_passes(other.target, start, end, steps).runs
             ]
             if len(passes) > 1:
-                found.append(Motion(start, end, steps, None, passes))
-    return found
+                listed.append(Motion(start, end, steps, None, passes))
+    return listed
 
 
 def _stretches(angles: np.ndarray, chain: Chain) -> list[tuple[int, int]]:

@@ -40,11 +40,11 @@ def rounds(times: int) -> np.ndarray:
 
 @pytest.mark.parametrize("pushed", [None, 3 * (2 * STEPS + 2 * PAUSE) + PAUSE + 40])
 def test_motions_have_ends_steps_pauses_and_repetitions(pushed):
-    found = motions({"run": movement(rounds(5), pushed)}, ROBOT, RATE)
-    assert [(motion.steps, motion.pause, len(motion.places)) for motion in found] == [
+    listed = motions({"run": movement(rounds(5), pushed)}, ROBOT, RATE)
+    assert [(motion.steps, motion.pause, len(motion.places)) for motion in listed] == [
         (STEPS, PAUSE, 5)
     ] * 2
-    there = next(motion for motion in found if np.allclose(motion.start, HOME))
+    there = next(motion for motion in listed if np.allclose(motion.start, HOME))
     np.testing.assert_allclose(there.end, AWAY, atol=1e-3)
     # the fourth one there, and no other, was disturbed
     assert there.disturbed == ([] if pushed is None else [there.places[3]])
@@ -58,12 +58,12 @@ def test_a_command_that_never_rests_is_cut_where_the_arm_is_nearly_singular():
     swing = np.array([0.5, 0.2, 0.2, 0.3, 0.9, 0.4])  # joint 5 passes through 0
     centre = HOME * np.array([1, 1, 1, 1, 0, 1])
     target = centre + swing * np.sin(2 * np.pi * t[:, None] / 5)
-    found = motions({"run": movement(target)}, ROBOT, RATE)
-    assert found and all(motion.pause is None and motion.rest(RATE) == 0 for motion in found)
-    for motion in found:
+    listed = motions({"run": movement(target)}, ROBOT, RATE)
+    assert listed and all(motion.pause is None and motion.rest(RATE) == 0 for motion in listed)
+    for motion in listed:
         assert np.sign(motion.start[4]) == np.sign(motion.end[4]) and motion.least_singular > 0.01
     # the control: between them the wrist is straight, so that the whole period is none
-    assert max(motion.steps for motion in found) < 250
+    assert max(motion.steps for motion in listed) < 250
 
 
 def test_a_motion_of_other_joints_is_none():

@@ -190,8 +190,8 @@ def _positive(settings: dict[str, str], name: str, option: str, file: Path) -> f
 
 
 def _settings(lines: list[str]) -> dict[str, str]:
-    found = filter(None, map(SETTING.fullmatch, lines))
-    return {match[1]: match[2].strip().removesuffix('"').rstrip() for match in found}
+    settings = filter(None, map(SETTING.fullmatch, lines))
+    return {match[1]: match[2].strip().removesuffix('"').rstrip() for match in settings}
 
 
 def _states(file: Path) -> Stated:

@@ -27,12 +27,12 @@ def run(words: list[str]) -> None:
         there_are = ", ".join(config.options("dataset"))
         raise ConfigError(f"no dataset {name!r}; there are {there_are}")
     option_file = config.CONF / "dataset" / f"{name}.yaml"
-    found = problems(option_file, params)
-    for number, problem in enumerate(found, start=1):
+    wrong = problems(option_file, params)
+    for number, problem in enumerate(wrong, start=1):
         print(f"{number}. {problem}")
-    if found:
+    if wrong:
         raise ConfigError(
-            f"{len(found)} to be mended, in {datasheet.path_of(name)} or {option_file} where no "
+            f"{len(wrong)} to be mended, in {datasheet.path_of(name)} or {option_file} where no "
             "other file is named"
         )
     print(f"check: nothing is wrong with {name}")

@@ -32,16 +32,16 @@ def problems(option_file: Path, params: Path) -> list[str]:
         values = dataset_values(option_file)
     except PipelineError as error:
         return [str(error)]
-    found = [f"{key}: there is ??? for a value" for key in unfilled_keys(values)]
-    found += [f"{key}: no value for it" for key in absent(values)]
+    amiss = [f"{key}: there is ??? for a value" for key in unfilled_keys(values)]
+    amiss += [f"{key}: no value for it" for key in absent(values)]
     refused = [str(fault) for fault in wrong(values)]
-    found += refused or _recorded(values)
-    if not found and read_yaml(params).get("dataset") == option_file.stem:
+    amiss += refused or _recorded(values)
+    if not amiss and read_yaml(params).get("dataset") == option_file.stem:
         try:
             config.compose_config(params)
         except PipelineError as error:
-            found.append(str(error))
-    return list(dict.fromkeys(found))
+            amiss.append(str(error))
+    return list(dict.fromkeys(amiss))
 
 
 def _recorded(values: dict) -> Iterator[str]:

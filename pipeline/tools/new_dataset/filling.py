@@ -40,9 +40,9 @@ class Filling:
         """The values of the motion of that ``number`` in the table; the table itself where there is
         no number.
         """
-        found = self._motions()
+        offered = self._motions()
         if number is not None:
-            self._choose(found, number)
+            self._choose(offered, number)
 
     def by_asking(self) -> None:
         """One value after another, those of the robot first as others follow from them; an empty
@@ -104,28 +104,28 @@ class Filling:
         if "joint_log.start" not in self._open():
             return
         try:
-            found = self._motions()
+            offered = self._motions()
         except PipelineError as error:
             print(f"! {error}")
             return
         print("\nthe motion that is analysed: motion.steps, joint_log.start, .end and .rest")
         while answer := input("number, or nothing to give them one by one? ").strip():
             try:
-                return self._choose(found, int(answer))
+                return self._choose(offered, int(answer))
             except (ValueError, PipelineError) as error:
                 print(f"! {error}")
 
     def _motions(self) -> list[Motion]:
-        found = found_motions(self.draft.values())
-        if not found:
+        offered = found_motions(self.draft.values())
+        if not offered:
             raise ConfigError("no motion is found that the logs hold from rest to rest, or repeat")
-        print(table(found))
-        return found
+        print(table(offered))
+        return offered
 
-    def _choose(self, found: list[Motion], number: int) -> None:
-        if not 1 <= number <= len(found):
-            raise ConfigError(f"there is no motion {number}; there are 1 to {len(found)}")
+    def _choose(self, offered: list[Motion], number: int) -> None:
+        if not 1 <= number <= len(offered):
+            raise ConfigError(f"there is no motion {number}; there are 1 to {len(offered)}")
         rate = self.draft.values()["motion"]["rate"]
-        chosen = answers(found[number - 1], rate)
+        chosen = answers(offered[number - 1], rate)
         for key in [key for key in self._open() if key in chosen]:
             self.draft.answer(key, chosen[key], wrong)

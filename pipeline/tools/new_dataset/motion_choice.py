@@ -51,10 +51,10 @@ def answers(motion: Motion, rate: float) -> dict[str, str]:
     return dict(zip(KEYS, map(str, values), strict=True))
 
 
-def table(found: list[Motion]) -> str:
+def table(offered: list[Motion]) -> str:
     """A line a motion, numbered from 1."""
     rows = [HEADINGS]
-    for number, motion in enumerate(found, start=1):
+    for number, motion in enumerate(offered, start=1):
         counts = Counter(name for name, _ in motion.places)
         disturbed = ", ".join(f"{name} row {row}" for name, row in motion.disturbed)
         rows.append(
