@@ -45,9 +45,7 @@ audit: $(READY)
 
 # Ratios to other libraries, compile time and growth of cost on this machine: reports/benchmarks.md. Best where nothing else runs.
 bench: $(READY) $(PEERS)/.ready
-	mkdir -p reports/benchmarks
-	python -m pytest -q -p no:xdist tests/benchmarks --benchmark-enable --benchmark-only --benchmark-min-rounds=3 \
-		--benchmark-group-by=group --benchmark-columns=median,rounds --benchmark-json=reports/benchmarks/contests.json
+	python tests/benchmarks/repeats.py .bench/contests
 	python tests/benchmarks/compilation.py .bench
 	python tests/benchmarks/cost_growth.py
 	python tests/benchmarks/summary.py

@@ -6,9 +6,9 @@ A contest is one group of pytest-benchmark, named by a sentence, of tests ``test
 ``benchmark.extra_info`` its ``role`` ("ours", "peer" or "floor"), the ``items`` that one call
 treats, and where its result has a quality its ``error`` or ``objective`` (less is better); a peer
 and a floor also the ``target``: the ratio of its time an item to ours that is to be reached, for a
-floor that of ours to it; ours may state a ``limit`` in seconds an item. A test of several
-parameters states by ``against`` what it is called in the report. What is no contest but ``part`` of
-the filter of an ``arm`` has the role "part".
+floor that of ours to it, and their ``configuration`` in words; ours may state a ``limit`` in
+seconds an item. A test of several parameters states by ``against`` what it is called in the report.
+What is no contest but ``part`` of the filter of an ``arm`` has the role "part".
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 # last, so that tests/conftest.py stays what other tests find by that name
 sys.path += [str(Path(__file__).parent), str(Path(__file__).parent / "peers")]
-from machine import machine, versions
 from peer_process import INTERPRETER, PeerProcess
 
 
@@ -50,19 +49,3 @@ def peer(benchmark: BenchmarkFixture) -> Iterator[Callable[..., Callable[[], obj
         pytest.skip("the peers' environment is missing; `make bench` makes it")
     with ExitStack() as running:
         yield lambda name, **options: running.enter_context(PeerProcess(name, options))
-
-
-def pytest_benchmark_update_json(output_json: dict) -> None:
-    """Keep of what was measured what the report needs: no dates, no names of machines, no single
-    rounds.
-    """
-    kept = ("group", "name", "param", "extra_info")
-    benchmarks = [
-        {key: one[key] for key in kept} | {"stats": {"median": one["stats"]["median"]}}
-        for one in output_json["benchmarks"]
-    ]
-    output_json.clear()
-    output_json |= {
-        "machine_info": {"machine": machine(), "versions": versions()},
-        "benchmarks": benchmarks,
-    }

@@ -7,19 +7,25 @@ from __future__ import annotations
 import json
 
 import pytest
-from contests import duration, lines
-from summary import experiment, limited, parts
+import whole_section
+from contests import lines
+from contests_section import stated
+from growth_section import limited
+from parts_section import parts
+from repeats import together
+from writing import duration
 
 
 def measured(
-    name: str, seconds: float, items: int = 1, param: str | None = None, **extra: object
+    name: str, *seconds: float, items: int = 1, param: str | None = None, **extra: object
 ) -> dict:
+    """As repeats.py has it, of one run for each of the ``seconds``."""
     return {
         "group": "A contest",
         "name": name,
         "param": param,
         "extra_info": {"items": items} | extra,
-        "stats": {"median": seconds},
+        "medians": [*seconds],
     }
 
 
@@ -35,14 +41,28 @@ def only_line(*others: dict, ours: dict = OURS) -> list[str]:
 def test_a_peer_is_compared_by_its_time_an_item(target, verdict):
     extra = {} if target is None else {"target": target}
     cells = only_line(measured("test_some_library", 1.5, items=100, role="peer", **extra))
-    assert cells[:3] == ["A contest", "some library", "7.5 times as fast (2 ms against 15 ms)"]
+    ratio = "7.5 (7.5 to 7.5) times as fast, 2 ms against 15 ms"
+    assert cells[:3] == ["A contest", "some library", ratio]
     assert cells[4] == verdict
 
 
 @pytest.mark.parametrize(("target", "verdict"), [(1.6, "met"), (1.4, "**missed**")])
 def test_a_floor_is_what_ours_is_measured_in(target, verdict):
     cells = only_line(measured("test_floor", 1.333, items=1000, role="floor", target=target))
-    assert cells[2:5] == ["1.50 times as long (2 ms against 1.33 ms)", f"≤ {target}", verdict]
+    ratio = "1.50 (1.50 to 1.50) times as long, 2 ms against 1.33 ms"
+    assert cells[2:5] == [ratio, f"≤ {target}", verdict]
+
+
+@pytest.mark.parametrize(
+    ("target", "verdict"),
+    [(3, "met"), (4, "**met in 2 of 3 runs**"), (6, "**met in 1 of 3 runs**"), (9, "**missed**")],
+)
+def test_of_several_runs_the_ratios_have_a_range_and_met_is_what_all_of_them_meet(target, verdict):
+    ours = measured("test_ours", 1.0, 2.0, 1.0, role="ours")
+    # ratios of the same run, 8 and 5 and 3: those of other runs would reach to 10
+    cells = only_line(measured("test_peer", 8.0, 10.0, 3.0, role="peer", target=target), ours=ours)
+    assert cells[2] == "5 (3 to 8) times as fast, 1 s against 8 s"
+    assert cells[4] == verdict
 
 
 @pytest.mark.parametrize(("error", "verdict"), [(1.0, "met"), (1.005, "met"), (1.1, "**missed**")])
@@ -58,7 +78,7 @@ def test_speed_at_the_cost_of_quality_meets_nothing(error, verdict):
 @pytest.mark.parametrize(("limit", "verdict"), [(2.1e-3, "met"), (1.9e-3, "**missed**")])
 def test_a_limit_is_one_of_time_an_item(limit, verdict):
     cells = only_line(ours=measured("test_ours", 2.0, items=1000, role="ours", limit=limit))
-    assert cells[2:5] == ["2 ms an item", f"≤ {duration(limit)}", verdict]
+    assert cells[2:5] == ["2 ms an item (2 ms to 2 ms)", f"≤ {duration(limit)}", verdict]
 
 
 def test_a_contest_without_ours_or_with_two_is_refused():
@@ -95,6 +115,32 @@ def test_what_a_test_is_against_is_its_name_in_the_report():
     assert cells[1] == "a library"
 
 
+def test_who_states_a_configuration_is_listed_with_it_once():
+    peers = [
+        measured("test_a", 1.0, role="peer", configuration="its fastest"),
+        measured("test_a", 2.0, role="peer", configuration="its fastest"),
+        measured("test_b", 1.0, role="peer"),
+        measured("test_floor", 1.0, role="floor", configuration="the least"),
+    ]
+    assert stated(peers, "peer", "Peers") == "Peers:\n\n- a: its fastest"
+
+
+def test_runs_are_put_together_benchmark_by_benchmark_and_refused_where_they_differ():
+    def run(*named: tuple[str, float]) -> list[dict]:
+        return [
+            measured(name, role="ours") | {"fullname": name, "stats": {"median": median}}
+            for name, median in named
+        ]
+
+    one, other = together([run(("a", 1.0), ("b", 2.0)), run(("a", 3.0), ("b", 4.0))])
+    assert (one["name"], one["medians"], other["medians"]) == ("a", [1.0, 3.0], [2.0, 4.0])
+    assert "fullname" not in one and "stats" not in one
+    with pytest.raises(ValueError, match="runs differ"):
+        together([run(("a", 1.0)), run(("b", 1.0))])
+    with pytest.raises(ValueError, match="argument 2"):
+        together([run(("a", 1.0)), run(("a", 1.0), ("b", 1.0))])
+
+
 @pytest.mark.parametrize(
     ("seconds", "text"),
     [
@@ -126,7 +172,7 @@ def test_the_stages_are_measured_in_the_work_of_all_of_them(tmp_path, cpu, verdi
         "stages": stages,
     }
     (tmp_path / "experiment.json").write_text(json.dumps(measured))
-    text = experiment(tmp_path)
+    text = whole_section.section(tmp_path)
     assert (
         f"{(cpu + 2) / 4:.2f} times the processor time of the work itself (≤ 1.5: {verdict})"
         in text

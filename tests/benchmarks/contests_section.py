@@ -1,0 +1,44 @@
+"""The report's table of contests, and in what configuration each peer was measured."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from contests import lines, name_of
+from writing import table
+
+TITLE = "Contests"
+HEADER = [
+    "contest",
+    "against",
+    "ratio (range over the runs), median times an item",
+    "target",
+    "",
+    "quality (less is better)",
+]
+
+
+def section(folder: Path) -> str:
+    """Of contests.json, as repeats.py wrote it."""
+    measured = json.loads((folder / "contests.json").read_text())
+    benchmarks, info = measured["benchmarks"], measured["machine_info"]
+    libraries = ", ".join(f"{name} {number}" for name, number in info["versions"].items())
+    return (
+        f"{len(benchmarks[0]['medians'])} runs, each of all contests. A ratio is one of medians of "
+        "the same run; it stands with its median over the runs and its range. Met is what every "
+        f"run meets.\n\n{table(HEADER, [line.cells() for line in lines(benchmarks)])}\n\n"
+        f"{stated(benchmarks, 'floor', 'What a floor is')}\n\n"
+        f"{stated(benchmarks, 'peer', 'The best configuration of each peer')}\n\n"
+        f"Versions: {libraries}."
+    )
+
+
+def stated(benchmarks: list[dict], role: str, title: str) -> str:
+    """What those of a ``role`` say of themselves, one line each."""
+    said = {
+        name_of(one): one["extra_info"]["configuration"]
+        for one in benchmarks
+        if one["extra_info"]["role"] == role and "configuration" in one["extra_info"]
+    }
+    return f"{title}:\n\n" + "\n".join(f"- {name}: {words}" for name, words in said.items())
