@@ -43,8 +43,9 @@ def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
     raw = Path(dataset.recordings)
     claims = {part: _claimed(raw, patterns) for part, patterns in _patterns(dataset).items()}
     paths = [raw / name for name in files["file"]]
+    lineages = [{path, *path.parents} for path in paths]
     reads = {
-        part: [any(place == path or place in path.parents for place in places) for path in paths]
+        part: [not places.isdisjoint(lineage) for lineage in lineages]
         for part, places in claims.items()
     }
     unclaimed = ~pd.DataFrame(reads).any(axis=1).to_numpy()
