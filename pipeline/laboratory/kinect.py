@@ -13,7 +13,7 @@ from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import KinectOptions
 from pipeline.laboratory.scene import ArmPrisms, Prism, cast, room_prisms
-from pipeline.laboratory.sensor import Sensor
+from pipeline.laboratory.sensor import Sensor, Window
 
 
 def _about(axis: int, angle: float) -> np.ndarray:
@@ -52,30 +52,39 @@ class DepthCamera:
         self._x = (np.arange(options.width) - options.cx) / options.fx
         self._y = (np.arange(options.height) - options.cy) / options.fy
         self._arm = ArmPrisms(arm.chain, options.scene)
+        # what a ray sees where it meets nothing of the arm; infinite depth where it meets nothing
         depth = np.full((options.height, options.width), np.inf, dtype=np.float32)
         self._room = depth, np.zeros_like(depth)
+        whole = slice(0, options.height), slice(0, options.width)
         for solid in room_prisms(arm.chain, options.scene):
-            self._draw(self._in_camera(solid), (slice(None), slice(None)), *self._room)
-        self._sensor = Sensor(
-            options, bias, np.where(np.isfinite(depth), depth, np.float32(0)), self._room[1]
-        )
+            self._draw(self._in_camera(solid), whole, whole, *self._room)
+        self._rest = np.where(np.isfinite(depth), depth, np.float32(0)), self._room[1]
+        self._sensor = Sensor(options, bias, *self._rest)
 
     def _in_camera(self, solid: Prism) -> Prism:
         return solid.moved(self._rotation.T, -self._rotation.T @ self._position)
 
     def _draw(
-        self, solid: Prism, window: tuple[slice, slice], depth: np.ndarray, grazing: np.ndarray
+        self,
+        solid: Prism,
+        window: Window,
+        around: Window,
+        depth: np.ndarray,
+        grazing: np.ndarray,
     ) -> None:
-        """Draw a solid of the camera's frame, in the rows and columns ``window``, into images
-        (height, width) of depth, infinite where nothing is, and grazing angle.
+        """Draw a solid of the camera's frame, in the rows and columns ``window``, into ``depth``,
+        infinite where nothing is, and ``grazing`` angle of the rows and columns ``around``.
         """
         rows, columns = window
+        part = tuple(
+            slice(a.start - b.start, a.stop - b.start) for a, b in zip(window, around, strict=True)
+        )
         solid_depth, solid_grazing = cast(solid, self._x[columns], self._y[rows])
-        nearer = solid_depth < depth[window]
-        np.copyto(depth[window], solid_depth, where=nearer, casting="same_kind")
-        np.copyto(grazing[window], solid_grazing, where=nearer, casting="same_kind")
+        nearer = solid_depth < depth[part]
+        np.copyto(depth[part], solid_depth, where=nearer, casting="same_kind")
+        np.copyto(grazing[part], solid_grazing, where=nearer, casting="same_kind")
 
-    def _window(self, solid: Prism) -> tuple[slice, slice]:
+    def _window(self, solid: Prism) -> Window:
         """Rows and columns of the image that a solid of the camera's frame covers; ConfigError
         where it is not wholly in view.
         """
@@ -101,20 +110,36 @@ class DepthCamera:
             aim=self.options.aim,
         )
 
+    def _sight(self, q: np.ndarray) -> tuple[Window, np.ndarray, np.ndarray]:
+        """The rows and columns that hold the arm at angles ``q`` (3,) in rad, and what
+        :meth:`render` has there; outside of them is the room.
+        """
+        solids = [self._in_camera(solid) for solid in self._arm.at(q)]
+        windows = [self._window(solid) for solid in solids]
+        around = tuple(
+            slice(min(side.start for side in sides), max(side.stop for side in sides))
+            for sides in zip(*windows, strict=True)
+        )
+        depth, grazing = (image[around].copy() for image in self._room)
+        for solid, window in zip(solids, windows, strict=True):
+            self._draw(solid, window, around, depth, grazing)
+        depth[np.isinf(depth)] = 0.0
+        return around, depth, grazing
+
     def render(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Exact depth (height, width) in m, 0 where nothing is, and grazing angle in rad, both
         float32, at angles ``q`` (3,) in rad.
 
         Raises ConfigError where the arm is not wholly in view.
         """
-        depth, grazing = (image.copy() for image in self._room)
-        for solid in map(self._in_camera, self._arm.at(q)):
-            self._draw(solid, self._window(solid), depth, grazing)
-        depth[np.isinf(depth)] = 0.0
-        return depth, grazing
+        window, *parts = self._sight(q)
+        images = tuple(image.copy() for image in self._rest)
+        for image, part in zip(images, parts, strict=True):
+            image[window] = part
+        return images
 
     def observe(self, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """The sensor's depth image (height, width) in mm, uint16, 0 where it has none, at joint
         angles ``q`` (3,) in rad.
         """
-        return self._sensor.read(*self.render(q), rng)
+        return self._sensor.read(*self._sight(q), rng)

@@ -16,6 +16,7 @@ import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.segments import segment_frames
+from pipeline.core.compiled import MATRIX, VECTOR, compiled
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import SceneOptions
 
@@ -23,6 +24,7 @@ ARC = 16  # facets of half a circle
 # m, stands for the distance zero of a plane that passes through the camera: nothing of its face is
 # seen, and it bounds the other faces as a plane does from behind
 THROUGH = 1e-200
+AFTER, BEFORE = [1, 2, 0], [2, 0, 1]  # of each axis the others
 
 
 @dataclass(frozen=True)
@@ -44,11 +46,16 @@ class Prism:
         first, second = self.ends
         n = len(first)
         # corners far apart, for a normal that their rounding does not turn
-        end = np.cross(first[n // 3] - first[0], first[2 * n // 3] - first[0])
-        sides = np.cross(second - first, np.roll(first, -1, axis=0) - first)
+        end = _cross(first[n // 3] - first[0], first[2 * n // 3] - first[0])
+        sides = _cross(second - first, np.roll(first, -1, axis=0) - first)
         normal = np.concatenate([sides, [end, -end]])
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
         return normal, (normal * np.concatenate([first, self.ends[:, 0]])).sum(axis=-1)
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a × b (..., 3); NumPy's own takes ten times as long for as few."""
+    return a[..., AFTER] * b[..., BEFORE] - a[..., BEFORE] * b[..., AFTER]
 
 
 def prism(outline: np.ndarray, low: float, high: float) -> Prism:
@@ -158,17 +165,48 @@ def cast(solid: Prism, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.nda
     normal: 0 head-on, π/2 along the surface.
     """
     enter, leave, distance = (np.full((len(y), len(x)), value) for value in (np.inf, 0.0, 0.0))
-    for (a, b, c), d in zip(*solid.faces(), strict=True):
-        d = d if d else THROUGH
-        inverse = a / d * x + (b / d * y + c / d)[:, None]
-        if d < 0:
-            np.copyto(distance, -d, where=inverse < enter)
-            np.minimum(enter, inverse, out=enter)
-        else:
-            np.maximum(leave, inverse, out=leave)
+    normals, distances = solid.faces()
+    distances[distances == 0] = THROUGH
+    _pass(normals / distances[:, None], distances, x, y, enter, leave, distance)
     if np.isinf(enter).any():
         raise ConfigError("laboratory.kinect: the camera stands in a solid of the scene; move it")
     met = enter > leave
-    depth = np.divide(1.0, enter, out=np.full(met.shape, np.inf), where=met)
-    cosine = distance * enter / np.sqrt(x * x + (y * y + 1)[:, None])
-    return depth, arccos(np.where(met, np.minimum(cosine, 1.0), 1.0))
+    depth, grazing = np.full(met.shape, np.inf), np.zeros(met.shape)
+    enter, range_ = enter[met], np.sqrt(x * x + (y * y + 1)[:, None])[met]
+    depth[met] = 1.0 / enter
+    grazing[met] = arccos(np.minimum(distance[met] * enter / range_, 1.0))
+    return depth, grazing
+
+
+@compiled((MATRIX, VECTOR, VECTOR, VECTOR, MATRIX, MATRIX, MATRIX))
+def _pass(
+    slope: np.ndarray,
+    distance: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    enter: np.ndarray,
+    leave: np.ndarray,
+    entered: np.ndarray,
+) -> None:
+    """The inverse depths at which the rays ``x`` (w,), ``y`` (h,) ``enter`` and ``leave`` (h, w)
+    the faces of one solid, 1/m, and the distance of the face ``entered`` (h, w), m; row by row,
+    which stays in the cache.
+
+    The plane of a face lies at the inverse depth (x, y, 1) · ``slope`` (F, 3), and ``distance``
+    (F,) from the camera, negative where it is turned to it.
+    """
+    for row in range(y.size):
+        nearest, farthest, of_face = enter[row], leave[row], entered[row]
+        for face in range(distance.size):
+            across, size = slope[face, 0], -distance[face]
+            down = slope[face, 1] * y[row] + slope[face, 2]
+            if size > 0.0:
+                for column in range(x.size):
+                    inverse = across * x[column] + down
+                    nearer = inverse < nearest[column]
+                    nearest[column] = inverse if nearer else nearest[column]
+                    of_face[column] = size if nearer else of_face[column]
+            else:
+                for column in range(x.size):
+                    inverse = across * x[column] + down
+                    farthest[column] = inverse if inverse > farthest[column] else farthest[column]

@@ -23,7 +23,8 @@ def read(
     rng: np.random.Generator,
 ) -> np.ndarray:
     """The reading of a scene that has always been there."""
-    return Sensor(options, bias, depth, grazing).read(depth, grazing, rng)
+    whole = tuple(slice(0, size) for size in depth.shape)
+    return Sensor(options, bias, depth, grazing).read(whole, depth, grazing, rng)
 
 
 def ramp() -> np.ndarray:
@@ -107,17 +108,31 @@ def test_without_noise_the_image_is_the_exact_depth_in_whole_millimetres() -> No
     assert 0.1 < valid.mean() < 0.9
 
 
-def test_what_changed_since_the_scene_at_rest_is_read_as_if_it_had_always_been_there() -> None:
+@pytest.mark.parametrize(
+    ("rows", "columns"), [((100, 200), (50, 90)), ((300, 424), (0, 40)), ((0, 424), (500, 512))]
+)
+def test_what_changed_since_the_scene_at_rest_is_read_as_if_it_had_always_been_there(
+    rows: tuple[int, int], columns: tuple[int, int]
+) -> None:
     rest, grazing = flat(2.0)
+    rest[:, 200:300], window = 1.5, (slice(*rows), slice(*columns))
     changed, angle = rest.copy(), grazing.copy()
-    changed[100:200, 50:90], changed[300:, :40], angle[120:150] = 1.1, 0.0, 0.9
+    changed[window], angle[window] = 1.1, 0.9
+    changed[rows[0] + 10 : rows[0] + 20, columns[0] + 5 : columns[0] + 10] = 0.0
     bias = draw_bias(KinectOptions(), np.random.default_rng(1))
     sensor = Sensor(KinectOptions(), bias, rest, grazing)
-    reading = sensor.read(changed, angle, np.random.default_rng(2))
-    alone = read(changed, angle, bias, KinectOptions(), np.random.default_rng(2))
+    # what another window had before is forgotten
+    before = slice(rows[0] // 2, rows[0] // 2 + 60), slice(columns[0] // 2, columns[0] // 2 + 30)
+    sensor.read(before, *(image[before] + np.float32(0.2) for image in (rest, grazing)), stream(3))
+    reading = sensor.read(window, changed[window], angle[window], stream(2))
+    alone = read(changed, angle, bias, KinectOptions(), stream(2))
     np.testing.assert_array_equal(reading, alone)
     # the control: the scene at rest is read otherwise
-    assert np.any(reading != sensor.read(rest, grazing, np.random.default_rng(2)))
+    assert np.any(reading != sensor.read(window, rest[window], grazing[window], stream(2)))
+
+
+def stream(seed: int) -> np.random.Generator:
+    return np.random.default_rng(seed)
 
 
 @pytest.mark.parametrize(
