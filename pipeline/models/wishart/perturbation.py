@@ -1,16 +1,17 @@
 """Samples of the perturbation matrix B from the process noise: the convex problem
-(BsampOpt)–(const10) in closed form, in bulk.
+(BsampOpt)–(const10), in bulk.
 
 With B⁻¹ = I + S, S (m, m), a = J₁⁻¹v, r = ‖a‖, e = a/r the problem is: minimise α₁‖ω − J₂⁺Sa‖ +
 α₂‖S‖_F over symmetric S with I + S > 0.
 
 1. Among all symmetric S with Sa = s the one of least norm is S = (saᵀ + asᵀ)/r² − (aᵀs)aaᵀ/r⁴, and
    ‖S‖_F = ‖Ws‖ with W = (eeᵀ + √2(I − eeᵀ))/r. In y = Ws what is left is: minimise ‖ω − Ay‖ +
-   λ‖y‖, A = J₂⁺W⁻¹ (n, m), λ = α₂/α₁ (:mod:`.least_norms`). Of more joints than task rows the part
-   of ω across the range of J₂⁺ is explained by no S.
+   λ‖y‖, A = J₂⁺W⁻¹ (n, m), λ = α₂/α₁. Of more joints than task rows the part of ω across the range
+   of J₂⁺ is explained by no S.
 2. S has rank two and the least eigenvalue (x − sqrt(x² + 2‖d‖²))/2, with x and d the parts of y
-   along and across e. Where it breaks I + S ⪰ εI the problem is solved anew with that bound
-   (:mod:`.bound`). B⁻¹ > 0 alone would have no minimum there: B would grow without end.
+   along and across e. Where it would break I + S ⪰ εI, S has a part across a too. B⁻¹ > 0 alone
+   would have no minimum there: B would grow without end.
+3. The optimum, held back or not, is the root of one scalar equation whatever m is (:mod:`.bound`).
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.core.errors import ModelDomainError
-from pipeline.models.wishart.bound import solve_bounded
+from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.randommatrix.wishart import normalized_std
+
+STEPS = 200  # towards the root, halvings with them; six are usual
 
 
 @dataclass(frozen=True)
@@ -56,16 +58,6 @@ def objective_weights(rest_noise: float, m: int, factor: float = 1.0) -> tuple[f
     return 1 / (1 + ratio), ratio / (1 + ratio)
 
 
-def least_norm_perturbation(e: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(..., m, m) the symmetric S of least Frobenius norm with WSa = y, for the directions ``e`` of
-    a and ``y`` (..., m): step 1.
-    """
-    along = np.vecdot(e, y)[..., None] * e
-    f = along / 2 + (y - along) / np.sqrt(2)
-    outer = e[..., :, None] * f[..., None, :]
-    return outer + np.swapaxes(outer, -1, -2)
-
-
 def fit_perturbations(
     noise: np.ndarray, a: np.ndarray, back: np.ndarray, weights: tuple[float, float], floor: float
 ) -> Perturbations:
@@ -78,9 +70,6 @@ def fit_perturbations(
     or a floor outside their range and for noise that is not finite, SolverError where the bounded
     problem did not reach its optimum.
     """
-    # here, as it loads the compiler
-    from pipeline.models.wishart.least_norms import least_sum_of_norms
-
     alpha1, alpha2 = weights
     if not (alpha1 > 0 and alpha2 >= 0 and 0 < floor < 1):
         raise ModelDomainError(
@@ -96,31 +85,24 @@ def fit_perturbations(
             index=int(finite.argmin()),
             not_finite=int((~finite).sum()),
         )
+    from pipeline.models.wishart.bound import ROWS  # here, as they load the compiler
+    from pipeline.models.wishart.samples import perturb
+
+    count, n, m = back.shape
+    s, norms, bound = np.zeros((count, m, m)), np.zeros((count, 2)), np.zeros(count, dtype=bool)
+    given = [np.ascontiguousarray(each, dtype=float) for each in (noise, a, back)]
+    room = np.empty((n, m + 1)), np.empty((3, m, m)), np.empty((ROWS, m))
     ratio = alpha2 / alpha1
-    perturbation, bound = np.zeros((*a.shape, a.shape[-1])), np.zeros(len(noise), dtype=bool)
-    moving = np.flatnonzero(np.vecdot(a, a) > 0)
-    omega, a_moving, back_moving = noise[moving], a[moving], back[moving]
-    r = np.sqrt(np.vecdot(a_moving, a_moving))[:, None]
-    e = a_moving / r
-    # A = J₂⁺W⁻¹ with W⁻¹ = r(I/√2 + (1 − 1/√2)eeᵀ)
-    matrix = (r / np.sqrt(2))[:, None] * back_moving + (
-        (1 - np.sqrt(0.5)) * r * np.matvec(back_moving, e)
-    )[:, :, None] * e[:, None, :]
-    y = least_sum_of_norms(omega, matrix, ratio)
-    free = least_norm_perturbation(e, y)
-    along = np.vecdot(e, y)
-    least_eigenvalue = (along - np.sqrt(np.maximum(2 * np.vecdot(y, y) - along**2, 0.0))) / 2
-    broken = np.flatnonzero(1 + least_eigenvalue < floor)
-    if broken.size:
-        free[broken] = solve_bounded(
-            omega[broken], a_moving[broken], matrix[broken], y[broken], ratio, floor
+    unsolved = perturb(*given, ratio, 1 - floor, STEPS, s, norms, bound, *room)
+    if unsolved >= 0:
+        raise SolverError(
+            "the perturbation of a step was not solved to optimality",
+            index=unsolved,
+            noise=noise[unsolved].tolist(),
+            ratio=ratio,
+            floor=floor,
         )
-    perturbation[moving], bound[moving[broken]] = free, True
-    residual = noise - np.matvec(back, np.matvec(perturbation, a))
-    objective = alpha1 * np.sqrt(np.vecdot(residual, residual)) + alpha2 * np.sqrt(
-        (perturbation**2).sum(axis=(1, 2))
-    )
-    return Perturbations(perturbation, objective, bound)
+    return Perturbations(s, norms @ (alpha1, alpha2), bound)
 
 
 def dispersions(perturbations: np.ndarray) -> np.ndarray:

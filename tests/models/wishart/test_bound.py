@@ -1,15 +1,18 @@
 """The perturbations held back by the bound: feasible, each certified by a dual point, and refused
-where Newton's method does not end.
+where the equation is not solved; the curve on which they lie.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from compiled_calls import from_python
+from perturbation_problems import fit, free_optimum, parts
 
 from pipeline.core.errors import SolverError
-from pipeline.models.wishart import bound
-from pipeline.models.wishart.least_norms import least_sum_of_norms
+from pipeline.models.wishart import perturbation
+from pipeline.models.wishart.bound import ALONG, PULL, ROWS, Y, place
+from pipeline.models.wishart.triangles import factorize
 
 COUNT = 3000
 
@@ -31,17 +34,10 @@ def violators(
         axes = np.linalg.qr(matrix)[0]
         within = np.matvec(axes, np.vecmat(noise, axes))
         noise = within + across * (noise - within)
-    y = least_sum_of_norms(noise, matrix, ratio)
+    y = free_optimum(noise, matrix, ratio)
     x = np.vecdot(e, y)
     broken = 1 + (x - np.sqrt(np.maximum(2 * np.vecdot(y, y) - x**2, 0.0))) / 2 < floor
     return noise[broken], e[broken], matrix[broken], y[broken]
-
-
-def parts(s: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """y and c of the optimal S."""
-    image = np.matvec(s, e)
-    y = np.sqrt(2) * image + (1 - np.sqrt(2)) * np.vecdot(e, image)[:, None] * e
-    return y, np.trace(s, axis1=1, axis2=2) - np.vecdot(e, image)
 
 
 def dual_bound(noise, e, matrix, y, c, ratio, floor) -> np.ndarray:
@@ -72,8 +68,8 @@ def dual_bound(noise, e, matrix, y, c, ratio, floor) -> np.ndarray:
 @pytest.mark.parametrize("ratio", [1e-3, 0.03, 0.3])
 @pytest.mark.parametrize(("floor", "size"), [(0.01, 3.0), (0.2, 1.0), (0.9, 0.3)])
 def test_every_optimum_is_certified_by_its_dual(ratio, floor, size):
-    noise, e, matrix, free = violators(1, ratio, floor, size)
-    s = bound.solve_bounded(noise, e, matrix, free, ratio, floor)
+    noise, e, matrix, _ = violators(1, ratio, floor, size)
+    s = fit(noise, e, matrix, ratio, floor).s
     y, c = parts(s, e)
 
     def objective(of: np.ndarray, corner: np.ndarray) -> np.ndarray:
@@ -106,8 +102,8 @@ def test_every_minimum_of_any_size_is_reached_and_none_beside_it_is_lower(n, m, 
     """However little of the noise lies across the range of A, where F all but has no gradient."""
     rng = np.random.default_rng(5)
     for ratio, floor, size in ((1e-3, 0.01, 3.0), (0.03, 0.2, 1.0), (0.3, 0.01, 3.0)):
-        noise, e, matrix, free = violators(4, ratio, floor, size, n, m, across)
-        s = bound.solve_bounded(noise, e, matrix, free, ratio, floor)
+        noise, e, matrix, _ = violators(4, ratio, floor, size, n, m, across)
+        s = fit(noise, e, matrix, ratio, floor).s
         assert np.linalg.eigvalsh(s).min() > floor - 1 - 1e-9
 
         def objective(s, e=e, noise=noise, matrix=matrix, ratio=ratio) -> np.ndarray:
@@ -121,19 +117,66 @@ def test_every_minimum_of_any_size_is_reached_and_none_beside_it_is_lower(n, m, 
             assert np.all(objective(beside) >= objective(s) * (1 - 1e-9))
 
 
-def test_minima_near_the_apex_are_sought_along_the_paraboloid(monkeypatch):
-    noise, e, matrix, free = violators(1, 0.3, 0.01, 3.0, 2, 2)
-    bound.solve_bounded(noise, e, matrix, free, 0.3, 0.01)
-    # control: Newton's steps alone do not reach all of them
-    monkeypatch.setattr(bound, "BENT", len(bound.WAYS))
-    with pytest.raises(SolverError, match="not solved to optimality"):
-        bound.solve_bounded(noise, e, matrix, free, 0.3, 0.01)
+@pytest.mark.parametrize(("n", "m"), [(1, 1), (2, 2), (6, 6), (3, 2), (7, 6)])
+def test_the_bound_holds_those_perturbations_back_whose_free_optimum_breaks_it(n, m):
+    rng = np.random.default_rng(6)
+    noise, e, matrix = (rng.standard_normal((COUNT, *size)) for size in ((n,), (m,), (n, m)))
+    e /= np.linalg.norm(e, axis=1)[:, None]
+    y = free_optimum(noise, matrix, 0.03)
+    x = np.vecdot(e, y)
+    broken = 1 + (x - np.sqrt(np.maximum(2 * np.vecdot(y, y) - x**2, 0.0))) / 2 < 0.2
+    fits = fit(noise, e, matrix, 0.03, 0.2)
+    np.testing.assert_array_equal(fits.bound, broken)
+    assert 100 < broken.sum() < COUNT - 100
+    np.testing.assert_allclose(parts(fits.s, e)[0][~broken], y[~broken], rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize(("n", "m"), [(2, 2), (6, 6), (3, 2), (8, 3)])
+def test_the_places_of_the_curve_are_stationary_for_a_weight_that_grows(n, m):
+    """With the slope that its values have, and with what A leaves of the noise."""
+    rng, delta, kinds = np.random.default_rng(7), 0.8, set()
+    for _ in range(20):
+        noise, e, matrix = rng.standard_normal(n), rng.standard_normal(m), np.empty((n, m))
+        matrix[:] = rng.standard_normal((n, m))
+        e /= np.linalg.norm(e)
+        squares, room = np.empty((3, m, m)), np.empty((ROWS, m))
+        squares[0], room[ALONG], room[PULL] = matrix.T @ matrix, e, noise @ matrix
+        from_python(factorize)(squares[0], 0.0, squares[1])
+        outside = noise - matrix @ np.linalg.lstsq(matrix, noise)[0]
+        rest = outside @ outside if n > m else 0.0
+
+        def at(s, rest=rest, squares=squares, room=room):
+            return *from_python(place)(s, delta, rest, squares, room), room[Y].copy()
+
+        before = 0.0
+        for s in (1e-3, 0.1, 1.0, 10.0):
+            c, weight, growth, y = at(s)
+            right = room[PULL] + s * c * e
+            np.testing.assert_allclose((squares[0] + s * np.eye(m)) @ y, right, atol=1e-9)
+            x = e @ y
+            across = np.sum((y - x * e) ** 2)
+            if c > 0:
+                assert across == pytest.approx(2 * (delta + x) * (delta + c), rel=1e-6)
+            else:
+                assert across <= 2 * (delta + x) * delta
+            share = (delta + x) / (delta + x + c)
+            length = np.linalg.norm(noise - matrix @ y)
+            expected = share * np.sqrt(y @ y + c * c) * s / length
+            assert weight == pytest.approx(expected, rel=1e-6)
+            assert weight > before
+            ends = [at(s * (1 + sign * 1e-6)) for sign in (1, -1)]
+            if (ends[0][0] > 0) == (ends[1][0] > 0):
+                slope = (ends[0][1] - ends[1][1]) / (2e-6 * s)
+                assert growth == pytest.approx(slope, rel=1e-4, abs=1e-7)
+            before = weight
+            kinds.add(c > 0)
+    assert kinds == {True, False}
 
 
 def test_an_optimum_at_the_exact_fit_is_found_where_it_satisfies_the_bound():
     """With a weight that hardly counts every fit that B⁻¹ ⪰ εI allows is exact: aᵀ(a + J₂ω) > 0."""
     noise, e, matrix, free = violators(2, 1e-6, 0.1, 1.0)
-    s = bound.solve_bounded(noise, e, matrix, free, 1e-6, 0.1)
+    s = fit(noise, e, matrix, 1e-6, 0.1).s
     residual = np.linalg.norm(noise - np.matvec(matrix, parts(s, e)[0]), axis=1)
     inside = np.vecdot(e, free) > -0.8
     assert inside.sum() > 100 and (~inside).sum() > 100
@@ -146,17 +189,17 @@ def test_along_its_own_direction_the_perturbation_stops_at_the_bound():
     no cross term and no block.
     """
     e = np.array([0.6, 0.8, 0.0])
-    s = bound.solve_bounded(2 * e[None], e[None], -np.eye(3)[None], -2 * e[None], 1e-3, 0.1)[0]
+    s = fit(2 * e[None], e[None], -np.eye(3)[None], 1e-3, 0.1).s[0]
     np.testing.assert_allclose(s, -0.9 * np.outer(e, e), atol=1e-12)
     near = 2 * e + 1e-7 * np.array([0.0, 0.0, 1.0])
-    s = bound.solve_bounded(near[None], e[None], -np.eye(3)[None], -near[None], 1e-3, 0.1)[0]
+    s = fit(near[None], e[None], -np.eye(3)[None], 1e-3, 0.1).s[0]
     np.testing.assert_allclose(s, -0.9 * np.outer(e, e), atol=1e-6)
 
 
 def test_a_minimum_that_was_not_reached_raises_with_its_evidence(monkeypatch):
-    noise, e, matrix, free = violators(1, 0.03, 0.2, 1.0)
-    monkeypatch.setattr(bound, "STEPS", 2)
+    noise, e, matrix, _ = violators(1, 0.03, 0.2, 1.0)
+    monkeypatch.setattr(perturbation, "STEPS", 2)
     with pytest.raises(SolverError, match="not solved to optimality") as refusal:
-        bound.solve_bounded(noise, e, matrix, free, 0.03, 0.2)
+        fit(noise, e, matrix, 0.03, 0.2)
     assert len(refusal.value.evidence["noise"]) == 3
-    assert refusal.value.evidence["ratio"] == 0.03
+    assert refusal.value.evidence["ratio"] == pytest.approx(0.03)

@@ -18,7 +18,6 @@ from pipeline.models.wishart.factors import factors
 from pipeline.models.wishart.perturbation import (
     dispersions,
     fit_perturbations,
-    least_norm_perturbation,
 )
 
 FLOOR = 0.01
@@ -36,21 +35,29 @@ def scene(chain, poses, step, size: float) -> tuple[np.ndarray, np.ndarray]:
     return size * rng.standard_normal((200, 3)), step * rng.uniform(0.1, 1.2, (200, 1))
 
 
-def test_the_least_norm_perturbation_maps_a_to_s_and_nothing_smaller_does():
-    rng = np.random.default_rng(2)
-    a, y = rng.standard_normal((2, 100, 3))
+def least_norm(s: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """(N, m, m) the symmetric matrix of least norm that maps ``a`` (N, m) as ``s`` does."""
     e = a / np.linalg.norm(a, axis=1)[:, None]
-    best = least_norm_perturbation(e, y)
-    along = np.vecdot(e, y)[:, None] * e
-    # W⁻¹y/r
-    np.testing.assert_allclose(np.matvec(best, e), along + (y - along) / np.sqrt(2), atol=1e-12)
-    np.testing.assert_allclose(best, np.swapaxes(best, -1, -2))
-    np.testing.assert_allclose(np.linalg.norm(best, axis=(1, 2)), np.linalg.norm(y, axis=1))
-    # any symmetric change that keeps Sa, with its range across a, is orthogonal to the optimum
-    across = rng.standard_normal((100, 3))
-    across -= np.vecdot(e, across)[:, None] * e
+    image = np.matvec(s, e)
+    outer = e[:, :, None] * image[:, None, :]
+    along = np.vecdot(e, image)[:, None, None] * e[:, :, None] * e[:, None, :]
+    return outer + np.swapaxes(outer, 1, 2) - along
+
+
+def test_a_perturbation_within_the_bound_is_the_least_that_maps_a_to_its_image(chain, poses, step):
+    noise, v = scene(chain, poses, step, 0.006)
+    a, back, _ = factors(chain, poses, v, MODERATE)
+    fit = fit_perturbations(noise, a, back, weights(1e-3), FLOOR)
+    more = np.linalg.norm(fit.s - least_norm(fit.s, a), axis=(1, 2))
+    np.testing.assert_allclose(more[~fit.bound], 0.0, atol=1e-12)
+    assert np.linalg.norm(fit.s[~fit.bound], axis=(1, 2)).max() > 0.1
+    # control: the bound asks for a part across a
+    assert fit.bound.any() and more[fit.bound].max() > 0.1
+    # any symmetric change that keeps Sa, with its range across a, is orthogonal to the least
+    across = np.random.default_rng(2).standard_normal(a.shape)
+    across -= (np.vecdot(a, across) / np.vecdot(a, a))[:, None] * a
     change = across[:, :, None] * across[:, None, :]
-    np.testing.assert_allclose((best * change).sum(axis=(-1, -2)), 0, atol=1e-12)
+    np.testing.assert_allclose((least_norm(fit.s, a) * change).sum(axis=(-1, -2)), 0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
