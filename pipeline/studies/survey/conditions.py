@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -63,7 +64,7 @@ def disturbed(dynamics: DynamicsOptions, factors: Factors) -> DynamicsOptions:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)  # there may be millions
 class MotionCondition:
     """A point of the grid on which the claims about motion, depth camera and filter are decided."""
 
@@ -73,7 +74,7 @@ class MotionCondition:
     factors: Factors = field(default_factory=Factors)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class WrenchCondition:
     """A point of the grid on which the claims about the wrench model are decided."""
 
@@ -128,16 +129,13 @@ def motion_conditions(
     """The conditions of the motion, every one with each of ``seeds``."""
     base = {"trajectory": trajectories[0], "particles": particles[0]} | dict.fromkeys(FACTORS, 1.0)
     points = designed(base, {"trajectory": trajectories, "particles": particles, **factors}, design)
-    return [
-        MotionCondition(
-            seed,
-            point["trajectory"],
-            point["particles"],
-            Factors(**{name: float(point[name]) for name in FACTORS}),
-        )
-        for point in points
-        for seed in seeds
-    ]
+    factors_of = cache(Factors)  # equal ones are one, of which there are fewer by far
+    conditions = []
+    for point in points:
+        scaled = factors_of(*(float(point[name]) for name in FACTORS))
+        place = (point["trajectory"], point["particles"], scaled)
+        conditions += [MotionCondition(seed, *place) for seed in seeds]
+    return conditions
 
 
 def wrench_conditions(

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -25,7 +25,12 @@ from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ContractError
 from pipeline.core.options.compute import Compute
-from pipeline.studies.survey.conditions import FACTORS, Condition, MotionCondition
+from pipeline.studies.survey.conditions import (
+    FACTORS,
+    Condition,
+    MotionCondition,
+    WrenchCondition,
+)
 from pipeline.studies.survey.motion import MotionStudy, motion_evidence
 from pipeline.studies.survey.wrench import WrenchStudy, claims_for, wrench_evidence
 from pipeline.verdicts.claims import Claim
@@ -88,7 +93,8 @@ class Gathered:
     were computed anew because they could not be read.
     """
 
-    places: list[Path]
+    folder: Path
+    keys: list[str]
     reused: int
     computed: int
     unreadable: int
@@ -98,7 +104,7 @@ class Gathered:
         """The rows of the table ``survey``, one point after the other in the order of the
         conditions: all at once may be too many.
         """
-        return (contracts.read("survey", place, TABLES) for place in self.places)
+        return (contracts.read("survey", _place(self.folder, key), TABLES) for key in self.keys)
 
 
 def code_version() -> str:
@@ -118,17 +124,29 @@ def code_version() -> str:
     )
 
 
-def key_of(condition: Condition, study: Study, code: str) -> str:
-    """The name of the condition's point: a hash of the condition, of what it is decided with, of
-    the claims and of the ``code``.
+def keys_of(conditions: Iterable[Condition], study: Study, code: str) -> list[str]:
+    """The names of the conditions' points: each a hash of the condition, of what it is decided
+    with, of the claims and of the ``code``.
     """
-    common = study.motion if isinstance(condition, MotionCondition) else study.wrench
     claims = [asdict(claim) for claim in study.claims]
-    return _digest([type(condition).__name__, asdict(condition), asdict(common), claims, code])
+    # of a million conditions, what all have in common is hashed once
+    common = {
+        kind: _digest([asdict(shared), claims, code])
+        for kind, shared in ((MotionCondition, study.motion), (WrenchCondition, study.wrench))
+    }
+    return [_hash(f"{condition} {common[type(condition)]}") for condition in conditions]
+
+
+def _place(folder: Path, key: str) -> Path:
+    """Where in ``folder`` the point of that name lies: no folder holds too many."""
+    return folder / key[:2] / key
 
 
 def _digest(values: object) -> str:
-    text = json.dumps(values, sort_keys=True, default=np.ndarray.tolist)
+    return _hash(json.dumps(values, sort_keys=True, default=np.ndarray.tolist))
+
+
+def _hash(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
@@ -175,32 +193,29 @@ def gather(
     """The points of ``conditions``: every one that ``folder`` has, and the others computed there
     first.
     """
-    code = code_version()
-    keys = [key_of(condition, study, code) for condition in conditions]
-    places = [folder.resolve() / key[:2] / key for key in keys]
+    keys = keys_of(conditions, study, code_version())
+    folder = folder.resolve()
     missing = [
-        (condition, place)
-        for condition, place in zip(conditions, places, strict=True)
-        if not _whole(place)
+        (condition, key)
+        for condition, key in zip(conditions, keys, strict=True)
+        if not _whole(_place(folder, key))
     ]
-    broken = sum(place.exists() for _, place in missing)
+    broken = sum(_place(folder, key).exists() for _, key in missing)
     if missing:
+        compute_one = partial(_compute, study=study, folder=folder)
         # each writes its own point; there is nothing to keep
         deque(
-            run_trials(
-                partial(_compute, study=study), missing, compute=compute, label="survey: conditions"
-            ),
-            maxlen=0,
+            run_trials(compute_one, missing, compute=compute, label="survey: conditions"), maxlen=0
         )
-    size = sum(file.stat().st_size for place in places for file in place.iterdir())
-    return Gathered(places, len(conditions) - len(missing), len(missing) - broken, broken, size)
+    size = sum(file.stat().st_size for key in keys for file in _place(folder, key).iterdir())
+    reused, computed = len(conditions) - len(missing), len(missing) - broken
+    return Gathered(folder, keys, reused, computed, broken, size)
 
 
-def _compute(trial: tuple[Condition, Path], study: Study) -> None:
-    condition, place = trial
-    with contracts.replacing(place) as folder:
-        rows = point(condition, study).assign(point=place.name)
-        contracts.write(rows, "survey", folder, TABLES)
+def _compute(trial: tuple[Condition, str], study: Study, folder: Path) -> None:
+    condition, key = trial
+    with contracts.replacing(_place(folder, key)) as place:
+        contracts.write(point(condition, study).assign(point=key), "survey", place, TABLES)
 
 
 def _whole(place: Path) -> bool:

@@ -14,8 +14,13 @@ from source_code import MODULES, covers, needed
 from pipeline.core import contracts
 from pipeline.core.options.compute import Compute
 from pipeline.studies.survey import points
-from pipeline.studies.survey.conditions import Factors, MotionCondition, WrenchCondition
-from pipeline.studies.survey.points import SOURCES, Gathered, code_version, gather, key_of
+from pipeline.studies.survey.conditions import (
+    Factors,
+    MotionCondition,
+    WrenchCondition,
+    motion_conditions,
+)
+from pipeline.studies.survey.points import SOURCES, Gathered, code_version, gather, keys_of
 
 SERIAL = Compute(1)
 CONDITIONS = [
@@ -32,6 +37,12 @@ def small(study):
     return replace(
         study, motion=replace(study.motion, training_takes=4, realizations=3), wrench=wrench
     )
+
+
+def key_of(condition, study, code) -> str:
+    """The name of one point alone."""
+    (key,) = keys_of([condition], study, code)
+    return key
 
 
 def joined(gathered: Gathered) -> pd.DataFrame:
@@ -141,6 +152,13 @@ def test_another_configuration_is_another_point(small):
     assert key_of(replace(condition), replace(small), code) == keys[0]
     # what decides the motion alone leaves the wrench its points
     assert key_of(CONDITIONS[0], studies[1], code) == key_of(CONDITIONS[0], small, code)
+
+
+def test_what_conditions_have_in_common_is_hashed_once_however_many_they_are(small, monkeypatch):
+    hashed, original = [], points._digest
+    monkeypatch.setattr(points, "_digest", lambda values: hashed.append(1) or original(values))
+    many = motion_conditions([*range(500)], ["own", "other"], [20, 30], {}, "factorial")
+    assert len({*keys_of(many, small, "code")}) == 2000 and len(hashed) == 2
 
 
 def test_other_code_is_another_version(tmp_path, monkeypatch):
