@@ -10,7 +10,7 @@ export PATH := $(BIN):$(PATH)
 export DVC_NO_ANALYTICS := 1
 export HOME ?= $(CURDIR)/$(VENV)
 
-.PHONY: repro all test test-all smoke real synthetic audit bench bench-experiment lint lock clean-env
+.PHONY: repro all test test-all smoke real synthetic audit bench bench-experiment bench-scale lint lock clean-env
 
 # The paper alone.
 repro: $(READY)
@@ -53,6 +53,11 @@ bench: $(READY) $(PEERS)/.ready
 # The processor time of the whole experiment against that of the work itself, after `make bench`; runs the experiment twice.
 bench-experiment: $(READY)
 	python tests/benchmarks/experiment.py .bench paper
+	python tests/benchmarks/summary.py
+
+# Ten thousand takes, a million particles and a share of the large survey, really run; after a run of the paper.
+bench-scale: $(READY)
+	python tests/benchmarks/scale.py
 	python tests/benchmarks/summary.py
 
 lint: $(READY)

@@ -47,7 +47,7 @@ def run(model: str) -> None:
             first = recorded.q[:, 0]
             for loop, (fitted, commands) in loops.items():
                 trial = partial(
-                    _filter_take,
+                    filter_take,
                     model=fitted,
                     chain=recorded.chain,
                     joints=robot.joints,
@@ -85,7 +85,7 @@ def _metrics(
     }
 
 
-def _filter_take(
+def filter_take(
     trial: tuple[int, Measurements],
     model: MotionModel,
     chain: Chain,

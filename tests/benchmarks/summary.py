@@ -11,11 +11,19 @@ import contests_section
 import first_use_section
 import growth_section
 import parts_section
+import scale_section
 import whole_section
 
 REPORTS = Path(__file__).parents[2] / "reports"
 # in the order of the report; each has a TITLE, and says with section(FOLDER) what stands below it
-SECTIONS = (contests_section, parts_section, first_use_section, growth_section, whole_section)
+SECTIONS = (
+    contests_section,
+    parts_section,
+    first_use_section,
+    growth_section,
+    scale_section,
+    whole_section,
+)
 
 
 def report(folder: Path) -> str:

@@ -58,9 +58,9 @@ def run(name: str) -> None:
     surveys = sorted(set(file.stem for file in HERE.glob("*.yaml")) - {"conclusions", "tables"})
     if name not in surveys:
         raise ConfigError(f"no survey {name!r}; there are {', '.join(surveys)}", key="NAME")
-    options, claims = read_survey(HERE / f"{name}.yaml"), read_claims(*CONCLUSIONS)
+    options = read_survey(HERE / f"{name}.yaml")
     settings = config.sections("sensitivity", SENSITIVITY / "dvc.yaml")
-    study = Study(_motion(options, settings), _wrench(options), claims)
+    study = study_of(options, settings)
     gathered = gather(options.conditions, study, OUT / "points", settings.compute)
     print(
         f"survey: conditions: {gathered.reused} found, {gathered.computed} computed, "
@@ -73,10 +73,17 @@ def run(name: str) -> None:
     with contracts.replacing(REPORTS / name) as folder:
         counts = verdict_counts(tally, options.design)
         counts.to_csv(folder / "verdicts.csv", index=False)
-        _base_condition(tally, claims, folder)
+        _base_condition(tally, study.claims, folder)
         contracts.write_metrics(cost(tally.points, gathered.size), folder / "cost.json")
         save(draw(counts), folder, "survey")
     page.write_page("survey", TITLE, sections(REPORTS, LEFT_OUT))
+
+
+def study_of(options: Survey, settings: SimpleNamespace) -> Study:
+    """What the conditions of a survey have in common: as the last run of the paper had it, by its
+    tables and ``settings``, those of the stage `sensitivity`.
+    """
+    return Study(_motion(options, settings), _wrench(options), read_claims(*CONCLUSIONS))
 
 
 def _motion(options: Survey, settings: SimpleNamespace) -> MotionStudy:

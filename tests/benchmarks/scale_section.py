@@ -1,0 +1,114 @@
+"""What the report says of great numbers that were really run, and of greater ones on paper."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from on_paper import DAY
+from writing import duration, table
+
+TITLE = "At scale"
+NAMES = {"memory": "memory", "disk": "disk", "time": "a day of every core"}
+
+
+def section(folder: Path) -> str:
+    """Of scale.json, which `make bench-scale` writes."""
+    file = folder / "scale.json"
+    if not file.exists():
+        return "Not measured yet: `make bench-scale`."
+    measured = json.loads(file.read_text())
+    particles, fleet, survey = (measured[name] for name in ("particles", "fleet", "survey"))
+    texts = [crowd(particles), fleets(fleet), surveyed(survey), on_paper(measured)]
+    return f"On {measured['machine']}.\n\n" + "\n\n".join(texts)
+
+
+def crowd(measured: dict) -> str:
+    """A filter of very many particles."""
+    return (
+        f"**One filter of {measured['many']:,} particles** takes "
+        f"{duration(measured['seconds_many'])} a particle and step, one of {measured['few']:,} "
+        f"{duration(measured['seconds_few'])}, and holds "
+        f"{measured['bytes_of_a_particle']:.0f} bytes a particle, {size(measured['peak_bytes'])} "
+        "in all."
+    )
+
+
+def fleets(measured: dict) -> str:
+    """The takes of a fleet."""
+    few, many = measured["few"], measured["many"]
+    takes = many["takes"]
+    parts = ", ".join(
+        f"{name} {duration(seconds / takes)}" for name, seconds in many["seconds"].items()
+    )
+    return (
+        f"**{takes:,} takes of a simulated fleet**, {many['steps']} steps each, go through noise, "
+        f"fit and filter ({many['particles']:,} particles) in one process of "
+        f"{size(many['peak_bytes'])} at its peak; {few['takes']:,} takes need "
+        f"{size(few['peak_bytes'])}. A take costs {parts} of processor time, and "
+        f"{many['kept_bytes'] / takes / 1e3:.1f} kB are kept of it. Takes are written and read in "
+        "blocks; the fit is made of sums over the takes, the posterior is written block by block. "
+        f"The fit finds σ_B {many['sigma_b']:.4f} by the paper's estimator, from {few['takes']:,} "
+        f"takes {few['sigma_b']:.4f} (drawn with {many['true_sigma_b']}); the filter's mean is "
+        f"{many['off_the_filter_rad']:.4f} rad off the measured poses, that of the takes "
+        f"{many['off_the_mean_rad']:.4f} rad."
+    )
+
+
+def surveyed(measured: dict) -> str:
+    """A share of the large survey on a cluster."""
+    conditions = measured["conditions"]
+    count, alone = sum(conditions.values()), measured["alone"]
+    spent, said = sum(measured["spent_seconds"].values()), measured["predicted_seconds"]
+    pace = measured["spent_alone_seconds"] / measured["predicted_alone_seconds"]
+    kinds = " and ".join(f"{number} of the {kind}" for kind, number in conditions.items())
+    tenth = measured["grid_core_hours"] / 10
+    return (
+        f"**The survey `{measured['survey']}`** has {measured['grid']:,} conditions, named in "
+        f"{duration(measured['naming_seconds'])}. A tenth of them would take {tenth:.0f} core "
+        f"hours by the survey's own cost; {count} drawn by chance were run, {kinds}, on a cluster "
+        f"of {measured['workers']} workers of which one was killed by its process id after the "
+        f"first point ({measured['workers_left']} were left): "
+        f"{duration(measured['seconds_by_the_clock'])} by the clock. Of the {alone} that were run "
+        f"in one process too, {measured['equal_bytes']} have equal bytes, the time that a point "
+        f"took apart. They spent {duration(spent)} of processor time where the cost of the survey "
+        f"`small`, wherever it was measured, predicts {duration(said)}: {spent / said:.2f} times "
+        f"as much. Set to the pace of those {alone}, the prediction is {duration(pace * said)}: "
+        f"{spent / said / pace:.2f} times."
+    )
+
+
+def on_paper(measured: dict) -> str:
+    """Greater numbers, by the slopes that were measured."""
+    named = {
+        "takes of a fleet": measured["fleet"]["on_paper"],
+        "particles of one filter": measured["particles"]["on_paper"],
+        "conditions, the whole grid": measured["survey"]["grid_on_paper"],
+        "conditions": measured["survey"]["many_on_paper"],
+    }
+    rows = [
+        [
+            what,
+            f"{paper['items']:.2g}",
+            size(paper["needs"]["memory"]),
+            size(paper["needs"]["disk"]) if paper["needs"]["disk"] else "–",
+            f"{paper['needs']['time'] / DAY:.2g}",
+            f"{NAMES[paper['ends_first']]}, at {paper['enough_for']:.2g}",
+        ]
+        for what, paper in named.items()
+    ]
+    header = ["of", "how many", "memory", "disk", "days of a core", "what ends first here"]
+    return (
+        "On paper, by the slopes of what was run; the time of a filter is that of its "
+        f"{measured['particles']['steps']} steps:\n\n{table(header, rows)}"
+    )
+
+
+def size(number: float) -> str:
+    """Of bytes, in the unit that suits."""
+    scale, unit = next(
+        pair
+        for pair in ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"))
+        if number >= pair[0] or pair[1] == "MB"
+    )
+    return f"{number / scale:.3g} {unit}"
