@@ -90,10 +90,10 @@ def fit_perturbations(
 
     count, n, m = back.shape
     s, norms, bound = np.zeros((count, m, m)), np.zeros((count, 2)), np.zeros(count, dtype=bool)
-    given = [np.ascontiguousarray(each, dtype=float) for each in (noise, a, back)]
+    inputs = [np.ascontiguousarray(each, dtype=float) for each in (noise, a, back)]
     room = np.empty((n, m + 1)), np.empty((3, m, m)), np.empty((ROWS, m))
     ratio = alpha2 / alpha1
-    unsolved = perturb(*given, ratio, 1 - floor, STEPS, s, norms, bound, *room)
+    unsolved = perturb(*inputs, ratio, 1 - floor, STEPS, s, norms, bound, *room)
     if unsolved >= 0:
         raise SolverError(
             "the perturbation of a step was not solved to optimality",
