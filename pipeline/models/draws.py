@@ -15,7 +15,7 @@ from pipeline.arm.serial_compiled import WIDTH
 from pipeline.core.compiled import MATRIX, VECTOR, compiled, inlined, inner
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.correction import correction
-from pipeline.models.law import CORRECTION, CUBE, GENERATOR, NUMBERS, STEP, Numbers, Poses
+from pipeline.models.law import CORRECTION, CUBE, GENERATOR, NUMBERS, ROWS, STEP, Numbers, Poses
 from pipeline.models.model import Law, MotionModel
 from pipeline.models.serial import rows_of_room
 from pipeline.randommatrix.variates import gamma_law, standard_gamma, standard_normal
@@ -40,7 +40,7 @@ def numbers_for(law: Law, chain: Chain, poses: int | None = None) -> Numbers:
         _aligned(len(law.degrees), size),
         _aligned(sets * each, size),
         command,
-        _aligned(0 if planar else rows_of_room(n, m), size),
+        _aligned(ROWS if planar else rows_of_room(n, m), size),
     )
 
 

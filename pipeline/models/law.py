@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import float64, int64, types
 
-from pipeline.arm.compiled import ARM, Plane, joint_step, segments
+from pipeline.arm.compiled import ARM, Plane, joint_step, turned
 from pipeline.core.compiled import MATRIX, VECTOR, inlined
 from pipeline.core.errors import ModelDomainError
 
@@ -52,6 +52,7 @@ GENERATOR = types.npy_rng
 NUMBERS = types.NamedTuple((MATRIX, int64, MATRIX, MATRIX, MATRIX, MATRIX), Numbers)
 CUBE = types.Array(float64, 3, "C")
 POSES = types.NamedTuple((MATRIX, MATRIX, MATRIX, int64, int64), Poses)
+ROWS = 14  # of the room that a law of a planar chain needs
 STEP = int64(NUMBERS, VECTOR, ARM, POSES)
 # (arm, target, share, poses, room): adds share·(target − x(q)) to the commands
 CORRECTION = types.void(ARM, VECTOR, float64, POSES, MATRIX)
@@ -92,9 +93,43 @@ def at(q: tuple, i: int) -> tuple[float, ...]:
 
 
 @inlined
-def nominal_step(plane: Plane, q: tuple, i: int, v: tuple) -> tuple[float, ...]:
-    """J(q)⁻¹v in rad of pose ``i`` of a block ``q`` for its own step ``v``, a number a task row."""
-    return joint_step(plane, segments(plane, at(q, i)), v)
+def jacobians(plane: Plane, q: tuple, room: np.ndarray) -> tuple:
+    """The entries of J, row by row an array for each joint, of the poses of a block ``q``, but for
+    the signs of the joints; they fill ``room`` from its start on. A loop a joint, from the last on:
+    in one for all of them the processor has too few registers.
+    """
+    x, z, phi = (room[0], room[1], room[2]), (room[3], room[4], room[5]), room[6]
+    s1, s2, s3 = plane.signs
+    for i in range(len(q[0])):
+        tx, tz = turned(plane.links[2], s1 * q[0][i] + s2 * q[1][i] + s3 * q[2][i])
+        x[2][i], z[2][i], phi[i] = tz, -tx, 1.0
+    for i in range(len(q[0])):
+        bx, bz = turned(plane.links[1], s1 * q[0][i] + s2 * q[1][i])
+        x[1][i], z[1][i] = x[2][i] + bz, z[2][i] - bx
+    for i in range(len(q[0])):
+        ax, az = turned(plane.links[0], s1 * q[0][i])
+        x[0][i], z[0][i] = x[1][i] + az, z[1][i] - ax
+    return x, z, (phi, phi, phi)
+
+
+@inlined
+def nominal_step(plane: Plane, jacobian: tuple, i: int, v: tuple) -> tuple[float, ...]:
+    """J⁻¹v in rad of pose ``i`` of a block, of its :func:`jacobians`, for its own step ``v``, a
+    number a task row.
+    """
+    return joint_step(plane, at(jacobian[0], i), at(jacobian[1], i), v)
+
+
+@inlined
+def indices(parameters: np.ndarray, first: int) -> tuple[int, ...]:
+    """Three of the ``parameters`` from the ``first`` on, as indices."""
+    return int(parameters[first]), int(parameters[first + 1]), int(parameters[first + 2])
+
+
+@inlined
+def ordered(each: tuple, order: tuple) -> tuple:
+    """Three of a kind in this ``order``."""
+    return each[order[0]], each[order[1]], each[order[2]]
 
 
 @inlined

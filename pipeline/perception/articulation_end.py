@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import float64
 
-from pipeline.arm.compiled import sine_cosine
 from pipeline.core.compiled import VECTOR, inner, passed
+from pipeline.core.elementary import sine_cosine
 from pipeline.perception.articulation_objective import FRAME, Frame, excess, value
 
 # m; above every value of the objective that points within reach of an arm can give

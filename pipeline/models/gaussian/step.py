@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.compiled import joint_step, plane_of, segments
+from pipeline.arm.compiled import plane_of
 from pipeline.arm.numbers import Arm
 from pipeline.core.compiled import passed
-from pipeline.models.law import Numbers, Poses, at, planar
+from pipeline.models.law import Numbers, Poses, at, jacobians, nominal_step, planar
 from pipeline.models.serial import (
     finish,
     joints_at,
@@ -25,11 +25,12 @@ def planar_gaussian(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: P
     plane, (v, here, there) = plane_of(arm), planar(poses)
     noise, clipped = numbers.normal, 0
     alpha, u = parameters[0], parameters[1]
+    jacobian = jacobians(plane, here, numbers.room)
     for i in range(poses.count):
-        shape, (x, z, phi) = segments(plane, at(here, i)), at(v, i)
+        x, z, phi = at(v, i)
         square = 0.0
         for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)):
-            column = joint_step(plane, shape, axis)
+            column = nominal_step(plane, jacobian, i, axis)
             square += column[0] * column[0] + column[1] * column[1] + column[2] * column[2]
         norm = np.sqrt(square)
         clipped += norm > u
@@ -37,7 +38,7 @@ def planar_gaussian(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: P
         deviation = np.sqrt(
             alpha * alpha * (u * u - bounded * bounded) / 9 * (x * x + z * z + phi * phi)
         )
-        dq = joint_step(plane, shape, (x, z, phi))
+        dq = nominal_step(plane, jacobian, i, (x, z, phi))
         for j in range(3):
             there[j][i] = here[j][i] + dq[j] + deviation * noise[j, i]
     return clipped

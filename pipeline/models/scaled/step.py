@@ -7,7 +7,7 @@ import numpy as np
 from pipeline.arm.compiled import plane_of
 from pipeline.arm.numbers import Arm
 from pipeline.core.compiled import passed
-from pipeline.models.law import Numbers, Poses, at, nominal_step, planar, transformed
+from pipeline.models.law import Numbers, Poses, at, jacobians, nominal_step, planar, transformed
 from pipeline.models.serial import finish, joints_at, nominal_steps, scratch_at
 
 
@@ -19,8 +19,9 @@ def planar_scaled(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Pos
     plane, (v, here, there) = plane_of(arm), planar(poses)
     noise, half = numbers.normal, len(parameters) // 2
     floor, gain = parameters[:half], parameters[half:]
+    jacobian = jacobians(plane, here, numbers.room)
     for i in range(poses.count):
-        dq = nominal_step(plane, here, i, at(v, i))
+        dq = nominal_step(plane, jacobian, i, at(v, i))
         eta = transformed(floor, (noise[0, i], noise[1, i], noise[2, i]))
         epsilon = transformed(gain, (noise[3, i], noise[4, i], noise[5, i]))
         for j in range(3):

@@ -5,8 +5,34 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.core.compiled import inner
+from pipeline.core.elementary import expm1, fma
 from pipeline.models.law import Numbers
-from pipeline.models.wishart.step import expm1
+
+
+@inner
+def act_on_three(
+    numbers: Numbers, d: float, a1: np.ndarray, a2: np.ndarray, a3: np.ndarray, count: int
+) -> None:
+    """Make of a, of three task rows, B⁻¹a and of the normals T; see :func:`act`.
+
+    Two loops: in one each pose would wait for the root and the quotient before it.
+    """
+    gamma, first, second = numbers.chi_square[0], numbers.normal[0], numbers.normal[1]
+    share = 1 / (d - 1)
+    for i in range(count):
+        square = first[i] * first[i] + second[i] * second[i]
+        stretch = np.sqrt(expm1(square * share) / square)
+        first[i] *= stretch
+        second[i] *= stretch
+    for i in range(count):
+        b1, b2, b3, t2, t3 = a1[i], a2[i], a3[i], first[i], second[i]
+        r = np.sqrt(fma(b1, b1, fma(b2, b2, b3 * b3)))
+        reach = r + abs(b1)
+        z = d / gamma[i]
+        along = fma(b2, t2, b3 * t3) / (reach if reach > 0 else 1.0)
+        a1[i] = z * fma(-along, b1 + np.copysign(r, b1), b1)
+        a2[i] = z * fma(r, t2, fma(-along, b2, b2))
+        a3[i] = z * fma(r, t3, fma(-along, b3, b3))
 
 
 @inner
@@ -18,6 +44,9 @@ def act(numbers: Numbers, d: float, first: int, m: int, spare: int, count: int) 
     :mod:`.step`. R is the Householder reflection of the first axis to a/r, up to its sign.
     """
     room, normal, a1 = numbers.room, numbers.normal, numbers.room[first]
+    if m == 3:
+        act_on_three(numbers, d, a1, room[first + 1], room[first + 2], count)
+        return
     stretch, r, along, z = room[spare], room[spare + 1], room[spare + 2], room[spare + 3]
     for i in range(count):
         r[i] = 0.0
@@ -26,11 +55,7 @@ def act(numbers: Numbers, d: float, first: int, m: int, spare: int, count: int) 
         a = room[first + k]
         for i in range(count):
             r[i] += a[i] * a[i]
-    if m == 3:
-        for i in range(count):
-            square = normal[0, i] * normal[0, i] + normal[1, i] * normal[1, i]
-            stretch[i] = np.sqrt(expm1(square * (1 / (d - 1))) / square)
-    elif m > 1:
+    if m > 1:
         for i in range(count):
             stretch[i] = 1 / np.sqrt(numbers.chi_square[1, i])
     for k in range(1, m):

@@ -70,16 +70,17 @@ class WishartModel:
         n = 3
         match self.decomposition:
             case Decomposition("lu", rows=rows, order=order):
-                ordered, columns = (np.eye(n)[list(each or range(n))] for each in (rows, order))
-                move, matrices = step.lu, (ordered, ordered.T, columns)
+                return step.lu, [*(rows or range(n)), *(order or range(n))]
             case Decomposition("pivoted_lu"):
-                move, matrices = step.pivoted_lu, ()
+                return step.pivoted_lu, []
             case Decomposition("qr_transposed"):
-                move, matrices = step.qr_transposed, ()
+                return step.qr_transposed, []
             case Decomposition(left=given):
                 left = np.eye(n) if given is None else np.array(given)
-                move, matrices = step.given_factor, (left, np.linalg.inv(left))
-        return move, [number for each in matrices for number in row_by_row(each, n)]
+                both = left, np.linalg.inv(left)
+                return step.given_factor, [
+                    number for each in both for number in row_by_row(each, n)
+                ]
 
     def _serial(self, m: int, n: int) -> tuple[Callable, list[float]]:
         """The step of any arm, and its parameters beside d."""

@@ -8,71 +8,43 @@ exponential E. ‖N‖²/2 is one, and independent of N's direction:
     T = N·sqrt((exp(‖N‖²/(d−1)) − 1)/‖N‖²).
 
 So a step takes one gamma and two normals; the second gamma, half of what a step would cost, is
-saved.
+saved. A block goes through several short loops: for one long one the processor has too few
+registers, and each pose waits for the roots and quotients of the one before.
 """
 
 from __future__ import annotations
 
-from math import factorial
-
 import numpy as np
 
-from pipeline.arm.compiled import joint_step, plane_of, segments
+from pipeline.arm.compiled import plane_of
 from pipeline.arm.numbers import Arm
 from pipeline.core.compiled import inlined, passed
-from pipeline.models.law import Numbers, Poses, at, nominal_step, planar, transformed
+from pipeline.core.elementary import fma
+from pipeline.models.law import (
+    Numbers,
+    Poses,
+    at,
+    indices,
+    jacobians,
+    nominal_step,
+    ordered,
+    planar,
+    transformed,
+)
+from pipeline.models.wishart.action import act_on_three
 from pipeline.models.wishart.factors import PIVOT
 
-# Taylor coefficients of (exp(y) − 1)/y: up to y = 0.7 the first term left out is below half a unit
-# in the last place
-EXPONENTIAL = tuple(1 / factorial(k + 1) for k in range(15))
+
+@inlined
+def task(room: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Room behind the Jacobians for a, and then B⁻¹a."""
+    return room[7], room[8], room[9]
 
 
 @inlined
-def expm1(x: float) -> float:
-    """exp(x) − 1 for 0 ≤ x < 88: Taylor's series at x/128, then exp(2y) − 1 = (exp(y) − 1)(exp(y) +
-    1) seven times.
-
-    The C library's is as good, but takes one pose at a time, and the particle filter 2.7 times as
-    long.
-    """
-    y = x / 128
-    result = EXPONENTIAL[14]
-    for k in range(13, -1, -1):
-        result = result * y + EXPONENTIAL[k]
-    result *= y
-    for _ in range(7):
-        result *= 2.0 + result
-    return result
-
-
-@inlined
-def inverse_action(a: tuple, d: float, gamma: float, normal: tuple) -> tuple[float, ...]:
-    """B⁻¹a = z·(a + rR[0, T]ᵀ), zero where a is, from ``gamma`` ~ χ²(d−2) and two normals; R is the
-    Householder reflection of the first axis to a/r, up to its sign.
-    """
-    (a1, a2, a3), (n2, n3) = a, normal
-    square = n2 * n2 + n3 * n3
-    stretch = np.sqrt(expm1(square * (1 / (d - 1))) / square)
-    t2, t3 = stretch * n2, stretch * n3
-    r = np.sqrt(a1 * a1 + a2 * a2 + a3 * a3)
-    m1 = a1 + np.copysign(r, a1)
-    reach = r + abs(a1)
-    along = (a2 * t2 + a3 * t3) * (1 / reach if reach > 0 else 0.0)
-    z = d / gamma
-    return z * (a1 - along * m1), z * (a2 + r * t2 - along * a2), z * (a3 + r * t3 - along * a3)
-
-
-@inlined
-def lower_action(lower: tuple, v: tuple, d: float, gamma: float, normal: tuple) -> tuple:
-    """L·B⁻¹L⁻¹v for the unit lower triangular L whose entries (2, 1), (3, 1), (3, 2) are
-    ``lower``.
-    """
-    (l21, l31, l32), (v1, v2, v3) = lower, v
-    a2 = v2 - l21 * v1
-    a3 = v3 - l31 * v1 - l32 * a2
-    w1, w2, w3 = inverse_action((v1, a2, a3), d, gamma, normal)
-    return w1, l21 * w1 + w2, l31 * w1 + l32 * w2 + w3
+def upper_of(room: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Room for what :func:`back` needs of U."""
+    return room[10], room[11], room[12], room[13]
 
 
 @passed
@@ -80,15 +52,15 @@ def given_factor(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Pose
     """A step for a constant J₁; ``parameters`` (1 + 2·n·n,) d and, row by row, J₁ and J₁⁻¹. Both
     are I for the decomposition by QR.
     """
-    plane, (v, here, there) = plane_of(arm), planar(poses)
-    gamma, normal = numbers.chi_square[0], numbers.normal
-    d, end = parameters[0], 1 + len(parameters) // 2
+    plane, (v, here, there), a = plane_of(arm), planar(poses), task(numbers.room)
+    end = 1 + len(parameters) // 2
     left, inverse = parameters[1:end], parameters[end:]
+    jacobian = jacobians(plane, here, numbers.room)
     for i in range(poses.count):
-        w = inverse_action(
-            transformed(inverse, at(v, i)), d, gamma[i], (normal[0, i], normal[1, i])
-        )
-        dq = nominal_step(plane, here, i, transformed(left, w))
+        a[0][i], a[1][i], a[2][i] = transformed(inverse, at(v, i))
+    act_on_three(numbers, parameters[0], a[0], a[1], a[2], poses.count)
+    for i in range(poses.count):
+        dq = nominal_step(plane, jacobian, i, transformed(left, at(a, i)))
         for j in range(3):
             there[j][i] = here[j][i] + dq[j]
     return 0
@@ -100,60 +72,78 @@ def qr_transposed(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Pos
 
     The step is Q·B⁻¹Qᵀ·J⁻¹v, and as Q·B⁻¹Qᵀ has the law of B⁻¹ neither factor is needed.
     """
-    plane, (v, here, there) = plane_of(arm), planar(poses)
-    gamma, normal = numbers.chi_square[0], numbers.normal
-    d = parameters[0]
+    plane, (v, here, there), a = plane_of(arm), planar(poses), task(numbers.room)
+    jacobian = jacobians(plane, here, numbers.room)
     for i in range(poses.count):
-        dq = inverse_action(
-            nominal_step(plane, here, i, at(v, i)), d, gamma[i], (normal[0, i], normal[1, i])
-        )
+        a[0][i], a[1][i], a[2][i] = nominal_step(plane, jacobian, i, at(v, i))
+    act_on_three(numbers, parameters[0], a[0], a[1], a[2], poses.count)
+    for i in range(poses.count):
         for j in range(3):
-            there[j][i] = here[j][i] + dq[j]
+            there[j][i] = here[j][i] + a[j][i]
     return 0
+
+
+@inlined
+def eliminate(rows: tuple, v: tuple) -> tuple[tuple[float, ...], ...]:
+    """L⁻¹v and, of the matrix LU of these ``rows``, what :func:`back` needs of U: the inverses of
+    its pivots and its entry (2, 3).
+
+    What elimination leaves of a row stays times the pivot above it, so that one quotient is enough
+    for all of them.
+    """
+    ((f1, f2, f3), (s1, s2, s3), (t1, t2, t3)), (v1, v2, v3) = rows, v
+    s2, s3 = fma(f1, s2, -s1 * f2), fma(f1, s3, -s1 * f3)
+    t2, t3 = fma(f1, t2, -t1 * f2), fma(f1, t3, -t1 * f3)
+    pivots, t3 = f1 * s2, fma(s2, t3, -t2 * s3)
+    over = 1 / (pivots * t3)
+    over_f, over_s = over * (s2 * t3), over * (f1 * t3)
+    a2 = fma(-s1 * over_f, v1, v2)
+    a3 = fma(-t2 * over_s, a2, fma(-t1 * over_f, v1, v3))
+    return (v1, a2, a3), (over_f, f1 * over_s, over * pivots * pivots, s3 * over_f)
+
+
+@inlined
+def back(first: tuple, upper: tuple, w: tuple) -> tuple[float, ...]:
+    """U⁻¹w of the matrix whose ``first`` row is given and of whose others :func:`eliminate` says
+    the rest.
+    """
+    (_, f2, f3), (over_f, over_s, over_t, u), (w1, w2, w3) = first, upper, w
+    y3 = w3 * over_t
+    y2 = fma(-u, y3, w2) * over_s
+    return fma(-f2, y2, fma(-f3, y3, w1)) * over_f, y2, y3
 
 
 @passed
 def lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Poses) -> int:
-    """A step for J₁ = PᵀL of PJ = LU without pivoting; ``parameters`` (1 + 3·n·n,) d and, row by
-    row, P, Pᵀ and the matrix that puts the joints in the order of their elimination.
+    """A step for J₁ = PᵀL of PJ = LU without pivoting; ``parameters`` (1 + 2·n,) d, the task rows
+    in the order of P and the joints in the order of their elimination.
 
     NaN where a pivot is small: J has no such decomposition to be trusted, and the filter counts the
-    pose as outside its domain. L has three numbers; the signs of the joints cancel. U is never
-    needed: J⁻¹J₁ is applied by the chain's closed form.
+    pose as outside its domain.
     """
-    plane, (v, here, there) = plane_of(arm), planar(poses)
-    gamma, normal = numbers.chi_square[0], numbers.normal
-    d, size = parameters[0], len(parameters) // 3
-    rows, back, order = (
-        parameters[1 : 1 + size],
-        parameters[1 + size : 1 + 2 * size],
-        parameters[1 + 2 * size :],
-    )
+    plane, (v, here, there), room = plane_of(arm), planar(poses), numbers.room
+    rows, joints = indices(parameters, 1), indices(parameters, 4)
+    (f, s, t), v = ordered(jacobians(plane, here, room), rows), ordered(v, rows)
+    f, s, t = ordered(f, joints), ordered(s, joints), ordered(t, joints)
+    here, there, signs = ordered(here, joints), ordered(there, joints), ordered(plane.signs, joints)
+    a, upper = task(room), upper_of(room)
     for i in range(poses.count):
-        shape = segments(plane, at(here, i))
-        ax, az, bx, bz, tx, tz = shape
-        x = transformed(order, (az + bz + tz, bz + tz, tz))
-        z = transformed(order, (-(ax + bx + tx), -(bx + tx), -tx))
-        f1, s1, t1 = transformed(rows, (x[0], z[0], 1.0))
-        f2, s2, t2 = transformed(rows, (x[1], z[1], 1.0))
-        f3, s3, _ = transformed(rows, (x[2], z[2], 1.0))
-        l21, l31 = s1 / f1, t1 / f1
-        s2, s3, t2 = s2 - l21 * f2, s3 - l21 * f3, t2 - l31 * f2
-        # the third pivot is all that is left of its row
+        first, second = at(f, i), at(s, i)
+        (a1, a2, a3), u = eliminate((first, second, at(t, i)), at(v, i))
+        (f1, f2, f3), (s1, s2, s3) = first, second
+        # what is left of the second row, times the first pivot; of the third its pivot is all
+        s2, s3 = fma(f1, s2, -s1 * f2), fma(f1, s3, -s1 * f3)
         defined = (f1 * f1 >= PIVOT**2 * (f1 * f1 + f2 * f2 + f3 * f3)) & (
             s2 * s2 >= PIVOT**2 * (s2 * s2 + s3 * s3)
         )
-        v1, v2, v3 = transformed(rows, at(v, i))
-        y = lower_action(
-            (l21, l31, t2 / s2),
-            (v1 if defined else np.nan, v2, v3),
-            d,
-            gamma[i],
-            (normal[0, i], normal[1, i]),
-        )
-        dq = joint_step(plane, shape, transformed(back, y))
-        for j in range(3):
-            there[j][i] = here[j][i] + dq[j]
+        a[0][i], a[1][i], a[2][i] = a1 if defined else np.nan, a2, a3
+        upper[0][i], upper[1][i], upper[2][i], upper[3][i] = u
+    act_on_three(numbers, parameters[0], a[0], a[1], a[2], poses.count)
+    for i in range(poses.count):
+        u = upper[0][i], upper[1][i], upper[2][i], upper[3][i]
+        dq = back(at(f, i), u, at(a, i))
+        for k in range(3):
+            there[k][i] = fma(signs[k], dq[k], here[k][i])
     return 0
 
 
@@ -161,42 +151,32 @@ def lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Poses) -> int:
 def pivoted_lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Poses) -> int:
     """A step for J₁ = PᵀL of PJ = LU with partial pivoting; ``parameters`` (1,) d.
 
-    L has three numbers, and the columns of joints 1 and 2 alone decide them and P; the signs of the
-    joints cancel. The rows are exchanged by selection, not by branches. U is never needed: J⁻¹J₁ is
-    applied by the chain's closed form.
+    The rows are exchanged by selection, not by branches. The first one takes the place of x.
     """
-    plane, (v, here, there) = plane_of(arm), planar(poses)
-    gamma, normal = numbers.chi_square[0], numbers.normal
-    d = parameters[0]
+    plane, (v, here, there), room = plane_of(arm), planar(poses), numbers.room
+    x, z, _ = jacobians(plane, here, room)
+    a, upper = task(room), upper_of(room)
     for i in range(poses.count):
-        shape = segments(plane, at(here, i))
-        ax, az, bx, bz, tx, tz = shape
-        # rows of J: columns of joints 1 and 2, and the commanded step
-        xv, zv, phiv = at(v, i)
-        x1, x2, z1, z2 = az + bz + tz, bz + tz, -(ax + bx + tx), -(bx + tx)
+        (x1, x2, x3), (z1, z2, z3), (xv, zv, phiv) = at(x, i), at(z, i), at(v, i)
         # first pivot: the greatest of |x1|, |z1| and 1, the first of equals
-        by_x = abs(x1) >= abs(z1) and abs(x1) >= 1.0
-        by_z = not by_x and abs(z1) >= 1.0
-        f1, f2, fv = (x1, x2, xv) if by_x else ((z1, z2, zv) if by_z else (1.0, 1.0, phiv))
-        s1, s2, sv = (z1, z2, zv) if by_x else (x1, x2, xv)
-        t1, t2, tv = (z1, z2, zv) if not (by_x or by_z) else (1.0, 1.0, phiv)
-        over = 1 / f1
-        ls, lt = s1 * over, t1 * over
-        s2, t2 = s2 - ls * f2, t2 - lt * f2
-        exchanged = abs(t2) > abs(s2)
-        pivot, below = (t2, s2) if exchanged else (s2, t2)
-        lower = below / pivot
-        l21, l31 = (lt, ls) if exchanged else (ls, lt)
-        v2, v3 = (tv, sv) if exchanged else (sv, tv)
-        y1, y2, y3 = lower_action(
-            (l21, l31, lower), (fv, v2, v3), d, gamma[i], (normal[0, i], normal[1, i])
+        by_x = (abs(x1) >= abs(z1)) & (abs(x1) >= 1.0)
+        by_z = (abs(z1) >= 1.0) & (not by_x)
+        f1, f2, f3, fv = (
+            (x1, x2, x3, xv) if by_x else ((z1, z2, z3, zv) if by_z else (1.0, 1.0, 1.0, phiv))
         )
-        # PᵀL·B⁻¹a, back in the rows x, z, φ
-        ys, yt = (y3, y2) if exchanged else (y2, y3)
-        x = y1 if by_x else ys
-        z = y1 if by_z else (ys if by_x else yt)
-        phi = yt if by_x or by_z else y1
-        dq = joint_step(plane, shape, (x, z, phi))
-        for j in range(3):
-            there[j][i] = here[j][i] + dq[j]
+        s1, s2, s3, sv = (z1, z2, z3, zv) if by_x else (x1, x2, x3, xv)
+        t1, t2, t3, tv = (1.0, 1.0, 1.0, phiv) if by_x or by_z else (z1, z2, z3, zv)
+        exchanged = abs(fma(f1, t2, -t1 * f2)) > abs(fma(f1, s2, -s1 * f2))
+        second, v2 = ((t1, t2, t3), tv) if exchanged else ((s1, s2, s3), sv)
+        third, v3 = ((s1, s2, s3), sv) if exchanged else ((t1, t2, t3), tv)
+        (a1, a2, a3), u = eliminate(((f1, f2, f3), second, third), (fv, v2, v3))
+        a[0][i], a[1][i], a[2][i] = a1, a2, a3
+        upper[0][i], upper[1][i], upper[2][i], upper[3][i] = u
+        x[1][i], x[2][i] = f2, f3
+    act_on_three(numbers, parameters[0], a[0], a[1], a[2], poses.count)
+    for i in range(poses.count):
+        u = upper[0][i], upper[1][i], upper[2][i], upper[3][i]
+        dq = back(at(x, i), u, at(a, i))
+        for k in range(3):
+            there[k][i] = fma(plane.signs[k], dq[k], here[k][i])
     return 0
