@@ -4,8 +4,8 @@ the last function.
 Each step goes through the particles in blocks that stay in the processor's nearest cache: a block
 is moved by the model's law and held against D_q while it is there. Joint angles are kept as (n, P),
 so that neighbours in memory are the same joint of neighbouring particles and the compiler computes
-four at once. It neither reorders nor fuses operations, and exp and log are the C library's: the
-results are the same on every processor.
+four at once. It neither reorders nor fuses operations by itself: the results are the same on every
+processor.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numba import float64, int64, types
 from pipeline.arm.compiled import ARM
 from pipeline.arm.numbers import Arm
 from pipeline.core.compiled import VECTOR, compiled, inner
+from pipeline.core.products import greatest
 from pipeline.filtering.resampling import SCHEME
 from pipeline.filtering.state import (
     COMMANDS,
@@ -114,19 +115,21 @@ def keep_inside(
     """
     lost, count = 0, stop - start
     # slices: the compiler knows of their indices that none is negative
-    inside, weight = room[start:stop], log_weights[start:stop]
+    outside, weight = room[start:stop], log_weights[start:stop]
     second = q[1 if len(q) > 1 else 0, start:stop]
     for i in range(count):
-        half_turns = (second[i] - domain.straight) / np.pi
+        half_turns = (second[i] - domain.straight) * (1 / np.pi)
         bent = np.pi * abs(half_turns - np.floor(half_turns + 0.5)) >= domain.clearance
-        inside[i] = 1.0 if bent else 0.0
+        outside[i] = 0.0 if bent else 1.0
     for j in range(len(q)):
         angle, low, high = q[j, start:stop], domain.lower[j], domain.upper[j]
         for i in range(count):
             within = (low <= angle[i]) & (angle[i] <= high)
-            inside[i] = inside[i] if within else 0.0
+            outside[i] = outside[i] if within else 1.0
+    if greatest(outside) == 0.0:
+        return 0
     for i in range(count):
-        if inside[i] == 0.0:
+        if outside[i] > 0.0:
             lost += weight[i] > -np.inf
             weight[i] = -np.inf
             for j in range(len(q)):

@@ -7,6 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.core.compiled import inlined, inner
+from pipeline.core.elementary import exponential
+from pipeline.core.products import greatest, inner_product, total
 from pipeline.filtering.state import Frames
 
 NEAR = 256  # particles whose scratch stays in the processor's nearest cache
@@ -71,22 +73,17 @@ def normalise(log_weights: np.ndarray, weights: np.ndarray) -> tuple[float, floa
     Liu & Wong 1994), from 1, one particle carrying all, to P, all alike, and the logarithm of the
     sum of the weights as they were, which is not finite where all have vanished.
     """
-    peak = -np.inf
-    for i in range(len(log_weights)):
-        if log_weights[i] > peak:
-            peak = log_weights[i]
+    peak = greatest(log_weights)
     if not np.isfinite(peak):
         return 0.0, peak
-    total = squares = 0.0
-    for i in range(len(log_weights)):
-        weights[i] = np.exp(log_weights[i] - peak)
-        total += weights[i]
-        squares += weights[i] * weights[i]
-    log_total = peak + np.log(total)
-    for i in range(len(log_weights)):
-        weights[i] /= total
+    for i in range(len(weights)):
+        weights[i] = exponential(log_weights[i] - peak)
+    scale, squares = total(weights), inner_product(weights, weights)
+    log_total, share = peak + np.log(scale), 1 / scale
+    for i in range(len(weights)):
+        weights[i] *= share
         log_weights[i] -= log_total
-    return total * total / squares, log_total
+    return scale * scale / squares, log_total
 
 
 @inner
@@ -96,26 +93,6 @@ def make_equal(weights: np.ndarray, log_weights: np.ndarray) -> float:
     for i in range(count):
         weights[i], log_weights[i] = 1.0 / count, -np.log(count)
     return float(count)
-
-
-@inner
-def inner_product(x: np.ndarray, y: np.ndarray, count: int) -> float:
-    """Σ x_i y_i of the first ``count`` numbers, in eight sums: one would wait for itself."""
-    a = b = c = d = e = f = g = h = 0.0
-    whole = count // 8
-    for k in range(whole):
-        i = 8 * k
-        a += x[i] * y[i]
-        b += x[i + 1] * y[i + 1]
-        c += x[i + 2] * y[i + 2]
-        d += x[i + 3] * y[i + 3]
-        e += x[i + 4] * y[i + 4]
-        f += x[i + 5] * y[i + 5]
-        g += x[i + 6] * y[i + 6]
-        h += x[i + 7] * y[i + 7]
-    for i in range(8 * whole, count):
-        a += x[i] * y[i]
-    return ((a + b) + (c + d)) + ((e + f) + (g + h))
 
 
 @inner
@@ -129,21 +106,21 @@ def weighted_moments(
     """Fill ``mean`` (n,) and, about that mean, ``covariance`` (n, n) of particles ``q`` (n, P)
     under normalised ``weights`` (P,); ``room`` (n + 2, NEAR) is scratch.
     """
-    n, weighted = len(q), room[len(q)]
+    n = len(q)
     for j in range(n):
-        mean[j] = inner_product(weights, q[j], len(weights))
+        mean[j] = inner_product(weights, q[j])
         for k in range(n):
             covariance[j, k] = 0.0
     for start in range(0, len(weights), NEAR):
         count = NEAR if start + NEAR < len(weights) else len(weights) - start
-        weight = weights[start : start + count]
+        weight, weighted = weights[start : start + count], room[n, :count]
         for j in range(n):
-            angle, middle, deviation = q[j, start : start + count], mean[j], room[j]
+            angle, middle, deviation = q[j, start : start + count], mean[j], room[j, :count]
             for i in range(count):
                 deviation[i] = angle[i] - middle
                 weighted[i] = weight[i] * deviation[i]
             for k in range(j + 1):
-                covariance[j, k] += inner_product(weighted, room[k], count)
+                covariance[j, k] += inner_product(weighted, room[k, :count])
     for j in range(n):
         for k in range(j):
             covariance[k, j] = covariance[j, k]
