@@ -8,8 +8,10 @@ import numpy as np
 import pinocchio as pin
 
 import pipeline.arm
+from pipeline.arm.serial import SerialChain
 from pipeline.core.options.dataset import Robot
 from pipeline.core.options.motion_capture import Mocap
+from pipeline.core.task import SPACE
 
 HERE = Path(pipeline.arm.__file__).parent
 UR5 = Robot(str(HERE / "ur5.urdf"), [f"joint_{i}" for i in range(1, 7)], "flange")
@@ -24,6 +26,19 @@ START, END = (
     np.array([0.3, -1.2, 1.4, -0.8, 1.0, 0.4]),
     np.array([1.1, -1.7, 2.0, -0.4, 0.3, 1.4]),
 )
+
+
+def revolute_arm(n: int) -> SerialChain:
+    """Of ``n`` joints placed and pointing anywhere, with the whole pose of the tip as its task."""
+    rng = np.random.default_rng(n)
+    turns = [pin.Quaternion(*_unit(rng.normal(size=4))).matrix().ravel() for _ in range(n + 1)]
+    placements = np.hstack([turns, rng.uniform(-0.15, 0.15, (n + 1, 3))])
+    limit, sliding = np.full(n, 3.0), np.zeros(n, dtype=bool)
+    return SerialChain(tuple(SPACE), 0.3, placements, sliding, -limit, limit, limit)
+
+
+def _unit(x: np.ndarray) -> np.ndarray:
+    return x / np.linalg.norm(x)
 
 
 def mocap(markers: dict = MARKERS, **options) -> Mocap:

@@ -59,7 +59,7 @@ class WishartModel:
         # three task rows take one χ² variate and two normals, see :mod:`.step`; one takes no
         # direction
         degrees = (d - m + 1,) if m in (1, 3) else (d - m + 1, d - m + 2)
-        move, parameters = self._planar() if isinstance(chain, PlanarChain) else self._serial(m, n)
+        move, parameters = self._planar() if isinstance(chain, PlanarChain) else self._serial(chain)
         return Law(move, np.array([d, *parameters]), normals=(1, m - 1), degrees=degrees)
 
     def _planar(self) -> tuple[Callable, list[float]]:
@@ -82,11 +82,14 @@ class WishartModel:
                     number for each in both for number in row_by_row(each, n)
                 ]
 
-    def _serial(self, m: int, n: int) -> tuple[Callable, list[float]]:
+    def _serial(self, chain: Chain) -> tuple[Callable, list[float]]:
         """The step of any arm, and its parameters beside d."""
-        from pipeline.models.wishart import serial_step  # here, as it loads the compiler
+        # here, as they load the compiler
+        from pipeline.models.wishart import serial_step, whole_pose_step
 
-        return serial_step.law_of(self.decomposition, m, n)
+        if self.decomposition == Decomposition("qr_transposed"):
+            return whole_pose_step.law_of(chain)
+        return serial_step.law_of(self.decomposition, len(chain.task), len(chain.lower))
 
     def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n) q + d/(d−m−1)·J⁺v and the step in the null space of J: longer than the nominal

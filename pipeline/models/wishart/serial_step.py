@@ -30,14 +30,14 @@ from pipeline.models.wishart.factors import PIVOT
 
 
 def law_of(decomposition: Decomposition, m: int, n: int) -> tuple[Callable, list[float]]:
-    """The law of a ``decomposition`` of ``m`` rows, ``n`` columns; its parameters after d."""
+    """The law of a ``decomposition`` of ``m`` rows, ``n`` columns; its parameters after d. That by
+    QR of Jᵀ is for :mod:`.whole_pose_step` to choose.
+    """
     match decomposition:
         case Decomposition("lu", rows=rows, order=order):
             return lu, [*map(float, rows or range(m)), *map(float, order or range(n))]
         case Decomposition("pivoted_lu"):
             return pivoted_lu, []
-        case Decomposition("qr_transposed"):
-            return qr_transposed, []
         case Decomposition(left=given):
             left = np.eye(m) if given is None else np.array(given)
             return given_factor, [*row_by_row(left, m), *row_by_row(np.linalg.inv(left), m)]
