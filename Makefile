@@ -43,10 +43,11 @@ synthetic: $(READY)
 audit: $(READY)
 	python -m pipeline audit .audit
 
-# Ratios to other libraries, compile time and growth of cost on this machine: reports/benchmarks.md. Best where nothing else runs.
+# Ratios to other libraries, what compiling and importing take and growth of cost on this machine: reports/benchmarks.md. Best where nothing else runs.
 bench: $(READY) $(PEERS)/.ready
 	python tests/benchmarks/repeats.py .bench/contests
 	python tests/benchmarks/compilation.py .bench
+	python tests/benchmarks/imports.py .bench
 	python tests/benchmarks/cost_growth.py
 	python tests/benchmarks/summary.py
 

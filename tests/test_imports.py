@@ -10,6 +10,7 @@ from source_code import MODULES, ROOT, imports, pipeline_imports, room, tree
 
 TABLE = yaml.safe_load((ROOT / "pipeline/IMPORTS.yaml").read_text(encoding="utf-8"))
 ROOMS, EXCEPTIONS, DOORS = TABLE["rooms"], TABLE["exceptions"], TABLE["doors"]
+LATE = TABLE["late"]
 UPPER = {"stages", "studies", "tools", "__main__"}  # what the paper's rooms never import
 
 
@@ -25,6 +26,17 @@ def allowed(module: str) -> list[str]:
     if "rooms" in entries:
         entries += [name for name in ROOMS if name not in UPPER]
     return entries + EXCEPTIONS.get(module.removeprefix("pipeline."), [])
+
+
+def at_the_top(module: str) -> set[str]:
+    """What ``module`` imports when it is imported itself."""
+    names: set[str] = set()
+    for node in tree(module).body:
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return names
 
 
 @pytest.mark.parametrize("module", sorted(set(MODULES) - {"pipeline.__init__"}))
@@ -54,12 +66,7 @@ def test_stages_import_neither_each_other_nor_the_laboratory_but_for_record():
 
 
 def test_a_recorded_dataset_needs_nothing_of_the_laboratory_to_be_configured():
-    at_the_top = [
-        node
-        for node in tree("pipeline.core.config").body
-        if isinstance(node, ast.Import | ast.ImportFrom)
-    ]
-    assert not any("laboratory" in ast.unparse(node) for node in at_the_top)
+    assert not any("laboratory" in name for name in at_the_top("pipeline.core.config"))
 
 
 @pytest.mark.parametrize("library", DOORS)
@@ -71,3 +78,10 @@ def test_a_library_enters_through_its_door(library):
     ]
     assert users, f"nothing imports {library}: take it out of the table"
     assert [module for module in users if not within(module, DOORS[library])] == []
+
+
+@pytest.mark.parametrize("library", LATE)
+def test_what_takes_long_to_import_is_imported_by_the_function_that_needs_it(library):
+    rooms = [module for module in MODULES if room(module) not in {"studies", "tools"}]
+    assert [module for module in rooms if library in at_the_top(module)] == []
+    assert any(library in imports(module) for module in rooms), "nothing does: take it out"

@@ -13,31 +13,30 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pandera.pandas as pa
 
 from pipeline.core.columns import columns as family_columns
 from pipeline.core.columns import members
 from pipeline.core.errors import ContractError
-from pipeline.core.tables import PAPER, declared, expanded
+from pipeline.core.tables import PAPER, Column, declared, expanded
 
 
-def _check(
-    table: pd.DataFrame, name: str, columns: dict[str, pa.Column], file: Path
-) -> pd.DataFrame:
-    schema = pa.DataFrameSchema(columns, strict=True, ordered=True)
-    try:
-        return schema.validate(table)
-    except (pa.errors.SchemaError, pa.errors.SchemaErrors) as failed:
-        error = failed.schema_errors[0] if isinstance(failed, pa.errors.SchemaErrors) else failed
-        cases = error.failure_cases
-        case = cases.iloc[0]["failure_case"] if isinstance(cases, pd.DataFrame) else cases
-        rule = getattr(error.check, "error", None) or error.check
+def _check(table: pd.DataFrame, name: str, columns: dict[str, Column], file: Path) -> pd.DataFrame:
+    for fault, column in _faults(table, columns):
         raise ContractError(
-            f"table {name!r} breaks its contract: {error.reason_code.value.lower()}, {rule}, "
-            f"not {case}",
-            file=file,
-            column=error.schema.name,
-        ) from None
+            f"table {name!r} breaks its contract: {fault}", file=file, column=column
+        )
+    return table
+
+
+def _faults(table: pd.DataFrame, columns: dict[str, Column]) -> Iterator[tuple[str, str]]:
+    """What breaks the declaration, and in which column."""
+    yield from (("is missing", name) for name in columns if name not in table.columns)
+    yield from (("is not declared", name) for name in table.columns if name not in columns)
+    if list(table.columns) != list(columns):
+        yield "the columns are not in the order declared", table.columns[0]
+    for name, column in columns.items():
+        if fault := column.fault(table[name]):
+            yield fault, name
 
 
 def write(table: pd.DataFrame, name: str, folder: Path, declarations: Path = PAPER) -> None:
@@ -52,7 +51,7 @@ def write(table: pd.DataFrame, name: str, folder: Path, declarations: Path = PAP
     for column, definition in columns.items():
         # counts of any width, but never what would have to be rounded
         whole = column in table.columns and pd.api.types.is_integer_dtype(table[column])
-        if whole and str(definition.dtype) == "int64":
+        if whole and definition.kind == "count":
             table[column] = table[column].astype("int64")
     _check(table, name, columns, file).to_parquet(file, index=False, compression="zstd")
 

@@ -5,11 +5,12 @@ this module, of a study in its folder.
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pandera.pandas as pa
+import pandas as pd
 
 from pipeline.core.typed_yaml import read_yaml
 
@@ -17,12 +18,53 @@ PAPER = Path(__file__).with_name("tables.yaml")
 DECLARATION = re.compile(
     r"(?P<kind>real|log|count|flag|text)"
     r"(?: \((?P<among>[^)]*)\))?(?: (?P<low>[^ .]+)\.\.(?P<high>[^ ]*))?(?P<gaps> gaps)?"
-    r"(?P<optional> optional)? \| (?P<meaning>.+)"
+    r"(?P<optional> optional)? \| .+"
 )
+TYPES = {"real": "float64", "log": "float64", "count": "int64", "flag": "bool"}
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a column declares: its kind, its least and greatest value, the texts that it may hold
+    (any, where there are none), whether a value and whether the column may be missing.
+    """
+
+    kind: str
+    low: float
+    high: float
+    among: tuple[str, ...]
+    gaps: bool
+    optional: bool
+
+    def fault(self, values: pd.Series) -> str | None:
+        """The first rule that ``values`` break, and the first that breaks it; None if none does."""
+        if self.kind == "text":
+            if pd.api.types.infer_dtype(values) not in {"string", "empty"}:
+                return "must be text"
+            other = ~values.isin(self.among) & bool(self.among)
+            rules = {
+                "must have no gaps": values.isna(),
+                f"must be one of {', '.join(self.among)}": other,
+            }
+        elif str(values.dtype) != TYPES[self.kind]:
+            return f"must be {TYPES[self.kind]}, not {values.dtype}"
+        else:
+            numbers = values.to_numpy()
+            rules = {
+                "must have no gaps": np.isnan(numbers) & (not self.gaps),
+                "must be finite": np.isinf(numbers) & (self.kind == "real"),
+                "must not be plus infinity": numbers == np.inf,
+                f"must be at least {self.low:g}": numbers < self.low,
+                f"must be at most {self.high:g}": numbers > self.high,
+            }
+        for rule, broken in rules.items():
+            if np.any(broken):
+                return f"{rule}, not {values.to_numpy()[np.argmax(broken)]}"
+        return None
 
 
 @cache
-def declared(file: Path = PAPER) -> dict[str, dict[str, pa.Column]]:
+def declared(file: Path = PAPER) -> dict[str, dict[str, Column]]:
     """Columns by name of every table of ``file``; a name with ``*`` or ``#`` stands for a
     family.
     """
@@ -33,7 +75,7 @@ def declared(file: Path = PAPER) -> dict[str, dict[str, pa.Column]]:
     }
 
 
-def expanded(declaration: dict[str, pa.Column], present: list[str]) -> dict[str, pa.Column]:
+def expanded(declaration: dict[str, Column], present: list[str]) -> dict[str, Column]:
     """The ``declaration`` with every family replaced by its members among the columns ``present``.
 
     A family of which there is none stays as it is declared, so that its absence is noticed, but for
@@ -42,32 +84,21 @@ def expanded(declaration: dict[str, pa.Column], present: list[str]) -> dict[str,
     columns = {}
     for name, column in declaration.items():
         pattern = re.escape(name).replace(r"\*", "[^:]+").replace(r"\#", "[1-9]")
-        single = pattern == re.escape(name)
-        family = [name] if single else [c for c in present if re.fullmatch(pattern, str(c))]
-        columns |= dict.fromkeys(family or [name] * column.required, column)
+        family = [c for c in present if re.fullmatch(pattern, str(c))]
+        columns |= dict.fromkeys(family or [name] * (not column.optional), column)
     return columns
 
 
-def _column(text: str) -> pa.Column:
+def _column(text: str) -> Column:
     parts = DECLARATION.fullmatch(text)
     if parts is None:
         raise ValueError(f"not the declaration of a column: {text!r}")
-    kind, gaps, meaning = parts["kind"], parts["gaps"] is not None, parts["meaning"]
-    bounds = [pa.Check.ge(float(parts["low"]))] if parts["low"] else []
-    bounds += [pa.Check.le(float(parts["high"]))] if parts["high"] else []
-    match kind:
-        case "real":
-            finite = pa.Check(np.isfinite, error="must be finite")
-            checks, required = [finite, *bounds], parts["optional"] is None
-            return pa.Column(
-                "float64", checks, nullable=gaps, required=required, description=meaning
-            )
-        case "log":
-            below = pa.Check(lambda x: x < np.inf, error="must not be plus infinity")
-            return pa.Column("float64", below, nullable=True, description=meaning)
-        case "count":
-            return pa.Column("int64", bounds or pa.Check.ge(0), description=meaning)
-        case "flag":
-            return pa.Column("bool", description=meaning)
-    among = [name.strip() for name in (parts["among"] or "").split(",") if name]
-    return pa.Column("str", pa.Check.isin(among) if among else None, description=meaning)
+    kind, among = parts["kind"], (parts["among"] or "").split(",")
+    return Column(
+        kind,
+        low=float(parts["low"] or (0 if kind == "count" else -np.inf)),
+        high=float(parts["high"] or np.inf),
+        among=tuple(name.strip() for name in among if name),
+        gaps=parts["gaps"] is not None or kind == "log",
+        optional=parts["optional"] is not None,
+    )

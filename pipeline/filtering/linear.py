@@ -26,7 +26,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import cho_factor, solve_triangular
 
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError
@@ -74,6 +73,8 @@ def best_linear(
         chain: the arm, whose tip may be what was measured.
         response: (n, n) A; the identity, where none is given: an error independent of the pose.
     """
+    from scipy.linalg import cho_factor, solve_triangular
+
     grid, n = path.shape
     frames, _ = due_frames(measurements, grid - 1, dt)
     after = np.repeat(np.arange(grid), np.diff(frames.first))

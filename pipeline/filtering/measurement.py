@@ -17,7 +17,6 @@ from functools import cached_property
 
 import numpy as np
 import pandas as pd
-from scipy.spatial.transform import Rotation
 
 from pipeline.core.columns import matrices, members, values
 from pipeline.core.errors import ContractError, ModelDomainError
@@ -86,6 +85,8 @@ class Measurements:
     @cached_property
     def unbiased(self) -> np.ndarray:
         """(F, n) or (F, 12): ``y`` without its bias."""
+        from scipy.spatial.transform import Rotation
+
         if not self.tip:
             return self.y - self.bias
         back = Rotation.from_rotvec(-self.bias[:, 3:]).as_matrix()

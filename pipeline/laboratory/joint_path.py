@@ -4,11 +4,11 @@ it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ConfigError
@@ -34,7 +34,9 @@ class JointPath:
         return (len(self.joints) - 1) / self.rate
 
     @cached_property
-    def _interpolant(self) -> PchipInterpolator:
+    def _interpolant(self) -> Callable[..., np.ndarray]:
+        from scipy.interpolate import PchipInterpolator
+
         return PchipInterpolator(np.arange(len(self.joints)) / self.rate, self.joints)
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
 
 from pipeline.core.errors import SolverError
 
@@ -40,6 +39,8 @@ def minimise(objective: Objective, matrices: Sequence[np.ndarray]) -> Minimum:
     They should be of a scale near one, and so should f. f may be infinite where it is not defined,
     yet not at the start. Raises SolverError where the search does not end at a minimum.
     """
+    from scipy.optimize import minimize
+
     sizes = [len(matrix) for matrix in matrices]
     ends = np.cumsum([size**2 for size in sizes])[:-1]
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import qmc
 
 from pipeline.arm.model import chain_of, link_chains
 from pipeline.arm.numbers import Arm
@@ -74,6 +73,8 @@ class Carried:
         Of angles that differ by whole turns, those nearest to the posture asked for, or to the
         middle of the limits.
         """
+        from scipy.stats import qmc
+
         finite = np.isfinite(self.upper - self.lower)
         centre = np.where(finite, np.where(finite, self.lower + self.upper, 0.0) / 2, 0.0)
         if self.posture is None:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from itertools import permutations
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.core.errors import RecordingError
@@ -45,6 +44,8 @@ def correct_labels(
         gate: greatest distance in m of a sample from the place of its label.
         take: name of the take, for messages.
     """
+    from scipy.optimize import linear_sum_assignment
+
     q, solved = solve(markers, template, chain, gate)
     moved = {"relabelled": 0, "adopted": 0, "rejected": 0}
     incomplete = np.isnan(markers).any(axis=(-3, -2, -1)) & np.isfinite(extra).all(axis=-1).any(

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.ndimage import label
 
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError, RecordingError
@@ -161,6 +160,8 @@ class CloudSegmenter:
         Reasons as of :class:`ArmSegmenter`, but ``isolated`` are patches of too few points,
         connected through cells of the plane.
         """
+        from scipy.ndimage import label
+
         crop, origin = self.crop, self.arm.chain.origin
         plane = self.arm.to_plane(cloud @ self.rotation.T + self.translation)
         points, dropped = plane[:, [0, 2]], {}

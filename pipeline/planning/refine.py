@@ -20,8 +20,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
-from scipy.optimize import minimize
 
 from pipeline.planning.cost import Cost, where_defined
 from pipeline.planning.problem import Problem
@@ -49,6 +47,8 @@ def refined(problem: Problem, cost: Cost, joints: np.ndarray) -> np.ndarray:
     """(M+1, n) in rad a motion no worse than ``joints`` (M+1, n); one that keeps the limits where
     the rounds find any. Raises what ``cost`` raises of ``joints``.
     """
+
+    from scipy.optimize import minimize
 
     def value(motion: np.ndarray) -> float:
         each = where_defined(cost, motion[:-1], problem.steps)
@@ -214,6 +214,8 @@ def _margin(problem: Problem, q: np.ndarray) -> tuple[float, tuple]:
 
 def _spline(count: int) -> np.ndarray:
     """(count, K) cubic B-splines over ``count`` steps."""
+    from scipy.interpolate import BSpline
+
     pieces = max((count - 1) // STEPS_A_KNOT, 1)
     inner = np.linspace(0.0, count - 1.0, pieces + 1)
     knots = np.concatenate([inner[:1].repeat(3), inner, inner[-1:].repeat(3)])

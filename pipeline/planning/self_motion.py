@@ -19,7 +19,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats.qmc import Halton
 
 from pipeline.arm.interface import Chain
 from pipeline.planning.problem import InfeasibleError, Problem
@@ -30,8 +29,7 @@ ROUNDS, CORRECTIONS = 40, 6  # of Newton's method, from a start and along a curv
 RETRIES = 15  # of it from a start that comes for a lost one
 COARSE = 0.25  # rad, the spacing at which the length of the curves is taken
 SAME = 1e-4  # rad, between two solutions that are one
-LONGEST = 4000  # points of a curve
-PILOTS = 5  # steps at which the length is taken
+LONGEST, PILOTS = 4000, 5  # points of a curve; steps at which its length is taken
 
 
 @dataclass(frozen=True)
@@ -46,6 +44,8 @@ def starts(chain: Chain, count: int, first: int = 0) -> np.ndarray:
     """(count, n) poses spread within the joint limits, a turn where a joint has none; ``first`` of
     the sequence are passed over.
     """
+    from scipy.stats.qmc import Halton
+
     unbounded = ~np.isfinite(chain.upper - chain.lower)
     low = np.where(unbounded, -np.pi, chain.lower)
     high = np.where(unbounded, np.pi, chain.upper)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.optimize import minimize_scalar
 
 from pipeline.core.errors import RecordingError
 
@@ -52,6 +50,9 @@ def find_offset(
     Raises RecordingError (take) for signals that are too short, do not move, are not alike
     (correlation below ``min_correlation``) or fit best at the edge of ``search`` (s).
     """
+    from scipy.interpolate import CubicSpline
+    from scipy.optimize import minimize_scalar
+
     t_a, a = _clean(t_a, a, take)
     t_b, b = _clean(t_b, b, take)
     spline = CubicSpline(t_b, b)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.spatial.transform import Rotation
 
 from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.model import chain_of
@@ -107,6 +106,8 @@ def marker_rows(
     name is carried along: nobody can tell it from the bodies' own. Raises RecordingError for a take
     of another rate or length, or without a marker or body of the template.
     """
+    from scipy.spatial.transform import Rotation
+
     mocap, motion = dataset.mocap, dataset.motion
     take = read_take(file, mocap.unit)
     if not np.isclose(take.rate, motion.rate):
@@ -225,6 +226,8 @@ def _carried(take: MotionTake, body: Body, places: np.ndarray, file: Path) -> np
     """(3, N, 3) m in the world frame: where the body, by its poses, carries the points at
     ``places`` (3, 3) m of its link's segment.
     """
+    from scipy.spatial.transform import Rotation
+
     if body.name not in take.bodies:
         having = ", ".join(sorted(take.bodies)) or "none"
         raise RecordingError(

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
@@ -136,6 +135,8 @@ def _passing(paths: Mapping[str, _Path], chain: Chain) -> list[Motion]:
 
 def _stretches(angles: np.ndarray, chain: Chain) -> list[tuple[int, int]]:
     """First and last row of the stretches that a command (N, n) in rad is cut into."""
+    from scipy.signal import find_peaks
+
     least = _least_singular(chain, angles)
     regular = least > NEARLY * least.max()
     if not regular.all():

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.logs import SIGNALS
@@ -39,6 +38,8 @@ def read_movement(
     them. Raises RecordingError for clocks that disagree, do not keep to ``rate`` (1/s), or are
     uneven where ``clock`` is None.
     """
+    from scipy.interpolate import CubicSpline
+
     logs = {file: read_log(file, options) for file, options in files.items()}
     length = min(len(log.time) for log in logs.values())
     first, time = next((file, log.time[:length]) for file, log in logs.items())

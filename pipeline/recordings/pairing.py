@@ -11,8 +11,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.signal import correlate, correlation_lags
 
 from pipeline.core.errors import RecordingError
 from pipeline.recordings.repetitions import REACH, lag
@@ -174,6 +172,8 @@ def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
     """Rows by which the command may be early, the least first: none, and the highest peaks of the
     correlation of the speeds of the whole arm.
     """
+    from scipy.signal import correlate, correlation_lags
+
     width = max(1, round(SMOOTHING * rate))
     speeds = [np.linalg.norm(q[width:] - q[:-width], axis=1) for q in (actual, target)]
     measured, commanded = (speed - speed.mean() for speed in speeds)
@@ -190,6 +190,8 @@ def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
 
 def _settled(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairing:
     """Unit and order of rows that are paired already."""
+    from scipy.optimize import linear_sum_assignment
+
     n, motion = actual.shape[1], np.ptp(target, axis=0).sum()
     if not motion:  # the command moves in none of these rows
         return Pairing(np.ones(n), np.arange(n), delay)

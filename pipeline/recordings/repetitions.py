@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 # rad: a command that moves no joint farther is the controller taking over, not a motion; ends this
 # near are the same
@@ -180,6 +179,8 @@ def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
     """(length, joints) of ``angles`` (N, joints) from ``place`` on, a row or a place between two:
     there by cubic splines through the rows.
     """
+    from scipy.interpolate import CubicSpline
+
     if place == round(place):
         return angles[round(place) :][:length]
     return CubicSpline(np.arange(len(angles)), angles)(place + np.arange(length))

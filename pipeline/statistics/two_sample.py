@@ -9,7 +9,6 @@ record is thinned first, to samples that are nearly independent.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from pipeline.core.errors import ModelDomainError
 
@@ -67,7 +66,7 @@ def energy_test(a: np.ndarray, b: np.ndarray, rng: np.random.Generator) -> tuple
     p-value ≤ α with a probability of at most α.
     """
     pooled = np.concatenate([a, b])
-    distances = cdist(pooled, pooled)
+    distances = np.sqrt(sum(np.subtract.outer(x, x) ** 2 for x in pooled.T))
     weights = np.repeat([1 / len(a), -1 / len(b)], [len(a), len(b)])
     divisions = rng.permuted(np.tile(weights, (PERMUTATIONS, 1)), axis=1)
     observed = -weights @ distances @ weights

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.special import ive
-from scipy.stats import vonmises_fisher
 
 # beyond it the series in 1/κ is exact in double precision, and the Bessel functions fail at 1e9
 LARGE = 1e6
@@ -32,6 +31,8 @@ def sample_directions(
     """``samples`` independent sets of unit vectors, (samples, m, p), of cables with the ``mean``
     directions e̲ (m, p) and ``concentration`` κ (m,): Eq. (vMis), and its counterpart in space.
     """
+    from scipy.stats import vonmises_fisher
+
     drawn = [
         vonmises_fisher(mu, kappa).rvs(samples, random_state=rng)
         for mu, kappa in zip(mean, concentration, strict=True)

@@ -12,8 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import quad
-from scipy.stats import qmc
 
 from pipeline.core.errors import SolverError
 from pipeline.wrench.bounds import Bounds, systems_at, within
@@ -76,6 +74,8 @@ def expected_unbounded_sigma_s(bounds: Bounds, agents: int) -> np.ndarray:
     ∫m·E[T̲²e^(−sT̲²)]·E[e^(−sT̲²)]^(m−1)·E[e^(−sσ_T²)]^m ds. Raises SolverError where that
     integral does not converge.
     """
+    from scipy.integrate import quad
+
     p = bounds.dimension
     squared_length = _uniform_mean(lambda k: mean_resultant_length(k, p) ** 2, bounds.concentration)
     ratio = _uniform_mean(lambda k: mean_resultant_length(k, p) / k, bounds.concentration)
@@ -114,6 +114,8 @@ def expected_sigma_s(
 
     E[M], exact to quadrature, plus E[Σ_S − M] by ``SCRAMBLES`` scrambled Sobol sequences.
     """
+    from scipy.stats import qmc
+
     exact = expected_unbounded_sigma_s(bounds, agents)
     corrections: dict[str, list[np.ndarray]] = {form: [] for form in FORMS}
     squares: dict[str, list[np.ndarray]] = {form: [] for form in FORMS}

@@ -20,7 +20,7 @@ from stages import HERE, plan
 sys.path.append(str(Path(__file__).parents[1]))
 from project_copy import ROOT, copy_project, set_parameters
 
-LIMIT = 20  # s
+LIMIT = 10  # s
 ROUNDS = 3
 
 

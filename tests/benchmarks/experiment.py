@@ -16,7 +16,7 @@ from stages import by_dvc, work_of
 sys.path.append(str(Path(__file__).parents[1]))
 from project_copy import ROOT, copy_project, set_parameters
 
-RATIO_LIMIT = 1.3
+RATIO_LIMIT = 1.2
 MEMORY_LIMIT = 1.5e9  # bytes
 
 

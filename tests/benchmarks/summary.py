@@ -10,6 +10,7 @@ from pathlib import Path
 import contests_section
 import first_use_section
 import growth_section
+import imports_section
 import parts_section
 import scale_section
 import whole_section
@@ -20,6 +21,7 @@ SECTIONS = (
     contests_section,
     parts_section,
     first_use_section,
+    imports_section,
     growth_section,
     scale_section,
     whole_section,

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 
+import imports_section
 import pytest
 import whole_section
 from contests import lines
@@ -179,3 +180,21 @@ def test_the_stages_are_measured_in_the_work_of_all_of_them(tmp_path, cpu, verdi
     )
     assert "motion 3.5 s, arm 0.5 s" in text and "1.60 GB (< 1.5 GB: **missed**)" in text
     assert f"| fit additive | 3.5 s | {cpu:.1f} s | 3.0 s | 0.25 GB |" in text
+
+
+@pytest.mark.parametrize(("slowest", "verdict"), [(1.4, "met"), (1.6, "**missed**")])
+def test_half_of_the_stages_and_the_slowest_are_held_to_what_they_may_take_to_import(
+    tmp_path, slowest, verdict
+):
+    measured = {
+        "limits": {"median": 1.0, "slowest": 1.5},
+        "rounds": 5,
+        "median": 0.9,
+        "slowest": slowest,
+        "stages": {"fit additive": 0.9, "track": slowest},
+    }
+    (tmp_path / "imports.json").write_text(json.dumps(measured))
+    text = imports_section.section(tmp_path)
+    assert "at most 0.90 s (≤ 1.0 s: met)" in text
+    assert f"the slowest in {slowest:.2f} s (≤ 1.5 s: {verdict})" in text
+    assert f"| track | {slowest:.2f} s |" in text

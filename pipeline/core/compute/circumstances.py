@@ -12,7 +12,6 @@ from importlib.metadata import distributions
 from pathlib import Path
 
 import numpy as np
-from scipy import linalg
 
 import pipeline
 
@@ -66,6 +65,8 @@ def _arithmetic() -> str:
     """A digest of sums and functions whose last bits follow the instruction set and the threads
     that numpy and scipy run on.
     """
+    from scipy import linalg
+
     x = np.linspace(0.1, 3.0, 40_000).reshape(200, 200)
     positive = x @ x.T + 200 * np.eye(200)
     values = [

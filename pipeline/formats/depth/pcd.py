@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.depth.cloud import Header, PointCloud, points_of
@@ -27,6 +26,8 @@ def read_pcd(content: bytes, *, file: Path) -> PointCloud:
 
 def _header(content: bytes, file: Path) -> tuple[Header, np.ndarray, np.ndarray]:
     """Header of a PCD, and the rotation (3, 3) and position (3,) of its viewpoint."""
+    from scipy.spatial.transform import Rotation
+
     entries: dict[str, list[str]] = {}
     start = 0
     while "DATA" not in entries:

@@ -12,7 +12,6 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from pipeline.core.bounds import require
 from pipeline.core.errors import RecordingError
@@ -212,6 +211,8 @@ def _rate(
 def _quaternion(
     rotation: dict[str, np.ndarray], order: str, counts: dict[str, int], file: Path
 ) -> np.ndarray:
+    from scipy.spatial.transform import Rotation
+
     if set(rotation) == set("XYZW"):
         quaternion = np.stack([rotation[axis] for axis in "XYZW"], axis=-1)
         zero = (quaternion == 0).all(axis=-1)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.models.commands import task_step
@@ -42,6 +41,8 @@ def fit_alpha_u(
         measurement: (n, n) Σ_m in rad², without which the slowest steps would decide everything.
         extensions: (G ≥ 3,) shares of that maximum, ascending and positive.
     """
+    from scipy.optimize import minimize_scalar
+
     q, v, noise = moving_steps(q, v, noise)
     inverse, v = chain.inverse_jacobian(q), task_step(chain, v)
     norms, speeds = frobenius(inverse), np.vecdot(v, v)

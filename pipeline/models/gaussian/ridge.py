@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from pipeline.core.errors import ModelDomainError
 
@@ -45,6 +44,8 @@ def search(
     ``best`` gives the least objective at one extension and its α; ``largest`` is the norm that is
     extended.
     """
+    from scipy.optimize import minimize_scalar
+
     objectives, alphas = np.array([best(float(extension)) for extension in extensions]).T
     i = int(objectives.argmin())
     extension = float(extensions[i])

@@ -10,8 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.optimize import minimize_scalar
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.core.errors import ModelDomainError
@@ -53,6 +51,8 @@ class DispersionFit:
 
 def _greatest(x: np.ndarray, values: np.ndarray) -> float:
     """Where the spline through ``values`` (N,) at ``x`` (N,) is greatest."""
+    from scipy.interpolate import CubicSpline
+
     spline = CubicSpline(x, values)
     candidates = np.concatenate([x[[0, -1]], spline.derivative().roots(extrapolate=False)])
     return float(candidates[spline(candidates).argmax()])
@@ -78,6 +78,8 @@ def fit_sigma_b(
         measurement: (n, n) Σ_m in rad².
         decomposition: of the Jacobian.
     """
+    from scipy.optimize import minimize_scalar
+
     takes = len(q)
     q, v, noise = moving_steps(q, v, noise)
     q_next = q + chain.nominal_step(q, v) + noise
