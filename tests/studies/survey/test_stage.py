@@ -11,15 +11,13 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
 import pytest
-from known_law import JOINTS, ROOT, write_project
+from known_law import ROOT
 from omegaconf import OmegaConf
+from surveyed_project import write_surveyed_project
 
 from pipeline.__main__ import main
 from pipeline.core import config, contracts
-from pipeline.core.columns import spread, triangle
 from pipeline.core.errors import ConfigError, ContractError
 from pipeline.studies.survey.stage import run
 
@@ -30,17 +28,7 @@ TABLES = ROOT / "pipeline/studies/survey/tables.yaml"
 def project(tmp_path, monkeypatch) -> Path:
     """Where the experiment has run up to the noise of its instruments."""
     monkeypatch.chdir(tmp_path)
-    write_project(tmp_path)
-    frames = {"take": "none", "frame": range(4), "t": np.linspace(0.0, 3.2, 4)}
-    noise = spread("b", JOINTS, np.full((4, 3), 0.01))
-    noise |= triangle("r", JOINTS, np.tile(4e-4 * np.eye(3), (4, 1, 1)))
-    Path("data/articulate").mkdir()
-    contracts.write(pd.DataFrame(frames | noise), "kinect_noise", Path("data/articulate"))
-    Path("data/raw").symlink_to(ROOT / "data/raw")
-    Path("reports/studies").mkdir(parents=True)
-    Path("reports/studies/baselines").symlink_to(ROOT / "reports/studies/baselines")
-    for name in ("claims.yaml", "datasets"):
-        Path("reports", name).symlink_to(ROOT / "reports" / name)
+    write_surveyed_project(tmp_path)
     return tmp_path
 
 

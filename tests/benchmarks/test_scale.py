@@ -1,0 +1,207 @@
+"""What is run at scale: a fleet's fit by blocks is that of the whole, the survey's share is told
+apart from its grid, and the report says what was measured.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from dataclasses import replace
+from types import SimpleNamespace
+
+import fleet
+import large_survey
+import many_particles
+import numpy as np
+import pandas as pd
+import pytest
+import scale_section
+from on_paper import Needs, beyond
+from surveyed_project import write_surveyed_project
+
+from pipeline.core import contracts
+from pipeline.models.noise import mean_covariance, process_noise
+from pipeline.models.wishart.dispersion import fit_wishart
+from pipeline.studies.survey.options import read_survey
+
+TAKES = 20
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A fleet of a few takes in blocks of seven, fitted; the rows of every table it wrote."""
+    folder, rows, write = tmp_path_factory.mktemp("fleet"), [], contracts.write
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fleet, "BLOCK", 7)
+        patch.setattr(
+            contracts,
+            "write",
+            lambda table, *rest: rows.append(table["take"].nunique()) or write(table, *rest),
+        )
+        fleet.record(folder, TAKES)
+        fitted = fleet.fit(folder, TAKES)
+        errors = fleet.filtered(folder, TAKES, 50, fitted)
+        blocks = [fleet.place(folder, block) for block in fleet.blocks(TAKES)]
+    return blocks, fitted, errors, rows
+
+
+def together(blocks, name):
+    """(takes, rows, 3) rad, the joint angles of all blocks."""
+    tables = [contracts.read(name, folder) for folder in blocks]
+    return np.concatenate([fleet.values(table, "q") for table in tables]).reshape(TAKES, -1, 3)
+
+
+def test_the_fit_by_blocks_is_that_of_all_takes_at_once(recorded):
+    blocks, fitted, _, _ = recorded
+    q, v, chain = together(blocks, "joints"), fleet.commands(), fleet.youbot()
+    noise = process_noise(chain, q, v)
+    whole = fit_wishart(chain, q[:, :-1], v, noise, fleet.LU, fleet.FLOOR)
+    assert fitted.sigma_b == pytest.approx(whole.sigma_b, rel=1e-9)
+    np.testing.assert_allclose(fitted.noise_covariance, mean_covariance(noise), rtol=1e-6)
+    np.testing.assert_allclose(fitted.start.mean, q[:, 0].mean(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(fitted.start.covariance, np.cov(q[:, 0].T), rtol=1e-6)
+    # the control: the mean of the blocks' own estimates is another
+    parts = [
+        fit_wishart(chain, q[some, :-1], v, noise[some], fleet.LU, fleet.FLOOR).sigma_b
+        for some in (slice(0, 7), slice(7, 14), slice(14, 20))
+    ]
+    assert np.mean(parts) != pytest.approx(whole.sigma_b, rel=1e-5)
+
+
+def test_no_table_holds_more_than_a_block_of_takes_and_every_take_has_its_posterior(recorded):
+    blocks, _, errors, rows = recorded
+    assert rows == [7, 7, 7, 7, 6, 6, 7, 7, 6]
+    posteriors = [contracts.read("posterior", folder) for folder in blocks]
+    counts = [table.groupby("take").size() for table in posteriors]
+    assert sum(map(len, counts)) == TAKES
+    assert all((count == fleet.REST + fleet.MOVING + 1).all() for count in counts)
+    assert 0 < errors["off_the_filter_rad"] < errors["off_the_mean_rad"]
+
+
+def test_filters_of_few_and_of_more_particles_have_a_time_each():
+    times = many_particles.seconds((100, 1000), rounds=1)
+    assert set(times) == {100, 1000} and all(0 < each < 1 for each in times.values())
+
+
+def test_the_share_of_the_grid_is_drawn_by_chance_and_a_sixth_is_of_the_wrench():
+    small = read_survey(large_survey.HERE / "small.yaml").conditions
+    some = large_survey.chosen(small, 12)
+    assert large_survey.kinds(some) == {"motion": 10, "wrench": 2}
+    assert some == large_survey.chosen(small, 12) and len(set(some)) == 12
+    assert some != small[:12]
+
+
+def test_the_prediction_is_the_mean_of_each_kind_times_how_many_there_are():
+    cost = {
+        "motion_cpu_seconds_per_condition_mean": 2.0,
+        "wrench_cpu_seconds_per_condition_mean": 0.5,
+    }
+    assert large_survey.predicted(Counter(motion=3, wrench=2), cost) == 7.0
+
+
+def test_what_ends_first_is_what_is_there_for_the_fewest():
+    there, fixed = Needs(memory=10.0, disk=100.0, time=1000.0), Needs(2.0, 0.0, 0.0)
+    each = Needs(memory=0.1, disk=2.0, time=1.0)
+    paper = beyond(1000, fixed, each, there)
+    assert (paper["ends_first"], paper["enough_for"]) == ("disk", 50.0)
+    assert paper["needs"] == {"memory": 102.0, "disk": 2000.0, "time": 1000.0}
+    # the control: what does not grow never ends
+    assert beyond(1000, fixed, replace(each, disk=0.0), there)["ends_first"] == "memory"
+
+
+@pytest.mark.slow
+def test_the_share_has_equal_bytes_on_a_cluster_that_loses_a_worker(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_surveyed_project(tmp_path)
+    # enough for the second worker to be at work when the first is killed
+    measured = large_survey.run(tmp_path / "points", 6, 2, workers=2, name="small")
+    assert (measured["equal_bytes"], measured["workers_left"]) == (2, 1)
+    assert measured["conditions"] == {"motion": 5, "wrench": 1}
+    assert all(seconds > 0 for seconds in measured["spent_seconds"].values())
+
+
+def test_points_are_alike_whatever_they_took_and_differ_by_a_last_bit():
+    def kept(last: float, seconds: float) -> SimpleNamespace:
+        values = {"a": 1.0, "b": last}
+        tables = [pd.DataFrame({"value": [x], "cpu_seconds": [seconds]}) for x in values.values()]
+        return SimpleNamespace(keys=[*values], tables=lambda: tables)
+
+    assert large_survey.alike(kept(2.0, 0.1), kept(2.0, 0.3)) == 2
+    assert large_survey.alike(kept(2.0, 0.1), kept(np.nextafter(2.0, 3.0), 0.1)) == 1
+
+
+PAPER = {
+    "items": 1e8,
+    "needs": {"memory": 3e8, "disk": 2e12, "time": 864000.0},
+    "ends_first": "disk",
+    "enough_for": 4.2e6,
+}
+FLEET = {
+    "takes": 1000,
+    "particles": 100,
+    "steps": 12,
+    "seconds": {"record": 1.0, "fit": 2.0, "filter": 30.0},
+    "peak_bytes": 5e8,
+    "kept_bytes": 14e6,
+    "sigma_b": 0.17,
+    "true_sigma_b": 0.25,
+    "off_the_filter_rad": 0.006,
+    "off_the_mean_rad": 0.01,
+}
+CROWD = {
+    "few": 10,
+    "many": 1000,
+    "steps": 40,
+    "seconds_few": 5e-8,
+    "seconds_many": 4e-8,
+    "peak_bytes": 1e8,
+    "bytes_of_a_particle": 118.2,
+    "on_paper": PAPER,
+}
+SURVEY = {
+    "survey": "large",
+    "grid": 1_633_260,
+    "naming_seconds": 14.0,
+    "conditions": {"motion": 5, "wrench": 1},
+    "workers": 3,
+    "workers_left": 2,
+    "seconds_by_the_clock": 20.0,
+    "alone": 2,
+    "equal_bytes": 2,
+    "spent_seconds": {"motion": 25.0, "wrench": 5.0},
+    "predicted_seconds": 20.0,
+    "spent_alone_seconds": 8.0,
+    "predicted_alone_seconds": 4.0,
+    "grid_core_hours": 1800.0,
+    "grid_on_paper": PAPER,
+    "many_on_paper": PAPER,
+}
+
+
+def test_the_report_says_what_was_measured_and_what_ends_first(tmp_path):
+    fleets = {"few": FLEET | {"takes": 100}, "many": FLEET, "on_paper": PAPER}
+    measured = {"machine": "M", "particles": CROWD, "fleet": fleets, "survey": SURVEY}
+    (tmp_path / "scale.json").write_text(json.dumps(measured))
+    text = scale_section.section(tmp_path)
+    for words in (
+        "**1,000 takes of a simulated fleet**, 12 steps each",
+        "record 1 ms, fit 2 ms, filter 30 ms of processor time, and 14.0 kB are kept",
+        "takes 40 ns a particle and step, one of 10 50 ns, and holds 118 bytes",
+        "**The survey `large`** has 1,633,260 conditions",
+        "A tenth of them would take 180 core hours",
+        "Of the 2 that were run in one process too, 2 have equal bytes",
+        # 30 s of 20 s; at half the pace of the prediction 30 s of 40 s
+        "predicts 20 s: 1.50 times as much",
+        "the prediction is 40 s: 0.75 times",
+        "| particles of one filter | 1e+08 | 300 MB | 2 TB | 10 | disk, at 4.2e+06 |",
+    ):
+        assert words in text
+
+
+def test_without_a_measurement_the_report_says_how_to_make_one(tmp_path):
+    assert scale_section.section(tmp_path) == "Not measured yet: `make bench-scale`."
+
+
+@pytest.mark.parametrize(("number", "text"), [(2e5, "0.2 MB"), (5.7e8, "570 MB"), (2e12, "2 TB")])
+def test_bytes_have_the_unit_that_suits(number, text):
+    assert scale_section.size(number) == text
