@@ -76,7 +76,7 @@ $(READY): requirements.lock uv.requirements build-constraints.txt
 	$(BIN)/uv pip sync --quiet --system-certs --python $(BIN)/python --require-hashes --build-constraint build-constraints.txt requirements.lock
 	touch $@
 
-# The libraries that the benchmarks compare with, in an environment of their own: some need an older numpy.
+# The libraries that the benchmarks compare with, in an environment of their own.
 $(PEERS)/.ready: tests/benchmarks/peers.lock build-constraints.txt | $(READY)
 	rm -rf $(PEERS)
 	$(BIN)/uv venv --quiet --python $(BIN)/python $(PEERS)
@@ -87,7 +87,7 @@ $(PEERS)/.ready: tests/benchmarks/peers.lock build-constraints.txt | $(READY)
 lock: $(READY)
 	uv pip compile --system-certs pyproject.toml --group test --universal --fork-strategy fewest --generate-hashes --no-emit-index-url --no-header \
 		--python-version 3.11 --build-constraint build-constraints.txt -o requirements.lock
-	uv pip compile --system-certs tests/benchmarks/peers.in --universal --fork-strategy fewest --generate-hashes --no-emit-index-url --no-header \
+	uv pip compile --system-certs tests/benchmarks/peers.in --override tests/benchmarks/peers.overrides --universal --fork-strategy fewest --generate-hashes --no-emit-index-url --no-header \
 		--python-version 3.11 --build-constraint build-constraints.txt -o tests/benchmarks/peers.lock
 
 clean-env:

@@ -41,11 +41,17 @@ def size(benchmark: BenchmarkFixture) -> Callable[[int, int], int]:
 def peer(benchmark: BenchmarkFixture) -> Iterator[Callable[..., Callable[[], object]]]:
     """``peer(NAME, **options)`` starts peers/NAME.py in the peers' interpreter, calls its
     ``setup(**options)`` there, and returns a function of no arguments that calls over there what
-    ``setup`` returned.
+    ``setup`` returned. The benchmark states the peer's configuration.
     """
     if benchmark.disabled:
         pytest.skip("importing the peers takes seconds each; `make bench` runs them")
     if not INTERPRETER.exists():
         pytest.skip("the peers' environment is missing; `make bench` makes it")
     with ExitStack() as running:
-        yield lambda name, **options: running.enter_context(PeerProcess(name, options))
+
+        def started(name: str, **options: object) -> PeerProcess:
+            process = running.enter_context(PeerProcess(name, options))
+            benchmark.extra_info["configuration"] = process.configuration
+            return process
+
+        yield started

@@ -24,7 +24,7 @@ class PeerError(Exception):
 
 class PeerProcess:
     """peers/NAME.py, set up with ``options``; each call calls over there what its
-    ``setup(**options)`` returned.
+    ``setup(**options)`` returned. ``configuration`` says in words how the peer is used.
 
     Options and values are what JSON holds, arrays go over as lists. Raises PeerError where either
     raises or the process ends. To be used in a with statement, at whose end the process ends.
@@ -43,7 +43,7 @@ class PeerProcess:
             env=environment,
         )
         try:
-            self._ask(json.dumps(options, default=np.ndarray.tolist))
+            self.configuration = self._ask(json.dumps(options, default=np.ndarray.tolist))
         except BaseException:
             self._end()
             raise

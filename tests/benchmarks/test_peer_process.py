@@ -14,6 +14,8 @@ from peer_process import PeerError, PeerProcess
 PEER = """
 import os
 
+CONFIGURATION = "as it likes best"
+
 def setup(scale, fails=False):
     if fails:
         raise ValueError("not with these options")
@@ -40,6 +42,7 @@ def here(monkeypatch, tmp_path):
 
 def test_a_peer_is_set_up_once_and_answers_each_call():
     with PeerProcess("chatterbox", {"scale": [1.5]}) as call:
+        assert call.configuration == "as it likes best"
         assert call() == {"calls": [0], "scaled": [3.0]}
         assert call() == {"calls": [0, 1], "scaled": [3.0]}
 

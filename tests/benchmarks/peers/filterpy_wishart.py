@@ -6,6 +6,12 @@ import numpy as np
 from filterpy.monte_carlo import systematic_resample
 from wishart_take import take_of
 
+CONFIGURATION = (
+    "the law of a step in NumPy, all particles at once; weights and moments in NumPy as its "
+    "book writes them, resampled by its `systematic_resample` below half of the effective "
+    "sample size"
+)
+
 
 def setup(count, **told):
     take = take_of(**told)

@@ -8,6 +8,12 @@ from measured_take import Take
 from particles.collectors import Moments
 from wishart_take import take_of
 
+CONFIGURATION = (
+    "the law of a step in NumPy, all particles at once; `particles.SMC` with systematic "
+    "resampling, compiled by Numba, below half of the effective sample size; moments alone "
+    "are collected, no history kept"
+)
+
 
 class Motion(particles.FeynmanKac):
     """Moved by the model, weighted by the frames."""

@@ -6,6 +6,12 @@ import numpy as np
 from pfilter import ParticleFilter, systematic_resample
 from wishart_take import take_of
 
+CONFIGURATION = (
+    "the law of a step in NumPy, all particles at once; `ParticleFilter` with its "
+    "`systematic_resample` below half of the effective sample size, noise within the "
+    "dynamics, observations by identity"
+)
+
 
 def setup(count, **told):
     take = take_of(**told)

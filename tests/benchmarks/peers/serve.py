@@ -1,6 +1,6 @@
 """Runs in the peers' interpreter: ``python serve.py NAME`` calls ``setup`` of NAME.py with the
 options on the first line of its input, and what that returned once for each further line. Each
-answer is a line of JSON: {"value": …} or {"error": traceback}.
+answer is a line of JSON: {"value": …} or {"error": traceback}; the first has NAME's CONFIGURATION.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ def main(name: str) -> None:
         value = None
         try:
             if call is None:
-                call = import_module(name).setup(**json.loads(line))
+                peer = import_module(name)
+                call, value = peer.setup(**json.loads(line)), peer.CONFIGURATION
             else:
                 value = call()
             answer = json.dumps({"value": value})

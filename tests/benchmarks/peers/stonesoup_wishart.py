@@ -20,6 +20,12 @@ from wishart_take import take_of
 START, STEP = datetime(2017, 1, 1), timedelta(milliseconds=10)
 
 
+CONFIGURATION = (
+    "the law of a step in NumPy, all particles at once; `ParticlePredictor`, "
+    "`ParticleUpdater` and `ESSResampler`, systematic below half of the effective sample size"
+)
+
+
 def step_at(time: datetime) -> int:
     return round((time - START) / STEP)
 
