@@ -22,6 +22,8 @@ from pipeline.models.wishart.bound import (
 from pipeline.models.wishart.root import root
 from pipeline.models.wishart.triangles import factorize, solve
 
+# least share that a pivot of AᵀA has of its entry: below it rounding decides the fit
+LEAST_PIVOT = 1e-14
 # share of ‖ω‖² below which what A leaves of it is rounding
 LEAST_REST = 1e-28
 HALF = float(np.sqrt(0.5))
@@ -43,8 +45,8 @@ def perturb(
     squares: np.ndarray,
     room: np.ndarray,
 ) -> int:
-    """Solve N problems; return the number of the first whose equation was not solved in ``steps``,
-    −1 where there is none.
+    """Solve N problems; return the number of the first whose equation was not solved in ``steps``
+    or whose A is all but singular, −1 where there is none.
 
     Args:
         noise: (N, n) ω.
@@ -73,7 +75,9 @@ def perturb(
             steepness += pull[i] * pull[i]
         if not steepness > ratio * ratio * size:
             continue
-        rest = _nearest(omega, matrix, size, squares, room)
+        if not factorize(squares[0], 0.0, squares[1]) > LEAST_PIVOT:
+            return number
+        rest = _nearest(omega, matrix, size, squares[1], room)
         across = rest if n > m and rest > LEAST_REST * size else 0.0
         c, least = _at_zero(delta, across, squares[1], room)
         if (across > 0.0 and ratio > 0.0) or least < ratio:
@@ -136,7 +140,7 @@ def _rest(omega: np.ndarray, matrix: np.ndarray, y: np.ndarray) -> float:
 
 @inner
 def _nearest(
-    omega: np.ndarray, matrix: np.ndarray, size: float, squares: np.ndarray, room: np.ndarray
+    omega: np.ndarray, matrix: np.ndarray, size: float, exact: np.ndarray, room: np.ndarray
 ) -> float:
     """‖ω − Ay‖² at the y of least squares, which is written; of ‖ω‖² ``size``.
 
@@ -144,15 +148,14 @@ def _nearest(
     the first left.
     """
     y, u, spare = room[Y], room[LEFT], room[SPARE]
-    factorize(squares[0], 0.0, squares[1])
-    solve(squares[1], room[PULL], y)
+    solve(exact, room[PULL], y)
     rest = _rest(omega, matrix, y)
     if rest > LEAST_REST * size:
         for j in range(len(y)):
             u[j] = 0.0
             for i in range(len(omega)):
                 u[j] += matrix[i, j] * matrix[i, len(y)]
-        solve(squares[1], u, spare)
+        solve(exact, u, spare)
         for j in range(len(y)):
             y[j] += spare[j]
         rest = _rest(omega, matrix, y)

@@ -6,17 +6,16 @@ import numpy as np
 
 from pipeline.core.compiled import inner
 
-# share of its diagonal entry below which a pivot is rounding
-LEAST_PIVOT = float(np.finfo(float).eps)
-
 
 @inner
-def factorize(matrix: np.ndarray, ridge: float, factor: np.ndarray) -> None:
+def factorize(matrix: np.ndarray, ridge: float, factor: np.ndarray) -> float:
     """Write L and D of ``matrix`` (m, m) + ``ridge``·I into ``factor`` (m, m): L below the
-    diagonal, 1/D on it, (LD)ᵀ above.
+    diagonal, 1/D on it, (LD)ᵀ above; return the least share that a pivot has of its entry on the
+    diagonal.
     """
+    share = 1.0
     for i in range(len(matrix)):
-        pivot = least = matrix[i, i] + ridge
+        pivot = entire = matrix[i, i] + ridge
         for j in range(i):
             entry = matrix[i, j]
             for k in range(j):
@@ -25,7 +24,9 @@ def factorize(matrix: np.ndarray, ridge: float, factor: np.ndarray) -> None:
         for j in range(i):
             factor[i, j] = factor[j, i] * factor[j, j]
             pivot -= factor[j, i] * factor[i, j]
-        factor[i, i] = 1 / max(pivot, LEAST_PIVOT * least)
+        factor[i, i] = 1 / pivot
+        share = min(share, pivot / entire)
+    return share
 
 
 @inner

@@ -203,3 +203,15 @@ def test_a_minimum_that_was_not_reached_raises_with_its_evidence(monkeypatch):
         fit(noise, e, matrix, 0.03, 0.2)
     assert len(refusal.value.evidence["noise"]) == 3
     assert refusal.value.evidence["ratio"] == pytest.approx(0.03)
+
+
+def test_an_arm_that_is_all_but_singular_is_refused():
+    """Where rounding would decide the fit; a thousand times as far from it it is solved."""
+    e, noise = np.array([[0.6, 0.8]]), np.array([[1.0, 2.0]])
+    for far, refused in ((1e-5, False), (1e-8, True)):
+        matrix = np.array([[[1.0, 1.0], [1.0, 1.0 + far]]])
+        if refused:
+            with pytest.raises(SolverError, match="not solved to optimality"):
+                fit(noise, e, matrix, 0.03, 0.2)
+        else:
+            assert fit(noise, e, matrix, 0.03, 0.2).objective[0] > 0
