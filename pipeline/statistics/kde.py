@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.core.compiled import compiled, inner
 from pipeline.core.errors import ModelDomainError
+from pipeline.statistics.spread import spread
 
 REACH = 8.0  # bandwidths; beyond them a Gaussian kernel is below 2e-14 of its peak
 NODES_PER_BANDWIDTH = 3
@@ -60,42 +60,13 @@ def kernel_density(
     width = np.sqrt(bandwidth**2 - step**2 / 4)
     reach = REACH * bandwidth + step
     low, high = np.array([np.min(x), np.min(y)]) - reach, np.array([np.max(x), np.max(y)]) + reach
-    rows, columns = np.ceil((high - low) / step).astype(int) + 3
+    rows, columns = np.ceil((high - low) / step).astype(int) + 4
     masses = np.zeros((rows, columns))
-    _spread(np.ascontiguousarray(samples, dtype=float), low, step, masses)
+    spread(samples, low, step, masses)
     smoothed = _smoothed(masses, x, low[0] + step[0] * np.arange(rows), width[0])
     return _smoothed(smoothed.T, y, low[1] + step[1] * np.arange(columns), width[1]).T / (
         2 * np.pi * np.prod(width) * len(samples)
     )
-
-
-@compiled()
-def _spread(samples: np.ndarray, low: np.ndarray, step: np.ndarray, masses: np.ndarray) -> None:
-    """Add to ``masses`` (rows, columns) those of ``samples`` (N, 2) on nodes from ``low`` (2,) on,
-    ``step`` (2,) apart; of those inside.
-    """
-    rows, columns = masses.shape
-    start0, start1, per0, per1 = low[0], low[1], 1 / step[0], 1 / step[1]
-    for i in range(samples.shape[0]):
-        # the nearest node and the one before it, from which the three count
-        row, column = (samples[i, 0] - start0) * per0 - 0.5, (samples[i, 1] - start1) * per1 - 0.5
-        if 0.0 <= row < rows - 2 and 0.0 <= column < columns - 2:
-            # unsigned, as a negative index would have to be looked out for
-            first_row, first_column = np.uint32(row), np.uint32(column)
-            across = _shares(column - first_column)
-            down = _shares(row - first_row)
-            for k in range(np.uint32(3)):
-                for m in range(np.uint32(3)):
-                    masses[first_row + k, first_column + m] += down[k] * across[m]
-
-
-@inner
-def _shares(t: float) -> tuple[float, float, float]:
-    """Shares of three nodes, ``t`` in [0, 1) from halfway between the first two to halfway between
-    the last two.
-    """
-    first, last = 0.5 * (1 - t) * (1 - t), 0.5 * t * t
-    return first, 1 - first - last, last
 
 
 def _smoothed(masses: np.ndarray, grid: np.ndarray, nodes: np.ndarray, width: float) -> np.ndarray:

@@ -32,22 +32,6 @@ def direct_summation(samples, x, y, bandwidth):
     return kernels[0] @ kernels[1].T / (2 * np.pi * len(samples))
 
 
-def spread_with_numpy(samples, low, step, rows, columns):
-    """The kernel's plain form: shares by the quadratic B-spline as printed by Schoenberg, added
-    node by node.
-    """
-    masses = np.zeros((rows, columns))
-    position = (samples - low) / step
-    nearest = np.round(position).astype(int)
-    for i in (-1, 0, 1):
-        for j in (-1, 0, 1):
-            node = nearest + np.array([i, j])
-            distance = np.abs(position - node)
-            shares = np.where(distance <= 0.5, 0.75 - distance**2, (1.5 - distance) ** 2 / 2)
-            np.add.at(masses, tuple(node.T), shares.prod(axis=1))
-    return masses
-
-
 def grid(points, reach):
     return (
         np.linspace(m - reach * s, m + reach * s, points)
@@ -67,18 +51,6 @@ def test_binning_agrees_with_direct_summation(count):
         np.abs(direct_summation(samples, x, y, 1.05 * bandwidth) - direct).max() / direct.max()
         > 10 * 1e-3
     )
-
-
-def test_the_compiled_spreading_is_the_plain_one():
-    samples = draw(3000)
-    low, step = samples.min(axis=0) - 1.0, np.array([0.11, 0.07])
-    rows, columns = np.ceil((np.ptp(samples, axis=0) + 2.0) / step).astype(int)
-    masses = np.zeros((rows, columns))
-    kde._spread(samples, low, step, masses)
-    np.testing.assert_allclose(
-        masses, spread_with_numpy(samples, low, step, rows, columns), atol=1e-11
-    )
-    np.testing.assert_allclose(masses.sum(), len(samples), rtol=1e-12)
 
 
 def test_no_kernel_is_off_by_more_than_stated_wherever_its_sample_lies(monkeypatch):
