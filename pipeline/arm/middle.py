@@ -16,8 +16,8 @@ from pipeline.arm.serial import SerialChain
 JOINTS = (6, 7)  # of such an arm
 # where each number stands: the Householder reflection that leaves one row of the column of joint 4
 # (its factor; its vector but for the first entry, which is 1; the inverse of what is left), sine
-# and cosine of the turn of the base, the inverse of the unit of angular rows, the least square of
-# the determinant in four rows
+# and cosine of the turn of the base, the inverse of the unit of angular rows, the square of twice
+# the least singular value of J at a regular pose
 FACTOR, VECTOR, OVER, BASE, ANGULAR, LEAST, SIZE = 0, 1, 4, 5, 7, 8, 9
 
 
@@ -44,22 +44,5 @@ def middle_of(chain: SerialChain) -> np.ndarray | None:
     result[OVER] = 1 / left
     result[BASE : BASE + 2] = np.sin(turn), np.cos(turn)
     result[ANGULAR] = 1 / chain.length
-    result[LEAST] = (least_determinant(chain) / left) ** 2
+    result[LEAST] = (2 * chain.numbers().least) ** 2
     return result
-
-
-def least_determinant(chain: SerialChain) -> float:
-    """That of the screws in any frame, in m³: above it the product of J's singular values keeps the
-    least of them above twice the bound of a singular pose.
-
-    The product of the five others is at most that of their mean square, (F²/5)^{5/2}; F² is no more
-    than R, the sum of the squares of every joint's reach, and of nl². With another length l the
-    least singular value is no smaller than the part of it that the change of length may take: that
-    l is chosen which says most.
-    """
-    n, reach = len(chain.sliding), np.cumsum(chain.lengths[::-1])
-    squares = np.sum(reach**2)
-    length = np.clip(chain.length, np.sqrt(squares / (1.5 * n)), np.sqrt(1.5 * squares / n))
-    mean, part = (squares + n * length**2) / 5, min(1.0, chain.length / length)
-    least = 2 * chain.numbers().least / part
-    return float(least * mean * mean * np.sqrt(mean) / length**3)

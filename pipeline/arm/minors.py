@@ -1,8 +1,7 @@
 """Equations in four rows by minors (Laplace's expansion over two columns and two), for compiled
 code: scalars alone and no pivots, so that loops around them take several poses at once.
 
-Exact to rounding times the ratio of the products of the columns' lengths to the determinant: the
-caller keeps that in bounds.
+Exact to rounding over the product of the two least singular values, as shares of the greatest.
 """
 
 from __future__ import annotations
@@ -52,14 +51,41 @@ def across(x: tuple, p: tuple) -> tuple[float, ...]:
 
 
 @inlined
-def solved(a: tuple, b: tuple, c: tuple, d: tuple, y: tuple) -> tuple[tuple[float, ...], float]:
-    """x of [a, b, c, d]x = y, and the determinant."""
+def adjugate(a: tuple, b: tuple, c: tuple, d: tuple) -> tuple[tuple[float, ...], ...]:
+    """The rows of the inverse of [a, b, c, d] times the determinant, which is that of ``a`` and the
+    first row.
+    """
     first, last = pairs(a, b), pairs(c, d)
-    det = determinant(first, last)
-    over = 1 / det
-    one, other = across(y, last), across(y, first)
-    x = -dot(b, one) * over, dot(a, one) * over, -dot(d, other) * over, dot(c, other) * over
-    return x, det
+    return across(b, last), minus(across(a, last)), across(d, first), minus(across(c, first))
+
+
+@inlined
+def minus(x: tuple) -> tuple[float, ...]:
+    """−``x`` of four numbers."""
+    return -x[0], -x[1], -x[2], -x[3]
+
+
+@inlined
+def product(rows: tuple, share: float, x: tuple) -> tuple[float, ...]:
+    """``share`` times the four ``rows`` times ``x``."""
+    return (
+        share * dot(rows[0], x),
+        share * dot(rows[1], x),
+        share * dot(rows[2], x),
+        share * dot(rows[3], x),
+    )
+
+
+@inlined
+def combined(rows: tuple, x: tuple) -> tuple[float, ...]:
+    """The sum of four ``rows``, each times its number of ``x``."""
+    a, b, c, d = rows
+    return (
+        a[0] * x[0] + b[0] * x[1] + c[0] * x[2] + d[0] * x[3],
+        a[1] * x[0] + b[1] * x[1] + c[1] * x[2] + d[1] * x[3],
+        a[2] * x[0] + b[2] * x[1] + c[2] * x[2] + d[2] * x[3],
+        a[3] * x[0] + b[3] * x[1] + c[3] * x[2] + d[3] * x[3],
+    )
 
 
 @inlined

@@ -13,15 +13,15 @@ import numpy as np
 
 from pipeline.arm import folded, middle
 from pipeline.arm.compiled import sine_cosine
-from pipeline.arm.minors import dot
+from pipeline.arm.minors import combined, dot
 from pipeline.arm.numbers import Arm
 from pipeline.arm.screws import back, cross, level, plus
 from pipeline.arm.serial_compiled import WIDTH
 from pipeline.core.compiled import inlined, inner
 
 # rows of a room: sine and cosine of each joint's angle; the step of each joint; the reflection of
-# the null vector to the last axis; the square of the determinant; from here on free ones
-ANGLES, STEP, MIRROR, SQUARE, SPARE = 0, 14, 21, 27, 28
+# the null vector to the last axis; how far from singular a pose is; from here on free ones
+ANGLES, STEP, MIRROR, MARGIN, SPARE = 0, 14, 21, 27, 28
 
 
 @inner
@@ -112,23 +112,78 @@ def commanded(
 
 
 @inlined
-def taken_up(
-    numbers: tuple, fourth: tuple, third: tuple, x: tuple, y: tuple
-) -> tuple[float, float]:
-    """The steps of the joints 3 and 4 that the steps ``x`` of four others leave of ``y``: what they
-    take up of it, in the order of a :class:`Column`; ``fourth`` and ``third`` of the others.
+def taken_up(numbers: tuple, columns: tuple, x: tuple, y: Column) -> tuple[float, float]:
+    """The steps of the joints 3 and 4 that the steps ``x`` of the joints of four ``columns`` leave
+    of ``y``.
     """
-    over, cosine = numbers[4], numbers[5]
-    four = (y[0] - dot(fourth, x)) * over
-    return y[1] - dot(third, x) - cosine * four, four
+    fourth, third = passed_on(columns)
+    four = (y.fourth - dot(fourth, x)) * numbers[4]
+    return y.third - dot(third, x) - numbers[5] * four, four
+
+
+@inlined
+def passed_on(columns: tuple) -> tuple[tuple[float, ...], ...]:
+    """What the joints 4 and 3 take up of four ``columns``."""
+    a, b, c, d = columns
+    return (a.fourth, b.fourth, c.fourth, d.fourth), (a.third, b.third, c.third, d.third)
+
+
+@inlined
+def margin(
+    numbers: tuple, columns: tuple, rows: tuple, det: float, tip: tuple, over: float, least: float
+) -> float:
+    """Above zero only where the least singular value of J is above the root of ``least``, as it is
+    no less than 1/‖J⁻¹‖: the square of ``det`` less that of ‖det·J⁻¹‖ times ``least``.
+
+    Args:
+        numbers: of :func:`reflection`.
+        columns: those of the joints but 3 and 4.
+        rows: their :func:`pipeline.arm.minors.adjugate`.
+        det: their determinant.
+        tip: place of the tip in the third link, m.
+        over: the inverse of the unit of angular rows.
+        least: the square of the bound.
+    """
+    fourth, third = passed_on(columns)
+    up, by, cosine = det * numbers[4], -numbers[4], numbers[5]
+    u, w = combined(rows, fourth), combined(rows, third)
+    four = by * u[0], by * u[1], by * u[2], by * u[3]
+    three = (
+        -w[0] - cosine * four[0],
+        -w[1] - cosine * four[1],
+        -w[2] - cosine * four[2],
+        -w[3] - cosine * four[3],
+    )
+    total = _square(numbers, rows[0], 0.0, 0.0, tip, over)
+    total += _square(numbers, rows[1], 0.0, 0.0, tip, over)
+    total += _square(numbers, rows[2], 0.0, 0.0, tip, over)
+    total += _square(numbers, rows[3], 0.0, 0.0, tip, over)
+    total += _square(numbers, four, up, 0.0, tip, over)
+    total += _square(numbers, three, -cosine * up, det, tip, over)
+    return det * det - least * total
+
+
+@inlined
+def _square(
+    numbers: tuple, x: tuple, fourth: float, third: float, tip: tuple, over: float
+) -> float:
+    """The square of the length of a row of J⁻¹, which is ``x`` of a column's rows, ``fourth`` and
+    ``third`` of what joints take up.
+    """
+    factor, u, v, w, _, _ = numbers
+    share = factor * (fourth + u * x[1] + v * x[2] + w * x[3])
+    moment = x[1] - u * share, x[2] - v * share, x[3] - w * share
+    a, b, c = plus((x[0], fourth - share, third), cross(moment, tip))
+    velocity = moment[0] * moment[0] + moment[1] * moment[1] + moment[2] * moment[2]
+    return velocity + over * over * (a * a + b * b + c * c)
 
 
 @inner
-def all_regular(rows: np.ndarray, least: float, count: int) -> bool:
-    """Whether the square of every pose's determinant is above ``least``."""
+def all_regular(rows: np.ndarray, count: int) -> bool:
+    """Whether the :func:`margin` of every pose is above zero."""
     near = 0
     for i in range(count):
-        near += 0 if rows[SQUARE * WIDTH + i] > least else 1  # NaN too
+        near += 0 if rows[MARGIN * WIDTH + i] > 0.0 else 1  # NaN too
     return near == 0
 
 

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 from compiled_calls import from_python
 
-from pipeline.arm.minors import across, determinant, mirror, null, pairs, solved
+from pipeline.arm.minors import (
+    across,
+    adjugate,
+    combined,
+    determinant,
+    mirror,
+    null,
+    pairs,
+    product,
+    without,
+)
 
 RNG = np.random.default_rng(1)
 
@@ -16,14 +26,18 @@ def columns(matrix: np.ndarray) -> list[tuple[float, ...]]:
 
 
 @pytest.mark.parametrize("matrix", RNG.standard_normal((5, 4, 4)))
-def test_determinants_and_solutions_are_numpys(matrix):
+def test_determinants_and_inverses_are_numpys(matrix):
     a, b, c, d = columns(matrix)
     y = (0.3, -0.2, 0.5, 0.7)
-    x, det = from_python(solved)(a, b, c, d, y)
-    np.testing.assert_allclose(x, np.linalg.solve(matrix, y), rtol=1e-12)
+    rows = from_python(adjugate)(a, b, c, d)
+    det = np.linalg.det(matrix)
+    assert np.dot(a, rows[0]) == pytest.approx(det, rel=1e-12)
+    np.testing.assert_allclose(np.array(rows) / det, np.linalg.inv(matrix), rtol=1e-11, atol=1e-13)
+    x = from_python(product)(rows, 1 / det, y)
+    np.testing.assert_allclose(x, np.linalg.solve(matrix, y), rtol=1e-11)
+    np.testing.assert_allclose(from_python(combined)(rows, y), np.array(rows).T @ y, rtol=1e-12)
     first, last = from_python(pairs)(a, b), from_python(pairs)(c, d)
-    assert det == pytest.approx(np.linalg.det(matrix), rel=1e-12)
-    assert from_python(determinant)(first, last) == det
+    assert from_python(determinant)(first, last) == pytest.approx(det, rel=1e-12)
     # y·across(b, …) is the determinant with y in the place of a
     expected = np.linalg.det(np.column_stack([y, b, c, d]))
     assert np.dot(y, from_python(across)(b, last)) == pytest.approx(expected, rel=1e-12)
@@ -44,3 +58,4 @@ def test_a_mirror_takes_a_vector_to_the_last_axis(x):
     image = np.array(x) - 2 * mirrored * (mirrored @ x) / (mirrored @ mirrored)
     np.testing.assert_allclose(image[:4], 0, atol=1e-15)
     assert abs(image[4]) == pytest.approx(np.linalg.norm(x), rel=1e-15)
+    assert from_python(without)(x[:4], 2.0, x[:4]) == tuple(-each for each in x[:4])
