@@ -9,7 +9,8 @@ from plain_laws import plain_steps
 
 from pipeline.core.errors import DegenerateFilterError
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.particle_filter import Posterior, initial_particles
+from pipeline.filtering.particle_filter import Posterior
+from pipeline.filtering.start import initial_particles
 
 BELOW_ONE = np.nextafter(1.0, 0.0)
 

@@ -14,16 +14,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
+from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ConfigError, DegenerateFilterError, ModelDomainError
+from pipeline.core.passing import addressed
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.resampling import SCHEMES
+from pipeline.filtering.resampling import SCHEME, SCHEMES
 from pipeline.filtering.sampling import sequential_importance_sampling
-from pipeline.filtering.state import Domain, Frames, Particles, Record
+from pipeline.filtering.start import Start, domain_of, initial_particles
+from pipeline.filtering.state import Frames, Particles, Record
 from pipeline.models.commands import Commands
 from pipeline.models.correction import correction
 from pipeline.models.draws import numbers_for
+from pipeline.models.law import CORRECTION, STEP
 from pipeline.models.model import MotionModel
 
 
@@ -51,14 +54,6 @@ class FilterOptions:
             raise ConfigError(
                 "filter.threshold: a share of the particles, between 0 and 1", value=self.threshold
             )
-
-
-@dataclass(frozen=True)
-class Start:
-    """The normal law of the first pose, as the training takes have it; it is restricted to D_q."""
-
-    mean: np.ndarray  # (n,) rad
-    covariance: np.ndarray  # (n, n) rad², singular allowed
 
 
 @dataclass(frozen=True)
@@ -122,8 +117,8 @@ def particle_filter(
     scheme = SCHEMES[options.resampling]
     record = empty_record(len(commands.v) + 1, start_poses.shape[-1])
     log_evidence, vanished = sequential_importance_sampling(
-        law.step,
-        correction(chain),
+        addressed(law.step, STEP),
+        addressed(correction(chain), CORRECTION),
         numbers_for(law, chain),
         law.parameters,
         chain.numbers(),
@@ -134,7 +129,7 @@ def particle_filter(
         frames,
         # a threshold that no effective sample size is below never asks which particles to go on
         # with
-        scheme or SCHEMES["systematic"],
+        addressed(scheme or SCHEMES["systematic"], SCHEME),
         options.threshold if scheme else 0.0,
         started(start_poses),
         record,
@@ -177,14 +172,6 @@ def empty_record(grid: int, n: int) -> Record:
     )
 
 
-def domain_of(chain: Chain) -> Domain:
-    """D_q of ``chain``."""
-    planar = isinstance(chain, PlanarChain)
-    straight, clearance = (chain.straight, np.arcsin(SINGULAR_SINE)) if planar else (0.0, 0.0)
-    lower, upper = (np.array(each, dtype=float) for each in (chain.lower, chain.upper))
-    return Domain(lower, upper, straight, float(clearance))
-
-
 def due_frames(measurements: Measurements, steps: int, dt: float) -> tuple[Frames, int]:
     """The measurements in the order in which they enter over ``steps`` steps of ``dt`` (s), and how
     many are left out.
@@ -201,45 +188,3 @@ def due_frames(measurements: Measurements, steps: int, dt: float) -> tuple[Frame
     unbiased = measurements.unbiased[chosen]
     frames = Frames(first, share, unbiased, whitening[chosen], log_norm[chosen], measurements.tip)
     return frames, left_out
-
-
-def initial_particles(
-    start: Start, chain: Chain, count: int, rng: np.random.Generator, *, take: str
-) -> tuple[np.ndarray, int]:
-    """(count, n) draws of the start's normal law within the joint limits, and how many draws were
-    rejected.
-
-    Raises ModelDomainError for moments that no normal law has, and DegenerateFilterError where
-    ``count`` draws in a row lie outside.
-    """
-    if not (np.isfinite(start.mean).all() and np.isfinite(start.covariance).all()):
-        raise ModelDomainError(
-            "the mean or covariance of the start poses is not finite; give at least two training "
-            "takes",
-            take=take,
-        )
-    variances, axes = np.linalg.eigh(start.covariance)
-    # rounding leaves the zero eigenvalues of a singular covariance slightly negative
-    if variances[0] < -1e-9 * variances[-1]:
-        raise ModelDomainError(
-            "the covariance of the start poses has a negative eigenvalue",
-            take=take,
-            eigenvalue=float(variances[0]),
-        )
-    root = axes * np.sqrt(np.maximum(variances, 0.0))
-    n = len(start.mean)
-    accepted, rejected = np.empty((0, n)), 0
-    while len(accepted) < count:
-        draws = start.mean + rng.standard_normal((count, n)) @ root.T
-        inside = chain.within_limits(draws) & ~chain.singular(draws)
-        if not inside.any():
-            raise DegenerateFilterError(
-                f"none of {count} start poses lies within the joint limits; compare the training "
-                "takes' start with the URDF's limits",
-                take=take,
-                step=0,
-                mean=start.mean.round(4).tolist(),
-            )
-        rejected += int(np.sum(~inside))
-        accepted = np.concatenate([accepted, draws[inside]])
-    return accepted[:count], rejected

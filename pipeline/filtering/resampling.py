@@ -3,9 +3,10 @@
 A scheme ``resample(weights, chosen, room, rng)`` takes weights (P,), non-negative and of sum 1, and
 a Generator, and fills ``chosen`` (P,) with the indices of the particles to go on with; ``room`` (2,
 P) is for what it needs on the way. Particle i is expected P·w_i times, and never where w_i = 0. All
-of them hold sorted points against the cumulative weights: walking along both at once takes P steps,
-where a search for each point would take P·log P. What NumPy does with whole arrays is written as
-loops, which compile in half the time.
+of them hold sorted points against the cumulative weights: where the points lie in strata, how many
+are below a weight is known at once; else walking along both takes P steps, where a search for each
+point would take P·log P. What NumPy does with whole arrays is written as loops, which compile in
+half the time.
 """
 
 from __future__ import annotations
@@ -18,9 +19,36 @@ from pipeline.models.law import GENERATOR
 from pipeline.randommatrix.variates import standard_exponential, uniform
 
 COUNTS = types.Array(types.int64, 1, "C")
-SCHEME = types.void(VECTOR, COUNTS, MATRIX, GENERATOR)
+SCHEME = types.FunctionType(types.void(VECTOR, COUNTS, MATRIX, GENERATOR))
 # P·w is a whole number up to rounding where weights are equal; without this its floor would miss it
 ROUNDING = 1e-9
+
+
+@inner
+def cumulate(weights: np.ndarray, cumulative: np.ndarray) -> None:
+    """Fill ``cumulative`` with the sums of the ``weights`` up to each, scaled to end at 1; the
+    quarters beside each other, as one sum would wait for itself.
+    """
+    quarter = len(weights) // 4
+    a = b = c = d = 0.0
+    for i in range(quarter):
+        a += weights[i]
+        b += weights[quarter + i]
+        c += weights[2 * quarter + i]
+        d += weights[3 * quarter + i]
+        cumulative[i], cumulative[quarter + i] = a, b
+        cumulative[2 * quarter + i], cumulative[3 * quarter + i] = c, d
+    for i in range(4 * quarter, len(weights)):
+        d += weights[i]
+        cumulative[i] = d
+    before = 0.0
+    for k in range(4):
+        stop = (k + 1) * quarter if k < 3 else len(weights)
+        for i in range(k * quarter, stop):
+            cumulative[i] += before
+        before = cumulative[stop - 1] if stop > 0 else 0.0
+    for i in range(len(weights)):
+        cumulative[i] /= before
 
 
 @inner
@@ -31,12 +59,7 @@ def inverse_cdf(
     cumulative ``weights``, scaled to end at 1, first exceed them; a point may come up to 1.
     ``cumulative``, of as many as the weights, is filled too.
     """
-    total = 0.0
-    for i in range(len(weights)):
-        total += weights[i]
-        cumulative[i] = total
-    for i in range(len(weights)):
-        cumulative[i] /= total
+    cumulate(weights, cumulative)
     # the last particle with weight: rounding may bring a point up to 1, which no cumulative weight
     # exceeds
     last = len(weights) - 1
@@ -64,6 +87,26 @@ def sorted_uniforms(points: np.ndarray, rng: np.random.Generator) -> None:
         points[j] /= last
 
 
+@inner
+def repeat(below: np.ndarray, chosen: np.ndarray) -> None:
+    """Fill ``chosen`` (P,) with each particle as often as there are points between the cumulative
+    weight before it and its own, ``below`` (P,) which so many of the P points lie.
+
+    Each is put where its points begin, over those before it that have none, and stands until the
+    next: without a branch that depends on the weights.
+    """
+    count, first, last = len(chosen), 0, 0
+    for j in range(count):
+        chosen[j] = 0
+    for i in range(count):
+        if first < count:  # as a rule: all points are below the cumulative weight of the last
+            chosen[first] = i
+        first = int(below[i])
+    for j in range(count):
+        last = chosen[j] if chosen[j] > last else last
+        chosen[j] = last
+
+
 @passed
 def systematic(
     weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator
@@ -71,10 +114,11 @@ def systematic(
     """One uniform shifts a comb of P equidistant points: counts are ⌊P·w_i⌋ or ⌈P·w_i⌉ (Kitagawa
     1996).
     """
-    points, count, shift = room[0], len(weights), uniform(rng)
-    for j in range(count):
-        points[j] = (j + shift) / count
-    inverse_cdf(weights, points, room[1], chosen)
+    below, count, shift = room[0], len(weights), uniform(rng)
+    cumulate(weights, below)
+    for i in range(count):
+        below[i] = np.ceil(count * below[i] - shift)
+    repeat(below, chosen)
 
 
 @passed
@@ -82,10 +126,16 @@ def stratified(
     weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator
 ) -> None:
     """One uniform in each of P strata of equal width (Kitagawa 1996)."""
-    points, count = room[0], len(weights)
+    points, below, count = room[0], room[1], len(weights)
     for j in range(count):
-        points[j] = (j + uniform(rng)) / count
-    inverse_cdf(weights, points, room[1], chosen)
+        points[j] = j + uniform(rng)
+    cumulate(weights, below)
+    for i in range(count):
+        place = count * below[i]
+        stratum = min(int(place), count - 1)
+        # all strata before its own, and that one where its point is below
+        below[i] = stratum + (points[stratum] < place)
+    repeat(below, chosen)
 
 
 @passed

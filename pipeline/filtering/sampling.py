@@ -18,8 +18,8 @@ from numba import float64, int64, types
 from pipeline.arm.compiled import ARM
 from pipeline.arm.numbers import Arm
 from pipeline.core.compiled import VECTOR, compiled, inner
-from pipeline.core.products import greatest
 from pipeline.filtering.resampling import SCHEME
+from pipeline.filtering.start import mark_outside
 from pipeline.filtering.state import (
     COMMANDS,
     DOMAIN,
@@ -38,15 +38,15 @@ from pipeline.models.draws import move_block
 from pipeline.models.law import CORRECTION, GENERATOR, NUMBERS, STEP, Numbers
 
 SIGNATURE = types.Tuple((float64, int64))(
-    types.FunctionType(STEP),
-    types.FunctionType(CORRECTION),
+    STEP,
+    CORRECTION,
     NUMBERS,
     VECTOR,
     ARM,
     DOMAIN,
     COMMANDS,
     FRAMES,
-    types.FunctionType(SCHEME),
+    SCHEME,
     float64,
     PARTICLES,
     RECORD,
@@ -113,27 +113,15 @@ def keep_inside(
     """Take the weight of the particles ``start`` to ``stop`` of ``q`` (n, P) that left D_q and put
     them back to where they were ``before``; how many of them had any. ``room`` (P,) is scratch.
     """
-    lost, count = 0, stop - start
-    # slices: the compiler knows of their indices that none is negative
-    outside, weight = room[start:stop], log_weights[start:stop]
-    second = q[1 if len(q) > 1 else 0, start:stop]
-    for i in range(count):
-        half_turns = (second[i] - domain.straight) * (1 / np.pi)
-        bent = np.pi * abs(half_turns - np.floor(half_turns + 0.5)) >= domain.clearance
-        outside[i] = 0.0 if bent else 1.0
-    for j in range(len(q)):
-        angle, low, high = q[j, start:stop], domain.lower[j], domain.upper[j]
-        for i in range(count):
-            within = (low <= angle[i]) & (angle[i] <= high)
-            outside[i] = outside[i] if within else 1.0
-    if greatest(outside) == 0.0:
+    if not mark_outside(domain, q, start, stop, room):
         return 0
-    for i in range(count):
-        if outside[i] > 0.0:
-            lost += weight[i] > -np.inf
-            weight[i] = -np.inf
+    lost = 0
+    for i in range(start, stop):
+        if room[i] > 0.0:
+            lost += log_weights[i] > -np.inf
+            log_weights[i] = -np.inf
             for j in range(len(q)):
-                q[j, start + i] = before[j, start + i]
+                q[j, i] = before[j, i]
     return lost
 
 

@@ -89,10 +89,11 @@ def normalise(log_weights: np.ndarray, weights: np.ndarray) -> tuple[float, floa
 @inner
 def make_equal(weights: np.ndarray, log_weights: np.ndarray) -> float:
     """Give all P particles the weight 1/P; the effective sample size, P."""
-    count = len(weights)
-    for i in range(count):
-        weights[i], log_weights[i] = 1.0 / count, -np.log(count)
-    return float(count)
+    count = float(len(weights))
+    each, log_each = 1.0 / count, -np.log(count)
+    for i in range(len(weights)):
+        weights[i], log_weights[i] = each, log_each
+    return count
 
 
 @inner

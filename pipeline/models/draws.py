@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import int64, types
+from numba import int64
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.compiled import ARM
@@ -14,6 +14,7 @@ from pipeline.arm.numbers import Arm
 from pipeline.arm.serial_compiled import WIDTH
 from pipeline.core.compiled import MATRIX, VECTOR, compiled, inlined, inner
 from pipeline.core.errors import ModelDomainError
+from pipeline.core.passing import addressed
 from pipeline.models.correction import correction
 from pipeline.models.law import CORRECTION, CUBE, GENERATOR, NUMBERS, ROWS, STEP, Numbers, Poses
 from pipeline.models.model import Law, MotionModel
@@ -140,8 +141,8 @@ def draw_steps(
     before = np.ascontiguousarray(np.moveaxis(together, -1, 1), dtype=float)
     moved = np.empty_like(before)
     clipped = _draw_steps(
-        law.step,
-        correction(chain),
+        addressed(law.step, STEP),
+        addressed(correction(chain), CORRECTION),
         numbers_for(law, chain),
         law.parameters,
         chain.numbers(),
@@ -167,8 +168,8 @@ def draw_steps(
 
 @compiled(
     int64(
-        types.FunctionType(STEP),
-        types.FunctionType(CORRECTION),
+        STEP,
+        CORRECTION,
         NUMBERS,
         VECTOR,
         ARM,

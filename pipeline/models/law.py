@@ -53,9 +53,9 @@ NUMBERS = types.NamedTuple((MATRIX, int64, MATRIX, MATRIX, MATRIX, MATRIX), Numb
 CUBE = types.Array(float64, 3, "C")
 POSES = types.NamedTuple((MATRIX, MATRIX, MATRIX, int64, int64), Poses)
 ROWS = 14  # of the room that a law of a planar chain needs
-STEP = int64(NUMBERS, VECTOR, ARM, POSES)
+STEP = types.FunctionType(int64(NUMBERS, VECTOR, ARM, POSES))
 # (arm, target, share, poses, room): adds share·(target − x(q)) to the commands
-CORRECTION = types.void(ARM, VECTOR, float64, POSES, MATRIX)
+CORRECTION = types.FunctionType(types.void(ARM, VECTOR, float64, POSES, MATRIX))
 
 
 def row_by_row(matrix: np.ndarray, size: int) -> np.ndarray:

@@ -14,9 +14,10 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.arm.compiled import ARM, sine_cosine
 from pipeline.arm.numbers import Arm
 from pipeline.core.compiled import MATRIX, VECTOR, compiled
-from pipeline.filtering.particle_filter import domain_of, due_frames, empty_record, started
+from pipeline.filtering.particle_filter import due_frames, empty_record, started
 from pipeline.filtering.resampling import SCHEME, systematic
 from pipeline.filtering.sampling import keep_inside
+from pipeline.filtering.start import domain_of
 from pipeline.filtering.state import (
     DOMAIN,
     FRAMES,
@@ -136,8 +137,8 @@ def turn_all(q: np.ndarray, roots: int, steps: int, out: np.ndarray) -> None:
 
 @compiled(
     types.void(
-        types.FunctionType(STEP),
-        types.FunctionType(CORRECTION),
+        STEP,
+        CORRECTION,
         NUMBERS,
         VECTOR,
         ARM,
@@ -183,7 +184,7 @@ def weigh_all(domain: Domain, frames: Frames, state: Particles, record: Record) 
         weighted_moments(weights, q, record.mean[k], record.covariance[k], room)
 
 
-@compiled(types.void(types.FunctionType(SCHEME), VECTOR, PARTICLES, types.int64, GENERATOR))
+@compiled(types.void(SCHEME, VECTOR, PARTICLES, types.int64, GENERATOR))
 def resample_all(
     resample: Callable,
     chances: np.ndarray,

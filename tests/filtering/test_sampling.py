@@ -18,12 +18,11 @@ from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import (
     FilterOptions,
     Posterior,
-    Start,
-    domain_of,
     particle_filter,
 )
 from pipeline.filtering.resampling import SCHEMES
 from pipeline.filtering.sampling import keep_inside
+from pipeline.filtering.start import Start, domain_of
 from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.commands import Commands, open_loop
 from pipeline.models.draws import BLOCK

@@ -30,7 +30,7 @@ WIDE = re.compile(r"fmul <\d+ x double>")
 
 def code(function) -> str:
     """What the compiler makes of ``function`` as a step."""
-    law = numba.njit(STEP, error_model="numpy")(function)
+    law = numba.njit(STEP.signature, error_model="numpy")(function)
     return law.inspect_llvm(law.signatures[0])
 
 

@@ -1,0 +1,125 @@
+"""Where the particles start, and the domain that they have to stay in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import types
+
+from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
+from pipeline.arm.interface import Chain
+from pipeline.core.compiled import MATRIX, VECTOR, compiled, inner
+from pipeline.core.errors import DegenerateFilterError, ModelDomainError
+from pipeline.core.products import greatest
+from pipeline.filtering.state import DOMAIN, Domain
+from pipeline.models.law import GENERATOR
+from pipeline.randommatrix.variates import standard_normal
+
+
+@dataclass(frozen=True)
+class Start:
+    """The normal law of the first pose, as the training takes have it; it is restricted to D_q."""
+
+    mean: np.ndarray  # (n,) rad
+    covariance: np.ndarray  # (n, n) rad², singular allowed
+
+
+def domain_of(chain: Chain) -> Domain:
+    """D_q of ``chain``."""
+    planar = isinstance(chain, PlanarChain)
+    straight, clearance = (chain.straight, np.arcsin(SINGULAR_SINE)) if planar else (0.0, 0.0)
+    lower, upper = (np.array(each, dtype=float) for each in (chain.lower, chain.upper))
+    return Domain(lower, upper, straight, float(clearance))
+
+
+def initial_particles(
+    start: Start, chain: Chain, count: int, rng: np.random.Generator, *, take: str
+) -> tuple[np.ndarray, int]:
+    """(count, n) draws of the start's normal law within the joint limits, and how many draws were
+    rejected.
+
+    Raises ModelDomainError for moments that no normal law has, and DegenerateFilterError where
+    ``count`` draws in a row lie outside.
+    """
+    if not (np.isfinite(start.mean).all() and np.isfinite(start.covariance).all()):
+        raise ModelDomainError(
+            "the mean or covariance of the start poses is not finite; give at least two training "
+            "takes",
+            take=take,
+        )
+    variances, axes = np.linalg.eigh(start.covariance)
+    # rounding leaves the zero eigenvalues of a singular covariance slightly negative
+    if variances[0] < -1e-9 * variances[-1]:
+        raise ModelDomainError(
+            "the covariance of the start poses has a negative eigenvalue",
+            take=take,
+            eigenvalue=float(variances[0]),
+        )
+    root = np.ascontiguousarray(axes * np.sqrt(np.maximum(variances, 0.0)))
+    mean, domain = np.array(start.mean, dtype=float), domain_of(chain)
+    poses, draws = np.empty((2, len(mean), count))
+    accepted = rejected = 0
+    while accepted < count:
+        outside = np.empty(count)
+        draw_start(mean, root, domain, draws, outside, rng)
+        if not isinstance(chain, PlanarChain):  # whose domain holds the singular poses
+            outside[chain.singular(draws.T)] = 1.0
+        inside = np.flatnonzero(outside == 0.0)
+        if len(inside) == 0:
+            raise DegenerateFilterError(
+                f"none of {count} start poses lies within the joint limits; compare the training "
+                "takes' start with the URDF's limits",
+                take=take,
+                step=0,
+                mean=start.mean.round(4).tolist(),
+            )
+        rejected += count - len(inside)
+        if len(inside) == count and accepted == 0:
+            return draws.T, 0
+        more = inside[: count - accepted]
+        poses[:, accepted : accepted + len(more)] = draws[:, more]
+        accepted += len(more)
+    return poses.T, rejected
+
+
+@inner
+def mark_outside(domain: Domain, q: np.ndarray, start: int, stop: int, outside: np.ndarray) -> bool:
+    """Fill ``outside`` (P,), from ``start`` to ``stop``, with 1 where a pose of ``q`` (n, P) is not
+    in D_q and 0 where it is; whether any is not.
+    """
+    # slices: the compiler knows of their indices that none is negative
+    left, second = outside[start:stop], q[1 if len(q) > 1 else 0, start:stop]
+    for i in range(len(left)):
+        half_turns = (second[i] - domain.straight) * (1 / np.pi)
+        bent = np.pi * abs(half_turns - np.floor(half_turns + 0.5)) >= domain.clearance
+        left[i] = 0.0 if bent else 1.0
+    for j in range(len(q)):
+        angle, low, high = q[j, start:stop], domain.lower[j], domain.upper[j]
+        for i in range(len(left)):
+            within = (low <= angle[i]) & (angle[i] <= high)
+            left[i] = left[i] if within else 1.0
+    return greatest(left) > 0.0
+
+
+@compiled(types.void(VECTOR, MATRIX, DOMAIN, MATRIX, VECTOR, GENERATOR))
+def draw_start(
+    mean: np.ndarray,
+    root: np.ndarray,
+    domain: Domain,
+    draws: np.ndarray,
+    outside: np.ndarray,
+    rng: np.random.Generator,
+) -> None:
+    """Fill ``draws`` (n, P) with draws of N(``mean``, CCᵀ), ``root`` C (n, n), and ``outside`` (P,)
+    with 1 where one is not in D_q, else 0.
+    """
+    n, normals = len(draws), np.empty(len(draws))
+    for i in range(draws.shape[1]):
+        for k in range(n):
+            normals[k] = standard_normal(rng)
+        for j in range(n):
+            draws[j, i] = mean[j]
+            for k in range(n):
+                draws[j, i] += root[j, k] * normals[k]
+    mark_outside(domain, draws, 0, draws.shape[1], outside)
