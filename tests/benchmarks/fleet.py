@@ -206,14 +206,15 @@ def run(folder: Path, takes: int, particles: int) -> dict[str, object]:
     timed("record", record)
     fitted = timed("fit", fit)
     errors = timed("filter", filtered, particles, fitted)
-    kept = sum(file.stat().st_size for file in folder.rglob("*.parquet"))
+    kept = [*folder.rglob("*")]
     return {
         "takes": takes,
         "particles": particles,
         "steps": REST + MOVING,
         "seconds": seconds,
         "peak_bytes": 1e6 * megabytes("VmHWM"),
-        "kept_bytes": kept,
+        "kept_bytes": sum(file.stat().st_size for file in kept if file.is_file()),
+        "kept_files": len(kept),
         "sigma_b": fitted.sigma_b,
         "true_sigma_b": SIGMA_B,
     } | errors

@@ -135,12 +135,12 @@ def run(folder: Path, count: int, alone: int, workers: int, name: str = "large")
     names = keys_of(conditions, study, code_version())
     naming, held = time.process_time() - begin, 1e6 * (megabytes("VmRSS") - before)
     some, cost = chosen(conditions, count), json.loads(COST.read_text())
-    few = some[:: count // alone][:alone]
+    few, kept = some[:: count // alone][:alone], folder / "cluster"
     serial = gather(few, study, folder / "serial", Compute(1))
     with cluster(folder, workers) as (address, processes):
-        killer = kill_once_begun(next(iter(processes.values())), folder / "cluster")
+        killer = kill_once_begun(next(iter(processes.values())), kept)
         begin = time.perf_counter()
-        across = gather(some, study, folder / "cluster", Compute(dask=Dask(address)))
+        across = gather(some, study, kept, Compute(dask=Dask(address)))
         clock = time.perf_counter() - begin
         killer.join()
         with Client(address, timeout=WAIT, set_as_default=False) as client:
@@ -163,5 +163,9 @@ def run(folder: Path, count: int, alone: int, workers: int, name: str = "large")
         "spent_alone_seconds": sum(spent(serial).values()),
         "predicted_alone_seconds": predicted(kinds(few), cost),
         "grid_core_hours": whole / HOUR,
-        "bytes_of_a_condition": across.size / len(some),
+        "kept_bytes": across.size,
+        # a folder and what is in it
+        "kept_files": sum(
+            len([*place.iterdir()]) + 1 for place in (folder / "cluster").glob("*/*")
+        ),
     }

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from on_paper import DAY
+from on_paper import DAY, papers
 from writing import duration, table
 
 TITLE = "At scale"
-NAMES = {"memory": "memory", "disk": "disk", "time": "a day of every core"}
+NAMES = {"memory": "memory", "disk": "disk", "files": "files", "time": "a day of every core"}
 
 
 def section(folder: Path) -> str:
@@ -80,27 +80,25 @@ def surveyed(measured: dict) -> str:
 
 def on_paper(measured: dict) -> str:
     """Greater numbers, by the slopes that were measured."""
-    named = {
-        "takes of a fleet": measured["fleet"]["on_paper"],
-        "particles of one filter": measured["particles"]["on_paper"],
-        "conditions, the whole grid": measured["survey"]["grid_on_paper"],
-        "conditions": measured["survey"]["many_on_paper"],
-    }
     rows = [
         [
             what,
-            f"{paper['items']:.2g}",
-            size(paper["needs"]["memory"]),
-            size(paper["needs"]["disk"]) if paper["needs"]["disk"] else "–",
-            f"{paper['needs']['time'] / DAY:.2g}",
-            f"{NAMES[paper['ends_first']]}, at {paper['enough_for']:.2g}",
+            f"{paper.items:.2g}",
+            size(paper.needs.memory),
+            size(paper.needs.disk) if paper.needs.disk else "–",
+            f"{paper.needs.files:.2g}" if paper.needs.files else "–",
+            f"{paper.needs.time / DAY:.2g}",
+            f"{NAMES[paper.ends_first]}, at {paper.enough_for:.2g}",
         ]
-        for what, paper in named.items()
+        for what, paper in papers(measured).items()
     ]
-    header = ["of", "how many", "memory", "disk", "days of a core", "what ends first here"]
+    there = measured["there"]
+    header = ["of", "how many", "memory", "disk", "files", "days of a core", "what ends first here"]
     return (
         "On paper, by the slopes of what was run; the time of a filter is that of its "
-        f"{measured['particles']['steps']} steps:\n\n{table(header, rows)}"
+        f"{measured['particles']['steps']} steps. There are {size(there['memory'])} of memory, "
+        f"{size(there['disk'])} of disk and {there['files']:.2g} files free, and a day of every "
+        f"core, {there['time'] / DAY:.0f} days:\n\n{table(header, rows)}"
     )
 
 

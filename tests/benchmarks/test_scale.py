@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import scale_section
+from known_law import ROOT
 from on_paper import Needs, beyond
 from surveyed_project import write_surveyed_project
 
@@ -100,13 +101,13 @@ def test_the_prediction_is_the_mean_of_each_kind_times_how_many_there_are():
 
 
 def test_what_ends_first_is_what_is_there_for_the_fewest():
-    there, fixed = Needs(memory=10.0, disk=100.0, time=1000.0), Needs(2.0, 0.0, 0.0)
-    each = Needs(memory=0.1, disk=2.0, time=1.0)
+    there = Needs(memory=10.0, disk=100.0, files=50.0, time=1000.0)
+    fixed, each = Needs(memory=2.0), Needs(memory=0.1, disk=2.0, files=0.5, time=1.0)
     paper = beyond(1000, fixed, each, there)
-    assert (paper["ends_first"], paper["enough_for"]) == ("disk", 50.0)
-    assert paper["needs"] == {"memory": 102.0, "disk": 2000.0, "time": 1000.0}
+    assert (paper.ends_first, paper.enough_for) == ("disk", 50.0)
+    assert paper.needs == Needs(memory=102.0, disk=2000.0, files=500.0, time=1000.0)
     # the control: what does not grow never ends
-    assert beyond(1000, fixed, replace(each, disk=0.0), there)["ends_first"] == "memory"
+    assert beyond(1000, fixed, replace(each, disk=0.0), there).ends_first == "memory"
 
 
 @pytest.mark.slow
@@ -130,19 +131,14 @@ def test_points_are_alike_whatever_they_took_and_differ_by_a_last_bit():
     assert large_survey.alike(kept(2.0, 0.1), kept(np.nextafter(2.0, 3.0), 0.1)) == 1
 
 
-PAPER = {
-    "items": 1e8,
-    "needs": {"memory": 3e8, "disk": 2e12, "time": 864000.0},
-    "ends_first": "disk",
-    "enough_for": 4.2e6,
-}
 FLEET = {
     "takes": 1000,
     "particles": 100,
     "steps": 12,
     "seconds": {"record": 1.0, "fit": 2.0, "filter": 30.0},
     "peak_bytes": 5e8,
-    "kept_bytes": 14e6,
+    "kept_bytes": 14_000_000,
+    "kept_files": 40,
     "sigma_b": 0.17,
     "true_sigma_b": 0.25,
     "off_the_filter_rad": 0.006,
@@ -156,7 +152,6 @@ CROWD = {
     "seconds_many": 4e-8,
     "peak_bytes": 1e8,
     "bytes_of_a_particle": 118.2,
-    "on_paper": PAPER,
 }
 SURVEY = {
     "survey": "large",
@@ -173,14 +168,17 @@ SURVEY = {
     "spent_alone_seconds": 8.0,
     "predicted_alone_seconds": 4.0,
     "grid_core_hours": 1800.0,
-    "grid_on_paper": PAPER,
-    "many_on_paper": PAPER,
+    "bytes_of_a_name": 170.0,
+    "kept_bytes": 120_000,
+    "kept_files": 12,
 }
 
 
 def test_the_report_says_what_was_measured_and_what_ends_first(tmp_path):
-    fleets = {"few": FLEET | {"takes": 100}, "many": FLEET, "on_paper": PAPER}
-    measured = {"machine": "M", "particles": CROWD, "fleet": fleets, "survey": SURVEY}
+    fleets = {"few": FLEET | {"takes": 100}, "many": FLEET}
+    there = {"memory": 24e9, "disk": 80e9, "files": 1e7, "time": 2 * 86_400.0}
+    measured = {"machine": "M", "there": there, "particles": CROWD}
+    measured |= {"fleet": fleets, "survey": SURVEY}
     (tmp_path / "scale.json").write_text(json.dumps(measured))
     text = scale_section.section(tmp_path)
     for words in (
@@ -193,9 +191,21 @@ def test_the_report_says_what_was_measured_and_what_ends_first(tmp_path):
         # 30 s of 20 s; at half the pace of the prediction 30 s of 40 s
         "predicts 20 s: 1.50 times as much",
         "the prediction is 40 s: 0.75 times",
-        "| particles of one filter | 1e+08 | 300 MB | 2 TB | 10 | disk, at 4.2e+06 |",
+        "24 GB of memory, 80 GB of disk and 1e+07 files free, and a day of every core, 2 days",
+        "| takes of a fleet | 1e+08 | 500 MB | 1.4 TB | 4e+06 | 38 | a day of every core, at 5.2",
+        "| particles of one filter | 1e+08 | 11.8 GB | – | – | 0.0019 | memory, at 2e+08 |",
     ):
         assert words in text
+
+
+def test_the_committed_run_lost_a_worker_and_no_byte():
+    measured = json.loads((ROOT / "reports/benchmarks/scale.json").read_text())
+    survey, fleets = measured["survey"], measured["fleet"]
+    assert survey["equal_bytes"] == survey["alone"] > 0
+    assert survey["workers_left"] == survey["workers"] - 1
+    # ten times the takes in a tenth more memory at most
+    assert fleets["many"]["takes"] == 10 * fleets["few"]["takes"]
+    assert fleets["many"]["peak_bytes"] < 1.1 * fleets["few"]["peak_bytes"]
 
 
 def test_without_a_measurement_the_report_says_how_to_make_one(tmp_path):
