@@ -49,6 +49,7 @@ bench: $(READY) $(PEERS)/.ready
 	python tests/benchmarks/compilation.py .bench
 	python tests/benchmarks/imports.py .bench
 	python tests/benchmarks/cost_growth.py
+	python tests/benchmarks/equal_bytes.py .bench/levels
 	python tests/benchmarks/summary.py
 
 # The processor time of the whole experiment against that of the work itself, after `make bench`; runs the experiment twice.

@@ -8,6 +8,7 @@ import json
 from pathlib import Path
 
 import contests_section
+import equal_bytes_section
 import first_use_section
 import growth_section
 import imports_section
@@ -24,6 +25,7 @@ SECTIONS = (
     imports_section,
     growth_section,
     scale_section,
+    equal_bytes_section,
     whole_section,
 )
 
