@@ -17,7 +17,7 @@ JOINTS = (6, 7)  # of such an arm
 # where each number stands: the Householder reflection that leaves one row of the column of joint 4
 # (its factor; its vector but for the first entry, which is 1; the inverse of what is left), sine
 # and cosine of the turn of the base, the inverse of the unit of angular rows, the square of twice
-# the least singular value of J at a regular pose
+# the bound of the least singular value, as for seven joints √2 of it may be lost
 FACTOR, VECTOR, OVER, BASE, ANGULAR, LEAST, SIZE = 0, 1, 4, 5, 7, 8, 9
 
 

@@ -9,32 +9,33 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.core.compiled import inlined
+from pipeline.core.elementary import fma
 
 
 @inlined
 def dot(x: tuple, y: tuple) -> float:
     """The scalar product of four numbers and four."""
-    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2] + x[3] * y[3]
+    return fma(x[0], y[0], fma(x[1], y[1], fma(x[2], y[2], x[3] * y[3])))
 
 
 @inlined
 def pairs(x: tuple, y: tuple) -> tuple[float, ...]:
     """The minors of [x, y] in rows 01, 02, 03, 12, 13 and 23."""
     return (
-        x[0] * y[1] - x[1] * y[0],
-        x[0] * y[2] - x[2] * y[0],
-        x[0] * y[3] - x[3] * y[0],
-        x[1] * y[2] - x[2] * y[1],
-        x[1] * y[3] - x[3] * y[1],
-        x[2] * y[3] - x[3] * y[2],
+        fma(x[0], y[1], -x[1] * y[0]),
+        fma(x[0], y[2], -x[2] * y[0]),
+        fma(x[0], y[3], -x[3] * y[0]),
+        fma(x[1], y[2], -x[2] * y[1]),
+        fma(x[1], y[3], -x[3] * y[1]),
+        fma(x[2], y[3], -x[3] * y[2]),
     )
 
 
 @inlined
 def determinant(p: tuple, q: tuple) -> float:
     """Of [a, b, c, d] with the :func:`pairs` ``p`` of a and b, ``q`` of c and d."""
-    ends = p[0] * q[5] + p[5] * q[0]
-    return ends - (p[1] * q[4] + p[4] * q[1]) + (p[2] * q[3] + p[3] * q[2])
+    plus = fma(p[0], q[5], fma(p[5], q[0], fma(p[2], q[3], p[3] * q[2])))
+    return plus - fma(p[1], q[4], p[4] * q[1])
 
 
 @inlined
@@ -43,10 +44,10 @@ def across(x: tuple, p: tuple) -> tuple[float, ...]:
     ``p``.
     """
     return (
-        x[1] * p[5] - x[2] * p[4] + x[3] * p[3],
-        x[2] * p[2] - x[0] * p[5] - x[3] * p[1],
-        x[0] * p[4] - x[1] * p[2] + x[3] * p[0],
-        x[1] * p[1] - x[0] * p[3] - x[2] * p[0],
+        fma(x[1], p[5], fma(-x[2], p[4], x[3] * p[3])),
+        fma(x[2], p[2], fma(-x[0], p[5], -x[3] * p[1])),
+        fma(x[0], p[4], fma(-x[1], p[2], x[3] * p[0])),
+        fma(x[1], p[1], fma(-x[0], p[3], -x[2] * p[0])),
     )
 
 
@@ -77,18 +78,6 @@ def product(rows: tuple, share: float, x: tuple) -> tuple[float, ...]:
 
 
 @inlined
-def combined(rows: tuple, x: tuple) -> tuple[float, ...]:
-    """The sum of four ``rows``, each times its number of ``x``."""
-    a, b, c, d = rows
-    return (
-        a[0] * x[0] + b[0] * x[1] + c[0] * x[2] + d[0] * x[3],
-        a[1] * x[0] + b[1] * x[1] + c[1] * x[2] + d[1] * x[3],
-        a[2] * x[0] + b[2] * x[1] + c[2] * x[2] + d[2] * x[3],
-        a[3] * x[0] + b[3] * x[1] + c[3] * x[2] + d[3] * x[3],
-    )
-
-
-@inlined
 def null(a: tuple, b: tuple, c: tuple, d: tuple, e: tuple) -> tuple[float, ...]:
     """x of [a, b, c, d, e]x = 0, as long as the product of the singular values."""
     first, last = pairs(a, b), pairs(d, e)
@@ -107,7 +96,7 @@ def mirror(x: tuple) -> tuple[float, ...]:
     """t of the Householder reflection of the five numbers ``x`` to the last axis: its vector is
     (t, 1). No entry is greater than 1.
     """
-    length = np.sqrt(dot(x, x) + x[4] * x[4])
+    length = np.sqrt(fma(x[4], x[4], dot(x, x)))
     over = 1 / (x[4] + np.copysign(length, x[4]))
     return x[0] * over, x[1] * over, x[2] * over, x[3] * over
 
@@ -116,8 +105,8 @@ def mirror(x: tuple) -> tuple[float, ...]:
 def without(x: tuple, share: float, y: tuple) -> tuple[float, ...]:
     """The four numbers ``x`` − ``share``·``y``."""
     return (
-        x[0] - share * y[0],
-        x[1] - share * y[1],
-        x[2] - share * y[2],
-        x[3] - share * y[3],
+        fma(-share, y[0], x[0]),
+        fma(-share, y[1], x[1]),
+        fma(-share, y[2], x[2]),
+        fma(-share, y[3], x[3]),
     )

@@ -13,6 +13,7 @@ from typing import NamedTuple
 from pipeline.arm import folded
 from pipeline.arm.numbers import Arm
 from pipeline.core.compiled import inlined
+from pipeline.core.elementary import fma
 
 
 class Link(NamedTuple):
@@ -35,35 +36,37 @@ def link_behind(arm: Arm, joint: int) -> Link:
 def turned(angle: tuple, x: tuple) -> tuple[float, ...]:
     """``x`` in the link before a joint, from the axes that are turned by its ``angle``."""
     sine, cosine = angle
-    return cosine * x[0] - sine * x[1], sine * x[0] + cosine * x[1], x[2]
+    return fma(cosine, x[0], -sine * x[1]), fma(sine, x[0], cosine * x[1]), x[2]
 
 
 @inlined
 def back(angle: tuple, x: tuple) -> tuple[float, ...]:
     """The inverse of :func:`turned`."""
     sine, cosine = angle
-    return cosine * x[0] + sine * x[1], cosine * x[1] - sine * x[0], x[2]
+    return fma(cosine, x[0], sine * x[1]), fma(cosine, x[1], -sine * x[0]), x[2]
 
 
 @inlined
 def tilted(link: Link, x: tuple) -> tuple[float, ...]:
     """``x`` in the axes of a ``link``, from those of the frame at its end."""
-    return x[0], link.cosine * x[1] - link.sine * x[2], link.sine * x[1] + link.cosine * x[2]
+    cosine, sine, _ = link
+    return x[0], fma(cosine, x[1], -sine * x[2]), fma(sine, x[1], cosine * x[2])
 
 
 @inlined
 def level(link: Link, x: tuple) -> tuple[float, ...]:
     """The inverse of :func:`tilted`."""
-    return x[0], link.cosine * x[1] + link.sine * x[2], link.cosine * x[2] - link.sine * x[1]
+    cosine, sine, _ = link
+    return x[0], fma(cosine, x[1], sine * x[2]), fma(cosine, x[2], -sine * x[1])
 
 
 @inlined
 def cross(x: tuple, y: tuple) -> tuple[float, ...]:
     """x × y."""
     return (
-        x[1] * y[2] - x[2] * y[1],
-        x[2] * y[0] - x[0] * y[2],
-        x[0] * y[1] - x[1] * y[0],
+        fma(x[1], y[2], -x[2] * y[1]),
+        fma(x[2], y[0], -x[0] * y[2]),
+        fma(x[0], y[1], -x[1] * y[0]),
     )
 
 
@@ -105,6 +108,5 @@ def at_start(link: Link, angle: tuple) -> tuple[tuple[float, ...], ...]:
 @inlined
 def outward(link: Link, angle: tuple, screw: tuple) -> tuple[tuple[float, ...], ...]:
     """A ``screw`` of this link in the axes of the next."""
-    (ax, ay, az), (mx, my, mz), (sx, sy, sz) = screw[0], screw[1], link.shift
-    moment = mx - (sy * az - sz * ay), my - (sz * ax - sx * az), mz - (sx * ay - sy * ax)
+    moment = plus(screw[1], cross(screw[0], link.shift))
     return back(angle, level(link, screw[0])), back(angle, level(link, moment))

@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arm import folded, middle
-from pipeline.arm.compiled import sine_cosine
-from pipeline.arm.minors import combined, dot
+from pipeline.arm.minors import dot
 from pipeline.arm.numbers import Arm
 from pipeline.arm.screws import back, cross, level, plus
 from pipeline.arm.serial_compiled import WIDTH
 from pipeline.core.compiled import inlined, inner
+from pipeline.core.elementary import fma, sine_cosine
 
 # rows of a room: sine and cosine of each joint's angle; the step of each joint; the reflection of
 # the null vector to the last axis; how far from singular a pose is; from here on free ones
@@ -67,8 +67,9 @@ class Column(NamedTuple):
 def column(numbers: tuple, screw: tuple) -> Column:
     """That of a ``screw``; ``numbers`` are of :func:`reflection`."""
     (x, y, z), (mx, my, mz), (factor, u, v, w, _, _) = screw[0], screw[1], numbers
-    share = factor * (y + u * mx + v * my + w * mz)
-    return Column((x, mx - u * share, my - v * share, mz - w * share), y - share, z)
+    share = factor * fma(u, mx, fma(v, my, fma(w, mz, y)))
+    rows = x, fma(-u, share, mx), fma(-v, share, my), fma(-w, share, mz)
+    return Column(rows, y - share, z)
 
 
 @inlined
@@ -118,7 +119,7 @@ def taken_up(numbers: tuple, columns: tuple, x: tuple, y: Column) -> tuple[float
     """
     fourth, third = passed_on(columns)
     four = (y.fourth - dot(fourth, x)) * numbers[4]
-    return y.third - dot(third, x) - numbers[5] * four, four
+    return fma(-numbers[5], four, y.third - dot(third, x)), four
 
 
 @inlined
@@ -132,8 +133,11 @@ def passed_on(columns: tuple) -> tuple[tuple[float, ...], ...]:
 def margin(
     numbers: tuple, columns: tuple, rows: tuple, det: float, tip: tuple, over: float, least: float
 ) -> float:
-    """Above zero only where the least singular value of J is above the root of ``least``, as it is
-    no less than 1/‖J⁻¹‖: the square of ``det`` less that of ‖det·J⁻¹‖ times ``least``.
+    """Above zero only where the least singular value of J is above the bound of a regular pose.
+
+    It is no less than 1/‖J⁻¹‖, and that norm no more than the product of those of the inverse of
+    the screws, row by row of what :func:`column` makes of them, and of the way from a step of the
+    tip to the screw of one.
 
     Args:
         numbers: of :func:`reflection`.
@@ -142,40 +146,17 @@ def margin(
         det: their determinant.
         tip: place of the tip in the third link, m.
         over: the inverse of the unit of angular rows.
-        least: the square of the bound.
+        least: the square of the bound, enlarged.
     """
     fourth, third = passed_on(columns)
-    up, by, cosine = det * numbers[4], -numbers[4], numbers[5]
-    u, w = combined(rows, fourth), combined(rows, third)
-    four = by * u[0], by * u[1], by * u[2], by * u[3]
-    three = (
-        -w[0] - cosine * four[0],
-        -w[1] - cosine * four[1],
-        -w[2] - cosine * four[2],
-        -w[3] - cosine * four[3],
-    )
-    total = _square(numbers, rows[0], 0.0, 0.0, tip, over)
-    total += _square(numbers, rows[1], 0.0, 0.0, tip, over)
-    total += _square(numbers, rows[2], 0.0, 0.0, tip, over)
-    total += _square(numbers, rows[3], 0.0, 0.0, tip, over)
-    total += _square(numbers, four, up, 0.0, tip, over)
-    total += _square(numbers, three, -cosine * up, det, tip, over)
-    return det * det - least * total
-
-
-@inlined
-def _square(
-    numbers: tuple, x: tuple, fourth: float, third: float, tip: tuple, over: float
-) -> float:
-    """The square of the length of a row of J⁻¹, which is ``x`` of a column's rows, ``fourth`` and
-    ``third`` of what joints take up.
-    """
-    factor, u, v, w, _, _ = numbers
-    share = factor * (fourth + u * x[1] + v * x[2] + w * x[3])
-    moment = x[1] - u * share, x[2] - v * share, x[3] - w * share
-    a, b, c = plus((x[0], fourth - share, third), cross(moment, tip))
-    velocity = moment[0] * moment[0] + moment[1] * moment[1] + moment[2] * moment[2]
-    return velocity + over * over * (a * a + b * b + c * c)
+    square, cosine = numbers[4] * numbers[4], numbers[5] * numbers[5]
+    inverse = dot(rows[0], rows[0]) + dot(rows[1], rows[1])
+    inverse += dot(rows[2], rows[2]) + dot(rows[3], rows[3])
+    # (‖x‖ + ‖y‖)² ≤ 2‖x‖² + 2‖y‖², of what joint 3 takes up itself and by joint 4
+    passed = fma(square * (1 + 2 * cosine), dot(fourth, fourth), 2 * dot(third, third))
+    own = fma(square, 1 + cosine, 1.0)
+    way = fma(over * over, fma(tip[0], tip[0], fma(tip[1], tip[1], fma(tip[2], tip[2], 1.0))), 1.0)
+    return det * det - least * way * fma(inverse, 1 + passed, own * (det * det))
 
 
 @inner
@@ -201,6 +182,18 @@ def six(rows: np.ndarray, first: int, i: int) -> tuple[float, ...]:
 
 
 @inlined
+def five(rows: np.ndarray, first: int, i: int) -> tuple[float, ...]:
+    """The five numbers of pose ``i`` there."""
+    return (
+        rows[place(first, i)],
+        rows[place(first + 1, i)],
+        rows[place(first + 2, i)],
+        rows[place(first + 3, i)],
+        rows[place(first + 4, i)],
+    )
+
+
+@inlined
 def put_six(rows: np.ndarray, first: int, i: int, x: tuple) -> None:
     """Put the six numbers ``x`` there."""
     rows[place(first, i)] = x[0]
@@ -214,17 +207,19 @@ def put_six(rows: np.ndarray, first: int, i: int, x: tuple) -> None:
 @inlined
 def dot_six(x: tuple, y: tuple) -> float:
     """The scalar product of six numbers and six."""
-    return (x[0] * y[0] + x[1] * y[1] + x[2] * y[2]) + (x[3] * y[3] + x[4] * y[4] + x[5] * y[5])
+    return fma(x[0], y[0], fma(x[1], y[1], x[2] * y[2])) + fma(
+        x[3], y[3], fma(x[4], y[4], x[5] * y[5])
+    )
 
 
 @inlined
 def less(x: tuple, share: float, y: tuple) -> tuple[float, ...]:
     """The six numbers ``x`` − ``share``·``y``."""
     return (
-        x[0] - share * y[0],
-        x[1] - share * y[1],
-        x[2] - share * y[2],
-        x[3] - share * y[3],
-        x[4] - share * y[4],
-        x[5] - share * y[5],
+        fma(-share, y[0], x[0]),
+        fma(-share, y[1], x[1]),
+        fma(-share, y[2], x[2]),
+        fma(-share, y[3], x[3]),
+        fma(-share, y[4], x[4]),
+        fma(-share, y[5], x[5]),
     )

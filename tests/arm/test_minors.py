@@ -9,7 +9,6 @@ from compiled_calls import from_python
 from pipeline.arm.minors import (
     across,
     adjugate,
-    combined,
     determinant,
     mirror,
     null,
@@ -35,7 +34,6 @@ def test_determinants_and_inverses_are_numpys(matrix):
     np.testing.assert_allclose(np.array(rows) / det, np.linalg.inv(matrix), rtol=1e-11, atol=1e-13)
     x = from_python(product)(rows, 1 / det, y)
     np.testing.assert_allclose(x, np.linalg.solve(matrix, y), rtol=1e-11)
-    np.testing.assert_allclose(from_python(combined)(rows, y), np.array(rows).T @ y, rtol=1e-12)
     first, last = from_python(pairs)(a, b), from_python(pairs)(c, d)
     assert from_python(determinant)(first, last) == pytest.approx(det, rel=1e-12)
     # y·across(b, …) is the determinant with y in the place of a

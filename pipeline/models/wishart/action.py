@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.arm.whole_pose import dot_six, five, put_six, six
 from pipeline.core.compiled import inner
 from pipeline.core.elementary import expm1, fma
 from pipeline.models.law import Numbers
@@ -36,6 +37,34 @@ def act_on_three(
 
 
 @inner
+def act_on_six(numbers: Numbers, d: float, first: int, count: int) -> None:
+    """The same of six task rows, from row ``first`` of the room on; see :func:`act`."""
+    rows, normal = numbers.room.reshape(-1), numbers.normal.reshape(-1)
+    gamma, other = numbers.chi_square[0], numbers.chi_square[1]
+    for i in range(np.uint64(count)):
+        a, n = six(rows, first, i), five(normal, 0, i)
+        stretch, z = 1 / np.sqrt(other[i]), d / gamma[i]
+        r = np.sqrt(dot_six(a, a))
+        reach = r + abs(a[0])
+        product = fma(a[1], n[0], fma(a[2], n[1], a[3] * n[2])) + fma(a[4], n[3], a[5] * n[4])
+        along = stretch * product / (reach if reach > 0 else 1.0)
+        own, across = z * (1 - along), z * r * stretch
+        put_six(
+            rows,
+            first,
+            i,
+            (
+                z * fma(-along, a[0] + np.copysign(r, a[0]), a[0]),
+                fma(across, n[0], own * a[1]),
+                fma(across, n[1], own * a[2]),
+                fma(across, n[2], own * a[3]),
+                fma(across, n[3], own * a[4]),
+                fma(across, n[4], own * a[5]),
+            ),
+        )
+
+
+@inner
 def act(numbers: Numbers, d: float, first: int, m: int, spare: int, count: int) -> None:
     """Make of a, m rows of the room from ``first`` on, B⁻¹a = z(a + rR[0, T]ᵀ), zero where a is;
     ``spare`` is the first of four rows of scratch.
@@ -46,6 +75,9 @@ def act(numbers: Numbers, d: float, first: int, m: int, spare: int, count: int) 
     room, normal, a1 = numbers.room, numbers.normal, numbers.room[first]
     if m == 3:
         act_on_three(numbers, d, a1, room[first + 1], room[first + 2], count)
+        return
+    if m == 6:
+        act_on_six(numbers, d, first, count)
         return
     stretch, r, along, z = room[spare], room[spare + 1], room[spare + 2], room[spare + 3]
     for i in range(count):

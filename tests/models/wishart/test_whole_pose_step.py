@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import ks_2samp
-from space_arms import LWR4, UR5
+from space_arms import LWR4, UR5, revolute_arm
 
 from pipeline.arm.model import chain_of
 from pipeline.models.draws import draw_steps
@@ -22,6 +22,8 @@ DRAWS = 20_000
 ARMS = {
     "ur5": lambda: chain_of(replace(UR5, length=0.4)),
     "lwr4": lambda: chain_of(replace(LWR4, length=0.4)),
+    "six": lambda: revolute_arm(6),
+    "seven": lambda: revolute_arm(7),
 }
 
 
