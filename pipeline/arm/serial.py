@@ -9,6 +9,7 @@ latter times the task's characteristic length, so that metres and radians have o
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -93,6 +94,10 @@ class SerialChain(Chain):
 
     def numbers(self) -> Arm:
         """What compiled code needs of the chain."""
+        return self._numbers
+
+    @cached_property
+    def _numbers(self) -> Arm:
         rows = self._rows()
         return Arm(
             plane=np.empty(0),

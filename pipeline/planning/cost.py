@@ -11,6 +11,7 @@ from pipeline.core.errors import ConfigError, ModelDomainError, SingularJacobian
 from pipeline.models.model import MotionModel
 
 OBJECTIVES = ("trace", "log_det")
+BLOCK = 1024  # poses whose matrices stay in the processor's cache
 NONE = 1e-12  # of the greatest variance: below it a covariance has none along an axis
 
 # the cost (N,) of the steps ``v`` (N, m) of the task at the poses ``q`` (N, n) in rad
@@ -64,10 +65,17 @@ def _log_det(covariance: np.ndarray, moving: np.ndarray, m: int) -> np.ndarray:
 
 
 def where_defined(cost: Cost, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(N,) the ``cost``, infinite at the poses where it is refused.
+    """(N,) the ``cost``, infinite at the poses where it is refused, in blocks.
 
     Raises ModelDomainError where the model has no covariance at any pose.
     """
+    blocks = range(0, len(q), BLOCK)
+    parts = [_defined(cost, q[k : k + BLOCK], v[k : k + BLOCK]) for k in blocks]
+    return np.concatenate([np.empty(0), *parts])
+
+
+def _defined(cost: Cost, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(N,) of one block, which is halved where a part of it is refused."""
     try:
         return cost(q, v)
     except (ModelDomainError, SingularJacobianError) as error:
@@ -77,4 +85,4 @@ def where_defined(cost: Cost, q: np.ndarray, v: np.ndarray) -> np.ndarray:
             return np.array([np.inf])
         half = len(q) // 2
         parts = ((q[:half], v[:half]), (q[half:], v[half:]))
-        return np.concatenate([where_defined(cost, *part) for part in parts])
+        return np.concatenate([_defined(cost, *part) for part in parts])

@@ -22,7 +22,7 @@ import numpy as np
 
 from pipeline.arm.interface import Chain
 from pipeline.planning.problem import InfeasibleError, Problem
-from pipeline.planning.settle import settle
+from pipeline.planning.settle import inverses, length_of, settle
 
 STARTS, ALL = 32, 256  # poses at which Newton's method begins, a step; where those find nothing
 ROUNDS, CORRECTIONS = 40, 6  # of Newton's method, from a start and along a curve
@@ -194,14 +194,14 @@ def _one_way(
         if len(lanes) == 0:
             break
         new, good = settle(chain, q[lanes] + spacing * tangent[lanes], targets[lanes], CORRECTIONS)
-        good &= ~chain.singular(new) & _inside(problem, new)
-        lanes, new = lanes[good], new[good]
-        along = tangent[lanes] - np.matvec(
-            chain.inverse_jacobian(new), np.matvec(chain.jacobian(new), tangent[lanes])
-        )
-        length = np.linalg.norm(along, axis=-1)
+        good &= _inside(problem, new)
+        inverse, regular = inverses(chain, new[good])
+        lanes, new = lanes[good][regular], new[good][regular]
+        along = tangent[lanes]
+        along -= np.matvec(inverse, np.matvec(chain.jacobian(new), along))
+        length = length_of(along)
         # a turn of more than a right angle or a long jump is another curve's
-        same = (length > 0.5) & (np.linalg.norm(new - q[lanes], axis=-1) < 2 * spacing)
+        same = (length > 0.5) & (length_of(new - q[lanes]) < 2 * spacing)
         back = (count > 1) & (_apart(problem, new, begun[lanes]) < 0.75 * spacing)
         closed[lanes[same & back]] = True
         lanes, new = lanes[same & ~back], new[same & ~back]
@@ -219,7 +219,7 @@ def _inside(problem: Problem, q: np.ndarray) -> np.ndarray:
 
 def _apart(problem: Problem, q: np.ndarray, other: np.ndarray) -> np.ndarray:
     """(...,) distance in rad of ``q`` (..., n) from ``other`` (..., n), whole turns apart."""
-    return np.linalg.norm(problem.less_turns(q - other), axis=-1)
+    return length_of(problem.less_turns(q - other))
 
 
 def _kept(problem: Problem, points: list[np.ndarray]) -> list[np.ndarray]:

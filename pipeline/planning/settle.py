@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.arm.interface import Chain
+from pipeline.core.errors import SingularJacobianError
 from pipeline.planning.problem import REACHED
 
 STRIDE = 0.5  # rad, of the longest step of Newton's method
@@ -23,12 +24,27 @@ def settle(
     lanes = np.arange(len(q))
     for left in range(rounds, -1, -1):
         off = chain.displacement(chain.pose(q[lanes]), target[lanes])
-        reached[lanes] = close = np.linalg.norm(off, axis=-1) <= CLOSE
-        going = ~close & ~chain.singular(q[lanes])
-        lanes, off = lanes[going], off[going]
+        far = ~(length_of(off) <= CLOSE)
+        reached[lanes] = ~far
+        lanes, off = lanes[far], off[far]
         if left == 0 or len(lanes) == 0:
             break
-        step = np.matvec(chain.inverse_jacobian(q[lanes]), off)
-        length = np.linalg.norm(step, axis=-1, keepdims=True)
-        q[lanes] += step * np.minimum(1.0, STRIDE / np.maximum(length, STRIDE))
+        inverse, regular = inverses(chain, q[lanes])
+        lanes = lanes[regular]
+        step = np.matvec(inverse, off[regular])
+        q[lanes] += step * (STRIDE / np.maximum(length_of(step), STRIDE))[:, None]
     return q, reached
+
+
+def inverses(chain: Chain, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(R, n, m) J⁺ at those of ``q`` (P, n) that are regular, and which they are (P,)."""
+    try:
+        return chain.inverse_jacobian(q), np.ones(len(q), dtype=bool)
+    except SingularJacobianError:
+        regular = ~chain.singular(q)
+        return chain.inverse_jacobian(q[regular]), regular
+
+
+def length_of(steps: np.ndarray) -> np.ndarray:
+    """(...,) norms of ``steps`` (..., n)."""
+    return np.sqrt(np.vecdot(steps, steps))

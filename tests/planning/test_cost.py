@@ -55,6 +55,14 @@ def test_poses_at_which_the_model_is_refused_cost_infinitely_much_and_no_others(
     assert 0 < np.isinf(costs).sum() < 30
 
 
+def test_blocks_leave_the_costs_as_they_are(monkeypatch):
+    arm, q = chain("planar"), joint_path("planar", 99)
+    cost, v = law_cost("pivoted_lu", arm), np.random.default_rng(6).uniform(0, 0.01, (100, 2))
+    monkeypatch.setattr("pipeline.planning.cost.BLOCK", 7)
+    np.testing.assert_array_equal(where_defined(cost, q, v), cost(q, v))
+    assert where_defined(cost, q[:0], v[:0]).shape == (0,)
+
+
 def test_a_model_without_a_covariance_is_refused():
     wide = {"kind": "wishart", "sigma_b": 0.9, "decomposition": "qr_transposed"}
     arm, q = chain("planar"), joint_path("planar", 1)
