@@ -20,6 +20,15 @@ def normal_log_density(
     σ²I + C is singular: the law then has no density.
     """
     least, axes = principal_axes(covariance)
+    return axis_log_density((deviation @ axes) ** 2, variance, least)
+
+
+def axis_log_density(
+    squared: np.ndarray, variance: np.ndarray | float, least: np.ndarray
+) -> np.ndarray:
+    """What :func:`normal_log_density` gives of the ``squared`` (..., n) parts of a deviation along
+    the axes of C, which has the variances ``least`` (n,) ascending; raises what it raises.
+    """
     variances = np.asarray(variance)[..., None] + least
     singular = ~(variances[..., 0] > TOLERANCE * variances[..., -1])
     if np.any(singular):
@@ -29,7 +38,6 @@ def normal_log_density(
             "give the covariance of the measurement noise",
             least_variance=float(variances.min()),
         )
-    squared = (deviation @ axes) ** 2
     return -0.5 * (np.log(2 * np.pi * variances) + squared / variances).sum(axis=-1)
 
 

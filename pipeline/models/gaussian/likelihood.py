@@ -8,7 +8,8 @@ import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.models.commands import task_step
-from pipeline.models.density import normal_log_density
+from pipeline.models.covariance import principal_axes
+from pipeline.models.density import axis_log_density
 from pipeline.models.gaussian.law import noise_scale
 from pipeline.models.gaussian.ridge import GaussianFit, search
 from pipeline.models.norm import frobenius
@@ -48,14 +49,14 @@ def fit_alpha_u(
     norms, speeds = frobenius(inverse), np.vecdot(v, v)
     largest = float(norms.max())
     squared = float(np.mean(noise**2))
+    least, axes = principal_axes(measurement)
+    parts = (noise @ axes) ** 2  # along the axes of Σ_m, which every α leaves as they are
 
     def best(extension: float) -> tuple[float, float]:
         gain = noise_scale(norms, 1.0, largest * (1 + extension), *inverse.shape[-2:]) * speeds
 
         def cost(log_alpha: float) -> float:
-            return -float(
-                normal_log_density(noise, np.exp(2 * log_alpha) * gain, measurement).sum()
-            )
+            return -float(axis_log_density(parts, np.exp(2 * log_alpha) * gain, least).sum())
 
         middle = 0.5 * np.log(squared / gain.mean())
         bounds = (middle - np.log(ALPHA_RANGE), middle + np.log(ALPHA_RANGE))
