@@ -35,10 +35,10 @@ def section(folder: Path) -> str:
 
 
 def stated(benchmarks: list[dict], role: str, title: str) -> str:
-    """What those of a ``role`` say of themselves, one line each."""
-    said = {
-        name_of(one): one["extra_info"]["configuration"]
+    """What those of a ``role`` say of themselves, no line twice."""
+    said = [
+        f"- {name_of(one)}: {one['extra_info']['configuration']}"
         for one in benchmarks
         if one["extra_info"]["role"] == role and "configuration" in one["extra_info"]
-    }
-    return f"{title}:\n\n" + "\n".join(f"- {name}: {words}" for name, words in said.items())
+    ]
+    return "\n".join([f"{title}:\n", *dict.fromkeys(said)])

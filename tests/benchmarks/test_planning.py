@@ -94,6 +94,7 @@ def test_ours(benchmark, given):
 @pytest.mark.benchmark(group="Planning, the search over 320 steps of 200 points, seven joints")
 def test_numpy(benchmark, given):
     benchmark.extra_info |= {"role": "peer", "items": 1, "target": TARGET, "against": "plain NumPy"}
+    benchmark.extra_info["configuration"] = "the same search, each stage's moves by NumPy at once"
     benchmark.extra_info["objective"] = benchmark.pedantic(plain, (given,), rounds=5)
     assert benchmark.extra_info["objective"] == pytest.approx(compiled(given), rel=1e-12)
 
