@@ -9,40 +9,57 @@ that it imports, directly or not, is as it was.
 
 from __future__ import annotations
 
-import ast
 import hashlib
+import re
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
 import numba
 from numba import float64, types
 from numba.core import caching
+from numba.core.typeinfer import register_dispatcher
+
+from pipeline.core.machine_code import Cache, PartCompiler, WholeCompiler
 
 PROJECT = Path(__file__).parents[2]
 VECTOR, MATRIX = types.Array(float64, 1, "C"), types.Array(float64, 2, "C")  # in signatures
+IMPORT = re.compile(
+    r"^[ \t]*(?:import (?P<module>pipeline[\w.]*)"
+    r"|from (?P<parent>pipeline[\w.]*) import (?:\((?P<names>[^)]*)\)|(?P<names_in_line>.*)))",
+    re.MULTILINE,
+)
 CLOSED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
-def compiled(*signature: object) -> Callable:
+def compiled(signature: object = None) -> Callable:
     """Decorator: numba's ``njit`` with the project's options; with a ``signature`` compiled at
     once, else when first called.
 
     It lets other threads run meanwhile, and a division by zero gives what IEEE 754 says. There is
     no fastmath: with it the bits would differ between processors.
     """
-    return numba.njit(*signature, cache=True, nogil=True, error_model="numpy")
+
+    def kept(function: Callable) -> Callable:
+        dispatcher = _dispatcher(function, WholeCompiler)
+        if signature is not None:
+            with register_dispatcher(dispatcher):
+                dispatcher.compile(signature)
+            dispatcher.disable_compile()
+        return dispatcher
+
+    return kept
 
 
 def inner(function: Callable) -> Callable:
-    """Decorator: a compiled function that compiled functions alone can call; without ways in from
-    Python and C it compiles sooner.
+    """Decorator: a compiled function that compiled functions alone can call, as a part of each; it
+    has no machine code of its own.
 
     A call from Python ends the process: tests call it within a compiled function
     (``tests/compiled_calls.py``).
     """
-    return numba.njit(cache=True, nogil=True, error_model="numpy", **CLOSED)(function)
+    return _dispatcher(function, PartCompiler, **CLOSED)
 
 
 def passed(function: Callable) -> Callable:
@@ -51,16 +68,21 @@ def passed(function: Callable) -> Callable:
     It has no other way in and compiles the sooner for it; a call from Python ends the process, as
     with :func:`inner`.
     """
-    return numba.njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True)(
-        function
-    )
+    return _dispatcher(function, WholeCompiler, no_cpython_wrapper=True)
 
 
 def inlined(function: Callable) -> Callable:
-    """Decorator: an inner function that becomes part of every function that calls it, so that loops
-    around it can be vectorised.
+    """Decorator: an inner function that becomes part of every function that calls it in the place
+    of the call, so that loops around it can be vectorised.
     """
-    return numba.njit(cache=True, forceinline=True, error_model="numpy", **CLOSED)(function)
+    return _dispatcher(function, PartCompiler, forceinline=True, **CLOSED)
+
+
+def _dispatcher(function: Callable, compiler: type, **options: bool) -> Callable:
+    options = {"nogil": True, "error_model": "numpy", "pipeline_class": compiler} | options
+    dispatcher = numba.njit(**options)(function)
+    dispatcher._cache = Cache(function)
+    return dispatcher
 
 
 @cache
@@ -68,34 +90,29 @@ def sources_stamp(file: str) -> str:
     """Hash of the module in ``file`` and of all modules of the pipeline that it imports, directly
     or not.
     """
-    found: set[Path] = set()
+    reached: set[Path] = set()
     waiting = [Path(file)]
     while waiting:
         module = waiting.pop()
-        if module not in found:
-            found.add(module)
-            waiting += _imported(module)
-    return hashlib.sha256(
-        b"".join(hashlib.sha256(module.read_bytes()).digest() for module in sorted(found))
-    ).hexdigest()
+        if module not in reached:
+            reached.add(module)
+            waiting += _read(module)[1]
+    return hashlib.sha256(b"".join(_read(module)[0] for module in sorted(reached))).hexdigest()
 
 
-def _imported(module: Path) -> Iterator[Path]:
-    """Files of the pipeline that the statements of ``module`` import."""
-    for node in ast.walk(ast.parse(module.read_bytes())):
-        names = []
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        for name in names:
+@cache
+def _read(module: Path) -> tuple[bytes, list[Path]]:
+    """The hash of ``module``, and the files of the pipeline that its statements import; read as
+    text, as to parse every module takes as long as to import them.
+    """
+    content, files = module.read_bytes(), []
+    for match in IMPORT.finditer(content.decode()):
+        parent = match["parent"] or match["module"]
+        names = re.findall(r"(\w+)(?: as \w+)?", match["names"] or match["names_in_line"] or "")
+        for name in (parent, *(f"{parent}.{name}" for name in names)):
             place = PROJECT.joinpath(*name.split("."))
-            if name.split(".")[0] == "pipeline":
-                yield from (
-                    file
-                    for file in (place.with_suffix(".py"), place / "__init__.py")
-                    if file.is_file()
-                )
+            files += [place.with_suffix(".py"), place / "__init__.py"]
+    return hashlib.sha256(content).digest(), [file for file in files if file.is_file()]
 
 
 class _Stamped:

@@ -94,8 +94,8 @@ assert not hasattr(score.contracts.write, "__wrapped__")
 @pytest.mark.slow
 def test_what_is_compiled_by_an_import_or_by_a_call_is_counted_until_it_is_cached(tmp_path):
     (tmp_path / "pipeline/core").mkdir(parents=True)
-    for name in ("__init__.py", "core/__init__.py", "core/compiled.py"):
-        shutil.copy(ROOT / "pipeline" / name, tmp_path / "pipeline" / name)
+    for name in ("__init__", "core/__init__", "core/compiled", "core/machine_code"):
+        shutil.copy(ROOT / f"pipeline/{name}.py", tmp_path / f"pipeline/{name}.py")
     stage = (
         "from pipeline.core.compiled import compiled\n@compiled({signature})\ndef "
         "doubled(x):\n    return 2 * x\n"

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from project_copy import ROOT
 
-from pipeline.core.compiled import sources_stamp
+from pipeline.core.compiled import _read, sources_stamp
 
 INNER = """
 from pipeline.core.compiled import compiled, inlined
@@ -27,6 +27,7 @@ OUTER = (
     "from pipeline.core.compiled import compiled\nfrom pipeline.inner import "
     "inner\n@compiled()\ndef outer(x):\n    return inner(x)\n"
 )
+COMPILING = ("compiled", "machine_code")  # the modules of core that compile
 PROGRAM = (
     "from pipeline.outer import outer; value = outer(1.0); print(value, "
     "sum(outer.stats.cache_hits.values()), outer.stats.cache_path)"
@@ -39,7 +40,7 @@ def package(tmp_path) -> Path:
     in another file.
     """
     (tmp_path / "pipeline/core").mkdir(parents=True)
-    for name in ("__init__.py", "core/__init__.py", "core/compiled.py"):
+    for name in ("__init__.py", *(f"core/{file}.py" for file in ("__init__", *COMPILING))):
         shutil.copy(ROOT / "pipeline" / name, tmp_path / "pipeline" / name)
     (tmp_path / "pipeline/outer.py").write_text(OUTER)
     write_inner(tmp_path)
@@ -143,6 +144,7 @@ def test_the_stamp_changes_with_every_module_that_is_imported_and_with_no_other(
     monkeypatch.setattr("pipeline.core.compiled.PROJECT", package)
 
     def stamp() -> str:
+        _read.cache_clear()
         return sources_stamp.__wrapped__(str(package / "pipeline/outer.py"))
 
     stamps = [stamp()]
