@@ -1,4 +1,4 @@
-"""The filter's posterior has the same bits on processors of all levels, and beside other threads."""
+"""The filter has the same bits on processors of all levels, and beside other threads."""
 
 from __future__ import annotations
 
