@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from pipeline.core.bounds import MIB
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.formats.patterns import matching
@@ -27,10 +28,13 @@ def listing(folder: Path) -> pd.DataFrame:
         )
     rows = []
     for path in files:
-        with path.open("rb") as data:
-            digest = hashlib.file_digest(data, "sha256").hexdigest()
+        digest, size = hashlib.sha256(), 0
+        with path.open("rb", buffering=0) as data:
+            while part := data.read(MIB):
+                digest.update(part)
+                size += len(part)
         name = path.relative_to(folder).as_posix()
-        rows.append({"file": name, "bytes": path.stat().st_size, "sha256": digest})
+        rows.append({"file": name, "bytes": size, "sha256": digest.hexdigest()})
     return pd.DataFrame(rows)
 
 
@@ -43,11 +47,11 @@ def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
     raw = Path(dataset.recordings)
     claims = {part: _claimed(raw, patterns) for part, patterns in _patterns(dataset).items()}
     paths = [raw / name for name in files["file"]]
-    lineages = [{path, *path.parents} for path in paths]
-    reads = {
-        part: [not places.isdisjoint(lineage) for lineage in lineages]
-        for part, places in claims.items()
-    }
+    folders = {path.parent for path in paths}
+    reads = {}
+    for part, places in claims.items():
+        inside = {place for place in folders if not places.isdisjoint([place, *place.parents])}
+        reads[part] = [path in places or path.parent in inside for path in paths]
     unclaimed = ~pd.DataFrame(reads).any(axis=1).to_numpy()
     return {part: files[mine | unclaimed] for part, mine in pd.DataFrame(reads).items()}
 
