@@ -61,6 +61,8 @@ def computed(setting: Setting, folder: Path) -> dict[str, str]:
     project = folder / setting.level
     if not project.exists():
         copy_project(project)
+        for compiled in [*project.rglob("__pycache__")]:
+            shutil.rmtree(compiled)
     answer = project / "result_bytes.json"
     paths = os.pathsep.join([str(project), str(HERE)])
     environment = {"PYTHONPATH": paths, "NUMBA_NUM_THREADS": str(setting.threads)}
