@@ -8,8 +8,7 @@ from functools import partial
 from pipeline.arm.model import arm_of
 from pipeline.core.options.dataset import Robot
 from pipeline.core.options.motion_capture import Mocap
-from pipeline.perception import markers, space
-from pipeline.perception.carried import carried
+from pipeline.perception import markers
 from pipeline.perception.joint_track import JointTrack
 
 
@@ -19,5 +18,9 @@ def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
     """
     if robot.plane:
         return partial(markers.track_rows, mocap=mocap, arm=arm_of(robot))
+    # here, as they load the compiler, which an arm in a plane does without
+    from pipeline.perception import space
+    from pipeline.perception.carried import carried
+
     points = carried(robot, mocap)
     return partial(space.track_rows, mocap=mocap, points=points, joints=robot.joints)
