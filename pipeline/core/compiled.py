@@ -21,7 +21,7 @@ from numba import float64, types
 from numba.core import caching
 from numba.core.typeinfer import register_dispatcher
 
-from pipeline.core.machine_code import Cache, PartCompiler, WholeCompiler
+from pipeline.core.machine_code import Cache, Kept, PartCompiler, WholeCompiler
 
 PROJECT = Path(__file__).parents[2]
 VECTOR, MATRIX = types.Array(float64, 1, "C"), types.Array(float64, 2, "C")  # in signatures
@@ -149,6 +149,5 @@ def _passing_folder() -> tempfile.TemporaryDirectory:
     return tempfile.TemporaryDirectory()
 
 
-numba.config.CACHE_LOCATOR_CLASSES = ",".join(
-    f"{__name__}.{place.__name__}" for place in (BesideTheSource, OfTheUser, OfTheProcess)
-)
+# numba's own setting for this is lost when it reads its environment anew
+Kept._locator_classes = [BesideTheSource, OfTheUser, OfTheProcess]

@@ -97,16 +97,12 @@ class PartCompiler(compiler.Compiler):
     """Numba's compiler, for functions that compiled ones alone call."""
 
     def compile_extra(self, function: Callable) -> compiler.CompileResult:
-        """The result, with a :class:`Part` as its code, and as that of all of numba's own that it
-        needs.
+        """The result, with a :class:`Part` as its code. What it needs of numba's own stays numba's:
+        as parts the draws of random numbers would take nearly twice as long.
         """
         codegen = self.state.targetctx.codegen()
         self.state.library = self._new_library(codegen, function.__qualname__)
-        before, codegen._library_class = codegen._library_class, Part
-        try:
-            return super().compile_extra(function)
-        finally:
-            codegen._library_class = before
+        return super().compile_extra(function)
 
     def _new_library(self, codegen: object, name: str) -> Part | Whole:
         return Part(codegen, name)
@@ -121,7 +117,9 @@ class WholeCompiler(PartCompiler):
         return library
 
 
-class _Kept(caching.CompileResultCacheImpl):
+class Kept(caching.CompileResultCacheImpl):
+    """How compiled functions are written to files and read again."""
+
     def rebuild(self, target_context: object, payload: tuple) -> compiler.CompileResult:
         """As numba's, with the code of :func:`_loaded`."""
         code, fndesc, environment, signature, objectmode, lifted, annotation, init, others = payload
@@ -149,7 +147,7 @@ class _Kept(caching.CompileResultCacheImpl):
 class Cache(caching.FunctionCache):
     """Numba's cache, but to load from it does not import all that numba can compile."""
 
-    _impl_class = _Kept
+    _impl_class = Kept
 
     def load_overload(self, signature: object, target_context: object) -> object:
         """What is kept of the function for the ``signature``; None where nothing is."""

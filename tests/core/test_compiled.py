@@ -109,10 +109,19 @@ def test_an_inner_function_is_taken_from_the_cache_by_one_that_has_to_be_compile
     assert done.stdout.split() == ["3.0", "1"]
 
 
+def test_code_is_not_stale_where_numba_has_read_its_environment_anew(package):
+    outer = package / "pipeline/outer.py"
+    first, rest = OUTER.split("\n", 1)
+    outer.write_text(f"{first}\nimport numba\nnumba.config.reload_config()\n{rest}")
+    assert run(package)[0] == 2.0
+    write_inner(package, added=1.0)
+    assert run(package)[:2] == (3.0, 0)
+
+
 def test_numbas_own_cache_would_have_been_stale(package):
     source = package / "pipeline/core/compiled.py"
     text = source.read_text()
-    source.write_text(text[: text.index("numba.config.CACHE_LOCATOR_CLASSES")])
+    source.write_text(text[: text.index("Kept._locator_classes")])
     assert run(package)[0] == 2.0
     write_inner(package, added=1.0)
     assert run(package)[:2] == (2.0, 1)
