@@ -152,11 +152,11 @@ def swing(steps: int, middle: np.ndarray = START.mean) -> np.ndarray:
     return middle + 0.25 * (np.sin(0.02 * np.arange(steps + 1)[:, None] + phases) - np.sin(phases))
 
 
-def take(steps: int, of: Scene | str = "youbot") -> Take:
+def take(steps: int, arm: Scene | str = "youbot") -> Take:
     """The commanded steps are those of :func:`swing`, the measurements of a path drawn from the
     model.
     """
-    stage = scene(of) if isinstance(of, str) else of
+    stage = scene(arm) if isinstance(arm, str) else arm
     chain, start = stage.chain, stage.start.mean
     rng = np.random.default_rng(2017)
     path, commanded = [start], []

@@ -72,9 +72,9 @@ def test_every_optimum_is_certified_by_its_dual(ratio, floor, size):
     s = fit(noise, e, matrix, ratio, floor).s
     y, c = parts(s, e)
 
-    def objective(of: np.ndarray, corner: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(noise - np.matvec(matrix, of), axis=1) + ratio * np.sqrt(
-            np.vecdot(of, of) + corner**2
+    def objective(y: np.ndarray, corner: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(noise - np.matvec(matrix, y), axis=1) + ratio * np.sqrt(
+            np.vecdot(y, y) + corner**2
         )
 
     value = objective(y, c)
