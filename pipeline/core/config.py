@@ -21,7 +21,6 @@ from pipeline.core.typed_yaml import load_yaml, read_yaml, said, structured, typ
 
 CONF = Path(__file__).parents[1] / "conf"
 COMPOSED = Path("data/config.yaml")
-PAPER = Path("dvc.yaml")  # the stages of the paper; studies and tools have a file each
 GROUPS = ("dataset", "filter", "articulation", "simulation", "wrench", "scale", "compute")
 # options of the synthetic laboratory, typed where its physics is; for what it records alone
 LABORATORY = {
@@ -168,18 +167,21 @@ def declared_sections(stage: str, dvc_file: Path) -> list[str]:
     ]
 
 
-def sections(stage: str, dvc_file: Path = PAPER, item: str | None = None) -> SimpleNamespace:
+def sections(
+    stage: str, dvc_file: Path = Path("dvc.yaml"), item: str | None = None
+) -> SimpleNamespace:
     """What a stage may know: the sections it declares, as typed objects, and where to compute; any
     other is an AttributeError.
 
     ``item`` stands for the matrix item in a declared section such as ``models.${item.model}``.
-    Beside the paper's stages, which pass over a robot that is not there, ConfigError for the lack
-    of one that is declared.
+    A study or a tool, whose ``dvc_file`` is in the pipeline's folder, is refused a dataset without
+    the robot that it declares: ConfigError. The paper's stages pass over that.
     """
     config = typed(Config, load_yaml(COMPOSED))
     handed = SimpleNamespace(compute=OmegaConf.to_object(config.compute))
     declared = declared_sections(stage, dvc_file)
-    if dvc_file != PAPER and "dataset.robot" in declared and config.dataset.robot is None:
+    beyond = dvc_file.resolve().is_relative_to(CONF.parent)
+    if beyond and "dataset.robot" in declared and config.dataset.robot is None:
         raise ConfigError(
             f"{stage} is about a robot's motion, and the dataset has no robot; choose another "
             "dataset in params.yaml",

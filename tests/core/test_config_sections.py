@@ -54,13 +54,19 @@ def test_a_stage_is_handed_the_sections_it_declares_as_typed_objects(handed):
     assert isinstance(settings.compute, Compute)
 
 
-def test_a_study_of_motion_is_refused_without_a_robot_and_the_papers_stage_is_not(handed):
+def test_a_study_of_motion_is_refused_without_a_robot_and_the_papers_stage_is_not(
+    handed, monkeypatch, tmp_path
+):
     assert handed("dataset.robot", dataset="towing").dataset.robot is None
-    Path("study.yaml").write_bytes(Path("dvc.yaml").read_bytes())
+    study = tmp_path / "pipeline/study/dvc.yaml"
+    study.parent.mkdir(parents=True)
+    study.write_bytes(Path("dvc.yaml").read_bytes())
+    assert config.sections("stage", study).dataset.robot is None
+    monkeypatch.setattr(config, "CONF", tmp_path / "pipeline/conf")
     with pytest.raises(ConfigError, match="about a robot's motion, and the dataset has no robot"):
-        config.sections("stage", Path("study.yaml"))
+        config.sections("stage", study)
     handed("dataset.robot")
-    assert config.sections("stage", Path("study.yaml")).dataset.robot is not None
+    assert config.sections("stage", study).dataset.robot is not None
 
 
 @pytest.mark.parametrize(
