@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.models.draws import draw
+from pipeline.randommatrix.words import words_of
 
 
 @cache
@@ -29,7 +30,7 @@ def from_python(function: Callable) -> Callable:
 def chosen_by(scheme: Callable, weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """(P,) indices that a resampling ``scheme`` chooses under ``weights`` (P,)."""
     chosen = np.full(len(weights), -1)
-    from_python(scheme)(weights, chosen, np.full((2, len(weights)), np.nan), rng)
+    from_python(scheme)(weights, chosen, np.full((2, len(weights)), np.nan), words_of(rng))
     return chosen
 
 

@@ -23,11 +23,14 @@ from pipeline.filtering.resampling import SCHEME, SCHEMES
 from pipeline.filtering.sampling import sequential_importance_sampling
 from pipeline.filtering.start import Start, domain_of, initial_particles
 from pipeline.filtering.state import Frames, Particles, Record
+from pipeline.filtering.tip_weights import weigh_tip
+from pipeline.filtering.weights import WEIGHING, weigh
 from pipeline.models.commands import Commands
 from pipeline.models.correction import correction
 from pipeline.models.draws import numbers_for
 from pipeline.models.law import CORRECTION, STEP
 from pipeline.models.model import MotionModel
+from pipeline.randommatrix.words import words_of
 
 
 @dataclass(frozen=True)
@@ -127,13 +130,14 @@ def particle_filter(
             *(np.array(rows, dtype=float, order="C") for rows in commands[:2]), commands.share
         ),
         frames,
+        addressed(weigh_tip if frames.tip else weigh, WEIGHING),
         # a threshold that no effective sample size is below never asks which particles to go on
         # with
         addressed(scheme or SCHEMES["systematic"], SCHEME),
         options.threshold if scheme else 0.0,
         started(start_poses),
         record,
-        rng,
+        words_of(rng),
     )
     if vanished >= 0:
         raise DegenerateFilterError(

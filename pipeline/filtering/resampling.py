@@ -1,12 +1,12 @@
 """Resampling schemes of the particle filter (Douc, Cappé & Moulines 2005), compiled.
 
-A scheme ``resample(weights, chosen, room, rng)`` takes weights (P,), non-negative and of sum 1, and
-a Generator, and fills ``chosen`` (P,) with the indices of the particles to go on with; ``room`` (2,
-P) is for what it needs on the way. Particle i is expected P·w_i times, and never where w_i = 0. All
-of them hold sorted points against the cumulative weights: where the points lie in strata, how many
-are below a weight is known at once; else walking along both takes P steps, where a search for each
-point would take P·log P. What NumPy does with whole arrays is written as loops, which compile in
-half the time.
+A scheme ``resample(weights, chosen, room, words)`` takes weights (P,), non-negative and of sum 1,
+and the words (4,) of a generator, and fills ``chosen`` (P,) with the indices of the particles to go
+on with; ``room`` (2, P) is for what it needs on the way. Particle i is expected P·w_i times, and
+never where w_i = 0. All of them hold sorted points against the cumulative weights: where the points
+lie in strata, how many are below a weight is known at once; else walking along both takes P steps,
+where a search for each point would take P·log P. What NumPy does with whole arrays is written as
+loops, which compile in half the time.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import numpy as np
 from numba import types
 
 from pipeline.core.compiled import MATRIX, VECTOR, inner, passed
-from pipeline.models.law import GENERATOR
-from pipeline.randommatrix.variates import standard_exponential, uniform
+from pipeline.randommatrix.words import WORDS, close, opened, uniform
+from pipeline.randommatrix.ziggurat import standard_exponential
 
 COUNTS = types.Array(types.int64, 1, "C")
-SCHEME = types.FunctionType(types.void(VECTOR, COUNTS, MATRIX, GENERATOR))
+SCHEME = types.FunctionType(types.void(VECTOR, COUNTS, MATRIX, WORDS))
 # P·w is a whole number up to rounding where weights are equal; without this its floor would miss it
 ROUNDING = 1e-9
 
@@ -74,15 +74,18 @@ def inverse_cdf(
 
 
 @inner
-def sorted_uniforms(points: np.ndarray, rng: np.random.Generator) -> None:
+def sorted_uniforms(points: np.ndarray, words: np.ndarray) -> None:
     """Fill ``points`` with independent uniforms in rising order: the arrivals of a Poisson process
     over the next one, without a sort.
     """
-    arrival = 0.0
+    arrival, state = 0.0, opened(words)
     for j in range(len(points)):
-        arrival += standard_exponential(rng)
+        way, state = standard_exponential(state)
+        arrival += way
         points[j] = arrival
-    last = arrival + standard_exponential(rng)
+    way, state = standard_exponential(state)
+    close(words, state)
+    last = arrival + way
     for j in range(len(points)):
         points[j] /= last
 
@@ -109,12 +112,14 @@ def repeat(below: np.ndarray, chosen: np.ndarray) -> None:
 
 @passed
 def systematic(
-    weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator
+    weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, words: np.ndarray
 ) -> None:
     """One uniform shifts a comb of P equidistant points: counts are ⌊P·w_i⌋ or ⌈P·w_i⌉ (Kitagawa
     1996).
     """
-    below, count, shift = room[0], len(weights), uniform(rng)
+    below, count = room[0], len(weights)
+    shift, state = uniform(opened(words))
+    close(words, state)
     cumulate(weights, below)
     for i in range(count):
         below[i] = np.ceil(count * below[i] - shift)
@@ -123,12 +128,15 @@ def systematic(
 
 @passed
 def stratified(
-    weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator
+    weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, words: np.ndarray
 ) -> None:
     """One uniform in each of P strata of equal width (Kitagawa 1996)."""
     points, below, count = room[0], room[1], len(weights)
+    state = opened(words)
     for j in range(count):
-        points[j] = j + uniform(rng)
+        part, state = uniform(state)
+        points[j] = j + part
+    close(words, state)
     cumulate(weights, below)
     for i in range(count):
         place = count * below[i]
@@ -140,17 +148,15 @@ def stratified(
 
 @passed
 def multinomial(
-    weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator
+    weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, words: np.ndarray
 ) -> None:
     """P independent draws (Gordon, Salmond & Smith 1993)."""
-    sorted_uniforms(room[0], rng)
+    sorted_uniforms(room[0], words)
     inverse_cdf(weights, room[0], room[1], chosen)
 
 
 @passed
-def residual(
-    weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, rng: np.random.Generator
-) -> None:
+def residual(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, words: np.ndarray) -> None:
     """⌊P·w_i⌋ copies for certain, the rest by independent draws from what is left of the weights
     (Liu & Chen 1998).
     """
@@ -164,7 +170,7 @@ def residual(
             kept += 1
     if kept < count:
         points = room[1][: count - kept]
-        sorted_uniforms(points, rng)
+        sorted_uniforms(points, words)
         inverse_cdf(left, points, left, chosen[kept:])
 
 

@@ -31,11 +31,11 @@ from pipeline.filtering.state import (
     Particles,
     Record,
 )
-from pipeline.filtering.tip_weights import weigh_tip
-from pipeline.filtering.weights import make_equal, normalise, weigh, weighted_moments
+from pipeline.filtering.weights import WEIGHING, make_equal, normalise, weighted_moments
 from pipeline.models.commands import Commands
 from pipeline.models.draws import move_block
-from pipeline.models.law import CORRECTION, GENERATOR, NUMBERS, STEP, Numbers
+from pipeline.models.law import CORRECTION, NUMBERS, STEP, Numbers
+from pipeline.randommatrix.words import WORDS
 
 SIGNATURE = types.Tuple((float64, int64))(
     STEP,
@@ -46,11 +46,12 @@ SIGNATURE = types.Tuple((float64, int64))(
     DOMAIN,
     COMMANDS,
     FRAMES,
+    WEIGHING,
     SCHEME,
     float64,
     PARTICLES,
     RECORD,
-    GENERATOR,
+    WORDS,
 )
 
 
@@ -68,7 +69,7 @@ def propagate(
     q: np.ndarray,
     log_weights: np.ndarray,
     room: np.ndarray,
-    rng: np.random.Generator,
+    words: np.ndarray,
 ) -> tuple[int, int]:
     """Draw ``q`` (n, P) from the motion model given ``before`` under the commands of step ``k``;
     for how many the noise was clipped, and how many left D_q. ``room`` (P,) is scratch.
@@ -94,7 +95,7 @@ def propagate(
             q,
             start,
             count,
-            rng,
+            words,
         )
         outside += keep_inside(domain, before, q, start, start + count, log_weights, room)
     return clipped, outside
@@ -135,18 +136,19 @@ def sequential_importance_sampling(
     domain: Domain,
     commands: Commands,
     frames: Frames,
+    weigh: Callable,
     resample: Callable,
     threshold: float,
     particles: Particles,
     record: Record,
-    rng: np.random.Generator,
+    words: np.ndarray,
 ) -> tuple[float, int]:
     """Fill ``record``; the log-evidence, and the step at which all weights vanished or −1.
 
     ``law`` moves the particles with ``parameters`` and ``numbers``, which have room for a block
     (:mod:`pipeline.models.law`), ``correct`` closes their loop
-    (:mod:`pipeline.models.correction`). Below an effective sample size of ``threshold``·P particles
-    ``resample`` chooses anew.
+    (:mod:`pipeline.models.correction`), ``weigh`` holds them against ``frames``. Below an effective
+    sample size of ``threshold``·P particles ``resample`` chooses anew, from ``words`` (4,).
     """
     q, before, weights, log_weights, chosen, room = particles
     log_evidence = 0.0
@@ -167,13 +169,10 @@ def sequential_importance_sampling(
                 q,
                 log_weights,
                 room[0],
-                rng,
+                words,
             )
         for frame in range(frames.first[k], frames.first[k + 1]):
-            if frames.tip:
-                weigh_tip(arm, frames, frame, before, q, log_weights)
-            else:
-                weigh(frames, frame, before, q, log_weights, room)
+            weigh(arm, frames, frame, before, q, log_weights, room)
         if record.outside[k] > 0 or frames.first[k] < frames.first[k + 1]:
             effective, log_total = normalise(log_weights, weights)
             if not np.isfinite(log_total):
@@ -183,7 +182,7 @@ def sequential_importance_sampling(
         weighted_moments(weights, q, record.mean[k], record.covariance[k], room)
         record.ess[k] = effective
         if effective < threshold * len(weights):
-            resample(weights, chosen, room, rng)
+            resample(weights, chosen, room, words)
             for j in range(len(q)):
                 for i in range(len(weights)):
                     before[j, i] = q[j, chosen[i]]

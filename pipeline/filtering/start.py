@@ -13,8 +13,8 @@ from pipeline.core.compiled import MATRIX, VECTOR, compiled, inner
 from pipeline.core.errors import DegenerateFilterError, ModelDomainError
 from pipeline.core.products import greatest
 from pipeline.filtering.state import DOMAIN, Domain
-from pipeline.models.law import GENERATOR
-from pipeline.randommatrix.variates import standard_normal
+from pipeline.randommatrix.words import WORDS, close, opened, words_of
+from pipeline.randommatrix.ziggurat import standard_normal
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def initial_particles(
     accepted = rejected = 0
     while accepted < count:
         outside = np.empty(count)
-        draw_start(mean, root, domain, draws, outside, rng)
+        draw_start(mean, root, domain, draws, outside, words_of(rng))
         if not isinstance(chain, PlanarChain):  # whose domain holds the singular poses
             outside[chain.singular(draws.T)] = 1.0
         inside = np.flatnonzero(outside == 0.0)
@@ -102,24 +102,25 @@ def mark_outside(domain: Domain, q: np.ndarray, start: int, stop: int, outside: 
     return greatest(left) > 0.0
 
 
-@compiled(types.void(VECTOR, MATRIX, DOMAIN, MATRIX, VECTOR, GENERATOR))
+@compiled(types.void(VECTOR, MATRIX, DOMAIN, MATRIX, VECTOR, WORDS))
 def draw_start(
     mean: np.ndarray,
     root: np.ndarray,
     domain: Domain,
     draws: np.ndarray,
     outside: np.ndarray,
-    rng: np.random.Generator,
+    words: np.ndarray,
 ) -> None:
     """Fill ``draws`` (n, P) with draws of N(``mean``, CCᵀ), ``root`` C (n, n), and ``outside`` (P,)
-    with 1 where one is not in D_q, else 0.
+    with 1 where one is not in D_q, else 0, from ``words`` (4,).
     """
-    n, normals = len(draws), np.empty(len(draws))
+    n, normals, state = len(draws), np.empty(len(draws)), opened(words)
     for i in range(draws.shape[1]):
         for k in range(n):
-            normals[k] = standard_normal(rng)
+            normals[k], state = standard_normal(state)
         for j in range(n):
             draws[j, i] = mean[j]
             for k in range(n):
                 draws[j, i] += root[j, k] * normals[k]
+    close(words, state)
     mark_outside(domain, draws, 0, draws.shape[1], outside)

@@ -8,14 +8,14 @@ import numpy as np
 
 from pipeline.arm.numbers import Arm
 from pipeline.arm.serial_compiled import JOINTS, WIDTH, displacement_rows, tip
-from pipeline.core.compiled import inner
+from pipeline.core.compiled import passed
 from pipeline.filtering.state import Frames
 from pipeline.filtering.weights import add_square
 
 ROWS = 6  # of a displacement
 
 
-@inner
+@passed
 def weigh_tip(
     arm: Arm,
     frames: Frames,
@@ -23,6 +23,7 @@ def weigh_tip(
     before: np.ndarray,
     q: np.ndarray,
     log_weights: np.ndarray,
+    _room: np.ndarray,
 ) -> None:
     """Add to ``log_weights`` (P,) the log-likelihood of ``frame``, a pose of the tip of ``arm``, at
     its share of the way from ``before`` to ``q`` (n, P).

@@ -5,17 +5,23 @@ them.
 from __future__ import annotations
 
 import numpy as np
+from numba import int64, types
 
-from pipeline.core.compiled import inlined, inner
+from pipeline.arm.compiled import ARM
+from pipeline.arm.numbers import Arm
+from pipeline.core.compiled import MATRIX, VECTOR, inlined, inner, passed
 from pipeline.core.elementary import exponential
 from pipeline.core.products import greatest, inner_product, total
-from pipeline.filtering.state import Frames
+from pipeline.filtering.state import FRAMES, Frames
 
 NEAR = 256  # particles whose scratch stays in the processor's nearest cache
+# how particles are weighed: by joint angles, or by the pose of the tip (tip_weights)
+WEIGHING = types.FunctionType(types.void(ARM, FRAMES, int64, MATRIX, MATRIX, VECTOR, MATRIX))
 
 
-@inner
+@passed
 def weigh(
+    arm: Arm,
     frames: Frames,
     frame: int,
     before: np.ndarray,

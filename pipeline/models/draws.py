@@ -16,10 +16,12 @@ from pipeline.core.compiled import MATRIX, VECTOR, compiled, inlined, inner
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.passing import addressed
 from pipeline.models.correction import correction
-from pipeline.models.law import CORRECTION, CUBE, GENERATOR, NUMBERS, ROWS, STEP, Numbers, Poses
+from pipeline.models.law import CORRECTION, CUBE, NUMBERS, ROWS, STEP, Numbers, Poses
 from pipeline.models.model import Law, MotionModel
 from pipeline.models.serial import rows_of_room
-from pipeline.randommatrix.variates import gamma_law, standard_gamma, standard_normal
+from pipeline.randommatrix.variates import gamma_law, standard_gamma
+from pipeline.randommatrix.words import WORDS, close, opened, words_of
+from pipeline.randommatrix.ziggurat import standard_normal
 
 # poses that are moved at once, of a planar chain; of any other arm as many as its room is wide
 BLOCK = 256
@@ -55,20 +57,22 @@ def _aligned(rows: int, size: int) -> np.ndarray:
 
 
 @inner
-def draw(numbers: Numbers, count: int, rng: np.random.Generator) -> None:
-    """Fill ``numbers`` for the first ``count`` poses of a block: the χ² variates of all of them,
-    one after the other, then set by set the normals, those of one pose in a row.
+def draw(numbers: Numbers, count: int, words: np.ndarray) -> None:
+    """Fill ``numbers`` for the first ``count`` poses of a block from ``words`` (4,): the χ²
+    variates of all of them, one after the other, then set by set the normals, those of one pose in
+    a row.
     """
+    state = opened(words)
     for k in range(len(numbers.gamma)):
         law = (numbers.gamma[k, 0], numbers.gamma[k, 1], numbers.gamma[k, 2])
         for i in range(count):
-            numbers.chi_square[k, i] = 2.0 * standard_gamma(law, rng)
-    if numbers.each == 0:
-        return
-    for first in range(0, len(numbers.normal), numbers.each):
+            half, state = standard_gamma(law, state)
+            numbers.chi_square[k, i] = 2.0 * half
+    for first in range(0, len(numbers.normal), max(numbers.each, 1)):
         for i in range(count):
             for j in range(first, first + numbers.each):
-                numbers.normal[j, i] = standard_normal(rng)
+                numbers.normal[j, i], state = standard_normal(state)
+    close(words, state)
 
 
 @inlined
@@ -85,7 +89,7 @@ def move_block(
     moved: np.ndarray,
     start: int,
     count: int,
-    rng: np.random.Generator,
+    words: np.ndarray,
 ) -> int:
     """Fill ``count`` columns of ``moved`` from ``start`` on with draws of the next poses under
     ``v + share·(target − x(q))``; for how many the noise was clipped. A call, with all that it
@@ -100,9 +104,9 @@ def move_block(
         share: κ, of the deviation that the step corrects; 0 of an open loop.
         q: (n, P) poses in rad, and ``moved`` (n, P) their next ones.
         start: of the block, and ``count`` its poses.
-        rng: of the random numbers.
+        words: (4,) of the random numbers (:mod:`pipeline.randommatrix.words`).
     """
-    draw(numbers, count, rng)
+    draw(numbers, count, words)
     poses = Poses(numbers.command, q, moved, start, count)
     for r in range(len(v)):
         for i in range(count):
@@ -149,7 +153,7 @@ def draw_steps(
         np.ascontiguousarray(commands),
         before,
         moved,
-        rng,
+        words_of(rng),
     )
     drawn = np.moveaxis(moved, 1, -1)
     drawn = (drawn if np.ndim(v) == 1 else np.swapaxes(drawn, 0, 1)).reshape(q.shape)
@@ -176,7 +180,7 @@ def draw_steps(
         MATRIX,
         CUBE,
         CUBE,
-        GENERATOR,
+        WORDS,
     )
 )
 def _draw_steps(
@@ -188,7 +192,7 @@ def _draw_steps(
     v: np.ndarray,
     q: np.ndarray,
     moved: np.ndarray,
-    rng: np.random.Generator,
+    words: np.ndarray,
 ) -> int:
     """Fill ``moved`` (M, n, N) with draws of the next poses after ``q`` (M, n, N) under ``v`` (M,
     m); for how many the noise was clipped.
@@ -210,6 +214,6 @@ def _draw_steps(
                 moved[k],
                 start,
                 count,
-                rng,
+                words,
             )
     return clipped

@@ -48,7 +48,6 @@ class Poses(NamedTuple):
     count: int
 
 
-GENERATOR = types.npy_rng
 NUMBERS = types.NamedTuple((MATRIX, int64, MATRIX, MATRIX, MATRIX, MATRIX), Numbers)
 CUBE = types.Array(float64, 3, "C")
 POSES = types.NamedTuple((MATRIX, MATRIX, MATRIX, int64, int64), Poses)

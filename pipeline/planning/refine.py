@@ -26,6 +26,7 @@ from pipeline.planning.problem import Problem
 from pipeline.planning.settle import CLOSE
 
 WEIGHTS = (1e-1, 1e-2, 1e-3)  # of the mean barrier beside the objective, round by round
+MOST = 12  # rounds; those after the first of each weight only until the limits are kept
 RELAXED = 1e-3  # slack below which the barrier is a parabola
 STEPS_A_KNOT = 8  # of the path
 NUDGE = 1e-5  # rad, for slopes
@@ -55,8 +56,10 @@ def refined(problem: Problem, cost: Cost, joints: np.ndarray) -> np.ndarray:
         return objective(problem, each, motion) if np.isfinite(each).all() else np.inf
 
     best, least = joints, value(joints) if problem.failure(joints) is None else np.inf
-    for weight in WEIGHTS:
-        tube = Tube.around(problem, cost, best, weight)
+    for number in range(MOST):
+        if number >= len(WEIGHTS) and np.isfinite(least):
+            break
+        tube = Tube.around(problem, cost, best, WEIGHTS[number % len(WEIGHTS)])
         minimum = minimize(
             tube.value_and_gradient,
             np.zeros(tube.size),

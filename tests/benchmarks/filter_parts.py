@@ -31,7 +31,8 @@ from pipeline.filtering.state import (
 from pipeline.filtering.weights import make_equal, normalise, weigh, weighted_moments
 from pipeline.models.correction import correction
 from pipeline.models.draws import BLOCK, draw, move_block, numbers_for
-from pipeline.models.law import CORRECTION, GENERATOR, NUMBERS, STEP, Numbers
+from pipeline.models.law import CORRECTION, NUMBERS, STEP, Numbers
+from pipeline.randommatrix.words import WORDS, words_of
 
 # of a measurement's precision, so that the weights stay alike however often they are weighed
 FAINT = 1e-6
@@ -43,7 +44,7 @@ def numbers(take: Take, particles: int, rng: np.random.Generator) -> Callable[[]
     """
     chain = take.scene.chain
     room = numbers_for(take.scene.model.law(chain), chain)
-    return lambda: draw_all(room, len(take.steps), particles, rng)
+    return lambda: draw_all(room, len(take.steps), particles, words_of(rng))
 
 
 def circular_functions(take: Take, particles: int, rng: np.random.Generator) -> Callable[[], None]:
@@ -66,7 +67,9 @@ def moves(take: Take, particles: int, rng: np.random.Generator) -> Callable[[], 
         np.empty_like(q),
     )
     room, commands = numbers_for(law, chain), take.steps
-    return lambda: move_all(law.step, correct, room, law.parameters, arm, commands, q, moved, rng)
+    return lambda: move_all(
+        law.step, correct, room, law.parameters, arm, commands, q, moved, words_of(rng)
+    )
 
 
 def weights_and_moments(take: Take, particles: int, rng: np.random.Generator) -> Callable[[], None]:
@@ -75,14 +78,15 @@ def weights_and_moments(take: Take, particles: int, rng: np.random.Generator) ->
     frames, _ = due_frames(take.measurements, steps, DT)
     frames = frames._replace(whitening=FAINT * frames.whitening)
     record, domain = empty_record(steps + 1, len(state.q)), domain_of(take.scene.chain)
-    return lambda: weigh_all(domain, frames, state, record)
+    arm = take.scene.chain.numbers()
+    return lambda: weigh_all(arm, domain, frames, state, record)
 
 
 def resampling(take: Take, particles: int, rng: np.random.Generator) -> Callable[[], None]:
     """The particles chosen anew, as often as the filter does."""
     times = int(take.filtered(particles, np.random.default_rng(1)).resampled.sum())
     state, weights = started(poses(take, particles, rng).T), rng.dirichlet(np.ones(particles))
-    return lambda: resample_all(systematic, weights, state, times, rng)
+    return lambda: resample_all(systematic, weights, state, times, words_of(rng))
 
 
 def whole(take: Take, particles: int, rng: np.random.Generator) -> Callable[[], None]:
@@ -106,13 +110,13 @@ def poses(take: Take, particles: int, rng: np.random.Generator) -> np.ndarray:
     return np.ascontiguousarray(rng.multivariate_normal(start.mean, start.covariance, particles).T)
 
 
-@compiled(types.void(NUMBERS, types.int64, types.int64, GENERATOR))
-def draw_all(room: Numbers, steps: int, particles: int, rng: np.random.Generator) -> None:
+@compiled(types.void(NUMBERS, types.int64, types.int64, WORDS))
+def draw_all(room: Numbers, steps: int, particles: int, words: np.ndarray) -> None:
     """Fill ``room`` for every block of every step."""
     size = room.command.shape[1]
     for _ in range(steps):
         for start in range(0, particles, size):
-            draw(room, min(size, particles - start), rng)
+            draw(room, min(size, particles - start), words)
 
 
 @compiled(types.void(MATRIX, types.int64, types.int64, VECTOR))
@@ -145,7 +149,7 @@ def turn_all(q: np.ndarray, roots: int, steps: int, out: np.ndarray) -> None:
         MATRIX,
         MATRIX,
         MATRIX,
-        GENERATOR,
+        WORDS,
     )
 )
 def move_all(
@@ -157,7 +161,7 @@ def move_all(
     commands: np.ndarray,
     q: np.ndarray,
     moved: np.ndarray,
-    rng: np.random.Generator,
+    words: np.ndarray,
 ) -> None:
     """Fill ``moved`` (n, P) from ``q`` (n, P) under every one of the ``commands``."""
     size, particles = room.command.shape[1], q.shape[1]
@@ -165,11 +169,13 @@ def move_all(
         for start in range(0, particles, size):
             count = min(size, particles - start)
             v = commands[k]
-            move_block(step, correct, room, parameters, arm, v, v, 0.0, q, moved, start, count, rng)
+            move_block(
+                step, correct, room, parameters, arm, v, v, 0.0, q, moved, start, count, words
+            )
 
 
-@compiled(types.void(DOMAIN, FRAMES, PARTICLES, RECORD))
-def weigh_all(domain: Domain, frames: Frames, state: Particles, record: Record) -> None:
+@compiled(types.void(ARM, DOMAIN, FRAMES, PARTICLES, RECORD))
+def weigh_all(arm: Arm, domain: Domain, frames: Frames, state: Particles, record: Record) -> None:
     """What the filter does with the particles of ``state`` between moving and resampling them."""
     q, before, weights, log_weights, _, room = state
     make_equal(weights, log_weights)
@@ -178,24 +184,24 @@ def weigh_all(domain: Domain, frames: Frames, state: Particles, record: Record) 
             stop = min(start + BLOCK, len(weights))
             keep_inside(domain, before, q, start, stop, log_weights, room[0])
         for frame in range(frames.first[k], frames.first[k + 1]):
-            weigh(frames, frame, before, q, log_weights, room)
+            weigh(arm, frames, frame, before, q, log_weights, room)
         if frames.first[k] < frames.first[k + 1]:
             normalise(log_weights, weights)
         weighted_moments(weights, q, record.mean[k], record.covariance[k], room)
 
 
-@compiled(types.void(SCHEME, VECTOR, PARTICLES, types.int64, GENERATOR))
+@compiled(types.void(SCHEME, VECTOR, PARTICLES, types.int64, WORDS))
 def resample_all(
     resample: Callable,
     chances: np.ndarray,
     state: Particles,
     times: int,
-    rng: np.random.Generator,
+    words: np.ndarray,
 ) -> None:
     """Choose by ``chances`` (P,) and copy, as the filter does."""
     q, before, weights, log_weights, chosen, room = state
     for _ in range(times):
-        resample(chances, chosen, room, rng)
+        resample(chances, chosen, room, words)
         for j in range(len(q)):
             for i in range(len(weights)):
                 before[j, i] = q[j, chosen[i]]

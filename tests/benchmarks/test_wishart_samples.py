@@ -8,7 +8,9 @@ from scipy import stats
 
 from pipeline.core.compiled import compiled
 from pipeline.randommatrix import wishart
-from pipeline.randommatrix.variates import gamma_law, standard_gamma, standard_normal
+from pipeline.randommatrix.variates import gamma_law, standard_gamma
+from pipeline.randommatrix.words import close, opened, words_of
+from pipeline.randommatrix.ziggurat import standard_normal
 
 pytestmark = pytest.mark.benchmark(group="Wishart samples, 3 × 3")
 D = 64.0  # of σ_B = 0.25
@@ -43,16 +45,19 @@ def test_floor_of_the_random_numbers_alone(benchmark, size):
         "their sum alone kept"
     )
     laws = tuple(gamma_law((D - i) / 2) for i in range(3))
-    benchmark.pedantic(draw, (laws, count, rng), rounds=9, warmup_rounds=1)
+    benchmark.pedantic(draw, (laws, count, words_of(rng)), rounds=9, warmup_rounds=1)
 
 
 @compiled()
-def draw(laws: tuple, count: int, rng: np.random.Generator) -> float:
+def draw(laws: tuple, count: int, words: np.ndarray) -> float:
     """The sum of all numbers that ``count`` matrices take."""
-    total = 0.0
+    total, state = 0.0, opened(words)
     for _ in range(count):
         for i in range(len(laws)):
             for _ in range(i):
-                total += standard_normal(rng)
-            total += standard_gamma(laws[i], rng)
+                number, state = standard_normal(state)
+                total += number
+            number, state = standard_gamma(laws[i], state)
+            total += number
+    close(words, state)
     return total

@@ -50,7 +50,7 @@ def test_the_motions_share_their_task_path_and_no_more(bench, motions):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "model", [WishartModel(0.2, Decomposition("qr_transposed")), GaussianModel(0.5, 14.0)]
+    "model", [WishartModel(0.2, Decomposition("qr_transposed")), GaussianModel(0.5, 12.0)]
 )
 def test_a_plan_is_less_uncertain_by_its_model_than_the_motions_without_one(bench, motions, model):
     plan = planned(bench, model, TERMS)
