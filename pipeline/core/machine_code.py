@@ -97,8 +97,8 @@ class PartCompiler(compiler.Compiler):
     """Numba's compiler, for functions that compiled ones alone call."""
 
     def compile_extra(self, function: Callable) -> compiler.CompileResult:
-        """The result, with a :class:`Part` as its code. What it needs of numba's own stays numba's:
-        as parts the draws of random numbers would take nearly twice as long.
+        """The result, with a :class:`Part` as its code. What it needs of numba's own stays
+        numba's.
         """
         codegen = self.state.targetctx.codegen()
         self.state.library = self._new_library(codegen, function.__qualname__)
