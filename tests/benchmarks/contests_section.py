@@ -12,7 +12,7 @@ TITLE = "Contests"
 HEADER = [
     "contest",
     "against",
-    "ratio (range over the runs), median times an item",
+    "ratio (range over the runs), times an item",
     "target",
     "",
     "quality (less is better)",
@@ -25,7 +25,8 @@ def section(folder: Path) -> str:
     benchmarks, info = measured["benchmarks"], measured["machine_info"]
     libraries = ", ".join(f"{name} {number}" for name, number in info["versions"].items())
     return (
-        f"{len(benchmarks[0]['medians'])} runs, each of all contests. A ratio is one of medians of "
+        f"{len(benchmarks[0]['least'])} runs, each of all contests. A time is the least of the "
+        "run's calls, as what else the machine does only adds to it. A ratio is one of two times of "
         "the same run; it stands with its median over the runs and its range. Met is what every "
         f"run meets.\n\n{table(HEADER, [line.cells() for line in lines(benchmarks)])}\n\n"
         f"{stated(benchmarks, 'floor', 'What a floor is')}\n\n"

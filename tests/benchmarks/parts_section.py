@@ -14,7 +14,7 @@ PARTS = ["numbers", "arithmetic", "weights and moments", "resampling"]
 
 
 def section(folder: Path) -> str:
-    """Of contests.json, as repeats.py wrote it: medians over the runs."""
+    """Of contests.json, as repeats.py wrote it: medians over the runs of the least times."""
     return parts(json.loads((folder / "contests.json").read_text())["benchmarks"])
 
 
