@@ -48,6 +48,9 @@ def test_nothing_is_random_or_dated_but_by_its_arguments(module):
     drawn = {
         node.attr for node in attributes if ast.unparse(node.value) in ("np.random", "numpy.random")
     }
-    assert drawn <= (
-        {"Generator", "PCG64", "SeedSequence"} if module == "pipeline.core.rng" else {"Generator"}
-    )
+    # which generator there is: made in core.rng, read by the compiled draws
+    known = {
+        "pipeline.core.rng": {"PCG64", "SeedSequence"},
+        "pipeline.randommatrix.words": {"PCG64"},
+    }
+    assert drawn <= {"Generator"} | known.get(module, set())

@@ -26,8 +26,8 @@ def section(folder: Path) -> str:
     libraries = ", ".join(f"{name} {number}" for name, number in info["versions"].items())
     return (
         f"{len(benchmarks[0]['least'])} runs, each of all contests. A time is the least of the "
-        "run's calls, as what else the machine does only adds to it. A ratio is one of two times of "
-        "the same run; it stands with its median over the runs and its range. Met is what every "
+        "run's calls, as what else the machine does only adds to it. A ratio is one of two times "
+        "of the same run; it stands with its median over the runs and its range. Met is what every "
         f"run meets.\n\n{table(HEADER, [line.cells() for line in lines(benchmarks)])}\n\n"
         f"{stated(benchmarks, 'floor', 'What a floor is')}\n\n"
         f"{stated(benchmarks, 'peer', 'The best configuration of each peer')}\n\n"
