@@ -4,11 +4,13 @@ do.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+
 import numpy as np
 import pytest
-from compiled_calls import from_python
+from numba import njit
 
-from pipeline.core.compiled import inner
 from pipeline.randommatrix.variates import gamma_law, standard_gamma
 from pipeline.randommatrix.words import close, opened, uniform, words_of
 from pipeline.randommatrix.ziggurat import TAIL, standard_exponential, standard_normal
@@ -16,63 +18,55 @@ from pipeline.randommatrix.ziggurat import TAIL, standard_exponential, standard_
 DRAWS = 300_000  # of which the tail of the normal law is met some eighty times
 
 
-@inner
-def normals(out: np.ndarray, words: np.ndarray) -> None:
-    state = opened(words)
-    for i in range(len(out)):
-        out[i], state = standard_normal(state)
-    close(words, state)
+@cache
+def filling(draw: Callable) -> Callable:
+    """Fills an array with what ``draw`` makes of the words (4,), one number after the other."""
+
+    @njit
+    def fill(out: np.ndarray, words: np.ndarray) -> None:
+        state = opened(words)
+        for i in range(len(out)):
+            out[i], state = draw(state)
+        close(words, state)
+
+    return fill
 
 
-@inner
-def exponentials(out: np.ndarray, words: np.ndarray) -> None:
-    state = opened(words)
-    for i in range(len(out)):
-        out[i], state = standard_exponential(state)
-    close(words, state)
+def gamma(shape: float) -> Callable:
+    """How a gamma variate of the ``shape`` is drawn."""
+    law = gamma_law(shape)
+    return njit(lambda state: standard_gamma(law, state))
 
 
-@inner
-def uniforms(out: np.ndarray, words: np.ndarray) -> None:
-    state = opened(words)
-    for i in range(len(out)):
-        out[i], state = uniform(state)
-    close(words, state)
-
-
-@inner
-def gammas(out: np.ndarray, words: np.ndarray, law: tuple) -> None:
-    state = opened(words)
-    for i in range(len(out)):
-        out[i], state = standard_gamma(law, state)
-    close(words, state)
-
-
-def drawn(fill, rng: np.random.Generator, *law) -> np.ndarray:
+def drawn(draw: Callable, rng: np.random.Generator) -> np.ndarray:
     """(DRAWS,) numbers."""
     numbers = np.empty(DRAWS)
-    from_python(fill)(numbers, words_of(rng), *law)
+    filling(draw)(numbers, words_of(rng))
     return numbers
 
 
 @pytest.mark.parametrize(
-    ("fill", "name"),
-    [(normals, "standard_normal"), (exponentials, "standard_exponential"), (uniforms, "random")],
+    ("draw", "name"),
+    [
+        (standard_normal, "standard_normal"),
+        (standard_exponential, "standard_exponential"),
+        (uniform, "random"),
+    ],
 )
-def test_numbers_are_those_of_numpy_and_so_is_the_generator_after_them(fill, name):
+def test_numbers_are_those_of_numpy_and_so_is_the_generator_after_them(draw, name):
     ours, known = np.random.default_rng(3), np.random.default_rng(3)
-    np.testing.assert_array_equal(drawn(fill, ours), getattr(known, name)(DRAWS))
+    np.testing.assert_array_equal(drawn(draw, ours), getattr(known, name)(DRAWS))
     assert ours.bit_generator.state == known.bit_generator.state
 
 
 def test_the_tail_of_the_normal_law_is_met():
-    assert (np.abs(drawn(normals, np.random.default_rng(3))) > TAIL).sum() > 30
+    assert (np.abs(drawn(standard_normal, np.random.default_rng(3))) > TAIL).sum() > 30
 
 
 @pytest.mark.parametrize("shape", [0.3, 0.999, 1.0, 1.4, 7.0, 50.5])
 def test_gamma_variates_are_those_of_numpy(shape):
     ours, known = np.random.default_rng(4), np.random.default_rng(4)
-    numbers = drawn(gammas, ours, gamma_law(shape))
+    numbers = drawn(gamma(shape), ours)
     np.testing.assert_array_equal(numbers, known.standard_gamma(shape, DRAWS))
     assert ours.bit_generator.state == known.bit_generator.state
 
@@ -80,7 +74,7 @@ def test_gamma_variates_are_those_of_numpy(shape):
 def test_what_is_drawn_in_python_and_in_compiled_code_takes_turns():
     ours, known = np.random.default_rng(5), np.random.default_rng(5)
     for _ in range(3):
-        np.testing.assert_array_equal(drawn(normals, ours), known.standard_normal(DRAWS))
+        np.testing.assert_array_equal(drawn(standard_normal, ours), known.standard_normal(DRAWS))
         assert ours.random() == known.random()
 
 
