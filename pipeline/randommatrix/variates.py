@@ -1,5 +1,4 @@
-"""Gamma variates one at a time, compiled: the very ones that NumPy draws, in less than half the
-time.
+"""Gamma variates one at a time, compiled: the very ones that NumPy draws.
 
 The methods are the library's own: of Marsaglia and Tsang (ACM Trans. Math. Software 26, 2000) for
 shapes above 1, GS of Ahrens and Dieter (Computing 12, 1974) for those below. But the library takes

@@ -29,7 +29,7 @@ UNIT = 2.0**-53  # of a uniform number
 
 def words_of(rng: np.random.Generator) -> np.ndarray:
     """(4,) the state and increment of ``rng`` where the library keeps them: what compiled code
-    draws moves ``rng`` on. They last as long as ``rng``.
+    draws moves ``rng`` on.
 
     Raises TypeError for another generator than PCG64, that of ``numpy.random.default_rng``, and
     RuntimeError where the library keeps it otherwise.
@@ -41,7 +41,9 @@ def words_of(rng: np.random.Generator) -> np.ndarray:
             "the generator by numpy.random.default_rng"
         )
     place = ctypes.c_void_p.from_address(generator.ctypes.state_address).value
-    words = np.frombuffer((ctypes.c_uint64 * 4).from_address(place), np.uint64)
+    memory = (ctypes.c_uint64 * 4).from_address(place)
+    memory.owner = generator  # which frees it when nobody holds it
+    words = np.frombuffer(memory, np.uint64)
     known, low = generator.state["state"], 2**64 - 1
     halves = [half for each in (known["state"], known["inc"]) for half in (each & low, each >> 64)]
     if words.tolist() != halves:

@@ -1,5 +1,4 @@
-"""Normal and exponential variates one at a time, compiled: the very ones that NumPy draws, in a
-third of the time.
+"""Normal and exponential variates one at a time, compiled: the very ones that NumPy draws.
 
 The library's method, the ziggurat of Marsaglia and Tsang (J. Statistical Software 5:8, 2000), lays
 256 strips of equal area under the density. A word chooses a strip and a place in it, and that is

@@ -4,6 +4,7 @@ do.
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
 from functools import cache
 
@@ -76,6 +77,15 @@ def test_what_is_drawn_in_python_and_in_compiled_code_takes_turns():
     for _ in range(3):
         np.testing.assert_array_equal(drawn(standard_normal, ours), known.standard_normal(DRAWS))
         assert ours.random() == known.random()
+
+
+def test_words_hold_the_generator_that_they_are_of():
+    words = words_of(np.random.default_rng(5))
+    gc.collect()
+    held = np.empty(DRAWS)
+    filling(uniform)(held, words)
+    np.testing.assert_array_equal(held, np.random.default_rng(5).random(DRAWS))
+    assert isinstance(words.base.owner, np.random.PCG64)
 
 
 @pytest.mark.parametrize("kind", [np.random.MT19937, np.random.SFC64, np.random.PCG64DXSM])
