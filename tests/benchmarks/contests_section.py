@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from contests import lines, name_of
+from repeats import CALLS, SECONDS
 from writing import table
 
 TITLE = "Contests"
@@ -26,9 +27,11 @@ def section(folder: Path) -> str:
     libraries = ", ".join(f"{name} {number}" for name, number in info["versions"].items())
     return (
         f"{len(benchmarks[0]['least'])} runs, each of all contests. A time is the least of the "
-        "run's calls, as what else the machine does only adds to it. A ratio is one of two times "
-        "of the same run; it stands with its median over the runs and its range. Met is what every "
-        f"run meets.\n\n{table(HEADER, [line.cells() for line in lines(benchmarks)])}\n\n"
+        "run's calls, as what else the machine does only adds to it; either side is called for "
+        f"{SECONDS} s and at least {CALLS} times, twice where a call takes seconds. A ratio is one "
+        "of two times of the same run; it stands with its median over the runs and its range. Met "
+        f"is what every run meets.\n\n{table(HEADER, [line.cells() for line in lines(benchmarks)])}"
+        "\n\n"
         f"{stated(benchmarks, 'floor', 'What a floor is')}\n\n"
         f"{stated(benchmarks, 'peer', 'The best configuration of each peer')}\n\n"
         f"Versions: {libraries}."

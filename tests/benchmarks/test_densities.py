@@ -49,12 +49,7 @@ def problem(size) -> Density:
 
 def test_ours(benchmark, problem):
     benchmark.extra_info |= {"role": "ours", "items": len(problem.samples)}
-    density = benchmark.pedantic(
-        kernel_density,
-        (problem.samples, *problem.grid, problem.bandwidth),
-        rounds=9,
-        warmup_rounds=1,
-    )
+    density = benchmark(kernel_density, problem.samples, *problem.grid, problem.bandwidth)
     benchmark.extra_info["error"] = problem.error(density[::SHOWN, ::SHOWN])
     assert benchmark.extra_info["error"] < 1e-4
 
@@ -72,6 +67,6 @@ def test_kdepy(benchmark, peer, problem, tmp_path):
         bandwidth=problem.bandwidth,
         shown=SHOWN,
     )
-    density = benchmark.pedantic(call, rounds=9, warmup_rounds=1)
+    density = benchmark(call)
     benchmark.extra_info["error"] = problem.error(np.array(density))
     assert benchmark.extra_info["error"] < 1e-2

@@ -134,7 +134,7 @@ def few(size) -> int:
 
 def test_ours(benchmark, problems, few):
     benchmark.extra_info |= {"role": "ours", "items": len(problems.noise)}
-    fits = benchmark.pedantic(problems.fits, rounds=9, warmup_rounds=1)
+    fits = benchmark(problems.fits)
     benchmark.extra_info |= {
         "bound": int(fits.bound.sum()),
         "objective": float(fits.objective[problems.some(few)].mean()),
@@ -152,9 +152,7 @@ def test_cvxpy(benchmark, problems, few):
         "target": TARGETS[problems.a.shape[1]],
     }
     chosen = problems.these(problems.some(few))
-    values = benchmark.pedantic(
-        Parametrised(problems.weights, problems.a.shape[1]), (chosen,), rounds=5, warmup_rounds=1
-    )
+    values = benchmark(Parametrised(problems.weights, problems.a.shape[1]), chosen)
     benchmark.extra_info["objective"] = float(np.mean(values))
     np.testing.assert_allclose(values, chosen.fits().objective, rtol=1e-5, atol=1e-9)
 
@@ -167,8 +165,6 @@ def test_clarabel(benchmark, problems, few):
     )
     chosen = problems.these(problems.some(few))
     solved = ConeProblem(problems.weights, problems.a.shape[1], FLOOR)
-    values = benchmark.pedantic(
-        lambda: [*map(solved, chosen.noise, chosen.a, chosen.back)], rounds=5, warmup_rounds=1
-    )
+    values = benchmark(lambda: [*map(solved, chosen.noise, chosen.a, chosen.back)])
     benchmark.extra_info["objective"] = float(np.mean(values))
     np.testing.assert_allclose(values, chosen.fits().objective, rtol=1e-5, atol=1e-9)

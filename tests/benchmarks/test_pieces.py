@@ -26,7 +26,6 @@ from pipeline.recordings.inventory import by_part, listing
 RECORDED = "Depth frames of the laboratory, as PNG"
 READ = "Depth frames to the arm's points"
 LISTED = "Raw files listed, by the part that reads them"
-ROUNDS = {"rounds": 9, "warmup_rounds": 1}
 BYTES = 70_000  # of a raw file, about those of a depth frame
 
 
@@ -45,9 +44,7 @@ def camera() -> DepthCamera:
 def test_ours_of_recording(benchmark, camera, poses):
     benchmark.extra_info |= {"role": "ours", "items": len(poses)}
     rng = np.random.default_rng(2)
-    frames = benchmark.pedantic(
-        lambda: [encode_depth(camera.observe(q, rng)) for q in poses], **ROUNDS
-    )
+    frames = benchmark(lambda: [encode_depth(camera.observe(q, rng)) for q in poses])
     assert min(map(len, frames)) > 10_000
 
 
@@ -66,7 +63,7 @@ def test_floor_of_recording(benchmark, camera, poses):
             rng.standard_normal(image.shape, dtype=np.float32)
             encode_depth(image)
 
-    benchmark.pedantic(floor, **ROUNDS)
+    benchmark(floor)
 
 
 @pytest.fixture
@@ -83,7 +80,7 @@ def test_ours_of_reading(benchmark, recording):
         sequence = DepthSequence(path, recording.depth, arm(), recording.folder)
         return [len(points) for points, _ in sequence.points(range(len(recording.poses)))]
 
-    assert min(benchmark.pedantic(read, **ROUNDS)) > 1000
+    assert min(benchmark(read)) > 1000
 
 
 @pytest.mark.benchmark(group=READ)
@@ -100,7 +97,7 @@ def test_floor_of_reading(benchmark, recording):
         for file in files:
             cv2.imdecode(np.frombuffer(file.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
 
-    benchmark.pedantic(floor, **ROUNDS)
+    benchmark(floor)
 
 
 @pytest.fixture
@@ -123,7 +120,7 @@ def test_ours_of_listing(benchmark, raw, tmp_path):
     dataset.recordings = str(raw)
     files = len([*raw.rglob("*.png")])
     benchmark.extra_info |= {"role": "ours", "items": files}
-    parts = benchmark.pedantic(lambda: by_part(listing(raw), dataset), **ROUNDS)
+    parts = benchmark(lambda: by_part(listing(raw), dataset))
     assert {part: len(rows) for part, rows in parts.items()} == {
         "motion": 0,
         "depth": files,
@@ -139,6 +136,4 @@ def test_floor_of_listing(benchmark, raw):
         "against": "floor of reading and hashing alone",
         "configuration": "the files read whole, and SHA-256 by `hashlib`",
     }
-    benchmark.pedantic(
-        lambda: [hashlib.sha256(file.read_bytes()).digest() for file in files], **ROUNDS
-    )
+    benchmark(lambda: [hashlib.sha256(file.read_bytes()).digest() for file in files])

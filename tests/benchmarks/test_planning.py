@@ -86,16 +86,14 @@ def given(size) -> Searched:
 @pytest.mark.benchmark(group="Planning, the search over 320 steps of 200 points, seven joints")
 def test_ours(benchmark, given):
     benchmark.extra_info |= {"role": "ours", "items": 1}
-    benchmark.extra_info["objective"] = benchmark.pedantic(
-        compiled, (given,), rounds=9, warmup_rounds=1
-    )
+    benchmark.extra_info["objective"] = benchmark(compiled, given)
 
 
 @pytest.mark.benchmark(group="Planning, the search over 320 steps of 200 points, seven joints")
 def test_numpy(benchmark, given):
     benchmark.extra_info |= {"role": "peer", "items": 1, "target": TARGET, "against": "plain NumPy"}
     benchmark.extra_info["configuration"] = "the same search, each stage's moves by NumPy at once"
-    benchmark.extra_info["objective"] = benchmark.pedantic(plain, (given,), rounds=5)
+    benchmark.extra_info["objective"] = benchmark(plain, given)
     assert benchmark.extra_info["objective"] == pytest.approx(compiled(given), rel=1e-12)
 
 
@@ -109,4 +107,4 @@ def test_ours_as_a_whole(benchmark, size):
         chosen = grid(problem, every, spacing, points)
         return on_stages(problem, law_cost("qr_transposed", problem.chain), chosen)[0][1]
 
-    assert np.isfinite(benchmark.pedantic(whole, rounds=3, warmup_rounds=1))
+    assert np.isfinite(benchmark(whole))

@@ -20,7 +20,7 @@ SIGMA = np.array([[1.0, 0.3, 0.0], [0.3, 0.8, -0.2], [0.0, -0.2, 0.5]])
 def test_ours(benchmark, size):
     count, rng = size(100_000, 100), np.random.default_rng(1)
     benchmark.extra_info |= {"role": "ours", "items": count}
-    draws = benchmark.pedantic(wishart.sample, (D, SIGMA, (count,), rng), rounds=9, warmup_rounds=1)
+    draws = benchmark(wishart.sample, D, SIGMA, (count,), rng)
     assert draws.shape == (count, 3, 3)
 
 
@@ -28,13 +28,7 @@ def test_scipy(benchmark, size):
     count, rng = size(10_000, 100), np.random.default_rng(1)
     benchmark.extra_info |= {"role": "peer", "items": count, "target": 20, "against": "SciPy"}
     benchmark.extra_info["configuration"] = "`scipy.stats.wishart.rvs`, all by one call"
-    benchmark.pedantic(
-        stats.wishart.rvs,
-        (D, SIGMA),
-        {"size": count, "random_state": rng},
-        rounds=9,
-        warmup_rounds=1,
-    )
+    benchmark(stats.wishart.rvs, D, SIGMA, size=count, random_state=rng)
 
 
 def test_floor_of_the_random_numbers_alone(benchmark, size):
@@ -45,7 +39,7 @@ def test_floor_of_the_random_numbers_alone(benchmark, size):
         "their sum alone kept"
     )
     laws = tuple(gamma_law((D - i) / 2) for i in range(3))
-    benchmark.pedantic(draw, (laws, count, words_of(rng)), rounds=9, warmup_rounds=1)
+    benchmark(draw, laws, count, words_of(rng))
 
 
 @compiled()
