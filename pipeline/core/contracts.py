@@ -67,8 +67,12 @@ def read(name: str, folder: Path, declarations: Path = PAPER) -> pd.DataFrame:
             "has not run",
             file=file,
         )
+    from pyarrow.parquet import ParquetFile
+
     try:
-        table = pd.read_parquet(file)
+        # pandas' own reader imports what a folder of such files would need
+        with ParquetFile(file) as stored:
+            table = stored.read(use_pandas_metadata=True).to_pandas()
     except (OSError, ValueError) as error:
         raise ContractError(
             f"table {name!r} cannot be read ({error}); run its stage again", file=file

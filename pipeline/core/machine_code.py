@@ -7,12 +7,13 @@ It replaces parts of numba's inside as numba 0.68 has them; the lock holds that 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 from llvmlite import binding as llvm
 from numba.core import caching, compiler
 from numba.core.codegen import JITCodeLibrary
-from numba.core.environment import lookup_environment
-from numba.core.runtime import rtsys
+from numba.core.environment import Environment, lookup_environment
+from numba.core.runtime import _nrt_python
 
 
 class Part(JITCodeLibrary):
@@ -120,12 +121,22 @@ class WholeCompiler(PartCompiler):
 class Kept(caching.CompileResultCacheImpl):
     """How compiled functions are written to files and read again."""
 
+    def reduce(self, result: compiler.CompileResult) -> tuple:
+        """As numba's, but the environments of functions that are part of this one by the names of
+        their modules: to read them imports none.
+        """
+        *payload, others = super().reduce(result)
+        return *payload, [
+            (other.env_name, other.globals["__name__"], other.consts) for other in others
+        ]
+
     def rebuild(self, target_context: object, payload: tuple) -> compiler.CompileResult:
         """As numba's, with the code of :func:`_loaded`."""
         code, fndesc, environment, signature, objectmode, lifted, annotation, init, others = payload
         codegen = target_context.codegen()
         library = _loaded(codegen, *code)
         entry = target_context.get_executable(library, fndesc, environment)
+        others = [_environment(*other) for other in others]
         for other in others:
             library.codegen.set_env(other.env_name, other)
         return compiler.compile_result(
@@ -144,6 +155,28 @@ class Kept(caching.CompileResultCacheImpl):
         )
 
 
+def _environment(name: str, module: str, constants: list) -> Environment:
+    """The environment of this name: where there is none, one of these ``constants``, which are all
+    of it that machine code reads.
+    """
+    environment = lookup_environment(name)
+    if environment is None:
+        environment = Environment({"__name__": module})
+        environment.consts[:] = constants
+        environment.env_name = name
+        Environment._memo[name] = environment
+    return environment
+
+
+@cache
+def _register_runtime() -> None:
+    """Tell LLVM where numba's runtime lies, which kept code calls. What compiled code needs beside,
+    numba compiles when it first compiles.
+    """
+    for name, address in _nrt_python.c_helpers.items():
+        llvm.add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
+
+
 class Cache(caching.FunctionCache):
     """Numba's cache, but to load from it does not import all that numba can compile."""
 
@@ -151,6 +184,6 @@ class Cache(caching.FunctionCache):
 
     def load_overload(self, signature: object, target_context: object) -> object:
         """What is kept of the function for the ``signature``; None where nothing is."""
-        rtsys.initialize(target_context)
+        _register_runtime()
         with self._guard_against_spurious_io_errors():
             return self._load_overload(signature, target_context)

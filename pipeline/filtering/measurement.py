@@ -85,10 +85,10 @@ class Measurements:
     @cached_property
     def unbiased(self) -> np.ndarray:
         """(F, n) or (F, 12): ``y`` without its bias."""
-        from scipy.spatial.transform import Rotation
-
         if not self.tip:
             return self.y - self.bias
+        from scipy.spatial.transform import Rotation
+
         back = Rotation.from_rotvec(-self.bias[:, 3:]).as_matrix()
         turn = back @ self.y[:, 3:].reshape(-1, 3, 3)
         return np.hstack([self.y[:, :3] - self.bias[:, :3], turn.reshape(-1, 9)])

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.special import gammaincinv, stdtrit
 
 from pipeline.core.compiled import compiled
 from pipeline.core.errors import ModelDomainError
@@ -128,6 +127,8 @@ def _chi_squared(probability: float, degrees: int) -> float:
     """The quantile of χ², from the function that :mod:`scipy.stats` takes it from: importing that
     takes longer than most scores.
     """
+    from scipy.special import gammaincinv
+
     return float(2 * gammaincinv(degrees / 2, probability))
 
 
@@ -205,6 +206,8 @@ def paired_difference(scores: np.ndarray, reference: np.ndarray, level: float = 
     mean, takes = float(difference.mean()), len(difference)
     if takes < 2:
         return Difference(mean, np.nan, np.nan)
+    from scipy.special import stdtrit
+
     half = float(stdtrit(takes - 1, (1 + level) / 2) * difference.std(ddof=1) / np.sqrt(takes))
     return Difference(mean, mean - half, mean + half)
 

@@ -17,8 +17,6 @@ from itertools import islice
 from multiprocessing import get_context
 from operator import length_hint
 
-from tqdm import tqdm
-
 import pipeline
 from pipeline.core.compute.block import Results, Submit, run_block
 from pipeline.core.errors import ComputeError
@@ -48,17 +46,18 @@ def run_trials(function: Callable, trials: Iterable, *, compute: Compute, label:
     raised here; so is ComputeError where workers are lost, and those that would not give the same
     bytes are refused.
     """
-    watched = sys.stderr.isatty()
+    total = length_hint(trials) or None
+    results = _results(pickle.dumps(function), trials, compute, label)
+    if sys.stderr.isatty():
+        from tqdm import tqdm
+
+        yield from tqdm(results, total=total, desc=label, unit="trial")
+        return
     done = 0
-    with tqdm(
-        total=length_hint(trials) or None, desc=label, disable=not watched, unit="trial"
-    ) as progress:
-        for result in _results(pickle.dumps(function), trials, compute, label):
-            done += 1
-            progress.update()
-            yield result
-    if not watched:
-        print(f"{label}: {done} done", flush=True)
+    for result in results:
+        done += 1
+        yield result
+    print(f"{label}: {done} done", flush=True)
 
 
 def _results(function: bytes, trials: Iterable, compute: Compute, label: str) -> Iterator:

@@ -13,7 +13,6 @@ Compiled, one step after the other, so that its grid stays in the cache.
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import gammaln
 
 from pipeline.core.compiled import compiled, inner
 from pipeline.models.wishart.mixture import ALONG, DIRECTION
@@ -31,6 +30,8 @@ def log_integrals(numbers: np.ndarray, m: int, d: float, nodes: int) -> np.ndarr
     """(N,) ln ∫∫ p(z)p(g)·N(y; z, g)·zg ds dh of N steps but for (2π)^{−n/2}, from their
     ``numbers`` of :func:`.mixture.mixture`; ``nodes`` for each of s and h.
     """
+    from scipy.special import gammaln
+
     shape, freedom = (d - m + 1) / 2, d - m + 2
     t, spacing = np.linspace(-RANGE, RANGE, nodes, retstep=True)
     constant = shape * np.log(d / 2) - gammaln(shape)
