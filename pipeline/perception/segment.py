@@ -63,7 +63,8 @@ class ArmSegmenter:
         ideal = cv2.undistortPoints(
             pixels,
             np.asarray(camera_matrix, dtype=float),
-            np.asarray(distortion, dtype=float),
+            # where there is none, OpenCV would still search for the pixel that it leads to
+            np.asarray(distortion, dtype=float) if np.any(distortion) else None,
             None,
             None,
             None,
@@ -74,15 +75,15 @@ class ArmSegmenter:
             @ rotation.T
             @ arm.rotation
         )
-        rays = rays.reshape(*shape, 3)
+        rays = np.ascontiguousarray(rays.T).reshape(3, *shape)
         sees = np.zeros(shape, dtype=bool)
         # the slab is thin against the reach: a ray that passes the arm's space is in reach at one
         # of its faces
         for face in (-crop.half_depth, crop.half_depth):
             with np.errstate(divide="ignore", invalid="ignore"):
-                depth = (face - self.camera[1]) / rays[..., 1]
+                depth = (face - self.camera[1]) / rays[1]
                 distance = np.hypot(
-                    *(self.camera[i] + depth * rays[..., i] - self.origin[i // 2] for i in (0, 2))
+                    *(self.camera[i] + depth * rays[i] - self.origin[i // 2] for i in (0, 2))
                 )
             sees |= (depth > 0) & (distance <= self.reach)
         if not sees.any():
@@ -93,8 +94,8 @@ class ArmSegmenter:
             )
         across, down = np.flatnonzero(sees.any(axis=0)), np.flatnonzero(sees.any(axis=1))
         self.window = (slice(down[0], down[-1] + 1), slice(across[0], across[-1] + 1))
-        self.across_plane = np.ascontiguousarray(rays[self.window][..., 1])
-        self.in_plane = rays[self.window][..., [0, 2]].reshape(-1, 2)
+        self.across_plane = rays[1][self.window].copy()
+        self.in_plane = [rays[i][self.window].ravel() for i in (0, 2)]
 
     def __call__(self, depth: np.ndarray, **evidence: object) -> tuple[np.ndarray, dict[str, int]]:
         """Points (I, 2) of the arm (x, z in the plane, m), row by row, and the pixels of the window
@@ -112,29 +113,26 @@ class ArmSegmenter:
         crop, depth = self.crop, depth[self.window]
         measured = depth > 0
         with np.errstate(invalid="ignore"):
-            on_plane = measured & (
-                np.abs(self.camera[1] + depth * self.across_plane) <= crop.half_depth
-            )
-        pixels = np.flatnonzero(on_plane)
-        dropped = {
-            "no_depth": int(depth.size - np.count_nonzero(measured)),
-            "off_plane": int(np.count_nonzero(measured) - len(pixels)),
-        }
-        points = self.camera[[0, 2]] + depth.ravel()[pixels, None] * self.in_plane[pixels]
-
-        def keep(chosen: np.ndarray, reason: str) -> None:
-            nonlocal pixels, points
-            dropped[reason] = int(len(pixels) - np.count_nonzero(chosen))
-            pixels, points = pixels[chosen], points[chosen]
-
-        keep(_in_reach(points, self.origin, self.reach), "out_of_reach")
-        keep(_above_base(points, self.origin, crop), "base")
-        mask = np.zeros(depth.shape, dtype=np.uint8)
-        mask.ravel()[pixels] = 1
-        _, labels, statistics, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
-        keep(statistics[labels.ravel()[pixels], cv2.CC_STAT_AREA] >= crop.min_pixels, "isolated")
-        dropped["thinned"] = max(0, len(points) - crop.max_points)
-        return _thinned(points, crop), dropped
+            across = depth * self.across_plane
+            across += self.camera[1]
+            on_plane = np.abs(across, out=across) <= crop.half_depth
+        on_plane &= measured
+        pixels, depths = np.flatnonzero(on_plane), depth[on_plane]
+        number = np.count_nonzero(measured)
+        dropped = {"no_depth": depth.size - number, "off_plane": number - len(pixels)}
+        x = self.camera[0] + depths * self.in_plane[0][pixels]
+        z = self.camera[2] + depths * self.in_plane[1][pixels]
+        in_reach = _in_reach(x, z, self.origin, self.reach)
+        arm = in_reach & _above_base(x, z, self.origin, crop)
+        dropped["out_of_reach"] = len(pixels) - np.count_nonzero(in_reach)
+        dropped["base"] = np.count_nonzero(in_reach) - np.count_nonzero(arm)
+        pixels, x, z = pixels[arm], x[arm], z[arm]
+        patch = _patches(pixels, depth.shape[1])
+        kept = np.flatnonzero(np.bincount(patch)[patch] >= crop.min_pixels)
+        dropped["isolated"] = len(pixels) - len(kept)
+        dropped["thinned"] = max(0, len(kept) - crop.max_points)
+        kept = _thinned(kept, crop)
+        return np.stack([x[kept], z[kept]], axis=-1), dropped
 
 
 class CloudSegmenter:
@@ -172,8 +170,8 @@ class CloudSegmenter:
             points = points[chosen]
 
         keep(np.abs(plane[:, 1]) <= crop.half_depth, "off_plane")
-        keep(_in_reach(points, origin, self.reach), "out_of_reach")
-        keep(_above_base(points, origin, crop), "base")
+        keep(_in_reach(*points.T, origin, self.reach), "out_of_reach")
+        keep(_above_base(*points.T, origin, crop), "base")
         cells = tuple(np.floor((points - origin + self.reach) / PATCH_CELL).astype(int).T)
         occupied = np.zeros((int(2 * self.reach / PATCH_CELL) + 1,) * 2, dtype=bool)
         occupied[cells] = True
@@ -183,15 +181,26 @@ class CloudSegmenter:
         return _thinned(points, crop), dropped
 
 
-def _in_reach(points: np.ndarray, origin: np.ndarray, reach: float) -> np.ndarray:
-    return ((points - origin) ** 2).sum(axis=1) <= reach**2
+def _patches(pixels: np.ndarray, width: int) -> np.ndarray:
+    """(I,) number of the connected patch of each of the ``pixels`` (I,), which increase, of an
+    image as wide as this; only the rows that have any are gone through.
+    """
+    if not len(pixels):
+        return pixels
+    first, last = pixels[0] // width, pixels[-1] // width
+    mask = np.zeros((last - first + 1, width), dtype=np.uint8)
+    inside = pixels - first * width
+    mask.ravel()[inside] = 1
+    return cv2.connectedComponents(mask, connectivity=8)[1].ravel()[inside]
 
 
-def _above_base(points: np.ndarray, origin: np.ndarray, crop: Crop) -> np.ndarray:
-    x, z = (points - origin).T
-    return ((np.abs(x) > crop.column_half_width) | (z > crop.column_top)) & (
-        points[:, 1] > crop.floor
-    )
+def _in_reach(x: np.ndarray, z: np.ndarray, origin: np.ndarray, reach: float) -> np.ndarray:
+    return (x - origin[0]) ** 2 + (z - origin[1]) ** 2 <= reach**2
+
+
+def _above_base(x: np.ndarray, z: np.ndarray, origin: np.ndarray, crop: Crop) -> np.ndarray:
+    beside = np.abs(x - origin[0]) > crop.column_half_width
+    return (beside | (z - origin[1] > crop.column_top)) & (z > crop.floor)
 
 
 def _thinned(points: np.ndarray, crop: Crop) -> np.ndarray:
