@@ -4,8 +4,10 @@ frame by frame.
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -53,21 +55,7 @@ class DepthSequence:
             self._frames.time[0] if depth.start is None else depth.start
         )
         self.references, self.counts = self._frames.references, self._frames.counts
-        rotation, position = (
-            Rotation.from_euler("xyz", depth.camera.rpy).as_matrix(),
-            np.array(depth.camera.position),
-        )
-        crop, camera = Crop(**asdict(depth.workspace)), self._frames.camera
-        if camera is None:
-            self._segment = CloudSegmenter(arm, rotation, position, crop)
-        else:
-            matrix = np.array(
-                [[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]]
-            )
-            shape = (camera.height, camera.width)
-            self._segment = ArmSegmenter(
-                arm, matrix, np.array(camera.distortion), rotation, position, shape, crop
-            )
+        self._segment = _segmenter(pickle.dumps((self._frames.camera, arm, depth)))
 
     def points(self, frames: Iterable[int]) -> Iterator[tuple[np.ndarray, float]]:
         """Of each of the ``frames`` (increasing): points (I, 2) of the arm, m in its plane, and the
@@ -75,3 +63,19 @@ class DepthSequence:
         """
         for measured, share in self._frames.read(frames):
             yield self._segment(measured)[0], share
+
+
+@lru_cache(maxsize=1)
+def _segmenter(described: bytes) -> ArmSegmenter | CloudSegmenter:
+    """What cuts the arm out of the frames of a camera (None: of point clouds), which is pickled
+    with the arm and the description ``depth``: takes of one camera have the same, and its rays take
+    as long as several frames.
+    """
+    camera, arm, depth = pickle.loads(described)
+    rotation = Rotation.from_euler("xyz", depth.camera.rpy).as_matrix()
+    position, crop = np.array(depth.camera.position), Crop(**asdict(depth.workspace))
+    if camera is None:
+        return CloudSegmenter(arm, rotation, position, crop)
+    matrix = np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])
+    shape = (camera.height, camera.width)
+    return ArmSegmenter(arm, matrix, np.array(camera.distortion), rotation, position, shape, crop)

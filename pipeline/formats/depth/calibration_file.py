@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from itertools import accumulate
 from pathlib import Path
 from typing import ClassVar
@@ -60,8 +61,7 @@ def read_values(file: Path) -> Mapping:
                 "this is no JSON, or it is truncated; export it again", file=file
             ) from None
     elif body.startswith(("%YAML", "<?xml")) or "!!opencv-matrix" in body:
-        # some that are damaged end the process that OpenCV reads them in
-        values = call_alone(_opencv, body, file, file=file)
+        values = _opencv_alone(body, file)
     else:
         try:
             if any(
@@ -123,6 +123,12 @@ def _nesting(body: str) -> int:
     return max(
         accumulate((mark in "[{") - (mark in "]}") for mark in body if mark in "[]{}"), default=0
     )
+
+
+@lru_cache(maxsize=1)  # the takes of a camera share its file
+def _opencv_alone(body: str, file: Path) -> Mapping[str, object]:
+    """By OpenCV in a process of its own: some that are damaged end the one that reads them."""
+    return call_alone(_opencv, body, file, file=file)
 
 
 def _opencv(body: str, file: Path) -> dict[str, object]:
