@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from pathlib import Path
+import os
+from pathlib import Path, PurePosixPath
 
 import pandas as pd
 
@@ -19,23 +20,25 @@ def listing(folder: Path) -> pd.DataFrame:
     """Every file below ``folder``: path from there, bytes, SHA-256; RecordingError where there is
     none.
     """
-    files = sorted(path for path in Path(folder).rglob("*") if path.is_file())
+    files = []
+    for place, _, names in os.walk(folder):
+        above = Path(place).relative_to(folder).parts
+        files += [(*above, name) for name in names if Path(place, name).is_file()]
     if not files:
         raise RecordingError(
             "there are no recordings in this folder, or it does not exist; see the dataset's "
             "datasheet for how to get them",
             file=folder,
         )
-    rows = []
-    for path in files:
-        digest, size = hashlib.sha256(), 0
-        with path.open("rb", buffering=0) as data:
-            while part := data.read(MIB):
-                digest.update(part)
-                size += len(part)
-        name = path.relative_to(folder).as_posix()
-        rows.append({"file": name, "bytes": size, "sha256": digest.hexdigest()})
-    return pd.DataFrame(rows)
+    rows, part = [], memoryview(bytearray(MIB))
+    for parts in sorted(files):  # as paths are sorted: folder by folder
+        name, digest, size = "/".join(parts), hashlib.sha256(), 0
+        with open(os.path.join(folder, name), "rb", buffering=0) as data:
+            while read := data.readinto(part):
+                digest.update(part[:read])
+                size += read
+        rows.append((name, size, digest.hexdigest()))
+    return pd.DataFrame(rows, columns=["file", "bytes", "sha256"])
 
 
 def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
@@ -44,16 +47,24 @@ def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
     A file that the patterns of one part match belongs to it; one that none matches might be read
     with any of them, so that it belongs to all.
     """
-    raw = Path(dataset.recordings)
-    claims = {part: _claimed(raw, patterns) for part, patterns in _patterns(dataset).items()}
-    paths = [raw / name for name in files["file"]]
-    folders = {path.parent for path in paths}
+    raw, names = Path(dataset.recordings), files["file"].tolist()
+    folders = [name.rpartition("/")[0] for name in names]
+    above = {folder: _with_parents(folder) for folder in {*folders}}
     reads = {}
-    for part, places in claims.items():
-        inside = {place for place in folders if not places.isdisjoint([place, *place.parents])}
-        reads[part] = [path in places or path.parent in inside for path in paths]
+    for part, patterns in _patterns(dataset).items():
+        places = _claimed(raw, patterns)
+        inside = {folder for folder in above if not places.isdisjoint(above[folder])}
+        reads[part] = [
+            name in places or folder in inside for name, folder in zip(names, folders, strict=True)
+        ]
     unclaimed = ~pd.DataFrame(reads).any(axis=1).to_numpy()
     return {part: files[mine | unclaimed] for part, mine in pd.DataFrame(reads).items()}
+
+
+def _with_parents(folder: str) -> list[str]:
+    """``folder`` and what it lies in, as :func:`_claimed` writes them."""
+    place = PurePosixPath(folder)
+    return [str(place), *map(str, place.parents)]
 
 
 def _patterns(dataset: Dataset) -> dict[str, list[tuple[str, str]]]:
@@ -78,7 +89,10 @@ def _patterns(dataset: Dataset) -> dict[str, list[tuple[str, str]]]:
     return {part: [pair for pair in pairs if pair[1]] for part, pairs in named.items()}
 
 
-def _claimed(raw: Path, patterns: list[tuple[str, str]]) -> set[Path]:
+def _claimed(raw: Path, patterns: list[tuple[str, str]]) -> set[str]:
+    """Paths below ``raw`` that the ``patterns`` match, relative to it."""
     return {
-        place for key, pattern in patterns for place in matching(raw, pattern, key=f"dataset.{key}")
+        place.relative_to(raw).as_posix()
+        for key, pattern in patterns
+        for place in matching(raw, pattern, key=f"dataset.{key}")
     }
