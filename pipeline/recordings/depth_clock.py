@@ -21,12 +21,18 @@ def marker_centroid(rows: pd.DataFrame, arm: Arm) -> Signal:
     show all of them.
     """
     labelled = rows[rows.link > 0]
-    plane = pd.DataFrame(
-        arm.to_plane(labelled[["x", "y", "z"]].to_numpy())[:, [0, 2]],
-        index=labelled["t"].to_numpy(),
+    plane = arm.to_plane(labelled[["x", "y", "z"]].to_numpy())
+    time, frame, number = np.unique(
+        labelled["t"].to_numpy(), return_inverse=True, return_counts=True
     )
-    centroid = plane.groupby(level=0).agg(lambda values: values.mean(skipna=False)).dropna()
-    return centroid.index.to_numpy(), centroid.to_numpy()
+    order, first = np.argsort(frame, kind="stable"), np.cumsum(number) - number
+    centroid = np.empty((2, len(time)))
+    for markers in np.unique(number):  # the frames that have as many are averaged at once
+        chosen = number == markers
+        shown = order[first[chosen, None] + np.arange(markers)]
+        centroid[:, chosen] = [plane[shown, i].mean(axis=1) for i in (0, 2)]
+    whole = ~np.isnan(centroid).any(axis=0)
+    return time[whole], centroid.compress(whole, axis=1).T
 
 
 def with_markers(
