@@ -16,6 +16,7 @@ import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
+from pipeline.core.aligned import aligned
 from pipeline.core.errors import ConfigError, DegenerateFilterError, ModelDomainError
 from pipeline.core.passing import addressed
 from pipeline.filtering.measurement import Measurements
@@ -158,9 +159,10 @@ def particle_filter(
 
 def started(poses: np.ndarray) -> Particles:
     """The particles at their first ``poses`` (P, n) in rad, where they were before, too."""
-    q, count = np.ascontiguousarray(poses.T), len(poses)
-    room = np.empty((len(q) + 2, count))
-    return Particles(q, q.copy(), *np.empty((2, count)), np.empty(count, int), room)
+    count, n = poses.shape
+    q, before, room = aligned(n, count), aligned(n, count), aligned(n + 2, count)
+    q[:] = before[:] = poses.T
+    return Particles(q, before, *aligned(2, count), np.empty(count, int), room)
 
 
 def empty_record(grid: int, n: int) -> Record:

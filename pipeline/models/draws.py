@@ -12,6 +12,7 @@ from pipeline.arm.compiled import ARM
 from pipeline.arm.interface import Chain
 from pipeline.arm.numbers import Arm
 from pipeline.arm.serial_compiled import WIDTH
+from pipeline.core.aligned import aligned
 from pipeline.core.compiled import MATRIX, VECTOR, compiled, inlined, inner
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.passing import addressed
@@ -25,7 +26,6 @@ from pipeline.randommatrix.ziggurat import standard_normal
 
 # poses that are moved at once, of a planar chain; of any other arm as many as its room is wide
 BLOCK = 256
-LINE = 8  # floats in a line of the processor's cache
 
 
 def numbers_for(law: Law, chain: Chain, poses: int | None = None) -> Numbers:
@@ -35,25 +35,16 @@ def numbers_for(law: Law, chain: Chain, poses: int | None = None) -> Numbers:
     sets, each = law.normals
     m, n, planar = len(chain.task), len(chain.lower), isinstance(chain, PlanarChain)
     size = poses or (BLOCK if planar else WIDTH)
-    command = _aligned(m if m == n else m + n, size)
+    command = aligned(m if m == n else m + n, size)
     command[:] = 0.0  # a command of the task alone leaves the rows of the joints as they are
     return Numbers(
         np.array([gamma_law(each / 2.0) for each in law.degrees]).reshape(-1, 3),
         each,
-        _aligned(len(law.degrees), size),
-        _aligned(sets * each, size),
+        aligned(len(law.degrees), size),
+        aligned(sets * each, size),
         command,
-        _aligned(ROWS if planar else rows_of_room(n, m), size),
+        aligned(ROWS if planar else rows_of_room(n, m), size),
     )
-
-
-def _aligned(rows: int, size: int) -> np.ndarray:
-    """(rows, size) floats, not set, from the start of a line of the processor's cache on: NumPy
-    starts anywhere, and what is computed four at once would go across the lines' ends.
-    """
-    floats = np.empty(rows * size + LINE)
-    first = -floats.ctypes.data % (8 * LINE) // 8
-    return floats[first : first + rows * size].reshape(rows, size)
 
 
 @inner

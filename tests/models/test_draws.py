@@ -17,7 +17,7 @@ PARTICLES = 20_000
 
 
 def test_what_a_command_of_the_task_alone_leaves_out_is_zero_whatever_the_memory_held(monkeypatch):
-    monkeypatch.setattr(draws, "_aligned", lambda rows, size: np.full((rows, size), np.nan))
+    monkeypatch.setattr(draws, "aligned", lambda rows, size: np.full((rows, size), np.nan))
     held = numbers_for(Law(None, np.empty(0), normals=(1, 3)), path_problem("planar", 1).chain)
     assert held.command.shape[0] == 5
     assert not held.command.any()
