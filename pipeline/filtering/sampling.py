@@ -184,8 +184,9 @@ def sequential_importance_sampling(
         if effective < threshold * len(weights):
             resample(weights, chosen, room, words)
             for j in range(len(q)):
-                for i in range(len(weights)):
-                    before[j, i] = q[j, chosen[i]]
+                here, there = q[j], before[j]
+                for i in range(len(chosen)):
+                    there[i] = here[np.uint64(chosen[i])]  # which no index is below zero
             before, q = q, before
             effective, record.resampled[k] = make_equal(weights, log_weights), True
     return log_evidence, -1

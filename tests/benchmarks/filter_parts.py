@@ -203,6 +203,7 @@ def resample_all(
     for _ in range(times):
         resample(chances, chosen, room, words)
         for j in range(len(q)):
-            for i in range(len(weights)):
-                before[j, i] = q[j, chosen[i]]
+            here, there = q[j], before[j]
+            for i in range(len(chosen)):
+                there[i] = here[np.uint64(chosen[i])]
         make_equal(weights, log_weights)
