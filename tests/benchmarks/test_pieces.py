@@ -88,7 +88,7 @@ def test_floor_of_reading(benchmark, recording):
     benchmark.extra_info |= {"role": "floor", "items": len(recording.poses), "target": 2}
     benchmark.extra_info |= {
         "against": "floor of decoding alone",
-        "configuration": "the files read whole, and `cv2.imdecode`; ours has the rays of the camera "
+        "configuration": "the files read whole, and `cv2.imdecode`; ours has the camera's rays "
         "from the take before, as in the stage",
     }
     files = sorted((recording.folder / "kinect" / TAKE / "depth").iterdir())
