@@ -9,6 +9,7 @@ import os
 import shutil
 import subprocess
 import sys
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
@@ -64,6 +65,19 @@ def test_after_an_error_time_is_counted_on(busy):
         work.counted(fail, "room")()
     work.counted(busy, "room")(0.02)
     assert work.spent["room"] == pytest.approx(0.02)
+
+
+def test_what_a_counted_function_hands_back_to_be_called_is_counted(busy, monkeypatch):
+    def follow(seconds: float) -> None:
+        busy(seconds)
+
+    follow.__module__ = "pipeline.room.follow"
+    module = SimpleNamespace(follow=follow)
+    monkeypatch.setitem(sys.modules, "pipeline.room.follow", module)
+    handed = work.counted(lambda: partial(follow, 0.03), "outer")()
+    handed()
+    assert work.spent["room"] == pytest.approx(0.03)
+    assert module.follow is handed.func
 
 
 @pytest.mark.slow

@@ -46,12 +46,34 @@ def counted(function: FunctionType, room: str) -> FunctionType:
             return function(*arguments, **named)
         inside[0], begin = True, time.process_time()
         try:
-            return function(*arguments, **named)
+            result = function(*arguments, **named)
         finally:
             spent[room] += time.process_time() - begin
             inside[0] = False
+        if isinstance(result, functools.partial) and room_of(result.func):
+            # a function that the stage is handed to call
+            return functools.partial(count(result.func), *result.args, **result.keywords)
+        return result
 
     return call
+
+
+def room_of(thing: object) -> str | None:
+    """The room whose work ``thing`` is, where it is not counted yet."""
+    place = (getattr(thing, "__module__", None) or "").split(".")
+    work = place[0] == "pipeline" and place[1] not in BETWEEN
+    return place[1] if work and not hasattr(thing, "__wrapped__") else None
+
+
+def count(function: FunctionType) -> FunctionType:
+    """``function`` counted, under every name that the pipeline has for it, so that it can still be
+    pickled.
+    """
+    replacement = counted(function, room_of(function))
+    for module in [module for name, module in sys.modules.items() if name.startswith("pipeline.")]:
+        for name in [name for name, value in vars(module).items() if value is function]:
+            setattr(module, name, replacement)
+    return replacement
 
 
 def named_by(module: ModuleType) -> Iterator[object]:
@@ -74,28 +96,19 @@ def named_by(module: ModuleType) -> Iterator[object]:
 
 
 def count_calls(stage: str) -> None:
-    """Count what ``stage`` calls of the rooms, under every name that the pipeline has for it, so
-    that it can still be pickled.
-    """
+    """Count what ``stage`` calls of the rooms."""
     for thing in list(named_by(import_module(f"pipeline.stages.{stage}"))):
-        place = (getattr(thing, "__module__", None) or "").split(".")
-        if place[0] != "pipeline" or place[1] in BETWEEN or hasattr(thing, "__wrapped__"):
-            continue
-        if inspect.isclass(thing):
+        room = room_of(thing)
+        if room and inspect.isclass(thing):
             for name, method in list(vars(thing).items()):
                 if (
                     isinstance(method, FunctionType)
                     and not name.startswith("_")
                     and not hasattr(method, "__wrapped__")
                 ):
-                    setattr(thing, name, counted(method, place[1]))
-        elif isinstance(thing, FunctionType):
-            replacement = counted(thing, place[1])
-            for module in [
-                module for name, module in sys.modules.items() if name.split(".")[0] == "pipeline"
-            ]:
-                for name in [name for name, value in vars(module).items() if value is thing]:
-                    setattr(module, name, replacement)
+                    setattr(thing, name, counted(method, room))
+        elif room and isinstance(thing, FunctionType):
+            count(thing)
 
 
 def once(stages: list[list[str]]) -> dict:
