@@ -9,6 +9,8 @@ PEERS := .venv-peers
 export PATH := $(BIN):$(PATH)
 export DVC_NO_ANALYTICS := 1
 export HOME ?= $(CURDIR)/$(VENV)
+# Python keeps what it has read, as numba does: else every stage reads all of its libraries' sources anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: repro all test test-all smoke real synthetic audit bench bench-experiment bench-scale lint lock clean-env
 

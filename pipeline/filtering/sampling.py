@@ -17,6 +17,7 @@ from numba import float64, int64, types
 
 from pipeline.arm.compiled import ARM
 from pipeline.arm.numbers import Arm
+from pipeline.core.borrowed import borrowed
 from pipeline.core.compiled import VECTOR, compiled, inner
 from pipeline.filtering.resampling import SCHEME
 from pipeline.filtering.start import mark_outside
@@ -150,7 +151,9 @@ def sequential_importance_sampling(
     (:mod:`pipeline.models.correction`), ``weigh`` holds them against ``frames``. Below an effective
     sample size of ``threshold``·P particles ``resample`` chooses anew, from ``words`` (4,).
     """
-    q, before, weights, log_weights, chosen, room = particles
+    numbers, parameters, arm, domain = borrowed((numbers, parameters, arm, domain))
+    commands, frames, record, words = borrowed((commands, frames, record, words))
+    q, before, weights, log_weights, chosen, room = borrowed(particles)
     log_evidence = 0.0
     effective = make_equal(weights, log_weights)
     for k in range(len(commands.v) + 1):
@@ -186,7 +189,7 @@ def sequential_importance_sampling(
             for j in range(len(q)):
                 here, there = q[j], before[j]
                 for i in range(len(chosen)):
-                    there[i] = here[np.uint64(chosen[i])]  # which no index is below zero
+                    there[i] = here[np.uint64(chosen[i])]  # unsigned, as no index is below zero
             before, q = q, before
             effective, record.resampled[k] = make_equal(weights, log_weights), True
     return log_evidence, -1

@@ -169,7 +169,7 @@ def kept(run: Run) -> str:
     """What ``run`` found in the recordings, step by step, what it kept, and what it left out."""
     if "kept" not in run.tables:
         return ""
-    rows = run.tables["kept"].fillna("").astype(str).to_numpy().tolist()
+    rows = run.tables["kept"].astype(object).fillna("").astype(str).to_numpy().tolist()
     return table(["step", "recording", "found", "kept", "left out"], rows)
 
 
