@@ -22,7 +22,7 @@ repro: $(READY)
 all: $(READY)
 	dvc repro -P
 
-# Everything but the tests that take more than three seconds each.
+# Everything but the tests that take more than two seconds each.
 test: $(READY)
 	python -m pytest -q -n auto --dist worksteal -m "not slow"
 

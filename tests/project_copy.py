@@ -29,8 +29,10 @@ GIT = [
 ]
 
 
-def run(*command: str, cwd: Path) -> subprocess.CompletedProcess:
-    """Run a command in ``cwd`` without this process's environment variables; output captured."""
+def run(*command: str, cwd: Path, seconds: float | None = None) -> subprocess.CompletedProcess:
+    """Run a command in ``cwd`` without this process's environment variables; output captured.
+    TimeoutExpired after ``seconds``.
+    """
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     environment = {"PATH": path, "HOME": str(cwd), "GIT_CONFIG_NOSYSTEM": "1"} | {
         f"GIT_{who}_{what}": "test@example.org"
@@ -45,6 +47,7 @@ def run(*command: str, cwd: Path) -> subprocess.CompletedProcess:
         capture_output=True,
         text=True,
         check=False,
+        timeout=seconds,
     )
 
 

@@ -38,6 +38,7 @@ def off(draws: np.ndarray, model: WishartModel, arm: str) -> float:
     return float(np.max(np.abs(errors.mean(axis=0)) / (errors.std(axis=0) / np.sqrt(len(draws)))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arm", SPATIAL)
 @pytest.mark.parametrize(
     ("law", "draws"),

@@ -109,6 +109,7 @@ def test_an_inner_function_is_taken_from_the_cache_by_one_that_has_to_be_compile
     assert done.stdout.split() == ["3.0", "1"]
 
 
+@pytest.mark.slow
 def test_code_is_not_stale_where_numba_has_read_its_environment_anew(package):
     outer = package / "pipeline/outer.py"
     first, rest = OUTER.split("\n", 1)

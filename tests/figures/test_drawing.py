@@ -101,6 +101,7 @@ def test_every_figure_is_written_in_both_formats_and_the_same_every_time(project
     assert written() == first
 
 
+@pytest.mark.slow
 def test_figures_without_their_table_are_left_out_by_name_and_with_the_reason(
     project, draw, capsys
 ):
@@ -133,6 +134,7 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_folder_as_it_was(project, draw
     assert written() == before
 
 
+@pytest.mark.slow
 def test_numbers_beside_a_figure_are_those_that_another_stage_wrote(project, draw):
     remove({*FIGURES} - {"mean_error", "joint_std", "cable_robot"})
     draw()

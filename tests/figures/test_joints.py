@@ -67,6 +67,7 @@ def readable(figure: Figure) -> bool:
     return bool(np.all(np.array(sizes) >= LEAST)) and apart
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joints", ARMS.values(), ids=ARMS)
 def test_every_joint_has_a_panel_of_its_own_numbers_under_its_own_name(joints):
     names = [line["label"] for line in joint_lines(joints).values()]
@@ -80,6 +81,7 @@ def test_every_joint_has_a_panel_of_its_own_numbers_under_its_own_name(joints):
     assert shown(errors(joints)).count(names[-1]) == (3 if lines == 2 else 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joints", ARMS.values(), ids=ARMS)
 @pytest.mark.parametrize("draw", [std, errors, realizations])
 def test_every_panel_can_be_read_and_has_its_time_below_or_above_one_that_has(draw, joints):
@@ -94,6 +96,7 @@ def test_every_panel_can_be_read_and_has_its_time_below_or_above_one_that_has(dr
         assert any(label.get_visible() for label in axes.get_xticklabels())
 
 
+@pytest.mark.slow
 def test_eight_panels_in_one_line_could_not_be_read():
     figure, _ = joint_panels(8, 8, (7.16, 1.9, 0.6))
     assert not readable(figure)

@@ -104,6 +104,7 @@ def test_a_take_lasts_from_before_the_motion_to_after_it(arm, trajectory, quiet,
     assert q.shape == (len(t), 3)
 
 
+@pytest.mark.slow
 def test_the_start_scatters_as_stated_and_the_servo_takes_it_back(arm, trajectory, quiet, rng):
     takes = 300
     added = deviations(arm, trajectory, quiet, takes, rng, start_std=4e-3)

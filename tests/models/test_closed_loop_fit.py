@@ -98,6 +98,7 @@ def test_the_share_comes_back_from_takes_of_every_model(kind, path):
     assert 1 < fit.rounds < 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind", ["additive", *(pytest.param(k, marks=pytest.mark.slow) for k in list(MODELS)[1:])]
 )

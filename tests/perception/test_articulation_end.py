@@ -62,6 +62,7 @@ def test_variables_and_nodes_are_each_others_inverse_within_the_bounds_on_the_le
     assert lengths[2] == pytest.approx(LENGTHS[2], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_search_finds_what_scipys_finds_or_better(sequence):
     q, clouds = sequence
     ours, reference = [], []
@@ -89,6 +90,7 @@ def test_the_search_finds_what_scipys_finds_or_better(sequence):
     assert np.mean(ours) <= np.mean(reference)
 
 
+@pytest.mark.slow
 def test_points_on_the_lines_of_the_links_give_the_angles_wherever_the_end_is_commanded():
     rng = np.random.default_rng(3)
     commanded = motion()[:25]

@@ -123,6 +123,7 @@ def test_a_body_that_slips_is_left_out_of_its_frames(measured):
     assert tracked(slipped).counts["undecided"] + tracked(slipped).counts["unfit"] == 10
 
 
+@pytest.mark.slow
 def test_joints_that_no_point_shows_are_named(measured):
     upper = {"upper_arm": MARKERS["upper_arm"]}
     with pytest.raises(RecordingError, match="leave joint_3, joint_4, joint_5, joint_6 open"):

@@ -38,6 +38,7 @@ def test_without_noise_the_offset_is_found_to_a_microsecond() -> None:
     assert result.correlation == pytest.approx(1.0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_with_a_millimetre_of_noise_the_error_is_below_three_milliseconds() -> None:
     errors = np.array([find_offset(*recording(0.001, seed)).value - OFFSET for seed in range(60)])
     assert errors.std() < 0.0012
@@ -102,6 +103,7 @@ def test_a_drift_is_found_beside_the_offset_and_none_where_there_is_none() -> No
         assert result.value == pytest.approx(OFFSET, abs=0.006)
 
 
+@pytest.mark.slow
 def test_the_standard_error_of_the_drift_is_the_spread_of_the_estimates() -> None:
     result = [find_offset(*recording(0.002, seed)) for seed in range(60)]
     spread = np.std([one.drift for one in result])

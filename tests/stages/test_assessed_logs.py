@@ -61,6 +61,7 @@ def test_a_log_of_the_dataset_is_read_as_the_dataset_has_it(logs):
         new_takes(logs / "absent", settings.dataset, q.mean(axis=0))
 
 
+@pytest.mark.slow
 def test_a_pushed_repetition_is_named_and_the_usual_ones_behave(logs, capsys):
     write_movement(logs / "new", 3, noise=5e-5, seed=5)
     log = read_joint_log(logs / "new" / FILES[0], joints=6)

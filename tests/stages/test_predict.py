@@ -47,6 +47,7 @@ def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(project)
         )
 
 
+@pytest.mark.slow
 def test_without_test_takes_each_is_predicted_by_the_others(project):
     joints = contracts.read("joints", TRACK)
     training = joints[joints["part"] == "training"]

@@ -60,6 +60,7 @@ def test_without_a_camera_the_claims_about_motion_alone_are_decided(project, cla
     assert of_gaussian.nunique() == 1
 
 
+@pytest.mark.slow
 def test_with_a_camera_the_filter_is_decided_and_again_the_same(project, claims):
     film(project)
     ruled = verdicts()

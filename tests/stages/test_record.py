@@ -48,6 +48,7 @@ def tracked() -> np.ndarray:
     return errors.reshape(-1, 321, 7)
 
 
+@pytest.mark.slow
 def test_angles_are_measured_as_well_as_their_noise_lets_them(project):
     record.run("lwr4_lab")
     errors = tracked()
@@ -67,6 +68,7 @@ def test_angles_are_measured_as_well_as_their_noise_lets_them(project):
     assert noise.shape == (3 * 320, 7) and 1e-4 < noise.std() < 1e-2
 
 
+@pytest.mark.slow
 def test_the_same_seed_records_the_same_files_and_a_perfect_arm_is_measured_to_their_digits(
     project,
 ):

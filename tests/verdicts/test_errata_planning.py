@@ -35,6 +35,7 @@ def test_of_two_motions_neither_has_the_lesser_sum_and_trace_and_determinant_dis
         assert here < there - 1e-4 * abs(there)
 
 
+@pytest.mark.slow
 def test_the_least_uncertain_motion_of_the_gaussian_model_goes_where_the_arm_is_worst_conditioned():
     problem = path_problem("planar", 24, smoothness=0.0)
 
@@ -54,6 +55,7 @@ def test_the_least_uncertain_motion_of_the_gaussian_model_goes_where_the_arm_is_
     assert other.clearance.mean() > uncertain.clearance.mean()
 
 
+@pytest.mark.slow
 def test_under_the_wishart_model_by_qr_of_the_transpose_it_is_the_motion_of_least_norm():
     problem = path_problem("planar", 24, smoothness=0.0)
     chain = problem.chain

@@ -45,6 +45,7 @@ def published() -> np.ndarray:
     return np.array([claims[f"sigma-s-{name.lower()}"]["published"] for name in CONFIGURATIONS])
 
 
+@pytest.mark.slow
 def test_of_the_published_sigma_s_the_second_entry_of_c2_alone_is_doubtful_and_only_just(
     bounds, published
 ):

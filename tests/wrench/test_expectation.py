@@ -54,6 +54,7 @@ def test_for_one_cable_it_is_the_integral_over_tension_and_its_deviation():
         assert expected[i, j] == pytest.approx(direct, abs=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("bounds", "agents"),
     [(WIDE, 1), (WIDE, 3), (ROUND, 1), (ROUND, 8), (APART, 3), (SPACE, 3), (SPACE, 30)],

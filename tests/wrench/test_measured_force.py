@@ -94,6 +94,7 @@ def correlated(system, sigma_s, samples, rng):
     return np.repeat(modelled_wrenches(system, sigma_s, samples // 20, rng), 20, axis=0)
 
 
+@pytest.mark.slow
 def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_tensions_does_not(
     monkeypatch,
 ):

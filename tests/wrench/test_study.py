@@ -79,12 +79,14 @@ def test_off_diagonal_terms_lower_the_error_of_the_covariance_and_less_so_with_f
     assert relative[20] > 2 * relative[3]
 
 
+@pytest.mark.slow
 def test_the_error_falls_with_the_number_of_cables_in_every_repeat():
     _, _, spread = run_study(STUDY, [3, 5, 10, 15, 20], 1000, 2000, 5, np.random.default_rng(14))
     means = spread.pivot(index="repeat", columns="agents", values="mean")
     assert (np.diff(means.to_numpy(), axis=1) < 0).all()
 
 
+@pytest.mark.slow
 def test_the_study_is_that_of_its_generator_and_more_repeats_leave_the_first_ones_alone():
     one = run_study(STUDY, [3, 5], 100, 50, 2, np.random.default_rng(15))
     more = run_study(STUDY, [3, 5], 100, 50, 4, np.random.default_rng(15))

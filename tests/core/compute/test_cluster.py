@@ -49,6 +49,7 @@ def test_the_bytes_are_those_of_this_process(function, running):
     assert of_the_cluster == of_this_process
 
 
+@pytest.mark.slow
 def test_trials_and_results_are_laid_out_as_in_this_process(running):
     # what Dask sends without pickle may be read-only or lie in another order
     trials = [np.zeros((4, 6))[:, :-1], np.zeros((300, 300)).T, np.zeros((300, 300))[:, ::2]]

@@ -99,6 +99,7 @@ def deplete(trial: int, shared: list[int]) -> int:
     return shared.pop()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compute", [SERIAL, TWO])
 def test_no_trial_sees_what_another_did_to_what_they_share(compute, monkeypatch):
     monkeypatch.setattr(module, "START", 0.0)
@@ -115,6 +116,7 @@ def process(seconds: float) -> int:
     return os.getpid()
 
 
+@pytest.mark.slow
 def test_workers_are_started_where_that_is_worth_it_alone(monkeypatch):
     monkeypatch.setattr(module, "START", 0.4)
     monkeypatch.setattr(module, "LOADING", 0.2)

@@ -43,6 +43,7 @@ def test_written_intrinsics_read_back_exactly_in_the_sensors_own_format(tmp_path
     assert read_intrinsics(tmp_path / "ir.yaml", width=4, height=5).distortion == (0,) * 5
 
 
+@pytest.mark.slow
 def test_a_calibration_cut_at_any_byte_is_refused_or_whole(tmp_path):
     file, original = (
         tmp_path / "ir.yaml",
@@ -137,6 +138,7 @@ def test_several_cameras_in_one_file_are_told_apart_by_option_alone(tmp_path):
     assert read_intrinsics(file, width=640, height=480, matrix="K").fx == 525.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FORMS)
 def test_every_format_cut_at_any_byte_is_refused_or_whole(tmp_path, name):
     (tmp_path / name).write_text(FORMS[name])

@@ -20,6 +20,7 @@ def sweep(laboratory) -> Sweep:
     return Sweep(laboratory, "additive", model, options, 30, 12, 5)
 
 
+@pytest.mark.slow
 def test_the_longer_a_deviation_lasts_the_more_the_yardstick_gains(sweep):
     brief, long = (lasted(factor, sweep) for factor in (0.2, 5.0))
     pd.testing.assert_frame_equal(long, lasted(5.0, sweep))

@@ -55,6 +55,7 @@ def beside(chain, q: np.ndarray) -> np.ndarray:
     return np.where(z < -0.01, np.abs(x), np.inf).min(axis=(1, 2, 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("constant", "without", "measure", "others"),
     [

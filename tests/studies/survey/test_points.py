@@ -76,6 +76,7 @@ def test_what_is_there_is_found_and_not_computed_again(whole, kept, small, monke
     assert numbers(again) == (3, 0, 0) and joined(again).equals(whole[1])
 
 
+@pytest.mark.slow
 def test_an_interrupted_survey_goes_on_where_it_was_to_the_same_table(
     whole, small, tmp_path, monkeypatch
 ):
@@ -95,6 +96,7 @@ def test_an_interrupted_survey_goes_on_where_it_was_to_the_same_table(
     assert numbers(resumed) == (2, 1, 0) and decided_alike(joined(resumed), whole[1])
 
 
+@pytest.mark.slow
 def test_the_order_of_the_conditions_changes_no_point(whole, small, tmp_path):
     backwards = joined(gather(CONDITIONS[::-1], small, tmp_path, SERIAL))
     for condition in CONDITIONS:

@@ -19,6 +19,7 @@ from pipeline.verdicts.reference import ArmNames
 from pipeline.wrench.study import run_study
 
 
+@pytest.mark.slow
 def test_the_base_condition_is_the_study_of_its_seed(study):
     evidence = wrench_evidence(WrenchCondition(9, (2, 3)), study.wrench)
     _, errors, spread = run_study(
@@ -68,6 +69,7 @@ def measured(study: WrenchStudy, **factors: float) -> pd.Series:
     return moments.loc["measured"]
 
 
+@pytest.mark.slow
 def test_the_robots_pull_with_the_force_of_their_mean_tensions_and_directions(longer):
     configuration, result = longer.configurations["C1"], measured(longer)
     tension, direction = np.array(configuration.tension), np.array(configuration.direction)
@@ -78,6 +80,7 @@ def test_the_robots_pull_with_the_force_of_their_mean_tensions_and_directions(lo
     )
 
 
+@pytest.mark.slow
 def test_robots_that_slip_twice_as_hard_and_wander_less_are_felt(longer):
     base, slipping, steady = (
         measured(longer),

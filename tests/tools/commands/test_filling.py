@@ -55,6 +55,7 @@ def urdf() -> str:
     return os.path.relpath(Path(arm.__file__).with_name("ur5.urdf"))
 
 
+@pytest.mark.slow
 def test_options_suggestions_and_a_number_leave_nothing_open(logs, capsys):
     given = {"robot.urdf": urdf(), "robot.tool": "flange", "about.subject": "UR5: its way"}
     given |= {"about.source": "the laboratory"}
@@ -80,6 +81,7 @@ def test_options_suggestions_and_a_number_leave_nothing_open(logs, capsys):
     assert len(table) == 2 and all("No1_slow (3), No2_slow (3)" in line for line in table)
 
 
+@pytest.mark.slow
 def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(logs, monkeypatch, capsys):
     run(["lab", "--from", str(logs), "--set", "about.subject=an arm"])
     answers = iter(
@@ -116,6 +118,7 @@ def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(logs, monk
     assert sorted(durations[1:])[len(durations) // 2] < 1.0  # s, the median
 
 
+@pytest.mark.slow
 def test_what_is_not_answered_stays_open_with_what_is_suggested(logs, monkeypatch):
     monkeypatch.setattr(builtins, "input", lambda prompt: "")
     run(["lab", "--from", str(logs), "--set", f"robot.urdf={urdf()}", "--set", "robot.tool=flange"])

@@ -41,6 +41,7 @@ def write_path(file, **changes: object) -> None:
     table.to_csv(file, index=False, lineterminator="\n")
 
 
+@pytest.mark.slow
 def test_a_plan_follows_the_path_within_the_limits_and_can_be_read_and_seen(work, capsys):
     run(["wishart", "path.csv", "out", "--margin", "0.03", "--points", "30"])
     table = read_trajectory(work / "out/joints.csv")
