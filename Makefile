@@ -9,7 +9,7 @@ PEERS := .venv-peers
 export PATH := $(BIN):$(PATH)
 export DVC_NO_ANALYTICS := 1
 export HOME ?= $(CURDIR)/$(VENV)
-# Python keeps what it has read, as numba does: else every stage reads all of its libraries' sources anew.
+# Python keeps the bytecode of what it imports, as numba its machine code; else every process compiles those sources anew.
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: repro all test test-all smoke real synthetic audit bench bench-experiment bench-scale lint lock clean-env
@@ -22,7 +22,7 @@ repro: $(READY)
 all: $(READY)
 	dvc repro -P
 
-# Everything but the tests that take more than two seconds each.
+# Everything but the tests that take more than about two seconds each; with a run of all stages on the scale `smoke`.
 test: $(READY)
 	python -m pytest -q -n auto --dist worksteal -m "not slow"
 

@@ -129,6 +129,7 @@ def test_a_composed_configuration_of_another_version_is_refused(handed):
         config.sections("stage")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "dvc_file", [Path("dvc.yaml"), *Path("data/raw").glob("*/dvc.yaml")], ids=str
 )

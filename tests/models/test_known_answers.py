@@ -30,7 +30,9 @@ from pipeline.models.wishart.law import WishartModel
 from pipeline.models.wishart.options import Options as Wishart
 
 TAKES, STEPS, REST = 40, 80, 20
-every_arm = pytest.mark.parametrize(("n", "m"), [(7, 6), (3, 2)])
+every_arm = pytest.mark.parametrize(
+    ("n", "m"), [pytest.param(7, 6, marks=pytest.mark.slow), (3, 2)]
+)
 
 
 @dataclass(frozen=True)

@@ -146,6 +146,7 @@ def test_nothing_is_asked_of_any_host_and_nothing_goes_wrong(opened, results):
     # the page forbids itself to ask, and what it would ask is seen here
     with page.expect_console_message(lambda said: "Content Security Policy" in said.text):
         page.evaluate("fetch('https://example.org/').catch(() => null)")
+    assert any("Content Security Policy" in error for error in opened.errors)
 
 
 def test_links_within_the_page_lead_somewhere(opened):
