@@ -1,9 +1,9 @@
 """Arrays that compiled code borrows.
 
-numba counts who holds an array: up by one for each view of it and down again, by an instruction
-that no other thread may come between and that takes as long as a few particles' steps. A function
-that is called for every block of poses makes a hundred views. Whoever called the compiled code
-from Python holds its arguments all the while, so that within it nobody needs to count.
+numba counts who holds an array: up by one for each view of it and down again, each time by an
+instruction that no other thread may come between. A step of a block of particles makes many views.
+Whoever called the compiled code from Python holds its arguments all the while, so that within it
+nobody needs to count.
 """
 
 from __future__ import annotations
@@ -28,6 +28,9 @@ def borrowed(typingctx: object, arrays: object) -> tuple:
 
 
 def _uncounted(context: object, builder: ir.IRBuilder, kind: object, value: object) -> object:
+    """The ``value`` of the type ``kind`` with no holder: numba leaves alone a count that is not
+    there.
+    """
     if isinstance(kind, types.Array):
         array = context.make_array(kind)(context, builder, value=value)
         array.meminfo = get_null_value(array.meminfo.type)
