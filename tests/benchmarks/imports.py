@@ -1,6 +1,7 @@
 """What the stages take to import, as reports/benchmarks/imports.json: every stage on the smoke
 scale, a process of its own as in `dvc repro`, in a copy of the project; of several rounds the
-least, in which everything is compiled. ``python tests/benchmarks/imports.py FOLDER``
+least, in which everything is compiled. Beside them the libraries alone, below which no stage that
+uses them can come. ``python tests/benchmarks/imports.py FOLDER``
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from project_copy import ROOT, copy_project, set_parameters
 
 LIMITS = {"median": 1.0, "slowest": 1.5}  # s
 ROUNDS = 5
+# those of a stage that reads tables, moves an arm and has compiled loops; that of the stages `fit`
+LIBRARIES = [["numpy", "pandas", "numba", "pinocchio"], ["cvxpy"]]
 
 
 def main(folder: Path) -> None:
@@ -31,6 +34,9 @@ def main(folder: Path) -> None:
         " ".join(words): min(import_time(folder, words) for _ in range(ROUNDS))
         for words in plan(folder)
     }
+    libraries = {
+        ", ".join(names): min(library_time(names) for _ in range(ROUNDS)) for names in LIBRARIES
+    }
     measured = {
         "machine": machine(),
         "limits": LIMITS,
@@ -38,6 +44,7 @@ def main(folder: Path) -> None:
         "median": round(median(stages.values()), 3),
         "slowest": round(max(stages.values()), 3),
         "stages": {stage: round(seconds, 3) for stage, seconds in stages.items()},
+        "libraries": {names: round(seconds, 3) for names, seconds in libraries.items()},
     }
     (ROOT / "reports/benchmarks/imports.json").write_text(json.dumps(measured, indent=1) + "\n")
 
@@ -49,6 +56,13 @@ def import_time(folder: Path, words: list[str]) -> float:
         [sys.executable, HERE / "import_time.py", answer, *words], cwd=folder, check=True
     )
     return json.loads(answer.read_text())
+
+
+def library_time(names: list[str]) -> float:
+    """Processor time in s that Python takes to start and to import the libraries ``names``."""
+    script = f"import time, {', '.join(names)}; print(time.process_time())"
+    ran = subprocess.run([sys.executable, "-c", script], check=True, stdout=subprocess.PIPE)
+    return float(ran.stdout)
 
 
 if __name__ == "__main__":
