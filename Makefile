@@ -54,7 +54,7 @@ bench: $(READY) $(PEERS)/.ready
 	python tests/benchmarks/equal_bytes.py .bench/levels
 	python tests/benchmarks/summary.py
 
-# The processor time of the whole experiment against that of the work itself, after `make bench`; runs the experiment twice.
+# The processor time of the whole experiment against that of the work itself, after `make bench`; runs the experiment with workers and without.
 bench-experiment: $(READY)
 	python tests/benchmarks/experiment.py .bench paper
 	python tests/benchmarks/summary.py
