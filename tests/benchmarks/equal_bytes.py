@@ -75,18 +75,26 @@ def computed(setting: Setting, folder: Path) -> dict[str, str]:
     return json.loads(answer.read_text())
 
 
+def lacking() -> list[Setting]:
+    """Settings whose instructions this machine's processor does not have."""
+    here = features()
+    return [one for one in SETTINGS if not NEEDED.get(one.level, set()) <= here]
+
+
+def measured(settings: list[Setting], folder: Path) -> dict:
+    """The hashes under each setting, and on what machine."""
+    return {"machine": machine(), "hashes": {one.name: computed(one, folder) for one in settings}}
+
+
 def main(folder: Path) -> None:
     """Compute under every setting that this machine has, and write."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    here = features()
-    skipped = [one.name for one in SETTINGS if not NEEDED.get(one.level, set()) <= here]
-    hashes = {
-        one.name: computed(one, folder) for one in (*SETTINGS, CONTROL) if one.name not in skipped
-    }
-    measured = {"machine": machine(), "skipped": skipped, "hashes": hashes}
+    skipped = lacking()
+    answer = measured([one for one in (*SETTINGS, CONTROL) if one not in skipped], folder)
+    answer["skipped"] = [one.name for one in skipped]
     file = ROOT / "reports/benchmarks/equal_bytes.json"
-    file.write_text(json.dumps(measured, indent=1) + "\n")
+    file.write_text(json.dumps(answer, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -12,13 +12,15 @@ TITLE = "Equal bytes"
 
 
 def section(folder: Path) -> str:
-    """Of equal_bytes.json."""
+    """Of equal_bytes.json and, for the settings that its machine lacks, of emulated.json."""
     measured = json.loads((folder / "equal_bytes.json").read_text())
+    emulated = json.loads((folder / "emulated.json").read_text())
     hashes, skipped = measured["hashes"], measured["skipped"]
-    reference, *others = [one.name for one in SETTINGS if one.name in hashes]
+    hashes |= {name: emulated["hashes"][name] for name in skipped}
+    reference, *others = [one.name for one in SETTINGS]
     rows = [
         [piece]
-        + ["equal" if hashes[name][piece] == value else "**other**" for name in others]
+        + ["equal" if hashes[name].get(piece) == value else "**other**" for name in others]
         + ["equal" if hashes[CONTROL.name][piece] == value else "other"]
         for piece, value in hashes[reference].items()
     ]
@@ -29,12 +31,16 @@ def section(folder: Path) -> str:
         "project where nothing is compiled before; takes are filtered on one or two threads, "
         "trials run by one or two processes. The control has an arithmetic that the project does "
         f"not allow itself ({arithmetic}): where it touches a piece, the bytes are other ones. "
-        f"{left_out(skipped)}\n\n{table(['piece', *others, 'control'], rows)}"
+        f"{elsewhere(skipped, emulated['machine'])}\n\n"
+        f"{table(['piece', *others, 'control'], rows)}"
     )
 
 
-def left_out(skipped: list[str]) -> str:
-    """What this machine cannot run."""
+def elsewhere(skipped: list[str], machine: str) -> str:
+    """Where that ran which the machine cannot run."""
     if not skipped:
-        return "No setting is left out."
-    return f"Skipped, as this processor lacks the instructions: {'; '.join(skipped)}."
+        return "All ran on this processor."
+    return (
+        f"This processor lacks the instructions of {'; '.join(skipped)}: they ran in the emulator "
+        f"Bochs, by `make bench-emulated`, as {machine}."
+    )

@@ -1,5 +1,5 @@
 """What compares the bytes of results: a digest tells the last bit, the report every difference, and
-what a processor lacks is skipped.
+what a processor lacks is taken from the emulator alone.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ import json
 
 import equal_bytes
 import numpy as np
-from equal_bytes import CONTROL, SETTINGS, computed
+from equal_bytes import CONTROL, NEEDED, SETTINGS, computed, lacking
 from equal_bytes_section import section
 from result_bytes import digest
 
@@ -26,20 +26,46 @@ def test_the_levels_are_those_of_other_processors_each_on_one_thread_and_on_two(
     assert len({one.name for one in SETTINGS}) == len(SETTINGS) and len(V4) == 2
 
 
-def test_the_report_shows_what_differs_and_what_is_skipped(tmp_path):
-    names = [one.name for one in SETTINGS if one.name not in V4]
+def written(folder, skipped):
+    """The report where the third setting differs in a piece, with ``skipped`` emulated."""
+    names = [one.name for one in SETTINGS]
     hashes = {name: {"fit": "a", "filter": "b"} for name in [*names, CONTROL.name]}
     hashes[names[2]] = {"fit": "a", "filter": "c"}
     hashes[CONTROL.name]["fit"] = "d"
-    measured = {"machine": "M", "skipped": V4, "hashes": hashes}
-    (tmp_path / "equal_bytes.json").write_text(json.dumps(measured))
-    text = section(tmp_path)
-    assert f"| piece | {names[1]} | {names[2]} | {names[3]} | control |" in text
+    emulated = {name: hashes.pop(name) for name in skipped}
+    measured = {"machine": "M", "skipped": skipped, "hashes": hashes}
+    (folder / "equal_bytes.json").write_text(json.dumps(measured))
+    (folder / "emulated.json").write_text(json.dumps({"machine": "E", "hashes": emulated}))
+    return section(folder)
+
+
+def test_the_report_shows_what_differs_and_what_ran_elsewhere(tmp_path):
+    text = written(tmp_path, V4)
     assert text.splitlines()[-2:] == [
-        "| fit | equal | equal | equal | other |",
-        "| filter | equal | **other** | equal | equal |",
+        "| fit | equal | equal | equal | equal | equal | other |",
+        "| filter | equal | **other** | equal | equal | equal | equal |",
     ]
-    assert f"lacks the instructions: {'; '.join(V4)}" in text
+    assert f"lacks the instructions of {'; '.join(V4)}" in text and "as E." in text
+
+
+def test_what_a_machine_has_is_not_taken_from_the_emulator(tmp_path):
+    assert "All ran on this processor." in written(tmp_path, [])
+
+
+def test_a_piece_that_the_emulator_did_not_run_is_not_called_equal(tmp_path):
+    written(tmp_path, V4)
+    file = tmp_path / "emulated.json"
+    emulated = json.loads(file.read_text())
+    del emulated["hashes"][V4[0]]["filter"]
+    file.write_text(json.dumps(emulated))
+    assert section(tmp_path).splitlines()[-1].split(" | ")[-3] == "**other**"
+
+
+def test_a_machine_lacks_the_settings_whose_instructions_it_has_not(monkeypatch):
+    monkeypatch.setattr(equal_bytes, "features", lambda: {"avx2", "fma", "avx512f"})
+    assert [one.name for one in lacking()] == V4
+    monkeypatch.setattr(equal_bytes, "features", lambda: NEEDED["x86-64-v4"])
+    assert lacking() == []
 
 
 def test_a_setting_reaches_the_process_that_computes(tmp_path, monkeypatch):
