@@ -137,8 +137,8 @@ def disk(system: Path, folder: Path, settings: list[Setting]) -> None:
     subprocess.run(["mke2fs", "-q", "-t", "ext4", "-d", tree, image, "4G"], check=True)
 
 
-def machine(system: Path, folder: Path) -> str:
-    """Bochs' description of the guest."""
+def description(system: Path, folder: Path) -> str:
+    """Of the guest, as Bochs reads it."""
     share = system / "usr/share"
     return f"""cpu: model={PROCESSOR}, ips=300000000, reset_on_triple_fault=0
 memory: guest=2048, host=2048
@@ -172,7 +172,7 @@ def main(folder: Path) -> None:
     system = debian(folder)
     boot_disc(system, folder)
     disk(system, folder, settings)
-    (folder / "bochsrc").write_text(machine(system, folder))
+    (folder / "bochsrc").write_text(description(system, folder))
     # it ends with an error where the guest switches itself off, too
     subprocess.run(["bochs", "-q", "-f", folder / "bochsrc"], stdin=subprocess.DEVNULL, check=False)
     answer = folder / "answer.json"
