@@ -12,7 +12,7 @@ z and T independent. So no matrix is drawn or inverted.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,12 @@ from pipeline.models.wishart.density import (
     draw_action,
 )
 from pipeline.models.wishart.factors import factors
+from pipeline.models.wishart.moments import (
+    StepSquares,
+    dispersion_of_trace,
+    step_squares,
+    step_variances,
+)
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion
 
 
@@ -105,6 +111,16 @@ class WishartModel:
         a, back, _ = factors(chain, q, v, self.decomposition)
         return step_covariance(a, back, self.sigma_b)
 
+    def with_trace(
+        self, chain: Mechanism, q: np.ndarray, v: np.ndarray, trace: float
+    ) -> WishartModel:
+        """The model of another σ_B, by :func:`.moments.dispersion_of_trace`; raises what it
+        raises.
+        """
+        a, back, _ = factors(chain, q, v, self.decomposition)
+        squares = StepSquares(*(each.mean() for each in step_squares(a, back)))
+        return replace(self, sigma_b=dispersion_of_trace(squares, trace, a.shape[-1]))
+
     def sample(
         self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
     ) -> np.ndarray:
@@ -170,9 +186,8 @@ def step_covariance(a: np.ndarray, back: np.ndarray, sigma_b: float) -> np.ndarr
     """
     m = a.shape[-1]
     d = _degrees_with_moments(sigma_b, 2, m)
-    square = d**2 / ((d - m - 1) * (d - m - 3))
-    variance = 2 * d**2 / ((d - m - 1) ** 2 * (d - m - 3))
-    across, mean = square / (d - m), np.matvec(back, a)
+    variance, across = step_variances(d, m)
+    mean = np.matvec(back, a)
     size = across * np.vecdot(a, a)[..., None, None]
     along = (variance - across) * mean[..., :, None] * mean[..., None, :]
     # einsum, as matmul takes three times as long for matrices this small
