@@ -1,4 +1,5 @@
 # Two commands: `make repro` (the paper) and `make test`. Each target makes its own environment in .venv from the hashed lock files.
+# The checkout may lie in a path with blanks: every absolute path in a recipe is quoted.
 SHELL := /bin/sh
 PYTHON ?= $(shell for p in python3.12 python3.11 python3 python; do \
 	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' 2>/dev/null && { echo $$p; break; }; done)
@@ -12,11 +13,15 @@ export HOME ?= $(CURDIR)/$(VENV)
 # Python keeps the bytecode of what it imports, as numba its machine code; else every process compiles those sources anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: repro all test test-all smoke real synthetic audit bench bench-emulated bench-experiment bench-scale lint lock clean-env
+.PHONY: env view repro all test test-all smoke real synthetic audit bench bench-emulated bench-experiment bench-scale lint lock clean-env
+
+# The environment alone.
+env: $(READY)
 
 # The paper alone.
 repro: $(READY)
 	dvc repro
+	@echo "Results: report reports/report.md, page reports/index.html, model card reports/model_card.md"
 
 # The paper, the studies and the page of results.
 all: $(READY)
@@ -75,20 +80,20 @@ lint: $(READY)
 # A new environment whenever a lock changes. uv only installs: every file is checked against its hash.
 $(READY): requirements.lock uv.requirements build-constraints.txt
 	@test -n "$(PYTHON)" || { echo "error: no Python 3.11 or 3.12 found (looked for python3.12, python3.11, python3, python); install one, or name it: make PYTHON=/path/to/python3.12" >&2; exit 1; }
-	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' || { echo "error: $(PYTHON) is no Python 3.11 or 3.12" >&2; exit 1; }
-	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "error: $(PYTHON) lacks the venv module; on Debian and Ubuntu install python3-venv" >&2; exit 1; }
+	@"$(PYTHON)" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' || { echo "error: $(PYTHON) is no Python 3.11 or 3.12" >&2; exit 1; }
+	@"$(PYTHON)" -c 'import venv, ensurepip' 2>/dev/null || { echo "error: $(PYTHON) lacks the venv module; on Debian and Ubuntu install python3-venv" >&2; exit 1; }
 	@command -v git >/dev/null || { echo "error: git is missing; DVC needs it" >&2; exit 1; }
 	rm -rf $(VENV)
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r uv.requirements
-	$(BIN)/uv pip sync --quiet --system-certs --python $(BIN)/python --require-hashes --build-constraint build-constraints.txt requirements.lock
+	"$(PYTHON)" -m venv $(VENV)
+	"$(BIN)"/python -m pip install --quiet --disable-pip-version-check --require-hashes -r uv.requirements
+	"$(BIN)"/uv pip sync --quiet --system-certs --python "$(BIN)/python" --require-hashes --build-constraint build-constraints.txt requirements.lock
 	touch $@
 
 # The libraries that the benchmarks compare with, in an environment of their own.
 $(PEERS)/.ready: tests/benchmarks/peers.lock build-constraints.txt | $(READY)
 	rm -rf $(PEERS)
-	$(BIN)/uv venv --quiet --python $(BIN)/python $(PEERS)
-	$(BIN)/uv pip sync --quiet --system-certs --python $(PEERS)/bin/python --require-hashes --build-constraint build-constraints.txt tests/benchmarks/peers.lock
+	"$(BIN)"/uv venv --quiet --python "$(BIN)/python" $(PEERS)
+	"$(BIN)"/uv pip sync --quiet --system-certs --python $(PEERS)/bin/python --require-hashes --build-constraint build-constraints.txt tests/benchmarks/peers.lock
 	touch $@
 
 # Renew the locks after a change of pyproject.toml; needs an environment.

@@ -42,7 +42,7 @@ LINKS = """\
 - Numbers of this run: [metrics](metrics), [tables](tables); of every dataset: [datasets](datasets).
 - What goes beyond the paper, a page each: [studies](studies) (`dvc repro -P`).
 - Recordings: [dataset_card.md](dataset_card.md). Speed: [benchmarks.md](benchmarks.md).
-- All of it in a browser: [index.html](index.html)."""
+- In a browser: [index.html](index.html); the studies: [studies.html](studies.html)."""
 
 
 def report_page(

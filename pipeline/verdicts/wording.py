@@ -58,17 +58,6 @@ def side_by_side(decided: Sequence[Decided], about: str) -> list[tuple[Claim, li
     return [(row[0].claim, list(row)) for row in rows if row[0].claim.about == about]
 
 
-def published(claim: Claim) -> list[str]:
-    """The published values, none or one or one a case."""
-    values = claim.published if isinstance(claim.published, list) else [claim.published]
-    return [number(value) for value in values if value is not None]
-
-
-def measured(claim: Claim) -> str:
-    """The quantity that decides the claim, with its unit."""
-    return f"{claim.quantity} in {claim.unit}" if claim.unit else claim.quantity
-
-
 def case_text(case: Case) -> str:
     """One case of a claim: its name, value, interval, what it is compared with, and whether the
     test fails.
@@ -81,25 +70,3 @@ def case_text(case: Case) -> str:
     if case.than is not None:
         text += f" against {number(case.than)}"
     return f"{text} ✗" if case.holds is False else text
-
-
-def distance_rows(decided: Sequence[Decided]) -> list[list[str]]:
-    """Place, case, published value, expectation and distance of every number that has one, of the
-    first dataset that has them.
-    """
-    for whose in decided:
-        rows = [
-            [
-                verdict.claim.where,
-                case.case,
-                number(case.published),
-                number(case.value),
-                f"{case.distance:+.2f}",
-            ]
-            for verdict in whose.verdicts
-            for case in verdict.cases
-            if case.published is not None and case.value is not None and case.distance is not None
-        ]
-        if rows:
-            return rows
-    return []

@@ -7,10 +7,7 @@ from pipeline.verdicts.decision import Decided, decide
 from pipeline.verdicts.reference import ArmNames
 from pipeline.verdicts.wording import (
     case_text,
-    distance_rows,
-    measured,
     number,
-    published,
     side_by_side,
 )
 
@@ -63,14 +60,6 @@ def test_values_comparisons_intervals_and_failures_are_shown():
     ]
     assert [case_text(case) for case in sigma.cases] == ["6 [5.51, 6.49] ✗"]
     assert [case_text(case) for case in robot.cases] == ["–"]
-    assert measured(spread.claim) == "the quantity in rad"
-    assert (published(spread.claim), published(sigma.claim)) == ([], ["7"])
-
-
-def test_distances_in_standard_errors_are_of_the_first_dataset_that_has_them():
-    rows = [["the where", "", "7", "6", "+4.00"]]
-    assert distance_rows([YOUBOT]) == rows == distance_rows([UR5, YOUBOT])
-    assert distance_rows([UR5]) == []
 
 
 def test_datasets_stand_side_by_side_by_what_a_claim_is_about():
