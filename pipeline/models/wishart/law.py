@@ -23,7 +23,7 @@ from pipeline.core.errors import ModelDomainError
 from pipeline.models.commands import task_step
 from pipeline.models.density import normal_log_density
 from pipeline.models.model import Law
-from pipeline.models.wishart.decomposition import LU, PARTS, Decomposition
+from pipeline.models.wishart.decomposition import PARTS, PIVOTED_LU, Decomposition
 from pipeline.models.wishart.density import (
     action_log_density,
     blurred_log_density,
@@ -45,13 +45,13 @@ class WishartModel:
 
     J₁BJ₂ is Eq. (LUDecom), and a step through its inverse Eq. (RMTInvDiff), whose law is that of
     Algorithm 1; of m task rows and n ≥ m joints B is (m, m), and what the arm is commanded in the
-    null space of J has no noise. Raises ModelDomainError where σ_B is not positive; with a chain,
-    where σ_B has no density or the decomposition another size, and where a pivot of LU without
-    pivoting is small.
+    null space of J has no noise. Under pivoted LU and QR of J the law depends on the units of the
+    task rows, m and rad (:mod:`.decomposition`). Raises ModelDomainError where σ_B is not positive;
+    with a chain, where σ_B has no density or a given J₁ has another size.
     """
 
     sigma_b: float
-    decomposition: Decomposition = LU
+    decomposition: Decomposition = PIVOTED_LU
 
     def __post_init__(self) -> None:
         if not 0 < self.sigma_b < np.inf:
@@ -59,8 +59,8 @@ class WishartModel:
 
     def law(self, chain: Chain) -> Law:
         """A step, compiled."""
-        m, n = len(chain.task), len(chain.lower)
-        self.decomposition.require_size(m, n)
+        m = len(chain.task)
+        self.decomposition.require_size(m)
         d = degrees_of_freedom(self.sigma_b, m)
         # three task rows take one χ² variate and two normals, see :mod:`.step`; one takes no
         # direction
@@ -75,8 +75,6 @@ class WishartModel:
 
         n = 3
         match self.decomposition:
-            case Decomposition("lu", rows=rows, order=order):
-                return step.lu, [*(rows or range(n)), *(order or range(n))]
             case Decomposition("pivoted_lu"):
                 return step.pivoted_lu, []
             case Decomposition("qr_transposed"):
@@ -95,7 +93,7 @@ class WishartModel:
 
         if self.decomposition == Decomposition("qr_transposed"):
             return whole_pose_step.law_of(chain)
-        return serial_step.law_of(self.decomposition, len(chain.task), len(chain.lower))
+        return serial_step.law_of(self.decomposition, len(chain.task))
 
     def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n) q + d/(d−m−1)·J⁺v and the step in the null space of J: longer than the nominal
