@@ -82,6 +82,13 @@ def compose_config(params_file: Path) -> DictConfig:
         composed = composed_with(overrides, sheet, option_file, {"seed": params["seed"]}, changes)
     except ConfigError as error:
         raise ConfigError(error.message, **({"file": params_file} | error.evidence)) from None
+    if "elimination" in composed.dataset:
+        raise ConfigError(
+            "a dataset no longer names a decomposition; remove this key and state decomposition in "
+            "pipeline/conf/model/wishart.yaml (by_shape, pivoted_lu, qr, qr_transposed or given)",
+            key="dataset.elimination",
+            file=sheet.file if sheet.holds("elimination") else option_file,
+        )
     datasheet.require_filled(composed, sheet, option_file)
     try:
         config = typed(Config, composed)

@@ -197,11 +197,13 @@ def test_a_refusal_leaves_the_written_configuration_as_it_was(tmp_path):
     assert (tmp_path / "config.yaml").read_bytes() == before
 
 
-@pytest.mark.parametrize(
-    ("dataset", "rows"), [("youbot", None), ("ur5_planar", "z x phi"), ("ur5_rounds", "z x phi")]
-)
-def test_models_by_lu_eliminate_in_the_order_that_the_dataset_names(compose, dataset, rows):
-    models = compose(dataset=dataset, models="[wishart, wishart_ml, wishart_qr]").models
-    for name in ("wishart", "wishart_ml"):
-        assert models[name].rows == (rows and rows.split()) and models[name].order is None
-    assert models.wishart_qr.rows is None
+@pytest.mark.parametrize("dataset", ["youbot", "ur5", "lwr4"])
+def test_a_decomposition_named_by_a_dataset_is_refused_with_its_replacement(compose, dataset):
+    with pytest.raises(ConfigError, match=r"pipeline/conf/model/wishart\.yaml") as refused:
+        compose(
+            dataset=dataset, overrides="{dataset: {elimination: {decomposition: qr_transposed}}}"
+        )
+    assert refused.value.evidence["key"] == "dataset.elimination"
+    # control: the model's file has it
+    override = "{models: {wishart: {decomposition: qr_transposed}}}"
+    assert compose(overrides=override).models.wishart.decomposition == "qr_transposed"

@@ -21,7 +21,7 @@ def test_a_model_that_is_not_chosen_cannot_be_overridden(compose):
     with pytest.raises(ConfigError, match="no model wishart is chosen; there are additive"):
         compose(
             models="[additive]",
-            overrides="{models: {wishart: {kind: wishart, decomposition: lu, floor: 0.2}}}",
+            overrides="{models: {wishart: {kind: wishart, decomposition: qr, floor: 0.2}}}",
         )
 
 

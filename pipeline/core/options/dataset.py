@@ -76,24 +76,11 @@ class Motion:
 
 
 @dataclass
-class Elimination:
-    """What the Wishart model does where LU without pivoting, in the natural order, meets a small
-    pivot on this motion: another order of the task rows or the joints, by name, or another
-    decomposition.
-    """
-
-    decomposition: str = "lu"  # or pivoted_lu, qr, qr_transposed
-    rows: list[str] | None = None  # of robot.task
-    order: list[str] | None = None  # of robot.joints
-
-
-@dataclass
 class Dataset:
     name: str = MISSING
     recordings: str = MISSING  # folder of the raw files, from the project's root
     robot: Robot | None = field(default_factory=Robot)  # null where forces alone were recorded
     motion: Motion | None = field(default_factory=Motion)  # likewise
-    elimination: Elimination = field(default_factory=Elimination)
     trajectory: str | None = None  # file of the commanded trajectory, where there is one
     mocap: Mocap | None = None
     joint_log: JointLog | None = None

@@ -8,6 +8,7 @@ from omegaconf import MISSING
 
 from pipeline.core.errors import ConfigError
 from pipeline.models import options
+from pipeline.models.wishart.decomposition import BY_SHAPE, COMPUTED
 
 
 @dataclass
@@ -15,12 +16,8 @@ class Options(options.Options):
     """``estimator``: ``paper`` or ``likelihood``."""
 
     estimator: str = MISSING
-    decomposition: str = MISSING  # lu, pivoted_lu, qr, qr_transposed or given
+    decomposition: str = BY_SHAPE  # or pivoted_lu, qr, qr_transposed or given
     left: list[list[float]] | None = None  # rows of J₁, of the decomposition given alone
-    # names of the task rows and of the joints in the order in which lu alone eliminates them; as
-    # they are in the trajectory and base to tip where none are named
-    rows: list[str] | None = None
-    order: list[str] | None = None
     floor: float | None = None  # of the paper's estimator alone
     ratio_factor: float = 1.0  # on α₂/α₁ of the paper's estimator, which the noise at rest settles
 
@@ -30,6 +27,7 @@ class Options(options.Options):
             raise ConfigError(
                 "the paper's estimator of a Wishart model needs a floor", key="models.*.floor"
             )
+        options.require_choice("decomposition", self.decomposition, (BY_SHAPE, *COMPUTED, "given"))
         if (self.decomposition == "given") != (self.left is not None):
             raise ConfigError(
                 "the decomposition given, and no other, needs the rows of J1 as left",
@@ -40,8 +38,3 @@ class Options(options.Options):
                 "left must hold the rows of J1, each of as many values as there are rows",
                 key="models.*.left",
             )
-        for key in ("rows", "order"):
-            if getattr(self, key) is not None and self.decomposition != "lu":
-                raise ConfigError(
-                    f"the decomposition lu, and no other, takes {key}", key=f"models.*.{key}"
-                )
