@@ -11,11 +11,18 @@ import numpy as np
 import pandas as pd
 import pytest
 from omegaconf import OmegaConf
+from recovery_bench import (
+    Bench,
+    angles_of_depth,
+    angles_of_logs,
+    angles_of_markers,
+    moments_of_force,
+    recovered_from,
+)
 from scipy.spatial.transform import Rotation
 from written_logs import write_joint_log
 
 from pipeline.arm.model import Arm, load_arm
-from pipeline.core.columns import values
 from pipeline.core.config import compose_config
 from pipeline.core.options.dataset import Dataset, Motion, Robot
 from pipeline.core.options.logs import JointLog as JointLogOptions
@@ -33,15 +40,8 @@ from pipeline.laboratory.sensor import draw_bias
 from pipeline.laboratory.swing import desired_joints, desired_trajectory
 from pipeline.perception.articulation import ArticulationOptions
 from pipeline.perception.link_fit import marker_places
-from pipeline.recordings.joint_logs import joint_log_rows
-from pipeline.studies.faults.bench import Bench, Recovered, recovered_from
-from pipeline.studies.faults.recordings import (
-    joint_angles_of_depth,
-    joint_angles_of_markers,
-    moments_of_force,
-)
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 FULL_SCALE = 32.0  # N, of the force transducer
 STEPS, RATE = 180, 100.0  # of the motion grid
 # s into the motion of the dataset, still at rest for a little: how it speeds up tells the clocks
@@ -111,7 +111,7 @@ def marker_bench(dataset, arm, motion, tmp_path_factory) -> Bench:
     write_motive(folder / "optitrack/test_001.csv", take, start="2017-05-02 10.00.00.000 AM")
     return _bench(
         _files(folder),
-        partial(joint_angles_of_markers, dataset=dataset, arm=arm),
+        partial(angles_of_markers, dataset=dataset, arm=arm),
         frame / RATE,
         q,
     )
@@ -154,7 +154,7 @@ def depth_bench(dataset, arm, motion, tmp_path_factory) -> Bench:
     markers = pd.DataFrame({"take": "test_001", "part": "test", "k": k, "t": grid[k], "link": 1})
     markers[["x", "y", "z"]] = places.reshape(-1, 3)
     recover = partial(
-        joint_angles_of_depth,
+        angles_of_depth,
         dataset=dataset,
         arm=arm,
         markers=markers,
@@ -185,12 +185,6 @@ def force_bench(dataset, tmp_path_factory) -> Bench:
     return Bench(_files(folder), recover, clean, clean.time, clean.values)
 
 
-def _joint_angles_of_logs(raw: Path, dataset: Dataset, arm: Arm) -> Recovered:
-    _, joints, quality = joint_log_rows(raw, dataset, arm.chain)
-    counts = pd.DataFrame(quality).groupby("quantity")["value"].sum().to_dict()
-    return Recovered(joints["t"].to_numpy(), values(joints, "q"), counts)
-
-
 @pytest.fixture(scope="session")
 def log_bench(dataset, arm, tmp_path_factory) -> Bench:
     """Three repetitions of a motion of 40 steps, there and back, in a folder of three logs."""
@@ -219,7 +213,7 @@ def log_bench(dataset, arm, tmp_path_factory) -> Bench:
     )
     robot = Robot(joints=options.joints, plane=True)
     logged = Dataset(name="t", robot=robot, motion=Motion(RATE, 40 + 10), joint_log=options)
-    recover = partial(_joint_angles_of_logs, dataset=logged, arm=arm)
+    recover = partial(angles_of_logs, dataset=logged, arm=arm)
     clean = recovered_from(_files(folder), recover)
     return Bench(_files(folder), recover, clean, clean.time[:51], clean.values[:51])
 
@@ -227,9 +221,4 @@ def log_bench(dataset, arm, tmp_path_factory) -> Bench:
 @pytest.fixture(scope="session")
 def benches(marker_bench, depth_bench, force_bench, log_bench) -> dict[str, Bench]:
     """Instrument → its recording."""
-    return {
-        "motion capture": marker_bench,
-        "depth camera": depth_bench,
-        "force transducer": force_bench,
-        "joint log": log_bench,
-    }
+    return {"take": marker_bench, "depth": depth_bench, "force": force_bench, "joints": log_bench}
