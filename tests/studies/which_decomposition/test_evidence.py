@@ -19,7 +19,6 @@ from pipeline.studies.which_decomposition.evidence import (
     widths,
 )
 from pipeline.studies.which_decomposition.laws import (
-    GAUSSIAN,
     PIVOTED,
     QR_TRANSPOSED,
     READINGS,
@@ -94,9 +93,8 @@ def test_the_level_solves_the_equation_of_traces():
     assert np.isnan(moment_estimate(5.0, 2.0, 3, 0.0))
 
 
-def test_the_numbers_that_the_page_states_hold_on_these_paths(drawn):
-    """Bounds that no path of the prior breaks."""
+def test_pivoted_lu_is_more_than_twice_as_wide_as_the_gaussian_model_on_every_path(drawn):
     difference = dict(zip(READINGS, drawn.difference, strict=True))
     assert difference[PIVOTED].min() > 2.2 and difference["qr"].min() > 2.5
+    # the control: LU without pivoting is as wide as the Gaussian model on some
     assert difference["lu_xzp"].min() < 0.9 < 1.1 < np.median(difference["lu_xzp"])
-    assert GAUSSIAN not in READINGS
