@@ -36,14 +36,8 @@ def option_file(name: str, recordings: str, layout: Layout, folder: Path) -> str
         f"  rate: {agreed(rates)} # 1/s, of the motion grid",
         f"  steps: {agreed(take.facts.get('steps') for take in takes)} # M, steps of a take",
     ]
-    if not planar:
-        lines.append(
-            "elimination: {decomposition: qr_transposed} # the one that does not depend on "
-            "the unit of length, nor meets small pivots"
-        )
     if passing:
-        lines.insert(
-            -1 if not planar else len(lines),
+        lines.append(
             f"  pose_noise: {OPEN} # rad, standard deviation of a measured joint angle, which no "
             "row at rest shows",
         )

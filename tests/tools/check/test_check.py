@@ -35,7 +35,6 @@ robot:
   urdf: {urdf}
   joints: [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6]
   tool: flange
-elimination: {{decomposition: qr_transposed}}
 motion: {{rate: 100.0, steps: 100}}
 joint_log:
   start: {start}
