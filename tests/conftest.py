@@ -11,7 +11,7 @@ import pytest
 from durations import pytest_addoption, pytest_terminal_summary  # noqa: F401 - hooks of pytest
 from project_copy import GIT, SMOKE, copy_project, run, set_parameters
 
-import pipeline.core  # noqa: F401 - before numpy: it fixes the arithmetic
+import pipeline.core.environment  # noqa: F401 - before numpy: it fixes the arithmetic
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from pipeline.core.errors import ConfigError
+from pipeline.core.validation import options
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class TrajectoryOptions:
     """The motion's two ends and how time is spent between them."""
 
@@ -40,7 +39,7 @@ class TrajectoryOptions:
             )
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class DynamicsOptions:
     """Disturbances at the micro level, each with its unit and where its size comes from."""
 
@@ -101,7 +100,7 @@ class DynamicsOptions:
             )
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class EncoderOptions:
     """The controller's log of what its encoders read; their zeros' errors are the arm's own, of
     :class:`DynamicsOptions`.
