@@ -17,7 +17,7 @@ LAW = TimeLaw(320, 100.0, rest=(0.0, 0.45), ramp=(0.05, 0.35), peak=(0.2, 1.1))
 @pytest.fixture(scope="session")
 def arm():
     """The chain."""
-    return arm_of(robot_of(PAPER_ARM)[0]).chain
+    return arm_of(robot_of(PAPER_ARM)).chain
 
 
 @pytest.fixture(scope="session")

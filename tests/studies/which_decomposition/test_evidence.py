@@ -22,9 +22,7 @@ from pipeline.studies.which_decomposition.laws import (
     PIVOTED,
     QR_TRANSPOSED,
     READINGS,
-    wishart_moments,
 )
-from pipeline.studies.which_decomposition.level import moment_estimate
 
 ALL = (*SIZES["all joints"], *SETS["small_difference"])
 
@@ -84,13 +82,6 @@ def test_alpha_unsquared_widens_the_gaussian_model_by_the_root_of_its_inverse(dr
     rows = unsquared_rows(drawn, stated, [2.0]).set_index("reading")
     low = np.quantile(drawn.difference[0], 0.05) * np.sqrt(stated.alpha)
     np.testing.assert_allclose(rows.loc[PIVOTED, "low_ratio"], low)
-
-
-def test_the_level_solves_the_equation_of_traces():
-    along, across = wishart_moments(3, 0.3)
-    wanted = across * (5.0 - 2.0) + along * 2.0
-    assert moment_estimate(5.0, 2.0, 3, wanted) == pytest.approx(0.3, rel=1e-6)
-    assert np.isnan(moment_estimate(5.0, 2.0, 3, 0.0))
 
 
 def test_pivoted_lu_is_more_than_twice_as_wide_as_the_gaussian_model_on_every_path(drawn):

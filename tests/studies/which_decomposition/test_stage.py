@@ -9,6 +9,8 @@ import pytest
 
 from pipeline.core import config, contracts
 from pipeline.core.errors import ConfigError
+from pipeline.core.typed_yaml import read_yaml
+from pipeline.core.validation import validated
 from pipeline.studies.which_decomposition import stage
 from pipeline.studies.which_decomposition.words import odds
 
@@ -47,7 +49,8 @@ def test_the_page_states_its_tables_and_the_bytes_do_not_depend_on_the_workers(c
     np.testing.assert_allclose(totals, totals["recorded"], rtol=1e-6)
     units = read("units").set_index(["reading", "unit", "turn"])["noise"]
     np.testing.assert_allclose(units["qr_transposed"], units["qr_transposed", "m", 0.0], rtol=1e-6)
-    np.testing.assert_allclose(units["qr", "m"], units["qr", "m", 0.0], rtol=1e-6)
+    turned = units.loc[("qr", "m", 75.0)]
+    np.testing.assert_allclose(turned, units["qr", "m", 0.0], rtol=1e-6)
     assert units["pivoted_lu", "mm", 0.0] > 10 * units["pivoted_lu", "m", 0.0]
     config.COMPOSED.write_text(config.COMPOSED.read_text().replace("workers: 1", "workers: 2"))
     stage.run()
@@ -62,9 +65,9 @@ def test_recordings_without_rest_have_no_level(claims, never_resting, capsys):
 
 
 @pytest.mark.parametrize(
-    ("key", "value"), [("rest", [0.4, 0.1]), ("tolerances", [1.0]), ("paths", 1)]
+    ("key", "value"), [("rest", [-0.1, 0.1]), ("tolerances", [1.0]), ("paths", 1)]
 )
-def test_options_without_a_meaning_are_refused(claims, key, value):
-    options = vars(config.study_options(HERE, stage.Options))
+def test_options_without_a_meaning_are_refused(key, value):
+    values = read_yaml(HERE / "params.yaml")["smoke"] | {key: value}
     with pytest.raises(ConfigError, match=key):
-        stage.Options(**options | {key: value})
+        validated(stage.Options, values, "smoke", HERE / "params.yaml")
