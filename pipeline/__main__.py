@@ -19,6 +19,7 @@ from importlib import import_module
 from inspect import signature
 from pathlib import Path
 
+import pipeline.core.environment  # noqa: F401 - before numpy, whose arithmetic it settles
 from pipeline.core.errors import PipelineError
 
 HERE = Path(__file__).parent

@@ -12,7 +12,7 @@ import pytest
 from durations import pytest_addoption, pytest_terminal_summary  # noqa: F401 - hooks of pytest
 from project_copy import GIT, SMOKE, copy_project, run, set_parameters
 
-import pipeline.core  # noqa: F401 - before numpy: it fixes the arithmetic
+import pipeline.core.environment  # noqa: F401 - before numpy: it fixes the arithmetic
 
 # a forked child that a damaged file crashes reports by its exit code, without a dump of its stack
 os.register_at_fork(after_in_child=faulthandler.disable)

@@ -7,12 +7,31 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.reading import Reading
+from pipeline.core.validation import options
+
+Bound = Annotated[int, Field(gt=0)]
 
 MIB = 1 << 20
+
+
+@options(frozen=True)
+class Reading:
+    """Most that one file of recordings may be and take; beyond, it is refused with the name of the
+    bound.
+    """
+
+    file_mib: Bound = 64  # of a file that is read whole; bags and archives are read in parts
+    part_mib: Bound = 64  # of what is unfolded at once: a frame, an array, a chunk of a bag
+    markers: Bound = 2000  # of a take
+    seconds: Annotated[float, Field(gt=0)] = 20.0  # of what is read in a process of its own
+    memory_mib: Bound = 2048  # likewise, beside the program's own
+
+
 DEFAULT = Reading()
 _in_force: ContextVar[Reading] = ContextVar("reading")
 

@@ -1,28 +1,39 @@
-"""Composes the configuration from params.yaml, pipeline/conf and the dataset's datasheet, validates
-it, and hands each stage its sections.
+"""Composes the configuration from params.yaml, pipeline/conf and the dataset's datasheet with
+Hydra, validates it with pydantic, and gives each stage its sections.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from pydantic import Field
 
 from pipeline.core import datasheet
-from pipeline.core.composition import composed_with
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.config import Config
-from pipeline.core.typed_yaml import load_yaml, read_yaml, said, structured, typed
+from pipeline.core.options.analysis import (
+    Articulation,
+    Compute,
+    Filter,
+    Scale,
+    Simulation,
+    Wrench,
+)
+from pipeline.core.options.dataset import Dataset
+from pipeline.core.typed_yaml import read_yaml
+from pipeline.core.validation import all_faults, joined_faults, options, validated
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
 
 CONF = Path(__file__).parents[1] / "conf"
 COMPOSED = Path("data/config.yaml")
 GROUPS = ("dataset", "filter", "articulation", "simulation", "wrench", "scale", "compute")
-# options of the synthetic laboratory, typed where its physics is; for what it records alone
+# sections of the synthetic laboratory and their types in pipeline.laboratory.options
 LABORATORY = {
     "trajectory": "TrajectoryOptions",
     "dynamics": "DynamicsOptions",
@@ -35,120 +46,190 @@ LABORATORY = {
 }
 
 
-def options(group: str) -> list[str]:
+@options()
+class Params:
+    """Keys of params.yaml: the chosen options, the seed and single values below the options."""
+
+    dataset: str
+    models: Annotated[list[str], Field(min_length=1)]
+    filter: str
+    articulation: str
+    simulation: str
+    wrench: str
+    scale: str
+    compute: str
+    seed: Annotated[int, Field(ge=0)]
+    overrides: dict[str, Any] | None = None
+
+
+@options()
+class Config:
+    """The whole configuration, section by section."""
+
+    seed: Annotated[int, Field(ge=0)]
+    dataset: Dataset
+    models: dict[str, Any]
+    filter: Filter
+    articulation: Articulation
+    wrench: Wrench
+    simulation: Simulation
+    scale: Scale
+    compute: Compute
+
+
+def option_names(group: str) -> list[str]:
     """Names of the options of a group of pipeline/conf."""
     return sorted(file.stem for file in (CONF / group).glob("*.yaml"))
 
 
-def compose_config(params_file: Path) -> DictConfig:
-    """The whole configuration that ``params_file`` asks for, every interpolation resolved and every
-    key and type checked.
+def compose_config(params_file: Path) -> Config:
+    """Return the validated configuration that ``params_file`` asks for.
+
+    ConfigError names every fault with its key, the file where it stands and what is allowed there.
     """
-    loaded = load_yaml(params_file)
-    changes = loaded.pop("overrides", None) or OmegaConf.create({})
-    if not isinstance(changes, DictConfig):
-        raise ConfigError("overrides must hold keys and values", key="overrides", file=params_file)
-    try:
-        params = OmegaConf.to_container(loaded, resolve=True, throw_on_missing=True)
-    except OmegaConfBaseException as error:
-        raise ConfigError(said(error), file=params_file) from None
-    known = {*GROUPS, "models", "seed"}
-    if unknown := sorted(set(params) - known):
-        there_are = ", ".join(sorted({*known, "overrides"}))
-        message = f"unknown key(s) {', '.join(unknown)}; known are {there_are}"
-        raise ConfigError(message, file=params_file)
-    if absent := sorted(known - set(params)):
-        raise ConfigError(f"no value for {', '.join(absent)}", file=params_file)
-    models = params["models"]
-    if not isinstance(models, list) or not models:
-        raise ConfigError(
-            "models must be a list with at least one option", key="models", file=params_file
-        )
-    for group, option in [(group, params[group]) for group in GROUPS] + [
-        ("model", model) for model in models
-    ]:
-        if option not in options(group):
-            raise ConfigError(
-                f"{group}: no option {option!r}; there are {', '.join(options(group))}",
-                key=group,
-                file=params_file,
-            )
-    sheet = datasheet.read(datasheet.path_of(params["dataset"]))
-    option_file = CONF / "dataset" / f"{params['dataset']}.yaml"
-    overrides = [f"{group}={params[group]}" for group in GROUPS] + [
-        f"+model@models.{model}={model}" for model in models
+    params = _params(params_file)
+    sheet = datasheet.read(datasheet.path_of(params.dataset))
+    option_file = CONF / "dataset" / f"{params.dataset}.yaml"
+    overrides = [f"{group}={getattr(params, group)}" for group in GROUPS] + [
+        f"+model@models.{model}={model}" for model in params.models
     ]
+    changes = params.overrides or {}
     try:
-        composed = composed_with(overrides, sheet, option_file, {"seed": params["seed"]}, changes)
+        values = compose(overrides, sheet, option_file, {"seed": params.seed}, changes)
     except ConfigError as error:
         raise ConfigError(error.message, **({"file": params_file} | error.evidence)) from None
-    if "elimination" in composed.dataset:
-        raise ConfigError(
-            "a dataset no longer names a decomposition; remove this key and state decomposition in "
-            "pipeline/conf/model/wishart.yaml (by_shape, pivoted_lu, qr, qr_transposed or given)",
-            key="dataset.elimination",
-            file=sheet.file if sheet.holds("elimination") else option_file,
-        )
-    datasheet.require_filled(composed, sheet, option_file)
-    try:
-        config = typed(Config, composed)
-    except ConfigError as error:
-        # who asks for a value that nobody gave, or gave wrongly, is told where the datasheet is
-        # where it stands there
-        section, _, key = str(error.evidence.get("key")).partition(".")
-        file = sheet.file if section == "dataset" and sheet.holds(key) else None
-        raise ConfigError(error.message, **({"file": file} | error.evidence)) from None
-    if config.seed < 0:
-        message = f"the seed must not be negative, as {config.seed} is"
-        raise ConfigError(message, key="seed", file=params_file)
-    if unknown := sorted(set(composed.models) - set(models)):
-        raise ConfigError(
-            f"no model {', '.join(unknown)} is chosen; there are {', '.join(models)}",
-            key="overrides.models",
-            file=params_file,
-        )
-    _type_models(config.models, composed.models)
-    laboratory = composed.dataset.get("laboratory")
-    if laboratory is not None:
-        if not isinstance(laboratory, DictConfig):
-            raise ConfigError(
-                "must hold keys and values", key="dataset.laboratory", file=params_file
+    datasheet.require_filled(values, sheet, option_file)
+    found, faults = _checked(values)
+    if unknown := sorted(set(values["models"] or {}) - set(params.models)):
+        there_are = ", ".join(params.models)
+        faults.append(
+            ConfigError(
+                f"no model {', '.join(unknown)} is chosen; there are {there_are}",
+                key="overrides.models",
             )
-        config.dataset.laboratory = {
-            part: typed(_laboratory_type(part), values, f"dataset.laboratory.{part}")
-            for part, values in laboratory.items()
-        }
-    return config
+        )
+    if faults:
+        raise joined_faults(faults, _file_of(faults[0], sheet, params_file))
+    return found
 
 
-def _type_models(models: DictConfig, values: DictConfig) -> None:
-    """Put ``values``, each checked against the type of its kind, into ``models``."""
-    for name, model in values.items():
-        kind, key = model.get("kind") if isinstance(model, DictConfig) else None, f"models.{name}"
+def _params(file: Path) -> Params:
+    """The keys of params.yaml, each option checked against the files of pipeline/conf."""
+    params = validated(Params, read_yaml(file), file=file)
+    faults = [
+        ConfigError(
+            f"{group}: no option {option!r}; there are {', '.join(option_names(group))}", key=key
+        )
+        for key, group, option in [
+            *((group, group, getattr(params, group)) for group in GROUPS),
+            *(("models", "model", model) for model in params.models),
+        ]
+        if option not in option_names(group)
+    ]
+    if twice := sorted({name for name in params.models if params.models.count(name) > 1}):
+        faults.append(ConfigError(f"models: {', '.join(twice)} stands twice", key="models"))
+    if faults:
+        raise joined_faults(faults, file)
+    return params
+
+
+def _file_of(fault: ConfigError, sheet: datasheet.Datasheet, params_file: Path) -> Path:
+    """The datasheet where the faulty key stands in it, else params.yaml."""
+    section, _, key = str(fault.evidence.get("key")).partition(".")
+    return sheet.file if section == "dataset" and sheet.holds(key) else params_file
+
+
+def _checked(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]:
+    """The typed configuration, None where there are faults, and all faults of ``values``."""
+    found, faults = all_faults(Config, values)
+    models = values.get("models")
+    typed_models = {}
+    for name, model in (models if isinstance(models, dict) else {}).items():
+        key = f"models.{name}"
         try:
-            kind_options = _model_type(kind)
+            structure = _model_type(model.get("kind") if isinstance(model, dict) else None)
         except ConfigError as error:
-            raise ConfigError(f"{key}.{error.message}", key=f"{key}.kind") from None
-        models[name] = typed(kind_options, model, key)
+            faults.append(ConfigError(f"{key}.{error.message}", key=f"{key}.kind"))
+            continue
+        typed_models[name], more = all_faults(structure, model, key)
+        faults += more
+    dataset = values.get("dataset")
+    laboratory = dataset.get("laboratory") if isinstance(dataset, dict) else None
+    typed_laboratory = None
+    if laboratory is not None:
+        typed_laboratory, more = _checked_laboratory(laboratory)
+        faults += more
+    if faults:
+        return None, faults
+    found.models, found.dataset.laboratory = typed_models, typed_laboratory
+    return found, []
+
+
+def _checked_laboratory(values: Any) -> tuple[dict[str, Any], list[ConfigError]]:
+    section = "dataset.laboratory"
+    if not isinstance(values, dict):
+        return {}, [ConfigError("laboratory must hold keys and values", key=section)]
+    types = import_module("pipeline.laboratory.options")
+    found, faults = {}, []
+    for part, held in values.items():
+        if part not in LABORATORY:
+            message = f"unknown key {part!r}; there are {', '.join(LABORATORY)}"
+            faults.append(ConfigError(message, key=f"{section}.{part}"))
+            continue
+        found[part], more = all_faults(getattr(types, LABORATORY[part]), held, f"{section}.{part}")
+        faults += more
+    return found, faults
 
 
 def _model_type(kind: object) -> type:
-    # by its place, as rooms import core and not the other way
+    # by its place, as packages import core and not the other way
     return import_module("pipeline.models.kinds").options_type(kind)
 
 
-def _laboratory_type(part: str) -> type:
-    if part not in LABORATORY:
-        message = f"dataset.laboratory: no part {part!r}; there are {', '.join(LABORATORY)}"
-        raise ConfigError(message, key=f"dataset.laboratory.{part}")
-    return getattr(import_module("pipeline.laboratory.options"), LABORATORY[part])
+def compose(
+    overrides: list[str], sheet: datasheet.Datasheet, option_file: Path, *changes: dict[str, Any]
+) -> dict[str, Any]:
+    """Return the option files that ``overrides`` choose, merged with ``sheet`` and ``changes``,
+    every interpolation resolved.
+
+    ConfigError for what Hydra refuses, and for a key in both the sheet and ``option_file``.
+    """
+    # only configure and the tools compose: every other stage reads the composed file
+    from hydra import compose as hydra_compose
+    from hydra import initialize_config_dir
+    from hydra.errors import HydraException
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    try:
+        with initialize_config_dir(str(option_file.resolve().parents[1]), version_base="1.3"):
+            composed = hydra_compose("config", overrides=overrides)
+        OmegaConf.set_struct(composed, False)
+        option = OmegaConf.to_container(composed, resolve=False)["dataset"]
+        datasheet.require_apart(option, sheet, option_file)
+        merged: DictConfig = OmegaConf.merge(composed, {"dataset": sheet.values}, *changes)
+        return OmegaConf.to_container(merged, resolve=True)
+    except (HydraException, OmegaConfBaseException, TypeError, ValueError) as error:
+        raise ConfigError(str(error).splitlines()[0]) from None
+
+
+def dataset_values(option_file: Path) -> dict[str, Any]:
+    """Values of the dataset's ``option_file`` and datasheet, with ``about``, filled in or not."""
+    file = datasheet.path_of(option_file.stem)
+    values = read_yaml(file)
+    about = values.pop("about", None)
+    sheet = datasheet.Datasheet(file, values)
+    composed = compose([f"dataset={option_file.stem}"], sheet, option_file)["dataset"]
+    return composed if about is None else {"about": about} | composed
 
 
 def write_config(params_file: Path, file: Path = COMPOSED) -> None:
     """Compose and write ``file`` (committed: its difference shows what an edit of the parameters
     meant).
     """
-    text = OmegaConf.to_yaml(compose_config(params_file))
+    from omegaconf import OmegaConf
+
+    text = OmegaConf.to_yaml(OmegaConf.create(asdict(compose_config(params_file))))
     file.parent.mkdir(parents=True, exist_ok=True)
     partial = file.with_suffix(".partial")
     partial.write_text(
@@ -158,17 +239,22 @@ def write_config(params_file: Path, file: Path = COMPOSED) -> None:
     partial.replace(file)
 
 
+def composed_config() -> Config:
+    """The configuration that the stage configure wrote; ConfigError where it is faulty."""
+    found, faults = _checked(read_yaml(COMPOSED))
+    if faults:
+        raise joined_faults(faults, COMPOSED)
+    return found
+
+
 def declared_sections(stage: str, dvc_file: Path) -> list[str]:
-    """The sections of the configuration that a stage declares under ``params`` in its
-    ``dvc_file``.
-    """
+    """The sections of the configuration that a stage declares under ``params`` in ``dvc_file``."""
     stages = read_yaml(dvc_file).get("stages", {})
     if stage not in stages:
         raise ConfigError(f"no stage {stage!r}; there are {', '.join(stages)}", file=dvc_file)
-    params = stages[stage].get("params", [])
     return [
         section
-        for entry in params
+        for entry in stages[stage].get("params", [])
         if isinstance(entry, dict)
         for section in entry.get(str(COMPOSED), [])
     ]
@@ -177,16 +263,15 @@ def declared_sections(stage: str, dvc_file: Path) -> list[str]:
 def sections(
     stage: str, dvc_file: Path = Path("dvc.yaml"), item: str | None = None
 ) -> SimpleNamespace:
-    """What a stage may know: the sections it declares, as typed objects, and where to compute; any
-    other is an AttributeError.
+    """Return the sections that a stage declares, as typed objects, and ``compute``; any other
+    section is an AttributeError.
 
     ``item`` stands for the matrix item in a declared section such as ``models.${item.model}``.
     A study or a tool, whose ``dvc_file`` is in the pipeline's folder, is refused a dataset without
-    the robot that it declares: ConfigError. The paper's stages pass over that.
+    the robot that it declares: ConfigError. The paper's stages pass over such a dataset.
     """
-    config = typed(Config, load_yaml(COMPOSED))
-    handed = SimpleNamespace(compute=OmegaConf.to_object(config.compute))
-    declared = declared_sections(stage, dvc_file)
+    config, declared = composed_config(), declared_sections(stage, dvc_file)
+    given = SimpleNamespace(compute=config.compute)
     beyond = dvc_file.resolve().is_relative_to(CONF.parent)
     if beyond and "dataset.robot" in declared and config.dataset.robot is None:
         raise ConfigError(
@@ -199,57 +284,41 @@ def sections(
             item if key.startswith("${") else key
             for key in section.replace("${item.model}", "${item}").split(".")
         ]
-        place, value = handed, config
-        try:
-            for key in keys[:-1]:
-                if not hasattr(place, key):
-                    setattr(place, key, SimpleNamespace())
-                place, value = getattr(place, key), value[key]
-            setattr(place, keys[-1], _object(keys, value[keys[-1]]))
-        except OmegaConfBaseException:
-            raise ConfigError(
-                f"there is no {'.'.join(map(str, keys))} for the stage {stage}", file=COMPOSED
-            ) from None
-    return handed
-
-
-def _object(keys: list[str], value: Any) -> Any:
-    if keys[0] == "models" and value is not None:
-        if len(keys) == 1:
-            return {name: _object(["models", name], model) for name, model in value.items()}
-        value = OmegaConf.merge(OmegaConf.structured(_model_type(value.kind)), value)
-    if keys[:2] == ["dataset", "laboratory"] and value is not None:
-        return {
-            part: OmegaConf.to_object(OmegaConf.merge(structured(_laboratory_type(part)), values))
-            for part, values in value.items()
-        }
-    return OmegaConf.to_object(value) if OmegaConf.is_config(value) else value
+        place, value = given, config
+        for depth, key in enumerate(keys):
+            held = value if isinstance(value, dict) else vars(value)
+            if key not in held:
+                message = f"there is no {'.'.join(map(str, keys))} for the stage {stage}"
+                raise ConfigError(message, file=COMPOSED)
+            value = held[key]
+            if depth == len(keys) - 1:
+                setattr(place, key, value)
+                break
+            if not hasattr(place, key):
+                setattr(place, key, SimpleNamespace())
+            place = getattr(place, key)
+    return given
 
 
 def study_options(folder: Path, structure: type) -> Any:
-    """The options of the study in ``folder``, of its ``params.yaml``: the section of the scale that
-    the experiment runs at, as an object of the dataclass ``structure``.
+    """Options of the study in ``folder``: the section of its ``params.yaml`` for the scale of the
+    experiment, as an object of type ``structure`` (:func:`pipeline.core.validation.options`).
     """
-    file, scale = folder / "params.yaml", load_yaml(COMPOSED).scale.name
-    try:
-        section = load_yaml(file).get(scale)
-        if section is None:
-            raise ConfigError(f"no section for the scale {scale}", key=scale)
-        return OmegaConf.to_object(typed(structure, section, scale))
-    except ConfigError as error:
-        raise ConfigError(error.message, **({"file": file} | error.evidence)) from None
+    file, scale = folder / "params.yaml", read_yaml(COMPOSED)["scale"]["name"]
+    held = read_yaml(file)
+    if scale not in held:
+        raise ConfigError(f"no section for the scale {scale}", key=scale, file=file)
+    return validated(structure, held[scale], scale, file)
 
 
 def model_options(names: Iterable[str]) -> dict[str, Any]:
-    """The typed options of models by the names of their option files, chosen by the run or not."""
-    files = {name: CONF / "model" / f"{name}.yaml" for name in names}
-    known = ", ".join(options("model"))
-    for name, file in files.items():
-        if not file.is_file():
-            raise ConfigError(f"no model {name!r}; there are {known}", file=file)
-    dataset, typed_options = load_yaml(COMPOSED).dataset, {}
-    for name, file in files.items():
-        whole = OmegaConf.create({"dataset": dataset, "model": load_yaml(file)})
-        OmegaConf.resolve(values := whole.model)
-        typed_options[name] = OmegaConf.to_object(typed(_model_type(values.kind), values, name))
+    """Typed options of models by the names of their option files, chosen by the run or not."""
+    typed_options = {}
+    for name in names:
+        if name not in option_names("model"):
+            message = f"no model {name!r}; there are {', '.join(option_names('model'))}"
+            raise ConfigError(message, file=CONF / "model" / f"{name}.yaml")
+        file = CONF / "model" / f"{name}.yaml"
+        values = read_yaml(file)
+        typed_options[name] = validated(_model_type(values.get("kind")), values, name, file)
     return typed_options

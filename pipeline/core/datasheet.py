@@ -1,6 +1,4 @@
-"""A dataset's datasheet: what is known of its recordings, put together with what the option file
-lets the analysis do with them.
-"""
+"""A dataset's datasheet: facts on its recordings, merged with the option file of the dataset."""
 
 from __future__ import annotations
 
@@ -9,58 +7,54 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from omegaconf import MISSING, DictConfig, OmegaConf
-
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.about import About
-from pipeline.core.typed_yaml import load_yaml, read_yaml, typed
+from pipeline.core.options.dataset import About
+from pipeline.core.typed_yaml import read_yaml
+from pipeline.core.validation import validated
 
 DATASHEETS = Path(__file__).parents[2] / "data" / "raw"
+OPEN = "???"  # a value that a person has yet to fill in
 
 
 @dataclass(frozen=True)
 class Datasheet:
-    """What the datasheet in ``file`` adds to the section ``dataset``: all its keys but the text
-    ``about``.
-    """
+    """Keys that the datasheet in ``file`` adds to the section ``dataset``, without ``about``."""
 
     file: Path
-    values: DictConfig
+    values: dict[str, Any]
 
     def holds(self, key: str) -> bool:
-        """Whether it says anything of the nested ``key`` of the dataset."""
-        node = self.values
+        """Return True if the nested ``key`` of the dataset stands in it."""
+        node: Any = self.values
         for part in key.split("."):
-            if not isinstance(node, DictConfig) or (node := node._get_node(part)) is None:
+            if not isinstance(node, dict) or part not in node:
                 return False
+            node = node[part]
         return True
 
 
 def path_of(dataset: str) -> Path:
-    """Where the datasheet of a dataset stands: beside its recordings, or in their place where they
-    are read elsewhere.
+    """File of a dataset's datasheet: beside its recordings, or in their place where they are read
+    elsewhere.
     """
     return DATASHEETS / dataset / "dataset.yaml"
 
 
 def read(file: Path) -> Datasheet:
-    """The datasheet in ``file``; ConfigError where it cannot be read, and for ``about`` that is
+    """Read the datasheet in ``file``; ConfigError where it cannot be read or ``about`` is
     incomplete.
     """
-    values = load_yaml(file)
+    values = read_yaml(file)
     about = values.pop("about", None)
     if about is None:
         raise ConfigError(
-            "a datasheet says in about what its recordings are, whence and on which terms",
+            "a datasheet needs about: subject, source and licence of its recordings",
             key="about",
             file=file,
         )
-    if isinstance(about, DictConfig) and any(unfilled_keys(OmegaConf.to_container(about))):
+    if any(unfilled_keys(about)):
         _refuse(unfilled(file), file)
-    try:
-        typed(About, about, "about")
-    except ConfigError as error:
-        raise ConfigError(error.message, key=error.evidence.get("key"), file=file) from None
+    validated(About, about, "about", file)
     return Datasheet(file, values)
 
 
@@ -69,7 +63,7 @@ def unfilled(file: Path) -> list[str]:
     return list(unfilled_keys(read_yaml(file)))
 
 
-def require_apart(option: DictConfig, sheet: Datasheet, option_file: Path) -> None:
+def require_apart(option: dict[str, Any], sheet: Datasheet, option_file: Path) -> None:
     """ConfigError for a key that stands both in the ``option`` of the dataset, of ``option_file``,
     and in its datasheet.
     """
@@ -82,35 +76,29 @@ def require_apart(option: DictConfig, sheet: Datasheet, option_file: Path) -> No
         )
 
 
-def require_filled(composed: DictConfig, sheet: Datasheet, option_file: Path) -> None:
+def require_filled(composed: dict[str, Any], sheet: Datasheet, option_file: Path) -> None:
     """ConfigError with the file and all keys of the ``composed`` dataset that were left to fill in
     and that no override fills.
     """
-    keys = list(unfilled_keys(OmegaConf.to_container(composed).get("dataset")))
+    keys = list(unfilled_keys(composed.get("dataset")))
     mine = [key for key in keys if sheet.holds(key.partition("[")[0])]
     _refuse(mine, sheet.file)
     _refuse(keys, option_file)
 
 
-def _common(option: DictConfig, sheet: DictConfig, prefix: str) -> Iterator[str]:
+def _common(option: dict[str, Any], sheet: dict[str, Any], prefix: str) -> Iterator[str]:
     """The keys that stand in both, down to where one of them holds a value."""
     for key in sheet:
-        stated, other = sheet._get_node(key), option._get_node(key)
-        if (
-            isinstance(stated, DictConfig)
-            and isinstance(other, DictConfig)
-            and not (stated._is_none() or other._is_none())
-        ):
+        stated, other = sheet[key], option.get(key)
+        if isinstance(stated, dict) and isinstance(other, dict):
             yield from _common(other, stated, f"{prefix}{key}.")
-        elif other is not None:
+        elif key in option:
             yield f"{prefix}{key}"
 
 
 def unfilled_keys(values: Any, key: str = "") -> Iterator[str]:
-    """The keys of ``values`` that hold ???, in their order; as OmegaConf.missing_keys, without
-    resolving what refers to another file.
-    """
-    if values == MISSING:
+    """The keys of ``values`` that hold ???, in their order."""
+    if isinstance(values, str) and values == OPEN:
         yield key
     elif isinstance(values, dict):
         for name, value in values.items():

@@ -5,24 +5,21 @@ puts there, and everything that the types have against the values.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, is_dataclass
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from omegaconf import MISSING, DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-
-from pipeline.core.datasheet import unfilled_keys
+from pipeline.core.datasheet import OPEN, unfilled_keys
 from pipeline.core.errors import ConfigError, PipelineError
-from pipeline.core.options.about import About
-from pipeline.core.options.dataset import Dataset
-from pipeline.core.typed_yaml import parsed, said, structured
+from pipeline.core.options.dataset import About, Dataset
+from pipeline.core.typed_yaml import parsed
+from pipeline.core.validation import all_faults, missing_keys, options
 
 REMARK = " # → "  # begins what is remarked on a value to come
 
 
-@dataclass
+@options()
 class Described(Dataset):
     """A dataset with the text of its datasheet."""
 
@@ -49,10 +46,10 @@ class Draft:
 
     def values(self) -> dict[str, Any]:
         """What the files hold, put together; ConfigError for what is no YAML."""
-        merged = OmegaConf.create()
+        merged: dict[str, Any] = {}
         for file, text in self.texts.items():
-            merged = OmegaConf.merge(merged, parsed(text, file=file) or {})
-        return OmegaConf.to_container(merged)
+            _merge(merged, parsed(text, file=file) or {})
+        return merged
 
     def questions(self) -> list[Question]:
         """The values that are still ???, in the order of the files."""
@@ -63,10 +60,10 @@ class Draft:
         for number, line in enumerate(self.texts[file].splitlines()):
             code, _, hint = line.partition(REMARK)[0].partition(" # ")
             if not code.lstrip().startswith("#"):
-                lines += [(number, hint)] * code.count(MISSING)
+                lines += [(number, hint)] * code.count(OPEN)
         keys = list(unfilled_keys(parsed(self.texts[file], file=file)))
         if len(keys) != len(lines):
-            raise ConfigError(f"{MISSING} stands where no value does; fill in by hand", file=file)
+            raise ConfigError(f"{OPEN} stands where no value does; fill in by hand", file=file)
         return [
             Question(key, hint, file, number)
             for key, (number, hint) in zip(keys, lines, strict=True)
@@ -83,7 +80,7 @@ class Draft:
             there_are = ", ".join(question.key for question in self.questions()) or "none"
             message = f"no such value is still to be filled in; there are {there_are}"
             raise ConfigError(message, key=key)
-        changed = self._with(question, lambda line: line.replace(MISSING, _written(value, key), 1))
+        changed = self._with(question, lambda line: line.replace(OPEN, _written(value, key), 1))
         before = {str(fault) for fault in wrong(self.values())}
         if new := [fault for fault in wrong(changed.values()) if str(fault) not in before]:
             raise new[0]
@@ -103,12 +100,20 @@ class Draft:
         return Draft(self.texts | {question.file: "\n".join(lines) + "\n"})
 
 
+def _merge(values: dict[str, Any], others: dict[str, Any]) -> None:
+    for key, value in others.items():
+        if isinstance(value, dict) and isinstance(values.get(key), dict):
+            _merge(values[key], value)
+        else:
+            values[key] = value
+
+
 def _written(value: str, key: str) -> str:
     """``value`` as it may stand behind a key: a text that YAML reads as anything but one value is
     quoted.
     """
     value = " ".join(value.split())
-    if value in ("", MISSING):
+    if value in ("", OPEN):
         raise ConfigError("a value has to stand here", key=key)
     try:
         parsed(f"key: {value}")
@@ -118,71 +123,28 @@ def _written(value: str, key: str) -> str:
 
 
 def faults(values: dict[str, Any]) -> list[ConfigError]:
-    """Everything that the types have against the ``values`` of a dataset, as far as they are filled
-    in: unknown keys, values of another type, and per section the first that is out of its range.
+    """All faults of the ``values`` of a dataset that are filled in: unknown keys, and values of
+    another type or out of range.
     """
-    whole, refused = _merged(values)
-    return refused + _out_of_range(whole)
+    return all_faults(Described, _without_open(values), "dataset", missing=False)[1]
 
 
 def filled(values: dict[str, Any]) -> Dataset | None:
-    """The dataset of ``values`` without :func:`faults`; None where one is missing."""
-    node = OmegaConf.merge(structured(Described), values)
-    return None if OmegaConf.missing_keys(node) else OmegaConf.to_object(node)
+    """The dataset of ``values`` without :func:`faults`; None where a value is missing."""
+    return all_faults(Described, _without_open(values))[0]
 
 
 def absent(values: dict[str, Any]) -> list[str]:
     """The keys that a dataset must have and that the ``values`` do not mention."""
-    whole, _ = _merged(values)
-    return sorted(OmegaConf.missing_keys(whole) - {".".join(key) for key, _ in _leaves(values)})
+    return missing_keys(Described, values)
 
 
-def _merged(values: dict[str, Any]) -> tuple[DictConfig, list[ConfigError]]:
-    """Those of the ``values`` that have a place and its type, and what is said of the others."""
-    whole, refused = structured(Described), []
-    for key, value in _leaves(values):
-        if value == MISSING:
-            continue
-        nested = value
-        for part in reversed(key):
-            nested = {part: nested}
-        try:
-            whole = OmegaConf.merge(whole, nested)
-        except OmegaConfBaseException as error:
-            refused.append(ConfigError(said(error), key=f"dataset.{'.'.join(key)}"))
-    return whole, refused
-
-
-def _leaves(values: dict[str, Any], above: tuple[str, ...] = ()) -> Iterator[tuple[tuple, Any]]:
-    """Keys and values that are no mappings, and those that are empty."""
-    for name, value in values.items():
-        if isinstance(value, dict) and value:
-            yield from _leaves(value, (*above, name))
-        else:
-            yield (*above, name), value
-
-
-def _out_of_range(node: DictConfig) -> list[ConfigError]:
-    """What the types of ``node`` and of the sections in it refuse. A section that lacks a value is
-    asked about the others, where it holds no sections itself.
-    """
-    sections = [child for child in (node._get_node(key) for key in node) if _is_section(child)]
-    faults = [fault for section in sections for fault in _out_of_range(section)]
-    missing = OmegaConf.missing_keys(node)
-    if faults or (missing and sections):
-        return faults
-    try:
-        if missing:
-            held = OmegaConf.to_container(node)
-            OmegaConf.get_type(node)(**{k: v for k, v in held.items() if v != MISSING})
-        else:
-            OmegaConf.to_object(node)
-    except ConfigError as error:
-        return [error]
-    return []
-
-
-def _is_section(node: Any) -> bool:
-    if not isinstance(node, DictConfig) or node._is_none() or node._is_missing():
-        return False
-    return is_dataclass(OmegaConf.get_type(node))
+def _without_open(values: Any) -> Any:
+    """``values`` without those that are still ???, whatever list or mapping holds them."""
+    if isinstance(values, dict):
+        return {
+            name: _without_open(value)
+            for name, value in values.items()
+            if not [*unfilled_keys(value)] or isinstance(value, dict)
+        }
+    return values

@@ -11,7 +11,7 @@ from pipeline.arm.model import arm_of
 from pipeline.core import contracts
 from pipeline.core.columns import columns
 from pipeline.core.compute.trials import run_trials
-from pipeline.core.options.compute import Compute
+from pipeline.core.options.analysis import Compute
 from pipeline.core.options.dataset import Robot
 from pipeline.perception.articulation import ArticulationOptions
 from pipeline.perception.depth_angles import articulate_rows

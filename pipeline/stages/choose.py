@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pipeline.core import config, datasheet
 from pipeline.core.errors import ConfigError
-from pipeline.core.typed_yaml import load_yaml
+from pipeline.core.typed_yaml import read_yaml
 
 PARAMS = Path("params.yaml")
 CHOSEN = Path("data/dataset.txt")
@@ -20,10 +20,10 @@ def run() -> None:
     """Write the name; ConfigError naming the datasets that there are, or how to begin one, where
     its files are not.
     """
-    name = load_yaml(PARAMS).get("dataset")
-    if name not in config.options("dataset"):
+    name = read_yaml(PARAMS).get("dataset")
+    if name not in config.option_names("dataset"):
         message = (
-            f"no dataset {name!r}; there are {', '.join(config.options('dataset'))}, "
+            f"no dataset {name!r}; there are {', '.join(config.option_names('dataset'))}, "
             "and new-dataset begins another"
         )
         raise ConfigError(message, key="dataset", file=PARAMS)

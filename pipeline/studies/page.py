@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.core import contracts
-from pipeline.core.options.compute import Compute
+from pipeline.core.options.analysis import Compute
 from pipeline.figures.drawing import draw_all
 
 ROUNDING = 1e-12

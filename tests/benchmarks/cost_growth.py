@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 
 sys.path.append(str(Path(__file__).parents[1]))
 sys.path.append(str(Path(__file__).parents[2]))
-import pipeline.core  # noqa: F401 - before numpy: it fixes the arithmetic
+import pipeline.core.environment  # noqa: F401 - before numpy: it fixes the arithmetic
 
 import numpy as np  # isort: skip
 import pandas as pd
@@ -27,7 +27,7 @@ from growth_figure import draw
 from scenario import ROOT, Take, many_joints, take
 
 from pipeline.core.compute.trials import run_trials
-from pipeline.core.options.compute import Compute
+from pipeline.core.options.analysis import Compute
 from pipeline.figures.style import save
 from pipeline.wrench.bounds import Bounds
 from pipeline.wrench.study import run_study

@@ -22,7 +22,7 @@ from distributed import Client
 from scenario import ROOT
 
 from pipeline.core import config, rng
-from pipeline.core.options.compute import Compute, Dask
+from pipeline.core.options.analysis import Compute, Dask
 from pipeline.studies.survey.conditions import Condition, MotionCondition
 from pipeline.studies.survey.options import read_survey
 from pipeline.studies.survey.points import Gathered, code_version, gather, keys_of
@@ -66,7 +66,7 @@ def cluster(folder: Path, workers: int) -> Iterator[tuple[str, dict[str, int]]]:
     local = ["--host", "127.0.0.1", "--no-dashboard"]
     scheduler = [program, "scheduler", "--port", "0", "--scheduler-file", str(file), *local]
     worker = [program, "worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-nanny"]
-    worker += ["--preload", "pipeline.core", *local]
+    worker += ["--preload", "pipeline.core.environment", *local]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": ROOT}
     started = [subprocess.Popen(scheduler, **quiet)]
     environment = os.environ | {"PYTHONPATH": "."}

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 sys.path.insert(0, str(Path.cwd()))
-import pipeline.core  # noqa: F401 - before numpy: it fixes the arithmetic
+import pipeline.core.environment  # noqa: F401 - before numpy: it fixes the arithmetic
 
 import numpy as np  # isort: skip
 from omegaconf import OmegaConf
@@ -21,7 +21,7 @@ from scenario import Scene, Take, scene, swing, take
 
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.config import CONF
-from pipeline.core.options.compute import Compute
+from pipeline.core.options.analysis import Compute
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import estimate, options_type

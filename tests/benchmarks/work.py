@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path.cwd()))
 sys.path.insert(0, str(Path.cwd() / "tests"))
 from project_copy import set_parameters
 
-import pipeline.core  # noqa: F401 - before numpy: it fixes the arithmetic
+import pipeline.core.environment  # noqa: F401 - before numpy: it fixes the arithmetic
 
 # what stages use between the rooms
 BETWEEN = {"core", "stages"}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from omegaconf import DictConfig
 from params_file import parameters
 
 from pipeline.core import config
@@ -14,7 +13,7 @@ def compose(tmp_path, monkeypatch):
     """Composes params.yaml with some of its lines changed."""
     monkeypatch.chdir(tmp_path)
 
-    def composed(**choices: str | None) -> DictConfig:
+    def composed(**choices: str | None) -> config.Config:
         return config.compose_config(parameters(tmp_path, **choices))
 
     return composed

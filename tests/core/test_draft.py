@@ -53,7 +53,7 @@ def test_an_answer_takes_the_place_of_its_mark_and_comments_stay(draft):
 @pytest.mark.parametrize(
     ("key", "value", "words"),
     [
-        ("joint_log.time_unit", "minutes", "expected one of"),
+        ("joint_log.time_unit", "minutes", "input should be"),
         ("motion.steps", "many", "many"),
         ("motion.steps", "", "a value has to stand here"),
         ("motion.pace", "1", "still to be filled in; there are about.subject"),
@@ -74,14 +74,14 @@ def test_all_faults_are_said_and_all_keys_that_are_absent():
     }
     keys = [fault.evidence["key"] for fault in faults(values)]
     assert keys == [
+        "dataset.robot.length",
         "dataset.robot.joint",
         "dataset.motion.rate",
-        "dataset.robot.length",
         "dataset.motion.pose_noise",
+        "dataset.measurement",
     ]
     assert absent({"name": "lab", "motion": {"rate": 1.0}}) == [
         "motion.steps",
         "recordings",
-        "robot.joints",
-        "robot.urdf",
+        "robot",
     ]

@@ -13,7 +13,7 @@ import pytest
 
 from pipeline.core import contracts
 from pipeline.core.errors import ContractError
-from pipeline.core.options.compute import Compute
+from pipeline.core.options.analysis import Compute
 from pipeline.core.tables import PAPER
 from pipeline.figures.drawing import draw_all, figures_in
 

@@ -1,26 +1,39 @@
-"""Trials on a Dask cluster: one that is running, whatever started it, or one of our own on this
-machine. The only importer of dask.
+"""Trials on a Dask cluster: a running cluster, or one that this process starts and ends. The only
+importer of dask.
+
+By ``distributed`` itself: joblib's backend for it computes in this process once the scheduler is
+lost, waits without end where a task cannot be unpickled, and keeps all results.
 """
 
 from __future__ import annotations
 
+import hashlib
 import logging
+import math
 import os
 import pickle
+import platform
+import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
-from functools import partial
+from functools import cache, partial
+from importlib.metadata import distributions
+from itertools import islice
+from pathlib import Path
 
 import dask
+import numpy as np
 from distributed import Client, Future, LocalCluster, get_worker
 from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 
-from pipeline.core.compute.block import Block, Results, run_block
-from pipeline.core.compute.circumstances import circumstances, difference
+import pipeline
+from pipeline.core.compute.trials import call_pickled
+from pipeline.core.environment import BOUNDS
 from pipeline.core.errors import ComputeError
-from pipeline.core.options.compute import Compute
+from pipeline.core.options.analysis import Compute
 
 OPTION = "pipeline/conf/compute/dask.yaml"  # says how a cluster is started
 # no log of the last messages, which holds the trials in them; no warning of what the trials share,
@@ -29,6 +42,35 @@ SILENT = {
     "distributed.admin.low-level-log-length": 0,
     "distributed.admin.large-graph-warning-threshold": "1TB",
 }
+
+
+# s of trials that a worker is given at a time, compared with which handing them over is short
+BLOCK = 0.2
+AHEAD = 16  # blocks per worker that are submitted before the first of them is taken back
+
+Block = list[bytes]  # of trials, each pickled
+BlockResults = tuple[float, list[bytes]]  # s that the block took, and the results, each pickled
+
+
+def results_of_cluster(function: bytes, trials: Iterator, compute: Compute, label: str) -> Iterator:
+    """Yield the results of ``trials`` in order, submitted in blocks of about BLOCK s.
+
+    ComputeError as :func:`cluster` says.
+    """
+    with cluster(function, compute, label) as running:
+        waiting: deque[Callable[[], BlockResults]] = deque()
+        size = 1
+        while True:
+            while len(waiting) < AHEAD * running.workers():
+                if not (block := [pickle.dumps(trial) for trial in islice(trials, size)]):
+                    break
+                waiting.append(running.submit(block))
+            if not waiting:
+                return
+            for _ in range(1 + len(waiting) // 2):
+                seconds, results = waiting.popleft()()
+                yield from map(pickle.loads, results)
+            size = max(1, math.floor(BLOCK * len(results) / seconds))
 
 
 @contextmanager
@@ -115,12 +157,12 @@ class Cluster:
         # a task and not scattered data, which would be lost with the worker that holds it
         self._shared = client.submit(
             bytes,
-            pickle.dumps((circumstances(), function)),
+            pickle.dumps((fingerprint(), function)),
             key=f"{label}, what they share-0-{client.id}",
         )
         self._begun = 0
 
-    def submit(self, block: Block) -> Callable[[], Results]:
+    def submit(self, block: Block) -> Callable[[], BlockResults]:
         """Hand out a block; what is returned waits for its results."""
         key = f"{self._label}-{self._begun}-{self._client.id}"
         self._begun += len(block)
@@ -140,7 +182,7 @@ class Cluster:
             # a client that has given up has no scheduler
             raise self._lost() from None
 
-    def _results(self, future: Future) -> Results:
+    def _results(self, future: Future) -> BlockResults:
         """Of a block, once they are there; the errors of its trials as they are, those of the
         cluster as ComputeError.
         """
@@ -189,12 +231,12 @@ class Cluster:
         )
 
 
-def _by_value() -> Callable[[bytes, Block], Results]:
+def _by_value() -> Callable[[bytes, Block], BlockResults]:
     """What a worker is given to run: being no module's function it goes there as code, and says
     itself that the project is not there.
     """
 
-    def run(shared: bytes, block: Block) -> Results:
+    def run(shared: bytes, block: Block) -> BlockResults:
         from pipeline.core.compute.cluster import run_on_worker
 
         return run_on_worker(shared, block)
@@ -202,17 +244,55 @@ def _by_value() -> Callable[[bytes, Block], Results]:
     return run
 
 
-def run_on_worker(shared: bytes, block: Block) -> Results:
+def run_on_worker(shared: bytes, block: Block) -> BlockResults:
     """Refuse the worker where it might not give the same bytes, else run the block."""
     expected, function = pickle.loads(shared)
     worker = get_worker()
     # threads of one process would share what libraries keep between calls
     threads = "the number of a worker's threads"
-    if found := difference(
-        expected | {threads: "1"}, circumstances() | {threads: str(worker.state.nthreads)}
-    ):
-        raise ComputeError(
-            f"a worker might not give the same bytes: {found}; start it anew as {OPTION} says",
-            worker=worker.address,
-        )
-    return run_block(function, block)
+    here = expected | {threads: "1"}
+    there = fingerprint() | {threads: str(worker.state.nthreads)}
+    for name, state in here.items():
+        # a library that only one side has is left to its import
+        if there.get(name, state) != state:
+            raise ComputeError(
+                f"a worker might not give the same bytes: {name} is {there[name]} there and "
+                f"{state} here; start it anew as {OPTION} says",
+                worker=worker.address,
+            )
+    begin = time.perf_counter()
+    results = [call_pickled(function, trial) for trial in block]
+    return time.perf_counter() - begin, results
+
+
+@cache
+def fingerprint() -> dict[str, str]:
+    """Name and state of everything on which the bytes of results depend beside the trials: code,
+    libraries, environment, arithmetic and the project's folder.
+
+    Once per process: a worker that imported modules before an edit of the code keeps saying so.
+    """
+    folder, digest = Path(pipeline.__file__).parent, hashlib.sha256()
+    for file in sorted(folder.rglob("*.py")):
+        digest.update(f"{file.relative_to(folder)}\0".encode() + file.read_bytes())
+    project = Path("dvc.yaml")
+    return {
+        "the code of pipeline": digest.hexdigest()[:12],
+        "python": platform.python_version(),
+        **{name: os.environ.get(name, "unset") for name in BOUNDS},
+        **{distribution.name.lower(): distribution.version for distribution in distributions()},
+        "numpy's arithmetic": _arithmetic(),
+        "the project's folder (time of its dvc.yaml)": (
+            str(project.stat().st_mtime_ns) if project.exists() else "none"
+        ),
+    }
+
+
+def _arithmetic() -> str:
+    """A digest of sums and functions whose last bits depend on the instruction set and threads."""
+    x = np.linspace(0.1, 3.0, 40_000).reshape(200, 200)
+    positive = x @ x.T + 200 * np.eye(200)
+    values = [function(x) for function in (np.exp, np.log, np.sin, np.tan, np.sqrt)]
+    values += [x**1.7, x.sum(axis=0), positive, np.linalg.inv(positive), np.linalg.svd(x)[0]]
+    content = b"".join(np.ascontiguousarray(value).tobytes() for value in values)
+    return hashlib.sha256(content).hexdigest()[:12]

@@ -2,60 +2,84 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated, Literal
 
-from omegaconf import MISSING
+from pydantic import Field
+
+from pipeline.core.validation import options
+
+Count = Annotated[int, Field(ge=1)]
+Positive = Annotated[float, Field(gt=0)]
+Bounds = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
-@dataclass
+@options()
 class Filter:
-    scheme: str = MISSING
-    threshold: float = MISSING
-    particles: int = MISSING
+    scheme: Literal["systematic", "stratified", "residual", "multinomial", "none"]
+    threshold: Annotated[float, Field(ge=0, le=1)]  # share of the particles
+    particles: Count
 
 
-@dataclass
+@options()
 class Articulation:
-    gamma1: float = MISSING
-    gamma2: float = MISSING
-    length_range: float = MISSING  # share of the nominal length
-    minimum_points: int = MISSING  # a frame with fewer points of the arm is a gap
-    max_gap: int = MISSING  # frames in a row that may be gaps
-    end_point: str = MISSING  # of the tool's segment: commanded or fitted
+    gamma1: Annotated[float, Field(ge=0)]
+    gamma2: Annotated[float, Field(ge=0)]
+    length_range: Annotated[float, Field(ge=0, lt=1)]  # share of the nominal length
+    minimum_points: Count  # a frame with fewer points of the arm is a gap
+    max_gap: Annotated[int, Field(ge=0)]  # frames in a row that may be gaps
+    end_point: Literal["commanded", "fitted"]  # end of the tool's segment
     # frames on either side that the covariance of the Kinect noise is estimated over
-    noise_window: int = MISSING
+    noise_window: Annotated[int, Field(ge=0)]
 
 
-@dataclass
+@options()
 class Wrench:
-    agents: list[int] = MISSING
-    kappa: list[float] = MISSING  # 1, the paper's σ_θ
-    tension_std: list[float] = MISSING  # N
-    tension: list[float] = MISSING  # N
-    direction: list[float] = MISSING  # rad
-    systems: int = MISSING
-    test_systems: int = MISSING
-    repeats: int = MISSING
-    grid: int = MISSING
+    agents: list[Count]
+    kappa: Bounds  # 1, the paper's σ_θ
+    tension_std: Bounds  # N
+    tension: Bounds  # N
+    direction: Bounds  # rad
+    systems: Count
+    test_systems: Count
+    repeats: Count
+    grid: Count  # points a side of the density's grid
 
 
-@dataclass
+@options()
 class Simulation:
-    mode: str = MISSING
-    realizations: int = MISSING
+    mode: Literal["one_step", "free_running"]
+    realizations: Count
 
 
-@dataclass
+@options()
 class Scale:
-    name: str = MISSING
-    training_takes: int = MISSING
-    test_takes: int = MISSING
-    depth_rate: float = MISSING  # 1/s
-    realizations: int = MISSING
-    particles: int = MISSING
-    systems: int = MISSING
-    test_systems: int = MISSING
-    study_repeats: int = MISSING
-    convex_checks: int = MISSING
-    bootstrap_replicates: int = MISSING
-    force_seconds: float = MISSING
+    name: str
+    training_takes: Count
+    test_takes: Count
+    depth_rate: Positive  # 1/s
+    realizations: Count
+    particles: Count
+    systems: Count
+    test_systems: Count
+    study_repeats: Count
+    convex_checks: Annotated[int, Field(ge=0)]
+    bootstrap_replicates: Annotated[int, Field(ge=0)]
+    force_seconds: Positive
+
+
+@options()
+class Dask:
+    """A Dask cluster."""
+
+    # of a running scheduler; null: a cluster on this machine, started and ended by each stage
+    address: str | None = None
+    # s without an answer of the scheduler, or without any worker, after which the stage gives up
+    timeout: Positive = 60.0
+
+
+@options()
+class Compute:
+    """Where trials run. Results do not depend on it."""
+
+    workers: Annotated[int, Field(ge=0)] = 0  # processes on this machine, 0: one per core
+    dask: Dask | None = None  # null: no cluster

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import pi
 
 from pipeline.core.errors import ConfigError
+from pipeline.core.validation import options
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class MocapOptions:
     """Errors and faults of the marker tracking. Rates are probabilities that a burst starts at a
     frame.
@@ -46,7 +47,7 @@ class MocapOptions:
                 )
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class SceneOptions:
     """Sizes of the arm's solids and of the room; m. Girths are those of the youBot's housings,
     rounded, the room is assumed.
@@ -69,7 +70,7 @@ class SceneOptions:
     wall_distance: float = 3.6
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class KinectOptions:
     """The sensor, where it stands and how it errs."""
 
@@ -125,7 +126,7 @@ class KinectOptions:
             )
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class ClockOptions:
     """The depth camera's own clock and frame rate."""
 

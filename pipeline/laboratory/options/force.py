@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from pipeline.core.errors import ConfigError
+from pipeline.core.validation import options
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class Robots:
     """What characterises the robots, one value each."""
 
@@ -46,7 +47,7 @@ class Robots:
         )
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class Transducer:
     """The force/torque transducer and its acquisition; pairs are (force in N, torque in N·m), equal
     on the three axes.

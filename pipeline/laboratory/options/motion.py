@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from pipeline.core.errors import ConfigError
+from pipeline.core.validation import options
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class TrajectoryOptions:
     """The motion's two ends and how time is spent between them."""
 
@@ -40,7 +39,7 @@ class TrajectoryOptions:
             )
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class DynamicsOptions:
     """Disturbances at the micro level, each with its unit and where its size comes from."""
 
@@ -59,10 +58,10 @@ class DynamicsOptions:
     start_std: float = 4e-3
     # m or rad, the tool's sway along and about each of the task's rows at the joints' speed limits.
     # Here x, z and the turn about the tip of the youBot; with the clearance they give the published
-    # covariance of the noise: study principles
+    # covariance of the noise: README.md
     sway_std: tuple[float, ...] = (3e-4, 1.7e-3, 0.0332)
-    # s, of each of the lags that pass the sway on: as brief as the motors can drive it, by the
-    # study principles. Four lags of 22 ms have the bandwidth of the servo, 20 1/s
+    # s, of each of the lags that pass the sway on: as brief as the motors can drive it
+    # (README.md). Four lags of 22 ms have the bandwidth of the servo, 20 1/s
     sway_time: float = 0.0135
     sway_rest: float = 0.02  # 1, share of the sway that is left at rest; motors holding
     # rad, half the play of one joint; the paper reports an unusual clearance in the youBot's third
@@ -101,7 +100,7 @@ class DynamicsOptions:
             )
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class EncoderOptions:
     """The controller's log of what its encoders read; their zeros' errors are the arm's own, of
     :class:`DynamicsOptions`.

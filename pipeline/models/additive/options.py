@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Literal
 
-from omegaconf import MISSING
-
+from pipeline.core import validation
 from pipeline.models import options
 
 
-@dataclass
+@validation.options(kw_only=True)
 class Options(options.Options):
-    """``estimator``: ``paper`` or ``shrinkage``."""
-
-    estimator: str = MISSING
-
-    def __post_init__(self) -> None:
-        options.require_choice("estimator", self.estimator, ("paper", "shrinkage"))
+    estimator: Literal["paper", "shrinkage"]

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated, Literal, Self
 
-from omegaconf import MISSING
+from pydantic import Field, model_validator
 
-from pipeline.core.errors import ConfigError
+from pipeline.core import validation
 from pipeline.models import options
 
 
-@dataclass
+@validation.options(kw_only=True)
 class Options(options.Options):
-    """``estimator``: ``paper`` or ``likelihood``."""
+    estimator: Literal["paper", "likelihood"]
+    beta: Annotated[float, Field(ge=0, lt=1)] | None = None  # of the paper's estimator alone
 
-    estimator: str = MISSING
-    beta: float | None = None  # of the paper's estimator alone
-
-    def __post_init__(self) -> None:
-        options.require_choice("estimator", self.estimator, ("paper", "likelihood"))
+    @model_validator(mode="after")
+    def _beta_of_the_paper(self) -> Self:
         if self.estimator == "paper" and self.beta is None:
-            raise ConfigError(
-                "the paper's estimator of a Gaussian model needs a beta", key="models.*.beta"
-            )
+            raise validation.Fault("beta", "the paper's estimator needs a beta")
+        return self

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
-from omegaconf import MISSING
-
+from pipeline.core import validation
 from pipeline.models import options
 
 Structure = Literal["diagonal", "full"]
 
 
-@dataclass
+@validation.options(kw_only=True)
 class Options(options.Options):
-    """``structure`` of the covariances: ``diagonal`` or ``full``."""
-
-    structure: str = MISSING
-
-    def __post_init__(self) -> None:
-        options.require_choice("structure", self.structure, get_args(Structure))
+    structure: Structure  # of the covariances

@@ -2,39 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated, Literal, Self
 
-from omegaconf import MISSING
+from pydantic import Field, model_validator
 
-from pipeline.core.errors import ConfigError
+from pipeline.core import validation
 from pipeline.models import options
-from pipeline.models.wishart.decomposition import BY_SHAPE, COMPUTED
+from pipeline.models.wishart.decomposition import BY_SHAPE
 
 
-@dataclass
+@validation.options(kw_only=True)
 class Options(options.Options):
-    """``estimator``: ``paper`` or ``likelihood``."""
-
-    estimator: str = MISSING
-    decomposition: str = BY_SHAPE  # or pivoted_lu, qr, qr_transposed or given
+    estimator: Literal["paper", "likelihood"]
+    decomposition: Literal["by_shape", "pivoted_lu", "qr", "qr_transposed", "given"] = BY_SHAPE
     left: list[list[float]] | None = None  # rows of J₁, of the decomposition given alone
-    floor: float | None = None  # of the paper's estimator alone
-    ratio_factor: float = 1.0  # on α₂/α₁ of the paper's estimator, which the noise at rest settles
+    floor: Annotated[float, Field(gt=0, lt=1)] | None = None  # of the paper's estimator alone
+    # on α₂/α₁ of the paper's estimator, which the noise at rest settles
+    ratio_factor: Annotated[float, Field(gt=0)] = 1.0
 
-    def __post_init__(self) -> None:
-        options.require_choice("estimator", self.estimator, ("paper", "likelihood"))
+    @model_validator(mode="after")
+    def _values_that_go_together(self) -> Self:
         if self.estimator == "paper" and self.floor is None:
-            raise ConfigError(
-                "the paper's estimator of a Wishart model needs a floor", key="models.*.floor"
-            )
-        options.require_choice("decomposition", self.decomposition, (BY_SHAPE, *COMPUTED, "given"))
+            raise validation.Fault("floor", "the paper's estimator needs a floor")
         if (self.decomposition == "given") != (self.left is not None):
-            raise ConfigError(
-                "the decomposition given, and no other, needs the rows of J1 as left",
-                key="models.*.left",
-            )
+            raise validation.Fault("left", "the decomposition given, and no other, needs left")
         if self.left is not None and any(len(row) != len(self.left) for row in self.left):
-            raise ConfigError(
-                "left must hold the rows of J1, each of as many values as there are rows",
-                key="models.*.left",
-            )
+            raise validation.Fault("left", "must be square: the rows of J1")
+        return self

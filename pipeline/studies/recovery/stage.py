@@ -16,7 +16,7 @@ from omegaconf import MISSING
 from pipeline.core import config, contracts, rng
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import SolverError
-from pipeline.core.options.compute import Compute
+from pipeline.core.options.analysis import Compute
 from pipeline.models.kinds import build_model, estimate, fitted_model, truths
 from pipeline.models.options import Options as Model
 from pipeline.models.steps import Recorded, Truth

@@ -24,7 +24,7 @@ from pipeline.cases.verdict import decided
 from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ContractError
-from pipeline.core.options.compute import Compute
+from pipeline.core.options.analysis import Compute
 from pipeline.studies.survey.conditions import (
     FACTORS,
     Condition,

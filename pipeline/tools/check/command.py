@@ -23,8 +23,8 @@ def run(words: list[str]) -> None:
     )
     params = Path("params.yaml")
     name = parser.parse_args(words).name or read_yaml(params).get("dataset")
-    if name not in config.options("dataset"):
-        there_are = ", ".join(config.options("dataset"))
+    if name not in config.option_names("dataset"):
+        there_are = ", ".join(config.option_names("dataset"))
         raise ConfigError(f"no dataset {name!r}; there are {there_are}")
     option_file = config.CONF / "dataset" / f"{name}.yaml"
     wrong = problems(option_file, params)

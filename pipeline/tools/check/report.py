@@ -8,7 +8,6 @@ from pathlib import Path
 from pipeline.arm.model import chain_of
 from pipeline.core import config
 from pipeline.core.columns import columns
-from pipeline.core.composition import dataset_values
 from pipeline.core.datasheet import unfilled_keys
 from pipeline.core.draft import absent, filled
 from pipeline.core.errors import PipelineError
@@ -29,7 +28,7 @@ def problems(option_file: Path, params: Path) -> list[str]:
     dataset.
     """
     try:
-        values = dataset_values(option_file)
+        values = config.dataset_values(option_file)
     except PipelineError as error:
         return [str(error)]
     amiss = [f"{key}: there is ??? for a value" for key in unfilled_keys(values)]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pipeline.core.bounds import within
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.reading import Reading
+from pipeline.core.bounds import Reading
 from pipeline.tools.inspect.examine import inspect
 from pipeline.tools.inspect.report import as_json, as_table
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from distributed import Client
 
-from pipeline.core.options.compute import Compute, Dask
+from pipeline.core.options.analysis import Compute, Dask
 
 ROOT = Path(__file__).parents[3]
 WAIT = 60.0  # s, until a process counts as not starting
@@ -69,7 +69,7 @@ class Running:
             "--nworkers",
             "2",
             "--preload",
-            "pipeline.core",
+            "pipeline.core.environment",
         ]
         return process(*words, PATH=os.environ["PATH"], PYTHONPATH=".")
 
@@ -91,7 +91,6 @@ class Running:
 
 @contextmanager
 def scheduler(folder: Path) -> Iterator[Running]:
-    # it need not know the project
     file = folder / "scheduler.json"
     with process(
         "scheduler", "--port", "0", "--scheduler-file", str(file), PATH=os.environ["PATH"]

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from distributed import Client
 
-from pipeline.core.compute import trials as module
+from pipeline.core.compute import cluster as module
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.compute import Compute
+from pipeline.core.options.analysis import Compute
 from pipeline.formats.delimited import read_text
 from tests.core.compute.example_trials import (
     articulated,

@@ -15,7 +15,7 @@ from distributed.utils import LoopRunner
 from pipeline.core.compute.cluster import cluster
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ComputeError
-from pipeline.core.options.compute import Compute, Dask
+from pipeline.core.options.analysis import Compute, Dask
 from tests.core.compute.example_trials import (
     give_up,
     pause,

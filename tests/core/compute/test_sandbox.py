@@ -10,10 +10,9 @@ import time
 import numpy as np
 import pytest
 
-from pipeline.core.bounds import bounds, within
+from pipeline.core.bounds import Reading, bounds, within
 from pipeline.core.compute.sandbox import Sandbox
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.reading import Reading
 
 SMALL = Reading(seconds=1, memory_mib=256)
 

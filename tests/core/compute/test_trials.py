@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import multiprocessing
 import operator
 import os
 import signal
@@ -18,7 +17,7 @@ import pytest
 from pipeline.core.compute import trials as module
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ComputeError, ConfigError, RecordingError
-from pipeline.core.options.compute import Compute
+from pipeline.core.options.analysis import Compute
 from pipeline.core.rng import stream
 from pipeline.formats.delimited import read_text
 from tests.core.compute.memory import peak
@@ -28,11 +27,8 @@ SERIAL, TWO = Compute(1), Compute(2)
 
 @pytest.fixture
 def at_once(monkeypatch):
-    """Workers are started after the first trial, however short it was, and are given one trial at a
-    time.
-    """
+    """Workers are started after the first trial, however short it was."""
     monkeypatch.setattr(module, "START", 0.0)
-    monkeypatch.setattr(module, "BLOCK", 0.0)
 
 
 @pytest.mark.parametrize("workers", [0, 1, 2, 5])
@@ -137,23 +133,6 @@ def test_an_error_in_a_worker_stops_what_has_not_begun():
     assert time.perf_counter() - begin < 10
 
 
-def write(number: int, folder: Path) -> None:
-    if number == 2:
-        raise ConfigError("refused")
-    for part in range(20):
-        (folder / f"{number} {part}").touch()
-        time.sleep(0.01)
-
-
-def test_no_trial_runs_on_after_the_end(tmp_path, at_once):
-    with pytest.raises(ConfigError):
-        list(run_trials(partial(write, folder=tmp_path), range(1, 40), compute=TWO, label="trials"))
-    left = len(list(tmp_path.iterdir()))
-    assert not multiprocessing.active_children()
-    time.sleep(0.1)
-    assert len(list(tmp_path.iterdir())) == left
-
-
 def give_up(number: int) -> None:
     if number == 3:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -166,7 +145,7 @@ def test_a_worker_process_that_is_killed_is_named_as_the_reason(at_once):
 
 @pytest.mark.parametrize("compute", [SERIAL, TWO])
 def test_memory_does_not_grow_with_the_number_of_trials(compute, at_once, monkeypatch):
-    monkeypatch.setattr(module, "AHEAD", 2)
+    monkeypatch.setattr(module, "WINDOW", 4)
 
     def trials(number: int) -> Iterator[np.ndarray]:
         return run_trials(

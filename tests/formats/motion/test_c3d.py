@@ -12,7 +12,7 @@ from motive_files import refusal
 
 from pipeline.core.bounds import within
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.reading import Reading
+from pipeline.core.bounds import Reading
 from pipeline.formats.motion import c3d
 from pipeline.formats.motion.c3d import read_c3d
 

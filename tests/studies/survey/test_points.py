@@ -12,7 +12,7 @@ import pytest
 from source_code import MODULES, covers, needed
 
 from pipeline.core import contracts
-from pipeline.core.options.compute import Compute
+from pipeline.core.options.analysis import Compute
 from pipeline.studies.survey import points
 from pipeline.studies.survey.conditions import (
     Factors,
