@@ -2,33 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pipeline.models.draws import draw_steps
 from pipeline.models.level import at_recorded_level
 from pipeline.models.model import MotionModel
 from pipeline.models.steps import Recorded
+from pipeline.statistics.spread_tables import ModelledNoise
 
 DRAWS = 1000  # of a step, over the poses of all takes
-
-
-@dataclass(frozen=True)
-class ModelledNoise:
-    """Exact moments of a model's process noise ω over the recorded poses, the measurement noise
-    apart, and draws of both together.
-    """
-
-    motion: np.ndarray  # (M, n) rad², mean over the takes of the variance of a step
-    measurement: np.ndarray  # (n,) rad², diagonal of Σ_m
-    error: np.ndarray  # (takes, M, n) rad, the model's mean next pose minus the measured one
-    draws: np.ndarray  # (DRAWS, M, n) rad, of ω with the measurement noise
-
-    @property
-    def std(self) -> np.ndarray:
-        """(M, n) standard deviation of ω in rad."""
-        return np.sqrt(self.motion + self.measurement)
 
 
 def modelled_noise(

@@ -83,6 +83,23 @@ def following_tests(
     return pd.DataFrame(rows, columns=["joint", "steps", "correlation", "limit", "power"])
 
 
+def constant_noise_variation(noise: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(n,) coefficient of variation over time of the standard deviation of so many takes that noise
+    of one law at all steps stays below in RECOGNISED of the draws, in all joints at once.
+
+    The law is that of all steps of ``noise`` (takes, M, n) in rad together, correlated from step to
+    step as ``noise`` is.
+    """
+    share, result = RECOGNISED ** (1 / noise.shape[-1]), []
+    for j in range(noise.shape[-1]):
+        variates = _autoregression(noise[..., j], rng)
+        ordered = np.sort((noise[..., j] - noise[..., j].mean(axis=0)).ravel())
+        taken = ordered[(ndtr(variates) * len(ordered)).astype(np.intp)]
+        curves = taken.std(axis=-1, ddof=1)
+        result.append(np.quantile(curves.std(axis=0) / curves.mean(axis=0), share))
+    return np.array(result)
+
+
 def _autoregression(noise: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """(M, REPLICATES, takes) standard normal variates, correlated from step to step as ``noise``
     (takes, M) is.

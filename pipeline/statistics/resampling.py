@@ -85,7 +85,7 @@ def spread_comparison(
     rng: np.random.Generator,
 ) -> pd.DataFrame:
     """Relative error of each model's standard deviation over time in each joint, and its difference
-    to three others, with 95 % percentile intervals of the bootstrap over takes: to the first model
+    to three others, with basic 95 % intervals of the bootstrap over takes: to the first model
     in the same joint, to no noise at all (NO_NOISE, whose error is 1), and to the same model in the
     last joint.
 
@@ -130,8 +130,8 @@ def mean_error_comparison(
     error: Mapping[str, np.ndarray], rng: np.random.Generator
 ) -> pd.DataFrame:
     """Standard deviation over time of the error of each model's mean, ‖mean − recorded mean‖ in
-    rad, and its difference to every other model's with the 95 % percentile interval of the
-    bootstrap over takes.
+    rad, and its difference to every other model's with the basic 95 % interval of the bootstrap
+    over takes.
 
     ``error`` (takes, M, n) in rad by model: exact mean of a step minus the measured pose.
     """
@@ -186,8 +186,10 @@ def _variances(counts: np.ndarray, noise: np.ndarray) -> np.ndarray:
 
 
 def _difference(values: np.ndarray) -> dict[str, float]:
-    """The first of ``values`` (1 + resamplings,), and the interval of the others."""
+    """The first of ``values`` (1 + resamplings,) and its basic bootstrap interval, which takes out
+    what resampling alone adds to an error.
+    """
     row = {"difference": float(values[0]), "low": np.nan, "high": np.nan}
     if len(values) > 1:
-        row["low"], row["high"] = np.quantile(values[1:], TAILS)
+        row["high"], row["low"] = 2 * values[0] - np.quantile(values[1:], TAILS)
     return row

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from pipeline.statistics.agreement import correlation
-from pipeline.statistics.following import HALF_EXPLAINED, POWER, RECOGNISED, following_tests
+from pipeline.statistics.following import (
+    HALF_EXPLAINED,
+    POWER,
+    RECOGNISED,
+    constant_noise_variation,
+    following_tests,
+)
 
 STEPS, DRAWS, REPEATS = 160, 1000, 150
 JOINTS = ("elbow", "wrist")
@@ -81,3 +87,19 @@ def test_constant_deviations_and_too_few_steps_have_no_test():
     few = ALL | {"few": np.arange(STEPS) < 2}
     rows = following_tests(std, noise, noise, few, JOINTS, rng)
     assert rows[["joint", "steps"]].to_numpy().tolist() == [["wrist", "all"]]
+
+
+@pytest.mark.parametrize("takes", [4, 100])
+@pytest.mark.parametrize("law", LAWS)
+def test_constant_noise_varies_less_than_its_limit_and_noise_that_comes_and_goes_more(takes, law):
+    rng, flat = np.random.default_rng(takes), 1e-3 * np.ones((STEPS, 2))
+    inside = []
+    for _ in range(8):
+        noise = takes_of(flat, law, 0.3, takes, rng)
+        curves = noise.std(axis=0, ddof=1)
+        found = curves.std(axis=0) / curves.mean(axis=0)
+        inside.append((found <= constant_noise_variation(noise, rng)).all())
+    assert np.mean(inside) >= 0.6
+    curves = takes_of(curve(0.6), "normal", 0.3, 100, rng)
+    found = curves.std(axis=0).std(axis=0) / curves.std(axis=0).mean(axis=0)
+    assert (found > constant_noise_variation(curves, rng)).all()
