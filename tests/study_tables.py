@@ -5,29 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-JOINTS = ["one", "two", "three"]
 GAP = float("nan")
-
-
-def model_scores() -> pd.DataFrame:
-    """Two scores of three models on four groups of steps; one model has no interval."""
-    groups = ("all", "moving", "moving, least third of ‖J⁻¹‖: 13 to 14", "particle filter")
-    parts = [
-        pd.DataFrame(
-            {
-                "steps": steps,
-                "model": ["additive", "gaussian", "scaled"],
-                "score": score,
-                "mean": [10.0, 10.6, 10.5],
-                "difference": [GAP, 0.6, 0.5],
-                "low": [GAP, 0.5, GAP],
-                "high": [GAP, 0.7, GAP],
-            }
-        )
-        for steps in groups
-        for score in ("log_score", "nees")
-    ]
-    return pd.concat(parts, ignore_index=True)
 
 
 def parameter_recovery() -> pd.DataFrame:
@@ -101,34 +79,5 @@ def sensitivity() -> pd.DataFrame:
         )
         for (claim, about), words in claims.items()
         for (setting, variation), word in zip(variations, words, strict=True)
-    ]
-    return pd.concat(parts, ignore_index=True)
-
-
-def faults() -> pd.DataFrame:
-    """Two faults of takes, one of frames and one of a log, at three severities."""
-    suffered = [
-        ("take: dropped", "motion capture", [0.01, 0.02, GAP], 0.01, "rad"),
-        ("take: swapped", "motion capture", GAP, 0.01, "rad"),
-        ("frames: frozen", "depth camera", [0.05, 0.05, 0.1], 0.05, "rad"),
-        ("log: saturated", "force transducer", [0.0, 0.1, 1.0], 0.0, "N"),
-    ]
-    parts = [
-        pd.DataFrame(
-            {
-                "fault": fault,
-                "instrument": instrument,
-                "severity": [1.0, 2.0, 3.0],
-                "severity_unit": "rows",
-                "outcome": "",
-                "as_expected": True,
-                "rule": "",
-                "said": "",
-                "error": error,
-                "clean_error": clean,
-                "error_unit": unit,
-            }
-        )
-        for fault, instrument, error, clean, unit in suffered
     ]
     return pd.concat(parts, ignore_index=True)

@@ -7,7 +7,7 @@ import ast
 import pytest
 from source_code import MODULES, ROOT, imports, tree
 
-LINES, COLUMNS = 250, 100
+LINES, COLUMNS = 350, 100
 FILES = {
     str(file.relative_to(ROOT)): file
     for folder in ("pipeline", "tests")

@@ -119,25 +119,6 @@ def load_arm(
     return arm_of(Robot(str(urdf), list(joints), tool, locked=dict(locked), plane=True))
 
 
-def torques(robot: Robot, q: np.ndarray, speed: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-    """(N, n) N·m that the motors of the ``robot``'s joints give at ``q`` (N, n) in rad for
-    ``speed`` (N, n) in rad/s and ``acceleration`` (N, n) in rad/s², gravity included, by the masses
-    in its URDF.
-    """
-    model = _model(describe(robot))
-    data = model.createData()
-    # a continuous joint has two coordinates there
-    placed = [pin.integrate(model, pin.neutral(model), row) for row in np.asarray(q, dtype=float)]
-    return np.array(
-        [pin.rnea(model, data, *row) for row in zip(placed, speed, acceleration, strict=True)]
-    )
-
-
-def greatest_torques(robot: Robot) -> np.ndarray:
-    """(n,) N·m that the motors of the ``robot``'s joints give at most, by its URDF."""
-    return _model(describe(robot)).upperEffortLimit.copy()
-
-
 def _model(described: Description) -> pin.Model:
     """Pinocchio's model of the arm alone, every other joint of its URDF held."""
     try:

@@ -58,10 +58,10 @@ class DynamicsOptions:
     start_std: float = 4e-3
     # m or rad, the tool's sway along and about each of the task's rows at the joints' speed limits.
     # Here x, z and the turn about the tip of the youBot; with the clearance they give the published
-    # covariance of the noise: study principles
+    # covariance of the noise: README.md
     sway_std: tuple[float, ...] = (3e-4, 1.7e-3, 0.0332)
-    # s, of each of the lags that pass the sway on: as brief as the motors can drive it, by the
-    # study principles. Four lags of 22 ms have the bandwidth of the servo, 20 1/s
+    # s, of each of the lags that pass the sway on: as brief as the motors can drive it
+    # (README.md). Four lags of 22 ms have the bandwidth of the servo, 20 1/s
     sway_time: float = 0.0135
     sway_rest: float = 0.02  # 1, share of the sway that is left at rest; motors holding
     # rad, half the play of one joint; the paper reports an unusual clearance in the youBot's third

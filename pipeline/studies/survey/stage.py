@@ -171,9 +171,7 @@ def _base_condition(tally: Tally, claims: tuple[Claim, ...], folder: Path) -> No
     """
     name = config.sections("report").dataset.name
     run = read_run(Path("reports/datasets") / f"{name}.json")
-    scores = read_run(page.REPORTS / f"baselines/{name}.json").tables["model_scores"]
-    evidence = {**run.evidence, "tables/one_step_scores": scores}
-    beside = against_the_pipeline(tally, claims, evidence, run.arm)
+    beside = against_the_pipeline(tally, claims, run.evidence, run.arm)
     beside.to_csv(folder / "base_condition.csv", index=False)
     differ = beside.loc[~beside["agrees"], "claim"].unique()
     print(
