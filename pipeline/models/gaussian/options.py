@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from omegaconf import MISSING
-
-from pipeline.core.errors import ConfigError
 from pipeline.models import options
+
+ESTIMATORS = ("moments", "paper", "likelihood")
 
 
 @dataclass
 class Options(options.Options):
-    """``estimator``: ``paper`` or ``likelihood``."""
+    """``estimator``: ``moments`` (the recorded total variance, then its course over time),
+    ``paper`` (the distance of one-step moments, step by step) or ``likelihood``.
+    """
 
-    estimator: str = MISSING
-    beta: float | None = None  # of the paper's estimator alone
+    estimator: str = "moments"
+    beta: float = 0.5  # of the paper's estimator alone: β₁, weight of the mean's error
 
     def __post_init__(self) -> None:
-        options.require_choice("estimator", self.estimator, ("paper", "likelihood"))
-        if self.estimator == "paper" and self.beta is None:
-            raise ConfigError(
-                "the paper's estimator of a Gaussian model needs a beta", key="models.*.beta"
-            )
+        options.require_choice("estimator", self.estimator, ESTIMATORS)

@@ -4,29 +4,29 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from omegaconf import MISSING
-
 from pipeline.core.errors import ConfigError
 from pipeline.models import options
 from pipeline.models.wishart.decomposition import BY_SHAPE, COMPUTED
 
+ESTIMATORS = ("moments", "paper", "likelihood")
+
 
 @dataclass
 class Options(options.Options):
-    """``estimator``: ``paper`` or ``likelihood``."""
+    """``estimator``: ``moments`` (the recorded total variance), ``paper`` (the convex problem on
+    every step) or ``likelihood``.
+    """
 
-    estimator: str = MISSING
+    estimator: str = "moments"
     decomposition: str = BY_SHAPE  # or pivoted_lu, qr, qr_transposed or given
     left: list[list[float]] | None = None  # rows of J₁, of the decomposition given alone
-    floor: float | None = None  # of the paper's estimator alone
-    ratio_factor: float = 1.0  # on α₂/α₁ of the paper's estimator, which the noise at rest settles
+    # of the paper's estimator alone: ε of B⁻¹ ⪰ εI, and the factor on α₂/α₁, which follows from
+    # the noise at rest
+    floor: float = 0.2
+    ratio_factor: float = 1.0
 
     def __post_init__(self) -> None:
-        options.require_choice("estimator", self.estimator, ("paper", "likelihood"))
-        if self.estimator == "paper" and self.floor is None:
-            raise ConfigError(
-                "the paper's estimator of a Wishart model needs a floor", key="models.*.floor"
-            )
+        options.require_choice("estimator", self.estimator, ESTIMATORS)
         options.require_choice("decomposition", self.decomposition, (BY_SHAPE, *COMPUTED, "given"))
         if (self.decomposition == "given") != (self.left is not None):
             raise ConfigError(
