@@ -195,7 +195,7 @@ def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) 
 
 
 def datasets_page(here: Run, decided: Sequence[Decided]) -> str:
-    """``reports/datasets.md``: the verdict on every claim from every dataset as a sign, and what was
+    """``reports/datasets.md``: the verdict on every claim from every dataset as a sign; what was
     found, kept, lost and repaired in the recordings of ``here``.
     """
     rows = [

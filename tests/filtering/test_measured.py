@@ -156,7 +156,7 @@ def test_what_the_dataset_does_not_have_is_refused_with_one_message(tables):
     ):
         with pytest.raises(ConfigError, match=words):
             measured_takes(replace(DATASET, **changed))
-    with pytest.raises(ConfigError, match="no 'lidar'; there are depth, encoders, tip"):
+    with pytest.raises(ConfigError, match="should be 'depth', 'encoders' or 'tip', got 'lidar'"):
         replace(DATASET, measurement="lidar")
     file = MOTION / "encoders.parquet"
     table = pd.read_parquet(file)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from made_options import made
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Robot
@@ -24,7 +25,7 @@ def dataset(**options) -> Dataset:
         "actual": labels("actual", JOINTS),
     }
     robot = Robot("arm.urdf", JOINTS, task=["x"])
-    return Dataset(name="t", robot=robot, encoders=Encoders(**stated | options))
+    return made(Dataset, robot=robot, encoders=Encoders(**stated | options))
 
 
 URDF = """<robot name="arm"><link name="base"/><link name="upper"/><link name="lower"/>

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from joint_files import log, read_movement, table
+from made_options import made
 from written_logs import write_joint_log
 
 from pipeline.core.errors import RecordingError
@@ -144,7 +145,7 @@ def test_wrapped_angles_are_unwrapped_counted_and_taken_beside_their_command(
     else:
         np.savez(tmp_path / "run.npz", time=time, **rows)
     signals = {name: [f"{name}_a", f"{name}_b"] if kind == "csv" else [name] for name in rows}
-    log = Log("*", joints=["a", "b"], signals=signals, time="time", start=[], end=[], rest=0)
+    log = made(Log, joints=["a", "b"], signals=signals, time="time")
     read = read_logged_movement("run", tmp_path / f"run.{kind}", log, 100.0)
     np.testing.assert_allclose(read.actual - read.target, 1e-5, atol=1e-6)
     # on the circle they are where they were
