@@ -77,7 +77,8 @@ class JointLog:
     # s by which the command is early on the measured angles' clock, to the nearest row: one number,
     # or one of each movement by its name
     target_delay: Any = 0.0
-    # of a joint's motion, by which the measured angles may miss the commanded ones (median)
+    # of a joint's motion, by which the measured angles may miss the commanded ones (0.9 quantile
+    # over the rows)
     mismatch: float = 0.05
     start: list[float] = MISSING  # rad, commanded angles of robot.joints before the motion
     end: list[float] = MISSING  # rad, and after it
