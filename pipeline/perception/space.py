@@ -47,9 +47,8 @@ def track_joints(
     """Joint angles of one take.
 
     The first frame that one posture alone fits is the start, the others follow from it in blocks. A
-    frame with a point beyond the gate goes without the link whose absence lets it fit best; one that
-    does not fit then, or whose points do not decide every joint, is missing.
-    Counts: samples
+    frame with a point beyond the gate goes without the link whose absence lets it fit best; one
+    that does not fit then, or whose points do not decide every joint, is missing. Counts: samples
     ``missing`` and ``rejected``; frames ``unfit``, ``undecided``, ``interpolated`` and ``held``.
     Raises RecordingError where no frame is decided, or fits, and for longer gaps than ``max_gap``.
 
