@@ -21,8 +21,7 @@ from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.laboratory.kinect import DepthCamera
 from pipeline.laboratory.sensor import draw_bias
-from pipeline.perception.articulation import ArticulationOptions
-from pipeline.perception.depth_angles import articulate_rows
+from pipeline.perception.articulation import ArticulationOptions, articulate_rows
 from pipeline.recordings.depth_sequence import DepthSequence
 
 RATE = 30.0  # frames/s

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arm.serial import SerialChain
 from pipeline.core.task import SPACE
-from pipeline.perception.carried import Carried
+from pipeline.perception.space import Carried
 
 
 def placements(count: int, rng: np.random.Generator) -> np.ndarray:

@@ -17,8 +17,7 @@ from pipeline.arm.model import Arm
 from pipeline.core.columns import columns, values
 from pipeline.core.options.dataset import Dataset
 from pipeline.core.options.force import Force
-from pipeline.perception.articulation import ArticulationOptions
-from pipeline.perception.depth_angles import articulate_rows
+from pipeline.perception.articulation import ArticulationOptions, articulate_rows
 from pipeline.perception.markers import track_rows
 from pipeline.recordings import depth_camera, motion_capture
 from pipeline.recordings.depth_clock import on_motion_clock

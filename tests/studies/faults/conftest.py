@@ -32,7 +32,7 @@ from pipeline.laboratory.options import KinectOptions
 from pipeline.laboratory.sensor import draw_bias
 from pipeline.laboratory.swing import desired_joints, desired_trajectory
 from pipeline.perception.articulation import ArticulationOptions
-from pipeline.perception.link_fit import marker_places
+from pipeline.perception.markers import marker_places
 from pipeline.recordings.joint_logs import joint_log_rows
 from pipeline.studies.faults.bench import Bench, Recovered, recovered_from
 from pipeline.studies.faults.recordings import (
