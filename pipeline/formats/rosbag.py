@@ -159,7 +159,8 @@ def _opened(file: Path) -> Iterator[AnyReader]:
     file = Path(file)
     metadata = file / "metadata.yaml"
     try:
-        described = read_whole(metadata) if metadata.is_file() else b""
+        if metadata.is_file():
+            read_whole(metadata)  # refused where it is larger than any metadata
         # SQLite may fill up what a file lacks
         if cut := [each.name for each in file.glob("*.db3") if _is_cut(each)]:
             raise ValueError(f"{', '.join(cut)} is cut short")

@@ -9,7 +9,7 @@ import pytest
 from motive_files import MARKER, columns_file
 from written_logs import write_joint_log
 
-from pipeline.formats.depth.png import write_depth
+from pipeline.formats.depth.image import write_depth
 from pipeline.formats.joints.log import JointLog
 from pipeline.tools.inspect import examine
 from pipeline.tools.inspect.examine import inspect
