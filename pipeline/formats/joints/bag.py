@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.core.errors import RecordingError
 from pipeline.formats.bag_path import is_bag
 from pipeline.formats.format import Format, Head, Kind
-from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
+from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, unwrapped
 from pipeline.formats.joints.names import named_like
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -28,9 +28,12 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
     messages that lack a joint or an angle, and times that do not increase; messages count from 0.
     """
     joints: tuple[str, ...] = ()
-    logs = {}
+    logs, jumps = {}, 0
     for signal, topic in sorted(_topics(file, options).items()):
         time, values, joints = _values(file, topic, signal, joints)
+        if signal != "speed":  # before anything is interpolated over a jump
+            values, removed = unwrapped(values, time, joints, signal=signal, file=file)
+            jumps += removed
         logs[signal] = time, values
     time, measured = logs.pop("actual")
     signals, keep, beside = (
@@ -47,7 +50,7 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
     counts = {
         "interpolated_rows": int((beside & keep).sum()),
         "rows_without_command": int((~keep).sum()),
-    }
+    } | ({"unwrapped_jumps": jumps} if jumps else {})
     signals = {signal: values[keep] for signal, values in signals.items()}
     return JointLog(time[keep] - time[0], signals, counts, joints)
 

@@ -15,7 +15,7 @@ from pipeline.studies.survey.conditions import (
     motion_conditions,
     wrench_conditions,
 )
-from pipeline.verdicts.strict import build, is_number
+from pipeline.studies.survey.strict import build, is_number
 
 TEST_TAKES = 4  # fewer leave too few to estimate the depth camera's noise of each from the others
 
