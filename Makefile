@@ -1,4 +1,5 @@
 # Two commands: `make repro` (the paper) and `make test`. Each target makes its own environment in .venv from the hashed lock files.
+# The checkout may lie in a path with blanks: every absolute path in a recipe is quoted.
 SHELL := /bin/sh
 PYTHON ?= $(shell for p in python3.12 python3.11 python3 python; do \
 	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' 2>/dev/null && { echo $$p; break; }; done)
@@ -6,17 +7,25 @@ VENV := .venv
 BIN := $(CURDIR)/$(VENV)/bin
 READY := $(VENV)/.ready
 PEERS := .venv-peers
+VIEW := .venv-view
 export PATH := $(BIN):$(PATH)
 export DVC_NO_ANALYTICS := 1
 export HOME ?= $(CURDIR)/$(VENV)
 # Python keeps the bytecode of what it imports, as numba its machine code; else every process compiles those sources anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: repro all test test-all smoke real synthetic audit bench bench-emulated bench-experiment bench-scale lint lock clean-env
+.PHONY: env view repro all test test-all smoke real synthetic audit bench bench-emulated bench-experiment bench-scale lint lock clean-env
+
+# The environment alone.
+env: $(READY)
+
+# The viewer Rerun, for `python -m pipeline view TAKE`.
+view: $(READY) $(VIEW)/.ready
 
 # The paper alone.
 repro: $(READY)
 	dvc repro
+	@echo "Results: report reports/report.md, page reports/index.html, model card reports/model_card.md"
 
 # The paper, the studies and the page of results.
 all: $(READY)
@@ -26,8 +35,8 @@ all: $(READY)
 test: $(READY)
 	python -m pytest -q -n auto --dist worksteal -m "not slow"
 
-# Every test; how long each module takes is written to tests/durations.csv. The peers' environment has a collection of arms.
-test-all: $(READY) $(PEERS)/.ready
+# Every test; how long each module takes is written to tests/durations.csv. The peers' environment has a collection of arms, the viewer's has Rerun.
+test-all: $(READY) $(PEERS)/.ready $(VIEW)/.ready
 	python -m pytest -q -n auto --dist worksteal --durations-file=tests/durations.csv
 
 smoke: $(READY)
@@ -75,20 +84,27 @@ lint: $(READY)
 # A new environment whenever a lock changes. uv only installs: every file is checked against its hash.
 $(READY): requirements.lock uv.requirements build-constraints.txt
 	@test -n "$(PYTHON)" || { echo "error: no Python 3.11 or 3.12 found (looked for python3.12, python3.11, python3, python); install one, or name it: make PYTHON=/path/to/python3.12" >&2; exit 1; }
-	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' || { echo "error: $(PYTHON) is no Python 3.11 or 3.12" >&2; exit 1; }
-	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "error: $(PYTHON) lacks the venv module; on Debian and Ubuntu install python3-venv" >&2; exit 1; }
+	@"$(PYTHON)" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' || { echo "error: $(PYTHON) is no Python 3.11 or 3.12" >&2; exit 1; }
+	@"$(PYTHON)" -c 'import venv, ensurepip' 2>/dev/null || { echo "error: $(PYTHON) lacks the venv module; on Debian and Ubuntu install python3-venv" >&2; exit 1; }
 	@command -v git >/dev/null || { echo "error: git is missing; DVC needs it" >&2; exit 1; }
 	rm -rf $(VENV)
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r uv.requirements
-	$(BIN)/uv pip sync --quiet --system-certs --python $(BIN)/python --require-hashes --build-constraint build-constraints.txt requirements.lock
+	"$(PYTHON)" -m venv $(VENV)
+	"$(BIN)"/python -m pip install --quiet --disable-pip-version-check --require-hashes -r uv.requirements
+	"$(BIN)"/uv pip sync --quiet --system-certs --python "$(BIN)/python" --require-hashes --build-constraint build-constraints.txt requirements.lock
 	touch $@
 
 # The libraries that the benchmarks compare with, in an environment of their own.
 $(PEERS)/.ready: tests/benchmarks/peers.lock build-constraints.txt | $(READY)
 	rm -rf $(PEERS)
-	$(BIN)/uv venv --quiet --python $(BIN)/python $(PEERS)
-	$(BIN)/uv pip sync --quiet --system-certs --python $(PEERS)/bin/python --require-hashes --build-constraint build-constraints.txt tests/benchmarks/peers.lock
+	"$(BIN)"/uv venv --quiet --python "$(BIN)/python" $(PEERS)
+	"$(BIN)"/uv pip sync --quiet --system-certs --python $(PEERS)/bin/python --require-hashes --build-constraint build-constraints.txt tests/benchmarks/peers.lock
+	touch $@
+
+# The viewer Rerun, in an environment of its own.
+$(VIEW)/.ready: requirements-view.lock | $(READY)
+	rm -rf $(VIEW)
+	"$(BIN)"/uv venv --quiet --python "$(BIN)/python" $(VIEW)
+	"$(BIN)"/uv pip sync --quiet --system-certs --python $(VIEW)/bin/python --require-hashes requirements-view.lock
 	touch $@
 
 # Renew the locks after a change of pyproject.toml; needs an environment.
@@ -97,6 +113,8 @@ lock: $(READY)
 		--python-version 3.11 --build-constraint build-constraints.txt -o requirements.lock
 	uv pip compile --system-certs tests/benchmarks/peers.in --override tests/benchmarks/peers.overrides --universal --fork-strategy fewest --generate-hashes --no-emit-index-url --no-header \
 		--python-version 3.11 --build-constraint build-constraints.txt -o tests/benchmarks/peers.lock
+	uv pip compile --system-certs requirements-view.in -c requirements.lock --universal --fork-strategy fewest --generate-hashes --no-emit-index-url --no-header \
+		--python-version 3.11 -o requirements-view.lock
 
 clean-env:
-	rm -rf $(VENV) $(PEERS)
+	rm -rf $(VENV) $(PEERS) $(VIEW)

@@ -1,14 +1,18 @@
 """``python -m pipeline NAME …`` runs a stage of dvc.yaml, a study or a tool.
 
 A stage is a module of pipeline/stages, a study a folder of pipeline/studies, a tool a folder of
-pipeline/tools: each is found by its place. What cannot be done is said in one line.
+pipeline/tools: each is found by its place. Every refusal, of the pipeline, of a library or of the
+system, is one message on standard error.
 """
 
 from __future__ import annotations
 
+import ast
+import errno
 import gc
 import os
 import sys
+import traceback
 from collections.abc import Callable
 from functools import partial
 from importlib import import_module
@@ -26,41 +30,115 @@ studies  {studies}
 tools    {tools}
 
 `dvc repro` runs the stages in order, `dvc repro -P` the studies too; ITEM is the model of a stage
-that runs once a model. A tool explains itself with --help."""
+that runs once a model. NAME --help describes a stage, a study or a tool."""
 NO_ENVIRONMENT = (
-    "the project's environment is missing here: `make` makes it, `. .venv/bin/activate` enters it"
+    "the project's environment is missing here: `make env` makes it, `. .venv/bin/activate` "
+    "enters it"
 )
+TRACE = "PIPELINE_TRACEBACK"  # environment variable that prints the traceback of an unknown error
+# error number of the system → what to do
+REMEDIES = {
+    errno.ENOSPC: "free some space and run the command again",
+    errno.EDQUOT: "free some of your quota and run the command again",
+    errno.EROFS: "the file system is read-only: run the command in a copy that can be written",
+    errno.EACCES: "change the permissions of the file or of its folder (ls -ld shows them)",
+    errno.EPERM: "change the permissions of the file or of its folder (ls -ld shows them)",
+    errno.ENOENT: "run the stage or the tool that writes it, from the project's root",
+    errno.EMFILE: "raise the number of open files (ulimit -n)",
+    errno.ENOMEM: "free some memory and run the command again",
+}
 
 
 def main() -> int:
-    """Run what the command line names; 1 with one message on standard error where it cannot."""
+    """Run the command line; return 1 after one message on standard error where it is refused."""
     # what is imported stays: to go through it for garbage again and again, as in every compilation,
     # finds nothing and takes its time
     gc.disable()
+    for stream in filter(None, (sys.stdout, sys.stderr)):
+        stream.reconfigure(errors="replace")  # a character that the locale lacks is shown as ?
     name = sys.argv[1] if len(sys.argv) > 1 else "--help"
     try:
         run = _chosen(name, sys.argv[2:])
         gc.freeze()
         gc.enable()
         run()
-        sys.stdout.flush()
-    except ModuleNotFoundError as error:
-        if (error.name or "").startswith("pipeline"):
-            raise
-        print(f"error: {name}: no module {error.name}; {NO_ENVIRONMENT}", file=sys.stderr)
-        return 1
-    except PipelineError as error:
-        print(f"error: {name}: {error}", file=sys.stderr)
-        return 1
+        _flush()
     except BrokenPipeError:
-        # whoever reads the output has read enough; nothing more is flushed to it on the way out
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()  # the reader of the output has stopped reading
         return 1
+    except SystemExit as stopped:
+        return _stopped(name, stopped)
+    except KeyboardInterrupt:
+        print(f"error: {name}: interrupted", file=sys.stderr)
+        return 130
+    except Exception as error:
+        return _refused(name, error_summary(error), error)
     return 0
 
 
+def error_summary(error: Exception) -> str:
+    """Return one line for any error: what was found, and what to do about it."""
+    if isinstance(error, PipelineError):
+        return str(error)
+    if isinstance(error, ModuleNotFoundError) and not (error.name or "").startswith("pipeline"):
+        return f"no module {error.name}; {NO_ENVIRONMENT}"
+    if isinstance(error, OSError) and error.errno:
+        file = error.filename2 or error.filename
+        place = "standard output" if file is None else os.fsdecode(file)
+        remedy = REMEDIES.get(error.errno, "check the file and run the command again")
+        return f"{place}: {os.strerror(error.errno)}; {remedy}"
+    if isinstance(error, MemoryError):
+        return f"out of memory; {REMEDIES[errno.ENOMEM]}"
+    # a fault of the program, or input that none of its checks knows
+    place = traceback.extract_tb(error.__traceback__)
+    inside = [frame for frame in place if HERE in Path(frame.filename).parents]
+    at = f" [{Path(inside[-1].filename).relative_to(HERE.parent)}, line {inside[-1].lineno}]"
+    words = " ".join(str(error).split())
+    return (
+        f"unexpected {type(error).__name__}: {words}{at if inside else ''}; check the input, and "
+        f"report it with the traceback, which {TRACE}=1 prints"
+    )
+
+
+def _refused(name: str, message: str, error: Exception) -> int:
+    if isinstance(error, OSError):
+        _discard_output()
+    if os.environ.get(TRACE):
+        traceback.print_exception(error)
+    print(f"error: {name}: {message}", file=sys.stderr)
+    return 1
+
+
+def _stopped(name: str, stopped: SystemExit) -> int:
+    """Return the exit code of a command that ended itself, after its message."""
+    try:
+        _flush()
+    except OSError as error:
+        return _refused(name, error_summary(error), error)
+    if isinstance(stopped.code, str):
+        print(stopped.code, file=sys.stderr)
+        return 1
+    return int(stopped.code or 0)
+
+
+def _flush() -> None:
+    if sys.stdout is not None:
+        sys.stdout.flush()
+
+
+def _discard_output() -> None:
+    """Send what is left of the output nowhere: Python would fail on it again at the end."""
+    if sys.stdout is not None:
+        try:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        except (OSError, ValueError):  # an output without a file descriptor
+            return
+
+
 def _chosen(name: str, words: list[str]) -> Callable[[], None]:
-    """What runs ``name`` with the ``words`` behind it; SystemExit where nothing does."""
+    """Return the call that runs ``name`` with the ``words`` behind it; SystemExit for no such
+    name.
+    """
     folder = name.replace("-", "_")
     if folder in (tools := _named("tools/*/command.py")):
         return partial(import_module(f"pipeline.tools.{folder}.command").run, words)
@@ -76,11 +154,20 @@ def _chosen(name: str, words: list[str]) -> Callable[[], None]:
             raise SystemExit(0)
         raise SystemExit(f"{usage}\n\nerror: there is no {name!r}")
     place = f"stages.{name}" if name in stages else f"studies.{name}.stage"
+    if {"-h", "--help"} & set(words):
+        print(purpose(HERE / f"{place.replace('.', '/')}.py"))
+        raise SystemExit(0)
     run = import_module(f"pipeline.{place}").run
     if len(signature(run).parameters) != len(words):
-        takes = "runs for one item: name it" if signature(run).parameters else "takes no item"
-        raise SystemExit(f"error: {name} {takes}")
+        takes = "takes one item" if signature(run).parameters else "takes no item"
+        raise SystemExit(f"error: {name} {takes}, got {' '.join(words) or 'none'}")
     return partial(run, *words)
+
+
+def purpose(program: Path) -> str:
+    """Return the first paragraph of the docstring of ``program`` on one line."""
+    text = ast.get_docstring(ast.parse(program.read_text(encoding="utf-8"))) or ""
+    return " ".join(text.partition("\n\n")[0].split())
 
 
 def _named(pattern: str) -> list[str]:

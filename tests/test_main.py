@@ -1,102 +1,160 @@
-"""The command that runs a stage, a study or a tool: all found by their places, and what is refused
-before anything runs.
-"""
+"""The command that runs a stage, a study or a tool, each found by its place; and its refusals."""
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from source_code import ROOT
 
-from pipeline.__main__ import main
+from pipeline import __main__ as command
+from pipeline.core.errors import ConfigError
+
+STAGES = sorted(file.stem for file in (ROOT / "pipeline/stages").glob("[a-z]*.py"))
+STUDIES = sorted(file.parent.name for file in (ROOT / "pipeline/studies").glob("*/stage.py"))
+TOOLS = sorted(file.parent.name for file in (ROOT / "pipeline/tools").glob("*/command.py"))
 
 
-def refusal(monkeypatch, *words: str) -> str:
-    """What the command says as it ends without running anything."""
+def run(monkeypatch, *words: str) -> int:
     monkeypatch.setattr(sys, "argv", ["pipeline", *words])
-    with pytest.raises(SystemExit) as stopped:
-        main()
-    assert isinstance(stopped.value.code, str)  # Python prints it and ends with 1
-    return stopped.value.code
+    return command.main()
 
 
-def test_an_unknown_name_is_answered_with_those_there_are(monkeypatch):
-    said = refusal(monkeypatch, "nonsense")
-    assert said.endswith("error: there is no 'nonsense'")
-    listed = {kind: line.split()[1:] for line in said.splitlines() for kind in line.split()[:1]}
-    stages = [file.stem for file in (ROOT / "pipeline/stages").glob("[a-z]*.py")]
-    assert listed["stages"] == sorted(stages) and {"track", "report"} < set(stages)
-    assert listed["studies"] == sorted(
-        file.parent.name for file in (ROOT / "pipeline/studies").glob("*/stage.py")
-    )
-    assert {"audit", "inspect", "lock", "new-dataset"} <= set(listed["tools"])
+def test_an_unknown_name_is_answered_with_those_there_are(monkeypatch, capsys):
+    assert run(monkeypatch, "nonsense") == 1
+    message = capsys.readouterr().err
+    assert message.endswith("error: there is no 'nonsense'\n")
+    listed = {kind: line.split()[1:] for line in message.splitlines() for kind in line.split()[:1]}
+    assert listed["stages"] == STAGES and {"track", "report"} < set(STAGES)
+    assert listed["studies"] == STUDIES
+    assert listed["tools"] == [tool.replace("_", "-") for tool in TOOLS]
 
 
 @pytest.mark.parametrize("words", [[], ["--help"], ["-h"]])
-def test_without_a_name_or_when_asked_it_says_what_there_is(monkeypatch, capsys, words):
-    monkeypatch.setattr(sys, "argv", ["pipeline", *words])
-    with pytest.raises(SystemExit) as stopped:
-        main()
-    assert stopped.value.code == 0
+def test_help_lists_the_names(monkeypatch, capsys, words):
+    assert run(monkeypatch, *words) == 0
     assert capsys.readouterr().out.startswith("usage: python -m pipeline NAME")
 
 
+@pytest.mark.parametrize("name", STAGES + STUDIES)
+def test_help_of_a_stage_or_study_is_one_line_that_names_it(monkeypatch, capsys, name):
+    assert run(monkeypatch, name, "--help") == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith(name) and ": " in line
+
+
+@pytest.mark.parametrize("name", TOOLS)
+def test_help_of_a_tool_names_its_options(monkeypatch, capsys, name):
+    tool = name.replace("_", "-")
+    assert run(monkeypatch, tool, "--help") == 0
+    assert capsys.readouterr().out.startswith(f"usage: python -m pipeline {tool}")
+
+
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "message"),
     [
-        (["fit"], "error: fit runs for one item: name it"),
-        (["track", "wishart"], "error: track takes no item"),
-        (["fit", "wishart", "gaussian"], "error: fit runs for one item: name it"),
+        (["fit"], "error: fit takes one item, got none\n"),
+        (["track", "wishart"], "error: track takes no item, got wishart\n"),
+        (["fit", "wishart", "gaussian"], "error: fit takes one item, got wishart gaussian\n"),
     ],
 )
-def test_the_wrong_number_of_items_is_refused(monkeypatch, words, says):
-    assert refusal(monkeypatch, *words) == says
+def test_the_wrong_number_of_items_is_refused(monkeypatch, capsys, words, message):
+    assert run(monkeypatch, *words) == 1
+    assert capsys.readouterr().err == message
 
 
-def test_a_refusal_is_one_line_that_names_the_stage(monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["pipeline", "configure"])
-    assert main() == 1
-    assert (
-        capsys.readouterr().err
-        == "error: configure: no such file; run the pipeline from the project's root [file "
-        "params.yaml]\n"
-    )
+def full_disk() -> None:
+    raise OSError(errno.ENOSPC, "", "data/track/joints.parquet")
 
 
-def bare(*words: str) -> subprocess.CompletedProcess:
-    """The command by a Python that has the standard library alone."""
-    command = [sys.executable, "-S", "-E", "-m", "pipeline", *words]
-    path = {"PATH": os.environ["PATH"]}
-    return subprocess.run(command, cwd=ROOT, env=path, capture_output=True, text=True, check=False)
+def read_only() -> None:
+    raise OSError(errno.EROFS, "", ".partial", None, "data/track")
 
 
-def test_without_the_environment_one_line_says_how_to_get_it():
+def library() -> None:
+    raise RuntimeError("Could not\nopen file")
+
+
+def refused() -> None:
+    raise ConfigError("joint_log.mismatch must be > 0, got -0.1", key="dataset.joint_log.mismatch")
+
+
+def memory() -> None:
+    raise MemoryError
+
+
+def interrupted() -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "words"),
+    [
+        (refused, 1, ["must be > 0, got -0.1 [key dataset.joint_log.mismatch]"]),
+        (full_disk, 1, ["data/track/joints.parquet: No space left on device", "free some space"]),
+        (read_only, 1, ["data/track: Read-only file system", "in a copy that can be written"]),
+        (library, 1, ["unexpected RuntimeError: Could not open file", "PIPELINE_TRACEBACK=1"]),
+        (memory, 1, ["out of memory"]),
+        (interrupted, 130, ["interrupted"]),
+    ],
+)
+def test_every_error_is_one_line_that_names_the_stage(monkeypatch, capsys, fault, code, words):
+    monkeypatch.setattr(command, "_chosen", lambda *_: fault)
+    monkeypatch.setattr(command, "_discard_output", lambda: None)
+    assert run(monkeypatch, "track") == code
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("error: track: ") and all(word in line for word in words)
+
+
+def test_the_traceback_of_an_unknown_error_is_printed_for_a_report(monkeypatch, capsys):
+    monkeypatch.setattr(command, "_chosen", lambda *_: library)
+    monkeypatch.setenv(command.TRACE, "1")
+    assert run(monkeypatch, "track") == 1
+    assert "in library" in capsys.readouterr().err
+
+
+def test_without_the_environment_one_line_names_the_command_that_makes_it():
+    def bare(*words: str) -> subprocess.CompletedProcess:
+        python = [sys.executable, "-S", "-E", "-m", "pipeline", *words]
+        path = {"PATH": os.environ["PATH"]}
+        return subprocess.run(
+            python, cwd=ROOT, env=path, capture_output=True, text=True, check=False
+        )
+
     done = bare("track")
     (line,) = done.stderr.splitlines()
     assert line.startswith("error: track: no module ") and done.returncode == 1
-    assert "`make`" in line and ".venv/bin/activate" in line
-    # what is there can be asked without it
-    assert bare("--help").returncode == 0
+    assert "`make env`" in line and ".venv/bin/activate" in line
+    assert bare("--help").returncode == bare("fit", "--help").returncode == 0
 
 
-def test_a_module_of_the_project_that_is_missing_is_no_matter_of_the_environment(monkeypatch):
-    def lost(*_: object) -> None:
-        raise ModuleNotFoundError("No module named 'pipeline.lost'", name="pipeline.lost")
+@pytest.mark.parametrize(
+    ("output", "code", "message"),
+    [
+        ("| true", 0, ""),  # of the shell, whose last command succeeds
+        ("> /dev/full", 1, "standard output: No space left on device"),
+        (">&-", 0, ""),
+    ],
+)
+@pytest.mark.parametrize("words", ["--help", "inspect data/raw/ur5/dataset.yaml"])
+def test_output_that_cannot_be_written_ends_without_a_traceback(output, code, message, words):
+    shell = f"{sys.executable} -m pipeline {words} {output}"
+    done = subprocess.run(["sh", "-c", shell], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == code
+    assert message in done.stderr and len(done.stderr.splitlines()) == bool(message)
 
-    monkeypatch.setattr(sys, "argv", ["pipeline", "track"])
-    monkeypatch.setattr("pipeline.__main__._chosen", lost)
-    with pytest.raises(ModuleNotFoundError):
-        main()
 
-
-def test_output_that_nobody_reads_further_ends_the_command_quietly():
-    command = f"{sys.executable} -m pipeline inspect {Path('data/raw/youbot')} | true"
+def test_characters_that_the_locale_lacks_are_replaced(tmp_path):
+    (tmp_path / "Prüfstand … 1.csv").write_text("t,a,b\n0,1,2\n1,2,3\n")
     done = subprocess.run(
-        ["sh", "-c", command], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-m", "pipeline", "inspect", str(tmp_path)],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONIOENCODING": "ascii"},
+        capture_output=True,
+        check=False,
     )
-    assert "Traceback" not in done.stderr
+    assert done.returncode == 0 and done.stderr == b""
+    assert b"Pr?fstand ? 1.csv" in done.stdout

@@ -15,6 +15,7 @@ from pipeline.cases.fits import Outcome, Takes
 from pipeline.core.columns import matrices, members, values
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE, models_of
+from pipeline.core.rng import stream
 from pipeline.filtering.memory import memory_filter
 from pipeline.filtering.particle_filter import Posterior
 from pipeline.models.noise import recorded_deviation, rest_covariance
@@ -26,9 +27,12 @@ from pipeline.statistics.joint_scores import (
     sensor_scores,
     spread_scores,
 )
+from pipeline.statistics.resampling import bound_quantities, resampled_differences
+from pipeline.statistics.spread_tables import spread_tables
 from pipeline.statistics.take_scores import compared, posterior_scores
 
 Evidence = dict[str, dict[str, float] | pd.DataFrame]
+RESAMPLING_SEED = 20_170
 
 
 def case_evidence(
@@ -107,8 +111,19 @@ def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) ->
         model: np.linalg.norm(outcome.mean - middle, axis=1)[1:]
         for model, outcome in realized.items()
     }
+    modelled = {name: each.modelled for name, each in outcomes.items() if each.modelled}
+    if mode == "one_step":
+        std = {"recorded": std["recorded"]} | {name: each.std for name, each in modelled.items()}
+        following = {name: outcomes[name].following for name in modelled}
+        # the same resamplings in every case
+        rng, noise = stream(RESAMPLING_SEED, "cases.resampling"), takes.training.noise
+        compared_spreads = spread_tables(modelled, following, noise, takes.training.joints, rng)
+        evidence |= {f"tables/{name}": table for name, table in compared_spreads.items()}
     steady = constant_speed(takes.poses)
-    evidence["metrics/motion"] = spread_scores(std, error, takes.training.joints, steady)
+    limits = zip(takes.training.joints, takes.variation_of_constant_noise, strict=True)
+    evidence["metrics/motion"] = spread_scores(std, error, takes.training.joints, steady) | {
+        f"recorded_std_{joint}_variation_of_constant_noise": limit for joint, limit in limits
+    }
     tables = {}
     for steps in ("all", "moving"):
         scored = {
@@ -153,6 +168,12 @@ def filter_evidence(
     return {
         "metrics/filter": filter_metrics(
             filter_scores(error, bound, joints, constant_speed(truth))
+        ),
+        "tables/bound_comparison": resampled_differences(
+            bound_quantities(error, bound, joints),
+            list(posteriors),
+            len(truth),
+            stream(RESAMPLING_SEED, "cases.resampling"),
         ),
         "tables/filter_comparison": compared(scores, next(iter(scores))),
     }

@@ -4,18 +4,27 @@ has not seen.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
+import pandas as pd
 
 from pipeline.cases.case import ModelCase
 from pipeline.core.errors import ModelDomainError, SingularJacobianError, SolverError
+from pipeline.core.rng import stream
 from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
 from pipeline.models.kinds import estimate
 from pipeline.models.model import MotionModel
+from pipeline.models.modelled_noise import modelled_noise
 from pipeline.models.realizations import realize, realized_moments
 from pipeline.models.steps import Estimate, Recorded
+from pipeline.recordings.commands import constant_speed
+from pipeline.statistics.following import constant_noise_variation
+from pipeline.statistics.spread_tables import ModelledNoise, following_rows
 from pipeline.verdicts.reference import ArmNames
+
+CONSTANT_SEED = 20_171
 
 
 @dataclass(frozen=True)
@@ -27,6 +36,13 @@ class Takes:
     training: Recorded
     poses: np.ndarray  # (takes, M+1, n) rad, of the training takes
     test: dict[str, np.ndarray]  # take → (M+1, n) rad
+
+    @cached_property
+    def variation_of_constant_noise(self) -> np.ndarray:
+        """(n,) of the training takes, with the same draws in every case."""
+        return constant_noise_variation(
+            self.training.noise, stream(CONSTANT_SEED, "cases.constant_noise")
+        )
 
     @property
     def arm(self) -> ArmNames:
@@ -45,6 +61,8 @@ class Outcome:
     deviation: np.ndarray | None = None  # (M+1, n) rad
     # of all steps and of the moving ones, (takes,) nats
     log_score: dict[str, np.ndarray] = field(default_factory=dict)
+    modelled: ModelledNoise | None = None  # at the recorded level, without its draws
+    following: pd.DataFrame | None = None  # as of following_rows
     refusals: list[str] = field(default_factory=list)
 
 
@@ -69,6 +87,12 @@ def outcome(case: ModelCase, takes: Takes, realizations: int, rng: np.random.Gen
         )
         if refused:
             fared.refusals.append(refused)
+        if case.mode == "one_step":
+            noise, training = modelled_noise(fared.model, takes.training, rng), takes.training
+            fared.following = following_rows(
+                noise, training.noise, constant_speed(takes.poses), training.joints, rng
+            )
+            fared.modelled = replace(noise, draws=noise.draws[:0])
     except (ModelDomainError, SingularJacobianError, SolverError) as error:
         fared.refusals.append(str(error))
     return fared

@@ -1,47 +1,114 @@
-"""``python -m pipeline audit FOLDER [--json FILE]``: whether a run of what is committed gives what
-is committed, to the bit.
+"""``python -m pipeline audit FOLDER``: runs every stage of the last commit again and compares all
+committed files.
 """
 
 from __future__ import annotations
 
 import argparse
-from functools import partial
+import os
+import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 from pipeline.core.errors import PipelineError
-from pipeline.tools.audit.clone import changes, clone, commit, fetch_cached, rerun
-from pipeline.tools.audit.listing import as_json, as_table
-from pipeline.tools.audit.verdict import DIFFERENT, judge
+from pipeline.core.typed_yaml import read_yaml
+
+DVC = (sys.executable, "-m", "dvc")
 
 
 def run(words: list[str]) -> None:
-    """Run the last commit anew in FOLDER and print what differs. Raises PipelineError where that is
-    more than the tolerance.
+    """Clone the last commit to FOLDER, run its stages and print what git finds changed. Raises
+    PipelineError for any difference.
     """
     parser = argparse.ArgumentParser(
         prog="python -m pipeline audit", description=__doc__.partition(": ")[2]
     )
     parser.add_argument(
-        "folder",
-        type=Path,
-        metavar="FOLDER",
-        help="where the commit is cloned to and run, and stays to be looked at",
+        "folder", type=Path, metavar="FOLDER", help="folder of the clone, which stays there"
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="every difference, for programs")
-    arguments = parser.parse_args(words)
-    folder = arguments.folder.resolve()
-    root = Path.cwd()
-    print(f"audit: commit {commit(root)}", flush=True)
-    if edited := changes(root):
-        print(f"audit: not as committed, and left out: {', '.join(edited)}", flush=True)
-    committed, again = clone(root, folder)
-    audit = judge(committed, again, rerun(again), partial(fetch_cached, committed, root))
-    if arguments.json:
-        arguments.json.write_text(as_json(audit), encoding="utf-8")
-    print(as_table(audit))
-    if audit.verdict == DIFFERENT:
+    root, folder = Path.cwd(), parser.parse_args(words).folder.resolve()
+    print(f"audit: commit {_git(root, 'rev-parse', 'HEAD').strip()}", flush=True)
+    if edited := _git(root, "status", "--porcelain").splitlines():
+        names = ", ".join(line[3:] for line in edited)
+        print(f"audit: not committed, and left out: {names}", flush=True)
+    project = clone_commit(root, folder)
+    stages = rerun(project)
+    # hashes of the files that git does not hold are in the lock files
+    if changed := _git(project, "status", "--porcelain"):
+        print(changed + _git(project, "diff", "--stat"), end="")
         raise PipelineError(
-            "what is committed is not what its code gives; look at the outputs above in both "
-            "clones",
+            f"{len(changed.splitlines())} files differ from the commit after a run of its "
+            f"{len(stages)} stages; see `git -C '{project}' diff`",
+            folder=project,
+        )
+    print(f"audit: {len(stages)} stages run again, every file equal to the commit")
+
+
+def clone_commit(root: Path, folder: Path) -> Path:
+    """Clone the commit of ``root`` into ``folder`` without DVC's cache; return the clone.
+
+    Recordings that a datasheet names beside the project are linked beside the clone.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    project = folder / "project"
+    if project.exists():
+        shutil.rmtree(project)
+    _git(folder, "clone", "--quiet", str(root), str(project))
+    if not (project / "dvc.lock").is_file():
+        raise PipelineError("dvc.lock is not committed; run `dvc repro` and commit it", file=root)
+    for sheet in sorted(root.glob("data/raw/*/dataset.yaml")):
+        up, *names = Path(read_yaml(sheet).get("recordings", "")).parts or ("",)
+        if up == ".." and names and not (folder / names[0]).is_symlink():
+            (folder / names[0]).symlink_to(root.parent / names[0])
+    return project
+
+
+def rerun(project: Path) -> list[str]:
+    """Delete the outputs of every stage of ``project``, run the stages and return their names;
+    DVC's messages go to standard error.
+    """
+    environment = os.environ | {
+        "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
+        "DVC_NO_ANALYTICS": "1",
+        # what DVC remembers of files between runs lies outside its cache
+        "DVC_SITE_CACHE_DIR": str(project / ".dvc/tmp/site"),
+    }
+    repro = [*DVC, "repro", "--all-pipelines", "--force"]
+    planned = subprocess.run(
+        [*repro, "--dry"], cwd=project, env=environment, stdout=subprocess.PIPE, text=True
+    )
+    names = re.findall(r"^Running stage '([^']+)'", planned.stdout, re.MULTILINE)
+    if planned.returncode or not names:
+        raise PipelineError("`dvc repro --dry` failed; its message is above", folder=project)
+    for lock in project.rglob("dvc.lock"):
+        place = lock.parent.relative_to(project).as_posix()
+        for name, stage in read_yaml(lock).get("stages", {}).items():
+            if (name if place == "." else f"{place}/dvc.yaml:{name}") in names:
+                for out in stage.get("outs", []):
+                    _delete(project / out["path"])
+    if subprocess.run(repro, cwd=project, env=environment, stdout=sys.stderr).returncode:
+        raise PipelineError("`dvc repro -P` failed; its message is above", folder=project)
+    return names
+
+
+def _delete(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _git(folder: Path, *words: str) -> str:
+    try:
+        done = subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True)
+    except FileNotFoundError:
+        raise PipelineError("git is missing; install it") from None
+    if done.returncode:
+        raise PipelineError(
+            f"git {words[0]}: {' '.join(done.stderr.split())}; an audit needs a repository with "
+            "a commit",
             folder=folder,
         )
+    return done.stdout

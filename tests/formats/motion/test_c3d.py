@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motive_files import refusal
 
-from pipeline.core.bounds import within
+from pipeline.core.bounds import Reading, within
 from pipeline.core.errors import RecordingError
-from pipeline.core.bounds import Reading
 from pipeline.formats.motion import c3d
 from pipeline.formats.motion.c3d import read_c3d
 
@@ -138,7 +137,7 @@ def _never(file: str) -> None:
 
 
 def test_a_file_on_which_the_library_never_returns_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(c3d.c3d_library, "contents", _never)
+    monkeypatch.setattr(c3d, "read_contents", _never)
     file = write(tmp_path / "t.c3d", points(4))
     error = refusal(lambda file: within(Reading(seconds=1), read_c3d, file), file)
     assert "not read within 1 s" in error.message
