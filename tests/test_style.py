@@ -11,7 +11,6 @@ LINES = 350
 TIMED = {
     "pipeline.core.compute.cluster",
     "pipeline.core.compute.trials",
-    "pipeline.studies.survey.points",
 }
 GENERATORS = {"Generator", "PCG64", "SeedSequence"}
 
