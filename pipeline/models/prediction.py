@@ -35,7 +35,7 @@ def score_take(
     seed: int,
 ) -> tuple[Steps, dict[str, str]]:
     """The scores of the steps of one take under a fitted model, or, where there are options of one,
-    under their fit to the other takes, and why some are missing.
+    under their fit to the other takes, and why some are missing; no scores without such a fit.
 
     Args:
         trial: name of the model, number of the take.
@@ -48,7 +48,10 @@ def score_take(
     model, (take, poses) = models[name], takes[number]
     if isinstance(model, Options):
         recorded = recorded.subset(np.delete(np.arange(len(recorded.q)), number))
-        model = estimate(recorded, model).model
+        try:
+            model = estimate(recorded, model).model
+        except ModelDomainError as error:
+            return {}, {"fit to the other takes": error.message}
     stream = rng.stream(seed, f"evaluate.{name}", number)
     try:
         return score_steps(model, recorded, poses, stream)

@@ -73,16 +73,20 @@ def run() -> None:
 def _score_robot(settings, folder: Path, tables: Path) -> dict[str, float]:
     """The motion, its models and filters; what was lost and repaired of the recordings."""
     models, names = list(settings.models), settings.dataset.robot.joints
+    models = [model for model in models if contracts.exists("moments", FIT / model)]
+    for model in settings.models.keys() - {*models}:
+        print(f"score: {model} is left out: the recordings give it no fit")
     joints = contracts.read("joints", TRACK)
     _score_motion(models, names, joints, settings, folder, tables)
     _score_filters(models, names, joints, settings, folder, tables)
-    ridges = [
-        contracts.read("ridge", FIT / model).assign(model=model)
-        for model in models
-        if contracts.exists("ridge", FIT / model)
-    ]
-    if ridges:
-        contracts.write(pd.concat(ridges, ignore_index=True), "ridges", folder)
+    for name, together in (("ridge", "ridges"), ("sigma_b_weights", "sigma_b_weights")):
+        tables_of = [
+            contracts.read(name, FIT / model).assign(model=model)
+            for model in settings.models
+            if contracts.exists(name, FIT / model)
+        ]
+        if tables_of:
+            contracts.write(pd.concat(tables_of, ignore_index=True), together, folder)
     takes = contracts.read("takes", TRACK)
     quality.side_by_side(takes).to_csv(tables / "takes.csv", index=False)
     files, counts = sorted(FILES.glob("*.csv")), contracts.read("quality", INGEST / "motion")

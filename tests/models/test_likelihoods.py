@@ -10,9 +10,10 @@ from oracles import every_reading
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.draws import draw_steps
+from pipeline.models.gaussian.estimators import fit_likelihood
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.gaussian.likelihood import fit_alpha_u
 from pipeline.models.norm import frobenius
+from pipeline.models.steps import Recorded
 from pipeline.models.wishart.decomposition import PIVOTED_LU
 from pipeline.models.wishart.law import WishartModel
 from pipeline.models.wishart.likelihood import fit_sigma_b
@@ -30,6 +31,10 @@ def recordings(chain, poses, step, model, *, takes: int, seed: int):
     drawn, _ = draw_steps(model, chain, q, v, rng)
     noise = drawn - q - np.matvec(chain.inverse_jacobian(q), v)
     return q, v, noise + rng.multivariate_normal(np.zeros(3), MEASUREMENT, noise.shape[:-1])
+
+
+def fit_alpha_u(chain, q, v, noise, measurement, extensions):
+    return fit_likelihood(Recorded(chain, q, v, noise, (), measurement), extensions).fit
 
 
 @every_reading

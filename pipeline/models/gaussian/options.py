@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from pipeline.core import validation
 from pipeline.models import options
 
+ESTIMATORS = ("moments", "paper", "likelihood")
+
 
 @validation.options(kw_only=True)
 class Options(options.Options):
-    estimator: Literal["paper", "likelihood"]
-    beta: Annotated[float, Field(ge=0, lt=1)] | None = None  # of the paper's estimator alone
+    """``estimator``: ``moments`` (the recorded total variance, then its course over time),
+    ``paper`` (the distance of one-step moments, step by step) or ``likelihood``.
+    """
 
-    @model_validator(mode="after")
-    def _beta_of_the_paper(self) -> Self:
-        if self.estimator == "paper" and self.beta is None:
-            raise validation.Fault("beta", "the paper's estimator needs a beta")
-        return self
+    estimator: Literal["moments", "paper", "likelihood"] = "moments"
+    beta: Annotated[float, Field(ge=0, lt=1)] = 0.5  # of the paper's estimator: β₁, the mean's

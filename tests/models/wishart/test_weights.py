@@ -4,38 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from oracles import every_reading
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.draws import draw_steps
-from pipeline.models.wishart.factors import factors
-from pipeline.models.wishart.law import WishartModel
 from pipeline.models.wishart.perturbation import (
-    dispersions,
     fit_perturbations,
     objective_weights,
 )
-
-
-@pytest.mark.parametrize("sigma_b", [0.1, 0.25])
-@every_reading
-def test_the_papers_estimator_returns_about_seven_tenths_of_the_true_dispersion(
-    chain, poses, step, sigma_b, decomposition
-):
-    """One observed direction sees 2n of the n(n+1) parts of ‖B − I‖²: sqrt(2/(n+1)) = 0.71 even as
-    α₂ → 0.
-    """
-    q = np.tile(poses[:50], (200, 1, 1))
-    moved, _ = draw_steps(
-        WishartModel(sigma_b, decomposition), chain, q, step, np.random.default_rng(5)
-    )
-    noise = moved - q - np.matvec(chain.inverse_jacobian(q), step)
-    a, back, _ = factors(chain, q, step, decomposition)
-    fit = fit_perturbations(
-        noise.reshape(-1, 3), a.reshape(-1, 3), back.reshape(-1, 3, 3), (1.0, 1e-9), 0.01
-    )
-    estimate = dispersions(fit.s.reshape(200, 50, 3, 3)).mean()
-    assert 0.69 < estimate / sigma_b < 0.79
 
 
 def test_the_noise_at_rest_costs_as_much_as_a_perturbation_of_the_size_of_the_identity():
