@@ -270,11 +270,12 @@ def figures(
         captions,
         key=lambda name: order.index(scripts[name]) if scripts[name] in drawn else len(order),
     )
-    return "\n".join(
-        f"- **{drawn.get(scripts[name], 'Not in the paper')}.** {short(captions[name]['caption'])}\n"
-        f"  ![{captions[name]['title']}](figures/{name}.png)"
-        for name in ordered
-    )
+    lines = []
+    for name in ordered:
+        place = drawn.get(scripts[name], "Not in the paper")
+        lines.append(f"- **{place}.** {short(captions[name]['caption'])}")
+        lines.append(f"  ![{captions[name]['title']}](figures/{name}.png)")
+    return "\n".join(lines)
 
 
 def short(caption: str) -> str:
