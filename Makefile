@@ -7,6 +7,7 @@ VENV := .venv
 BIN := $(CURDIR)/$(VENV)/bin
 READY := $(VENV)/.ready
 PEERS := .venv-peers
+VIEW := .venv-view
 export PATH := $(BIN):$(PATH)
 export DVC_NO_ANALYTICS := 1
 export HOME ?= $(CURDIR)/$(VENV)
@@ -17,6 +18,9 @@ unexport PYTHONDONTWRITEBYTECODE
 
 # The environment alone.
 env: $(READY)
+
+# The viewer Rerun, for `python -m pipeline view TAKE`.
+view: $(READY) $(VIEW)/.ready
 
 # The paper alone.
 repro: $(READY)
@@ -31,8 +35,8 @@ all: $(READY)
 test: $(READY)
 	python -m pytest -q -n auto --dist worksteal -m "not slow"
 
-# Every test; how long each module takes is written to tests/durations.csv. The peers' environment has a collection of arms.
-test-all: $(READY) $(PEERS)/.ready
+# Every test; how long each module takes is written to tests/durations.csv. The peers' environment has a collection of arms, the viewer's has Rerun.
+test-all: $(READY) $(PEERS)/.ready $(VIEW)/.ready
 	python -m pytest -q -n auto --dist worksteal --durations-file=tests/durations.csv
 
 smoke: $(READY)
@@ -96,12 +100,21 @@ $(PEERS)/.ready: tests/benchmarks/peers.lock build-constraints.txt | $(READY)
 	"$(BIN)"/uv pip sync --quiet --system-certs --python $(PEERS)/bin/python --require-hashes --build-constraint build-constraints.txt tests/benchmarks/peers.lock
 	touch $@
 
+# The viewer Rerun, in an environment of its own.
+$(VIEW)/.ready: requirements-view.lock | $(READY)
+	rm -rf $(VIEW)
+	"$(BIN)"/uv venv --quiet --python "$(BIN)/python" $(VIEW)
+	"$(BIN)"/uv pip sync --quiet --system-certs --python $(VIEW)/bin/python --require-hashes requirements-view.lock
+	touch $@
+
 # Renew the locks after a change of pyproject.toml; needs an environment.
 lock: $(READY)
 	uv pip compile --system-certs pyproject.toml --group test --universal --fork-strategy fewest --generate-hashes --no-emit-index-url --no-header \
 		--python-version 3.11 --build-constraint build-constraints.txt -o requirements.lock
 	uv pip compile --system-certs tests/benchmarks/peers.in --override tests/benchmarks/peers.overrides --universal --fork-strategy fewest --generate-hashes --no-emit-index-url --no-header \
 		--python-version 3.11 --build-constraint build-constraints.txt -o tests/benchmarks/peers.lock
+	uv pip compile --system-certs requirements-view.in -c requirements.lock --universal --fork-strategy fewest --generate-hashes --no-emit-index-url --no-header \
+		--python-version 3.11 -o requirements-view.lock
 
 clean-env:
-	rm -rf $(VENV) $(PEERS)
+	rm -rf $(VENV) $(PEERS) $(VIEW)

@@ -20,7 +20,7 @@ PLAIN = LogOptions()
 def log(samples: int = 100, joints: int = 6, seed: int = 1) -> JointLog:
     return JointLog(
         np.arange(samples) * 0.008,
-        {"actual": np.random.default_rng(seed).uniform(-3, 3, (samples, joints))},
+        {"actual": np.random.default_rng(seed).uniform(-1.5, 1.5, (samples, joints))},
         {},
     )
 

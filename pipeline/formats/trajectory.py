@@ -29,8 +29,8 @@ def read_trajectory(file: Path) -> pd.DataFrame:
     The header names the columns ``t, x, z, phi, vx, vz, vphi``, ``t`` and ``q:JOINT`` of each
     joint, or all of them, in any order. Raises RecordingError, with the line where there is one,
     for missing columns, fewer than two rows, a value that is not a finite number, steps that are
-    not positive and equal within a microsecond, and a last row without line end, which may have
-    lost digits.
+    not positive and equal within a microsecond, an angle that jumps by more than half a turn, and
+    a last row without line end, which may have lost digits.
     """
     text = _whole_text(file)
     labels = cells_of(text.lines[0], ",", file=file, number=1)
@@ -38,6 +38,17 @@ def read_trajectory(file: Path) -> pd.DataFrame:
     whole = not joints or not {*COLUMNS[1:]}.isdisjoint(labels)
     wanted = [*(COLUMNS if whole else ["t"]), *joints]
     table = _even_rows(text, labels, wanted, "; or t and q:JOINT of each joint", file)
+    turning = [column for column in wanted if column in ("phi", *joints)]
+    angles = table[:, [wanted.index(column) for column in turning]]
+    jumps = np.abs(np.diff(angles, axis=0)) > np.pi
+    if jumps.any():
+        row, column = np.argwhere(jumps)[0].tolist()
+        raise RecordingError(
+            f"{turning[column]} jumps by {angles[row + 1, column] - angles[row, column]:.4g} rad "
+            f"at t = {table[row + 1, 0]:.6g} s: a commanded angle goes on beyond ±π and is not "
+            "wrapped by 2π = 6.283 rad; export it so",
+            file=file,
+        )
     return pd.DataFrame(table, columns=[*(_families() if whole else ["t"]), *joints])
 
 

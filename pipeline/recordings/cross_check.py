@@ -13,6 +13,7 @@ import pandas as pd
 
 from pipeline.arm.commanded import task_coordinates
 from pipeline.arm.interface import Chain
+from pipeline.core.angles import whole_turns
 from pipeline.core.columns import columns, members, values
 from pipeline.core.errors import RecordingError
 from pipeline.recordings.pairing import missed
@@ -69,9 +70,18 @@ def require_encoders(q: pd.DataFrame, readings: pd.DataFrame, joints: list[str],
             key="dataset.encoders.start",
         )
     names = columns("q", joints)
-    tracked = [np.interp(during["t"], q["t"], q[name]) for name in names]
+    tracked = np.stack([np.interp(during["t"], q["t"], q[name]) for name in names], axis=1)
+    read = during[names].to_numpy()
+    for joint, turns in zip(joints, whole_turns(read, tracked), strict=True):
+        if turns:
+            raise RecordingError(
+                f"the encoders read {joint} {turns:+g} turns (2π = 6.283 rad each) beside the "
+                "angle that the motion capture tracked: log the angle that the arm's URDF has",
+                take=take,
+                key="dataset.encoders",
+            )
     _require(
-        missed(during[names].to_numpy(), np.stack(tracked, axis=1)),
+        missed(read, tracked),
         joints,
         "the encoders do not read what the motion capture tracked",
         "their angle_unit, the order of their columns (actual), and when their log starts (start)",

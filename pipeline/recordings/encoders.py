@@ -10,7 +10,7 @@ from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.formats.joints.log import LogOptions
-from pipeline.recordings.movement import read_log
+from pipeline.recordings.movement import read_log, require_speeds, speed_limits
 from pipeline.recordings.quality import quality_row
 from pipeline.recordings.take_names import named_takes
 
@@ -34,7 +34,7 @@ def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[d
         joints=len(joints),
         signals={"actual": options.actual},
     )
-    result = []
+    result, limits = [], speed_limits(dataset.robot.urdf)
     for part in ("training", "test"):
         pattern, key = getattr(options, part), f"{KEY}.{part}"
         files = named_takes(raw, pattern, key=key)
@@ -42,6 +42,7 @@ def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[d
             raise RecordingError(f"no log matches {pattern!r}", file=raw, key=key)
         for name, file in files.items():
             log = read_log(file, read)
+            require_speeds(log.time, log.signals, joints, limits, file=file)
             identity = {"take": name, "part": part, "t": log.time - options.start}
             rows = pd.DataFrame(identity | spread("q", joints, log.signals["actual"]))
             counts = {"rows": len(rows)} | log.counts

@@ -14,6 +14,7 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.recordings.disturbed_takes import disturbed_takes
 from pipeline.recordings.logged_movement import UNITS, Take, read_logged_movement
+from pipeline.recordings.movement import require_speeds, speed_limits
 from pipeline.recordings.pairing import require_pair
 from pipeline.recordings.quality import LEFT_OUT, REPETITIONS, quality_row
 from pipeline.recordings.repetitions import (
@@ -44,6 +45,7 @@ def joint_log_rows(
     if takes:
         first = next(iter(takes.values()))
         reference = first.target[first.first : first.first + steps + 1]
+        takes = {name: take.beside(reference[0]) for name, take in takes.items()}
         place = align if options.rest else in_phase
         starts = {
             name: place(take.target, take.first, reference) - options.rest
@@ -128,6 +130,7 @@ def find_takes(
     takes, observed, quality = {}, [], []
     options, rest = dataset.joint_log, dataset.joint_log.rest_speed
     chain = [options.joints.index(name) for name in dataset.robot.joints]
+    limits = speed_limits(dataset.robot.urdf)
     movements = named_takes(raw, options.movements, key="dataset.joint_log.movements")
     if not movements:
         raise RecordingError(
@@ -135,6 +138,9 @@ def find_takes(
         )
     for name, place in movements.items():
         movement = read_logged_movement(name, place, options, dataset.motion.rate)
+        clock = np.arange(len(movement.actual)) / dataset.motion.rate
+        angles = {"actual": movement.actual, "target": movement.target}
+        require_speeds(clock, angles, options.joints, limits, file=place)
         target = movement.target
         if options.rest:
             repetitions = find_repetitions(

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.core.angles import TURN, apart, turns_apart, whole_turns
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.logs import SIGNALS, JointLog
 from pipeline.formats.bag_path import is_bag
@@ -36,7 +37,7 @@ class LoggedMovement:
         """
         for joint in sorted({*locked} & {*self.joints}):
             angle, measured = locked[joint], self.actual[rows, self.joints.index(joint)]
-            if np.abs(measured - angle).max() > REACH:
+            if np.abs(apart(measured, angle)).max() > REACH:
                 raise RecordingError(
                     f"{joint} is held at {angle:.4g} rad, and was logged from "
                     f"{measured.min():.4g} to {measured.max():.4g} rad: lock it where it stood, or "
@@ -54,6 +55,20 @@ class Take:
     name: str  # of the movement
     chain: list[int]  # columns of the chain's joints
     first: int  # row at which the repetition starts
+
+    def beside(self, angles: np.ndarray) -> Take:
+        """The take with its chain's joints moved by the whole turns that take the command of its
+        first row nearest to ``angles`` (n,) in rad.
+        """
+        turns = TURN * turns_apart(angles, self.target[self.first])
+        if not turns.any():
+            return self
+        moved = np.zeros(self.movement.actual.shape[1])
+        moved[self.chain] = turns
+        rows = self.movement
+        return replace(
+            self, movement=replace(rows, actual=rows.actual + moved, target=rows.target + moved)
+        )
 
     @property
     def actual(self) -> np.ndarray:
@@ -121,6 +136,10 @@ def read_logged_movement(
     actual, target = delayed(signals["actual"], signals["target"], early)
     if early:
         counts |= {"command_delay": early / rate, "rows_beside_the_delay": abs(early)}
+    turns = whole_turns(target, actual)
+    if turns.any():
+        actual = actual + TURN * turns
+        counts |= {"joints_moved_by_whole_turns": np.count_nonzero(turns)}
     require_pair(actual, target, rate, limit=options.mismatch, joints=options.joints, file=movement)
     if "speed" in signals:
         _, speed = delayed(signals["actual"], signals["speed"], early)

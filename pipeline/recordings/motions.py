@@ -5,13 +5,14 @@ one is chosen.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
+from pipeline.core.angles import TURN, apart, turns_apart
 from pipeline.core.options.dataset import Robot
 from pipeline.recordings.disturbances import disturbances
 from pipeline.recordings.logged_movement import LoggedMovement
@@ -63,6 +64,11 @@ class _Path:
     actual: np.ndarray  # (N, n) rad
     target: np.ndarray  # (N, n) rad
 
+    def beside(self, row: int, angles: np.ndarray) -> _Path:
+        """The same, moved by the whole turns that take the command at ``row`` to ``angles``."""
+        turns = TURN * turns_apart(angles, self.target[row])
+        return replace(self, actual=self.actual + turns, target=self.target + turns)
+
 
 def motions(movements: Mapping[str, LoggedMovement], robot: Robot, rate: float) -> list[Motion]:
     """The motions of the ``robot``'s joints in the ``movements``, at ``rate`` rows a second,
@@ -112,8 +118,8 @@ def _gather(
 
 
 def _is(motion: Motion, start: np.ndarray, end: np.ndarray, steps: int) -> bool:
-    apart = np.abs(np.concatenate([motion.start - start, motion.end - end])).max()
-    return bool(apart <= REACH and abs(motion.steps - steps) <= SLACK)
+    away = np.abs(np.concatenate([apart(motion.start, start), apart(motion.end, end)])).max()
+    return bool(away <= REACH and abs(motion.steps - steps) <= SLACK)
 
 
 def _passing(paths: Mapping[str, _Path], chain: Chain) -> list[Motion]:
@@ -159,7 +165,7 @@ def _compare(motion: Motion, paths: Mapping[str, _Path], chain: Chain, rate: flo
     place = in_phase if motion.pause is None else align
     residuals, deviations, whole = [], [], []
     for name, row in motion.places:
-        path = paths[name]
+        path = paths[name].beside(row, reference[0])
         if not SLACK <= row < len(path.target) - motion.steps - SLACK:
             continue
         start = place(path.target, row, reference)

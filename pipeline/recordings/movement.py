@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from pipeline.arm.urdf import read_urdf
+from pipeline.core.angles import TURN, unwrapped
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.logs import SIGNALS
 from pipeline.formats import joints as joint_formats
@@ -19,6 +21,10 @@ from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
 CLOCK_TOLERANCE = 0.1  # of a step, up to which the rows are taken as even
 JITTER = 0.5  # of a step, beyond which a row is missing, or one too many
 RATE_TOLERANCE = 0.01  # of the rate, which the rows keep on average
+ANGLES = ("actual", "target")  # signals that are angles of joints
+UNWRAPPED = "unwrapped_jumps"  # count of jumps of whole turns that were removed
+FASTER = 1.05  # of a joint's velocity limit, up to which a step is the joint's own
+STEP_NOISE = 1e-3  # rad by which noise and rounding of two rows may add to a step
 # no joint of an arm turns farther from its zero than this, so that angles beyond are in another
 # unit
 MOST_TURNS = 4
@@ -127,11 +133,12 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
 
 
 def read_log(file: Path, options: LogOptions) -> JointLog:
-    """The log in ``file``, of whichever format it begins like, else as a plain table; its signals
-    multiplied by the factors of ``options``.
+    """Return the log in ``file``, of whichever format it begins like, else as a plain table; its
+    signals multiplied by the factors of ``options``, its angles without jumps of whole turns, which
+    ``unwrapped_jumps`` counts.
 
-    Raises RecordingError for another number of joints than the options say or other names, and for
-    angles beyond four turns.
+    Raises RecordingError for another number of joints than the options say or other names, for
+    angles beyond four turns, and for jumps that are no whole turns.
     """
     chosen = format_of(file, formats_in(joint_formats, Kind.JOINTS)) or table.FORMAT
     log = chosen.read(file, options)
@@ -160,7 +167,7 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
         if name not in SIGNALS:
             continue
         greatest = np.abs(rows).max(axis=1, initial=0.0)
-        if greatest.max() > MOST_TURNS * 2 * np.pi:
+        if greatest.max() > MOST_TURNS * TURN:
             raise RecordingError(
                 f"{name}: {greatest.max():.6g} rad, or rad/s, at "
                 f"{log.time[greatest.argmax()] - log.time[0]:.6g} s from the start is not a joint "
@@ -168,4 +175,56 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
                 file=file,
                 key=f"{OPTION}.angle_unit",
             )
-    return replace(log, signals=signals)
+    jumps = 0
+    for name in filter(signals.__contains__, ANGLES):
+        signals[name], removed = unwrapped(
+            signals[name], log.time, options.names or log.joints, signal=name, file=file
+        )
+        jumps += removed
+    counts = log.counts | ({UNWRAPPED: jumps} if jumps else {})
+    return replace(log, signals=signals, counts=counts)
+
+
+def speed_limits(urdf: str) -> dict[str, float]:
+    """Return the velocity limit in rad/s (m/s of a prismatic joint) of each joint that has one in
+    the file ``urdf``; ConfigError as :func:`pipeline.arm.urdf.read_urdf` does.
+    """
+    joints = read_urdf(Path(urdf)).joints
+    stated = {name: joint.limits or {} for name, joint in joints.items()}
+    return {name: limits["velocity"] for name, limits in stated.items() if "velocity" in limits}
+
+
+def require_speeds(
+    time: np.ndarray,
+    angles: Mapping[str, np.ndarray],
+    joints: Sequence[str],
+    limits: Mapping[str, float],
+    **evidence: object,
+) -> None:
+    """Raise RecordingError with ``evidence`` where an angle steps faster than its joint can.
+
+    Args:
+        time: (N,) s.
+        angles: (N, joints) rad of each signal.
+        joints: Names of the columns.
+        limits: rad/s by the joint's name; 0, as some exporters write, stands for none.
+        evidence: File of the angles.
+    """
+    for column, joint in enumerate(joints):
+        if not (limit := limits.get(joint, 0.0)) > 0:
+            continue
+        for signal, rows in angles.items():
+            steps, seconds = np.abs(np.diff(rows[:, column])), np.diff(time)
+            beyond = steps > FASTER * limit * seconds + STEP_NOISE
+            if beyond.any():
+                row = int(np.argmax(beyond))
+                at = round(float(time[row + 1] - time[0]), 6)
+                raise RecordingError(
+                    f"{joint} ({signal}) steps by {steps[row]:.4g} rad at {at:g} s from the start: "
+                    f"{steps[row] / seconds[row]:.4g} rad/s, where the robot's URDF allows "
+                    f"{limit:.4g} rad/s; leave this part of the log out, or correct the velocity "
+                    "limit of the joint in the URDF",
+                    **evidence,
+                    joint=joint,
+                    time=at,
+                )

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.core.angles import apart
+
 # rad: a command that moves no joint farther is the controller taking over, not a motion; ends this
 # near are the same
 REACH = 0.01
@@ -124,7 +126,7 @@ def find_repetitions(
         if not run.whole:
             left_out["cut_off"].append(run.first)
             continue
-        ends = angles[[run.first - 1, run.last]][:, list(columns)] - np.stack([start, end])
+        ends = apart(angles[[run.first - 1, run.last]][:, list(columns)], np.stack([start, end]))
         before, after = run.first - rest - SLACK, run.last + rest + 2 * SLACK + 1
         if np.abs(ends).max() > REACH or abs(run.steps - steps) > SLACK:
             left_out["other_motion"].append(run.first)
@@ -152,7 +154,8 @@ def find_passes(
     runs, left_out = [], {"overlapping": []}
     if len(angles) <= steps:
         return Repetitions(runs, left_out)
-    away = np.abs(np.hstack([angles[:-steps] - start, angles[steps:] - end])).max(axis=1)
+    ends = [apart(angles[:-steps], np.array(start)), apart(angles[steps:], np.array(end))]
+    away = np.abs(np.hstack(ends)).max(axis=1)
     edges = np.flatnonzero(np.diff(away <= REACH, prepend=False, append=False)).tolist()
     for begin, stop in zip(edges[::2], edges[1::2], strict=True):
         first = begin + int(away[begin:stop].argmin())

@@ -9,7 +9,7 @@ from pipeline.formats.trajectory import COLUMNS, read_trajectory, write_trajecto
 
 
 def trajectory(rows: int = 321) -> pd.DataFrame:
-    table = np.random.default_rng(1).normal(size=(rows, 7))
+    table = np.random.default_rng(1).normal(0, 0.5, (rows, 7))
     table[:, 0] = np.arange(rows) / 100
     return pd.DataFrame(table, columns=COLUMNS)
 
@@ -103,7 +103,7 @@ def test_a_trajectory_cut_within_a_row_is_refused_at_every_byte(tmp_path):
 
 
 def test_joint_angles_of_any_arm_read_back_bit_for_bit(tmp_path):
-    q = np.random.default_rng(1).normal(size=(30, 2))
+    q = np.random.default_rng(1).normal(0, 0.5, (30, 2))
     table = pd.DataFrame({"t": np.arange(30) / 100, "q:shoulder": q[:, 0], "q:elbow": q[:, 1]})
     write_trajectory(tmp_path / "t.csv", table.assign(other=1.0))
     assert (tmp_path / "t.csv").read_text().startswith("t,q:shoulder,q:elbow\n0.0,")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from made_options import made
 
 from pipeline.arm.model import Arm, load_arm
 from pipeline.core.errors import RecordingError
@@ -46,7 +47,7 @@ def markers(arm) -> pd.DataFrame:
 
 def test_an_offset_that_nobody_states_is_that_of_the_motion(arm, markers):
     filmed = frames(path(TIME + 0.12))
-    rows, quality = on_motion_clock((filmed, markers), Depth(search=0.3), arm)
+    rows, quality = on_motion_clock((filmed, markers), made(Depth, search=0.3), arm)
     values = {row["quantity"]: row["value"] for row in quality}
     assert abs(values["clock_offset"] - 0.12) < 1e-4
     np.testing.assert_allclose(rows["t"], TIME + values["clock_offset"])
@@ -54,7 +55,7 @@ def test_an_offset_that_nobody_states_is_that_of_the_motion(arm, markers):
 
 
 def test_an_offset_that_is_stated_is_taken_as_given_whatever_the_motion_says(arm, markers):
-    filmed, depth = frames(path(TIME + 0.12)), Depth(search=0.3, clock_offset=-0.25)
+    filmed, depth = frames(path(TIME + 0.12)), made(Depth, search=0.3, clock_offset=-0.25)
     rows, quality = on_motion_clock((filmed, markers), depth, arm)
     np.testing.assert_allclose(rows["t"], TIME - 0.25)
     assert [(row["quantity"], row["value"]) for row in quality] == [("clock_offset", -0.25)]
@@ -63,15 +64,15 @@ def test_an_offset_that_is_stated_is_taken_as_given_whatever_the_motion_says(arm
 def test_a_motion_that_tells_no_offset_needs_one_stated(arm, markers):
     still = frames(np.ones((len(TIME), 2)))
     with pytest.raises(RecordingError, match="no motion to compare the clocks by"):
-        on_motion_clock((still, markers), Depth(search=0.3), arm)
-    stated = Depth(search=0.3, clock_offset=0.0)
+        on_motion_clock((still, markers), made(Depth, search=0.3), arm)
+    stated = made(Depth, search=0.3, clock_offset=0.0)
     assert on_motion_clock((still, markers), stated, arm)[0]["t"].tolist() == TIME.tolist()
 
 
 def test_frames_that_never_show_the_arm_tell_no_offset_and_are_refused_by_their_take(arm, markers):
     empty = frames(np.full((len(TIME), 2), np.nan)).assign(points=0)
     with pytest.raises(RecordingError, match="no frame shows the arm") as refused:
-        on_motion_clock((empty, markers), Depth(search=0.3), arm)
+        on_motion_clock((empty, markers), made(Depth, search=0.3), arm)
     assert refused.value.evidence["take"] == "test_001"
 
 

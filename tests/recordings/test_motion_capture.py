@@ -161,7 +161,7 @@ def test_a_file_with_the_wrong_ending_is_refused_and_not_read_as_the_other_forma
 
 
 def test_an_unknown_unit_is_no_option():
-    with pytest.raises(ConfigError, match="there are m, cm, mm"):
+    with pytest.raises(ConfigError, match="should be 'm', 'cm' or 'mm'"):
         dataset(unit="inch")
 
 

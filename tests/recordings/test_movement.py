@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from joint_files import log, read_movement, table
+from made_options import made
 from written_logs import write_joint_log
 
 from pipeline.core.errors import RecordingError
+from pipeline.core.options.logs import JointLog as Log
 from pipeline.formats.format import Format, Kind, begins
 from pipeline.formats.joints.log import JointLog, LogOptions
+from pipeline.formats.joints.table import write_joint_table
 from pipeline.recordings import movement
+from pipeline.recordings.logged_movement import read_logged_movement
 
 
 def test_logs_of_one_movement_are_paired_row_by_row_as_far_as_the_shortest_goes(tmp_path):
@@ -118,3 +122,44 @@ def test_signals_are_multiplied_by_their_factors_before_they_are_held_to_be_angl
     assert read["actual"].tolist() == [[0.5], [0.6]]
     with pytest.raises(RecordingError, match=r"target: 180 rad.* at 0.008 s"):
         movement.read_movement({tmp_path / "log.txt": LogOptions(joints=1, signals=signals)}, 125.0)
+
+
+TURNING = np.linspace(2.9, 3.5, 60)[:, None] * [1.0, 0.1]  # rad; the first joint passes π
+WRAP = {
+    "to ±π": lambda q: (q + np.pi) % (2 * np.pi) - np.pi,
+    "one turn lower": lambda q: q - 2 * np.pi * np.array([1.0, 0.0]),
+    "not at all": lambda q: q,
+}
+
+
+@pytest.mark.parametrize("target", WRAP)
+@pytest.mark.parametrize("actual", WRAP)
+@pytest.mark.parametrize("kind", ["csv", "npz"])
+def test_wrapped_angles_are_unwrapped_counted_and_taken_beside_their_command(
+    tmp_path, actual, target, kind
+):
+    rows = {"actual": WRAP[actual](TURNING + 1e-5), "target": WRAP[target](TURNING)}
+    time = np.arange(60) / 100
+    if kind == "csv":
+        write_joint_table(tmp_path / "run.csv", time, rows, ["a", "b"])
+    else:
+        np.savez(tmp_path / "run.npz", time=time, **rows)
+    signals = {name: [f"{name}_a", f"{name}_b"] if kind == "csv" else [name] for name in rows}
+    log = made(Log, joints=["a", "b"], signals=signals, time="time")
+    read = read_logged_movement("run", tmp_path / f"run.{kind}", log, 100.0)
+    np.testing.assert_allclose(read.actual - read.target, 1e-5, atol=1e-6)
+    # on the circle they are where they were
+    np.testing.assert_allclose(np.cos(read.target), np.cos(TURNING), atol=1e-6)
+    assert np.abs(np.diff(read.target, axis=0)).max() < 0.02
+    jumps = sum(np.abs(np.diff(values[:, 0])) > np.pi for values in rows.values()).sum()
+    assert read.counts.get(movement.UNWRAPPED, 0) == jumps
+    apart = abs(np.round((rows["target"] - rows["actual"])[0, 0] / (2 * np.pi)))
+    assert read.counts.get("joints_moved_by_whole_turns", 0) == apart
+
+
+def test_a_jump_that_is_neither_a_motion_nor_whole_turns_is_refused_by_joint_and_time(tmp_path):
+    angles = TURNING + np.where(np.arange(60) < 20, 0.0, 4.4)[:, None] * [0, 1]
+    np.savez(tmp_path / "run.npz", time=np.arange(60) / 100, q=angles)
+    options = LogOptions(joints=2, names=("a", "b"), signals={"actual": None})
+    with pytest.raises(RecordingError, match=r"b \(actual\) jumps by 4.4\d* rad at 0.2 s .*2π"):
+        movement.read_log(tmp_path / "run.npz", options)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from made_options import made
 
 from pipeline.core import contracts
 from pipeline.core.options.dataset import Dataset
@@ -22,7 +23,7 @@ def test_only_by_the_tip_and_only_where_there_is_a_truth(
     tmp_path, monkeypatch, measurement, synthetic, true
 ):
     monkeypatch.chdir(tmp_path)
-    dataset = Dataset(name="t", recordings="raw/t/recordings", measurement=measurement)
+    dataset = made(Dataset, recordings="raw/t/recordings", measurement=measurement)
     assert truth_of(dataset) == Path("raw/t/truth")
     if synthetic:
         Path("raw/t/truth").mkdir(parents=True)

@@ -12,7 +12,6 @@ import numpy as np
 
 from pipeline.core.errors import RecordingError
 
-ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180}
 OPTION = "dataset.joint_log"
 
 

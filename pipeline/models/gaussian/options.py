@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
 from pipeline.core import validation
 from pipeline.models import options
 
-ESTIMATORS = ("moments", "paper", "likelihood")
+Estimator = Literal["moments", "paper", "likelihood"]
+ESTIMATORS = get_args(Estimator)
 
 
 @validation.options(kw_only=True)
@@ -18,5 +19,6 @@ class Options(options.Options):
     ``paper`` (the distance of one-step moments, step by step) or ``likelihood``.
     """
 
-    estimator: Literal["moments", "paper", "likelihood"] = "moments"
-    beta: Annotated[float, Field(ge=0, lt=1)] = 0.5  # of the paper's estimator: β₁, the mean's
+    estimator: Estimator = "moments"
+    # of the paper's estimator alone: β₁, weight of the mean's error
+    beta: Annotated[float, Field(ge=0, lt=1)] = 0.5

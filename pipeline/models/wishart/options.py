@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
 from pipeline.core import validation
 from pipeline.models import options
-from pipeline.models.wishart.decomposition import BY_SHAPE
 
-ESTIMATORS = ("moments", "paper", "likelihood")
+Estimator = Literal["moments", "paper", "likelihood"]
+ESTIMATORS = get_args(Estimator)
 
 
 @validation.options(kw_only=True)
@@ -19,8 +19,8 @@ class Options(options.Options):
     every step) or ``likelihood``.
     """
 
-    estimator: Literal["moments", "paper", "likelihood"] = "moments"
-    decomposition: Literal["by_shape", "pivoted_lu", "qr", "qr_transposed", "given"] = BY_SHAPE
+    estimator: Estimator = "moments"
+    decomposition: Literal["by_shape", "pivoted_lu", "qr", "qr_transposed", "given"] = "by_shape"
     left: list[list[float]] | None = None  # rows of J₁, of the decomposition given alone
     # of the paper's estimator alone: ε of B⁻¹ ⪰ εI, and the factor on α₂/α₁, which follows from
     # the noise at rest

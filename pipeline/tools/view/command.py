@@ -1,0 +1,178 @@
+"""``python -m pipeline view [TAKE]``: a take in the viewer Rerun: arm, point cloud, and measured
+and filtered joint angles over time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from pipeline.arm.description import describe
+from pipeline.arm.model import arm_of, link_chains
+from pipeline.core import config, contracts
+from pipeline.core.columns import matrices, members, values
+from pipeline.core.errors import ConfigError, PipelineError
+from pipeline.core.options.dataset import Robot
+from pipeline.recordings.depth_points import arm_points
+
+HERE, FOLDER, ENVIRONMENT = Path(__file__).parent, Path("data/view"), Path(".venv-view")
+TRACK, FILTER, ARTICULATE, DEPTH = (
+    Path(f"data/{name}") for name in ("track", "filter", "articulate", "ingest/depth")
+)
+MEASURED = (40, 40, 40)
+COLOURS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0))
+
+
+@dataclass(frozen=True)
+class Track:
+    """Joint angles over time: ``t`` (K,) s, ``q`` (K, n) rad or m, ``std`` (K, n) or None."""
+
+    t: np.ndarray
+    q: np.ndarray
+    std: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class ViewedTake:
+    """A take of the arm ``robot`` with joint names: measured, filtered by model, and the camera's
+    points.
+
+    ``clouds`` holds time (s) and points (I, 3), m in the base frame, of every depth frame.
+    """
+
+    name: str
+    robot: Robot
+    joints: list[str]
+    measured: Track
+    filtered: dict[str, Track]
+    clouds: list[tuple[float, np.ndarray]] = field(default_factory=list)
+
+
+def run(words: list[str]) -> None:
+    """Write the take to an .rrd file, and open it where that was asked for."""
+    parser = argparse.ArgumentParser(
+        prog="python -m pipeline view", description=__doc__.partition(": ")[2]
+    )
+    parser.add_argument(
+        "take", nargs="?", metavar="TAKE", help="name of the take (default the first test take)"
+    )
+    parser.add_argument(
+        "--to", type=Path, metavar="FILE", help=f"output file (default {FOLDER}/DATASET_TAKE.rrd)"
+    )
+    parser.add_argument("--open", action="store_true", help="open the file in the viewer")
+    arguments = parser.parse_args(words)
+    rerun = _rerun()
+    settings = config.sections("view", HERE / "reads.yaml")
+    take = read_viewed_take(settings, arguments.take)
+    file = arguments.to or FOLDER / f"{settings.dataset.name}_{take.name}.rrd"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_recording(rerun, take, file)
+    print(f"view: wrote {file}; `python -m pipeline view {take.name} --open` shows it")
+    if arguments.open:
+        viewer = rerun.RecordingStream(settings.dataset.name)
+        viewer.spawn()
+        viewer.log_file_from_path(file)
+
+
+def _rerun() -> ModuleType:
+    """Import rerun, from the environment that `make view` makes where this one lacks it."""
+    sys.path += [str(folder) for folder in ENVIRONMENT.glob("lib/python*/site-packages")]
+    try:
+        return importlib.import_module("rerun")
+    except ModuleNotFoundError:
+        raise PipelineError("rerun-sdk is not installed; run `make view`") from None
+
+
+def read_viewed_take(settings: Any, name: str | None) -> ViewedTake:
+    """Read the take ``name``, else the first test take, from what the stages wrote. Raises
+    ConfigError for a name that no take has.
+    """
+    joints = contracts.read("joints", TRACK)
+    if name is None:
+        name = joints.sort_values("part", kind="stable")["take"].iloc[0]  # test before training
+    own = joints[joints["take"] == name]
+    if own.empty:
+        names = ", ".join(joints["take"].unique())
+        raise ConfigError(f"no take {name!r}; there are {names}", key="TAKE")
+    names = members(joints, "q")
+    filtered = {}
+    for model in settings.models:
+        if contracts.exists("posterior", FILTER / model):
+            rows = contracts.read("posterior", FILTER / model)
+            rows = rows[rows["take"] == name]
+            if not rows.empty:
+                covariance = matrices(rows, "c", names)
+                std = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+                filtered[model] = Track(rows["t"].to_numpy(), values(rows, "m"), std)
+    measured = Track(own["t"].to_numpy(), values(own, "q"))
+    robot, depth = settings.dataset.robot, settings.dataset.depth
+    clouds = _clouds(name, robot) if depth is not None else []
+    return ViewedTake(name, robot, list(names), measured, filtered, clouds)
+
+
+def _clouds(name: str, robot: Robot) -> list[tuple[float, np.ndarray]]:
+    """Points of the arm in every depth frame of a take, at the motion capture's time."""
+    angles, frames = contracts.read("angles", ARTICULATE), contracts.read("frames", DEPTH)
+    angles, frames = (table[table["take"] == name] for table in (angles, frames))
+    if frames.empty:
+        return []
+    arm, times = arm_of(robot), dict(zip(angles["frame"], angles["t"], strict=True))
+    points = dict(zip(frames["frame"], arm_points(frames, DEPTH), strict=True))
+    return [
+        (times[frame], arm.to_base(np.insert(points[frame], 1, 0.0, axis=1)))
+        for frame in sorted(times.keys() & points.keys())
+    ]
+
+
+def skeletons(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Return the arm's points (K, L, 3), m in the base frame, at the joint angles ``q`` (K, n):
+    base, origin of each joint, tip.
+    """
+    described = describe(robot)
+    links = dict.fromkeys([*(joint.child for joint in described.joints), described.tip])
+    chains = link_chains(robot, links, "robot.joints")
+    # the joints that move a link are the first ones of the arm
+    nodes = [chain.pose(q[:, : len(chain.lower)])[:, :3] for chain in chains.values()]
+    return np.stack([np.zeros_like(nodes[0]), *nodes], axis=1)
+
+
+def write_recording(rerun: ModuleType, take: ViewedTake, file: Path) -> None:
+    """Write ``take`` as an .rrd file with its layout: the scene beside a plot of each joint."""
+    blueprint = importlib.import_module("rerun.blueprint")
+    recording = rerun.RecordingStream("manipulator-uncertainty")
+    plots = [
+        blueprint.TimeSeriesView(origin=rerun.new_entity_path(["angles", joint]), name=joint)
+        for joint in take.joints
+    ]
+    scene = blueprint.Spatial3DView(origin="scene", name=take.name)
+    layout = blueprint.Horizontal(scene, blueprint.Vertical(*plots))
+    recording.save(file, default_blueprint=blueprint.Blueprint(layout))
+    tracks = {"measured": take.measured} | take.filtered
+    for (name, track), colour in zip(tracks.items(), (MEASURED, *COLOURS), strict=False):
+        for t, nodes in zip(track.t, skeletons(take.robot, track.q), strict=True):
+            recording.set_time("time", duration=float(t))
+            strip = rerun.LineStrips3D([nodes], colors=[colour], radii=[0.004])
+            recording.log(rerun.new_entity_path(["scene", name]), strip)
+        time = rerun.TimeColumn("time", duration=track.t)
+        for j, joint in enumerate(take.joints):
+            lines = {name: ("mean", 2.0, track.q[:, j])}
+            if track.std is not None:
+                lines[f"{name} + 1σ"] = ("upper", 0.7, track.q[:, j] + track.std[:, j])
+                lines[f"{name} − 1σ"] = ("lower", 0.7, track.q[:, j] - track.std[:, j])
+            for label, (part, width, line) in lines.items():
+                place = rerun.new_entity_path(["angles", joint, name, part])
+                style = rerun.SeriesLines(colors=[colour], names=[label], widths=[width])
+                recording.log(place, style, static=True)
+                recording.send_columns(place, [time], rerun.Scalars.columns(scalars=line))
+    for t, points in take.clouds:
+        recording.set_time("time", duration=float(t))
+        recording.log("scene/cloud", rerun.Points3D(points, radii=[0.002]))
+    recording.flush()
+    recording.disconnect()
