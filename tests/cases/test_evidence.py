@@ -91,7 +91,6 @@ def test_there_is_evidence_on_every_claim_about_motion_camera_and_filter(base, t
     )
     assert len(verdicts) > 20
     missing = [v.claim.id for v in verdicts if any(case.value is None for case in v.cases)]
-    # the fixture's additive model follows nothing, its steps have one speed
     assert missing == []
 
 
