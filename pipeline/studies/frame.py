@@ -2,8 +2,8 @@
 
 A study is a folder of ``pipeline/studies`` with
 
-- ``stage.py``: the question as docstring, a dataclass ``Options``, ``evaluate`` and ``page``, and
-  ``run = Study(…).run``, which ``python -m pipeline NAME`` calls;
+- ``stage.py``: the question as docstring, ``Options`` (pipeline/core/validation.py), ``evaluate``
+  and ``page``, and ``run = Study(…).run``, which ``python -m pipeline NAME`` calls;
 - ``params.yaml``: the options of each scale;
 - ``dvc.yaml``: dependencies, and the sections of the configuration that the study reads;
 - ``tables.yaml``: the columns of its tables, in the notation of pipeline/core/tables.yaml;
@@ -56,7 +56,7 @@ class Study:
     """A study, in the folder of the module that defines its options."""
 
     title: str  # of its page
-    options: type  # dataclass of a scale's section of params.yaml
+    options: type  # of a scale's section of params.yaml
     evaluate: Callable[[SimpleNamespace, Any], dict[str, pd.DataFrame]]  # settings, options
     page: Callable[[Results], Sequence[str]]  # paragraphs, tables and figures of Markdown
 

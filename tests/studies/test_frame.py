@@ -30,16 +30,15 @@ def draw(counted):
 ''',
     "figures/others.py": '"""Others. None."""\n\n\ndef draw(other):\n    raise AssertionError\n',
     "stage.py": '''"""counting: rows of a table."""
-from dataclasses import dataclass
-
 import pandas as pd
 
+from pipeline.core.validation import options
 from pipeline.studies.frame import Study
 
 
-@dataclass
+@options()
 class Options:
-    rows: int = 0
+    rows: int
 
 
 def evaluate(settings, options):

@@ -4,47 +4,47 @@ that tow a load in space.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from types import SimpleNamespace
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
-from omegaconf import MISSING
+from pydantic import Field
 
 from pipeline.arm.hexapod import LEGS, Hexapod, pose_of
 from pipeline.core import rng
+from pipeline.core.validation import options
 from pipeline.studies.frame import Results, Study, interval, number
 from pipeline.studies.outlook.hexapod import equal_models, hexapod_rows, straight
 from pipeline.studies.outlook.towing import error_rows, recorded_rows, slope_rows
 from pipeline.verdicts.wording import table
 from pipeline.wrench.bounds import study_bounds
 
-LABELS = {
-    "additive": "additive",
-    "gaussian": "Gaussian",
-    "qr_transposed": "Wishart, QR of Jᵀ",
-    "qr": "Wishart, QR of J",
-}
+Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
+Points = Annotated[list[Triple], Field(min_length=6, max_length=6)]
+Positive = Annotated[float, Field(gt=0)]
 
 
-@dataclass
+@options()
 class Options:
     """Geometry of hexapod and load, in m and rad, and sizes; params.yaml describes each."""
 
-    base: list[list[float]] = field(default_factory=list)
-    platform: list[list[float]] = field(default_factory=list)
-    position: list[list[float]] = field(default_factory=list)
-    turn: list[list[float]] = field(default_factory=list)
-    legs: list[float] = field(default_factory=list)
-    length: float = MISSING
-    places: int = MISSING
-    noise: float = MISSING
-    bound: float = MISSING
-    attachment: list[float] = field(default_factory=list)
-    elevation: list[float] = field(default_factory=list)
-    agents: list[int] = field(default_factory=list)
-    recorded: int = MISSING
-    few: int = MISSING
+    base: Points
+    platform: Points
+    position: Annotated[list[Triple], Field(min_length=2, max_length=2)]
+    turn: Annotated[list[Triple], Field(min_length=2, max_length=2)]
+    legs: Pair
+    length: Positive
+    places: Annotated[int, Field(ge=2)]
+    noise: Positive
+    bound: Annotated[float, Field(gt=1)]
+    attachment: Pair
+    elevation: Pair
+    agents: Annotated[list[int], Field(min_length=2)]
+    recorded: Annotated[int, Field(ge=2)]
+    few: Annotated[int, Field(ge=2)]
 
 
 def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFrame]:

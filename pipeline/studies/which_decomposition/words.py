@@ -33,19 +33,19 @@ QUESTION = """The paper decomposes the Jacobian, J = J₁J₂, by LU, and names 
 Every decomposition is another law of the noise. Which of them do the printed Σ_ω, σ_B and (α, u)
 and the "small difference" between the two matrix models allow?"""
 LIKELIHOOD = """The likelihood of a decomposition is the mean over the paths of ∏ N(ln x; 0, ln² f),
-f the tolerance. The factors x are:
+f the tolerance, the factors x counted as independent:
 
-- Σ_ω and σ_B: the standard deviations of joints 1 and 2, Wishart model over printed. The paper
-  states that the excess of joint 3 is not captured;
-- (α, u): the root of the trace, Gaussian model over printed;
-- small difference: the root of the trace, Wishart over Gaussian model."""
+- Σ_ω and σ_B: standard deviations of joints 1 and 2, Wishart model over printed (the paper: the
+  excess of joint 3 is not captured);
+- (α, u): root of the trace, Gaussian model over printed;
+- small difference: root of the trace, Wishart over Gaussian model."""
 RULE = """**Rule for every arm.** LU with partial pivoting (as MATLAB's `lu`) if the task has as
 many rows as the arm has joints, QR of J if it has fewer; in metres, radians and the stated axes of
 the task. The QR of Jᵀ stands beside both as the control that no unit and no axis changes."""
-LIMITS = """The paper's path or recordings, or the weight of its convex problem. σ̂_B is taken as
-printed, although its estimator is biased. Paths through poses where a pivot vanishes count against
-LU without pivoting."""
-SHOWN = (PIVOTED, "lu_xzp", "lu_zxp", "lu_xpz", QR, QR_TRANSPOSED, GAUSSIAN)  # of the second table
+LIMITS = """The paper's path or recordings, or the weight of its convex problem: σ̂_B is taken as
+printed, although its estimator is biased. Paths on which a pivot vanishes count against LU without
+pivoting."""
+SHOWN = (PIVOTED, "lu_xzp", "lu_zxp", "lu_xpz", QR, QR_TRANSPOSED, GAUSSIAN)  # in tables
 
 
 def main_rows(rows: pd.DataFrame) -> pd.DataFrame:
@@ -84,11 +84,11 @@ def _prior(options, widths: pd.DataFrame) -> str:
     counts = widths.groupby("prior", sort=False)["paths"].first()
     return (
         f"**Path prior.** {number(counts.iloc[0])} random paths of 3.2 s at 100 steps/s: straight "
-        "lines in the joints, straight lines in the task, one way or there and back, and ellipses, "
-        "a third each. Uniform: the start within the joint limits, the tool "
+        "lines in the joints or the task, one way or there and back, and ellipses, a third each. "
+        "Uniform: the start within the joint limits, the tool "
         f"({ranges['tool']} m), rest at each end ({ranges['rest']} s), ramps ({ranges['ramp']} s) "
         f"and the peak speed ({ranges['peak']} of the limit). Every pose keeps the joint limits "
-        "and ‖J⁻¹‖_F < 18; no model of the noise decides which paths are kept. A second prior: "
+        "and ‖J⁻¹‖_F < 18; no model of the noise selects paths. Second prior: "
         f"{number(counts.iloc[1])} paths at constant speed, the fastest joint at its limit."
     )
 
@@ -143,7 +143,7 @@ def evidence_table(evidence: pd.DataFrame) -> str:
     first, *others = (f"{f:g}" for f in tolerances)
     header = [f"over pivoted LU, f = {first} ({', '.join(others)})", *QUANTITIES.values()]
     lines = []
-    for reading in dict.fromkeys(rows["reading"]):
+    for reading in SHOWN[:-1]:
         here = rows[rows["reading"] == reading]
         main = main_rows(here).set_index(["quantities", "tolerance"])["likelihood"]
         cells = []
@@ -210,16 +210,13 @@ def _by_joint(rows: pd.DataFrame) -> str:
 
 
 def _level(level: pd.DataFrame | None) -> str:
-    text = (
-        "Medians over the paths. UR5: noise of a step over the step at the printed σ_B, the base "
-        "turned about z by 15° to 75°. "
-    )
+    text = "Medians over the paths. UR5: noise of a step over the step, the base turned about z. "
     if level is None:
         return text + "The recordings have no level: the measurement noise is unknown."
     recorded = _by_joint(level[level["reading"] == "recorded"])
     return text + (
-        "Recorded level: σ̂_B by moments, at which the trace of the model is the recorded one; "
-        f"recorded {recorded} mrad. The division among the joints is not forced."
+        "Recorded level: σ̂_B by moments, which forces the trace, not its division among the "
+        f"joints; recorded {recorded} mrad."
     )
 
 

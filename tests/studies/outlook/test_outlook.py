@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from omegaconf import OmegaConf
 from scipy.stats import wishart
 
 from pipeline.arm.hexapod import LEGS, Hexapod, pose_of
 from pipeline.core.errors import ConfigError, SingularJacobianError
-from pipeline.core.typed_yaml import load_yaml, typed
+from pipeline.core.typed_yaml import read_yaml
+from pipeline.core.validation import validated
 from pipeline.studies.outlook import stage
 from pipeline.studies.outlook.hexapod import equal_models, platform_covariance, straight
 from pipeline.studies.outlook.towing import error_rows, lever, recorded_rows, slope_rows
@@ -24,8 +24,8 @@ from pipeline.wrench.matrix import matrix_model
 from pipeline.wrench.parametric import wrench_covariance
 from pipeline.wrench.study import averaged_sigma_s, variance_errors
 
-SECTION = load_yaml(Path(stage.__file__).with_name("params.yaml")).paper
-OPTIONS = OmegaConf.to_object(typed(stage.Options, SECTION, "paper"))
+SECTION = read_yaml(Path(stage.__file__).with_name("params.yaml"))["paper"]
+OPTIONS = validated(stage.Options, SECTION)
 START, END = (
     pose_of(np.array(p), np.array(t)) for p, t in zip(OPTIONS.position, OPTIONS.turn, strict=True)
 )

@@ -1,11 +1,9 @@
 """Which decompositions the printed numbers allow.
 
-(a) Standard deviation of a step at the printed parameters over the printed one, traces compared:
-median (dot) and middle 90 % of the random paths with ramps and rest (line). The grey line at 1 is
-the printed value; an arrow marks an interval that goes on. (b) Likelihood of each decomposition
-over the one of pivoted LU, the tolerance integrated out: marks for the prior with ramps and rest,
-lines from the least to the greatest of the six path priors. Right of the grey line at 1 the
-numbers favour the decomposition over pivoted LU.
+(a) Standard deviation of a step at the printed parameters over the printed one (grey: 1), roots of
+traces: median and middle 90 % of the paths with ramps and rest; an arrow marks an interval that
+goes on. (b) Likelihood over the one of pivoted LU (grey: 1), the tolerance integrated out: marks
+for the paths with ramps and rest, lines from the least to the greatest of six path priors.
 """
 
 from __future__ import annotations
