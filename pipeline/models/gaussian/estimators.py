@@ -16,10 +16,10 @@ import numpy as np
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.commands import task_step
 from pipeline.models.covariance import principal_axes
-from pipeline.models.density import axis_log_density
 from pipeline.models.gaussian.law import noise_scale
 from pipeline.models.level import TakeVariances
 from pipeline.models.norm import frobenius
+from pipeline.models.normal import axis_log_density
 from pipeline.models.steps import Recorded, moving_steps
 
 ALPHA_RANGE = 30.0  # α is sought within this factor of what the second moments suggest
@@ -259,7 +259,7 @@ def fit_likelihood(recorded: Recorded, extensions: np.ndarray) -> GaussianLikeli
         return noise_scale(norms, 1.0, largest * (1 + extension), *inverse.shape[-2:]) * speeds
 
     def densities(log_alpha: float, gain: np.ndarray) -> np.ndarray:
-        return axis_log_density(parts, np.exp(2 * log_alpha) * gain, least)
+        return axis_log_density(parts, (np.exp(2 * log_alpha) * gain)[:, None] + least)
 
     def best_at(extension: float) -> tuple[float, float]:
         gain = gain_at(extension)
