@@ -14,7 +14,6 @@ from rosbags.typesys import Stores, get_typestore
 
 from pipeline.core.bounds import read_whole
 from pipeline.core.errors import RecordingError
-from pipeline.core.typed_yaml import require_bounded
 from pipeline.formats.bag_path import SUFFIXES
 from pipeline.formats.format import Format, Head, Kind
 from pipeline.formats.rosbag_chunks import DAMAGE, unfold_message
@@ -160,7 +159,6 @@ def _opened(file: Path) -> Iterator[AnyReader]:
     metadata = file / "metadata.yaml"
     try:
         described = read_whole(metadata) if metadata.is_file() else b""
-        require_bounded(described)
         if re.search(rb"(?i)compression_mode:\s*[\"']?file", described):
             raise RecordingError(
                 "the bag is compressed as a whole file, whose size nothing bounds; decompress it "

@@ -16,9 +16,9 @@ from scenario import ROOT, arm, swing, youbot
 
 from pipeline.core.config import compose_config
 from pipeline.core.options.depth_camera import Depth
+from pipeline.formats.depth.image import write_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
-from pipeline.formats.depth.png import write_depth
 from pipeline.laboratory.kinect import DepthCamera
 from pipeline.laboratory.sensor import draw_bias
 from pipeline.perception.articulation import ArticulationOptions

@@ -14,8 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.formats.depth.image import decode_depth
-from pipeline.formats.depth.png import PNG_SIGNATURE, encode_depth
+from pipeline.formats.depth.image import PNG, decode_depth, encode_depth
 from pipeline.studies.faults.fault import Files, chosen
 from pipeline.studies.faults.text import lines_of
 
@@ -137,13 +136,13 @@ def _retimed(content: bytes, change: Callable[[float], float]) -> bytes:
 
 
 def _shape(content: bytes) -> tuple[int, int]:
-    width, height = struct.unpack_from(">II", content, len(PNG_SIGNATURE) + 8)
+    width, height = struct.unpack_from(">II", content, len(PNG) + 8)
     return height, width
 
 
 def _chunks(content: bytes) -> list[tuple[bytes, bytes]]:
     """Name and data of each chunk of a whole PNG."""
-    place, chunks = len(PNG_SIGNATURE), []
+    place, chunks = len(PNG), []
     while place < len(content):
         length, kind = struct.unpack_from(">I4s", content, place)
         chunks.append((kind, content[place + 8 : place + 8 + length]))
@@ -156,4 +155,4 @@ def _png(chunks: list[tuple[bytes, bytes]]) -> bytes:
         struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
         for kind, data in chunks
     )
-    return PNG_SIGNATURE + b"".join(packed)
+    return PNG + b"".join(packed)

@@ -19,9 +19,9 @@ from pipeline.core.columns import values
 from pipeline.core.config import compose_config
 from pipeline.core.options.dataset import Dataset, Motion, Robot
 from pipeline.core.options.logs import JointLog as JointLogOptions
+from pipeline.formats.depth.image import encode_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
-from pipeline.formats.depth.png import encode_depth
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
 from pipeline.formats.joints.log import JointLog
 from pipeline.formats.motion.motive import write_motive
