@@ -26,7 +26,7 @@ MODELS = {  # option → what the stage fit would have written (gaussian_ml: twi
     "gaussian": {"kind": "gaussian", "alpha": 0.05, "u": 25.0},
     "gaussian_ml": {"kind": "gaussian", "alpha": 0.1, "u": 25.0},
     "additive": {"kind": "additive", "noise_covariance": (np.eye(3) * 4e-6).tolist()},
-    "wishart": {"kind": "wishart", "sigma_b": 1.2, "decomposition": "lu"},
+    "wishart": {"kind": "wishart", "sigma_b": 1.2, "decomposition": "pivoted_lu"},
 }
 
 

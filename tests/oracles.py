@@ -12,10 +12,8 @@ from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.factors import factors
 from pipeline.randommatrix import wishart
 
-# every decomposition, LU without pivoting in two orders
+# every decomposition
 READINGS = {
-    "lu": Decomposition("lu"),
-    "lu, other orders": Decomposition("lu", rows=(2, 0, 1), order=(1, 2, 0)),
     "pivoted_lu": Decomposition("pivoted_lu"),
     "qr": Decomposition("qr"),
     "qr_transposed": Decomposition("qr_transposed"),
@@ -48,18 +46,8 @@ def _steps(jacobian, j1, v, sigma_b, size, rng) -> np.ndarray:
 
 
 def first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndarray:
-    """(m, m) J₁ of one J (m, n), by LAPACK or, without pivoting, by quotients of minors."""
-    m, n = jacobian.shape
+    """(m, m) J₁ of one J (m, n), by LAPACK."""
     match decomposition:
-        case Decomposition("lu", rows=rows, order=order):
-            rows = list(rows or range(m))
-            ordered = jacobian[rows][:, list(order or range(n))]
-            j1 = np.zeros((m, m))
-            for k in range(m):
-                for i in range(k, m):
-                    minor = ordered[[*range(k), i], : k + 1]
-                    j1[rows[i], k] = linalg.det(minor) / linalg.det(ordered[: k + 1, : k + 1])
-            return j1
         case Decomposition("pivoted_lu"):
             permutation, lower, _ = linalg.lu(jacobian)
             return permutation @ lower
@@ -69,22 +57,6 @@ def first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndarr
             return linalg.qr(jacobian.T, mode="economic")[1].T
         case Decomposition(left=left):
             return np.array(left)
-
-
-def pivot_shares(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndarray:
-    """(m,) share of each pivot of LU without pivoting of J (m, n) in the length of what is left of
-    its row, the Schur complement of the rows and columns before.
-    """
-    m, n = jacobian.shape
-    ordered = jacobian[list(decomposition.rows or range(m))][
-        :, list(decomposition.order or range(n))
-    ]
-    shares = []
-    for k in range(m):
-        before = np.linalg.solve(ordered[:k, :k], ordered[:k, k:])
-        left = ordered[k, k:] - ordered[k, :k] @ before
-        shares.append(abs(left[0]) / np.linalg.norm(left))
-    return np.array(shares)
 
 
 def sample_inverse_action(a: np.ndarray, d: float, rng: np.random.Generator) -> np.ndarray:

@@ -35,7 +35,6 @@ LAWS = {
     "gaussian": {"kind": "gaussian", "alpha": 0.1, "u": 60.0},
     "qr_transposed": {"kind": "wishart", "sigma_b": 0.25, "decomposition": "qr_transposed"},
     "pivoted_lu": {"kind": "wishart", "sigma_b": 0.25, "decomposition": "pivoted_lu"},
-    "lu": {"kind": "wishart", "sigma_b": 0.25, "decomposition": "lu"},
 }
 
 

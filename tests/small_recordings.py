@@ -52,7 +52,7 @@ def base() -> Case:
     models = {
         "additive": options_type("additive")("additive", estimator="paper"),
         "wishart": options_type("wishart")(
-            "wishart", estimator="paper", decomposition="lu", floor=0.2
+            "wishart", estimator="paper", decomposition="by_shape", floor=0.2
         ),
         "gaussian": options_type("gaussian")("gaussian", estimator="paper", beta=0.5),
     }

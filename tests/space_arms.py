@@ -10,7 +10,7 @@ import pinocchio as pin
 import pipeline.arm
 from pipeline.arm.serial import SerialChain
 from pipeline.core.options.dataset import Robot
-from pipeline.core.options.motion_capture import Mocap
+from pipeline.core.options.motion_capture import Mocap, Pose
 from pipeline.core.task import SPACE
 
 HERE = Path(pipeline.arm.__file__).parent
@@ -43,7 +43,14 @@ def _unit(x: np.ndarray) -> np.ndarray:
 
 def mocap(markers: dict = MARKERS, **options) -> Mocap:
     return Mocap(
-        **{"training": "*.csv", "markers": markers, "gate": 0.005, "max_gap": 20} | options
+        **{
+            "training": "*.csv",
+            "base": Pose([0.0] * 3, [0.0] * 3),
+            "markers": markers,
+            "gate": 0.005,
+            "max_gap": 20,
+        }
+        | options
     )
 
 

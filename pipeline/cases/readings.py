@@ -12,40 +12,29 @@ from pipeline.arm.chain import TASK
 from pipeline.cases.case import Case
 from pipeline.cases.evidence import Evidence
 from pipeline.cases.verdict import FAILS, HOLDS, UNKNOWN
-from pipeline.models.wishart.decomposition import COMPUTED
-from pipeline.models.wishart.options import Options
+from pipeline.models.wishart.decomposition import COMPUTED, chosen
 from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.decision import decide
 from pipeline.verdicts.reference import ArmNames
 from pipeline.verdicts.wording import case_text
 
 NAMES = {"pivoted_lu": "pivoted LU", "qr": "QR of J", "qr_transposed": "QR of Jᵀ"}
-# the other order of a planar task's rows that the paper's numbers allow: the second position is
-# eliminated first
-SWAPPED = [TASK[1], TASK[0], *TASK[2:]]
 
 
-def readings(base: Case, task: Sequence[str] = TASK) -> dict[str, Case]:
-    """The case ``base`` of a ``task`` of these rows, and after it the same with every other
-    computed decomposition, by name; none where it has no Wishart model.
+def readings(
+    base: Case, task: Sequence[str] = TASK, joints: Sequence[str] = TASK
+) -> dict[str, Case]:
+    """The case ``base`` of a ``task`` of these rows and these ``joints``, and after it the same
+    with every other computed decomposition, by name; none where it has no Wishart model.
     """
     wishart = base.models.get("wishart")
     if wishart is None:
         return {}
-    cases = {reading(wishart, task): base}
-    swapped = [("lu", SWAPPED)] if tuple(task) == TASK else []
-    for name, rows in [*((name, None) for name in COMPUTED), *swapped]:
-        case = base.with_wishart(decomposition=name, left=None, rows=rows, order=None)
-        cases.setdefault(reading(case.models["wishart"], task), case)
+    own = chosen(wishart, task, joints).name
+    cases = {NAMES.get(own, own): base}
+    for name in COMPUTED:
+        cases.setdefault(NAMES[name], base.with_wishart(decomposition=name, left=None))
     return cases
-
-
-def reading(options: Options, task: Sequence[str]) -> str:
-    """The decomposition of ``options`` in words, for a ``task`` of these rows."""
-    if options.decomposition != "lu":
-        return NAMES.get(options.decomposition, options.decomposition)
-    joints = f", joints {', '.join(options.order)}" if options.order else ""
-    return f"LU, rows {', '.join(options.rows or task)}{joints}"
 
 
 def readings_table(

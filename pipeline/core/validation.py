@@ -20,6 +20,13 @@ from pipeline.core.errors import ConfigError
 T = TypeVar("T")
 RULES = ConfigDict(extra="forbid", allow_inf_nan=False)
 UNKNOWN = ("unexpected_keyword_argument", "extra_forbidden")
+# keys of earlier versions → the replacement that their refusal names
+REPLACED = {
+    "dataset.elimination": (
+        "a dataset names no decomposition any more; remove the key and set decomposition in "
+        "pipeline/conf/model/wishart.yaml (by_shape, pivoted_lu, qr, qr_transposed or given)"
+    ),
+}
 
 
 class Fault(ValueError):
@@ -131,7 +138,9 @@ def _faults(error: ValidationError, structure: type, section: str) -> list[tuple
             place, message = [*place, cause.key], str(cause)
         elif kind in UNKNOWN:
             known = _keys_at(structure, place[:-1])
-            message = f"unknown key '{place[-1]}'; there are {', '.join(known)}"
+            message = REPLACED.get(".".join(filter(None, [section, *place]))) or (
+                f"unknown key '{place[-1]}'; there are {', '.join(known)}"
+            )
         elif kind == "missing":
             message = f"no value for {'.'.join(filter(None, [section, *place]))}"
         elif kind in ("dataclass_type", "dict_type"):

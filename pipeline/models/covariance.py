@@ -42,6 +42,19 @@ def root(covariance: np.ndarray) -> np.ndarray:
     return (axes * np.sqrt(variances)) @ axes.T
 
 
+def trace_factor(covariances: np.ndarray, trace: float) -> float:
+    """Factor on ``covariances`` (..., n, n) in rad² that gives them a mean trace of ``trace`` rad².
+
+    Raises ModelDomainError where they are zero throughout.
+    """
+    own = float(np.trace(covariances, axis1=-2, axis2=-1).mean())
+    if not own > 0:
+        raise ModelDomainError(
+            "a model without noise at any step has no level that could be solved", trace_rad2=own
+        )
+    return trace / own
+
+
 def without_measurement(covariance: np.ndarray, measurement: np.ndarray) -> tuple[np.ndarray, int]:
     """(n, n) what ``covariance`` holds beyond ``measurement`` (n, n), in rad², and along how many
     axes that is nothing.

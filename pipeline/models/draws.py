@@ -123,7 +123,7 @@ def draw_steps(
 
     Raises:
         SingularJacobianError: at a singular pose, where no model is defined.
-        ModelDomainError: where a draw is not finite, as at poses without a decomposition.
+        ModelDomainError: where a draw is not finite, as where a command is not.
     """
     chain.require_regular(q)
     law, commands = model.law(chain), np.atleast_2d(np.asarray(v, dtype=float))
@@ -152,9 +152,7 @@ def draw_steps(
     if np.any(lost):
         index = tuple(int(i) for i in np.argwhere(lost)[0])
         raise ModelDomainError(
-            f"the model has no next step at {int(lost.sum())} pose(s): a Wishart model by LU "
-            "without pivoting has none where a pivot is small; name another order of rows or "
-            "joints in the dataset's option elimination, or another decomposition in the model's",
+            f"the model's draw of the next pose is not finite at {int(lost.sum())} pose(s)",
             index=index,
             q=np.asarray(q, dtype=float)[index].round(4).tolist(),
         )

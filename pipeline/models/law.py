@@ -120,18 +120,6 @@ def nominal_step(plane: Plane, jacobian: tuple, i: int, v: tuple) -> tuple[float
 
 
 @inlined
-def indices(parameters: np.ndarray, first: int) -> tuple[int, ...]:
-    """Three of the ``parameters`` from the ``first`` on, as indices."""
-    return int(parameters[first]), int(parameters[first + 1]), int(parameters[first + 2])
-
-
-@inlined
-def ordered(each: tuple, order: tuple) -> tuple:
-    """Three of a kind in this ``order``."""
-    return each[order[0]], each[order[1]], each[order[2]]
-
-
-@inlined
 def transformed(matrix: np.ndarray, x: tuple) -> tuple[float, ...]:
     """``matrix`` (n·n,), row by row, times ``x``."""
     return (

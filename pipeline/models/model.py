@@ -39,6 +39,15 @@ class MotionModel(Protocol):
     def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) Cov(q_{k+1} | q_k = q) in rad²."""
 
+    def with_trace(
+        self, chain: Mechanism, q: np.ndarray, v: np.ndarray, trace: float
+    ) -> MotionModel:
+        """The same model whose own level (σ_B, α, a factor on a covariance) gives the covariance of
+        the steps a mean trace of ``trace`` > 0 in rad².
+
+        Raises ModelDomainError where no level does.
+        """
+
     def sample(
         self, chain: Chain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
     ) -> np.ndarray:

@@ -33,7 +33,7 @@ def run() -> None:
     options = FilterOptions(chosen.particles, chosen.scheme, chosen.threshold)
     base = Case(paper_models(settings.models), options, settings.simulation.mode)
     takes, cameras = recorded_takes(robot, settings.dataset.motion), {}
-    cases = readings(base, takes.training.chain.task)
+    cases = readings(base, takes.training.chain.task, takes.training.joints)
     if contracts.exists("angles", ARTICULATE):
         angles, joints = contracts.read("angles", ARTICULATE), contracts.read("joints", TRACK)
         window = settings.articulation.noise_window

@@ -31,9 +31,9 @@ ROOT = Path(__file__).parents[2]
 DT = 0.01  # s
 FRAME_EVERY = 3  # steps
 SIGMA_B = 0.25
-# what decomposes the Jacobian of the youBot's planar arm: the default, and the LU that the peers'
-# libraries have
-PLANAR = {"youbot": "lu", "youbot_pivoted": "pivoted_lu"}
+# decomposition of the Jacobian of the youBot's planar arm: LU with partial pivoting, as the peers'
+# libraries have it
+PLANAR = {"youbot": "pivoted_lu"}
 SENSOR = np.diag([0.01, 0.015, 0.02]) ** 2  # rad²
 # rad, far from the limits, the elbow bent at about a right angle
 START = Start(np.array([1.1, -1.0, 1.8]), 1e-5 * np.eye(3))

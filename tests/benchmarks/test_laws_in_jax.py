@@ -18,7 +18,7 @@ BAND = 4.5
 
 @pytest.mark.slow
 @pytest.mark.skipif(not INTERPRETER.exists(), reason="the peers' environment is missing")
-@pytest.mark.parametrize("arm", ["youbot", "youbot_pivoted", "ur5", "lwr4"])
+@pytest.mark.parametrize("arm", ["youbot", "ur5", "lwr4"])
 def test_a_peer_moves_its_particles_by_the_law_of_our_model(arm):
     motion = take(4, arm)
     chain, q, command = motion.scene.chain, motion.scene.start.mean, motion.steps[2]
@@ -36,5 +36,5 @@ def test_a_peer_moves_its_particles_by_the_law_of_our_model(arm):
     assert off(model) < BAND
     # neither a slightly wider perturbation nor another decomposition would pass
     assert off(replace(model, sigma_b=1.1 * SIGMA_B)) > BAND
-    name = "lu" if model.decomposition.name == "pivoted_lu" else "pivoted_lu"
+    name = "qr" if model.decomposition.name == "pivoted_lu" else "pivoted_lu"
     assert off(replace(model, decomposition=Decomposition(name))) > BAND

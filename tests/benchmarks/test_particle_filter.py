@@ -17,7 +17,6 @@ from pipeline.filtering.particle_filter import Posterior
 
 EXACT = {
     "youbot": "Particle filter, Wishart model: peers given the exact law of a step",
-    "youbot_pivoted": "Particle filter, Wishart model by pivoted LU: peers given the exact law",
 }
 PAPER = "Particle filter, Wishart model: peers given the paper's Algorithm 1"
 BOTH_CORES = "Particle filter, Wishart model: takes on two threads"
@@ -40,13 +39,13 @@ FLOORS = {
 
 @pytest.fixture
 def problem(size) -> tuple[Take, int]:
-    """A take and how many particles filter it, by the LU that Algorithm 1 of the peers has."""
-    return take(size(30, 12), "youbot_pivoted"), size(10_000, 500)
+    """A take and how many particles filter it, by the LU of the peers' libraries."""
+    return take(size(30, 12), "youbot"), size(10_000, 500)
 
 
 @pytest.fixture(params=EXACT)
 def exact(benchmark, request, size) -> tuple[Take, int]:
-    """The same by either LU."""
+    """The same for the exact law."""
     benchmark.group = EXACT[request.param]
     return take(size(30, 12), request.param), size(10_000, 500)
 

@@ -17,7 +17,7 @@ from pipeline.laboratory.dynamics import session_offset, simulate_take
 from pipeline.laboratory.swing import desired_trajectory
 from pipeline.models.draws import draw_steps
 from pipeline.models.noise import process_noise
-from pipeline.models.wishart.decomposition import LU, Decomposition
+from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition
 from pipeline.models.wishart.dispersion import rest_noise
 from pipeline.models.wishart.factors import factors
 from pipeline.models.wishart.law import WishartModel
@@ -81,7 +81,7 @@ def planar(takes: int) -> Problems:
     measured = np.array(q) + MARKERS * rng.standard_normal((len(q), len(grid), 3))
     v = values(desired_trajectory(chain, trajectory), "v")[:-1] / trajectory.rate
     noise, before = process_noise(chain, measured, v), measured[:, :-1]
-    a, back, _ = factors(chain, before, np.broadcast_to(v, before.shape), LU)
+    a, back, _ = factors(chain, before, np.broadcast_to(v, before.shape), PIVOTED_LU)
     return flat(noise, a, back, rest_noise(noise, v))
 
 

@@ -170,3 +170,15 @@ def test_comments_leave_the_written_configuration_as_it_is_and_a_refusal_too(tmp
 def test_an_object_made_in_code_is_checked_like_a_file(make, words):
     with pytest.raises(ConfigError, match=words):
         make()
+
+
+@pytest.mark.parametrize("dataset", ["youbot", "ur5", "lwr4"])
+def test_a_decomposition_named_by_a_dataset_is_refused_with_its_replacement(compose, dataset):
+    with pytest.raises(ConfigError, match=r"pipeline/conf/model/wishart\.yaml") as refused:
+        compose(
+            dataset=dataset, overrides="{dataset: {elimination: {decomposition: qr_transposed}}}"
+        )
+    assert refused.value.evidence["key"] == "dataset.elimination"
+    # control: the model's file has it
+    override = "{models: {wishart: {decomposition: qr_transposed}}}"
+    assert compose(overrides=override).models["wishart"].decomposition == "qr_transposed"

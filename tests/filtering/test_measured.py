@@ -17,7 +17,7 @@ from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Dataset, Motion
 from pipeline.core.options.logs import Encoders
-from pipeline.core.options.motion_capture import Mocap
+from pipeline.core.options.motion_capture import Mocap, Pose
 from pipeline.filtering.measured import MOTION, TRACK, measured_takes, tip_poses
 
 HAND = {
@@ -27,10 +27,16 @@ HAND = {
     "d": [0.01, -0.08, 0.035],
 }
 MOCAP = Mocap(
-    training="*", markers={"link_5": {"x": [0.0, 0.1, 0.1]}, "flange": HAND}, deviation=1e-3
+    training="*",
+    base=Pose([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]),
+    markers={"link_5": {"x": [0.0, 0.1, 0.1]}, "flange": HAND},
+    gate=0.01,
+    deviation=1e-3,
+    max_gap=20,
 )
 DATASET = Dataset(
     name="t",
+    recordings=".",
     robot=LWR4,
     mocap=MOCAP,
     encoders=Encoders(training="*", test="*", actual=[]),

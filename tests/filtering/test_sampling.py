@@ -28,8 +28,6 @@ from pipeline.models.commands import Commands, open_loop
 from pipeline.models.draws import BLOCK
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.scaled.law import ScaledModel
-from pipeline.models.wishart.decomposition import LU
-from pipeline.models.wishart.factors import split
 from pipeline.models.wishart.law import WishartModel
 
 DT = 0.01
@@ -214,33 +212,3 @@ def test_particles_outside_the_chains_domain_lose_their_weight_and_go_back(signs
     ) == np.sum(gone[100:])
     assert np.array_equal(there.T, np.where(gone[:, None], 0.0, q))
     assert np.array_equal(log_weights == -np.inf, gone | (np.arange(4000) < 100))
-
-
-def test_particles_where_lu_has_a_small_pivot_are_lost_and_counted(arm):
-    """At rest, so that nothing else moves them out of the domain; band: four standard errors."""
-    roomy = replace(arm, lower=arm.lower - 9.0, upper=arm.upper + 9.0)
-    turned = np.tile(PATH_START, (10_001, 1))
-    turned[:, 0] += np.linspace(-np.pi / 2, np.pi / 2, len(turned))
-    level = turned[np.abs(roomy.jacobian(turned)[:, 0, 0]).argmin()]
-    spread, count = 2e-4 * np.eye(3), 20_000
-    around = np.random.default_rng(6).multivariate_normal(level, spread, count)
-    small = ~np.isfinite(split(roomy.jacobian(around), np.zeros(3), LU).a).all(axis=1)
-    nothing = Measurements(
-        "take", np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3))
-    )
-
-    def lost(model: WishartModel) -> float:
-        start, rng = Start(level, spread), np.random.default_rng(7)
-        still = open_loop(np.zeros((1, 3)))
-        posterior = particle_filter(
-            model, roomy, still, DT, start, nothing, FilterOptions(count), rng
-        )
-        assert np.isfinite(posterior.mean).all() and np.isfinite(posterior.covariance).all()
-        return posterior.outside[1] / count
-
-    share = small.mean()
-    assert 0.1 < share < 0.9
-    assert abs(lost(WishartModel(0.25)) - share) < 4 * np.sqrt(2 * share * (1 - share) / count)
-    # control: the other readings have a step at each of these poses
-    for name in ("pivoted_lu", "qr", "qr_transposed", "given"):
-        assert lost(WishartModel(0.25, READINGS[name])) == 0

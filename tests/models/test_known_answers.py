@@ -105,7 +105,9 @@ def test_the_additive_covariance_comes_back(n, m, estimator):
 
 
 @every_arm
-@pytest.mark.parametrize("name", ["qr_transposed", pytest.param("lu", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", ["qr_transposed", pytest.param("pivoted_lu", marks=pytest.mark.slow)]
+)
 def test_the_wishart_dispersion_comes_back_by_likelihood(n, m, name):
     """Band: 4 %, twice what sampling takes of the fewest rows."""
     case, options = scene(n, m), likelihood(name)

@@ -6,31 +6,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from oracles import every_reading, inverse_action_steps, pivot_shares
+from oracles import every_reading, inverse_action_steps
 from plain_laws import plain_steps
 from scipy import stats
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.core.errors import ModelDomainError
 from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import build_model
-from pipeline.models.wishart.factors import split
 from pipeline.models.wishart.law import WishartModel
 
 COVARIANCE = (1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])).tolist()
 # as the stage fit writes them
 PARAMETERS = {
     "additive": {"kind": "additive", "noise_covariance": COVARIANCE},
-    "wishart": {"kind": "wishart", "sigma_b": 0.25, "decomposition": "lu"},
-    "wishart_ordered": {
-        "kind": "wishart",
-        "sigma_b": 0.25,
-        "decomposition": "lu",
-        "rows": [2, 0, 1],
-        "order": [1, 2, 0],
-    },
     "wishart_pivoted": {"kind": "wishart", "sigma_b": 0.25, "decomposition": "pivoted_lu"},
     "wishart_qr": {"kind": "wishart", "sigma_b": 0.25, "decomposition": "qr"},
     "wishart_transposed": {"kind": "wishart", "sigma_b": 0.25, "decomposition": "qr_transposed"},
@@ -73,11 +63,6 @@ def anywhere(arm) -> np.ndarray:
 )
 def test_every_compiled_law_is_its_formula_in_numpy(kind, v, arm, anywhere):
     model, v = build_model(PARAMETERS[kind]), np.array(v)
-    reading = getattr(model, "decomposition", None)
-    if reading is not None and reading.name == "lu":
-        # rounding grows as the noise does where pivots vanish
-        anywhere = anywhere[[pivot_shares(j, reading).min() > 0.1 for j in arm.jacobian(anywhere)]]
-        assert len(anywhere) > 1000
     one, other = np.random.default_rng(2), np.random.default_rng(2)
     moved, clipped = draw_steps(model, arm, anywhere, v, one)
     expected, expected_clipped = plain_steps(model, arm, anywhere, v, other)
@@ -86,17 +71,6 @@ def test_every_compiled_law_is_its_formula_in_numpy(kind, v, arm, anywhere):
     assert np.max(np.abs(moved - expected) / scale) < 1e-12
     assert clipped == expected_clipped
     assert one.bit_generator.state == other.bit_generator.state
-
-
-@pytest.mark.parametrize("kind", ["wishart", "wishart_ordered"])
-def test_the_compiled_law_knows_the_same_small_pivots(kind, arm, anywhere):
-    model, v = build_model(PARAMETERS[kind]), np.array([0.004, -0.003, 0.03])
-    defined = np.isfinite(split(arm.jacobian(anywhere), v, model.decomposition).log_determinant)
-    draw_steps(model, arm, anywhere[defined], v, np.random.default_rng(2))
-    small = np.count_nonzero(~defined)
-    assert small > 3
-    with pytest.raises(ModelDomainError, match=f"no next step at {small} pose"):
-        draw_steps(model, arm, anywhere, v, np.random.default_rng(2))
 
 
 def test_poses_beyond_the_bound_take_the_nominal_step_and_are_counted(chain, poses, step):

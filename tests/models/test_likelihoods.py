@@ -13,7 +13,7 @@ from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.gaussian.likelihood import fit_alpha_u
 from pipeline.models.norm import frobenius
-from pipeline.models.wishart.decomposition import LU
+from pipeline.models.wishart.decomposition import PIVOTED_LU
 from pipeline.models.wishart.law import WishartModel
 from pipeline.models.wishart.likelihood import fit_sigma_b
 
@@ -53,7 +53,7 @@ def test_the_dispersion_has_no_bias_to_speak_of(chain, poses, step):
             chain,
             *recordings(chain, poses, step, WishartModel(0.25), takes=10, seed=seed),
             MEASUREMENT,
-            LU,
+            PIVOTED_LU,
         ).sigma_b
         for seed in range(8)
     ]
@@ -66,7 +66,7 @@ def test_the_dispersion_has_no_bias_to_speak_of(chain, poses, step):
 
 def test_noise_that_is_the_measurements_alone_leaves_no_dispersion(chain, poses, step):
     q, v, noise = recordings(chain, poses, step, WishartModel(1e-6), takes=10, seed=2)
-    result = fit_sigma_b(chain, q, v, noise, MEASUREMENT, LU)
+    result = fit_sigma_b(chain, q, v, noise, MEASUREMENT, PIVOTED_LU)
     assert result.sigma_b < 0.03
 
 
@@ -112,6 +112,6 @@ def test_the_objective_of_the_gaussian_fit_is_the_models_own_log_likelihood(chai
 
 def test_a_motion_at_rest_throughout_is_refused(chain, poses):
     q = np.tile(poses[:5], (3, 1, 1))
-    for fit, last in ((fit_sigma_b, LU), (fit_alpha_u, np.linspace(0.1, 1, 5))):
+    for fit, last in ((fit_sigma_b, PIVOTED_LU), (fit_alpha_u, np.linspace(0.1, 1, 5))):
         with pytest.raises(ModelDomainError, match="at rest at every step"):
             fit(chain, q, np.zeros((5, 3)), np.zeros(q.shape), MEASUREMENT, last)

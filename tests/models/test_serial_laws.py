@@ -27,7 +27,7 @@ DRAWS = 20_000
 SIGMA_B = 0.2
 ROWS = ("x", "y", "z", "rx", "ry", "rz")
 SIZES = [(6, 6), (7, 6), (3, 2), (5, 1)]
-READINGS = ("lu", "reversed lu", "pivoted_lu", "qr", "qr_transposed", "given")
+READINGS = ("pivoted_lu", "qr", "qr_transposed", "given")
 
 
 def arm(n: int, m: int, seed: int = 1) -> SerialChain:
@@ -48,9 +48,7 @@ def command_of(chain: SerialChain) -> tuple[np.ndarray, np.ndarray]:
     return q, command
 
 
-def decomposition(name: str, m: int, n: int) -> Decomposition:
-    if name == "reversed lu":
-        return Decomposition("lu", rows=range(m)[::-1], order=range(n)[::-1])
+def decomposition(name: str, m: int) -> Decomposition:
     left = np.eye(m) + 0.3 * np.random.default_rng(3).standard_normal((m, m))
     return Decomposition(name, left if name == "given" else None)
 
@@ -71,9 +69,9 @@ def standardised(
 @pytest.mark.parametrize("n, m", SIZES)
 def test_wishart_steps_have_the_moments_of_the_closed_form_whatever_the_size(n, m, reading):
     """Bands: five standard errors of a mean, and of a covariance under tails as these."""
-    if m == 1 and "lu" in reading:
+    if m == 1 and reading == "pivoted_lu":
         pytest.skip("one row is one pivot: J₁ is a number, as with QR")
-    chain, law = arm(n, m), decomposition(reading, m, n)
+    chain, law = arm(n, m), decomposition(reading, m)
     q, command = command_of(chain)
     v = command[:m]
     drawn, _ = draw_steps(WishartModel(SIGMA_B, law), chain, np.tile(q, (DRAWS, 1)), command, RNG())
@@ -134,7 +132,7 @@ def test_a_planar_arm_has_one_law_by_either_way(reading, chain, poses, step):
     """Two-sample Kolmogorov–Smirnov tests of each joint at a level of 1e-5; the control is a
     dispersion a fifth wider.
     """
-    spatial, law = in_space(chain), decomposition(reading, 3, 3)
+    spatial, law = in_space(chain), decomposition(reading, 3)
     np.testing.assert_allclose(spatial.jacobian(poses), chain.jacobian(poses), atol=1e-12)
     q = np.tile(poses[0], (DRAWS, 1))
     planar, _ = draw_steps(WishartModel(SIGMA_B, law), chain, q, step, RNG())

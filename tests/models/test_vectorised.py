@@ -21,7 +21,6 @@ LAWS = [
     scaled.planar_scaled,
     wishart.given_factor,
     wishart.qr_transposed,
-    wishart.lu,
     wishart.pivoted_lu,
 ]
 # products of several numbers at once

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from omegaconf import OmegaConf
 from written_logs import write_netft
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.force import Force
+from pipeline.core.validation import validated
 from pipeline.formats.force.daqft import write_daqft
 from pipeline.formats.force.record import ForceRecord
 from pipeline.recordings.force_transducer import force_rows
@@ -45,7 +45,7 @@ def options(file: str = "log.csv", **log: object) -> Force:
         "tension_bounds": [1.0, 2.0],
     }
     values = {"tare": TARE, "configurations": {"C1": configuration}, "log": log, **bounds}
-    return OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(Force), values))
+    return validated(Force, values, "dataset.force")
 
 
 def as_table(file, log: ForceRecord, *, milliseconds: bool = False) -> None:

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.limits import Limits
+from pipeline.core.options.dataset import Limits
 from pipeline.recordings.limits import beside_limits, reasons, require_enough
 from pipeline.recordings.quality import quality_row
 

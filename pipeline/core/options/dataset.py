@@ -58,18 +58,6 @@ class Motion:
 
 
 @options()
-class Elimination:
-    """What the Wishart model does where LU without pivoting, in the natural order, meets a small
-    pivot on this motion: another order of the task rows or the joints, by name, or another
-    decomposition.
-    """
-
-    decomposition: str = "lu"  # or pivoted_lu, qr, qr_transposed
-    rows: list[str] | None = None  # of robot.task
-    order: list[str] | None = None  # of robot.joints
-
-
-@options()
 class Limits:
     """Most that a take may have of a measure of the table ``takes``; a take beyond any is left out.
     Null: no limit.
@@ -102,7 +90,6 @@ class Dataset:
     recordings: str  # folder of the raw files, from the project's root
     robot: Robot | None  # null where forces alone were recorded
     motion: Motion | None  # likewise
-    elimination: Elimination = field(default_factory=Elimination)
     trajectory: str | None = None  # file of the commanded trajectory, where there is one
     mocap: Mocap | None = None
     joint_log: JointLog | None = None

@@ -4,7 +4,7 @@ InvDiffRndm), J⁺ the inverse of a square J; of another what is commanded in it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain, Mechanism
-from pipeline.models.covariance import root
+from pipeline.models.covariance import root, trace_factor
 from pipeline.models.density import normal_log_density
 from pipeline.models.model import Law
 
@@ -49,6 +49,13 @@ class AdditiveModel:
     def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) Σ_ω, whatever the pose and the step."""
         return np.broadcast_to(self.noise_covariance, (*q.shape, q.shape[-1]))
+
+    def with_trace(
+        self, chain: Mechanism, q: np.ndarray, v: np.ndarray, trace: float
+    ) -> AdditiveModel:
+        """The model of Σ_ω times a factor; raises ModelDomainError where it has no noise."""
+        factor = trace_factor(self.covariance(chain, q, v), trace)
+        return replace(self, noise_covariance=factor * self.noise_covariance)
 
     def sample(
         self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator

@@ -9,7 +9,7 @@ of J has no noise.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.commands import task_step
+from pipeline.models.covariance import trace_factor
 from pipeline.models.density import normal_log_density
 from pipeline.models.model import Law
 from pipeline.models.norm import frobenius
@@ -77,6 +78,13 @@ class GaussianModel:
     def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) s‖v‖²·I in rad², zero beyond the bound."""
         return self._variance(chain, q, v)[..., None, None] * np.eye(q.shape[-1])
+
+    def with_trace(
+        self, chain: Mechanism, q: np.ndarray, v: np.ndarray, trace: float
+    ) -> GaussianModel:
+        """The model of another α at the same u; raises ModelDomainError where it has no noise."""
+        factor = trace_factor(self.covariance(chain, q, v), trace)
+        return replace(self, alpha=float(np.sqrt(factor)) * self.alpha)
 
     def sample(
         self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator

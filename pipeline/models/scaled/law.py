@@ -12,7 +12,7 @@ is A + σ_ε²q̇q̇ᵀ, one timing error w = εq̇ that all joints share; with 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -20,7 +20,7 @@ import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain, Mechanism
-from pipeline.models.covariance import principal_axes, root
+from pipeline.models.covariance import principal_axes, root, trace_factor
 from pipeline.models.density import gaussian_log_density
 from pipeline.models.model import Law
 
@@ -67,6 +67,13 @@ class ScaledModel:
     def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) A + D(q̇)BD(q̇) in rad²."""
         return scaled_covariance(self.floor, self.gain, chain.nominal_step(q, v))
+
+    def with_trace(
+        self, chain: Mechanism, q: np.ndarray, v: np.ndarray, trace: float
+    ) -> ScaledModel:
+        """The model of A and B times one factor; raises ModelDomainError where it has no noise."""
+        factor = trace_factor(self.covariance(chain, q, v), trace)
+        return replace(self, floor=factor * self.floor, gain=factor * self.gain)
 
     def sample(
         self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.linalg import lu, qr
-from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.models.convex import solve_perturbation
@@ -44,17 +42,7 @@ def perturbation_gap(
 
 def _first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndarray:
     """J₁ (m, m) of ``jacobian`` (m, n) by SciPy."""
-    m, n = jacobian.shape
     match decomposition:
-        case Decomposition("lu", rows=rows, order=order):
-            rows = list(rows or range(m))
-            # L is that of the columns that are eliminated
-            ordered = jacobian[rows][:, list(order or range(n))[:m]]
-            # SuperLU exchanges rows at a zero pivot alone, where its threshold is zero
-            sparse = splu(csc_array(ordered), permc_spec="NATURAL", diag_pivot_thresh=0.0)
-            j1 = np.empty((m, m))
-            j1[rows] = sparse.L.toarray()
-            return j1
         case Decomposition("pivoted_lu"):
             return lu(jacobian, permute_l=True)[0]
         case Decomposition("qr"):

@@ -1,19 +1,17 @@
-"""Decompositions J = J₁J₂ of the mean Jacobian (Eq. LUDecom), for whole batches.
+"""Decompositions J = J₁J₂ of the mean Jacobian (Eq. LUDecom).
 
-The models need three things of one: the commanded step seen by the perturbation matrix, a = J₁⁻¹v,
-the way back to the joints, J₂⁺ = J₂ᵀ(J₂J₂ᵀ)⁻¹, and the volume of J₂. J has m task rows and n ≥ m
-joints, J₁ is (m, m) and J₂ (m, n). The paper names LU and QR and says no more; each reading is
-another model:
+J has m task rows and n ≥ m joints, J₁ is (m, m) and J₂ (m, n). The paper names "LU or QR
+depending on the redundancy" and computes in MATLAB, whose ``lu`` pivots: :data:`BY_SHAPE` follows
+these words. Each decomposition is another law:
 
-- ``lu``: without pivoting, J₁ = PᵀL and J₂ = U for a fixed order P of the task rows and an order in
-  which the joints are eliminated. It depends on both orders and on the units of the rows.
-- ``pivoted_lu``: with partial pivoting, as numerical libraries do (J₁ and J₂ of MATLAB's
-  two-output form). It depends on the units of the rows and on the order of the joints; the order of
-  the rows changes nothing.
+- ``pivoted_lu``: with partial pivoting, J₁ = PᵀL and J₂ = U (MATLAB's two-output form). It depends
+  on the units of the task rows, on the axes of the task and on the order of the joints; the order
+  of the rows changes nothing. Here rows of position are in m, rows of rotation in rad, in the axes
+  of the arm's base: an angle's row is the first pivot while every lever arm is below 1 m.
 - ``qr``: of J. J₁ is orthonormal, and as the law of the perturbation matrix is invariant under
-  rotations, J₁ = I and J₂ = J is the same model, and that is what is computed. It depends on the
-  units alone.
-- ``qr_transposed``: of Jᵀ, J₁ = Rᵀ and J₂ = Qᵀ. It depends on none of these: ‖a‖ = ‖J⁺v‖.
+  rotations, J₁ = I and J₂ = J is the same model, and is what is computed. It depends on the units
+  of the rows alone, as it compares metres with radians.
+- ``qr_transposed``: of Jᵀ, J₁ = Rᵀ and J₂ = Qᵀ. It depends on no unit, axis or order: ‖a‖ = ‖J⁺v‖.
 - ``given``: J₁ is a constant. As diag(ℓ, ℓ, 1) it turns metres into angles of lever arm ℓ, so that
   the three task rows have one unit.
 """
@@ -26,13 +24,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.core.errors import ConfigError, ModelDomainError
+from pipeline.core.errors import ModelDomainError
 
 if TYPE_CHECKING:
     from pipeline.models.wishart.options import Options
 
-PARTS = ("left", "rows", "order")  # of a decomposition, beside its name
-COMPUTED = ("lu", "pivoted_lu", "qr", "qr_transposed")
+PARTS = ("left",)  # of a decomposition, beside its name
+COMPUTED = ("pivoted_lu", "qr", "qr_transposed")
+BY_SHAPE = "by_shape"  # option: pivoted LU of a square Jacobian, QR of one with more joints
 # least singular value of a given J₁ as a share of its greatest: below it the units of the task rows
 # are hardly what was meant
 LEAST_CONDITION = 1e-9
@@ -40,25 +39,21 @@ LEAST_CONDITION = 1e-9
 
 @dataclass(frozen=True)
 class Decomposition:
-    """How J is decomposed; raises ModelDomainError for what is no decomposition.
+    """One decomposition; raises ModelDomainError for an unknown name or a J₁ that is not regular.
 
     Args:
         name: of :data:`COMPUTED`, or ``given``.
         left: (m, m) J₁, row by row, of ``given`` alone.
-        rows: numbers of the task rows in the order of elimination, of ``lu`` alone; as they are
-            where it is None.
-        order: numbers of the joints likewise, base to tip where it is None.
     """
 
     name: str
     left: Sequence[Sequence[float]] | np.ndarray | None = None
-    rows: Sequence[int] | None = None
-    order: Sequence[int] | None = None
 
     def __post_init__(self) -> None:
         if self.name not in (*COMPUTED, "given"):
             raise ModelDomainError(
-                f"the decomposition must be one of {(*COMPUTED, 'given')}", decomposition=self.name
+                f"the decomposition must be one of {', '.join((*COMPUTED, 'given'))}",
+                decomposition=self.name,
             )
         if (self.name == "given") != (self.left is not None):
             raise ModelDomainError(
@@ -67,56 +62,27 @@ class Decomposition:
             )
         if self.left is not None:
             object.__setattr__(self, "left", _regular(self.left))
-        for what in ("rows", "order"):
-            numbers = getattr(self, what)
-            if numbers is None:
-                continue
-            if self.name != "lu" or sorted(numbers) != list(range(len(numbers))):
-                raise ModelDomainError(
-                    f"{what} of a decomposition must be numbers from 0, each once, and only lu "
-                    "takes them",
-                    decomposition=self.name,
-                    **{what: list(numbers)},
-                )
-            object.__setattr__(self, what, tuple(numbers))
 
-    def require_size(self, m: int, n: int) -> None:
-        """Raise ModelDomainError where it is none of a Jacobian of ``m`` rows and ``n`` columns."""
-        for what, size in (("left", m), ("rows", m), ("order", n)):
-            part = getattr(self, what)
-            if part is not None and len(part) != size:
-                raise ModelDomainError(
-                    f"{what} of the decomposition has another size than the Jacobian",
-                    jacobian=(m, n),
-                    **{what: part},
-                )
+    def require_size(self, m: int) -> None:
+        """Raise ModelDomainError where a given J₁ is not of ``m`` task rows."""
+        if self.left is not None and len(self.left) != m:
+            raise ModelDomainError(
+                f"the given first factor must have as many rows as the task, {m}, "
+                f"and has {len(self.left)}",
+                left=self.left,
+            )
 
 
-LU = Decomposition("lu")  # the reading of the paper that its numbers leave possible
+PIVOTED_LU = Decomposition("pivoted_lu")
+CONTROL = Decomposition("qr_transposed")  # beside every other, as it depends on no unit
 
 
 def chosen(options: Options, task: Sequence[str], joints: Sequence[str]) -> Decomposition:
-    """The decomposition that ``options`` name, for the rows of the ``task`` and the ``joints``,
-    base to tip, by their names; raises ConfigError for a name of one that there is not.
-    """
-    return Decomposition(
-        options.decomposition,
-        options.left,
-        _numbers("rows", options.rows, task),
-        _numbers("order", options.order, joints),
-    )
-
-
-def _numbers(key: str, names: Sequence[str] | None, known: Sequence[str]) -> list[int] | None:
-    if names is None:
-        return None
-    if sorted(names) != sorted(known):
-        raise ConfigError(
-            f"{key} must name each of {', '.join(known)} once, in the order of elimination",
-            key=f"models.*.{key}",
-            **{key: list(names)},
-        )
-    return [list(known).index(name) for name in names]
+    """The decomposition that ``options`` name for a ``task`` of these rows and these ``joints``."""
+    name = options.decomposition
+    if name == BY_SHAPE:
+        name = "pivoted_lu" if len(task) == len(joints) else "qr"
+    return Decomposition(name, options.left)
 
 
 def _regular(left: Sequence[Sequence[float]] | np.ndarray) -> tuple[tuple[float, ...], ...]:

@@ -12,7 +12,7 @@ z and T independent. So no matrix is drawn or inverted.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,13 +23,19 @@ from pipeline.core.errors import ModelDomainError
 from pipeline.models.commands import task_step
 from pipeline.models.density import normal_log_density
 from pipeline.models.model import Law
-from pipeline.models.wishart.decomposition import LU, PARTS, Decomposition
+from pipeline.models.wishart.decomposition import PARTS, PIVOTED_LU, Decomposition
 from pipeline.models.wishart.density import (
     action_log_density,
     blurred_log_density,
     draw_action,
 )
 from pipeline.models.wishart.factors import factors
+from pipeline.models.wishart.moments import (
+    StepSquares,
+    dispersion_of_trace,
+    step_squares,
+    step_variances,
+)
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion
 
 
@@ -39,13 +45,13 @@ class WishartModel:
 
     J₁BJ₂ is Eq. (LUDecom), and a step through its inverse Eq. (RMTInvDiff), whose law is that of
     Algorithm 1; of m task rows and n ≥ m joints B is (m, m), and what the arm is commanded in the
-    null space of J has no noise. Raises ModelDomainError where σ_B is not positive; with a chain,
-    where σ_B has no density or the decomposition another size, and where a pivot of LU without
-    pivoting is small.
+    null space of J has no noise. Under pivoted LU and QR of J the law depends on the units of the
+    task rows, m and rad (:mod:`.decomposition`). Raises ModelDomainError where σ_B is not positive;
+    with a chain, where σ_B has no density or a given J₁ has another size.
     """
 
     sigma_b: float
-    decomposition: Decomposition = LU
+    decomposition: Decomposition = PIVOTED_LU
 
     def __post_init__(self) -> None:
         if not 0 < self.sigma_b < np.inf:
@@ -53,8 +59,8 @@ class WishartModel:
 
     def law(self, chain: Chain) -> Law:
         """A step, compiled."""
-        m, n = len(chain.task), len(chain.lower)
-        self.decomposition.require_size(m, n)
+        m = len(chain.task)
+        self.decomposition.require_size(m)
         d = degrees_of_freedom(self.sigma_b, m)
         # three task rows take one χ² variate and two normals, see :mod:`.step`; one takes no
         # direction
@@ -69,8 +75,6 @@ class WishartModel:
 
         n = 3
         match self.decomposition:
-            case Decomposition("lu", rows=rows, order=order):
-                return step.lu, [*(rows or range(n)), *(order or range(n))]
             case Decomposition("pivoted_lu"):
                 return step.pivoted_lu, []
             case Decomposition("qr_transposed"):
@@ -89,7 +93,7 @@ class WishartModel:
 
         if self.decomposition == Decomposition("qr_transposed"):
             return whole_pose_step.law_of(chain)
-        return serial_step.law_of(self.decomposition, len(chain.task), len(chain.lower))
+        return serial_step.law_of(self.decomposition, len(chain.task))
 
     def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n) q + d/(d−m−1)·J⁺v and the step in the null space of J: longer than the nominal
@@ -104,6 +108,16 @@ class WishartModel:
         """(..., n, n) in rad², by :func:`step_covariance`; raises what it raises."""
         a, back, _ = factors(chain, q, v, self.decomposition)
         return step_covariance(a, back, self.sigma_b)
+
+    def with_trace(
+        self, chain: Mechanism, q: np.ndarray, v: np.ndarray, trace: float
+    ) -> WishartModel:
+        """The model of another σ_B, by :func:`.moments.dispersion_of_trace`; raises what it
+        raises.
+        """
+        a, back, _ = factors(chain, q, v, self.decomposition)
+        squares = StepSquares(*(each.mean() for each in step_squares(a, back)))
+        return replace(self, sigma_b=dispersion_of_trace(squares, trace, a.shape[-1]))
 
     def sample(
         self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
@@ -170,9 +184,8 @@ def step_covariance(a: np.ndarray, back: np.ndarray, sigma_b: float) -> np.ndarr
     """
     m = a.shape[-1]
     d = _degrees_with_moments(sigma_b, 2, m)
-    square = d**2 / ((d - m - 1) * (d - m - 3))
-    variance = 2 * d**2 / ((d - m - 1) ** 2 * (d - m - 3))
-    across, mean = square / (d - m), np.matvec(back, a)
+    variance, across = step_variances(d, m)
+    mean = np.matvec(back, a)
     size = across * np.vecdot(a, a)[..., None, None]
     along = (variance - across) * mean[..., :, None] * mean[..., None, :]
     # einsum, as matmul takes three times as long for matrices this small

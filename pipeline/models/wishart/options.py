@@ -8,16 +8,14 @@ from pydantic import Field, model_validator
 
 from pipeline.core import validation
 from pipeline.models import options
+from pipeline.models.wishart.decomposition import BY_SHAPE
 
 
 @validation.options(kw_only=True)
 class Options(options.Options):
     estimator: Literal["paper", "likelihood"]
-    decomposition: Literal["lu", "pivoted_lu", "qr", "qr_transposed", "given"]
+    decomposition: Literal["by_shape", "pivoted_lu", "qr", "qr_transposed", "given"] = BY_SHAPE
     left: list[list[float]] | None = None  # rows of J₁, of the decomposition given alone
-    # names of the task rows and of the joints in the order in which lu alone eliminates them
-    rows: list[str] | None = None
-    order: list[str] | None = None
     floor: Annotated[float, Field(gt=0, lt=1)] | None = None  # of the paper's estimator alone
     # on α₂/α₁ of the paper's estimator, which the noise at rest settles
     ratio_factor: Annotated[float, Field(gt=0)] = 1.0
@@ -30,7 +28,4 @@ class Options(options.Options):
             raise validation.Fault("left", "the decomposition given, and no other, needs left")
         if self.left is not None and any(len(row) != len(self.left) for row in self.left):
             raise validation.Fault("left", "must be square: the rows of J1")
-        for key in ("rows", "order"):
-            if getattr(self, key) is not None and self.decomposition != "lu":
-                raise validation.Fault(key, f"the decomposition lu, and no other, takes {key}")
         return self

@@ -19,23 +19,19 @@ from pipeline.models.serial import (
     factorise,
     factorise_a_copy,
     finish,
-    joints_at,
     scratch_at,
     solve_lower,
     task_at,
 )
 from pipeline.models.wishart.action import act, multiply
 from pipeline.models.wishart.decomposition import Decomposition
-from pipeline.models.wishart.factors import PIVOT
 
 
-def law_of(decomposition: Decomposition, m: int, n: int) -> tuple[Callable, list[float]]:
-    """The law of a ``decomposition`` of ``m`` rows, ``n`` columns; its parameters after d. That by
-    QR of Jᵀ is for :mod:`.whole_pose_step` to choose.
+def law_of(decomposition: Decomposition, m: int) -> tuple[Callable, list[float]]:
+    """The law of a ``decomposition`` of ``m`` task rows; its parameters after d. The law by QR of
+    Jᵀ is for :mod:`.whole_pose_step` to choose.
     """
     match decomposition:
-        case Decomposition("lu", rows=rows, order=order):
-            return lu, [*map(float, rows or range(m)), *map(float, order or range(n))]
         case Decomposition("pivoted_lu"):
             return pivoted_lu, []
         case Decomposition(left=given):
@@ -77,53 +73,6 @@ def qr_transposed(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Pos
     act(numbers, parameters[0], task, m, scratch_at(n, m), count)
     add_to_joints(room, n, m, count)
     finish(arm, poses, room)
-    return 0
-
-
-@passed
-def lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Poses) -> int:
-    """A step for J₁ = PᵀL of PJ = LU without pivoting; ``parameters`` (1 + m + n,) d, the rows in
-    the order of their elimination, and the joints in that of theirs.
-
-    A pose where a pivot is small counts as singular: J has no such decomposition to be trusted.
-    """
-    m, n, room, count = len(arm.rows), len(arm.sliding), numbers.room, poses.count
-    task, copy = task_at(n, m), scratch_at(n, m)
-    rows, order = parameters[1 : 1 + m], parameters[1 + m :]
-    factorise_a_copy(arm, poses, room)
-    singular, length = room[joints_at(n, m) + n], room[copy + m * n]
-    for k in range(m):
-        row = int(rows[k])
-        pivot, x = room[copy + row * n + int(order[k])], room[task + row]
-        for i in range(count):
-            length[i] = 0.0
-        for j in range(k, n):
-            entry = room[copy + row * n + int(order[j])]
-            for i in range(count):
-                length[i] += entry[i] * entry[i]
-        for i in range(count):
-            defined = pivot[i] * pivot[i] >= PIVOT**2 * length[i]
-            singular[i] = singular[i] if defined else 1.0
-        for below in range(k + 1, m):
-            other = int(rows[below])
-            multiple, y = room[copy + other * n + int(order[k])], room[task + other]
-            for i in range(count):
-                multiple[i] /= pivot[i]
-                y[i] -= multiple[i] * x[i]
-            for j in range(k + 1, n):
-                entry = room[copy + row * n + int(order[j])]
-                under = room[copy + other * n + int(order[j])]
-                for i in range(count):
-                    under[i] -= multiple[i] * entry[i]
-    act(numbers, parameters[0], task, m, copy + m * n, count)
-    for k in range(m - 1, 0, -1):
-        row = int(rows[k])
-        x = room[task + row]
-        for s in range(k):
-            multiple, above = room[copy + row * n + int(order[s])], room[task + int(rows[s])]
-            for i in range(count):
-                x[i] += multiple[i] * above[i]
-    to_joints(arm, poses, room)
     return 0
 
 

@@ -24,15 +24,12 @@ from pipeline.models.law import (
     Numbers,
     Poses,
     at,
-    indices,
     jacobians,
     nominal_step,
-    ordered,
     planar,
     transformed,
 )
 from pipeline.models.wishart.action import act_on_three
-from pipeline.models.wishart.factors import PIVOT
 
 
 @inlined
@@ -111,40 +108,6 @@ def back(first: tuple, upper: tuple, w: tuple) -> tuple[float, ...]:
     y3 = w3 * over_t
     y2 = fma(-u, y3, w2) * over_s
     return fma(-f2, y2, fma(-f3, y3, w1)) * over_f, y2, y3
-
-
-@passed
-def lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Poses) -> int:
-    """A step for J₁ = PᵀL of PJ = LU without pivoting; ``parameters`` (1 + 2·n,) d, the task rows
-    in the order of P and the joints in the order of their elimination.
-
-    NaN where a pivot is small: J has no such decomposition to be trusted, and the filter counts the
-    pose as outside its domain.
-    """
-    plane, (v, here, there), room = plane_of(arm), planar(poses), numbers.room
-    rows, joints = indices(parameters, 1), indices(parameters, 4)
-    (f, s, t), v = ordered(jacobians(plane, here, room), rows), ordered(v, rows)
-    f, s, t = ordered(f, joints), ordered(s, joints), ordered(t, joints)
-    here, there, signs = ordered(here, joints), ordered(there, joints), ordered(plane.signs, joints)
-    a, upper = task(room), upper_of(room)
-    for i in range(poses.count):
-        first, second = at(f, i), at(s, i)
-        (a1, a2, a3), u = eliminate((first, second, at(t, i)), at(v, i))
-        (f1, f2, f3), (s1, s2, s3) = first, second
-        # what is left of the second row, times the first pivot; of the third its pivot is all
-        s2, s3 = fma(f1, s2, -s1 * f2), fma(f1, s3, -s1 * f3)
-        defined = (f1 * f1 >= PIVOT**2 * (f1 * f1 + f2 * f2 + f3 * f3)) & (
-            s2 * s2 >= PIVOT**2 * (s2 * s2 + s3 * s3)
-        )
-        a[0][i], a[1][i], a[2][i] = a1 if defined else np.nan, a2, a3
-        upper[0][i], upper[1][i], upper[2][i], upper[3][i] = u
-    act_on_three(numbers, parameters[0], a[0], a[1], a[2], poses.count)
-    for i in range(poses.count):
-        u = upper[0][i], upper[1][i], upper[2][i], upper[3][i]
-        dq = back(at(f, i), u, at(a, i))
-        for k in range(3):
-            there[k][i] = fma(signs[k], dq[k], here[k][i])
-    return 0
 
 
 @passed

@@ -71,7 +71,7 @@ def _all(base: Case, lever: float, task: Sequence[str]) -> Iterator[Variation]:
         yield Variation(
             "decomposition",
             "given",
-            base.with_wishart(decomposition="given", left=left, rows=None, order=None),
+            base.with_wishart(decomposition="given", left=left),
         )
     for mode in ("one_step", "free_running"):
         yield Variation("realisations", mode.replace("_", " "), replace(base, mode=mode))

@@ -1,16 +1,134 @@
-"""What names a decomposition, and what is refused."""
+"""Decompositions of the Jacobian against LAPACK's, dependences of their laws, and names of them."""
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import pytest
+from oracles import READINGS, every_reading, first_factor
+from scipy.linalg import lu
 
 from pipeline.arm.chain import TASK
-from pipeline.core.errors import ConfigError, ModelDomainError
-from pipeline.models.wishart.decomposition import Decomposition, chosen
+from pipeline.core.errors import ConfigError, ModelDomainError, SingularJacobianError
+from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, chosen
+from pipeline.models.wishart.factors import eliminate, factors, split
+from pipeline.models.wishart.law import WishartModel
 from pipeline.models.wishart.options import Options
 
 JOINTS = ("shoulder", "elbow", "wrist")
+POSE = np.array([0.4, 1.7, -0.3])
+ROTATION = np.linalg.qr(np.random.default_rng(24).standard_normal((3, 3)))[0]
+
+
+@every_reading
+@pytest.mark.parametrize(("m", "n"), [(3, 3), (2, 4), (3, 6), (6, 7)])
+def test_the_factors_are_those_of_libraries_for_any_number_of_joints(m, n, decomposition):
+    """Signs of rows of J₂, which QR leaves open, turn no law: what is compared is free of them."""
+    rng = np.random.default_rng(m + n)
+    left = None if decomposition.left is None else rng.standard_normal((m, m))
+    reading = Decomposition(decomposition.name, left)
+    jacobians, v = rng.standard_normal((60, m, n)), rng.standard_normal((60, m))
+    a, back, log_determinant = split(jacobians, v, reading)
+    condition = np.linalg.cond(jacobians)
+    for i in np.flatnonzero(condition < 1e3):
+        j1 = first_factor(jacobians[i], reading)
+        j2 = np.linalg.solve(j1, jacobians[i])
+        exact, way = np.linalg.solve(j1, v[i]), np.linalg.pinv(j2)
+        scale = np.linalg.cond(j1) * condition[i]
+        np.testing.assert_allclose(back[i] @ a[i], way @ exact, atol=1e-12 * scale)
+        assert a[i] @ a[i] == pytest.approx(exact @ exact, rel=1e-12 * scale)
+        np.testing.assert_allclose(back[i] @ back[i].T, way @ way.T, atol=1e-12 * scale**2)
+        assert log_determinant[i] == pytest.approx(
+            np.linalg.slogdet(j2 @ j2.T)[1] / 2, abs=1e-11 * scale
+        )
+
+
+def test_elimination_agrees_with_lapack_on_matrices_of_every_pivot_order():
+    matrices, orders = np.random.default_rng(1).standard_normal((500, 3, 3)), set()
+    rows = np.moveaxis(matrices, 0, -1).copy()
+    eliminate(rows)
+    for i, matrix in enumerate(matrices):
+        permutation, _, upper = lu(matrix)
+        orders.add(tuple(permutation.argmax(axis=0)))
+        np.testing.assert_allclose(rows[..., i], upper, atol=1e-12)
+    assert len(orders) == 6
+
+
+@every_reading
+def test_the_factors_compose_to_the_nominal_step_and_broadcast(chain, poses, step, decomposition):
+    a, back, log_determinant = factors(chain, poses, step, decomposition)
+    np.testing.assert_allclose(
+        np.matvec(back, a), np.matvec(chain.inverse_jacobian(poses), step), rtol=1e-10, atol=1e-14
+    )
+    np.testing.assert_allclose(log_determinant, -np.linalg.slogdet(back)[1], atol=1e-9)
+    steps = np.linspace(0.1, 1, 7)[:, None] * step
+    each = split(chain.jacobian(poses[3]), steps, decomposition)
+    np.testing.assert_allclose(each.a, np.linspace(0.1, 1, 7)[:, None] * a[3], rtol=1e-12)
+    assert each.back.shape == (7, 3, 3)
+
+
+@every_reading
+@pytest.mark.parametrize("pose", [[0.3, 0.0, 0.1], [0.3, np.pi, 0.1], [np.nan, 1.0, 0.1]])
+def test_a_singular_pose_is_refused_with_its_place(chain, step, decomposition, pose):
+    q = np.array([[0.3, 1.5, 0.2], pose])
+    with pytest.raises(SingularJacobianError) as refusal:
+        factors(chain, q, step, decomposition)
+    assert refusal.value.evidence["index"] == (1,)
+
+
+def test_every_decomposition_is_a_law_of_its_own(chain, step):
+    covariances = {
+        name: WishartModel(0.25, reading).covariance(chain, POSE, step)
+        for name, reading in READINGS.items()
+    }
+    for one, other in combinations(covariances, 2):
+        difference = np.linalg.norm(covariances[one] - covariances[other])
+        assert difference > 0.05 * np.linalg.norm(covariances[other])
+
+
+def moments(jacobian: np.ndarray, v: np.ndarray, reading: Decomposition) -> np.ndarray:
+    """(3, 3) J₂⁺(r²·I + aaᵀ)J₂⁺ᵀ: any two laws of one decomposition differ in it."""
+    a, back, _ = split(jacobian, v, reading)
+    return back @ (a @ a * np.eye(3) + np.outer(a, a)) @ back.T
+
+
+@pytest.mark.parametrize(
+    ("name", "turned", "scaled", "rows", "joints"),
+    [
+        ("pivoted_lu", False, False, True, False),
+        ("qr", True, False, True, True),
+        ("qr_transposed", True, True, True, True),
+    ],
+)
+def test_what_a_decomposition_does_not_depend_on(
+    name, turned, scaled, rows, joints, chain, poses, step
+):
+    """The law after a rotation of the task, in other units of its rows, and with its rows or its
+    joints in another order; the decompositions that change are the controls.
+    """
+    units, reading = np.diag([1000.0, 1000.0, 1.0]), Decomposition(name)
+    cyclic = np.eye(3)[[1, 2, 0]]
+    for jacobian in chain.jacobian(poses[:10]):
+        law = moments(jacobian, step, reading)
+
+        def same(left: np.ndarray, right: np.ndarray, law=law, jacobian=jacobian) -> bool:
+            other = moments(left @ jacobian @ right.T, left @ step, reading)
+            return bool(np.allclose(right.T @ other @ right, law, rtol=1e-6, atol=1e-12))
+
+        plain = np.eye(3)
+        assert [same(ROTATION, plain), same(units, plain)] == [turned, scaled]
+        assert [same(cyclic, plain), same(plain, cyclic)] == [rows, joints]
+
+
+def test_under_qr_of_the_transpose_the_covariance_knows_the_nominal_step_alone(chain, poses):
+    """It is that of B⁻¹ acting on J⁻¹v itself: two poses with one nominal step have one law."""
+    v = np.matvec(chain.jacobian(poses), np.array([0.01, -0.02, 0.03]))
+    for name, reading in READINGS.items():
+        covariances = WishartModel(0.25, reading).covariance(chain, poses, v)
+        apart = np.abs(covariances / covariances[0] - 1).max()
+        # control: under the others the covariance depends on the pose
+        assert apart < 1e-8 if name == "qr_transposed" else apart > 0.1
 
 
 def options(decomposition: str, **values: object) -> Options:
@@ -19,37 +137,26 @@ def options(decomposition: str, **values: object) -> Options:
     )
 
 
-def test_an_option_names_a_decomposition_and_the_orders_of_lu():
-    assert chosen(options("qr"), TASK, JOINTS) == Decomposition("qr")
+def test_options_name_a_decomposition_and_by_default_the_papers():
+    default = Options("wishart", "label", estimator="likelihood")
+    assert chosen(default, TASK, JOINTS) == PIVOTED_LU
+    assert chosen(default, TASK[:2], JOINTS) == Decomposition("qr")
+    assert chosen(options("qr_transposed"), TASK, JOINTS) == Decomposition("qr_transposed")
     left = np.diag([0.15, 0.15, 1.0])
     given = options("given", left=left.tolist())
     assert chosen(given, TASK, JOINTS) == Decomposition("given", left=left)
-    ordered = options("lu", rows=["phi", "x", "z"], order=["wrist", "shoulder", "elbow"])
-    assert chosen(ordered, TASK, JOINTS) == Decomposition("lu", rows=(2, 0, 1), order=(2, 0, 1))
 
 
-@pytest.mark.parametrize(
-    ("key", "names"),
-    [("rows", ["x", "z"]), ("rows", ["x", "z", "y"]), ("order", ["elbow", "elbow", "wrist"])],
-)
-def test_an_order_of_other_names_than_there_are_is_refused(key, names):
-    with pytest.raises(ConfigError, match=f"{key} must name each of"):
-        chosen(options("lu", **{key: names}), TASK, JOINTS)
-
-
-@pytest.mark.parametrize("name", ["pivoted_lu", "qr", "qr_transposed", "given"])
-def test_lu_alone_takes_orders(name):
-    left = np.eye(3).tolist() if name == "given" else None
-    with pytest.raises(ConfigError, match="no other, takes rows"):
-        options(name, left=left, rows=["x", "z", "phi"])
-    with pytest.raises(ModelDomainError, match="order of a decomposition"):
-        Decomposition(name, left=left, order=[0, 1, 2])
+@pytest.mark.parametrize("name", ["lu", "svd", "pivoted-lu"])
+def test_an_option_that_is_no_decomposition_is_refused_with_those_that_there_are(name):
+    with pytest.raises(ConfigError, match=r"by_shape, pivoted_lu, qr, qr_transposed, given"):
+        options(name)
 
 
 @pytest.mark.parametrize(
     ("name", "left"),
     [
-        ("svd", None),
+        ("lu", None),
         ("given", None),
         ("qr", np.eye(3)),
         ("given", [[1.0, 2.0], [3.0]]),
@@ -64,13 +171,6 @@ def test_what_is_no_decomposition_is_refused(name, left):
         Decomposition(name, left=left)
 
 
-@pytest.mark.parametrize("numbers", [[0, 0, 1], [1, 2, 3], [0.5, 1, 2]])
-def test_an_order_is_of_numbers_from_zero_each_once(numbers):
-    with pytest.raises(ModelDomainError, match="rows of a decomposition"):
-        Decomposition("lu", rows=numbers)
-
-
-def test_a_decomposition_of_another_size_than_the_jacobian_is_refused():
-    Decomposition("lu", rows=[1, 0], order=[2, 0, 1]).require_size(2, 3)
-    with pytest.raises(ModelDomainError, match="order of the decomposition has another size"):
-        Decomposition("lu", rows=[1, 0], order=[1, 0]).require_size(2, 3)
+def test_a_given_factor_of_another_size_than_the_task_is_refused(chain, poses, step):
+    with pytest.raises(ModelDomainError, match="as many rows as the task, 3, and has 2"):
+        factors(chain, poses, step, Decomposition("given", left=np.eye(2)))

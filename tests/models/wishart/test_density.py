@@ -13,7 +13,7 @@ from scipy import stats
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.draws import draw_steps
-from pipeline.models.wishart.decomposition import LU, Decomposition
+from pipeline.models.wishart.decomposition import PIVOTED_LU
 from pipeline.models.wishart.density import blurred_log_density, frames
 from pipeline.models.wishart.factors import factors
 from pipeline.models.wishart.law import WishartModel
@@ -22,8 +22,6 @@ from pipeline.randommatrix import wishart
 POSE = np.array([0.4, 1.7, -0.3])
 MEASUREMENT = np.array([[0.6, -0.6, 0.0], [-0.6, 1.5, -0.9], [0.0, -0.9, 1.7]]) * 1e-6
 DRAWS = 100_000
-# of moderate noise at every pose, even where LU without pivoting has a small pivot
-MODERATE = Decomposition("pivoted_lu")
 
 
 def excess(draws: np.ndarray, low: np.ndarray, high: np.ndarray, log_density, rng) -> float:
@@ -96,7 +94,7 @@ def test_no_step_goes_against_the_command(chain, step):
 
 
 def test_measurement_noise_that_vanishes_leaves_the_exact_density(chain, poses, step):
-    model = WishartModel(0.25, MODERATE)
+    model = WishartModel(0.25, PIVOTED_LU)
     q_next, _ = draw_steps(model, chain, poses, step, np.random.default_rng(3))
     exact = model.log_density(chain, poses, step, q_next)
     gaps = [
@@ -108,7 +106,7 @@ def test_measurement_noise_that_vanishes_leaves_the_exact_density(chain, poses, 
 
 
 def test_a_command_that_vanishes_leaves_the_measurement_noise(chain, poses, step):
-    model = WishartModel(0.25, MODERATE)
+    model = WishartModel(0.25, PIVOTED_LU)
     q_next = poses + np.random.default_rng(4).multivariate_normal(
         np.zeros(3), MEASUREMENT, len(poses)
     )
@@ -140,7 +138,7 @@ def test_the_quadrature_converges(chain, poses, step, sigma_b, error):
     """For steps that the law draws, with noise far below, near and far above it."""
     rng = np.random.default_rng(5)
     d = wishart.degrees_of_freedom(sigma_b, 3)
-    a, back, _ = factors(chain, poses, step, LU)
+    a, back, _ = factors(chain, poses, step, PIVOTED_LU)
     x = np.matvec(back, sample_inverse_action(a, d, rng))
     for scale in (1e-3, 1.0, 1e4):
         noise = scale * MEASUREMENT
@@ -159,7 +157,7 @@ def test_far_outliers_have_the_density_of_the_nearest_of_two_explanations(
     """100 times the nominal step away, on either side, the value is finite, negative and steady in
     the number of nodes.
     """
-    a, back, _ = factors(chain, poses, step, LU)
+    a, back, _ = factors(chain, poses, step, PIVOTED_LU)
     problem = np.matvec(back, 1e5 * share * a), a, back, MEASUREMENT, 64.0
     coarse, fine = (blurred_log_density(*problem, nodes=nodes) for nodes in (17, 81))
     assert np.all(coarse < -50)

@@ -10,7 +10,7 @@ from oracles import every_reading
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.draws import draw_steps
-from pipeline.models.wishart.decomposition import LU, Decomposition
+from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition
 from pipeline.models.wishart.dispersion import WishartFit, fit_wishart, rest_noise
 from pipeline.models.wishart.law import WishartModel
 
@@ -24,7 +24,7 @@ def recordings(
     step,
     sigma_b: float,
     measured: float,
-    decomposition: Decomposition = LU,
+    decomposition: Decomposition = PIVOTED_LU,
     *,
     takes: int = 100,
 ):
@@ -40,7 +40,7 @@ def recordings(
 
 
 def fit(
-    chain, poses, step, sigma_b: float, measured: float, decomposition: Decomposition = LU
+    chain, poses, step, sigma_b: float, measured: float, decomposition: Decomposition = PIVOTED_LU
 ) -> WishartFit:
     return fit_wishart(
         chain,
@@ -94,7 +94,6 @@ def test_more_dispersion_is_found_where_more_was_put_in(chain, poses, step):
 def test_the_weights_keep_the_cameras_noise_of_slow_steps_from_being_taken_for_dispersion(
     chain, poses, step
 ):
-    # of moderate noise at every pose, even where LU without pivoting has a small pivot
     reading = Decomposition("pivoted_lu")
     q, v, noise = recordings(chain, poses, 0.05 * step, 1e-6, 1e-3)
     assert fit_wishart(chain, q, v, noise, reading, FLOOR).sigma_b < 0.3
@@ -111,4 +110,4 @@ def test_a_motion_without_noise_at_rest_is_refused(part, chain, poses, step):
     else:
         noise[:, :REST] = 0.0
     with pytest.raises(ModelDomainError, match="noise recorded at rest"):
-        fit_wishart(chain, q, v, noise, LU, FLOOR)
+        fit_wishart(chain, q, v, noise, PIVOTED_LU, FLOOR)

@@ -13,7 +13,7 @@ from oracles import first_factor
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.convex import solve_perturbation
 from pipeline.models.noise import process_noise
-from pipeline.models.wishart.decomposition import LU, Decomposition
+from pipeline.models.wishart.decomposition import PIVOTED_LU
 from pipeline.models.wishart.factors import factors
 from pipeline.models.wishart.perturbation import (
     dispersions,
@@ -21,8 +21,6 @@ from pipeline.models.wishart.perturbation import (
 )
 
 FLOOR = 0.01
-# of moderate noise at every pose, even where LU without pivoting has a small pivot
-MODERATE = Decomposition("pivoted_lu")
 
 
 def weights(ratio: float) -> tuple[float, float]:
@@ -46,7 +44,7 @@ def least_norm(s: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 def test_a_perturbation_within_the_bound_is_the_least_that_maps_a_to_its_image(chain, poses, step):
     noise, v = scene(chain, poses, step, 0.006)
-    a, back, _ = factors(chain, poses, v, MODERATE)
+    a, back, _ = factors(chain, poses, v, PIVOTED_LU)
     fit = fit_perturbations(noise, a, back, weights(1e-3), FLOOR)
     more = np.linalg.norm(fit.s - least_norm(fit.s, a), axis=(1, 2))
     np.testing.assert_allclose(more[~fit.bound], 0.0, atol=1e-12)
@@ -65,13 +63,13 @@ def test_a_perturbation_within_the_bound_is_the_least_that_maps_a_to_its_image(c
 )
 def test_the_closed_form_solves_the_problem_as_printed(chain, poses, step, ratio, size):
     noise, v = scene(chain, poses, step, size)
-    a, back, _ = factors(chain, poses, v, MODERATE)
+    a, back, _ = factors(chain, poses, v, PIVOTED_LU)
     fit = fit_perturbations(noise, a, back, weights(ratio), FLOOR)
     assert np.linalg.eigvalsh(np.eye(3) + fit.s).min() > FLOOR - 1e-12
     chosen = np.concatenate([np.flatnonzero(fit.bound)[-10:], np.flatnonzero(~fit.bound)[-10:]])
     for i in chosen:
         jacobian = chain.jacobian(poses[i])
-        j1 = first_factor(jacobian, MODERATE)
+        j1 = first_factor(jacobian, PIVOTED_LU)
         b_inv, objective = solve_perturbation(
             noise[i], v[i], j1, np.linalg.solve(j1, jacobian), weights(ratio), FLOOR
         )
@@ -86,7 +84,7 @@ def test_many_of_those_problems_are_held_back_by_the_bound(chain, poses, step):
     bound only lowers the objective.
     """
     noise, v = scene(chain, poses, step, 0.02)
-    a, back, _ = factors(chain, poses, v, LU)
+    a, back, _ = factors(chain, poses, v, PIVOTED_LU)
     fit, looser = (
         fit_perturbations(noise, a, back, weights(1e-3), floor) for floor in (0.1, 0.001)
     )
@@ -124,7 +122,7 @@ def test_no_feasible_perturbation_nearby_is_better(seed, ratio, floor, size):
 def test_equal_weights_return_the_identity_for_every_step(chain, poses, step):
     """The paper's weights are not given: with α₁ = α₂ = ½ every fit is B = I, and σ̂_B = 0."""
     noise, v = scene(chain, poses, step, 0.006)
-    a, back, _ = factors(chain, poses, v, MODERATE)
+    a, back, _ = factors(chain, poses, v, PIVOTED_LU)
     fit = fit_perturbations(noise, a, back, (0.5, 0.5), FLOOR)
     assert not np.any(fit.s)
     assert dispersions(fit.s[:, None])[0] == 0
@@ -143,7 +141,7 @@ def test_an_exact_fit_inverts_the_model(chain, poses, step):
     perturbation comes out reversed.
     """
     b_inv = np.eye(3) + 0.1 * np.array([[1.0, 0.5, 0], [0.5, -1.0, 0.3], [0, 0.3, 0.5]])
-    a, back, _ = factors(chain, poses, step, LU)
+    a, back, _ = factors(chain, poses, step, PIVOTED_LU)
     q = np.stack([poses, poses + np.matvec(back, a @ b_inv)], axis=1)
     noise = process_noise(chain, q, step[None])[:, 0]
     fit = fit_perturbations(noise, a, back, weights(1e-9), FLOOR)
@@ -156,14 +154,14 @@ def test_an_exact_fit_inverts_the_model(chain, poses, step):
 
 def test_at_rest_nothing_is_explained(chain, poses):
     noise = 0.001 * np.random.default_rng(4).standard_normal((200, 3))
-    a, back, _ = factors(chain, poses, np.zeros(3), LU)
+    a, back, _ = factors(chain, poses, np.zeros(3), PIVOTED_LU)
     fit = fit_perturbations(noise, a, back, weights(1e-3), FLOOR)
     assert not np.any(fit.s) and not np.any(fit.bound)
     np.testing.assert_allclose(fit.objective, weights(1e-3)[0] * np.linalg.norm(noise, axis=1))
 
 
 def test_without_noise_there_is_no_perturbation(chain, poses, step):
-    a, back, _ = factors(chain, poses, step, LU)
+    a, back, _ = factors(chain, poses, step, PIVOTED_LU)
     fit = fit_perturbations(np.zeros((200, 3)), a, back, weights(1e-3), FLOOR)
     assert not np.any(fit.s) and not np.any(fit.objective)
 

@@ -13,8 +13,8 @@ from pipeline.models.wishart.law import WishartModel
 from pipeline.studies.recovery.choices import sigma_b_over_choices
 from pipeline.studies.recovery.known_laws import drawn
 
-PAPER = options_type("wishart")("wishart", estimator="paper", decomposition="lu", floor=0.2)
-LIKELIHOOD = options_type("wishart")("wishart", estimator="likelihood", decomposition="lu")
+PAPER = options_type("wishart")("wishart", estimator="paper", decomposition="pivoted_lu", floor=0.2)
+LIKELIHOOD = options_type("wishart")("wishart", estimator="likelihood", decomposition="pivoted_lu")
 RATIO = 1e-3
 
 

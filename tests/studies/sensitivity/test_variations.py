@@ -96,7 +96,7 @@ def test_of_the_models_of_a_run_the_papers_own_are_taken_the_first_of_each_kind(
         "additive": options_type("additive")("additive", estimator="paper"),
     }
     options["wishart"] = options_type("wishart")(
-        "wishart", estimator="paper", decomposition="lu", floor=0.2
+        "wishart", estimator="paper", decomposition="pivoted_lu", floor=0.2
     )
     assert list(paper_models(options).items()) == [
         ("additive", options["additive"]),

@@ -66,7 +66,7 @@ def study(laboratory, claims) -> Study:
     models = {
         "additive": options_type("additive")("additive", estimator="paper"),
         "wishart": options_type("wishart")(
-            "wishart", estimator="paper", decomposition="lu", floor=0.2
+            "wishart", estimator="paper", decomposition="pivoted_lu", floor=0.2
         ),
         "gaussian": options_type("gaussian")("gaussian", estimator="paper", beta=0.5),
         "scaled_full": options_type("scaled")("scaled", structure="full"),

@@ -1,0 +1,84 @@
+"""Exact second moments of a step of the Wishart model, and the dispersion that gives a step a known
+variance.
+
+With B⁻¹a = rR[z, zT]ᵀ the covariance of a step is that of z along a and E z²/(d − m) across it, so
+that its trace is linear in two numbers of the step that no σ_B changes:
+
+    tr Cov = c·‖a‖²‖J₂⁺‖_F² + (Var z − c)·‖J₂⁺a‖²,   c = E z²/(d − m).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.core.errors import ModelDomainError
+from pipeline.randommatrix.wishart import largest_dispersion
+
+# of ln(d − m − 3): from dispersions at the limit of the covariance to a step without noise
+LOG_EXCESS = (-12.0, 60.0)
+
+
+class StepSquares(NamedTuple):
+    """Squared lengths in rad² of one step or their means over many; :mod:`.moments` says which."""
+
+    every: np.ndarray  # ‖a‖²‖J₂⁺‖_F², as if the noise had every direction of a
+    nominal: np.ndarray  # ‖J₂⁺a‖², of the nominal step
+
+
+def step_variances(d: float, m: int) -> tuple[float, float]:
+    """Var z and c = E z²/(d − m), the variances of B⁻¹a along and across a unit a, B (m, m)."""
+    square = d**2 / ((d - m - 1) * (d - m - 3))
+    return 2 * d**2 / ((d - m - 1) ** 2 * (d - m - 3)), square / (d - m)
+
+
+def step_squares(a: np.ndarray, back: np.ndarray) -> StepSquares:
+    """Squared lengths (...,) in rad² of the steps of ``a`` J₁⁻¹v (..., m) and ``back`` J₂⁺
+    (..., n, m).
+    """
+    mean = np.matvec(back, a)
+    return StepSquares(
+        np.vecdot(a, a) * np.einsum("...ij,...ij->...", back, back), np.vecdot(mean, mean)
+    )
+
+
+def trace_at(squares: StepSquares, d: float, m: int) -> np.ndarray:
+    """(...,) trace in rad² of the covariance of steps with these ``squares`` (...,) for d > m + 3
+    degrees of freedom of B (m, m).
+    """
+    along, across = step_variances(d, m)
+    return across * squares.every + (along - across) * squares.nominal
+
+
+def dispersion_of_trace(squares: StepSquares, trace: float, m: int) -> float:
+    """σ_B at which steps of these mean ``squares`` have the mean ``trace`` in rad² of their
+    covariance, B (m, m).
+
+    The trace grows with σ_B, from zero to infinity at the limit sqrt((m + 1)/(m + 3)), so that each
+    positive trace has one σ_B, found by bracketing. Raises ModelDomainError for a trace that is not
+    positive, for steps at rest throughout, and where σ_B would be at its limit to rounding.
+    """
+    from scipy.optimize import brentq  # here, as what loads a model does without SciPy
+
+    if not trace > 0:
+        raise ModelDomainError(
+            "a Wishart step needs a positive variance to have a sigma_B", trace_rad2=trace
+        )
+    if not squares.every > 0:
+        raise ModelDomainError(
+            "the motion is at rest at every step, where no sigma_B gives a Wishart step a variance"
+        )
+
+    def excess(x: float) -> float:
+        return float(np.log(trace_at(squares, m + 3 + np.exp(x), m) / trace))
+
+    low, high = LOG_EXCESS
+    if not excess(low) > 0:
+        raise ModelDomainError(
+            "the variance of a Wishart step needs a sigma_B at the limit of its covariance, "
+            f"{largest_dispersion(m, inverse_moments=2):.4g}",
+            trace_rad2=trace,
+        )
+    d = m + 3 + np.exp(brentq(excess, low, high, xtol=1e-12, rtol=1e-14))
+    return float(np.sqrt((m + 1) / d))
