@@ -10,12 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arm.model import chain_of, link_chains
-from pipeline.arm.numbers import Arm
+from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.options.motion_capture import Mocap
-from pipeline.perception.least_squares import LEAST_LEVER, solve
 
+STEPS = 100  # at most; from a far start some twenty, from the frame before two or three
+SETTLED = 1e-10  # rad, or m of a prismatic joint: the last step
+# m a radian, or 1: a turn of the joints that moves all points together by less is not decided by
+# them
+LEAST_LEVER = 0.01
 STARTS = 64  # postures from which one that fits is looked for
 ALIKE = 0.05  # rad, or m: postures no farther apart are one
 BODY = 6  # numbers that a rigid body's pose holds, however many points it carries
@@ -43,27 +47,85 @@ class Solution(NamedTuple):
 class Carried:
     """P points on L links of an arm of n joints."""
 
-    arm: Arm
+    chains: list[SerialChain]  # (L,) to each link, its task the whole pose in m and rad
+    sliding: np.ndarray  # (n,) whether a joint is prismatic
     lower: np.ndarray  # (n,) joint limits, rad or m; infinite where a joint has none
     upper: np.ndarray  # (n,)
-    links: np.ndarray  # (L, n + 2, 6) frames of the chain to each link
-    joints: np.ndarray  # (L,) how many joints move it
     owner: np.ndarray  # (P,) the link of each point
     places: np.ndarray  # (P, 3) m, in the link's frame
     bodies: np.ndarray  # (L,) whether a link's points are those that a rigid body carries
     posture: np.ndarray | None  # (n,) about where a take starts
 
     def solve(self, measured: np.ndarray, start: np.ndarray) -> Solution:
-        """The joint angles near ``start`` (n,) for the points ``measured`` (P, 3) in m in the base
-        frame, NaN where missing.
+        """Return the joint angles near ``start`` (n,) for the points ``measured`` (P, 3) in m in
+        the base frame, NaN where missing.
         """
-        n, points = len(start), np.array(measured, dtype=float, order="C")
-        q, normal, distances = start.copy(), np.empty((n, n)), np.empty(len(points))
-        layout = (self.arm, self.links, self.joints, self.owner, self.places)
-        square = solve(*layout, points, q, normal, distances)
-        least = np.linalg.eigvalsh(normal)[0]
-        seen = ~np.isnan(points[:, 0])
-        return Solution(q, square, distances, seen, normal, bool(least >= LEAST_LEVER**2))
+        return self.solve_all(measured[None], np.asarray(start, dtype=float)[None])[0]
+
+    def solve_all(self, measured: np.ndarray, starts: np.ndarray) -> list[Solution]:
+        """Return the joint angles of least sum of squares near each of the ``starts`` (S, n), for
+        the points ``measured`` (S, P, 3) of each, by Levenberg and Marquardt.
+
+        A step comes from the eigenvalues of JᵀJ, J (3P, n) the points' derivatives: along
+        directions that the points do not decide the angles stay about where they were.
+        """
+        q, seen = np.array(starts, dtype=float), ~np.isnan(measured[..., 0])
+        normal, gradient, distances = self._equations(q, measured)
+        damping, moving = np.zeros(len(q)), np.ones(len(q), bool)
+        for _ in range(STEPS):
+            values, vectors = np.linalg.eigh(normal)
+            along = np.matvec(np.swapaxes(vectors, -1, -2), gradient)
+            along /= np.maximum(values, LEAST_LEVER**2) + damping[:, None]
+            step = np.matvec(vectors, along)
+            moving &= np.abs(step).max(axis=1) >= SETTLED
+            if not moving.any():
+                break
+            further, next_gradient, next_distances = self._equations(q + step, measured)
+            lower = (next_distances**2).sum(axis=1) <= (distances**2).sum(axis=1)
+            better, worse = moving & lower, moving & ~lower
+            q[better] += step[better]
+            normal[better], gradient[better] = further[better], next_gradient[better]
+            distances[better] = next_distances[better]
+            greatest = values[:, -1]
+            less = np.where(damping > 1e-9 * greatest, 0.1 * damping, 0.0)
+            more = np.maximum(10.0 * damping, 1e-3 * greatest)
+            damping = np.where(better, less, np.where(worse, more, damping))
+        least = np.linalg.eigvalsh(normal)[:, 0]
+        return [
+            Solution(*each, decided=bool(value >= LEAST_LEVER**2))
+            for *each, value in zip(
+                q, (distances**2).sum(axis=1), distances, seen, normal, least, strict=True
+            )
+        ]
+
+    def _equations(
+        self, q: np.ndarray, measured: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return JᵀJ (S, n, n), Jᵀr (S, n) and |r| (S, P) in m of the ways r from the points at
+        ``q`` (S, n) to ``measured`` (S, P, 3); missing points count for nothing.
+        """
+        starts, n = q.shape
+        normal, gradient = np.zeros((starts, n, n)), np.zeros((starts, n))
+        distances = np.zeros(measured.shape[:2])
+        for link, chain in enumerate(self.chains):
+            mine, m = self.owner == link, len(chain.lower)
+            pose, jacobian = chain.pose(q[:, :m]), chain.jacobian(q[:, :m])
+            lever = self.places[mine] @ np.swapaxes(pose[:, 3:].reshape(-1, 3, 3), -1, -2)
+            way = measured[:, mine] - pose[:, None, :3] - lever
+            seen = ~np.isnan(way[..., :1])
+            way = np.where(seen, way, 0.0)
+            # (S, points, 3, m): v + ω × lever of each joint
+            (wx, wy, wz), (x, y, z) = (
+                jacobian[:, 3:, None].swapaxes(0, 1),
+                lever.T[..., None].swapaxes(1, 2),
+            )
+            turning = np.stack([wy * z - wz * y, wz * x - wx * z, wx * y - wy * x], axis=2)
+            moved = (jacobian[:, None, :3] + turning) * seen[..., None]
+            moved = moved.reshape(starts, -1, m)
+            normal[:, :m, :m] += np.swapaxes(moved, -1, -2) @ moved
+            gradient[:, :m] += np.vecmat(way.reshape(starts, -1), moved)
+            distances[:, mine] = np.linalg.norm(way, axis=-1)
+        return normal, gradient, distances
 
     def postures(self, measured: np.ndarray, gate: float) -> list[Solution]:
         """The postures within the joint limits at which every point of ``measured`` (P, 3) lies
@@ -84,12 +146,12 @@ class Carried:
         else:
             centre, starts = self.posture, [self.posture]
         result: list[Solution] = []
-        for start in starts:
-            solution = self.solve(measured, start)
+        points = np.broadcast_to(measured, (len(starts), *measured.shape))
+        for solution in self.solve_all(points, np.array(starts)):
             if solution.distances.max() > gate:
                 continue
             turns = np.round((solution.q - centre) / (2 * np.pi))
-            q = solution.q - 2 * np.pi * np.where(self.arm.sliding > 0, 0.0, turns)
+            q = solution.q - 2 * np.pi * np.where(self.sliding, 0.0, turns)
             inside = (q >= self.lower - ALIKE) & (q <= self.upper + ALIKE)
             if inside.all() and all(np.abs(q - other.q).max() > ALIKE for other in result):
                 result.append(solution._replace(q=q))
@@ -137,16 +199,11 @@ def carried(robot: Robot, mocap: Mocap) -> Carried:
     if posture is not None and len(posture) != len(chain.lower):
         message = f"{len(posture)} angles for an arm of {len(chain.lower)} joints"
         raise ConfigError(message, key="dataset.mocap.posture")
-    links = np.zeros((len(chains), len(chain.lower) + 2, 6))
-    for link, part in zip(links, chains.values(), strict=True):
-        frames = part.numbers().frames
-        link[: len(frames)] = frames
     return Carried(
-        arm=chain.numbers(),
+        chains=list(chains.values()),
+        sliding=np.asarray(chain.sliding, dtype=bool),
         lower=chain.lower,
         upper=chain.upper,
-        links=links,
-        joints=np.array([len(part.lower) for part in chains.values()]),
         owner=np.repeat(np.arange(len(places)), [len(points) for points in places.values()]),
         places=np.concatenate([*places.values()]),
         bodies=np.array([link in mocap.bodies for link in places]),

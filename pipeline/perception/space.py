@@ -16,10 +16,10 @@ import pandas as pd
 
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.motion_capture import Mocap
-from pipeline.perception.carried import Carried
+from pipeline.perception.carried import LEAST_LEVER, Carried
 from pipeline.perception.joint_track import JointTrack, fill_gaps
-from pipeline.perception.least_squares import LEAST_LEVER
 
+BLOCK = 16  # frames that are solved at once, from the one before them
 OPEN = 0.1  # share of a joint's turn that lies among the motions that no point shows
 
 
@@ -46,10 +46,9 @@ def track_joints(
 ) -> JointTrack:
     """Joint angles of one take.
 
-    The first frame that one posture alone fits is the start, the others follow from the frame
-    beside them. A frame with a point beyond the gate goes without the link whose absence lets it
-    fit best; one that does not fit then, or whose points do not decide every joint, is missing.
-    Counts: samples
+    The first frame that one posture alone fits is the start, the others follow from it in blocks. A
+    frame with a point beyond the gate goes without the link whose absence lets it fit best; one
+    that does not fit then, or whose points do not decide every joint, is missing. Counts: samples
     ``missing`` and ``rejected``; frames ``unfit``, ``undecided``, ``interpolated`` and ``held``.
     Raises RecordingError where no frame is decided, or fits, and for longer gaps than ``max_gap``.
 
@@ -68,19 +67,21 @@ def track_joints(
     counts = {"missing": int(missing.sum()), "rejected": 0, "unfit": 0, "undecided": 0}
     for way in (range(first, frames), range(first - 1, -1, -1)):
         last = start
-        for k in way:
-            solution = points.solve(positions[k], last)
-            if not solution.decided:
-                counts["undecided"] += 1
-                continue
-            if solution.distances.max() > gate:
-                solution = points.without_a_link(positions[k], last, gate)
-            if solution is None:
-                counts["unfit"] += 1
-                continue
-            counts["rejected"] += int((~missing[k] & ~solution.seen).sum())
-            last = q[k] = solution.q
-            residual[k], errors[k] = solution.residual, points.errors(solution)
+        for begin in range(0, len(way), BLOCK):
+            block = way[begin : begin + BLOCK]
+            starts = np.broadcast_to(last, (len(block), n))
+            for k, solution in zip(block, points.solve_all(positions[block], starts), strict=True):
+                if not solution.decided:
+                    counts["undecided"] += 1
+                    continue
+                if solution.distances.max() > gate:
+                    solution = points.without_a_link(positions[k], last, gate)
+                if solution is None:
+                    counts["unfit"] += 1
+                    continue
+                counts["rejected"] += int((~missing[k] & ~solution.seen).sum())
+                last = q[k] = solution.q
+                residual[k], errors[k] = solution.residual, points.errors(solution)
     q, filled = fill_gaps(q, np.isfinite(residual), max_gap, take, lack="is decided")
     known = np.isfinite(errors).all(axis=1)
     error = np.sqrt(np.mean(errors[known] ** 2, axis=0)).tolist() if known.any() else []

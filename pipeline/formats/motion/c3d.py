@@ -1,7 +1,9 @@
-"""Motion-capture takes as C3D (the format of c3d.org), read through ezc3d."""
+"""Motion-capture takes as C3D (the format of c3d.org), read by ezc3d in a process of its own."""
 
 from __future__ import annotations
 
+import os
+import re
 import struct
 from collections import Counter
 from pathlib import Path
@@ -13,7 +15,6 @@ from pipeline.core.bounds import require
 from pipeline.core.compute.sandbox import call_alone
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import Format, Head, Kind
-from pipeline.formats.motion import c3d_library
 from pipeline.formats.motion.take import (
     UNITS_PER_METRE,
     MotionTake,
@@ -28,6 +29,11 @@ KEY = 0x50  # the second byte of every C3D file
 INTEL, DEC, MIPS = 84, 85, 86
 BLOCK = 512  # bytes
 LONGEST = 0xFFFF  # frames that the header's last word can tell
+
+
+# groups of POINT whose entries name points that a model computed: angles in degrees, moments in
+# N·mm and others, of Vicon's Nexus and of Visual3D
+OUTPUTS = re.compile(r"(ANGLES|FORCES|MOMENTS|POWERS|SCALARS|REACTIONS)\d*")
 
 
 def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
@@ -197,12 +203,56 @@ def _read_header(file: Path) -> Header:
 def _contents(file: Path) -> dict[str, np.ndarray]:
     """Return what the library finds in the file, read in a process of its own."""
     try:
-        return call_alone(c3d_library.contents, str(file), file=file)
+        return call_alone(read_contents, str(file), file=file)
     except RecordingError as error:
         raise RecordingError(
             f"the file is no sound C3D ({error.message}); export or copy it again",
             **error.evidence,
         ) from None
+
+
+def read_contents(file: str) -> dict[str, np.ndarray]:
+    """Return what ezc3d reads, which may crash or never return on a damaged file: call it in a
+    process of its own.
+
+    ``points`` (3, P, N) in the file's unit, ``residuals`` (P, N), ``labels`` (≥ or < P,),
+    ``outputs`` (the labels of points that are no markers), ``units`` and ``rate`` as stated,
+    ``start`` (TRIAL:ACTUAL_START_FIELD, two words or none); the numbers of ``analog`` channels and
+    force ``plates``.
+    """
+    import ezc3d
+
+    # by its descriptor, since the library takes no name that is not UTF-8
+    descriptor = os.open(file, os.O_RDONLY)
+    try:
+        recording = ezc3d.c3d(f"/proc/self/fd/{descriptor}")
+    finally:
+        os.close(descriptor)
+    parameters = recording["parameters"]
+    point = parameters["POINT"]
+    labels = sorted((name for name in point if re.fullmatch(r"LABELS\d*", name)), key=_numbered)
+    outputs = [name for name in point if OUTPUTS.fullmatch(name)]
+    return {
+        "points": recording["data"]["points"][:3],
+        "residuals": recording["data"]["meta_points"]["residuals"][0],
+        "labels": np.array(_values(point, *labels), dtype=str),
+        "outputs": np.array([str(name) for name in _values(point, *outputs)], dtype=str),
+        "units": np.array(_values(point, "UNITS"), dtype=str),
+        "rate": np.array(_values(point, "RATE"), dtype=float),
+        "start": np.array(_values(parameters.get("TRIAL", {}), "ACTUAL_START_FIELD"), dtype=int),
+        "analog": np.array(recording["data"]["analogs"].shape[1]),
+        "plates": np.array(sum(_values(parameters.get("FORCE_PLATFORM", {}), "USED")[:1])),
+    }
+
+
+def _numbered(name: str) -> tuple[int, str]:
+    """Sort LABELS2 before LABELS10."""
+    return len(name), name
+
+
+def _values(group: dict, *names: str) -> list:
+    """All values that a group of parameters has under ``names``, in their order."""
+    return [value for name in names if name in group for value in group[name]["value"]]
 
 
 def _begins(head: Head) -> bool:
