@@ -32,7 +32,9 @@ JOINTS = ("a", "b", "c")
 ARM = ArmNames(JOINTS, ("x", "z", "phi"))
 DT = 0.01
 CLAIMS = ("reports/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
-WRENCH = ("wrench", "sigma-s", "force")  # which nothing that is varied bears on
+# claims of the wrench, of the closed loop, of the linear filter and of the speed-scaled model, which
+# these takes lack
+WRENCH = ("wrench", "sigma-s", "force", "closed-loop", "memory", "scaled")
 
 
 def posterior(mean: np.ndarray, covariance: np.ndarray) -> Posterior:
