@@ -12,8 +12,7 @@ from pipeline.core.options.dataset import Dataset, Motion, Robot
 from pipeline.core.options.motion_capture import Mocap, Pose
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
-from pipeline.perception.link_fit import marker_places
-from pipeline.perception.markers import track_joints
+from pipeline.perception.markers import marker_places, track_joints
 
 STEPS = 40
 

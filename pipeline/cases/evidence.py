@@ -15,6 +15,7 @@ from pipeline.cases.fits import Outcome, Takes
 from pipeline.core.columns import matrices, members, values
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE, models_of
+from pipeline.core.rng import stream
 from pipeline.filtering.memory import memory_filter
 from pipeline.filtering.particle_filter import Posterior
 from pipeline.models.noise import recorded_deviation, rest_covariance
@@ -115,7 +116,7 @@ def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) ->
         std = {"recorded": std["recorded"]} | {name: each.std for name, each in modelled.items()}
         following = {name: outcomes[name].following for name in modelled}
         # the same resamplings in every case
-        rng, noise = np.random.default_rng(RESAMPLING_SEED), takes.training.noise
+        rng, noise = stream(RESAMPLING_SEED, "cases.resampling"), takes.training.noise
         compared_spreads = spread_tables(modelled, following, noise, takes.training.joints, rng)
         evidence |= {f"tables/{name}": table for name, table in compared_spreads.items()}
     steady = constant_speed(takes.poses)
@@ -172,7 +173,7 @@ def filter_evidence(
             bound_quantities(error, bound, joints),
             list(posteriors),
             len(truth),
-            np.random.default_rng(RESAMPLING_SEED),
+            stream(RESAMPLING_SEED, "cases.resampling"),
         ),
         "tables/filter_comparison": compared(scores, next(iter(scores))),
     }

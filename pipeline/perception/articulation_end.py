@@ -15,18 +15,16 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64
 
-from pipeline.core.compiled import VECTOR, inner, passed
+from pipeline.core.compiled import inner
 from pipeline.core.elementary import sine_cosine
-from pipeline.perception.articulation_objective import FRAME, Frame, excess, value
+from pipeline.perception.articulation_objective import Frame, excess, value
 
 # m; above every value of the objective that points within reach of an arm can give
 INFEASIBLE = 1e3
 STEP = 0.02  # m; first extent of the simplex: how far a node moves between frames at 30 Hz
 # 1/m; a variable that moves by STEP takes a length from its nominal value to its bound
 STRETCH = np.pi / 2 / STEP
-OBJECTIVE = float64(FRAME, VECTOR)
 
 
 class End(NamedTuple):
@@ -34,14 +32,13 @@ class End(NamedTuple):
     O3 and EE are.
     """
 
-    objective: Callable  # compiled: frame, v → value that ranks the pose, m
     variables: Callable[[Frame, np.ndarray], np.ndarray]  # frame, nodes (3, 2) → v
     nodes: Callable[[Frame, np.ndarray], np.ndarray]  # frame, v → nodes (3, 2)
     # of each of the runs of the simplex its first extent, and that at which it has ended, m
     runs: tuple[tuple[float, float], ...]
 
 
-@passed
+@inner
 def at_commanded(frame: Frame, v: np.ndarray) -> float:
     """Eq. (KinObj) at v = (O2, O3), m; outside the bounds on the lengths INFEASIBLE and the excess.
 
@@ -64,7 +61,7 @@ def _commanded_nodes(frame: Frame, v: np.ndarray) -> np.ndarray:
     return np.vstack([v.reshape(2, 2), frame.ee])
 
 
-@passed
+@inner
 def at_fitted(frame: Frame, v: np.ndarray) -> float:
     """The value, m, at v = (λ1, λ2, l1ψ1, l2ψ2, l3ψ3), l the nominal lengths and ψ the headings.
 
@@ -88,6 +85,14 @@ def _beyond(
     sine, cosine = sine_cosine(arc / middle)
     length = middle + half * stretched
     return start[0] + length * sine, start[1] + length * cosine
+
+
+@inner
+def rank(frame: Frame, v: np.ndarray) -> float:
+    """Value, m, by which a search ranks the pose ``v`` of either end; the fitted end has five
+    variables, the commanded one four.
+    """
+    return at_fitted(frame, v) if v.size == 5 else at_commanded(frame, v)
 
 
 def _fitted_variables(frame: Frame, nodes: np.ndarray) -> np.ndarray:
@@ -117,13 +122,11 @@ def _middle_and_half(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
 # the last digit to be worth its evaluations.
 ENDS = {
     "commanded": End(
-        at_commanded,
         _commanded_variables,
         _commanded_nodes,
         ((STEP, 1e-3), (-STEP / 2, 1e-5)),
     ),
     "fitted": End(
-        at_fitted,
         _fitted_variables,
         _fitted_nodes,
         ((2 * STEP, 4e-3), (-2 * STEP, 4e-3), (STEP, 1e-4)),

@@ -50,7 +50,7 @@ MIMIC = LIMIT + '<mimic joint="j1"/>'
         (
             robot_text(*chain(2, inside=LIMIT.replace("-2.5", "x"))),
             {},
-            "no URDF .could not convert",
+            "the joint j1 has .x. as lower of its limit",
         ),
         (robot_text(*chain(2)).replace("0 0 1", "0 0 0"), {}, "the axis of j1 has length 0"),
         (robot_text(TWO[0], *chain(2, inside=MIMIC)[1:]), {}, r"j2 is coupled to j1 \(mimic\)"),

@@ -16,13 +16,12 @@ from scenario import ROOT, arm, swing, youbot
 
 from pipeline.core.config import compose_config
 from pipeline.core.options.depth_camera import Depth
+from pipeline.formats.depth.image import write_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
-from pipeline.formats.depth.png import write_depth
 from pipeline.laboratory.kinect import DepthCamera
 from pipeline.laboratory.sensor import draw_bias
-from pipeline.perception.articulation import ArticulationOptions
-from pipeline.perception.depth_angles import articulate_rows
+from pipeline.perception.articulation import ArticulationOptions, articulate_rows
 from pipeline.recordings.depth_sequence import DepthSequence
 
 RATE = 30.0  # frames/s

@@ -16,7 +16,7 @@ from project_copy import set_parameters
 from scenario import ROOT, arm, swing
 
 from pipeline.core.config import compose_config
-from pipeline.formats.depth.png import encode_depth
+from pipeline.formats.depth.image import encode_depth
 from pipeline.laboratory.kinect import DepthCamera
 from pipeline.laboratory.options import KinectOptions
 from pipeline.laboratory.sensor import draw_bias

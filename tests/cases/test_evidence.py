@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[2]
 JOINTS = ("a", "b", "c")
 ARM = ArmNames(JOINTS, ("x", "z", "phi"))
 DT = 0.01
-CLAIMS = ("reports/claims.yaml", "pipeline/studies/sensitivity/conclusions.yaml")
+CLAIMS = ("reports/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
 WRENCH = ("wrench", "sigma-s", "force")  # which nothing that is varied bears on
 
 

@@ -26,9 +26,9 @@ from pipeline.arm.model import Arm, load_arm
 from pipeline.core.config import compose_config
 from pipeline.core.options.dataset import Dataset, Motion, Robot
 from pipeline.core.options.logs import JointLog as JointLogOptions
+from pipeline.formats.depth.image import encode_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
-from pipeline.formats.depth.png import encode_depth
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
 from pipeline.formats.joints.log import JointLog
 from pipeline.formats.motion.motive import write_motive
@@ -39,7 +39,7 @@ from pipeline.laboratory.options import KinectOptions
 from pipeline.laboratory.sensor import draw_bias
 from pipeline.laboratory.swing import desired_joints, desired_trajectory
 from pipeline.perception.articulation import ArticulationOptions
-from pipeline.perception.link_fit import marker_places
+from pipeline.perception.markers import marker_places
 
 ROOT = Path(__file__).parents[2]
 FULL_SCALE = 32.0  # N, of the force transducer

@@ -13,8 +13,7 @@ from space_arms import LWR4, MARKERS, START, UR5, mocap, motion, points
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.motion_capture import Body
-from pipeline.perception.carried import carried
-from pipeline.perception.space import track_joints
+from pipeline.perception.space import carried, track_joints
 
 FRAMES, NOISE = 120, 5e-5  # m
 OPTIONS = {"gate": 0.005, "max_gap": 20}

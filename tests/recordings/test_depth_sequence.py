@@ -13,7 +13,7 @@ from ros_bags import image, write_bag
 
 from pipeline.arm.model import Arm
 from pipeline.core.errors import RecordingError
-from pipeline.formats.depth.png import write_depth
+from pipeline.formats.depth.image import write_depth
 from pipeline.recordings.depth_sequence import DepthSequence, take_paths
 
 

@@ -20,15 +20,20 @@ NOTABLE = (
     "points",
     "organised",
     "share_without_position",
+    "viewpoint",
+    "surplus_bytes",
     "share_not_above_zero",
     "samples",
     "rows",
     "columns",
+    "columns_without_numbers",
     "steps",
     "announced_frames",
     "first_frame",
     "stray_ids",
     "skipped_bones",
+    "skipped_model_outputs",
+    "skipped_labels",
     "skipped_analog_channels",
     "skipped_force_plates",
     "rate_from",
@@ -134,7 +139,9 @@ def _held(finding: Finding) -> str:
         parts.append(f"columns {_listed(finding.facts['labels'])}")
     for name in NOTABLE:
         value = finding.facts.get(name)
-        if value in (None, "", 0) or (name == "columns" and "labels" in finding.facts):
+        if value in (None, "") or (value == 0 and name != "first_frame"):
+            continue
+        if name == "columns" and "labels" in finding.facts:
             continue
         if isinstance(value, dict):
             value = _listed([f"{key} ({_short(held)})" for key, held in value.items()])

@@ -11,8 +11,9 @@ from pathlib import Path
 
 from pipeline.core.options.logs import AngleUnit, TimeUnit
 from pipeline.formats.format import Kind
-from pipeline.formats.joints.table import SPELLINGS
+from pipeline.formats.units import spelled
 from pipeline.tools.inspect.finding import Finding
+from pipeline.tools.inspect.joints import STATED_BY_TYPE
 from pipeline.tools.inspect.layout import Group, Layout
 from pipeline.tools.new_dataset.depth_section import depth_section
 from pipeline.tools.new_dataset.mocap_section import encoders_section, mocap_section
@@ -126,15 +127,23 @@ def _joint_log(movements: list[Group]) -> list[str]:
         takes = [take for group in movements for take in group.takes.values()]
         stated = {tuple(take.facts.get("joint_names", [])) for take in takes}
         names = next(iter(stated)) if len(stated) == 1 else ()
-        return [*lines, _names(movement.facts.get("joints"), names), *_settings(takes)]
+        bag = movement.format == STATED_BY_TYPE
+        units = [] if bag else _units(movement)
+        joints = _names(movement.facts.get("joints"), names)
+        return [*lines, joints, *units, *_settings(takes)]
     if "signals" in movement.facts:
         signals = [f"{name}: [{several(held)}]" for name, held in movement.facts["signals"].items()]
         return [
             *lines,
             _names(len(next(iter(movement.facts["signals"].values())))),
-            f"  signals: {{{', '.join(signals)}}} # columns, by their labels",
-            f"  time: {text_of(movement.facts['labels'][0])} # column of the time",
+            *(
+                [f"  signals: {{{', '.join(signals)}}} # columns, by their labels"]
+                if "signals" not in movement.facts.get("settings", {})
+                else []
+            ),
+            _time(movement),
             *_units(movement),
+            *_settings([take for group in movements for take in group.takes.values()]),
         ]
     tables = movement.facts["tables"]
     first = next(iter(tables.values())).facts
@@ -186,7 +195,7 @@ def _signals(tables: dict[str, Finding]) -> list[str]:
 
 def _units(table: Finding) -> list[str]:
     """The units that the labels of a ``table`` state, or ???."""
-    stated = {SPELLINGS.get(unit, unit) for unit in table.units.values()}
+    stated = {spelled(unit) for unit in table.units.values()}
     lines = []
     for key, units in (("time_unit", TimeUnit), ("angle_unit", AngleUnit)):
         named = stated & {*units}
@@ -197,6 +206,12 @@ def _units(table: Finding) -> list[str]:
         )
         lines.append(f"  {key}: {value}")
     return lines
+
+
+def _time(movement: Finding) -> str:
+    if "time" in movement.facts:
+        return f"  time: {text_of(movement.facts['time'])} # column of the time"
+    return f"  time: {OPEN} # column of the time; null: the rows follow each other at motion.rate"
 
 
 def _names(joints: int | None, stated: Sequence[str] = ()) -> str:
@@ -220,5 +235,5 @@ def _settings(movements: list[Finding]) -> list[str]:
     return [
         f"  {key}: {OPEN} # {question.rpartition(';')[0]}"
         for key, question in sorted(asked.items())
-        if key not in ("rest", "angle_unit")  # asked elsewhere
+        if key not in ("rest", "angle_unit", "time_unit")  # asked elsewhere
     ]

@@ -59,7 +59,10 @@ def encoders_section(layout: Layout) -> list[str]:
     return [
         "encoders: # the controller's logs beside the motion capture: `measurement: encoders` in "
         "the option file weighs by them",
-        *_parts(training, test),
+        *[
+            line if line != "  test: null" else f"  test: {OPEN} # pattern of the test takes' logs"
+            for line in _parts(training, test)
+        ],
         f"  time: {text_of(time) if time else 0} # column",
         f"  actual: {columns} # column of the measured angles of each of robot.joints{known}",
         f"  angle_unit: {OPEN} # rad or deg",

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.depth.index import numbered_frames, read_index, write_index
+from pipeline.formats.depth.index import (
+    dropped_frames,
+    numbered_frames,
+    read_index,
+    write_index,
+)
 
 
 def refused(call, *arguments, **keywords) -> RecordingError:
@@ -127,3 +132,11 @@ def test_an_endless_time_is_refused_by_its_line(tmp_path):
     (tmp_path / "depth.txt").write_text("0.1 a.png\n0.2 b.png\n1e400 c.png\n")
     error = refused(read_index, tmp_path / "depth.txt")
     assert error.evidence["line"] == 3 and "no finite one" in error.message
+
+
+def test_dropped_frames_are_counted_by_the_indexs_own_times():
+    rng = np.random.default_rng(1)
+    time = np.arange(97) / 30 + rng.normal(scale=2e-3, size=97)
+    assert dropped_frames(time) == 0  # at whatever rate the datasheet states
+    assert dropped_frames(np.delete(time, [5, 40, 41])) == 3
+    assert dropped_frames(time[:1]) == 0

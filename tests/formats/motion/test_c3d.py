@@ -137,7 +137,7 @@ def _never(file: str) -> None:
 
 
 def test_a_file_on_which_the_library_never_returns_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(c3d.c3d_library, "contents", _never)
+    monkeypatch.setattr(c3d, "read_contents", _never)
     file = write(tmp_path / "t.c3d", points(4))
     error = refusal(lambda file: within(Reading(seconds=1), read_c3d, file), file)
     assert "not read within 1 s" in error.message
