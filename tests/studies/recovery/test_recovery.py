@@ -93,7 +93,7 @@ def test_the_study_is_the_same_for_any_number_of_workers(project):
 def test_a_motion_that_never_rests_has_no_answer(never_resting, capsys):
     stage.run()
     assert "never rests" in capsys.readouterr().out
-    assert "No bias_sentences for this dataset" in PAGE.read_text() and not list(DATA.iterdir())
+    assert "No answer for this dataset" in PAGE.read_text() and not list(DATA.iterdir())
 
 
 @pytest.mark.parametrize("name", ["additive", "gaussian", "scaled", "scaled_full"])
