@@ -63,11 +63,11 @@ def test_a_module_that_is_added_is_read_by_the_stage_inspected_and_proposed(own)
     assert 'training: "walk_*.own"' in sheet or "training: walk_*.own" in sheet
 
 
-def test_without_the_module_its_take_is_unknown_and_refused_with_what_is_read(own, monkeypatch):
+def test_without_the_module_its_take_is_no_motion_and_refused_with_what_is_read(own, monkeypatch):
     monkeypatch.undo()
     formats_in.cache_clear()
     (finding,) = inspect(own)
-    assert finding.format == "unknown"
+    assert finding.format == "table of numbers"
     with pytest.raises(RecordingError, match="no take of motion capture in C3D or Motive CSV"):
         read_take(own, None)
 

@@ -11,7 +11,7 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.logs import JointLog as Log
 from pipeline.formats.format import Format, Kind, begins
 from pipeline.formats.joints.log import JointLog, LogOptions
-from pipeline.formats.joints.written import write_joint_table
+from pipeline.formats.joints.table import write_joint_table
 from pipeline.recordings import movement
 from pipeline.recordings.logged_movement import read_logged_movement
 

@@ -77,7 +77,7 @@ def test_more_cables_than_robots_and_a_length_that_is_none_are_refused():
     configuration = Configuration(**(PLANAR | four))
     with pytest.raises(ConfigError, match="3 values for the 4 robots"):
         nominal_system(force(configuration), configuration)
-    with pytest.raises(ConfigError, match="length: .* greater than 0, got 0.0"):
+    with pytest.raises(ConfigError, match=r"length: .* greater than 0, got 0.0"):
         force(configuration, length=0.0)
     with pytest.raises(ConfigError, match="point"):
         force(configuration, point=[0.0, 0.0])

@@ -24,6 +24,7 @@ NOTABLE = (
     "samples",
     "rows",
     "columns",
+    "columns_without_numbers",
     "steps",
     "announced_frames",
     "first_frame",

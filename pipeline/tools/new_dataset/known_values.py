@@ -10,10 +10,10 @@ from pathlib import Path
 from pipeline.core.options.logs import AngleUnit, TimeUnit
 from pipeline.formats.depth.messages import CAMERA_INFO, IMAGE
 from pipeline.formats.format import Kind
-from pipeline.formats.joints.table import SPELLINGS
+from pipeline.formats.units import spelled
 from pipeline.tools.inspect.bag import DEPTH_TYPES
 from pipeline.tools.inspect.finding import Finding
-from pipeline.tools.inspect.joints import MEASURED
+from pipeline.tools.inspect.joints import MEASURED, STATED_BY_TYPE
 from pipeline.tools.inspect.layout import Group, Layout, links_of
 from pipeline.tools.new_dataset.template import asked
 from pipeline.tools.new_dataset.yaml_text import agreed, below_folder, one_of, several, text_of
@@ -98,6 +98,8 @@ def _encoders(layout: Layout) -> Values:
     measured = [label for label in labels if any(word in label.lower() for word in MEASURED)]
     timed = labels and facts.get("increasing_columns", [])[:1] == [0]
     values = _parts(training, test) | {"time": text_of(labels[0]) if timed else "0"}
+    if values["test"] == "null":
+        values["test"] = asked()
     values["actual"] = f"[{several(measured)}]" if measured else asked(f"of {several(labels)}")
     return _section("encoders", values)
 
@@ -187,13 +189,16 @@ def _joint_log(movements: list[Group]) -> tuple[Values, list[str]]:
         stated = {tuple(take.facts.get("joint_names", [])) for take in takes}
         names = next(iter(stated)) if len(stated) == 1 else ()
         values["joints"] = _names(facts.get("joints"), names)
+        values |= {} if takes[0].format == STATED_BY_TYPE else _units(takes[0])
         return _section("joint_log", values), _settings(takes)
     if "signals" in facts:
         signals = [f"{name}: [{several(labels)}]" for name, labels in facts["signals"].items()]
-        values["signals"] = f"{{{', '.join(signals)}}}"
+        if "signals" not in facts.get("settings", {}):
+            values["signals"] = f"{{{', '.join(signals)}}}"
         values["joints"] = _names(len(next(iter(facts["signals"].values()))))
-        values["time"] = text_of(facts["labels"][0])
-        return _section("joint_log", values | _units(takes[0])), []
+        no_time = asked("null: the rows follow each other at motion.rate")
+        values["time"] = text_of(facts["time"]) if "time" in facts else no_time
+        return _section("joint_log", values | _units(takes[0])), _settings(takes)
     tables = facts["tables"]
     first = next(iter(tables.values()))
     timed = first.facts.get("increasing_columns", [])[:1] == [0]
@@ -225,7 +230,7 @@ def _files(tables: dict[str, Finding]) -> Values:
 
 def _units(table: Finding) -> Values:
     """The units that the labels of a ``table`` state, or ???."""
-    stated = {SPELLINGS.get(unit, unit) for unit in table.units.values()}
+    stated = {spelled(unit) for unit in table.units.values()}
     values = {}
     for key, units in (("time_unit", TimeUnit), ("angle_unit", AngleUnit)):
         held = stated & {*units}
@@ -250,6 +255,6 @@ def _settings(movements: Iterable[Finding]) -> list[str]:
     values = {
         key: asked(question.rpartition(";")[0])
         for key, question in sorted(questions.items())
-        if key not in ("rest", "angle_unit")  # keys of the template
+        if key not in ("rest", "angle_unit", "time_unit")  # keys of the template
     }
     return _block(1, values).splitlines()[1:]

@@ -14,6 +14,7 @@ import numpy as np
 
 from pipeline.core.errors import PipelineError
 from pipeline.core.options.logs import TimeUnit
+from pipeline.formats.format import Kind
 from pipeline.formats.units import TIME_UNITS
 from pipeline.recordings.movement import MOST_TURNS
 from pipeline.tools.check.values import get_filled
@@ -88,7 +89,10 @@ class Suggestions:
         logged = {
             finding.facts["joints"] for finding in self._movements() if "joints" in finding.facts
         }
-        logged |= {finding.facts["columns"] - 1 for finding in self._tables()}
+        one = [finding.facts["signals"] for finding in self._tables() if "signals" in finding.facts]
+        logged |= {len(columns) for signals in one for columns in signals.values()}
+        tables = [finding for finding in self._tables() if "signals" not in finding.facts]
+        logged |= {finding.facts["columns"] - 1 for finding in tables}
         fits = key == "robot.joints" or logged <= {len(names)}
         return f"[{several(list(names))}]" if fits else None
 
@@ -110,6 +114,8 @@ class Suggestions:
         if key == "movements":
             return self._pattern()
         if key == "time_unit":
+            if asked := agreement(self._named(), key):
+                return asked
             fitting = [
                 unit
                 for unit in TimeUnit
@@ -118,7 +124,7 @@ class Suggestions:
                 )
             ]
             return str(fitting[0]) if len(fitting) == 1 and self._steps() else None
-        if key == "angle_unit":
+        if key == "angle_unit" and not agreement(self._named(), key):
             greatest = [table.facts.get("greatest") for table in self._tables()]
             beyond = [value for value in greatest if value and value > MOST_TURNS * 2 * np.pi]
             return ("deg" if beyond else "rad") if any(greatest) else None
@@ -150,7 +156,8 @@ class Suggestions:
         return [
             table
             for movement in self._movements()
-            for table in movement.facts.get("tables", {}).values()
+            for table in movement.facts.get("tables", {"": movement}).values()
+            if table.kind == Kind.TABLE
         ]
 
     def _steps(self) -> set[float]:

@@ -18,6 +18,7 @@ from pipeline.tools.inspect.report import as_table
 from pipeline.tools.new_dataset.command import dataset_texts
 from pipeline.tools.new_dataset.suggestions import Suggestions
 
+UNITS = ("time_unit", "angle_unit")  # no archive states them
 TIME = np.arange(1000) * 0.008
 
 
@@ -42,11 +43,12 @@ def test_an_archive_says_what_would_settle_its_traps(tmp_path):
     findings = inspect(tmp_path)
     assert [finding.format for finding in findings] == ["NumPy archive of joints"] * 2
     settings = {"clock": "rows", "target_factor": "57.29577951308232", "rest": "0"}
+    settings |= {"time_unit": "s", "angle_unit": "rad"}
     assert [finding.facts["settings"] for finding in findings] == [
         settings | {"target_delay": "0.8"},
         settings | {"target_delay": "0.96"},
     ]
-    assert asked(findings[0]) == {"clock", "target_factor", "target_delay", "rest"}
+    assert asked(findings[0]) == {"clock", "target_factor", "target_delay", "rest", *UNITS}
     # recordings that are settled differently each have a line
     table = as_table(findings, tmp_path)
     assert "run_1.npz" in table and "run_2.npz" in table
@@ -64,7 +66,10 @@ def test_an_archive_says_what_would_settle_its_traps(tmp_path):
 def test_an_archive_without_traps_says_that_its_angles_are_a_pair(tmp_path):
     archive(tmp_path / "run_1.npz")
     (finding,) = inspect(tmp_path / "run_1.npz")[:1]
-    assert asked(finding) == {"rest"} and "missed by 0 of the motion" in finding.facts["command"]
+    assert (
+        asked(finding) == {"rest", *UNITS}
+        and "missed by 0 of the motion" in finding.facts["command"]
+    )
 
 
 def test_tables_named_alike_are_held_against_each_other(tmp_path):
