@@ -97,19 +97,19 @@ def _encoders(layout: Layout) -> Values:
     labels = [str(label) for label in facts.get("labels", [])]
     measured = [label for label in labels if any(word in label.lower() for word in MEASURED)]
     timed = labels and facts.get("increasing_columns", [])[:1] == [0]
-    values = _parts(training, test, asked()) | {"time": text_of(labels[0]) if timed else "0"}
+    values = _parts(training, test) | {"time": text_of(labels[0]) if timed else "0"}
+    if values["test"] == "null":
+        values["test"] = asked()
     values["actual"] = f"[{several(measured)}]" if measured else asked(f"of {several(labels)}")
     return _section("encoders", values)
 
 
-def _parts(training: Sequence[Group], test: Sequence[Group], absent: str = "null") -> Values:
-    """The patterns of both parts, where one group is what there is to fit to; ``absent`` stands for
-    the test takes where there are none.
-    """
+def _parts(training: Sequence[Group], test: Sequence[Group]) -> Values:
+    """The patterns of both parts, where one group is what there is to fit to."""
     if len(training) == 1 and len(test) <= 1:
         return {
             "training": text_of(training[0].pattern),
-            "test": text_of(test[0].pattern) if test else absent,
+            "test": text_of(test[0].pattern) if test else "null",
         }
     patterns = [text_of(group.pattern) for group in (*training, *test)]
     return {"training": one_of(patterns), "test": one_of(patterns)}
@@ -189,16 +189,15 @@ def _joint_log(movements: list[Group]) -> tuple[Values, list[str]]:
         stated = {tuple(take.facts.get("joint_names", [])) for take in takes}
         names = next(iter(stated)) if len(stated) == 1 else ()
         values["joints"] = _names(facts.get("joints"), names)
-        # the definition of ROS's message states the units
-        units = {} if takes[0].format == STATED_BY_TYPE else _units(takes[0])
-        return _section("joint_log", values | units), _settings(takes)
+        values |= {} if takes[0].format == STATED_BY_TYPE else _units(takes[0])
+        return _section("joint_log", values), _settings(takes)
     if "signals" in facts:
         signals = [f"{name}: [{several(labels)}]" for name, labels in facts["signals"].items()]
         if "signals" not in facts.get("settings", {}):
             values["signals"] = f"{{{', '.join(signals)}}}"
         values["joints"] = _names(len(next(iter(facts["signals"].values()))))
-        note = "null: the rows follow each other at motion.rate"
-        values["time"] = text_of(facts["time"]) if "time" in facts else asked(note)
+        no_time = asked("null: the rows follow each other at motion.rate")
+        values["time"] = text_of(facts["time"]) if "time" in facts else no_time
         return _section("joint_log", values | _units(takes[0])), _settings(takes)
     tables = facts["tables"]
     first = next(iter(tables.values()))
