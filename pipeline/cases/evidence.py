@@ -31,7 +31,7 @@ from pipeline.statistics.spread_tables import spread_tables
 from pipeline.statistics.take_scores import compared, posterior_scores
 
 Evidence = dict[str, dict[str, float] | pd.DataFrame]
-RESAMPLING_SEED = 20_170
+RESAMPLING_SEED = 20_170  # the same resamplings in every case
 
 
 def case_evidence(
@@ -114,10 +114,9 @@ def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) ->
     if mode == "one_step":
         std = {"recorded": std["recorded"]} | {name: each.std for name, each in modelled.items()}
         following = {name: outcomes[name].following for name in modelled}
-        # the same resamplings in every case
-        rng, noise = np.random.default_rng(RESAMPLING_SEED), takes.training.noise
-        compared_spreads = spread_tables(modelled, following, noise, takes.training.joints, rng)
-        evidence |= {f"tables/{name}": table for name, table in compared_spreads.items()}
+        training = takes.training
+        spreads = spread_tables(modelled, following, training.noise, training.joints)
+        evidence |= {f"tables/{name}": table for name, table in spreads.items()}
     steady = constant_speed(takes.poses)
     limits = zip(takes.training.joints, takes.variation_of_constant_noise, strict=True)
     evidence["metrics/motion"] = spread_scores(std, error, takes.training.joints, steady) | {

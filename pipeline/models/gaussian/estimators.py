@@ -161,9 +161,10 @@ def fit_distance(
     """Minimise F = Σ_k β₁‖q̲_k − q̲̃_k‖ + β₂|tr{Cov(q_k) − Cov(q̃_k)}| over ũ in the range of
     ``extensions`` and all α ≥ 0, β₂ = 1 − β₁.
 
-    Eqs. (bound-u) and (objective-u-alpha). The moments are of one step. The model's mean is the nominal one for
-    every (ũ, α), so the first term, from ``nominal_mean`` and ``recorded_mean`` (M, n) in rad, is a
-    constant. ``step_norm`` is ‖v_k‖ and ``inverse_norm`` ‖J̲_k⁺‖_F (M,), ``rows`` m of the task,
+    Eqs. (bound-u) and (objective-u-alpha). The moments are of one step. The model's mean is the
+    nominal one for every (ũ, α), so the first term, from ``nominal_mean`` and ``recorded_mean``
+    (M, n) in rad, is a constant. ``step_norm`` is ‖v_k‖, ``inverse_norm`` ‖J̲_k⁺‖_F (M,), ``rows``
+    m of the task,
     ``recorded_covariance`` (M, n, n) in rad². The absolute value, step by step, mends the printed
     objective, which falls without bound as the model's noise vanishes. In α² it is a weighted sum
     of distances: its minimum is the median of tr Cov(q̃_k)/g_k under the weights g_k. The paper's
