@@ -64,6 +64,7 @@ PARAMETERS = (
     ("σ̂_B, QR of Jᵀ (control)", "fit_wishart", "control_qr_transposed_sigma_b", ""),
     ("û", "fit_gaussian", "u", "u"),
     ("α̂", "fit_gaussian", "alpha", "alpha"),
+    ("α̂û", "fit_gaussian", "noise_level", ""),
 )
 # counts of what was not solved, lost, clipped or left out
 LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
