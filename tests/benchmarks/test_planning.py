@@ -38,7 +38,7 @@ def task(steps: int) -> Problem:
 
 def ready(problem: Problem, points: int) -> Searched:
     every = np.arange(len(problem.path))
-    solutions = grid(problem, every, spacing_of(problem, points), points).poses
+    solutions = grid(problem, every, spacing_of(problem, points)).poses
     counts, cost = np.array([len(q) for q in solutions]), law_cost("qr_transposed", problem.chain)
     size, joints = counts.max(), len(problem.chain.lower)
     poses, own = np.zeros((len(solutions), size, joints)), np.full((len(solutions), size), np.inf)
@@ -104,7 +104,7 @@ def test_ours_as_a_whole(benchmark, size):
 
     def whole() -> float:
         every, spacing = np.arange(len(problem.path)), spacing_of(problem, points)
-        chosen = grid(problem, every, spacing, points)
+        chosen = grid(problem, every, spacing)
         return on_stages(problem, law_cost("qr_transposed", problem.chain), chosen)[0][1]
 
     assert np.isfinite(benchmark(whole))

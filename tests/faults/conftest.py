@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
-from omegaconf import OmegaConf
 from recovery_bench import (
     Bench,
     angles_of_depth,
@@ -24,7 +24,7 @@ from written_logs import write_joint_log
 
 from pipeline.arm.model import Arm, load_arm
 from pipeline.core.config import compose_config
-from pipeline.core.options.dataset import Dataset, Motion, Robot
+from pipeline.core.options.dataset import Dataset, Motion
 from pipeline.core.options.logs import JointLog as JointLogOptions
 from pipeline.formats.depth.image import encode_depth
 from pipeline.formats.depth.index import write_index
@@ -55,7 +55,7 @@ SIZE, COARSER = (141, 170), 3.0  # px, and how many of a Kinect's pixels one of 
 def dataset() -> Dataset:
     """The synthetic dataset's own options, for a motion of 1.8 s and a coarse camera."""
     config = compose_config(ROOT / "params.yaml")
-    options = OmegaConf.to_object(config.dataset)
+    options = config.dataset
     options.motion = Motion(RATE, STEPS)
     options.mocap.training, options.mocap.test = "optitrack/*.csv", None
     options.depth.height, options.depth.width = SIZE
@@ -65,7 +65,6 @@ def dataset() -> Dataset:
         [FULL_SCALE] * 3,
         50.0,
     )
-    options.laboratory = config.dataset.laboratory
     return options
 
 
@@ -78,7 +77,7 @@ def arm(dataset) -> Arm:
 @pytest.fixture(scope="session")
 def motion(dataset):
     """Joint angles (K, 3) at times (K,) s: the dataset's motion from START on."""
-    trajectory = OmegaConf.to_object(dataset.laboratory["trajectory"])
+    trajectory = dataset.laboratory["trajectory"]
     return lambda t: desired_joints(np.asarray(t) + START, trajectory)[0]
 
 
@@ -120,7 +119,7 @@ def marker_bench(dataset, arm, motion, tmp_path_factory) -> Bench:
 @pytest.fixture(scope="session")
 def depth_bench(dataset, arm, motion, tmp_path_factory) -> Bench:
     folder, rng = tmp_path_factory.mktemp("depth"), np.random.default_rng(2)
-    kinect = OmegaConf.to_object(dataset.laboratory["kinect"])
+    kinect = dataset.laboratory["kinect"]
     coarse = {name: getattr(kinect, name) / COARSER for name in ("fx", "fy", "cx", "cy")}
     # few pixels, so quiet ones
     quiet = {
@@ -145,7 +144,7 @@ def depth_bench(dataset, arm, motion, tmp_path_factory) -> Bench:
         folder / "kinect/intrinsics.yaml", Intrinsics(*coarse.values(), SIZE[1], SIZE[0])
     )
     grid = np.arange(STEPS + 1) / RATE
-    table = desired_trajectory(arm.chain, OmegaConf.to_object(dataset.laboratory["trajectory"]))
+    table = desired_trajectory(arm.chain, dataset.laboratory["trajectory"])
     shifted = table.iloc[round(START * RATE) :][: STEPS + 1].assign(t=grid)
     write_trajectory(folder / "trajectory.csv", shifted)
     nodes = arm.chain.points(motion(grid))[:, 1:]
@@ -211,8 +210,9 @@ def log_bench(dataset, arm, tmp_path_factory) -> Bench:
         end=end.tolist(),
         tolerance=1e-3,
     )
-    robot = Robot(joints=options.joints, plane=True)
-    logged = Dataset(name="t", robot=robot, motion=Motion(RATE, 40 + 10), joint_log=options)
+    robot = SimpleNamespace(**vars(dataset.robot) | {"joints": options.joints})
+    changes = {"robot": robot, "motion": Motion(RATE, 40 + 10), "joint_log": options}
+    logged = SimpleNamespace(**vars(dataset) | changes)
     recover = partial(angles_of_logs, dataset=logged, arm=arm)
     clean = recovered_from(_files(folder), recover)
     return Bench(_files(folder), recover, clean, clean.time[:51], clean.values[:51])

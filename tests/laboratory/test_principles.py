@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from omegaconf import OmegaConf
 
 from pipeline.core.config import CONF
 from pipeline.core.typed_yaml import read_yaml
@@ -24,7 +23,7 @@ from pipeline.verdicts.claims import parse_claims
 
 ROOT = CONF.parents[1]
 TAKES = 60
-ROBOT = OmegaConf.load(CONF / "dataset/youbot.yaml").robot
+ROBOT = read_yaml(CONF / "dataset/youbot.yaml")["robot"]
 TEXT = (ROOT / "pipeline/laboratory/README.md").read_text(encoding="utf-8")
 ROWS = [
     [cell.strip() for cell in line.strip("|").split("|")]
@@ -80,13 +79,13 @@ def torque_numbers(arm, motion, dynamics) -> dict[str, float]:
     acceleration = np.gradient(speed, t[1] - t[0], axis=1)
     pace = np.linalg.norm(desired_joints(np.clip(t, 0.0, motion.duration), motion)[1], axis=1)
     full = np.flatnonzero(pace > 0.99 * pace.max())[::20]
-    whole = pin.buildModelFromUrdf(str(ROOT / ROBOT.urdf))
+    whole = pin.buildModelFromUrdf(str(ROOT / ROBOT["urdf"]))
     held, step = [], np.zeros(whole.nv)
     for name in whole.names[1:]:
         number = whole.getJointId(name)
-        if name not in ROBOT.joints:
+        if name not in ROBOT["joints"]:
             held.append(number)
-            step[whole.joints[number].idx_v] = ROBOT.locked.get(name, 0.0)
+            step[whole.joints[number].idx_v] = ROBOT["locked"].get(name, 0.0)
     model = pin.buildReducedModel(whole, held, pin.integrate(whole, pin.neutral(whole), step))
     data = model.createData()
     states = np.stack([q, speed, acceleration])[:, :, full].reshape(3, -1, 3)

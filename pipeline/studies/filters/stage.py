@@ -236,8 +236,9 @@ def page(results: Results) -> list[str]:
         "Has any particle filter a lower rms error or a higher log score than the mean and "
         "covariance of the training takes, which need no depth camera? How far are the filters "
         "from the yardstick, the best linear filter, which knows the laboratory's law?",
-        f"**Particle filters.** Above the training mean in one score at least and below it in "
-        f"none, beyond 95 % intervals: {listed(particle) or 'none'}. Of the "
+        "**Particle filters** with a lower rms error or a higher log score than the training mean "
+        f"in one score at least and the opposite in none, beyond 95 % intervals: "
+        f"{listed(particle) or 'none'}. Of the "
         f"linear filters: {listed([label(name) for name in gains if name in LABELS]) or 'none'}.",
         table(["filter", *head, "log score (nat)", "minus the mean's"], lines),
         "Differences are paired over the test takes; brackets hold 95 % intervals. An open loop "
@@ -250,7 +251,8 @@ def page(results: Results) -> list[str]:
         "**Duration of a deviation.** On simulated takes, every lag of sway and play times a "
         f"factor of {min(results.options.factors):g} to {max(results.options.factors):g}; equal "
         "random numbers, white noise of both instruments. Where the autocorrelation after a frame "
-        f"of the camera is at least {LASTS:.2f}, the score is above the training mean's in "
+        f"of the camera is at least {LASTS:.2f}, the filter has the lower rms error or the higher "
+        "log score, beyond the interval, in "
         f"{'; '.join(sentences) or 'no case'}.",
         "**What would change it.** A camera with a higher rate or less noise; a law of the motion "
         "noise that is correlated over time, as the linear filter's, instead of independent steps. "

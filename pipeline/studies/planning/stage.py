@@ -247,7 +247,7 @@ def page(results: Results) -> list[str]:
     known = taus.dropna(subset="tau")
     medians = known.groupby("model", sort=False)["tau"].median()
     positive = [f"{number(tau)} ({model})" for model, tau in medians.items()]
-    lines = []
+    few, lines = len(sure) < SURE * len(least), []
     for row in least.itertuples():
         own = rows.loc[best[row.arm, row.physics]] if (row.arm, row.physics) in best else None
         cells = [row.arm, row.physics, f"{motion_label(row.motion)} ({row.least:.0%})"]
@@ -262,8 +262,8 @@ def page(results: Results) -> list[str]:
         f"the least sum in at least {SURE:.1%} of the resamplings. The median of Kendall's τ "
         "between predicted and realised order of the motions is "
         f"{listed(positive) or 'undefined'}; 1 is the same order, −1 the opposite. The additive "
-        "model has no plan: its covariance is the same at every step. So a plan by these models "
-        "does not reliably reduce the uncertainty.",
+        "model has no plan: its covariance is the same at every step. "
+        + ("These plans do not reliably reduce the uncertainty." if few else ""),
         table(
             ["arm", "physics", "least sum (share)", "over minimum norm", "best plan", "over it"],
             lines,

@@ -79,7 +79,7 @@ def test_the_page_and_the_figure_follow_the_tables():
     options = stage.Options(training=4, test=4, model="additive", factors=[1.0, 3.0])
     tables = {"filters": rows, "filters_lasting": lasting}
     page = "\n".join(stage.page(Results(None, options, tables, {"filters": "the figure"})))
-    assert "below it in none, beyond 95 % intervals: half, open loop." in page
+    assert "opposite in none, beyond 95 % intervals: half, open loop." in page
     assert "half, open loop: 2 of 2 rms errors" in page and "the figure" in page
     worse = rows.assign(high=np.where(rows["score"] == LOG, -1.0, rows["high"]))
     tables["filters"] = worse.assign(low=np.where(rows["score"] == LOG, -2.0, rows["low"]))

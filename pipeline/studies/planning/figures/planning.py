@@ -60,5 +60,6 @@ def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
         Line2D([], [], marker=mark, ls="none", mfc="none", mec=BLACK, label=f"predicted by {name}")
         for name, mark in models.items()
     ]
+    entries.append(Line2D([], [], color=GREY, ls=":", lw=0.8, label="prediction holds"))
     figure.legend(handles=entries, loc="outside lower center", ncols=3)
     return figure
