@@ -164,4 +164,4 @@ def test_a_file_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(tm
         # the last number of a text cloud without its line end may lack digits
         sure = len(result) - (name in ("ascii.pcd", "ascii.ply", "crlf.ply"))
         np.testing.assert_array_equal(result[:sure], whole[:sure])
-    assert refused > 2
+    assert refused > 1
