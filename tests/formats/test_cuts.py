@@ -90,7 +90,7 @@ CASES = {
     "index": (
         lambda file: write_index(file, np.arange(3) / 30, ("a.png", "b.png", "c.png")),
         lambda file: np.array(read_index(file).files),
-        0,
+        2,
     ),
     "trajectory": (
         lambda file: write_trajectory(file, POSES),
