@@ -94,25 +94,6 @@ def test_files_without_a_whole_line_are_refused(tmp_path, content):
     refusal(tmp_path / "log.csv")
 
 
-@settings(derandomize=True, max_examples=60, deadline=None)
-@given(samples=st.integers(1, 6), seed=st.integers(0, 99), data=st.data())
-def test_a_log_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(
-    tmp_path_factory, samples, seed, data
-):
-    file = tmp_path_factory.mktemp("cut") / "log.csv"
-    write_joint_log(file, log(samples, seed=seed))
-    whole, content = read_joint_log(file, joints=6), file.read_bytes()
-    cut = data.draw(st.integers(0, len(content) - 1))
-    file.write_bytes(content[:cut])
-    try:
-        result = read_joint_log(file, joints=6)
-    except RecordingError:
-        return
-    kept = content[:cut].count(b"\n")
-    assert 0 < len(result.time) == kept
-    np.testing.assert_array_equal(result.signals["actual"], whole.signals["actual"][:kept])
-
-
 @pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
 def test_times_are_in_the_unit_of_the_option(tmp_path, unit, factor):
     rows = [f"{0.008 * i * factor:.0f} 0.5 0.25" for i in range(4)]
