@@ -73,7 +73,7 @@ bench-experiment: $(READY)
 	python tests/benchmarks/experiment.py .bench paper
 	python tests/benchmarks/summary.py
 
-# Ten thousand takes, a million particles and a share of the large survey, really run; after a run of the paper.
+# Ten thousand takes, a million particles and a share of the large grid of the study robustness, really run; after a run of the paper.
 bench-scale: $(READY)
 	python tests/benchmarks/scale.py
 	python tests/benchmarks/summary.py

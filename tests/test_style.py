@@ -8,7 +8,10 @@ from source_code import MODULES, ROOT, imports, tree
 
 LINES = 350
 # durations decide where trials run, and nothing else
-TIMED = {"pipeline.core.compute.cluster", "pipeline.core.compute.trials"}
+TIMED = {
+    "pipeline.core.compute.cluster",
+    "pipeline.core.compute.trials",
+}
 GENERATORS = {"Generator", "PCG64", "SeedSequence"}
 
 

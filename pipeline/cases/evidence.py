@@ -15,6 +15,7 @@ from pipeline.cases.fits import Outcome, Takes
 from pipeline.core.columns import matrices, members, values
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE, models_of
+from pipeline.core.rng import stream
 from pipeline.filtering.memory import memory_filter
 from pipeline.filtering.particle_filter import Posterior
 from pipeline.models.noise import recorded_deviation, rest_covariance
@@ -163,7 +164,7 @@ def filter_evidence(
         )
     if not opened:
         return {}
-    rng = np.random.default_rng(RESAMPLING_SEED)
+    rng = stream(RESAMPLING_SEED, "cases.resampling")
     tables, _ = filter_tables(filters, joints, constant_speed(truth), rng)
     scores = tables.pop("filter_scores")
     named = {f"tables/{name}": table for name, table in tables.items()}

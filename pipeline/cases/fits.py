@@ -12,6 +12,7 @@ import pandas as pd
 
 from pipeline.cases.case import ModelCase
 from pipeline.core.errors import ModelDomainError, SingularJacobianError, SolverError
+from pipeline.core.rng import stream
 from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
 from pipeline.models.kinds import compared, estimate
 from pipeline.models.model import MotionModel
@@ -41,7 +42,9 @@ class Takes:
     @cached_property
     def variation_of_constant_noise(self) -> np.ndarray:
         """(n,) of the training takes, with the same draws in every case."""
-        return constant_noise_variation(self.training.noise, np.random.default_rng(CONSTANT_SEED))
+        return constant_noise_variation(
+            self.training.noise, stream(CONSTANT_SEED, "cases.constant_noise")
+        )
 
     @property
     def arm(self) -> ArmNames:

@@ -52,8 +52,8 @@ def beyond(items: float, fixed: Needs, each: Needs, there: Needs) -> Paper:
 
 
 def papers(measured: dict) -> dict[str, Paper]:
-    """Many of everything that scale.json holds, and the whole grid of the survey."""
-    particles, survey = measured["particles"], measured["survey"]
+    """Needs of many takes and particles by the slopes of scale.json."""
+    particles = measured["particles"]
     few, many = measured["fleet"]["few"], measured["fleet"]["many"]
     takes, there = many["takes"], Needs(**measured["there"])
     # what the allocator leaves more or less of is no growth
@@ -62,16 +62,7 @@ def papers(measured: dict) -> dict[str, Paper]:
     take = Needs(grows, many["kept_bytes"] / takes, many["kept_files"] / takes, time)
     steps = particles["steps"] * particles["seconds_many"]
     particle = Needs(memory=particles["bytes_of_a_particle"], time=steps)
-    conditions = sum(survey["conditions"].values())
-    condition = Needs(
-        survey["bytes_of_a_name"],
-        survey["kept_bytes"] / conditions,
-        survey["kept_files"] / conditions,
-        sum(survey["spent_seconds"].values()) / conditions,
-    )
     return {
         "takes of a fleet": beyond(MANY, Needs(memory=few["peak_bytes"]), take, there),
         "particles of one filter": beyond(MANY, Needs(), particle, there),
-        "conditions, the whole grid": beyond(survey["grid"], Needs(), condition, there),
-        "conditions": beyond(MANY, Needs(), condition, there),
     }

@@ -1,4 +1,4 @@
-"""A fleet's takes, a filter of very many particles and a share of the large survey, really run:
+"""A fleet's takes, a filter of very many particles and a share of the large grid, really run:
 ``python tests/benchmarks/scale.py`` writes reports/benchmarks/scale.json. It has to stand in the
 folder of the project, after a run of the paper.
 """
@@ -17,7 +17,7 @@ sys.path.append(str(Path(__file__).parents[2]))
 import pipeline.core.environment  # noqa: F401 - before numpy: it fixes the arithmetic
 
 import fleet  # isort: skip
-import large_survey
+import large_grid
 import many_particles
 from cost_growth import in_a_process
 from machine import machine
@@ -54,7 +54,7 @@ def main() -> None:
             # processes are forked for these, which one that has talked to a cluster must not be
             "particles": many_particles.run(sizes.particles),
             "fleet": fleets(folder / "fleet", sizes.takes),
-            "survey": large_survey.run(folder / "survey", sizes.conditions, sizes.alone, WORKERS),
+            "grid": large_grid.run(folder / "grid", sizes.conditions, sizes.alone, WORKERS),
         }
     sizes.out.write_text(json.dumps(measured, indent=1) + "\n")
 

@@ -18,8 +18,9 @@ def section(folder: Path) -> str:
     if not file.exists():
         return "Not measured yet: `make bench-scale`."
     measured = json.loads(file.read_text())
-    particles, fleet, survey = (measured[name] for name in ("particles", "fleet", "survey"))
-    texts = [crowd(particles), fleets(fleet), surveyed(survey), on_paper(measured)]
+    texts = [crowd(measured["particles"]), fleets(measured["fleet"])]
+    texts += [gridded(measured["grid"])] if "grid" in measured else []
+    texts.append(on_paper(measured))
     return f"On {measured['machine']}.\n\n" + "\n\n".join(texts)
 
 
@@ -55,26 +56,16 @@ def fleets(measured: dict) -> str:
     )
 
 
-def surveyed(measured: dict) -> str:
-    """A share of the large survey on a cluster."""
-    conditions = measured["conditions"]
-    count, alone = sum(conditions.values()), measured["alone"]
-    spent, said = sum(measured["spent_seconds"].values()), measured["predicted_seconds"]
-    pace = measured["spent_alone_seconds"] / measured["predicted_alone_seconds"]
-    kinds = " and ".join(f"{number} of the {kind}" for kind, number in conditions.items())
-    tenth = measured["grid_core_hours"] / 10
+def gridded(measured: dict) -> str:
+    """A share of the large grid on a cluster."""
     return (
-        f"**The survey `{measured['survey']}`** has {measured['grid']:,} conditions, named in "
-        f"{duration(measured['naming_seconds'])}. A tenth of them would take {tenth:.0f} core "
-        f"hours by the survey's own cost; {count} drawn by chance were run, {kinds}, on a cluster "
-        f"of {measured['workers']} workers of which one was killed by its process id after the "
-        f"first point ({measured['workers_left']} were left): "
-        f"{duration(measured['seconds_by_the_clock'])} by the clock. Of the {alone} that were run "
-        f"in one process too, {measured['equal_bytes']} have equal bytes, the time that a point "
-        f"took apart. They spent {duration(spent)} of processor time where the cost of the survey "
-        f"`small`, wherever it was measured, predicts {duration(said)}: {spent / said:.2f} times "
-        f"as much. Set to the pace of those {alone}, the prediction is {duration(pace * said)}: "
-        f"{spent / said / pace:.2f} times."
+        f"**The large grid of the study `robustness`** has {measured['grid']:,} conditions of "
+        f"about {duration(measured['seconds_a_condition'])} of processor time each; "
+        f"{measured['conditions']} drawn by chance were run on a cluster of {measured['workers']} "
+        "workers of which one was killed by its process id after the first result "
+        f"({measured['workers_left']} were left): {duration(measured['seconds_by_the_clock'])} by "
+        f"the clock. Of the {measured['alone']} that were run in one process too, "
+        f"{measured['equal_bytes']} have equal bytes."
     )
 
 

@@ -1,19 +1,16 @@
-"""What is run at scale: a fleet's fit by blocks is that of the whole, the survey's share is told
-apart from its grid, and the report says what was measured.
+"""What is run at scale: a fleet's fit by blocks is that of the whole, a share of the large grid
+has equal bytes on a cluster, and the report says what was measured.
 """
 
 from __future__ import annotations
 
 import json
-from collections import Counter
 from dataclasses import replace
-from types import SimpleNamespace
 
 import fleet
-import large_survey
+import large_grid
 import many_particles
 import numpy as np
-import pandas as pd
 import pytest
 import scale_section
 from known_law import ROOT
@@ -23,7 +20,6 @@ from surveyed_project import write_surveyed_project
 from pipeline.core import contracts
 from pipeline.models.noise import mean_covariance, process_noise
 from pipeline.models.wishart.dispersion import fit_wishart
-from pipeline.studies.survey.options import read_survey
 
 TAKES = 20
 
@@ -84,22 +80,6 @@ def test_filters_of_few_and_of_more_particles_have_a_time_each():
     assert set(times) == {100, 1000} and all(0 < each < 1 for each in times.values())
 
 
-def test_the_share_of_the_grid_is_drawn_by_chance_and_a_sixth_is_of_the_wrench():
-    small = read_survey(large_survey.HERE / "small.yaml").conditions
-    some = large_survey.chosen(small, 12)
-    assert large_survey.kinds(some) == {"motion": 10, "wrench": 2}
-    assert some == large_survey.chosen(small, 12) and len(set(some)) == 12
-    assert some != small[:12]
-
-
-def test_the_prediction_is_the_mean_of_each_kind_times_how_many_there_are():
-    cost = {
-        "motion_cpu_seconds_per_condition_mean": 2.0,
-        "wrench_cpu_seconds_per_condition_mean": 0.5,
-    }
-    assert large_survey.predicted(Counter(motion=3, wrench=2), cost) == 7.0
-
-
 def test_what_ends_first_is_what_is_there_for_the_fewest():
     there = Needs(memory=10.0, disk=100.0, files=50.0, time=1000.0)
     fixed, each = Needs(memory=2.0), Needs(memory=0.1, disk=2.0, files=0.5, time=1.0)
@@ -114,20 +94,9 @@ def test_what_ends_first_is_what_is_there_for_the_fewest():
 def test_the_share_has_equal_bytes_on_a_cluster_that_loses_a_worker(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_surveyed_project(tmp_path)
-    measured = large_survey.run(tmp_path / "points", 3, 1, workers=2, name="small")
+    measured = large_grid.run(tmp_path / "grid", 3, 1, workers=2)
     assert (measured["equal_bytes"], measured["workers_left"]) == (1, 1)
-    assert (measured["conditions"], measured["kept_files"]) == ({"motion": 3}, 6)
-    assert all(seconds > 0 for seconds in measured["spent_seconds"].values())
-
-
-def test_points_are_alike_whatever_they_took_and_differ_by_a_last_bit():
-    def kept(last: float, seconds: float) -> SimpleNamespace:
-        values = {"a": 1.0, "b": last}
-        tables = [pd.DataFrame({"value": [x], "cpu_seconds": [seconds]}) for x in values.values()]
-        return SimpleNamespace(keys=[*values], tables=lambda: tables)
-
-    assert large_survey.alike(kept(2.0, 0.1), kept(2.0, 0.3)) == 2
-    assert large_survey.alike(kept(2.0, 0.1), kept(np.nextafter(2.0, 3.0), 0.1)) == 1
+    assert measured["conditions"] == 3 and measured["seconds_a_condition"] > 0
 
 
 FLEET = {
@@ -152,24 +121,15 @@ CROWD = {
     "peak_bytes": 1e8,
     "bytes_of_a_particle": 118.2,
 }
-SURVEY = {
-    "survey": "large",
-    "grid": 1_633_260,
-    "naming_seconds": 14.0,
-    "conditions": {"motion": 5, "wrench": 1},
+GRID = {
+    "grid": 1_620,
+    "conditions": 36,
     "workers": 3,
     "workers_left": 2,
     "seconds_by_the_clock": 20.0,
     "alone": 2,
     "equal_bytes": 2,
-    "spent_seconds": {"motion": 25.0, "wrench": 5.0},
-    "predicted_seconds": 20.0,
-    "spent_alone_seconds": 8.0,
-    "predicted_alone_seconds": 4.0,
-    "grid_core_hours": 1800.0,
-    "bytes_of_a_name": 170.0,
-    "kept_bytes": 120_000,
-    "kept_files": 12,
+    "seconds_a_condition": 2.5,
 }
 
 
@@ -177,19 +137,16 @@ def test_the_report_says_what_was_measured_and_what_ends_first(tmp_path):
     fleets = {"few": FLEET | {"takes": 100}, "many": FLEET}
     there = {"memory": 24e9, "disk": 80e9, "files": 1e7, "time": 2 * 86_400.0}
     measured = {"machine": "M", "there": there, "particles": CROWD}
-    measured |= {"fleet": fleets, "survey": SURVEY}
+    measured |= {"fleet": fleets, "grid": GRID}
     (tmp_path / "scale.json").write_text(json.dumps(measured))
     text = scale_section.section(tmp_path)
     for words in (
         "**1,000 takes of a simulated fleet**, 12 steps each",
         "record 1 ms, fit 2 ms, filter 30 ms of processor time, and 14.0 kB are kept",
         "takes 40 ns a particle and step, one of 10 50 ns, and holds 118 bytes",
-        "**The survey `large`** has 1,633,260 conditions",
-        "A tenth of them would take 180 core hours",
-        "Of the 2 that were run in one process too, 2 have equal bytes",
-        # 30 s of 20 s; at half the pace of the prediction 30 s of 40 s
-        "predicts 20 s: 1.50 times as much",
-        "the prediction is 40 s: 0.75 times",
+        "`robustness`** has 1,620 conditions of about 2.5 s",
+        "36 drawn by chance were run on a cluster of 3 workers",
+        "Of the 2 that were run in one process too, 2 have equal bytes.",
         "24 GB of memory, 80 GB of disk and 1e+07 files free, and a day of every core, 2 days",
         "| takes of a fleet | 1e+08 | 500 MB | 1.4 TB | 4e+06 | 38 | a day of every core, at 5.2",
         "| particles of one filter | 1e+08 | 11.8 GB | – | – | 0.0019 | memory, at 2e+08 |",
@@ -199,9 +156,9 @@ def test_the_report_says_what_was_measured_and_what_ends_first(tmp_path):
 
 def test_the_committed_run_lost_a_worker_and_no_byte():
     measured = json.loads((ROOT / "reports/benchmarks/scale.json").read_text())
-    survey, fleets = measured["survey"], measured["fleet"]
-    assert survey["equal_bytes"] == survey["alone"] > 0
-    assert survey["workers_left"] == survey["workers"] - 1
+    grid, fleets = measured.get("grid", measured.get("survey")), measured["fleet"]
+    assert grid["equal_bytes"] == grid["alone"] > 0
+    assert grid["workers_left"] == grid["workers"] - 1
     # ten times the takes in a tenth more memory at most
     assert fleets["many"]["takes"] == 10 * fleets["few"]["takes"]
     assert fleets["many"]["peak_bytes"] < 1.1 * fleets["few"]["peak_bytes"]

@@ -30,8 +30,10 @@ ROOT = Path(__file__).parents[2]
 JOINTS = ("a", "b", "c")
 ARM = ArmNames(JOINTS, ("x", "z", "phi"))
 DT = 0.01
-CLAIMS = ("reports/claims.yaml", "pipeline/studies/sensitivity/conclusions.yaml")
-WRENCH = ("wrench", "sigma-s", "force")  # which nothing that is varied bears on
+CLAIMS = ("reports/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
+# claims of the wrench, the closed loop, the linear filter and the speed-scaled model, which
+# these takes lack
+WRENCH = ("wrench", "sigma-s", "force", "closed-loop", "memory", "scaled")
 
 
 def posterior(mean: np.ndarray, covariance: np.ndarray) -> Posterior:

@@ -116,10 +116,10 @@ def test_parameters_outside_the_models_range_are_refused(parameters, chain, tmp_
 
 
 OPTIONS = """
-from dataclasses import dataclass
+from pipeline.core import validation
 from pipeline.models import options
 
-@dataclass
+@validation.options(kw_only=True)
 class Options(options.Options):
     std: float = 0.0
 """

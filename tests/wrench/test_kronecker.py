@@ -8,13 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from planar_cables import planar_cables
 from scipy.stats import matrix_normal
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.wrench.directions import sample_directions
 from pipeline.wrench.kronecker import moment_fit
 from pipeline.wrench.matrix import MatrixModel, matrix_model
-from pipeline.wrench.parametric import CableSystem, wrench_covariance
+from pipeline.wrench.parametric import wrench_covariance
 
 MEAN = np.array([[0.9, -0.4, 0.1, 0.5], [0.3, 0.8, -1.0, 0.2]])
 SIGMA_S = np.array([[5.0, 2.0], [2.0, 3.0]]) * 1e-4
@@ -46,7 +47,7 @@ def test_columns_that_are_directions_keep_their_trace():
     rng = np.random.default_rng(5)
     angles, kappa = np.array([0.9, 1.3, 2.0, 3.0]), np.array([100.0, 700.0, 200.0, 400.0])
     tension = np.array([3.0, 5.0, 4.0, 4.5])
-    system = CableSystem.from_angles(tension, angles, np.full(4, 0.5), kappa)
+    system = planar_cables(tension, angles, np.full(4, 0.5), kappa)
     jacobians = np.swapaxes(sample_directions(system.direction, kappa, 10_000, rng), 1, 2)
     law = moment_fit(jacobians)
     known = replace(matrix_model(system), jacobian=law.mean, psi=law.psi)
@@ -56,7 +57,7 @@ def test_columns_that_are_directions_keep_their_trace():
 
 def test_the_columns_of_directions_are_independent_and_their_variances_go_with_1_over_kappa():
     kappa = np.array([100.0, 700.0, 200.0, 400.0])
-    mean = CableSystem.from_angles(*np.ones((4, 4))).direction
+    mean = planar_cables(*np.ones((4, 4))).direction
     directions = sample_directions(mean, kappa, 20_000, np.random.default_rng(6))
     psi = moment_fit(np.swapaxes(directions, 1, 2)).psi
     due = np.diag(4 / kappa / np.sum(1 / kappa))

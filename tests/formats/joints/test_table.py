@@ -9,6 +9,7 @@ from written_logs import write_joint_log
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.joints.log import LogOptions
+from pipeline.formats.joints.table import joint_labels, read_joint_table, write_joint_table
 
 
 @pytest.mark.parametrize(
@@ -147,3 +148,14 @@ def test_dropped_doubled_and_swapped_rows_are_repaired_and_counted_or_refused(
         result, read_joint_log(folder / "whole.csv", joints=6).signals["actual"][kept]
     )
     assert counts["doubled_rows"] == len(picks) - len(kept)
+
+
+def test_a_written_log_reads_back_to_what_is_printed(tmp_path):
+    rng, joints = np.random.default_rng(1), ["shoulder", "elbow"]
+    signals = {"target": rng.normal(size=(50, 2)), "actual": rng.normal(size=(50, 2))}
+    write_joint_table(tmp_path / "t.csv", np.arange(50) / 200, signals, joints)
+    named = {name: joint_labels(name, joints) for name in signals}
+    read = read_joint_table(tmp_path / "t.csv", LogOptions("time", joints=2, signals=named))
+    np.testing.assert_allclose(read.time, np.arange(50) / 200, atol=1e-9)
+    for name, values in signals.items():
+        np.testing.assert_allclose(read.signals[name], values, atol=0.51e-7)
