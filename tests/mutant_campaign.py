@@ -15,10 +15,9 @@ import pandas as pd
 from mutants import mutants
 from mutated_samples import SAMPLES, values, write_samples
 
-from pipeline.core.bounds import within
+from pipeline.core.bounds import Reading, within
 from pipeline.core.compute.sandbox import Sandbox
 from pipeline.core.errors import PipelineError
-from pipeline.core.bounds import Reading
 
 COUNT = 420  # mutants of a sample
 BOUNDS = Reading(seconds=10, memory_mib=1024)

@@ -43,7 +43,14 @@ def _unit(x: np.ndarray) -> np.ndarray:
 
 def mocap(markers: dict = MARKERS, **options) -> Mocap:
     return Mocap(
-        **{"training": "*.csv", "markers": markers, "gate": 0.005, "max_gap": 20} | options
+        **{
+            "training": "*.csv",
+            "base": {"position": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]},
+            "markers": markers,
+            "gate": 0.005,
+            "max_gap": 20,
+        }
+        | options
     )
 
 

@@ -15,18 +15,17 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64
 
-from pipeline.core.compiled import VECTOR, inner, passed
+from pipeline.core.compiled import inner
 from pipeline.core.elementary import sine_cosine
-from pipeline.perception.articulation_objective import FRAME, Frame, excess, value
+from pipeline.perception.articulation_objective import Frame, excess, value
 
 # m; above every value of the objective that points within reach of an arm can give
 INFEASIBLE = 1e3
 STEP = 0.02  # m; first extent of the simplex: how far a node moves between frames at 30 Hz
 # 1/m; a variable that moves by STEP takes a length from its nominal value to its bound
 STRETCH = np.pi / 2 / STEP
-OBJECTIVE = float64(FRAME, VECTOR)
+COMMANDED, FITTED = range(2)  # ends
 
 
 class End(NamedTuple):
@@ -34,14 +33,14 @@ class End(NamedTuple):
     O3 and EE are.
     """
 
-    objective: Callable  # compiled: frame, v → value that ranks the pose, m
+    number: int  # of :func:`objective`
     variables: Callable[[Frame, np.ndarray], np.ndarray]  # frame, nodes (3, 2) → v
     nodes: Callable[[Frame, np.ndarray], np.ndarray]  # frame, v → nodes (3, 2)
     # of each of the runs of the simplex its first extent, and that at which it has ended, m
     runs: tuple[tuple[float, float], ...]
 
 
-@passed
+@inner
 def at_commanded(frame: Frame, v: np.ndarray) -> float:
     """Eq. (KinObj) at v = (O2, O3), m; outside the bounds on the lengths INFEASIBLE and the excess.
 
@@ -64,7 +63,7 @@ def _commanded_nodes(frame: Frame, v: np.ndarray) -> np.ndarray:
     return np.vstack([v.reshape(2, 2), frame.ee])
 
 
-@passed
+@inner
 def at_fitted(frame: Frame, v: np.ndarray) -> float:
     """The value, m, at v = (λ1, λ2, l1ψ1, l2ψ2, l3ψ3), l the nominal lengths and ψ the headings.
 
@@ -76,6 +75,12 @@ def at_fitted(frame: Frame, v: np.ndarray) -> float:
     o3 = _beyond(o2, frame.bounds[1, 0], frame.bounds[1, 1], v[1], v[3])
     ee = _beyond(o3, frame.bounds[2, 0], frame.bounds[2, 1], 0.0, v[4])
     return value(frame, (o1, o2, o3, ee), 4)
+
+
+@inner
+def objective(end: int, frame: Frame, v: np.ndarray) -> float:
+    """Value in m that ranks the pose of the variables ``v`` of the ``end`` of this number."""
+    return at_commanded(frame, v) if end == COMMANDED else at_fitted(frame, v)
 
 
 @inner
@@ -117,13 +122,13 @@ def _middle_and_half(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
 # the last digit to be worth its evaluations.
 ENDS = {
     "commanded": End(
-        at_commanded,
+        COMMANDED,
         _commanded_variables,
         _commanded_nodes,
         ((STEP, 1e-3), (-STEP / 2, 1e-5)),
     ),
     "fitted": End(
-        at_fitted,
+        FITTED,
         _fitted_variables,
         _fitted_nodes,
         ((2 * STEP, 4e-3), (-2 * STEP, 4e-3), (STEP, 1e-4)),

@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64, types, uint64
 
-from pipeline.core.compiled import MATRIX, VECTOR, inner
+from pipeline.core.compiled import inner
 
 
 class Frame(NamedTuple):
@@ -32,23 +31,6 @@ class Frame(NamedTuple):
     signed: np.ndarray  # (4, I) by piece, as _assign writes it, m²
     bits: np.ndarray  # (4, I) the same memory read as integers with a sign
     unsigned: np.ndarray  # and without
-
-
-FRAME = types.NamedTuple(
-    (
-        MATRIX,
-        VECTOR,
-        VECTOR,
-        MATRIX,
-        float64,
-        float64,
-        VECTOR,
-        MATRIX,
-        types.Array(int64, 2, "C"),
-        types.Array(uint64, 2, "C"),
-    ),
-    Frame,
-)
 
 
 def frame_of(

@@ -8,16 +8,12 @@ that only compares values is used.
 from __future__ import annotations
 
 import numpy as np
-from numba import boolean, float64, types
 
-from pipeline.core.compiled import MATRIX, VECTOR, compiled, inner
-from pipeline.perception.articulation_end import OBJECTIVE, End
-from pipeline.perception.articulation_objective import FRAME, Frame
+from pipeline.core.compiled import compiled, inner
+from pipeline.perception.articulation_end import End, objective
+from pipeline.perception.articulation_objective import Frame
 
 MAX_STEPS = 2000
-SEARCH = boolean(
-    types.FunctionType(OBJECTIVE), FRAME, float64, float64, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR
-)
 
 
 # Loops over four or five numbers, where array expressions would do: those take seconds more to
@@ -71,9 +67,9 @@ def _order(corners: np.ndarray, values: np.ndarray) -> None:
             place -= 1
 
 
-@compiled(SEARCH)
+@compiled
 def _simplex(
-    objective: object,
+    end: int,
     frame: Frame,
     step: float,
     extent: float,
@@ -87,7 +83,7 @@ def _simplex(
     ``extent`` in every variable; whether it came to that.
 
     It begins at ``corners[0]`` of ``corners`` (n+1, n), and leaves the best there and its value in
-    ``values[0]`` of ``values`` (n+1,); the other arrays (n,) are room. The values do not decide
+    ``values[0]`` of ``values`` (n+1,); the other arrays (n,) are scratch. The values do not decide
     when to end: across a jump of the objective they never meet.
     """
     n = values.size - 1
@@ -98,7 +94,7 @@ def _simplex(
     unknown = 0  # the first corner without a value
     for _ in range(MAX_STEPS):
         for i in range(unknown, n + 1):
-            values[i] = objective(frame, corners[i])
+            values[i] = objective(end, frame, corners[i])
         unknown = n + 1
         _order(corners, values)
         if _extent(corners) <= extent:
@@ -106,7 +102,7 @@ def _simplex(
         at_worst = values[n]
         _mean(corners, middle)
         _place(reflected, middle, worst, -1.0)
-        at_reflected = objective(frame, reflected)
+        at_reflected = objective(end, frame, reflected)
         best, outside = at_reflected < values[0], at_reflected < at_worst
         if not best and at_reflected < values[n - 1]:
             _copy(worst, reflected)
@@ -114,7 +110,7 @@ def _simplex(
             continue
         # expanded beyond the best, or contracted from what is hardly better than the worst
         _place(tried, middle, worst, -2.0 if best else (-0.5 if outside else 0.5))
-        at_tried = objective(frame, tried)
+        at_tried = objective(end, frame, tried)
         if at_tried < at_reflected and at_tried < at_worst:
             _copy(worst, tried)
             values[n] = at_tried
@@ -137,8 +133,8 @@ def fit_frame(frame: Frame, end: End, start: np.ndarray) -> tuple[np.ndarray, fl
     """
     first = end.variables(frame, start)
     n = first.size
-    corners, values, room = np.empty((n + 1, n)), np.empty(n + 1), np.empty((3, n))
+    corners, values, scratch = np.empty((n + 1, n)), np.empty(n + 1), np.empty((3, n))
     corners[0], ended = first, False
     for step, extent in end.runs:
-        ended = _simplex(end.objective, frame, step, extent, corners, values, *room)
+        ended = _simplex(end.number, frame, step, extent, corners, values, *scratch)
     return end.nodes(frame, corners[0]), float(values[0]), ended

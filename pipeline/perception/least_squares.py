@@ -9,19 +9,17 @@ points decide, and JᵀJ is the angles' inverse covariance in units of a coordin
 from __future__ import annotations
 
 import numpy as np
-from numba import float64, int64, types
 
-from pipeline.arm.compiled import ARM
+from pipeline.arm.kinematics import WIDTH, tip
 from pipeline.arm.numbers import Arm
-from pipeline.arm.serial_compiled import JOINTS, POSITION, ROTATION, WIDTH, tip
-from pipeline.core.compiled import MATRIX, VECTOR, compiled, inner
+from pipeline.arm.rows import JOINTS, POSITION, ROTATION
+from pipeline.core.compiled import compiled, inner
 
 STEPS = 100  # at most; from a far start some twenty, from the frame before two or three
 SETTLED = 1e-10  # rad, or m of a prismatic joint: the last step
 # m a radian, or 1: a turn of the joints that moves all points together by less is not decided by
 # them
 LEAST_LEVER = 0.01
-INDICES, CUBE = types.Array(int64, 1, "C"), types.Array(float64, 3, "C")
 
 
 @inner
@@ -33,7 +31,7 @@ def _equations(
     places: np.ndarray,
     measured: np.ndarray,
     q: np.ndarray,
-    room: np.ndarray,
+    block: np.ndarray,
     normal: np.ndarray,
     gradient: np.ndarray,
     distances: np.ndarray,
@@ -49,24 +47,24 @@ def _equations(
         n = joints[link]
         frames, sliding = links[link, : n + 2], arm.sliding[:n]
         part = Arm(arm.plane, frames, sliding, arm.rows, arm.units, arm.least)
-        tip(part, q, 0, 1, room)
+        tip(part, q, 0, 1, block)
         for p in range(len(owner)):
             if owner[p] != link or np.isnan(measured[p, 0]):
                 continue
             place = np.empty(3)
             for k in range(3):
-                place[k] = room[POSITION + k, 0]
+                place[k] = block[POSITION + k, 0]
                 for i in range(3):
-                    place[k] += room[ROTATION + 3 * k + i, 0] * places[p, i]
+                    place[k] += block[ROTATION + 3 * k + i, 0] * places[p, i]
             for j in range(n):
                 for k in range(3):
                     first, y, z = JOINTS + 6 * j, (k + 1) % 3, (k + 2) % 3
                     if sliding[j] > 0.0:
-                        row[k, j] = room[first + k, 0]
+                        row[k, j] = block[first + k, 0]
                     else:
-                        to_y = place[y] - room[first + 3 + y, 0]
-                        to_z = place[z] - room[first + 3 + z, 0]
-                        row[k, j] = room[first + y, 0] * to_z - room[first + z, 0] * to_y
+                        to_y = place[y] - block[first + 3 + y, 0]
+                        to_z = place[z] - block[first + 3 + z, 0]
+                        row[k, j] = block[first + y, 0] * to_z - block[first + z, 0] * to_y
             before = total
             for k in range(3):
                 way = measured[p, k] - place[k]
@@ -82,7 +80,7 @@ def _equations(
     return total
 
 
-@compiled(float64(ARM, CUBE, INDICES, INDICES, MATRIX, MATRIX, VECTOR, MATRIX, VECTOR))
+@compiled
 def solve(
     arm: Arm,
     links: np.ndarray,
@@ -112,12 +110,12 @@ def solve(
             m; zero of missing ones.
     """
     n = len(start)
-    room = np.empty((JOINTS + 6 * n, WIDTH))
+    block = np.empty((JOINTS + 6 * n, WIDTH))
     q, other = start.copy().reshape(n, 1), np.empty((n, 1))
     gradient, step = np.empty(n), np.empty(n)
     further, next_gradient, next_distances = np.empty((n, n)), np.empty(n), np.empty(len(owner))
     cost = _equations(
-        arm, links, joints, owner, places, measured, q, room, normal, gradient, distances
+        arm, links, joints, owner, places, measured, q, block, normal, gradient, distances
     )
     damping = 0.0
     for _ in range(STEPS):
@@ -142,7 +140,7 @@ def solve(
             places,
             measured,
             other,
-            room,
+            block,
             further,
             next_gradient,
             next_distances,

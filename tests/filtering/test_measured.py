@@ -27,10 +27,16 @@ HAND = {
     "d": [0.01, -0.08, 0.035],
 }
 MOCAP = Mocap(
-    training="*", markers={"link_5": {"x": [0.0, 0.1, 0.1]}, "flange": HAND}, deviation=1e-3
+    training="*",
+    base={"position": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]},
+    markers={"link_5": {"x": [0.0, 0.1, 0.1]}, "flange": HAND},
+    gate=0.01,
+    max_gap=10,
+    deviation=1e-3,
 )
 DATASET = Dataset(
     name="t",
+    recordings="raw",
     robot=LWR4,
     mocap=MOCAP,
     encoders=Encoders(training="*", test="*", actual=[]),
@@ -150,7 +156,7 @@ def test_what_the_dataset_does_not_have_is_refused_with_one_message(tables):
     ):
         with pytest.raises(ConfigError, match=words):
             measured_takes(replace(DATASET, **changed))
-    with pytest.raises(ConfigError, match="no 'lidar'; there are depth, encoders, tip"):
+    with pytest.raises(ConfigError, match="got 'lidar'"):
         replace(DATASET, measurement="lidar")
     file = MOTION / "encoders.parquet"
     table = pd.read_parquet(file)

@@ -12,9 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ros_bags import image, write_bag
 
-from pipeline.core.bounds import within
+from pipeline.core.bounds import Reading, within
 from pipeline.core.errors import RecordingError
-from pipeline.core.bounds import Reading
 from pipeline.formats.bag_path import is_bag
 from pipeline.formats.rosbag import choose_topic, messages, seconds, topics
 

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import pandas as pd
 import pytest
+from pipeline.core.options.limits import Limits
 
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.limits import Limits
 from pipeline.recordings.limits import beside_limits, reasons, require_enough
 from pipeline.recordings.quality import quality_row
 

@@ -15,7 +15,7 @@ def decompress(packed: bytes, size: int) -> bytes | None:
     return unpacked.tobytes() if _unfold(np.frombuffer(packed, np.uint8), unpacked) else None
 
 
-@compiled()
+@compiled
 def _unfold(packed: np.ndarray, unpacked: np.ndarray) -> bool:
     """Fill ``unpacked`` from control bytes c: below 32, c + 1 literal bytes follow; else a copy of
     what was written ``distance`` before.

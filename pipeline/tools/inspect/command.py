@@ -8,9 +8,8 @@ import argparse
 from dataclasses import fields
 from pathlib import Path
 
-from pipeline.core.bounds import within
+from pipeline.core.bounds import Reading, within
 from pipeline.core.errors import ConfigError
-from pipeline.core.bounds import Reading
 from pipeline.tools.inspect.examine import inspect
 from pipeline.tools.inspect.report import as_json, as_table
 

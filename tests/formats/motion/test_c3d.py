@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motive_files import refusal
 
-from pipeline.core.bounds import within
+from pipeline.core.bounds import Reading, within
 from pipeline.core.errors import RecordingError
-from pipeline.core.bounds import Reading
 from pipeline.formats.motion import c3d
 from pipeline.formats.motion.c3d import read_c3d
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from compiled_calls import from_python
 
 from pipeline.models.wishart.bound import ALONG, PULL, ROWS, Y, place
 from pipeline.models.wishart.root import root
@@ -24,17 +23,17 @@ def test_the_place_of_every_weight_between_the_ends_is_reached(m, delta):
             e / np.linalg.norm(e),
             noise @ matrix,
         )
-        from_python(factorize)(squares[0], 0.0, squares[1])
+        factorize(squares[0], 0.0, squares[1])
         outside = noise - matrix @ np.linalg.lstsq(matrix, noise)[0]
         parts = delta, outside @ outside
         most = np.linalg.norm(room[PULL]) / np.linalg.norm(noise)
-        c = from_python(root)(share * most, *parts, 0.0, most, 200, squares, room)
+        c = root(share * most, *parts, 0.0, most, 200, squares, room)
         # the place itself; to either side of it the weight is another
         u = room[Y] - c * room[ALONG]
         s = u @ (room[PULL] - squares[0] @ room[Y]) / (u @ u)
-        below, above = (from_python(place)(s * k, *parts, squares, room)[1] for k in (0.999, 1.001))
+        below, above = (place(s * k, *parts, squares, room)[1] for k in (0.999, 1.001))
         assert below < share * most < above
         held.append(c > 0)
-        assert from_python(root)(share * most, *parts, 0.0, most, 0, squares, room) == -1
+        assert root(share * most, *parts, 0.0, most, 0, squares, room) == -1
     # of one row there is nothing across e
     assert any(held) == (delta < 1) or m == 1

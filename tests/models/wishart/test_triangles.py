@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from compiled_calls import from_python
 
 from pipeline.models.wishart.triangles import factorize, solve
 
@@ -14,8 +13,8 @@ def test_an_equation_is_solved_with_its_ridge(m):
     rng = np.random.default_rng(1)
     root, side = rng.standard_normal((m + 2, m)), rng.standard_normal(m)
     matrix, factor, solution = root.T @ root, np.empty((m, m)), np.empty(m)
-    from_python(factorize)(matrix, 0.3, factor)
-    form = from_python(solve)(factor, side, solution)
+    factorize(matrix, 0.3, factor)
+    form = solve(factor, side, solution)
     np.testing.assert_allclose((matrix + 0.3 * np.eye(m)) @ solution, side, atol=1e-12)
     assert form == pytest.approx(side @ solution, rel=1e-12)
     # control: without the ridge it is another
@@ -27,8 +26,8 @@ def test_columns_of_any_units_leave_the_solution_as_exact():
     root, units = rng.standard_normal((5, 3)), np.array([1.0, 1e8, 1e-8])
     side, solution, factor = rng.standard_normal(3), np.empty(3), np.empty((3, 3))
     scaled = root * units
-    from_python(factorize)(scaled.T @ scaled, 0.0, factor)
-    from_python(solve)(factor, units * side, solution)
+    factorize(scaled.T @ scaled, 0.0, factor)
+    solve(factor, units * side, solution)
     expected = np.linalg.solve(root.T @ root, side)
     np.testing.assert_allclose(units * solution, expected, rtol=1e-10)
 
@@ -37,5 +36,5 @@ def test_the_least_share_of_a_pivot_tells_how_singular_the_matrix_is():
     factor = np.empty((2, 2))
     for far, share in ((1.0, 0.5), (1e-8, 1e-8)):
         matrix = np.array([[1.0, 1.0], [1.0, 1.0 + far]])
-        assert from_python(factorize)(matrix, 0.0, factor) == pytest.approx(share, rel=1e-6)
-    assert from_python(factorize)(np.ones((2, 2)), 0.0, factor) == 0.0
+        assert factorize(matrix, 0.0, factor) == pytest.approx(share, rel=1e-6)
+    assert factorize(np.ones((2, 2)), 0.0, factor) == 0.0

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-
 from pipeline.core.options.limits import Limits
+
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.studies.faults.bench import Bench, Recovered, suffer
 from pipeline.studies.faults.fault import REFUSED, REPAIRED, UNHARMED, UNNOTICED, Fault, in_file

@@ -16,9 +16,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from motive_files import rows_file
 
-from pipeline.core.bounds import within
+from pipeline.core.bounds import Reading, within
 from pipeline.core.errors import RecordingError
-from pipeline.core.bounds import Reading
 from pipeline.tools.inspect import examine
 from pipeline.tools.inspect.examine import inspect
 from pipeline.tools.inspect.report import as_json, as_table
