@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import fcntl
 import os
 import shutil
@@ -12,6 +13,9 @@ from durations import pytest_addoption, pytest_terminal_summary  # noqa: F401 - 
 from project_copy import GIT, SMOKE, copy_project, run, set_parameters
 
 import pipeline.core.environment  # noqa: F401 - before numpy: it fixes the arithmetic
+
+# a forked child that a damaged file crashes reports by its exit code, without a dump of its stack
+os.register_at_fork(after_in_child=faulthandler.disable)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -11,9 +11,9 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
 from pipeline.core.options.depth_camera import Depth, Workspace
 from pipeline.core.options.motion_capture import Pose
+from pipeline.formats.depth.image import write_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
-from pipeline.formats.depth.png import write_depth
 
 CHAIN = PlanarChain(
     np.array([0.02, 0.1]),

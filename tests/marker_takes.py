@@ -8,12 +8,11 @@ import numpy as np
 from motive_files import START
 from scipy.spatial.transform import Rotation
 
-from pipeline.core.options.dataset import Dataset, Motion
+from pipeline.core.options.dataset import Dataset, Motion, Robot
 from pipeline.core.options.motion_capture import Mocap, Pose
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
-from pipeline.perception.link_fit import marker_places
-from pipeline.perception.markers import track_joints
+from pipeline.perception.markers import marker_places, track_joints
 
 STEPS = 40
 
@@ -54,7 +53,8 @@ def dataset(**mocap) -> Dataset:
         "gate": 0.012,
         "max_gap": 20,
     } | mocap
-    return Dataset(name="t", motion=Motion(100.0, STEPS), mocap=Mocap(**options))
+    robot = Robot("arm.urdf", ["a", "b", "c"], plane=True)
+    return Dataset("t", ".", robot, Motion(100.0, STEPS), mocap=Mocap(**options))
 
 
 def to_world(arm, plane: np.ndarray) -> np.ndarray:

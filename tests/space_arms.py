@@ -10,7 +10,7 @@ import pinocchio as pin
 import pipeline.arm
 from pipeline.arm.serial import SerialChain
 from pipeline.core.options.dataset import Robot
-from pipeline.core.options.motion_capture import Mocap
+from pipeline.core.options.motion_capture import Mocap, Pose
 from pipeline.core.task import SPACE
 
 HERE = Path(pipeline.arm.__file__).parent
@@ -45,7 +45,7 @@ def mocap(markers: dict = MARKERS, **options) -> Mocap:
     return Mocap(
         **{
             "training": "*.csv",
-            "base": {"position": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]},
+            "base": Pose([0.0] * 3, [0.0] * 3),
             "markers": markers,
             "gate": 0.005,
             "max_gap": 20,

@@ -24,6 +24,5 @@ def write_surveyed_project(folder: Path) -> None:
     contracts.write(pd.DataFrame(frames | noise), "kinect_noise", Path("data/articulate"))
     Path("data/raw").symlink_to(ROOT / "data/raw")
     Path("reports/studies").mkdir(parents=True)
-    Path("reports/studies/baselines").symlink_to(ROOT / "reports/studies/baselines")
     for name in ("claims.yaml", "datasets"):
         Path("reports", name).symlink_to(ROOT / "reports" / name)

@@ -54,7 +54,7 @@ def test_the_table_holds_every_room_and_no_other_and_has_no_circle():
         below.add(name)
     assert not any(UPPER & set(ROOMS[name]["imports"]) for name in set(ROOMS) - UPPER)
     # the control: an import against the order is none that the table allows
-    assert not within("pipeline.studies.faults.fault", allowed("pipeline.arm.chain"))
+    assert not within("pipeline.studies.filters.stage", allowed("pipeline.arm.chain"))
 
 
 def test_stages_import_neither_each_other_nor_the_laboratory_but_for_record():

@@ -1,56 +1,37 @@
-"""Modules are short, print nothing and take randomness and time as arguments."""
+"""Modules are short, and results depend on no global randomness and on no date."""
 
 from __future__ import annotations
 
 import ast
 
-import pytest
 from source_code import MODULES, ROOT, imports, tree
 
-LINES, COLUMNS = 250, 100
-FILES = {
-    str(file.relative_to(ROOT)): file
-    for folder in ("pipeline", "tests")
-    for file in sorted((ROOT / folder).rglob("*.py"))
+LINES = 350
+# durations decide where trials run, and nothing else
+TIMED = {
+    "pipeline.core.compute.cluster",
+    "pipeline.core.compute.trials",
 }
+GENERATORS = {"Generator", "PCG64", "SeedSequence"}
 
 
-@pytest.mark.parametrize("name", FILES)
-def test_a_module_is_short_enough_to_be_read(name):
-    lines = FILES[name].read_text(encoding="utf-8").splitlines()
-    assert len(lines) <= LINES
-    assert [number for number, line in enumerate(lines, 1) if len(line) > COLUMNS] == []
+def test_modules_are_short_enough_to_be_read():
+    files = [file for part in ("pipeline", "tests") for file in (ROOT / part).rglob("*.py")]
+    lines = {file: file.read_text(encoding="utf-8").count("\n") for file in files}
+    assert {file.name: count for file, count in lines.items() if count > LINES} == {}
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_only_the_command_line_stages_tools_and_the_progress_of_trials_print(module):
-    printing = ("stages", "studies", "tools", "__main__", "core.compute", "figures.drawing")
-    if not any(f"{module}.".startswith(f"pipeline.{part}.") for part in printing):
-        assert not [
-            node
+def test_nothing_is_random_or_dated_but_by_its_arguments():
+    for module in MODULES:
+        roots = {name.split(".")[0] for name in imports(module)}
+        clocks = set() if module in TIMED else {"time"}
+        assert not roots & {"random", "secrets", "uuid", "datetime", *clocks}, module
+        called = {
+            node.func.attr
             for node in ast.walk(tree(module))
-            if isinstance(node, ast.Call) and getattr(node.func, "id", None) == "print"
-        ]
-
-
-@pytest.mark.parametrize("module", MODULES)
-def test_nothing_is_random_or_dated_but_by_its_arguments(module):
-    roots = {name.split(".")[0] for name in imports(module)}
-    # how long trials take decides where they run, and nothing else; what a condition of a survey
-    # costs is measured
-    timed = (
-        {"time"}
-        if module in ("pipeline.core.compute.block", "pipeline.studies.survey.points")
-        else set()
-    )
-    assert not roots & ({"random", "secrets", "uuid", "time", "datetime"} - timed)
-    attributes = [node for node in ast.walk(tree(module)) if isinstance(node, ast.Attribute)]
-    drawn = {
-        node.attr for node in attributes if ast.unparse(node.value) in ("np.random", "numpy.random")
-    }
-    # which generator there is: made in core.rng, read by the compiled draws
-    known = {
-        "pipeline.core.rng": {"PCG64", "SeedSequence"},
-        "pipeline.randommatrix.words": {"PCG64"},
-    }
-    assert drawn <= {"Generator"} | known.get(module, set())
+            if isinstance(node, ast.Call)
+            and isinstance(node.func, ast.Attribute)
+            and ast.unparse(node.func.value) in ("np.random", "numpy.random")
+        }
+        known = GENERATORS if module == "pipeline.core.rng" else set()
+        assert called <= known, f"{module} makes a generator of its own"

@@ -14,11 +14,16 @@ from pipeline.core.options.dataset import Robot
 class Description:
     """An arm in the tree of a URDF."""
 
-    file: Path
+    tree: Tree
     joints: list[Joint]  # base to tip
     base: str | None  # link; None for the root
     tip: str  # link
     held: dict[str, float]  # rad or m, of the other joints; 0 where not named
+
+    @property
+    def file(self) -> Path:
+        """The URDF."""
+        return self.tree.file
 
 
 def describe(robot: Robot) -> Description:
@@ -62,7 +67,7 @@ def describe(robot: Robot) -> Description:
         for name, joint in tree.joints.items()
         if joint.follows is not None
     }
-    return Description(file, [tree.joints[name] for name in joints], base, tip, held | locked)
+    return Description(tree, [tree.joints[name] for name in joints], base, tip, held | locked)
 
 
 def _tip(tree: Tree, last: str, tool: str | None) -> str:

@@ -117,15 +117,6 @@ class Hexapod(Mechanism):
             )
         return poses.reshape(*q.shape[:-1], 12)
 
-    def follow(self, q: np.ndarray) -> np.ndarray:
-        """(K, 12) poses on legs ``q`` (K, 6) in m along a path, each by Newton's method from the
-        last, the first from home; raises what :meth:`pose` does.
-        """
-        poses = [self.pose(q[0])]
-        for legs in q[1:]:
-            poses.append(self.pose(legs, poses[-1]))
-        return np.array(poses)
-
     def displacement(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
         """(..., 6) from the poses ``start`` (..., 12) to ``end`` (..., 12): the way between their
         positions, and the rotation vector of R_end·R_startᵀ times the length.

@@ -1,10 +1,11 @@
-"""The only door to Pinocchio: an arm from its URDF."""
+"""Arms from their URDF; the one module that imports Pinocchio."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +16,7 @@ from pipeline.arm.interface import Chain
 from pipeline.arm.layout import Layout
 from pipeline.arm.plane import planar_chain, plane_of, unlike_three
 from pipeline.arm.serial import SerialChain
-from pipeline.arm.urdf import read_urdf
+from pipeline.arm.urdf import Tree, read_urdf
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.task import SPACE
@@ -119,37 +120,32 @@ def load_arm(
     return arm_of(Robot(str(urdf), list(joints), tool, locked=dict(locked), plane=True))
 
 
-def torques(robot: Robot, q: np.ndarray, speed: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-    """(N, n) N·m that the motors of the ``robot``'s joints give at ``q`` (N, n) in rad for
-    ``speed`` (N, n) in rad/s and ``acceleration`` (N, n) in rad/s², gravity included, by the masses
-    in its URDF.
-    """
-    model = _model(describe(robot))
-    data = model.createData()
-    # a continuous joint has two coordinates there
-    placed = [pin.integrate(model, pin.neutral(model), row) for row in np.asarray(q, dtype=float)]
-    return np.array(
-        [pin.rnea(model, data, *row) for row in zip(placed, speed, acceleration, strict=True)]
-    )
-
-
-def greatest_torques(robot: Robot) -> np.ndarray:
-    """(n,) N·m that the motors of the ``robot``'s joints give at most, by its URDF."""
-    return _model(describe(robot)).upperEffortLimit.copy()
-
-
 def _model(described: Description) -> pin.Model:
-    """Pinocchio's model of the arm alone, every other joint of its URDF held."""
-    try:
-        full = pin.buildModelFromUrdf(str(described.file))
-    except ValueError as error:
-        raise ConfigError(f"robot.urdf: {error}", file=described.file) from None
-    step = np.zeros(full.nv)
-    for name, value in described.held.items():
-        step[full.joints[full.getJointId(name)].idx_v] = value
+    """Pinocchio's model of the arm alone, every other joint of its URDF held; its links have the
+    names of :meth:`pipeline.arm.urdf.Tree.model_name`.
+    """
     joints = [joint.name for joint in described.joints]
-    others = [full.getJointId(name) for name in full.names[1:] if name not in joints]
-    return pin.buildReducedModel(full, others, pin.integrate(full, pin.neutral(full), step))
+    try:
+        full = pin.buildModelFromXML(_renamed(described.tree))
+        step = np.zeros(full.nv)
+        for name, value in described.held.items():
+            step[full.joints[full.getJointId(name)].idx_v] = value
+        others = [full.getJointId(name) for name in full.names[1:] if name not in joints]
+        return pin.buildReducedModel(full, others, pin.integrate(full, pin.neutral(full), step))
+    except (ValueError, RuntimeError, IndexError) as error:
+        reason = " ".join(str(error).split())[:200]
+        message = f"robot.urdf: Pinocchio does not read it ({reason}); check it with check_urdf"
+        raise ConfigError(message, file=described.file) from None
+
+
+def _renamed(tree: Tree) -> str:
+    """Text of the URDF with its links under their names in the model."""
+    robot = ElementTree.parse(tree.file).getroot()
+    for key, elements in {"name": robot.findall("link"), "link": robot.findall("joint/*")}.items():
+        for element in elements:
+            if key in element.attrib:
+                element.set(key, tree.model_name(element.get(key)))
+    return ElementTree.tostring(robot, encoding="unicode")
 
 
 def _layout(described: Description) -> Layout:
@@ -167,7 +163,7 @@ def _layout(described: Description) -> Layout:
         if not abs(length - 1.0) < 1e-6:
             message = f"robot.urdf: the axis of {joint.name} has length {length:.3g}; make it 1"
             raise ConfigError(message, file=described.file)
-    tip = data.oMf[model.getFrameId(described.tip, pin.FrameType.BODY)]
+    tip = data.oMf[model.getFrameId(described.tree.model_name(described.tip), pin.FrameType.BODY)]
     lower, upper = np.array([joint.range for joint in joints]).T
     layout = Layout(
         names=tuple(joint.name for joint in joints),
@@ -182,7 +178,7 @@ def _layout(described: Description) -> Layout:
     )
     if described.base is None:
         return layout
-    base = data.oMf[model.getFrameId(described.base, pin.FrameType.BODY)]
+    base = data.oMf[model.getFrameId(described.tree.model_name(described.base), pin.FrameType.BODY)]
     return layout.seen_from(base.rotation, base.translation)
 
 

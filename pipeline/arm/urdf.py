@@ -1,4 +1,4 @@
-"""What a URDF says of the tree of links and joints, before anything heavier reads it."""
+"""Tree of links and joints in a URDF, read before anything heavier reads it."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ MOST_JOINTS = 250
 FARTHEST = 1e6  # m or rad, of an origin or an axis: squares of it stay finite
 LIMITED = ("revolute", "prismatic")  # kinds of joints with one coordinate and limits
 SINGLE = (*LIMITED, "continuous")  # with one coordinate
+KINDS = (*SINGLE, "fixed", "floating", "planar")
+ROOT = "universe"  # how Pinocchio names what the robot stands on
 
 
 @dataclass
@@ -47,6 +49,18 @@ class Tree:
     links: list[str] = field(default_factory=list)
     joints: dict[str, Joint] = field(default_factory=dict)
 
+    def model_name(self, link: str) -> str:
+        """Name of ``link`` in Pinocchio's model, whose links and joints share one set of names; a
+        URDF lets a link and a joint share theirs.
+        """
+        taken = {*self.joints, ROOT}
+        if link not in taken:
+            return link
+        free = f"link {link}"
+        while free in taken or free in self.links:
+            free = f"link {free}"
+        return free
+
     @property
     def ends(self) -> list[str]:
         """The links that no other follows."""
@@ -74,8 +88,11 @@ class Tree:
 
 
 def read_urdf(file: Path) -> Tree:
-    """The tree that ``file`` describes; raises ConfigError for a file that is none, one of more
-    than :data:`MOST_JOINTS` joints, and links that form a loop.
+    """Return the tree that ``file`` describes.
+
+    Raises ConfigError for a file that is no URDF or a xacro that nobody expanded, for more than
+    :data:`MOST_JOINTS` joints, for names that two links or two joints have, and for links that form
+    a loop or more than one tree.
     """
     if not file.is_file():
         raise ConfigError("robot.urdf: no such file; name one from the project's root", file=file)
@@ -99,6 +116,9 @@ def read_urdf(file: Path) -> Tree:
         raise ConfigError(
             f"robot.urdf: this is no URDF ({reason})", file=file, line=error.lineno
         ) from None
+    except OSError as error:
+        message = f"robot.urdf: the file cannot be read ({error.strerror})"
+        raise ConfigError(message, file=file) from None
     except (LookupError, ValueError) as error:
         raise ConfigError(
             f"robot.urdf: this is no URDF ({error}); is it XML in UTF-8?", file=file
@@ -109,6 +129,13 @@ def read_urdf(file: Path) -> Tree:
 
 def _take(tree: Tree, path: list[str], values: dict[str, str]) -> None:
     """Note the element that ``path`` leads to."""
+    if path[-1].startswith("xacro:") or (
+        len(path) <= 3 and any("${" in value or "$(" in value for value in values.values())
+    ):
+        name = tree.file.name
+        raise ConfigError(
+            f"robot.urdf: a xacro: expand it with xacro {name} > arm.urdf", file=tree.file
+        )
     match path:
         case ["robot"]:
             tree.name = values.get("name", "")
@@ -121,24 +148,45 @@ def _take(tree: Tree, path: list[str], values: dict[str, str]) -> None:
                     "the arm",
                     file=tree.file,
                 )
-            name = values.get("name", "")
+            name, kind = values.get("name", ""), values.get("type", "")
             if name in tree.joints:
                 raise ConfigError(f"robot.urdf: two joints are named {name!r}", file=tree.file)
-            tree.joints[name] = Joint(name, values.get("type", ""))
+            if kind not in KINDS or name == ROOT:
+                wrong = f"is of the type {kind!r}; there are {', '.join(KINDS)}"
+                wrong = f"has a name that Pinocchio needs for {ROOT}" if name == ROOT else wrong
+                raise ConfigError(f"robot.urdf: the joint {name} {wrong}", file=tree.file)
+            tree.joints[name] = Joint(name, kind)
         case ["robot", "joint", part]:
-            joint: Any = tree.joints[[*tree.joints][-1]]
-            for word in f"{values.get('xyz', '')} {values.get('rpy', '')}".split():
-                if not abs(float(word)) <= FARTHEST:
-                    raise ValueError(f"{joint.name} has {word[:80]} m or rad in its {part}")
-            if part in ("parent", "child"):
-                setattr(joint, part, values.get("link", ""))
-            elif part == "limit":
-                known = {"lower", "upper", "velocity", "effort"} & {*values}
-                joint.limits = {name: float(values[name]) for name in known}
-            elif part == "mimic" and joint.kind in SINGLE:  # some fixed joints say so too
-                joint.follows = values.get("joint", "")
-                joint.multiplier = float(values.get("multiplier", 1))
-                joint.offset = float(values.get("offset", 0))
+            _take_part(tree, part, values)
+
+
+def _take_part(tree: Tree, part: str, values: dict[str, str]) -> None:
+    """Note the element ``part`` of the last joint."""
+    joint: Any = tree.joints[[*tree.joints][-1]]
+
+    def number(name: str, text: str) -> float:
+        try:
+            return float(text)
+        except ValueError:
+            raise ConfigError(
+                f"robot.urdf: the joint {joint.name} has {text[:80]!r} as {name} of its {part}, "
+                "which must be a number",
+                file=tree.file,
+            ) from None
+
+    for name in ("xyz", "rpy"):
+        for word in values.get(name, "").split():
+            if not abs(number(name, word)) <= FARTHEST:
+                raise ValueError(f"{joint.name} has {word[:80]} m or rad in its {part}")
+    if part in ("parent", "child"):
+        setattr(joint, part, values.get("link", ""))
+    elif part == "limit":
+        known = {"lower", "upper", "velocity", "effort"} & {*values}
+        joint.limits = {name: number(name, values[name]) for name in known}
+    elif part == "mimic" and joint.kind in SINGLE:  # some fixed joints say so too
+        joint.follows = values.get("joint", "")
+        joint.multiplier = number("multiplier", values.get("multiplier", "1"))
+        joint.offset = number("offset", values.get("offset", "0"))
 
 
 def _require_tree(tree: Tree) -> None:
@@ -146,6 +194,8 @@ def _require_tree(tree: Tree) -> None:
     two joints move or that moves itself, that none holds beside the root; and for a joint without
     the limits that its kind has to have.
     """
+    if twice := [name for name in tree.links if tree.links.count(name) > 1]:
+        raise ConfigError(f"robot.urdf: two links are named {twice[0]!r}", file=tree.file)
     for joint in tree.joints.values():
         for link in (joint.parent, joint.child):
             if link not in tree.links:

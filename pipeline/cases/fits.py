@@ -4,18 +4,29 @@ has not seen.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
+import pandas as pd
 
 from pipeline.cases.case import ModelCase
 from pipeline.core.errors import ModelDomainError, SingularJacobianError, SolverError
+from pipeline.core.rng import stream
 from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
-from pipeline.models.kinds import estimate
+from pipeline.models.kinds import compared, estimate
 from pipeline.models.model import MotionModel
+from pipeline.models.modelled_noise import modelled_noise
+from pipeline.models.options import Options
 from pipeline.models.realizations import realize, realized_moments
 from pipeline.models.steps import Estimate, Recorded
+from pipeline.recordings.commands import constant_speed
+from pipeline.statistics.following import constant_noise_variation
+from pipeline.statistics.spread_tables import ModelledNoise, following_rows
 from pipeline.verdicts.reference import ArmNames
+
+CONSTANT_SEED = 20_171
+PAPER = "{}_paper"  # names of the estimates by the paper's estimator
 
 
 @dataclass(frozen=True)
@@ -27,6 +38,13 @@ class Takes:
     training: Recorded
     poses: np.ndarray  # (takes, M+1, n) rad, of the training takes
     test: dict[str, np.ndarray]  # take → (M+1, n) rad
+
+    @cached_property
+    def variation_of_constant_noise(self) -> np.ndarray:
+        """(n,) of the training takes, with the same draws in every case."""
+        return constant_noise_variation(
+            self.training.noise, stream(CONSTANT_SEED, "cases.constant_noise")
+        )
 
     @property
     def arm(self) -> ArmNames:
@@ -45,6 +63,8 @@ class Outcome:
     deviation: np.ndarray | None = None  # (M+1, n) rad
     # of all steps and of the moving ones, (takes,) nats
     log_score: dict[str, np.ndarray] = field(default_factory=dict)
+    modelled: ModelledNoise | None = None  # at the recorded level, without its draws
+    following: pd.DataFrame | None = None  # as of following_rows
     refusals: list[str] = field(default_factory=list)
 
 
@@ -55,7 +75,8 @@ def outcome(case: ModelCase, takes: Takes, realizations: int, rng: np.random.Gen
     fared = Outcome()
     try:
         fit = estimate(takes.training, case.options)
-        fared.model, fared.estimates = fit.model, fit.estimates
+        fared.model = fit.model
+        fared.estimates = fit.estimates | _papers_estimates(takes.training, case.options, fit)
         if case.closed:
             fared.closed, refused = closed_loop_of(takes.training, case.options, fit)
             if refused:
@@ -69,9 +90,27 @@ def outcome(case: ModelCase, takes: Takes, realizations: int, rng: np.random.Gen
         )
         if refused:
             fared.refusals.append(refused)
+        if case.mode == "one_step":
+            noise, training = modelled_noise(fared.model, takes.training, rng), takes.training
+            fared.following = following_rows(
+                noise, training.noise, constant_speed(takes.poses), training.joints, rng
+            )
+            fared.modelled = replace(noise, draws=noise.draws[:0])
     except (ModelDomainError, SingularJacobianError, SolverError) as error:
         fared.refusals.append(str(error))
     return fared
+
+
+def _papers_estimates(recorded: Recorded, options: Options, fit: Estimate) -> dict[str, float]:
+    """Estimates by the paper's estimator, which its published parameters are compared with."""
+    requested = compared(options).get(PAPER)
+    if requested is None:
+        return {}
+    try:
+        own = fit if requested == options else estimate(recorded, requested)
+    except (ModelDomainError, SolverError):
+        return {}
+    return {PAPER.format(name): value for name, value in own.estimates.items()}
 
 
 def _log_scores(case: ModelCase, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:

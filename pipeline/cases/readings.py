@@ -18,7 +18,7 @@ from pipeline.verdicts.decision import decide
 from pipeline.verdicts.reference import ArmNames
 from pipeline.verdicts.wording import case_text
 
-NAMES = {"pivoted_lu": "pivoted LU", "qr": "QR of J", "qr_transposed": "QR of Jᵀ"}
+NAMES = {"pivoted_lu": "pivoted LU", "qr": "QR of J", "qr_transposed": "QR of Jᵀ (control)"}
 
 
 def readings(

@@ -1,11 +1,11 @@
 """The ridge of the Gaussian matrix model, and what the data tell of its parameters.
 
-(a) How far the least objective for each bound u lies above the least of all: for the paper's
-estimator in its own unit (rad and rad² mixed), for the likelihood in nats. (b) The scale α that
-goes with each bound, and the level α·sqrt(u² − ⟨‖J⁻¹‖²⟩) of the noise, ⟨⟩ the mean over the motion
-weighted by the squared speed, both over their values at the best bound. Dots: the best of the
-bounds tried. Where α falls and the level hardly moves, it is the level alone that the data
-determine.
+(a) Least objective for each bound u less the least of all: in rad⁴ for the estimate by moments, for
+the paper's estimator in its own unit (rad and rad² mixed), for the likelihood in nats. (b) The
+scale α that goes with each bound, and the level α·sqrt(u² − ⟨‖J⁻¹‖²⟩) of the noise, ⟨⟩ the mean
+over the motion weighted by the squared speed, both over their values at the best bound. Dots: the
+best of the bounds tried. Where α falls and the level hardly moves, it is the level alone that the
+data determine. Where the best bound is the last one tried, û is unbounded.
 """
 
 from __future__ import annotations

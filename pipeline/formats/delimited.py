@@ -97,12 +97,16 @@ def numbers_of(
     width = rows[0].count(separator)
     for row, number in zip(rows, line_numbers, strict=True):
         if row.count(separator) != width:
-            cells = row.count(separator) + 1
-            raise RecordingError(
-                f"the row has {cells} cells where the first has {width + 1}: truncated or damaged",
-                file=file,
-                line=number,
+            # a separator within quotes separates nothing
+            held, first = (
+                len(cells_of(line, separator, file=file, number=number)) for line in (row, rows[0])
             )
+            if held != first:
+                raise RecordingError(
+                    f"the row has {held} cells where the first has {first}: truncated or damaged",
+                    file=file,
+                    line=number,
+                )
     try:
         table = pd.read_csv(
             io.StringIO("\n".join(rows)),

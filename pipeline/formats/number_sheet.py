@@ -1,85 +1,224 @@
-"""A table of numbers as any program writes it: header or none, one of several separators, decimal
-point or comma.
+"""A table of numbers as any program writes it: settings, title and labels or none above the rows;
+comma, semicolon, tab or blanks between cells; decimal point or comma; columns of words beside.
+
+The last line says how many cells a row has. The rows begin at the first line whose cells hold
+numbers wherever the last lines do; everything above is the header, its last row the labels.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.formats.delimited import MISSING, NUMBER, cells_of, numbers_of, read_text
+from pipeline.formats.delimited import MISSING, NUMBER, Text, cells_of, numbers_of, read_text
 from pipeline.formats.format import Format, Head, Kind
-from pipeline.formats.labels import bare
+from pipeline.formats.units import is_unit
 
-SPACE = " "  # as a separator: any run of blanks
+SPACE = " "  # as a separator: any number of blanks
 SEPARATORS = (",", ";", "\t", SPACE)
-HALF = 0.5  # of a line's cells are numbers: a row, even where others are damaged or hold words
+SAMPLED = 40  # last lines that tell columns of numbers from others
+HALF = 0.5  # of these lines hold a number in a column of numbers
+DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
+UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")  # a label and, in brackets, its unit
+
+# exports of motion capture that look like tables: how they begin, their name, what to export
+NEXUS = r'\s*"?(Trajectories|Joints|Segments|Model Outputs?|Devices|Events|Analog EMG)"?[\s,;]*\n'
+FOREIGN = (
+    (re.compile(r"PathFileType\b"), "TRC (OpenSim, Cortex)", "export C3D from the same program"),
+    (re.compile(r"NO_OF_FRAMES\b"), "TSV of Qualisys Track Manager", "export C3D from QTM"),
+    (
+        re.compile(NEXUS + r"[\s,;]*\d+(\.\d+)?[\s,;]*\n", re.IGNORECASE),
+        "ASCII export of Vicon Nexus",
+        "export C3D from Nexus",
+    ),
+)
+
+
+def bare(label: str) -> str:
+    """Return the label without a unit in brackets behind it."""
+    return UNIT.fullmatch(label)[1] if unit_of(label) else label
+
+
+def unit_of(label: str) -> str | None:
+    """Return the unit in brackets behind a label, None where there is none; an index, as in
+    ``q[0]`` or ``q(1)``, is no unit.
+    """
+    match = UNIT.fullmatch(label)
+    return match[2] if match and not re.fullmatch(r"\s*\d*\s*", match[2]) else None
+
+
+def foreign(text: str) -> tuple[str, str] | None:
+    """Return the name of the known format that ``text`` begins like and that is no table, and what
+    to export instead.
+    """
+    return next(((name, advice) for mark, name, advice in FOREIGN if mark.match(text)), None)
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """The lines above the first number, and the rows of numbers below them with their places in the
-    file.
-    """
+    """Rows of numbers, and the lines above them."""
 
     file: Path
     header: list[str]
     header_lines: list[int]
     rows: list[str]
-    lines: list[int]  # (N,) from 1
+    lines: list[int]  # (N,) places of the rows in the file, from 1
     separator: str
     decimal: str
     # blank_rows; cut_rows: a last row that is short or has no line end, which is left out
     counts: dict[str, int]
+    numeric: list[int] = field(default_factory=list)  # columns of numbers, from 0
+
+    @cached_property
+    def last(self) -> list[str]:
+        """Cells of the last row."""
+        return self._cells(self.rows[-1], self.lines[-1])
 
     @property
     def width(self) -> int:
-        """Cells of the first row."""
-        return self.rows[0].count(self.separator) + 1
+        """Cells of a row, without those that are empty behind the last one with a label."""
+        named = len(self._labels[0])
+        filled = max(self.numeric, default=-1) + 1
+        return max(named, filled) if named or filled else len(self.last)
+
+    @property
+    def labels(self) -> list[str]:
+        """(width,) label of each column; empty where no line above the rows labels them."""
+        return self._labels[0]
+
+    @property
+    def label_line(self) -> int:
+        """Line of the labels, else of the first row."""
+        return self._labels[1] or self.lines[0]
+
+    @cached_property
+    def _labels(self) -> tuple[list[str], int, list[str]]:
+        """Labels, their line and the cells below them that state units."""
+        units: list[str] = []
+        for index in reversed(range(len(self.header))):
+            # settings have no column under them
+            cells = [cell for cell in self.header_cells(index) if "=" not in cell]
+            if not any(re.search(r"\w", cell) for cell in cells):
+                continue
+            if not units and index and len(cells) > 1 and all(map(is_unit, filter(None, cells))):
+                units = cells
+                continue
+            filled = len(_stripped(cells))
+            enough = max(self.numeric, default=-1) < filled <= len(self.last)
+            labels = (cells + [""] * len(self.last))[: max(filled, self._filled)]
+            if enough and (filled > 1 or len(self.last) == 1):
+                return labels, self.header_lines[index], units
+        return [], 0, units
+
+    @cached_property
+    def _filled(self) -> int:
+        return len(_stripped(self.last))
+
+    @property
+    def settings(self) -> dict[str, str]:
+        """What the header states as ``name = value`` in a cell or ``name: value`` in a line."""
+        cells = [cell for n in range(len(self.header)) for cell in self.header_cells(n)]
+        lines = [line.strip().strip('"') for line in self.header if ":" in line]
+        stated = [cell.partition("=") for cell in cells if "=" in cell]
+        stated += [line.partition(":") for line in lines if "=" not in line]
+        return {name.strip(): value.strip() for name, _, value in stated}
+
+    @property
+    def angle_unit(self) -> str | None:
+        """The unit of all angles, where a setting of OpenSim states it."""
+        return {"yes": "deg", "no": "rad"}.get(self.settings.get("inDegrees", "").lower())
+
+    def words(self, column: int) -> list[str]:
+        """Return (N,) the cells of a column as they are written; empty where a row has too few."""
+        held = zip(self.rows, self.lines, strict=True)
+        return [(self._cells(row, line)[column : column + 1] or [""])[0] for row, line in held]
+
+    def unit(self, column: int) -> str | None:
+        """Return the unit that the header states for a ``column``, behind its label or below it."""
+        labels, _, below = self._labels
+        behind = unit_of(labels[column]) if column < len(labels) else None
+        return behind or (below[column].strip("()[] ") if column < len(below) else None) or None
+
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Columns that hold no numbers, by label or number, and what they hold instead."""
+        named = {}
+        for column in sorted(set(range(max(len(self.labels), self._filled))) - set(self.numeric)):
+            cell = self.last[column] if column < len(self.last) else ""
+            label = self.labels[column] if column < len(self.labels) else ""
+            empty = cell in MISSING
+            what = "dates or times" if DATE.search(cell) else "nothing" if empty else "words"
+            named[label or str(column)] = what
+        return named
 
     def header_cells(self, index: int) -> list[str]:
-        """The cells of a line of the header, without the mark of a comment before them."""
+        """Return the cells of a line of the header, without the mark of a comment before them."""
         line = self.header[index].lstrip("#% ")
-        return cells_of(line, self.separator, file=self.file, number=self.header_lines[index])
+        return self._cells(line, self.header_lines[index])
 
-    def label_row(self, names: list[str]) -> int:
-        """Index of the header's line that holds all of ``names``, exactly or before a unit in
-        brackets.
+    def _cells(self, line: str, number: int) -> list[str]:
+        return cells_of(line, self.separator, file=self.file, number=number)
 
-        Raises RecordingError with what there is where no line holds them.
+    def columns(self, wanted: Mapping[str, str | int], key: str) -> dict[str, int]:
+        """Return the column of each quantity, which ``wanted`` names by a label, with or without
+        its unit, or by a number from 0.
+
+        Raises RecordingError with the ``key`` of the option for a label that is not there or there
+        twice, a number beyond the rows, and rows that lack a column of their labels.
         """
-        for index in range(len(self.header)):
+        self.require_cells()
+        columns = {}
+        for quantity, name in wanted.items():
+            fits = [c for c, label in enumerate(self.labels) if name in (label, bare(label))]
+            if isinstance(name, int):
+                fits = [name] if 0 <= name < len(self.last) else []
+                problem = f"{quantity} is column {name} (from 0) of rows of {self.width} cells"
+            else:
+                self._require_labels(name)
+                there = ", ".join(self.labels) or "; ".join(self.header)[:300] or "nothing"
+                problem = (
+                    f"{len(fits)} columns are labelled {name!r} for {quantity}; the labels above "
+                    f"the numbers are {there}. A number from 0 names a column too"
+                )
+            if len(fits) != 1:
+                raise RecordingError(problem, file=self.file, line=self.label_line, key=key)
+            columns[quantity] = fits[0]
+        return columns
+
+    def _require_labels(self, name: str) -> None:
+        """Raise RecordingError where the line that holds the label ``name`` has too few labels."""
+        for index in range(len(self.header) if not self.labels else 0):
             cells = self.header_cells(index)
-            if not set(names) - {*cells, *map(bare, cells)}:
-                return index
-        shown = "; ".join(self.header) or "nothing"
-        raise RecordingError(
-            f"no line above the numbers names {', '.join(names)}; there is {shown[:300]}",
-            file=self.file,
-            line=1,
-        )
+            if name in (*cells, *map(bare, cells)):
+                raise RecordingError(
+                    f"the row has {len(self.last)} cells under {len(cells)} labels",
+                    file=self.file,
+                    line=self.lines[0],
+                )
 
     def require_cells(self) -> None:
-        """RecordingError where the line above the rows labels more columns than these have: which
-        of them is missing, nobody can tell.
+        """Raise RecordingError where the last line of the header labels more columns than the rows
+        have: nobody can say which column is missing.
         """
         cells = self.header_cells(len(self.header) - 1) if self.header else []
         labels = [cell for cell in cells if cell and "=" not in cell]  # settings have no column
-        if len(labels) > self.width:
+        if len(labels) > len(self.last):
             raise RecordingError(
-                f"the row has {self.width} cells under {len(labels)} labels, the last of which is "
-                f"{labels[-1]!r}: a column is missing; export the log again",
+                f"the row has {len(self.last)} cells under {len(labels)} labels, the last of which "
+                f"is {labels[-1]!r}: a column is missing; export the log again",
                 file=self.file,
                 line=self.lines[0],
             )
 
     def values(self, columns: list[int]) -> np.ndarray:
-        """(N, len(columns)) the numbers of the columns, 0 being the first; RecordingError with the
-        line for a cell that is none.
+        """Return (N, len(columns)) the numbers of the columns, 0 being the first; RecordingError
+        with the line for a cell that is none.
         """
         return numbers_of(
             self.rows,
@@ -94,13 +233,13 @@ class Sheet:
 def read_sheet(
     file: Path, *, separator: str | None = None, decimal: str | None = None, key: str
 ) -> Sheet:
-    """The table in ``file``, split by ``separator`` (comma, semicolon, tab or blanks) with the
-    given ``decimal`` mark, or as found.
+    """Return the table in ``file``, split by ``separator`` (comma, semicolon, tab or blank) with
+    the given ``decimal`` mark, or as found.
 
-    Found means: the rows allow one reading alone. Raises RecordingError that names the options
-    below ``key`` where they do not: points and commas in one table, or whole numbers between commas
-    under no header, which may be halves of decimal fractions. Raises ConfigError for options that
-    are no separator or mark.
+    Raises RecordingError for a known format that is no table, for lines that are neither header nor
+    rows, and, naming the options below ``key``, for rows that can be read in two ways: points and
+    commas in one table, or whole numbers between commas under no header, which may be halves of
+    decimal fractions. Raises ConfigError for options that are no separator or mark.
     """
     if (
         separator not in (None, *SEPARATORS)
@@ -112,53 +251,48 @@ def read_sheet(
             "semicolon, tab, blank, and another of point, comma"
         )
         raise ConfigError(message, key=key)
-    text = read_text(file)
+    return _sheet(read_text(file), Path(file), separator, decimal, key)
+
+
+def _sheet(text: Text, file: Path, separator: str | None, decimal: str | None, key: str) -> Sheet:
+    if other := foreign("\n".join(text.lines[:3]) + "\n"):
+        raise RecordingError(f"this is a {other[0]}, which is not read: {other[1]}", file=file)
     places = [number for number, line in enumerate(text.lines, start=1) if line.strip(' \t,;"')]
     counts = {"blank_rows": len(text.lines) - len(places), "cut_rows": int(text.cut is not None)}
     if not places:
         raise RecordingError("the log holds no whole line; record again", file=file)
-    mark = separator or _separator(text.lines[places[-1] - 1])
     lines = [text.lines[place - 1] for place in places]
-    top = next(
-        (index for index, line in enumerate(lines) if _numbers_in(line, mark) >= HALF), len(lines)
-    )
-    rows, row_lines = lines[top:], places[top:]
-    for line, place in zip(lines[:top], places, strict=False):
-        if rows and _cells(line, mark) == _cells(rows[0], mark) and _numbers_in(line, mark):
-            raise RecordingError(
-                f"words and numbers in one line: a damaged row, or labels? {line[:80]!r}",
-                file=file,
-                line=place,
-            )
-        if any(_cells(line, other) > 2 and _numbers_in(line, other) == 1 for other in SEPARATORS):
-            raise RecordingError(
-                f"numbers in another form than below: {line[:80]!r}", file=file, line=place, key=key
-            )
+    # a last line without any number is a remark below the rows
+    whole = next((line for line in lines[:-4:-1] if re.search(r"\d", line)), lines[-1])
+    mark = separator or _separator(whole)
     if mark == SPACE:
-        lines, rows, mark = (
-            ["\t".join(line.lstrip("#%").split()) for line in lines],
-            ["\t".join(row.split()) for row in rows],
-            "\t",
-        )
-    if len(rows) > 1 and rows[-1].count(mark) < rows[0].count(mark):
-        rows, row_lines = rows[:-1], row_lines[:-1]
+        mark, lines = "\t", ["\t".join(line.lstrip("#%").split()) for line in lines]
+    split = [_split(line, mark) for line in lines[-SAMPLED:]]
+    before = [len(cells) for cells in split[-3:-1]]
+    if len({*before}) == 1 and len(split[-1]) < before[0] and _numbers(split[-2]):
+        lines, places, split = lines[:-1], places[:-1], split[:-1]
         counts["cut_rows"] += 1
-    sheet = Sheet(
-        Path(file), lines[:top], places[:top], rows, row_lines, mark, decimal or ".", counts
+    width, numeric = len(split[-1]), _numeric(split)
+    top = next(
+        (i for i, line in enumerate(lines) if numeric and _is_row(line, mark, width, numeric)),
+        len(lines),
     )
-    if decimal is not None or not rows:
+    if top + 1 < len(lines) and _counts_on(_split(lines[top], mark)):
+        top += 1  # labels that are numbers, as pandas writes them
+    rows, header = lines[top:], lines[:top]
+    sheet = Sheet(file, header, places[:top], rows, places[top:], mark, ".", counts, numeric)
+    if not rows:
         return sheet
-    chosen = _decimal(rows, row_lines, mark, file, key)
-    if chosen is None and mark == "," and separator is None and sheet.width > 1:
-        if not any(len(sheet.header_cells(index)) >= sheet.width for index in range(top)):
-            message = (
-                "whole numbers between commas, or decimal commas? Set separator and "
-                "decimal, or save it with semicolons"
-            )
-            raise RecordingError(message, file=file, line=row_lines[0], key=key)
-    return Sheet(
-        Path(file), lines[:top], places[:top], rows, row_lines, mark, chosen or ".", counts
-    )
+    _require_header(sheet, key)
+    chosen = decimal or _decimal(sheet, key)
+    if chosen is None and mark == "," and separator is None and width > 1 and not sheet.labels:
+        sheet.require_cells()
+        message = (
+            "whole numbers between commas, or decimal commas? Set separator and "
+            "decimal, or save it with semicolons"
+        )
+        raise RecordingError(message, file=file, line=places[top], key=key)
+    return replace(sheet, decimal=chosen or ".")
 
 
 def _separator(line: str) -> str:
@@ -171,54 +305,132 @@ def _separator(line: str) -> str:
         piece.startswith(",") or piece.endswith(",") for piece in pieces
     )
     # a date and a time have a blank between them too
-    numbers = _numbers_in(line, SPACE) >= HALF or "," not in line
+    numbers = _numbers(pieces) >= HALF * len(pieces) or "," not in line
     return SPACE if spaced and numbers and '"' not in line else ","
 
 
-def _cells(line: str, separator: str) -> int:
-    return len(line.split() if separator == SPACE else line.split(separator))
+def _split(line: str, mark: str) -> list[str]:
+    """The cells of a line, roughly: quotes that do not close are the reader's to refuse."""
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(mark)]
+    try:
+        return cells_of(line, mark, file=Path(), number=0)
+    except RecordingError:
+        return [cell.strip().strip('"') for cell in line.split(mark)]
 
 
-def _numbers_in(line: str, separator: str) -> float:
-    """The share of numbers among the cells with content."""
-    cells = line.split() if separator == SPACE else line.split(separator)
-    full = [cell for cell in (cell.strip().strip('"').strip() for cell in cells) if cell]
-    return sum(
-        NUMBER.fullmatch(cell.replace(",", ".")) is not None or cell in MISSING for cell in full
-    ) / max(len(full), 1)
+def _stripped(cells: list[str]) -> list[str]:
+    """The cells up to the last one with content."""
+    return cells[: max((n for n, cell in enumerate(cells, start=1) if cell), default=0)]
 
 
-def _decimal(rows: list[str], lines: list[int], separator: str, file: Path, key: str) -> str | None:
-    """The decimal mark of the rows, None where they hold none; RecordingError at the first row with
-    the other one.
+def _is_number(cell: str) -> bool:
+    return NUMBER.fullmatch(cell.replace(",", ".")) is not None
+
+
+def _numbers(cells: list[str]) -> int:
+    return sum(map(_is_number, cells))
+
+
+def _numeric(split: list[list[str]]) -> list[int]:
+    """The columns that hold numbers in at least half of the last lines that are as wide as the last
+    one, from the last line up to one that holds none.
     """
-    if separator == ",":
+    alike = []
+    for cells in reversed(split):
+        if len(cells) == len(split[-1]):
+            if not any(_is_number(cell) or cell in MISSING[1:] for cell in cells):
+                break
+            alike.append(cells)
+    shares = [sum(map(_is_number, column)) / len(alike) for column in zip(*alike, strict=True)]
+    return [column for column, share in enumerate(shares) if share >= HALF]
+
+
+def _is_row(line: str, mark: str, width: int, numeric: list[int]) -> bool:
+    cells = _split(line, mark)
+    held = [cells[column] for column in numeric] if len(cells) == width else []
+    return _numbers(held) > 0 and all(_is_number(cell) or cell in MISSING for cell in held)
+
+
+def _counts_on(cells: list[str]) -> bool:
+    """Whether cells are labels that are numbers: nothing or a word, then whole numbers by one."""
+    if len(cells) < 3 or _is_number(cells[0]):
+        return False
+    numbers = [int(cell) for cell in cells[1:] if re.fullmatch(r"\d{1,4}", cell)]
+    return numbers == [*range(numbers[0], numbers[0] + len(cells) - 1)] if numbers else False
+
+
+def _require_header(sheet: Sheet, key: str) -> None:
+    """Raise RecordingError for a line of the header that is a damaged row, or one of another
+    form.
+    """
+    for line, place in zip(sheet.header, sheet.header_lines, strict=True):
+        for other in SEPARATORS:
+            cells = line.split() if other == SPACE else _split(line, other)
+            filled = [cell for cell in cells if cell]
+            if len(filled) > 2 and _numbers(filled) == len(filled) and not _counts_on(cells):
+                raise RecordingError(
+                    f"numbers in another form than below, or a row that is damaged: {line[:80]!r}",
+                    file=sheet.file,
+                    line=place,
+                    key=key,
+                )
+    if not sheet.header:
+        return
+    cells = _split(sheet.header[-1].lstrip("#% "), sheet.separator)
+    numbers = sum(_is_number(cells[column]) for column in sheet.numeric if column < len(cells))
+    if (
+        numbers
+        and (len(cells) == len(sheet.last) or numbers == len(cells))
+        and not _counts_on(cells)
+    ):
+        raise RecordingError(
+            f"words and numbers in one line: a damaged row, or labels? {sheet.header[-1][:80]!r}",
+            file=sheet.file,
+            line=sheet.header_lines[-1],
+        )
+
+
+def _decimal(sheet: Sheet, key: str) -> str | None:
+    """The decimal mark of the columns of numbers, None where they hold none; RecordingError at the
+    first row with the other one.
+    """
+    mark, rows = sheet.separator, sheet.rows
+    if mark == ",":
         return "." if any("." in row for row in rows) else None
+    held = [sign for sign in ".," if any(sign in row for row in rows)]
+    if len(held) < 2:
+        return held[0] if held else None
     proven = None
-    for row, line in zip(rows, lines, strict=True):
-        for mark in ".,":
-            if mark in row:
-                if proven not in (None, mark):
+    for row, line in zip(rows, sheet.lines, strict=True):
+        cells = _split(row, mark)
+        numbers = "".join(cells[column] for column in sheet.numeric if column < len(cells))
+        for sign in ".,":
+            if sign in numbers:
+                if proven not in (None, sign):
                     message = (
                         "decimal points and decimal commas in one table; mend it, or "
                         "set decimal where one mark is not a decimal"
                     )
-                    raise RecordingError(message, file=file, line=line, key=key)
-                proven = mark
+                    raise RecordingError(message, file=sheet.file, line=line, key=key)
+                proven = sign
     return proven
 
 
 def _begins(head: Head) -> bool:
-    """Whether most of the last lines hold nothing but numbers, two or more of them."""
-    lines = [
-        line for line in head.lines[:-1] or head.lines if not line.lstrip().startswith(("#", "%"))
-    ][-20:]
-    rows = [re.findall(r"[^\s,;]+", line.replace('"', " ")) for line in lines]
-    numeric = [
-        len(row) > 1 and all(NUMBER.fullmatch(cell) or cell.lower() == "nan" for cell in row)
-        for row in rows
-    ]
-    return sum(numeric) > len(lines) / 2
+    """Whether the reader finds rows in the whole lines of the beginning, or refuses them by an
+    option or a line.
+    """
+    if head.text is None or not head.lines or foreign(head.text):
+        return False
+    *lines, last = head.text.split("\n")
+    try:
+        sheet = _sheet(Text(lines or [last], None), head.file, None, None, "")
+    except RecordingError as error:
+        return "key" in error.evidence or "line" in error.evidence
+    if len(sheet.rows) < 2:
+        return bool(sheet.rows) and bool(sheet.labels) and len(sheet.numeric) == sheet.width
+    return bool(sheet.labels) or len(sheet.numeric) >= min(2, len(sheet.last))
 
 
 FORMAT = Format("table of numbers", Kind.TABLE, read_sheet, _begins, fallback=True)

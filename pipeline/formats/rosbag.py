@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-import re
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from rosbags.highlevel import AnyReader
+import apsw
+from backports.zstd import ZstdError
+from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.interfaces import Connection
-from rosbags.typesys import Stores, get_typestore
+from rosbags.rosbag1 import ReaderError as BagError
+from rosbags.rosbag2 import ReaderError as FolderError
+from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from pipeline.core.bounds import read_whole
 from pipeline.core.errors import RecordingError
-from pipeline.core.typed_yaml import require_bounded
 from pipeline.formats.bag_path import SUFFIXES
 from pipeline.formats.format import Format, Head, Kind
-from pipeline.formats.rosbag_chunks import DAMAGE, unfold_message
 
 MARKS = (b"#ROSBAG V", b"\x89MCAP0")
+# what rosbags and the storages under it raise for bytes that are not what they should be
+DAMAGE = (AnyReaderError, BagError, FolderError, TypesysError, ZstdError, apsw.Error, struct.error)
+DAMAGE += (OSError, EOFError, ValueError, LookupError, TypeError, AttributeError, AssertionError)
+DAMAGE += (RuntimeError, MemoryError, OverflowError)
 
 
 def topics(file: Path) -> dict[str, str]:
@@ -96,9 +102,9 @@ def messages(file: Path, topic: str) -> Iterator[object]:
     one (and its compressed chunk).
 
     A message has the attributes of its ROS definition; ``seconds(message)`` is its time. Raises
-    RecordingError for a bag that is missing, truncated, damaged, unindexed, or compressed as a
-    whole file, with a chunk or message that unfolds into more than the bound of
-    :mod:`pipeline.formats.rosbag_chunks`, and for fewer messages than it announces.
+    RecordingError for a bag that is missing, truncated, damaged or unindexed, and for fewer
+    messages than it announces. Chunks, messages and files that are compressed (bz2, lz4, zstd) are
+    read as others; :mod:`pipeline.core.compute.sandbox` bounds the time and memory it takes.
     """
     with _opened(file) as reader:
         connections = [connection for connection in reader.connections if connection.topic == topic]
@@ -135,16 +141,10 @@ def seconds(message: object, **evidence: object) -> float:
 
 
 def _deserialised(reader: AnyReader, connections: list[Connection], file: Path) -> Iterator[object]:
-    (inner,) = reader.readers
-    singly = reader.is2 and inner.compression_mode == "message"
-    # then rosbags unfolds messages of any size: here they are unfolded below, up to the bound
-    if singly:
-        inner.storage.metadata = inner.storage.metadata._replace(compression_mode=None)
     number, stream = 0, reader.messages(connections)
     while True:
         try:
             connection, _, raw = next(stream)
-            raw = unfold_message(raw) if singly else raw
             message = reader.deserialize(raw, connection.msgtype)
         except StopIteration:
             return
@@ -159,14 +159,8 @@ def _opened(file: Path) -> Iterator[AnyReader]:
     file = Path(file)
     metadata = file / "metadata.yaml"
     try:
-        described = read_whole(metadata) if metadata.is_file() else b""
-        require_bounded(described)
-        if re.search(rb"(?i)compression_mode:\s*[\"']?file", described):
-            raise RecordingError(
-                "the bag is compressed as a whole file, whose size nothing bounds; decompress it "
-                "first",
-                file=file,
-            )
+        if metadata.is_file():
+            read_whole(metadata)  # refused beyond the bounds
         # SQLite may fill up what a file lacks
         if cut := [each.name for each in file.glob("*.db3") if _is_cut(each)]:
             raise ValueError(f"{', '.join(cut)} is cut short")

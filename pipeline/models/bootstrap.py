@@ -3,10 +3,10 @@
 
 The takes are independent of each other, the steps of a take are not: noise lasts from one step to
 the next, and each measured pose is in two of them. So whole takes are drawn with replacement, and
-the estimator is applied to each such resampling anew, the measurement noise, the weights and the
-bounds that it derives from the recordings included. Only where a single fit takes too long for
-that, as under the likelihood of the Wishart model, are the likelihoods of the takes resampled in
-place of the takes: the measurement noise is then held fixed at that of all takes.
+the estimator is applied to each such resampling. Estimates by moments are computed anew from sums
+over the takes. Under a likelihood the likelihoods of the takes are resampled, and under the convex
+problem the perturbations of their steps: the measurement noise and the weights that follow from it
+are then held fixed at those of all takes. Every other estimator is applied anew.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from pipeline.models.options import Options
 from pipeline.models.steps import Estimate, Recorded
 
 TAILS = (0.025, 0.975)
+LEAST_TAKES = 10  # for a 95 % interval: resamplings of fewer repeat each other
 
 Estimator = Callable[[np.ndarray], dict[str, float]]  # numbers of the takes → estimates by name
 
@@ -42,7 +43,7 @@ def resampled_estimator(recorded: Recorded, options: Options, found: Estimate) -
     """The estimates of ``options`` from any of the takes of ``recorded``; ``found`` is the estimate
     from all of them.
     """
-    return kinds.resampled(options, found) or partial(_anew, recorded, options)
+    return found.from_takes or partial(_anew, recorded, options)
 
 
 def _anew(recorded: Recorded, options: Options, takes: np.ndarray) -> dict[str, float]:

@@ -2,16 +2,15 @@
 
 A folder holds ``options.py`` with ``Options``, the type of its option file; ``law.py`` with the
 model's class and ``build(parameters)``; and ``fit.py`` with ``estimate(recorded, options)`` and
-``truths(recorded, options, dispersions)``. Where a fit takes too long to be repeated on resampled
-takes, ``fit.py`` has ``resampled(found)`` too, the estimates from any takes once ``found`` from
-all; ``examination.py``, where there is one, tells of a fit what no parameter does. Nothing of a
-kind is imported before it is asked for.
+``truths(recorded, options, dispersions)``, and ``compared(options)`` where the stage fit estimates
+its parameters in several ways; ``examination.py``, where there is one, adds tables and numbers that
+are no parameters. Nothing of a kind is imported before it is needed.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -19,7 +18,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import pipeline.models
-from pipeline.core.errors import ConfigError, ContractError
+from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,6 +27,9 @@ if TYPE_CHECKING:
     from pipeline.models.model import MotionModel
     from pipeline.models.options import Options
     from pipeline.models.steps import Estimate, Recorded, Truth
+
+
+NO_MODEL = "reason"  # in place of parameters: why the recordings give none
 
 
 def kinds() -> list[str]:
@@ -59,12 +61,13 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
     return _fit(options.kind).estimate(recorded, options)
 
 
-def resampled(options: Options, found: Estimate) -> Callable[[Any], dict[str, float]] | None:
-    """A quick way from the numbers of some takes to their estimates, where the model has one;
-    ``found`` is the estimate from all takes.
+def compared(options: Options) -> dict[str, Options]:
+    """Options of the estimates that the stage fit writes beside the chosen one, by the pattern of
+    their names, ``{}`` standing for the parameter: every estimator of a matrix model, and of the
+    Wishart model the control decomposition.
     """
-    hook = getattr(_fit(options.kind), "resampled", None)
-    return None if hook is None else hook(found)
+    hook = getattr(_fit(options.kind), "compared", None)
+    return {} if hook is None else hook(options)
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
@@ -78,11 +81,13 @@ def build_model(parameters: Any) -> MotionModel:
     """The model with these ``parameters``: its kind and, in plain values, what a fit found.
 
     Raises ContractError where they are none of a motion model, ModelDomainError where they are
-    outside the model's range.
+    outside the model's range, and, with its reason, where the fit found no model.
     """
     kind = parameters.get("kind") if isinstance(parameters, dict) else None
     if kind not in kinds():
         raise ContractError("not the parameters of a motion model; run the stage fit again")
+    if NO_MODEL in parameters:
+        raise ModelDomainError(str(parameters[NO_MODEL]))
     try:
         return import_module(f"pipeline.models.{kind}.law").build(parameters)
     except (KeyError, TypeError, ValueError) as error:
@@ -108,20 +113,32 @@ def fitted_model(folder: Path) -> MotionModel:
         raise ContractError(error.message, file=file) from None
 
 
+def fitted_models(names: Iterable[str], folder: Path, stage: str) -> dict[str, MotionModel]:
+    """The models of these ``names`` in ``folder``; one without a fit is left out, and its reason
+    printed as a line of the ``stage``.
+    """
+    models = {}
+    for name in names:
+        try:
+            models[name] = fitted_model(folder / name)
+        except ModelDomainError as error:
+            print(f"{stage}: {name} is left out: {error.message}")
+    return models
+
+
 def examined(
     recorded: Recorded,
     options: Options,
-    estimate: Estimate,
+    estimate: Estimate | None,
     checks: int,
     rng: np.random.Generator,
 ) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
-    """What the kind's ``examination.py``, where it has one, tells of an ``estimate`` beyond its
-    parameters: numbers, and tables by name.
+    """Numbers and tables beside an ``estimate``, by the kind's ``examination.py`` where it has one.
 
     Args:
         recorded: the steps that were fitted.
         options: of the model.
-        estimate: from all takes.
+        estimate: from all takes; None where they give none.
         checks: how many convex problems to solve as printed, where there are any.
         rng: chooses them.
     """

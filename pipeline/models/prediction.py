@@ -13,7 +13,6 @@ from pipeline.core.errors import ModelDomainError, SingularJacobianError
 from pipeline.models.draws import draw_steps
 from pipeline.models.kinds import estimate
 from pipeline.models.model import MotionModel
-from pipeline.models.norm import frobenius
 from pipeline.models.options import Options
 from pipeline.models.steps import Recorded
 from pipeline.statistics.scores import (
@@ -36,7 +35,7 @@ def score_take(
     seed: int,
 ) -> tuple[Steps, dict[str, str]]:
     """The scores of the steps of one take under a fitted model, or, where there are options of one,
-    under their fit to the other takes, and why some are missing.
+    under their fit to the other takes, and why some are missing; no scores without such a fit.
 
     Args:
         trial: name of the model, number of the take.
@@ -49,7 +48,10 @@ def score_take(
     model, (take, poses) = models[name], takes[number]
     if isinstance(model, Options):
         recorded = recorded.subset(np.delete(np.arange(len(recorded.q)), number))
-        model = estimate(recorded, model).model
+        try:
+            model = estimate(recorded, model).model
+        except ModelDomainError as error:
+            return {}, {"fit to the other takes": error.message}
     stream = rng.stream(seed, f"evaluate.{name}", number)
     try:
         return score_steps(model, recorded, poses, stream)
@@ -146,23 +148,6 @@ def _energy(
 def _standardised(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     with np.errstate(divide="ignore", invalid="ignore"):  # where takes of encoders are all alike
         return error / np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
-
-
-def groups_of_steps(recorded: Recorded, poses: np.ndarray) -> Mapping[str, np.ndarray]:
-    """Groups of steps by name, each (M,) bool: all, those that were commanded to move, and thirds
-    of these by how near the arm comes to a singular pose.
-
-    ``poses`` (takes, M+1, n) in rad; the measure is ‖J(q)⁻¹‖_F, its mean over the takes.
-    """
-    moving = np.any(recorded.v, axis=-1)
-    inverse = recorded.chain.inverse_jacobian(poses[:, :-1])
-    norms = frobenius(inverse).mean(axis=0)
-    groups = {"all": np.ones_like(moving), "moving": moving}
-    ends = np.quantile(norms[moving], [0, 1 / 3, 2 / 3, 1])
-    for name, low, high in zip(("least", "middle", "greatest"), ends, ends[1:], strict=False):
-        third = moving & (low <= norms) & ((norms < high) | (high == ends[-1]))
-        groups[f"moving, {name} third of ‖J⁻¹‖: {low:.3g} to {high:.3g}"] = third
-    return groups
 
 
 def groups_by_speed(recorded: Recorded, rate: float) -> Mapping[str, np.ndarray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -56,7 +57,10 @@ class Estimate:
     parameters: dict[str, Any]
     estimates: dict[str, float]  # by name and unit: what a standard error can be given to
     diagnostics: dict[str, float]  # how the estimate came about
-    details: Any = None  # the fit itself, where more than its parameters is asked of it
+    details: Any = None  # the fit itself, where more than its parameters is needed
+    # numbers of the takes → the estimates of these takes, where that is quicker than another fit
+    from_takes: Callable[[np.ndarray], dict[str, float]] | None = None
+    undetermined: tuple[str, ...] = ()  # estimates at an end of their search, without an interval
 
     @property
     def model(self) -> MotionModel:

@@ -1,5 +1,5 @@
-"""The articulation of the arm in point clouds by least squares, frame by frame: where each search
-starts, gaps, and an arm that was lost.
+"""Joint angles of the arm in a depth camera's points by least squares, Eq. (KinObj), frame by
+frame: where each search starts, gaps, and an arm that was lost.
 
 Node O1 is fixed; O2 and O3 are found (:mod:`pipeline.perception.articulation_search`), and EE comes
 from the desired trajectory or is found too (:mod:`pipeline.perception.articulation_end`).
@@ -11,8 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.arm.model import Arm
+from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError, RecordingError, SolverError
 from pipeline.core.options.analysis import Articulation as Chosen
 from pipeline.perception.articulation_end import ENDS, INFEASIBLE
@@ -184,3 +187,43 @@ def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.nd
     return np.concatenate(
         [np.stack([o2, o2 + along * towards + side, ends], axis=1) for side in (aside, -aside)]
     )
+
+
+NODES = ("2", "3", "e")
+
+
+def articulate_rows(
+    rows: pd.DataFrame,
+    clouds: Sequence[np.ndarray],
+    arm: Arm,
+    joints: Sequence[str],
+    trajectory: pd.DataFrame,
+    options: ArticulationOptions,
+    start: np.ndarray,
+) -> pd.DataFrame:
+    """Rows of the table ``angles`` of one take; frames without enough points of the arm are left
+    out.
+
+    Args:
+        rows: the take's rows of the table ``frames``.
+        clouds: of each of them the arm's points (I, 2), m in its plane.
+        arm: whose chain is fitted.
+        joints: names of its joints.
+        trajectory: the table; EE is where it is commanded to be at the frames' times.
+        options: of the articulation.
+        start: (3,) rad, nominal pose of the first frame.
+    """
+    ee = [np.interp(rows["t"], trajectory["t"], trajectory[f"x:{row}"]) for row in ("x", "z")]
+    origin, take = arm.chain.origin, rows["take"].iloc[0]
+    fitted = fit_sequence(
+        clouds, origin, np.stack(ee, axis=-1), arm.chain, options, start, take=take
+    )
+    nodes = {
+        f"{axis}{name}": fitted.nodes[:, node, i]
+        for node, name in enumerate(NODES, 1)
+        for i, axis in enumerate("xz")
+    }
+    table = rows[["take", "part", "frame", "t"]].assign(
+        **spread("q", joints, fitted.q), **nodes, points=fitted.points, objective=fitted.objective
+    )
+    return table[np.isfinite(fitted.objective)]

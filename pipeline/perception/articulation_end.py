@@ -25,7 +25,6 @@ INFEASIBLE = 1e3
 STEP = 0.02  # m; first extent of the simplex: how far a node moves between frames at 30 Hz
 # 1/m; a variable that moves by STEP takes a length from its nominal value to its bound
 STRETCH = np.pi / 2 / STEP
-COMMANDED, FITTED = range(2)  # ends
 
 
 class End(NamedTuple):
@@ -33,7 +32,6 @@ class End(NamedTuple):
     O3 and EE are.
     """
 
-    number: int  # of :func:`objective`
     variables: Callable[[Frame, np.ndarray], np.ndarray]  # frame, nodes (3, 2) → v
     nodes: Callable[[Frame, np.ndarray], np.ndarray]  # frame, v → nodes (3, 2)
     # of each of the runs of the simplex its first extent, and that at which it has ended, m
@@ -78,12 +76,6 @@ def at_fitted(frame: Frame, v: np.ndarray) -> float:
 
 
 @inner
-def objective(end: int, frame: Frame, v: np.ndarray) -> float:
-    """Value in m that ranks the pose of the variables ``v`` of the ``end`` of this number."""
-    return at_commanded(frame, v) if end == COMMANDED else at_fitted(frame, v)
-
-
-@inner
 def _beyond(
     start: tuple[float, float], short: float, long: float, stretch: float, arc: float
 ) -> tuple[float, float]:
@@ -93,6 +85,14 @@ def _beyond(
     sine, cosine = sine_cosine(arc / middle)
     length = middle + half * stretched
     return start[0] + length * sine, start[1] + length * cosine
+
+
+@inner
+def rank(frame: Frame, v: np.ndarray) -> float:
+    """Value, m, by which a search ranks the pose ``v`` of either end; the fitted end has five
+    variables, the commanded one four.
+    """
+    return at_fitted(frame, v) if v.size == 5 else at_commanded(frame, v)
 
 
 def _fitted_variables(frame: Frame, nodes: np.ndarray) -> np.ndarray:
@@ -122,13 +122,11 @@ def _middle_and_half(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
 # the last digit to be worth its evaluations.
 ENDS = {
     "commanded": End(
-        COMMANDED,
         _commanded_variables,
         _commanded_nodes,
         ((STEP, 1e-3), (-STEP / 2, 1e-5)),
     ),
     "fitted": End(
-        FITTED,
         _fitted_variables,
         _fitted_nodes,
         ((2 * STEP, 4e-3), (-2 * STEP, 4e-3), (STEP, 1e-4)),

@@ -14,12 +14,7 @@ from pipeline.core.compiled import inner
 
 
 class Frame(NamedTuple):
-    """The I points of one frame, what is given of its pose, and room for what an evaluation finds
-    of every point.
-
-    Room is made once for a frame: compiled code that asks for memory takes longer to compile, and
-    longer at every evaluation.
-    """
+    """The I points of one frame, what is given of its pose, and buffers of an evaluation."""
 
     points: np.ndarray  # (2, I) x and z, m
     o1: np.ndarray  # (2,) m

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.core.compiled import compiled, inner
-from pipeline.perception.articulation_end import End, objective
+from pipeline.perception.articulation_end import End, rank
 from pipeline.perception.articulation_objective import Frame
 
 MAX_STEPS = 2000
@@ -69,7 +69,6 @@ def _order(corners: np.ndarray, values: np.ndarray) -> None:
 
 @compiled
 def _simplex(
-    end: int,
     frame: Frame,
     step: float,
     extent: float,
@@ -83,7 +82,7 @@ def _simplex(
     ``extent`` in every variable; whether it came to that.
 
     It begins at ``corners[0]`` of ``corners`` (n+1, n), and leaves the best there and its value in
-    ``values[0]`` of ``values`` (n+1,); the other arrays (n,) are scratch. The values do not decide
+    ``values[0]`` of ``values`` (n+1,); the other arrays (n,) are buffers. The values do not decide
     when to end: across a jump of the objective they never meet.
     """
     n = values.size - 1
@@ -94,7 +93,7 @@ def _simplex(
     unknown = 0  # the first corner without a value
     for _ in range(MAX_STEPS):
         for i in range(unknown, n + 1):
-            values[i] = objective(end, frame, corners[i])
+            values[i] = rank(frame, corners[i])
         unknown = n + 1
         _order(corners, values)
         if _extent(corners) <= extent:
@@ -102,7 +101,7 @@ def _simplex(
         at_worst = values[n]
         _mean(corners, middle)
         _place(reflected, middle, worst, -1.0)
-        at_reflected = objective(end, frame, reflected)
+        at_reflected = rank(frame, reflected)
         best, outside = at_reflected < values[0], at_reflected < at_worst
         if not best and at_reflected < values[n - 1]:
             _copy(worst, reflected)
@@ -110,7 +109,7 @@ def _simplex(
             continue
         # expanded beyond the best, or contracted from what is hardly better than the worst
         _place(tried, middle, worst, -2.0 if best else (-0.5 if outside else 0.5))
-        at_tried = objective(end, frame, tried)
+        at_tried = rank(frame, tried)
         if at_tried < at_reflected and at_tried < at_worst:
             _copy(worst, tried)
             values[n] = at_tried
@@ -133,8 +132,8 @@ def fit_frame(frame: Frame, end: End, start: np.ndarray) -> tuple[np.ndarray, fl
     """
     first = end.variables(frame, start)
     n = first.size
-    corners, values, scratch = np.empty((n + 1, n)), np.empty(n + 1), np.empty((3, n))
+    corners, values, buffers = np.empty((n + 1, n)), np.empty(n + 1), np.empty((3, n))
     corners[0], ended = first, False
     for step, extent in end.runs:
-        ended = _simplex(end.number, frame, step, extent, corners, values, *scratch)
+        ended = _simplex(frame, step, extent, corners, values, *buffers)
     return end.nodes(frame, corners[0]), float(values[0]), ended

@@ -9,13 +9,13 @@ import numpy as np
 
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.formats.depth.open3d_library import load_open3d
 
 # until undistorted pixels are exact to about 1e-9 of the focal length; OpenCV's own default stops
 # after five steps
 UNDISTORTION = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
-# m, points of a cloud in touching cells of this side are connected: wider than clouds are thinned
-# to
-PATCH_CELL = 0.02
+LINK = 0.03  # m; points of a cloud so near are of one cluster: wider than clouds are thinned to
+NEIGHBOURS = 4  # points within LINK that a point on a surface has at least, itself included
 
 
 @dataclass(frozen=True)
@@ -137,10 +137,11 @@ class ArmSegmenter:
 
 class CloudSegmenter:
     """Cuts the arm out of point clouds: the rules of :class:`ArmSegmenter` where there are no
-    pixels.
+    pixels, by Open3D.
 
     ``rotation`` (3, 3) and ``translation`` (3,) m: pose of the clouds' frame in the arm's base
-    frame.
+    frame. Of Open3D only what decides by comparing distances is used (crop, radius outliers,
+    DBSCAN): its sums over many points, as in the statistical outliers, depend on their order.
     """
 
     def __init__(self, arm: Arm, rotation: np.ndarray, translation: np.ndarray, crop: Crop) -> None:
@@ -155,30 +156,36 @@ class CloudSegmenter:
         """Points (I, 2) of the arm (x, z in the plane, m) in the order of the ``cloud`` (N, 3) m,
         and those left out, by reason.
 
-        Reasons as of :class:`ArmSegmenter`, but ``isolated`` are patches of too few points,
-        connected through cells of the plane.
+        Reasons as of :class:`ArmSegmenter`, but ``isolated`` are points with fewer than
+        ``NEIGHBOURS`` others within ``LINK``, and clusters of too few points, linked within it.
         """
-        from scipy.ndimage import label
-
-        crop, origin = self.crop, self.arm.chain.origin
+        open3d = load_open3d()
+        crop, origin, dropped = self.crop, self.arm.chain.origin, {}
         plane = self.arm.to_plane(cloud @ self.rotation.T + self.translation)
-        points, dropped = plane[:, [0, 2]], {}
+        points = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(plane))
 
-        def keep(chosen: np.ndarray, reason: str) -> None:
+        def keep(chosen: open3d.geometry.PointCloud, reason: str) -> None:
             nonlocal points
-            dropped[reason] = int(len(points) - np.count_nonzero(chosen))
-            points = points[chosen]
+            lost = len(points.points) - len(chosen.points)
+            dropped[reason] = dropped.get(reason, 0) + lost
+            points = chosen
 
-        keep(np.abs(plane[:, 1]) <= crop.half_depth, "off_plane")
-        keep(_in_reach(*points.T, origin, self.reach), "out_of_reach")
-        keep(_above_base(*points.T, origin, crop), "base")
-        cells = tuple(np.floor((points - origin + self.reach) / PATCH_CELL).astype(int).T)
-        occupied = np.zeros((int(2 * self.reach / PATCH_CELL) + 1,) * 2, dtype=bool)
-        occupied[cells] = True
-        patch = label(occupied, np.ones((3, 3)))[0][cells]
-        keep(np.bincount(patch)[patch] >= crop.min_pixels, "isolated")
-        dropped["thinned"] = max(0, len(points) - crop.max_points)
-        return _thinned(points, crop), dropped
+        def among(mask: np.ndarray) -> open3d.geometry.PointCloud:
+            return points.select_by_index(np.flatnonzero(mask))
+
+        def in_plane() -> np.ndarray:
+            return np.asarray(points.points)[:, [0, 2]]
+
+        slab = np.array([np.inf, crop.half_depth, np.inf])
+        keep(points.crop(open3d.geometry.AxisAlignedBoundingBox(-slab, slab)), "off_plane")
+        keep(among(_in_reach(*in_plane().T, origin, self.reach)), "out_of_reach")
+        keep(among(_above_base(*in_plane().T, origin, crop)), "base")
+        keep(points.remove_radius_outlier(NEIGHBOURS, LINK)[0], "isolated")
+        cluster = np.asarray(points.cluster_dbscan(LINK, 1), dtype=int)
+        keep(among(np.bincount(cluster)[cluster] >= crop.min_pixels), "isolated")
+        found = in_plane()
+        dropped["thinned"] = max(0, len(found) - crop.max_points)
+        return _thinned(found, crop), dropped
 
 
 def _patches(pixels: np.ndarray, width: int) -> np.ndarray:

@@ -17,7 +17,6 @@ from pipeline.planning.settle import settle
 POINTS = 200  # of the grid, at a step
 SPACINGS = 1.5  # that the slowest joint can move from one stage of the search to the next
 WAYS, APART = 3, 0.5  # through a grid that are refined, and the rad that sets two of them apart
-CLOUDS, CROWD = 2, 5  # with two spare degrees or more: grids, and by how much larger each is
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,15 +31,14 @@ class Planned:
 
 
 def least_uncertain(problem: Problem, cost: Cost, points: int = POINTS) -> Planned:
-    """The motion of least Σ ``cost`` + smoothness·Σ‖w_k‖², w_k = (I − J⁺J)-part of the step k.
+    """Return the motion of least Σ ``cost`` + smoothness·Σ‖w_k‖², w_k the null-space part of step.
 
     By dynamic programming over a grid of ``points`` at a step, which is globally optimal to the
     grid; then locally (:mod:`.refine`), from the best way through the grid and the best that are
     apart from it, as the grid may hold a better motion worse than another. With m = n the grid is
     the whole set of motions, and the search decides the branch. Its stages are the steps of the
     path, or so many of them together that a joint can move from one point of the grid to the next;
-    the costs of all steps count, each at the pose of the nearest stage. With two spare degrees or
-    more it runs on clouds, and the best of all is taken: a local optimum.
+    the costs of all steps count, each at the pose of the nearest stage.
 
     Eq. (least-uncertain-path), of the trace of its sum or what else is a number, and with the
     self-motion free that its constraint leaves out.
@@ -50,19 +48,24 @@ def least_uncertain(problem: Problem, cost: Cost, points: int = POINTS) -> Plann
     """
     if points < 1:
         raise ConfigError(f"a grid needs points, not {points}", key="points")
-    best, failed = None, None
-    clouds, size = (CLOUDS, CROWD * points) if problem.spare > 1 else (1, points)
-    for number in range(clouds):
+    if problem.spare > 1:
+        raise ConfigError(
+            f"the arm has {problem.spare} joints more than the task has rows; plan with one more "
+            "at most: name more rows in dataset.robot.task",
+            key="dataset.robot.task",
+        )
+    spacing = spacing_of(problem, points)
+    steps = stages(problem, spacing, SPACINGS)
+    ways = on_stages(problem, cost, grid(problem, steps, spacing))
+    planned, failed = [], []
+    for way, _ in ways if problem.spare > 0 else ways[:1]:
         try:
-            planned = _on_grid(problem, cost, size, number * size)
+            planned.append(_filled_in(problem, cost, _unwound(problem, way), steps, ways[0][1]))
         except InfeasibleError as error:
-            failed = failed or error
-            continue
-        if best is None or planned.objective < best.objective:
-            best = planned
-    if best is None:
-        raise failed
-    return best
+            failed.append(error)
+    if not planned:
+        raise failed[0]
+    return min(planned, key=lambda motion: motion.objective)
 
 
 def best_conditioned(problem: Problem, points: int = POINTS) -> Planned:
@@ -141,22 +144,6 @@ def on_stages(problem: Problem, cost: Cost, chosen: Grid) -> list[tuple[np.ndarr
             way = poses[np.arange(len(steps)), way_to(last, before)]
             ways.append((way, float(total[-1, last])))
     return ways
-
-
-def _on_grid(problem: Problem, cost: Cost, points: int, first: int) -> Planned:
-    """The best of one grid, refined."""
-    spacing = spacing_of(problem, points)
-    steps = stages(problem, spacing, SPACINGS)
-    ways = on_stages(problem, cost, grid(problem, steps, spacing, points, first))
-    planned, failed = [], []
-    for way, _ in ways if problem.spare > 0 else ways[:1]:
-        try:
-            planned.append(_filled_in(problem, cost, _unwound(problem, way), steps, ways[0][1]))
-        except InfeasibleError as error:
-            failed.append(error)
-    if not planned:
-        raise failed[0]
-    return min(planned, key=lambda motion: motion.objective)
 
 
 def _filled_in(

@@ -6,9 +6,7 @@ followed along the null space of J, each point brought back to the path by Newto
 its points lie a spacing apart wherever it turns. Starting points come from Newton's method begun at
 spread poses (a Halton sequence within the limits); every solution that no curve passes begins
 another, so that all branches that any start leads to are covered, whole turns taken off. With as
-many joints as rows the curves are points. With more spare joints the grid is a cloud: the solutions
-of the starts at the first step, carried along the path by least-norm steps, and begun anew where
-one is lost.
+many joints as rows the curves are points.
 
 A curve is followed through the limits and the margin, and cut there last: what lies beyond is
 dropped and does not part a branch.
@@ -26,7 +24,6 @@ from pipeline.planning.settle import inverses, length_of, settle
 
 STARTS, ALL = 32, 256  # poses at which Newton's method begins, a step; where those find nothing
 ROUNDS, CORRECTIONS = 40, 6  # of Newton's method, from a start and along a curve
-RETRIES = 15  # of it from a start that comes for a lost one
 COARSE = 0.25  # rad, the spacing at which the length of the curves is taken
 SAME = 1e-4  # rad, between two solutions that are one
 LONGEST, PILOTS = 4000, 5  # points of a curve; steps at which its length is taken
@@ -40,16 +37,14 @@ class Grid:
     poses: list[np.ndarray]
 
 
-def starts(chain: Chain, count: int, first: int = 0) -> np.ndarray:
-    """(count, n) poses spread within the joint limits, a turn where a joint has none; ``first`` of
-    the sequence are passed over.
-    """
+def starts(chain: Chain, count: int) -> np.ndarray:
+    """(count, n) poses spread within the joint limits, a turn where a joint has none."""
     from scipy.stats.qmc import Halton
 
     unbounded = ~np.isfinite(chain.upper - chain.lower)
     low = np.where(unbounded, -np.pi, chain.lower)
     high = np.where(unbounded, np.pi, chain.upper)
-    sequence = Halton(len(low), scramble=False).fast_forward(first + 1)
+    sequence = Halton(len(low), scramble=False).fast_forward(1)
     return low + (high - low) * sequence.random(count)
 
 
@@ -69,21 +64,18 @@ def spacing_of(problem: Problem, points: int) -> float:
     """The spacing in rad at which the curves within limits and margin have ``points`` points at
     the step of a few where they are longest.
     """
-    if problem.spare != 1:
+    if problem.spare == 0:
         return 0.0
     pilots = np.unique(np.linspace(0, len(problem.steps), PILOTS).round().astype(int))
     most = max(len(poses) for poses in curves(problem, pilots, COARSE))
     return COARSE * max(most, 1) / points
 
 
-def grid(problem: Problem, steps: np.ndarray, spacing: float, points: int, first: int = 0) -> Grid:
-    """The grid at the ``steps`` (S,): of the whole curves at the ``spacing`` in rad, with two spare
-    degrees or more a cloud of ``points``, whose starts come behind ``first`` others.
+def grid(problem: Problem, steps: np.ndarray, spacing: float) -> Grid:
+    """Return the grid at the ``steps`` (S,), of the whole curves at the ``spacing`` in rad.
 
     Raises InfeasibleError with the first step of the path that has no pose, and why.
     """
-    if problem.spare > 1:
-        return Grid(steps, cloud(problem, steps, points, first))
     poses = curves(problem, steps, spacing)
     for s, solutions in enumerate(poses):
         if len(solutions) == 0:
@@ -123,36 +115,6 @@ def curves(
     return _kept(
         problem, [np.concatenate([solutions[s, :0], *each]) for s, each in enumerate(passed)]
     )
-
-
-def cloud(problem: Problem, steps: np.ndarray, points: int, first: int) -> list[np.ndarray]:
-    """For each of ``steps`` (S,) up to ``points`` poses (G, n) in rad, carried along the path."""
-    chain, fresh, at, kept = problem.chain, first, int(steps[0]), []
-    q, alive = np.empty((points, len(chain.lower))), np.zeros(points, dtype=bool)
-    for step in steps:
-        for k in range(at, step):
-            lanes = np.flatnonzero(alive)
-            guess = q[lanes] + _least_norm(problem, q[lanes], k)
-            targets = np.broadcast_to(problem.path[k + 1], (len(lanes), problem.path.shape[1]))
-            q[lanes], reached = settle(chain, guess, targets, CORRECTIONS)
-            alive[lanes] = reached & chain.within_limits(q[lanes]) & problem.clear(q[lanes])
-        at = step
-        lost, some = np.flatnonzero(~alive), alive.any()
-        tried = starts(chain, len(lost) if some else max(len(lost), ALL), fresh)
-        targets = np.broadcast_to(problem.path[step], (len(tried), problem.path.shape[1]))
-        anew, reached = settle(chain, tried, targets, RETRIES if some else ROUNDS)
-        anew, fresh = problem.nearest_turns(anew[reached]), fresh + len(tried)
-        anew = anew[chain.within_limits(anew) & problem.clear(anew)][: len(lost)]
-        q[lost[: len(anew)]], alive[lost[: len(anew)]] = anew, True
-        if not alive.any():
-            raise _no_pose(problem, int(step))
-        kept.append(q[alive].copy())
-    return kept
-
-
-def _least_norm(problem: Problem, q: np.ndarray, k: int) -> np.ndarray:
-    """(P, n) J⁺v_k at ``q`` (P, n)."""
-    return np.matvec(problem.chain.inverse_jacobian(q), problem.steps[k])
 
 
 def _solutions(problem: Problem, steps: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -13,9 +13,9 @@ import pandas as pd
 
 from pipeline.arm.commanded import task_coordinates
 from pipeline.arm.interface import Chain
+from pipeline.core.angles import whole_turns
 from pipeline.core.columns import columns, members, values
 from pipeline.core.errors import RecordingError
-from pipeline.formats.joints.log import whole_turns
 from pipeline.recordings.pairing import missed
 
 MOST = 0.25  # of the motion, by which either may be missed: far above any arm's uncertainty

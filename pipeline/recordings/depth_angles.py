@@ -13,8 +13,7 @@ from pipeline.core.columns import columns
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.options.analysis import Compute
 from pipeline.core.options.dataset import Robot
-from pipeline.perception.articulation import ArticulationOptions
-from pipeline.perception.depth_angles import articulate_rows
+from pipeline.perception.articulation import ArticulationOptions, articulate_rows
 from pipeline.recordings.depth_points import arm_points
 
 MOTION, DEPTH, TRACK = Path("data/ingest/motion"), Path("data/ingest/depth"), Path("data/track")

@@ -10,6 +10,7 @@ import pandas as pd
 
 from pipeline.arm.model import Arm
 from pipeline.core.options.depth_camera import Depth
+from pipeline.formats.depth.index import dropped_frames
 from pipeline.recordings.depth_points import write_points
 from pipeline.recordings.depth_sequence import DepthSequence
 from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
@@ -41,7 +42,7 @@ def frame_rows(
     )[~frozen]
     rows = rows.assign(points=[len(points) for points in kept], x=centroid[:, 0], z=centroid[:, 1])
     write_points(kept, take, folder)
-    dropped = int(np.sum(np.rint(np.diff(sequence.time) * depth.rate) - 1))
+    dropped = dropped_frames(sequence.time)
     counts = {"dropped_frames": dropped, "frozen_frames": frozen.sum()} | sequence.counts
     quality = [quality_row(take, "test", DEPTH_CAMERA, key, value) for key, value in counts.items()]
     share = dropped / (dropped + len(frames))

@@ -16,7 +16,7 @@ import numpy as np
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.depth_camera import Depth
-from pipeline.formats.depth.cloud import PointCloud, is_cloud, read_cloud
+from pipeline.formats.depth.cloud import UNTURNED, PointCloud, is_cloud, read_cloud
 from pipeline.formats.depth.encoding import Encoding, metres
 from pipeline.formats.depth.image import RawDepth, read_depth
 from pipeline.formats.depth.index import numbered_frames, read_index
@@ -37,8 +37,9 @@ Measured = tuple[np.ndarray, float]
 class FileFrames:
     """Images or point clouds in the folder ``path`` below ``raw``.
 
-    Raises RecordingError for an index or a calibration that cannot be read, a frame outside
-    ``raw``, and a take of images and clouds.
+    ``counts`` of clouds grow as they are read: ``surplus_bytes`` behind the points, and
+    ``unapplied_viewpoints``. Raises RecordingError for an index or a calibration that cannot be
+    read, a frame outside ``raw``, and a take of images and clouds.
     """
 
     def __init__(self, path: Path, depth: Depth, raw: Path) -> None:
@@ -71,7 +72,13 @@ class FileFrames:
         for frame in frames:
             file = self._files[frame]
             if self.camera is None:
-                yield _cloud(read_cloud(file), self._encoding)
+                cloud = read_cloud(file)
+                for name, number in cloud.counts.items():
+                    self.counts[name] = self.counts.get(name, 0) + number
+                if cloud.viewpoint != UNTURNED:
+                    name = "unapplied_viewpoints"
+                    self.counts[name] = self.counts.get(name, 0) + 1
+                yield _cloud(cloud, self._encoding)
             else:
                 raw = read_depth(file, shape=(self.camera.height, self.camera.width))
                 yield _image(raw, self._encoding, file=file)

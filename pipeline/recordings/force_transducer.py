@@ -12,7 +12,7 @@ from pipeline.core.options.force import Force
 from pipeline.formats import force as force_formats
 from pipeline.formats.force.calibration import read_calibration
 from pipeline.formats.force.faults import sound_samples
-from pipeline.formats.force.record import LogOptions, full_scale
+from pipeline.formats.force.record import ForceLogOptions, full_scale
 from pipeline.formats.format import Format, Kind, formats_in
 from pipeline.recordings.quality import quality_row
 from pipeline.recordings.tare import remove_bias
@@ -29,7 +29,7 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
     """
     log, file = force.log, raw / force.configurations[name].file
     calibration = read_calibration(raw / log.calibration) if log.calibration is not None else None
-    options = LogOptions(
+    options = ForceLogOptions(
         columns=log.columns,
         separator=log.separator,
         decimal=log.decimal,

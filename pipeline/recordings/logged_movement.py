@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.core.angles import TURN, apart, turns_apart, whole_turns
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.logs import SIGNALS, JointLog
 from pipeline.formats.bag_path import is_bag
-from pipeline.formats.joints.log import TURN, LogOptions, apart, turns_apart, whole_turns
+from pipeline.formats.joints.log import LogOptions
 from pipeline.recordings.movement import read_movement
 from pipeline.recordings.pairing import delayed, require_pair
 from pipeline.recordings.repetitions import REACH, commanded_speeds, stretch

@@ -12,8 +12,8 @@ import numpy as np
 
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
+from pipeline.core.angles import TURN, apart, turns_apart
 from pipeline.core.options.dataset import Robot
-from pipeline.formats.joints.log import TURN, apart, turns_apart
 from pipeline.recordings.disturbances import disturbances
 from pipeline.recordings.logged_movement import LoggedMovement
 from pipeline.recordings.repetitions import (

@@ -62,8 +62,8 @@ def delayed(actual: np.ndarray, target: np.ndarray, rows: int) -> tuple[np.ndarr
 
 
 def missed(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """(n,) by what share of its motion each joint misses its command: what nine in ten of the rows
-    of ``actual`` and ``target`` (N, n) in rad keep to, of those at which the command moves or of
+    """(n,) tracking error of each joint divided by its motion: the 0.9 quantile over the rows of
+    ``actual`` and ``target`` (N, n) in rad, of those at which the command moves or of
     those at which it rests, whichever is more. A joint that hardly moves is held against a tenth of
     the farthest one's motion, and any against STILL at least.
     """
@@ -117,7 +117,8 @@ def require_pair(
     if missing[worst] > limit:
         fault = (
             f"{joints[worst]} misses its command by {missing[worst]:.2g} of its motion (or of a "
-            f"tenth of the farthest joint's), more than {limit:g} (mismatch)"
+            f"tenth of the farthest joint's; 0.9 quantile over the rows), more than {limit:g} "
+            "(mismatch)"
         )
     elif abs(late := lag(target, actual, rate)) > LATEST:  # of a command at rest there is none
         fault = f"the arm is {late:.2g} s behind its command, more than {LATEST:g}"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.formats.joints.log import apart
+from pipeline.core.angles import apart
 
 # rad: a command that moves no joint farther is the controller taking over, not a motion; ends this
 # near are the same

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.core import config
+from pipeline.core import config, contracts
 from pipeline.figures.drawing import draw_all
 
-OUT = Path("reports/figures")
+SCORE, OUT = Path("data/score"), Path("reports/figures")
 DRAWN = 3  # models in the paper's figures: more lines than these cannot be told apart
 
 
@@ -15,8 +15,12 @@ def run() -> None:
     """Draw every figure whose tables the dataset has into ``reports/figures``."""
     settings = config.sections("figures")
     robot, force = settings.dataset.robot, settings.dataset.force
+    models = list(settings.models)
+    if contracts.exists("deviation", SCORE):  # of the models that have a fit
+        fitted = set(contracts.read("deviation", SCORE)["source"])
+        models = [model for model in models if model in fitted]
     options = {
-        "models": list(settings.models)[:DRAWN],
+        "models": models[:DRAWN],
         "joints": robot.joints if robot else [],
         "mode": settings.simulation.mode,
         "configurations": force.configurations if force else {},

@@ -20,7 +20,7 @@ from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.models.closed_loop import FOLDER, fitted_closed_loop, mean_path
 from pipeline.models.commands import Commands, open_loop
-from pipeline.models.kinds import fitted_model
+from pipeline.models.kinds import fitted_models
 from pipeline.models.model import MotionModel
 from pipeline.recordings.steps import training_steps
 
@@ -40,7 +40,9 @@ def run(model: str) -> None:
         if takes := list(enumerate(measured_takes(settings.dataset))):
             rate = settings.dataset.motion.rate
             recorded = training_steps(robot, settings.dataset.motion)
-            loops = {"": (fitted_model(FIT / model), open_loop(recorded.v))}
+            loops = {}
+            if fitted := fitted_models([model], FIT, "filter"):
+                loops[""] = (fitted[model], open_loop(recorded.v))
             closed = fitted_closed_loop(FIT / model)
             if closed is not None:
                 loops[FOLDER] = (closed[0], mean_path(recorded).commands(closed[1]))

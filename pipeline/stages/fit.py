@@ -17,6 +17,7 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import kinds
 from pipeline.models.bootstrap import (
+    LEAST_TAKES,
     Estimator,
     joint_covariance,
     replicate,
@@ -33,6 +34,7 @@ from pipeline.recordings.steps import training_steps
 
 MOTION, TRACK, OUT = Path("data/ingest/motion"), Path("data/track"), Path("data/fit")
 METRICS, COVARIANCE = Path("reports/metrics"), "covariance.json"
+OF_EACH = ("u_unbounded",)  # diagnostics that are written of every estimator
 NORMAL = (-1.96, 1.96)  # standard errors to the ends of a 95 % interval
 
 
@@ -48,28 +50,80 @@ def run(model: str) -> None:
         return
     options, checks = vars(settings.models)[model], settings.scale.convex_checks
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-    estimate = kinds.estimate(recorded, options)
-    replicates = _replicates(model, recorded, estimate, options, settings)
-    spread_metrics = _standard_errors(replicates)
+    estimate, reason = _estimate(recorded, options, model=True)
     stream = rng.stream(settings.seed, f"fit.{model}")
     looked_at, tables = kinds.examined(recorded, options, estimate, checks, stream)
-    likelihood = _likelihood(recorded, estimate)
-    metrics = estimate.estimates | spread_metrics | estimate.diagnostics | likelihood | looked_at
-    closed, refused = closed_loop_of(recorded, options, estimate)
-    if refused:
-        print(f"fit: {model} has no closed loop: {refused}")
+    metrics, replicates = {"takes": len(recorded.q)}, []
+    if estimate is not None:
+        replicates = _replicates(model, recorded, estimate, options, settings)
+        metrics |= estimate.estimates | _uncertainty(estimate, replicates, len(recorded.q))
+        metrics |= estimate.diagnostics
+    metrics = _compared(model, recorded, options, estimate, settings) | metrics
+    metrics |= _likelihood(recorded, estimate) | looked_at
+    realised = {}
     with contracts.replacing(OUT / model) as folder:
         for name, table in tables.items():
             contracts.write(table, name, folder)
-        _write_parameters(estimate.parameters, folder)
         names, covariance = joint_covariance(replicates)
         _write_json({"estimates": names, "covariance": covariance}, folder / COVARIANCE)
-        if closed is not None:
-            _write_parameters(closed.estimate.parameters | {SHARE: closed.share}, folder / FOLDER)
-            metrics |= _closed_loop_metrics(closed, settings.dataset.motion.rate)
-        realised = _realise(model, estimate.model, recorded, settings, folder)
+        if estimate is None:
+            print(f"fit: no model {model}: {reason}")
+            _write_parameters({"kind": options.kind, kinds.NO_MODEL: reason}, folder)
+        else:
+            _write_parameters(estimate.parameters, folder)
+            metrics |= _write_closed_loop(model, recorded, options, estimate, settings, folder)
+            realised = _realise(model, estimate.model, recorded, settings, folder)
     contracts.write_metrics(metrics, METRICS / f"fit_{model}.json")
     contracts.write_metrics(realised, METRICS / f"simulate_{model}.json")
+
+
+def _estimate(
+    recorded: Recorded, options: Options, *, model: bool = False
+) -> tuple[Estimate | None, str]:
+    """The estimate of ``options``, or why the recordings give none, or none that is a ``model``."""
+    try:
+        found = kinds.estimate(recorded, options)
+        if model:
+            _ = found.model
+        return found, ""
+    except ModelDomainError as error:
+        return None, str(error)
+
+
+def _compared(
+    model: str, recorded: Recorded, options: Options, estimate: Estimate | None, settings
+) -> dict[str, float]:
+    """The estimates of every estimator with their uncertainty, and the numbers of their fits; one
+    that is refused is left out, and its reason printed.
+    """
+    metrics = {}
+    for pattern, each in kinds.compared(options).items():
+        own, reason = (estimate, "") if each == options else _estimate(recorded, each)
+        if own is None:
+            print(f"fit: {model}: no {pattern.format('estimate')}: {reason}")
+            continue
+        replicates = _replicates(model, recorded, own, each, settings)
+        known = own.estimates | _uncertainty(own, replicates, len(recorded.q), counts=False)
+        known |= {name: own.diagnostics[name] for name in OF_EACH if name in own.diagnostics}
+        if pattern.startswith("{}"):  # of the control its estimates alone
+            metrics |= own.diagnostics
+        for name, value in known.items():
+            stem = next(base for base in (*own.estimates, *OF_EACH) if name.startswith(base))
+            metrics[pattern.format(stem) + name.removeprefix(stem)] = value
+    return metrics
+
+
+def _write_closed_loop(
+    model: str, recorded: Recorded, options: Options, estimate: Estimate, settings, folder: Path
+) -> dict[str, float]:
+    """Fit the closed loop, write its parameters below ``folder`` and return its numbers."""
+    closed, refused = closed_loop_of(recorded, options, estimate)
+    if refused:
+        print(f"fit: {model} has no closed loop: {refused}")
+    if closed is None:
+        return {}
+    _write_parameters(closed.estimate.parameters | {SHARE: closed.share}, folder / FOLDER)
+    return _closed_loop_metrics(closed, settings.dataset.motion.rate)
 
 
 def _write_parameters(parameters: dict[str, object], folder: Path) -> None:
@@ -99,7 +153,7 @@ def _closed_loop_metrics(closed: ClosedLoopFit, rate: float) -> dict[str, float]
 def _replicates(
     model: str, recorded: Recorded, estimate: Estimate, options: Options, settings
 ) -> list[dict[str, float] | None]:
-    """The estimates from resamplings of the takes."""
+    """The estimates from resamplings of the takes, the same takes for every estimator."""
     trial = partial(
         _replicate,
         estimator=resampled_estimator(recorded, options, estimate),
@@ -107,6 +161,8 @@ def _replicates(
         stream=(settings.seed, f"fit.{model}.bootstrap"),
     )
     numbers, label = range(settings.scale.bootstrap_replicates), f"fit {model}: resamplings"
+    if estimate.from_takes is not None:  # too quick for workers
+        return [trial(number) for number in numbers]
     return list(run_trials(trial, numbers, compute=settings.compute, label=label))
 
 
@@ -116,20 +172,31 @@ def _replicate(
     return replicate(estimator, takes, rng.stream(*stream, number))
 
 
-def _standard_errors(replicates: list[dict[str, float] | None]) -> dict[str, float]:
-    """By the bootstrap over takes, with the ends of the 95 % interval of each estimate."""
+def _uncertainty(
+    estimate: Estimate,
+    replicates: list[dict[str, float] | None],
+    takes: int,
+    *,
+    counts: bool = True,
+) -> dict[str, float]:
+    """Standard errors by the bootstrap over takes, with the ends of 95 % intervals where there are
+    enough takes; neither of an estimate at an end of its search.
+    """
     by_name, lost = spreads(replicates)
     metrics = {}
     for name, values in by_name.items():
-        ends = {f"{name}_interval_low": values.low, f"{name}_interval_high": values.high}
-        metrics |= {f"{name}_standard_error": values.standard_error} | ends
-    return metrics | {
-        "bootstrap_replicates": len(replicates),
-        "bootstrap_replicates_without_an_estimate": lost,
-    }
+        if name in estimate.undetermined:
+            continue
+        metrics[f"{name}_standard_error"] = values.standard_error
+        if takes >= LEAST_TAKES:
+            metrics |= {f"{name}_interval_low": values.low, f"{name}_interval_high": values.high}
+    if counts:
+        metrics["bootstrap_replicates"] = len(replicates)
+        metrics["bootstrap_replicates_without_an_estimate"] = lost
+    return metrics
 
 
-def _likelihood(recorded: Recorded, estimate: Estimate) -> dict[str, float]:
+def _likelihood(recorded: Recorded, estimate: Estimate | None) -> dict[str, float]:
     """The measurement noise that is added to every step, and how likely the training takes are with
     it.
     """
@@ -139,8 +206,11 @@ def _likelihood(recorded: Recorded, estimate: Estimate) -> dict[str, float]:
         print(f"fit: no log-likelihood of the training takes: {error}")
         return {}
     names = [f"measurement_noise_std_{joint}_rad" for joint in recorded.joints]
+    measured = dict(zip(names, std, strict=True))
+    if estimate is None:
+        return measured
     likelihood = mean_log_likelihood(recorded, estimate.model)
-    return dict(zip(names, std, strict=True)) | {"log_likelihood_per_step_nat": likelihood}
+    return measured | {"log_likelihood_per_step_nat": likelihood}
 
 
 def _realise(

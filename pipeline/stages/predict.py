@@ -16,7 +16,7 @@ from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE
 from pipeline.filtering.alone import predicted_alone
 from pipeline.models.closed_loop import measured_poses
-from pipeline.models.kinds import estimate, fitted_model
+from pipeline.models.kinds import estimate, fitted_models
 from pipeline.models.prediction import Steps, groups_by_speed, normal_steps, score_take
 from pipeline.models.steps import Recorded
 from pipeline.recordings.ranges import fitted_ranges
@@ -24,7 +24,9 @@ from pipeline.recordings.steps import training_steps
 from pipeline.statistics.take_scores import compared, log_score_differences, prediction_scores
 
 TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")
-PLAIN = ("scaled", "scaled_full")  # models without a random matrix beside those of the run
+# beside the models of the run: those without a random matrix, and the control of the Wishart model
+BESIDE = ("scaled", "scaled_full")
+CONTROL = "wishart_qr_transposed"
 
 
 def run() -> None:
@@ -72,21 +74,29 @@ def _scored(settings, recorded: Recorded, pose: np.ndarray) -> dict[str, Steps]:
     test = joints[joints.part == "test"]
     names, q = contracts.stacked(joints if test.empty else test, "q")
     models = dict(settings.models)
-    models |= config.model_options([name for name in PLAIN if name not in models])
+    wishart = any(options.kind == "wishart" for options in models.values())
+    beside = (*BESIDE, CONTROL) if wishart else BESIDE
+    models |= config.model_options([name for name in beside if name not in models])
     training = measured_poses(recorded)
     if test.empty:
-        chosen = models
+        fitted = fitted_models(settings.models, FIT, "predict")
+        chosen = {
+            name: options
+            for name, options in models.items()
+            if name in fitted or name not in settings.models
+        }
         alone = [
             predicted_alone(np.delete(training, number, axis=0), poses, pose)
             for number, poses in enumerate(q)
         ]
     else:
-        chosen = {
-            name: fitted_model(FIT / name)
-            if name in settings.models
-            else estimate(recorded, options).model
-            for name, options in models.items()
-        }
+        chosen = fitted_models(settings.models, FIT, "predict")
+        for name in models.keys() - settings.models.keys():
+            try:
+                chosen[name] = estimate(recorded, models[name]).model
+            except ModelDomainError as error:
+                print(f"predict: {name} is left out: {error.message}")
+        chosen = {name: chosen[name] for name in models if name in chosen}
         together = predicted_alone(training, q, pose)
         alone = [
             {name: (error[number], covariance) for name, (error, covariance) in together.items()}
@@ -108,6 +118,8 @@ def _scored(settings, recorded: Recorded, pose: np.ndarray) -> dict[str, Steps]:
     ):
         scored.setdefault(model, []).append(steps)
         reasons.setdefault(model, {}).update(missing)
+    # without a fit to the other takes there is no score of a take, and none of the model
+    scored = {name: steps for name, steps in scored.items() if all(steps)}
     for name, missing in reasons.items():
         for what, reason in missing.items():
             print(f"predict: {name} gives no {what}: {reason}")

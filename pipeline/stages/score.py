@@ -18,18 +18,23 @@ from pipeline.core.filters import MEMORY, NONE, closed
 from pipeline.filtering.measured import measured_takes
 from pipeline.filtering.memory import memory_filter
 from pipeline.models.closed_loop import FOLDER
+from pipeline.models.kinds import fitted_model
+from pipeline.models.modelled_noise import modelled_noise
 from pipeline.models.noise import measurement_covariance, recorded_deviation, rest_covariance
 from pipeline.perception.depth_noise import errors_of
 from pipeline.perception.depth_state import deviations, error_slopes, slope_scores
 from pipeline.recordings import quality
 from pipeline.recordings.account import account
 from pipeline.recordings.commands import commanded_steps, constant_speed
+from pipeline.recordings.steps import training_steps
 from pipeline.recordings.truth import held_against, truth_of
 from pipeline.statistics.agreement import lag_one_correlation
 from pipeline.statistics.filters import Filtered, filter_tables, no_filter
+from pipeline.statistics.following import constant_noise_variation
 from pipeline.statistics.joint_scores import filter_metrics, sensor_scores, spread_scores
-from pipeline.statistics.resampling import resampled_differences, spread_quantities
+from pipeline.statistics.resampling import share_between
 from pipeline.statistics.scores import wrench_summary
+from pipeline.statistics.spread_tables import ModelledNoise, following_rows, spread_tables
 from pipeline.verdicts.run import Run
 
 FILES, INGEST, TRACK = Path("data/files"), Path("data/ingest"), Path("data/track")
@@ -40,6 +45,8 @@ DATASETS = Path("reports/datasets")
 # tables that the report shows as they are
 SHOWN = dict.fromkeys(("sigma_s", "force_moments", "force_test"), WRENCH) | {"readings": READINGS}
 SHOWN |= dict.fromkeys(("ranges", "predictions", "prediction_pairs"), Path("data/predict"))
+# share of the recorded variance that lies between recordings of one motion
+SHARE_BETWEEN = "recorded_share_of_variance_between_recordings"
 LONG = ("deviation",)  # a table that no verdict is read from
 
 
@@ -66,16 +73,20 @@ def run() -> None:
 def _score_robot(settings, folder: Path, tables: Path) -> dict[str, float]:
     """The motion, its models and filters; what was lost and repaired of the recordings."""
     models, names = list(settings.models), settings.dataset.robot.joints
+    models = [model for model in models if contracts.exists("moments", FIT / model)]
+    for model in settings.models.keys() - {*models}:
+        print(f"score: {model} is left out: the recordings give it no fit")
     joints = contracts.read("joints", TRACK)
     _score_motion(models, names, joints, settings, folder, tables)
     _score_filters(models, names, joints, settings, folder, tables)
-    ridges = [
-        contracts.read("ridge", FIT / model).assign(model=model)
-        for model in models
-        if contracts.exists("ridge", FIT / model)
-    ]
-    if ridges:
-        contracts.write(pd.concat(ridges, ignore_index=True), "ridges", folder)
+    for name, together in (("ridge", "ridges"), ("sigma_b_weights", "sigma_b_weights")):
+        tables_of = [
+            contracts.read(name, FIT / model).assign(model=model)
+            for model in settings.models
+            if contracts.exists(name, FIT / model)
+        ]
+        if tables_of:
+            contracts.write(pd.concat(tables_of, ignore_index=True), together, folder)
     takes = contracts.read("takes", TRACK)
     quality.side_by_side(takes).to_csv(tables / "takes.csv", index=False)
     files, counts = sorted(FILES.glob("*.csv")), contracts.read("quality", INGEST / "motion")
@@ -84,8 +95,10 @@ def _score_robot(settings, folder: Path, tables: Path) -> dict[str, float]:
 
 
 def _score_motion(models, names, joints, settings, folder: Path, tables: Path) -> None:
-    """Mean error and standard deviation over time of every model beside what was recorded."""
-    _, q = contracts.stacked(joints[joints.part == "training"], "q")
+    """Mean error and standard deviation over time of every model beside what was recorded; with
+    one-step realisations their comparison at the recorded level of noise.
+    """
+    takes, q = contracts.stacked(joints[joints.part == "training"], "q")
     _, noise = contracts.stacked(contracts.read("process_noise", TRACK), "w")
     mode = settings.simulation.mode
     rows, errors, std = [], {}, {"recorded": recorded_deviation(q, noise, mode)}
@@ -103,17 +116,44 @@ def _score_motion(models, names, joints, settings, folder: Path, tables: Path) -
     # at k = 0 nothing has moved yet
     std = {source: deviation[1:] for source, deviation in std.items()}
     errors = {model: error[1:] for model, error in errors.items()}
-    white = {
+    metrics = {
         f"recorded_lag_one_correlation_{name}": lag_one_correlation(noise[..., j])
         for j, name in enumerate(names)
     }
-    metrics = spread_scores(std, errors, names, constant_speed(q)) | white
-    contracts.write_metrics(metrics, METRICS / "motion.json")
+    stream = rng.stream(settings.seed, "score.constant_noise")
+    for name, limit in zip(names, constant_noise_variation(noise, stream), strict=True):
+        metrics[f"recorded_std_{name}_variation_of_constant_noise"] = limit
+    metrics["recorded_takes"] = len(noise)
+    metrics[SHARE_BETWEEN] = share_between(noise, [take.rpartition("_")[0] for take in takes])
+    steady = constant_speed(q)
     if mode == "one_step":
-        quantities = spread_quantities(std, noise, names)
-        stream = rng.stream(settings.seed, "score.spread")
-        table = resampled_differences(quantities, models, len(noise), stream)
-        table.to_csv(tables / "spread_comparison.csv", index=False)
+        modelled, following = _modelled(models, steady, settings)
+        # a model without a level has no spread that could be compared
+        std = {"recorded": std["recorded"]} | {name: each.std for name, each in modelled.items()}
+        for name, table in spread_tables(modelled, following, noise, names).items():
+            table.to_csv(tables / f"{name}.csv", index=False)
+    scores = spread_scores(std, errors, names, steady)
+    contracts.write_metrics(scores | metrics, METRICS / "motion.json")
+
+
+def _modelled(
+    models, steady: np.ndarray, settings
+) -> tuple[dict[str, ModelledNoise], dict[str, pd.DataFrame]]:
+    """The noise at the recorded level of every model that has one, and the test of whether it is
+    followed; why the others have none is printed.
+    """
+    recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
+    modelled, following = {}, {}
+    for model in models:
+        stream = rng.stream(settings.seed, f"score.following.{model}")
+        try:
+            noise = modelled_noise(fitted_model(FIT / model), recorded, stream)
+        except ModelDomainError as error:
+            print(f"score: {model} has no spread at the recorded level: {error}")
+            continue
+        following[model] = following_rows(noise, recorded.noise, steady, recorded.joints, stream)
+        modelled[model] = noise
+    return modelled, following
 
 
 def _score_filters(models, names, joints, settings, folder: Path, tables: Path) -> None:

@@ -1,38 +1,63 @@
-"""Claims of the paper as ``reports/claims.yaml`` states them."""
+"""Claims of the paper and of the project as ``reports/claims.yaml`` states them."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import product
+from typing import Literal
 
 from pipeline.core.errors import ConfigError
-from pipeline.verdicts.reference import Reference
-from pipeline.verdicts.rules import RULES
-from pipeline.verdicts.strict import build, is_number
+from pipeline.core.validation import options
+from pipeline.verdicts.reference import Number, Reference, parsed_entries
+from pipeline.verdicts.rules import ORDERS, RULES
 
-# whose behaviour a claim is about, and so which recordings decide it: any; those of a real robot;
-# those of the paper's own robot
+# a claim's subject, which says whose recordings decide it: any; a real robot's; the paper's own
 ABOUT = ("method", "robots", "specimen")
-COMPARED = ("value", "than", "low", "high")
+CONSTRUCTION, LEVEL = "construction", "level"  # what forces a claim, and what decides it
+NONE = "none"  # a claim that needs no recording
+PAPER, PROJECT = "paper", "project"
+CHOICES = {
+    "about": ABOUT,
+    "rule": tuple(RULES),
+    "by": ("", CONSTRUCTION, LEVEL),
+    "recording": ("", NONE),
+    "source": (PAPER, PROJECT),
+}
+COMPARED = ("value", "than", "low", "high", "threshold", "power")
 EVERY = "every"  # joint of a dataset's arm
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
+class Unless:
+    """A measured quantity above whose ``limit`` a dataset gives no evidence, and the ``reason``."""
+
+    file: str
+    key: str
+    limit: Number
+    reason: str
+
+    @property
+    def reference(self) -> Reference:
+        """Place of the quantity."""
+        return Reference(self.file, self.key)
+
+
+@options(frozen=True)
 class Claim:
-    """One claim: its place, what it says, what decides it and by which rule and
-    tolerance.
+    """One claim: its place, statement, evidence, rule and tolerance.
 
     ``each`` maps names to lists of values, or the name ``joint`` to ``every``; the claim has one
     case per combination, and its references hold the names as placeholders. ``published`` is one
-    number for all cases or one for each, and ``parameter`` what the paper calls it.
-    ``standard_error`` holds one reference or several, which add in squares. ``why`` says of a
-    dataset, by its name, why the claim fails there; ``foregone`` why it can hardly fail anywhere.
-    Raises ConfigError with the key.
+    number for all cases or one for each, and ``parameter`` the paper's name of it.
+    ``standard_error`` holds one reference or several, which add in squares. ``by`` marks a claim
+    that the construction of the models forces (no verdict) or their level decides, for the reason
+    ``because``. ``why`` maps names of datasets to the reasons why the claim fails there. Raises
+    ConfigError with the key.
     """
 
     id: str
-    where: str
     statement: str
     about: str
     quantity: str
@@ -40,62 +65,74 @@ class Claim:
     reason: str
     stage: str
     value: Reference
+    where: str = ""
+    source: str = PAPER
+    recording: str = ""
+    by: str = ""
+    because: str = ""
     unit: str = ""
-    each: dict = field(default_factory=dict)
-    published: float | list | None = None
+    each: dict[str, list | Literal["every"]] = field(default_factory=dict)
+    published: Number | list[Number] | None = None
     parameter: str = ""
-    tolerance: float | None = None
-    limit: float | None = None
+    tolerance: Number | None = None
+    limit: Number | None = None
     than: Reference | None = None
     low: Reference | None = None
     high: Reference | None = None
-    standard_error: list | None = None
-    why: dict = field(default_factory=dict)
-    foregone: str = ""
+    threshold: Reference | None = None
+    power: Reference | None = None
+    standard_error: list[Reference] | Reference | None = None
+    unless: Unless | None = None
+    why: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.about not in ABOUT:
-            raise ConfigError(
-                f"must be one of {', '.join(ABOUT)}, found {self.about!r}", key="about"
-            )
-        if self.rule not in RULES:
-            raise ConfigError(f"no rule {self.rule!r}; there are {', '.join(RULES)}", key="rule")
-        if not all(
-            (values and isinstance(values, list)) or (name, values) == ("joint", EVERY)
-            for name, values in self.each.items()
-        ):
-            raise ConfigError(f"must map names to lists of values, or joint to {EVERY}", key="each")
-        if not all(isinstance(reason, str) for reason in self.why.values()):
-            raise ConfigError("must map names of datasets to texts", key="why")
-        published = self.published if isinstance(self.published, list) else [self.published]
+        for key, allowed in CHOICES.items():
+            if getattr(self, key) not in allowed:
+                choices = ", ".join(filter(None, allowed))
+                raise ConfigError(
+                    f"must be one of {choices}, found {getattr(self, key)!r}", key=key
+                )
         cases = 1 if EVERY in self.each.values() else len(self.cases())
-        if self.published is not None and not (
-            all(map(is_number, published)) and len(published) in (1, cases)
-        ):
-            raise ConfigError(
-                f"must be one number, or one for each of the {cases} cases", key="published"
+        published = self.published if isinstance(self.published, list) else [self.published]
+        faults = {
+            "where": bool(self.where) == (self.source == PROJECT)
+            and "a claim of the paper cites a section, a claim of the project none",
+            "because": bool(self.because) != bool(self.by)
+            and "must say why, and only where `by` is given",
+            "each": not all(
+                (values and isinstance(values, list)) or (name, values) == ("joint", EVERY)
+                for name, values in self.each.items()
             )
-        if self.parameter and (self.published is None or EVERY in self.each.values()):
-            raise ConfigError(
-                "only what has a published value, and the same cases on every arm, is a parameter",
-                key="parameter",
-            )
-        self._require_what_the_rule_needs()
+            and f"must map names to lists of values, or joint to {EVERY}",
+            "published": self.published is not None
+            and len(published) not in (1, cases)
+            and f"must be one number, or one for each of the {cases} cases",
+            "parameter": bool(self.parameter)
+            and (self.published is None or EVERY in self.each.values())
+            and "a parameter needs a published value and the same cases on every arm",
+        }
+        for key, fault in faults.items():
+            if fault:
+                raise ConfigError(fault, key=key)
+        self._require_keys_of_the_rule()
+        self.references()
 
-    def _require_what_the_rule_needs(self) -> None:
+    def _require_keys_of_the_rule(self) -> None:
         needs = set(RULES[self.rule].needs)
+        if self.rule in ORDERS and self.by != CONSTRUCTION:
+            needs |= {"low", "high"}  # an order without an interval is no verdict
         if "yardstick" in needs:
             needs.remove("yardstick")
             if (self.published is None) == (self.limit is None):
                 raise ConfigError(
-                    f"the rule {self.rule} needs a published value or a limit of ours, and not "
-                    "both",
+                    f"the rule {self.rule} needs a published value or a limit of ours, not both",
                     key="limit",
                 )
         elif self.limit is not None and "limit" not in needs:
             raise ConfigError(f"the rule {self.rule} has no limit", key="limit")
-        if self.tolerance is not None and "tolerance" not in needs:
-            raise ConfigError(f"the rule {self.rule} has no tolerance", key="tolerance")
+        for key in ("tolerance", "threshold", "power"):
+            if getattr(self, key) is not None and key not in needs:
+                raise ConfigError(f"the rule {self.rule} has no {key}", key=key)
         for key in sorted(needs):
             if getattr(self, key) is None:
                 raise ConfigError(f"the rule {self.rule} needs the key {key!r}", key=key)
@@ -109,10 +146,16 @@ class Claim:
 
     @property
     def numbers_joints(self) -> bool:
-        """Whether it singles joints out by their numbers, and so is about an arm like the paper's
-        alone; as are numbers of the paper's own specimen.
+        """True where it numbers joints or is about the paper's specimen, and so is about an arm
+        like the paper's alone.
         """
         return self.about == "specimen" or any(ref.numbers_joints for ref in self.references())
+
+    @property
+    def standard_errors(self) -> list[Reference]:
+        """References whose values add in squares."""
+        stated = self.standard_error or []
+        return stated if isinstance(stated, list) else [stated]
 
     @property
     def test(self) -> str:
@@ -124,50 +167,25 @@ class Claim:
 
     def references(self, joints: Sequence[str] = ("{joint}",)) -> list[Reference]:
         """Every reference of every case on an arm with these ``joints``."""
-        named = [getattr(self, key) for key in COMPARED if getattr(self, key) is not None] + (
-            self.standard_error or []
-        )
+        named = [getattr(self, key) for key in COMPARED if getattr(self, key) is not None]
+        named += self.standard_errors
         return [reference.in_case(case) for case in self.cases(joints) for reference in named]
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class Stated:
-    """What ``reports/claims.yaml`` holds: names of datasets that are the paper's own recordings,
+    """Content of ``reports/claims.yaml``: names of datasets that are the paper's own recordings,
     and entries of claims.
     """
 
-    recordings_of_the_paper: list
+    recordings_of_the_paper: list[str]
     claims: list
 
 
 def parse_claims(entries: object) -> list[Claim]:
     """The claims of a YAML list. Raises ConfigError with the claim and the key."""
-    if not isinstance(entries, list):
-        raise ConfigError("claims must be a list", key="claims")
-    claims = [_parse(entry, number) for number, entry in enumerate(entries, 1)]
-    names = [claim.id for claim in claims]
-    for name in names:
-        if names.count(name) > 1:
+    claims = parsed_entries(Claim, entries, "claim")
+    for name, count in Counter(claim.id for claim in claims).items():
+        if count > 1:
             raise ConfigError("two claims have one id", claim=name, key="id")
     return claims
-
-
-def _parse(entry: object, number: int) -> Claim:
-    name = entry.get("id", f"number {number}") if isinstance(entry, dict) else f"number {number}"
-    if not isinstance(entry, dict):
-        raise ConfigError("must hold keys and values", claim=name)
-    references = {
-        key: build(Reference, entry[key], claim=name, key=key) for key in COMPARED if key in entry
-    }
-    if "standard_error" in entry:
-        errors = entry["standard_error"]
-        references["standard_error"] = [
-            build(Reference, part, claim=name, key="standard_error")
-            for part in (errors if isinstance(errors, list) else [errors])
-        ]
-    claim = build(Claim, entry | references, claim=name)
-    try:
-        claim.references()
-    except ConfigError as error:
-        raise ConfigError(error.message, claim=name, **error.evidence) from None
-    return claim

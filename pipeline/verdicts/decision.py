@@ -1,4 +1,4 @@
-"""What a run says about each claim: a function of the claims and the run's numbers alone."""
+"""Verdicts on claims: a function of the claims and a run's numbers alone."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from pipeline.verdicts.claims import COMPARED, Claim
+from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, NONE, Claim
 from pipeline.verdicts.reference import ArmNames, Evidence, Reference, joint_names
 from pipeline.verdicts.rules import RULES, Readings
 from pipeline.verdicts.run import Run
@@ -19,17 +19,20 @@ REPRODUCED = "reproduced"
 NOT_REPRODUCED = "not reproduced"
 SYNTHETIC_CANNOT = "cannot be decided with synthetic data"
 NO_EVIDENCE = "no evidence in this dataset"
+FORCED = "forced by construction"
+NO_RECORDING = "decided without a recording"
+KINDS = (REPRODUCED, NOT_REPRODUCED, SYNTHETIC_CANNOT, NO_EVIDENCE, FORCED)
+WITHOUT_RECORDING = "no recording"  # name of the column of claims that need none
 
-Recordings = Literal["synthetic", "real", "paper"]
+Recordings = Literal["none", "synthetic", "real", "paper"]
 
 
 @dataclass(frozen=True)
 class Case:
-    """One case of a claim as a run has it; what the claim does not have, or is no finite number, is
-    None.
+    """One case of a claim in a run; a value that is missing or not finite is None.
 
     ``distance`` is the published value minus ours in standard errors; ``holds`` whether the rule
-    holds, on whatever recordings.
+    holds, on whatever recordings, and None where it does not decide.
     """
 
     case: str
@@ -37,6 +40,8 @@ class Case:
     than: float | None
     low: float | None
     high: float | None
+    threshold: float | None
+    power: float | None
     published: float | None
     distance: float | None
     holds: bool | None
@@ -44,7 +49,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a run says about a claim, and the command that recomputes it."""
+    """Verdict on a claim in a run."""
 
     claim: Claim
     verdict: str
@@ -52,13 +57,15 @@ class Verdict:
 
     @property
     def command(self) -> str:
-        """What recomputes the numbers of the claim."""
+        """Command that recomputes the numbers of the claim."""
         return f"dvc repro {self.claim.stage}"
 
 
 @dataclass(frozen=True)
 class Decided:
-    """The verdicts on all claims from the recordings of one dataset."""
+    """Verdicts on all claims from the recordings of one dataset, or, where ``recordings`` is none,
+    on the claims that need no recording.
+    """
 
     dataset: str
     recordings: Recordings
@@ -66,33 +73,35 @@ class Decided:
 
     @property
     def summary(self) -> str:
-        """How many claims have which verdict, in words."""
+        """Number of claims by verdict, in words."""
         count = Counter(verdict.verdict for verdict in self.verdicts)
-        kinds = (REPRODUCED, NOT_REPRODUCED, SYNTHETIC_CANNOT, NO_EVIDENCE)
-        return ", ".join(f"{count[kind]} {kind}" for kind in kinds if count[kind])
+        return ", ".join(f"{count[kind]} {kind}" for kind in KINDS if count[kind])
 
 
 def decide_each(
     claims: Sequence[Claim], runs: Sequence[Run], papers_own: Sequence[str]
 ) -> list[Decided]:
-    """Every claim from every run's numbers; ``papers_own`` names the datasets that are the paper's
-    own recordings.
+    """Verdicts from every run's numbers, in the order of the ``runs``, and last those on the claims
+    that need no recording, from the first run.
+
+    ``papers_own`` names the datasets that are the paper's own recordings.
     """
 
     def decided(run: Run) -> Decided:
         recordings = "synthetic" if run.synthetic else "real"
         recordings = "paper" if run.dataset in papers_own else recordings
-        verdicts = decide(claims, run.evidence, recordings, run.arm)
-        return Decided(run.dataset, recordings, verdicts)
+        return Decided(run.dataset, recordings, decide(claims, run.evidence, recordings, run.arm))
 
-    return [decided(run) for run in runs]
+    first = runs[0]
+    without = decide(claims, first.evidence, "none", first.arm)
+    return [*map(decided, runs), Decided(WITHOUT_RECORDING, "none", without)]
 
 
 def decide(
     claims: Sequence[Claim], evidence: Evidence, recordings: Recordings, arm: ArmNames
 ) -> list[Verdict]:
-    """A verdict on every claim from the numbers of a run on ``recordings``: synthetic, of a real
-    robot, or the paper's own, of an ``arm``.
+    """A verdict on every claim from the numbers of a run on ``recordings``: none, synthetic, of a
+    real robot, or the paper's own, of an ``arm``.
 
     Where joints have no numbers there is no evidence on claims that number them.
     """
@@ -102,20 +111,19 @@ def decide(
 def _decide(claim: Claim, evidence: Evidence, recordings: Recordings, arm: ArmNames) -> Verdict:
     if claim.numbers_joints and not arm.numbered:
         evidence = {}
-    each = claim.cases(arm.joints)
+    rule, each = RULES[claim.rule], claim.cases(arm.joints)
     readings = _read(claim, each, evidence, arm)
-    holds = RULES[claim.rule].holds(readings)
-    needed = [
-        getattr(readings, key)
-        for key in {"value"} | (RULES[claim.rule].needs & {"than", "low", "high", "standard_error"})
-    ]
-    there = ~np.any(np.isnan(needed), axis=0)
+    keys = {"value"} | (rule.needs & {*COMPARED, "standard_error"})
+    there = ~np.any(np.isnan([getattr(readings, key) for key in keys]), axis=0)
     # a rule that compares cases with each other says nothing where one is missing
     known = there & (there.all() or claim.rule != "decreasing")
+    decides, holds = known & rule.decides(readings), rule.holds(readings)
     columns = (
         readings.value,
         readings.than,
         *_interval(readings),
+        readings.threshold,
+        readings.power,
         readings.published,
         readings.distance,
     )
@@ -127,19 +135,40 @@ def _decide(claim: Claim, evidence: Evidence, recordings: Recordings, arm: ArmNa
         for case in each
     ]
     cases = tuple(
-        Case(name, *map(_or_none, row), bool(held) if is_known else None)
-        for name, held, is_known, *row in zip(names, holds, known, *columns, strict=True)
+        Case(name, *map(_or_none, row), bool(held) if decided else None)
+        for name, held, decided, *row in zip(names, holds, decides, *columns, strict=True)
     )
-    return Verdict(claim, _verdict(claim.about, recordings, known, holds), cases)
+    void = claim.unless is not None and _above(claim, evidence, arm)
+    return Verdict(claim, _verdict(claim, recordings, void, known, decides, holds), cases)
 
 
-def _verdict(about: str, recordings: Recordings, known: np.ndarray, holds: np.ndarray) -> str:
-    # of no joints nothing holds, though no case of it fails
-    if not len(known) or not known.all() or (about == "specimen" and recordings == "real"):
+def _above(claim: Claim, evidence: Evidence, arm: ArmNames) -> bool:
+    value = claim.unless.reference.look_up(evidence, arm)
+    return value is not None and value > claim.unless.limit
+
+
+def _verdict(
+    claim: Claim,
+    recordings: Recordings,
+    void: bool,
+    known: np.ndarray,
+    decides: np.ndarray,
+    holds: np.ndarray,
+) -> str:
+    if (claim.recording == NONE) != (recordings == "none") and recordings != "paper":
+        return NO_RECORDING
+    # on an arm without joints nothing holds, though no case fails
+    if void or not len(known) or not known.all():
         return NO_EVIDENCE
-    if about != "method" and recordings == "synthetic":
+    if claim.by == CONSTRUCTION:
+        return FORCED
+    if claim.about == "specimen" and recordings == "real":
+        return NO_EVIDENCE
+    if claim.about != "method" and recordings == "synthetic":
         return SYNTHETIC_CANNOT
-    return REPRODUCED if holds.all() else NOT_REPRODUCED
+    if np.any(decides & ~holds):
+        return NOT_REPRODUCED  # one case refutes a claim on all
+    return REPRODUCED if decides.all() else NO_EVIDENCE
 
 
 def _read(claim: Claim, each: list[dict], evidence: Evidence, arm: ArmNames) -> Readings:
@@ -150,7 +179,7 @@ def _read(claim: Claim, each: list[dict], evidence: Evidence, arm: ArmNames) -> 
         ]
         return np.array(values, dtype=float)
 
-    errors = [numbers(part) for part in claim.standard_error or [None]]
+    errors = [numbers(part) for part in claim.standard_errors or [None]]
     published = np.broadcast_to(np.array(claim.published, dtype=float), len(each))
     return Readings(
         **{key: numbers(getattr(claim, key)) for key in COMPARED},
@@ -182,16 +211,16 @@ def verdict_table(verdicts: Sequence[Verdict]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+STATED = ("id", "where", "source", "statement", "about", "by", "because", "recording")
+
+
 def verdict_data(decided: Sequence[Decided]) -> list[dict]:
-    """Each claim with its verdicts by dataset as plain data that JSON can hold."""
+    """Each claim with its verdicts by dataset as plain data that JSON can hold; a dataset that does
+    not decide it is missing.
+    """
     return [
-        {
-            "id": row[0].claim.id,
-            "where": row[0].claim.where,
-            "statement": row[0].claim.statement,
-            "about": row[0].claim.about,
-            "quantity": row[0].claim.quantity,
-            "unit": row[0].claim.unit,
+        {name: getattr(row[0].claim, name) for name in (*STATED, "quantity", "unit")}
+        | {
             "test": row[0].claim.test,
             "reason": row[0].claim.reason,
             "command": row[0].command,
@@ -202,6 +231,7 @@ def verdict_data(decided: Sequence[Decided]) -> list[dict]:
                     "cases": [asdict(case) for case in verdict.cases],
                 }
                 for whose, verdict in zip(decided, row, strict=True)
+                if verdict.verdict != NO_RECORDING
             },
         }
         for row in zip(*(whose.verdicts for whose in decided), strict=True)

@@ -14,9 +14,11 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 from pipeline.core.errors import ConfigError
-from pipeline.verdicts.strict import build
+from pipeline.core.validation import options
+from pipeline.verdicts.reference import TestName, parsed_entries
 
 LABELLED = {"equation": "Eq.", "figure": "Fig."}
 NUMBERED = {"definition": "Definition", "theorem": "Theorem", "algorithm": "Algorithm"}
@@ -26,7 +28,7 @@ TESTS_ALONE = "serves tests alone"  # what the docstring of such a function says
 CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class Item:
     """One item of the paper: its ``place``, what it ``says`` in our words, and the ``tests`` that
     show it, or why it is ``without_code``.
@@ -36,25 +38,19 @@ class Item:
     ConfigError with the key.
     """
 
-    kind: str
+    kind: Literal["equation", "figure", "definition", "theorem", "algorithm"]
     place: str
     says: str
     label: str = ""
-    tests: list = field(default_factory=list)
+    tests: list[TestName] = field(default_factory=list)
     without_code: str = ""
     number: int = 0
 
     def __post_init__(self) -> None:
-        if self.kind not in LABELLED | NUMBERED:
-            raise ConfigError(
-                f"must be one of {', '.join(LABELLED | NUMBERED)}, found {self.kind!r}", key="kind"
-            )
         if bool(self.label) != (self.kind in LABELLED):
             raise ConfigError(
                 "equations and figures have a label, and nothing else has", key="label"
             )
-        if not all(isinstance(test, str) and "::" in test for test in self.tests):
-            raise ConfigError("must be a list of FILE::NAME", key="tests")
         if bool(self.tests) == bool(self.without_code):
             raise ConfigError(
                 "needs tests, or a reason why it is without code, and not both", key="tests"
@@ -88,11 +84,8 @@ def parse_items(entries: object) -> list[Item]:
     """The items of a YAML list, numbered in its order, which is the paper's. Raises ConfigError
     with the item and the key.
     """
-    if not isinstance(entries, list):
-        raise ConfigError("must be a list", key="items")
     items, counted = [], Counter()
-    for place, entry in enumerate(entries, 1):
-        item = build(Item, entry, item=place)
+    for item in parsed_entries(Item, entries, "item"):
         counted[item.kind] += 1
         items.append(replace(item, number=counted[item.kind]))
     for name, count in Counter(item.cited_as for item in items).items():

@@ -7,18 +7,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import sqrt
+from typing import Literal
+
+from pydantic import Field
 
 from pipeline.core.errors import ConfigError
-from pipeline.verdicts.decision import Verdict
-from pipeline.verdicts.reference import Reference
+from pipeline.core.validation import options
+from pipeline.verdicts.decision import NO_RECORDING, Decided
+from pipeline.verdicts.reference import Reference, TestName, parsed_entries
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.strict import build
 from pipeline.verdicts.wording import number
 
 MISSING = "(not in this dataset)"
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class ClaimNumber:
     """A number of a claim: the ``published`` one, ours (``value``) or their ``distance`` in
     standard errors, in one of its cases; of a variance a step the standard deviation of the sum of
@@ -26,24 +29,18 @@ class ClaimNumber:
     """
 
     claim: str
-    number: str
+    number: Literal["published", "value", "distance"]
     case: str = ""
     steps: int = 0
 
-    def __post_init__(self) -> None:
-        if self.number not in ("published", "value", "distance"):
-            raise ConfigError(
-                f"must be published, value or distance, found {self.number!r}", key="number"
-            )
-
-    def look_up(self, verdicts: Sequence[Verdict]) -> float | None:
+    def look_up(self, decided: Sequence[Decided]) -> float | None:
         """The number, or None where the run has none. Raises ConfigError for a claim or case that
         does not exist.
         """
         cases = {
             case.case: case
-            for verdict in verdicts
-            if verdict.claim.id == self.claim
+            for verdict in (decided[0].verdicts + decided[-1].verdicts)
+            if verdict.claim.id == self.claim and verdict.verdict != NO_RECORDING
             for case in verdict.cases
         }
         if self.case not in cases:
@@ -52,7 +49,7 @@ class ClaimNumber:
         return sqrt(self.steps * value) if self.steps and value is not None else value
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class Erratum:
     """One entry: ``place`` in the paper and what the ``paper`` says there, the ``fact``, what is
     ``done`` here, the ``tests`` that show it.
@@ -66,36 +63,16 @@ class Erratum:
     paper: str
     fact: str
     done: str
-    tests: list
-    values: dict = field(default_factory=dict)
+    tests: list[TestName] = Field(min_length=1)
+    values: dict[str, ClaimNumber | Reference] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not self.tests or not all(isinstance(test, str) and "::" in test for test in self.tests):
-            raise ConfigError("must list at least one test as FILE::NAME", key="tests")
+        _filled(self, dict.fromkeys(self.values, ""))
 
 
 def parse_errata(entries: object) -> list[Erratum]:
     """The entries of a YAML list. Raises ConfigError with the entry and the key."""
-    if not isinstance(entries, list):
-        raise ConfigError("errata must be a list", key="errata")
-    return [_parse(entry, number) for number, entry in enumerate(entries, 1)]
-
-
-def _parse(entry: object, place: int) -> Erratum:
-    name = entry.get("id", f"number {place}") if isinstance(entry, dict) else f"number {place}"
-    erratum = build(Erratum, entry, erratum=name)
-    sources = {
-        key: build(
-            ClaimNumber if isinstance(source, dict) and "claim" in source else Reference,
-            source,
-            erratum=name,
-            key=key,
-        )
-        for key, source in erratum.values.items()
-    }
-    erratum = build(Erratum, entry | {"values": sources}, erratum=name)
-    _filled(erratum, dict.fromkeys(sources, ""))
-    return erratum
+    return parsed_entries(Erratum, entries, "erratum")
 
 
 def _filled(erratum: Erratum, numbers: Mapping[str, str]) -> dict[str, str]:
@@ -105,9 +82,7 @@ def _filled(erratum: Erratum, numbers: Mapping[str, str]) -> dict[str, str]:
         }
     except (KeyError, IndexError, ValueError):
         raise ConfigError(
-            "a placeholder in the prose that is not among the values",
-            erratum=erratum.id,
-            key="values",
+            "a placeholder in the prose that is not among the values", key="values"
         ) from None
 
 
@@ -121,13 +96,13 @@ class Corrected:
     done: str
 
 
-def correct(errata: Sequence[Erratum], run: Run, verdicts: Sequence[Verdict]) -> list[Corrected]:
-    """Every entry with the numbers of ``run`` and of its ``verdicts``."""
+def correct(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided]) -> list[Corrected]:
+    """Every entry with the numbers of ``run``, the first that is ``decided``."""
 
     def corrected(erratum: Erratum) -> Corrected:
         prose = _filled(
             erratum,
-            {name: _number(source, run, verdicts) for name, source in erratum.values.items()},
+            {name: _number(source, run, decided) for name, source in erratum.values.items()},
         )
         return Corrected(erratum, **{part: " ".join(text.split()) for part, text in prose.items()})
 
@@ -155,9 +130,9 @@ def errata_page(entries: Sequence[Corrected]) -> str:
     return "\n\n".join(sections) + "\n"
 
 
-def _number(source: ClaimNumber | Reference, run: Run, verdicts: Sequence[Verdict]) -> str:
+def _number(source: ClaimNumber | Reference, run: Run, decided: Sequence[Decided]) -> str:
     if isinstance(source, ClaimNumber):
-        value = source.look_up(verdicts)
+        value = source.look_up(decided)
     else:
         value = source.look_up(run.evidence, run.arm)
     return MISSING if value is None else number(value)

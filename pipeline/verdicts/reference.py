@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import field
+from typing import Annotated, NamedTuple, TypeVar
 
 import pandas as pd
+from pydantic import Field
 
 from pipeline.core.errors import ConfigError
 from pipeline.core.task import PLANE
+from pipeline.core.validation import options, validated
 
 # file below reports without its suffix (metrics/motion, tables/sigma_s) → name → value, or the rows
 # of a table
 Evidence = Mapping[str, Mapping[str, float] | pd.DataFrame]
+T = TypeVar("T")
+Number = Annotated[float, Field(strict=True)]  # no text and no truth value
+TestName = Annotated[str, Field(pattern="::")]  # FILE::NAME
 NUMBERED = 3  # joints of the paper's arm
 PLACEHOLDER, JOINT = re.compile(r"\{([^{}]*)\}"), re.compile(r"\{joint (\d+)\}")
 
@@ -34,7 +39,7 @@ class ArmNames(NamedTuple):
         return self.joints if same else ()
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class Reference:
     """A metric by ``file`` and ``key``, or the ``column`` of the one row of a table whose columns
     equal ``rows``.
@@ -52,7 +57,8 @@ class Reference:
     def __post_init__(self) -> None:
         if bool(self.key) == bool(self.column) or (self.key and self.rows):
             raise ConfigError(
-                "a reference names a key, or a column and the rows it is read from", file=self.file
+                f"a reference to {self.file} names a key, or a column and the rows it is read from",
+                key="key",
             )
 
     @property
@@ -131,3 +137,19 @@ def joint_names(text: str, arm: ArmNames) -> str:
     """``text`` with the name of a joint in the place of each of its numbers that ``arm`` has."""
     named = {str(number): name for number, name in enumerate(arm.numbered, 1)}
     return JOINT.sub(lambda place: named.get(place[1], place[0]), text)
+
+
+def parsed_entries(structure: type[T], entries: object, kind: str) -> list[T]:
+    """An object of type ``structure`` for each of ``entries``, a YAML list. Raises ConfigError with
+    the key and, under the name ``kind``, the id or number of the entry.
+    """
+    if not isinstance(entries, list):
+        raise ConfigError(f"must be a list, got {entries!r:.40}", key=f"{kind}s")
+    result = []
+    for number, entry in enumerate(entries, 1):
+        name = entry.get("id", number) if isinstance(entry, dict) else number
+        try:
+            result.append(validated(structure, entry))
+        except ConfigError as error:
+            raise ConfigError(error.message, **{kind: name} | error.evidence) from None
+    return result

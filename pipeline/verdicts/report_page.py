@@ -1,172 +1,228 @@
-"""The report: what holds of the paper's claims and what does not, its numbers beside ours, its
-figures and errata, on one short page.
+"""The report: which claims hold and which do not, the paper's numbers beside ours, its figures and
+gravest errata, on one page; and the other datasets on a second one.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
-from pipeline.verdicts.claims import ABOUT, Claim
+from pipeline.verdicts.claims import PROJECT
 from pipeline.verdicts.decision import (
-    NO_EVIDENCE,
+    FORCED,
+    NO_RECORDING,
     NOT_REPRODUCED,
     REPRODUCED,
-    SYNTHETIC_CANNOT,
+    WITHOUT_RECORDING,
     Case,
     Decided,
     Verdict,
 )
 from pipeline.verdicts.equations import Item, Source
 from pipeline.verdicts.errata import Erratum
+from pipeline.verdicts.filters import verdict as filter_verdict
+from pipeline.verdicts.model_card import choice
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.wording import (
-    ARM_OF_THE_PAPER,
-    GROUPS,
-    WHOSE,
+    KEY,
+    MARKS,
     case_text,
+    interval,
     number,
-    side_by_side,
+    statement,
     table,
+    verdict_cell,
 )
 
-MARKS = {REPRODUCED: "✓", NOT_REPRODUCED: "✗", SYNTHETIC_CANNOT: "?", NO_EVIDENCE: "–"}
-# what a stage counts because it was not solved, lost, clipped or left out
+# datasets that have a column, one a robot, and the robot; a dataset that is tried out has none
+ROBOTS = {"youbot": "youBot, synthetic", "ur5": "UR5, real", "lwr4": "LWR4+, real"}
+GRAVEST = (
+    "sign-of-omega",
+    "which-decomposition",
+    "weights-not-given",
+    "objective-not-bounded",
+    "mean-of-the-inverse",
+    "isotropic",
+)
+SMOKE = "smoke"  # the scale of a trial run, whose numbers decide nothing
+FEW_TAKES = 10  # below it an interval from resampled takes is not printed
+WHOSE = {
+    "none": "computations without a recording",
+    "synthetic": "synthetic recordings",
+    "real": "recordings of a real robot, not the paper's",
+    "paper": "the paper's own recordings",
+}
+LIMITS = (
+    "Nobody has published the paper's recordings: the youBot's come from a synthetic laboratory "
+    "whose physics is none of the models. The UR5's and the LWR4+'s are logs of real robots, which "
+    "decide nothing about the paper's own arm."
+)
+# parameters: name, file and key; each estimator has the key with its own name behind it
+ESTIMATORS = {"paper": "the paper's estimator", "moments": "moments", "likelihood": "likelihood"}
+PARAMETERS = (
+    ("σ̂_B", "fit_wishart", "sigma_b", "sigma-b"),
+    ("σ̂_B, QR of Jᵀ (control)", "fit_wishart", "control_qr_transposed_sigma_b", ""),
+    ("û", "fit_gaussian", "u", "u"),
+    ("α̂", "fit_gaussian", "alpha", "alpha"),
+    ("α̂û", "fit_gaussian", "noise_level", ""),
+)
+# counts of what was not solved, lost, clipped or left out
 LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
 LINKS = """\
-- Which model to use for this arm, where and how surely: [model_card.md](model_card.md).
-- Claims: [claims.yaml](claims.yaml) states each with its test and the reason for it,
-  [claims.json](claims.json) has verdicts with all numbers and the command that recomputes them.
-- The paper, item by item: [equations.md](equations.md) says where each is in code and tests.
-- Numbers of this run: [metrics](metrics), [tables](tables); of every dataset: [datasets](datasets).
-- What goes beyond the paper, a page each: [studies](studies) (`dvc repro -P`).
-- Recordings: [dataset_card.md](dataset_card.md). Speed: [benchmarks.md](benchmarks.md).
-- In a browser: [index.html](index.html); the studies: [studies.html](studies.html)."""
+- [model_card.md](model_card.md): which model to use for this arm, where and how surely.
+- [claims.yaml](claims.yaml): each claim with its test and reason; [claims.json](claims.json): all
+  numbers, verdicts and commands that recompute them; [datasets.md](datasets.md): every dataset.
+- [equations.md](equations.md): each item of the paper in code and tests; [errata.md](errata.md).
+- [metrics](metrics), [tables](tables): this run; [studies](studies): beyond the paper."""
 
 
-def report_page(
-    here: Run, decided: Sequence[Decided], first: str, parts: Sequence[tuple[str, str]]
-) -> str:
-    """``reports/report.md`` of the run ``here``: what a reader has to know ``first``, the tally of
-    all datasets, then ``parts``, each a heading and its text; what has no text is left out.
+def report_page(here: Run, decided: Sequence[Decided], parts: Sequence[tuple[str, str]]) -> str:
+    """``reports/report.md`` of the run ``here``: the result, a row a claim, then ``parts``, each a
+    heading and its text; a part without text is left out.
     """
-    sections = [
-        f"# Results: dataset {here.dataset}, scale {here.scale}",
-        "Written by the stage `report`. Every number is read from a file: ours from what stages "
-        "wrote, published ones from [claims.yaml](claims.yaml).",
-        *filter(None, [first]),
-        tally(decided),
-    ]
+    sections = [f"# Results: dataset {here.dataset}, scale {here.scale}"]
+    if here.scale == SMOKE:
+        sections.append("**A trial run on the scale smoke: its numbers decide nothing.**")
+    else:
+        sections += [f"{LIMITS} {summary(here, decided)}", claims_table(here, decided)]
     sections += [f"## {title}\n\n{text}" for title, text in parts if text]
     return "\n\n".join(sections) + "\n"
 
 
-def tally(decided: Sequence[Decided]) -> str:
-    """Claims that hold, fail and stay undecided, by dataset and by what they are about."""
-    rows = [
-        [
-            f"**{whose.dataset}**, {WHOSE[whose.recordings]}",
-            *(_counted([v for v in whose.verdicts if v.claim.about == about]) for about in ABOUT),
-            _counted(whose.verdicts),
-        ]
-        for whose in decided
+def summary(here: Run, decided: Sequence[Decided]) -> str:
+    """Counts of verdicts and what predicts and filters the motion of ``here``, a sentence each."""
+    counts = [
+        f"{ROBOTS.get(whose.dataset, whose.dataset)}: {_counted(whose.verdicts)}"
+        for whose in _columns(here, decided)
     ]
-    kinds = "\n".join(f"- {GROUPS[about][1]}" for about in ABOUT)
-    header = ["recordings", *(f"about the {about}" for about in ABOUT), "all"]
-    return f"Claims held / failed / undecided:\n\n{table(header, rows)}\n\n{kinds}"
+    sentences = [f"Claims of the paper that hold / fail: {'; '.join(counts)}."]
+    if "predictions" in here.tables:
+        sentences.append(choice(here))
+    return " ".join(filter(None, [*sentences, filter_verdict(here)]))
 
 
 def _counted(verdicts: Sequence[Verdict]) -> str:
-    verdict = [each.verdict for each in verdicts]
-    held, failed = verdict.count(REPRODUCED), verdict.count(NOT_REPRODUCED)
-    return f"{held} / {failed} / {len(verdict) - held - failed}"
+    verdict = [each.verdict for each in verdicts if each.claim.source != PROJECT]
+    return f"{verdict.count(REPRODUCED)} / {verdict.count(NOT_REPRODUCED)}"
 
 
-def not_reproduced(decided: Sequence[Decided]) -> str:
-    """A row for each claim that fails in some dataset: its test, the cases that fail there, and the
-    reason where one is written.
+def _columns(here: Run, decided: Sequence[Decided]) -> list[Decided]:
+    """The verdicts without a recording, those of ``here``, then those of the other robots."""
+    by_name = {whose.dataset: whose for whose in decided}
+    names = dict.fromkeys([WITHOUT_RECORDING, here.dataset, *ROBOTS])
+    return [by_name[name] for name in names if name in by_name]
+
+
+def claims_table(here: Run, decided: Sequence[Decided]) -> str:
+    """A row for each claim, of the paper first, with its verdict in every column."""
+    columns = _columns(here, decided)
+    rows = list(zip(*(whose.verdicts for whose in columns), strict=True))
+    rows.sort(key=lambda row: row[0].claim.source == PROJECT)
+    body = [[statement(row[0].claim), *map(verdict_cell, row)] for row in rows]
+    header = ["claim", *(ROBOTS.get(whose.dataset, whose.dataset) for whose in columns)]
+    return f"{table(header, body)}\n\n{KEY}"
+
+
+def failures(here: Run, decided: Sequence[Decided]) -> str:
+    """A line for each claim that fails in a column: the test, the first failing case, how many fail
+    and the reason where one is written.
     """
-    rows = []
-    for verdicts in zip(*(whose.verdicts for whose in decided), strict=True):
-        claim = verdicts[0].claim
-        failing = {
-            whose.dataset: ", ".join(_values(case) for case in verdict.cases if case.holds is False)
-            for whose, verdict in zip(decided, verdicts, strict=True)
-            if verdict.verdict == NOT_REPRODUCED
-        }
-        if failing:
-            reasons = dict.fromkeys(claim.why.get(name, "not known") for name in failing)
-            rows.append(
-                [
-                    f"{claim.statement} ({claim.where})",
-                    f"{claim.quantity}: {claim.test}",
-                    "<br>".join(f"**{name}** {values}" for name, values in failing.items()),
-                    "<br>".join(reasons),
-                ]
+    lines = []
+    columns = _columns(here, decided)
+    for row in zip(*(whose.verdicts for whose in columns), strict=True):
+        for whose, verdict in zip(columns, row, strict=True):
+            if verdict.verdict != NOT_REPRODUCED:
+                continue
+            claim = verdict.claim
+            failing = [case for case in verdict.cases if case.holds is False]
+            more = f" and {len(failing) - 1} more cases" if len(failing) > 1 else ""
+            reason = f" Reason: {claim.why[whose.dataset]}." if whose.dataset in claim.why else ""
+            lines.append(
+                f"- **{claim.id}** on {whose.dataset}: {claim.quantity}, "
+                f"{case_text(failing[0]).removesuffix(' ✗')}{more}; test: {claim.test}.{reason}"
             )
-    return table(["claim", "test", "where it fails", "reason"], rows) if rows else ""
+    return "\n".join(lines)
 
 
-def _values(case: Case) -> str:
-    return case_text(case).removesuffix(" ✗")
-
-
-def published_and_ours(decided: Sequence[Decided]) -> str:
-    """A row for each number that the paper publishes: its value beside that of the run and of every
-    dataset that has such numbers of its own recordings.
+def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
+    """The fitted parameters by every estimator, then each other number that the paper publishes
+    beside that of ``here``.
     """
-    rows, decided = [], [decided[0], *filter(_has_numbers, decided[1:])]
-    for verdicts in zip(*(whose.verdicts for whose in decided), strict=True):
-        claim = verdicts[0].claim
-        if not claim.parameter:
+    few = here.metrics.get("motion", {}).get("recorded_takes", FEW_TAKES) < FEW_TAKES
+    own = next(whose for whose in decided if whose.dataset == here.dataset)
+    claims = {verdict.claim.id: verdict.claim for verdict in own.verdicts}
+    rows = []
+    for name, file, key, claim in PARAMETERS:
+        fitted = here.metrics.get(file, {})
+        cells = [_estimate(fitted, key, estimator, few) for estimator in ESTIMATORS]
+        if any(cell != "–" for cell in cells):
+            printed = number(claims[claim].published) if claim in claims else "–"
+            rows.append([name, printed, *cells])
+    fitted = table(["parameter", "published", *ESTIMATORS.values()], rows) if rows else ""
+    others, without = [], next(w for w in decided if w.dataset == WITHOUT_RECORDING)
+    estimated = {claim for *_, claim in PARAMETERS}
+    for verdicts in zip(own.verdicts, without.verdicts, strict=True):
+        verdict = next(v for v in verdicts if v.verdict != NO_RECORDING)
+        claim = verdict.claim
+        if not claim.parameter or claim.id in estimated:
             continue
-        for cases in zip(*(verdict.cases for verdict in verdicts), strict=True):
-            if any(case.value is not None for case in cases):
-                unit = f" ({claim.unit})" if claim.unit else ""
-                name = ", ".join(filter(None, [claim.parameter, cases[0].case]))
-                printed = number(cases[0].published)
-                place = claim.where.partition(",")[0]
-                rows.append([name + unit, place, printed, *map(_value, cases)])
-    header = ["", "place", "published", *(whose.dataset for whose in decided)]
-    return f"In brackets 95 % intervals.\n\n{table(header, rows)}"
+        cases = [case for case in verdict.cases if case.value is not None]
+        if cases:
+            unit = f" ({claim.unit})" if claim.unit else ""
+            names = " / ".join(filter(None, (case.case for case in cases)))
+            name = ", ".join(filter(None, [claim.parameter, names])) + unit
+            printed = " / ".join(number(case.published) for case in cases)
+            others.append([name, printed, " / ".join(_ours(case, few) for case in cases)])
+    numbers = table(["number", "published", here.dataset], others) if others else ""
+    words = "No interval: fewer than ten takes." if few else "In brackets 95 % intervals."
+    return "\n\n".join(filter(None, [words, fitted, numbers]))
 
 
-def _has_numbers(whose: Decided) -> bool:
-    """Whether something that the paper publishes of its recordings was measured in these."""
-    own = [each for each in whose.verdicts if each.claim.parameter and each.claim.about != "method"]
-    return any(case.value is not None for each in own for case in each.cases)
+def _ours(case: Case, few: bool) -> str:
+    ends = "" if few or case.low is None else " " + interval(case.low, case.high)
+    return number(case.value) + ends
 
 
-def _value(case: Case) -> str:
-    return "–" if case.value is None else case_text(replace(case, case="", than=None, holds=None))
+def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) -> str:
+    """One estimate with its interval; a bound at the end of its search is no estimate."""
+    name = f"{key}_{estimator}"
+    if name not in fitted:
+        return "–"
+    if fitted.get(f"{name}_unbounded", fitted.get(f"{key}_unbounded", 0)):
+        return "unbounded"
+    ends = [fitted.get(f"{name}_interval_{end}") for end in ("low", "high")]
+    text = number(fitted[name])
+    return text if few or None in ends else f"{text} {interval(*ends)}"
 
 
-def every_claim(decided: Sequence[Decided], readings: str) -> str:
-    """A row for each claim with its verdict in every dataset as a sign, and what
-    :func:`pipeline.verdicts.readings.readings_part` says of the others.
+def datasets_page(here: Run, decided: Sequence[Decided]) -> str:
+    """``reports/datasets.md``: the verdict on every claim from every dataset as a sign, and counts
+    of found, kept, lost and repaired parts of the recordings of ``here``.
     """
     rows = [
-        [_stated(claim), claim.where, about, *(MARKS[verdict.verdict] for verdict in verdicts)]
-        for about in ABOUT
-        for claim, verdicts in side_by_side(decided, about)
+        [row[0].claim.id, *(MARKS[verdict.verdict] for verdict in row)]
+        for row in zip(*(whose.verdicts for whose in decided), strict=True)
     ]
-    signs = ", ".join(f"{mark} {verdict}" for verdict, mark in MARKS.items())
-    header = ["claim", "place", "about the", *(whose.dataset for whose in decided)]
-    return f"{signs}.\n\n{table(header, rows)}\n\n{readings}"
-
-
-def _stated(claim: Claim) -> str:
-    """The statement of ``claim``, marked where it can hardly fail and where not every arm is
-    evidence.
-    """
-    mark = f" *Can hardly fail: {claim.foregone}.*" if claim.foregone else ""
-    mark += f" *{ARM_OF_THE_PAPER}*" if claim.numbers_joints else ""
-    return claim.statement + mark
+    forced = [str(sum(v.verdict == FORCED for v in whose.verdicts)) for whose in decided]
+    tally = [
+        [whose.dataset, WHOSE[whose.recordings], _counted(whose.verdicts), count]
+        for whose, count in zip(decided, forced, strict=True)
+    ]
+    sections = [
+        "# Every claim in every dataset",
+        "Written by the stage `report` from [claims.yaml](claims.yaml); all numbers are in "
+        "[claims.json](claims.json). Claims of the project are not counted.",
+        table(["dataset", "recordings", "hold / fail", "by construction"], tally),
+        table(["claim", *(whose.dataset for whose in decided)], rows),
+        KEY.partition(" After")[0],
+    ]
+    parts = {f"Recordings: {here.dataset}": kept(here), f"Counts: {here.dataset}": counts(here)}
+    sections += [f"## {title}\n\n{text}" for title, text in parts.items() if text]
+    return "\n\n".join(sections) + "\n"
 
 
 def kept(run: Run) -> str:
-    """What ``run`` found in the recordings, step by step, what it kept, and what it left out."""
+    """Recordings found, kept and left out in ``run``, step by step."""
     if "kept" not in run.tables:
         return ""
     rows = run.tables["kept"].astype(object).fillna("").astype(str).to_numpy().tolist()
@@ -174,7 +230,7 @@ def kept(run: Run) -> str:
 
 
 def counts(run: Run) -> str:
-    """What was not solved, lost, clipped or repaired in ``run``, where that is not zero."""
+    """Totals of what was not solved, lost, clipped or repaired in ``run``, where not zero."""
     rows = []
     if "recording_quality" in run.tables:
         counted = run.tables["recording_quality"].dropna(subset="total")
@@ -189,9 +245,7 @@ def counts(run: Run) -> str:
         ]
         if lost and stem != "recordings":
             rows.append([stem.replace("_", " of ", 1), ", ".join(lost)])
-    text = (
-        "Totals over all takes of what was lost, clipped or repaired; what is not named was zero."
-    )
+    text = "Totals over all takes that were lost, clipped or repaired; all others were zero."
     return f"{text}\n\n{table(['', 'counted'], rows)}" if rows else ""
 
 
@@ -202,8 +256,8 @@ def _count(name: str, value: float) -> str:
 def figures(
     captions: Mapping[str, Mapping], items: Sequence[Item], sources: Mapping[str, Sequence[Source]]
 ) -> str:
-    """The figures of ``captions`` (``captions.json``): those of the paper in its order, then ours;
-    ``sources`` of :func:`pipeline.verdicts.equations.citations` say which is which.
+    """The figures of ``captions`` (``captions.json``), a sentence each: those of the paper in its
+    order, then ours; ``sources`` of :func:`pipeline.verdicts.equations.citations` tell them apart.
     """
     drawn = {
         source.file.as_posix(): item.title
@@ -217,25 +271,24 @@ def figures(
         captions,
         key=lambda name: order.index(scripts[name]) if scripts[name] in drawn else len(order),
     )
-    return "\n\n".join(
-        f"![{captions[name]['title']}](figures/{name}.png)\n\n"
-        f"**{drawn.get(scripts[name], 'Not in the paper')}. {captions[name]['title']}.** "
-        f"{short(captions[name]['caption'])} ([{scripts[name]}](../{scripts[name]}))"
-        for name in ordered
-    )
+    lines = []
+    for name in ordered:
+        place = drawn.get(scripts[name], "Not in the paper")
+        lines.append(f"- **{place}.** {short(captions[name]['caption'])}")
+        lines.append(f"  ![{captions[name]['title']}](figures/{name}.png)")
+    return "\n".join(lines)
 
 
 def short(caption: str) -> str:
-    """The first sentence of a caption, and what it says to look at."""
+    """The first sentence of a caption, and the one that says what to look at."""
     sentences = re.split(r"(?<=[.!?]) (?=[A-Z(])", caption)
     return " ".join(
         [sentences[0], *(text for text in sentences[1:] if text.startswith("To look at"))]
     )
 
 
-def errata_titles(errata: Sequence[Erratum]) -> str:
-    """The titles of ``errata`` as links to their entries in ``errata.md``."""
-    return "\n".join(
-        f"{place}. [{erratum.title}](errata.md#{erratum.id})"
-        for place, erratum in enumerate(errata, 1)
-    )
+def gravest_errata(errata: Sequence[Erratum]) -> str:
+    """The titles of the errata of GRAVEST as links, and how many there are in all."""
+    titles = {erratum.id: erratum.title for erratum in errata}
+    lines = [f"- [{titles[name]}](errata.md#{name})" for name in GRAVEST if name in titles]
+    return "\n".join([*lines, f"\nAll {len(errata)}: [errata.md](errata.md)."])

@@ -1,5 +1,5 @@
-"""The rules that decide claims: a closed set, each a function of a claim's readings that says in
-which of its cases it holds.
+"""Rules that decide claims: a closed set, each a function of a claim's readings that says in which
+of its cases it holds and in which it decides at all.
 """
 
 from __future__ import annotations
@@ -9,20 +9,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
+LEAST_POWER = 0.8  # of a test that is evidence, pipeline.statistics.following.POWER
+
 
 @dataclass(frozen=True)
 class Readings:
-    """What a rule may look at, each (cases,) and NaN where a claim has no such thing.
+    """Values that a rule compares, each (cases,) and NaN where a claim has none.
 
-    ``value`` is ours, ``than`` what it is compared with, ``low`` and ``high`` its interval,
-    ``standard_error`` that of its distance from the published value. ``tolerance`` and ``limit``
-    are the claim's own.
+    ``value`` is ours, ``than`` the other value of an order, ``low`` and ``high`` an interval of the
+    value, or of the difference ``value − than`` of an order; ``threshold`` and ``power`` belong to
+    a test of the run's own, ``standard_error`` to the distance from the published value.
+    ``tolerance`` and ``limit`` are the claim's own.
     """
 
     value: np.ndarray
     than: np.ndarray
     low: np.ndarray
     high: np.ndarray
+    threshold: np.ndarray
+    power: np.ndarray
     standard_error: np.ndarray
     published: np.ndarray
     tolerance: float
@@ -40,54 +45,37 @@ class Readings:
             return (self.published - self.value) / self.standard_error
 
 
+def _always(readings: Readings) -> np.ndarray:
+    return np.ones(len(readings.value), dtype=bool)
+
+
+def _without_zero(readings: Readings) -> np.ndarray:
+    return (readings.low > 0) | (readings.high < 0)
+
+
 @dataclass(frozen=True)
 class Rule:
-    """What a rule asks in words, what of a claim it needs, and in which cases it holds."""
+    """A rule in ``words``, the keys of a claim that it ``needs``, the cases in which it ``holds``,
+    and those that it ``decides``: an order whose interval covers zero is not decided.
+    """
 
     words: str
     needs: frozenset[str]
     holds: Callable[[Readings], np.ndarray]
+    decides: Callable[[Readings], np.ndarray] = _always
 
 
-def _within_relative(readings: Readings) -> np.ndarray:
-    return np.abs(readings.value - readings.published) <= readings.tolerance * np.abs(
-        readings.published
-    )
+def _within_relative(r: Readings) -> np.ndarray:
+    return np.abs(r.value - r.published) <= r.tolerance * np.abs(r.published)
 
 
-def _within_absolute(readings: Readings) -> np.ndarray:
-    return np.abs(readings.value - readings.published) <= readings.tolerance
+def _equivalent(r: Readings) -> np.ndarray:
+    margin = r.tolerance * np.abs(r.than)
+    return (r.low > -margin) & (r.high < margin)
 
 
-def _below(readings: Readings) -> np.ndarray:
-    return readings.value < readings.yardstick
-
-
-def _above(readings: Readings) -> np.ndarray:
-    return readings.value > readings.yardstick
-
-
-def _less(readings: Readings) -> np.ndarray:
-    return readings.value < readings.than
-
-
-def _decreasing(readings: Readings) -> np.ndarray:
-    return np.diff(readings.value, prepend=np.inf) < 0
-
-
-def _equivalent(readings: Readings) -> np.ndarray:
-    margin = readings.tolerance * np.abs(readings.than)
-    return (readings.low > -margin) & (readings.high < margin)
-
-
-def _interval_contains(readings: Readings) -> np.ndarray:
-    return (readings.low - readings.tolerance <= readings.published) & (
-        readings.published <= readings.high + readings.tolerance
-    )
-
-
-def _standard_errors(readings: Readings) -> np.ndarray:
-    return np.abs(readings.distance) < readings.limit
+def _interval_contains(r: Readings) -> np.ndarray:
+    return (r.low - r.tolerance <= r.published) & (r.published <= r.high + r.tolerance)
 
 
 RULES = {
@@ -99,12 +87,42 @@ RULES = {
     "within_absolute": Rule(
         "within ±{tolerance} of the published value",
         frozenset({"published", "tolerance"}),
-        _within_absolute,
+        lambda r: np.abs(r.value - r.published) <= r.tolerance,
     ),
-    "below": Rule("below {yardstick}", frozenset({"yardstick"}), _below),
-    "above": Rule("above {yardstick}", frozenset({"yardstick"}), _above),
-    "less": Rule("less than the value it is compared with", frozenset({"than"}), _less),
-    "decreasing": Rule("less from case to case", frozenset(), _decreasing),
+    "below": Rule("below {yardstick}", frozenset({"yardstick"}), lambda r: r.value < r.yardstick),
+    "above": Rule("above {yardstick}", frozenset({"yardstick"}), lambda r: r.value > r.yardstick),
+    "varies": Rule(
+        "above {limit} and above the 95 % quantile of constant noise in as many takes",
+        frozenset({"limit", "threshold"}),
+        lambda r: r.value > r.limit,
+        lambda r: (r.value <= r.limit) | (r.value > r.threshold),
+    ),
+    "follows": Rule(
+        f"at least the limit that a true model reaches, at a power of {LEAST_POWER:g} or more "
+        "against constant noise",
+        frozenset({"threshold", "power"}),
+        lambda r: r.value >= r.threshold,
+        lambda r: r.power >= LEAST_POWER,
+    ),
+    "less": Rule(
+        "less than the value it is compared with; no verdict if the 95 % interval of the "
+        "difference covers zero",
+        frozenset({"than"}),
+        lambda r: r.high < 0,
+        _without_zero,
+    ),
+    "greater": Rule(
+        "greater than the value it is compared with; no verdict if the 95 % interval of the "
+        "difference covers zero",
+        frozenset({"than"}),
+        lambda r: r.low > 0,
+        _without_zero,
+    ),
+    "decreasing": Rule(
+        "less from case to case",
+        frozenset(),
+        lambda r: np.diff(r.value, prepend=np.inf) < 0,
+    ),
     "equivalent": Rule(
         "the 95 % interval of the difference within ± a share {tolerance} of the value compared "
         "with",
@@ -119,6 +137,7 @@ RULES = {
     "standard_errors": Rule(
         "less than {limit} standard errors from the published value",
         frozenset({"published", "standard_error", "limit"}),
-        _standard_errors,
+        lambda r: np.abs(r.distance) < r.limit,
     ),
 }
+ORDERS = ("less", "greater")  # rules that need an interval of the difference

@@ -62,20 +62,6 @@ class CableSystem:
         if np.any(np.abs(np.linalg.norm(self.direction, axis=-1) - 1) > UNIT):
             raise ModelDomainError("directions must be unit vectors; divide them by their lengths")
 
-    @classmethod
-    def from_angles(
-        cls,
-        tension: np.ndarray,
-        angle: np.ndarray,
-        tension_sd: np.ndarray,
-        concentration: np.ndarray,
-    ) -> CableSystem:
-        """The planar system whose cables meet in one point and point along ``angle`` θ̲ (..., m) in
-        rad.
-        """
-        direction = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        return cls(tension, direction, tension_sd, concentration)
-
     @property
     def dimension(self) -> int:
         """p."""

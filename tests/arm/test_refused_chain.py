@@ -50,7 +50,7 @@ MIMIC = LIMIT + '<mimic joint="j1"/>'
         (
             robot_text(*chain(2, inside=LIMIT.replace("-2.5", "x"))),
             {},
-            "no URDF .could not convert",
+            "the joint j1 has .x. as lower of its limit",
         ),
         (robot_text(*chain(2)).replace("0 0 1", "0 0 0"), {}, "the axis of j1 has length 0"),
         (robot_text(TWO[0], *chain(2, inside=MIMIC)[1:]), {}, r"j2 is coupled to j1 \(mimic\)"),
@@ -140,22 +140,22 @@ def test_rows_that_follow_from_each_other_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"task": ["x", "yaw"]}, "task: .*must name rows of x, y, z, rx, ry, rz, each once"),
+        ({"task": ["x", "yaw"]}, "must name rows of x, y, z, rx, ry, rz, each once"),
         ({"task": ["x", "x"]}, "each once"),
-        ({"task": []}, "task: .. must name rows"),
+        ({"task": []}, "must name rows"),
         ({"task": ["x", "y"], "plane": True}, "must name rows of x, z, phi"),
         ({"joints": jn(5)}, "6 rows are more than 5 joints"),
         ({"joints": jn(2), "plane": True}, "3 rows are more than 2 joints"),
-        ({"joints": []}, "joints: name at least one"),
-        ({"joints": ["j1"] * 6}, "joints: name at least one joint, each once"),
-        ({"length": 0.0}, "length: 0.0 must be a positive number"),
-        ({"length": float("nan")}, "length: nan must be a positive number"),
+        ({"joints": []}, "joints: list should have at least 1 item"),
+        ({"joints": ["j1"] * 6}, "joints: must name each joint once"),
+        ({"length": 0.0}, "length: input should be greater than 0, got 0.0"),
+        ({"length": float("nan")}, "length: input should be a finite number, got nan"),
     ],
 )
 def test_options_that_no_arm_has_are_refused_by_their_key(options, said):
     with pytest.raises(ConfigError, match=said) as refused:
         Robot(**({"urdf": "robot.urdf", "joints": jn(6)} | options))
-    assert refused.value.evidence["key"].startswith("dataset.robot.")
+    assert refused.value.evidence["key"] in ("task", "joints", "length")
 
 
 def test_the_same_options_of_an_arm_that_can_are_taken(tmp_path):

@@ -10,7 +10,7 @@ from pipeline.cases.readings import readings, readings_table
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.reference import ArmNames
 
-ALL = ["pivoted LU", "QR of J", "QR of Jᵀ"]
+ALL = ["pivoted LU", "QR of J", "QR of Jᵀ (control)"]
 
 
 def test_the_runs_own_reading_is_first_and_every_other_comes_once(base):

@@ -126,6 +126,19 @@ def tables() -> dict[str, pd.DataFrame]:
             }
         ),
     ]
+    ratios = np.geomspace(1e-5, 1e-1, 5)
+    weights = [
+        pd.DataFrame({"ratio": ratios, "sigma_b": falling, "point": "curve", "source": source})
+        for source, falling in (
+            ("recorded", [0.7, 0.6, 0.5, 0.2, 0.0]),
+            ("drawn", [0.3, 0.25, 0.1, 0.05, 0.0]),
+        )
+    ]
+    weights += [
+        pd.DataFrame({"ratio": [5e-3], "sigma_b": 0.27, "point": "moments", "source": "recorded"}),
+        pd.DataFrame({"ratio": [5e-5], "sigma_b": 0.27, "point": "moments", "source": "drawn"}),
+        pd.DataFrame({"ratio": [1e-3], "sigma_b": 0.5, "point": "used", "source": "recorded"}),
+    ]
     measured = [
         ("residual_rms", "m", [2e-4, 2e-3, 3e-4], 1e-3),
         ("clock_drift", "s/s", [-1e-3, 2e-3, 0.0], 0.02),
@@ -153,6 +166,7 @@ def tables() -> dict[str, pd.DataFrame]:
     lists = {
         "takes": judged,
         "ridges": ridges,
+        "sigma_b_weights": [each.assign(model="wishart") for each in weights],
         "joints": [joints.assign(residual=0.0)],
         "process_noise": [noise[noise["k"] > 0]],
         "deviation": deviation,

@@ -17,7 +17,7 @@ from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Dataset, Motion
 from pipeline.core.options.logs import Encoders
-from pipeline.core.options.motion_capture import Mocap
+from pipeline.core.options.motion_capture import Mocap, Pose
 from pipeline.filtering.measured import MOTION, TRACK, measured_takes, tip_poses
 
 HAND = {
@@ -28,15 +28,15 @@ HAND = {
 }
 MOCAP = Mocap(
     training="*",
-    base={"position": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]},
+    base=Pose([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]),
     markers={"link_5": {"x": [0.0, 0.1, 0.1]}, "flange": HAND},
     gate=0.01,
-    max_gap=10,
     deviation=1e-3,
+    max_gap=20,
 )
 DATASET = Dataset(
     name="t",
-    recordings="raw",
+    recordings=".",
     robot=LWR4,
     mocap=MOCAP,
     encoders=Encoders(training="*", test="*", actual=[]),
@@ -156,7 +156,7 @@ def test_what_the_dataset_does_not_have_is_refused_with_one_message(tables):
     ):
         with pytest.raises(ConfigError, match=words):
             measured_takes(replace(DATASET, **changed))
-    with pytest.raises(ConfigError, match="got 'lidar'"):
+    with pytest.raises(ConfigError, match="should be 'depth', 'encoders' or 'tip', got 'lidar'"):
         replace(DATASET, measurement="lidar")
     file = MOTION / "encoders.parquet"
     table = pd.read_parquet(file)

@@ -3,11 +3,10 @@ from __future__ import annotations
 import pytest
 
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.formats.force.record import LogOptions as ForceOptions
+from pipeline.formats.force.record import ForceLogOptions
 from pipeline.formats.force.table import read_force_table
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.table import read_joint_table
-from pipeline.formats.labels import unit_of
 from pipeline.formats.number_sheet import read_sheet
 from pipeline.tools.inspect.examine import inspect
 
@@ -81,21 +80,12 @@ def test_lines_of_blanks_that_are_no_blanks_are_no_numbers(tmp_path):
     assert sheet(tmp_path, "\xa0\nx,y\n1,2\n").values([0, 1]).tolist() == [[1, 2]]
 
 
-def test_a_unit_stands_in_brackets_of_either_form():
-    assert [unit_of(label) for label in ("Fx (N)", "Fx [kN]", "Mx(N-m)", "Fx")] == [
-        "N",
-        "kN",
-        "N-m",
-        None,
-    ]
-
-
 def test_rows_that_lack_a_column_of_their_labels_are_refused_also_by_columns_numbers(tmp_path):
     file = tmp_path / "log.csv"
     rows = "".join(f"{k}.5,1.5,2.5\n" for k in range(12))
     file.write_text("time,q1,q2,q3\n" + rows)
     joints = LogOptions(joints=2, signals={"actual": [1, 2]})
-    forces = ForceOptions({"t": 0, "fx": 0, "fy": 1, "fz": 2}, force_unit="N", time_unit="s")
+    forces = ForceLogOptions({"t": 0, "fx": 0, "fy": 1, "fz": 2}, force_unit="N", time_unit="s")
     for read, options in ((read_joint_table, joints), (read_force_table, forces)):
         with pytest.raises(RecordingError, match=r"3 cells under 4 labels.*'q3'") as refused:
             read(file, options)

@@ -13,10 +13,8 @@ from pipeline.models.bootstrap import percentiles, replicate, resampled_estimato
 from pipeline.models.kinds import estimate
 from pipeline.models.noise import mean_covariance
 from pipeline.models.steps import Recorded
-from pipeline.models.wishart.decomposition import PIVOTED_LU
 from pipeline.models.wishart.density import action_log_density
 from pipeline.models.wishart.law import WishartModel
-from pipeline.models.wishart.likelihood import fit_sigma_b
 from pipeline.studies.recovery.known_laws import drawn
 
 ADDITIVE = kinds.options_type("additive")("additive", estimator="paper")
@@ -72,19 +70,28 @@ def wishart(chain, poses, step, takes: int, seed: int) -> Recorded:
     return drawn(WishartModel(0.25), still, np.random.default_rng(seed))
 
 
-def test_resampled_likelihoods_give_the_estimate_of_the_resampled_takes(chain, poses, step):
+@pytest.mark.parametrize(
+    ("kind", "estimator", "tolerance"),
+    [
+        ("wishart", "moments", 1e-12),
+        ("wishart", "paper", 1e-12),  # the weights follow from a known measurement noise here
+        ("wishart", "likelihood", 2e-4),
+        ("gaussian", "moments", 1e-12),
+        ("gaussian", "likelihood", 5e-3),
+    ],
+)
+def test_resampled_sums_give_the_estimate_of_the_resampled_takes(
+    chain, poses, step, kind, estimator, tolerance
+):
     recorded = wishart(chain, poses, step, 8, 2)
-    result = estimate(recorded, LIKELIHOOD)
-    estimator = resampled_estimator(recorded, LIKELIHOOD, result)
-    np.testing.assert_allclose(
-        estimator(np.arange(8))["sigma_b"], result.estimates["sigma_b"], rtol=1e-12
-    )
-    for takes in ([0, 0, 3, 5, 5, 5, 6, 7], [1, 2]):
-        part = recorded.subset(np.array(takes))
-        anew = fit_sigma_b(chain, part.q, part.v, part.noise, MEASUREMENT, PIVOTED_LU).sigma_b
-        np.testing.assert_allclose(estimator(np.array(takes))["sigma_b"], anew, rtol=2e-4)
-    # control: these two takes have another estimate than all
-    assert abs(result.estimates["sigma_b"] / anew - 1) > 2e-3
+    options = kinds.options_type(kind)(kind, estimator=estimator)
+    found = estimate(recorded, options)
+    name = {"wishart": "sigma_b", "gaussian": "noise_level"}[kind]
+    for takes in (np.arange(8), np.array([0, 0, 3, 5, 5, 5, 6, 7]), np.array([1, 2])):
+        anew = estimate(recorded.subset(takes), options).estimates[name]
+        assert found.from_takes(takes)[name] == pytest.approx(anew, rel=tolerance)
+    # control: the last takes have another estimate than all
+    assert abs(found.estimates[name] / anew - 1) > max(2e-3, tolerance)
 
 
 def test_the_likelihoods_standard_error_is_what_the_fisher_information_says(chain, poses, step):

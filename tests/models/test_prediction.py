@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal
 
 from pipeline.models.kinds import build_model
 from pipeline.models.noise import process_noise
-from pipeline.models.prediction import groups_of_steps, score_steps
+from pipeline.models.prediction import score_steps
 from pipeline.models.steps import Recorded
 from pipeline.statistics.scores import nees_band, paired_difference
 from pipeline.statistics.take_scores import compared, posterior_scores, prediction_scores
@@ -93,18 +93,6 @@ def test_equal_random_numbers_give_the_same_scores(known):
         scored(known, model)[0]["energy"] for model in ("gaussian", "gaussian", "gaussian_ml")
     )
     assert np.array_equal(first, again) and not np.array_equal(first, other)
-
-
-def test_thirds_of_the_moving_steps_grow_towards_singular_poses_and_leave_none_out(known):
-    recorded, poses = known
-    groups = groups_of_steps(recorded, poses)
-    everything, moving, *thirds = groups.values()
-    assert everything.all() and moving.sum() == STEPS - REST
-    np.testing.assert_array_equal(np.sum(thirds, axis=0), moving)
-    inverse = np.linalg.inv(recorded.chain.jacobian(poses[:, :-1]))
-    norms = np.linalg.norm(inverse, axis=(-2, -1)).mean(axis=0)
-    means = [norms[third].mean() for third in thirds]
-    assert means == sorted(means) and means[0] < means[2]
 
 
 def test_a_posterior_is_scored_as_a_normal_law_of_the_measured_pose():

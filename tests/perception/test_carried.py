@@ -9,7 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.serial import SerialChain
-from pipeline.perception.carried import Carried
+from pipeline.core.task import SPACE
+from pipeline.perception.space import Carried
 
 
 def placements(count: int, rng: np.random.Generator) -> np.ndarray:
@@ -21,18 +22,15 @@ def arm(n: int, rng: np.random.Generator, points: int = 3) -> tuple[Carried, lis
     """An arm with ``points`` on a link beyond each of its joints, and the chains to these."""
     sliding = rng.random(n) < 0.3
     whole, ends, chains = placements(n, rng), placements(n, rng), []
-    links = np.zeros((n, n + 2, 6))
     for j in range(n):
         to_link = np.vstack([whole[: j + 1], ends[j]])
         limits = np.full(j + 1, -2.0), np.full(j + 1, 2.0), np.ones(j + 1)
-        chains.append(SerialChain(("x",), 1.0, to_link, sliding[: j + 1], *limits))
-        links[j, : j + 3] = chains[-1].numbers().frames
+        chains.append(SerialChain(SPACE, 1.0, to_link, sliding[: j + 1], *limits))
     carried = Carried(
-        arm=chains[-1].numbers(),
+        chains=chains,
+        sliding=sliding,
         lower=chains[-1].lower,
         upper=chains[-1].upper,
-        links=links,
-        joints=np.arange(1, n + 1),
         owner=np.repeat(np.arange(n), points),
         places=rng.uniform(-0.1, 0.1, (n * points, 3)),
         bodies=np.zeros(n, bool),

@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.perception.link_fit import fit_segments, marker_places
-from pipeline.perception.markers import track_joints
+from pipeline.perception.markers import fit_segments, marker_places, track_joints
 
 TEMPLATE = np.array(
     [

@@ -4,8 +4,12 @@ truth.
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -15,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.perception.segment import ArmSegmenter, Crop
+from pipeline.perception.segment import ArmSegmenter, CloudSegmenter, Crop
 
 SHAPE = (212, 256)
 CAMERA = np.array([[182.7, 0.0, 127.4], [0.0, 182.7, 102.7], [0.0, 0.0, 1.0]])
@@ -195,3 +199,58 @@ def test_a_camera_that_looks_away_is_refused(arm: Arm) -> None:
         ArmSegmenter(
             arm, CAMERA, DISTORTION, rotation @ np.diag([-1.0, 1.0, -1.0]), translation, SHAPE, CROP
         )
+
+
+def scene_cloud(arm: Arm) -> tuple[np.ndarray, np.ndarray]:
+    """(N, 3) points of the scene in the camera's frame, m, and which are the arm's."""
+    depth, hit = render(arm)
+    return ideal_pixels(tuple(DISTORTION)) * depth.reshape(-1, 1), hit.ravel()
+
+
+def test_a_cloud_gives_the_points_of_the_image_and_counts_what_it_leaves_out(arm: Arm) -> None:
+    cloud, hit = scene_cloud(arm)
+    # a speck in the plane of the arm and in its reach, and a point of noise
+    speck = arm.to_base(np.array([0.3, FRONT, 0.1]) + 0.004 * np.eye(3))
+    rotation, translation = camera_pose(arm)
+    alone = arm.to_base(np.array([[-0.3, FRONT, 0.2]]))
+    beside = (np.vstack([speck, alone]) - translation) @ rotation
+    points, dropped = CloudSegmenter(arm, rotation, translation, CROP)(np.vstack([cloud, beside]))
+    expected, _ = segmenter(arm)(render(arm)[0])
+    np.testing.assert_allclose(points, expected, atol=1e-9)
+    assert dropped == {
+        "off_plane": int((~hit).sum()), "out_of_reach": 0, "base": 0, "isolated": 4, "thinned": 0
+    }  # fmt: skip
+
+
+def test_a_cloud_without_points_of_the_arm_gives_none(arm: Arm) -> None:
+    cut = CloudSegmenter(arm, *camera_pose(arm), CROP)
+    cloud, hit = scene_cloud(arm)
+    for empty in (np.empty((0, 3)), cloud[~hit]):
+        points, dropped = cut(empty)
+        assert points.shape == (0, 2) and sum(dropped.values()) == len(empty)
+
+
+BYTES = """
+import sys
+import numpy as np
+from tests.perception.test_segment import CROP, CloudSegmenter, arm, camera_pose, scene_cloud
+chain = arm.__wrapped__() if hasattr(arm, "__wrapped__") else arm._get_wrapped_function()()
+cloud = scene_cloud(chain)[0] + np.random.default_rng(1).normal(scale=2e-3, size=(54272, 3))
+sys.stdout.buffer.write(CloudSegmenter(chain, *camera_pose(chain), CROP)(cloud)[0].tobytes())
+"""
+
+
+@pytest.mark.slow
+def test_the_bytes_of_a_clouds_points_do_not_depend_on_the_threads() -> None:
+    root = Path(__file__).parents[2]
+    results = {
+        subprocess.run(
+            [sys.executable, "-c", BYTES],
+            cwd=root,
+            env=os.environ | {"OMP_NUM_THREADS": threads, "PYTHONPATH": f"{root}:{root}/tests"},
+            capture_output=True,
+            check=True,
+        ).stdout
+        for threads in ("1", "2", "7")
+    }
+    assert len(results) == 1 and len(results.pop()) > 5000

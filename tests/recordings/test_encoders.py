@@ -6,11 +6,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from made_options import made
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.core.options.logs import Encoders
-from pipeline.formats.joints.written import labels, write_joint_table
+from pipeline.formats.joints.table import joint_labels, write_joint_table
 from pipeline.recordings.encoders import encoder_rows
 
 JOINTS = ["shoulder", "elbow"]
@@ -21,10 +22,10 @@ def dataset(**options) -> Dataset:
         "training": "logs/train_*.csv",
         "test": "logs/test_*.csv",
         "time": "time",
-        "actual": labels("actual", JOINTS),
+        "actual": joint_labels("actual", JOINTS),
     }
     robot = Robot("arm.urdf", JOINTS, task=["x"])
-    return Dataset(name="t", robot=robot, encoders=Encoders(**stated | options))
+    return made(Dataset, robot=robot, encoders=Encoders(**stated | options))
 
 
 URDF = """<robot name="arm"><link name="base"/><link name="upper"/><link name="lower"/>

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from joint_files import log, read_movement, table
+from made_options import made
 from written_logs import write_joint_log
 
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.logs import JointLog as Log
 from pipeline.formats.format import Format, Kind, begins
 from pipeline.formats.joints.log import JointLog, LogOptions
-from pipeline.formats.joints.written import write_joint_table
+from pipeline.formats.joints.table import write_joint_table
 from pipeline.recordings import movement
 from pipeline.recordings.logged_movement import read_logged_movement
 
@@ -144,7 +145,7 @@ def test_wrapped_angles_are_unwrapped_counted_and_taken_beside_their_command(
     else:
         np.savez(tmp_path / "run.npz", time=time, **rows)
     signals = {name: [f"{name}_a", f"{name}_b"] if kind == "csv" else [name] for name in rows}
-    log = Log("*", joints=["a", "b"], signals=signals, time="time", start=[], end=[], rest=0)
+    log = made(Log, joints=["a", "b"], signals=signals, time="time")
     read = read_logged_movement("run", tmp_path / f"run.{kind}", log, 100.0)
     np.testing.assert_allclose(read.actual - read.target, 1e-5, atol=1e-6)
     # on the circle they are where they were

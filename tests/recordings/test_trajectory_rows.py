@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from made_options import made
 from space_arms import LWR4, UR5, motion
 
 from pipeline.arm.commanded import trajectory_table
@@ -36,7 +37,7 @@ def file(tmp_path):
 
 
 def dataset(robot=UR5, rate: float = 100.0) -> Dataset:
-    return Dataset(name="t", robot=robot, motion=Motion(rate, STEPS))
+    return made(Dataset, robot=robot, motion=Motion(rate, STEPS))
 
 
 def test_the_steps_take_the_arm_from_each_commanded_pose_to_the_next(file):

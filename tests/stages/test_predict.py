@@ -10,7 +10,7 @@ from known_law import JOINTS
 from omegaconf import OmegaConf
 
 from pipeline.core import config, contracts
-from pipeline.stages import predict
+from pipeline.stages import fit, predict
 
 OUT, TRACK = Path("data/predict"), Path("data/track")
 
@@ -45,6 +45,14 @@ def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(project)
         assert rows["all", "gaussian", f"coverage_of_one_sigma_{joint}"] == pytest.approx(
             0.683, abs=0.05
         )
+
+
+def test_beside_a_wishart_model_the_control_that_depends_on_no_unit_is_scored(project):
+    choose(models=["wishart", "additive"])
+    fit.run("wishart")
+    fit.run("additive")
+    predict.run()
+    assert {"wishart", "wishart_qr_transposed"} < {*log_scores().index}
 
 
 @pytest.mark.slow

@@ -18,7 +18,14 @@ from pipeline.stages import report
 from pipeline.verdicts.run import read_run
 
 ROOT = Path(__file__).parents[2]
-WRITTEN = ("claims.json", "report.md", "errata.md", "equations.md", "model_card.md")
+WRITTEN = (
+    "claims.json",
+    "report.md",
+    "errata.md",
+    "datasets.md",
+    "equations.md",
+    "model_card.md",
+)
 YOUBOT = Path("reports/datasets/youbot.json")
 
 
@@ -51,7 +58,7 @@ def test_every_claim_has_its_verdict_in_both_forms(project):
     report.run()
     claims = json.loads((project / "reports/claims.json").read_text())
     assert [(run["dataset"], run["recordings"]) for run in claims["datasets"]] == [
-        ("youbot", "synthetic")
+        ("youbot", "synthetic"),
     ]
     stated = config.read_yaml(project / "reports/claims.yaml")["claims"]
     assert [claim["id"] for claim in claims["claims"]] == [claim["id"] for claim in stated]
@@ -59,12 +66,12 @@ def test_every_claim_has_its_verdict_in_both_forms(project):
     for claim in claims["claims"]:
         assert claim["statement"] in page and claim["evidence"]
         assert claim["command"].startswith("dvc repro ")
-    assert len(page.splitlines()) < 300
+    assert len(page.splitlines()) <= 160 and len(page.split()) <= 3000
     # no verdict on a robot comes of recordings that no robot made
     decided = {
         claim["datasets"]["youbot"]["verdict"]
         for claim in claims["claims"]
-        if claim["about"] != "method"
+        if claim["about"] != "method" and "youbot" in claim["datasets"]
     }
     assert not decided & {"reproduced", "not reproduced"}
     assert "# Errata" in (project / "reports/errata.md").read_text()
@@ -97,7 +104,7 @@ def test_a_dataset_named_as_the_papers_own_decides_what_is_said_of_its_robot(pro
         claim["id"]: claim["datasets"]
         for claim in json.loads((project / "reports/claims.json").read_text())["claims"]
     }
-    assert claims["u"]["youbot"]["verdict"] in ("reproduced", "not reproduced")
+    assert claims["sigma-omega"]["youbot"]["verdict"] in ("reproduced", "not reproduced")
 
 
 @pytest.mark.parametrize(
@@ -122,6 +129,7 @@ def test_the_verdicts_of_another_dataset_stand_beside_those_of_the_run(project):
     other = read_run(project / "reports/datasets/youbot.json")
     joints = ["joint_2", "joint_3", "joint_4"]
     metrics = {"motion": {f"recorded_std_{name}_variation": 1.0 for name in joints}}
+    metrics["motion"] |= {f"recorded_std_{n}_variation_of_constant_noise": 0.5 for n in joints}
     other = replace(
         other, dataset="ur5", synthetic=False, joints=joints, metrics=metrics, tables={}
     )
@@ -132,12 +140,16 @@ def test_the_verdicts_of_another_dataset_stand_beside_those_of_the_run(project):
         ("youbot", "synthetic"),
         ("ur5", "real"),
     ]
-    verdicts = {claim["id"]: claim["datasets"]["ur5"]["verdict"] for claim in claims["claims"]}
+    verdicts = {
+        claim["id"]: claim["datasets"]["ur5"]["verdict"]
+        for claim in claims["claims"]
+        if "ur5" in claim["datasets"]
+    }
     assert (
         verdicts["u"] == "no evidence in this dataset"
         and verdicts["noise-is-dynamic"] == "reproduced"
     )
-    assert "| **ur5**, recordings of a real robot" in (project / "reports/report.md").read_text()
+    assert "| youBot, synthetic | UR5, real |" in (project / "reports/report.md").read_text()
 
 
 def test_evidence_that_is_missing_or_damaged_is_refused_by_name(project):
@@ -154,7 +166,8 @@ def test_every_link_of_the_report_leads_to_a_file_that_a_run_has(project):
     report.run()
     page = (project / "reports/report.md").read_text()
     links = {link.partition("#")[0] for link in re.findall(r"\]\((.*?)\)", page)}
-    missing = {link for link in links if not (ROOT / "reports" / link).exists()}
+    here = (ROOT / "reports", project / "reports")
+    missing = {link for link in links if not any((place / link).exists() for place in here)}
     # the pages of the studies are written by a pipeline of their own
     assert {link for link in missing if not link.startswith("studies/")} == set()
     anchors = set(re.findall(r"errata\.md#([\w-]+)", page))

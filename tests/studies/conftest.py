@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
-from known_law import write_project
+from known_law import ROOT, write_project
 
+from pipeline.arm.model import load_arm
 from pipeline.core import contracts
+from pipeline.laboratory.options import ClockOptions, DynamicsOptions, TrajectoryOptions
+from pipeline.studies.simulated import Laboratory, NoiseLaw
 
 
 @pytest.fixture
@@ -23,3 +27,21 @@ def never_resting(project) -> None:
     folder = Path("data/ingest/motion")
     trajectory = contracts.read("trajectory", folder)
     contracts.write(trajectory.assign(**{"v:x": 0.01}), "trajectory", folder)
+
+
+@pytest.fixture(scope="session")
+def laboratory() -> Laboratory:
+    """The youBot on a motion of 1.6 s, with a depth camera of a known law."""
+    joints = [f"arm_joint_{number}" for number in (2, 3, 4)]
+    held = {"arm_joint_1": 2.967, "arm_joint_5": 2.923}
+    chain = load_arm(ROOT / "pipeline/arm/youbot.urdf", joints, "arm_tool", held).chain
+    law = NoiseLaw(
+        np.array([0.0, 1.0]),
+        np.array([[0.02, 0.0, 0.0], [0.0, 0.04, 0.0]]),
+        np.array([1e-4, 4e-4])[:, None, None] * np.eye(3),
+    )
+    ends = {"folded": (1.8544, -4.5335, 2.2406), "extended": (2.3867, -4.0012, 2.7773)}
+    motion = TrajectoryOptions(**ends, duration=1.6, rest=0.1, ramp=0.2)
+    noise = np.array([[3.0, -2.0, 0.0], [-2.0, 7.0, -3.0], [0.0, -3.0, 6.0]]) * 1e-8
+    parts = (DynamicsOptions(), motion, ClockOptions())
+    return Laboratory(chain, ("a", "b", "c"), *parts, noise, law, 2)

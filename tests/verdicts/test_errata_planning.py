@@ -44,7 +44,7 @@ def test_the_least_uncertain_motion_of_the_gaussian_model_goes_where_the_arm_is_
 
     gaussian = law_cost("gaussian", problem.chain)
     steps = np.arange(0, 25, 3)
-    poses = grid(problem, steps, spacing_of(problem, 50), 50)
+    poses = grid(problem, steps, spacing_of(problem, 50))
     ways = [on_stages(problem, cost, poses)[0][0] for cost in (gaussian, worst_conditioned)]
     np.testing.assert_array_equal(*ways)
     uncertain = least_uncertain(problem, gaussian, 50)

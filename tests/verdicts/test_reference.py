@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from pipeline.core.errors import ConfigError
+from pipeline.core.validation import validated
 from pipeline.verdicts.reference import ArmNames, Reference
-from pipeline.verdicts.strict import build
 
 JOINTS = ("arm_joint_2", "arm_joint_3", "arm_joint_4")
 ARM = ArmNames(JOINTS, ("x", "z", "phi"))
@@ -89,7 +89,7 @@ def test_placeholders_take_the_values_of_a_case():
 )
 def test_what_is_neither_a_key_nor_a_cell_is_refused(parts):
     with pytest.raises(ConfigError):
-        build(Reference, {"file": "metrics/motion"} | parts)
+        validated(Reference, {"file": "metrics/motion"} | parts)
 
 
 def test_a_joint_by_its_number_has_the_name_that_the_run_gives_it():

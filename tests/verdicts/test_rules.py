@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.verdicts.rules import RULES, Readings
+from pipeline.statistics.following import POWER
+from pipeline.verdicts.rules import LEAST_POWER, RULES, Readings
 
 
 def readings(value, **others) -> Readings:
@@ -15,7 +16,8 @@ def readings(value, **others) -> Readings:
         for key in list(others)
         if key not in ("tolerance", "limit")
     }
-    blank = {key: gap for key in ("than", "low", "high", "standard_error", "published")}
+    names = ("than", "low", "high", "threshold", "power", "standard_error", "published")
+    blank = dict.fromkeys(names, gap)
     return Readings(
         np.array(value, dtype=float),
         **blank | stated,
@@ -42,7 +44,10 @@ def holds(rule: str, value, **others) -> list[bool]:
         ("below", [0.9, 1.0], {"limit": 1.0}, [True, False]),
         ("below", [0.9, 1.9], {"published": [1.0, 2.0]}, [True, True]),
         ("above", [1.1, 1.0], {"limit": 1.0}, [True, False]),
-        ("less", [1.0, 2.0], {"than": [1.5, 1.5]}, [True, False]),
+        ("less", [1.0, 2.0], {"than": 1.5, "low": [-1, 0.1], "high": [-0.1, 1]}, [True, False]),
+        ("greater", [1.0, 2.0], {"than": 1.5, "low": [-1, 0.1], "high": [-0.1, 1]}, [False, True]),
+        ("follows", [0.5, 0.5], {"threshold": [0.4, 0.6], "power": 1.0}, [True, False]),
+        ("varies", [0.3, 0.2], {"threshold": 0.1, "limit": 0.25}, [True, False]),
         ("decreasing", [3, 2, 2, 1], {}, [True, True, False, True]),
         (
             "equivalent",
@@ -77,6 +82,24 @@ def test_a_rule_holds_on_its_side_of_the_yardstick_alone(rule, value, others, ex
 @pytest.mark.parametrize("rule", sorted(set(RULES) - {"decreasing"}))
 def test_no_rule_holds_without_its_numbers(rule):
     assert holds(rule, [np.nan, 1.0], tolerance=0.1) == [False, False]
+
+
+@pytest.mark.parametrize(
+    ("rule", "value", "others", "expected"),
+    [
+        ("less", [1, 1, 1], {"low": [-2, 1, -1], "high": [-1, 2, 1]}, [True, True, False]),
+        ("less", [1.0], {}, [False]),
+        ("follows", [0.5, 0.5], {"threshold": 0.4, "power": [0.79, 0.8]}, [False, True]),
+        ("varies", [0.2, 0.3, 0.5], {"limit": 0.25, "threshold": 0.4}, [True, False, True]),
+        ("below", [0.2], {"limit": 0.25}, [True]),
+    ],
+)
+def test_a_rule_decides_nothing_that_chance_alone_would_make(rule, value, others, expected):
+    assert RULES[rule].decides(readings(value, **others)).tolist() == expected
+
+
+def test_the_power_of_a_rule_is_that_of_the_test():
+    assert LEAST_POWER == POWER
 
 
 def test_an_interval_about_zero_that_is_too_wide_shows_no_equivalence():

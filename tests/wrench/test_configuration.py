@@ -67,9 +67,9 @@ def test_a_configuration_in_space_has_elevations_and_attachments_over_the_length
     ],
 )
 def test_cables_that_are_half_described_are_refused(changes, key):
-    with pytest.raises(ConfigError, match=r"a\.csv") as refused:
+    with pytest.raises(ConfigError, match=key) as refused:
         Configuration(**(SPATIAL | changes))
-    assert refused.value.evidence["key"].endswith(f".{key}")
+    assert refused.value.evidence["key"].endswith(key)
 
 
 def test_more_cables_than_robots_and_a_length_that_is_none_are_refused():
@@ -77,7 +77,7 @@ def test_more_cables_than_robots_and_a_length_that_is_none_are_refused():
     configuration = Configuration(**(PLANAR | four))
     with pytest.raises(ConfigError, match="3 values for the 4 robots"):
         nominal_system(force(configuration), configuration)
-    with pytest.raises(ConfigError, match="positive number of metres"):
+    with pytest.raises(ConfigError, match=r"length: .* greater than 0, got 0\.0"):
         force(configuration, length=0.0)
-    with pytest.raises(ConfigError, match="three coordinates"):
+    with pytest.raises(ConfigError, match="point"):
         force(configuration, point=[0.0, 0.0])

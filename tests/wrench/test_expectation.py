@@ -8,12 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from planar_cables import planar_cables
 from scipy.integrate import dblquad
 
 from pipeline.wrench.bounds import Bounds, draw_systems
 from pipeline.wrench.expectation import expected_sigma_s, expected_unbounded_sigma_s
 from pipeline.wrench.matrix import FORMS, matrix_model, unbounded_sigma_s
-from pipeline.wrench.parametric import CableSystem, wrench_covariance
+from pipeline.wrench.parametric import wrench_covariance
 from pipeline.wrench.study import estimate_sigma_s
 
 # the bound Σ_S ≥ 0 holds often within the first, and hardly ever with many cables within the second
@@ -45,9 +46,7 @@ def test_for_one_cable_it_is_the_integral_over_tension_and_its_deviation():
     for i, j in DISTINCT:
 
         def entry(sd, tension, i=i, j=j):
-            system = CableSystem.from_angles(
-                *(np.array([value]) for value in (tension, 0.6, sd, 150.0))
-            )
+            system = planar_cables(*(np.array([value]) for value in (tension, 0.6, sd, 150.0)))
             return unbounded_sigma_s(matrix_model(system), wrench_covariance(system))[i, j]
 
         direct = dblquad(entry, *bounds.tension, *bounds.tension_sd, epsabs=1e-10)[0] / area
@@ -127,8 +126,6 @@ def test_where_no_system_is_held_it_is_the_quadrature_alone():
 
 def test_bounds_of_no_width_give_the_sigma_s_of_their_one_system():
     bounds = Bounds((4.0, 4.0), (0.9, 0.9), (1.0, 1.0), (200.0, 200.0))
-    system = CableSystem.from_angles(
-        np.full(2, 4.0), np.full(2, 0.9), np.full(2, 1.0), np.full(2, 200.0)
-    )
+    system = planar_cables(np.full(2, 4.0), np.full(2, 0.9), np.full(2, 1.0), np.full(2, 200.0))
     unbounded = unbounded_sigma_s(matrix_model(system), wrench_covariance(system))
     np.testing.assert_allclose(expected_unbounded_sigma_s(bounds, 2), unbounded, rtol=1e-7)

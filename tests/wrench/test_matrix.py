@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from planar_cables import planar_cables
 from scipy.optimize import least_squares
 from scipy.stats import ks_2samp
 
@@ -19,7 +20,7 @@ from pipeline.wrench.matrix import (
     sample_wrenches,
     unbounded_sigma_s,
 )
-from pipeline.wrench.parametric import CableSystem, wrench_covariance
+from pipeline.wrench.parametric import wrench_covariance
 
 BAND = 4.5  # standard errors
 
@@ -54,7 +55,7 @@ def covariance_z(samples, covariance):
 
 def random_systems(count, agents, rng):
     shape = (count, agents)
-    return CableSystem.from_angles(
+    return planar_cables(
         rng.uniform(1.8, 14, shape),
         rng.uniform(0, 6.3, shape),
         rng.uniform(0.5, 2.3, shape),
@@ -219,6 +220,6 @@ def test_covariances_that_are_none_and_cables_without_tension_are_refused():
         sample_wrenches(MODEL, np.array([[1.0, 2.0], [2.0, 1.0]]), 3, rng)
     with pytest.raises(ModelDomainError, match="tension"):
         unbounded_sigma_s(
-            matrix_model(CableSystem.from_angles(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))),
+            matrix_model(planar_cables(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))),
             np.eye(2),
         )

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from planar_cables import planar_cables
 
 from pipeline.core import contracts
 from pipeline.statistics import two_sample
@@ -21,7 +22,6 @@ from pipeline.wrench.measured_force import (
     force_test,
     modelled_wrenches,
 )
-from pipeline.wrench.parametric import CableSystem
 from pipeline.wrench.study import estimate_sigma_s, run_study, sigma_s_rows
 from tests.wrench.parametric_law import sample_wrench
 
@@ -30,7 +30,7 @@ BOUNDS = Bounds(
 )
 DIRECTIONS = np.array([0.15, 3.7, 1.6])
 TENSIONS = np.array([9.19, 6.92, 7.30])  # N; along these directions they give (3, 5) N
-SYSTEM = CableSystem.from_angles(
+SYSTEM = planar_cables(
     TENSIONS, DIRECTIONS, np.array([0.5, 1.2, 2.3]), np.array([2400.0, 600.0, 170.0])
 )
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from planar_cables import planar_cables
 
 from pipeline.statistics import two_sample
 from pipeline.wrench.matrix import matrix_model, optimal_sigma_s, unbounded_sigma_s
@@ -40,7 +41,7 @@ def sigma_s_of(system: CableSystem) -> np.ndarray:
 
 def test_rows_are_those_that_the_cables_give_and_moments_are_over_the_length():
     met = replace(TOWED, attachment=None)
-    angles = CableSystem.from_angles([5.0, 4.0], [0.1, 2.0], [0.5, 0.5], [900.0, 900.0])
+    angles = planar_cables([5.0, 4.0], [0.1, 2.0], [0.5, 0.5], [900.0, 900.0])
     planar = replace(angles, attachment=np.ones((2, 2)))
     assert rows_of(angles) == ("fx", "fy") and rows_of(planar) == ("fx", "fy", "mz")
     assert rows_of(met) == SIX[:3] and rows_of(TOWED) == SIX

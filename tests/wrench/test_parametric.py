@@ -8,6 +8,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from planar_cables import planar_cables
 from scipy.integrate import quad
 from scipy.special import i0, i0e, i1e
 from scipy.stats import special_ortho_group, vonmises
@@ -19,7 +20,7 @@ from tests.wrench.parametric_law import sample_wrench
 
 BAND = 4.5  # standard errors; six rows have 27 moments, which leave it with probability 2e-4
 
-WIDE = CableSystem.from_angles(
+WIDE = planar_cables(
     np.array([4.0, 7.0, 2.5]),
     np.array([0.4, 2.1, 5.0]),
     np.array([0.5, 2.0, 1.0]),
@@ -69,7 +70,7 @@ def test_moments_of_one_cable_equal_those_integrated_over_its_direction(theta, k
             [expectation(lambda a: np.cos(a) * np.sin(a)), expectation(lambda a: np.sin(a) ** 2)],
         ]
     )
-    cable = CableSystem.from_angles(*(np.array([value]) for value in (tension, theta, sd, kappa)))
+    cable = planar_cables(*(np.array([value]) for value in (tension, theta, sd, kappa)))
     np.testing.assert_allclose(wrench_mean(cable), mean, atol=1e-10)
     np.testing.assert_allclose(wrench_covariance(cable), second - np.outer(mean, mean), atol=1e-9)
 
@@ -141,7 +142,7 @@ def test_concentrations_whose_bessel_functions_overflow_give_the_small_angle_law
     with np.errstate(over="ignore"):
         assert np.isinf(i0(kappa))
     assert mean_resultant_length(kappa, 2) == pytest.approx(1 - 1 / (2 * kappa), abs=1 / kappa**2)
-    cable = CableSystem.from_angles(*(np.array([v]) for v in (6.0, np.pi / 2, 2.0, kappa)))
+    cable = planar_cables(*(np.array([v]) for v in (6.0, np.pi / 2, 2.0, kappa)))
     np.testing.assert_allclose(
         np.diag(wrench_covariance(cable)), [36.0 / kappa, 4.0], rtol=0.2, atol=0
     )

@@ -1,71 +1,80 @@
-"""Point clouds of any format: read by their formats' own modules, in what they share here.
+"""Point clouds as PCD (ascii, binary, binary_compressed) or PLY (ascii, binary of either order).
 
-By hand, because Open3D fills up what a truncated file lacks, reads the float64 of a PCD as float32
-and takes the coordinates of a PLY to come before its other properties; where it reads rightly, the
-tests hold the two against each other.
+Open3D reads the binary data. It fills up what a truncated file lacks, takes damaged text for zeros
+and fails on fields that share a name (PCL's padding ``_``). So the header is read here, the data
+are held against it, text is parsed as every other table, and Open3D is given a header of its own.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import os
+import re
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.core.bounds import MIB, read_whole, require
 from pipeline.core.errors import RecordingError
-from pipeline.formats import depth
 from pipeline.formats.delimited import numbers_of
-from pipeline.formats.depth.lzf import decompress
-from pipeline.formats.format import BYTES, Head, Kind, formats_in, recognised
+from pipeline.formats.depth.open3d_library import load_open3d
+from pipeline.formats.format import Format, Head, Kind, Stated
 
+PCD_FORMATS = ("ascii", "binary", "binary_compressed")
+PCD_TYPES = {"f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8"}
+PLY_FORMATS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
+PLY_TYPES = {
+    **{"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2"},
+    **{"ushort": "u2", "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4"},
+    **{"float": "f4", "float32": "f4", "double": "f8", "float64": "f8"},
+}
+PLAIN_TYPES = {"f4": "float", "f8": "double"} | {
+    kind: name for name, kind in PLY_TYPES.items() if kind[0] in "iu" and "int" in name
+}
+UNTURNED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # x, y, z, and a quaternion w, x, y, z
 # as C++ prints it; nan itself is known to numbers_of
 NO_POSITION = ("-nan", "+nan", "inf", "-inf", "+inf")
 
 
 @dataclass(frozen=True)
 class PointCloud:
-    """One frame: ``points`` (N, 3) float64 in the file's unit, those that were measured;
-    ``missing``, how many more it holds without a position (NaN or infinite).
+    """One frame: ``points`` (N, 3) float64 in the file's unit and the sensor's frame, those that
+    were measured.
     """
 
     points: np.ndarray
-    missing: int
+    missing: int  # more points, without a position (NaN or infinite)
+    # of a PCD: position in the file's unit and quaternion (w, x, y, z) of the sensor, not applied
+    viewpoint: tuple[float, ...] = UNTURNED
+    # surplus_bytes behind the points that the header announces
+    counts: dict[str, int] = field(default_factory=dict)
 
     @classmethod
-    def measured(cls, points: np.ndarray) -> PointCloud:
-        """The cloud of (N, 3) ``points``, those without a position left out and counted."""
+    def measured(cls, points: np.ndarray, *beside: object) -> PointCloud:
+        """Return the cloud of (N, 3) ``points``, those without a position left out and counted."""
         measured = points[np.isfinite(points).all(axis=1)]
-        return cls(measured, len(points) - len(measured))
+        return cls(measured, len(points) - len(measured), *beside)
 
 
 @dataclass(frozen=True)
 class Header:
-    """What a header announces: ``count`` points, each a record of ``point`` (field 'x' among them),
-    in ``form`` from byte ``start`` on; whether other elements than points follow them.
-    """
+    """Numbers that a cloud's header states."""
 
-    count: int
-    point: np.dtype
-    form: str
-    start: int
-    more: bool = False
+    count: int  # points
+    point: np.dtype  # the record of a point, fields 'x', 'y' and 'z' among them
+    form: str  # of PCD_FORMATS or PLY_FORMATS
+    start: int  # byte at which the points begin
+    more: bool = False  # whether other elements than points follow them
+    viewpoint: tuple[float, ...] = UNTURNED
 
 
 def is_cloud(file: Path) -> bool:
-    """Whether the name of ``file`` is that of a point cloud."""
-    suffix = Path(file).suffix.lower()
-    return any(suffix in one.endings for one in formats_in(depth, Kind.CLOUD))
+    """Return whether the name of ``file`` is the name of a point cloud."""
+    return Path(file).suffix.lower() in FORMAT.endings
 
 
 def read_cloud(file: Path) -> PointCloud:
-    """The points of the cloud in ``file``; those of a PCD are moved to where its VIEWPOINT
-    (position and quaternion) puts them.
-
-    Colours, normals and other fields are passed over, wherever they stand. Raises RecordingError
-    for a file that is missing, truncated, of another format, without x, y, z, or that holds other
-    data than its header announces.
-    """
+    """Return the points of the cloud in ``file``; see :func:`decode_cloud`."""
     file = Path(file)
     try:
         content = read_whole(file)
@@ -75,112 +84,256 @@ def read_cloud(file: Path) -> PointCloud:
             "take",
             file=file,
         ) from None
-    chosen = recognised(Head(file, content[:BYTES]), formats_in(depth, Kind.CLOUD))
-    if chosen is None:
-        raise RecordingError("this is no PCD or PLY point cloud", file=file)
-    return chosen.read(content, file=file)
+    return decode_cloud(content, file=file)
 
 
-def points_of(content: bytes, header: Header, file: Path) -> np.ndarray:
-    """(N, 3) the points that the ``header`` announces; RecordingError where there are others."""
-    for axis in "xyz":
-        if (
-            axis not in header.point.names
-            or header.point[axis].shape
-            or header.point[axis].kind != "f"
-        ):
-            names = ", ".join(header.point.names)
+def decode_cloud(content: bytes, *, file: Path) -> PointCloud:
+    """Return the points of the cloud in ``content`` of ``file``.
+
+    They stay in the sensor's frame, as in PCL and Open3D: the VIEWPOINT of a PCD (the sensor's pose
+    in some world) is returned beside them. Colours, normals and other fields are passed over. Bytes
+    behind the announced points are passed over and counted, since PCL pads files to whole pages.
+    Raises RecordingError for content that is truncated, of another format, without x, y and z, or
+    with data other than the header announces.
+    """
+    if _is_ply(content):
+        header = _ply_header(content, file)
+    elif _is_pcd(content) or Path(file).suffix.lower() == ".pcd":
+        header = _pcd_header(content, file)
+    else:
+        raise RecordingError("this is no PCD or PLY point cloud; export it as one", file=file)
+    _require_coordinates(header, file)
+    read = _text_points if header.form == "ascii" else _binary_points
+    points, surplus = read(content, header, file)
+    counts = {"surplus_bytes": surplus} if surplus and not header.more else {}
+    return PointCloud.measured(points, header.viewpoint, counts)
+
+
+def _is_ply(content: bytes) -> bool:
+    return content.startswith((b"ply\n", b"ply\r\n"))
+
+
+def _is_pcd(content: bytes) -> bool:
+    return re.match(rb"# \.PCD|VERSION +\S+\s+FIELDS ", content) is not None
+
+
+def _pcd_header(content: bytes, file: Path) -> Header:
+    entries: dict[str, list[str]] = {}
+    start = 0
+    while "DATA" not in entries:
+        end = content.find(b"\n", start, start + 10_000)
+        if end < 0:
             raise RecordingError(
-                f"the cloud has no single floating-point {axis}; there are {names}", file=file
+                "this is no PCD point cloud, or it is truncated in its header; copy it again",
+                file=file,
             )
+        words = content[start:end].decode("latin-1").split()
+        start = end + 1
+        if words and not words[0].startswith("#"):
+            entries[words[0]] = words[1:]
+    try:
+        names = entries["FIELDS"]
+        counts = [int(count) for count in entries.get("COUNT", ["1"] * len(names))]
+        types = [
+            kind.lower() + size for kind, size in zip(entries["TYPE"], entries["SIZE"], strict=True)
+        ]
+        if not set(types) <= PCD_TYPES or min(counts) < 1:
+            raise ValueError(f"TYPE, SIZE and COUNT give {', '.join(types)} of {counts}")
+        # padding has the name _ as often as there is some
+        unique = [name if names.count(name) == 1 else f"{name}{i}" for i, name in enumerate(names)]
+        fields = [
+            (name, "<" + kind, *([(count,)] if count != 1 else []))
+            for name, kind, count in zip(unique, types, counts, strict=True)
+        ]
+        point = np.dtype(fields)
+        width, height, count = (int(entries[name][0]) for name in ("WIDTH", "HEIGHT", "POINTS"))
+        (form,) = entries["DATA"]
+        viewpoint = tuple(map(float, entries.get("VIEWPOINT", UNTURNED)))
+    except (KeyError, ValueError, IndexError, TypeError) as error:
+        raise RecordingError(
+            f"the header of the PCD is damaged ({error}); copy it again", file=file
+        ) from None
+    if form not in PCD_FORMATS:
+        raise RecordingError(f"DATA {form!r} is none of {', '.join(PCD_FORMATS)}", file=file)
+    if width * height != count:
+        raise RecordingError(
+            f"POINTS is {count}, and {height} rows of {width} are {width * height}: damaged; copy "
+            "the cloud again",
+            file=file,
+        )
+    if (
+        len(viewpoint) != 7
+        or not np.isfinite(viewpoint).all()
+        or not abs(np.linalg.norm(viewpoint[3:]) - 1) < 1e-3
+    ):
+        raise RecordingError(
+            f"VIEWPOINT is {viewpoint}, which must be a position and a unit quaternion (w, x, y, "
+            "z); write 0 0 0 1 0 0 0 for the sensor's own frame",
+            file=file,
+        )
+    return Header(count, point, form, start, viewpoint=viewpoint)
+
+
+def _ply_header(content: bytes, file: Path) -> Header:
+    end = re.search(rb"\nend_header\r?\n", content[:100_000])
+    if end is None:
+        raise RecordingError("the PLY is truncated in its header; copy it again", file=file)
+    lines = [line.split() for line in content[: end.start()].decode("latin-1").splitlines()[1:]]
+    lines = [words for words in lines if words and words[0] not in ("comment", "obj_info")]
+    elements = [number for number, words in enumerate(lines) if words[0] == "element"]
+    try:
+        _, form, _ = lines[0]
+        _, element, count = lines[elements[0]]
+        properties = lines[elements[0] + 1 : elements[1] if len(elements) > 1 else None]
+        point = np.dtype(
+            [(name, PLY_FORMATS[form] + PLY_TYPES[kind]) for _, kind, name in properties]
+        )
+        if lines[0][0] != "format" or element != "vertex":
+            raise ValueError("it does not begin with a format and the element vertex")
+        return Header(int(count), point, form, end.end(), more=len(elements) > 1)
+    except (KeyError, ValueError, IndexError, TypeError) as error:
+        raise RecordingError(
+            f"the header of the PLY is damaged, or a vertex has more than single numbers "
+            f"({error}); copy it again, or export the points alone",
+            file=file,
+        ) from None
+
+
+def _require_coordinates(header: Header, file: Path) -> None:
+    """RecordingError where a point has no x, y, z of one floating-point type, or there is none, or
+    there are more than the bound.
+    """
+    names = header.point.names
+    there = [header.point[axis] for axis in "xyz" if axis in names]
+    if len(there) < 3 or any(each.shape or each.kind != "f" for each in there) or len({*there}) > 1:
+        raise RecordingError(
+            f"the cloud has no single x, y and z of one floating-point type; its fields are "
+            f"{', '.join(names)}: export it with them",
+            file=file,
+        )
     size = header.count * header.point.itemsize
     require("part_mib", size / MIB, "MiB of points, which the header announces,", file)
     if size <= 0:
         raise RecordingError(
-            f"the header announces {header.count} points of {header.point.itemsize} bytes",
+            f"the header announces {header.count} points; copy the cloud again, or take it out of "
+            "the take",
             file=file,
         )
-    with np.errstate(invalid="ignore", over="ignore"):  # points without a position stay without
-        return (_rows if header.form == "ascii" else _records)(content, header, file)
 
 
-def _records(content: bytes, header: Header, file: Path) -> np.ndarray:
+def _binary_points(content: bytes, header: Header, file: Path) -> tuple[np.ndarray, int]:
+    """Return (N, 3) the points, and the number of bytes behind them."""
     data, size = content[header.start :], header.count * header.point.itemsize
     if header.form == "binary_compressed":
         packed, unpacked = np.frombuffer(data[:8].ljust(8, b"\0"), "<u4").tolist()
-        if unpacked != size or len(data) < 8 + packed:
+        if unpacked != size:
             raise RecordingError(
-                f"{len(data)} bytes of data that should unfold to {size}: truncated or damaged",
+                f"the compressed data unfold to {unpacked} bytes where the header announces "
+                f"{size}: truncated or damaged; copy the cloud again",
                 file=file,
             )
-        # PCL sets the size of the file before it has compressed, and leaves zeros
-        _require_none(len(data[8 + packed :].rstrip(b"\0")), file)
-        data = decompress(data[8 : 8 + packed], size)
-        if data is None:
-            raise RecordingError("the compressed data are damaged; copy the cloud again", file=file)
-        # compressed clouds hold field after field instead of point after point
-        starts = {name: header.count * header.point.fields[name][1] for name in "xyz"}
-        columns = [
-            np.frombuffer(data, header.point[name], header.count, starts[name]) for name in "xyz"
-        ]
-    elif len(data) < size:
+        size = 8 + packed
+    if len(data) < size:
         raise RecordingError(
-            f"{len(data)} bytes of data for {header.count} points of {header.point.itemsize}: "
-            "truncated",
+            f"{len(data)} bytes of data where {header.count} points have {size}: truncated; copy "
+            "the cloud again",
             file=file,
         )
-    else:
-        _require_none(0 if header.more else len(data) - size, file)
-        records = np.frombuffer(data, header.point, header.count)
-        columns = [records[name] for name in "xyz"]
-    return np.stack(columns, axis=1).astype(float)
+    points = _by_open3d(header, data[:size])
+    if points is None:
+        raise RecordingError("the compressed data are damaged; copy the cloud again", file=file)
+    return points, len(data) - size
 
 
-def _require_none(surplus: int, file: Path) -> None:
-    if surplus:
-        raise RecordingError(
-            f"{surplus} bytes follow the points that the header announces: the header is of "
-            "another cloud, or the file is damaged; write the cloud again",
-            file=file,
+def _by_open3d(header: Header, data: bytes) -> np.ndarray | None:
+    """Return (N, 3) float64 of the ``data`` that the ``header`` describes, None where they are
+    damaged.
+    """
+    # under other names Open3D would make colours and normals of fields, or fail on two of one name
+    fields = [
+        (name if name in ("x", "y", "z") else f"f{i}", header.point[name])
+        for i, name in enumerate(header.point.names)
+    ]
+    ply = header.form in PLY_FORMATS
+    text = (_plain_ply if ply else _plain_pcd)(header, fields)
+    with os.fdopen(os.memfd_create("cloud"), "wb") as stream:
+        stream.write(text.encode() + data)
+        stream.flush()
+        cloud = load_open3d().t.io.read_point_cloud(
+            f"/proc/self/fd/{stream.fileno()}", format="ply" if ply else "pcd"
         )
+    if "positions" not in cloud.point or len(cloud.point.positions) != header.count:
+        return None
+    with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers are no positions
+        return cloud.point.positions.numpy().astype(float)
 
 
-def _rows(content: bytes, header: Header, file: Path) -> np.ndarray:
-    # what follows the last line end may have lost digits
-    lines = content[header.start :].decode("latin-1").lower().split("\n")[:-1]
+def _plain_pcd(header: Header, fields: list[tuple[str, np.dtype]]) -> str:
+    """Return a PCD header of the ``fields``."""
+    lines = {
+        "FIELDS": [name for name, _ in fields],
+        "SIZE": [kind.base.itemsize for _, kind in fields],
+        "TYPE": [kind.base.kind.upper() for _, kind in fields],
+        "COUNT": [int(np.prod(kind.shape)) for _, kind in fields],
+        "WIDTH": [header.count],
+        "HEIGHT": [1],
+        "VIEWPOINT": [0, 0, 0, 1, 0, 0, 0],
+        "POINTS": [header.count],
+        "DATA": [header.form],
+    }
+    rows = (f"{key} {' '.join(map(str, values))}\n" for key, values in lines.items())
+    return "# .PCD v0.7\nVERSION 0.7\n" + "".join(rows)
+
+
+def _plain_ply(header: Header, fields: list[tuple[str, np.dtype]]) -> str:
+    """Return a PLY header of the ``fields``."""
+    rows = "".join(f"property {PLAIN_TYPES[kind.str[1:]]} {name}\n" for name, kind in fields)
+    return f"ply\nformat {header.form} 1.0\nelement vertex {header.count}\n{rows}end_header\n"
+
+
+def _text_points(content: bytes, header: Header, file: Path) -> tuple[np.ndarray, int]:
+    """Return (N, 3) the points, and the number of bytes behind them."""
+    lines = content[header.start :].decode("latin-1").split("\n")
     first = content.count(b"\n", 0, header.start) + 1
     filled = [
-        (number, line.split()) for number, line in enumerate(lines, start=first) if line.strip()
-    ]
-    if len(filled) < header.count:
-        raise RecordingError(
-            f"{len(filled)} whole rows where the header announces {header.count} points: "
-            "truncated or damaged",
-            file=file,
-        )
-    if len(filled) > header.count and not header.more:
-        raise RecordingError(
-            f"{len(filled)} rows where the header announces {header.count} points: the header is "
-            "of another cloud, or the file is damaged; write the cloud again",
-            file=file,
-            line=filled[header.count][0],
-        )
-    filled = filled[: header.count]
+        (number, line.lower().split()) for number, line in enumerate(lines, first) if line.strip()
+    ][: header.count]
     widths = [int(np.prod(header.point[name].shape)) for name in header.point.names]
     cells = [sum(widths[: header.point.names.index(axis)]) for axis in "xyz"]
     for number, row in filled:
         if len(row) != sum(widths):
             raise RecordingError(
-                f"{len(row)} numbers in a row of {sum(widths)}: truncated or damaged",
+                f"the row has {len(row)} numbers where a point has {sum(widths)}: truncated or "
+                "damaged; copy the cloud again",
                 file=file,
                 line=number,
             )
         for cell in cells:
             row[cell] = "nan" if row[cell] in NO_POSITION else row[cell]
-    return numbers_of(
-        [",".join(row) for _, row in filled],
-        [number for number, _ in filled],
-        cells,
-        file=file,
-        gaps=True,
-    )
+    if len(filled) < header.count:
+        raise RecordingError(
+            f"there are {len(filled)} rows where the header announces {header.count} points: "
+            "truncated or damaged; copy the cloud again",
+            file=file,
+        )
+    rows, numbers = [",".join(row) for _, row in filled], [number for number, _ in filled]
+    behind = "\n".join(lines[numbers[-1] - first + 1 :])
+    points = numbers_of(rows, numbers, cells, file=file, gaps=True)
+    return points, len(behind) if behind.strip() else 0
+
+
+def _begins(head: Head) -> bool:
+    return _is_ply(head.content) or _is_pcd(head.content) or head.suffix == ".pcd"
+
+
+def _states(file: Path) -> Stated:
+    rows = [line.split() for line in Head.read(file).content.decode("latin-1").splitlines()]
+    held = {row[0]: row[1:] for row in reversed(rows) if row}
+    if "format" in held:
+        return Stated(" ".join(["PLY", *held["format"]]))
+    width, height = (" ".join(held.get(name, [])) for name in ("WIDTH", "HEIGHT"))
+    organised = {"organised": f"{width} × {height}"} if height not in ("", "1") else {}
+    return Stated(" ".join(["PCD", *held.get("VERSION", [])]), facts=organised)
+
+
+FORMAT = Format("point cloud", Kind.CLOUD, decode_cloud, _begins, _states, endings=(".pcd", ".ply"))

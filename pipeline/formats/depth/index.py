@@ -71,6 +71,16 @@ def read_index(file: Path) -> DepthIndex:
     return DepthIndex(np.array(time), tuple(files), {"cut_rows": int(text.cut is not None)})
 
 
+def dropped_frames(time: np.ndarray) -> int:
+    """Return how many frames lack between those of ``time`` (F,) in s, increasing: whole steps
+    beyond one, in steps of the median's length.
+    """
+    steps = np.diff(time)
+    if not len(steps):
+        return 0
+    return int(np.sum(np.maximum(np.rint(steps / np.median(steps)) - 1, 0)))
+
+
 def write_index(file: Path, time: np.ndarray, files: tuple[str, ...]) -> None:
     """Write the index of N frames, ``time`` (N,) in s with the six decimals of TUM RGB-D, in the
     order given.

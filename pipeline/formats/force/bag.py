@@ -10,14 +10,14 @@ import numpy as np
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.force.clock import rate_of, read_clock
-from pipeline.formats.force.record import OPTION, ForceRecord, LogOptions, repeats, with_torque
+from pipeline.formats.force.record import OPTION, ForceLogOptions, ForceRecord, repeats, with_torque
 from pipeline.formats.format import Format, Kind
 
 WRENCH = ("geometry_msgs/msg/WrenchStamped",)
-NO_OPTIONS = LogOptions()
+NO_OPTIONS = ForceLogOptions()
 
 
-def read_force_bag(file: Path, options: LogOptions = NO_OPTIONS) -> ForceRecord:
+def read_force_bag(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord:
     """Record of the option's ``topic`` in the bag ``file``, or of the only one of its type; times
     are those of the messages' headers.
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.force.record import OPTION, LogOptions
+from pipeline.formats.force.record import OPTION, ForceLogOptions
 from pipeline.formats.number_sheet import Sheet
-from pipeline.formats.units import TIME_UNITS
+from pipeline.formats.units import TIME_UNITS, spelled
 
 JITTER = 0.1  # of the median step
 
@@ -54,23 +54,22 @@ def rate_of(time: np.ndarray) -> float:
 
 
 def seconds_of(
-    sheet: Sheet, column: int, stated: str | None, options: LogOptions, line: int
+    sheet: Sheet, column: int, stated: str | None, options: ForceLogOptions
 ) -> np.ndarray:
-    """(N,) s from the first on: the ``column`` of times, in the unit that the log has ``stated`` at
-    ``line``, else the option.
+    """Return (N,) s from the first on: the ``column`` of times, in the unit that the log has
+    ``stated``, else of the option.
 
     RecordingError with the option that settles it where neither states a unit that is known, or
     each another.
     """
+    stated = spelled(stated) if stated else None
     unit = stated or options.time_unit
-    key = f"{OPTION}.time_unit"
+    where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.time_unit"}
     if unit not in TIME_UNITS:
         problem = f"the time has no known unit{f' ({unit!r})' if unit else ''}"
-        raise RecordingError(
-            f"{problem}: state one of {', '.join(TIME_UNITS)}", file=sheet.file, line=line, key=key
-        )
-    if stated and options.time_unit and stated != options.time_unit:
+        raise RecordingError(f"{problem}: state one of {', '.join(TIME_UNITS)}", **where)
+    if stated and options.time_unit and stated != spelled(options.time_unit):
         message = f"the time is in {stated} by the log and in {options.time_unit} by the option"
-        raise RecordingError(message, file=sheet.file, line=line, key=key)
+        raise RecordingError(message, **where)
     ticks = sheet.values([column])[:, 0]
     return (ticks - ticks[0]) * TIME_UNITS[unit]

@@ -33,7 +33,7 @@ class ForceRecord:
 
 
 @dataclass(frozen=True)
-class LogOptions:
+class ForceLogOptions:
     """What settles a force log where it does not say so itself; None where it does (section
     dataset.force.log).
     """
@@ -52,7 +52,12 @@ class LogOptions:
 
 
 def si_factors(
-    axes: list[str], stated: Mapping[str, str | None], options: LogOptions, *, file: Path, line: int
+    axes: list[str],
+    stated: Mapping[str, str | None],
+    options: ForceLogOptions,
+    *,
+    file: Path,
+    line: int,
 ) -> np.ndarray:
     """(len(axes),) what turns each axis into N or N·m: as ``stated`` beside it in the log, else as
     the option, else the calibration says.
@@ -92,7 +97,7 @@ def full_scale(calibration: Calibration | None) -> np.ndarray | None:
         TORQUES, calibration.torque_unit
     )
     return calibration.full_scale * si_factors(
-        [*FORCES, *TORQUES], units, LogOptions(), file=calibration.file, line=1
+        [*FORCES, *TORQUES], units, ForceLogOptions(), file=calibration.file, line=1
     )
 
 
@@ -111,7 +116,7 @@ def check_columns(columns: Mapping[str, str | int], *, file: Path) -> None:
         raise RecordingError("of the torques tx, ty, tz name all or none", file=file, key=key)
 
 
-def check_serial(serial: str, options: LogOptions, *, file: Path) -> None:
+def check_serial(serial: str, options: ForceLogOptions, *, file: Path) -> None:
     """RecordingError where log and calibration both name a transducer, and not the same."""
     theirs = options.calibration.serial if options.calibration else ""
     if serial and theirs and serial != theirs:
@@ -139,6 +144,7 @@ def axis_of(label: str) -> str | None:
     any other.
     """
     match = re.fullmatch(
-        r"(f|force|t|torque|m|moment)[ _]?([xyz])\s*(?:[(\[].*[)\]])?", label.strip().lower()
+        r"(?:.*[./])?(f|force|t|torque|m|moment)[ _.]?([xyz])\s*(?:[(\[].*[)\]])?",
+        label.strip().lower(),
     )
     return ("f" if match[1].startswith("f") else "t") + match[2] if match else None

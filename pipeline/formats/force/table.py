@@ -1,9 +1,11 @@
-"""Plain tables of forces from any program: which column is what, and in which unit, stands in the
-option or in the table's own header.
+"""Tables of forces from any program: options or labels say which column is what, options or the
+header in which unit.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -14,104 +16,140 @@ from pipeline.formats.force.record import (
     FORCES,
     OPTION,
     TORQUES,
+    ForceLogOptions,
     ForceRecord,
-    LogOptions,
+    axis_of,
     check_columns,
     repeats,
     si_factors,
     with_torque,
 )
 from pipeline.formats.format import Format, Kind
-from pipeline.formats.labels import columns_of, unit_of
-from pipeline.formats.number_sheet import Sheet, read_sheet
+from pipeline.formats.number_sheet import Sheet, bare, read_sheet
 
 KEY = f"{OPTION}.columns"
+TIMES = re.compile(r"t|time ?(stamp)?", re.IGNORECASE)
+NUMBERS = re.compile(r"(sample|sequence|packet)( ?(number|no\.?|#))?", re.IGNORECASE)
 
 
-def read_force_table(file: Path, options: LogOptions) -> ForceRecord:
-    """Record in ``file``, in N, N·m and s, of the columns that ``options`` name: fx, fy, fz, and as
-    there are t, tx, ty, tz.
+def read_force_table(file: Path, options: ForceLogOptions) -> ForceRecord:
+    """Return the record in ``file``, in N, N·m and s, of the columns that ``options`` name: fx, fy,
+    fz, and as there are t, tx, ty, tz; without any name, of those whose labels say what they are.
 
-    Units stand in brackets behind a label, in the line below the labels, or in the options. Without
-    a column t, samples follow each other at the option's rate. ``counts``: ``repeated_rows`` and
+    Units are those behind a label, in the line below the labels, or of the options. Without a
+    column t, samples follow each other at the option's rate. ``counts``: ``repeated_rows`` and
     ``zero_rows``, both kept; ``blank_rows``; ``cut_rows``; and with times those of
     :func:`pipeline.formats.force.clock.read_clock`.
 
     Raises RecordingError, with the line and the option that settles it where there is one, for axes
     or units that nothing names, a time that goes back, and malformed rows.
     """
+    sheet = force_sheet(file, options)
+    values = axis_values(sheet, options)
+    return timed_record(sheet, values, options, lambda: _rate(options, file))
+
+
+def _rate(options: ForceLogOptions, file: Path) -> float:
+    if options.rate is None:
+        raise RecordingError(
+            "neither a column t nor a rate gives the samples a time; set rate to the samples a "
+            "second",
+            file=file,
+            key=f"{OPTION}.rate",
+        )
+    return options.rate
+
+
+def force_sheet(file: Path, options: ForceLogOptions) -> Sheet:
+    """Return the table in ``file``; RecordingError where it has no sample or lacks a column."""
     sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
-    check_columns(options.columns, file=file)
     if not sheet.rows:
         raise RecordingError(
-            "no whole sample: in no line are half of the cells numbers; record again",
+            "no whole sample below the labels: no line holds numbers; record again",
             file=file,
             line=sheet.header_lines[-1],
         )
     sheet.require_cells()
-    columns, units, line = _named(sheet, options)
-    axes = [axis for axis in (*FORCES, *TORQUES) if axis in columns]
-    values = sheet.values([columns[axis] for axis in axes]) * si_factors(
-        axes, units, options, file=file, line=line
-    )
-    counts = dict(sheet.counts)
-    if "t" in columns:
-        time = seconds_of(sheet, columns["t"], units.get("t"), options, line)
-        keep, clock_counts = read_clock(time, values, sheet.lines, place="line", file=file)
-        time, values, counts = time[keep], values[keep], counts | clock_counts
-        rate = rate_of(time)
-    elif options.rate is None:
-        raise RecordingError(
-            "neither a column t nor a rate gives the samples a time",
-            file=file,
-            key=f"{OPTION}.rate",
-        )
-    else:
-        rate = options.rate
-        time = np.arange(len(values)) / rate
-    return ForceRecord(time, *with_torque(values), rate, "", "", repeats(values) | counts)
+    return sheet
 
 
-def _named(sheet: Sheet, options: LogOptions) -> tuple[dict[str, int], dict[str, str | None], int]:
-    """Columns by quantity, the units that the header states for them, and the line of the
-    labels.
+def axis_values(sheet: Sheet, options: ForceLogOptions) -> np.ndarray:
+    """Return (N, 3 or 6) forces in N and, where there are any, torques in N·m."""
+    columns = axis_columns(sheet, options)
+    units = {axis: sheet.unit(column) for axis, column in columns.items()}
+    factors = si_factors(list(columns), units, options, file=sheet.file, line=sheet.label_line)
+    return sheet.values(list(columns.values())) * factors
+
+
+def axis_columns(sheet: Sheet, options: ForceLogOptions) -> dict[str, int]:
+    """Return the column of each axis, the three forces and, where there are any, the three torques:
+    by the options, else by the labels.
     """
-    names = [name for name in options.columns.values() if isinstance(name, str)]
-    if not names and not sheet.header:
-        return (
-            columns_of(
-                [], options.columns, sheet.width, file=sheet.file, line=sheet.lines[0], key=KEY
-            ),
-            {},
-            sheet.lines[0],
-        )
-    if not names:
-        rows = [
-            row
-            for row in map(sheet.header_cells, range(len(sheet.header)))
-            if len(row) == sheet.width
-        ]
-        columns = columns_of(
-            [], options.columns, sheet.width, file=sheet.file, line=sheet.lines[0], key=KEY
-        )
-        label_rows, line = rows, sheet.lines[0]
+    if options.columns:
+        check_columns(options.columns, file=sheet.file)
+        named = {axis: column for axis, column in options.columns.items() if axis != "t"}
+        columns = sheet.columns(named, KEY)
     else:
-        index = sheet.label_row(names)
-        label_rows = [sheet.header_cells(i) for i in range(index, len(sheet.header))]
-        line = sheet.header_lines[index]
-        if len(label_rows[0]) != sheet.width:
-            message = f"the row has {sheet.width} cells under {len(label_rows[0])} labels"
-            raise RecordingError(message, file=sheet.file, line=sheet.lines[0])
-        columns = columns_of(
-            label_rows[0], options.columns, sheet.width, file=sheet.file, line=line, key=KEY
+        columns = {}
+        for column, label in enumerate(sheet.labels):
+            if axis := axis_of(label):
+                columns.setdefault(axis, []).append(column)
+        if doubled := [axis for axis, held in columns.items() if len(held) > 1]:
+            message = (
+                f"two columns are labelled {sheet.labels[columns[doubled[0]][0]]}; name each axis "
+                "by its number in columns"
+            )
+            raise RecordingError(message, file=sheet.file, line=sheet.label_line, key=KEY)
+        columns = {axis: held[0] for axis, held in columns.items()}
+    wanted = [*FORCES, *(TORQUES if set(TORQUES) & set(columns) else ())]
+    if missing := [axis for axis in wanted if axis not in columns]:
+        there = f", only {', '.join(sheet.labels)}" if sheet.labels else ""
+        message = (
+            f"no column is labelled {', '.join(missing)}{there}; correct the labels or name the "
+            "axes in columns"
         )
-        label_rows = [row for row in label_rows if len(row) == sheet.width]
-    units = {}
-    for quantity, column in columns.items():
-        behind = [unit for row in label_rows if (unit := unit_of(row[column]))]
-        below = [row[column] for row in label_rows[1:2] if row[column]]
-        units[quantity] = next(iter(behind or below), None)
-    return columns, units, line
+        raise RecordingError(message, file=sheet.file, line=sheet.label_line, key=KEY)
+    return {axis: columns[axis] for axis in wanted}
+
+
+def timed_record(
+    sheet: Sheet,
+    values: np.ndarray,
+    options: ForceLogOptions,
+    rate: Callable[[], float],
+    *,
+    serial: str = "",
+    started: str = "",
+    more: Mapping[str, int] | None = None,
+) -> ForceRecord:
+    """Return the record of ``values`` (N, axes), timed by a column of times or sample numbers, else
+    by the ``rate``; ``more`` are counts beside those of :func:`read_force_table`.
+    """
+    named = options.columns.get("t")
+    if not options.columns:
+        labels = [(n, bare(label)) for n, label in enumerate(sheet.labels)]
+        fits = [n for kind in (TIMES, NUMBERS) for n, label in labels if kind.fullmatch(label)]
+        named = fits[0] if fits else None
+    counts = repeats(values) | sheet.counts
+    if named is None:
+        frequency = rate()
+        time = np.arange(len(values)) / frequency
+    else:
+        column = sheet.columns({"t": named}, KEY)["t"]
+        label = bare(sheet.labels[column]) if sheet.labels else ""
+        if NUMBERS.fullmatch(label):
+            numbers = sheet.values([column])[:, 0]
+            frequency = rate()
+            time = (numbers - numbers[0]) / frequency
+        else:
+            time = seconds_of(sheet, column, sheet.unit(column), options)
+            frequency = None
+        keep, clocked = read_clock(time, values, sheet.lines, place="line", file=sheet.file)
+        time, values = time[keep], values[keep]
+        counts = repeats(values) | sheet.counts | clocked
+        frequency = frequency or rate_of(time)
+    counts |= more or {}
+    return ForceRecord(time, *with_torque(values), frequency, serial, started, counts)
 
 
 FORMAT = Format("table of forces", Kind.FORCE, read_force_table, option="table")

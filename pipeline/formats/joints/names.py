@@ -1,57 +1,227 @@
-"""What the names of arrays and columns say of joint logs: which holds the time, which the measured
-and which the commanded angles.
+"""What the names of arrays and columns say of joint logs: which hold the time, which the measured
+and which the commanded angles, told by their words and, where these leave it open, by the values.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
-from pipeline.formats.labels import bare
+import numpy as np
 
-# what is meant without an option, written without case and signs
-NAMES = {
-    "time": ("t", "time", "times", "timestamp", "timestamps", "stamp", "stamps"),
-    "actual": (
-        *("q", "qactual", "actualq", "qmeasured", "measuredq", "position", "positions"),
-        *("actualpositions", "measuredpositions", "jointpositions", "angles", "jointangles"),
-        *("actual", "measured", "jointstate", "jointstates"),
-    ),
-    "target": (
-        *("qtarget", "targetq", "qdesired", "desiredq", "qd", "qcommanded", "commandedq", "qcmd"),
-        *("targetpositions", "desiredpositions", "commandedpositions", "targetangles"),
-        *("target", "commanded", "desired", "jointcommand", "jointcommands"),
-        *("desiredjointstates", "commandedjointstates", "targetjointstates"),
-    ),
-}
+from pipeline.formats.number_sheet import bare
+
+
+def _words(*lines: str) -> frozenset[str]:
+    return frozenset(" ".join(lines).split())
+
+
+TIME = _words("t time times timestamp timestamps stamp stamps secs seconds")
+POSITION = _words("q position positions pos angle angles theta th")
+VELOCITY = _words("dq qdot velocity velocities vel speed speeds omega w qp")
+OTHER = _words(
+    "qdd ddq dqdd acceleration accelerations acc accel jerk tau taus torque torques effort efforts",
+    "moment moments momentum current currents i voltage voltages temperature temperatures temp",
+    "power tcp pose poses ee flange tool force forces wrench orientation quaternion quat rotation",
+    "error errors err residual status bits mode digital analog input output register control",
+    "scaling fraction safety execution time timestamp gripper finger noise std raw id seq frame",
+)
+MEASURED = _words("actual act measured meas msr feedback fbk real observed ist")
+COMMANDED = _words(
+    "target tgt desired des commanded command commands cmd reference ref setpoint goal nominal",
+    "planned soll",
+)
+STATE = {"state", "states"}  # measured, beside no word for a command
+JOINT = {"joint", "joints", "j", "axis", "axes", "jnt", "field", "robot", "arm", "the", "of"}
+PLACES = {*"xyzw", "qx", "qy", "qz", "qw", "rx", "ry", "rz", "roll", "pitch", "yaw"}  # of a pose
+FOLLOWS = 0.05  # of the motion, by which a command may miss the measured angles
+INTEGRAL = 0.1  # of the motion, by which the integral of a speed may miss it
+UNIT_NORM = 1e-3  # by which four columns that are a quaternion may be off a length of 1
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What one name says."""
+
+    role: str  # actual, target, or empty
+    quantity: str  # position, velocity, other, or empty
+    number: int | None  # of the joint
+    rest: tuple[str, ...]  # words that say neither
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether it can be an angle of a joint."""
+        return self.quantity in ("position", "") and not (
+            len(self.rest) == 1 and {*self.rest} & PLACES
+        )
+
+
+def meaning(name: str) -> Meaning:
+    """Return what ``name`` says: words are separated by signs, capitals and numbers, the last
+    number is the joint's; ``qd`` is a speed, ``q_d`` and ``d`` a command.
+    """
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", bare(name))
+    words = [word.lower() for word in re.findall(r"[A-Za-z]+|\d+", text)]
+    number = next((int(word) for word in reversed(words) if word.isdigit()), None)
+    for k in range(len(words) - 1, -1, -1):
+        if words[k].isdigit():
+            del words[k]
+            break
+    split: list[str] = []
+    for word in words:
+        split += _compound(word)
+    role, quantity, rest = "", "", []
+    for word in split:
+        if word in MEASURED:
+            role = role or "actual"
+        elif word in COMMANDED or (word == "d" and quantity):
+            role = "target"
+        elif word in STATE:
+            role = role or "state"
+        elif word == "qd" or word in VELOCITY:
+            quantity = "other" if quantity == "other" else "velocity"
+        elif word in OTHER:
+            quantity = "other"
+        elif word in POSITION:
+            quantity = quantity or "position"
+        elif word not in JOINT:
+            rest.append(word)
+    return Meaning("actual" if role == "state" else role, quantity, number, tuple(rest))
+
+
+def _compound(word: str) -> list[str]:
+    """A word, split where it begins or ends with one that is known: tq is a commanded q."""
+    known = {"tq": ["target", "q"], "tqd": ["target", "qd"], "tqdd": ["target", "qdd"]}
+    known |= {"aq": ["actual", "q"], "qm": ["actual", "q"], "qcmd": ["target", "q"]}
+    known |= {"qdes": ["target", "q"], "qref": ["target", "q"], "jointstate": ["state"]}
+    known |= {"jointstates": ["state"], "jointcommand": ["target"], "jointcommands": ["target"]}
+    known |= {"aipos": ["actual", "pos"], "aspos": ["target", "pos"], "jointpositions": ["pos"]}
+    if word in known:
+        return known[word]
+    for mark in (*MEASURED, *COMMANDED):
+        for quantity in (*POSITION, *VELOCITY):
+            if word in (mark + quantity, quantity + mark) and len(mark) > 2:
+                return [mark, quantity]
+    return [word]
 
 
 def named_like(quantity: str, names: Iterable[str]) -> list[str]:
-    """Those of the ``names`` that say they are the ``quantity``, one of NAMES."""
-    return [name for name in names if re.sub(r"[^a-z0-9]", "", name.lower()) in NAMES[quantity]]
+    """Return those of the ``names`` that say they are the ``quantity``: time, actual or target
+    angles.
+    """
+    if quantity == "time":
+        return [n for n in names if re.sub(r"[^a-z]", "", bare(n).lower()) in TIME]
+    held = {name: meaning(name) for name in names}
+    angles = {name: what for name, what in held.items() if what.is_angle}
+    said = [name for name, what in angles.items() if what.role == quantity]
+    if quantity == "actual":  # an angle of which nothing says that it is commanded
+        said += [name for name, what in angles.items() if not what.role and what.quantity]
+    plain = [name for name in said if not angles[name].rest]
+    return plain or said
 
 
 def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
-    """The ``labels`` of columns by the name that they share before their number, each list in the
-    order of the numbers, as ``q_0, q_1``; or before their first underscore where that says what
-    they are, as ``actual_elbow, actual_wrist``.
+    """Return the ``labels`` of columns by the name that they share beside their number, each list
+    in the order of the numbers, as ``q_0, q_1``; and under actual or target where the joints are
+    named by words, as ``actual_elbow, actual_wrist_1``.
     """
     numbered: dict[str, dict[int, str]] = {}
     worded: dict[str, list[str]] = {}
     for label in labels:
-        parts = re.fullmatch(r"(.*?)[\s_.\[(]*(\d+)[\])]?", bare(label))
-        word = label.partition("_")[0]
-        if parts and parts[1]:
-            numbered.setdefault(parts[1], {})[int(parts[2])] = label
-        elif word != label and any(named_like(quantity, [word]) for quantity in NAMES):
-            worded.setdefault(word, []).append(label)
-    return {name: [held[n] for n in sorted(held)] for name, held in numbered.items()} | worded
+        what = meaning(label)
+        parts = re.fullmatch(r"(.*?)[\s_./\[(]*(\d+)[\])]?(\D*)", bare(label))
+        if parts and what.number is not None and parts[1] + parts[3]:
+            numbered.setdefault(parts[1] + parts[3], {})[int(parts[2])] = label
+        role = what.role or ("actual" if what.quantity == "position" else "")
+        if role and what.rest and what.is_angle:
+            worded.setdefault(role, []).append(label)
+    groups = {name: [held[n] for n in sorted(held)] for name, held in numbered.items()}
+    joints = {frozenset((meaning(n).rest, meaning(n).number) for n in w) for w in worded.values()}
+    plain = any(meaning(n).is_angle and meaning(n).role and not meaning(n).rest for n in groups)
+    by_words = any(meaning(label).number is None for held in worded.values() for label in held)
+    if by_words and len(joints) == 1 and not plain:
+        named = {label for held in worded.values() for label in held}
+        groups = {name: held for name, held in groups.items() if not named & {*held}} | worded
+    return groups
 
 
-def signals_of(labels: Sequence[str]) -> dict[str, list[str]]:
-    """Signal → columns of the joints, of the signals that exactly one name among the ``labels``
-    says it is.
+def signals_of(
+    labels: Sequence[str],
+    time: np.ndarray | None = None,
+    load: Callable[[str], np.ndarray] | None = None,
+) -> tuple[dict[str, list[str]], dict[str, str]]:
+    """Return signal → columns of the joints, and signal → the reason why it is a guess.
+
+    A signal is there where one name alone says it is; where the values are given, ``load(label)``
+    being a column (N,) at ``time`` (N,), also where one group of columns alone follows the measured
+    angles, and no group that is their derivative or a quaternion.
     """
-    columns = columns_by_name(labels)
-    named = {signal: named_like(signal, columns) for signal in ("actual", "target")}
-    return {signal: columns[names[0]] for signal, names in named.items() if len(names) == 1}
+    groups = columns_by_name(labels)
+    groups = {name: held for name, held in groups.items() if len(held) > 1 or len(groups) < 4}
+    values = (
+        {} if load is None else {n: np.column_stack([*map(load, g)]) for n, g in groups.items()}
+    )
+    return _signals(groups, values, time)
+
+
+def _signals(
+    groups: Mapping[str, list[str]], values: Mapping[str, np.ndarray], time: np.ndarray | None
+) -> tuple[dict[str, list[str]], dict[str, str]]:
+    fits = {n for n in groups if n not in values or not _is_quaternion(values[n])}
+    actual = [name for name in named_like("actual", groups) if name in fits]
+    said = [name for name in named_like("target", groups) if name in fits and name not in actual]
+    if len(said) == 1:
+        alike = [name for name in actual if len(groups[name]) == len(groups[said[0]])]
+        actual = alike if len(alike) == 1 else actual
+    signals = {"actual": groups[actual[0]]} if len(actual) == 1 else {}
+    guessed: dict[str, str] = {}
+    if len(actual) != 1 or actual[0] not in values:
+        return signals | ({"target": groups[said[0]]} if len(said) == 1 else {}), guessed
+    moved = values[actual[0]]
+    time = np.arange(len(moved), dtype=float) if time is None else time
+    alike = [n for n in groups if n != actual[0] and values[n].shape == moved.shape]
+    follows = [n for n in alike if _follows(values[n], moved)]
+    speeds = [n for n in alike if n not in follows and is_derivative(values[n], moved, time)]
+    clear = [name for name in said if name not in speeds]
+    if len(clear) == 1:
+        signals["target"] = groups[clear[0]]
+    elif not said and len(weak := [n for n in possibly_speed(alike) if n not in speeds]) == 1:
+        # a name that can be a speed's: the values say that it is none, and no other is the target
+        signals["target"] = groups[weak[0]]
+        if weak[0] not in follows:
+            guessed["target"] = f"{weak[0]} is no speed of {actual[0]} by its values"
+    elif not said and len(follows) == 1:
+        signals["target"] = groups[follows[0]]
+        guessed["target"] = f"{follows[0]} follows {actual[0]} by its values"
+    return signals, guessed
+
+
+def possibly_speed(names: Iterable[str]) -> list[str]:
+    """Names that stand for a speed in most logs and for a command in some."""
+    return [name for name in names if re.sub(r"[^a-z]", "", bare(name).lower()) == "qd"]
+
+
+def _is_quaternion(values: np.ndarray) -> bool:
+    return values.shape[1] == 4 and bool(
+        np.abs(np.linalg.norm(values, axis=1) - 1).max(initial=0.0) < UNIT_NORM
+    )
+
+
+def _follows(commanded: np.ndarray, measured: np.ndarray) -> bool:
+    """Whether most rows of two signals (N, joints) are alike beside their motion."""
+    motion = np.ptp(measured, axis=0).max(initial=0.0)
+    return bool(motion) and bool(np.quantile(np.abs(commanded - measured), 0.9) < FOLLOWS * motion)
+
+
+def is_derivative(speed: np.ndarray, angles: np.ndarray, time: np.ndarray) -> bool:
+    """Whether the integral of ``speed`` (N, joints) over ``time`` (N,), in any unit, is the motion
+    of the ``angles`` (N, joints).
+    """
+    steps = (speed[1:] + speed[:-1]) / 2 * np.diff(time)[:, None]
+    gone, moved = np.cumsum(steps, axis=0), angles[1:] - angles[0]
+    power = float((gone**2).sum())
+    if not power:  # nothing moves, so that the values tell nothing against the name
+        return True
+    left = moved - gone * float((gone * moved).sum()) / power
+    return bool((left**2).sum() < INTEGRAL**2 * (moved**2).sum())

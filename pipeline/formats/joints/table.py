@@ -1,35 +1,23 @@
 """Plain joint logs of a robot's controller: one line a sample, time and one value a joint, in a
-file a signal or in one table; which column is what stands in the option.
+file a signal or in one table; options say which column is which.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import Format, Kind
-from pipeline.formats.joints.log import ANGLE_UNITS, OPTION, JointLog, LogOptions, increasing
-from pipeline.formats.labels import columns_of, unit_of
+from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
 from pipeline.formats.number_sheet import Sheet, read_sheet
-from pipeline.formats.units import TIME_UNITS
-
-SPELLINGS = {
-    "radian": "rad",
-    "radians": "rad",
-    "degree": "deg",
-    "degrees": "deg",
-    "°": "deg",
-    "sec": "s",
-    "seconds": "s",
-    "µs": "us",
-}
+from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, spelled
 
 
 def read_joint_table(file: Path, options: LogOptions) -> JointLog:
-    """The signals of ``options`` in ``file``.
+    """Return the signals of ``options`` in ``file``.
 
     A controller that is stopped while it writes leaves a last line that is short or has no line
     end: it is dropped and counted. Raises RecordingError with the line for any other line of
@@ -50,7 +38,9 @@ def read_joint_table(file: Path, options: LogOptions) -> JointLog:
         named = _behind_the_time(sheet, options.joints, first) if columns is None else columns
         chosen[signal] = slice(len(wanted) - first, len(wanted) - first + len(named))
         wanted |= {f"joint {n} ({signal})": column for n, column in enumerate(named, start=1)}
-    table = sheet.values(_places(sheet, wanted, options))
+    places = sheet.columns(wanted, f"{OPTION}.signals")
+    _require_units(sheet, places, options)
+    table = sheet.values(list(places.values()))
     values = table[:, first:] * ANGLE_UNITS[options.angle_unit]
     time = (
         table[:, 0] * TIME_UNITS[options.time_unit]
@@ -66,55 +56,52 @@ def _behind_the_time(sheet: Sheet, joints: int, first: int) -> list[int]:
     """All columns from the ``first`` on; RecordingError where they are not one a joint."""
     if sheet.width != joints + first:
         content = f"{'a time and ' if first else ''}{sheet.width - first} values"
+        flat = (
+            "; one number a line is one column: signals: {actual: [0]} with time: null reads it as "
+            "one joint, else write the joints of one time in one line"
+        )
         message = (
             f"the line has {content}, not {joints}; check the number of joints, or "
-            "name their columns in signals"
+            f"name their columns in signals{flat if sheet.width == 1 else ''}"
         )
         raise RecordingError(message, file=sheet.file, line=sheet.lines[0])
     return list(range(first, sheet.width))
 
 
-def _places(sheet: Sheet, wanted: Mapping[str, str | int], options: LogOptions) -> list[int]:
-    """Where the ``wanted`` columns are."""
-    names = [name for name in wanted.values() if isinstance(name, str)]
-    labels, line = [], sheet.lines[0]
-    sheet.require_cells()
-    if names:
-        index = sheet.label_row(names)
-        labels, line = sheet.header_cells(index), sheet.header_lines[index]
-        if len(labels) != sheet.width:
+def _require_units(sheet: Sheet, places: Mapping[str, int], options: LogOptions) -> None:
+    """Raise RecordingError where the header states another unit than the option."""
+    for quantity, column in places.items():
+        general = sheet.angle_unit if quantity != "time" else None
+        unit = spelled(sheet.unit(column) or general or "")
+        key, units = (
+            ("time_unit", TIME_UNITS) if quantity == "time" else ("angle_unit", ANGLE_UNITS)
+        )
+        if unit in units and unit != getattr(options, key):
+            message = (
+                f"the {quantity} is in {unit} by the header and in "
+                f"{getattr(options, key)} by the option"
+            )
             raise RecordingError(
-                f"the row has {sheet.width} cells under {len(labels)} labels",
-                file=sheet.file,
-                line=sheet.lines[0],
+                message, file=sheet.file, line=sheet.label_line, key=f"{OPTION}.{key}"
             )
-    places = columns_of(
-        labels, wanted, sheet.width, file=sheet.file, line=line, key=f"{OPTION}.signals"
-    )
-    _check_units(sheet, places, options)
-    return list(places.values())
 
 
-def _check_units(sheet: Sheet, places: Mapping[str, int], options: LogOptions) -> None:
-    """RecordingError where a header's unit, in brackets behind a label or in a row below the
-    labels, is another than the option's.
+def joint_labels(signal: str, joints: Sequence[str]) -> list[str]:
+    """Return the columns of a ``signal`` of the ``joints``."""
+    return [f"{signal}_{joint}" for joint in joints]
+
+
+def write_joint_table(
+    file: Path, time: np.ndarray, signals: Mapping[str, np.ndarray], joints: Sequence[str]
+) -> None:
+    """Write ``time`` (N,) in s, to a microsecond, and the ``signals``, each (N, joints) in rad, to
+    a tenth of a microradian, under a row of :func:`joint_labels`.
     """
-    for index in range(len(sheet.header)):
-        cells = sheet.header_cells(index)
-        for quantity, column in places.items() if len(cells) == sheet.width else ():
-            unit = (unit_of(cells[column]) or cells[column]).strip().lower().removesuffix("/s")
-            key, units = (
-                ("time_unit", TIME_UNITS) if quantity == "time" else ("angle_unit", ANGLE_UNITS)
-            )
-            unit = SPELLINGS.get(unit, unit)
-            if unit in units and unit != getattr(options, key):
-                message = (
-                    f"the {quantity} is in {unit} by the header and in "
-                    f"{getattr(options, key)} by the option"
-                )
-                raise RecordingError(
-                    message, file=sheet.file, line=sheet.header_lines[index], key=f"{OPTION}.{key}"
-                )
+    header = ["time", *(label for signal in signals for label in joint_labels(signal, joints))]
+    table = np.column_stack([time, *signals.values()])
+    row = ",".join(["%.6f", *["%.7f"] * (table.shape[1] - 1)]) + "\n"
+    rows = row * len(table) % tuple(table.ravel().tolist())
+    Path(file).write_text(",".join(header) + "\n" + rows, newline="")
 
 
 # it looks like any other table: what is no other log of joints is read as one

@@ -1,10 +1,13 @@
-"""Motion-capture takes as C3D (the format of c3d.org), read through ezc3d."""
+"""Motion-capture takes as C3D (the format of c3d.org), read by ezc3d in a process of its own."""
 
 from __future__ import annotations
 
+import os
+import re
 import struct
 from collections import Counter
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +15,6 @@ from pipeline.core.bounds import require
 from pipeline.core.compute.sandbox import call_alone
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import Format, Head, Kind
-from pipeline.formats.motion import c3d_library
 from pipeline.formats.motion.take import (
     UNITS_PER_METRE,
     MotionTake,
@@ -29,39 +31,48 @@ BLOCK = 512  # bytes
 LONGEST = 0xFFFF  # frames that the header's last word can tell
 
 
+# groups of POINT whose entries name points that a model computed: angles in degrees, moments in
+# N·mm and others, of Vicon's Nexus and of Visual3D
+OUTPUTS = re.compile(r"(ANGLES|FORCES|MOMENTS|POWERS|SCALARS|REACTIONS)\d*")
+
+
 def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
-    """Points of the C3D take in ``file``, in m and s; ``unit`` (m, cm or mm) is that of its lengths
-    where POINT:UNITS is empty.
+    """Return the markers of the C3D take in ``file``, in m and s; ``unit`` (m, cm or mm) is the
+    unit of its lengths where POINT:UNITS is empty.
 
     A sample is missing where its residual is negative, a coordinate is no number or all three are
-    exactly zero. Points of one label are each ``label [n]``, those without one are ``Point n``;
-    frames are numbered as the file does. Only points are read: analog channels, force plates and
-    segment rotations are not. ``counts``: ``announced_frames``, ``found_frames``, ``gaps``,
-    ``skipped_frames``, ``time_mismatches`` (C3D has no times, hence 0), ``zero_samples``,
-    ``partial_samples``, ``marker_samples``, ``missing_samples``, ``missing_poses`` (0) and
-    ``unlabelled_points``; where there are any, ``skipped_analog_channels`` and
+    exactly zero. Points of one label are each ``label [n]``, points without one are ``Point n``;
+    the first frame has the number that the header gives it. Points that POINT:ANGLES, FORCES,
+    MOMENTS, POWERS, REACTIONS or SCALARS name are outputs of a model, not markers: they are passed
+    over, as are labels beyond the points, analog channels, force plates and segment rotations.
+    ``counts``: ``announced_frames``, ``found_frames``, ``gaps``, ``skipped_frames``,
+    ``time_mismatches`` (C3D has no times, hence 0), ``zero_samples``, ``partial_samples``,
+    ``marker_samples``, ``missing_samples``, ``missing_poses`` (0) and ``unlabelled_points``; where
+    there are any, ``skipped_model_outputs``, ``skipped_labels``, ``skipped_analog_channels`` and
     ``skipped_force_plates``.
 
-    Raises RecordingError for a file that cannot be read, is no C3D, is shorter than its header
-    says, makes the library fail, or has no point, no rate or no unit.
+    Raises RecordingError for a file that cannot be read, is no C3D, is of a big-endian MIPS
+    processor, is shorter than its header says, makes the library fail, or has no marker, no rate or
+    no unit.
     """
-    points, frames = _announced(file)
-    require("markers", points, "points", file)
+    header = _read_header(file)
+    require("markers", header.points, "points", file)
     contents = _contents(file)
     position, residual = contents["points"], contents["residuals"]
     if (
-        position.shape != (3, points, position.shape[2])
+        position.shape != (3, header.points, position.shape[2])
         or residual.shape != position.shape[1:]
-        or len(contents["labels"]) > points
     ):
         raise RecordingError(
-            f"the header announces {points} points and the parameters others: damaged",
+            f"the header announces {header.points} points and the parameters "
+            f"{position.shape[1]}: damaged; export the take again",
             file=file,
             key="POINT:USED",
         )
-    if frames != LONGEST and position.shape[2] != frames:
+    if header.frames not in (None, position.shape[2]):
         raise RecordingError(
-            f"the header announces {frames} frames, the file holds {position.shape[2]}: truncated",
+            f"the header announces {header.frames} frames, the file holds {position.shape[2]}: "
+            "truncated; export or copy the take again",
             file=file,
         )
     rate = contents["rate"]
@@ -69,13 +80,17 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
         raise RecordingError("the file gives no frame rate", file=file, key="POINT:RATE")
     stated = {text.strip().lower() for text in contents["units"]} - {""}
     unit = settle_unit(" and ".join(sorted(stated)), unit, file, key="POINT:UNITS")
-    counts = {"announced_frames": frames}
-    frame = np.arange(position.shape[2]) + int(contents["first"]) + 1  # the library counts from 0
+    frame = np.arange(position.shape[2]) + _first_frame(header.first, contents["start"])
     time = np.arange(len(frame)) / rate[0]
+    labels = [label.strip() for label in contents["labels"].tolist()]
+    outputs = {name.strip() for name in contents["outputs"].tolist()} - {""}
+    counts = {"announced_frames": header.frames or len(frame)}
     counts |= clock_counts(frame, time, None) | {"zero_samples": 0, "partial_samples": 0}
+    counts["unlabelled_points"] = header.points - sum(map(bool, labels[: header.points]))
     markers: dict[str, np.ndarray] = {}
-    counts["unlabelled_points"] = points - sum(bool(label.strip()) for label in contents["labels"])
-    for number, name in enumerate(_names(contents["labels"].tolist(), points)):
+    for number, name in enumerate(_names(labels, header.points)):
+        if labels[number : number + 1] and _is_output(labels[number], outputs):
+            continue
         samples = position[:, number].T / UNITS_PER_METRE[unit]
         samples[~np.isfinite(samples) | (residual[number] < 0)[:, None]] = np.nan
         require_position(
@@ -83,8 +98,16 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
         )
         blank_samples(samples, counts)
         markers[name] = samples
+    if not markers:
+        raise RecordingError(
+            f"all {header.points} points are outputs of a model (angles, moments or others); "
+            "export the take with its markers",
+            file=file,
+        )
     counts |= sample_counts(markers, {}, len(frame))
     beside = {
+        "skipped_model_outputs": header.points - len(markers),
+        "skipped_labels": max(len(labels) - header.points, 0),
         "skipped_analog_channels": int(contents["analog"]),
         "skipped_force_plates": int(contents["plates"]),
     }
@@ -94,11 +117,26 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     )
 
 
+def _is_output(label: str, outputs: set[str]) -> bool:
+    """Whether ``outputs`` name the label, with its subject (``Arm:HipAngles``) or without."""
+    return label in outputs or label.rpartition(":")[2] in outputs
+
+
+def _first_frame(header: int, start: np.ndarray) -> int:
+    """Return the first frame's number: the header's, whose 16 bits the two words of
+    TRIAL:ACTUAL_START_FIELD complete where they are of the same number.
+    """
+    if start.size != 2:
+        return header
+    number = int(start[0]) % 2**16 + int(start[1]) % 2**16 * 2**16
+    return number if header in (number % 2**16, LONGEST) else header
+
+
 def _names(labels: list[str], points: int) -> list[str]:
-    """A name for each point; a label that several have names none of them."""
+    """Return a name for each point; a label that several have names none of them."""
     labels = [
-        label.strip() or f"Point {number}"
-        for number, label in enumerate([*labels, *[""] * (points - len(labels))], start=1)
+        label or f"Point {number}"
+        for number, label in enumerate((labels + [""] * points)[:points], start=1)
     ]
     times, numbered = Counter(labels), Counter()
     names = []
@@ -108,9 +146,17 @@ def _names(labels: list[str], points: int) -> list[str]:
     return names
 
 
-def _announced(file: Path) -> tuple[int, int]:
-    """Points and frames by the file's header; RecordingError where it is none, or the file is too
-    short to hold them.
+class Header(NamedTuple):
+    """Numbers of the file's first block."""
+
+    points: int
+    frames: int | None  # None where there are more than its words can tell
+    first: int  # frame
+
+
+def _read_header(file: Path) -> Header:
+    """Return what the file's header announces; RecordingError where it is none, or the file is too
+    short to hold it.
     """
     try:
         size = Path(file).stat().st_size
@@ -129,39 +175,84 @@ def _announced(file: Path) -> tuple[int, int]:
         raise RecordingError(
             "this is no C3D file, or its header is cut short; export or copy it again", file=file
         )
-    order = ">" if parameters[3] == MIPS else "<"
-    points, analog, first, last = struct.unpack_from(order + "4H", head, 2)
-    start = struct.unpack_from(order + "H", head, 16)[0]
-    # a negative scale means floating point; its sign is the top bit of the second word, in DEC's
-    # order too
-    width = (
-        4
-        if head[12 if parameters[3] == MIPS else 15 if parameters[3] == INTEL else 13] & 0x80
-        else 2
-    )
+    if parameters[3] == MIPS:
+        raise RecordingError(
+            "the numbers are in the order of an SGI computer (big-endian MIPS), which is not read; "
+            "convert the file to Intel's order, as Mokka or C3Dserver do",
+            file=file,
+        )
+    points, analog, first, last = struct.unpack_from("<4H", head, 2)
+    start = struct.unpack_from("<H", head, 16)[0]
+    # a negative scale means floating point; DEC has the word with its sign first
+    width = 4 if head[15 if parameters[3] == INTEL else 13] & 0x80 else 2
     frames = last - first + 1
     if not points or frames < 1:
         raise RecordingError(
             "the take holds no point, or no frame; export it with markers", file=file
         )
     needed = (max(start, 1) - 1) * BLOCK + frames * width * (4 * points + analog)
-    if size < needed:
+    if last != LONGEST and size < needed:
         raise RecordingError(
-            f"the file has {size} bytes of the {needed} that its header announces: truncated",
+            f"the file has {size} bytes of the {needed} that its header announces: truncated; "
+            "export or copy it again",
             file=file,
         )
-    return points, LONGEST if last == LONGEST else frames
+    return Header(points, None if last == LONGEST else frames, first)
 
 
 def _contents(file: Path) -> dict[str, np.ndarray]:
-    """What the library finds in the file, read in a process of its own."""
+    """Return what the library finds in the file, read in a process of its own."""
     try:
-        return call_alone(c3d_library.contents, str(file), file=file)
+        return call_alone(read_contents, str(file), file=file)
     except RecordingError as error:
         raise RecordingError(
             f"the file is no sound C3D ({error.message}); export or copy it again",
             **error.evidence,
         ) from None
+
+
+def read_contents(file: str) -> dict[str, np.ndarray]:
+    """Return what ezc3d reads, which may crash or never return on a damaged file: call it in a
+    process of its own.
+
+    ``points`` (3, P, N) in the file's unit, ``residuals`` (P, N), ``labels`` (≥ or < P,),
+    ``outputs`` (the labels of points that are no markers), ``units`` and ``rate`` as stated,
+    ``start`` (TRIAL:ACTUAL_START_FIELD, two words or none); the numbers of ``analog`` channels and
+    force ``plates``.
+    """
+    import ezc3d
+
+    # by its descriptor, since the library takes no name that is not UTF-8
+    descriptor = os.open(file, os.O_RDONLY)
+    try:
+        recording = ezc3d.c3d(f"/proc/self/fd/{descriptor}")
+    finally:
+        os.close(descriptor)
+    parameters = recording["parameters"]
+    point = parameters["POINT"]
+    labels = sorted((name for name in point if re.fullmatch(r"LABELS\d*", name)), key=_numbered)
+    outputs = [name for name in point if OUTPUTS.fullmatch(name)]
+    return {
+        "points": recording["data"]["points"][:3],
+        "residuals": recording["data"]["meta_points"]["residuals"][0],
+        "labels": np.array(_values(point, *labels), dtype=str),
+        "outputs": np.array([str(name) for name in _values(point, *outputs)], dtype=str),
+        "units": np.array(_values(point, "UNITS"), dtype=str),
+        "rate": np.array(_values(point, "RATE"), dtype=float),
+        "start": np.array(_values(parameters.get("TRIAL", {}), "ACTUAL_START_FIELD"), dtype=int),
+        "analog": np.array(recording["data"]["analogs"].shape[1]),
+        "plates": np.array(sum(_values(parameters.get("FORCE_PLATFORM", {}), "USED")[:1])),
+    }
+
+
+def _numbered(name: str) -> tuple[int, str]:
+    """Sort LABELS2 before LABELS10."""
+    return len(name), name
+
+
+def _values(group: dict, *names: str) -> list:
+    """All values that a group of parameters has under ``names``, in their order."""
+    return [value for name in names if name in group for value in group[name]["value"]]
 
 
 def _begins(head: Head) -> bool:

@@ -221,8 +221,11 @@ def _quaternion(
         return quaternion
     if set(rotation) != set("XYZ") or sorted(order) != ["X", "Y", "Z"]:
         columns = ", ".join(sorted(rotation)) or "none"
+        found = f"Rotation Type is {order!r}" if order else "the header has no Rotation Type"
         raise RecordingError(
-            f"Rotation Type {order!r} does not fit the Rotation columns ({columns})",
+            f"{found}, and the Rotation columns are {columns}: angles need their order there, such "
+            "as XYZ, quaternions X, Y, Z and W; export the take with quaternions, or write the "
+            "order of the angles after Rotation Type in the first row",
             file=file,
             line=1,
             key="Rotation Type",

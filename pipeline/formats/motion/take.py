@@ -21,7 +21,7 @@ SPELLINGS = {
 }
 FARTHEST = 100.0  # m from the origin, beyond which nothing is captured
 # what capture programs call a marker of no asset
-STRAY = re.compile(r"(Marker-|Unlabeled[: ]?)\d+|")
+STRAY = re.compile(r"(Marker-|Unlabeled[: ]?|\*)\d+|")
 WHOLE = re.compile(r"[0-9]{1,18}")  # a count or an ID as text, of a size that can be meant
 # Time is printed with at least two decimals: two rounded times differ from the frames' by at most
 # this, s

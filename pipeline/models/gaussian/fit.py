@@ -1,15 +1,24 @@
-"""(α, u) of the Gaussian matrix model: by the paper's distance of moments, or most likely."""
+"""(α, u) of the Gaussian matrix model: by moments, by the paper's distance of moments, or most
+likely.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from pipeline.models.commands import task_step
-from pipeline.models.gaussian.likelihood import fit_alpha_u
-from pipeline.models.gaussian.options import Options
-from pipeline.models.gaussian.ridge import GaussianFit, fit_gaussian
+from pipeline.models.gaussian.estimators import (
+    GaussianFit,
+    GaussianLikelihood,
+    StepMeans,
+    fit_distance,
+    fit_likelihood,
+)
+from pipeline.models.gaussian.options import ESTIMATORS, Options
 from pipeline.models.noise import mean_covariance, moments
 from pipeline.models.norm import frobenius
 from pipeline.models.steps import Estimate, Recorded, Truth
@@ -29,32 +38,43 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
         mean, covariance = moments(recorded.noise)
         poses = recorded.q.mean(axis=0)
         norms = frobenius(recorded.chain.inverse_jacobian(poses, what="mean pose"))
-        fit = fit_gaussian(
+        squares = _square_speeds(recorded)
+        # of the commands (takes, M, m) of a closed loop the root mean square
+        speeds = np.sqrt(squares.reshape(-1, squares.shape[-1]).mean(axis=0))
+        fit = fit_distance(
             mean,
             covariance,
             np.zeros_like(mean),
-            _rms_norm(recorded),
+            speeds,
             norms,
             rows=len(recorded.chain.task),
             beta1=options.beta,
             extensions=EXTENSIONS * norms.max(),
         )
-        return _estimate(fit, norms, recorded)
-    fit = fit_alpha_u(
-        recorded.chain,
-        recorded.q,
-        recorded.v,
-        recorded.noise,
-        recorded.measurement,
-        LIKELY_EXTENSIONS,
-    )
-    return _estimate(fit, frobenius(recorded.chain.inverse_jacobian(recorded.q)), recorded)
+        return _estimate(fit, _mean_square(norms**2, squares))
+    means = StepMeans.of(recorded)
+    if options.estimator == "moments":
+        from_takes = partial(_moments_of, means)
+        return _estimate(means.fit(EXTENSIONS), means.mean_square(), from_takes)
+    likelihood = fit_likelihood(recorded, LIKELY_EXTENSIONS)
+    from_takes = partial(_most_likely_of, means, likelihood)
+    return _estimate(likelihood.fit, means.mean_square(), from_takes)
 
 
-def _rms_norm(recorded: Recorded) -> np.ndarray:
-    """(M,) ‖v_k‖; of the commands (takes, M, m) of a closed loop the root mean square."""
-    speeds = _square_speeds(recorded)
-    return np.sqrt(speeds.reshape(-1, speeds.shape[-1]).mean(axis=0))
+def _moments_of(means: StepMeans, takes: np.ndarray) -> dict[str, float]:
+    fit = means.fit(EXTENSIONS, takes)
+    return _values(fit.alpha, fit.u, means.mean_square(takes))
+
+
+def _most_likely_of(
+    means: StepMeans, likelihood: GaussianLikelihood, takes: np.ndarray
+) -> dict[str, float]:
+    return _values(*likelihood.from_takes(takes), means.mean_square(takes))
+
+
+def compared(options: Options) -> dict[str, Options]:
+    """Every estimator."""
+    return {f"{{}}_{estimator}": replace(options, estimator=estimator) for estimator in ESTIMATORS}
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
@@ -88,14 +108,21 @@ def _values(alpha: float, u: float, mean_square: float) -> dict[str, float]:
     return {"u": u, "alpha": alpha, "noise_level": alpha * np.sqrt(u**2 - mean_square)}
 
 
-def _estimate(fit: GaussianFit, norms: np.ndarray, recorded: Recorded) -> Estimate:
-    mean_square = _mean_square(norms**2, _square_speeds(recorded))
+def _estimate(fit: GaussianFit, mean_square: float, from_takes=None) -> Estimate:
     diagnostics = {
+        "u_unbounded": int(fit.unbounded),
         "extension_of_the_norm": fit.extension,
         "greatest_norm_of_the_inverse_jacobian": fit.u - fit.extension,
         "rms_norm_of_the_inverse_jacobian": np.sqrt(mean_square),
         "objective": fit.objective,
         "extension_at_the_end_of_its_interval": fit.at_end,
     }
-    parameters = {"kind": "gaussian", "alpha": fit.alpha, "u": fit.u}
-    return Estimate(parameters, _values(fit.alpha, fit.u, mean_square), diagnostics, fit)
+    parameters = {"kind": "gaussian", "alpha": fit.alpha, "u": fit.u, "u_unbounded": fit.unbounded}
+    return Estimate(
+        parameters,
+        _values(fit.alpha, fit.u, mean_square),
+        diagnostics,
+        fit,
+        from_takes,
+        ("u", "alpha") if fit.at_end else (),
+    )

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, get_args
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from pipeline.core import validation
 from pipeline.models import options
 
+Estimator = Literal["moments", "paper", "likelihood"]
+ESTIMATORS = get_args(Estimator)
+
 
 @validation.options(kw_only=True)
 class Options(options.Options):
-    estimator: Literal["paper", "likelihood"]
-    beta: Annotated[float, Field(ge=0, lt=1)] | None = None  # of the paper's estimator alone
+    """``estimator``: ``moments`` (the recorded total variance, then its course over time),
+    ``paper`` (the distance of one-step moments, step by step) or ``likelihood``.
+    """
 
-    @model_validator(mode="after")
-    def _beta_of_the_paper(self) -> Self:
-        if self.estimator == "paper" and self.beta is None:
-            raise validation.Fault("beta", "the paper's estimator needs a beta")
-        return self
+    estimator: Estimator = "moments"
+    # of the paper's estimator alone: β₁, weight of the mean's error
+    beta: Annotated[float, Field(ge=0, lt=1)] = 0.5

@@ -13,10 +13,10 @@ from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.factors import factors
 from pipeline.models.wishart.perturbation import (
     Perturbations,
-    dispersions,
     fit_perturbations,
     objective_weights,
 )
+from pipeline.randommatrix.wishart import normalized_std
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,22 @@ class WishartFit:
     """σ̂_B and how it came about."""
 
     sigma_b: float
-    dispersions: np.ndarray  # (M,) σ̂_Bk of each step
+    squares: np.ndarray  # (takes, M) ‖B − I‖²/‖I‖² of each step
     perturbations: Perturbations  # of takes × M problems, take by take
     weights: tuple[float, float]  # α₁, α₂
     rest_noise: float  # rad, rms of ‖ω‖ where the command rests
+
+    @property
+    def dispersions(self) -> np.ndarray:
+        """(M,) σ̂_Bk of each step, Eq. (NormStd)."""
+        return np.sqrt(self.squares.mean(axis=0))
+
+    def from_takes(self, takes: np.ndarray) -> dict[str, float]:
+        """σ̂_B of the takes with these numbers, as often as each is named; the weights stay those of
+        all takes.
+        """
+        counts = np.bincount(takes, minlength=len(self.squares))
+        return {"sigma_b": float(np.sqrt(counts @ self.squares / counts.sum()).mean())}
 
 
 def rest_noise(noise: np.ndarray, v: np.ndarray, measurement: np.ndarray | None = None) -> float:
@@ -68,8 +80,10 @@ def fit_wishart(
     """
     resting = rest_noise(noise, v, measurement)
     weights = objective_weights(resting, len(chain.task), ratio_factor)
-    by_step, fits = step_dispersions(chain, q, v, noise, decomposition, weights, floor)
-    return WishartFit(float(by_step.mean()), by_step, fits, weights, resting)
+    problems = Problems.of(chain, q, v, noise, decomposition, floor)
+    squares, fits = problems.solved(weights)
+    sigma_b = float(np.sqrt(squares.mean(axis=0)).mean())
+    return WishartFit(sigma_b, squares, fits, weights, resting)
 
 
 def step_dispersions(
@@ -81,14 +95,58 @@ def step_dispersions(
     weights: tuple[float, float],
     floor: float,
 ) -> tuple[np.ndarray, Perturbations]:
-    """(M,) σ̂_Bk of each step under the given ``weights`` (α₁, α₂), and the perturbations; the
-    other arguments as in :func:`fit_wishart`.
-
-    By Eq. (NormStd) over samples of B from Eqs. (BsampOpt) and (const10).
+    """(M,) σ̂_Bk of each step, Eq. (NormStd), under the given ``weights`` (α₁, α₂), and the
+    perturbations; the other arguments as in :func:`fit_wishart`.
     """
-    a, back, _ = factors(chain, q, np.broadcast_to(v, (*q.shape[:-1], v.shape[-1])), decomposition)
-    n, m = back.shape[-2:]
-    fits = fit_perturbations(
-        noise.reshape(-1, n), a.reshape(-1, m), back.reshape(-1, n, m), weights, floor
-    )
-    return dispersions(fits.s.reshape(*q.shape[:-1], m, m)), fits
+    squares, fits = Problems.of(chain, q, v, noise, decomposition, floor).solved(weights)
+    return np.sqrt(squares.mean(axis=0)), fits
+
+
+@dataclass(frozen=True)
+class Problems:
+    """The problems (BsampOpt) of takes × M steps, to be solved under any weights."""
+
+    noise: np.ndarray  # (takes, M, n) ω in rad
+    a: np.ndarray  # (takes, M, m) J₁⁻¹v
+    back: np.ndarray  # (takes, M, n, m) J₂⁺
+    floor: float  # ε of B⁻¹ ⪰ εI
+
+    @classmethod
+    def of(
+        cls,
+        chain: PlanarChain,
+        q: np.ndarray,
+        v: np.ndarray,
+        noise: np.ndarray,
+        decomposition: Decomposition,
+        floor: float,
+    ) -> Problems:
+        """Of the steps of :func:`fit_wishart`; raises SingularJacobianError."""
+        commands = np.broadcast_to(v, (*q.shape[:-1], v.shape[-1]))
+        a, back, _ = factors(chain, q, commands, decomposition)
+        return cls(noise, a, back, floor)
+
+    def solved(self, weights: tuple[float, float]) -> tuple[np.ndarray, Perturbations]:
+        """(takes, M) ‖B − I‖²/‖I‖² of each step under the ``weights`` (α₁, α₂), and the
+        perturbations.
+
+        B comes from Eqs. (BsampOpt) and (const10); E[B] is the model's, I, to which the last term
+        of (BsampOpt) draws it, and not a sample mean. The root of the mean over the takes is σ̂_Bk
+        of Eq. (NormStd).
+        """
+        n, m = self.back.shape[-2:]
+        fits = fit_perturbations(
+            self.noise.reshape(-1, n),
+            self.a.reshape(-1, m),
+            self.back.reshape(-1, n, m),
+            weights,
+            self.floor,
+        )
+        identity = np.eye(m)
+        b = np.linalg.inv(identity + fits.s.reshape(*self.a.shape, m))
+        return normalized_std(b[None], identity) ** 2, fits
+
+    def sigma_b(self, ratio: float) -> float:
+        """σ̂_B, the mean of σ̂_Bk over the steps, at the weight ``ratio`` α₂/α₁ in rad."""
+        squares, _ = self.solved((1 / (1 + ratio), ratio / (1 + ratio)))
+        return float(np.sqrt(squares.mean(axis=0)).mean())

@@ -20,7 +20,7 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.commands import task_step
-from pipeline.models.density import normal_log_density
+from pipeline.models.covariance import principal_axes
 from pipeline.models.model import (
     GIVEN_LAW,
     PIVOTED_LU_LAW,
@@ -29,6 +29,7 @@ from pipeline.models.model import (
     Law,
     row_by_row,
 )
+from pipeline.models.normal import normal_log_density
 from pipeline.models.wishart.decomposition import PARTS, PIVOTED_LU, Decomposition
 from pipeline.models.wishart.density import (
     action_log_density,
@@ -154,7 +155,8 @@ class WishartModel:
                     "where it has no density; give the covariance of the measurement noise"
                 )
             return action_log_density(np.matvec(np.linalg.inv(back), step), a, d) + log_determinant
-        result = np.array(normal_log_density(step, 0.0, measurement))
+        _ = principal_axes(measurement)  # refuses what is not a covariance
+        result = np.array(normal_log_density(step, measurement))
         result[moving] = blurred_log_density(step[moving], a[moving], back[moving], measurement, d)
         return result
 

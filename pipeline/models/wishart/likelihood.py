@@ -36,7 +36,7 @@ class DispersionFit:
     log_sigma_b: np.ndarray  # (NODES,) ascending
     log_likelihoods: np.ndarray  # (takes, NODES) Σ ln p over the steps of each take
 
-    def from_takes(self, takes: np.ndarray) -> float:
+    def from_takes(self, takes: np.ndarray) -> dict[str, float]:
         """σ̂_B of the takes with these numbers, as often as each is named; raises ModelDomainError
         where it is beyond the nodes.
         """
@@ -46,7 +46,7 @@ class DispersionFit:
                 "the likelihood of these takes is greatest beyond where it was evaluated",
                 takes=takes.tolist(),
             )
-        return float(np.exp(best))
+        return {"sigma_b": float(np.exp(best))}
 
 
 def _greatest(x: np.ndarray, values: np.ndarray) -> float:

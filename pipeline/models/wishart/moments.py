@@ -1,19 +1,29 @@
-"""Exact second moments of a step of the Wishart model, and the dispersion that gives a step a known
-variance.
+"""Exact second moments of a step of the Wishart model, and σ_B by moments: the dispersion that
+gives the steps a known mean variance.
 
 With B⁻¹a = rR[z, zT]ᵀ the covariance of a step is that of z along a and E z²/(d − m) across it, so
 that its trace is linear in two numbers of the step that no σ_B changes:
 
     tr Cov = c·‖a‖²‖J₂⁺‖_F² + (Var z − c)·‖J₂⁺a‖²,   c = E z²/(d − m).
+
+The moment estimate is the root in σ_B of one equation: the mean of tr Cov over the takes and steps,
+plus the trace of the measurement noise, is the recorded total variance. It has neither a weight nor
+a floor, and is the smallest mend of the paper's criterion for (ũ, α), its absolute value outside
+the sum, for σ_B.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.core.errors import ModelDomainError
+from pipeline.models.level import TakeVariances
+from pipeline.models.steps import Recorded
+from pipeline.models.wishart.decomposition import Decomposition
+from pipeline.models.wishart.factors import factors
 from pipeline.randommatrix.wishart import largest_dispersion
 
 # of ln(d − m − 3): from dispersions at the limit of the covariance to a step without noise
@@ -25,6 +35,40 @@ class StepSquares(NamedTuple):
 
     every: np.ndarray  # ‖a‖²‖J₂⁺‖_F², as if the noise had every direction of a
     nominal: np.ndarray  # ‖J₂⁺a‖², of the nominal step
+
+
+@dataclass(frozen=True)
+class MomentFit:
+    """σ̂_B by moments, and the numbers of each take by which it is resampled."""
+
+    sigma_b: float
+    squares: StepSquares  # (takes,) means over the steps
+    variances: TakeVariances
+    m: int  # rows of the task
+
+    def from_takes(self, takes: np.ndarray) -> dict[str, float]:
+        """σ̂_B of the takes with these numbers, as often as each is named."""
+        return {"sigma_b": _solved(self.squares, self.variances, self.m, takes)}
+
+
+def fit_moments(recorded: Recorded, decomposition: Decomposition) -> MomentFit:
+    """σ̂_B by moments.
+
+    Raises SingularJacobianError, and ModelDomainError where the recorded variance is not above that
+    of the measurement noise, where that noise is not known, and as :func:`dispersion_of_trace`.
+    """
+    a, back, _ = factors(recorded.chain, recorded.q, recorded.v, decomposition)
+    squares = StepSquares(*(each.mean(axis=1) for each in step_squares(a, back)))
+    variances, m = TakeVariances.of(recorded), a.shape[-1]
+    return MomentFit(_solved(squares, variances, m), squares, variances, m)
+
+
+def _solved(
+    squares: StepSquares, variances: TakeVariances, m: int, takes: np.ndarray | None = None
+) -> float:
+    traces, measured = variances.of_motion(takes)
+    own = StepSquares(*(each[... if takes is None else takes].mean() for each in squares))
+    return dispersion_of_trace(own, float(traces.mean()) - measured, m)
 
 
 def step_variances(d: float, m: int) -> tuple[float, float]:

@@ -21,7 +21,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.core.errors import ModelDomainError, SolverError
-from pipeline.randommatrix.wishart import normalized_std
 
 STEPS = 200  # towards the root, halvings with them; six are usual
 
@@ -103,14 +102,3 @@ def fit_perturbations(
             floor=floor,
         )
     return Perturbations(s, norms @ (alpha1, alpha2), bound)
-
-
-def dispersions(perturbations: np.ndarray) -> np.ndarray:
-    """(M,) σ̂_Bk of each step from ``perturbations`` S (takes, M, m, m) by (NormStd); their mean is
-    the paper's σ̂_B.
-
-    The samples are B = (I + S)⁻¹ and E[B] is the model's, I_m, to which the last term of (BsampOpt)
-    draws them, not a sample mean.
-    """
-    identity = np.eye(perturbations.shape[-1])
-    return normalized_std(np.linalg.inv(identity + perturbations), identity)

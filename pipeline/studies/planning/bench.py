@@ -10,14 +10,14 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from omegaconf import OmegaConf
 
 from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
 from pipeline.core import rng
 from pipeline.core.options.dataset import Robot
-from pipeline.core.typed_yaml import load_yaml, typed
+from pipeline.core.typed_yaml import read_yaml
+from pipeline.core.validation import validated
 from pipeline.laboratory.dynamics import Chance, draw, expose, swing
 from pipeline.laboratory.joint_path import JointPath
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
@@ -64,10 +64,10 @@ def bench_of(file: Path, task: Sequence[str], pace: float) -> Bench:
 
     Raises ConfigError for what is no arm, task or motion of it.
     """
-    section = load_yaml(file)
-    robot = OmegaConf.to_object(typed(Robot, section.robot, "robot"))
+    section = read_yaml(file)
+    robot = validated(Robot, section["robot"], "robot", file)
     trajectory, dynamics = (
-        OmegaConf.to_object(typed(kind, section.laboratory[key], f"laboratory.{key}"))
+        validated(kind, section["laboratory"][key], f"laboratory.{key}", file)
         for key, kind in (("trajectory", TrajectoryOptions), ("dynamics", DynamicsOptions))
     )
     built = chain_of(robot)

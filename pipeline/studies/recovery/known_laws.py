@@ -1,6 +1,4 @@
-"""Recordings whose law is known: the recorded motion with its noise drawn anew from a stated model,
-and a robot at rest.
-"""
+"""Recordings of a known law: the recorded motion with its noise drawn anew from a stated model."""
 
 from __future__ import annotations
 
@@ -14,11 +12,11 @@ from pipeline.models.steps import Recorded
 
 
 def drawn(truth: MotionModel, recorded: Recorded, rng: np.random.Generator) -> Recorded:
-    """``recorded`` with the noise ω of every step drawn from ``truth`` at the recorded pose, plus
-    N(0, Σ_m), Σ_m that of the recordings.
+    """Return ``recorded`` with the noise ω of every step drawn from ``truth`` at the recorded pose,
+    plus N(0, Σ_m), Σ_m that of the recordings.
 
     So the law of a step given the measured pose before it is exactly the one that the likelihoods
-    assume, and Σ_m is known: where the robot rests additive noise cannot be told from it. Raises
+    assume, and Σ_m is known: where the robot rests, additive noise equals it. Raises
     SingularJacobianError and, where the motion never rests, ModelDomainError.
     """
     q, v = recorded.q, recorded.v
@@ -27,13 +25,3 @@ def drawn(truth: MotionModel, recorded: Recorded, rng: np.random.Generator) -> R
     measured = rng.multivariate_normal(np.zeros(q.shape[-1]), recorded.measurement, q.shape[:-1])
     noise = step - nominal + measured
     return replace(recorded, noise=noise, known_measurement=recorded.measurement)
-
-
-def at_rest(recorded: Recorded, rng: np.random.Generator) -> Recorded:
-    """A robot that holds the recorded poses: no command, and of the noise ω only the measurement's,
-    N(0, Σ_m).
-    """
-    q, measurement = recorded.q, recorded.measurement
-    noise = rng.multivariate_normal(np.zeros(q.shape[-1]), measurement, q.shape[:-1])
-    still = np.zeros_like(recorded.v)
-    return replace(recorded, v=still, noise=noise, known_measurement=measurement)

@@ -1,167 +1,223 @@
-"""recovery: what the estimators and the scores say of data whose law is known: parameters returned,
-the paper's σ̂_B over the choices that the paper leaves open, and every model against the truth.
-"""
+"""recovery: parameters that the estimators of the models return from data of known parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
+from types import SimpleNamespace
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
-from omegaconf import MISSING
+from pydantic import Field
 
-from pipeline.core import config, contracts, rng
+from pipeline.core import config, rng
 from pipeline.core.compute.trials import run_trials
-from pipeline.core.errors import SolverError
-from pipeline.core.options.analysis import Compute
-from pipeline.models.kinds import build_model, estimate, fitted_model, truths
+from pipeline.core.errors import ModelDomainError, SolverError
+from pipeline.core.validation import options
+from pipeline.models.bootstrap import percentiles, replicate, resampled_estimator
+from pipeline.models.kinds import build_model, estimate, truths
 from pipeline.models.options import Options as Model
 from pipeline.models.steps import Recorded, Truth
-from pipeline.models.wishart.dispersion import rest_noise
-from pipeline.models.wishart.perturbation import objective_weights
 from pipeline.recordings.steps import training_steps
-from pipeline.studies import page
-from pipeline.studies.recovery.choices import sigma_b_over_choices
-from pipeline.studies.recovery.controls import control_scores
+from pipeline.studies.frame import NoAnswerError, Results, Study, listed, number
 from pipeline.studies.recovery.known_laws import drawn
-from pipeline.studies.recovery.parameters import Trial, recover, recovery_table, thinned
-from pipeline.studies.recovery.words import TITLE, sections
+from pipeline.verdicts.wording import table
 
-HERE = Path(__file__).parent
-FIT, OUT = Path("data/fit"), page.DATA / "recovery"
-SHARES = np.geomspace(1e-5, 1e3, 33)  # of the α₂/α₁ that the stage fit takes
-FLOORS = np.linspace(0.05, 0.4, 8)
+NORMAL = 1.959964  # 0.975 quantile of the normal law
+LABELS = {
+    "moments": "moments",
+    "paper": "the paper's convex problem",
+    "likelihood": "maximum likelihood",
+}
+METHOD = """Data sets have the measured poses and commanded steps of the recordings, noise of the
+model and the measurement noise of the recordings, which the estimators are given. All estimators of
+a model get the same data sets. The interval of one estimate is the bootstrap over takes; its law is
+pooled over the data sets, one resampling of each (Giacomini, Politis and White, Econometric Theory
+29, 2013)."""
+LIMITS = """The data follow the model, recordings need not: an estimate from recordings of another
+law has no true value. The weights of the convex problem are not printed. Here they follow from the
+noise at rest, and others move its estimates (figure of σ̂_B over the weight in the report). Fewer
+takes widen every interval."""
 
-Case = tuple[str, Model, Truth]  # name of the estimator's option, the option, what is drawn
 
-
-@dataclass
+@options()
 class Options:
-    """Option files of models, and the size of the study."""
+    """Models with their estimators, and the size of the study."""
 
-    estimators: list[str] = MISSING  # that are to return known parameters
-    dispersions: list[float] = MISSING  # σ_B of data drawn from the Wishart model
-    takes: int = MISSING  # of each data set
-    stride: int = MISSING  # of its steps, every so many-th of the recorded motion
-    datasets: int = MISSING  # drawn with the same known parameters
-    beside: list[str] = MISSING  # models that are scored beside the run's own
-    control_takes: int = MISSING  # of each control recording, to fit to and as many to score on
+    estimators: dict[str, list[str]]  # by the model's option file; [] for the one of the file
+    dispersions: Annotated[list[float], Field(min_length=1)]  # σ_B of data of the Wishart model
+    takes: Annotated[int, Field(ge=2)]  # of each data set
+    stride: Annotated[int, Field(ge=1)]  # every so many-th step of the recorded motion
+    datasets: Annotated[int, Field(ge=2)]  # of each known law
 
 
-def run() -> None:
-    """Draw, estimate, and compare with what was drawn."""
-    settings = config.sections("recovery", HERE / "dvc.yaml")
-    options, compute = config.study_options(HERE, Options), settings.compute
+@dataclass(frozen=True)
+class KnownLaw:
+    """A known law, and the estimators that are given data of it, by their names."""
+
+    model: str
+    truth: Truth
+    estimators: dict[str, Model]
+
+
+# estimates of a data set, and of one resampling of its takes
+Pair = tuple[dict[str, float], dict[str, float]]
+
+
+def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFrame]:
+    """Return the table ``recovery``; NoAnswerError if the measurement noise is unknown."""
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-    rests = not np.all(np.any(recorded.v, axis=1))
-    tables = {}
-    if rests:
-        part = thinned(recorded, options.takes, options.stride)
-        estimators = config.model_options(options.estimators)
-        tables = {
-            "parameter_recovery": _parameters(part, estimators, options, settings.seed, compute),
-            "sigma_b_choices": _choices(part, estimators, options, settings.seed, compute),
-            "control_scores": _controls(recorded, settings, options),
-        }
-    with contracts.replacing(OUT) as folder:
-        for name, table in tables.items():
-            contracts.write(table, name, folder, HERE / "tables.yaml")
-    page.draw_figures("recovery", {"joints": settings.dataset.robot.joints}, compute)
-    if rests:
-        kinds = {name: model.kind for name, model in settings.models.items()}
-        page.write_page("recovery", TITLE, sections(**tables, kinds=kinds))
-    else:
-        lacking = "The motion never rests, so that the measurement noise is not known."
-        print(f"recovery: {lacking}")
-        page.write_page("recovery", TITLE, [lacking])
+    try:
+        part = thinned_steps(recorded, options.takes, options.stride)
+    except ModelDomainError as reason:
+        raise NoAnswerError(reason.message) from None
+    cases = list(known_laws(part, options))
+    trials = [(case, i) for case in cases for i in range(options.datasets)]
+    trial = partial(recover, recorded=part, seed=settings.seed)
+    label = "recovery: data sets"
+    pairs = list(run_trials(trial, trials, compute=settings.compute, label=label))
+    rows = []
+    for i, case in enumerate(cases):
+        own = pairs[i * options.datasets : (i + 1) * options.datasets]
+        for name in case.estimators:
+            returned = [pair[name] for pair in own]
+            for parameter, truth in case.truth.values.items():
+                keys = {"model": case.model, "estimator": name, "parameter": parameter}
+                rows.append(keys | recovery_row(parameter, truth, returned))
+    return {"recovery": pd.DataFrame(rows)}
 
 
-def _parameters(
-    recorded: Recorded,
-    estimators: Mapping[str, Model],
-    options: Options,
-    seed: int,
-    compute: Compute,
-) -> pd.DataFrame:
-    """The table ``parameter_recovery``."""
-    cases = [
-        (name, model, truth)
-        for name, model in estimators.items()
-        for truth in truths(recorded, model, options.dispersions)
-    ]
-    trials = [(case, number) for number in range(options.datasets) for case in cases]
-    trial = partial(_recover, recorded=recorded, seed=seed)
-    recovered = list(run_trials(trial, trials, compute=compute, label="recovery: data sets"))
-    tables = [
-        recovery_table(truth, recovered[i :: len(cases)]).assign(data=truth.label, estimator=name)
-        for i, (name, _, truth) in enumerate(cases)
-    ]
-    return pd.concat(tables, ignore_index=True)
+def known_laws(recorded: Recorded, options: Options) -> Iterator[KnownLaw]:
+    """The laws that data are drawn from: of the recorded variance, or of the stated σ_B."""
+    for name, model in config.model_options(options.estimators).items():
+        names = options.estimators[name]
+        estimators = {each: replace(model, estimator=each) for each in names} or {"–": model}
+        for truth in truths(recorded, model, options.dispersions):
+            yield KnownLaw(name, truth, estimators)
 
 
-def _recover(trial: tuple[Case, int], recorded: Recorded, seed: int) -> Trial | None:
-    (_, model, truth), number = trial
-    # of the data's label and not of the estimator's, so that all estimators are given the same data
-    return recover(recorded, truth, model, rng.stream(seed, f"recover.{truth.label}", number))
-
-
-def _choices(
-    recorded: Recorded,
-    estimators: Mapping[str, Model],
-    options: Options,
-    seed: int,
-    compute: Compute,
-) -> pd.DataFrame:
-    """The table ``sigma_b_choices``."""
-    sweeps = [
-        sweep
-        for name, model in estimators.items()
-        if model.kind == "wishart" and model.estimator == "paper"
-        for sweep in _sweeps(recorded, name, model, options.dispersions, seed)
-    ]
-    trial = partial(_sweep, recorded=recorded)
-    swept = run_trials(trial, sweeps, compute=compute, label="recovery: choices")
-    return pd.concat(swept, ignore_index=True)
-
-
-def _sweeps(
-    recorded: Recorded, name: str, model: Model, dispersions: list[float], seed: int
-) -> list[tuple[dict[str, object], Model, Recorded]]:
-    """The data whose σ̂_B is shown over the choices: the recordings, and data of known σ_B, with
-    the measurement noise and without.
+def thinned_steps(recorded: Recorded, takes: int, stride: int) -> Recorded:
+    """The first ``takes`` takes and every ``stride``-th step, Σ_m that of all; raises
+    ModelDomainError where Σ_m is unknown.
     """
-    sweeps = [({"estimator": name, "source": "recorded", "truth": np.nan}, model, recorded)]
-    exact = replace(recorded, known_measurement=np.zeros_like(recorded.measurement))
-    for truth in truths(recorded, model, dispersions):
-        for source, geometry in (("drawn", recorded), ("drawn without measurement noise", exact)):
-            stream = rng.stream(seed, f"recover.{truth.label}")
-            data = drawn(build_model(truth.parameters), geometry, stream)
-            names = {"estimator": name, "source": source, "truth": truth.values["sigma_b"]}
-            sweeps.append((names, model, data))
-    return sweeps
+    return replace(
+        recorded,
+        q=recorded.q[:takes, ::stride],
+        v=recorded.v[..., ::stride, :],
+        noise=recorded.noise[:takes, ::stride],
+        known_measurement=recorded.measurement,
+    )
 
 
-def _sweep(trial: tuple[dict[str, object], Model, Recorded], recorded: Recorded) -> pd.DataFrame:
-    """At the weights that the noise at rest gives the recordings, and at shares of their ratio."""
-    names, model, data = trial
-    resting = rest_noise(recorded.noise, recorded.v, recorded.known_measurement)
-    alpha1, alpha2 = objective_weights(resting, len(recorded.chain.task))
-    return sigma_b_over_choices(data, model, alpha2 / alpha1, SHARES, FLOORS).assign(**names)
+def recover(trial: tuple[KnownLaw, int], recorded: Recorded, seed: int) -> dict[str, Pair | None]:
+    """The estimates of every estimator from one data set and from a resampling of its takes; None
+    where an estimator has none.
 
-
-def _controls(recorded: Recorded, settings, options: Options) -> pd.DataFrame:
-    """The table ``control_scores``."""
-    beside = config.model_options([name for name in options.beside if name not in settings.models])
-    fitted = {name: fitted_model(FIT / name) for name in settings.models}
-    for name, model in list(beside.items()):
+    Args:
+        trial: the known law, and the number of the data set.
+        recorded: poses, commands and measurement noise.
+        seed: of the experiment.
+    """
+    case, number = trial
+    stream = f"recovery {case.truth.label}"
+    law = build_model(case.truth.parameters)
+    data, pairs = drawn(law, recorded, rng.stream(seed, stream, number)), {}
+    for name, model in case.estimators.items():
         try:
-            fitted[name] = estimate(recorded, model).model
-        except SolverError as error:
-            print(f"recovery: {name} is left out of the controls: {error}")
-            del beside[name]
-    takes = recorded.subset(np.arange(options.control_takes) % len(recorded.q))
-    run = partial(run_trials, compute=settings.compute, label="recovery: controls")
-    return control_scores(takes, settings.models | beside, fitted, settings.seed, run)
+            fit = estimate(data, model)
+        except (ModelDomainError, SolverError):
+            pairs[name] = None
+            continue
+        # the same resampling for every estimator
+        takes = rng.stream(seed, stream, number, 1)
+        again = replicate(resampled_estimator(data, model, fit), len(data.q), takes)
+        pairs[name] = None if again is None else (fit.estimates, again)
+    return pairs
+
+
+def recovery_row(parameter: str, truth: float, pairs: Sequence[Pair | None]) -> dict[str, float]:
+    """Mean, error and coverage of the estimates of a ``parameter`` over the data sets that gave
+    one; gaps for fewer than two of them.
+    """
+    solved = np.array(
+        [
+            [part[parameter] for part in pair]
+            for pair in pairs
+            if pair is not None and all(parameter in part for part in pair)
+        ]
+    ).reshape(-1, 2)
+    row = {"truth": truth, "datasets": len(solved), "lost": len(pairs) - len(solved)}
+    if len(solved) < 2:
+        return row
+    estimates, again = solved.T
+    error, mean = estimates - truth, estimates.mean()
+    half = NORMAL * estimates.std(ddof=1) / np.sqrt(len(estimates))
+    low, high = percentiles(again - estimates)
+    return row | {
+        "mean": mean,
+        "mean_low": mean - half,
+        "mean_high": mean + half,
+        "least": estimates.min(),
+        "greatest": estimates.max(),
+        "root_mean_square_error": np.sqrt(np.mean(error**2)),
+        "standard_deviation": estimates.std(ddof=1),
+        "bootstrap_standard_error": (again - estimates).std(ddof=1),
+        "coverage": np.mean((error + low <= 0) & (0 <= error + high)),
+    }
+
+
+def page(results: Results) -> list[str]:
+    """Return the page's parts."""
+    rows, options = results.tables["recovery"], results.options
+    wishart = rows[rows["parameter"] == "sigma_b"]
+    header = ["estimator", "σ_B", "mean σ̂_B (95 %)", "std", "bootstrap s.e.", "coverage", "lost"]
+    return [
+        "Do the estimators of σ_B return the dispersion that data were drawn with, and do their "
+        "intervals hold it?",
+        "\n".join(f"- {sentence}" for sentence in bias_sentences(wishart)),
+        results.figures["recovery"],
+        f"{options.datasets} data sets a law, {options.takes} takes of every {options.stride}th "
+        f"step. {METHOD}",
+        table(header, [_cells(row) for row in wishart.to_dict("records")]),
+        f"The other models' parameters: [recovery.csv](recovery/recovery.csv). {others(rows)}",
+        "## What would change the answer",
+        LIMITS,
+    ]
+
+
+def bias_sentences(rows: pd.DataFrame) -> Iterator[str]:
+    """A sentence for each estimator of σ_B: bias in percent, and coverage."""
+    for estimator, part in rows.groupby("estimator", sort=False):
+        name, part = f"**{LABELS[estimator]}**", part.dropna(subset="mean")
+        if part.empty:
+            yield f"{name}: no estimate."
+            continue
+        ends = [100 * (part[end] / part["truth"] - 1) for end in ("mean_low", "mean_high")]
+        biases = [
+            f"{low:+.2g} to {high:+.2g} % at {truth:g}"
+            for low, high, truth in zip(*ends, part["truth"], strict=True)
+        ]
+        coverage = 100 * part["coverage"]
+        yield (
+            f"{name}: bias {listed(biases)} (95 %); the 95 % intervals hold σ_B in "
+            f"{coverage.min():.0f} to {coverage.max():.0f} % of the data sets."
+        )
+
+
+def others(rows: pd.DataFrame) -> str:
+    """The share of the other models' parameters whose mean estimate is within its interval."""
+    rows = rows[rows["parameter"] != "sigma_b"].dropna(subset="mean")
+    held = (rows["mean_low"] <= rows["truth"]) & (rows["truth"] <= rows["mean_high"])
+    return f"{held.sum()} of {len(rows)} have no significant bias (95 %)."
+
+
+def _cells(row: dict[str, float]) -> list[str]:
+    mean, low, high = (number(row[name]) for name in ("mean", "mean_low", "mean_high"))
+    names = ("standard_deviation", "bootstrap_standard_error", "coverage", "lost")
+    cells = [LABELS[row["estimator"]], number(row["truth"]), f"{mean} ({low} to {high})"]
+    return cells + [number(row[name]) for name in names]
+
+
+run = Study("Parameters that the estimators recover", Options, evaluate, page).run

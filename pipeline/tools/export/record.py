@@ -15,6 +15,7 @@ from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
 from pipeline.core.filters import CLOSED, closed
 from pipeline.models.closed_loop import FOLDER, SHARE, mean_path
 from pipeline.models.exported import FORMAT, chain_record
+from pipeline.models.kinds import NO_MODEL
 from pipeline.models.steps import Recorded
 from pipeline.recordings.ranges import fitted_ranges
 from pipeline.recordings.steps import training_steps
@@ -40,6 +41,10 @@ def exported(model: str, settings: SimpleNamespace) -> dict[str, Any]:
         there_are = ", ".join(form for each in settings.models for form in (each, closed(each)))
         raise ConfigError(f"no model {model!r} in this run; there are {there_are}", key="models")
     parameters = _read(folder / "parameters.json")
+    if NO_MODEL in parameters:
+        raise ContractError(
+            f"no model to export: {parameters[NO_MODEL]}", file=folder / "parameters.json"
+        )
     robot, motion = settings.dataset.robot, settings.dataset.motion
     recorded = training_steps(robot, motion)
     return {
@@ -68,15 +73,16 @@ def exported(model: str, settings: SimpleNamespace) -> dict[str, Any]:
 
 
 def _estimates(name: str, *, closed_form: bool) -> dict[str, float]:
-    """The estimates of the fit with their standard errors and 95 % intervals; of a closed loop
-    those of its own.
+    """The estimates of the fit with their standard errors and, where there are enough takes, 95 %
+    intervals, and ``u_unbounded`` of a Gaussian model; of a closed loop its own.
     """
     metrics = _read(METRICS / f"fit_{name}.json")
     if closed_form:
         return {key: value for key, value in metrics.items() if key.startswith("closed_loop_")}
     known = _read(FIT / name / "covariance.json")["estimates"]
     ends = ("", "_standard_error", "_interval_low", "_interval_high")
-    return {f"{key}{end}": metrics[f"{key}{end}"] for key in known for end in ends}
+    names = [f"{key}{end}" for key in known for end in ends] + ["u_unbounded"]
+    return {name: metrics[name] for name in names if name in metrics}
 
 
 def pose_covariance(recorded: Recorded) -> list[list[float]] | None:

@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline import formats
 from pipeline.core.bounds import read_whole
 from pipeline.core.errors import PipelineError
-from pipeline.formats.depth.image import RawDepth, depth_size, no_image, read_depth
-from pipeline.formats.format import Format, Head, Kind, formats_in, recognised
+from pipeline.formats.depth.cloud import FORMAT as CLOUD
+from pipeline.formats.depth.cloud import UNTURNED, PointCloud, is_cloud
+from pipeline.formats.depth.image import FORMAT as IMAGE
+from pipeline.formats.depth.image import RawDepth, depth_size, read_depth
+from pipeline.formats.format import Format
 from pipeline.tools.inspect.finding import Finding
 
 ANY_SIZE = 10**6  # px, holds every principal point
@@ -19,10 +21,7 @@ UNIT, ENCODING = "dataset.depth.units_per_metre", "dataset.depth.encoding"
 
 def frame(file: Path) -> Finding:
     """A frame of a sequence, image or cloud; RecordingError where it is neither."""
-    form = recognised(Head.read(file), formats_in(formats.depth, Kind.IMAGE, Kind.CLOUD))
-    if form is None:
-        raise no_image(file)
-    return (cloud if form.kind is Kind.CLOUD else image)(form, file)
+    return cloud(CLOUD, file) if is_cloud(file) else image(IMAGE, file)
 
 
 def image(form: Format, file: Path) -> Finding:
@@ -43,6 +42,9 @@ def cloud(form: Format, file: Path) -> Finding:
     finding.facts |= {"points": len(points.points), "without_position": points.missing}
     total = len(points.points) + points.missing
     finding.facts["share_without_position"] = round(points.missing / max(total, 1), 4)
+    finding.facts |= points.counts
+    if points.viewpoint != UNTURNED:
+        finding.facts["viewpoint"] = _viewpoint(points)
     if len(points.points):
         extent = [float(edge(np.abs(points.points).max(axis=1))) for edge in (np.min, np.max)]
         finding.facts["greatest_coordinate_of_points"] = [round(value, 4) for value in extent]
@@ -50,6 +52,22 @@ def cloud(form: Format, file: Path) -> Finding:
         ("the unit of the coordinates is not stated (1 for metres, 1000 for millimetres)", UNIT)
     )
     return finding
+
+
+def _viewpoint(cloud: PointCloud) -> str:
+    """Describe the VIEWPOINT of a cloud and the frame of its points."""
+    from scipy.spatial.transform import Rotation
+
+    *position, w, x, y, z = cloud.viewpoint
+    rotation = Rotation.from_quat([x, y, z, w])
+    angle, turn = np.degrees(rotation.magnitude()), rotation.as_rotvec()
+    parts = []
+    if any(position):
+        parts.append(f"at {' '.join(f'{value:g}' for value in position)}")
+    if angle > 1e-9:
+        axis = " ".join(f"{value + 0.0:.3g}" for value in turn / np.linalg.norm(turn))
+        parts.append(f"turned by {angle:.4g}° about {axis}")
+    return f"{' and '.join(parts) or 'of no turn'}, not applied: points are in the sensor's frame"
 
 
 def intrinsics(form: Format, file: Path) -> Finding:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pipeline.core.errors import PipelineError
 from pipeline.formats.force.faults import require_record
-from pipeline.formats.force.record import FORCES, TORQUES, LogOptions
+from pipeline.formats.force.record import FORCES, TORQUES, ForceLogOptions
 from pipeline.formats.format import Format
 from pipeline.tools.inspect.finding import Finding, counted
 
@@ -33,7 +33,7 @@ def log(form: Format, file: Path) -> Finding:
     try:
         stated = form.states(file)
         finding.version, finding.units, finding.facts = stated.version, stated.units, stated.facts
-        record = form.read(file, LogOptions())
+        record = form.read(file, ForceLogOptions())
     except PipelineError as error:
         return finding.refused(error)
     finding.rate, finding.duration = record.rate, float(record.time[-1] - record.time[0])

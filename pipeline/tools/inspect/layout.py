@@ -142,6 +142,11 @@ def _timed(finding: Finding) -> bool:
     return finding.kind == Kind.JOINTS or (finding.kind == Kind.TABLE and timed)
 
 
+def _asked_signals(finding: Finding) -> set[str]:
+    """The signals that a table seems to hold, of which its labels do not say it."""
+    return {"target"} if "signals" in finding.facts.get("settings", {}) else set()
+
+
 def _types(finding: Finding) -> list[str]:
     return [topic["type"] for topic in finding.facts.get("topics", {}).values()]
 
@@ -206,9 +211,14 @@ def _movements(findings: list[Finding], folder: Path) -> list[Group]:
     none, the folders below ``folder`` that hold tables of the same names, two or more, as most such
     folders do.
     """
-    whole = [f for f in findings if {"actual", "target"} <= {*f.facts.get("signals", ())}]
-    if timed := {finding.file: finding for finding in whole if _timed(finding)}:
-        return _groups(timed, folder)
+    whole = {
+        finding.file: finding
+        for finding in findings
+        if finding.kind == Kind.TABLE
+        and {"actual", "target"} <= {*finding.facts.get("signals", ()), *_asked_signals(finding)}
+    }
+    if whole:
+        return _groups(whole, folder)
     tables: dict[Path, dict[str, Finding]] = {}
     for finding in findings:
         if finding.kind == Kind.TABLE and finding.file.parent != folder:

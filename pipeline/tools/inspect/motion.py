@@ -31,6 +31,8 @@ ODD = (
     "solved_replaced",
     "solved_only",
     "skipped_bones",
+    "skipped_model_outputs",
+    "skipped_labels",
     "skipped_analog_channels",
     "skipped_force_plates",
     "unused_columns",

@@ -9,13 +9,12 @@ import numpy as np
 from pipeline.core.bounds import read_whole
 from pipeline.core.errors import RecordingError
 from pipeline.formats.depth.image import depth_size
-from pipeline.formats.depth.index import numbered_frames
+from pipeline.formats.depth.index import dropped_frames, numbered_frames
 from pipeline.formats.format import Format, Kind
 from pipeline.tools.inspect import depth
 from pipeline.tools.inspect.finding import Finding
 
 NUMBERED = "depth sequence, numbered"
-LONG_STEP = 1.5  # of the median step: a frame was dropped
 
 
 def indexed(form: Format, file: Path) -> Finding:
@@ -37,9 +36,8 @@ def indexed(form: Format, file: Path) -> Finding:
         finding.gaps["missing_frames"] = len(missing)
     steps = np.diff(index.time)
     if len(steps):
-        step = float(np.median(steps))
         finding.duration = float(index.time[-1] - index.time[0])
-        dropped = int(np.sum(np.rint(steps[steps > LONG_STEP * step] / step) - 1))
+        dropped = dropped_frames(index.time)
         finding.rate = round((len(steps) + dropped) / finding.duration, 3)
         if dropped:
             finding.gaps["dropped_frames"] = dropped

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 from pipeline.formats.format import Head
+from pipeline.formats.number_sheet import foreign
 from pipeline.tools.inspect.finding import UNKNOWN, Finding
 
 # how files begin that hold recordings in a form that nothing here reads
@@ -19,8 +20,14 @@ MANY = 3  # cells of a line that looks like labels
 
 
 def unrecognised(file: Path) -> Finding:
-    """A file of no known format, with the reason and what to do in its fact ``reason``."""
-    return Finding(file, UNKNOWN, facts={"reason": _reason(Head.read(file))})
+    """Return the account of a file of no format that is read: a known one by its name and with what
+    to export instead, another with the reason and what to do in its fact ``reason``.
+    """
+    head = Head.read(file)
+    if head.text is not None and (known := foreign(head.text)):
+        name, advice = known
+        return Finding(file, name, UNKNOWN, stops=[f"{name} is not read: {advice}"])
+    return Finding(file, UNKNOWN, facts={"reason": _reason(head)})
 
 
 def _reason(head: Head) -> str:

@@ -14,9 +14,10 @@ import numpy as np
 
 from pipeline.core.errors import PipelineError
 from pipeline.core.options.logs import TimeUnit
+from pipeline.formats.format import Kind
 from pipeline.formats.units import TIME_UNITS
 from pipeline.recordings.movement import MOST_TURNS
-from pipeline.tools.check.files import held
+from pipeline.tools.check.values import get_filled
 from pipeline.tools.inspect.finding import Finding
 from pipeline.tools.inspect.layout import Layout
 from pipeline.tools.inspect.robot import urdf
@@ -70,8 +71,8 @@ class Suggestions:
 
     def _arms(self, values: Mapping[str, Any]) -> list[dict[str, Any]]:
         """The arms in space of the URDF; none for a planar one."""
-        file = held(values, "robot.urdf")
-        if not file or held(values, "robot.plane"):
+        file = get_filled(values, "robot.urdf")
+        if not file or get_filled(values, "robot.plane"):
             return []
         try:
             return urdf(Path(file)).facts["arms"]
@@ -88,14 +89,17 @@ class Suggestions:
         logged = {
             finding.facts["joints"] for finding in self._movements() if "joints" in finding.facts
         }
-        logged |= {finding.facts["columns"] - 1 for finding in self._tables()}
+        one = [finding.facts["signals"] for finding in self._tables() if "signals" in finding.facts]
+        logged |= {len(columns) for signals in one for columns in signals.values()}
+        tables = [finding for finding in self._tables() if "signals" not in finding.facts]
+        logged |= {finding.facts["columns"] - 1 for finding in tables}
         fits = key == "robot.joints" or logged <= {len(names)}
         return f"[{several(list(names))}]" if fits else None
 
     def _rate(self, values: Mapping[str, Any]) -> str | None:
         """As it was meant, of the logs of the movements."""
         rates = {finding.rate for finding in self._movements() if finding.rate}
-        unit = held(values, "joint_log.time_unit")
+        unit = get_filled(values, "joint_log.time_unit")
         if unit:
             rates |= {1 / (step * TIME_UNITS[unit]) for step in self._steps()}
         meant = {f"{rate:.4g}" for rate in rates}
@@ -110,6 +114,8 @@ class Suggestions:
         if key == "movements":
             return self._pattern()
         if key == "time_unit":
+            if asked := agreement(self._named(), key):
+                return asked
             fitting = [
                 unit
                 for unit in TimeUnit
@@ -118,7 +124,7 @@ class Suggestions:
                 )
             ]
             return str(fitting[0]) if len(fitting) == 1 and self._steps() else None
-        if key == "angle_unit":
+        if key == "angle_unit" and not agreement(self._named(), key):
             greatest = [table.facts.get("greatest") for table in self._tables()]
             beyond = [value for value in greatest if value and value > MOST_TURNS * 2 * np.pi]
             return ("deg" if beyond else "rad") if any(greatest) else None
@@ -150,7 +156,8 @@ class Suggestions:
         return [
             table
             for movement in self._movements()
-            for table in movement.facts.get("tables", {}).values()
+            for table in movement.facts.get("tables", {"": movement}).values()
+            if table.kind == Kind.TABLE
         ]
 
     def _steps(self) -> set[float]:

@@ -4,7 +4,7 @@ task path, for the arm of the configured dataset, from a fitted model.
 It keeps the joints' limits of angle and speed and a margin from singular poses, and is written as a
 commanded trajectory, OUT/joints.csv, with a picture, OUT/plan.png. The search is globally optimal
 to its grid for an arm of one joint more than task rows, and decides the branch of an arm that has
-none; with more joints to spare it is a local optimum.
+as many joints as rows; an arm with more joints is refused.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.force.bag import read_force_bag
-from pipeline.formats.force.record import LogOptions
+from pipeline.formats.force.record import ForceLogOptions
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 START = 1_700_000_000
@@ -66,7 +66,9 @@ def test_one_of_several_topics_is_chosen_by_the_option(tmp_path):
     file = bag(tmp_path, topics=("/left", "/right"))
     with pytest.raises(RecordingError, match="/left"):
         read_force_bag(file)
-    assert len(read_force_bag(file, dataclasses.replace(LogOptions(), topic="/left")).time) == 20
+    assert (
+        len(read_force_bag(file, dataclasses.replace(ForceLogOptions(), topic="/left")).time) == 20
+    )
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pipeline.core.errors import RecordingError
 from pipeline.formats.force.calibration import AXES, read_calibration
 from pipeline.formats.force.daqft import read_daqft
-from pipeline.formats.force.record import LogOptions, full_scale
+from pipeline.formats.force.record import ForceLogOptions, full_scale
 
 MATRIX = np.random.default_rng(3).normal(size=(6, 6)).round(5)
 RATINGS = [25.0, 25.0, 35.0, 250.0, 250.0, 250.0]
@@ -186,7 +186,7 @@ def test_gauge_voltages_become_forces_by_the_matrix(tmp_path, thermistor):
     lines += [",".join(map(repr, [*row, *([2.5] if thermistor else [])])) for row in volts.tolist()]
     (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
     result = read_daqft(
-        tmp_path / "log.csv", LogOptions(calibration=read_calibration(calibration(tmp_path)))
+        tmp_path / "log.csv", ForceLogOptions(calibration=read_calibration(calibration(tmp_path)))
     )
     np.testing.assert_allclose(result.force, [MATRIX[:3] @ row for row in volts], rtol=1e-12)
     np.testing.assert_allclose(
@@ -201,7 +201,8 @@ def test_the_calibration_of_another_transducer_is_refused(tmp_path):
     (tmp_path / "log.csv").write_text(f"{GAUGES},{SETTINGS.replace('FT1', 'FT2')}\n0,0,0,0,0,0\n")
     with pytest.raises(RecordingError, match=r"FT2.*FT1"):
         read_daqft(
-            tmp_path / "log.csv", LogOptions(calibration=read_calibration(calibration(tmp_path)))
+            tmp_path / "log.csv",
+            ForceLogOptions(calibration=read_calibration(calibration(tmp_path))),
         )
 
 
@@ -211,7 +212,7 @@ def test_units_that_the_log_does_not_state_are_the_calibrations(tmp_path):
         read_daqft(tmp_path / "log.csv")
     assert caught.value.evidence["key"] == "dataset.force.log.force_unit"
     cal = read_calibration(calibration(tmp_path, units='ForceUnits="lb" TorqueUnits="in-lb"'))
-    result = read_daqft(tmp_path / "log.csv", LogOptions(calibration=cal))
+    result = read_daqft(tmp_path / "log.csv", ForceLogOptions(calibration=cal))
     np.testing.assert_allclose(
         result.force, [np.array([1.5, 2, 3]) * 0.45359237 * 9.80665], rtol=1e-12
     )
@@ -219,5 +220,5 @@ def test_units_that_the_log_does_not_state_are_the_calibrations(tmp_path):
         result.torque, [np.array([4, 5, 6]) * 0.45359237 * 9.80665 * 0.0254], rtol=1e-12
     )
     # the option comes before the calibration
-    result = read_daqft(tmp_path / "log.csv", LogOptions(calibration=cal, force_unit="kN"))
+    result = read_daqft(tmp_path / "log.csv", ForceLogOptions(calibration=cal, force_unit="kN"))
     np.testing.assert_allclose(result.force, [[1500, 2000, 3000]])

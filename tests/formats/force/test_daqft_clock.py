@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.force.daqft import read_daqft, write_daqft
-from pipeline.formats.force.record import LogOptions
+from pipeline.formats.force.record import ForceLogOptions
 
 
 @pytest.mark.parametrize(
@@ -36,10 +36,10 @@ def test_a_first_line_about_a_delay_is_understood(tmp_path, top, count):
 def test_a_rate_that_the_labels_do_not_state_is_the_options_and_never_another(tmp_path):
     file = log(tmp_path, ROW, ROW)
     with pytest.raises(RecordingError, match=r"62\.5 samples a second, the option 64"):
-        read_daqft(file, LogOptions(rate=64.0))
+        read_daqft(file, ForceLogOptions(rate=64.0))
     file.write_text(file.read_text().replace('"Frequency = 1000","Averaging Level = 16",', ""))
     assert refusal(file).evidence["key"] == "dataset.force.log.rate"
-    assert read_daqft(file, LogOptions(rate=250.0)).time.tolist() == [0, 0.004]
+    assert read_daqft(file, ForceLogOptions(rate=250.0)).time.tolist() == [0, 0.004]
 
 
 @settings(derandomize=True, max_examples=60, deadline=None)
@@ -59,11 +59,11 @@ def test_without_a_time_doubled_rows_can_only_be_counted(tmp_path_factory, picks
 @pytest.mark.parametrize(
     ("label", "tick", "options"),
     [
-        ("Time (s)", 0.016, LogOptions()),
-        ("Time Stamp [ms]", 16, LogOptions()),
-        ("Time", 0.016, LogOptions(time_unit="s")),
-        ("Sample Number", 1, LogOptions()),
-        ("Clock (ms)", 16, LogOptions(columns={"t": 0, "fx": 1, "fy": 2, "fz": 3})),
+        ("Time (s)", 0.016, ForceLogOptions()),
+        ("Time Stamp [ms]", 16, ForceLogOptions()),
+        ("Time", 0.016, ForceLogOptions(time_unit="s")),
+        ("Sample Number", 1, ForceLogOptions()),
+        ("Clock (ms)", 16, ForceLogOptions(columns={"t": 0, "fx": 1, "fy": 2, "fz": 3})),
     ],
 )
 def test_rows_that_were_lost_leave_a_gap_where_the_log_has_times_or_numbers(
@@ -95,4 +95,4 @@ def test_a_frequency_of_thousands_is_not_read_as_a_fraction(tmp_path):
     (tmp_path / "log.csv").write_text(text.replace("Frequency = 62,5", "Frequency = 1.000"))
     error = refusal(tmp_path / "log.csv")
     assert error.evidence["key"] == "dataset.force.log.rate"
-    assert read_daqft(tmp_path / "log.csv", LogOptions(rate=1000.0)).rate == 1000.0
+    assert read_daqft(tmp_path / "log.csv", ForceLogOptions(rate=1000.0)).rate == 1000.0

@@ -8,7 +8,7 @@ from force_files import ROW, log, refusal
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.force.daqft import read_daqft
-from pipeline.formats.force.record import LogOptions
+from pipeline.formats.force.record import ForceLogOptions
 from pipeline.formats.force.table import read_force_table
 
 
@@ -77,10 +77,10 @@ def test_axes_that_are_labelled_twice_are_settled_by_their_numbers(tmp_path):
     file = log(tmp_path, ROW)
     file.write_text(file.read_text().replace("Torque X", "Torque Z"))
     assert refusal(file).evidence["key"] == "dataset.force.log.columns"
-    options = LogOptions(columns=NUMBERED)
+    options = ForceLogOptions(columns=NUMBERED)
     np.testing.assert_array_equal(read_daqft(file, options).torque, [[4, 5, 6]])
     # only what is named is read
-    forces = LogOptions(
+    forces = ForceLogOptions(
         columns={axis: column for axis, column in NUMBERED.items() if axis.startswith("f")}
     )
     assert np.isnan(read_daqft(file, forces).torque).all()
@@ -91,7 +91,7 @@ def test_a_log_without_labels_is_a_table_whose_columns_have_numbers(tmp_path):
     file.write_text(f"{ROW}\n{ROW}\n")
     assert refusal(file).evidence["key"] == "dataset.force.log.format"
     result = read_force_table(
-        file, LogOptions(columns=NUMBERED, rate=62.5, force_unit="N", torque_unit="N-m")
+        file, ForceLogOptions(columns=NUMBERED, rate=62.5, force_unit="N", torque_unit="N-m")
     )
     np.testing.assert_array_equal(
         np.hstack([result.force, result.torque]), [[1.5, 2, 3, 4, 5, 6]] * 2
@@ -105,5 +105,5 @@ def test_a_log_without_labels_is_a_table_whose_columns_have_numbers(tmp_path):
 def test_columns_that_name_some_of_the_axes_are_refused(tmp_path, columns, words):
     file = log(tmp_path, '"1","2","3","4","5","6"')
     with pytest.raises(RecordingError, match=words) as caught:
-        read_daqft(file, LogOptions(columns=columns))
+        read_daqft(file, ForceLogOptions(columns=columns))
     assert caught.value.evidence["key"] == "dataset.force.log.columns"

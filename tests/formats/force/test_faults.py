@@ -6,7 +6,7 @@ import pytest
 from pipeline.core.errors import RecordingError
 from pipeline.formats.force.daqft import read_daqft
 from pipeline.formats.force.faults import frozen, saturated, sound_samples
-from pipeline.formats.force.record import ForceRecord, LogOptions
+from pipeline.formats.force.record import ForceLogOptions, ForceRecord
 from pipeline.formats.force.table import read_force_table
 from pipeline.tools.inspect.examine import inspect
 
@@ -73,7 +73,7 @@ def test_faults_are_counted_up_to_the_stated_share_and_refused_beyond_it():
 
 LABELS = '"Force X (N)","Force Y (N)","Force Z (N)","Frequency = 1000","Averaging Level = 1"\n'
 SETTINGS = '"150","75","500"\n'
-COLUMNS = LogOptions({"fx": 0, "fy": 1, "fz": 2}, force_unit="N", rate=1000.0)
+COLUMNS = ForceLogOptions({"fx": 0, "fy": 1, "fz": 2}, force_unit="N", rate=1000.0)
 
 
 @pytest.mark.parametrize("read", [read_daqft, lambda file: read_force_table(file, COLUMNS)])

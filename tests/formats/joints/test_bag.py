@@ -1,5 +1,5 @@
 """Joint states in ROS bags of both versions: joints by name, commands at the times of the measured
-angles, refused where either is not there.
+angles, messages of others passed over, refused where either is not there.
 """
 
 from __future__ import annotations
@@ -15,13 +15,17 @@ from pipeline.recordings.movement import read_movement
 from pipeline.tools.inspect.examine import inspect
 
 NONE = np.zeros(0)
+AB = LogOptions(joints=2, names=("a", "b"))
 
 
-def state(stamp: float, *, names: tuple[str, ...] = ("a", "b"), turned: float = 0.0) -> Message:
+def state(
+    stamp: float, *, names: tuple[str, ...] = ("a", "b"), turned: float = 0.0, **fields: np.ndarray
+) -> Message:
     """Angles that grow by 1 and 2 rad a second; of ``names``, a then b, in their order."""
-    angle = {"a": stamp - 1 + turned, "b": 2 * (stamp - 1) + turned}
+    angle = {"a": stamp - 1 + turned, "b": 2 * (stamp - 1) + turned, "finger": 0.02}
     held = np.array([angle.get(name, np.nan) for name in names])
-    return Message(JOINT_STATE, stamp, name=list(names), position=held, velocity=NONE, effort=NONE)
+    fields = {"velocity": NONE, "effort": NONE} | fields
+    return Message(JOINT_STATE, stamp, name=list(names), position=held, **fields)
 
 
 def states(late: float = 0.0, **fields: object) -> list[tuple[float, Message]]:
@@ -33,36 +37,91 @@ def states(late: float = 0.0, **fields: object) -> list[tuple[float, Message]]:
 def test_commands_are_interpolated_at_the_times_of_the_measured_angles(tmp_path, form):
     recorded = {"/joint_states": states(), "/joint_commands": states(0.004, names=("b", "a"))}
     bag = write_bag(tmp_path, form, recorded)
-    angles, counts = read_movement({bag: LogOptions(joints=2, names=("a", "b"))}, 100.0)
+    angles, counts = read_movement({bag: AB}, 100.0)
     # the first measured angles come before the first command
     np.testing.assert_allclose(angles["actual"], angles["target"], atol=1e-12)
     np.testing.assert_allclose(angles["actual"][:, 1], 0.02 * np.arange(1, 6), atol=1e-12)
     assert (counts["interpolated_rows"], counts["rows_without_command"]) == (5, 1)
 
 
+FINGER = [(stamp - 0.001, state(stamp - 0.001, names=("finger",))) for stamp, _ in states()]
+TURNS = [(t, state(t, names=("ab", "ba")[k % 2])) for k, (t, _) in enumerate(states())]
+
+
+@pytest.mark.parametrize("options", [AB, LogOptions()])
 @pytest.mark.parametrize(
-    ("recorded", "words"),
+    ("measured", "counted"),
     [
-        ({"/joint_commands": states()}, "no one topic for the actual angles"),
-        ({"/joint_states": [], "/arm/joint_states": []}, "no one topic"),
-        ({"/joint_states": [*states(), states()[0]]}, "does not increase"),
-        ({"/joint_states": [*states(names=("b",)), (2.0, state(2.0, names=("a",)))]}, "value of b"),
-        ({"/joint_states": states(), "/joint_commands": states(9.0)}, "no command stands"),
+        (states(), {}),
+        (FINGER + states(), {"messages_of_other_joints": 6}),
+        (sorted([*FINGER, *states(0.002)], key=lambda m: m[0]), {"messages_of_other_joints": 6}),
+        (sorted([*states(), *states()[2:4]], key=lambda m: m[0]), {"doubled_rows": 2}),
+        (TURNS, {}),
+    ],
+    ids=["control", "gripper first", "gripper between", "twice", "order changes"],
+)
+def test_what_other_publishers_send_is_passed_over_and_repeated_messages_are_dropped(
+    tmp_path, options, measured, counted
+):
+    bag = write_bag(
+        tmp_path, "ros1", {"/joint_states": measured, "/joint_commands": states(-0.001)}
+    )
+    log = read_joint_bag(bag, options)
+    assert log.joints == ("a", "b")
+    np.testing.assert_allclose(log.signals["actual"][:, 1], 2 * log.signals["actual"][:, 0])
+    names = ("messages_of_other_joints", "doubled_rows")
+    assert {name: log.counts[name] for name in names if name in log.counts} == counted
+
+
+def test_efforts_and_velocities_are_read_as_what_they_are(tmp_path):
+    fields = {"velocity": np.array([1.0, 2.0]), "effort": np.array([5.0, 6.0])}
+    bag = write_bag(tmp_path, "ros1", {"/joint_states": states(**fields)})
+    named = {key: ["/joint_states"] for key in ("actual", "target", "speed", "torque")}
+    log = read_joint_bag(bag, LogOptions(signals=named))
+    assert log.signals["speed"].tolist() == [[1, 2]] * 6
+    assert log.signals["torque"].tolist() == [[5, 6]] * 6
+    (tmp_path / "bare").mkdir()
+    bag = write_bag(tmp_path / "bare", "ros1", {"/joint_states": states()})
+    with pytest.raises(RecordingError, match=r"no velocity of a, b \(speed\)"):
+        read_joint_bag(bag, LogOptions(signals=named))
+
+
+def test_a_wrapped_command_is_unwrapped_before_it_is_interpolated(tmp_path):
+    wrapped = states(0.004)
+    for _, message in wrapped:
+        angles = message.fields["position"] + 3.1
+        message.fields["position"] = (angles + np.pi) % (2 * np.pi) - np.pi
+    bag = write_bag(
+        tmp_path, "ros1", {"/joint_states": states(turned=3.1), "/joint_commands": wrapped}
+    )
+    signals, counts = read_movement({bag: AB}, 100.0)
+    np.testing.assert_allclose(signals["actual"], signals["target"], atol=1e-9)
+    assert counts["unwrapped_jumps"] == 2
+
+
+@pytest.mark.parametrize(
+    ("recorded", "options", "words"),
+    [
+        ({"/joint_states": states(), "/arm/joint_states": states()}, AB, "2 topics could hold"),
+        ({"/joint_states": [], "/arm/joint_states": []}, AB, "there are none"),
+        ({"/joint_states": [*states(), states()[0]]}, AB, "does not increase"),
+        (
+            {"/joint_states": [*states(), (1.05, state(1.05, turned=0.1))]},
+            AB,
+            "does not increase",
+        ),
+        ({"/joint_states": [*states(), (2.0, state(2.0, names=("a",)))]}, AB, "no position of b"),
+        ({"/joint_states": states()}, LogOptions(names=("c",)), "joints c; there are a, b"),
+        ({"/joint_states": states(), "/joint_commands": states(9.0)}, AB, "no command has the tim"),
     ],
 )
-def test_what_does_not_fit_is_refused(tmp_path, recorded, words):
+def test_what_does_not_fit_is_refused(tmp_path, recorded, options, words):
     for number, (topic, held) in enumerate(recorded.items()):
         # messages are read in the order of their recording
         recorded[topic] = [(1 + number + k / 100, message) for k, (_, message) in enumerate(held)]
     bag = write_bag(tmp_path, "ros1", recorded, kinds=dict.fromkeys(recorded, JOINT_STATE))
     with pytest.raises(RecordingError, match=words):
-        read_joint_bag(bag, LogOptions())
-
-
-def test_other_joints_than_the_option_names_are_refused(tmp_path):
-    bag = write_bag(tmp_path, "ros1", {"/joint_states": states(), "/joint_commands": states()})
-    with pytest.raises(RecordingError, match="states its joints as a, b"):
-        read_movement({bag: LogOptions(joints=2, names=("b", "a"))}, 100.0)
+        read_joint_bag(bag, options)
 
 
 def test_inspect_takes_a_bag_for_a_joint_log_where_nothing_else_in_it_is_analysed(tmp_path):

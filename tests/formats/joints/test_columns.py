@@ -42,11 +42,11 @@ def test_tables_are_read_by_labels_or_numbers_in_any_form(tmp_path, header, row,
 @pytest.mark.parametrize(
     ("header", "columns", "words"),
     [
-        ("t,q1,q2", ["q1", "q3"], "no line above the numbers names"),
+        ("t,q1,q2", ["q1", "q3"], "0 columns are labelled 'q3'"),
         ("t,q1,q1", ["q1", 2], "2 columns are labelled 'q1'"),
         ("t,q1", ["q1", 2], "3 cells under 2 labels"),
         ("", [1, 3], "column 3"),
-        ("", ["q1", "q2"], "there is nothing"),
+        ("", ["q1", "q2"], "labels above the numbers are nothing"),
     ],
 )
 def test_columns_that_are_not_there_are_refused_with_what_is(tmp_path, header, columns, words):

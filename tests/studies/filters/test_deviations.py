@@ -31,7 +31,7 @@ EVERY, CLOSE = slice(5, None, 9), slice(20, 45, 3)  # steps of the motion grid t
 
 def simulated(laboratory, dynamics, seed: int, steps: slice) -> tuple[np.ndarray, np.ndarray]:
     """The mean path, and covariances (K, n, K, n) of K ``steps`` over the takes."""
-    rng, motion = np.random.default_rng(seed), laboratory.trajectories[""]
+    rng, motion = np.random.default_rng(seed), laboratory.motion
     grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
     poses = []
     for _ in range(TAKES):
@@ -60,7 +60,7 @@ def distance(covariance: np.ndarray, sample: np.ndarray) -> float:
 def test_each_part_has_the_covariance_of_simulated_takes_and_not_another(laboratory, part):
     dynamics = replace(laboratory.dynamics, **(STILL | PARTS[part]))
     path, sample = simulated(laboratory, dynamics, 1, EVERY)
-    motion = laboratory.trajectories[""]
+    motion = laboratory.motion
     law = deviations(laboratory.chain, motion, dynamics, path)
     assert distance(law.covariance[EVERY, :, EVERY], sample) < 2.0
     # control: half as large
@@ -72,7 +72,7 @@ def test_each_part_has_the_covariance_of_simulated_takes_and_not_another(laborat
 def test_how_long_a_deviation_lasts_is_seen_in_the_covariance(laboratory):
     dynamics = replace(laboratory.dynamics, **(STILL | PARTS["sway"]))
     path, sample = simulated(laboratory, dynamics, 2, CLOSE)
-    motion = laboratory.trajectories[""]
+    motion = laboratory.motion
     law = deviations(laboratory.chain, motion, dynamics, path).covariance
     other = replace(dynamics, sway_time=3 * dynamics.sway_time)
     longer = deviations(laboratory.chain, motion, other, path).covariance
@@ -83,7 +83,7 @@ def test_how_long_a_deviation_lasts_is_seen_in_the_covariance(laboratory):
 
 
 def test_the_jitter_of_an_exposure_moves_a_pose_by_the_speed_alone(laboratory):
-    motion = laboratory.trajectories[""]
+    motion = laboratory.motion
     dynamics = replace(laboratory.dynamics, **(STILL | {"jitter_std": 2e-3}))
     grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
     path, _ = desired_joints(grid, motion)

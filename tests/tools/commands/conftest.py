@@ -12,9 +12,9 @@ from written_logs import write_joint_log
 
 from pipeline import arm
 from pipeline.core import config, datasheet
+from pipeline.formats.depth.image import write_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
-from pipeline.formats.depth.png import write_depth
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
 from pipeline.formats.joints.log import JointLog
 from pipeline.formats.motion.motive import write_motive

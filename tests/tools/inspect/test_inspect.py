@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from motive_files import rows_file
 
-from pipeline.formats.depth.png import write_depth
+from pipeline.formats.depth.image import write_depth
 from pipeline.tools.inspect.examine import inspect
 from pipeline.tools.inspect.report import as_json, as_table
 

@@ -15,9 +15,10 @@ from pipeline.tools.inspect.examine import inspect
 from pipeline.tools.inspect.finding import Finding
 from pipeline.tools.inspect.layout import layout
 from pipeline.tools.inspect.report import as_table
-from pipeline.tools.new_dataset.datasheet_file import datasheet_file
+from pipeline.tools.new_dataset.command import dataset_texts
 from pipeline.tools.new_dataset.suggestions import Suggestions
 
+UNITS = ("time_unit", "angle_unit")  # no archive states them
 TIME = np.arange(1000) * 0.008
 
 
@@ -42,19 +43,20 @@ def test_an_archive_says_what_would_settle_its_traps(tmp_path):
     findings = inspect(tmp_path)
     assert [finding.format for finding in findings] == ["NumPy archive of joints"] * 2
     settings = {"clock": "rows", "target_factor": "57.29577951308232", "rest": "0"}
+    settings |= {"time_unit": "s", "angle_unit": "rad"}
     assert [finding.facts["settings"] for finding in findings] == [
         settings | {"target_delay": "0.8"},
         settings | {"target_delay": "0.96"},
     ]
-    assert asked(findings[0]) == {"clock", "target_factor", "target_delay", "rest"}
-    # recordings that are settled differently each stand in a line; what is asked of both, once
+    assert asked(findings[0]) == {"clock", "target_factor", "target_delay", "rest", *UNITS}
+    # recordings that are settled differently each have a line
     table = as_table(findings, tmp_path)
     assert "run_1.npz" in table and "run_2.npz" in table
-    assert table.count("suggested is 0.8–0.96: dataset.joint_log.target_delay") == 1
-    assert table.count("dataset.joint_log.clock") == 1
+    for delay in ("0.8", "0.96"):
+        assert table.count(f"suggested is {delay}: dataset.joint_log.target_delay") == 1
     recorded = layout(findings, tmp_path)
-    proposed = datasheet_file("lab", "lab", recorded, tmp_path)
-    assert "joints: ??? # names of the 3 logged joints" in proposed
+    proposed = dataset_texts("lab", "lab", recorded, tmp_path)[0]
+    assert "joints: ??? # 3 joints; names of the logged joints" in proposed
     assert "target_delay: ??? # the command differs from the measured angles by" in proposed
     suggestions = Suggestions(recorded, tmp_path)
     assert suggestions.of("joint_log.target_delay", {}) == "{run_1: 0.8, run_2: 0.96}"
@@ -64,7 +66,10 @@ def test_an_archive_says_what_would_settle_its_traps(tmp_path):
 def test_an_archive_without_traps_says_that_its_angles_are_a_pair(tmp_path):
     archive(tmp_path / "run_1.npz")
     (finding,) = inspect(tmp_path / "run_1.npz")[:1]
-    assert asked(finding) == {"rest"} and "missed by 0 of the motion" in finding.facts["command"]
+    assert (
+        asked(finding) == {"rest", *UNITS}
+        and "missed by 0 of the motion" in finding.facts["command"]
+    )
 
 
 def test_tables_named_alike_are_held_against_each_other(tmp_path):

@@ -9,14 +9,14 @@ import pytest
 from motive_files import MARKER, columns_file
 from written_logs import write_joint_log
 
-from pipeline.formats.depth.png import write_depth
+from pipeline.formats.depth.image import write_depth
 from pipeline.formats.joints.log import JointLog
 from pipeline.tools.inspect import examine
 from pipeline.tools.inspect.examine import inspect
 from pipeline.tools.inspect.finding import UNKNOWN
 from pipeline.tools.inspect.layout import layout
 from pipeline.tools.inspect.report import as_table
-from pipeline.tools.new_dataset.datasheet_file import datasheet_file
+from pipeline.tools.new_dataset.command import dataset_texts
 
 TIME = np.arange(1000) * 0.008
 
@@ -40,7 +40,8 @@ def test_a_motion_that_is_cut_off_is_none_that_never_rests(tmp_path):
 def test_joints_at_rest_have_no_lag(tmp_path):
     archive(tmp_path / "rest.npz", np.random.default_rng(1).normal(0, 1e-5, len(TIME)))
     (finding,) = inspect(tmp_path / "rest.npz")
-    assert finding.facts["command"] == "at rest, missed by 0 rad" and not finding.open
+    assert finding.facts["command"] == "at rest, missed by 0 rad"
+    assert {option.rpartition(".")[2] for _, option in finding.open} == {"time_unit", "angle_unit"}
 
 
 def test_of_a_depth_image_is_said_what_is_seen_and_not_what_its_encoding_would_say(tmp_path):
@@ -92,12 +93,12 @@ def test_the_step_of_another_table_in_the_folder_is_not_the_joint_logs(tmp_path)
             write_joint_log(folder / f"{name}.csv", JointLog(TIME, {"actual": rows}, {}))
         table = np.column_stack([4 * TIME / 0.008, rows])
         np.savetxt(folder / "a_force.csv", table, "%.4f", ",")
-    proposed = datasheet_file("lab", "lab", layout(inspect(tmp_path), tmp_path), tmp_path)
+    proposed = dataset_texts("lab", "lab", layout(inspect(tmp_path), tmp_path), tmp_path)[0]
     assert "movements: move_*" in proposed and "steps by" not in proposed
     for number in (1, 2):
         (tmp_path / f"move_{number}/a_force.csv").unlink()
-    proposed = datasheet_file("lab", "lab", layout(inspect(tmp_path), tmp_path), tmp_path)
-    assert "it steps by 0.008" in proposed
+    proposed = dataset_texts("lab", "lab", layout(inspect(tmp_path), tmp_path), tmp_path)[0]
+    assert "# steps by 0.008" in proposed
 
 
 def test_repeated_and_zero_rows_of_a_table_are_counted(tmp_path):

@@ -1,0 +1,220 @@
+"""Recordings of the laboratory's arm in memory, without cameras or files.
+
+The arm moves as in :mod:`pipeline.laboratory`, with the session and the takes that the stage
+`record` draws from the same seed. Each measured pose gets the white noise of the recorded poses at
+rest, each depth frame the noise of the recorded depth camera at an equal share of the motion. The
+simulation has no faults and offsets of markers, no articulation of depth images and no estimate of
+clocks. A depth camera here shows the whole deviation of a pose from its command.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+
+from pipeline.arm.chain import PlanarChain
+from pipeline.cases.camera import Camera
+from pipeline.cases.fits import Takes
+from pipeline.core import rng
+from pipeline.core.columns import matrices, spread, values
+from pipeline.filtering.measurement import measurements
+from pipeline.laboratory.dynamics import expose, session_offset, simulate_take, true_chain
+from pipeline.laboratory.options import ClockOptions, DynamicsOptions, TrajectoryOptions
+from pipeline.laboratory.swing import desired_trajectory
+from pipeline.models.noise import process_noise
+from pipeline.models.steps import Recorded
+from pipeline.perception.depth_noise import errors_of, leave_one_out
+from pipeline.recordings.commands import commanded_steps
+
+RESTING = 40  # takes from which the noise of the arm alone at rest is estimated
+
+
+@dataclass(frozen=True)
+class Factors:
+    """Factors on the disturbances of :class:`pipeline.laboratory.options.DynamicsOptions` and on
+    the standard deviations of the instruments.
+    """
+
+    disturbances: float = 1.0  # on the size of all of the next eight together
+    sway_std: float = 1.0
+    clearance: float = 1.0
+    speed_error_std: float = 1.0
+    encoder_ripple: float = 1.0
+    encoder_offset_std: float = 1.0
+    length_std: float = 1.0
+    start_std: float = 1.0
+    jitter_std: float = 1.0
+    speed_exponent: float = 1.0  # 0: sway and play are the same at any speed
+    lasting: float = 1.0  # on the lags of sway and play: duration of a deviation
+    motion_capture: float = 1.0
+    depth_camera: float = 1.0
+
+
+FACTORS = tuple(each.name for each in fields(Factors))
+SIZES = FACTORS[1:9]  # disturbances that have a size
+
+
+def disturbed(dynamics: DynamicsOptions, factors: Factors) -> DynamicsOptions:
+    """Return ``dynamics`` with each disturbance, and its duration, times its factor."""
+    scaled = {
+        name: np.multiply(
+            getattr(dynamics, name), factors.disturbances * getattr(factors, name)
+        ).tolist()
+        for name in SIZES
+    }
+    return replace(
+        dynamics,
+        **scaled,
+        speed_exponent=dynamics.speed_exponent * factors.speed_exponent,
+        sway_time=dynamics.sway_time * factors.lasting,
+        clearance_time=dynamics.clearance_time * factors.lasting,
+    )
+
+
+@dataclass(frozen=True)
+class NoiseLaw:
+    """Mean and covariance of the depth camera's noise in the joint angles over the motion."""
+
+    share: np.ndarray  # (F,) of the motion's duration, growing
+    bias: np.ndarray  # (F, n) rad
+    covariance: np.ndarray  # (F, n, n) rad²
+
+    def sample(self, share: np.ndarray, stream: np.random.Generator) -> np.ndarray:
+        """Draw (K, n) rad, independent at each ``share`` (K,), moments interpolated linearly."""
+        n = self.bias.shape[-1]
+        moments = np.concatenate([self.bias, self.covariance.reshape(-1, n * n)], axis=1)
+        at = np.stack([np.interp(share, self.share, column) for column in moments.T], axis=-1)
+        root = np.linalg.cholesky(at[:, n:].reshape(-1, n, n))
+        return at[:, :n] + np.matvec(root, stream.standard_normal((len(share), n)))
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    """An arm, its motion and its instruments, before any factor."""
+
+    chain: PlanarChain  # nominal
+    joints: tuple[str, ...]  # names, base to tip
+    dynamics: DynamicsOptions
+    motion: TrajectoryOptions
+    clock: ClockOptions
+    pose_noise: np.ndarray  # (n, n) rad², of a pose of the motion capture
+    depth_noise: NoiseLaw
+    # frames on either side over which the covariance of the depth camera's noise is estimated
+    window: int
+
+    @classmethod
+    def of_run(
+        cls, settings: SimpleNamespace, recorded: Recorded, kinect_noise: pd.DataFrame
+    ) -> Laboratory:
+        """Return the laboratory of the run's dataset, its instruments' noise from the training
+        steps ``recorded`` and from the table ``kinect_noise``.
+        """
+        own, joints = settings.dataset.laboratory, tuple(recorded.joints)
+        noise = kinect_noise[kinect_noise["take"] == "none"]
+        share = noise["t"].to_numpy() / own["trajectory"].duration
+        law = NoiseLaw(share, values(noise, "b"), matrices(noise, "r", joints))
+        none = np.zeros((len(joints), len(joints)))
+        window = settings.articulation.noise_window
+        parts = (own["dynamics"], own["trajectory"], own["clock"])
+        alone = cls(recorded.chain, joints, *parts, none, law, window)
+        takes = perform(alone, Factors(), settings.seed, "train", RESTING)
+        at_rest = steps(alone, np.stack([take.poses for take in takes])).measurement
+        # a step holds the noise of two poses; a negative estimate of few takes is zero
+        variances, axes = np.linalg.eigh((recorded.measurement - at_rest) / 2)
+        return replace(alone, pose_noise=(axes * np.maximum(variances, 0.0)) @ axes.T)
+
+
+@dataclass(frozen=True)
+class SimulatedTake:
+    """Motion of the arm in one take at the exposures of the instruments."""
+
+    poses: np.ndarray  # (M+1, n) rad, of the motion capture
+    frames: np.ndarray  # (F,) s, exposures of the depth camera on the motion clock
+    seen: np.ndarray  # (F, n) rad, at these
+
+
+def perform(
+    laboratory: Laboratory, factors: Factors, seed: int, part: str, count: int
+) -> list[SimulatedTake]:
+    """Simulate the first ``count`` takes of a ``part`` (train or test), those that the stage
+    `record` draws from ``seed``.
+    """
+    dynamics, motion = disturbed(laboratory.dynamics, factors), laboratory.motion
+    clock, session = laboratory.clock, rng.stream(seed, "record.session")
+    built = true_chain(laboratory.chain, dynamics, session)
+    offset = session_offset(dynamics, len(laboratory.joints), session)
+    grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
+    nominal = np.arange(int(motion.duration * clock.rate) + 1) / clock.rate
+    takes = []
+    for number in range(count):
+        stream = rng.stream(seed, f"record.{part}", number)
+        t, q, _ = simulate_take(built, offset, motion, dynamics, stream)
+        poses = expose(t, q, grid, dynamics, stream)
+        jitter = clock.jitter_std * stream.standard_normal(nominal.shape)
+        frames = np.clip(nominal + jitter, 0.0, motion.duration)
+        seen = np.stack([np.interp(frames, t, column) for column in q.T], axis=-1)
+        takes.append(SimulatedTake(poses, frames, seen))
+    return takes
+
+
+def steps(laboratory: Laboratory, poses: np.ndarray) -> Recorded:
+    """Return the steps between ``poses`` (takes, M+1, n) in rad under the commands of the motion;
+    raises SingularJacobianError.
+    """
+    table = desired_trajectory(laboratory.chain, laboratory.motion)
+    v = commanded_steps(table, laboratory.motion.rate)
+    noise = process_noise(laboratory.chain, poses, v)
+    return Recorded(laboratory.chain, poses[:, :-1], v, noise, laboratory.joints)
+
+
+def measured(
+    takes: Sequence[SimulatedTake], covariance: np.ndarray, factor: float, stream
+) -> np.ndarray:
+    """(takes, M+1, n) poses in rad with noise of ``factor`` times the root of ``covariance``."""
+    poses = np.stack([take.poses for take in takes])
+    variances, axes = np.linalg.eigh(covariance)
+    root = axes * np.sqrt(np.maximum(variances, 0.0))  # an eigenvalue may round to below zero
+    return poses + factor * stream.standard_normal(poses.shape) @ root.T
+
+
+def observe(
+    laboratory: Laboratory, factors: Factors, seed: int, training: int, test: int
+) -> tuple[Takes, Camera]:
+    """Simulate ``training`` and ``test`` takes and the depth camera of the latter, its noise
+    estimated as by the stages.
+
+    Raises SingularJacobianError, and RecordingError if the test takes are too few for the estimate.
+    """
+    fitted = perform(laboratory, factors, seed, "train", training)
+    kept = perform(laboratory, factors, seed, "test", test)
+    white = (laboratory.pose_noise, factors.motion_capture)
+    poses = measured(fitted, *white, rng.stream(seed, "simulated.capture", 0))
+    others = measured(kept, *white, rng.stream(seed, "simulated.capture", 1))
+    names, motion = [f"test_{number + 1:03d}" for number in range(test)], laboratory.motion
+    test_poses = dict(zip(names, others, strict=True))
+    t, stream = np.arange(others.shape[1]) / motion.rate, rng.stream(seed, "simulated.camera")
+    seen = {}
+    for name, take in zip(names, kept, strict=True):
+        noise = laboratory.depth_noise.sample(take.frames / motion.duration, stream)
+        seen[name] = take.seen + factors.depth_camera * noise
+    joints = _table(dict.fromkeys(names, t), test_poses, laboratory.joints)
+    times = {name: take.frames for name, take in zip(names, kept, strict=True)}
+    angles = _table(times, seen, laboratory.joints)
+    angles = angles.assign(frame=angles.groupby("take").cumcount())
+    noise = leave_one_out(errors_of(angles, joints), window=laboratory.window)
+    camera = Camera(noise, {take.take: take for take in measurements(angles, noise)})
+    return Takes(steps(laboratory, poses), poses, test_poses), camera
+
+
+def _table(
+    times: Mapping[str, np.ndarray], poses: Mapping[str, np.ndarray], joints: Sequence[str]
+) -> pd.DataFrame:
+    parts = [
+        pd.DataFrame({"take": take, "t": times[take]} | spread("q", joints, q))
+        for take, q in poses.items()
+    ]
+    return pd.concat(parts, ignore_index=True)

@@ -1,0 +1,35 @@
+"""Sections of the options with sample values for all that a test does not state."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pipeline.core.options.dataset import Dataset, Motion, Robot
+from pipeline.core.options.depth_camera import Depth, Workspace
+from pipeline.core.options.logs import JointLog
+from pipeline.core.options.motion_capture import Pose
+
+ORIGIN = Pose([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+SAMPLES: dict[type, dict[str, Any]] = {
+    Dataset: {
+        "name": "t",
+        "recordings": "recordings",
+        "robot": Robot("arm.urdf", ["a", "b", "c"], plane=True),
+        "motion": Motion(100.0, 10),
+    },
+    Depth: {
+        "takes": "*",
+        "encoding": "plain",
+        "units_per_metre": 1000.0,
+        "rate": 30.0,
+        "camera": ORIGIN,
+        "workspace": Workspace(0.06, 0.05, 0.06, -0.015, 0.0, 30, 1500),
+        "search": 0.3,
+    },
+    JointLog: {"movements": "*", "start": [], "end": [], "rest": 0, "tolerance": 1e-3},
+}
+
+
+def made(structure: type, **values: Any) -> Any:
+    """A section of type ``structure`` with these ``values``."""
+    return structure(**SAMPLES[structure] | values)

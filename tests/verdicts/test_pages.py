@@ -1,0 +1,323 @@
+"""The report, the page of datasets and the model card state the numbers of their runs."""
+
+from __future__ import annotations
+
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.core.task import PLANE
+from pipeline.verdicts import report_page
+from pipeline.verdicts.claims import parse_claims
+from pipeline.verdicts.decision import WITHOUT_RECORDING, decide_each
+from pipeline.verdicts.equations import Source, parse_items
+from pipeline.verdicts.filters import filters_part, verdict
+from pipeline.verdicts.model_card import BETWEEN, NO_SPREAD, UNKNOWN, choice, model_card
+from pipeline.verdicts.readings import DEFAULT, readings_part
+from pipeline.verdicts.run import Run
+from pipeline.verdicts.wording import case_text, number, statement, verdict_cell
+
+TEXTS = {key: f"the {key}" for key in ("where", "statement", "quantity", "reason")}
+STUDY = TEXTS | {
+    "id": "study",
+    "stage": "score",
+    "about": "method",
+    "recording": "none",
+    "rule": "below",
+    "published": 0.25,
+    "parameter": "error",
+    "value": {"file": "metrics/wrench", "key": "error"},
+}
+STD = TEXTS | {
+    "id": "std",
+    "stage": "score",
+    "about": "method",
+    "rule": "below",
+    "limit": 0.5,
+    "each": {"joint": "every"},
+    "value": {"file": "metrics/motion", "key": "std_{joint}"},
+    "why": {"youbot": "it mixes units"},
+}
+SIGMA = TEXTS | {
+    "id": "sigma-b",
+    "stage": "score",
+    "about": "specimen",
+    "rule": "within_relative",
+    "tolerance": 0.2,
+    "published": 0.25,
+    "parameter": "σ̂",
+    "value": {"file": "metrics/fit_wishart", "key": "sigma_b_paper"},
+}
+OWN = STD | {"id": "own", "source": "project", "where": ""}
+CLAIMS = parse_claims([STUDY, STD, SIGMA, OWN])
+FIT = {
+    "sigma_b_paper": 0.28765,
+    "sigma_b_moments": 0.227,
+    "sigma_b_moments_interval_low": 0.22,
+    "sigma_b_moments_interval_high": 0.235,
+}
+GAUSSIAN = {"u_paper": 18.0, "u_moments": 1000.0, "u_moments_unbounded": 1}
+
+
+def a_run(dataset: str, *stds: float, scale: str = "paper", takes: int = 100) -> Run:
+    joints = ["a", "b", "c"][: len(stds)]
+    motion = {f"std_{joint}": value for joint, value in zip(joints, stds, strict=True)}
+    metrics = {"motion": motion | {"recorded_takes": takes}, "wrench": {"error": 0.2}}
+    metrics |= {"fit_wishart": FIT, "fit_gaussian": GAUSSIAN}
+    return Run(dataset, scale, dataset == "youbot", joints, PLANE, {}, metrics, {})
+
+
+RUNS = [a_run("youbot", 0.25, 0.75, 0.1), a_run("ur5", 0.6, 0.7), a_run("mine", 0.1)]
+
+
+@pytest.fixture(scope="module")
+def decided():
+    return decide_each(CLAIMS, RUNS, [])
+
+
+def test_the_first_table_has_a_column_a_robot_and_no_tried_out_dataset(decided):
+    page = report_page.report_page(RUNS[0], decided, [("Empty", ""), ("More", report_page.LINKS)])
+    assert page.startswith("# Results: dataset youbot, scale paper\n")
+    assert f"| claim | {WITHOUT_RECORDING} | youBot, synthetic | UR5, real |" in page
+    assert "| the statement | ✓ 0.2 |  |  |" in page
+    assert "| the statement |  | ✗ 2/3 | ✗ 0/2 |" in page
+    assert "| the statement *(the paper's own arm)* |  | ? 1 | – |" in page.replace(
+        "? 0.2877", "? 1"
+    )
+    assert page.index("the project's own claim") > page.index("the paper's own arm")
+    assert "no recording: 1 / 0; youBot, synthetic: 0 / 1; UR5, real: 0 / 1" in page
+    assert "mine" not in page and "## Empty" not in page and "## More" in page
+    own = report_page.report_page(RUNS[2], decided, [])
+    assert f"| claim | {WITHOUT_RECORDING} | mine | youBot, synthetic | UR5, real |" in own
+
+
+def test_a_trial_run_says_so_and_prints_no_verdict():
+    runs = [a_run("youbot", 0.75, scale="smoke")]
+    page = report_page.report_page(runs[0], decide_each(CLAIMS, runs, []), [])
+    assert "its numbers decide nothing" in page and "✗" not in page
+
+
+def test_every_failure_has_its_test_first_case_and_reason(decided):
+    lines = report_page.failures(RUNS[0], decided).splitlines()
+    assert [line.partition(":")[0] for line in lines] == [
+        "- **std** on youbot",
+        "- **std** on ur5",
+        "- **own** on youbot",
+        "- **own** on ur5",
+    ]
+    assert lines[0].endswith("b: 0.75; test: below 0.5. Reason: it mixes units.")
+    assert "a: 0.6 and 1 more cases" in lines[1]
+
+
+@pytest.mark.parametrize(("takes", "cell"), [(100, "0.227 [0.22, 0.235]"), (4, "0.227")])
+def test_three_estimators_stand_side_by_side_and_an_unbounded_one_has_no_number(takes, cell):
+    runs = [a_run("youbot", 0.1, takes=takes)]
+    text = report_page.published_and_ours(runs[0], decide_each(CLAIMS, runs, []))
+    assert f"| σ̂_B | 0.25 | 0.2877 | {cell} | – |" in text
+    assert "| û | – | 18 | unbounded | – |" in text
+    assert "| error | 0.25 | 0.2 |" in text
+
+
+def test_every_dataset_stands_on_the_second_page(decided):
+    page = report_page.datasets_page(RUNS[0], decided)
+    assert f"| claim | youbot | ur5 | mine | {WITHOUT_RECORDING} |" in page
+    assert "| std | ✗ | ✗ | ✓ |  |" in page and "| study |  |  |  | ✓ |" in page
+
+
+def test_a_case_shows_why_it_is_not_decided():
+    follows = STD | {"rule": "follows", "limit": None}
+    follows |= {
+        key: {"file": "metrics/motion", "key": f"{key}_{{joint}}"} for key in ("threshold", "power")
+    }
+    run = a_run("ur5", 0.6)
+    run.metrics["motion"].update(threshold_a=0.3, power_a=0.12)
+    (claim,) = parse_claims([follows])
+    ((case,),) = (v.cases for v in decide_each([claim], [run], [])[0].verdicts)
+    assert case_text(case) == "a: 0.6 (limit 0.3), power 0.12"
+    forced = parse_claims([STD | {"by": "construction", "because": "so"}])
+    assert verdict_cell(decide_each(forced, [run], [])[0].verdicts[0]) == "="
+    assert statement(forced[0]) == "the statement *(by construction)*"
+    assert (number(float("nan")), number(1234567.0), number(0.123456)) == (
+        "–",
+        "1,234,567",
+        "0.1235",
+    )
+
+
+def test_figures_come_in_the_papers_order_and_then_ours():
+    figure = {"kind": "figure", "place": "Sec. 4", "says": "x", "without_code": "x"}
+    items = parse_items([figure | {"label": "First"}, figure | {"label": "Second"}])
+    sources = {
+        label: [Source(f"pipeline.figures.{name}.draw", Path(f"pipeline/figures/{name}.py"))]
+        for label, name in (("First", "z"), ("Second", "b"))
+    }
+    caption = "A line. More of it in mm. To look at: its height. And so on."
+    captions = {
+        name: {"title": name, "caption": caption, "script": f"pipeline/figures/{name}.py"}
+        for name in ("a", "b", "z")
+    }
+    text = report_page.figures(captions, items, sources)
+    images = [line.strip() for line in text.splitlines() if "![" in line]
+    assert images == [f"![{name}](figures/{name}.png)" for name in ("z", "b", "a")]
+    assert "**Fig. 1 (First).** A line. To look at: its height.\n" in text
+    assert "**Not in the paper.**" in text
+
+
+def test_counts_are_totals_and_no_mean_share_or_row_number_is_among_them():
+    quality = pd.DataFrame(
+        [("camera", "cut_rows", "count", 3.0), ("camera", "gaps", "count", 0.0)],
+        columns=["instrument", "quantity", "unit", "total"],
+    )
+    metrics = {
+        "recordings": {"camera_cut_rows": 3, "mean_camera_missing_share": 0.007},
+        "filter_wishart": {"particle_steps_outside_the_domain": 19194, "mean_sample_size": 7},
+        "wrench": {"C1_without_sigma_s_p_value": 0.55, "C1_sigma_s_clipped": 0},
+    }
+    kept = pd.DataFrame(
+        [("motions", "a", 5, 2, "cut off 3"), ("motions", "b", 1, 0, None)],
+        columns=["step", "recording", "found", "kept", "left_out"],
+    )
+    tables = {"recording_quality": quality, "kept": kept}
+    run = Run("lab", "paper", False, ["a"], PLANE, {}, metrics, tables)
+    assert report_page.counts(run).splitlines()[4:] == [
+        "| camera | cut rows 3 |",
+        "| filter of wishart | particle steps outside the domain 19,194 |",
+    ]
+    assert report_page.kept(run).splitlines()[3] == "| motions | b | 1 | 0 |  |"
+    assert report_page.kept(RUNS[1]) == report_page.counts(RUNS[1]) == ""
+
+
+SCORES = {"rms_error_a_rad": 0.01, "coverage_of_one_sigma_a": 0.7, "log_score": 5.0}
+
+
+def filtered(**differences: tuple[float, float]) -> Run:
+    """A run of one joint; by filter the differences to the training mean in rms error and in log
+    score, with an interval of ±0.1.
+    """
+    rows = [{"model": "none", "score": score, "mean": mean} for score, mean in SCORES.items()]
+    for model, (rms, log) in differences.items():
+        for score, by in zip(SCORES, (rms, 0.0, log), strict=True):
+            ends = {"difference": by, "low": by - 0.1, "high": by + 0.1}
+            rows.append({"model": model, "score": score, "mean": SCORES[score] + by} | ends)
+    tables = {"filter_against_none": pd.DataFrame(rows)}
+    return Run("lab", "paper", True, ["a"], PLANE, {}, {}, tables)
+
+
+def test_the_filters_with_a_higher_log_score_are_named_and_the_rows_have_an_order():
+    run = filtered(memory=(-0.5, 0.5), wishart=(-0.5, -1.0), additive_closed=(0.05, 0.05))
+    text = verdict(run)
+    assert text.startswith("On lab no particle filter has a higher log score than the mean and")
+    assert "smaller rms error in every joint: wishart, open loop." in text
+    assert text.endswith("The linear autoregressive filter has a higher log score.")
+    assert "has not a higher" in verdict(filtered(memory=(0.0, 0.0), wishart=(0.0, -1.0)))
+    higher = verdict(filtered(wishart_closed=(0.0, 0.5), additive=(0.5, -1.0)))
+    assert higher == (
+        "On lab these particle filters have a higher log score than the mean and standard "
+        "deviation of the training takes: wishart, closed loop."
+    )
+    rows = filters_part(run).splitlines()[-4:]
+    assert [row.split(" | ")[0] for row in rows] == [
+        "| training mean",
+        "| autoregressive, linear filter",
+        "| wishart, open loop",
+        "| additive, closed loop",
+    ]
+    assert rows[2] == "| wishart, open loop | -0.49 | 0.7 | 4 (-1 [-1.1, -0.9]) |"
+    assert filters_part(RUNS[0]) == verdict(RUNS[0]) == ""
+
+
+def read_under(**holds: tuple[str, str]) -> str:
+    rows = [
+        {"claim": name, "reading": reading, "holds": word, "value": "", "refused": refused}
+        for name, words in holds.items()
+        for reading, word in zip(("LU", "QR"), words, strict=True)
+        for refused in ["no noise; try another [q 1]" if word == "no evidence" else ""]
+    ]
+    tables = {"readings": pd.DataFrame(rows)} if rows else {}
+    return readings_part([Run("lab", "paper", True, ["a"], PLANE, {}, {}, tables)])
+
+
+def test_a_claim_that_another_reading_changes_has_a_row_and_missing_numbers_a_note():
+    text = read_under(
+        small=("holds", "fails"), same=("fails", "fails"), gap=("holds", "no evidence")
+    )
+    assert "| small | lab | **✓** | ✗ |" in text and "| same |" not in text
+    assert "- lab, QR: 1 claims lack numbers (no noise)." in text and "| gap |" not in text
+    assert read_under() == read_under(same=("holds", "holds")) == DEFAULT
+
+
+PLAIN = {"none": 10.0, "memory": 11.0, "additive": 9.0, "scaled_full": 10.5}
+PARAMETER = {"s": 0.5, "s_standard_error": 0.0125, "s_interval_low": 0.48, "s_interval_high": 0.53}
+
+
+def predicted(half: float = 0.1, **matrix: float) -> Run:
+    """A run of one joint whose models have log scores ``matrix``, and baselines those of PLAIN,
+    with intervals of ± ``half``.
+    """
+    means, rows = PLAIN | matrix, []
+    for model, mean in means.items():
+        ends = {"difference": mean - 10, "low": mean - 10 - half, "high": mean - 10 + half}
+        for score, value in (("log_score", mean), ("coverage_of_one_sigma_a", 0.7)):
+            rows.append({"steps": "all", "model": model, "score": score, "mean": value} | ends)
+    pairs = [
+        {"steps": "all", "model": model, "rival": rival, "low": means[model] - means[rival] - half}
+        for model, rival in permutations(means, 2)
+    ]
+    takes = [("t1", "training", False, ""), ("t2", "training", True, "too long a gap")]
+    tables = {
+        "predictions": pd.DataFrame(rows),
+        "prediction_pairs": pd.DataFrame(pairs),
+        "ranges": pd.DataFrame(
+            [("pose", "a", "rad", -1.25, 2.5)],
+            columns=["quantity", "name", "unit", "least", "greatest"],
+        ),
+        "takes": pd.DataFrame(takes, columns=["take", "part", "left_out", "reason"]),
+    }
+    models = {"additive": "additive"} | dict.fromkeys(matrix, "wishart")
+    metrics = {f"fit_{name}": dict(PARAMETER) for name in models} | {"motion": {}}
+    return Run("lab", "paper", True, ["a"], ["x"], models, metrics, tables)
+
+
+@pytest.mark.parametrize(
+    ("score", "half", "rivals"),
+    [
+        (10.7, 0.1, "the autoregressive baseline"),
+        (11.05, 0.1, "the autoregressive baseline"),  # higher, and within the interval
+        (9.5, 0.1, "the training mean, the autoregressive baseline and `scaled_full`"),
+    ],
+)
+def test_a_matrix_model_is_recommended_by_its_intervals_alone(score, half, rivals):
+    text = choice(predicted(half, wishart=score))
+    assert text.startswith("On lab **no matrix model** has a log score above every baseline:")
+    assert f" `wishart` not above {rivals}." in text
+    assert choice(predicted(wishart=12.0, other=11.5)).startswith("**wishart**: its log score is")
+    named = choice(predicted(wishart=10.45))
+    assert "use `scaled_full` (the difference to `wishart` is not significant)." in named
+    assert "Name it in `models` of `params.yaml`" in named
+
+
+def test_the_card_holds_parameters_ranges_takes_and_other_datasets():
+    run, other, unscored = predicted(wishart=12.0), predicted(wishart=10.7), predicted(wishart=12.0)
+    for name in ("predictions", "prediction_pairs"):
+        del unscored.tables[name]
+    run.metrics["fit_additive"] |= {"u": 9.0, "u_unbounded": 1, "u_standard_error": 1.0}
+    page = model_card(run, [other, unscored])
+    assert "| wishart | s | 0.5 | 0.0125 | [0.48, 0.53] |" in page
+    assert "| additive | u | unbounded | – | – |" in page
+    assert "| pose | a | rad | -1.25 | 2.5 |" in page and "| all | a | 0.7 | 0.7 |" in page
+    assert "Takes kept: 1 training; left out: 1." in page and "| t2 | too long a gap |" in page
+    assert page.count("- lab: ") == 1
+    run.metrics["motion"] = {"recorded_takes": 4, BETWEEN: 0.9}
+    assert "| wishart | s | 0.5 | 0.0125 | – |" in model_card(run, [])
+    assert NO_SPREAD in choice(run)
+    assert UNKNOWN in model_card(unscored, [])
+
+
+def test_a_baseline_without_a_score_is_stated():
+    run = predicted(wishart=10.7)
+    scores = run.tables["predictions"]
+    scores.loc[(scores["model"] == "memory") & (scores["score"] == "log_score"), "mean"] = np.nan
+    assert choice(run).startswith("**wishart**") and "`memory` has no score." in choice(run)
