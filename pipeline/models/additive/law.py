@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.models.covariance import root, trace_factor
-from pipeline.models.model import Law
+from pipeline.models.model import SCALED_LAW, Law, row_by_row
 from pipeline.models.normal import NormalModel
 
 
@@ -34,13 +33,9 @@ class AdditiveModel(NormalModel):
         return root(self.noise_covariance)
 
     def law(self, chain: Chain) -> Law:
-        """A step, compiled."""
-        from pipeline.models.additive import step  # here, as it loads the compiler
-        from pipeline.models.law import row_by_row
-
+        """Law of a compiled step: that of the scaled model without noise that grows with speed."""
         n = len(chain.lower)
-        move = step.planar_additive if isinstance(chain, PlanarChain) else step.additive
-        return Law(move, row_by_row(self._root, n), normals=(1, n))
+        return Law(SCALED_LAW, row_by_row(self._root, n), sets=1, each=n)
 
     def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) Σ_ω, whatever the pose and the step."""

@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.commands import task_step
 from pipeline.models.covariance import trace_factor
-from pipeline.models.model import Law
+from pipeline.models.model import GAUSSIAN_LAW, Law
 from pipeline.models.norm import frobenius
 from pipeline.models.normal import NormalModel
 
@@ -64,12 +63,9 @@ class GaussianModel(NormalModel):
             )
 
     def law(self, chain: Chain) -> Law:
-        """A step, compiled."""
-        from pipeline.models.gaussian import step  # here, as it loads the compiler
-
-        move = step.planar_gaussian if isinstance(chain, PlanarChain) else step.gaussian
+        """Law of a compiled step."""
         parameters = np.array([self.alpha, self.u], dtype=float)
-        return Law(move, parameters, normals=(1, len(chain.lower)))
+        return Law(GAUSSIAN_LAW, parameters, sets=1, each=len(chain.lower))
 
     def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) s‖v‖²·I in rad², zero beyond the bound."""

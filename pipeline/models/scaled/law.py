@@ -18,10 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.models.covariance import root, trace_factor
-from pipeline.models.model import Law
+from pipeline.models.model import SCALED_LAW, Law, row_by_row
 from pipeline.models.normal import NormalModel
 
 
@@ -51,14 +50,10 @@ class ScaledModel(NormalModel):
         return root(self.floor), root(self.gain)
 
     def law(self, chain: Chain) -> Law:
-        """A step, compiled."""
-        from pipeline.models.law import row_by_row  # here, as it loads the compiler
-        from pipeline.models.scaled import step
-
+        """Law of a compiled step."""
         n = len(chain.lower)
-        move = step.planar_scaled if isinstance(chain, PlanarChain) else step.scaled
         parameters = np.concatenate([row_by_row(each, n) for each in self._roots])
-        return Law(move, parameters, normals=(2, n))
+        return Law(SCALED_LAW, parameters, sets=2, each=n)
 
     def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) A + D(q̇)BD(q̇) in rad²."""
