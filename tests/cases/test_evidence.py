@@ -32,8 +32,8 @@ JOINTS = ("a", "b", "c")
 ARM = ArmNames(JOINTS, ("x", "z", "phi"))
 DT = 0.01
 CLAIMS = ("reports/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
-# claims of the wrench, of the closed loop, of the linear filter and of the speed-scaled model, which
-# these takes lack
+# claims of the wrench, the closed loop, the linear filter and the speed-scaled model, which these
+# takes lack
 WRENCH = ("wrench", "sigma-s", "force", "closed-loop", "memory", "scaled")
 
 
