@@ -14,7 +14,7 @@ export HOME ?= $(CURDIR)/$(VENV)
 # Python keeps the bytecode of what it imports, as numba its machine code; else every process compiles those sources anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: env view repro all test test-all smoke real synthetic audit bench bench-emulated bench-experiment bench-scale lint lock clean-env
+.PHONY: env view repro all test test-all smoke real synthetic audit bench bench-scale lint lock clean-env
 
 # The environment alone.
 env: $(READY)
@@ -54,26 +54,15 @@ synthetic: $(READY)
 audit: $(READY)
 	python -m pipeline audit .audit
 
-# Ratios to other libraries, what compiling and importing take and growth of cost on this machine: reports/benchmarks.md. Best where nothing else runs.
+# Ratios to other libraries, first use, speed of a step, growth of cost and equal bytes: reports/benchmarks.md. Best where nothing else runs.
 bench: $(READY) $(PEERS)/.ready
 	python tests/benchmarks/repeats.py .bench/contests
-	python tests/benchmarks/compilation.py .bench
-	python tests/benchmarks/imports.py .bench
-	python tests/benchmarks/cost_growth.py
+	python tests/benchmarks/start.py .bench/cache
+	python tests/benchmarks/growth.py
 	python tests/benchmarks/equal_bytes.py .bench/levels
 	python tests/benchmarks/summary.py
 
-# Results' bytes under the instructions that this processor lacks, in the emulator Bochs: most of an hour. What it needs stands in the file.
-bench-emulated: $(READY)
-	python tests/benchmarks/emulated.py .bench/emulated
-	python tests/benchmarks/summary.py
-
-# The processor time of the whole experiment against that of the work itself, after `make bench`; runs the experiment with workers and without.
-bench-experiment: $(READY)
-	python tests/benchmarks/experiment.py .bench paper
-	python tests/benchmarks/summary.py
-
-# Ten thousand takes, a million particles and a share of the large grid of the study robustness, really run; after a run of the paper.
+# A million particles, ten thousand takes, and a Dask cluster that loses a worker.
 bench-scale: $(READY)
 	python tests/benchmarks/scale.py
 	python tests/benchmarks/summary.py

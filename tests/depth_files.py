@@ -1,8 +1,14 @@
-"""Depth images for tests."""
+"""Depth images, calibrations and point clouds for tests."""
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Callable
+
 import numpy as np
+import pytest
+
+from pipeline.core.errors import RecordingError
 
 SHAPE = (424, 512)
 
@@ -17,3 +23,106 @@ def frame(seed: int = 1, shape: tuple[int, int] = SHAPE) -> np.ndarray:
     )
     raw[generator.random(shape) < 0.2] = 0
     return raw.astype(np.uint16)
+
+
+def refused(call: Callable[..., object], *arguments: object, **options: object) -> RecordingError:
+    """The error with which ``call`` refuses the file that is its first argument."""
+    with pytest.raises(RecordingError) as caught:
+        call(*arguments, **options)
+    assert caught.value.evidence["file"] == arguments[0]
+    return caught.value
+
+
+# one camera, of 640 × 480, as the tools write it
+CALIBRATIONS = {
+    "opencv.yaml": "%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   "
+    "dt: d\n"
+    "   data: [ 525.5, 0., 319.5, 0., 524., 239.25,\n       0., 0., 1. ]\n"
+    "distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n   data: [ "
+    "0.25, 0., 0., 0., 0. ]\n",
+    "opencv.xml": '<?xml version="1.0"?>\n<opencv_storage>\n<image_width>640</image_width>\n'
+    '<cameraMatrix type_id="opencv-matrix">\n'
+    "<rows>3</rows><cols>3</cols><dt>d</dt>\n<data>525.5 0. 319.5 0. 524. 239.25 0. 0. "
+    "1.</data></cameraMatrix>\n"
+    '<distCoeffs type_id="opencv-matrix"><rows>1</rows><cols>5</cols><dt>d</dt><data>0.25 0. 0. '
+    "0. 0.</data></distCoeffs>\n"
+    "</opencv_storage>\n",
+    "ros.yaml": "image_width: 640\nimage_height: 480\ncamera_name: depth\ncamera_matrix:\n  "
+    "rows: 3\n  cols: 3\n"
+    "  data: [525.5, 0, 319.5, 0, 524.0, 239.25, 0, 0, 1]\ndistortion_model: "
+    "plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n"
+    "  data: [2.5e-1, 0, 0, 0, 0]\n",
+    "plain.yaml": "fx: 525.5\nfy: 524\ncx: 319.5\ncy: 239.25\ndist_coeffs: [0.25, 0, 0, 0, 0]\n",
+    "rows.yaml": "K:\n- [525.5, 0, 319.5]\n- [0, 524, 239.25]\n- [0, 0, 1]\nD: [0.25, 0, 0, 0, "
+    "0]\n",
+    "plain.json": '{"width": 640, "height": 480, "fx": 525.5, "fy": 524, "cx": 319.5, "cy": '
+    '239.25, "D": [0.25, 0, 0, 0, 0]}',
+    "matrix.json": '{"K": [[525.5, 0, 319.5], [0, 524, 239.25], [0, 0, 1]], "D": [0.25, 0, 0, '
+    "0, 0]}",
+}
+
+
+# points of the same records in every form of PCD and PLY
+FIELDS = "FIELDS rgb z _ x label y _\nSIZE 4 8 1 8 2 8 1\nTYPE U F U F I F U\nCOUNT 1 1 3 1 1 1 5\n"
+POINT = np.dtype(
+    [
+        *(("rgb", "<u4"), ("z", "<f8"), ("pad", "u1", 3), ("x", "<f8"), ("label", "<i2")),
+        *(("y", "<f8"), ("tail", "u1", 5)),
+    ]
+)
+
+
+def records(count: int = 12) -> np.ndarray:
+    generator, table = np.random.default_rng(3), np.zeros(count, POINT)
+    for axis in "xyz":
+        table[axis] = generator.normal(size=count)
+    table["rgb"], table["pad"], table["label"] = 0x00FF7F00, 9, -4
+    table["z"][2], table["y"][5] = np.nan, np.inf
+    return table
+
+
+def positions(table: np.ndarray) -> np.ndarray:
+    points = np.stack([table[axis] for axis in "xyz"], axis=-1)
+    return points[np.isfinite(points).all(axis=1)]
+
+
+def pcd(form: str, table: np.ndarray, *, viewpoint: str = "0 0 0 1 0 0 0") -> bytes:
+    header = (
+        f"# .PCD v0.7\nVERSION 0.7\n{FIELDS}WIDTH 4\nHEIGHT {len(table) // 4}\n"
+        f"VIEWPOINT {viewpoint}\nPOINTS {len(table)}\nDATA {form}\n"
+    ).encode()
+    if form == "binary":
+        return header + table.tobytes()
+    if form == "binary_compressed":  # LZF of literal runs
+        data = b"".join(np.ascontiguousarray(table[name]).tobytes() for name in POINT.names)
+        runs = [data[i : i + 32] for i in range(0, len(data), 32)]
+        packed = b"".join(bytes([len(run) - 1]) + run for run in runs)
+        return header + struct.pack("<II", len(packed), len(data)) + packed
+    rows = [f"1 {p['z']} 9 9 9 {p['x']} {p['label']} {p['y']} 0 0 0 0 0\n" for p in table]
+    return header + "".join(rows).encode()
+
+
+def ply(form: str, table: np.ndarray) -> bytes:
+    header = (
+        f"ply\nformat {form} 1.0\ncomment made for a test\nelement vertex {len(table)}\n"
+        "property double z\nproperty uchar red\nproperty double x\nproperty float64 y\n"
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    ).encode()
+    if form == "ascii":
+        rows = "".join(f"{p['z']} 255 {p['x']} {p['y']}\n" for p in table)
+        return header + rows.encode() + b"3 0 1 2\n"
+    order = ">" if form == "binary_big_endian" else "<"
+    vertices = np.zeros(
+        len(table), [("z", order + "f8"), ("red", "u1"), ("x", order + "f8"), ("y", order + "f8")]
+    )
+    for axis in "xyz":
+        vertices[axis] = table[axis]
+    return header + vertices.tobytes() + struct.pack(order + "Biii", 3, 0, 1, 2)
+
+
+PCDS = {f"{form}.pcd": pcd(form, records()) for form in ("ascii", "binary", "binary_compressed")}
+CLOUDS = PCDS | {
+    f"{form}.ply": ply(form, records())
+    for form in ("ascii", "binary_little_endian", "binary_big_endian")
+}
+CLOUDS["crlf.ply"] = ply("ascii", records()).replace(b"\n", b"\r\n")

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.arm.planar import BLOCK
 from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.covariance import root
-from pipeline.models.draws import BLOCK
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.norm import frobenius
 from pipeline.models.scaled.law import ScaledModel

@@ -131,3 +131,11 @@ def test_it_says_what_the_project_says_of_itself(citation):
         f"{author['given-names'][0]}. {author['family-names']}" for author in paper["authors"]
     )
     assert names in readme
+
+
+def test_version_and_date_are_those_of_the_changelog_and_the_package(citation):
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    heading = re.search(r"^## (.*)$", changelog, re.MULTILINE)[1]
+    assert heading == f"{citation['version']} ({citation['date-released']})"
+    package = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    assert package["project"]["version"] == citation["version"]

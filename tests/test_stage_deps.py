@@ -58,7 +58,7 @@ def test_a_stage_depends_on_the_code_that_it_runs(stage):
     result = {"pipeline/core"}
     if module.endswith((".choose", ".configure")):
         result |= {"pipeline/conf", "pipeline/conf/dataset"}
-        result |= {"pipeline/laboratory/options", "pipeline/models"}
+        result |= {"pipeline/laboratory/options.py", "pipeline/models"}
     if module.endswith(".predict"):
         result |= {"pipeline/conf/model"}  # of the plain models beside the run's
     if module.endswith(".report"):

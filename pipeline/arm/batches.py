@@ -1,29 +1,25 @@
-"""Kinematics of a serial chain for whole batches: the compiled ways in from Python."""
+"""Kinematics of a serial chain for whole batches: the compiled functions that Python calls."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import int64, void
 
-from pipeline.arm.compiled import ARM
-from pipeline.arm.lq import invert, orthonormalise, too_singular
-from pipeline.arm.numbers import INVERSE, POSE, SINGULAR, Arm
-from pipeline.arm.serial_compiled import (
-    JOINTS,
-    POSITION,
-    SINE,
+from pipeline.arm.kinematics import (
     WIDTH,
-    displacement_rows,
-    jacobian_at,
-    lower_at,
-    spare_at,
+    add_displacement,
+    cholesky,
+    mark_singular,
+    solve_lower,
+    solve_upper,
     task_jacobian,
     tip,
 )
-from pipeline.core.compiled import MATRIX, compiled
+from pipeline.arm.numbers import INVERSE, POSE, SINGULAR, Arm
+from pipeline.arm.rows import POSITION, rows_of
+from pipeline.core.compiled import compiled
 
 
-@compiled(void(ARM, MATRIX, int64, MATRIX))
+@compiled
 def kinematics(arm: Arm, q: np.ndarray, part: int, out: np.ndarray) -> None:
     """Fill ``out`` (rows, P) for the poses ``q`` (n, P) in rad, m of prismatic joints.
 
@@ -32,33 +28,41 @@ def kinematics(arm: Arm, q: np.ndarray, part: int, out: np.ndarray) -> None:
     value is below the arm's.
     """
     n, m = len(arm.sliding), len(arm.rows)
-    jacobian, lower, spare = jacobian_at(n), lower_at(n, m), spare_at(n, m)
-    room = np.empty((spare + m * m, WIDTH))
+    rows = rows_of(n, m)
+    block = np.empty((rows.size, WIDTH))
     for start in range(0, q.shape[1], WIDTH):
-        count, first = min(WIDTH, q.shape[1] - start), POSITION
-        tip(arm, q, start, count, room)
+        count = min(WIDTH, q.shape[1] - start)
+        tip(arm, q, start, count, block)
+        first = POSITION if part == POSE else rows.jacobian
         if part != POSE:
-            first = jacobian
-            task_jacobian(arm, room, count)
+            task_jacobian(arm, block, rows.jacobian, count)
         if part == SINGULAR or part == INVERSE:
-            orthonormalise(room, jacobian, lower, spare, m, n, count)
+            cholesky(block, rows.jacobian, rows.lower, rows.inverse, m, n, 0.0, count)
         if part == SINGULAR:
-            first = SINE  # which the Jacobian no longer needs
-            too_singular(room, lower, spare, m, arm.least, first, count)
+            first = rows.singular
+            mark_singular(block, arm, rows.jacobian, rows.lower, rows.spare, first, count)
         if part == INVERSE:
-            invert(room, jacobian, lower, m, n, count)
+            for j in range(n):
+                solve_lower(block, rows.lower, rows.inverse, m, first + j, n, count)
+                solve_upper(block, rows.lower, rows.inverse, m, first + j, n, count)
         for k in range(len(out)):
             for i in range(count):
-                out[k, start + i] = room[first + k, i]
+                out[k, start + i] = block[first + k, i]
 
 
-@compiled(void(ARM, MATRIX, MATRIX, MATRIX))
+@compiled
 def displacements(arm: Arm, start: np.ndarray, end: np.ndarray, out: np.ndarray) -> None:
-    """Add to ``out`` (P, m) the task's rows of the displacements from the poses ``start`` (P,
+    """Fill ``out`` (P, m) with the task's rows of the displacements from the poses ``start`` (P,
     12) to ``end`` (P, 12).
     """
-    room = np.empty((JOINTS, WIDTH))
+    m = len(arm.rows)
+    block = np.empty((rows_of(len(arm.sliding), m).size, WIDTH))
+    first = rows_of(len(arm.sliding), m).task
     for p in range(len(start)):
         for k in range(12):
-            room[k, 0] = start[p, k]
-        displacement_rows(arm, end[p], room, 1, out[p].reshape(-1, 1), 1.0)
+            block[k, 0] = start[p, k]
+        for r in range(m):
+            block[first + r, 0] = 0.0
+        add_displacement(arm, end[p], block, first, 1.0, 1)
+        for r in range(m):
+            out[p, r] = block[first + r, 0]

@@ -13,9 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
-from pipeline.arm.folded import folded
 from pipeline.arm.interface import Chain
-from pipeline.arm.numbers import INVERSE, JACOBIAN, POSE, SINGULAR, Arm
+from pipeline.arm.numbers import INVERSE, JACOBIAN, POSE, SINGULAR, Arm, joint_frames
 
 # The least singular value of the Jacobian at a pose whose inverse is trusted, as a share of the
 # greatest entry that the Jacobian can have (see :meth:`SerialChain.scale`). Below it a step of a
@@ -101,7 +100,7 @@ class SerialChain(Chain):
         rows = self._rows()
         return Arm(
             plane=np.empty(0),
-            frames=folded(self.placements),
+            frames=joint_frames(self.placements),
             sliding=self.sliding.astype(float),
             rows=rows,
             units=np.where(rows < 3, 1.0, self.length),

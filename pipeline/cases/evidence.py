@@ -4,7 +4,7 @@ be decided by the same rules.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -20,19 +20,13 @@ from pipeline.filtering.memory import memory_filter
 from pipeline.filtering.particle_filter import Posterior
 from pipeline.models.noise import recorded_deviation, rest_covariance
 from pipeline.recordings.commands import constant_speed
-from pipeline.statistics.filters import Filtered, no_filter
-from pipeline.statistics.joint_scores import (
-    filter_metrics,
-    filter_scores,
-    sensor_scores,
-    spread_scores,
-)
-from pipeline.statistics.resampling import bound_quantities, resampled_differences
+from pipeline.statistics.filters import Filtered, filter_tables, no_filter
+from pipeline.statistics.joint_scores import filter_metrics, sensor_scores, spread_scores
 from pipeline.statistics.spread_tables import spread_tables
-from pipeline.statistics.take_scores import compared, posterior_scores
+from pipeline.statistics.take_scores import compared
 
 Evidence = dict[str, dict[str, float] | pd.DataFrame]
-RESAMPLING_SEED = 20_170
+RESAMPLING_SEED = 20_170  # the same resamplings in every case
 
 
 def case_evidence(
@@ -72,16 +66,13 @@ def case_evidence(
             tested = list(next(iter(whole.values())))
             truth = np.stack([takes.test[take] for take in tested])
             filters = {name: list(by_take.values()) for name, by_take in whole.items()}
-            pose, held = case.measurement * pose_covariances(takes)
-            if models := {name: filters[name] for name in models_of(filters)}:
-                evidence |= filter_evidence(models, truth, pose, takes.training.joints)
+            poses = case.measurement * pose_covariances(takes)
+            linear = None
             if case.closed:
-                frames = [camera.takes[take] for take in tested]
-                means, covariances, _ = memory_filter(
-                    takes.poses, pose, frames, dt, takes.training.chain
-                )
-                linear = Filtered(means - truth, covariances, pose)
-                evidence |= none_evidence(filters, linear, truth, takes, (pose, held))
+                frames, chain = [camera.takes[take] for take in tested], takes.training.chain
+                means, covariances, _ = memory_filter(takes.poses, poses[0], frames, dt, chain)
+                linear = Filtered(means - truth, covariances, poses[0])
+            evidence |= filter_evidence(filters, linear, truth, takes, poses)
     return evidence, sorted(refusals)
 
 
@@ -115,10 +106,9 @@ def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) ->
     if mode == "one_step":
         std = {"recorded": std["recorded"]} | {name: each.std for name, each in modelled.items()}
         following = {name: outcomes[name].following for name in modelled}
-        # the same resamplings in every case
-        rng, noise = stream(RESAMPLING_SEED, "cases.resampling"), takes.training.noise
-        compared_spreads = spread_tables(modelled, following, noise, takes.training.joints, rng)
-        evidence |= {f"tables/{name}": table for name, table in compared_spreads.items()}
+        training = takes.training
+        spreads = spread_tables(modelled, following, training.noise, training.joints)
+        evidence |= {f"tables/{name}": table for name, table in spreads.items()}
     steady = constant_speed(takes.poses)
     limits = zip(takes.training.joints, takes.variation_of_constant_noise, strict=True)
     evidence["metrics/motion"] = spread_scores(std, error, takes.training.joints, steady) | {
@@ -149,64 +139,33 @@ def sensor_evidence(noise: pd.DataFrame) -> Evidence:
 
 def filter_evidence(
     posteriors: Mapping[str, list[Posterior]],
-    truth: np.ndarray,
-    pose: np.ndarray,
-    joints: Sequence[str],
-) -> Evidence:
-    """What the filters' ``posteriors`` by model, one a take, say against the measured poses
-    ``truth`` (takes, M+1, n) in rad.
-
-    ``pose`` (n, n) in rad² is the noise of a measured pose, which bounds and scores hold too;
-    ``joints`` the n names.
-    """
-    error, bound, scores = {}, {}, {}
-    for model, by_take in posteriors.items():
-        error[model] = np.stack([posterior.mean for posterior in by_take]) - truth
-        covariance = np.stack([posterior.covariance for posterior in by_take]) + pose
-        bound[model] = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
-        scores[model], _ = posterior_scores(error[model], covariance, joints)
-    return {
-        "metrics/filter": filter_metrics(
-            filter_scores(error, bound, joints, constant_speed(truth))
-        ),
-        "tables/bound_comparison": resampled_differences(
-            bound_quantities(error, bound, joints),
-            list(posteriors),
-            len(truth),
-            stream(RESAMPLING_SEED, "cases.resampling"),
-        ),
-        "tables/filter_comparison": compared(scores, next(iter(scores))),
-    }
-
-
-def none_evidence(
-    posteriors: Mapping[str, list[Posterior]],
-    linear: Filtered,
+    linear: Filtered | None,
     truth: np.ndarray,
     takes: Takes,
-    poses: tuple[np.ndarray, np.ndarray],
+    poses: np.ndarray,
 ) -> Evidence:
-    """What the models' filters and the linear one say beside no filter.
+    """Evidence of the models' filters and the linear one against the measured poses, beside the
+    training takes' mean and covariance.
 
     Args:
-        posteriors: by filter and take.
-        linear: filter of the takes' own spread and memory.
+        posteriors: by filter, as :mod:`pipeline.core.filters` names them, one a take.
+        linear: filter of the takes' own covariance and autocorrelation, if any.
         truth: (takes, M+1, n) rad, measured poses.
-        takes: the training takes' mean and covariance are no filter.
-        poses: (n, n) rad² each, as by :func:`pose_covariances`.
+        takes: the training takes.
+        poses: (2, n, n) rad² as by :func:`pose_covariances`, which bounds and scores hold too.
     """
     opened, (pose, held), joints = models_of(posteriors), poses, takes.training.joints
-    filters = {NONE: no_filter(takes.poses, truth), MEMORY: linear} | {
-        name: Filtered(
+    filters = {NONE: no_filter(takes.poses, truth)} | ({MEMORY: linear} if linear else {})
+    for name, by_take in posteriors.items():
+        filters[name] = Filtered(
             np.stack([posterior.mean for posterior in by_take]) - truth,
             np.stack([posterior.covariance for posterior in by_take]),
             pose if name in opened else held,
         )
-        for name, by_take in posteriors.items()
-    }
-    laws = {
-        name: posterior_scores(each.error, each.covariance + each.measurement, joints)
-        for name, each in filters.items()
-    }
-    against = compared({name: scores for name, (scores, _) in laws.items()}, NONE)
-    return {"tables/filter_against_none": against}
+    if not opened:
+        return {}
+    rng = stream(RESAMPLING_SEED, "cases.resampling")
+    tables, _ = filter_tables(filters, joints, constant_speed(truth), rng)
+    scores = tables.pop("filter_scores")
+    named = {f"tables/{name}": table for name, table in tables.items()}
+    return {"metrics/filter": filter_metrics(scores)} | named

@@ -14,9 +14,10 @@ from pipeline.cases.case import ModelCase
 from pipeline.core.errors import ModelDomainError, SingularJacobianError, SolverError
 from pipeline.core.rng import stream
 from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
-from pipeline.models.kinds import estimate
+from pipeline.models.kinds import compared, estimate
 from pipeline.models.model import MotionModel
 from pipeline.models.modelled_noise import modelled_noise
+from pipeline.models.options import Options
 from pipeline.models.realizations import realize, realized_moments
 from pipeline.models.steps import Estimate, Recorded
 from pipeline.recordings.commands import constant_speed
@@ -25,6 +26,7 @@ from pipeline.statistics.spread_tables import ModelledNoise, following_rows
 from pipeline.verdicts.reference import ArmNames
 
 CONSTANT_SEED = 20_171
+PAPER = "{}_paper"  # names of the estimates by the paper's estimator
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,8 @@ def outcome(case: ModelCase, takes: Takes, realizations: int, rng: np.random.Gen
     fared = Outcome()
     try:
         fit = estimate(takes.training, case.options)
-        fared.model, fared.estimates = fit.model, fit.estimates
+        fared.model = fit.model
+        fared.estimates = fit.estimates | _papers_estimates(takes.training, case.options, fit)
         if case.closed:
             fared.closed, refused = closed_loop_of(takes.training, case.options, fit)
             if refused:
@@ -96,6 +99,18 @@ def outcome(case: ModelCase, takes: Takes, realizations: int, rng: np.random.Gen
     except (ModelDomainError, SingularJacobianError, SolverError) as error:
         fared.refusals.append(str(error))
     return fared
+
+
+def _papers_estimates(recorded: Recorded, options: Options, fit: Estimate) -> dict[str, float]:
+    """Estimates by the paper's estimator, which its published parameters are compared with."""
+    requested = compared(options).get(PAPER)
+    if requested is None:
+        return {}
+    try:
+        own = fit if requested == options else estimate(recorded, requested)
+    except (ModelDomainError, SolverError):
+        return {}
+    return {PAPER.format(name): value for name, value in own.estimates.items()}
 
 
 def _log_scores(case: ModelCase, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:

@@ -16,22 +16,16 @@ import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
-from pipeline.core.aligned import aligned
 from pipeline.core.errors import ConfigError, DegenerateFilterError, ModelDomainError
-from pipeline.core.passing import addressed
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.resampling import SCHEME, SCHEMES
+from pipeline.filtering.resampling import SCHEMES
 from pipeline.filtering.sampling import sequential_importance_sampling
 from pipeline.filtering.start import Start, domain_of, initial_particles
 from pipeline.filtering.state import Frames, Particles, Record
-from pipeline.filtering.tip_weights import weigh_tip
-from pipeline.filtering.weights import WEIGHING, weigh
+from pipeline.filtering.weights import NEAR
 from pipeline.models.commands import Commands
-from pipeline.models.correction import correction
-from pipeline.models.draws import numbers_for
-from pipeline.models.law import CORRECTION, STEP
+from pipeline.models.draws import block_for
 from pipeline.models.model import MotionModel
-from pipeline.randommatrix.words import words_of
 
 
 @dataclass(frozen=True)
@@ -117,28 +111,23 @@ def particle_filter(
     start_poses, rejected = initial_particles(
         start, chain, options.particles, rng, take=measurements.take
     )
-    law = model.law(chain)
-    scheme = SCHEMES[options.resampling]
     record = empty_record(len(commands.v) + 1, start_poses.shape[-1])
     log_evidence, vanished = sequential_importance_sampling(
-        addressed(law.step, STEP),
-        addressed(correction(chain), CORRECTION),
-        numbers_for(law, chain),
-        law.parameters,
+        model.law(chain),
         chain.numbers(),
+        block_for(chain),
         domain_of(chain),
         Commands(
-            *(np.array(rows, dtype=float, order="C") for rows in commands[:2]), commands.share
+            *(np.array(rows, dtype=float, order="C") for rows in commands[:2]),
+            float(commands.share),
         ),
         frames,
-        addressed(weigh_tip if frames.tip else weigh, WEIGHING),
-        # a threshold that no effective sample size is below never asks which particles to go on
-        # with
-        addressed(scheme or SCHEMES["systematic"], SCHEME),
-        options.threshold if scheme else 0.0,
-        started(start_poses),
+        SCHEMES.index(options.resampling),
+        # no effective sample size is below a threshold of 0
+        float(options.threshold) if options.resampling != "none" else 0.0,
+        particles_at(start_poses),
         record,
-        words_of(rng),
+        rng,
     )
     if vanished >= 0:
         raise DegenerateFilterError(
@@ -157,12 +146,13 @@ def particle_filter(
     )
 
 
-def started(poses: np.ndarray) -> Particles:
+def particles_at(poses: np.ndarray) -> Particles:
     """The particles at their first ``poses`` (P, n) in rad, where they were before, too."""
     count, n = poses.shape
-    q, before, room = aligned(n, count), aligned(n, count), aligned(n + 2, count)
-    q[:] = before[:] = poses.T
-    return Particles(q, before, *aligned(2, count), np.empty(count, int), room)
+    q = np.array(poses.T, order="C")
+    weights, log_weights = np.empty((2, count))
+    chosen, scratch = np.empty(count, dtype=np.int64), np.empty((n + 2, max(count, NEAR)))
+    return Particles(q, q.copy(), weights, log_weights, chosen, scratch)
 
 
 def empty_record(grid: int, n: int) -> Record:

@@ -1,25 +1,19 @@
 """Resampling schemes of the particle filter (Douc, Cappé & Moulines 2005), compiled.
 
-A scheme ``resample(weights, chosen, room, words)`` takes weights (P,), non-negative and of sum 1,
-and the words (4,) of a generator, and fills ``chosen`` (P,) with the indices of the particles to go
-on with; ``room`` (2, P) is for what it needs on the way. Particle i is expected P·w_i times, and
-never where w_i = 0. All of them hold sorted points against the cumulative weights: where the points
-lie in strata, how many are below a weight is known at once; else walking along both takes P steps,
-where a search for each point would take P·log P. What NumPy does with whole arrays is written as
-loops, which compile in half the time.
+A scheme takes weights (P,), non-negative and of sum 1, and a generator, and fills ``chosen`` (P,)
+with the indices of the particles to go on with; ``scratch`` has (2, P) or more floats.
+Particle i is expected P·w_i times, and never where w_i = 0. All of them hold sorted points against
+the cumulative weights: where the points lie in strata, how many are below a weight is known at
+once; else walking along both takes P steps, where a search for each point would take P·log P. Loops
+stand for NumPy's array expressions, as they compile in half the time.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import types
 
-from pipeline.core.compiled import MATRIX, VECTOR, inner, passed
-from pipeline.randommatrix.words import WORDS, close, opened, uniform
-from pipeline.randommatrix.ziggurat import standard_exponential
+from pipeline.core.compiled import inner
 
-COUNTS = types.Array(types.int64, 1, "C")
-SCHEME = types.FunctionType(types.void(VECTOR, COUNTS, MATRIX, WORDS))
 # P·w is a whole number up to rounding where weights are equal; without this its floor would miss it
 ROUNDING = 1e-9
 
@@ -74,18 +68,15 @@ def inverse_cdf(
 
 
 @inner
-def sorted_uniforms(points: np.ndarray, words: np.ndarray) -> None:
+def sorted_uniforms(points: np.ndarray, rng: np.random.Generator) -> None:
     """Fill ``points`` with independent uniforms in rising order: the arrivals of a Poisson process
     over the next one, without a sort.
     """
-    arrival, state = 0.0, opened(words)
+    arrival = 0.0
     for j in range(len(points)):
-        way, state = standard_exponential(state)
-        arrival += way
+        arrival += rng.standard_exponential()
         points[j] = arrival
-    way, state = standard_exponential(state)
-    close(words, state)
-    last = arrival + way
+    last = arrival + rng.standard_exponential()
     for j in range(len(points)):
         points[j] /= last
 
@@ -110,33 +101,28 @@ def repeat(below: np.ndarray, chosen: np.ndarray) -> None:
         chosen[j] = last
 
 
-@passed
+@inner
 def systematic(
-    weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, words: np.ndarray
+    weights: np.ndarray, chosen: np.ndarray, scratch: np.ndarray, rng: np.random.Generator
 ) -> None:
     """One uniform shifts a comb of P equidistant points: counts are ⌊P·w_i⌋ or ⌈P·w_i⌉ (Kitagawa
     1996).
     """
-    below, count = room[0], len(weights)
-    shift, state = uniform(opened(words))
-    close(words, state)
+    below, count, shift = scratch[0], len(weights), rng.random()
     cumulate(weights, below)
     for i in range(count):
         below[i] = np.ceil(count * below[i] - shift)
     repeat(below, chosen)
 
 
-@passed
+@inner
 def stratified(
-    weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, words: np.ndarray
+    weights: np.ndarray, chosen: np.ndarray, scratch: np.ndarray, rng: np.random.Generator
 ) -> None:
     """One uniform in each of P strata of equal width (Kitagawa 1996)."""
-    points, below, count = room[0], room[1], len(weights)
-    state = opened(words)
+    points, below, count = scratch[0], scratch[1], len(weights)
     for j in range(count):
-        part, state = uniform(state)
-        points[j] = j + part
-    close(words, state)
+        points[j] = j + rng.random()
     cumulate(weights, below)
     for i in range(count):
         place = count * below[i]
@@ -146,21 +132,23 @@ def stratified(
     repeat(below, chosen)
 
 
-@passed
+@inner
 def multinomial(
-    weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, words: np.ndarray
+    weights: np.ndarray, chosen: np.ndarray, scratch: np.ndarray, rng: np.random.Generator
 ) -> None:
     """P independent draws (Gordon, Salmond & Smith 1993)."""
-    sorted_uniforms(room[0], words)
-    inverse_cdf(weights, room[0], room[1], chosen)
+    sorted_uniforms(scratch[0], rng)
+    inverse_cdf(weights, scratch[0], scratch[1], chosen)
 
 
-@passed
-def residual(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, words: np.ndarray) -> None:
+@inner
+def residual(
+    weights: np.ndarray, chosen: np.ndarray, scratch: np.ndarray, rng: np.random.Generator
+) -> None:
     """⌊P·w_i⌋ copies for certain, the rest by independent draws from what is left of the weights
     (Liu & Chen 1998).
     """
-    left, count, kept = room[0], len(weights), 0
+    left, count, kept = scratch[0], len(weights), 0
     for i in range(count):
         expected = count * weights[i]
         certain = np.floor(expected + ROUNDING)
@@ -169,16 +157,29 @@ def residual(weights: np.ndarray, chosen: np.ndarray, room: np.ndarray, words: n
             chosen[kept] = i
             kept += 1
     if kept < count:
-        points = room[1][: count - kept]
-        sorted_uniforms(points, words)
+        points = scratch[1][: count - kept]
+        sorted_uniforms(points, rng)
         inverse_cdf(left, points, left, chosen[kept:])
 
 
-# None: sequential importance sampling as it stands, in which the weights degenerate
-SCHEMES = {
-    "systematic": systematic,
-    "stratified": stratified,
-    "residual": residual,
-    "multinomial": multinomial,
-    "none": None,
-}
+# "none" is sequential importance sampling without resampling, in which the weights degenerate
+SCHEMES = ("systematic", "stratified", "residual", "multinomial", "none")
+
+
+@inner
+def resample(
+    scheme: int,
+    weights: np.ndarray,
+    chosen: np.ndarray,
+    scratch: np.ndarray,
+    rng: np.random.Generator,
+) -> None:
+    """Fill ``chosen`` by the ``scheme`` of this number in :data:`SCHEMES`."""
+    if scheme == 0:
+        systematic(weights, chosen, scratch, rng)
+    elif scheme == 1:
+        stratified(weights, chosen, scratch, rng)
+    elif scheme == 2:
+        residual(weights, chosen, scratch, rng)
+    else:
+        multinomial(weights, chosen, scratch, rng)

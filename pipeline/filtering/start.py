@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import types
 
 from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
 from pipeline.arm.interface import Chain
-from pipeline.core.compiled import MATRIX, VECTOR, compiled, inner
+from pipeline.core.compiled import compiled, inner
 from pipeline.core.errors import DegenerateFilterError, ModelDomainError
 from pipeline.core.products import greatest
-from pipeline.filtering.state import DOMAIN, Domain
-from pipeline.randommatrix.words import WORDS, close, opened, words_of
-from pipeline.randommatrix.ziggurat import standard_normal
+from pipeline.filtering.state import Domain
 
 
 @dataclass(frozen=True)
@@ -62,7 +59,7 @@ def initial_particles(
     accepted = rejected = 0
     while accepted < count:
         outside = np.empty(count)
-        draw_start(mean, root, domain, draws, outside, words_of(rng))
+        draw_start(mean, root, domain, draws, outside, rng)
         if not isinstance(chain, PlanarChain):  # whose domain holds the singular poses
             outside[chain.singular(draws.T)] = 1.0
         inside = np.flatnonzero(outside == 0.0)
@@ -102,25 +99,24 @@ def mark_outside(domain: Domain, q: np.ndarray, start: int, stop: int, outside: 
     return greatest(left) > 0.0
 
 
-@compiled(types.void(VECTOR, MATRIX, DOMAIN, MATRIX, VECTOR, WORDS))
+@compiled
 def draw_start(
     mean: np.ndarray,
     root: np.ndarray,
     domain: Domain,
     draws: np.ndarray,
     outside: np.ndarray,
-    words: np.ndarray,
+    rng: np.random.Generator,
 ) -> None:
     """Fill ``draws`` (n, P) with draws of N(``mean``, CCᵀ), ``root`` C (n, n), and ``outside`` (P,)
-    with 1 where one is not in D_q, else 0, from ``words`` (4,).
+    with 1 where one is not in D_q, else 0.
     """
-    n, normals, state = len(draws), np.empty(len(draws)), opened(words)
+    n, normals = len(draws), np.empty(len(draws))
     for i in range(draws.shape[1]):
         for k in range(n):
-            normals[k], state = standard_normal(state)
+            normals[k] = rng.standard_normal()
         for j in range(n):
             draws[j, i] = mean[j]
             for k in range(n):
                 draws[j, i] += root[j, k] * normals[k]
-    close(words, state)
     mark_outside(domain, draws, 0, draws.shape[1], outside)

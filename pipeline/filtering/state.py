@@ -7,12 +7,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import boolean, float64, types
-
-from pipeline.core.compiled import MATRIX, VECTOR
-from pipeline.filtering.resampling import COUNTS
-from pipeline.models.commands import Commands
-from pipeline.models.law import CUBE
 
 
 class Domain(NamedTuple):
@@ -47,16 +41,14 @@ class Frames(NamedTuple):
 
 
 class Particles(NamedTuple):
-    """P particles: where they are and were, and room for their weights and for what resampling does
-    with them.
-    """
+    """P particles: where they are and were, and buffers for their weights and for resampling."""
 
     q: np.ndarray  # (n, P) rad
     before: np.ndarray  # (n, P)
     weights: np.ndarray  # (P,)
     log_weights: np.ndarray  # (P,)
     chosen: np.ndarray  # (P,) int
-    room: np.ndarray  # (n + 2, P)
+    scratch: np.ndarray  # (n + 2, P)
 
 
 class Record(NamedTuple):
@@ -70,12 +62,3 @@ class Record(NamedTuple):
     resampled: np.ndarray  # (M+1,) bool
     clipped: np.ndarray  # (M+1,) int
     outside: np.ndarray  # (M+1,) int
-
-
-COMMANDS = types.NamedTuple((MATRIX, MATRIX, float64), Commands)
-DOMAIN = types.NamedTuple((VECTOR, VECTOR, float64, float64), Domain)
-FRAMES = types.NamedTuple((COUNTS, VECTOR, MATRIX, CUBE, VECTOR, boolean), Frames)
-PARTICLES = types.NamedTuple((MATRIX, MATRIX, VECTOR, VECTOR, COUNTS, MATRIX), Particles)
-RECORD = types.NamedTuple(
-    (MATRIX, CUBE, VECTOR, types.Array(boolean, 1, "C"), COUNTS, COUNTS), Record
-)

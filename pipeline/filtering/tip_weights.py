@@ -6,16 +6,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.arm.kinematics import WIDTH, add_displacement, tip
 from pipeline.arm.numbers import Arm
-from pipeline.arm.serial_compiled import JOINTS, WIDTH, displacement_rows, tip
-from pipeline.core.compiled import passed
+from pipeline.arm.rows import JOINTS
+from pipeline.core.compiled import inner
 from pipeline.filtering.state import Frames
 from pipeline.filtering.weights import add_square
 
 ROWS = 6  # of a displacement
 
 
-@passed
+@inner
 def weigh_tip(
     arm: Arm,
     frames: Frames,
@@ -23,7 +24,6 @@ def weigh_tip(
     before: np.ndarray,
     q: np.ndarray,
     log_weights: np.ndarray,
-    _room: np.ndarray,
 ) -> None:
     """Add to ``log_weights`` (P,) the log-likelihood of ``frame``, a pose of the tip of ``arm``, at
     its share of the way from ``before`` to ``q`` (n, P).
@@ -32,8 +32,9 @@ def weigh_tip(
     white, measured = frames.whitening[frame], frames.unbiased[frame]
     # the whole pose, in metres and radians, whatever the task
     whole = Arm(arm.plane, arm.frames, arm.sliding, np.arange(ROWS), np.ones(ROWS), arm.least)
-    room, poses = np.empty((JOINTS + 6 * n, WIDTH)), np.empty((n, WIDTH))
-    way, whitened, square = np.empty((ROWS, WIDTH)), np.empty(WIDTH), np.empty(WIDTH)
+    first = JOINTS + 6 * n
+    block, poses = np.empty((first + ROWS, WIDTH)), np.empty((n, WIDTH))
+    way, whitened, square = block[first:], np.empty(WIDTH), np.empty(WIDTH)
     for start in range(0, len(log_weights), WIDTH):
         count = WIDTH if start + WIDTH < len(log_weights) else len(log_weights) - start
         stop = start + count
@@ -41,9 +42,9 @@ def weigh_tip(
             here, there, pose = before[j, start:stop], q[j, start:stop], poses[j]
             for i in range(count):
                 pose[i] = here[i] + share * (there[i] - here[i])
-        tip(whole, poses, 0, count, room)
+        tip(whole, poses, 0, count, block)
         way[:], square[:] = 0.0, 0.0
-        displacement_rows(whole, measured, room, count, way, 1.0)
+        add_displacement(whole, measured, block, first, 1.0, count)
         for j in range(ROWS):
             add_square(white, j, way, whitened, square, count)
         total = log_weights[start:stop]

@@ -5,35 +5,29 @@ them.
 from __future__ import annotations
 
 import numpy as np
-from numba import int64, types
 
-from pipeline.arm.compiled import ARM
-from pipeline.arm.numbers import Arm
-from pipeline.core.compiled import MATRIX, VECTOR, inlined, inner, passed
+from pipeline.core.compiled import inlined, inner
 from pipeline.core.elementary import exponential
 from pipeline.core.products import greatest, inner_product, total
-from pipeline.filtering.state import FRAMES, Frames
+from pipeline.filtering.state import Frames
 
 NEAR = 256  # particles whose scratch stays in the processor's nearest cache
-# how particles are weighed: by joint angles, or by the pose of the tip (tip_weights)
-WEIGHING = types.FunctionType(types.void(ARM, FRAMES, int64, MATRIX, MATRIX, VECTOR, MATRIX))
 
 
-@passed
+@inner
 def weigh(
-    arm: Arm,
     frames: Frames,
     frame: int,
     before: np.ndarray,
     q: np.ndarray,
     log_weights: np.ndarray,
-    room: np.ndarray,
+    scratch: np.ndarray,
 ) -> None:
     """Add to ``log_weights`` (P,) the log-likelihood of ``frame`` at its share of the way from
-    ``before`` to ``q`` (n, P); ``room`` (n + 2, NEAR) is scratch.
+    ``before`` to ``q`` (n, P); ``scratch`` has (n + 2, NEAR) floats.
     """
     n, share, log_norm = len(q), frames.share[frame], frames.log_norm[frame]
-    white, square, whitened = frames.whitening[frame], room[n], room[n + 1]
+    white, square, whitened = frames.whitening[frame], scratch[n], scratch[n + 1]
     for start in range(0, len(log_weights), NEAR):
         count = NEAR if start + NEAR < len(log_weights) else len(log_weights) - start
         # slices: the compiler knows of their indices that none is negative
@@ -41,11 +35,11 @@ def weigh(
         for i in range(count):
             square[i] = 0.0
         for j in range(n):
-            y, rest = frames.unbiased[frame, j], room[j]
+            y, rest = frames.unbiased[frame, j], scratch[j]
             here, there = before[j, start:stop], q[j, start:stop]
             for i in range(count):
                 rest[i] = y - (here[i] + share * (there[i] - here[i]))
-            add_square(white, j, room, whitened, square, count)
+            add_square(white, j, scratch, whitened, square, count)
         total = log_weights[start:stop]
         for i in range(count):
             total[i] += log_norm - 0.5 * square[i]
@@ -108,10 +102,10 @@ def weighted_moments(
     q: np.ndarray,
     mean: np.ndarray,
     covariance: np.ndarray,
-    room: np.ndarray,
+    scratch: np.ndarray,
 ) -> None:
     """Fill ``mean`` (n,) and, about that mean, ``covariance`` (n, n) of particles ``q`` (n, P)
-    under normalised ``weights`` (P,); ``room`` (n + 2, NEAR) is scratch.
+    under normalised ``weights`` (P,); ``scratch`` has (n + 2, NEAR) floats.
     """
     n = len(q)
     for j in range(n):
@@ -120,14 +114,14 @@ def weighted_moments(
             covariance[j, k] = 0.0
     for start in range(0, len(weights), NEAR):
         count = NEAR if start + NEAR < len(weights) else len(weights) - start
-        weight, weighted = weights[start : start + count], room[n, :count]
+        weight, weighted = weights[start : start + count], scratch[n, :count]
         for j in range(n):
-            angle, middle, deviation = q[j, start : start + count], mean[j], room[j, :count]
+            angle, middle, deviation = q[j, start : start + count], mean[j], scratch[j, :count]
             for i in range(count):
                 deviation[i] = angle[i] - middle
                 weighted[i] = weight[i] * deviation[i]
             for k in range(j + 1):
-                covariance[j, k] += inner_product(weighted, room[k, :count])
+                covariance[j, k] += inner_product(weighted, scratch[k, :count])
     for j in range(n):
         for k in range(j):
             covariance[k, j] = covariance[j, k]

@@ -135,9 +135,9 @@ class Sheet:
         return {"yes": "deg", "no": "rad"}.get(self.settings.get("inDegrees", "").lower())
 
     def words(self, column: int) -> list[str]:
-        """Return (N,) the cells of a column as they are written."""
+        """Return (N,) the cells of a column as they are written; empty where a row has too few."""
         held = zip(self.rows, self.lines, strict=True)
-        return [self._cells(row, line)[column] for row, line in held]
+        return [(self._cells(row, line)[column : column + 1] or [""])[0] for row, line in held]
 
     def unit(self, column: int) -> str | None:
         """Return the unit that the header states for a ``column``, behind its label or below it."""
@@ -262,7 +262,9 @@ def _sheet(text: Text, file: Path, separator: str | None, decimal: str | None, k
     if not places:
         raise RecordingError("the log holds no whole line; record again", file=file)
     lines = [text.lines[place - 1] for place in places]
-    mark = separator or _separator(lines[-1])
+    # a last line without any number is a remark below the rows
+    whole = next((line for line in lines[:-4:-1] if re.search(r"\d", line)), lines[-1])
+    mark = separator or _separator(whole)
     if mark == SPACE:
         mark, lines = "\t", ["\t".join(line.lstrip("#%").split()) for line in lines]
     split = [_split(line, mark) for line in lines[-SAMPLED:]]

@@ -160,7 +160,7 @@ def _opened(file: Path) -> Iterator[AnyReader]:
     metadata = file / "metadata.yaml"
     try:
         if metadata.is_file():
-            read_whole(metadata)  # refused where it is larger than any metadata
+            read_whole(metadata)  # refused beyond the bounds
         # SQLite may fill up what a file lacks
         if cut := [each.name for each in file.glob("*.db3") if _is_cut(each)]:
             raise ValueError(f"{', '.join(cut)} is cut short")

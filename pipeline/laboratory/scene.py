@@ -16,7 +16,7 @@ import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.segments import segment_frames
-from pipeline.core.compiled import MATRIX, VECTOR, compiled
+from pipeline.core.compiled import compiled
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import SceneOptions
 
@@ -178,7 +178,7 @@ def cast(solid: Prism, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.nda
     return depth, grazing
 
 
-@compiled((MATRIX, VECTOR, VECTOR, VECTOR, MATRIX, MATRIX, MATRIX))
+@compiled
 def _pass(
     slope: np.ndarray,
     distance: np.ndarray,

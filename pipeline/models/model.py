@@ -2,22 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from pipeline.arm.interface import Chain, Mechanism
+from pipeline.core.errors import ModelDomainError
+
+# kinds of compiled laws (pipeline.models.kernel); from WISHART on a is acted on by B⁻¹
+SCALED_LAW, GAUSSIAN_LAW, QR_LAW, GIVEN_LAW, PIVOTED_LU_LAW, QR_TRANSPOSED_LAW = range(6)
+WISHART = QR_LAW
 
 
 class Law(NamedTuple):
-    """A step for compiled code (:mod:`pipeline.models.law`)."""
+    """A step for compiled code (:mod:`pipeline.models.kernel`)."""
 
-    step: Callable  # makes of random numbers the next poses
-    parameters: np.ndarray  # (K,) for it
-    # that a pose takes: of all poses of a block one set after the other, and how many in a set
-    normals: tuple[int, int]
-    degrees: tuple[float, ...] = ()  # of freedom of the χ² variates that a pose takes
+    kind: int  # one of those above
+    parameters: np.ndarray  # (K,) of the law
+    sets: int  # of normal variates that a pose takes, drawn one after the other for all poses
+    each: int  # normal variates of a pose in a set
+    degrees: np.ndarray = np.empty(0)  # of freedom of the χ² variates that a pose takes
+
+
+def row_by_row(matrix: np.ndarray, size: int) -> np.ndarray:
+    """(size·size,) ``matrix`` (size, size) as the parameters of a law hold it.
+
+    Raises ModelDomainError for a matrix of another size than the arm's joints or task rows.
+    """
+    if matrix.shape != (size, size):
+        raise ModelDomainError(
+            f"the model's matrix is not one of the {size} joints or task rows of this arm; run "
+            "the stage fit for it",
+            shape=matrix.shape,
+        )
+    return matrix.ravel()
 
 
 class MotionModel(Protocol):

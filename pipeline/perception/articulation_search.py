@@ -8,9 +8,8 @@ that only compares values is used.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from pipeline.core.compiled import inner
+from pipeline.core.compiled import compiled, inner
 from pipeline.perception.articulation_end import End, rank
 from pipeline.perception.articulation_objective import Frame
 
@@ -68,7 +67,7 @@ def _order(corners: np.ndarray, values: np.ndarray) -> None:
             place -= 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _simplex(
     frame: Frame,
     step: float,

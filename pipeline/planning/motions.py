@@ -31,9 +31,7 @@ class Planned:
 
 
 def least_uncertain(problem: Problem, cost: Cost, points: int = POINTS) -> Planned:
-    """Return the motion of least Σ ``cost`` + smoothness·Σ‖w_k‖².
-
-    w_k is the part of the step k in the null space, (I − J⁺J)(q_{k+1} − q_k).
+    """Return the motion of least Σ ``cost`` + smoothness·Σ‖w_k‖², w_k the null-space part of step.
 
     By dynamic programming over a grid of ``points`` at a step, which is globally optimal to the
     grid; then locally (:mod:`.refine`), from the best way through the grid and the best that are

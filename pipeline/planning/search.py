@@ -3,27 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import boolean, float64, int64, types
 
-from pipeline.core.compiled import MATRIX, VECTOR, compiled
+from pipeline.core.compiled import compiled
 
-GRID = types.Array(float64, 3, "C")
 TURN = 2 * np.pi
 
 
-@compiled(
-    int64(
-        GRID,
-        types.Array(int64, 1, "C"),
-        MATRIX,
-        GRID,
-        MATRIX,
-        VECTOR,
-        types.Array(boolean, 1, "C"),
-        types.Array(int64, 2, "C"),
-        MATRIX,
-    )
-)
+@compiled
 def cheapest(
     poses: np.ndarray,
     counts: np.ndarray,

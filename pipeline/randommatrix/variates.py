@@ -1,69 +1,57 @@
-"""Gamma variates one at a time, compiled: the very ones that NumPy draws.
-
-The methods are the library's own: of Marsaglia and Tsang (ACM Trans. Math. Software 26, 2000) for
-shapes above 1, GS of Ahrens and Dieter (Computing 12, 1974) for those below. But the library takes
-a root and a quotient anew for every number, which depend on the shape alone.
+"""χ² and normal variates of a block of poses in compiled code: those that NumPy's Generator draws,
+bit for bit.
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from pipeline.core.compiled import inlined, passed
-from pipeline.randommatrix.words import uniform
-from pipeline.randommatrix.ziggurat import standard_exponential, standard_normal
-
-NEAR_ONE = 1.0 - 1e-9  # less than 1 by more than the rounding of the last test of a gamma variate
+from pipeline.core.compiled import inner
 
 
-def gamma_law(shape: float) -> tuple[float, float, float]:
-    """``shape`` of a gamma law of scale 1, and the two constants of its draws."""
-    if shape <= 1.0:  # drawn by the other method
-        return shape, 0.0, 0.0
-    return shape, shape - 1.0 / 3.0, 1.0 / math.sqrt(9.0 * (shape - 1.0 / 3.0))
-
-
-@inlined
-def standard_gamma(law: tuple[float, float, float], state: tuple) -> tuple[float, tuple]:
-    """One number of ``rng.standard_gamma(shape)``, its ``law`` from :func:`gamma_law`, and the
-    state of its words after it.
+@inner
+def draw_variates(
+    degrees: np.ndarray,
+    sets: int,
+    each: int,
+    block: np.ndarray,
+    chi_square: int,
+    normal: int,
+    count: int,
+    rng: np.random.Generator,
+) -> None:
+    """Fill rows of the first ``count`` poses of the ``block``: from ``chi_square`` on one row for
+    each of the ``degrees`` of freedom, from ``normal`` on ``sets``·``each`` rows, those of one pose
+    and set drawn one after the other.
     """
-    shape, scale, slope = law
-    if shape <= 1.0:
-        return _up_to_one(shape, state)
+    for k in range(len(degrees)):
+        shape = 0.5 * degrees[k]
+        if shape > 1.0:
+            scale = shape - 1.0 / 3.0
+            slope = 1.0 / np.sqrt(9.0 * scale)
+            for i in range(count):
+                block[chi_square + k, i] = 2.0 * _gamma(rng, scale, slope)
+        else:
+            for i in range(count):
+                block[chi_square + k, i] = 2.0 * rng.standard_gamma(shape)
+    for first in range(0, sets * each, max(each, 1)):
+        for i in range(count):
+            for j in range(first, first + each):
+                block[normal + j, i] = rng.standard_normal()
+
+
+@inner
+def _gamma(rng: np.random.Generator, scale: float, slope: float) -> float:
+    """A gamma variate of shape above 1 as NumPy draws it (Marsaglia & Tsang 2000), whose constants
+    NumPy and numba compute anew for each.
+    """
     while True:
-        x, state = standard_normal(state)
-        t = slope * x
-        v = 1.0 + t
+        x = rng.standard_normal()
+        v = 1.0 + slope * x
         if v <= 0.0:
             continue
-        u, state = uniform(state)
-        v, square = v * v * v, x * x
-        # the last test alone takes logarithms; two bounds of it settle most numbers, one of this
-        # shape, by the series of ln v, and the library's
-        if abs(t) < 0.5 and u < NEAR_ONE - t * t * square / 6.0:
-            return scale * v, state
+        v, square, u = v * v * v, x * x, rng.random()
         if u < 1.0 - 0.0331 * square * square or np.log(u) < 0.5 * square + scale * (
             1.0 - v + np.log(v)
         ):
-            return scale * v, state
-
-
-@passed
-def _up_to_one(shape: float, state: tuple) -> tuple[float, tuple]:
-    """Of a ``shape`` of 1 or less. Not inlined: it would be compiled with all that draws, and few
-    draw from it.
-    """
-    while shape < 1.0:
-        u, state = uniform(state)
-        bound, state = standard_exponential(state)
-        if u <= 1.0 - shape:
-            x = u ** (1.0 / shape)
-        else:
-            beyond = -np.log((1.0 - u) / shape)
-            x, bound = (1.0 - shape + shape * beyond) ** (1.0 / shape), bound + beyond
-        if x <= bound:
-            return x, state
-    return standard_exponential(state)
+            return scale * v

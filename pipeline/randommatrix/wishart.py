@@ -27,18 +27,16 @@ def sample(
     (LT)(LT)ᵀ.
 
     For whole d that is the law of Theorem 3. T is lower triangular with independent entries: T_ii²
-    ~ χ²(d − i + 1) for i = 1 … n, standard normals below. So d need not be an integer. They are
-    drawn row by row, one matrix after the other. Raises ModelDomainError for d ≤ n − 1 or Σ not
-    positive definite. It serves tests alone: the models draw what B does to one vector.
+    ~ χ²(d − i + 1) for i = 1 … n, standard normals below. So d need not be an integer. Raises
+    ModelDomainError for d ≤ n − 1 or Σ not positive definite. It serves tests alone: the models
+    draw what B does to one vector.
     """
-    # here, as its compiler takes long to import and most of what needs this module draws nothing
-    from pipeline.randommatrix.bartlett import fill
-
     n = len(sigma)
     _require_density(d, n)
-    draws = np.empty((*size, n, n))
-    fill(draws.reshape(-1, n, n), d, cholesky(np.asarray(sigma, dtype=float), what="Σ"), rng)
-    return draws
+    triangle = np.tril(rng.standard_normal((*size, n, n)), -1)
+    triangle[..., np.arange(n), np.arange(n)] = np.sqrt(rng.chisquare(d - np.arange(n), (*size, n)))
+    factor = cholesky(np.asarray(sigma, dtype=float), what="Σ") @ triangle
+    return factor @ np.swapaxes(factor, -1, -2)
 
 
 def log_density(s: np.ndarray, d: float, sigma: np.ndarray) -> np.ndarray:

@@ -25,6 +25,7 @@ ANGLES = ("actual", "target")  # signals that are angles of joints
 UNWRAPPED = "unwrapped_jumps"  # count of jumps of whole turns that were removed
 FASTER = 1.05  # of a joint's velocity limit, up to which a step is the joint's own
 STEP_NOISE = 1e-3  # rad by which noise and rounding of two rows may add to a step
+UNFILLED = "???"  # value of an option that is not filled in
 # no joint of an arm turns farther from its zero than this, so that angles beyond are in another
 # unit
 MOST_TURNS = 4
@@ -187,8 +188,11 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
 
 def speed_limits(urdf: str) -> dict[str, float]:
     """Return the velocity limit in rad/s (m/s of a prismatic joint) of each joint that has one in
-    the file ``urdf``; ConfigError as :func:`pipeline.arm.urdf.read_urdf` does.
+    the file ``urdf``, none where no file is named; ConfigError as
+    :func:`pipeline.arm.urdf.read_urdf`.
     """
+    if urdf == UNFILLED:
+        return {}
     joints = read_urdf(Path(urdf)).joints
     stated = {name: joint.limits or {} for name, joint in joints.items()}
     return {name: limits["velocity"] for name, limits in stated.items() if "velocity" in limits}

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 from pipeline.core import config
 
+# folders with a folder a model, on which later stages depend as a whole
+BY_MODEL = (Path("data/fit"), Path("data/filter"))
+
 
 def run() -> None:
-    """Compose, check and write the configuration that every other stage reads its sections from."""
+    """Compose, check and write the configuration, and remove the results of models that it does not
+    name, so that they enter no hash of a later stage.
+    """
     config.write_config(Path("params.yaml"))
+    chosen = config.composed_config().models
+    for folder in (folder for place in BY_MODEL for folder in place.glob("*/")):
+        if folder.name not in chosen:
+            shutil.rmtree(folder)

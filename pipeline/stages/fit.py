@@ -50,7 +50,7 @@ def run(model: str) -> None:
         return
     options, checks = vars(settings.models)[model], settings.scale.convex_checks
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-    estimate, reason = _estimate(recorded, options)
+    estimate, reason = _estimate(recorded, options, model=True)
     stream = rng.stream(settings.seed, f"fit.{model}")
     looked_at, tables = kinds.examined(recorded, options, estimate, checks, stream)
     metrics, replicates = {"takes": len(recorded.q)}, []
@@ -77,10 +77,15 @@ def run(model: str) -> None:
     contracts.write_metrics(realised, METRICS / f"simulate_{model}.json")
 
 
-def _estimate(recorded: Recorded, options: Options) -> tuple[Estimate | None, str]:
-    """The estimate of ``options``, or why the recordings give none."""
+def _estimate(
+    recorded: Recorded, options: Options, *, model: bool = False
+) -> tuple[Estimate | None, str]:
+    """The estimate of ``options``, or why the recordings give none, or none that is a ``model``."""
     try:
-        return kinds.estimate(recorded, options), ""
+        found = kinds.estimate(recorded, options)
+        if model:
+            _ = found.model
+        return found, ""
     except ModelDomainError as error:
         return None, str(error)
 

@@ -44,9 +44,10 @@ def run() -> None:
         for each, whose in zip(runs, decided, strict=False)  # the last needs no run
     ]
     claims = {"datasets": datasets, "claims": verdict_data(decided)}
+    shown = [run for run in runs if run is here or run.dataset in report_page.ROBOTS]
     parts = [
         ("Claims that fail", report_page.failures(here, decided)),
-        ("Readings of LU or QR", readings_part(runs)),
+        ("Readings of LU or QR", readings_part(shown)),
         ("Published against ours", report_page.published_and_ours(here, decided)),
         ("Predictors", predictors(here) if "predictions" in here.tables else ""),
         ("Filters", filters_part(here)),

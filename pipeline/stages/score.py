@@ -130,8 +130,7 @@ def _score_motion(models, names, joints, settings, folder: Path, tables: Path) -
         modelled, following = _modelled(models, steady, settings)
         # a model without a level has no spread that could be compared
         std = {"recorded": std["recorded"]} | {name: each.std for name, each in modelled.items()}
-        stream = rng.stream(settings.seed, "score.spread")
-        for name, table in spread_tables(modelled, following, noise, names, stream).items():
+        for name, table in spread_tables(modelled, following, noise, names).items():
             table.to_csv(tables / f"{name}.csv", index=False)
     scores = spread_scores(std, errors, names, steady)
     contracts.write_metrics(scores | metrics, METRICS / "motion.json")

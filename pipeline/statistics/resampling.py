@@ -9,6 +9,7 @@ from itertools import permutations
 
 import numpy as np
 import pandas as pd
+from scipy.special import stdtrit
 
 from pipeline.statistics.joint_scores import bound_scores
 
@@ -82,26 +83,23 @@ def spread_comparison(
     measurement: np.ndarray,
     noise: np.ndarray,
     joints: Sequence[str],
-    rng: np.random.Generator,
 ) -> pd.DataFrame:
     """Relative error of each model's standard deviation over time in each joint, and its difference
-    to three others, with basic 95 % intervals of the bootstrap over takes: to the first model
-    in the same joint, to no noise at all (NO_NOISE, whose error is 1), and to the same model in the
-    last joint.
+    to three others, with 95 % intervals of the jackknife over takes: to the first model in the same
+    joint, to no noise at all (NO_NOISE, whose error is 1), and to the same model in the last joint.
 
-    All models have one level: in every resampling each model's variances have the factor by which
-    their sum over joints and steps, with the measurement noise, is the resampled one. For the
+    All models have one level: in every set of takes each model's variances have the factor by which
+    their sum over joints and steps, with the measurement noise, is that of the takes. For the
     Wishart model the factor is an approximation, as the share of its joints depends slightly on
-    σ_B. Resampled variances are on average the share 1 − 1/takes of the recorded ones.
+    σ_B.
 
     Args:
         motion: by model (M, n) rad², variances of a step without measurement noise.
         measurement: (n,) rad², variances of the measurement noise.
         noise: (takes, M, n) rad, recorded noise with measurement noise.
         joints: names of the n joints.
-        rng: draws the takes.
     """
-    counts = _counts(len(noise), rng)
+    counts = _counts(len(noise))
     recorded = _variances(counts, noise)
     total = recorded.mean(axis=1).sum(axis=-1) - measurement.sum()
     errors = {}
@@ -126,20 +124,19 @@ def spread_comparison(
     return pd.DataFrame(rows, columns=[*names, "difference", "low", "high"])
 
 
-def mean_error_comparison(
-    error: Mapping[str, np.ndarray], rng: np.random.Generator
-) -> pd.DataFrame:
+def mean_error_comparison(error: Mapping[str, np.ndarray]) -> pd.DataFrame:
     """Standard deviation over time of the error of each model's mean, ‖mean − recorded mean‖ in
-    rad, and its difference to every other model's with the basic 95 % interval of the bootstrap
-    over takes.
+    rad, and its difference to every other model's with the 95 % interval of the jackknife over
+    takes.
 
     ``error`` (takes, M, n) in rad by model: exact mean of a step minus the measured pose.
     """
     takes = len(next(iter(error.values())))
-    counts = _counts(takes, rng)
+    counts = _counts(takes)
+    weights = counts / counts.sum(axis=1, keepdims=True)
     varies = {}
     for model, own in error.items():
-        means = (counts @ own.reshape(takes, -1) / takes).reshape(-1, *own.shape[1:])
+        means = (weights @ own.reshape(takes, -1)).reshape(-1, *own.shape[1:])
         varies[model] = np.linalg.norm(means, axis=-1).std(axis=1)
     rows = [
         {"model": model, "rival": rival, "std_over_time_rad": varies[model][0]}
@@ -168,28 +165,30 @@ def share_between(noise: np.ndarray, groups: Sequence[str]) -> float:
     return float(between / np.sum(centred**2))
 
 
-def _counts(takes: int, rng: np.random.Generator) -> np.ndarray:
-    """(1 + resamplings, takes) times that each take is drawn: once each in the first row."""
-    drawn = [np.bincount(numbers, minlength=takes) for numbers in drawn_takes(takes, rng)]
-    return np.stack([np.ones(takes, dtype=int), *drawn]).astype(float)
+def _counts(takes: int) -> np.ndarray:
+    """(1 + takes, takes) weights: of all takes in the first row, then of all but one."""
+    return np.vstack([np.ones((1, takes)), 1 - np.eye(takes)])
 
 
 def _variances(counts: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """(R, M, n) sample variances over the takes of ``noise`` (takes, M, n), as often as ``counts``
     (R, takes) names them.
     """
-    takes = len(noise)
-    flat = (noise - noise.mean(axis=0)).reshape(takes, -1)
+    flat, takes = (noise - noise.mean(axis=0)).reshape(len(noise), -1), counts.sum(axis=1)[:, None]
     mean = counts @ flat / takes
     squares = np.maximum(counts @ flat**2 / takes - mean**2, 0)
-    return (squares * takes / (takes - 1)).reshape(-1, *noise.shape[1:])
+    with np.errstate(divide="ignore", invalid="ignore"):  # one take has no variance
+        return (squares * takes / (takes - 1)).reshape(-1, *noise.shape[1:])
 
 
 def _difference(values: np.ndarray) -> dict[str, float]:
-    """The first of ``values`` (1 + resamplings,) and its basic bootstrap interval, which takes out
-    what resampling alone adds to an error.
+    """The first of ``values`` (1 + takes,), of all takes, with the 95 % interval of the jackknife:
+    Student's, from the others, each of all takes but one. No interval below three takes.
     """
     row = {"difference": float(values[0]), "low": np.nan, "high": np.nan}
-    if len(values) > 1:
-        row["high"], row["low"] = 2 * values[0] - np.quantile(values[1:], TAILS)
+    takes = len(values) - 1
+    if takes > 2:
+        error = np.sqrt((takes - 1) * np.var(values[1:]))
+        half = float(stdtrit(takes - 1, 1 - TAILS[0]) * error)
+        row["low"], row["high"] = values[0] - half, values[0] + half
     return row

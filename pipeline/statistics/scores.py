@@ -42,7 +42,7 @@ def energy_score(samples: np.ndarray, outcome: np.ndarray) -> np.ndarray:
     return (to_outcome / count - between / (count * (count - 1))).reshape(cases)
 
 
-@compiled()
+@compiled
 def _add_distances(
     samples: np.ndarray, outcome: np.ndarray, to_outcome: np.ndarray, between: np.ndarray
 ) -> None:

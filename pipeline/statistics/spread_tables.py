@@ -49,7 +49,6 @@ def spread_tables(
     following: Mapping[str, pd.DataFrame],
     noise: np.ndarray,
     joints: Sequence[str],
-    rng: np.random.Generator,
 ) -> dict[str, pd.DataFrame]:
     """The tables ``spread_following``, ``spread_comparison`` and ``mean_error_comparison``, by
     name; none without a model.
@@ -59,7 +58,6 @@ def spread_tables(
         following: rows of :func:`following_rows` by model.
         noise: (takes, M, n) rad, recorded noise of at least two takes.
         joints: names of the n joints.
-        rng: resamples the takes.
     """
     if not modelled:
         return {}
@@ -67,9 +65,9 @@ def spread_tables(
     motion = {model: each.motion for model, each in modelled.items()}
     measurement = next(iter(modelled.values())).measurement
     tables = {
-        "spread_comparison": spread_comparison(motion, measurement, noise, joints, rng),
+        "spread_comparison": spread_comparison(motion, measurement, noise, joints),
         "mean_error_comparison": mean_error_comparison(
-            {model: each.error for model, each in modelled.items()}, rng
+            {model: each.error for model, each in modelled.items()}
         ),
     }
     return ({"spread_following": pd.concat(rows, ignore_index=True)} if rows else {}) | tables

@@ -64,6 +64,7 @@ PARAMETERS = (
     ("σ̂_B, QR of Jᵀ (control)", "fit_wishart", "control_qr_transposed_sigma_b", ""),
     ("û", "fit_gaussian", "u", "u"),
     ("α̂", "fit_gaussian", "alpha", "alpha"),
+    ("α̂û", "fit_gaussian", "noise_level", ""),
 )
 # counts of what was not solved, lost, clipped or left out
 LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
@@ -195,8 +196,8 @@ def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) 
 
 
 def datasets_page(here: Run, decided: Sequence[Decided]) -> str:
-    """``reports/datasets.md``: the verdict on every claim from every dataset as a sign; what was
-    found, kept, lost and repaired in the recordings of ``here``.
+    """``reports/datasets.md``: the verdict on every claim from every dataset as a sign, and counts
+    of found, kept, lost and repaired parts of the recordings of ``here``.
     """
     rows = [
         [row[0].claim.id, *(MARKS[verdict.verdict] for verdict in row)]
@@ -270,11 +271,12 @@ def figures(
         captions,
         key=lambda name: order.index(scripts[name]) if scripts[name] in drawn else len(order),
     )
-    return "\n\n".join(
-        f"![{captions[name]['title']}](figures/{name}.png)\n"
-        f"**{drawn.get(scripts[name], 'Not in the paper')}.** {short(captions[name]['caption'])}"
-        for name in ordered
-    )
+    lines = []
+    for name in ordered:
+        place = drawn.get(scripts[name], "Not in the paper")
+        lines.append(f"- **{place}.** {short(captions[name]['caption'])}")
+        lines.append(f"  ![{captions[name]['title']}](figures/{name}.png)")
+    return "\n".join(lines)
 
 
 def short(caption: str) -> str:

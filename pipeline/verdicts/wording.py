@@ -69,7 +69,7 @@ def verdict_cell(verdict: Verdict) -> str:
     """
     sign = MARKS[verdict.verdict]
     decided = [case for case in verdict.cases if case.holds is not None]
-    if verdict.verdict in (NO_RECORDING, FORCED) or not decided:
+    if verdict.verdict in (NO_RECORDING, FORCED, NO_EVIDENCE) or not decided:
         return sign
     if len(verdict.cases) == 1:
         return f"{sign} {number(decided[0].value)}"

@@ -1,14 +1,10 @@
-"""What every contest of ours with a peer needs: the peer in a process of its own interpreter, and
-sizes for measuring or for trying.
+"""Contests of ours with a peer, which runs in a process of its own interpreter; sizes for measuring
+or for trying.
 
-A contest is one group of pytest-benchmark, named by a sentence, of tests ``test_ours…``,
-``test_PEER…`` and ``test_floor…`` (what ours has to do at least). Each states in
-``benchmark.extra_info`` its ``role`` ("ours", "peer" or "floor"), the ``items`` that one call
-treats, and where its result has a quality its ``error`` or ``objective`` (less is better); a peer
-and a floor also the ``target``: the ratio of its time an item to ours that is to be reached, for a
-floor that of ours to it, and their ``configuration`` in words; ours may state a ``limit`` in
-seconds an item. A test of several parameters states by ``against`` what it is called in the report.
-What is no contest but ``part`` of the filter of an ``arm`` has the role "part".
+A contest is one group of pytest-benchmark, named by a sentence. Each of its tests states in
+``benchmark.extra_info`` its ``role`` ("ours" or "peer"), the ``items`` that one call treats, and,
+where its result has a quality, its ``error`` or ``objective`` (less is better); a peer also its
+``configuration`` in words, and the ``target``, the least ratio of its time an item to ours.
 """
 
 from __future__ import annotations

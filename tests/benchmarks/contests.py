@@ -15,7 +15,7 @@ SAME_QUALITY = 0.01
 
 @dataclass(frozen=True)
 class Line:
-    """A contest with one opponent, or with a limit, as it stands in the table."""
+    """A contest with one peer, a line of the table."""
 
     contest: str
     against: str
@@ -48,21 +48,10 @@ class Line:
 
 def lines(benchmarks: list[dict]) -> Iterator[Line]:
     """The table's lines of ``benchmarks`` as repeats.py wrote them, contest by contest."""
-    contests = [one for one in benchmarks if one["extra_info"]["role"] != "part"]
-    ordered = sorted(contests, key=lambda benchmark: benchmark["group"])
+    ordered = sorted(benchmarks, key=lambda benchmark: benchmark["group"])
     for contest, members in groupby(ordered, key=lambda benchmark: benchmark["group"]):
         members = list(members)
         (ours,) = (member for member in members if member["extra_info"]["role"] == "ours")
-        if limit := ours["extra_info"].get("limit"):
-            times = an_item(ours)
-            spread = f"{duration(min(times))} to {duration(max(times))}"
-            yield Line(
-                contest,
-                "limit",
-                f"{duration(median(times))} an item ({spread})",
-                f"≤ {duration(limit)}",
-                [time <= limit for time in times],
-            )
         # the fastest opponent first
         others = (member for member in members if member is not ours)
         for other in sorted(others, key=lambda other: median(an_item(other))):
@@ -70,27 +59,21 @@ def lines(benchmarks: list[dict]) -> Iterator[Line]:
 
 
 def against(contest: str, ours: dict, other: dict) -> Line:
-    """The line of ``ours`` against one peer or floor."""
-    target, floor = other["extra_info"].get("target"), other["extra_info"]["role"] == "floor"
-    here, there = an_item(ours), an_item(other)
-    ratios = [a / b if floor else b / a for a, b in zip(here, there, strict=True)]
+    """The line of ``ours`` against one peer."""
+    target, here, there = other["extra_info"].get("target"), an_item(ours), an_item(other)
+    ratios = [b / a for a, b in zip(here, there, strict=True)]
+    spread = f"{significant(min(ratios))} to {significant(max(ratios))}"
     times = f"{duration(median(here))} against {duration(median(there))}"
-    written = "{:.2f}".format if floor else significant
-    ratio = (
-        f"{written(median(ratios))} ({written(min(ratios))} to {written(max(ratios))}) times as "
-        f"{'long' if floor else 'fast'}, {times}"
-    )
+    ratio = f"{significant(median(ratios))} ({spread}) times as fast, {times}"
     quality, same = "", True
     for kind in ("error", "objective"):
-        if not floor and kind in ours["extra_info"] and kind in other["extra_info"]:
+        if kind in ours["extra_info"] and kind in other["extra_info"]:
             mine, theirs = ours["extra_info"][kind], other["extra_info"][kind]
             quality = f"{kind} {mine:.4g} against {theirs:.4g}"
             # speed at the cost of quality meets nothing
             same = mine <= theirs + SAME_QUALITY * abs(theirs)
-    if target is None:
-        return Line(contest, name_of(other), ratio, "–", [], quality)
-    met = [same and (ratio <= target if floor else ratio >= target) for ratio in ratios]
-    return Line(contest, name_of(other), ratio, f"{'≤' if floor else '≥'} {target}", met, quality)
+    met = [] if target is None else [same and ratio >= target for ratio in ratios]
+    return Line(contest, name_of(other), ratio, f"≥ {target}" if target else "–", met, quality)
 
 
 def an_item(benchmark: dict) -> list[float]:

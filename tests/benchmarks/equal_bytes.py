@@ -51,11 +51,6 @@ SETTINGS = [
 CONTROL = Setting("control", "host", 1, {"OPENBLAS_CORETYPE": "Sandybridge"})
 
 
-def features() -> set[str]:
-    """Of this machine's processor."""
-    return {*re.search(r"flags\s*: (.+)", Path("/proc/cpuinfo").read_text())[1].split()}
-
-
 def computed(setting: Setting, folder: Path) -> dict[str, str]:
     """The hash of each piece under ``setting``, in the copy of its level below ``folder``."""
     project = folder / setting.level
@@ -75,24 +70,18 @@ def computed(setting: Setting, folder: Path) -> dict[str, str]:
     return json.loads(answer.read_text())
 
 
-def lacking() -> list[Setting]:
-    """Settings whose instructions this machine's processor does not have."""
-    here = features()
-    return [one for one in SETTINGS if not NEEDED.get(one.level, set()) <= here]
-
-
-def measured(settings: list[Setting], folder: Path) -> dict:
-    """The hashes under each setting, and on what machine."""
-    return {"machine": machine(), "hashes": {one.name: computed(one, folder) for one in settings}}
-
-
 def main(folder: Path) -> None:
     """Compute under every setting that this machine has, and write."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    skipped = lacking()
-    answer = measured([one for one in (*SETTINGS, CONTROL) if one not in skipped], folder)
-    answer["skipped"] = [one.name for one in skipped]
+    flags = {*re.search(r"flags\s*: (.+)", Path("/proc/cpuinfo").read_text())[1].split()}
+    skipped = [one for one in SETTINGS if not NEEDED.get(one.level, set()) <= flags]
+    run = [one for one in (*SETTINGS, CONTROL) if one not in skipped]
+    answer = {
+        "machine": machine(),
+        "skipped": [one.name for one in skipped],
+        "hashes": {one.name: computed(one, folder) for one in run},
+    }
     file = ROOT / "reports/benchmarks/equal_bytes.json"
     file.write_text(json.dumps(answer, indent=1) + "\n")
 

@@ -13,8 +13,7 @@ import numpy as np
 
 INTERPRETER = Path(__file__).parents[2] / ".venv-peers/bin/python"
 SERVER = Path(__file__).parent / "peers/serve.py"
-# what pipeline/__init__.py holds our own arithmetic to for the sake of equal bits, and a peer is
-# free of
+# what our own arithmetic is held to for the sake of equal bits, and a peer is free of
 HELD_TO_OUR_BITS = ("OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES")
 
 

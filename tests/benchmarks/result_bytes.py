@@ -19,23 +19,17 @@ import numpy as np  # isort: skip
 from omegaconf import OmegaConf
 from scenario import Scene, Take, scene, swing, take
 
-from pipeline.core.compute.trials import run_trials
 from pipeline.core.config import CONF
-from pipeline.core.options.analysis import Compute
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import estimate, options_type
 from pipeline.models.noise import process_noise
 from pipeline.models.steps import Recorded, mean_log_likelihood
 from pipeline.statistics.kde import kernel_density, normal_reference_bandwidth
-from pipeline.wrench.bounds import Bounds
-from pipeline.wrench.study import study_repeat, study_tables
 
 TAKES, STEPS, REST = 12, 60, 15
 FILTERED, PARTICLES = 4, 2000  # takes on all threads; of each
 SAMPLES, POINTS = 100_000, 128
-BOUNDS = Bounds((10.0, 20.0), (0.0, 1.0), (1.0, 2.0), (50.0, 100.0))
-TRIALS, AGENTS, SYSTEMS = 6, [2, 4], 200
 
 
 def recorded() -> Recorded:
@@ -79,10 +73,6 @@ def pieces(threads: int) -> Iterator[tuple[str, list[np.ndarray]]]:
         yield f"filter, {name}", filtered(motion, threads)
     for arm in ("ur5", "lwr4"):
         yield f"filter, {arm}", filtered(take(30, arm), threads)
-    repeat = partial(study_repeat, bounds=BOUNDS, agents=AGENTS, systems=SYSTEMS, tests=SYSTEMS)
-    trials = list(enumerate(np.random.default_rng(3).spawn(TRIALS)))
-    done = run_trials(repeat, trials, compute=Compute(workers=threads), label="wrench")
-    yield "wrench", [table.select_dtypes("number").to_numpy() for table in study_tables(done)]
     samples = np.random.default_rng(28).standard_normal((SAMPLES, 2)) @ [[2.0, -1.0], [0.0, 1.0]]
     grid = np.linspace(-6.0, 6.0, POINTS)
     yield "density", [kernel_density(samples, grid, grid, normal_reference_bandwidth(samples))]

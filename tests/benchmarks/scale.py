@@ -1,61 +1,127 @@
-"""A fleet's takes, a filter of very many particles and a share of the large grid, really run:
-``python tests/benchmarks/scale.py`` writes reports/benchmarks/scale.json. It has to stand in the
-folder of the project, after a run of the paper.
+"""A filter of a million particles, ten thousand takes, and trials on a Dask cluster of which a
+worker is killed: ``python tests/benchmarks/scale.py`` writes reports/benchmarks/scale.json.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
-import sys
-from dataclasses import asdict
+import os
+import signal
+import time
+from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
-sys.path.append(str(Path(__file__).parents[1]))
-sys.path.append(str(Path(__file__).parents[2]))
-import pipeline.core.environment  # noqa: F401 - before numpy: it fixes the arithmetic
+from growth import ROOT, cost, in_a_process, megabytes  # first, as it fixes the arithmetic
 
-import fleet  # isort: skip
-import large_grid
-import many_particles
-from cost_growth import in_a_process
+import numpy as np  # isort: skip
+from distributed import Client, LocalCluster
 from machine import machine
-from on_paper import resources
-from scenario import ROOT
+from scenario import Take, swing, take, youbot
 
-OUT = ROOT / "reports/benchmarks/scale.json"
+from pipeline.core.compute.trials import run_trials
+from pipeline.core.options.analysis import Compute, Dask
+from pipeline.models.draws import draw_steps
+from pipeline.models.noise import process_noise
+from pipeline.models.wishart.dispersion import step_dispersions
+from pipeline.models.wishart.perturbation import objective_weights
+
+STEPS, BLOCK = 40, 100  # of a take; takes in memory at once
+PARTICLES = 1000  # of the filter of a take
+POSE = 2e-4  # rad, standard deviation of a measured pose
+FLOOR = 0.2  # ε of B⁻¹ ⪰ εI
 WORKERS = 3
 
 
-def fleets(folder: Path, takes: int, particles: int = 1000) -> dict[str, object]:
-    """A fleet of ``takes`` beside one of a tenth, each in a process of its own."""
-    few, many = (
-        in_a_process(fleet.run, folder / str(count), count, particles)
-        for count in (takes // 10, takes)
-    )
-    return {"few": few, "many": many}
+def many_particles(count: int) -> dict[str, float]:
+    """Time in s and memory in bytes of a particle (and step) at ``count`` and at a hundredth."""
+    few, many = count // 100, count
+    seconds, memory = {}, {}
+    for size in (few, many):
+        runs = [in_a_process(cost, "particles", size) for _ in range(2)]
+        seconds[size] = min(each[0] for each in runs) / (size * STEPS)
+        memory[size] = 1e6 * min(each[1] for each in runs)
+    return {
+        "few": few,
+        "many": many,
+        "seconds_few": seconds[few],
+        "seconds_many": seconds[many],
+        "bytes_of_a_particle": (memory[many] - memory[few]) / (many - few),
+    }
+
+
+def many_takes(count: int) -> dict[str, float]:
+    """Takes drawn, fitted and filtered block by block; processor time in s and peak memory of the
+    process in bytes.
+    """
+    motion, chain, total, begin = take(STEPS), youbot(), 0.0, time.process_time()
+    path, model = swing(STEPS), motion.scene.model
+    v = np.matvec(chain.jacobian(path[:-1]), np.diff(path, axis=0))
+    weights, off = objective_weights(np.sqrt(2) * POSE, 3), []
+    for first in range(0, count, BLOCK):
+        rng = np.random.default_rng(first)
+        q = np.repeat(path[None, :1], min(BLOCK, count - first), axis=0)
+        for step in v:
+            q = np.concatenate([q, draw_steps(model, chain, q[:, -1:], step[None], rng)[0]], axis=1)
+        q += POSE * rng.standard_normal(q.shape)
+        noise = process_noise(chain, q, v)
+        dispersions, _ = step_dispersions(
+            chain, q[:, :-1], v, noise, model.decomposition, weights, FLOOR
+        )
+        total += len(q) * float((dispersions**2).mean())
+        for number in range(len(q)):
+            posterior = motion.filtered(PARTICLES, np.random.default_rng(first + number))
+            off.append(float(posterior.ess.min()))
+    return {
+        "takes": count,
+        "seconds": time.process_time() - begin,
+        "peak_bytes": 1e6 * megabytes("VmHWM"),
+        "sigma_b": float(np.sqrt(total / count)),
+    }
+
+
+def posterior_hash(number: int, motion: Take) -> str:
+    """Hash of the posterior of a take under its own stream."""
+    posterior = motion.filtered(20 * PARTICLES, np.random.default_rng(number))
+    return hashlib.sha256(posterior.mean.tobytes() + posterior.covariance.tobytes()).hexdigest()
+
+
+def lost_worker(trials: int) -> dict[str, int]:
+    """How many of the ``trials`` have the same bytes in one process and on a cluster of which a
+    worker is killed while they run.
+    """
+    function, label = partial(posterior_hash, motion=take(STEPS)), "posteriors"
+    alone = list(run_trials(function, range(trials), compute=Compute(1), label=label))
+    with (
+        LocalCluster(WORKERS, threads_per_worker=1, dashboard_address=None) as cluster,
+        Client(cluster) as client,
+    ):
+        processes = list(client.run(os.getpid).values())
+        there = Compute(dask=Dask(address=cluster.scheduler_address))
+        results = run_trials(function, range(trials), compute=there, label=label)
+        across = [next(results)]
+        os.kill(processes[0], signal.SIGKILL)
+        across += list(results)
+    equal = sum(one == other for one, other in zip(alone, across, strict=True))
+    return {"trials": trials, "equal_bytes": equal, "workers": WORKERS}
 
 
 def main() -> None:
     """Measure and write; the sizes can be smaller, for trying out."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--takes", type=int, default=10_000)
     parser.add_argument("--particles", type=int, default=1_000_000)
-    parser.add_argument("--conditions", type=int, default=36)
-    parser.add_argument("--alone", type=int, default=6, help="of the conditions, in one process")
-    parser.add_argument("--out", type=Path, default=OUT)
+    parser.add_argument("--takes", type=int, default=10_000)
+    parser.add_argument("--trials", type=int, default=200)
+    parser.add_argument("--out", type=Path, default=ROOT / "reports/benchmarks/scale.json")
     sizes = parser.parse_args()
-    with TemporaryDirectory() as name:
-        folder = Path(name)
-        measured = {
-            "machine": machine(),
-            "there": asdict(resources(folder)),
-            # processes are forked for these, which one that has talked to a cluster must not be
-            "particles": many_particles.run(sizes.particles),
-            "fleet": fleets(folder / "fleet", sizes.takes),
-            "grid": large_grid.run(folder / "grid", sizes.conditions, sizes.alone, WORKERS),
-        }
+    few, many = (in_a_process(many_takes, count) for count in (sizes.takes // 10, sizes.takes))
+    measured = {
+        "machine": machine(),
+        "particles": many_particles(sizes.particles),
+        "takes": {"few": few, "many": many},
+        "cluster": lost_worker(sizes.trials),
+    }
     sizes.out.write_text(json.dumps(measured, indent=1) + "\n")
 
 

@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
-from pipeline.arm.model import Arm, chain_of, load_arm
+from pipeline.arm.model import chain_of, load_arm
 from pipeline.arm.serial import SerialChain
 from pipeline.core.config import CONF
 from pipeline.core.options.dataset import Robot
@@ -31,9 +31,6 @@ ROOT = Path(__file__).parents[2]
 DT = 0.01  # s
 FRAME_EVERY = 3  # steps
 SIGMA_B = 0.25
-# decomposition of the Jacobian of the youBot's planar arm: LU with partial pivoting, as the peers'
-# libraries have it
-PLANAR = {"youbot": "pivoted_lu"}
 SENSOR = np.diag([0.01, 0.015, 0.02]) ** 2  # rad²
 # rad, far from the limits, the elbow bent at about a right angle
 START = Start(np.array([1.1, -1.0, 1.8]), 1e-5 * np.eye(3))
@@ -46,15 +43,10 @@ SPATIAL = {
 
 
 @cache
-def arm() -> Arm:
-    """The arm of the synthetic dataset."""
-    robot = OmegaConf.load(CONF / "dataset/youbot.yaml").robot
-    return load_arm(ROOT / robot.urdf, list(robot.joints), robot.tool, dict(robot.locked))
-
-
 def youbot() -> PlanarChain:
-    """Its planar chain, the first and the last joint locked."""
-    return arm().chain
+    """The planar chain of the synthetic dataset."""
+    robot = OmegaConf.load(CONF / "dataset/youbot.yaml").robot
+    return load_arm(ROOT / robot.urdf, list(robot.joints), robot.tool, dict(robot.locked)).chain
 
 
 @dataclass(frozen=True)
@@ -70,9 +62,9 @@ class Scene:
 
 @cache
 def scene(arm: str) -> Scene:
-    """That of one of :data:`PLANAR` or :data:`SPATIAL`."""
-    if arm in PLANAR:
-        model = WishartModel(SIGMA_B, Decomposition(PLANAR[arm]))
+    """That of the youBot or of one of :data:`SPATIAL`."""
+    if arm == "youbot":
+        model = WishartModel(SIGMA_B, Decomposition("pivoted_lu"))
         return Scene(youbot(), model, START, SENSOR, FRAME_EVERY)
     return in_space(chain_of(robot(arm)), np.array(SPATIAL[arm]))
 
@@ -131,8 +123,7 @@ class Take:
         """The same in plain values, as arguments of the takes in peers/."""
         chain, start = self.scene.chain, self.scene.start
         if isinstance(chain, PlanarChain):
-            pivoted = self.scene.model.decomposition.name == "pivoted_lu"
-            arm = {"links": chain.links, "signs": chain.signs, "pivoted": pivoted}
+            arm = {"links": chain.links, "signs": chain.signs}
         else:
             arm = {"placements": chain.placements}
         return arm | {

@@ -55,7 +55,7 @@ def test_ours(benchmark, problem):
 
 
 def test_kdepy(benchmark, peer, problem, tmp_path):
-    benchmark.extra_info |= {"role": "peer", "items": len(problem.samples), "target": 8}
+    benchmark.extra_info |= {"role": "peer", "items": len(problem.samples), "target": 5}
     benchmark.extra_info["against"] = "KDEpy"
     np.save(tmp_path / "samples.npy", problem.samples)
     x, y = problem.grid

@@ -1,5 +1,5 @@
-"""The particle filter of one take under the Wishart model, against the libraries that a user would
-take for it.
+"""The particle filter of one take under the Wishart model, against libraries that a user would take
+for it: the youBot's planar arm by LU with partial pivoting, UR5 and LWR4+ by QR of Jᵀ.
 """
 
 from __future__ import annotations
@@ -8,136 +8,130 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
+import numba
 import numpy as np
 import pytest
-from filter_parts import PARTS
-from scenario import Take, apart, take
+from plain_step import plain_steps
+from scenario import Take, apart, scene, take
 
 from pipeline.filtering.particle_filter import Posterior
+from pipeline.models.additive.law import AdditiveModel
+from pipeline.models.draws import draw_steps
 
-EXACT = {
-    "youbot": "Particle filter, Wishart model: peers given the exact law of a step",
+ARMS = {
+    "youbot": "Particle filter, Wishart model by pivoted LU: youBot, three joints in a plane",
+    "ur5": "Particle filter, Wishart model by QR of Jᵀ: UR5, six joints",
+    "lwr4": "Particle filter, Wishart model by QR of Jᵀ: LWR4+, seven joints",
 }
+TARGETS = {"youbot": 8, "ur5": 5, "lwr4": 5}  # times as fast as every library
 PAPER = "Particle filter, Wishart model: peers given the paper's Algorithm 1"
-BOTH_CORES = "Particle filter, Wishart model: takes on two threads"
-LIBRARIES = ("particles", "filterpy", "pfilter", "stonesoup")
-FLOORS = {
-    "numbers": {
-        "against": "floor of the numbers that the law draws",
-        "target": 2,
-        "configuration": "the random numbers that all steps need, drawn by the filter's own "
-        "compiled draws, block by block into the same scratch, and nothing else: a filter of this "
-        "law can take no less without other draws",
-    },
-    "circular functions": {
-        "against": "floor of sines cosines and roots",
-        "configuration": "the sines and cosines of all joints and the square roots of a step, by "
-        "the filter's own compiled functions, and nothing else",
-    },
-}
+THREADS = "Particle filter, Wishart model: takes on two threads"
+PLAIN = "Steps of the additive model, youBot: against a loop over single poses"
+LIBRARIES = ("particles", "stonesoup")
+# standard deviations that posterior means of so many particles differ by, at most
+NEAR = 0.3
 
 
-@pytest.fixture
-def problem(size) -> tuple[Take, int]:
-    """A take and how many particles filter it, by the LU of the peers' libraries."""
-    return take(size(30, 12), "youbot"), size(10_000, 500)
+@pytest.fixture(params=ARMS)
+def problem(benchmark, request, size) -> tuple[str, Take, int]:
+    """Name of an arm, a take of it and the number of particles."""
+    benchmark.group = ARMS[request.param]
+    return request.param, take(size(30, 6), request.param), size(10_000, 500)
 
 
-@pytest.fixture(params=EXACT)
-def exact(benchmark, request, size) -> tuple[Take, int]:
-    """The same for the exact law."""
-    benchmark.group = EXACT[request.param]
-    return take(size(30, 12), request.param), size(10_000, 500)
-
-
-def our_posterior(problem: tuple[Take, int], seed: int = 1) -> Posterior:
-    motion, particles = problem
+def posterior_of(motion: Take, particles: int, seed: int = 1) -> Posterior:
     return motion.filtered(particles, np.random.default_rng(seed))
 
 
-def items(problem: tuple[Take, int]) -> int:
-    """A particle moved by a step is what a filter treats."""
-    motion, particles = problem
-    return particles * len(motion.steps)
+def state(benchmark, motion: Take, particles: int, **extra: object) -> None:
+    """State that a call treats so many particles moved by so many steps."""
+    benchmark.extra_info |= {"items": particles * len(motion.steps), **extra}
 
 
-def contested(benchmark, peer, problem: tuple[Take, int], library: str, law: str) -> None:
-    """Measure ``library`` on the problem, and see that it solved that one: its posterior means are
-    ours.
-    """
-    motion, particles = problem
-    filtered = peer(f"{library}_wishart", count=particles, law=law, **motion.told())
-    means = benchmark(filtered)
-    assert apart(np.array(means), our_posterior(problem)) < 0.2
+def contested(benchmark, peer, motion: Take, particles: int, library: str, law: str) -> None:
+    """Measure ``library``, and check that its posterior means are ours."""
+    run = peer(f"{library}_wishart", count=particles, law=law, **motion.told())
+    means = benchmark(run)
+    assert apart(np.array(means), posterior_of(motion, particles)) < NEAR
 
 
-def test_without_the_frames_the_means_would_be_others():
-    problem = take(60), 2000
-    assert apart(our_posterior(problem, seed=2).mean, our_posterior(problem)) < 0.2
-    assert apart(our_posterior((problem[0].unseen(), 2000)).mean, our_posterior(problem)) > 0.5
+def test_ours(benchmark, problem):
+    _, motion, particles = problem
+    state(benchmark, motion, particles, role="ours")
+    posterior_of(motion, particles)  # loads compiled code
+    posterior = benchmark(posterior_of, motion, particles)
+    assert posterior.resampled.any() and posterior.measured.sum() == len(motion.measurements.t)
 
 
-def ours(benchmark, problem: tuple[Take, int]) -> None:
-    benchmark.extra_info |= {"role": "ours", "items": items(problem)}
-    our_posterior(problem)  # loads what is compiled, so that the first call is like the others
-    posterior = benchmark(our_posterior, problem)
-    assert posterior.resampled.any() and posterior.measured.sum() == len(problem[0].measurements.t)
-
-
-def test_ours_by_the_exact_law(benchmark, exact):
-    ours(benchmark, exact)
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_peer(benchmark, peer, problem, library):
+    arm, motion, particles = problem
+    state(benchmark, motion, particles, role="peer", target=TARGETS[arm], against=library)
+    contested(benchmark, peer, motion, particles, library, "closed form")
 
 
 @pytest.mark.benchmark(group=PAPER)
-def test_ours(benchmark, problem):
-    ours(benchmark, problem)
-
-
-@pytest.mark.parametrize("library", [*LIBRARIES, "cuthbert"])
-def test_peer_by_the_exact_law(benchmark, peer, exact, library):
-    role = {"role": "peer", "against": library, "target": 12}
-    benchmark.extra_info |= {**role, "items": items(exact)}
-    contested(benchmark, peer, exact, library, "closed form")
+def test_ours_of_the_paper(benchmark, size):
+    motion, particles = take(size(30, 12)), size(10_000, 500)
+    state(benchmark, motion, particles, role="ours")
+    posterior_of(motion, particles)
+    benchmark(posterior_of, motion, particles)
 
 
 # a call takes seconds
 @pytest.mark.benchmark(group=PAPER, min_rounds=2)
-@pytest.mark.parametrize("library", LIBRARIES)
-def test_peer_by_algorithm_1(benchmark, peer, problem, library):
-    benchmark.extra_info |= {"role": "peer", "items": items(problem), "target": 150}
-    contested(benchmark, peer, problem, library, "Algorithm 1")
+def test_particles_by_algorithm_1(benchmark, peer, size):
+    motion, particles = take(size(30, 12)), size(10_000, 500)
+    state(benchmark, motion, particles, role="peer", target=75, against="particles")
+    contested(benchmark, peer, motion, particles, "particles", "Algorithm 1")
 
 
-@pytest.mark.benchmark(group=PAPER)
-def test_particles_with_algorithm_1_written_out_by_hand(benchmark, peer, problem):
-    # no target: a user who knows Bartlett's decomposition and eliminates all Jacobians at once
-    benchmark.extra_info |= {"role": "peer", "items": items(problem)}
-    contested(benchmark, peer, problem, "particles", "Algorithm 1 by hand")
-
-
-@pytest.mark.parametrize("part", FLOORS)
-def test_floor(benchmark, exact, part):
-    benchmark.extra_info |= {"role": "floor", "items": items(exact), **FLOORS[part]}
-    benchmark(PARTS[part](*exact, np.random.default_rng(1)))
-
-
-# what else the machine does comes and goes in seconds: measured for longer than the other contests
-@pytest.mark.benchmark(group=BOTH_CORES, max_time=5)
-@pytest.mark.parametrize(
-    "threads", [pytest.param(2, id="two threads"), pytest.param(1, id="one thread")]
-)
-def test_threads(benchmark, problem, threads):
+# measured for longer than other contests, as other processes come and go in seconds
+@pytest.mark.benchmark(group=THREADS, max_time=5)
+@pytest.mark.parametrize("threads", [2, 1])
+def test_threads(benchmark, size, threads):
     if len(os.sched_getaffinity(0)) < 2:
-        pytest.skip("one core alone")
+        pytest.skip("a single core")
+    motion, particles, takes = take(size(30, 12)), size(10_000, 500), 16
     role = {"role": "ours"} if threads == 2 else {"role": "peer", "target": 1.8}
-    takes = 16
-    benchmark.extra_info |= role | {"items": takes * items(problem)}
+    state(benchmark, motion, takes * particles, against="one thread", **role)
+    one = partial(posterior_of, motion, particles)
     with ThreadPoolExecutor(threads) as pool:
-        posteriors = benchmark(
-            lambda: list(pool.map(partial(our_posterior, problem), range(takes)))
-        )
-    # neither the thread nor its neighbours can be told from the result
-    assert all(
-        np.array_equal(posterior.mean, our_posterior(problem, seed).mean)
-        for seed, posterior in enumerate(posteriors)
+        posteriors = benchmark(lambda: list(pool.map(one, range(takes))))
+    for seed, posterior in enumerate(posteriors):
+        assert np.array_equal(posterior.mean, one(seed).mean)
+
+
+@pytest.fixture
+def steps(size):
+    """Guard of the vectorised loops: the same steps from the same stream, one pose at a time."""
+    chain, start = scene("youbot").chain, scene("youbot").start
+    q = start.mean + 0.05 * np.random.default_rng(1).standard_normal((size(200_000, 600), 3))
+    return AdditiveModel(1e-6 * np.eye(3)), chain, q, np.array([2e-3, -1e-3, 3e-3])
+
+
+@pytest.mark.benchmark(group=PLAIN)
+def test_ours_of_steps(benchmark, steps):
+    benchmark.extra_info |= {"role": "ours", "items": len(steps[2])}
+    benchmark(lambda: draw_steps(*steps, np.random.default_rng(1)))
+
+
+@pytest.mark.benchmark(group=PLAIN)
+def test_a_loop_over_single_poses(benchmark, steps):
+    model, chain, q, v = steps
+    benchmark.extra_info |= {"role": "peer", "items": len(q), "target": 1.5, "against": "a loop"}
+    benchmark.extra_info["configuration"] = (
+        "numba, one pose after the other: NumPy's inverse of J and its generator, "
+        f"numba {numba.__version__}"
     )
+    root = np.linalg.cholesky(model.noise_covariance)
+    arguments = (chain.links, chain.signs, q, v, root)
+    moved = benchmark(lambda: plain_steps(*arguments, np.random.default_rng(1)))
+    np.testing.assert_allclose(moved, draw_steps(*steps, np.random.default_rng(1))[0], atol=1e-12)
+
+
+def test_without_the_frames_the_means_would_be_others():
+    motion = take(60)
+    known = posterior_of(motion, 2000)
+    assert apart(posterior_of(motion, 2000, seed=2).mean, known) < NEAR
+    assert apart(posterior_of(motion.unseen(), 2000).mean, known) > 0.5

@@ -129,10 +129,9 @@ def test_gaps_are_let_through_where_they_are_allowed(place, name, column, tmp_pa
 
 
 def test_what_had_no_probability_has_a_log_density_of_minus_infinity(tmp_path):
-    impossible = table("control_scores", "recovery").assign(log_score=-np.inf)
-    contracts.write(impossible, "control_scores", tmp_path, FILES["recovery"])
-    read = contracts.read("control_scores", tmp_path, FILES["recovery"])
-    assert np.isneginf(read["log_score"]).all()
+    impossible = table("predictions").assign(mean=-np.inf)
+    contracts.write(impossible, "predictions", tmp_path)
+    assert np.isneginf(contracts.read("predictions", tmp_path)["mean"]).all()
 
 
 @pytest.mark.parametrize(("place", "name"), TABLES)

@@ -3,16 +3,24 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from planar_poses import chain
+from sliding_arm import sliding_arm
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.arm.serial import SerialChain
 
 __all__ = ["chain"]
 
 
 @pytest.fixture(scope="session")
-def free() -> PlanarChain:
-    """A chain whose joint limits are out of the way, and whose elbow is bent at a right angle where
-    the joints are at zero.
+def free() -> SerialChain:
+    """An arm whose joints are its task, J = I, its limits out of the way."""
+    return sliding_arm(np.eye(3), np.full(3, -50.0), np.full(3, 50.0))
+
+
+@pytest.fixture(scope="session")
+def elbow() -> PlanarChain:
+    """A planar chain whose elbow is bent at a right angle where the joints are at zero, its limits
+    out of the way.
     """
     return PlanarChain(
         origin=np.zeros(2),

@@ -4,25 +4,30 @@ the joint's range.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from exact_posterior import distance, kalman
-from numba import njit
+from scipy.spatial.transform import Rotation
 from scipy.stats import norm
+from sliding_arm import sliding_arm
 
+from pipeline.arm.serial import SerialChain
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
 from pipeline.filtering.resampling import SCHEMES
+from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.commands import open_loop
-from pipeline.models.law import planar
-from pipeline.models.model import Law
+from pipeline.models.scaled.law import ScaledModel
 
 DT = 0.01
 
 
-INVERSE = np.array([[4.0, 1.0, 0.2], [-6.0, 3.0, 0.5], [2.0, -4.0, 1.0]])
+# rows are the joints' directions: what a step of the task moves the joints by is constant
+AXES = np.array([[1.0, 0.2, 0.1], [-0.4, 1.0, 0.3], [0.3, -0.5, 1.0]])
+AXES /= np.linalg.norm(AXES, axis=1, keepdims=True)
+INVERSE = np.linalg.inv(AXES.T)
 
 
 NOISE = 1e-5 * np.array([[3.3, -2.0, 1.0], [-2.0, 5.5, -3.0], [1.0, -3.0, 9.0]])
@@ -34,33 +39,13 @@ START = Start(
 )
 
 
-@dataclass
-class Linear:
-    """A constant inverse Jacobian and additive normal noise: the case in which the Kalman filter is
-    exact.
-    """
-
-    noise: np.ndarray
-
-    def law(self, chain):
-        return Law(linear, np.linalg.cholesky(self.noise).ravel(), normals=(1, 3))
-
-
-@njit
-def linear(numbers, parameters, arm, poses):
-    v, q, moved = planar(poses)
-    for i in range(poses.count):
-        for j in range(3):
-            moved[j][i] = q[j][i]
-            for k in range(3):
-                moved[j][i] += (
-                    INVERSE[j, k] * v[k][i] + parameters[3 * j + k] * numbers.normal[k, i]
-                )
-    return 0
+@pytest.fixture(scope="module")
+def linear() -> SerialChain:
+    return sliding_arm(AXES, np.full(3, -50.0), np.full(3, 50.0))
 
 
 def steps_of(count: int) -> np.ndarray:
-    return 0.004 * np.stack(
+    return 0.02 * np.stack(
         [np.sin(0.1 * np.arange(count)), np.cos(0.07 * np.arange(count)), np.ones(count)], axis=1
     )
 
@@ -99,70 +84,57 @@ def independent_runs(
     return [particle_filter(*problem, np.random.default_rng(seed)) for seed in seeds]
 
 
-@pytest.mark.parametrize("scheme", [name for name, scheme in SCHEMES.items() if scheme is not None])
-def test_with_a_linear_model_and_normal_noise_the_posterior_is_the_kalman_filters(scheme, free):
-    runs = independent_runs(Linear(NOISE), free, STEPS, START, FRAMES, FilterOptions(2000, scheme))
+@pytest.mark.parametrize("scheme", [name for name in SCHEMES if name != "none"])
+def test_with_a_linear_model_and_normal_noise_the_posterior_is_the_kalman_filters(scheme, linear):
+    runs = independent_runs(
+        AdditiveModel(NOISE), linear, STEPS, START, FRAMES, FilterOptions(2000, scheme)
+    )
     assert all(run.resampled.any() for run in runs)
     assert np.all(distance(runs, *kalman(STEPS, DT, INVERSE, START, NOISE, FRAMES)) < BAND)
 
 
-def test_a_motion_noise_half_as_large_again_is_told_from_the_kalman_filters(free):
-    runs = independent_runs(Linear(1.5 * NOISE), free, STEPS, START, FRAMES, FilterOptions(2000))
+def test_a_motion_noise_half_as_large_again_is_told_from_the_kalman_filters(linear):
+    runs = independent_runs(
+        AdditiveModel(1.5 * NOISE), linear, STEPS, START, FRAMES, FilterOptions(2000)
+    )
     assert np.all(distance(runs, *kalman(STEPS, DT, INVERSE, START, NOISE, FRAMES)) > 2 * BAND)
 
 
-class StateDependent:
-    """A nonlinear step of the first joint with a spread of its own at each pose; the others stand
-    still.
-    """
-
-    def law(self, chain):
-        return Law(state_dependent, np.empty(0), normals=(1, 1))
+# one joint that turns the tip about the base, from PHASE on, and the tip's height as the task: its
+# step v/cos is nonlinear, and so is the noise that grows with it
+PHASE, FLOOR, GAIN = 0.6, 0.006**2, 0.3**2
 
 
-@njit
-def centre(q, v):
-    return q + v * (1 + 0.5 * np.sin(5 * q))
+def turning_arm(lower: float, upper: float) -> SerialChain:
+    phase = Rotation.from_euler("z", PHASE).as_matrix().ravel()
+    placements = np.array([[*phase, 0, 0, 0], [*np.eye(3).ravel(), 1.0, 0, 0]])
+    ends = np.array([lower]), np.array([upper]), np.ones(1)
+    return SerialChain(("y",), 1.0, placements, np.zeros(1, dtype=bool), *ends)
 
 
-@njit
-def spread(q):
-    return 0.006 + 0.01 * np.cos(9 * q) ** 2
-
-
-@njit
-def state_dependent(numbers, parameters, arm, poses):
-    v, q, moved = planar(poses)
-    for i in range(poses.count):
-        moved[0][i] = centre(q[0][i], v[0][i]) + spread(q[0][i]) * numbers.normal[0, i]
-        moved[1][i], moved[2][i] = q[1][i], q[2][i]
-    return 0
+def step_of(q: np.ndarray, v: float) -> np.ndarray:
+    return v / np.cos(q + PHASE)
 
 
 WALLS = (-0.03, 0.6)  # limits of the first joint, rad
 
 
-FAST = np.tile([0.03, 0.0, 0.0], (10, 1))
+FAST = np.full((10, 1), 0.035)
 
 
-AT_WALL = Start(np.array([0.0, 0.0, 0.0]), np.diag([0.03**2, 0.0, 0.0]))
+AT_WALL = Start(np.zeros(1), np.array([[0.03**2]]))
 
 
-def along_first_joint(t, y) -> Measurements:
-    frames = len(t)
-    measured = np.stack([np.asarray(y), np.zeros(frames), np.zeros(frames)], axis=1)
+def frames_of(t, y) -> Measurements:
+    y = np.array(y)[:, None]
     return Measurements(
-        "test01",
-        np.asarray(t),
-        measured,
-        np.zeros((frames, 3)),
-        np.tile(np.diag([0.02**2, 1.0, 1.0]), (frames, 1, 1)),
+        "test01", np.array(t), y, np.zeros_like(y), np.full((len(y), 1, 1), 0.02**2)
     )
 
 
-WALL_FRAMES = along_first_joint(
+WALL_FRAMES = frames_of(
     [0.0, 0.013, 0.016, 0.0333, 0.06, 0.0734, 0.1, 0.2],
-    [-0.02, 0.02, 0.03, 0.14, 0.16, 0.28, 0.33, 9.0],
+    [-0.02, 0.05, 0.06, 0.15, 0.27, 0.37, 0.56, 9.0],
 )
 
 
@@ -175,9 +147,8 @@ def integrated(measurements: Measurements) -> tuple[np.ndarray, np.ndarray, floa
     due, _ = measurements.schedule(len(FAST), DT)
     density = norm.pdf(q, AT_WALL.mean[0], 0.03)
     density /= density.sum() * cell
-    kernel = norm.pdf(
-        q[None, :], centre.py_func(q, FAST[0, 0])[:, None], spread.py_func(q)[:, None]
-    )
+    step = step_of(q, FAST[0, 0])[:, None]
+    kernel = norm.pdf(q[None, :], q[:, None] + step, np.sqrt(FLOOR + GAIN * step**2))
     means, variances, evidence = [], [], 0.0
     for k in range(len(FAST) + 1):
         joint = np.diag(density / cell) if k == 0 else density[:, None] * kernel
@@ -185,7 +156,6 @@ def integrated(measurements: Measurements) -> tuple[np.ndarray, np.ndarray, floa
             joint *= norm.pdf(
                 measurements.y[frame, 0], (1 - share) * q[:, None] + share * q[None, :], 0.02
             )
-            evidence += 2 * norm.logpdf(0.0)
         density = joint.sum(axis=0) * cell
         total = density.sum() * cell
         evidence += np.log(total)
@@ -196,13 +166,10 @@ def integrated(measurements: Measurements) -> tuple[np.ndarray, np.ndarray, floa
 
 
 @pytest.fixture(scope="module")
-def walled_runs(free) -> list[Posterior]:
-    walled = replace(
-        free, lower=np.array([WALLS[0], -1.0, -1.0]), upper=np.array([WALLS[1], 1.0, 1.0])
-    )
-    return independent_runs(
-        StateDependent(), walled, FAST, AT_WALL, WALL_FRAMES, FilterOptions(8000)
-    )
+def walled_runs() -> list[Posterior]:
+    model = ScaledModel(np.array([[FLOOR]]), np.array([[GAIN]]))
+    arm = turning_arm(*WALLS)
+    return independent_runs(model, arm, FAST, AT_WALL, WALL_FRAMES, FilterOptions(8000))
 
 
 def distance_from_integral(runs: list[Posterior], measurements: Measurements) -> np.ndarray:
@@ -225,10 +192,10 @@ def test_the_integration_tells_frames_within_a_step_from_frames_moved_to_its_end
     assert np.all(distance_from_integral(walled_runs, rounded) > 2 * BAND)
 
 
-def test_without_measurements_the_prior_propagates(free):
+def test_without_measurements_the_prior_propagates(linear):
     unseen = measured_path(STEPS, np.empty(0), seed=11)
     (posterior,) = independent_runs(
-        Linear(NOISE), free, STEPS, START, unseen, FilterOptions(4000), seeds=(5,)
+        AdditiveModel(NOISE), linear, STEPS, START, unseen, FilterOptions(4000), seeds=(5,)
     )
     mean, covariance, _ = kalman(STEPS, DT, INVERSE, START, NOISE, unseen)
     deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2) / 4000)

@@ -4,19 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from compiled_calls import chosen_by, from_python
-from numba import njit
+from compiled_calls import chosen_by
 
-from pipeline.filtering.resampling import (
-    SCHEMES,
-    inverse_cdf,
-    multinomial,
-    residual,
-    stratified,
-    systematic,
-)
+from pipeline.filtering.resampling import SCHEMES, inverse_cdf
 
-DRAWING = {name: scheme for name, scheme in SCHEMES.items() if scheme is not None}
+DRAWING = SCHEMES[:-1]
 REPEATS = 6000
 BAND = 4.5  # standard errors; twelve weights of four schemes stay inside with probability 0.9997
 
@@ -69,26 +61,17 @@ def bias_in_standard_errors(counts: np.ndarray, name: str, weights: np.ndarray) 
 
 @pytest.mark.parametrize("name", DRAWING)
 def test_a_particle_is_chosen_in_proportion_to_its_weight(name, weights):
-    counts = counts_of(DRAWING[name], weights, np.random.default_rng(1))
+    counts = counts_of(name, weights, np.random.default_rng(1))
     assert np.all(counts.sum(axis=1) == len(weights))
     assert np.all(counts[:, weights == 0.0] == 0)
     assert bias_in_standard_errors(counts, name, weights) < BAND
 
 
-@pytest.mark.slow
 def test_a_comb_that_is_never_shifted_is_found_out_as_biased(weights):
-    @njit
-    def unshifted(weights, chosen, room, rng):
-        chosen[:] = np.searchsorted(
-            np.cumsum(weights), (np.arange(len(weights)) + 0.5) / len(weights), side="right"
-        )
-
-    assert (
-        bias_in_standard_errors(
-            counts_of(unshifted, weights, np.random.default_rng(1)), "systematic", weights
-        )
-        > 3 * BAND
-    )
+    points = (np.arange(len(weights)) + 0.5) / len(weights)
+    chosen = np.searchsorted(np.cumsum(weights), points, side="right")
+    counts = np.tile(np.bincount(chosen, minlength=len(weights)), (REPEATS, 1))
+    assert bias_in_standard_errors(counts, "systematic", weights) > 3 * BAND
 
 
 def variance_in_standard_errors(counts: np.ndarray, variance: np.ndarray) -> float:
@@ -103,7 +86,7 @@ def variance_in_standard_errors(counts: np.ndarray, variance: np.ndarray) -> flo
 
 @pytest.mark.parametrize("name", DRAWING)
 def test_the_variance_of_a_count_is_that_of_its_closed_form_and_of_no_other_scheme(name, weights):
-    counts = counts_of(DRAWING[name], weights, np.random.default_rng(2))
+    counts = counts_of(name, weights, np.random.default_rng(2))
     assert variance_in_standard_errors(counts, exact_variance(name, weights)) < BAND
     for other in set(DRAWING) - {name}:
         assert variance_in_standard_errors(counts, exact_variance(other, weights)) > BAND
@@ -111,8 +94,8 @@ def test_the_variance_of_a_count_is_that_of_its_closed_form_and_of_no_other_sche
 
 def test_no_scheme_varies_more_than_independent_draws(weights):
     variance = {
-        name: counts_of(scheme, weights, np.random.default_rng(3)).var(axis=0).sum()
-        for name, scheme in DRAWING.items()
+        name: counts_of(name, weights, np.random.default_rng(3)).var(axis=0).sum()
+        for name in DRAWING
     }
     assert variance["systematic"] < variance["stratified"] < variance["multinomial"]
     assert variance["residual"] < variance["multinomial"]
@@ -122,18 +105,18 @@ def test_systematic_counts_lie_within_one_of_what_is_expected():
     rng = np.random.default_rng(4)
     for _ in range(300):
         weights = rng.dirichlet(np.full(50, 0.3))
-        counts = np.bincount(chosen_by(systematic, weights, rng), minlength=50)
+        counts = np.bincount(chosen_by("systematic", weights, rng), minlength=50)
         assert np.all((counts == np.floor(50 * weights)) | (counts == np.ceil(50 * weights)))
 
 
 def test_residual_counts_never_fall_below_the_certain_copies_and_independent_draws_do():
     weights = np.random.default_rng(5).dirichlet(np.full(50, 0.3))
     certain = np.floor(50 * weights)
-    assert np.all(counts_of(residual, weights, np.random.default_rng(5), 200) >= certain)
-    assert np.any(counts_of(multinomial, weights, np.random.default_rng(5), 200) < certain)
+    assert np.all(counts_of("residual", weights, np.random.default_rng(5), 200) >= certain)
+    assert np.any(counts_of("multinomial", weights, np.random.default_rng(5), 200) < certain)
 
 
-@pytest.mark.parametrize("scheme", [systematic, stratified, residual])
+@pytest.mark.parametrize("scheme", ["systematic", "stratified", "residual"])
 def test_equal_weights_keep_every_particle_once(scheme):
     # weights that went through an exponential, as in the filter, are right only up to rounding
     weights = np.full(1000, np.nextafter(1 / 1000, 0.0))
@@ -142,7 +125,7 @@ def test_equal_weights_keep_every_particle_once(scheme):
     )
 
 
-@pytest.mark.parametrize("scheme", DRAWING.values())
+@pytest.mark.parametrize("scheme", DRAWING)
 def test_one_particle_with_all_the_weight_is_the_only_one_left(scheme):
     for sole in (0, 4, 9):
         assert np.all(chosen_by(scheme, np.eye(10)[sole], np.random.default_rng(8)) == sole)
@@ -152,5 +135,5 @@ def test_one_particle_with_all_the_weight_is_the_only_one_left(scheme):
 def test_points_at_either_end_of_their_range_fall_on_particles_with_weight(point):
     weights = np.concatenate([[0.0], np.full(1000, 1 / 1000), [0.0, 0.0]])
     chosen = np.array([-1])
-    from_python(inverse_cdf)(weights, np.array([point]), np.empty(len(weights)), chosen)
+    inverse_cdf(weights, np.array([point]), np.empty(len(weights)), chosen)
     assert chosen[0] == (1 if point == 0.0 else 1000)

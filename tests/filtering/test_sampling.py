@@ -8,11 +8,12 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from compiled_calls import chosen_by, from_python
+from compiled_calls import chosen_by
 from oracles import READINGS
 from plain_filter import PLAIN_SCHEMES, plain_filter
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.arm.planar import BLOCK
 from pipeline.core.errors import DegenerateFilterError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import (
@@ -25,7 +26,6 @@ from pipeline.filtering.sampling import keep_inside
 from pipeline.filtering.start import Start, domain_of
 from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.commands import Commands, open_loop
-from pipeline.models.draws import BLOCK
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.law import WishartModel
@@ -188,7 +188,7 @@ def test_every_compiled_scheme_chooses_what_the_plain_one_does(scheme, equal):
         weights[:equal] = weights[:equal].mean()
         one, other = np.random.default_rng(seed), np.random.default_rng(seed)
         assert np.array_equal(
-            chosen_by(SCHEMES[scheme], weights, one), PLAIN_SCHEMES[scheme](weights, other)
+            chosen_by(scheme, weights, one), PLAIN_SCHEMES[scheme](weights, other)
         )
         assert one.bit_generator.state == other.bit_generator.state
 
@@ -207,7 +207,7 @@ def test_particles_outside_the_chains_domain_lose_their_weight_and_go_back(signs
     assert 900 < np.sum(chain.singular(q[:3000])) < 1100
     here, there, log_weights = np.zeros((3, 4000)), np.ascontiguousarray(q.T), np.zeros(4000)
     log_weights[:100] = -np.inf
-    assert from_python(keep_inside)(
+    assert keep_inside(
         domain_of(chain), here, there, 0, 4000, log_weights, np.empty(4000)
     ) == np.sum(gone[100:])
     assert np.array_equal(there.T, np.where(gone[:, None], 0.0, q))

@@ -90,18 +90,6 @@ def test_headers_without_their_columns_or_rows_are_refused(tmp_path, content):
         read_trajectory(tmp_path / "t.csv")
 
 
-def test_a_trajectory_cut_within_a_row_is_refused_at_every_byte(tmp_path):
-    write_trajectory(tmp_path / "t.csv", families(trajectory(3)))
-    content = (tmp_path / "t.csv").read_bytes()
-    for cut in range(len(content)):
-        (tmp_path / "t.csv").write_bytes(content[:cut])
-        if content[:cut].endswith(b"\n") and content[:cut].count(b"\n") == 3:
-            assert len(read_trajectory(tmp_path / "t.csv")) == 2
-        else:
-            with pytest.raises(RecordingError):
-                read_trajectory(tmp_path / "t.csv")
-
-
 def test_joint_angles_of_any_arm_read_back_bit_for_bit(tmp_path):
     q = np.random.default_rng(1).normal(0, 0.5, (30, 2))
     table = pd.DataFrame({"t": np.arange(30) / 100, "q:shoulder": q[:, 0], "q:elbow": q[:, 1]})

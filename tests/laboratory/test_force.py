@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.special import i0e, i1e
 
-from pipeline.core.errors import ConfigError
 from pipeline.laboratory.force import (
     Cables,
     Robots,
@@ -127,17 +126,6 @@ def test_directions_in_space_spread_by_their_concentration_alike_in_all_directio
     assert across((e @ mean).mean(axis=0), i1e(kappa) / i0e(kappa)) > 9
 
 
-def test_robots_without_slip_or_wander_pull_with_exactly_the_mean_force():
-    still = replace(ROBOTS, tension_sd=(0.0, 0.0, 0.0), concentration=(1e14, 1e14, 1e14))
-    record = record_force(CABLES, still, SILENT, 1.0, 2.0, np.random.default_rng(33))
-    mean = np.array([TENSION @ np.cos(DIRECTION), TENSION @ np.sin(DIRECTION), 0.0])
-    np.testing.assert_allclose(
-        record.force[record.time >= 1.0],
-        np.tile(mean, (int(np.sum(record.time >= 1.0)), 1)),
-        atol=1e-5,
-    )
-
-
 def test_the_transducer_adds_the_stated_noise_bias_and_drift():
     transducer = Transducer(noise=(0.02, 0.001), bias=(0.4, 0.01), drift=(1e-3, 1e-4))
     records = [
@@ -163,36 +151,3 @@ def test_a_cable_never_pushes_and_the_samples_where_it_would_are_counted():
     assert record.slack == np.sum(record.tension == 0.0) > 0
     taut = record_force(CABLES, replace(ROBOTS, tension_sd=(0.1, 0.1, 0.1)), SILENT, 5.0, 60.0, rng)
     assert taut.slack == 0 < taut.tension[taut.time >= 5.0].min()
-
-
-def test_a_record_is_that_of_its_generator():
-    one, same, other = (
-        record_force(CABLES, ROBOTS, Transducer(), 1.0, 2.0, np.random.default_rng(s))
-        for s in (36, 36, 37)
-    )
-    assert len(one.time) == 188
-    np.testing.assert_array_equal(one.force, same.force)
-    np.testing.assert_array_equal(one.torque, same.torque)
-    assert not np.array_equal(one.force, other.force)
-
-
-@pytest.mark.parametrize(
-    "build",
-    [
-        lambda: Robots((1.0,), (100.0, 100.0)),
-        lambda: Robots((-1.0,), (100.0,)),
-        lambda: Transducer(rate=0.0),
-        lambda: record_force(
-            replace(CABLES, tension=TENSION[:2]),
-            ROBOTS,
-            SILENT,
-            1.0,
-            1.0,
-            np.random.default_rng(38),
-        ),
-        lambda: record_force(CABLES, ROBOTS, SILENT, -1.0, 1.0, np.random.default_rng(38)),
-    ],
-)
-def test_rigs_that_cannot_be_built_are_refused(build):
-    with pytest.raises(ConfigError):
-        build()

@@ -4,6 +4,7 @@ laws.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,6 @@ from scipy.spatial.transform import Rotation
 
 import pipeline.arm
 from pipeline.arm.model import load_arm
-from pipeline.core.errors import ConfigError
 from pipeline.laboratory.mocap import MocapOptions, capture, place_markers
 
 ARM = load_arm(
@@ -21,10 +21,8 @@ ARM = load_arm(
     "arm_tool",
     {},
 )
-TEMPLATE = np.array([[[0.03, -0.04, 0.02], [-0.02, -0.04, 0.1], [0.01, 0.04, 0.06]]] * 3) * [
-    [[1.0]],
-    [[0.9]],
-    [[1.1]],
+TEMPLATE = np.array([[0.03, -0.04, 0.02], [-0.02, -0.04, 0.1], [0.01, 0.04, 0.06]]) * [
+    [[scale]] for scale in (1.0, 0.9, 1.1)
 ]
 WORLD = Rotation.from_euler("xyz", [-1.4, 0.3, 0.2]).as_matrix()
 ORIGIN = np.array([0.4, 0.9, -1.2])
@@ -62,20 +60,15 @@ def test_markers_without_noise_give_back_the_joint_angles() -> None:
     np.testing.assert_allclose(ARM.chain.joints_from_segments(psi), q, atol=1e-9)
 
 
-def test_noise_is_white_with_the_stated_deviation() -> None:
-    options = MocapOptions(
-        noise_std=2e-4, placement_std=0, occlusion_rate=0, swap_rate=0, lost_label_rate=0
-    )
+def test_noise_and_errors_of_placement_have_the_stated_deviations() -> None:
+    options = replace(SILENT, noise_std=2e-4)
     noise = labelled(take(options, 4000).markers) - labelled(take(SILENT, 4000).markers)
     # 108 000 draws: the deviation's standard error is 0.22 %
     assert noise.std() == pytest.approx(2e-4, rel=0.01)
     assert not noise.std() == pytest.approx(2.1e-4, rel=0.01)
     assert abs((noise[1:] * noise[:-1]).mean()) < 4 * 2e-4**2 / np.sqrt(noise.size)
-
-
-def test_placement_error_is_drawn_once_with_the_stated_deviation() -> None:
-    options = MocapOptions(placement_std=1e-3)
-    rng = np.random.default_rng(3)
+    # the error of placement is drawn once
+    options, rng = MocapOptions(placement_std=1e-3), np.random.default_rng(3)
     errors = np.stack([place_markers(TEMPLATE, options, rng) - TEMPLATE for _ in range(400)])
     assert errors.std() == pytest.approx(1e-3, rel=0.03)
     assert errors.mean(axis=0) == pytest.approx(0.0, abs=4e-3 / 20)
@@ -102,9 +95,7 @@ def test_occlusions_are_counted_and_cover_the_share_of_their_law() -> None:
 
 
 def test_swaps_exchange_two_labels_of_one_link_and_are_counted() -> None:
-    options = MocapOptions(
-        noise_std=0, occlusion_rate=0, swap_rate=0.01, swap_frames=4, lost_label_rate=0
-    )
+    options = replace(SILENT, swap_rate=0.01, swap_frames=4)
     result = take(options, 2000)
     observed, true = (
         labelled(m).reshape(2000, 3, 3, 3) for m in (result.markers, take(SILENT, 2000).markers)
@@ -118,9 +109,7 @@ def test_swaps_exchange_two_labels_of_one_link_and_are_counted() -> None:
 
 
 def test_lost_labels_reappear_as_unlabeled_columns_and_are_counted() -> None:
-    options = MocapOptions(
-        noise_std=0, occlusion_rate=0.01, swap_rate=0, lost_label_rate=0.005, lost_label_frames=5
-    )
+    options = replace(SILENT, occlusion_rate=0.01, lost_label_rate=0.005, lost_label_frames=5)
     result = take(options, 3000)
     observed, true = labelled(result.markers), labelled(take(SILENT, 3000).markers)
     strays = {name: column for name, column in result.markers.items() if name not in NAMES}
@@ -143,26 +132,3 @@ def test_lost_labels_reappear_as_unlabeled_columns_and_are_counted() -> None:
     # with the strays put back, occlusions are all that is missing
     assert np.isnan(observed[..., 0]).sum() == result.faults.occluded
     np.testing.assert_array_equal(observed[~np.isnan(observed)], true[~np.isnan(observed)])
-
-
-def test_an_equal_stream_gives_equal_captures_and_another_stream_does_not() -> None:
-    options = MocapOptions(occlusion_rate=0.01, swap_rate=0.01, lost_label_rate=0.01)
-    first, second, other = take(options), take(options), take(options, seed=6)
-    assert first.faults == second.faults
-    assert list(first.markers) == list(second.markers)
-    for name, column in first.markers.items():
-        np.testing.assert_array_equal(column, second.markers[name])
-    assert not np.array_equal(first.markers["link1_a"], other.markers["link1_a"], equal_nan=True)
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"noise_std": -1e-4}, {"swap_rate": 1.5}, {"occlusion_frames": 0.5}]
-)
-def test_impossible_options_are_refused(wrong: dict) -> None:
-    with pytest.raises(ConfigError, match=r"laboratory\.mocap"):
-        MocapOptions(**wrong)
-
-
-def test_arrays_of_another_shape_are_refused() -> None:
-    with pytest.raises(ConfigError, match="marker places"):
-        capture(ARM, joint_angles(5), TEMPLATE[:2], WORLD, ORIGIN, SILENT, np.random.default_rng(0))

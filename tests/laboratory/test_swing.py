@@ -1,4 +1,5 @@
-"""The commanded motion: out and back, at rest in between, within the limits of the joints."""
+"""The commanded motion, out and back or along any joint path: at rest where it rests, within the
+limits of the joints."""
 
 from __future__ import annotations
 
@@ -9,56 +10,44 @@ import pytest
 
 from pipeline.core.columns import values
 from pipeline.core.errors import ConfigError
-from pipeline.laboratory.options import TrajectoryOptions
-from pipeline.laboratory.swing import desired_joints, desired_trajectory
+from pipeline.laboratory.dynamics import Chance, draw, simulate_take, swing
+from pipeline.laboratory.joint_path import JointPath
+from pipeline.laboratory.session import open_session, perform
+from pipeline.laboratory.swing import desired_joints, desired_path, desired_trajectory
 
 
-def grid(options: TrajectoryOptions, rate: float = 1000.0) -> np.ndarray:
-    return np.arange(round(options.duration * rate) + 1) / rate
-
-
-def test_the_arm_rests_folded_goes_out_rests_comes_back_and_rests(trajectory):
-    t = grid(trajectory)
+def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way(arm, trajectory):
+    t = np.arange(round(trajectory.duration * 1000) + 1) / 1000
     q, speed = desired_joints(t, trajectory)
     half, rest = trajectory.duration / 2, trajectory.rest
     ends = (t <= rest) | (t >= trajectory.duration - rest)
     turn = np.abs(t - half) <= rest
     assert np.array_equal(q[ends], np.tile(trajectory.folded, (ends.sum(), 1)))
     np.testing.assert_allclose(q[turn], np.tile(trajectory.extended, (turn.sum(), 1)), atol=1e-12)
-    still = ~speed.any(axis=1)
     # the instants at which rest and motion meet may round to either side
-    assert abs(still.sum() - (ends.sum() + turn.sum())) <= 4
+    assert abs((~speed.any(axis=1)).sum() - (ends.sum() + turn.sum())) <= 4
     way = np.array(trajectory.extended) - trajectory.folded
-    out, back = (t > rest) & (t < half - rest), (t > half + rest) & (t < trajectory.duration - rest)
-    assert np.all((speed * way)[out].min(axis=1) >= 0)
-    assert np.all((speed * way)[back].max(axis=1) <= 0)
-
-
-def test_the_way_back_is_the_way_out_in_reverse(trajectory):
-    t = grid(trajectory)
-    q, speed = desired_joints(t, trajectory)
+    assert np.all((speed * way)[(t > rest) & (t < half - rest)] >= 0)
     np.testing.assert_allclose(q, q[::-1], atol=1e-12)
-    away = np.abs(t - trajectory.duration / 2) > 1e-9
-    np.testing.assert_allclose(speed[away], -speed[::-1][away], atol=1e-11)
-
-
-def test_the_speed_is_the_derivative_of_the_angle_and_changes_smoothly(trajectory):
-    t = grid(trajectory)
-    q, speed = desired_joints(t, trajectory)
-    difference = (q[2:] - q[:-2]) / (t[2:] - t[:-2])[:, None]
-    assert np.abs(difference - speed[1:-1]).max() < 1e-4
+    # the speed is the derivative of the angle, and changes as smoothly as the ramps say
+    assert np.abs((q[2:] - q[:-2]) * 500 - speed[1:-1]).max() < 1e-4
     peak = np.abs(speed).max()
     assert np.abs(np.diff(speed, axis=0)).max() < peak * np.pi / 2 / trajectory.ramp / 1000 * 1.01
-    # control: halfway the speed is far from what a motion without ramps would have
-    assert peak > 1.2 * np.abs(np.array(trajectory.extended) - trajectory.folded).max() / (
-        trajectory.duration / 2 - 2 * trajectory.rest
-    )
-
-
-def test_joints_stay_within_their_limits_of_angle_and_speed(arm, trajectory):
-    q, speed = desired_joints(grid(trajectory), trajectory)
     assert arm.chain.within_limits(q).all()
     assert np.all(np.abs(speed) <= arm.chain.max_speed)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda arm, way: {"extended": (arm.chain.upper[0] + 0.01, *way.extended[1:])}, "leaves"),
+        (lambda arm, way: {"duration": 1.5, "rest": 0.0}, "faster than the joints"),
+        (lambda arm, way: {"folded": (0.0,) * 2, "extended": (0.5,) * 2}, "must have 3 angles"),
+    ],
+)
+def test_a_motion_that_the_arm_cannot_do_is_refused(arm, trajectory, change, words):
+    with pytest.raises(ConfigError, match=words):
+        desired_trajectory(arm.chain, replace(trajectory, **change(arm, trajectory)))
 
 
 def test_the_table_steps_from_pose_to_pose_exactly(arm, trajectory):
@@ -75,24 +64,73 @@ def test_the_table_steps_from_pose_to_pose_exactly(arm, trajectory):
     assert still.sum() > 5
 
 
-def test_a_motion_beyond_the_joint_limits_is_refused(arm, trajectory):
-    beyond = replace(trajectory, extended=(arm.chain.upper[0] + 0.01, *trajectory.extended[1:]))
-    with pytest.raises(ConfigError, match="leaves the joint limits"):
-        desired_trajectory(arm.chain, beyond)
+OFFSET = np.array([1e-3, -2e-3, 3e-3])
 
 
-def test_a_motion_faster_than_the_joints_is_refused(arm, trajectory):
-    peak = np.abs(desired_joints(grid(trajectory), trajectory)[1]).max()
-    # at the joints' speed limit, were the rests to shrink as well
-    hurry = trajectory.duration * peak / np.pi * 2
-    with pytest.raises(ConfigError, match="faster than the joints"):
-        desired_trajectory(arm.chain, replace(trajectory, duration=0.9 * hurry))
+@pytest.fixture
+def sampled(arm, trajectory):
+    return JointPath(desired_path(arm.chain, trajectory), trajectory.rate)
+
+
+def test_a_sampled_motion_is_performed_like_the_motion_that_was_sampled(
+    arm, trajectory, dynamics, sampled
+):
+    session = open_session(arm.chain, dynamics, np.random.default_rng(1))
+    one, other = (
+        perform(session, motion, dynamics, np.random.default_rng(2))
+        for motion in (trajectory, sampled)
+    )
+    # sway and play, up to 0.05 rad of a joint, follow the speed, which the interpolant has to 1 %
+    assert 0 < np.abs(one.truth - other.truth).max() < 5e-4
+    # the control: a motion that is not the sampled one
+    slower = JointPath(0.9 * sampled.joints, sampled.rate)
+    turned = perform(session, slower, dynamics, np.random.default_rng(2))
+    assert np.abs(one.truth - turned.truth).max() > 1e-2
+
+
+def test_the_path_goes_through_its_poses_rests_where_it_rests_and_never_overshoots(sampled):
+    grid = np.arange(len(sampled.joints)) / sampled.rate
+    np.testing.assert_allclose(desired_joints(grid, sampled)[0], sampled.joints, atol=1e-15)
+    still = ~np.any(np.diff(sampled.joints, axis=0), axis=1)
+    assert still.any() and not still.all()
+    between = desired_joints(grid[:-1] + 0.4 / sampled.rate, sampled)
+    assert not between[1][still].any()
+    low = np.minimum(sampled.joints[:-1], sampled.joints[1:])
+    high = np.maximum(sampled.joints[:-1], sampled.joints[1:])
+    assert np.all((low - 1e-12 <= between[0]) & (between[0] <= high + 1e-12))
+    # the speed is the path's derivative
+    t = np.linspace(0.5, 1.5, 41)
+    ahead, behind = (desired_joints(t + h, sampled)[0] for h in (1e-5, -1e-5))
+    np.testing.assert_allclose((ahead - behind) / 2e-5, desired_joints(t, sampled)[1], atol=1e-3)
+
+
+def test_takes_made_together_are_those_made_one_by_one(arm, dynamics, sampled):
+    single = [
+        simulate_take(arm.chain, OFFSET, sampled, dynamics, np.random.default_rng(seed))
+        for seed in range(3)
+    ]
+    drawn = [draw(arm.chain, sampled, dynamics, np.random.default_rng(seed)) for seed in range(3)]
+    stacked = Chance(*map(np.stack, zip(*drawn, strict=True)))
+    together = swing(arm.chain, OFFSET, sampled, dynamics, stacked)
+    for field in ("q", "servo"):
+        alone = np.stack([getattr(take, field) for take in single])
+        assert np.array_equal(getattr(together, field), alone)
+    assert np.abs(together.q[0] - together.q[1]).max() > 1e-4
 
 
 @pytest.mark.parametrize(
-    "bad",
-    [{"rest": 0.6}, {"rest": -0.1}, {"ramp": 0.0}, {"ramp": 0.6}, {"rate": 0.0}, {"duration": 1.0}],
+    ("change", "words"),
+    [
+        (lambda q: q[:, :2], "3 angles a pose"),
+        (lambda q: q[:1], "two poses or more"),
+        (lambda q: q + np.where(np.arange(len(q)) >= 7, 9.0, 0.0)[:, None], "limits .step 7"),
+        (lambda q: q + np.where(np.arange(len(q)) > 7, 0.1, 0.0)[:, None], "faster.*step 7"),
+    ],
 )
-def test_times_that_do_not_fit_together_are_refused(trajectory, bad):
-    with pytest.raises(ConfigError, match=r"laboratory\.trajectory"):
-        replace(trajectory, **bad)
+def test_a_path_that_the_arm_cannot_follow_is_refused_with_its_first_step(
+    arm, sampled, change, words
+):
+    sampled.require_followable(arm.chain)
+    bad = replace(sampled, joints=change(sampled.joints))
+    with pytest.raises(ConfigError, match=words):
+        bad.require_followable(arm.chain)

@@ -153,6 +153,32 @@ def test_where_the_noise_follows_the_speed_alone_the_bound_is_unbounded(
     assert found.estimates["noise_level"] == pytest.approx(2.0, rel=0.05)
 
 
+def test_the_objective_of_the_likelihood_is_the_models_own(chain, poses, step):
+    data = recorded(chain, poses, step, GaussianModel(0.1, 25.0), takes=10)
+    fit = estimate(data, Gaussian("gaussian", "", estimator="likelihood")).details
+
+    def cost(alpha: float) -> float:
+        model = GaussianModel(alpha, fit.u)
+        density = model.log_density(chain, data.q, data.v, data.q_next, data.measurement)
+        return -density[:, REST:].sum()
+
+    assert cost(fit.alpha) == pytest.approx(fit.objective, rel=1e-12)
+    assert min(cost(0.97 * fit.alpha), cost(1.03 * fit.alpha)) > fit.objective
+
+
+@pytest.mark.parametrize("estimator", ["moments", "paper", "likelihood"])
+@pytest.mark.parametrize("kind", [Gaussian, Wishart])
+def test_a_motion_at_rest_throughout_is_refused(chain, poses, step, kind, estimator):
+    data = recorded(chain, poses, step, GaussianModel(0.1, 25.0), takes=10)
+    still = replace(data, v=np.zeros_like(data.v), known_measurement=1e-9 * np.eye(3))
+    options = kind(kind.__module__.split(".")[-2], "", estimator=estimator)
+    if kind is Wishart and estimator == "paper":  # of which a rest is the identity
+        assert estimate(still, options).estimates["sigma_b"] == 0
+        return
+    with pytest.raises(ModelDomainError, match="at rest at every step"):
+        estimate(still, options)
+
+
 def test_the_curve_over_the_weight_falls_through_the_moment_estimate(chain, poses, step):
     data = recorded(chain, poses, 0.1 * step, WishartModel(0.5), takes=20)
     options, rng = wishart("moments"), np.random.default_rng(3)

@@ -116,10 +116,10 @@ def test_parameters_outside_the_models_range_are_refused(parameters, chain, tmp_
 
 
 OPTIONS = """
-from dataclasses import dataclass
+from pipeline.core import validation
 from pipeline.models import options
 
-@dataclass
+@validation.options(kw_only=True)
 class Options(options.Options):
     std: float = 0.0
 """
@@ -169,7 +169,7 @@ def test_a_folder_is_a_model_that_is_found_composed_fitted_and_filtered(
     params.models = ["additive", "tiny"]
     OmegaConf.save(params, tmp_path / "params.yaml")
     monkeypatch.setattr(config, "CONF", options)
-    composed = config.compose_config(tmp_path / "params.yaml").models.tiny
+    composed = config.compose_config(tmp_path / "params.yaml").models["tiny"]
     assert composed.label == "a tiny model"
 
     requested = kinds.options_type("tiny")(kind="tiny", label=composed.label)

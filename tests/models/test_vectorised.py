@@ -1,49 +1,61 @@
-"""The compiled steps of a planar arm compute several poses at once. Where a loop reads an array
-in a branch, or slices one, the compiler takes one pose at a time: six times as long.
+"""The loops of a compiled step take several poses at once. Where a loop reads the wrong axis, or
+LLVM cannot see that rows do not overlap, it takes one pose at a time: two to seven times as long.
 """
 
 from __future__ import annotations
 
 import re
 
-import numba
+import numpy as np
 import pytest
+from space_arms import revolute_arm
 
-from pipeline.models.additive import step as additive
-from pipeline.models.gaussian import step as gaussian
-from pipeline.models.law import STEP
-from pipeline.models.scaled import step as scaled
-from pipeline.models.wishart import step as wishart
+from pipeline.arm import kinematics, planar, rows
+from pipeline.arm.rows import block_rows
+from pipeline.core.compiled import inner
+from pipeline.models.draws import block_for
+from pipeline.models.wishart import step
 
-LAWS = [
-    additive.planar_additive,
-    gaussian.planar_gaussian,
-    scaled.planar_scaled,
-    wishart.given_factor,
-    wishart.qr_transposed,
-    wishart.pivoted_lu,
-]
-# products of several numbers at once
-WIDE = re.compile(r"fmul <\d+ x double>")
+# products of several numbers at once, in AVX and wider
+WIDE = re.compile(r"vmulpd\s.*%[yz]mm")
+SPATIAL = revolute_arm(7)
+ROWS = block_rows(7, 6)
+POSES = np.zeros((7, 256))
 
 
-def code(function) -> str:
-    """What the compiler makes of ``function`` as a step."""
-    law = numba.njit(STEP.signature, error_model="numpy")(function)
-    return law.inspect_llvm(law.signatures[0])
+def wide(function, *arguments) -> bool:
+    function(*arguments)
+    return all(WIDE.search(assembly) for assembly in function.inspect_asm().values())
+
+
+def calls(chain) -> dict:
+    """Loops of a step, with arguments."""
+    flat, block, first = block_for(chain), block_for(SPATIAL), ROWS.jacobian
+    q, arm, space = np.zeros((3, 256)), chain.numbers(), SPATIAL.numbers()
+    return {
+        "planar Jacobian": (planar.planar_jacobian, arm, q, 0, 256, flat),
+        "planar steps": (planar.planar_steps, arm, flat, 256),
+        "planar norm": (planar.planar_inverse_square, flat, 256),
+        "tip": (kinematics.tip, space, POSES, 0, 64, block),
+        "Jacobian": (kinematics.task_jacobian, space, block, first, 64),
+        "sums of products": (rows.add_dot, block, 0, 1.0, 1, 1, 9, 1, 6, 64),
+        "combinations": (rows.add_combination, block, 0, np.ones(9), 0, 1, 7, 64),
+        "action": (step.act, 64.0, block, ROWS, 3, 64),
+    }
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: f"{law.__module__}.{law.__name__}")
-def test_a_planar_law_takes_several_poses_at_once(law):
-    assert WIDE.search(code(law.py_func))
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_the_loops_of_a_step_take_several_poses_at_once(chain):
+    one_by_one = [name for name, call in calls(chain).items() if not wide(*call)]
+    assert one_by_one == []
 
 
 @pytest.mark.slow
 def test_poses_that_wait_for_each_other_are_taken_one_by_one():
-    def chained(numbers, parameters, arm, poses):
-        for i in range(1, poses.count):
-            poses.moved[0, i] = parameters[0] * poses.moved[0, i - 1]
-        return 0
+    @inner
+    def chained(block, factor):
+        for i in range(1, 64):
+            block[0, i] = factor * block[0, i - 1]
 
-    assert not WIDE.search(code(chained))
+    assert not wide(chained, np.ones((1, 64)), 0.5)

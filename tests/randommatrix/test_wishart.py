@@ -26,26 +26,6 @@ def test_theorem_2_a_gram_matrix_of_at_least_as_many_columns_is_positive_definit
         assert np.all(least > 1e-10) == definite
 
 
-def bartlett_with_numpy(d: float, count: int, rng: np.random.Generator) -> np.ndarray:
-    """The compiled draws' plain form: NumPy's own gamma variates, matrix products."""
-    triangle = np.zeros((count, 3, 3))
-    for draw in triangle:
-        for i in range(3):
-            draw[i, :i] = rng.standard_normal(i)
-            draw[i, i] = np.sqrt(2 * rng.standard_gamma((d - i) / 2))
-    factor = np.linalg.cholesky(SIGMA) @ triangle
-    return factor @ np.swapaxes(factor, 1, 2)
-
-
-@pytest.mark.parametrize("d", [2.4, 3.0, 4.0, 5.5, 64.0])
-def test_the_compiled_draws_are_the_plain_ones_from_the_same_stream(d):
-    compiled, plain = np.random.default_rng(1), np.random.default_rng(1)
-    draws = wishart.sample(d, SIGMA, (40, 50), compiled)
-    expected = bartlett_with_numpy(d, 2000, plain).reshape(draws.shape)
-    np.testing.assert_allclose(draws, expected, rtol=1e-12, atol=1e-12 * d)
-    assert compiled.bit_generator.random_raw() == plain.bit_generator.random_raw()
-
-
 def test_other_sizes_and_a_single_draw():
     assert wishart.sample(9.0, np.eye(2), (), np.random.default_rng(1)).shape == (2, 2)
     draws = wishart.sample(9.5, np.eye(5), (20_000,), np.random.default_rng(1))

@@ -86,14 +86,6 @@ def test_a_body_that_the_take_lacks_or_that_has_no_link_is_named(tmp_path, arm, 
         marker_rows("t", file, "training", dataset(bodies={"arm": Body("B1", MOUNT)}))
 
 
-def test_a_quaternion_that_is_none_is_refused(tmp_path, arm, joints):
-    bodies = bodies_of(arm, joints)
-    bodies["B1"].quaternion[3] *= 0.9
-    file = written(tmp_path, markers_of(arm, joints), bodies)
-    with pytest.raises(RecordingError, match="rotation of B1 is of the length 0"):
-        marker_rows("t", file, "training", dataset(bodies={"link1": Body("B1", MOUNT)}))
-
-
 def test_frames_that_the_file_skips_are_missing_samples(tmp_path, arm, joints):
     file = written(tmp_path, markers_of(arm, joints))
     lines = file.read_bytes().splitlines(keepends=True)
@@ -158,11 +150,6 @@ def test_a_file_with_the_wrong_ending_is_refused_and_not_read_as_the_other_forma
     file = written(tmp_path, markers_of(arm, joints)).rename(tmp_path / "t.c3d")
     with pytest.raises(RecordingError, match="no C3D file"):
         read_take(file, None)
-
-
-def test_an_unknown_unit_is_no_option():
-    with pytest.raises(ConfigError, match="should be 'm', 'cm' or 'mm'"):
-        dataset(unit="inch")
 
 
 def test_takes_are_found_by_part_and_two_of_one_name_are_refused(tmp_path):

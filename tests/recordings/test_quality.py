@@ -1,6 +1,5 @@
-"""How what was counted of each take is summed up: counts by their total, shares and correlations by
-their mean, and row numbers not at all.
-"""
+"""What was counted of each take is summed up by its unit, and a take beyond a stated limit is left
+out."""
 
 from __future__ import annotations
 
@@ -8,10 +7,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.recordings.limits import beside_limits
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.dataset import Limits
+from pipeline.recordings.limits import beside_limits, reasons, require_enough
 from pipeline.recordings.quality import metrics, quality_row, side_by_side, summarised
 
 CAMERA, LOG = "depth camera", "joint log"
+
+
 SHARES, CORRELATIONS = [0.2, 0.9, 0.4, 0.6], [0.999, 0.98, 0.97, 0.99]
 
 
@@ -54,12 +57,6 @@ def test_no_share_and_no_correlation_of_the_metrics_is_greater_than_one(quality)
     assert sums["depth_camera_dropped_share"] > 1 and sums["depth_camera_clock_correlation"] > 1
 
 
-def test_the_same_quantity_of_two_instruments_is_summed_up_for_each(quality):
-    other = quality[quality["quantity"] == "dropped_frames"].assign(instrument=LOG, value=2.0)
-    numbers = metrics(summarised(pd.concat([quality, other])))
-    assert (numbers["depth_camera_dropped_frames"], numbers["joint_log_dropped_frames"]) == (6, 8)
-
-
 def test_takes_stand_side_by_side_with_the_reason_why_one_is_left_out(quality):
     table = side_by_side(beside_limits(quality, {"clock_offset": 0.15, "dropped_share": 0.8}))
     table = table.set_index("take")
@@ -70,3 +67,68 @@ def test_takes_stand_side_by_side_with_the_reason_why_one_is_left_out(quality):
         "take_1": "dropped_share 0.9 beyond 0.8",
         "take_3": "clock_offset 0.2 beyond 0.15",
     }
+
+
+def residuals_of(residuals: dict[str, float], part: str = "training") -> pd.DataFrame:
+    rows = [
+        quality_row(take, part, "motion capture", "residual_rms", value, "m")
+        for take, value in residuals.items()
+    ]
+    return pd.DataFrame(
+        rows
+        + [quality_row(take, part, "motion capture", "marker_samples", 1e6) for take in residuals]
+    )
+
+
+def test_a_take_beyond_a_limit_is_left_out_and_one_at_the_limit_stays():
+    takes = beside_limits(
+        residuals_of({"a": 1e-3, "b": 1.001e-3, "c": 2e-4}), {"residual_rms": 1e-3}
+    )
+    assert takes[["take", "left_out"]].values.tolist() == [["a", False], ["b", True], ["c", False]]
+    assert reasons(takes) == ["b (residual_rms 0.001 beyond 0.001)"]
+
+
+def test_without_a_stated_limit_no_take_is_left_out():
+    for limits in ({}, {"residual_rms": None}, vars(Limits())):
+        takes = beside_limits(residuals_of({"a": 1e3}), limits)
+        assert not takes["left_out"].any() and takes["limit"].isna().all() and reasons(takes) == []
+
+
+def test_a_take_is_left_out_whole_for_one_measure_and_a_clock_may_drift_to_neither_side():
+    drift = [
+        quality_row(take, "training", "depth camera", "clock_drift", value, "s/s")
+        for take, value in {"a": -0.05, "b": 0.01}.items()
+    ]
+    rows = pd.concat([pd.DataFrame(drift), residuals_of({"a": 1e-4, "b": 1e-4})])
+    takes = beside_limits(rows, {"clock_drift": 0.02, "residual_rms": 1e-3})
+    assert takes.loc[takes["take"] == "a", "left_out"].tolist() == [True, True]
+    assert takes.loc[takes["take"] == "a", "beyond"].tolist() == [False, True]
+    assert not takes.loc[takes["take"] == "b", "left_out"].any()
+    assert set(takes["measure"]) == {"clock_drift", "residual_rms"}  # and no count of samples
+    # to be less disturbed than others is no reason
+    rows = [
+        quality_row(take, "training", "joint log", "disturbance", value)
+        for take, value in {"a": -7.0, "b": 7.0}.items()
+    ]
+    takes = beside_limits(pd.DataFrame(rows), {"disturbance": 6.0})
+    assert takes["left_out"].tolist() == [False, True]
+
+
+def test_fewer_than_two_takes_of_a_part_are_refused_by_the_limits_name():
+    rows = pd.concat(
+        [residuals_of({"a": 1e-4, "b": 1e-4}), residuals_of({"c": 5e-3, "d": 1e-4}, "test")]
+    )
+    with pytest.raises(
+        RecordingError,
+        match=r"1 test take\(s\) where 2.* c \(residual_rms 0.005.*dataset\.limits\.residual_rms",
+    ):
+        require_enough(beside_limits(rows, {"residual_rms": 1e-3}))
+    require_enough(beside_limits(rows, {"residual_rms": 1e-2}))
+    # a single take that no limit leaves out is for others to judge
+    require_enough(beside_limits(residuals_of({"a": 1e-4}), {"residual_rms": 1e-3}))
+
+
+@pytest.mark.parametrize("limits", [{"residual_rms": -1e-3}, {"clock_drift": float("nan")}])
+def test_a_limit_that_no_size_keeps_is_refused(limits):
+    with pytest.raises(ConfigError, match=next(iter(limits))):
+        Limits(**limits)

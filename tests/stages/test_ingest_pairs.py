@@ -155,3 +155,18 @@ def test_a_movement_at_rest_is_held_against_its_command_and_is_no_take(log_proje
     with pytest.raises(RecordingError, match="are no pair") as refused:
         ingest.run("motion")
     assert refused.value.evidence["file"].name == "move_3"
+
+
+def test_a_step_that_the_joint_cannot_make_is_refused_with_joint_time_speed_and_limit(
+    log_project, logs
+):
+    file = logs / "move_2" / FILES[0]
+    log = read_joint_log(file, joints=6)
+    log.signals["actual"][200, 4] += 0.2
+    write_joint_log(file, log)
+    log_project("ur5_planar", logs, joint_log=MADE_UP, motion={"steps": 140})
+    words = r"joint_5 \(actual\) steps by 0\.\d+ rad at 1\.6 s .* rad/s, where .* 3\.142 rad/s"
+    with pytest.raises(RecordingError, match=words) as refused:
+        ingest.run("motion")
+    assert refused.value.evidence["joint"] == "joint_5"
+    assert not list(Path("data/ingest").iterdir())

@@ -86,7 +86,7 @@ def test_errors_are_compared_at_one_level_and_the_true_model_has_the_least(level
     noise = noise_of(np.sqrt(RAMP**2 + MEASUREMENT), TAKES, 2)
     motion = {"flat": level * FLAT**2, "ramp": RAMP**2, "even": np.mean(RAMP**2, 1)[:, None]}
     motion["even"] = level * motion["even"] * np.ones(3)
-    table = spread_comparison(motion, MEASUREMENT, noise, JOINTS, np.random.default_rng(3))
+    table = spread_comparison(motion, MEASUREMENT, noise, JOINTS)
     rows = table.set_index(["model", "rival", "joint", "rival_joint"])
     ramp = rows.loc[("ramp", "flat", "elbow", "elbow")]
     assert ramp["high"] < 0 and ramp["error"] < 0.2 < ramp["rival_error"]
@@ -101,7 +101,7 @@ def test_errors_are_compared_at_one_level_and_the_true_model_has_the_least(level
 def test_two_equal_models_and_noise_without_a_course_leave_intervals_that_cover_zero():
     noise = noise_of(FLAT, 4, 5)
     motion = {"flat": FLAT**2, "same": 2 * FLAT**2}
-    table = spread_comparison(motion, 0 * MEASUREMENT, noise, JOINTS, np.random.default_rng(6))
+    table = spread_comparison(motion, 0 * MEASUREMENT, noise, JOINTS)
     same = table[(table["model"] == "same") & (table["rival"] == "flat")]
     assert np.allclose(same[["difference", "low", "high"]], 0)
 
@@ -109,7 +109,7 @@ def test_two_equal_models_and_noise_without_a_course_leave_intervals_that_cover_
 def test_the_error_of_a_biased_mean_varies_more_and_an_order_by_chance_is_not_decided():
     noise, course = noise_of(FLAT, TAKES, 7), np.sin(np.linspace(0, 3, STEPS))[:, None]
     error = {"plain": noise, "again": noise_of(FLAT, TAKES, 8), "biased": noise + course}
-    rows = mean_error_comparison(error, np.random.default_rng(9)).set_index(["model", "rival"])
+    rows = mean_error_comparison(error).set_index(["model", "rival"])
     assert rows.loc[("plain", "biased"), "high"] < 0 < rows.loc[("biased", "plain"), "low"]
     chance = rows.loc[("plain", "again")]
     assert chance["low"] < 0 < chance["high"]
@@ -139,8 +139,22 @@ def test_a_single_take_has_no_interval():
     assert rows["low"].isna().all() and rows["difference"].iloc[1] == -1
 
 
-def test_of_few_takes_a_resampling_of_one_alone_is_left_out():
+def test_two_takes_have_no_interval_and_three_have_one():
     motion = {"a": FLAT**2, "b": RAMP**2}
-    noise = noise_of(FLAT, 2, 4)
-    rows = spread_comparison(motion, MEASUREMENT, noise, JOINTS, np.random.default_rng(4))
-    assert np.isfinite(rows[["low", "high"]]).all(axis=None)
+    for takes, finite in ((2, False), (3, True)):
+        rows = spread_comparison(motion, MEASUREMENT, noise_of(FLAT, takes, 4), JOINTS)
+        assert np.isfinite(rows[["low", "high"]]).all(axis=None) == finite
+        assert np.isfinite(rows["difference"]).all()
+
+
+def test_the_interval_of_a_difference_covers_its_mean_about_as_often_as_it_says():
+    """Between two models of other courses over time, for as few as four takes."""
+    motion, inside, found = {"flat": FLAT**2, "ramp": RAMP**2}, [], []
+    for seed in range(80):
+        table = spread_comparison(motion, MEASUREMENT, noise_of(FLAT, 4, seed), JOINTS)
+        found.append(
+            table.query("model == 'ramp' and rival == 'flat' and joint == 'elbow'").iloc[0]
+        )
+    middle = np.mean([row["difference"] for row in found])
+    inside = [row["low"] <= middle <= row["high"] for row in found]
+    assert 0.85 < np.mean(inside)

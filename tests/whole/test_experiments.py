@@ -24,7 +24,10 @@ pytestmark = pytest.mark.slow
 PAGE = ROOT / "pipeline/core/compute/README.md"
 PATIENCE = 120  # s; a worker that has nothing to do ends by itself sooner
 LONGEST = 400  # s that the two experiments may take
-FLOOR, FITTED = "overrides.models.wishart.floor", "sigma_b"  # what was set, and what came of it
+SET, FITTED = (
+    "overrides.models.wishart.decomposition",
+    "sigma_b",
+)  # what was set, and what came of it
 
 
 def documented() -> list[list[str]]:
@@ -57,8 +60,8 @@ def copy(reproduced: Path, tmp_path: Path) -> Iterator[Path]:
 
 
 def test_a_sweep_is_queued_run_shown_and_applied_and_the_workspace_stays_until_then(copy):
-    queue_floors, queue_seeds, status, run_all, show, apply = documented()
-    said(*queue_floors, cwd=copy)
+    queue_decompositions, queue_seeds, status, run_all, show, apply = documented()
+    said(*queue_decompositions, cwd=copy)
     # a range ends before its second number
     assert re.findall(r"'seed=(\d+)'", said(*queue_seeds, cwd=copy)) == ["1", "2", "3"]
     queued = re.findall(r"^\w{7}\s+(\S+)\s.*Queued", said(*status, cwd=copy), re.MULTILINE)
@@ -74,18 +77,20 @@ def test_a_sweep_is_queued_run_shown_and_applied_and_the_workspace_stays_until_t
     shown = pd.read_csv(StringIO(said(*show, cwd=copy)))
     assert shown.rev.tolist()[:2] == ["workspace", "main"]
     experiments = shown[2:].set_index("Experiment")
-    assert set(experiments.index) == set(queued[:2]) and set(experiments[FLOOR]) == {0.1, 0.4}
-    # a higher floor of B⁻¹ keeps B nearer to the identity; DVC names the file before a number that
-    # several files have
+    assert set(experiments.index) == set(queued[:2]) and set(experiments[SET]) == {
+        "qr",
+        "qr_transposed",
+    }
+    # each decomposition is another law and has another σ_B at the recorded level; DVC names the
+    # file before a number that several files have
     (fitted,) = [column for column in shown if column.rpartition(":")[2] == FITTED]
-    assert (
-        experiments.sort_values(FLOOR)[fitted].is_monotonic_decreasing
-        and shown[fitted].nunique() == 3
-    )
+    assert shown[fitted].nunique() == 3
 
-    (chosen,) = experiments.index[experiments[FLOOR] == 0.4]
+    (chosen,) = experiments.index[experiments[SET] == "qr_transposed"]
     said(*apply[:-1], chosen, cwd=copy)
-    assert OmegaConf.load(copy / "data/config.yaml").models.wishart.floor == 0.4
+    assert OmegaConf.load(copy / "data/config.yaml").models.wishart.decomposition == (
+        "qr_transposed"
+    )
     changed = {line[3:] for line in said("git", "status", "--porcelain", cwd=copy).splitlines()}
     assert changed == {
         "params.yaml",

@@ -65,7 +65,7 @@ def test_exports_become_figures_and_a_changed_export_is_noticed(project):
     set_parameters(project, dataset="lab", models="[additive]")
 
     checked = run(*check, cwd=project)
-    assert checked.returncode == 1 and "about.subject: there is ??? for a value" in checked.stdout
+    assert checked.returncode == 1 and "about.subject: ??? must be replaced" in checked.stdout
     unfilled = run(*reproduce, cwd=project)
     message = [line for line in unfilled.stderr.splitlines() if line.startswith("error:")]
     assert unfilled.returncode != 0 and len(message) == 1
@@ -114,4 +114,4 @@ def test_exports_become_figures_and_a_changed_export_is_noticed(project):
     # was not asked for above; of the parts the motion alone
     plan = run("dvc", "repro", "--dry", cwd=project).stdout
     inventory = "data/raw/lab/dvc.yaml:inventory"
-    assert set(planned(plan)) == {inventory, "ingest@motion", "score", "report"}
+    assert set(planned(plan)) == {inventory, "ingest@motion", "score", "report", "page"}

@@ -238,6 +238,19 @@ def test_the_command_prints_one_line_and_exits_with_an_error(project):
     assert "Traceback" not in done.stderr
 
 
+def test_check_names_every_refusal_of_ingest_at_once_and_writes_nothing(project):
+    sheet = project / "data/raw/youbot/dataset.yaml"
+    text = sheet.read_text()
+    sheet.write_text(text.replace("link1_a:", "link1_ax:").replace("force/C2.csv", "force/C9.csv"))
+    (RAW / "kinect/test_002/depth/0004.png").write_text("not an image")
+    before = contents(project)
+    done = run("python", "-m", "pipeline", "check", cwd=project)
+    assert done.returncode == 1 and "error: check: 3 to be mended" in done.stderr, done.stdout
+    for word in ("no marker named link1_ax", "force/C9.csv", "0004.png"):
+        assert done.stdout.count(word) == 1, done.stdout
+    assert {**before} == contents(project)
+
+
 def test_a_depth_camera_without_the_motion_capture_that_sets_its_clock(project):
     set_option("dataset.mocap", None)
     refuses_depth("dataset.depth", "motion capture")

@@ -123,7 +123,7 @@ def test_an_edit_of_the_filter_reruns_the_filters_and_what_shows_them(copy):
     said = succeeds("dvc", "repro", cwd=copy)
     ran = set(re.findall(r"Running stage '([^']+)'", said))
     filters = {f"filter@{model}" for model in MODELS}
-    assert ran == {"configure", "readings", "score", "figures", "report"} | filters
+    assert ran == {"configure", "readings", "score", "figures", "report", "page"} | filters
     # and that is what the plan said that the other tests look at
     set_parameters(copy, filter="systematic")
     assert reruns(copy) == ran - {"configure"}
@@ -131,7 +131,7 @@ def test_an_edit_of_the_filter_reruns_the_filters_and_what_shows_them(copy):
 
 @pytest.mark.slow
 def test_an_edit_reruns_only_what_depends_on_it(copy):
-    shown = {"score", "figures", "report"}
+    shown = {"score", "figures", "report", "page"}
     parameters = copy / "params.yaml"
     parameters.write_text(parameters.read_text() + "# a remark\n")
     assert reruns(copy) == set()
@@ -149,7 +149,7 @@ def test_an_edit_of_a_recording_reruns_the_part_that_reads_it_and_what_follows(c
     for name in ("dvc.yaml", "dvc.lock"):
         (copy / "data/raw/youbot" / name).unlink()
     after_track = {f"{stage}@{model}" for stage in ("fit", "filter") for model in MODELS}
-    shown = {"score", "figures", "report"}
+    shown = {"score", "figures", "report", "page"}
     force, take = "force/C2.csv", "optitrack/train_001.csv"
     for name, expected in (
         (force, {"files", "ingest@force", "wrench"}),

@@ -82,8 +82,7 @@ class JointLog:
     # s by which the command is early on the measured angles' clock, to the nearest row: one number,
     # or one of each movement by its name
     target_delay: FiniteFloat | dict[str, FiniteFloat] = 0.0
-    # of a joint's motion, by which the measured angles may miss the commanded ones (0.9 quantile
-    # over the rows)
+    # most that a joint's tracking error may be, divided by the joint's motion: 0.9 quantile of rows
     mismatch: Positive = 0.05
     start: list[float]  # rad, commanded angles of robot.joints before the motion
     end: list[float]  # rad, and after it

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from pipeline.core.bounds import MIB, require
+from pipeline.core.compute.sandbox import call_alone
 from pipeline.core.errors import RecordingError
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
 from pipeline.formats.joints.names import (
@@ -175,19 +176,27 @@ def npz_arrays(file: Path) -> Arrays:
 
 def mat_arrays(file: Path) -> Arrays:
     """Return the matrices of a MATLAB file, those in structs by their path, as ``rec.q``, a
-    vector's with one dimension; RecordingError for a file that is damaged or of version 7.3.
+    vector's with one dimension; RecordingError for a file that is damaged.
     """
+    try:  # damaged structs can end the process of the library
+        arrays = call_alone(_matrices, file, file=file)
+    except RecordingError as error:
+        if "ends the process" not in error.message:
+            raise
+        raise damaged(file, "SciPy cannot read it") from None
+    shapes = {name: values.shape for name, values in arrays.items()}
+    return Arrays(file, shapes, arrays.__getitem__)
+
+
+def _matrices(file: Path) -> dict[str, np.ndarray]:
     # here, as most logs are none
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
     try:
-        held = loadmat(file, simplify_cells=True)
+        return dict(_in_structs("", loadmat(file, simplify_cells=True)))
     except (*DAMAGE, MatReadError) as error:
         raise damaged(file, error) from None
-    arrays = dict(_in_structs("", held))
-    shapes = {name: values.shape for name, values in arrays.items()}
-    return Arrays(file, shapes, arrays.__getitem__)
 
 
 def _in_structs(path: str, held: Mapping[str, object]) -> Iterator[tuple[str, np.ndarray]]:

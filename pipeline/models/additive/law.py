@@ -10,15 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.models.covariance import root, trace_factor
-from pipeline.models.density import normal_log_density
-from pipeline.models.model import Law
+from pipeline.models.model import SCALED_LAW, Law, row_by_row
+from pipeline.models.normal import NormalModel
 
 
 @dataclass(frozen=True)
-class AdditiveModel:
+class AdditiveModel(NormalModel):
     """Eq. (InvDiffRndm): noise of one covariance at every pose and speed, ``noise_covariance`` Σ_ω
     (n, n) in rad²; zero is allowed.
     """
@@ -34,17 +33,9 @@ class AdditiveModel:
         return root(self.noise_covariance)
 
     def law(self, chain: Chain) -> Law:
-        """A step, compiled."""
-        from pipeline.models.additive import step  # here, as it loads the compiler
-        from pipeline.models.law import row_by_row
-
+        """Law of a compiled step: that of the scaled model without noise that grows with speed."""
         n = len(chain.lower)
-        move = step.planar_additive if isinstance(chain, PlanarChain) else step.additive
-        return Law(move, row_by_row(self._root, n), normals=(1, n))
-
-    def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(..., n) q and the nominal step."""
-        return q + chain.nominal_step(q, v)
+        return Law(SCALED_LAW, row_by_row(self._root, n), sets=1, each=n)
 
     def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) Σ_ω, whatever the pose and the step."""
@@ -56,29 +47,6 @@ class AdditiveModel:
         """The model of Σ_ω times a factor; raises ModelDomainError where it has no noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)
         return replace(self, noise_covariance=factor * self.noise_covariance)
-
-    def sample(
-        self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
-    ) -> np.ndarray:
-        """(..., n) the nominal step and ω."""
-        mean = self.mean(chain, q, v)
-        return mean + rng.standard_normal(mean.shape) @ self._root
-
-    def log_density(
-        self,
-        chain: Mechanism,
-        q: np.ndarray,
-        v: np.ndarray,
-        q_next: np.ndarray,
-        measurement: np.ndarray | None = None,
-    ) -> np.ndarray:
-        """(...,) that of the nominal step and N(0, Σ_ω + ``measurement``); raises
-        ModelDomainError where that covariance is singular.
-        """
-        covariance = (
-            self.noise_covariance if measurement is None else self.noise_covariance + measurement
-        )
-        return normal_log_density(q_next - self.mean(chain, q, v), 0.0, covariance)
 
 
 def build(parameters: dict[str, Any]) -> AdditiveModel:

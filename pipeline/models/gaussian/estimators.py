@@ -16,10 +16,10 @@ import numpy as np
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.commands import task_step
 from pipeline.models.covariance import principal_axes
-from pipeline.models.density import axis_log_density
 from pipeline.models.gaussian.law import noise_scale
 from pipeline.models.level import TakeVariances
 from pipeline.models.norm import frobenius
+from pipeline.models.normal import axis_log_density
 from pipeline.models.steps import Recorded, moving_steps
 
 ALPHA_RANGE = 30.0  # α is sought within this factor of what the second moments suggest
@@ -161,13 +161,13 @@ def fit_distance(
     """Minimise F = Σ_k β₁‖q̲_k − q̲̃_k‖ + β₂|tr{Cov(q_k) − Cov(q̃_k)}| over ũ in the range of
     ``extensions`` and all α ≥ 0, β₂ = 1 − β₁.
 
-    Eq. (objective-u-alpha). The moments are of one step. The model's mean is the nominal one for
-    every (ũ, α), so the first term, from ``nominal_mean`` and ``recorded_mean`` (M, n) in rad, is a
-    constant. ``step_norm`` is ‖v_k‖ and ``inverse_norm`` ‖J̲_k⁺‖_F (M,), ``rows`` m of the task,
-    ``recorded_covariance`` (M, n, n) in rad². The absolute value, step by step, mends the printed
-    objective, which falls without bound as the model's noise vanishes. In α² it is a weighted sum
-    of distances: its minimum is the median of tr Cov(q̃_k)/g_k under the weights g_k. The paper's
-    ũ > 0 has no upper end; here the interval is the caller's to state.
+    Eqs. (bound-u) and (objective-u-alpha). The moments are of one step. The model's mean is the
+    nominal one for every (ũ, α), so the first term, from ``nominal_mean`` and ``recorded_mean`` (M,
+    n) in rad, is a constant. ``step_norm`` is ‖v_k‖ and ``inverse_norm`` ‖J̲_k⁺‖_F (M,), ``rows`` m
+    of the task, ``recorded_covariance`` (M, n, n) in rad². The absolute value, step by step, mends
+    the printed objective, which falls without bound as the model's noise vanishes. In α² it is a
+    weighted sum of distances: its minimum is the median of tr Cov(q̃_k)/g_k under the weights g_k.
+    The paper's ũ > 0 has no upper end; here the interval is the caller's to state.
 
     Raises ModelDomainError for β₁ outside [0, 1), bad extensions, or a motion at rest throughout.
     """
@@ -259,7 +259,7 @@ def fit_likelihood(recorded: Recorded, extensions: np.ndarray) -> GaussianLikeli
         return noise_scale(norms, 1.0, largest * (1 + extension), *inverse.shape[-2:]) * speeds
 
     def densities(log_alpha: float, gain: np.ndarray) -> np.ndarray:
-        return axis_log_density(parts, np.exp(2 * log_alpha) * gain, least)
+        return axis_log_density(parts, (np.exp(2 * log_alpha) * gain)[:, None] + least)
 
     def best_at(extension: float) -> tuple[float, float]:
         gain = gain_at(extension)

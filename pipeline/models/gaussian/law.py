@@ -14,14 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.commands import task_step
 from pipeline.models.covariance import trace_factor
-from pipeline.models.density import normal_log_density
-from pipeline.models.model import Law
+from pipeline.models.model import GAUSSIAN_LAW, Law
 from pipeline.models.norm import frobenius
+from pipeline.models.normal import NormalModel
 
 
 def noise_scale(norm: np.ndarray, alpha: float, u: float, n: int, m: int) -> np.ndarray:
@@ -44,7 +43,7 @@ def noise_scale(norm: np.ndarray, alpha: float, u: float, n: int, m: int) -> np.
 
 
 @dataclass(frozen=True)
-class GaussianModel:
+class GaussianModel(NormalModel):
     """Random inverse Jacobian of level ``alpha`` α ≥ 0 under the bound ``u`` > 0 on its Frobenius
     norm: Eq. (GausMod) of J⁺. The law of a step, Eq. (RMTInvDiff), is that of Algorithm 2.
 
@@ -64,16 +63,9 @@ class GaussianModel:
             )
 
     def law(self, chain: Chain) -> Law:
-        """A step, compiled."""
-        from pipeline.models.gaussian import step  # here, as it loads the compiler
-
-        move = step.planar_gaussian if isinstance(chain, PlanarChain) else step.gaussian
+        """Law of a compiled step."""
         parameters = np.array([self.alpha, self.u], dtype=float)
-        return Law(move, parameters, normals=(1, len(chain.lower)))
-
-    def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(..., n) q and the nominal step."""
-        return q + chain.nominal_step(q, v)
+        return Law(GAUSSIAN_LAW, parameters, sets=1, each=len(chain.lower))
 
     def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) s‖v‖²·I in rad², zero beyond the bound."""
@@ -85,33 +77,6 @@ class GaussianModel:
         """The model of another α at the same u; raises ModelDomainError where it has no noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)
         return replace(self, alpha=float(np.sqrt(factor)) * self.alpha)
-
-    def sample(
-        self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
-    ) -> np.ndarray:
-        """(..., n) the nominal step and noise of variance s‖v‖²."""
-        mean, variance = self.mean(chain, q, v), self._variance(chain, q, v)
-        return mean + np.sqrt(variance)[..., None] * rng.standard_normal(mean.shape)
-
-    def log_density(
-        self,
-        chain: Mechanism,
-        q: np.ndarray,
-        v: np.ndarray,
-        q_next: np.ndarray,
-        measurement: np.ndarray | None = None,
-    ) -> np.ndarray:
-        """(...,) that of the nominal step and N(0, s‖v‖²·I + ``measurement``).
-
-        Raises ModelDomainError where that covariance is singular: without ``measurement`` at rest
-        and beyond the bound.
-        """
-        n = q_next.shape[-1]
-        return normal_log_density(
-            q_next - self.mean(chain, q, v),
-            self._variance(chain, q, v),
-            np.zeros((n, n)) if measurement is None else measurement,
-        )
 
     def _variance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(...,) s‖v‖² in rad², zero beyond the bound."""

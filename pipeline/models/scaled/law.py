@@ -18,11 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain, Mechanism
-from pipeline.models.covariance import principal_axes, root, trace_factor
-from pipeline.models.density import gaussian_log_density
-from pipeline.models.model import Law
+from pipeline.models.covariance import root, trace_factor
+from pipeline.models.model import SCALED_LAW, Law, row_by_row
+from pipeline.models.normal import NormalModel
 
 
 def scaled_covariance(floor: np.ndarray, gain: np.ndarray, dq: np.ndarray) -> np.ndarray:
@@ -33,7 +32,7 @@ def scaled_covariance(floor: np.ndarray, gain: np.ndarray, dq: np.ndarray) -> np
 
 
 @dataclass(frozen=True)
-class ScaledModel:
+class ScaledModel(NormalModel):
     """Noise of covariance ``floor`` A (n, n) in rad² at rest and ``gain`` B (n, n), in shares of a
     step, for what grows with speed.
 
@@ -51,18 +50,10 @@ class ScaledModel:
         return root(self.floor), root(self.gain)
 
     def law(self, chain: Chain) -> Law:
-        """A step, compiled."""
-        from pipeline.models.law import row_by_row  # here, as it loads the compiler
-        from pipeline.models.scaled import step
-
+        """Law of a compiled step."""
         n = len(chain.lower)
-        move = step.planar_scaled if isinstance(chain, PlanarChain) else step.scaled
         parameters = np.concatenate([row_by_row(each, n) for each in self._roots])
-        return Law(move, parameters, normals=(2, n))
-
-    def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(..., n) q and the nominal step."""
-        return q + chain.nominal_step(q, v)
+        return Law(SCALED_LAW, parameters, sets=2, each=n)
 
     def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) A + D(q̇)BD(q̇) in rad²."""
@@ -74,34 +65,6 @@ class ScaledModel:
         """The model of A and B times one factor; raises ModelDomainError where it has no noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)
         return replace(self, floor=factor * self.floor, gain=factor * self.gain)
-
-    def sample(
-        self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
-    ) -> np.ndarray:
-        """(..., n) the nominal step and η + D(q̇)ε."""
-        dq = chain.nominal_step(q, v)
-        eta, epsilon = (rng.standard_normal(dq.shape) @ each for each in self._roots)
-        return q + dq + eta + dq * epsilon
-
-    def log_density(
-        self,
-        chain: Mechanism,
-        q: np.ndarray,
-        v: np.ndarray,
-        q_next: np.ndarray,
-        measurement: np.ndarray | None = None,
-    ) -> np.ndarray:
-        """(...,) natural log of the density of ``q_next`` (..., n) in rad⁻ⁿ; ``measurement`` (n, n)
-        in rad² adds to the covariance.
-
-        Raises ModelDomainError where the covariance is singular: the density does not exist there.
-        """
-        dq = chain.nominal_step(q, v)
-        covariance = scaled_covariance(self.floor, self.gain, dq)
-        if measurement is not None:
-            _ = principal_axes(measurement)  # refuses what is not a covariance
-            covariance = covariance + measurement
-        return gaussian_log_density(q_next - q - dq, covariance)
 
 
 def build(parameters: dict[str, Any]) -> ScaledModel:

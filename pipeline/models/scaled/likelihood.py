@@ -133,7 +133,7 @@ def negative_log_likelihood(
     return 0.5 * total / len(w), 0.5 * by_floor / len(w), 0.5 * by_gain / len(w)
 
 
-@compiled()
+@compiled
 def _add_up(
     joints: tuple,
     w: np.ndarray,

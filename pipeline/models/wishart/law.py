@@ -11,7 +11,6 @@ z and T independent. So no matrix is drawn or inverted.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,8 +20,16 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.commands import task_step
-from pipeline.models.density import normal_log_density
-from pipeline.models.model import Law
+from pipeline.models.covariance import principal_axes
+from pipeline.models.model import (
+    GIVEN_LAW,
+    PIVOTED_LU_LAW,
+    QR_LAW,
+    QR_TRANSPOSED_LAW,
+    Law,
+    row_by_row,
+)
+from pipeline.models.normal import normal_log_density
 from pipeline.models.wishart.decomposition import PARTS, PIVOTED_LU, Decomposition
 from pipeline.models.wishart.density import (
     action_log_density,
@@ -37,6 +44,13 @@ from pipeline.models.wishart.moments import (
     step_variances,
 )
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion
+
+KINDS = {
+    "pivoted_lu": PIVOTED_LU_LAW,
+    "qr": QR_LAW,
+    "qr_transposed": QR_TRANSPOSED_LAW,
+    "given": GIVEN_LAW,
+}
 
 
 @dataclass(frozen=True)
@@ -58,42 +72,20 @@ class WishartModel:
             raise ModelDomainError("sigma_B must be positive and finite", sigma_B=self.sigma_b)
 
     def law(self, chain: Chain) -> Law:
-        """A step, compiled."""
+        """Law of a compiled step."""
         m = len(chain.task)
         self.decomposition.require_size(m)
         d = degrees_of_freedom(self.sigma_b, m)
-        # three task rows take one χ² variate and two normals, see :mod:`.step`; one takes no
+        # three task rows take one χ² variate and two normals (:mod:`.step`), one row has no
         # direction
         degrees = (d - m + 1,) if m in (1, 3) else (d - m + 1, d - m + 2)
-        move, parameters = self._planar() if isinstance(chain, PlanarChain) else self._serial(chain)
-        return Law(move, np.array([d, *parameters]), normals=(1, m - 1), degrees=degrees)
-
-    def _planar(self) -> tuple[Callable, list[float]]:
-        """The step of a planar chain of three joints, and its parameters beside d."""
-        from pipeline.models.law import row_by_row  # here, as it loads the compiler
-        from pipeline.models.wishart import step
-
-        n = 3
-        match self.decomposition:
-            case Decomposition("pivoted_lu"):
-                return step.pivoted_lu, []
-            case Decomposition("qr_transposed"):
-                return step.qr_transposed, []
-            case Decomposition(left=given):
-                left = np.eye(n) if given is None else np.array(given)
-                both = left, np.linalg.inv(left)
-                return step.given_factor, [
-                    number for each in both for number in row_by_row(each, n)
-                ]
-
-    def _serial(self, chain: Chain) -> tuple[Callable, list[float]]:
-        """The step of any arm, and its parameters beside d."""
-        # here, as they load the compiler
-        from pipeline.models.wishart import serial_step, whole_pose_step
-
-        if self.decomposition == Decomposition("qr_transposed"):
-            return whole_pose_step.law_of(chain)
-        return serial_step.law_of(self.decomposition, len(chain.task))
+        parameters = np.array([d])
+        if self.decomposition.left is not None:
+            left = np.array(self.decomposition.left)
+            both = [row_by_row(each, m) for each in (left, np.linalg.inv(left))]
+            parameters = np.concatenate([parameters, *both])
+        kind = KINDS[self.decomposition.name]
+        return Law(kind, parameters, sets=1, each=m - 1, degrees=np.array(degrees, dtype=float))
 
     def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n) q + d/(d−m−1)·J⁺v and the step in the null space of J: longer than the nominal
@@ -163,7 +155,8 @@ class WishartModel:
                     "where it has no density; give the covariance of the measurement noise"
                 )
             return action_log_density(np.matvec(np.linalg.inv(back), step), a, d) + log_determinant
-        result = np.array(normal_log_density(step, 0.0, measurement))
+        _ = principal_axes(measurement)  # refuses what is not a covariance
+        result = np.array(normal_log_density(step, measurement))
         result[moving] = blurred_log_density(step[moving], a[moving], back[moving], measurement, d)
         return result
 

@@ -43,7 +43,7 @@ def mixture(y: np.ndarray, a: np.ndarray, back: np.ndarray) -> np.ndarray:
     return result
 
 
-@compiled()
+@compiled
 def _fill(
     result: np.ndarray,
     y: np.ndarray,

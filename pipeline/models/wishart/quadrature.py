@@ -110,7 +110,7 @@ def _mode(case: np.ndarray, d: float, law: tuple) -> tuple[float, float, float, 
     return s, h, ss, sh, hh
 
 
-@compiled()
+@compiled
 def _integrate(
     numbers: np.ndarray,
     d: float,

@@ -30,7 +30,7 @@ HALF = float(np.sqrt(0.5))
 APEX = 1e-9  # share of δ below which X is at its bound, where there is no d
 
 
-@compiled()
+@compiled
 def perturb(
     noise: np.ndarray,
     a: np.ndarray,

@@ -1,145 +1,144 @@
-"""Compiled laws of the Wishart model (:mod:`.law`): no matrix is drawn, formed or inverted.
+"""The Wishart model's part of a compiled step: B⁻¹a, and J₁ of every decomposition.
 
-With a = J₁⁻¹v, r = ‖a‖ and R orthonormal of first column a/r, B⁻¹a = r·R·[z, z·T]ᵀ and a step is
-J₂⁻¹B⁻¹a = J⁻¹J₁B⁻¹a. As T has n − 1 = 2 components, N/sqrt(χ²(d−1)) with N ~ N(0, I₂), its length
-has a closed form: P(‖T‖² > s) = (1 + s)^{−(d−1)/2}, so that ‖T‖² is exp(2E/(d−1)) − 1 for an
+With a = J₁⁻¹v a step is J₂⁺B⁻¹a = J⁺J₁B⁻¹a: the decompositions differ in what they do to the task's
+step before and after B⁻¹ (Eqs. LUDecom, Thetaa). B⁻¹a = r·R·[z, z·T]ᵀ, r = ‖a‖
+(:mod:`.law`), takes two χ² variates and m − 1 normals: T = N/sqrt(χ²(d−m+2)). For three task rows
+‖T‖ has a closed form, P(‖T‖² > s) = (1 + s)^{−(d−1)/2}, so that ‖T‖² is exp(2E/(d−1)) − 1 for an
 exponential E. ‖N‖²/2 is one, and independent of N's direction:
 
-    T = N·sqrt((exp(‖N‖²/(d−1)) − 1)/‖N‖²).
+    T = N·sqrt((exp(‖N‖²/(d−1)) − 1)/‖N‖²),
 
-So a step takes one gamma and two normals; the second gamma, half of what a step would cost, is
-saved. A block goes through several short loops: for one long one the processor has too few
-registers, and each pose waits for the roots and quotients of the one before.
+which saves the second χ² variate, half of what a planar step would cost.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.compiled import plane_of
-from pipeline.arm.numbers import Arm
-from pipeline.core.compiled import inlined, passed
-from pipeline.core.elementary import fma
-from pipeline.models.law import (
-    Numbers,
-    Poses,
-    at,
-    jacobians,
-    nominal_step,
-    planar,
-    transformed,
+from pipeline.arm.rows import (
+    Rows,
+    add_combination,
+    add_dot,
+    copy,
+    dot,
+    fill,
 )
-from pipeline.models.wishart.action import act_on_three
+from pipeline.core.compiled import inner
+from pipeline.core.elementary import expm1
+from pipeline.models.model import GIVEN_LAW, PIVOTED_LU_LAW, Law
 
 
-@inlined
-def task(room: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Room behind the Jacobians for a, and then B⁻¹a."""
-    return room[7], room[8], room[9]
+@inner
+def act(d: float, block: np.ndarray, rows: Rows, m: int, count: int) -> None:
+    """a = B⁻¹a = z(a + rR[0, T]ᵀ) of the task rows a, zero where a is.
 
-
-@inlined
-def upper_of(room: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Room for what :func:`back` needs of U."""
-    return room[10], room[11], room[12], room[13]
-
-
-@passed
-def given_factor(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Poses) -> int:
-    """A step for a constant J₁; ``parameters`` (1 + 2·n·n,) d and, row by row, J₁ and J₁⁻¹. Both
-    are I for the decomposition by QR.
+    R is the Householder reflection of the first axis to a/r, up to its sign.
     """
-    plane, (v, here, there), a = plane_of(arm), planar(poses), task(numbers.room)
-    end = 1 + len(parameters) // 2
-    left, inverse = parameters[1:end], parameters[end:]
-    jacobian = jacobians(plane, here, numbers.room)
-    for i in range(poses.count):
-        a[0][i], a[1][i], a[2][i] = transformed(inverse, at(v, i))
-    act_on_three(numbers, parameters[0], a[0], a[1], a[2], poses.count)
-    for i in range(poses.count):
-        dq = nominal_step(plane, jacobian, i, transformed(left, at(a, i)))
-        for j in range(3):
-            there[j][i] = here[j][i] + dq[j]
-    return 0
+    first, normal, chi_square = rows.task, rows.normal, rows.chi_square
+    stretch, r, along = rows.spare, rows.spare + 1, rows.spare + 2
+    if m == 3:
+        share, other = 1.0 / (d - 1.0), normal + 1
+        for i in range(count):
+            x, y = block[normal, i], block[other, i]
+            square = x * x + y * y
+            block[stretch, i] = np.sqrt(expm1(square * share) / square)
+    elif m > 1:
+        for i in range(count):
+            block[stretch, i] = 1.0 / np.sqrt(block[chi_square + 1, i])
+    else:
+        fill(block, stretch, 0.0, count)
+    dot(block, r, first, 1, first, 1, m, count)
+    dot(block, along, first + 1, 1, normal, 1, m - 1, count)
+    for i in range(count):
+        a, length, z = block[first, i], np.sqrt(block[r, i]), d / block[chi_square, i]
+        reach, t = length + abs(a), block[stretch, i]
+        share = block[along, i] * t / (reach if reach > 0.0 else 1.0)
+        block[first, i] = z * (a - share * (a + np.copysign(length, a)))
+        block[along, i] = z * (1.0 - share)
+        block[r, i] = z * length * t
+    for k in range(1, m):
+        a, n = first + k, normal + k - 1
+        for i in range(count):
+            block[a, i] = block[along, i] * block[a, i] + block[r, i] * block[n, i]
 
 
-@passed
-def qr_transposed(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Poses) -> int:
-    """A step for J₁ = Rᵀ and J₂ = Qᵀ of Jᵀ = QR; ``parameters`` (1,) d.
-
-    The step is Q·B⁻¹Qᵀ·J⁻¹v, and as Q·B⁻¹Qᵀ has the law of B⁻¹ neither factor is needed.
+@inner
+def to_action(law: Law, block: np.ndarray, rows: Rows, n: int, m: int, count: int) -> None:
+    """Task rows v = J₁⁻¹v; by QR of J the law is that of J₁ = I, as it does not change with
+    rotations of a.
     """
-    plane, (v, here, there), a = plane_of(arm), planar(poses), task(numbers.room)
-    jacobian = jacobians(plane, here, numbers.room)
-    for i in range(poses.count):
-        a[0][i], a[1][i], a[2][i] = nominal_step(plane, jacobian, i, at(v, i))
-    act_on_three(numbers, parameters[0], a[0], a[1], a[2], poses.count)
-    for i in range(poses.count):
-        for j in range(3):
-            there[j][i] = here[j][i] + a[j][i]
-    return 0
+    if law.kind == PIVOTED_LU_LAW:
+        _eliminate(block, rows, n, m, count)
+    elif law.kind == GIVEN_LAW:
+        _multiply(law.parameters, 1 + m * m, block, rows, m, count)
 
 
-@inlined
-def eliminate(rows: tuple, v: tuple) -> tuple[tuple[float, ...], ...]:
-    """L⁻¹v and, of the matrix LU of these ``rows``, what :func:`back` needs of U: the inverses of
-    its pivots and its entry (2, 3).
+@inner
+def from_action(law: Law, block: np.ndarray, rows: Rows, n: int, m: int, count: int) -> None:
+    """Task rows x = J₁x."""
+    if law.kind == GIVEN_LAW:
+        _multiply(law.parameters, 1, block, rows, m, count)
+    elif law.kind == PIVOTED_LU_LAW:
+        task, lower = rows.task, rows.spare + 4
+        for k in range(m - 1, 0, -1):
+            add_dot(block, task + k, 1.0, lower + k * n, 1, task, 1, k, count)
+        flag = lower + m * n + m * (m - 1) // 2
+        for k in range(m - 1, -1, -1):
+            for below in range(m - 1, k, -1):
+                flag -= 1
+                _exchange(block, task + k, task + below, flag, count)
 
-    What elimination leaves of a row stays times the pivot above it, so that one quotient is enough
-    for all of them.
+
+@inner
+def _multiply(
+    matrix: np.ndarray, at: int, block: np.ndarray, rows: Rows, m: int, count: int
+) -> None:
+    """Task rows x = Mx, M (m, m) in ``matrix`` from ``at`` on, row by row."""
+    for r in range(m):
+        fill(block, rows.spare + r, 0.0, count)
+        add_combination(block, rows.spare + r, matrix, at + r * m, rows.task, m, count)
+    for r in range(m):
+        copy(block, rows.task + r, rows.spare + r, count)
+
+
+@inner
+def _exchange(block: np.ndarray, x: int, y: int, flag: int, count: int) -> None:
+    """Exchange rows ``x`` and ``y`` where row ``flag`` is not zero."""
+    for i in range(count):
+        one, two = block[x, i], block[y, i]
+        exchanged = block[flag, i] != 0.0
+        block[x, i] = two if exchanged else one
+        block[y, i] = one if exchanged else two
+
+
+@inner
+def _eliminate(block: np.ndarray, rows: Rows, n: int, m: int, count: int) -> None:
+    """Task rows v = L⁻¹Pv of PJ = LU with partial pivoting; multipliers below the diagonal of a
+    copy of J, behind it one flag an exchange.
+
+    Rows are exchanged by selection, not by branches.
     """
-    ((f1, f2, f3), (s1, s2, s3), (t1, t2, t3)), (v1, v2, v3) = rows, v
-    s2, s3 = fma(f1, s2, -s1 * f2), fma(f1, s3, -s1 * f3)
-    t2, t3 = fma(f1, t2, -t1 * f2), fma(f1, t3, -t1 * f3)
-    pivots, t3 = f1 * s2, fma(s2, t3, -t2 * s3)
-    over = 1 / (pivots * t3)
-    over_f, over_s = over * (s2 * t3), over * (f1 * t3)
-    a2 = fma(-s1 * over_f, v1, v2)
-    a3 = fma(-t2 * over_s, a2, fma(-t1 * over_f, v1, v3))
-    return (v1, a2, a3), (over_f, f1 * over_s, over * pivots * pivots, s3 * over_f)
-
-
-@inlined
-def back(first: tuple, upper: tuple, w: tuple) -> tuple[float, ...]:
-    """U⁻¹w of the matrix whose ``first`` row is given and of whose others :func:`eliminate` says
-    the rest.
-    """
-    (_, f2, f3), (over_f, over_s, over_t, u), (w1, w2, w3) = first, upper, w
-    y3 = w3 * over_t
-    y2 = fma(-u, y3, w2) * over_s
-    return fma(-f2, y2, fma(-f3, y3, w1)) * over_f, y2, y3
-
-
-@passed
-def pivoted_lu(numbers: Numbers, parameters: np.ndarray, arm: Arm, poses: Poses) -> int:
-    """A step for J₁ = PᵀL of PJ = LU with partial pivoting; ``parameters`` (1,) d.
-
-    The rows are exchanged by selection, not by branches. The first one takes the place of x.
-    """
-    plane, (v, here, there), room = plane_of(arm), planar(poses), numbers.room
-    x, z, _ = jacobians(plane, here, room)
-    a, upper = task(room), upper_of(room)
-    for i in range(poses.count):
-        (x1, x2, x3), (z1, z2, z3), (xv, zv, phiv) = at(x, i), at(z, i), at(v, i)
-        # first pivot: the greatest of |x1|, |z1| and 1, the first of equals
-        by_x = (abs(x1) >= abs(z1)) & (abs(x1) >= 1.0)
-        by_z = (abs(z1) >= 1.0) & (not by_x)
-        f1, f2, f3, fv = (
-            (x1, x2, x3, xv) if by_x else ((z1, z2, z3, zv) if by_z else (1.0, 1.0, 1.0, phiv))
-        )
-        s1, s2, s3, sv = (z1, z2, z3, zv) if by_x else (x1, x2, x3, xv)
-        t1, t2, t3, tv = (1.0, 1.0, 1.0, phiv) if by_x or by_z else (z1, z2, z3, zv)
-        exchanged = abs(fma(f1, t2, -t1 * f2)) > abs(fma(f1, s2, -s1 * f2))
-        second, v2 = ((t1, t2, t3), tv) if exchanged else ((s1, s2, s3), sv)
-        third, v3 = ((s1, s2, s3), sv) if exchanged else ((t1, t2, t3), tv)
-        (a1, a2, a3), u = eliminate(((f1, f2, f3), second, third), (fv, v2, v3))
-        a[0][i], a[1][i], a[2][i] = a1, a2, a3
-        upper[0][i], upper[1][i], upper[2][i], upper[3][i] = u
-        x[1][i], x[2][i] = f2, f3
-    act_on_three(numbers, parameters[0], a[0], a[1], a[2], poses.count)
-    for i in range(poses.count):
-        u = upper[0][i], upper[1][i], upper[2][i], upper[3][i]
-        dq = back(at(x, i), u, at(a, i))
-        for k in range(3):
-            there[k][i] = fma(plane.signs[k], dq[k], here[k][i])
-    return 0
+    task, lower = rows.task, rows.spare + 4
+    flag = lower + m * n
+    for k in range(m * n):
+        copy(block, lower + k, rows.jacobian + k, count)
+    for k in range(m):
+        pivot = lower + k * n + k
+        for below in range(k + 1, m):
+            other = lower + below * n + k
+            for i in range(count):
+                greater = abs(block[other, i]) > abs(block[pivot, i])
+                block[flag, i] = 1.0 if greater else 0.0
+            for j in range(n):
+                _exchange(block, lower + k * n + j, lower + below * n + j, flag, count)
+            _exchange(block, task + k, task + below, flag, count)
+            flag += 1
+        for below in range(k + 1, m):
+            multiple = lower + below * n + k
+            for i in range(count):
+                block[multiple, i] /= block[pivot, i]
+            add_dot(block, task + below, -1.0, multiple, 0, task + k, 0, 1, count)
+            for j in range(k + 1, m):
+                add_dot(
+                    block, lower + below * n + j, -1.0, multiple, 0, lower + k * n + j, 0, 1, count
+                )

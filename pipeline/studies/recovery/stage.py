@@ -54,7 +54,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Case:
+class KnownLaw:
     """A known law, and the estimators that are given data of it, by their names."""
 
     model: str
@@ -70,7 +70,7 @@ def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFr
     """Return the table ``recovery``; NoAnswerError if the measurement noise is unknown."""
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
     try:
-        part = thinned(recorded, options.takes, options.stride)
+        part = thinned_steps(recorded, options.takes, options.stride)
     except ModelDomainError as reason:
         raise NoAnswerError(reason.message) from None
     cases = list(known_laws(part, options))
@@ -89,16 +89,16 @@ def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFr
     return {"recovery": pd.DataFrame(rows)}
 
 
-def known_laws(recorded: Recorded, options: Options) -> Iterator[Case]:
+def known_laws(recorded: Recorded, options: Options) -> Iterator[KnownLaw]:
     """The laws that data are drawn from: of the recorded variance, or of the stated σ_B."""
     for name, model in config.model_options(options.estimators).items():
         names = options.estimators[name]
         estimators = {each: replace(model, estimator=each) for each in names} or {"–": model}
         for truth in truths(recorded, model, options.dispersions):
-            yield Case(name, truth, estimators)
+            yield KnownLaw(name, truth, estimators)
 
 
-def thinned(recorded: Recorded, takes: int, stride: int) -> Recorded:
+def thinned_steps(recorded: Recorded, takes: int, stride: int) -> Recorded:
     """The first ``takes`` takes and every ``stride``-th step, Σ_m that of all; raises
     ModelDomainError where Σ_m is unknown.
     """
@@ -111,7 +111,7 @@ def thinned(recorded: Recorded, takes: int, stride: int) -> Recorded:
     )
 
 
-def recover(trial: tuple[Case, int], recorded: Recorded, seed: int) -> dict[str, Pair | None]:
+def recover(trial: tuple[KnownLaw, int], recorded: Recorded, seed: int) -> dict[str, Pair | None]:
     """The estimates of every estimator from one data set and from a resampling of its takes; None
     where an estimator has none.
 
@@ -176,7 +176,7 @@ def page(results: Results) -> list[str]:
     return [
         "Do the estimators of σ_B return the dispersion that data were drawn with, and do their "
         "intervals hold it?",
-        "\n".join(f"- {sentence}" for sentence in answer(wishart)),
+        "\n".join(f"- {sentence}" for sentence in bias_sentences(wishart)),
         results.figures["recovery"],
         f"{options.datasets} data sets a law, {options.takes} takes of every {options.stride}th "
         f"step. {METHOD}",
@@ -187,7 +187,7 @@ def page(results: Results) -> list[str]:
     ]
 
 
-def answer(rows: pd.DataFrame) -> Iterator[str]:
+def bias_sentences(rows: pd.DataFrame) -> Iterator[str]:
     """A sentence for each estimator of σ_B: bias in percent, and coverage."""
     for estimator, part in rows.groupby("estimator", sort=False):
         name, part = f"**{LABELS[estimator]}**", part.dropna(subset="mean")

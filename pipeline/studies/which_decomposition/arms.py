@@ -30,7 +30,7 @@ GENERAL = (PIVOTED, QR, QR_TRANSPOSED)  # readings for a task of any size
 MILLIMETRES = np.diag([1000.0] * 3 + [1.0] * 3)  # of a task in m and rad
 
 
-def turned(degrees: float) -> np.ndarray:
+def turned_axes(degrees: float) -> np.ndarray:
     """(6, 6) task rows x, y, z and their rotations, in axes turned about z."""
     angle = np.radians(degrees)
     turn = np.eye(3)
@@ -44,7 +44,7 @@ def unit_rows(chain: Chain, q: np.ndarray, turns: Sequence[float], sigma_b: floa
     """
     jacobian, pseudoinverse = chain.jacobian(q), chain.inverse_jacobian(q)
     cases = [("m", 0.0, np.eye(6)), ("mm", 0.0, MILLIMETRES)]
-    cases += [("m", degrees, turned(degrees)) for degrees in turns]
+    cases += [("m", degrees, turned_axes(degrees)) for degrees in turns]
     rows = []
     for unit, degrees, change in cases:
         changed = np.moveaxis(change @ jacobian, 0, -1)

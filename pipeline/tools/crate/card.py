@@ -17,10 +17,10 @@ SYNTHETIC = {
     "Motivation": "Nobody has published the paper's recordings. This dataset takes their place: it "
     "runs the analysis from instruments' files to figures, with a truth that is known.",
     "Collection process": "Simulated by `pipeline/laboratory` from the seed {seed}; every run "
-    "writes the same bytes. Its options, in `pipeline/laboratory/options`, state unit and source "
-    "of each value. The robot's physics is none of the models that are tested on it; instruments "
-    "see it with noise, bias, delays and faults. The path and the sizes of sway and play were "
-    "chosen for the published covariance, so a covariance near it is no evidence.",
+    "writes the same bytes. Its options, in `pipeline/laboratory/options.py`, state unit and "
+    "source of each value. The robot's physics is none of the models that are tested on it; "
+    "instruments see it with noise, bias, delays and faults. The path and the sizes of sway and "
+    "play were chosen for the published covariance, so a covariance near it is no evidence.",
     "Preprocessing": "Nothing is filtered, cut or repaired in the files. The true joint angles and "
     "clock offsets are in `data/raw/{name}/truth`, which the stage `score` alone opens.",
     "Uses": "For methods: whether an estimator returns what it should, and whether a bound follows "

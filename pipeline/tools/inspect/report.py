@@ -1,10 +1,9 @@
-"""Findings as a table for a person and as JSON for a program."""
+"""Findings as a table and as JSON."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable
 from pathlib import Path
 
 from pipeline.tools.inspect.finding import UNKNOWN, Finding, shown
@@ -12,7 +11,6 @@ from pipeline.tools.inspect.finding import UNKNOWN, Finding, shown
 HEADINGS = ("recording", "format", "rate", "unit", "duration", "lost", "holds")
 WIDEST = (64, 48, 12, 16, 16, 48, 5)  # characters up to which a column is padded
 SHOWN = 4  # names of a list
-NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 NOTABLE = (
     "unlabelled_markers",
     "width",
@@ -61,7 +59,7 @@ def as_json(findings: list[Finding]) -> str:
 
 def as_table(findings: list[Finding], folder: Path) -> str:
     """A line a recording, those alike but for their number in one; below each what an option must
-    settle (?) and what stops (!), and below all what several have in common.
+    settle (?) and what stops (!).
     """
     known, others = [], []
     for finding in findings:
@@ -69,7 +67,6 @@ def as_table(findings: list[Finding], folder: Path) -> str:
     groups: dict[object, list[Finding]] = {}
     for finding in known:
         groups.setdefault(_alike(finding), []).append(finding)
-    shared = _shared_remarks(groups.values())
     rows = [(_row(group, folder), group[0]) for group in groups.values()]
     widths = [
         min(max([len(heading), *(len(row[i]) for row, _ in rows)]), WIDEST[i])
@@ -77,11 +74,7 @@ def as_table(findings: list[Finding], folder: Path) -> str:
     ]
     lines = [_line(HEADINGS, widths), _line(tuple("-" * width for width in widths), widths)]
     for row, first in rows:
-        own = [remark for remark in _remarks(first) if _masked(remark) not in shared]
-        lines += [_line(row, widths), *(f"    {remark}" for remark in own)]
-    for remarked in shared.values():
-        places = [_name(group, folder) for group, _ in remarked]
-        lines += [_merged([remark for _, remark in remarked]), f"    in {_listed(places)}"]
+        lines += [_line(row, widths), *(f"    {remark}" for remark in _remarks(first))]
     reasons: dict[str, list[str]] = {}
     for finding in others:
         reasons.setdefault(finding.facts["reason"], []).append(_below(finding.file, folder))
@@ -175,31 +168,6 @@ def _remarks(finding: Finding) -> list[str]:
     return [f"? {question}: {option}" for question, option in finding.open] + [
         f"! {reason}" for reason in finding.stops
     ]
-
-
-def _shared_remarks(
-    groups: Iterable[list[Finding]],
-) -> dict[str, list[tuple[list[Finding], str]]]:
-    """The remarks that more than one group has, numbers apart, by what they share."""
-    remarked: dict[str, list[tuple[list[Finding], str]]] = {}
-    for group in groups:
-        for remark in _remarks(group[0]):
-            remarked.setdefault(_masked(remark), []).append((group, remark))
-    return {masked: held for masked, held in remarked.items() if len(held) > 1}
-
-
-def _masked(remark: str) -> str:
-    return NUMBER.sub("#", remark)
-
-
-def _merged(remarks: list[str]) -> str:
-    """One remark of several that differ in their numbers alone: each number, or its range."""
-    numbers = zip(*(NUMBER.findall(remark) for remark in remarks), strict=True)
-    ranges = (
-        held[0] if len({*held}) == 1 else "–".join((min(held, key=float), max(held, key=float)))
-        for held in numbers
-    )
-    return NUMBER.sub(lambda _: next(ranges), remarks[0])
 
 
 def _range(values: list[float | None], unit: str) -> str:

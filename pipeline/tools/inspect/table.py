@@ -85,7 +85,7 @@ def _labelled(finding: Finding, sheet: Sheet, values: dict[int, np.ndarray]) -> 
     finding.facts["labels"] = labels
     units = {bare(labels[n]): sheet.unit(n) for n in range(len(labels))}
     finding.units = {label: unit for label, unit in units.items() if unit}
-    timed = [n for n in clock if named_like("time", [labels[n]])] or clock[:1]
+    timed = [n for n in clock if named_like("time", [labels[n]])] or [n for n in clock if n == 0]
     if timed:
         finding.facts["time"] = labels[timed[0]]
     columns = {labels[n]: held for n, held in values.items()}

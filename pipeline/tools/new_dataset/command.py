@@ -13,11 +13,13 @@ from pipeline.core import config, datasheet
 from pipeline.core.draft import Draft
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.tools.inspect.examine import inspect
-from pipeline.tools.inspect.layout import layout
-from pipeline.tools.new_dataset.datasheet_file import datasheet_file
+from pipeline.tools.inspect.layout import Layout, layout
 from pipeline.tools.new_dataset.filling import Filling
-from pipeline.tools.new_dataset.option_file import option_file
+from pipeline.tools.new_dataset.known_values import recorded_values
+from pipeline.tools.new_dataset.option_values import option_values
 from pipeline.tools.new_dataset.suggestions import Suggestions
+from pipeline.tools.new_dataset.template import fill_template
+from pipeline.tools.new_dataset.yaml_text import text_of
 
 INVENTORY = """\
 # These recordings are read in place: their inventory stands here for them, so that a change of the
@@ -52,10 +54,7 @@ def run(words: list[str]) -> None:
         recordings = _below_project(folder)
         _require_new([*files, files[0].parent / "dvc.yaml"])
         recorded = layout(inspect(folder), folder)
-        texts = (
-            datasheet_file(name, recordings, recorded, folder),
-            option_file(name, recordings, recorded, folder),
-        )
+        texts = dataset_texts(name, recordings, recorded, folder)
         draft, inventory = Draft(dict(zip(files, texts, strict=True))), {}
         if files[0].parent.resolve() not in folder.resolve().parents:
             inventory = {files[0].parent / "dvc.yaml": INVENTORY.format(name=name)}
@@ -73,6 +72,16 @@ def run(words: list[str]) -> None:
         file.write_text(text)
         print(f"new-dataset: wrote {os.path.relpath(file)}")
     _say_what_is_left(name, draft, filling)
+
+
+def dataset_texts(name: str, recordings: str, layout: Layout, folder: Path) -> list[str]:
+    """Return the texts of data/raw/NAME/dataset.yaml and pipeline/conf/dataset/NAME.yaml for the
+    recordings of ``layout`` in ``folder``, which is ``recordings`` from the project's root.
+    """
+    known, blocks = recorded_values(layout, folder)
+    known |= {"recordings": text_of(recordings)}
+    known |= option_values(name, recordings, layout, folder)
+    return fill_template(name, known, blocks)
 
 
 def _arguments(words: list[str]) -> argparse.Namespace:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pipeline.core.draft import Draft, Question
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.recordings.motions import Motion
-from pipeline.tools.check.files import held, wrong
+from pipeline.tools.check.values import get_filled, value_faults
 from pipeline.tools.new_dataset.motion_choice import KEYS, answers, found_motions, table
 from pipeline.tools.new_dataset.suggestions import Suggestions
 
@@ -28,13 +28,15 @@ class Filling:
             key, equal, value = words.partition("=")
             if not equal:
                 raise ConfigError(f"--set takes KEY=VALUE, not {words!r}")
-            self.draft.answer(key.strip(), value, wrong)
+            self.draft.answer(key.strip(), value, value_faults)
 
     def by_suggestions(self) -> None:
         """Every suggestion that nothing is wrong with; they may follow from each other."""
         while taken := [key for key in self._open() if self._take(key)]:
             values = self.draft.values()
-            print("\n".join(f"taken as suggested: {key}: {held(values, key)}" for key in taken))
+            print(
+                "\n".join(f"taken as suggested: {key}: {get_filled(values, key)}" for key in taken)
+            )
 
     def by_motion(self, number: int | None) -> None:
         """The values of the motion of that ``number`` in the table; the table itself where there is
@@ -82,7 +84,7 @@ class Filling:
         if suggested is None:
             return False
         try:
-            self.draft.answer(key, suggested, wrong)
+            self.draft.answer(key, suggested, value_faults)
         except PipelineError:
             return False
         return True
@@ -93,7 +95,7 @@ class Filling:
         print("; ".join(filter(None, [f"\n{key}: {question.hint}", remark])))
         while answer := input(f"[{suggested}] " if suggested else "? ").strip() or suggested:
             try:
-                return self.draft.answer(key, answer, wrong)
+                return self.draft.answer(key, answer, value_faults)
             except PipelineError as error:
                 print(f"! {error}")
                 suggested = None if answer == suggested else suggested
@@ -128,4 +130,4 @@ class Filling:
         rate = self.draft.values()["motion"]["rate"]
         chosen = answers(offered[number - 1], rate)
         for key in [key for key in self._open() if key in chosen]:
-            self.draft.answer(key, chosen[key], wrong)
+            self.draft.answer(key, chosen[key], value_faults)

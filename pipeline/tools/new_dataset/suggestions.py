@@ -17,7 +17,7 @@ from pipeline.core.options.logs import TimeUnit
 from pipeline.formats.format import Kind
 from pipeline.formats.units import TIME_UNITS
 from pipeline.recordings.movement import MOST_TURNS
-from pipeline.tools.check.files import held
+from pipeline.tools.check.values import get_filled
 from pipeline.tools.inspect.finding import Finding
 from pipeline.tools.inspect.layout import Layout
 from pipeline.tools.inspect.robot import urdf
@@ -71,8 +71,8 @@ class Suggestions:
 
     def _arms(self, values: Mapping[str, Any]) -> list[dict[str, Any]]:
         """The arms in space of the URDF; none for a planar one."""
-        file = held(values, "robot.urdf")
-        if not file or held(values, "robot.plane"):
+        file = get_filled(values, "robot.urdf")
+        if not file or get_filled(values, "robot.plane"):
             return []
         try:
             return urdf(Path(file)).facts["arms"]
@@ -99,7 +99,7 @@ class Suggestions:
     def _rate(self, values: Mapping[str, Any]) -> str | None:
         """As it was meant, of the logs of the movements."""
         rates = {finding.rate for finding in self._movements() if finding.rate}
-        unit = held(values, "joint_log.time_unit")
+        unit = get_filled(values, "joint_log.time_unit")
         if unit:
             rates |= {1 / (step * TIME_UNITS[unit]) for step in self._steps()}
         meant = {f"{rate:.4g}" for rate in rates}

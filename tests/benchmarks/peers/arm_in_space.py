@@ -16,10 +16,7 @@ class SpatialTake(Take):
 
     def __init__(self, law, placements, sigma_b, **told) -> None:
         super().__init__(**told)
-        self.factorised = {
-            "closed form": factorised,
-            "closed form, LAPACK's QR": factorised_by_lapack,
-        }[law]
+        assert law == "closed form"
         placements = np.array(placements)  # (n + 1, 12)
         self.turns, self.ways = placements[:, :9].reshape(-1, 3, 3), placements[:, 9:]
         self.d = (ROWS + 1) / sigma_b**2
@@ -47,7 +44,7 @@ class SpatialTake(Take):
 
     def move(self, q: np.ndarray, command: np.ndarray) -> np.ndarray:
         """q + w + Qᵀ(B⁻¹L⁻¹v − Qw), J = LQ, of the ``command`` v, or v and w."""
-        lower, rows = self.factorised(self.jacobian(q))
+        lower, rows = factorised(self.jacobian(q))
         step = self.inverse_action(solved(lower, command[:ROWS]))
         if len(command) == ROWS:
             return q + np.einsum("rjp,rp->pj", rows, step)
@@ -81,12 +78,6 @@ def factorised(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         lower[r, r] = np.sqrt(np.einsum("jp,jp->p", row, row))
         row /= lower[r, r]
     return lower, jacobian
-
-
-def factorised_by_lapack(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same by the library, one J after the other, up to the signs of Q's rows."""
-    axes, upper = np.linalg.qr(jacobian.transpose(2, 1, 0))
-    return upper.transpose(2, 1, 0), axes.transpose(2, 1, 0)
 
 
 def solved(lower: np.ndarray, v: np.ndarray) -> np.ndarray:

@@ -18,8 +18,6 @@ from stonesoup.updater.particle import ParticleUpdater
 from wishart_take import take_of
 
 START, STEP = datetime(2017, 1, 1), timedelta(milliseconds=10)
-
-
 CONFIGURATION = (
     "the law of a step in NumPy, all particles at once; `ParticlePredictor`, "
     "`ParticleUpdater` and `ESSResampler`, systematic below half of the effective sample size"
@@ -45,11 +43,7 @@ class Motion(TransitionModel):
         )
         return StateVectors(q.T)
 
-    def rvs(self, *args, **kwargs):
-        raise NotImplementedError
-
-    def pdf(self, *args, **kwargs):
-        raise NotImplementedError
+    rvs = pdf = None  # abstract there, not used by a particle filter
 
 
 class Sensor(MeasurementModel):
@@ -69,21 +63,15 @@ class Sensor(MeasurementModel):
             step_at(state1.timestamp), np.asarray(state2.state_vector, dtype=float).T
         )
 
-    def rvs(self, *args, **kwargs):
-        raise NotImplementedError
-
-    def pdf(self, *args, **kwargs):
-        raise NotImplementedError
+    rvs = pdf = None  # abstract there, not used by a particle filter
 
 
 def setup(count, **told):
     take = take_of(**told)
     predictor, joints = ParticlePredictor(Motion(take)), len(take.start_mean)
     # the estimate is formed before resampling, as everywhere else
-    updater, resampler = (
-        ParticleUpdater(Sensor(ndim_state=joints, mapping=tuple(range(joints)), take=take)),
-        ESSResampler(),
-    )
+    sensor = Sensor(ndim_state=joints, mapping=tuple(range(joints)), take=take)
+    updater, resampler = ParticleUpdater(sensor), ESSResampler()
 
     def call() -> list:
         state = ParticleState(
@@ -93,11 +81,8 @@ def setup(count, **told):
         for k in range(1, len(take.steps) + 1):
             state = predictor.predict(state, timestamp=START + k * STEP)
             if k in take.y:
-                state = updater.update(
-                    SingleHypothesis(
-                        state, Detection(take.y[k][:, None], timestamp=START + k * STEP)
-                    )
-                )
+                seen = Detection(take.y[k][:, None], timestamp=START + k * STEP)
+                state = updater.update(SingleHypothesis(state, seen))
             means.append(np.ravel(state.mean).astype(float).tolist())
             state.covar  # noqa: B018 - computed when asked for
             state = resampler.resample(state)

@@ -1,4 +1,6 @@
-"""How the Wishart model moves the particles of a planar arm, in either of two ways."""
+"""The Wishart model of a planar arm as a user of another library would write it, all particles at
+once: the exact law of a step, and the paper's Algorithm 1.
+"""
 
 from __future__ import annotations
 
@@ -9,21 +11,17 @@ from scipy import linalg, stats
 
 
 def take_of(law, **told) -> Take:
-    """The take that `scenario.Take.told` tells of, moved by ``law``."""
+    """The take of `scenario.Take.told`, moved by ``law``."""
     return (WishartTake if "links" in told else SpatialTake)(law, **told)
 
 
 class WishartTake(Take):
     """A motion of a planar arm of three joints."""
 
-    def __init__(self, law, links, signs, pivoted, sigma_b, **told) -> None:
+    def __init__(self, law, links, signs, sigma_b, **told) -> None:
         super().__init__(**told)
-        self.pivoted = pivoted
-        self.move = {
-            "closed form": self.closed_form,
-            "Algorithm 1": self.algorithm_1,
-            "Algorithm 1 by hand": self.algorithm_1_by_hand,
-        }[law]
+        laws = {"closed form": self.closed_form, "Algorithm 1": self.algorithm_1}
+        self.move = laws[law]
         self.links, self.signs = np.array(links), np.array(signs)
         self.d = 4 / sigma_b**2  # (n + 1)/σ_B²
 
@@ -41,11 +39,9 @@ class WishartTake(Take):
         return jacobian
 
     def closed_form(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """B⁻¹a = r·R·[z, zT]: two χ² and two normals a particle, no matrix drawn (theory of the
-        exact step).
-        """
+        """B⁻¹a = r·R·[z, zT]: two χ² and two normals a particle."""
         d, count = self.d, len(q)
-        upper, a = eliminated(self.jacobian(q), v, self.pivoted)
+        upper, a = eliminated(self.jacobian(q), v)
         r = np.sqrt((a * a).sum(axis=0))
         z = d / self.rng.chisquare(d - 2, count)
         second, third = self.rng.standard_normal((2, count)) / np.sqrt(
@@ -64,45 +60,25 @@ class WishartTake(Take):
         """Draw B, solve J₁BJ₂q̇ = v: the paper's steps by the libraries' functions."""
         first, second = linalg.lu(self.jacobian(q), permute_l=True)
         b = stats.wishart.rvs(self.d, np.eye(3) / self.d, size=len(q), random_state=self.rng)
-        return (
-            q + np.linalg.solve(first @ b @ second, np.broadcast_to(v, q.shape)[..., None])[..., 0]
-        )
-
-    def algorithm_1_by_hand(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """The same with Bartlett's factor drawn and the Jacobian decomposed for all particles at
-        once: B(J₂q̇) = J₁⁻¹v.
-        """
-        count = len(q)
-        upper, a = eliminated(self.jacobian(q), v, self.pivoted)
-        factor = np.zeros((count, 3, 3))
-        factor[:, [0, 1, 2], [0, 1, 2]] = np.sqrt(
-            self.rng.chisquare(self.d - np.arange(3), (count, 3))
-        )
-        factor[:, [1, 2, 2], [0, 0, 1]] = self.rng.standard_normal((count, 3))
-        b = factor @ factor.transpose(0, 2, 1) / self.d
-        return q + back_substituted(upper, np.linalg.solve(b, a.T[..., None])[..., 0].T).T
+        right = np.broadcast_to(v, q.shape)[..., None]
+        return q + np.linalg.solve(first @ b @ second, right)[..., 0]
 
 
-def eliminated(
-    jacobian: np.ndarray, v: np.ndarray, pivoted: bool
-) -> tuple[list[np.ndarray], np.ndarray]:
-    """Rows of U, each (3, P), and a = J₁⁻¹v (3, P) of the LU decomposition, with partial pivoting
-    or without, of all J (P, 3, 3) at once.
+def eliminated(jacobian: np.ndarray, v: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
+    """Rows of U, each (3, P), and a = J₁⁻¹v (3, P) of the LU decomposition with partial pivoting of
+    all J (P, 3, 3) at once.
     """
     rows = np.empty((3, 4, len(jacobian)))
     rows[:, :3] = jacobian.transpose(1, 2, 0)
     rows[:, 3] = v[:, None]
-    first, second, third = rows
-    if pivoted:
-        pivot = np.abs(rows[:, 0]).argmax(axis=0)
-        first = np.where(pivot == 0, rows[0], np.where(pivot == 1, rows[1], rows[2]))
-        second = np.where(pivot == 1, rows[0], rows[1])
-        third = np.where(pivot == 2, rows[0], rows[2])
+    pivot = np.abs(rows[:, 0]).argmax(axis=0)
+    first = np.where(pivot == 0, rows[0], np.where(pivot == 1, rows[1], rows[2]))
+    second = np.where(pivot == 1, rows[0], rows[1])
+    third = np.where(pivot == 2, rows[0], rows[2])
     second = second - second[0] / first[0] * first
     third = third - third[0] / first[0] * first
-    if pivoted:
-        exchanged = np.abs(third[1]) > np.abs(second[1])
-        second, third = np.where(exchanged, third, second), np.where(exchanged, second, third)
+    exchanged = np.abs(third[1]) > np.abs(second[1])
+    second, third = np.where(exchanged, third, second), np.where(exchanged, second, third)
     third = third - third[1] / second[1] * second
     return [first[:3], second[:3], third[:3]], np.stack([first[3], second[3], third[3]])
 

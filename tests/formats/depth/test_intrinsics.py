@@ -5,16 +5,22 @@ from __future__ import annotations
 import json
 
 import pytest
+from depth_files import CALIBRATIONS, refused
 
-from pipeline.core.errors import RecordingError
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics, write_intrinsics
 
+SIZE = {"width": 640, "height": 480}
+CAMERA = Intrinsics(525.5, 524, 319.5, 239.25, 640, 480, (0.25, 0, 0, 0, 0))
 
-def refused(call, *arguments, **keywords) -> RecordingError:
-    with pytest.raises(RecordingError) as caught:
-        call(*arguments, **keywords)
-    assert caught.value.evidence["file"] == arguments[0]
-    return caught.value
+
+def read(file, content: str) -> Intrinsics:
+    file.write_text(content)
+    return read_intrinsics(file, **SIZE)
+
+
+def refusal(file, content: str, **options: object) -> str:
+    file.write_text(content)
+    return refused(read_intrinsics, file, **SIZE | options).message
 
 
 def test_the_intrinsics_of_a_real_kinect_are_read_from_yaml_1_0(shared):
@@ -43,161 +49,125 @@ def test_written_intrinsics_read_back_exactly_in_the_sensors_own_format(tmp_path
     assert read_intrinsics(tmp_path / "ir.yaml", width=4, height=5).distortion == (0,) * 5
 
 
-@pytest.mark.slow
-def test_a_calibration_cut_at_any_byte_is_refused_or_whole(tmp_path):
-    file, original = (
-        tmp_path / "ir.yaml",
-        Intrinsics(365.456, 365.123, 254.878, 205.395, 512, 424, (0.125,) * 5),
-    )
-    write_intrinsics(file, original)
-    content = file.read_bytes()
-    for cut in range(len(content)):
-        file.write_bytes(content[:cut])
-        try:
-            assert read_intrinsics(file, width=512, height=424) == original
-        except RecordingError:
-            pass
-
-
-FORMS = {
-    "opencv.yaml": "%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   "
-    "dt: d\n"
-    "   data: [ 525.5, 0., 319.5, 0., 524., 239.25,\n       0., 0., 1. ]\n"
-    "distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n   data: [ "
-    "0.25, 0., 0., 0., 0. ]\n",
-    "opencv.xml": '<?xml version="1.0"?>\n<opencv_storage>\n<image_width>640</image_width>\n'
-    '<cameraMatrix type_id="opencv-matrix">\n'
-    "<rows>3</rows><cols>3</cols><dt>d</dt>\n<data>525.5 0. 319.5 0. 524. 239.25 0. 0. "
-    "1.</data></cameraMatrix>\n"
-    '<distCoeffs type_id="opencv-matrix"><rows>1</rows><cols>5</cols><dt>d</dt><data>0.25 0. 0. '
-    "0. 0.</data></distCoeffs>\n"
-    "</opencv_storage>\n",
-    "ros.yaml": "image_width: 640\nimage_height: 480\ncamera_name: depth\ncamera_matrix:\n  "
-    "rows: 3\n  cols: 3\n"
-    "  data: [525.5, 0, 319.5, 0, 524.0, 239.25, 0, 0, 1]\ndistortion_model: "
-    "plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n"
-    "  data: [2.5e-1, 0, 0, 0, 0]\n",
-    "plain.yaml": "fx: 525.5\nfy: 524\ncx: 319.5\ncy: 239.25\ndist_coeffs: [0.25, 0, 0, 0, 0]\n",
-    "rows.yaml": "K:\n- [525.5, 0, 319.5]\n- [0, 524, 239.25]\n- [0, 0, 1]\nD: [0.25, 0, 0, 0, "
-    "0]\n",
-    "plain.json": '{"width": 640, "height": 480, "fx": 525.5, "fy": 524, "cx": 319.5, "cy": '
-    '239.25, "D": [0.25, 0, 0, 0, 0]}',
-    "matrix.json": '{"K": [[525.5, 0, 319.5], [0, 524, 239.25], [0, 0, 1]], "D": [0.25, 0, 0, '
-    "0, 0]}",
-}
-
-
-@pytest.mark.parametrize("name", FORMS)
+@pytest.mark.parametrize("name", CALIBRATIONS)
 def test_every_tools_format_gives_the_same_camera(tmp_path, name):
-    (tmp_path / name).write_text(FORMS[name])
-    assert read_intrinsics(tmp_path / name, width=640, height=480) == Intrinsics(
-        525.5, 524, 319.5, 239.25, 640, 480, (0.25, 0, 0, 0, 0)
-    )
+    assert read(tmp_path / name, CALIBRATIONS[name]) == CAMERA
+    if name in ("ros.yaml", "plain.json", "opencv.xml"):  # they state their size
+        message = refusal(tmp_path / name, CALIBRATIONS[name], width=320, height=240)
+        assert "not 320 × 240" in message
 
 
-def test_open3ds_matrix_runs_down_the_columns(tmp_path):
-    stored = {
-        "width": 640,
-        "height": 480,
-        "intrinsic_matrix": [525.5, 0, 0, 0, 524.0, 0, 319.5, 239.25, 1],
-    }
-    (tmp_path / "c.json").write_text(json.dumps(stored))
-    assert read_intrinsics(tmp_path / "c.json", width=640, height=480) == Intrinsics(
-        525.5, 524, 319.5, 239.25, 640, 480
-    )
-
-
-@pytest.mark.parametrize("name", ["ros.yaml", "plain.json", "opencv.xml"])
-def test_a_calibration_at_another_image_size_is_refused(tmp_path, name):
-    (tmp_path / name).write_text(FORMS[name])
-    assert (
-        "not 320 × 480" in refused(read_intrinsics, tmp_path / name, width=320, height=480).message
-    )
+def test_open3ds_matrix_runs_down_the_columns_and_may_stand_beside_its_pose(tmp_path):
+    matrix = [525.5, 0, 0, 0, 524.0, 0, 319.5, 239.25, 1]
+    camera = SIZE | {"intrinsic_matrix": matrix}
+    for stored in (camera, {"intrinsic": camera, "extrinsic": []}):
+        found = read(tmp_path / "c.json", json.dumps(stored))
+        assert found == Intrinsics(525.5, 524, 319.5, 239.25, 640, 480)
+        assert "calibrated at 640" in refusal(tmp_path / "c.json", json.dumps(stored), width=9)
 
 
 def test_several_cameras_in_one_file_are_told_apart_by_option_alone(tmp_path):
-    file = tmp_path / "stereo.yaml"
-    first, second = (
-        FORMS["opencv.yaml"],
-        FORMS["opencv.yaml"].replace("525.5", "600.").split("---\n")[1],
-    )
-    file.write_text(
-        first.replace("camera_matrix", "M1").replace("distortion_c", "D1_")
-        + second.replace("camera_matrix", "M2").replace("distortion_c", "D2_")
-    )
-    message = refused(read_intrinsics, file, width=640, height=480).message
-    assert "M1, D1_oefficients, M2, D2_oefficients" in message
-    options = {"matrix": "M2", "distortion": "D2_oefficients"}
-    assert read_intrinsics(file, width=640, height=480, **options).fx == 600
-    assert (
-        "no camera matrix 'M3'"
-        in refused(read_intrinsics, file, width=640, height=480, matrix="M3").message
-    )
-    file.write_text(FORMS["rows.yaml"] + "camera_matrix: [1, 0, 2, 0, 3, 4, 0, 0, 1]\n")
-    assert "camera_matrix and K" in refused(read_intrinsics, file, width=640, height=480).message
-    assert read_intrinsics(file, width=640, height=480, matrix="K").fx == 525.5
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", FORMS)
-def test_every_format_cut_at_any_byte_is_refused_or_whole(tmp_path, name):
-    (tmp_path / name).write_text(FORMS[name])
-    whole = read_intrinsics(tmp_path / name, width=640, height=480)
-    for cut in range(len(FORMS[name])):
-        (tmp_path / name).write_text(FORMS[name][:cut])
-        try:
-            assert read_intrinsics(tmp_path / name, width=640, height=480) == whole
-        except RecordingError:
-            pass
+    file, first = tmp_path / "stereo.yaml", CALIBRATIONS["opencv.yaml"]
+    second = first.replace("525.5", "600.").split("---\n")[1]
+    names = ("camera_matrix", "distortion_coefficients")
+    for old, one, other in zip(names, ("M1", "D1_coeffs"), ("M2", "D2_coeffs"), strict=True):
+        first, second = first.replace(old, one), second.replace(old, other)
+    assert "M1, D1_coeffs, M2, D2_coeffs" in refusal(file, first + second)
+    assert read_intrinsics(file, **SIZE, matrix="M2", distortion="D2_coeffs").fx == 600
+    assert "no camera matrix 'M3'" in refusal(file, first + second, matrix="M3")
+    both = CALIBRATIONS["rows.yaml"] + "camera_matrix: [1, 0, 2, 0, 3, 4, 0, 0, 1]\n"
+    assert "camera_matrix and K" in refusal(file, both)
+    assert read_intrinsics(file, **SIZE, matrix="K").fx == 525.5
 
 
 def test_a_camera_info_that_ros_printed_is_read_however_often_it_is_there(tmp_path):
     file = tmp_path / "info.yaml"
-    numbers = [
-        "k: [500.0, 0.0, 4.0, 0.0, 501.0, 3.0, 0.0, 0.0, 1.0]",
-        "d: [0.1, -0.2, 0.001, 0.002, 0.05]",
-    ]
-    message = "\n".join(
-        [
-            "header:",
-            "  stamp: {sec: %d}",
-            "width: 8",
-            "height: 6",
-            "distortion_model: plumb_bob",
-            *numbers,
-            "---",
-            "",
-        ]
+    message = (
+        "header:\n  stamp: {sec: 1}\nwidth: 640\nheight: 480\ndistortion_model: plumb_bob\n"
+        "k: [525.5, 0.0, 319.5, 0.0, 524.0, 239.25, 0.0, 0.0, 1.0]\nd: [0.25, 0, 0, 0, 0]\n---\n"
     )
-    for text in (
-        message % 1,
-        message % 1 + message % 2,
-        (message % 1).replace("k:", "K:").replace("d:", "D:", 1),
-    ):
-        file.write_text(text)
-        assert read_intrinsics(file, width=8, height=6) == Intrinsics(
-            500, 501, 4, 3, 8, 6, (0.1, -0.2, 0.001, 0.002, 0.05)
-        )
-    file.write_text(message % 1 + (message % 2).replace("500.0", "499.0"))
-    assert (
-        "2 calibrations, not all of them equal"
-        in refused(read_intrinsics, file, width=8, height=6).message
-    )
+    again = message.replace("sec: 1", "sec: 2")
+    for text in (message, message + again, message.replace("k:", "K:").replace("\nd:", "\nD:")):
+        assert read(file, text) == CAMERA
+    other = message + again.replace("525.5", "499.0")
+    assert "2 calibrations, not all of them equal" in refusal(file, other)
 
 
-def test_open3ds_camera_beside_its_pose_is_read(tmp_path):
-    file = tmp_path / "camera.json"
-    file.write_text(
-        json.dumps(
-            {
-                "intrinsic": {
-                    "width": 8,
-                    "height": 6,
-                    "intrinsic_matrix": [500, 0, 0, 0, 501, 0, 4, 3, 1],
-                },
-                "extrinsic": [],
-            }
-        )
-    )
-    assert read_intrinsics(file, width=8, height=6) == Intrinsics(500, 501, 4, 3, 8, 6)
-    assert "calibrated at 8" in refused(read_intrinsics, file, width=9, height=6).message
+REFUSALS = {  # content: words of the refusal
+    "a: [\n": "",
+    "- 1\n- 2\n": "",
+    "{}": "",
+    "5\n": "",
+    "K: text\nD: []\n": "",
+    "K: [1, 2]\nD: []\n": "",
+    "K: {data: {a: 1}}\nD: []\n": "",
+    "!!python/object/apply:os.system ['true']\n": "",
+    "fx: 1\nfy: 1\ncx: 1\n": "",
+    '{"fx": [1, 2], "fy": 1, "cx": 1, "cy": 1}': "",
+    "K: [1,0,1,0,1,1,0,0,1]\nD: [1]\n": "",
+    "%YAML:1.0\n---\ncameraMatrix: {a: 1}\n": "",
+    "%YAML:1.0\n---\ncameraMatrix: 5\n": "no 3 × 3 cameraMatrix",
+    "\x01\x02\n": "",
+    "{" * 2_000: "",
+    "# a comment\n" * 100_000: "",
+    "\n".join(  # unfolds without bound
+        ["a0: &a0 [1, 1, 1]"]
+        + [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 12)]
+        + ["camera_matrix: *a11", "distortion_coefficients: [0, 0, 0, 0]", ""]
+    ): "refers to parts of itself",
+    '{"camera_matrix": ' + "[" * 1000 + "1.0" + "]" * 1000 + "}": "deeper in one another",
+    '{"fx": 1%s, "fy": 1, "cx": 4, "cy": 3}' % ("0" * 400): "no decimal numbers",
+}
+
+
+@pytest.mark.parametrize("content", REFUSALS, ids=range(len(REFUSALS)))
+def test_a_file_that_holds_no_camera_is_refused(tmp_path, content):
+    assert REFUSALS[content] in refusal(tmp_path / "c.yaml", content)
+    refused(read_intrinsics, tmp_path / "absent.yaml", **SIZE)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("365.5", "-1.", "[fx 0 cx; 0 fy cy; 0 0 1]"),
+        ("365.5", ".Nan", "[fx 0 cx; 0 fy cy; 0 0 1]"),
+        ("254.5", "700.", "outside 640 × 480"),
+        ("cameraMatrix", "camera", "no camera matrix under a usual name; the file has camera, "),
+        ("distortionCoefficients", "distortion", "no distortionCoefficients"),
+        ("rows: 3", "rows: 4", "no 3 × 3 cameraMatrix"),
+        ("dt: d", "dt: u", "a matrix of type u"),  # it would round the numbers
+    ],
+)
+def test_a_calibration_with_a_fault_is_refused(tmp_path, old, new, words):
+    write_intrinsics(tmp_path / "ir.yaml", Intrinsics(365.5, 365.25, 254.5, 205.5, 640, 480))
+    content = (tmp_path / "ir.yaml").read_text()
+    assert old in content
+    assert words in refusal(tmp_path / "ir.yaml", content.replace(old, new, 1))
+
+
+def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp_path):
+    file, camera = tmp_path / "c.json", {"K": [[500, 0, 4], [0, 501, 3], [0, 0, 1]]}
+    other = {"distortion_model": "equidistant"}
+    stated = json.dumps(camera | other | {"D": [0.1, 0.2, 0.3, 0.4]})
+    assert "distortion_model" in refusal(file, stated) or "equidistant" in refusal(file, stated)
+    for key in ("dist", "distortion", "coeffs", "k1"):
+        assert key in refusal(file, json.dumps(camera | {key: [0.1, 0.2, 0.3, 0.4]}))
+    # the control: nothing is distorted
+    assert read(file, json.dumps(camera | other | {"D": [0] * 4})).distortion == (0, 0, 0, 0)
+
+
+@pytest.mark.parametrize("word", ["yes", "true", "0525", "+0525", "0x20D", "8:45"])
+@pytest.mark.parametrize("name", ["plain.yaml", "ros.yaml", "opencv.yaml", "plain.json"])
+def test_what_is_no_decimal_number_is_none(tmp_path, name, word):
+    content = CALIBRATIONS[name]
+    assert content.count("525.5") == 1
+    refusal(tmp_path / name, content.replace("525.5", word))
+    # the control
+    for number in ("525.0", "525"):
+        assert read(tmp_path / name, content.replace("525.5", number)).fx == 525.0
+
+
+def test_a_focal_length_of_no_camera_is_refused(tmp_path):
+    content = CALIBRATIONS["plain.json"]
+    assert read(tmp_path / "c.json", content.replace("525.5", "6e4")).fx == 6e4
+    assert "is of no camera" in refusal(tmp_path / "c.json", content.replace("525.5", "7e4"))

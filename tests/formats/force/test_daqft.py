@@ -6,7 +6,6 @@ from force_files import log, record, refusal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.core.errors import RecordingError
 from pipeline.formats.force.daqft import read_daqft, write_daqft
 
 
@@ -99,33 +98,6 @@ def test_headers_without_samples_and_other_files_are_refused(tmp_path):
     for content in (b"", b"0.1,0.2,0.3\n", b"Paused for 5 milliseconds\n", b"\x89PNG\r\n\x1a\n\0"):
         (tmp_path / "log.csv").write_bytes(content)
         refusal(tmp_path / "log.csv")
-
-
-@settings(derandomize=True, max_examples=60, deadline=None)
-@given(
-    samples=st.integers(2, 6),
-    seed=st.integers(0, 99),
-    decimal=st.sampled_from(".,"),
-    data=st.data(),
-)
-def test_a_log_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(
-    tmp_path_factory, samples, seed, decimal, data
-):
-    file = tmp_path_factory.mktemp("cut") / "log.csv"
-    write_daqft(file, record(samples, seed), decimal=decimal)
-    whole, content = read_daqft(file), file.read_bytes()
-    cut = data.draw(
-        st.integers(0, len(content) - 1) | st.integers(len(content) - 150, len(content) - 1)
-    )
-    file.write_bytes(content[:cut])
-    try:
-        result = read_daqft(file)
-    except RecordingError:
-        return
-    kept = content[:cut].replace(b"\r\n", b"\n").replace(b"\r", b"\n").count(b"\n") - 1
-    assert 0 < len(result.time) == kept
-    np.testing.assert_array_equal(result.force, whole.force[:kept])
-    np.testing.assert_array_equal(result.torque, whole.torque[:kept])
 
 
 @settings(derandomize=True, max_examples=100, deadline=None)

@@ -152,23 +152,6 @@ def test_the_reader_of_daq_logs_names_the_format(log):
 
 
 @settings(derandomize=True, max_examples=80, deadline=None)
-@given(data=st.data(), counts=st.sampled_from([None, 1000]))
-def test_a_log_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(
-    tmp_path_factory, data, counts
-):
-    file = tmp_path_factory.getbasetemp() / "netft.csv"
-    write_netft(file, record(5), counts_per_unit=counts)
-    whole, content = read_netft(file), file.read_bytes()
-    file.write_bytes(content[: data.draw(st.integers(0, len(content) - 1))])
-    try:
-        result = read_netft(file)
-    except RecordingError:
-        return
-    np.testing.assert_array_equal(result.force, whole.force[: len(result.force)])
-    assert len(result.force) < len(whole.force) or result.counts["cut_rows"] == 0
-
-
-@settings(derandomize=True, max_examples=80, deadline=None)
 @given(data=st.data())
 def test_dropped_doubled_and_swapped_rows_are_counted_or_refused(tmp_path_factory, data):
     file = tmp_path_factory.getbasetemp() / "rows.csv"

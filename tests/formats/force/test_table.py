@@ -175,24 +175,6 @@ def written(locale: str) -> list[str]:
     ]
 
 
-@settings(derandomize=True, max_examples=150, deadline=None)
-@given(locale=st.sampled_from(sorted(LOCALES)), data=st.data())
-def test_a_table_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(
-    tmp_path_factory, locale, data
-):
-    file = tmp_path_factory.getbasetemp() / "cut.csv"
-    content = "\n".join([*written(locale), ""]).encode()
-    file.write_bytes(content[: data.draw(st.integers(0, len(content) - 1))])
-    try:
-        result = read_force_table(file, SI)
-    except RecordingError:
-        return
-    np.testing.assert_array_equal(
-        np.hstack([result.force, result.torque]), np.array(NUMBERS)[: len(result.force), 1:]
-    )
-    assert len(result.force) < 6 or result.counts["cut_rows"] == 0
-
-
 @settings(derandomize=True, max_examples=200, deadline=None)
 @given(
     pages=st.lists(st.sampled_from(sorted(LOCALES)), min_size=6, max_size=6), headed=st.booleans()

@@ -53,3 +53,17 @@ def test_a_damaged_file_and_one_of_the_version_7_3_are_refused(file):
     file.write_bytes(b"MATLAB 7.3 MAT-file, " + content[21:])
     with pytest.raises(RecordingError, match="-v7"):
         read_mat(file, LogOptions())
+
+
+def test_matrices_in_structs_have_a_dotted_path(tmp_path):
+    rec = {"t": TIME, "arm": {"q": ACTUAL, "ref_pos_deg": np.rad2deg(ACTUAL)}, "name": "run"}
+    savemat(tmp_path / "run.mat", {"rec": rec})
+    signals = {"actual": ["rec.arm.ref_pos_deg"]}
+    log = read_mat(tmp_path / "run.mat", LogOptions("rec.t", angle_unit="deg", signals=signals))
+    np.testing.assert_allclose(log.signals["actual"], ACTUAL)
+    columns = {"actual": [f"rec.arm.q:{j}" for j in (2, 0, 1)]}
+    log = read_mat(tmp_path / "run.mat", LogOptions("rec.t", signals=columns))
+    np.testing.assert_array_equal(log.signals["actual"], ACTUAL[:, [2, 0, 1]])
+    with pytest.raises(RecordingError, match=r"there are .*rec\.arm\.q \(6, 3\)") as refused:
+        read_mat(tmp_path / "run.mat", LogOptions(signals={"actual": ["q"]}))
+    assert refused.value.evidence["key"] == "dataset.joint_log.signals"

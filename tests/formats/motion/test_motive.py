@@ -1,3 +1,5 @@
+"""Columnar takes of Motive: written, read whatever their version, and refused."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -5,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motive_files import MARKER, START, columns_file, random_take, refusal
+from scipy.spatial.transform import Rotation
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.motion.motive import read_motive, write_motive
-
-# --- what is written
+from pipeline.formats.motion.take import rate_from_times
 
 
 def test_written_takes_read_back_to_a_half_micrometre_and_keep_their_gaps(tmp_path):
@@ -40,35 +42,22 @@ def test_written_takes_read_back_to_a_half_micrometre_and_keep_their_gaps(tmp_pa
     ) == (10, 1, 0)
 
 
-def test_the_written_file_has_the_rows_of_the_instrument(tmp_path):
-    write_motive(tmp_path / "t.csv", random_take(2, 1), start=START)
-    content = (tmp_path / "t.csv").read_bytes()
-    lines = content.split(b"\r\n")
-    assert content.count(b"\n") == content.count(b"\r\n") == 9
-    assert lines[0].startswith(
-        b"Format Version,1.23,Take Name,Take 1,Take Notes,,Capture Frame Rate,100.000000,Export "
-        b"Frame Rate,100."
-    )
-    assert lines[0].endswith(
-        b"Rotation Type,Quaternion,Length Units,Meters,Coordinate Space,Global"
-    )
-    assert [line[:7] for line in lines[1:6]] == [
-        b"",
-        b",Type,R",
-        b",Name,B",
-        b',ID,"A1',
-        b",,Rotat",
-    ]
-    assert lines[6] == b"Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,X,Y,Z"
-    assert lines[8].startswith(b"1,0.010000,")
-
-
-def test_writing_twice_gives_the_same_bytes_and_rewriting_what_was_read_too(tmp_path):
+def test_a_written_take_has_the_instruments_rows_and_the_same_bytes_when_rewritten(tmp_path):
     first, second, third = (tmp_path / name for name in ("1.csv", "2.csv", "3.csv"))
-    write_motive(first, random_take(), start=START)
-    write_motive(second, random_take(), start=START)
+    for file, take in ((first, random_take()), (second, random_take())):
+        write_motive(file, take, start=START)
     write_motive(third, read_motive(first), start=START)
-    assert first.read_bytes() == second.read_bytes() == third.read_bytes()
+    content = first.read_bytes()
+    assert content == second.read_bytes() == third.read_bytes()
+    lines = content.split(b"\r\n")
+    assert content.count(b"\n") == len(lines) - 1 == 7 + 321
+    assert lines[0].startswith(b"Format Version,1.23,Take Name,Take 1,Take Notes,,Capture Frame Ra")
+    assert lines[0].endswith(b"Quaternion,Length Units,Meters,Coordinate Space,Global")
+    starts = [b"", b",Type,Rigid Body,", b",Name,Base,", b',ID,"A10",', b",,Rotation,"]
+    for line, start in zip(lines[1:6], starts, strict=True):
+        assert line.startswith(start)
+    assert lines[6].startswith(b"Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,X,Y,Z,")
+    assert lines[8].startswith(b"1,0.010000,")
 
 
 def test_names_keep_colons_commas_quotes_and_letters_of_any_code_page(tmp_path):
@@ -81,60 +70,6 @@ def test_names_keep_colons_commas_quotes_and_letters_of_any_code_page(tmp_path):
     assert list(read_motive(tmp_path / "t.csv").markers) == names
     (tmp_path / "t.csv").write_bytes((tmp_path / "t.csv").read_bytes().decode().encode("cp1252"))
     assert list(read_motive(tmp_path / "t.csv").markers) == names
-
-
-# --- other files
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"",
-        b"\r\n\r\n",
-        b"\x89PNG\r\n\x1a\n\0\0",
-        b"text",
-        b"a,b\n1,2\n",
-        "Format Version,1.23\n".encode("utf-16"),
-        b'"open\n',
-    ],
-)
-def test_other_files_are_refused(tmp_path, content):
-    (tmp_path / "t.csv").write_bytes(content)
-    refusal(read_motive, tmp_path / "t.csv")
-
-
-def test_missing_files_and_folders_are_refused(tmp_path):
-    refusal(read_motive, tmp_path / "absent.csv")
-    refusal(read_motive, tmp_path)
-
-
-# --- damage
-
-
-@settings(derandomize=True, max_examples=60, deadline=None)
-@given(frames=st.integers(2, 5), seed=st.integers(0, 99), occluded=st.booleans(), data=st.data())
-def test_a_take_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(
-    tmp_path_factory, frames, seed, occluded, data
-):
-    file = tmp_path_factory.mktemp("cut") / "t.csv"
-    original = random_take(frames, 2, seed, body=seed % 2 == 0)
-    if occluded:
-        original.markers["Link1:Marker2"][-1] = np.nan
-    write_motive(file, original, start=START)
-    whole, content = read_motive(file), file.read_bytes()
-    # half of the cuts in the last rows, where numbers can lose digits
-    cut = data.draw(
-        st.integers(0, len(content) - 1) | st.integers(len(content) - 120, len(content) - 1)
-    )
-    file.write_bytes(content[:cut])
-    try:
-        result = read_motive(file)
-    except RecordingError:
-        return
-    kept = content[:cut].replace(b"\r\n", b"\n").replace(b"\r", b"\n").count(b"\n") - 7
-    assert 0 < len(result.frame) == kept
-    for name, points in whole.markers.items():
-        np.testing.assert_array_equal(result.markers[name], points[:kept])
 
 
 @settings(derandomize=True, max_examples=80, deadline=None)
@@ -191,3 +126,228 @@ def test_a_last_row_that_lost_only_digits_is_dropped_and_counted(tmp_path):
         result = read_motive(file)
         np.testing.assert_array_equal(result.markers["A"], [[1, 2, 0.125]])
         assert result.counts["cut_rows"] == 1
+
+
+def test_version_1_21_without_labels_in_column_b_has_raw_and_solved_markers_and_a_body(shared):
+    result = read_motive(shared / "samples/motive/motive_v1.21_rigidbody.csv")
+    assert (result.version, result.rate, result.unit) == ("1.21", 120.0, "m")
+    assert (result.name, len(result.frame)) == ("Take 2016-01-05 03.49.50 PM", 250)
+    body = result.bodies["Rigid Body 1"]
+    for found, printed in (
+        (result.markers["Rigid Body 1:Marker1"][0], [0.009933, 0.019160, 0.009812]),
+        (result.markers["Rigid Body 1:Marker3"][-1], [0.160351, 0.019160, 0.009576]),
+        (result.markers["Rigid Body 1_1"][0], [0.009986, 0.019136, 0.009807]),
+        (body.quaternion[0], [0.000035, 0.000016, -0.000030, -1.0]),
+        (body.position[1], [0.060004, 0.019161, 0.076594]),
+        (result.time[-1], 249 / 120),
+    ):
+        np.testing.assert_array_equal(found, printed)
+    assert np.isnan(result.markers["Unlabeled:105"]).all()
+    assert result.counts["missing_samples"] == 3 * 250
+    assert (result.counts["solved_only"], result.counts["unused_columns"]) == (3, 4)
+
+
+def test_version_1_23_has_unit_quaternions_scalar_last_and_millimetres(shared):
+    result = read_motive(shared / "samples/motive/motive_v1.23_rigidbody.csv")
+    body = result.bodies["RigidBody"]
+    assert (result.rate, len(result.frame), result.time[-1]) == (240.0, 10460, 10459 / 240)
+    np.testing.assert_array_equal(body.position[-1], [-0.065706, 0.730724, 0.312436])
+    np.testing.assert_array_equal(body.quaternion[1], [-0.715889, -0.252145, 0.630100, 0.164013])
+    assert np.abs(np.linalg.norm(body.quaternion, axis=1) - 1).max() < 2e-6
+    assert body.quaternion[0] @ body.quaternion[1] < -0.99  # the sign flips, the rotation does not
+    assert result.counts["time_mismatches"] == 0
+    result = read_motive(shared / "samples/motive/motive_v1.23_markers_millimetres.csv")
+    assert (len(result.markers), result.unit) == (18, "mm")
+    place = [2.659741943, -0.830793884, -2.862191650]
+    np.testing.assert_allclose(result.markers["Unlabeled 1036"][0], place, rtol=0, atol=1e-15)
+    lost = {name[-4:]: np.isnan(points[:, 0]).sum() for name, points in result.markers.items()}
+    lost = {name: count for name, count in lost.items() if count}
+    assert lost == {"1051": 348, "1052": 349, "1053": 1352}
+    assert result.counts["missing_samples"] == sum(lost.values())
+    assert result.time[1] == 1 / 360  # the file prints 0.003
+    empty = refusal(read_motive, shared / "samples/motive/motive_v1.23_empty.csv")
+    assert "no marker" in empty.message
+
+
+def test_frame_gaps_are_time_and_are_counted_with_headers_and_times_that_lie(tmp_path):
+    rows = "72210,722.1,1,2,3\n72211,722.13,1,2,3\n83158,831.58,1,2,3\n"
+    file = columns_file(tmp_path, MARKER + rows)
+    lie = b",Total Exported Frames,17263,Rotation Type"
+    file.write_bytes(file.read_bytes().replace(b",Rotation Type", lie, 1))
+    result = read_motive(file)
+    np.testing.assert_allclose(result.time, [0, 0.01, 109.48], rtol=0, atol=1e-12)
+    names = ("announced_frames", "found_frames", "gaps", "skipped_frames", "time_mismatches")
+    assert [result.counts[name] for name in names] == [17263, 3, 1, 10946, 1]
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale"), [("Meters", 1.0), ("Centimeters", 0.01), ("Millimeters", 0.001)]
+)
+def test_labels_decide_which_column_is_which_in_which_unit(tmp_path, unit, scale):
+    body = MARKER.replace("X,Y,Z", "Z,X,Y") + "0,0,-3,1,2\n"
+    result = read_motive(columns_file(tmp_path, body, unit=unit))
+    np.testing.assert_allclose(result.markers["A"], [[scale, 2 * scale, -3 * scale]], rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("cells", "count"),
+    [
+        (",,", None),
+        ("NAN,NAN,NAN", None),
+        ("0.000000,0.000000,0.000000", "zero_samples"),
+        ("1,,3", "partial_samples"),
+    ],
+)
+def test_lost_samples_are_nan_in_all_coordinates_and_counted(tmp_path, cells, count):
+    result = read_motive(columns_file(tmp_path, MARKER + f"0,0,{cells}\n1,0.01,0,0,1\n"))
+    np.testing.assert_array_equal(result.markers["A"], [[np.nan] * 3, [0, 0, 1]])
+    assert result.counts["missing_samples"] == 1
+    assert {key: result.counts[key] for key in ("zero_samples", "partial_samples")} == {
+        "zero_samples": 0,
+        "partial_samples": 0,
+    } | ({count: 1} if count else {})
+
+
+def spreadsheet(content: bytes) -> bytes:
+    """With a byte-order mark, and every row padded with commas beyond the widest."""
+    lines = content.decode().splitlines()
+    width = max(line.count(",") for line in lines) + 3
+    padded = (line + "," * (width - line.count(",")) for line in lines)
+    return ("\ufeff" + "\n".join(padded) + "\n").encode()
+
+
+def with_timecode(content: bytes) -> bytes:
+    """With a column that is no number, between the time and the markers."""
+    rows = [line.split(b",", 2) for line in content.split(b"\r\n")[:-1]]
+    cells = [*[b""] * 6, b"TimeCode", *[b"15:26:46:12.02"] * len(rows)]
+    wider = (
+        row if n < 2 else [*row[:2], cell, *row[2:]]
+        for n, (row, cell) in enumerate(zip(rows, cells, strict=False))
+    )
+    return b"".join(b",".join(row) + b"\r\n" for row in wider)
+
+
+def with_rows(content: bytes, at: int, *rows: bytes) -> bytes:
+    lines = content.split(b"\r\n")
+    return b"\r\n".join([*lines[:at], *rows, *lines[at:]])
+
+
+CHANGES = {
+    "saved by a spreadsheet": spreadsheet,
+    "with a time code": with_timecode,
+    "with parents": lambda content: with_rows(content, 5, b",Parent,,,"),
+    "with blank rows": lambda content: with_rows(content, 9, b",,,", b""),
+    "with line feeds alone": lambda content: content.replace(b"\r", b""),
+    "with keys of a later version": lambda content: content.replace(
+        b",Coordinate Space,Global", b",Fresh Key,1.0,Coordinate Space,Global,Newer,x", 1
+    ),
+    "without rates": lambda content: content.replace(
+        b"Capture Frame Rate,100.000000,Export Frame Rate,100.000000,", b"", 1
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_headers_of_other_versions_and_spreadsheets_change_nothing(tmp_path, name):
+    file = tmp_path / "t.csv"
+    write_motive(file, random_take(), start=START)
+    plain, content = read_motive(file), file.read_bytes()
+    file.write_bytes(CHANGES[name](content))
+    assert file.read_bytes() != content
+    result = read_motive(file)
+    assert list(result.markers) == list(plain.markers)
+    assert all((result.markers[name] == plain.markers[name]).all() for name in plain.markers)
+    assert (result.bodies["Base"].quaternion == plain.bodies["Base"].quaternion).all()
+    assert (result.name, result.rate, result.counts["found_frames"]) == (
+        plain.name,
+        plain.rate,
+        321,
+    )
+    assert result.counts["blank_rows"] == 2 * (name == "with blank rows")
+
+
+@pytest.mark.parametrize("order", ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"])
+def test_euler_angles_are_products_of_axis_rotations_in_the_order_of_the_header(tmp_path, order):
+    degrees = {"X": 20.0, "Y": -35.0, "Z": 50.0}
+    body = f",Type{',Rigid Body' * 6}\n,Name{',B' * 6}\n,ID{',1' * 6}\n"
+    body += f",{',Rotation' * 3}{',Position' * 3}\n"
+    body += "Frame,Time (Seconds),X,Y,Z,X,Y,Z\n0,0,20,-35,50,1,2,3\n1,0.01,,,,,,\n"
+    pose = read_motive(columns_file(tmp_path, body, rotation=order)).bodies["B"]
+    wanted = np.eye(3)
+    for axis in order:
+        a, c, s = (
+            "XYZ".index(axis),
+            np.cos(np.radians(degrees[axis])),
+            np.sin(np.radians(degrees[axis])),
+        )
+        turn = np.eye(3)
+        i, j = (a + 1) % 3, (a + 2) % 3
+        turn[[i, j, i, j], [i, j, j, i]] = c, c, -s, s
+        wanted = wanted @ turn
+    np.testing.assert_allclose(
+        Rotation.from_quat(pose.quaternion[0]).as_matrix(), wanted, atol=1e-14
+    )
+    assert np.isnan(pose.quaternion[1]).all() and np.isnan(pose.position[1]).all()
+
+
+def columns(*assets: tuple[str, str, str], quantities: str = "Position", axes: str = "XYZ") -> str:
+    """Rows of labels of assets of a type, name and ID, each with the axes of one quantity."""
+    cells = [asset for asset in assets for _ in axes]
+    body = "".join(
+        f",{label},{','.join(asset[i] for asset in cells)}\n"
+        for i, label in enumerate(("Type", "Name", "ID"))
+    )
+    body += f",,{','.join([quantities] * len(cells))}\n"
+    return body + f"Frame,Time (Seconds),{','.join(axes * len(assets))}\n"
+
+
+def test_a_raw_marker_is_preferred_to_the_solved_one_of_its_name(tmp_path):
+    solved = "Rigid Body Marker"
+    body = columns((solved, "B:1", "1"), (solved, "B:2", "1"), ("Marker", "B:1", "1"))
+    rows = "0,0,1,1,1,2,2,2,9,9,9\n1,0.01,1,1,1,2,2,2,,,\n"
+    result = read_motive(columns_file(tmp_path, body + rows))
+    np.testing.assert_array_equal(result.markers["B:1"], [[9, 9, 9], [np.nan] * 3])
+    np.testing.assert_array_equal(result.markers["B:2"], [[2, 2, 2]] * 2)
+    assert (result.counts["solved_replaced"], result.counts["solved_only"]) == (1, 1)
+
+
+def test_a_name_of_several_ids_names_none_of_them(tmp_path):
+    kinds = ("Marker", "Marker", "Rigid Body Marker")
+    body = columns(*((kind, "S", str(k)) for k, kind in enumerate(kinds, 1)))
+    body += f"0,0{',1,2,3' * 3}\n"
+    result = read_motive(columns_file(tmp_path, body))
+    assert list(result.markers) == ["S [1]", "S [2]", "S [3]"]
+    body = columns(*(("Rigid Body", "B", k) for k in "12"), axes="XYZWXYZ")
+    pose = f"{','.join(['Rotation'] * 4 + ['Position'] * 3)}"
+    body = body.replace(",".join(["Position"] * 14), f"{pose},{pose}")
+    file = columns_file(tmp_path, body + "0,0,0,0,0,1,1,2,3,0,0,0,1,4,5,6\n")
+    assert list(read_motive(file).bodies) == ["B [1]", "B [2]"]
+
+
+def test_bones_are_skipped_and_counted(tmp_path):
+    bones = ("Bone", "Hip", "1"), ("Bone Marker", "Hip_1", "1")
+    file = columns_file(tmp_path, columns(("Marker", "A", "1"), *bones) + "0,0,1,2,3,4,5,6,7,8,9\n")
+    result = read_motive(file)
+    assert list(result.markers) == ["A"]
+    assert (result.counts["skipped_bones"], result.counts["unused_columns"]) == (2, 6)
+    file = columns_file(tmp_path, columns(*bones) + "0,0,4,5,6,7,8,9\n")
+    assert "bones alone" in refusal(read_motive, file).message
+
+
+@pytest.mark.parametrize(
+    ("frames", "rate", "decimals", "known"),
+    [(slice(500, 900), rate, 3, rate) for rate in (100, 120, 240, 360)]
+    + [
+        (slice(0), 30, 2, 30),
+        (slice(0), 1000, 6, 1000),
+        (slice(0), 120, 2, 120),  # rounded by more than half a frame
+        (slice(0), 59.94, 15, 59.94),
+        (slice(5, None), 59.94, 15, 60),  # in five frames nobody can tell
+        (slice(1, None), 100, 3, None),
+    ],
+)
+def test_a_rate_that_no_header_states_is_that_of_the_printed_times(frames, rate, decimals, known):
+    frame = np.delete(np.arange(72210, 74210), frames)
+    found = rate_from_times(frame, np.round(frame / rate, decimals))
+    assert found == (known if known is None else pytest.approx(known, abs=1e-9))
+    assert rate_from_times(frame, np.zeros(len(frame))) is None

@@ -1,41 +1,62 @@
-"""What the reader of the columnar grammar refuses, and where it says the fault is."""
+"""Motive takes that are refused, with the line, the column or the key of their fault."""
 
 from __future__ import annotations
 
 import pytest
-from motive_files import MARKER, columns_file, refusal
+from motive_files import MARKER, columns_file, refusal, rows_file
+from motive_row_files import DEFINITION, POSE, body_row, frame_row, in_metres, seen_row
 
 from pipeline.formats.motion.motive import read_motive
+from pipeline.formats.motion.take import settle_unit
+
+ROWS = "0,0,1,2,3\n1,0.01,1,2,3\n"
+REFUSALS = [  # what of a sound file is replaced, by what; line of the fault
+    (ROWS, "", 7, "no frame"),
+    (ROWS, "0,0,1,2,3", 7, "no frame"),
+    (ROWS, "0,0,1,2\n", 8, "labels 5 columns"),
+    (ROWS, "0,0,1,2,3\n1,0.01,1", 9, "cut short"),
+    (ROWS, "0,0,1,2,3\n\n1,0.01,1,oops,3\n", 10, "'oops'"),
+    (ROWS, "0,0,1,2,3,4\n", 8, "'4' in a column without a label"),
+    ("\n1,0.01", "\n0,0.01", 9, "does not increase"),
+    ("\n1,0.01", "\n,0.01", 9, "frame number"),
+    ("\n1,0.01", "\n1.5,0.01", 9, "frame number"),
+    ("\n1,0.01", "\n1e17,0.01", 9, "frame number"),
+    ("X,Y,Z", "X,Y,Y", 7, "two columns claim Position Y"),
+    ("X,Y,Z", "X,Y,W", 7, "lacks one of its columns"),
+    (",Name,A,A,A\n", "", 6, "not Type and Name"),
+    (MARKER, "0,0,1,2,3\n" + MARKER, 3, "starts with '0'"),
+    (MARKER + ROWS, MARKER.partition("Frame")[0], 6, "starts with 'Frame'"),
+    (MARKER + ROWS, "Frame,Time (Seconds),X,Y,Z\n0,0,1,2,3\n", 3, "incomplete"),
+    ("Length Units,Meters", "Length Units,Inches", None, "'Inches'"),
+    ("Units,Meters", "Units,Meters,Length Units,Millimeters", 1, "Length Units twice"),
+    ("Capture Frame Rate,100.0,Export Frame Rate,100.0,", "", 1, "frame rate"),
+    ("Export Frame Rate,100.0", "Export Frame Rate,0", 1, "frame rate"),
+    ("Export Frame Rate,100.0", "Export Frame Rate,fast", 1, "frame rate"),
+    ("Length Units,Meters", "Length Units,Meters,Coordinate Space,Local", 1, "Global"),
+    ("Format Version", "Version", 1, "no Motive export"),
+    (",", ";", 1, "semicolons"),
+    (",", "\t", 1, "tabs"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "line", "words"), REFUSALS)
+def test_a_fault_is_refused_with_its_line(tmp_path, old, new, line, words):
+    file = columns_file(tmp_path, MARKER + (ROWS if "Frame Rate,100.0,E" not in old else ROWS[:10]))
+    assert read_motive(file).rate == 100.0
+    assert old in file.read_text()
+    file.write_text(file.read_text().replace(old, new))
+    error = refusal(read_motive, file)
+    assert words in error.message and error.evidence.get("line") == line
 
 
 @pytest.mark.parametrize(
-    ("body", "line", "words"),
-    [
-        (MARKER, 7, "no frame"),
-        (MARKER + "0,0,1,2\n", 8, "labels 5 columns"),
-        (MARKER + "0,0,1,2,3\n1,0.01,1,2\n", 9, "4 cells"),
-        (MARKER + "0,0,1,2,3\n1,0.01,1", 9, "cut short"),
-        (MARKER + "0,0,1,2,3", 7, "no frame"),
-        (MARKER + "0,0,1,2,3\n\n1,0.01,1,oops,3\n", 10, "'oops'"),
-        (MARKER + "0,0,1,2,3\n1,0.01,1,inf,3\n", 9, "'inf'"),
-        (MARKER + "0,0,1,2,3\n1,0.01,1,1_0,3\n", 9, "'1_0'"),
-        (MARKER + "0,0,1,2,3,4\n", 8, "'4' in a column without a label"),
-        (MARKER + "0,0,1,2,3\n0,0.01,1,2,3\n", 9, "does not increase"),
-        (MARKER + ",0,1,2,3\n", 8, "frame number"),
-        (MARKER + "0.5,0,1,2,3\n", 8, "frame number"),
-        (MARKER + "1e17,0,1,2,3\n", 8, "frame number"),
-        (MARKER.replace("X,Y,Z", "X,Y,Y") + "0,0,1,2,3\n", 7, "two columns claim Position Y"),
-        (MARKER.replace("X,Y,Z", "X,Y,W") + "0,0,1,2,3\n", 7, "lacks one of its columns"),
-        (MARKER.replace(",Name,A,A,A\n", "") + "0,0,1,2,3\n", 6, "not Type and Name"),
-        ("0,0,1,2,3\n" + MARKER + "1,0.01,1,2,3\n", 3, "starts with '0'"),
-        (MARKER.partition("Frame")[0], 6, "starts with 'Frame'"),
-        ("Frame,Time (Seconds),X,Y,Z\n0,0,1,2,3\n", 3, "incomplete"),
-    ],
+    "content",
+    [b"", b"\r\n\r\n", b"\x89PNG\r\n\0\0", b"a,b\n1,2\n", b'"open\n', b"\xff\xfeF\0o\0"],
 )
-def test_damaged_tables_are_refused_with_their_line(tmp_path, body, line, words):
-    error = refusal(read_motive, columns_file(tmp_path, body))
-    assert words in error.message
-    assert error.evidence["line"] == line
+def test_other_files_and_none_are_refused(tmp_path, content):
+    (tmp_path / "t.csv").write_bytes(content)
+    for file in (tmp_path / "t.csv", tmp_path / "absent.csv", tmp_path):
+        refusal(read_motive, file)
 
 
 TWO = (
@@ -91,33 +112,17 @@ def test_what_is_far_away_depends_on_the_unit(tmp_path):
     assert "in cm" in refusal(read_motive, columns_file(tmp_path, body, unit="Centimeters")).message
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (("Length Units,Meters", "Length Units,Inches"), "'Inches'"),
-        (
-            ("Length Units,Meters", "Length Units,Meters,Length Units,Millimeters"),
-            "Length Units twice",
-        ),
-        (("Capture Frame Rate,100.0,Export Frame Rate,100.0,", ""), "frame rate"),
-        (("Export Frame Rate,100.0", "Export Frame Rate,0"), "frame rate"),
-        (("Export Frame Rate,100.0", "Export Frame Rate,fast"), "frame rate"),
-        (("Length Units,Meters", "Length Units,Meters,Coordinate Space,Local"), "Global"),
-        (("Format Version", "Version"), "no Motive export"),
-    ],
-)
-def test_headers_that_leave_a_unit_or_rate_open_are_refused(tmp_path, change, words):
-    file = columns_file(tmp_path, MARKER + "0,0,1,2,3\n")
-    assert read_motive(file).rate == 100.0
-    file.write_text(file.read_text().replace(*change))
-    assert words in refusal(read_motive, file).message
-
-
-@pytest.mark.parametrize(("mark", "words"), [(";", "semicolons"), ("\t", "tabs")])
-def test_a_take_that_another_program_saved_with_other_separators_is_refused(tmp_path, mark, words):
-    file = columns_file(tmp_path, MARKER + "0,0,1,2,3\n")
-    file.write_text(file.read_text().replace(",", mark))
-    assert words in refusal(read_motive, file).message
+def test_a_header_without_a_unit_is_read_in_the_one_that_is_asked_for_and_one_rate_is_enough(
+    tmp_path,
+):
+    file = columns_file(tmp_path, MARKER + ROWS)
+    other = refusal(lambda file: read_motive(file, "mm"), file)
+    assert other.evidence["key"] == "dataset.mocap.unit"
+    for part in (",Length Units,Meters", "Export Frame Rate,100.0,"):
+        file.write_text(file.read_text().replace(part, ""))
+    assert refusal(read_motive, file).evidence["key"] == "dataset.mocap.unit"
+    read = read_motive(file, "mm")
+    assert read.markers["A"][0].tolist() == [0.001, 0.002, 0.003] and read.rate == 100.0
 
 
 def test_a_rate_that_the_printed_times_contradict_is_refused(tmp_path):
@@ -131,28 +136,6 @@ def test_a_rate_that_the_printed_times_contradict_is_refused(tmp_path):
     # the control: a jump is no other rate
     assert read_motive(take(100.0, 109.0)).counts["time_mismatches"] == 30
     assert read_motive(take(100.3, 0.0)).rate == 100.0
-
-
-def test_a_file_without_a_unit_is_read_in_the_one_that_is_asked_for_and_none_is_guessed(tmp_path):
-    file = columns_file(tmp_path, MARKER + "0,0,1,2,3\n")
-    file.write_text(file.read_text().replace(",Length Units,Meters", ""))
-    assert refusal(read_motive, file).evidence["key"] == "dataset.mocap.unit"
-    assert read_motive(file, "mm").markers["A"].tolist() == [[0.001, 0.002, 0.003]]
-
-
-def test_a_unit_that_is_not_the_files_is_refused(tmp_path):
-    file = columns_file(tmp_path, MARKER + "0,0,1,2,3\n")
-    assert read_motive(file, "m").markers["A"].tolist() == [[1, 2, 3]]
-    error = refusal(lambda file: read_motive(file, "mm"), file)
-    assert error.evidence["key"] == "dataset.mocap.unit"
-
-
-def test_older_headers_without_an_export_rate_are_read_at_the_capture_rate(tmp_path):
-    file = columns_file(tmp_path, MARKER + "0,0,1,2,3\n")
-    file.write_text(
-        file.read_text().replace("Export Frame Rate,100.0,", "").replace("Rate,100.0", "Rate,120")
-    )
-    assert read_motive(file).rate == 120.0
 
 
 @pytest.mark.parametrize(("w", "sound"), [("1.0002", True), ("0.1", False), ("1e19", False)])
@@ -169,3 +152,58 @@ def test_a_rotation_of_another_length_than_one_is_refused_by_its_row(tmp_path, w
         return
     error = refusal(read_motive, file)
     assert "the rotation of A is of the length" in error.message and error.evidence["line"] == 10
+
+
+@pytest.mark.parametrize("stated", ["mm", "MM", "Millimeters", " millimetres "])
+def test_a_unit_is_the_files_or_the_options_and_neither_a_guess_nor_a_contradiction(
+    tmp_path, stated
+):
+    for text, option in ((stated, None), ("", "mm"), (stated, "mm")):
+        assert settle_unit(text, option, tmp_path, key="U") == "mm"
+    for text, option in (("", None), (stated, "m"), ("feet", "m")):
+        key = "U" if text == "feet" else "dataset.mocap.unit"
+        error = refusal(lambda file, of=(text, option): settle_unit(*of, file, key="U"), tmp_path)
+        assert error.evidence["key"] == key
+
+
+@pytest.mark.parametrize(
+    ("rows", "line", "words"),
+    [
+        ([DEFINITION], 3, "no frame"),
+        ([DEFINITION, frame_row(0)], 4, "no rate"),
+        ([DEFINITION, frame_row(0), frame_row(0, "1,1,1,1,3,Marker-3")], 5, "does not increase"),
+        ([frame_row(0)], 3, "not defined"),
+        ([DEFINITION, DEFINITION.replace("Arm", "Leg")], 4, "defined twice"),
+        ([DEFINITION, seen_row(0)[:-12]], 4, "counts ask for"),
+        ([DEFINITION, seen_row(0) + ",5"], 4, "goes on"),
+        ([DEFINITION, seen_row(0).replace(",0,1,2,Arm", ",0,x,2,Arm")], 4, "'x'"),
+        ([DEFINITION, seen_row(0).replace(",0,1,2,Arm", ",0,1e999,2,Arm")], 4, "too large"),
+        ([DEFINITION, frame_row(0, "-1")], 4, "'-1' where a count"),
+        ([DEFINITION, frame_row(0, "999999999999")], 4, "counts ask for"),
+        ([DEFINITION, frame_row(0), body_row(1, "1,1,1", "2,2,2")], 5, "not of the frame"),
+        (
+            [DEFINITION, frame_row(0), body_row(0, "1,1,1", "2,2,2").replace("Arm", "Leg")],
+            5,
+            "not defined",
+        ),
+        ([DEFINITION, f"frame,0,0,2,{POSE.format(0)},{POSE.format(0)},0"], 4, "two poses"),
+        ([DEFINITION, frame_row(0, "2,1,1,1,2,A,5,5,5,4,A")], 4, "two markers are named 'A'"),
+        (["skeleton,1"], 3, "no row type 'skeleton'"),
+        (["lefthanded"], 3, "left-handed"),
+    ],
+)
+def test_damaged_rows_of_version_1_1_are_refused_with_their_line(tmp_path, rows, line, words):
+    error = refusal(in_metres, rows_file(tmp_path, *rows))
+    assert words in error.message
+    assert error.evidence["line"] == line
+
+
+def test_a_position_that_no_camera_sees_is_refused_with_its_line(tmp_path):
+    rows = [
+        frame_row(0, "1,1,2,3,4,a", tracked=False),
+        frame_row(1, "1,1,2000,3,4,a", tracked=False),
+    ]
+    file = rows_file(tmp_path, *rows)
+    error = refusal(lambda path: read_motive(path, "m"), file)
+    assert "a is at 2000 m, farther" in error.message and error.evidence["line"] == 4
+    assert read_motive(file, "mm").markers["a"][1, 1] == 2.0

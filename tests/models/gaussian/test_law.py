@@ -98,16 +98,6 @@ def test_a_bound_below_the_norm_has_no_solution():
         noise_scale(np.array([14.0, 18.1]), 0.1, 18.0, 3, 3)
 
 
-def test_at_rest_and_without_noise_the_step_is_the_nominal_one(chain, poses, step):
-    rng = np.random.default_rng(5)
-    assert np.array_equal(
-        draw_steps(GaussianModel(0.1, 30.0), chain, poses, np.zeros(3), rng)[0], poses
-    )
-    quiet = GaussianModel(0.0, 30.0)
-    drawn, _ = draw_steps(quiet, chain, poses, step, rng)
-    np.testing.assert_allclose(drawn, quiet.mean(chain, poses, step), atol=1e-14)
-
-
 @pytest.mark.parametrize(("alpha", "u"), [(-0.1, 18.0), (0.1, 0.0), (np.nan, 18.0), (0.1, np.inf)])
 def test_parameters_outside_the_model_are_refused(alpha, u):
     with pytest.raises(ModelDomainError, match="alpha must be"):

@@ -15,7 +15,7 @@ from pipeline.models.wishart.law import WishartModel
 from pipeline.recordings.steps import training_steps
 from pipeline.studies.recovery import stage
 from pipeline.studies.recovery.known_laws import drawn
-from pipeline.studies.recovery.stage import LABELS, answer, recovery_row, thinned
+from pipeline.studies.recovery.stage import LABELS, bias_sentences, recovery_row, thinned_steps
 
 HERE = Path(stage.__file__).parent
 DATA, PAGE = Path("data/studies/recovery"), Path("reports/studies/recovery.md")
@@ -29,7 +29,7 @@ def recorded(project):
 
 
 def test_drawn_noise_has_the_covariance_of_its_law_and_of_the_measurement(recorded):
-    part = thinned(recorded, 12, 20)
+    part = thinned_steps(recorded, 12, 20)
     model = WishartModel(0.25, Decomposition("pivoted_lu"))
     rng = np.random.default_rng(4)
     noise = np.stack([drawn(model, part, rng).noise for _ in range(1500)])
@@ -43,7 +43,7 @@ def test_drawn_noise_has_the_covariance_of_its_law_and_of_the_measurement(record
 
 
 def test_thinning_keeps_the_measurement_noise_of_all(recorded):
-    part = thinned(recorded, 3, 8)
+    part = thinned_steps(recorded, 3, 8)
     assert part.q.shape[:2] == (3, -(-recorded.q.shape[1] // 8))
     np.testing.assert_array_equal(part.measurement, recorded.measurement)
     np.testing.assert_array_equal(part.v[1], recorded.v[8])
@@ -83,7 +83,7 @@ def test_the_study_is_the_same_for_any_number_of_workers(project):
     moments = wishart[wishart["estimator"] == "moments"]
     np.testing.assert_allclose(moments["mean"], moments["truth"], rtol=0.1)
     text = PAGE.read_text()
-    assert all(sentence in text for sentence in answer(wishart))
+    assert all(sentence in text for sentence in bias_sentences(wishart))
     assert "(recovery/recovery.png)" in text and len(text.split()) < 1000
     config.COMPOSED.write_text(config.COMPOSED.read_text().replace("workers: 1", "workers: 2"))
     stage.run()
@@ -108,7 +108,7 @@ def test_a_known_law_has_the_recorded_variance_and_the_names_of_the_estimates(re
 
 def test_the_papers_covariance_is_off_by_the_measurement_noise_and_the_shrunk_one_is_not(recorded):
     options = stage.Options({"additive": ["paper", "shrinkage"]}, [0.25], 12, 1, datasets=40)
-    part = thinned(recorded, 12, 1)
+    part = thinned_steps(recorded, 12, 1)
     (case,) = stage.known_laws(part, options)
     pairs = [stage.recover((case, i), part, 7) for i in range(options.datasets)]
     for j in range(3):

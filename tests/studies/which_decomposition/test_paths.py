@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -46,16 +44,6 @@ def test_constant_speed_has_the_fastest_joint_at_its_limit(arm, stated):
     part = draw_paths(arm, CONSTANT, "joint line", stated.u, 10, np.random.default_rng(1))
     speed = np.abs(part.step * 100 / arm.max_speed).max(axis=2)
     np.testing.assert_allclose(speed, 1.0, rtol=1e-6)
-
-
-def test_another_number_of_steps_hardly_changes_where_the_arm_is(arm, stated):
-    law = TimeLaw(320, 100.0, (0.2, 0.2), (0.3, 0.3), (0.5, 0.5))
-    coarse = replace(law, steps=64, rate=20.0)
-    behind, sparse = (x.draw(np.array([True]), np.random.default_rng(1)) for x in (law, coarse))
-    np.testing.assert_allclose(behind[:, ::5], sparse, atol=1e-12)
-    # rest at the ends and, twice, at the turn
-    still = np.abs(np.diff(behind[0])) < 1e-12
-    assert still.sum() in range(76, 82) and behind.max() == 1.0
 
 
 def test_inverse_kinematics_returns_the_angles(arm):

@@ -94,10 +94,10 @@ def test_everything_that_is_wrong_is_said_at_once(files, capsys):
     said = capsys.readouterr().out
     for key in (
         "about.source",
-        "angle_unit",
+        "key dataset.joint_log.angle_unit",
         "robot.tol",
-        "motion.rate",
-        "joint_log.rest",
+        "key dataset.motion.rate",
+        "key dataset.joint_log.rest",
         "joint_log.tolerance",
         "walk_*",
     ):
@@ -107,7 +107,7 @@ def test_everything_that_is_wrong_is_said_at_once(files, capsys):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("run_*", "walk_*", ["nothing in", "walk_*"]),
+        ("run_*", "walk_*", ["no file or folder in", "walk_*"]),
         ("q_actual.csv", "q.csv", ["does not hold q.csv, nor do 1 others"]),
         ("joint_6]", "joint_7]", ["joint_6 of robot.joints is not logged"]),
         ("joint_log:", "joint_log:\n  angle_unit: deg", ["no motion", "motions"]),
@@ -125,9 +125,10 @@ def test_files_and_recordings_are_looked_at(files, capsys, old, new, words):
 def test_every_movement_that_cannot_be_read_is_named(files, capsys):
     for number in (1, 2):
         edit(files[0].parents[2] / f"logs/run_{number}/q_actual.csv", "0.300000", "0.3x")
-    with pytest.raises(ConfigError, match=r"^2 to be mended"):
+    with pytest.raises(ConfigError, match=r"^1 to be mended"):
         run(["lab"])
-    assert "run_1" in (said := capsys.readouterr().out) and "run_2" in said
+    message = capsys.readouterr().out
+    assert "run_1" in message and "; and 1 more, as " in message and "run_2" in message
 
 
 def test_a_dataset_that_there_is_not_is_refused(files):

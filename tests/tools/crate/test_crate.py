@@ -17,6 +17,7 @@ import pytest
 from omegaconf import OmegaConf
 from project_copy import run
 from rocrate.rocrate import ROCrate
+from source_code import MODULES, ROOT, covers, needed, room
 
 from pipeline.tools.crate.card import CardFacts, card
 from pipeline.tools.crate.crate import PROFILE, describe
@@ -159,3 +160,17 @@ def test_a_run_is_described_file_by_file_and_stage_by_stage(reproduced, tmp_path
     locked = OmegaConf.to_container(OmegaConf.load(folder / "dvc.lock"))["stages"]
     assert {*locked, "page"} <= {entity["name"] for entity in crate.get_by_type("CreateAction")}
     require_whole(json.loads(written[0]))
+
+
+@pytest.mark.parametrize(
+    ("stage", "module"),
+    [("studies_page", "tools.page.command"), ("crate", "tools.crate.command")],
+)
+def test_a_stage_depends_on_the_code_that_it_runs(stage, module):
+    file = ROOT / "pipeline/tools/crate/dvc.yaml"
+    deps = OmegaConf.to_container(OmegaConf.load(file))["stages"][stage]["deps"]
+    core = {name for name in MODULES if room(name) == "core"}
+    modules = [MODULES[name] for name in needed(f"pipeline.{module}", core)]
+    files = [file.relative_to(ROOT).as_posix() for file in modules if file.stat().st_size]
+    files.remove("pipeline/__init__.py")
+    assert [file for file in files if not any(covers(dep, file) for dep in deps)] == []

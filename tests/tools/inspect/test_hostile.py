@@ -1,4 +1,4 @@
-"""Hostile folders and files: nothing gets out of hand, and nothing but a finding comes of them."""
+"""Damaged files and odd folders: each is a finding, within bounds of size and time."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ import errno
 import json
 import os
 import signal
-import time
 import zlib
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -67,21 +65,6 @@ def test_a_picture_that_unfolds_into_gigabytes_is_refused_by_its_header(zoo, tmp
     assert "more than the 64 that are read" in finding.stops[0]
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "a: &a [x, x]\n"
-        + "".join(f"{b}: &{b} [*{a}, *{a}, *{a}]\n" for a, b in pairwise("abcdefghijklmnop")),
-        "[" * 5000,
-    ],
-)
-def test_yaml_that_unfolds_or_nests_without_end_is_refused(tmp_path, text):
-    (tmp_path / "dataset.yaml").write_text(f"recordings: x\n{text}\n")
-    began = time.monotonic()
-    (finding,) = inspect(tmp_path)
-    assert finding.stops and time.monotonic() - began < 5
-
-
 def test_a_folder_of_more_files_than_recordings_have_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("pipeline.tools.inspect.examine.MAX_FILES", 3)
     for number in range(5):
@@ -121,49 +104,6 @@ def test_a_folder_that_cannot_be_read_is_a_finding(tmp_path, monkeypatch):
     monkeypatch.setattr(examine.os, "scandir", scandir)
     stops = {finding.file.name: finding.stops for finding in inspect(tmp_path)}
     assert stops == {"a.csv": [], "closed": ["the folder cannot be read (Permission denied)"]}
-
-
-def test_folders_that_nest_without_end_are_followed_so_far_as_recordings_lie(tmp_path):
-    deep = tmp_path
-    for _ in range(60):
-        deep = deep / "d"
-    deep.mkdir(parents=True)
-    (tmp_path / "a.csv").write_text("1;2.5\n3;4.5\n5;6.5\n")
-    deeper, table = sorted(inspect(tmp_path), key=lambda finding: -len(finding.file.parts))
-    assert "50 levels deep" in deeper.stops[0] and not table.stops
-
-
-HEAD = "Force X (N),Force Y (N),Force Z (N)"
-COSTLY = {
-    "digits in a first line": ("a.csv", "1" * 120_000 + "x,2\n" + "1,2\n" * 5),
-    "digits in a setting": ("a.csv", f'{HEAD},"Frequency = {"1" * 120_000}x"\n' + "1,2,3\n" * 12),
-    "digits in a delay": ("a.csv", f"Paused for {'1' * 5000}\n{HEAD}\n" + "1,2,3\n" * 12),
-    "blanks in a setting": ("a.csv", f"Start Time: {' ' * 120_000}x\nRDT Sequence\n1\n"),
-    "blanks in a label": ("a.csv", f"{HEAD},a{' ' * 120_000}b\n" + "1,2,3,4\n" * 12),
-    "newlines": ("a.yaml", "\n" * 16_384),
-    "newlines behind a matrix": ("a.yaml", "%YAML:1.0\ncameraMatrix: 1\n" + "\n" * 90_000),
-    "an endless time": ("a.txt", "0.0 1.png\n0.1 2.png\n1e400 3.png\n"),
-    "markers": (
-        "a.csv",
-        "righthanded\ninfo,version,1.1\n"
-        + "".join(f"frame,{k},{k / 100},0,1,1,2,3,{k},n{k}\n" for k in range(3000)),
-    ),
-    "joints": (
-        "a.urdf",
-        "<robot>" + "".join(f'<joint name="{k}"/>' for k in range(30_000)) + "</robot>",
-    ),
-    "elements in elements": ("a.urdf", "<robot>" + "<a>" * 100_000),
-}
-
-
-@pytest.mark.parametrize("costly", COSTLY)
-def test_what_made_readers_slow_or_fail_is_told_at_once(tmp_path, costly):
-    name, text = COSTLY[costly]
-    (tmp_path / name).write_text(text)
-    began = time.monotonic()
-    (finding,) = inspect(tmp_path)
-    assert time.monotonic() - began < 4
-    assert not any("its reader fails" in reason for reason in finding.stops)
 
 
 def test_a_file_beyond_a_bound_names_it_and_the_bound_can_be_raised(tmp_path):

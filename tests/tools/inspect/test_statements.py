@@ -16,7 +16,7 @@ from pipeline.tools.inspect.examine import inspect
 from pipeline.tools.inspect.finding import UNKNOWN
 from pipeline.tools.inspect.layout import layout
 from pipeline.tools.inspect.report import as_table
-from pipeline.tools.new_dataset.datasheet_file import datasheet_file
+from pipeline.tools.new_dataset.command import dataset_texts
 
 TIME = np.arange(1000) * 0.008
 
@@ -93,12 +93,12 @@ def test_the_step_of_another_table_in_the_folder_is_not_the_joint_logs(tmp_path)
             write_joint_log(folder / f"{name}.csv", JointLog(TIME, {"actual": rows}, {}))
         table = np.column_stack([4 * TIME / 0.008, rows])
         np.savetxt(folder / "a_force.csv", table, "%.4f", ",")
-    proposed = datasheet_file("lab", "lab", layout(inspect(tmp_path), tmp_path), tmp_path)
+    proposed = dataset_texts("lab", "lab", layout(inspect(tmp_path), tmp_path), tmp_path)[0]
     assert "movements: move_*" in proposed and "steps by" not in proposed
     for number in (1, 2):
         (tmp_path / f"move_{number}/a_force.csv").unlink()
-    proposed = datasheet_file("lab", "lab", layout(inspect(tmp_path), tmp_path), tmp_path)
-    assert "it steps by 0.008" in proposed
+    proposed = dataset_texts("lab", "lab", layout(inspect(tmp_path), tmp_path), tmp_path)[0]
+    assert "# steps by 0.008" in proposed
 
 
 def test_repeated_and_zero_rows_of_a_table_are_counted(tmp_path):

@@ -1,0 +1,277 @@
+"""Kinematics in compiled code, of any serial chain, a block of poses at a time
+(:mod:`pipeline.arm.rows`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.arm.numbers import (
+    FRAME_COSINE,
+    FRAME_SHIFT,
+    FRAME_SINE,
+    FRAME_TURN,
+    Arm,
+)
+from pipeline.arm.rows import (
+    COSINE,
+    JOINTS,
+    POSITION,
+    ROTATION,
+    SINE,
+    TURN,
+    add_dot,
+    dot,
+    fill,
+    scale,
+)
+from pipeline.core.compiled import inlined, inner
+from pipeline.core.elementary import sine_cosine
+
+WIDTH = 64  # poses of a block: more would leave the processor's nearest cache
+# coefficients of atan(t)/t in t²: up to t = tan(π/16) the first omitted one is below the last place
+ARC = tuple((-1.0) ** k / (2 * k + 1) for k in range(12))
+
+
+@inner
+def tip(arm: Arm, q: np.ndarray, start: int, count: int, block: np.ndarray) -> None:
+    """Fill rotation and position of the tip, and axis and a point of every joint, all in the base's
+    axes, of ``count`` poses of ``q`` (n, P) from ``start`` on, in rad, m of prismatic joints;
+    ``block`` has WIDTH poses.
+
+    Each frame is turned by the joint before, shifted and tilted
+    (:func:`pipeline.arm.numbers.joint_frames`).
+    """
+    flat, n = block.reshape(-1), len(arm.sliding)
+    for k in range(12):
+        fill(block, k, 1.0 if k in (3, 7, 11) else 0.0, count)
+    for frame in range(n + 2):
+        turn, joint = arm.frames[frame, FRAME_TURN], frame - 1
+        if 0 <= joint < n and arm.sliding[joint] == 0.0:
+            angle = q[joint, start : start + count]
+            for i in range(count):
+                sine, cosine = sine_cosine(angle[i] + turn)
+                flat[SINE * WIDTH + i] = sine
+                flat[COSINE * WIDTH + i] = cosine
+        else:
+            sine, cosine = sine_cosine(turn)
+            fill(block, SINE, sine, count)
+            fill(block, COSINE, cosine, count)
+        _follow(0, arm.frames[frame], flat, count)
+        _follow(1, arm.frames[frame], flat, count)
+        _follow(2, arm.frames[frame], flat, count)
+        if frame < n:
+            first = JOINTS + 6 * frame
+            if arm.sliding[frame] > 0.0:
+                way = q[frame, start : start + count]
+                for k in range(3):
+                    for i in range(count):
+                        block[POSITION + k, i] += block[ROTATION + 3 * k + 2, i] * way[i]
+            for k in range(3):
+                for i in range(count):
+                    block[first + k, i] = block[ROTATION + 3 * k + 2, i]
+                    block[first + 3 + k, i] = block[POSITION + k, i]
+
+
+@inlined
+def _follow(k: int, frame: np.ndarray, flat: np.ndarray, count: int) -> None:
+    """Row ``k`` of the frames: turned about their z axes, then shifted and tilted by ``frame``.
+
+    LLVM vectorises the loop only where ``k`` is a literal in the call.
+    """
+    c, s = frame[FRAME_COSINE], frame[FRAME_SINE]
+    px, py, pz = frame[FRAME_SHIFT], frame[FRAME_SHIFT + 1], frame[FRAME_SHIFT + 2]
+    for i in range(count):
+        at = (ROTATION + 3 * k) * WIDTH + i
+        sine, cosine = flat[SINE * WIDTH + i], flat[COSINE * WIDTH + i]
+        x, y, z = flat[at], flat[at + WIDTH], flat[at + 2 * WIDTH]
+        along, across = x * cosine + y * sine, y * cosine - x * sine
+        flat[(POSITION + k) * WIDTH + i] += along * px + across * py + z * pz
+        flat[at] = along
+        flat[at + WIDTH] = across * c + z * s
+        flat[at + 2 * WIDTH] = z * c - across * s
+
+
+@inner
+def task_jacobian(arm: Arm, block: np.ndarray, first: int, count: int) -> None:
+    """Fill the m·n rows of J, row by row, from ``first`` on, of poses whose :func:`tip` the
+    ``block`` holds.
+
+    A joint gives the tip the velocity axis × (tip − point), or its axis where it slides; angular
+    rows are multiplied by their unit.
+    """
+    n = len(arm.sliding)
+    for r in range(len(arm.rows)):
+        row, unit = arm.rows[r], arm.units[r]
+        y, z = (row + 1) % 3, (row + 2) % 3
+        for j in range(n):
+            entry, axis, sliding = first + r * n + j, JOINTS + 6 * j, arm.sliding[j] > 0.0
+            ay, az, py, pz = axis + y, axis + z, axis + 3 + y, axis + 3 + z
+            if row < 3 and not sliding:
+                for i in range(count):
+                    block[entry, i] = block[ay, i] * (
+                        block[POSITION + z, i] - block[pz, i]
+                    ) - block[az, i] * (block[POSITION + y, i] - block[py, i])
+            else:
+                factor = unit if row < 3 or not sliding else 0.0
+                for i in range(count):
+                    block[entry, i] = factor * block[axis + row % 3, i]
+
+
+@inner
+def cholesky(
+    block: np.ndarray,
+    jacobian: int,
+    lower: int,
+    inverse: int,
+    m: int,
+    n: int,
+    shift: float,
+    count: int,
+) -> None:
+    """Rows from ``lower`` on (m·m) = L of JJᵀ − ``shift``·I = LLᵀ, from ``inverse`` on 1/L_rr; NaN
+    where that matrix is not positive definite.
+
+    Solutions by L lose as many digits as JJᵀ has in its condition, κ(J)²: at the least singular
+    value of a regular pose, a thousandth of the greatest, J⁺ is exact to 1e-10 of its size.
+    """
+    for r in range(m):
+        for s in range(r + 1):
+            entry = lower + r * m + s
+            dot(block, entry, jacobian + r * n, 1, jacobian + s * n, 1, n, count)
+            add_dot(block, entry, -1.0, lower + r * m, 1, lower + s * m, 1, s, count)
+            if s < r:
+                scale(block, entry, inverse + s, count)
+            else:
+                for i in range(count):
+                    root = np.sqrt(block[entry, i] - shift)
+                    block[entry, i] = root
+                    block[inverse + r, i] = 1.0 / root
+
+
+@inner
+def mark_singular(
+    block: np.ndarray, arm: Arm, jacobian: int, lower: int, spare: int, out: int, count: int
+) -> None:
+    """Row ``out`` = 1 where the least singular value of J is below the arm's, else 0; L of J from
+    ``lower`` on, m·m + m rows of scratch from ``spare`` on.
+
+    JJᵀ − least²·I is positive definite where no singular value is below. Blocks far from singular
+    need no factor of it: the square of the least singular value is (det L)² over the product of the
+    others, which is at most the (m − 1)th power of their mean.
+    """
+    m, n, least = len(arm.rows), len(arm.sliding), arm.least
+    fill(block, out, 1.0, count)
+    fill(block, spare, 0.0, count)
+    for r in range(m):
+        add_dot(block, spare, 1.0, lower + r * m, 1, lower + r * m, 1, r + 1, count)
+    for r in range(m):
+        for i in range(count):
+            square = block[lower + r * m + r, i] * block[lower + r * m + r, i]
+            block[out, i] *= square * ((m - 1) / block[spare, i] if r > 0 else 1.0)
+    near = 0
+    for i in range(count):
+        near += 0 if block[out, i] > 4.0 * least * least else 1  # NaN too
+    fill(block, out, 0.0, count)
+    if near == 0:
+        return
+    inverse = spare + m * m
+    cholesky(block, jacobian, spare, inverse, m, n, least * least, count)
+    for r in range(m):
+        for i in range(count):
+            block[out, i] = block[out, i] if block[spare + r * m + r, i] > 0.0 else 1.0
+
+
+@inner
+def solve_lower(
+    block: np.ndarray, lower: int, inverse: int, m: int, x: int, by: int, count: int
+) -> None:
+    """x = L⁻¹x of the m rows x + ``by``·r, by L and 1/L_rr of :func:`cholesky`."""
+    for r in range(m):
+        entry = x + by * r
+        add_dot(block, entry, -1.0, lower + r * m, 1, x, by, r, count)
+        scale(block, entry, inverse + r, count)
+
+
+@inner
+def solve_upper(
+    block: np.ndarray, lower: int, inverse: int, m: int, x: int, by: int, count: int
+) -> None:
+    """x = L⁻ᵀx, likewise."""
+    for r in range(m - 1, -1, -1):
+        entry, below = x + by * r, r + 1
+        at = lower + below * m + r
+        add_dot(block, entry, -1.0, at, m, x + by * below, by, m - below, count)
+        scale(block, entry, inverse + r, count)
+
+
+@inner
+def add_displacement(
+    arm: Arm, target: np.ndarray, block: np.ndarray, out: int, share: float, count: int
+) -> None:
+    """Add to the m rows from ``out`` on ``share`` times the task's rows of the displacement from
+    the poses whose :func:`tip` the ``block`` holds to ``target`` (12,).
+
+    The way in m and the rotation vector of R_target·Rᵀ, times the unit of angular rows, in the
+    base's axes; exact to rounding up to angles of π. ``block`` has WIDTH poses.
+    """
+    if np.any(arm.rows > 2):
+        _rotation_vectors(target, block.reshape(-1), count)
+    for r in range(len(arm.rows)):
+        row, factor = arm.rows[r], share * arm.units[r]
+        for i in range(count):
+            block[out + r, i] += factor * (
+                target[row] - block[POSITION + row, i] if row < 3 else block[TURN + row - 3, i]
+            )
+
+
+@inlined
+def _rotation_vectors(target: np.ndarray, flat: np.ndarray, count: int) -> None:
+    """Fill the rows TURN with the rotation vector of R_target·Rᵀ.
+
+    By the unit quaternion, from the greatest column of 4qqᵀ, whose entries are sums of entries of
+    the rotation; its angle by half angles and a series, as the C library takes one pose at a time.
+    """
+    axx, axy, axz = target[3], target[4], target[5]
+    ayx, ayy, ayz = target[6], target[7], target[8]
+    azx, azy, azz = target[9], target[10], target[11]
+    for i in range(count):
+        at = ROTATION * WIDTH + i
+        bxx, bxy, bxz = flat[at], flat[at + WIDTH], flat[at + 2 * WIDTH]
+        byx, byy, byz = flat[at + 3 * WIDTH], flat[at + 4 * WIDTH], flat[at + 5 * WIDTH]
+        bzx, bzy, bzz = flat[at + 6 * WIDTH], flat[at + 7 * WIDTH], flat[at + 8 * WIDTH]
+        xx = axx * bxx + axy * bxy + axz * bxz
+        xy = axx * byx + axy * byy + axz * byz
+        xz = axx * bzx + axy * bzy + axz * bzz
+        yx = ayx * bxx + ayy * bxy + ayz * bxz
+        yy = ayx * byx + ayy * byy + ayz * byz
+        yz = ayx * bzx + ayy * bzy + ayz * bzz
+        zx = azx * bxx + azy * bxy + azz * bxz
+        zy = azx * byx + azy * byy + azz * byz
+        zz = azx * bzx + azy * bzy + azz * bzz
+        ww, vx = 1.0 + xx + yy + zz, 1.0 + xx - yy - zz
+        vy, vz = 1.0 - xx + yy - zz, 1.0 - xx - yy + zz
+        # the greater of the first two columns, and of the last two
+        by_w, by_y = ww >= vx, vy >= vz
+        w1, x1 = ww if by_w else zy - yz, zy - yz if by_w else vx
+        y1, z1 = xz - zx if by_w else xy + yx, yx - xy if by_w else xz + zx
+        w2, x2 = xz - zx if by_y else yx - xy, xy + yx if by_y else xz + zx
+        y2, z2 = vy if by_y else yz + zy, yz + zy if by_y else vz
+        first = max(ww, vx) >= max(vy, vz)
+        w, x = w1 if first else w2, x1 if first else x2
+        y, z = y1 if first else y2, z1 if first else z2
+        over = np.copysign(1.0 / np.sqrt(w * w + x * x + y * y + z * z), w)
+        w, x, y, z = over * w, over * x, over * y, over * z
+        # tan of a quarter, an eighth and a sixteenth of the angle over sin of its half
+        quarter = 1.0 / (1.0 + w)
+        square = x * x + y * y + z * z
+        eighth = quarter / (1.0 + np.sqrt(1.0 + square * quarter * quarter))
+        sixteenth = eighth / (1.0 + np.sqrt(1.0 + square * eighth * eighth))
+        square *= sixteenth * sixteenth
+        series = ARC[11]
+        for k in range(10, -1, -1):
+            series = series * square + ARC[k]
+        length = 16.0 * sixteenth * series
+        flat[TURN * WIDTH + i] = length * x
+        flat[(TURN + 1) * WIDTH + i] = length * y
+        flat[(TURN + 2) * WIDTH + i] = length * z

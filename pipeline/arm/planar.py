@@ -1,0 +1,127 @@
+"""Closed-form kinematics of a planar chain of three joints in compiled code, a block of poses at a
+time (:mod:`pipeline.arm.rows`).
+
+All functions take blocks of BLOCK poses: where rows are a constant apart LLVM sees that they do not
+overlap.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.arm.numbers import Arm
+from pipeline.arm.rows import block_rows
+from pipeline.core.compiled import inlined, inner
+from pipeline.core.elementary import sine_cosine
+
+BLOCK = 256  # poses of a block
+PLANAR = block_rows(3, 3)
+
+
+@inlined
+def turned(x: float, z: float, heading: float) -> tuple[float, float]:
+    """x and z in m of a link that ``heading`` in rad turns, at zero ``x`` and ``z``."""
+    sine, cosine = sine_cosine(heading)
+    return cosine * x + sine * z, cosine * z - sine * x
+
+
+@inner
+def planar_jacobian(arm: Arm, q: np.ndarray, start: int, count: int, block: np.ndarray) -> None:
+    """Fill J, without the signs of the joints, of ``count`` poses of ``q`` (3, P) in rad from
+    ``start`` on; ``block`` has BLOCK poses.
+
+    Column j of J is the vector from joint j to the tip, turned by a right angle: (z, −x, 1). One
+    loop a link, from the last one on, as one for all has too few registers.
+    """
+    s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
+    flat, first = block.reshape(-1), PLANAR.jacobian * BLOCK
+    stop = start + count
+    q1, q2, q3 = q[0, start:stop], q[1, start:stop], q[2, start:stop]
+    lx, lz = arm.plane[4], arm.plane[5]
+    for i in range(count):
+        x, z = turned(lx, lz, s1 * q1[i] + s2 * q2[i] + s3 * q3[i])
+        flat[first + 2 * BLOCK + i] = z
+        flat[first + 5 * BLOCK + i] = -x
+        flat[first + 6 * BLOCK + i] = 1.0
+        flat[first + 7 * BLOCK + i] = 1.0
+        flat[first + 8 * BLOCK + i] = 1.0
+    lx, lz = arm.plane[2], arm.plane[3]
+    for i in range(count):
+        x, z = turned(lx, lz, s1 * q1[i] + s2 * q2[i])
+        flat[first + BLOCK + i] = flat[first + 2 * BLOCK + i] + z
+        flat[first + 4 * BLOCK + i] = flat[first + 5 * BLOCK + i] - x
+    lx, lz = arm.plane[0], arm.plane[1]
+    for i in range(count):
+        x, z = turned(lx, lz, s1 * q1[i])
+        flat[first + i] = flat[first + BLOCK + i] + z
+        flat[first + 3 * BLOCK + i] = flat[first + 4 * BLOCK + i] - x
+
+
+@inlined
+def joint_step(flat: np.ndarray, i: int, vx: float, vz: float, phi: float) -> tuple:
+    """J⁻¹v but for the signs of the joints, of pose ``i`` of the flat block with the rows of
+    :func:`planar_jacobian`, for the task step (``vx``, ``vz``, ``phi``).
+
+    No matrix is inverted: the first two joints give the wrist O3 its velocity v − φ·k×(EE − O3),
+    the third takes up the rest of φ.
+    """
+    first = PLANAR.jacobian * BLOCK
+    x3, z3 = flat[first + 2 * BLOCK + i], flat[first + 5 * BLOCK + i]
+    x1, x2 = flat[first + i] - x3, flat[first + BLOCK + i] - x3
+    z1, z2 = flat[first + 3 * BLOCK + i] - z3, flat[first + 4 * BLOCK + i] - z3
+    vx, vz = vx - phi * x3, vz - phi * z3
+    over = 1.0 / (x1 * z2 - x2 * z1)
+    one, two = (z2 * vx - x2 * vz) * over, (x1 * vz - z1 * vx) * over
+    return one, two, phi - one - two
+
+
+@inner
+def planar_steps(arm: Arm, block: np.ndarray, count: int) -> None:
+    """The joints' step = J⁻¹x of the task step x."""
+    flat, x, y = block.reshape(-1), PLANAR.task * BLOCK, PLANAR.joints * BLOCK
+    s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
+    for i in range(count):
+        one, two, three = joint_step(
+            flat, i, flat[x + i], flat[x + BLOCK + i], flat[x + 2 * BLOCK + i]
+        )
+        flat[y + i] = s1 * one
+        flat[y + BLOCK + i] = s2 * two
+        flat[y + 2 * BLOCK + i] = s3 * three
+
+
+@inner
+def planar_inverse_square(block: np.ndarray, count: int) -> None:
+    """The first row of scratch = ‖J⁻¹‖_F²."""
+    flat, out = block.reshape(-1), PLANAR.spare * BLOCK
+    for i in range(count):
+        x1, x2, x3 = joint_step(flat, i, 1.0, 0.0, 0.0)
+        z1, z2, z3 = joint_step(flat, i, 0.0, 1.0, 0.0)
+        p1, p2, p3 = joint_step(flat, i, 0.0, 0.0, 1.0)
+        square = (x1 * x1 + x2 * x2 + x3 * x3) + (z1 * z1 + z2 * z2 + z3 * z3)
+        flat[out + i] = square + (p1 * p1 + p2 * p2 + p3 * p3)
+
+
+@inner
+def add_planar_displacement(
+    arm: Arm,
+    target: np.ndarray,
+    q: np.ndarray,
+    start: int,
+    count: int,
+    share: float,
+    block: np.ndarray,
+) -> None:
+    """Add ``share``·(``target`` − x(q)) to the task step; ``target`` (3,) is x, z, φ, and φ is
+    taken in whole turns too.
+    """
+    flat, task, jacobian = block.reshape(-1), PLANAR.task * BLOCK, PLANAR.jacobian * BLOCK
+    s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
+    stop = start + count
+    q1, q2, q3 = q[0, start:stop], q[1, start:stop], q[2, start:stop]
+    # column 1 of J is the vector from O1 to the tip, turned
+    x, z = target[0] - arm.plane[9], target[1] - arm.plane[10]
+    for i in range(count):
+        flat[task + i] += share * (x + flat[jacobian + 3 * BLOCK + i])
+        flat[task + BLOCK + i] += share * (z - flat[jacobian + i])
+        phi = s1 * q1[i] + s2 * q2[i] + s3 * q3[i]
+        flat[task + 2 * BLOCK + i] += share * (target[2] - phi)

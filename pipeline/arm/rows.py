@@ -1,0 +1,155 @@
+"""Rows of a block in compiled code: what each row holds, and operations on rows.
+
+A *block* is a C matrix (rows, poses), so that neighbours in memory are the same quantity of
+neighbouring poses. Operations go through rows and, inside, through poses without branches or calls,
+so that LLVM vectorises the inner loop.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.core.compiled import inner
+
+# rows of the kinematics of one pose: position (3, m) and rotation (9, row by row) of the tip, sine
+# and cosine of the turn of one frame, or the rotation vector (3) of a displacement, and from JOINTS
+# on axis (3) and a point of it (3, m) of each joint
+POSITION, ROTATION, SINE, COSINE, TURN, JOINTS = 0, 3, 12, 13, 12, 15
+
+
+class Rows(NamedTuple):
+    """First rows of the quantities of n joints and m task rows, and the number of all rows."""
+
+    jacobian: int  # (m·n) J, row by row
+    lower: int  # (m·m) L of JJᵀ = LLᵀ, row by row
+    inverse: int  # (m) 1/L_rr
+    task: int  # (m) step of the task, on its way to the joints
+    joints: int  # (n) step of the joints
+    singular: int  # 1 at a singular pose, else 0
+    speed: int  # ‖v‖²
+    normal: int  # (2n or more) normal variates
+    chi_square: int  # (2) χ² variates
+    spare: int  # (m·n + m·m + 2m + 4) scratch
+    size: int
+
+
+def block_rows(n: int, m: int) -> Rows:
+    """The rows of a block for ``n`` joints and ``m`` task rows."""
+    jacobian = JOINTS + 6 * n
+    lower = jacobian + m * n
+    inverse = lower + m * m
+    task = inverse + m
+    joints = task + m
+    normal = joints + n + 2
+    chi_square = normal + 2 * n + m
+    spare = chi_square + 2
+    size = spare + m * n + m * m + 2 * m + 4
+    return Rows(
+        jacobian,
+        lower,
+        inverse,
+        task,
+        joints,
+        joints + n,
+        joints + n + 1,
+        normal,
+        chi_square,
+        spare,
+        size,
+    )
+
+
+rows_of = inner(block_rows)
+
+
+@inner
+def fill(block: np.ndarray, out: int, value: float, count: int) -> None:
+    """Row ``out`` = ``value``."""
+    for i in range(count):
+        block[out, i] = value
+
+
+@inner
+def copy(block: np.ndarray, out: int, x: int, count: int) -> None:
+    """Row ``out`` = row ``x``."""
+    for i in range(count):
+        block[out, i] = block[x, i]
+
+
+@inner
+def scale(block: np.ndarray, out: int, x: int, count: int) -> None:
+    """Row ``out`` times row ``x``."""
+    for i in range(count):
+        block[out, i] *= block[x, i]
+
+
+@inner
+def add_product(block: np.ndarray, out: int, x: int, y: int, count: int) -> None:
+    """Row ``out`` + row ``x``·row ``y``."""
+    for i in range(count):
+        block[out, i] += block[x, i] * block[y, i]
+
+
+@inner
+def dot(
+    block: np.ndarray, out: int, x: int, by: int, y: int, along: int, n: int, count: int
+) -> None:
+    """Row ``out`` = Σ_j row (``x`` + ``by``·j)·row (``y`` + ``along``·j) over ``n`` rows."""
+    if n < 3:
+        fill(block, out, 0.0, count)
+        add_dot(block, out, 1.0, x, by, y, along, n, count)
+        return
+    x1, x2, y1, y2 = x + by, x + 2 * by, y + along, y + 2 * along
+    for i in range(count):
+        block[out, i] = (
+            block[x, i] * block[y, i] + block[x1, i] * block[y1, i] + block[x2, i] * block[y2, i]
+        )
+    add_dot(block, out, 1.0, x + 3 * by, by, y + 3 * along, along, n - 3, count)
+
+
+@inner
+def add_dot(
+    block: np.ndarray,
+    out: int,
+    sign: float,
+    x: int,
+    by: int,
+    y: int,
+    along: int,
+    n: int,
+    count: int,
+) -> None:
+    """Row ``out`` + ``sign``·Σ_j row (``x`` + ``by``·j)·row (``y`` + ``along``·j) over ``n`` rows,
+    three at a time, which saves two of three loads and stores of the sum.
+    """
+    j = 0
+    while j < n:
+        x0, x1, x2 = x + by * j, x + by * (j + 1), x + by * (j + 2)
+        y0, y1, y2 = y + along * j, y + along * (j + 1), y + along * (j + 2)
+        if n - j >= 3:
+            for i in range(count):
+                block[out, i] += sign * (
+                    block[x0, i] * block[y0, i]
+                    + block[x1, i] * block[y1, i]
+                    + block[x2, i] * block[y2, i]
+                )
+        elif n - j == 2:
+            for i in range(count):
+                block[out, i] += sign * (block[x0, i] * block[y0, i] + block[x1, i] * block[y1, i])
+        else:
+            for i in range(count):
+                block[out, i] += sign * (block[x0, i] * block[y0, i])
+        j += 3
+
+
+@inner
+def add_combination(
+    block: np.ndarray, out: int, factors: np.ndarray, at: int, x: int, n: int, count: int
+) -> None:
+    """Row ``out`` + Σ_j ``factors``[``at`` + j]·row (``x`` + j) over ``n`` rows."""
+    for j in range(n):
+        factor, row = factors[at + j], x + j
+        for i in range(count):
+            block[out, i] += factor * block[row, i]

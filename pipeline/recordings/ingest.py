@@ -1,0 +1,155 @@
+"""Raw logs of a dataset → tables in SI units in a folder, part by part: motion, depth, force.
+
+With a list of ``errors`` the reading goes on after a refusal: each is appended, so that one run
+names them all. Without, the first one is raised.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from pipeline.core import contracts
+from pipeline.core.bounds import within
+from pipeline.core.compute.trials import run_trials
+from pipeline.core.errors import ConfigError, PipelineError
+from pipeline.core.options.dataset import Dataset
+
+Errors = list[PipelineError] | None
+Rows = tuple[pd.DataFrame, list[dict]]  # of a take, and its quality
+
+
+def read_part(
+    part: str, dataset: Dataset, compute: Any, folder: Path, errors: Errors = None
+) -> list[dict]:
+    """Write the tables of ``part`` (motion, depth or force) into ``folder`` and return the rows of
+    the table quality, none where the dataset has no such instrument.
+
+    Reading keeps to the bounds of ``dataset.reading``; ``compute`` says where trials run.
+    """
+    read = {"motion": _motion, "depth": partial(_depth, compute=compute), "force": _force}[part]
+    return within(dataset.reading, read, dataset, Path(dataset.recordings), folder, errors)
+
+
+def attempt(function: Callable, *arguments: Any) -> Any:
+    """Return what ``function(*arguments)`` returns, or the PipelineError that it raises."""
+    try:
+        return function(*arguments)
+    except PipelineError as error:
+        return error
+
+
+def _kept(results: Sequence[Any], errors: Errors) -> list[Any]:
+    """The ``results`` without their errors, which are appended or, of the first, raised."""
+    refused = [result for result in results if isinstance(result, PipelineError)]
+    if refused and errors is None:
+        raise refused[0]
+    if errors is not None:
+        errors += refused
+    return [result for result in results if not isinstance(result, PipelineError)]
+
+
+def _motion(dataset: Dataset, raw: Path, folder: Path, errors: Errors) -> list[dict]:
+    """Markers, the commanded trajectory, and the joints that the robot's controller logged or its
+    encoders read.
+    """
+    from pipeline.recordings import motion_capture
+
+    quality = []
+    if dataset.joint_log is not None:
+        quality = _joint_log(dataset, raw, folder, errors)
+    if dataset.trajectory is not None:
+        file = raw / dataset.trajectory
+        for table in _kept([attempt(motion_capture.trajectory_rows, file, dataset)], errors):
+            contracts.write(table, "trajectory", folder)
+    if dataset.mocap is not None:
+        for takes in _kept([attempt(motion_capture.find_takes, raw, dataset.mocap)], errors):
+            read = [attempt(motion_capture.marker_rows, *take, dataset) for take in takes]
+            quality = quality + _written(_kept(read, errors), "markers", folder)
+    if dataset.encoders is not None:
+        from pipeline.recordings.encoders import encoder_rows
+
+        for takes in _kept([attempt(encoder_rows, raw, dataset)], errors):
+            quality = quality + _written(takes, "encoders", folder)
+    return quality
+
+
+def _joint_log(dataset: Dataset, raw: Path, folder: Path, errors: Errors) -> list[dict]:
+    from pipeline.arm.model import chain_of
+    from pipeline.recordings.joint_logs import joint_log_rows
+    from pipeline.recordings.quality import REPETITIONS
+
+    if errors is not None and (unread := _unread_movements(dataset, raw)):
+        errors += unread
+        return []
+    chain = chain_of(dataset.robot)
+    for trajectory, joints, quality in _kept(
+        [attempt(joint_log_rows, raw, dataset, chain)], errors
+    ):
+        contracts.write(trajectory, "trajectory", folder)
+        contracts.write(joints, "joint_log", folder)
+        for row in quality if errors is None else []:
+            if row["quantity"] == REPETITIONS or row["unit"] == "row":
+                what = row["quantity"].replace("_", " ")
+                print(f"ingest: {row['take']}: {what} {row['value']:.0f}")
+        return quality
+    return []
+
+
+def _unread_movements(dataset: Dataset, raw: Path) -> list[PipelineError]:
+    """The refusals of every movement's log, or of their pattern."""
+    from pipeline.recordings.logged_movement import read_logged_movement
+    from pipeline.recordings.take_names import named_takes
+
+    log = dataset.joint_log
+    try:
+        places = named_takes(raw, log.movements, key="dataset.joint_log.movements")
+    except PipelineError as error:
+        return [error]
+    read = [attempt(read_logged_movement, *one, log, dataset.motion.rate) for one in places.items()]
+    return [result for result in read if isinstance(result, PipelineError)]
+
+
+def _depth(dataset: Dataset, raw: Path, folder: Path, errors: Errors, compute: Any) -> list[dict]:
+    """Of every depth frame its time on the camera's clock and the arm's points."""
+    if dataset.depth is None:
+        return []
+    if dataset.mocap is None:
+        message = "a depth camera needs the motion capture that its clock is set by"
+        _kept([ConfigError(message, key="dataset.depth")], errors)
+        return []
+    from pipeline.arm.model import arm_of
+    from pipeline.recordings.depth_camera import frame_rows
+    from pipeline.recordings.depth_sequence import take_paths
+
+    arm = arm_of(dataset.robot)
+    read = partial(frame_rows, depth=dataset.depth, arm=arm, raw=raw, folder=folder.resolve())
+    # workers do not share the bounds of this process
+    bounded = partial(attempt, within, dataset.reading, read)
+    for takes in _kept([attempt(take_paths, raw, dataset.depth)], errors):
+        label = "ingest: depth takes"
+        rows = run_trials(bounded, list(takes.items()), compute=compute, label=label)
+        return _written(_kept(list(rows), errors), "frames", folder)
+    return []
+
+
+def _force(dataset: Dataset, raw: Path, folder: Path, errors: Errors) -> list[dict]:
+    """Force records without their bias."""
+    from pipeline.recordings.force_transducer import force_rows
+
+    if dataset.force is None:
+        return []
+    names = dataset.force.configurations
+    read = [attempt(force_rows, raw, name, dataset.force) for name in names]
+    return _written(_kept(read, errors), "force", folder)
+
+
+def _written(takes: Sequence[Rows], name: str, folder: Path) -> list[dict]:
+    if takes:
+        table = pd.concat([rows for rows, _ in takes], ignore_index=True)
+        contracts.write(table, name, folder)
+    return [row for _, rows in takes for row in rows]

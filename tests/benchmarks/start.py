@@ -1,0 +1,95 @@
+"""First use and speed of the kernel: ``python tests/benchmarks/start.py FOLDER`` writes
+reports/benchmarks/start.json, FOLDER being for the machine code in between.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from machine import machine
+
+ROOT = Path(__file__).parents[2]
+ROUNDS = 3
+# seconds of wall time of a process, and ns a particle and step, by this program's own clock
+COMMON = f"""
+import json, sys, time
+sys.path[:0] = [{str(ROOT)!r}, {str(ROOT / "tests")!r}, {str(Path(__file__).parent)!r}]
+begin = time.process_time()
+import pipeline.core.environment, pipeline.models.draws, pipeline.filtering.particle_filter
+import pipeline.models.wishart.samples, pipeline.models.wishart.quadrature
+imported = time.process_time() - begin
+import numpy as np
+from scenario import scene, take
+from pipeline.models.additive.law import AdditiveModel
+from pipeline.models.draws import draw_steps
+from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.wishart.decomposition import Decomposition
+from pipeline.models.wishart.law import WishartModel
+"""
+FIRST = (
+    COMMON
+    + """
+begin = time.process_time()
+for arm in ("youbot", "ur5", "lwr4"):
+    take(4, arm).filtered(100, np.random.default_rng(1))
+print(json.dumps({"imports": imported, "first use": time.process_time() - begin}))
+"""
+)
+SPEED = (
+    COMMON
+    + """
+LAWS = {
+    "pivoted LU": WishartModel(0.25, Decomposition("pivoted_lu")),
+    "QR of J": WishartModel(0.25, Decomposition("qr")),
+    "QR of the transpose": WishartModel(0.25, Decomposition("qr_transposed")),
+    "Gaussian": GaussianModel(0.1, 1e3),
+}
+result = {}
+for arm in ("youbot", "ur5", "lwr4"):
+    stage, rng = scene(arm), np.random.default_rng(1)
+    n = len(stage.start.mean)
+    q = stage.start.mean + 0.05 * rng.standard_normal((20_000, n))
+    v = stage.chain.jacobian(stage.start.mean) @ np.full(n, 1e-3)
+    for law, model in (LAWS | {"additive": AdditiveModel(1e-6 * np.eye(n))}).items():
+        least = np.inf
+        for _ in range(12):
+            begin = time.perf_counter()
+            draw_steps(model, stage.chain, q, v, rng)
+            least = min(least, time.perf_counter() - begin)
+        result[f"{arm}, {law}"] = 1e9 * least / len(q)
+print(json.dumps(result))
+"""
+)
+
+
+def answer(program: str, cache: Path) -> dict[str, float]:
+    """What a program prints, with machine code in the folder ``cache``."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
+    command = [sys.executable, "-c", program]
+    ran = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, cwd=ROOT)
+    return json.loads(ran.stdout.splitlines()[-1])
+
+
+def main(folder: Path) -> None:
+    """Measure and write."""
+    shutil.rmtree(folder, ignore_errors=True)
+    compiled = answer(FIRST, folder)
+    cached = [answer(FIRST, folder) for _ in range(ROUNDS)]
+    measured = {
+        "machine": machine(),
+        "imports_seconds": min(each["imports"] for each in cached),
+        "cached_seconds": min(each["first use"] for each in cached),
+        "compiled_seconds": compiled["first use"],
+        "nanoseconds": {name: round(x, 1) for name, x in answer(SPEED, folder).items()},
+    }
+    file = ROOT / "reports/benchmarks/start.json"
+    file.write_text(json.dumps(measured, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]).resolve())

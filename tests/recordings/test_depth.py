@@ -1,0 +1,290 @@
+"""Depth takes, of images, bags or clouds, as points in the arm's plane on the motion's clock."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from depth_takes import ARM, CAMERA, HEIGHT, PATCH, PLACES, WIDTH, depth_image, record
+from made_options import made
+from ros_bags import camera_info, cloud, image, write_bag
+
+from pipeline.arm.model import Arm, load_arm
+from pipeline.core.errors import PipelineError, RecordingError
+from pipeline.core.options.depth_camera import Depth
+from pipeline.formats.depth.image import write_depth
+from pipeline.formats.depth.index import write_index
+from pipeline.recordings.depth_clock import on_motion_clock, with_markers
+from pipeline.recordings.depth_points import arm_points, write_points
+from pipeline.recordings.depth_sequence import DepthSequence, take_paths
+
+
+@pytest.mark.parametrize("units", [1000.0, 5000.0])
+def test_a_patch_of_the_arm_is_found_where_it_is(tmp_path, units):
+    take, depth = record(tmp_path, ARM, units)
+    sequence = DepthSequence(take, depth, ARM, tmp_path)
+    assert sequence.time.tolist() == [5.0, 5.033, 5.069] and sequence.counts == {"cut_rows": 0}
+    assert sequence.references == tuple(f"kinect/test_001/depth/{i}.png" for i in range(3))
+    for frame, place in enumerate(PLACES):
+        points, valid = next(sequence.points([frame]))
+        assert len(points) == (2 * PATCH + 1) ** 2
+        # half a pixel in the middle of the patch, and the rounding of the depth
+        assert np.abs(points.mean(axis=0) - place).max() < 0.5 * 1.2 / CAMERA.fx + 0.5 / units
+        np.testing.assert_allclose(np.ptp(points, axis=0), 2 * PATCH * 1.15 / CAMERA.fx, rtol=0.1)
+        assert valid == (2 * PATCH + 1) ** 2 / (WIDTH * HEIGHT)
+
+
+def test_a_camera_that_stands_elsewhere_sees_the_arm_elsewhere(tmp_path):
+    take, depth = record(tmp_path, ARM)
+    depth.camera.position = (
+        np.array(depth.camera.position) + ARM.rotation @ [0.03, 0.0, 0.0]
+    ).tolist()
+    points, _ = next(DepthSequence(take, depth, ARM, tmp_path).points([0]))
+    np.testing.assert_allclose(points.mean(axis=0), PLACES[0] + [0.03, 0.0], atol=0.007)
+
+
+def test_frames_are_read_when_they_are_asked_for(tmp_path):
+    take, depth = record(tmp_path, ARM)
+    sequence = DepthSequence(take, depth, ARM, tmp_path)
+    write_depth(take / "depth/2.png", np.zeros((HEIGHT, WIDTH), dtype=np.uint16))
+    (take / "depth/1.png").unlink()
+    observed = sequence.points([0, 2, 1])
+    assert len(next(observed)[0])
+    points, valid = next(observed)  # of an empty frame
+    assert points.shape == (0, 2) and valid == 0
+    with pytest.raises(RecordingError) as refused:
+        next(observed)
+    assert refused.value.evidence["file"] == take / "depth/1.png"
+
+
+@pytest.mark.parametrize("missing", ["kinect/test_001/depth.txt", "kinect/intrinsics.yaml"])
+def test_a_take_without_its_index_or_its_camera_is_refused(tmp_path, missing):
+    take, depth = record(tmp_path, ARM)
+    (tmp_path / missing).unlink()
+    with pytest.raises(RecordingError) as refused:
+        DepthSequence(take, depth, ARM, tmp_path)
+    assert refused.value.evidence["file"] == tmp_path / missing
+
+
+def test_two_takes_of_one_name_are_refused(tmp_path):
+    _, depth = record(tmp_path, ARM)
+    write_bag(
+        tmp_path / "kinect", "ros1", {"/depth": [(5.0, image(np.ones((2, 2), np.uint16), 5.0))]}
+    ).rename(tmp_path / "kinect/test_001.bag")
+    with pytest.raises(RecordingError, match="are named 'test_001'"):
+        take_paths(tmp_path, depth)
+    with pytest.raises(RecordingError, match="no bag matches"):
+        take_paths(tmp_path, replace(depth, takes="elsewhere/*"))
+
+
+CAMERA_MATRIX = [CAMERA.fx, 0.0, CAMERA.cx, 0.0, CAMERA.fy, CAMERA.cy, 0.0, 0.0, 1.0]
+
+
+STAMPS = (1700000005.0, 1700000005.033, 1700000005.069)
+
+
+def in_camera(place: np.ndarray) -> np.ndarray:
+    """The patch of :func:`depth_image` as points (N, 3) in the camera's frame, without the rounding
+    of an image.
+    """
+    depth = depth_image(ARM, place, 1000.0) / 1000
+    rows, columns = np.nonzero(depth)
+    rays = np.stack(
+        [(columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy, np.ones(len(rows))],
+        axis=-1,
+    )
+    return depth[rows, columns, None] * rays
+
+
+@pytest.mark.parametrize("form", ["ros1", "sqlite3", "mcap"])
+def test_a_bag_of_images_gives_the_points_of_the_images(tmp_path, form):
+    take, depth = record(tmp_path, ARM)
+    expected = list(DepthSequence(take, depth, ARM, tmp_path).points(range(3)))
+    images = [
+        (stamp, image(depth_image(ARM, place, 1000.0), stamp))
+        for stamp, place in zip(STAMPS, PLACES, strict=True)
+    ]
+    info = [(STAMPS[0], camera_info(CAMERA_MATRIX, [0.0] * 5, (WIDTH, HEIGHT)))]
+    (tmp_path / "bags").mkdir()
+    bag = write_bag(tmp_path / "bags", form, {"/depth/image": images, "/depth/camera_info": info})
+    recorded = replace(depth, takes="bags/*", index=None, intrinsics=None, start=None)
+    assert take_paths(tmp_path, recorded) == {"take": bag}
+    sequence = DepthSequence(bag, recorded, ARM, tmp_path)
+    np.testing.assert_allclose(sequence.time, [0.0, 0.033, 0.069], atol=1e-6)
+    assert sequence.references == tuple(f"bags/{bag.name}#{number}" for number in range(3))
+    for (points, valid), (same, share) in zip(sequence.points(range(3)), expected, strict=True):
+        np.testing.assert_array_equal(points, same)
+        assert valid == share
+    np.testing.assert_array_equal(next(sequence.points([2]))[0], expected[2][0])
+
+
+@pytest.mark.parametrize("form", ["pcd", "ply", "bag"])
+def test_clouds_enter_at_the_points(tmp_path, form):
+    _, depth = record(tmp_path, ARM)
+    clutter = np.random.default_rng(4).uniform([-1, -1, 0.2], [1, 1, 3], size=(40, 3))
+    clouds = [
+        np.concatenate([in_camera(place), clutter, np.full((9, 3), np.nan)]) for place in PLACES
+    ]
+    take = tmp_path / "clouds" / "take"
+    take.mkdir(parents=True)
+    if form == "bag":
+        fields = [(name, 4 * i, 7, 1) for i, name in enumerate("xyz")]
+        messages = [
+            (stamp, cloud(points, stamp, fields, 16))
+            for stamp, points in zip(STAMPS, clouds, strict=True)
+        ]
+        take = write_bag(tmp_path / "clouds", "ros1", {"/points": messages})
+    for number, points in enumerate(clouds if form != "bag" else []):
+        names = {
+            "pcd": "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH {0}\nHEIGHT "
+            "1\nPOINTS {0}\nDATA binary\n"
+        }
+        names["ply"] = (
+            "ply\nformat binary_little_endian 1.0\nelement vertex {0}\n"
+            + "".join(f"property float {c}\n" for c in "xyz")
+            + "end_header\n"
+        )
+        (take / f"{number + 1}.{form}").write_bytes(
+            names[form].format(len(points)).encode() + points.astype("<f4").tobytes()
+        )
+    described = replace(
+        depth,
+        index=None,
+        frames=f"*.{form}",
+        intrinsics=None,
+        width=None,
+        height=None,
+        units_per_metre=1.0,
+        start=None,
+    )
+    sequence = DepthSequence(take, described, ARM, tmp_path)
+    for points, (found, valid), place in zip(
+        clouds, sequence.points(range(3)), PLACES, strict=True
+    ):
+        assert len(found) == (2 * PATCH + 1) ** 2
+        assert np.abs(found.mean(axis=0) - place).max() < 0.5 * 1.2 / CAMERA.fx + 0.5 / 1000
+        assert valid == (len(points) - 9) / len(points)
+
+
+def test_what_the_description_of_the_camera_leaves_open_or_contradicts_is_refused(tmp_path):
+    take, depth = record(tmp_path, ARM)
+    floats = [(stamp, image(np.ones((HEIGHT, WIDTH), np.float32), stamp)) for stamp in STAMPS]
+    bag = write_bag(tmp_path, "ros1", {"/depth": floats})
+    for path, changes, words in [
+        (take, {"index": None}, "need.* index"),
+        (take, {"intrinsics": None}, "intrinsics"),
+        (take, {"width": None}, "width"),
+        (bag, {"topic": "/colour"}, "/depth"),
+        (bag, {"intrinsics": None}, "CameraInfo"),
+    ]:
+        with pytest.raises(PipelineError, match=words):
+            DepthSequence(path, replace(depth, **changes), ARM, tmp_path)
+    with pytest.raises(PipelineError, match="metres"):
+        next(DepthSequence(bag, depth, ARM, tmp_path).points([0]))
+    with pytest.raises(PipelineError, match="exclude"):
+        replace(depth, frames="*.png")
+    write_index(take / "depth.txt", np.array([1.0]), ("../../../elsewhere/1.png",))
+    with pytest.raises(PipelineError, match="outside"):
+        DepthSequence(take, depth, ARM, tmp_path)
+
+
+def test_a_bag_whose_times_do_not_increase_is_refused_at_the_message(tmp_path):
+    _, depth = record(tmp_path, ARM)
+    stamps = [5.0, 5.033, 5.033]
+    pixels = np.ones((HEIGHT, WIDTH), np.uint16)
+    bag = write_bag(
+        tmp_path,
+        "ros1",
+        {"/depth": [(stamp + i, image(pixels, stamp)) for i, stamp in enumerate(stamps)]},
+    )
+    with pytest.raises(RecordingError, match="increase") as refused:
+        DepthSequence(bag, depth, ARM, tmp_path)
+    assert refused.value.evidence["number"] == 2
+
+
+TIME, MOTION = np.arange(40) / 30.0, np.arange(160) / 100.0  # s
+
+
+@pytest.fixture(scope="module")
+def planar() -> Arm:
+    joints = ["joint_2", "joint_3", "joint_4"]
+    return load_arm("pipeline/arm/ur5.urdf", joints, "wrist_centre", {})
+
+
+def path(time: np.ndarray) -> np.ndarray:
+    """Where the middle of the arm is: a smooth path in its plane."""
+    return np.column_stack([np.sin(2 * time), np.cos(3 * time)])
+
+
+def frames(centroid: np.ndarray, take: str = "test_001") -> pd.DataFrame:
+    """Rows of the table ``frames`` of a camera that sees the arm at ``centroid``."""
+    columns = {"take": take, "part": "test", "frame": np.arange(len(TIME)), "t": TIME}
+    x, z = centroid.T
+    return pd.DataFrame(columns | {"file": f"kinect/{take}", "points": 5, "x": x, "z": z})
+
+
+@pytest.fixture
+def markers(planar) -> pd.DataFrame:
+    """Rows of the table ``markers``: one, that runs along the path in the arm's plane."""
+    plane = path(MOTION)
+    axes = [
+        planar.to_plane(row)[[0, 2]] - planar.to_plane(np.zeros(3))[[0, 2]] for row in np.eye(3)
+    ]
+    at, *_ = np.linalg.lstsq(
+        np.array(axes).T, (plane - planar.to_plane(np.zeros(3))[[0, 2]]).T, rcond=None
+    )
+    table = pd.DataFrame({"take": "test_001", "part": "test", "k": np.arange(160), "t": MOTION})
+    return table.assign(link=1, marker=1, x=at[0], y=at[1], z=at[2])
+
+
+def test_an_offset_that_nobody_states_is_that_of_the_motion(planar, markers):
+    filmed = frames(path(TIME + 0.12))
+    rows, quality = on_motion_clock((filmed, markers), made(Depth, search=0.3), planar)
+    values = {row["quantity"]: row["value"] for row in quality}
+    assert abs(values["clock_offset"] - 0.12) < 1e-4
+    np.testing.assert_allclose(rows["t"], TIME + values["clock_offset"])
+    assert {"clock_offset_standard_error", "clock_correlation", "clock_drift"} <= {*values}
+
+
+def test_an_offset_that_is_stated_is_taken_as_given_whatever_the_motion_says(planar, markers):
+    filmed, depth = frames(path(TIME + 0.12)), made(Depth, search=0.3, clock_offset=-0.25)
+    rows, quality = on_motion_clock((filmed, markers), depth, planar)
+    np.testing.assert_allclose(rows["t"], TIME - 0.25)
+    assert [(row["quantity"], row["value"]) for row in quality] == [("clock_offset", -0.25)]
+
+
+def test_a_motion_that_tells_no_offset_needs_one_stated(planar, markers):
+    still = frames(np.ones((len(TIME), 2)))
+    with pytest.raises(RecordingError, match="no motion to compare the clocks by"):
+        on_motion_clock((still, markers), made(Depth, search=0.3), planar)
+    stated = made(Depth, search=0.3, clock_offset=0.0)
+    assert on_motion_clock((still, markers), stated, planar)[0]["t"].tolist() == TIME.tolist()
+
+
+def test_frames_that_never_show_the_arm_tell_no_offset_and_are_refused_by_their_take(
+    planar, markers
+):
+    empty = frames(np.full((len(TIME), 2), np.nan)).assign(points=0)
+    with pytest.raises(RecordingError, match="no frame shows the arm") as refused:
+        on_motion_clock((empty, markers), made(Depth, search=0.3), planar)
+    assert refused.value.evidence["take"] == "test_001"
+
+
+def test_a_take_without_motion_capture_is_refused_by_its_name(markers):
+    both = pd.concat([frames(path(TIME)), frames(path(TIME), "test_002")])
+    with pytest.raises(RecordingError, match="no motion-capture take") as refused:
+        with_markers(both, markers)
+    assert refused.value.evidence["take"] == "test_002"
+    ((rows, of_take),) = with_markers(frames(path(TIME)), markers)
+    assert len(rows) == len(TIME) and of_take["take"].unique().tolist() == ["test_001"]
+
+
+def test_the_points_of_each_frame_are_read_back_as_they_were_written(tmp_path):
+    rng = np.random.default_rng(4)
+    clouds = [rng.random((count, 2)) for count in (3, 0, 5)]
+    write_points(clouds, "test_001", tmp_path)
+    rows = pd.DataFrame({"take": "test_001", "points": [3, 0, 5]})
+    for points, written in zip(arm_points(rows, tmp_path), clouds, strict=True):
+        np.testing.assert_array_equal(points, written)
