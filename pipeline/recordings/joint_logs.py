@@ -12,7 +12,7 @@ from pipeline.arm.interface import Chain
 from pipeline.core.columns import spread
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
-from pipeline.recordings.disturbed_takes import disturbed_takes
+from pipeline.recordings.disturbances import disturbed_takes
 from pipeline.recordings.logged_movement import UNITS, Take, read_logged_movement
 from pipeline.recordings.movement import require_speeds, speed_limits
 from pipeline.recordings.pairing import require_pair

@@ -9,8 +9,15 @@ import pytest
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Limits
-from pipeline.recordings.limits import beside_limits, reasons, require_enough
-from pipeline.recordings.quality import metrics, quality_row, side_by_side, summarised
+from pipeline.recordings.quality import (
+    beside_limits,
+    metrics,
+    quality_row,
+    reasons,
+    require_enough,
+    side_by_side,
+    summarised,
+)
 
 CAMERA, LOG = "depth camera", "joint log"
 
