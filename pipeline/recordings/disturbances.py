@@ -121,8 +121,7 @@ def _scores(distance: np.ndarray, least: float) -> np.ndarray:
     """How far ``distance`` (..., takes) is from its median, in robust standard deviations."""
     off = distance - np.median(distance, axis=-1, keepdims=True)
     spread = np.maximum(
-        1.4826 * np.median(np.abs(off), axis=-1, keepdims=True),
-        least * (distance - off),
+        1.4826 * np.median(np.abs(off), axis=-1, keepdims=True), least * (distance - off)
     )
     return np.divide(off, spread, out=np.zeros_like(off), where=spread > 0)
 

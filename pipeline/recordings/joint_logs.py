@@ -112,12 +112,7 @@ def joint_log_rows(
     held = command[np.clip(np.arange(length), *moving_rows)]
     k = np.tile(np.arange(length), len(takes))
     joints = pd.DataFrame(
-        {
-            "take": np.repeat(list(takes), length),
-            "part": "training",
-            "k": k,
-            "t": k / motion.rate,
-        }
+        {"take": np.repeat(list(takes), length), "part": "training", "k": k, "t": k / motion.rate}
     )
     joints = joints.assign(**spread("q", dataset.robot.joints, measured))
     return trajectory_table(chain, held, motion.rate, dataset.robot.joints), joints, quality

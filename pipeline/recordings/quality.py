@@ -169,9 +169,7 @@ def account(
             f"{name.removeprefix(LEFT_OUT).replace('_', ' ')} {count}"
             for name, count in lost[lost > 0].items()
         ]
-        rows.append(
-            ("motions", movement, number.sum(), number[REPETITIONS], ", ".join(words)),
-        )
+        rows.append(("motions", movement, number.sum(), number[REPETITIONS], ", ".join(words)))
     for part, of_part in takes.groupby("part", sort=False):
         present = of_part["take"].nunique()
         gone = of_part.loc[of_part["left_out"], "take"].nunique()
