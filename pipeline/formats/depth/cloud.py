@@ -260,9 +260,7 @@ def load_open3d() -> ModuleType:
 
 
 def _by_open3d(header: Header, data: bytes) -> np.ndarray | None:
-    """Return (N, 3) float64 of the ``data`` that the ``header`` describes, None where they are
-    damaged.
-    """
+    """Return (N, 3) float64 of ``data`` as ``header`` describes them, None where damaged."""
     # under other names Open3D would make colours and normals of fields, or fail on two of one name
     fields = [
         (name if name in ("x", "y", "z") else f"f{i}", header.point[name])
