@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.formats.depth.image import decode_depth
-from pipeline.formats.depth.png import encode_depth
+from pipeline.formats.depth.image import decode_depth, encode_depth
 
 Files = Mapping[str, bytes]  # path below the folder of the recordings → content
 ROW = re.compile(rb'[ \t"]*[-+]?[\d.]')  # how a row of numbers begins, and no header
