@@ -16,8 +16,7 @@ from pipeline.core.columns import values
 from pipeline.core.errors import PipelineError
 from pipeline.core.options.dataset import Dataset
 from pipeline.core.options.force import Force
-from pipeline.perception.articulation import ArticulationOptions
-from pipeline.perception.depth_angles import articulate_rows
+from pipeline.perception.articulation import ArticulationOptions, articulate_rows
 from pipeline.perception.markers import track_rows
 from pipeline.recordings import depth_camera, motion_capture
 from pipeline.recordings.depth_clock import on_motion_clock
