@@ -91,19 +91,9 @@ def trace_of_motion(recorded: Recorded) -> float:
     return float(traces.mean()) - measured
 
 
-def model_trace(model: MotionModel, recorded: Recorded) -> float:
-    """Mean over the takes and steps of ``recorded`` of the trace of the model's exact covariance of
-    a step, in rad², the measurement noise not included.
-
-    Raises SingularJacobianError, and ModelDomainError where the model has no covariance.
-    """
-    covariance = model.covariance(recorded.chain, recorded.q, recorded.v)
-    return float(np.trace(covariance, axis1=-2, axis2=-1).mean())
-
-
 def at_recorded_level(model: MotionModel, recorded: Recorded) -> MotionModel:
-    """The same model, its level solved again so that :func:`model_trace` and the trace of the
-    measurement noise sum to the :func:`recorded_trace`.
+    """The same model, its level solved again so that the mean trace of the covariance of a step and the
+    trace of the measurement noise sum to the :func:`recorded_trace`.
 
     ``model`` need have no covariance itself: a Wishart model of σ_B beyond its limit has one at the
     recorded level. Raises SingularJacobianError, and ModelDomainError where the recorded trace is
