@@ -124,8 +124,21 @@ def add_column_dot(
     block: np.ndarray, out: int, sign: float, x: int, by: int, y: int, n: int, count: int
 ) -> None:
     """Row ``out`` + ``sign``·Σ_j row (``x`` + ``by``·j)·row (``y`` + j) over ``n`` rows."""
-    for j in range(n):
-        add_product(block, out, sign, x + by * j, y + j, count)
+    j = 0
+    while j + 2 < n:
+        x0, x1, x2, y0, y1, y2 = x, x + by, x + by + by, y + j, y + j + 1, y + j + 2
+        for i in range(count):
+            block[out, i] += sign * (
+                block[x0, i] * block[y0, i]
+                + block[x1, i] * block[y1, i]
+                + block[x2, i] * block[y2, i]
+            )
+        j += 3
+        x += 3 * by
+    while j < n:
+        add_product(block, out, sign, x, y + j, count)
+        j += 1
+        x += by
 
 
 @inner
