@@ -10,14 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from omegaconf import OmegaConf
 from scipy.io import savemat
 from zoo import SHAPE, write_zoo
 
 from pipeline.arm.model import chain_of
 from pipeline.core import datasheet
 from pipeline.core.options.dataset import Motion, Robot
-from pipeline.core.typed_yaml import typed
+from pipeline.core.validation import validated
 from pipeline.formats.depth.cloud import read_cloud
 from pipeline.formats.depth.image import read_depth
 from pipeline.formats.depth.index import read_index
@@ -51,7 +50,7 @@ def _chain(file: Path) -> object:
 
 def _sheet(file: Path) -> dict:
     sheet = datasheet.read(file)
-    return {"motion": OmegaConf.to_object(typed(Motion, sheet.values.get("motion"), "motion"))}
+    return {"motion": validated(Motion, sheet.values.get("motion"), "motion")}
 
 
 @dataclass(frozen=True)

@@ -151,8 +151,10 @@ def called_by_libraries(module: str) -> Iterator[tuple[str, ...]]:
 
 
 def exempt(place: tuple[str, ...], node: Definition) -> bool:
-    """Whether Python calls it, or it serves tests and says so."""
+    """Whether Python or pydantic calls it, or it serves tests and says so."""
     if place[-1].startswith("__") and place[-1].endswith("__"):
+        return True
+    if any("model_validator" in ast.unparse(one) for one in node.decorator_list):
         return True
     says = " ".join((ast.get_docstring(node) or "").split())
     return room(place[0]) == "randommatrix" and TESTS_ALONE in says

@@ -28,7 +28,7 @@ class Reading:
     file_mib: Bound = 64  # of a file that is read whole; bags and archives are read in parts
     part_mib: Bound = 64  # of what is unfolded at once: a frame, an array, a chunk of a bag
     markers: Bound = 2000  # of a take
-    seconds: Annotated[float, Field(gt=0)] = 20.0  # of what is read in a process of its own
+    seconds: Annotated[float, Field(gt=0)] = 60.0  # of what is read in a process of its own
     memory_mib: Bound = 2048  # likewise, beside the program's own
 
 

@@ -130,7 +130,8 @@ def _faults(error: ValidationError, structure: type, section: str) -> list[tuple
     for fault in error.errors(include_url=False):
         if fault["loc"] and isinstance(fault["loc"][0], int) and is_dataclass(structure):
             names = [one.name for one in fields(structure)]  # a value given by position
-            fault["loc"] = (names[fault["loc"][0]], *fault["loc"][1:])
+            if fault["type"] != "invalid_key" and fault["loc"][0] < len(names):
+                fault["loc"] = (names[fault["loc"][0]], *fault["loc"][1:])
         place, kind = [str(part) for part in fault["loc"]], fault["type"]
         cause = fault.get("ctx", {}).get("error")
         known: list[str] = []

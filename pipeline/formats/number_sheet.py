@@ -16,48 +16,26 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.formats.delimited import MISSING, NUMBER, Text, cells_of, numbers_of, read_text
+from pipeline.formats.cells import (
+    DATE,
+    SAMPLED,
+    SEPARATORS,
+    SPACE,
+    bare,
+    count_numbers,
+    counts_on,
+    foreign,
+    is_number,
+    is_row,
+    numeric_columns,
+    separator_of,
+    split_cells,
+    stripped,
+    unit_of,
+)
+from pipeline.formats.delimited import MISSING, Text, cells_of, numbers_of, read_text
 from pipeline.formats.format import Format, Head, Kind
 from pipeline.formats.units import is_unit
-
-SPACE = " "  # as a separator: any number of blanks
-SEPARATORS = (",", ";", "\t", SPACE)
-SAMPLED = 40  # last lines that tell columns of numbers from others
-HALF = 0.5  # of these lines hold a number in a column of numbers
-DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
-UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")  # a label and, in brackets, its unit
-
-# exports of motion capture that look like tables: how they begin, their name, what to export
-NEXUS = r'\s*"?(Trajectories|Joints|Segments|Model Outputs?|Devices|Events|Analog EMG)"?[\s,;]*\n'
-FOREIGN = (
-    (re.compile(r"PathFileType\b"), "TRC (OpenSim, Cortex)", "export C3D from the same program"),
-    (re.compile(r"NO_OF_FRAMES\b"), "TSV of Qualisys Track Manager", "export C3D from QTM"),
-    (
-        re.compile(NEXUS + r"[\s,;]*\d+(\.\d+)?[\s,;]*\n", re.IGNORECASE),
-        "ASCII export of Vicon Nexus",
-        "export C3D from Nexus",
-    ),
-)
-
-
-def bare(label: str) -> str:
-    """Return the label without a unit in brackets behind it."""
-    return UNIT.fullmatch(label)[1] if unit_of(label) else label
-
-
-def unit_of(label: str) -> str | None:
-    """Return the unit in brackets behind a label, None where there is none; an index, as in
-    ``q[0]`` or ``q(1)``, is no unit.
-    """
-    match = UNIT.fullmatch(label)
-    return match[2] if match and not re.fullmatch(r"\s*\d*\s*", match[2]) else None
-
-
-def foreign(text: str) -> tuple[str, str] | None:
-    """Return the name of the known format that ``text`` begins like and that is no table, and what
-    to export instead.
-    """
-    return next(((name, advice) for mark, name, advice in FOREIGN if mark.match(text)), None)
 
 
 @dataclass(frozen=True)
@@ -109,7 +87,7 @@ class Sheet:
             if not units and index and len(cells) > 1 and all(map(is_unit, filter(None, cells))):
                 units = cells
                 continue
-            filled = len(_stripped(cells))
+            filled = len(stripped(cells))
             enough = max(self.numeric, default=-1) < filled <= len(self.last)
             labels = (cells + [""] * len(self.last))[: max(filled, self._filled)]
             if enough and (filled > 1 or len(self.last) == 1):
@@ -118,7 +96,7 @@ class Sheet:
 
     @cached_property
     def _filled(self) -> int:
-        return len(_stripped(self.last))
+        return len(stripped(self.last))
 
     @property
     def settings(self) -> dict[str, str]:
@@ -264,20 +242,20 @@ def _sheet(text: Text, file: Path, separator: str | None, decimal: str | None, k
     lines = [text.lines[place - 1] for place in places]
     # a last line without any number is a remark below the rows
     whole = next((line for line in lines[:-4:-1] if re.search(r"\d", line)), lines[-1])
-    mark = separator or _separator(whole)
+    mark = separator or separator_of(whole)
     if mark == SPACE:
         mark, lines = "\t", ["\t".join(line.lstrip("#%").split()) for line in lines]
-    split = [_split(line, mark) for line in lines[-SAMPLED:]]
+    split = [split_cells(line, mark) for line in lines[-SAMPLED:]]
     before = [len(cells) for cells in split[-3:-1]]
-    if len({*before}) == 1 and len(split[-1]) < before[0] and _numbers(split[-2]):
+    if len({*before}) == 1 and len(split[-1]) < before[0] and count_numbers(split[-2]):
         lines, places, split = lines[:-1], places[:-1], split[:-1]
         counts["cut_rows"] += 1
-    width, numeric = len(split[-1]), _numeric(split)
+    width, numeric = len(split[-1]), numeric_columns(split)
     top = next(
-        (i for i, line in enumerate(lines) if numeric and _is_row(line, mark, width, numeric)),
+        (i for i, line in enumerate(lines) if numeric and is_row(line, mark, width, numeric)),
         len(lines),
     )
-    if top + 1 < len(lines) and _counts_on(_split(lines[top], mark)):
+    if top + 1 < len(lines) and counts_on(split_cells(lines[top], mark)):
         top += 1  # labels that are numbers, as pandas writes them
     rows, header = lines[top:], lines[:top]
     sheet = Sheet(file, header, places[:top], rows, places[top:], mark, ".", counts, numeric)
@@ -295,80 +273,15 @@ def _sheet(text: Text, file: Path, separator: str | None, decimal: str | None, k
     return replace(sheet, decimal=chosen or ".")
 
 
-def _separator(line: str) -> str:
-    for mark in ";\t":
-        if mark in line:
-            return mark
-    pieces = line.split()
-    # commas that never touch a blank are decimal marks of cells that blanks keep apart
-    spaced = len(pieces) > 1 and not any(
-        piece.startswith(",") or piece.endswith(",") for piece in pieces
-    )
-    # a date and a time have a blank between them too
-    numbers = _numbers(pieces) >= HALF * len(pieces) or "," not in line
-    return SPACE if spaced and numbers and '"' not in line else ","
-
-
-def _split(line: str, mark: str) -> list[str]:
-    """The cells of a line, roughly: quotes that do not close are the reader's to refuse."""
-    if '"' not in line:
-        return [cell.strip() for cell in line.split(mark)]
-    try:
-        return cells_of(line, mark, file=Path(), number=0)
-    except RecordingError:
-        return [cell.strip().strip('"') for cell in line.split(mark)]
-
-
-def _stripped(cells: list[str]) -> list[str]:
-    """The cells up to the last one with content."""
-    return cells[: max((n for n, cell in enumerate(cells, start=1) if cell), default=0)]
-
-
-def _is_number(cell: str) -> bool:
-    return NUMBER.fullmatch(cell.replace(",", ".")) is not None
-
-
-def _numbers(cells: list[str]) -> int:
-    return sum(map(_is_number, cells))
-
-
-def _numeric(split: list[list[str]]) -> list[int]:
-    """The columns that hold numbers in at least half of the last lines that are as wide as the last
-    one, from the last line up to one that holds none.
-    """
-    alike = []
-    for cells in reversed(split):
-        if len(cells) == len(split[-1]):
-            if not any(_is_number(cell) or cell in MISSING[1:] for cell in cells):
-                break
-            alike.append(cells)
-    shares = [sum(map(_is_number, column)) / len(alike) for column in zip(*alike, strict=True)]
-    return [column for column, share in enumerate(shares) if share >= HALF]
-
-
-def _is_row(line: str, mark: str, width: int, numeric: list[int]) -> bool:
-    cells = _split(line, mark)
-    held = [cells[column] for column in numeric] if len(cells) == width else []
-    return _numbers(held) > 0 and all(_is_number(cell) or cell in MISSING for cell in held)
-
-
-def _counts_on(cells: list[str]) -> bool:
-    """Whether cells are labels that are numbers: nothing or a word, then whole numbers by one."""
-    if len(cells) < 3 or _is_number(cells[0]):
-        return False
-    numbers = [int(cell) for cell in cells[1:] if re.fullmatch(r"\d{1,4}", cell)]
-    return numbers == [*range(numbers[0], numbers[0] + len(cells) - 1)] if numbers else False
-
-
 def _require_header(sheet: Sheet, key: str) -> None:
     """Raise RecordingError for a line of the header that is a damaged row, or one of another
     form.
     """
     for line, place in zip(sheet.header, sheet.header_lines, strict=True):
         for other in SEPARATORS:
-            cells = line.split() if other == SPACE else _split(line, other)
+            cells = line.split() if other == SPACE else split_cells(line, other)
             filled = [cell for cell in cells if cell]
-            if len(filled) > 2 and _numbers(filled) == len(filled) and not _counts_on(cells):
+            if len(filled) > 2 and count_numbers(filled) == len(filled) and not counts_on(cells):
                 raise RecordingError(
                     f"numbers in another form than below, or a row that is damaged: {line[:80]!r}",
                     file=sheet.file,
@@ -377,12 +290,12 @@ def _require_header(sheet: Sheet, key: str) -> None:
                 )
     if not sheet.header:
         return
-    cells = _split(sheet.header[-1].lstrip("#% "), sheet.separator)
-    numbers = sum(_is_number(cells[column]) for column in sheet.numeric if column < len(cells))
+    cells = split_cells(sheet.header[-1].lstrip("#% "), sheet.separator)
+    numbers = sum(is_number(cells[column]) for column in sheet.numeric if column < len(cells))
     if (
         numbers
         and (len(cells) == len(sheet.last) or numbers == len(cells))
-        and not _counts_on(cells)
+        and not counts_on(cells)
     ):
         raise RecordingError(
             f"words and numbers in one line: a damaged row, or labels? {sheet.header[-1][:80]!r}",
@@ -403,7 +316,7 @@ def _decimal(sheet: Sheet, key: str) -> str | None:
         return held[0] if held else None
     proven = None
     for row, line in zip(rows, sheet.lines, strict=True):
-        cells = _split(row, mark)
+        cells = split_cells(row, mark)
         numbers = "".join(cells[column] for column in sheet.numeric if column < len(cells))
         for sign in ".,":
             if sign in numbers:

@@ -18,9 +18,8 @@ from scipy.special import ndtr
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ConfigError
-from pipeline.laboratory.joint_path import JointPath
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
-from pipeline.laboratory.swing import desired_joints
+from pipeline.laboratory.swing import JointPath, desired_joints
 
 LAGS = 4  # of a drive: position loop, velocity loop, current loop and the gear's elasticity
 SETTLED = 30  # lags after which nothing is left of a start: four lags pass on 1e-9 of it

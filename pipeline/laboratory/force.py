@@ -177,12 +177,7 @@ def record_force(
     rate = transducer.rate
     e = directions(cables, concentration, robots.wander_time, samples, rate, rng)
     pull = tension + slipping(
-        np.asarray(robots.tension_sd),
-        robots.slip_rate,
-        robots.slip_recovery,
-        samples,
-        rate,
-        rng,
+        np.asarray(robots.tension_sd), robots.slip_rate, robots.slip_recovery, samples, rate, rng
     )
     pull[unloaded] = 0.0
     slack = int(np.sum(pull < 0))

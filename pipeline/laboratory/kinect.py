@@ -65,12 +65,7 @@ class DepthCamera:
         return solid.moved(self._rotation.T, -self._rotation.T @ self._position)
 
     def _draw(
-        self,
-        solid: Prism,
-        window: Window,
-        around: Window,
-        depth: np.ndarray,
-        grazing: np.ndarray,
+        self, solid: Prism, window: Window, around: Window, depth: np.ndarray, grazing: np.ndarray
     ) -> None:
         """Draw a solid of the camera's frame, in the rows and columns ``window``, into ``depth``,
         infinite where nothing is, and ``grazing`` angle of the rows and columns ``around``.

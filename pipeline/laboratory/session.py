@@ -18,7 +18,13 @@ from pipeline.laboratory.dynamics import (
     simulate_take,
     true_chain,
 )
-from pipeline.laboratory.options import ClockOptions, DynamicsOptions, TrajectoryOptions
+from pipeline.laboratory.options import (
+    ClockOptions,
+    DynamicsOptions,
+    EncoderOptions,
+    TrajectoryOptions,
+)
+from pipeline.laboratory.swing import desired_joints
 
 
 @dataclass(frozen=True)
@@ -79,3 +85,18 @@ def depth_frames(
     offset = clock.offset + clock.offset_std * rng.standard_normal()
     times = exposed * (1 + clock.drift) + offset
     return DepthFrames(times, joints_at(exposed, swing.t, swing.q), offset)
+
+
+def log_joints(
+    swing: Swing, trajectory: TrajectoryOptions, options: EncoderOptions
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Times (N,) in s on the motion clock, from its start to its end, and the signals ``target``
+    and ``actual``, each (N, n) in rad.
+
+    The encoders sit at the motors: they read what the servo makes of the command, to their
+    resolution, and know nothing of the zeros' errors and of what happens behind the gears.
+    """
+    t = np.arange(int(trajectory.duration * options.rate) + 1) / options.rate
+    felt = joints_at(t, swing.t, swing.servo)
+    actual = np.round(felt / options.resolution) * options.resolution
+    return t, {"target": desired_joints(t, trajectory)[0], "actual": actual}

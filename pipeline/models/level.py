@@ -14,7 +14,6 @@ import numpy as np
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.model import MotionModel
-from pipeline.models.noise import mean_covariance
 from pipeline.models.steps import Recorded
 
 
@@ -74,16 +73,8 @@ class TakeVariances:
         return traces, measured
 
 
-def recorded_trace(recorded: Recorded) -> float:
-    """tr Σ̂_ω in rad², the mean over the steps of the trace of the sample covariance over the takes
-    of the process noise, which holds the measurement noise; raises ModelDomainError for a single
-    take.
-    """
-    return float(np.trace(mean_covariance(recorded.noise)))
-
-
 def trace_of_motion(recorded: Recorded) -> float:
-    """The :func:`recorded_trace` without that of the measurement noise, in rad².
+    """The recorded mean trace without that of the measurement noise, in rad².
 
     Raises ModelDomainError where it is not positive, and where the measurement noise is not known.
     """
@@ -91,19 +82,9 @@ def trace_of_motion(recorded: Recorded) -> float:
     return float(traces.mean()) - measured
 
 
-def model_trace(model: MotionModel, recorded: Recorded) -> float:
-    """Mean over the takes and steps of ``recorded`` of the trace of the model's exact covariance of
-    a step, in rad², the measurement noise not included.
-
-    Raises SingularJacobianError, and ModelDomainError where the model has no covariance.
-    """
-    covariance = model.covariance(recorded.chain, recorded.q, recorded.v)
-    return float(np.trace(covariance, axis1=-2, axis2=-1).mean())
-
-
 def at_recorded_level(model: MotionModel, recorded: Recorded) -> MotionModel:
-    """The same model, its level solved again so that :func:`model_trace` and the trace of the
-    measurement noise sum to the :func:`recorded_trace`.
+    """The same model, its level solved again so that the mean trace of the covariance of a step
+    and the trace of the measurement noise sum to the recorded mean trace.
 
     ``model`` need have no covariance itself: a Wishart model of σ_B beyond its limit has one at the
     recorded level. Raises SingularJacobianError, and ModelDomainError where the recorded trace is

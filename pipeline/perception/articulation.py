@@ -9,15 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import numpy as np
 import pandas as pd
+from pydantic import Field
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
 from pipeline.core.columns import spread
-from pipeline.core.errors import ConfigError, RecordingError, SolverError
+from pipeline.core.errors import RecordingError, SolverError
 from pipeline.core.options.analysis import Articulation as Chosen
+from pipeline.core.validation import options
 from pipeline.perception.articulation_end import ENDS, INFEASIBLE
 from pipeline.perception.articulation_objective import frame_of
 from pipeline.perception.articulation_search import MAX_STEPS, fit_frame
@@ -31,10 +34,9 @@ LOST = 2.0
 POSES = 24  # directions of the first segment that an arm which was lost is looked for in
 
 
-@dataclass(frozen=True)
+@options(frozen=True)
 class ArticulationOptions:
-    """Weights of the objective, where the tool ends and what a frame has to have; ConfigError for
-    what does not exist.
+    """Weights of the objective, where the tool ends and what a frame has to have.
 
     Both terms are lengths. γ1 weighs a mean over points, γ2 a sum over the three segments; 1 and
     1/3 weigh two means alike.
@@ -42,26 +44,15 @@ class ArticulationOptions:
 
     gamma1: float = 1.0
     gamma2: float = 1.0 / 3.0
-    length_range: float = 0.05  # each segment's length within ± this fraction of the nominal one
+    # share of the nominal one by which each segment's length may be off
+    length_range: Annotated[float, Field(gt=0, lt=1)] = 0.05
     min_points: int = 150  # a frame with fewer points of the arm is a gap
     max_gap: int = 3  # frames in a row that may be gaps
-    end_point: str = "commanded"  # one of ENDS
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.length_range < 1.0:
-            raise ConfigError(
-                "articulation.length_range: a share of the length, between 0 and 1",
-                value=self.length_range,
-            )
-        if self.end_point not in ENDS:
-            raise ConfigError(
-                f"articulation.end_point: no end {self.end_point!r}; there are {', '.join(ENDS)}",
-                key="articulation.end_point",
-            )
+    end_point: Literal["commanded", "fitted"] = "commanded"
 
     @classmethod
     def chosen(cls, options: Chosen) -> ArticulationOptions:
-        """Those of the configuration's section ``articulation``."""
+        """Return the options of the configuration's section ``articulation``."""
         o = options
         return cls(o.gamma1, o.gamma2, o.length_range, o.minimum_points, o.max_gap, o.end_point)
 

@@ -121,14 +121,8 @@ def _middle_and_half(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
 # which would take back a share of what the arm has moved since. Its angles scatter too widely for
 # the last digit to be worth its evaluations.
 ENDS = {
-    "commanded": End(
-        _commanded_variables,
-        _commanded_nodes,
-        ((STEP, 1e-3), (-STEP / 2, 1e-5)),
-    ),
+    "commanded": End(_commanded_variables, _commanded_nodes, ((STEP, 1e-3), (-STEP / 2, 1e-5))),
     "fitted": End(
-        _fitted_variables,
-        _fitted_nodes,
-        ((2 * STEP, 4e-3), (-2 * STEP, 4e-3), (STEP, 1e-4)),
+        _fitted_variables, _fitted_nodes, ((2 * STEP, 4e-3), (-2 * STEP, 4e-3), (STEP, 1e-4))
     ),
 }

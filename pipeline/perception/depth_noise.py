@@ -1,5 +1,10 @@
 """The depth camera's noise in the joint angles: its mean and covariance over the time of the
-motion, as other takes show it.
+motion, as other takes show it, and its slope on the state.
+
+A measurement y = q* + (I + S)(q − q*) + noise errs by S(q − q*), with q* where the arm is on
+average. The motion capture gives q at its samples; where a deviation does not last as long as the
+step between two of them, a line from one to the other misses it in between, which makes a slope of
+its own. So frames near a sample are counted apart.
 """
 
 from __future__ import annotations
@@ -9,6 +14,9 @@ import pandas as pd
 
 from pipeline.core.columns import columns, members, spread, triangle, values
 from pipeline.core.errors import RecordingError
+
+NEAR = 0.1  # of a step between samples of the motion capture: a frame that is near one
+NEAR_A_SAMPLE, ALL = "near a sample", "all"
 
 
 def errors_of(angles: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
@@ -67,3 +75,90 @@ def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
         table |= spread("b", names, mean.to_numpy()) | triangle("r", names, covariance)
         rows.append(pd.DataFrame(table))
     return pd.concat(rows, ignore_index=True)
+
+
+def deviations(errors: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
+    """Return each frame's deviation of the arm (family d, rad) and error (family e), both about
+    their means over the takes at that frame, which are the bias that a filter knows of.
+
+    ``errors``: as :func:`errors_of` gives them; ``joints``: the table. A deviation is the motion
+    capture's angle minus the mean of the training takes, both interpolated linearly at the frame's
+    time. Columns take, frame, t in s and the two families.
+    """
+    names = members(errors, "e")
+    mean = joints[joints["part"] == "training"].groupby("k")[["t", *columns("q", names)]].mean()
+    parts = []
+    for take, rows in errors.groupby("take", sort=False):
+        own = joints[joints["take"] == take]
+        d = [
+            np.interp(rows["t"], own["t"], own[name]) - np.interp(rows["t"], mean["t"], mean[name])
+            for name in columns("q", names)
+        ]
+        parts.append(rows.assign(**spread("d", names, np.stack(d, axis=-1))))
+    table = pd.concat(parts)
+    families = columns("d", names) + columns("e", names)
+    table[families] -= table.groupby("frame")[families].transform("mean")
+    return table
+
+
+def near_a_sample(table: pd.DataFrame, step: float) -> np.ndarray:
+    """(rows,) whether the frames of ``table`` lie within NEAR of a step from a sample; ``step`` in
+    s.
+    """
+    share = np.mod(table["t"].to_numpy() / step, 1.0)
+    return np.minimum(share, 1 - share) <= NEAR
+
+
+def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataFrame:
+    """Slope of the error of each joint on its own deviation, over frames and takes: columns frames,
+    joint, number, slope, standard_error, and the scatter of deviation and error in rad.
+
+    ``table``: as of :func:`deviations`; ``step`` between samples of the motion capture in s;
+    ``pose`` (n, n) rad² the noise of one pose that it measures. That noise stands in the error with
+    a minus and in the deviation with a plus: its variance is taken out of both. Standard errors are
+    robust to what the errors of a take have in common (Liang and Zeger 1986). A slope of fewer than
+    two takes is a gap.
+    """
+    rows, names, near = [], members(table, "e"), near_a_sample(table, step)
+    for frames, inside in ((NEAR_A_SAMPLE, near), (ALL, np.ones_like(near))):
+        part = table[inside]
+        share = np.mod(part["t"].to_numpy() / step, 1.0)
+        # a line between two samples averages their noise
+        weight = np.sum((1 - share) ** 2 + share**2)
+        for j, (joint, d, e) in enumerate(
+            zip(names, values(part, "d").T, values(part, "e").T, strict=True)
+        ):
+            slope, standard_error = _slope(d, e, part["take"], weight * pose[j, j])
+            row = {"frames": frames, "joint": joint, "number": len(part), "slope": slope}
+            row |= {"standard_error": standard_error, "deviation": _rms(d), "scatter": _rms(e)}
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def slope_scores(slopes: pd.DataFrame) -> dict[str, float]:
+    """The slopes of :func:`error_slopes` over the frames near a sample, by names that say the
+    joint; gaps are left out.
+    """
+    rows = slopes[(slopes["frames"] == NEAR_A_SAMPLE) & np.isfinite(slopes["slope"])]
+    scores = {f"depth_error_slope_{row.joint}": row.slope for row in rows.itertuples()}
+    return scores | {
+        f"depth_error_slope_{row.joint}_standard_error": row.standard_error
+        for row in rows.itertuples()
+    }
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else np.nan
+
+
+def _slope(d: np.ndarray, e: np.ndarray, takes: pd.Series, noise: float) -> tuple[float, float]:
+    """Slope of ``e`` on ``d`` (rows,) and its standard error; ``noise`` in rad² is what the motion
+    capture's own error adds to the sum of the squares of ``d``.
+    """
+    number, power = takes.nunique(), np.sum(d**2)
+    if number < 2 or not power > noise:
+        return np.nan, np.nan
+    score = pd.Series(d * (e - d * (np.sum(d * e) / power)), index=takes.index)
+    by_take = score.groupby(takes).sum().to_numpy()
+    error = np.sqrt(number / (number - 1) * np.sum(by_take**2)) / (power - noise)
+    return float((np.sum(d * e) + noise) / (power - noise)), float(error)

@@ -220,13 +220,7 @@ def track_rows(rows: pd.DataFrame, mocap: Mocap, arm: Arm, *, take: str) -> Join
     )
     extra = stray[["x", "y", "z"]].to_numpy().reshape(-1, frames, 3).transpose(1, 0, 2)
     return track_joints(
-        xyz,
-        template,
-        arm,
-        unlabelled=extra,
-        gate=mocap.gate,
-        max_gap=mocap.max_gap,
-        take=take,
+        xyz, template, arm, unlabelled=extra, gate=mocap.gate, max_gap=mocap.max_gap, take=take
     )
 
 

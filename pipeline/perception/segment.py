@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.formats.depth.open3d_library import load_open3d
+from pipeline.formats.depth.cloud import load_open3d
 
 # until undistorted pixels are exact to about 1e-9 of the focal length; OpenCV's own default stops
 # after five steps

@@ -12,7 +12,7 @@ from pipeline.arm.interface import Chain
 from pipeline.core.columns import spread
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
-from pipeline.recordings.disturbed_takes import disturbed_takes
+from pipeline.recordings.disturbances import disturbed_takes
 from pipeline.recordings.logged_movement import UNITS, Take, read_logged_movement
 from pipeline.recordings.movement import require_speeds, speed_limits
 from pipeline.recordings.pairing import require_pair
@@ -112,12 +112,7 @@ def joint_log_rows(
     held = command[np.clip(np.arange(length), *moving_rows)]
     k = np.tile(np.arange(length), len(takes))
     joints = pd.DataFrame(
-        {
-            "take": np.repeat(list(takes), length),
-            "part": "training",
-            "k": k,
-            "t": k / motion.rate,
-        }
+        {"take": np.repeat(list(takes), length), "part": "training", "k": k, "t": k / motion.rate}
     )
     joints = joints.assign(**spread("q", dataset.robot.joints, measured))
     return trajectory_table(chain, held, motion.rate, dataset.robot.joints), joints, quality

@@ -1,14 +1,17 @@
-"""The recorded steps that the motion models are fitted to, from the tables of the stages before."""
+"""Recorded steps that the motion models are fitted to, and the ranges of their poses and speeds."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from pipeline.arm.model import chain_of
 from pipeline.core import contracts
 from pipeline.core.options.dataset import Motion, Robot
+from pipeline.models.norm import frobenius
 from pipeline.models.steps import Recorded
 from pipeline.recordings.commands import commanded_steps
 
@@ -26,3 +29,34 @@ def training_steps(robot: Robot, motion: Motion) -> Recorded:
     stated = motion.pose_noise
     known = None if stated is None else 2 * stated**2 * np.eye(len(robot.joints))
     return Recorded(chain_of(robot), q[:, :-1], v, noise, tuple(robot.joints), known)
+
+
+def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
+    """A row each with its ends over the steps of ``recorded``, of ``rate`` a second: the measured
+    ``pose`` and the commanded ``joint speed`` of every joint, the commanded ``speed`` of every row
+    of the command, and the ``condition`` ‖J⁺‖, greater the nearer a pose is to a singular one.
+    """
+    chain, joints, v = recorded.chain, recorded.joints, recorded.v
+    poses = np.concatenate([recorded.q, recorded.q_next[:, -1:]], axis=1)
+    speeds = rate * chain.nominal_step(recorded.q, v)
+    units = ["m/s" if name in ("x", "y", "z") else "rad/s" for name in chain.task]
+    units = [*units, *["rad/s"] * len(joints)][: v.shape[-1]]
+    norms = frobenius(chain.inverse_jacobian(recorded.q))[..., None]
+    rows = [
+        *_ends("pose", joints, ["rad"] * len(joints), poses),
+        *_ends("joint speed", joints, ["rad/s"] * len(joints), speeds),
+        *_ends("speed", [*chain.task, *joints][: v.shape[-1]], units, rate * v),
+        *_ends("condition", ["‖J⁺‖"], ["1/m and 1"], norms),
+    ]
+    return pd.DataFrame(rows, columns=["quantity", "name", "unit", "least", "greatest"])
+
+
+def _ends(
+    quantity: str, names: Sequence[str], units: Sequence[str], values: np.ndarray
+) -> list[tuple]:
+    """A row for each of the ``names``, the columns of ``values`` (..., columns)."""
+    columns = values.reshape(-1, values.shape[-1]).T
+    return [
+        (quantity, name, unit, float(each.min()), float(each.max()))
+        for name, unit, each in zip(names, units, columns, strict=True)
+    ]

@@ -19,8 +19,7 @@ from pipeline.models.closed_loop import measured_poses
 from pipeline.models.kinds import estimate, fitted_models
 from pipeline.models.prediction import Steps, groups_by_speed, normal_steps, score_take
 from pipeline.models.steps import Recorded
-from pipeline.recordings.ranges import fitted_ranges
-from pipeline.recordings.steps import training_steps
+from pipeline.recordings.steps import fitted_ranges, training_steps
 from pipeline.statistics.take_scores import compared, log_score_differences, prediction_scores
 
 TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")

@@ -27,12 +27,18 @@ from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
 from pipeline.formats.trajectory import write_trajectory
 from pipeline.laboratory.bodies import Cluster, as_built, capture_bodies, in_body
-from pipeline.laboratory.encoders import log_joints
 from pipeline.laboratory.force import Cables, record_force
 from pipeline.laboratory.kinect import DepthCamera
 from pipeline.laboratory.mocap import capture, place_markers
 from pipeline.laboratory.sensor import draw_bias
-from pipeline.laboratory.session import Motion, Session, depth_frames, open_session, perform
+from pipeline.laboratory.session import (
+    Motion,
+    Session,
+    depth_frames,
+    log_joints,
+    open_session,
+    perform,
+)
 from pipeline.laboratory.swing import desired_path, desired_trajectory
 
 RAW = Path("data/raw")

@@ -21,11 +21,10 @@ from pipeline.models.closed_loop import FOLDER
 from pipeline.models.kinds import fitted_model
 from pipeline.models.modelled_noise import modelled_noise
 from pipeline.models.noise import measurement_covariance, recorded_deviation, rest_covariance
-from pipeline.perception.depth_noise import errors_of
-from pipeline.perception.depth_state import deviations, error_slopes, slope_scores
+from pipeline.perception.depth_noise import deviations, error_slopes, errors_of, slope_scores
 from pipeline.recordings import quality
-from pipeline.recordings.account import account
 from pipeline.recordings.commands import commanded_steps, constant_speed
+from pipeline.recordings.quality import account
 from pipeline.recordings.steps import training_steps
 from pipeline.recordings.truth import held_against, truth_of
 from pipeline.statistics.agreement import lag_one_correlation

@@ -22,8 +22,7 @@ from pipeline.perception.joint_track import JointTrack
 from pipeline.recordings.commands import commanded_steps
 from pipeline.recordings.cross_check import require_commanded, require_encoders
 from pipeline.recordings.depth_clock import on_motion_clock, with_markers
-from pipeline.recordings.limits import beside_limits, reasons, require_enough
-from pipeline.recordings.quality import quality_row
+from pipeline.recordings.quality import beside_limits, quality_row, reasons, require_enough
 
 INGEST, OUT = Path("data/ingest"), Path("data/track")
 

@@ -184,7 +184,9 @@ def _ours(case: Case, few: bool) -> str:
 
 
 def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) -> str:
-    """One estimate with its interval; a bound at the end of its search is no estimate."""
+    """One estimate with its interval; a bound at the end of its search is no estimate, and σ_B
+    beyond its limit gives a step no covariance.
+    """
     name = f"{key}_{estimator}"
     if name not in fitted:
         return "–"
@@ -192,7 +194,9 @@ def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) 
         return "unbounded"
     ends = [fitted.get(f"{name}_interval_{end}") for end in ("low", "high")]
     text = number(fitted[name])
-    return text if few or None in ends else f"{text} {interval(*ends)}"
+    text = text if few or None in ends else f"{text} {interval(*ends)}"
+    limit = fitted.get("sigma_b_limit_of_the_covariance", float("inf"))
+    return f"{text}, no covariance" if "sigma_b" in key and fitted[name] >= limit else text
 
 
 def datasets_page(here: Run, decided: Sequence[Decided]) -> str:

@@ -24,7 +24,7 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.options.analysis import Compute, Dask
 from pipeline.models.draws import draw_steps
 from pipeline.models.noise import process_noise
-from pipeline.models.wishart.dispersion import step_dispersions
+from pipeline.models.wishart.dispersion import Problems
 from pipeline.models.wishart.perturbation import objective_weights
 
 STEPS, BLOCK = 40, 100  # of a take; takes in memory at once
@@ -66,10 +66,9 @@ def many_takes(count: int) -> dict[str, float]:
             q = np.concatenate([q, draw_steps(model, chain, q[:, -1:], step[None], rng)[0]], axis=1)
         q += POSE * rng.standard_normal(q.shape)
         noise = process_noise(chain, q, v)
-        dispersions, _ = step_dispersions(
-            chain, q[:, :-1], v, noise, model.decomposition, weights, FLOOR
-        )
-        total += len(q) * float((dispersions**2).mean())
+        problems = Problems.of(chain, q[:, :-1], v, noise, model.decomposition, FLOOR)
+        squares, _ = problems.solved(weights)
+        total += len(q) * float(squares.mean())
         for number in range(len(q)):
             posterior = motion.filtered(PARTICLES, np.random.default_rng(first + number))
             off.append(float(posterior.ess.min()))

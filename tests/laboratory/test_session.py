@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from pipeline.laboratory.dynamics import simulate_take
-from pipeline.laboratory.encoders import log_joints
 from pipeline.laboratory.options import (
     ClockOptions,
     DynamicsOptions,
     EncoderOptions,
     TrajectoryOptions,
 )
-from pipeline.laboratory.session import Session, depth_frames, open_session, perform
+from pipeline.laboratory.session import Session, depth_frames, log_joints, open_session, perform
 from pipeline.laboratory.swing import desired_joints
 
 STEADY = ClockOptions(offset=0.14, offset_std=0.0, drift=0.0, jitter_std=0.0)

@@ -11,9 +11,8 @@ import pytest
 from pipeline.core.columns import values
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.dynamics import Chance, draw, simulate_take, swing
-from pipeline.laboratory.joint_path import JointPath
 from pipeline.laboratory.session import open_session, perform
-from pipeline.laboratory.swing import desired_joints, desired_path, desired_trajectory
+from pipeline.laboratory.swing import JointPath, desired_joints, desired_path, desired_trajectory
 
 
 def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way(arm, trajectory):

@@ -11,7 +11,8 @@ from random_arm import motion, random_arm
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.level import at_recorded_level, model_trace, recorded_trace
+from pipeline.models.level import at_recorded_level
+from pipeline.models.noise import mean_covariance
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.decomposition import Decomposition
@@ -35,6 +36,17 @@ def recorded(size: float = 1e-4, m: int = 3) -> Recorded:
     noise = size * np.random.default_rng(5).standard_normal((12, *q[:-1].shape))
     joints = ("one", "two", "three")
     return Recorded(arm, np.tile(q[:-1], (12, 1, 1)), v, noise, joints, MEASUREMENT)
+
+
+def recorded_trace(recorded) -> float:
+    """Mean trace of the sample covariance of the process noise over steps, in rad²."""
+    return float(np.trace(mean_covariance(recorded.noise)))
+
+
+def model_trace(model, recorded) -> float:
+    """Mean trace of the exact covariance of a step over takes and steps, in rad²."""
+    covariance = model.covariance(recorded.chain, recorded.q, recorded.v)
+    return float(np.trace(covariance, axis1=-2, axis2=-1).mean())
 
 
 @pytest.mark.parametrize("m", [3, 2])

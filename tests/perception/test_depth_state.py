@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 
 from pipeline.core.columns import spread
-from pipeline.perception.depth_noise import errors_of
-from pipeline.perception.depth_state import (
+from pipeline.perception.depth_noise import (
     ALL,
     NEAR_A_SAMPLE,
     deviations,
     error_slopes,
+    errors_of,
     slope_scores,
 )
 

@@ -1,7 +1,6 @@
 """Joint angles of arms in space from points on their links: exact, as SciPy and Pinocchio have
 them, with missing links as far as the rest decides, and refused with one message where nothing
-does.
-"""
+does."""
 
 from __future__ import annotations
 
@@ -9,11 +8,14 @@ import numpy as np
 import pytest
 from made_options import ORIGIN
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 from space_arms import LWR4, MARKERS, START, UR5, mocap, motion, points
 
+from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.motion_capture import Body
-from pipeline.perception.space import carried, track_joints
+from pipeline.core.task import SPACE
+from pipeline.perception.space import Carried, carried, track_joints
 
 FRAMES, NOISE = 120, 5e-5  # m
 OPTIONS = {"gate": 0.005, "max_gap": 20}
@@ -180,3 +182,49 @@ def test_points_that_never_fit_are_refused(measured):
 def test_options_that_are_not_of_the_arm_are_refused(markers, posture, words):
     with pytest.raises(ConfigError, match=words):
         carried(UR5, mocap(markers, posture=posture))
+
+
+def placements(count: int, rng: np.random.Generator) -> np.ndarray:
+    turns = Rotation.random(count, rng=rng).as_matrix().reshape(-1, 9)
+    return np.hstack([turns, rng.uniform(-0.3, 0.3, (count, 3))])
+
+
+def arm(n: int, rng: np.random.Generator, points: int = 3) -> tuple[Carried, list[SerialChain]]:
+    """An arm with ``points`` on a link beyond each of its joints, and the chains to these."""
+    sliding = rng.random(n) < 0.3
+    whole, ends, chains = placements(n, rng), placements(n, rng), []
+    for j in range(n):
+        to_link = np.vstack([whole[: j + 1], ends[j]])
+        limits = np.full(j + 1, -2.0), np.full(j + 1, 2.0), np.ones(j + 1)
+        chains.append(SerialChain(SPACE, 1.0, to_link, sliding[: j + 1], *limits))
+    carried = Carried(
+        chains=chains,
+        sliding=sliding,
+        lower=chains[-1].lower,
+        upper=chains[-1].upper,
+        owner=np.repeat(np.arange(n), points),
+        places=rng.uniform(-0.1, 0.1, (n * points, 3)),
+        bodies=np.zeros(n, bool),
+        posture=None,
+    )
+    return carried, chains
+
+
+def seen(carried: Carried, chains: list[SerialChain], q: np.ndarray) -> np.ndarray:
+    """(P, 3) m, by the chain to each link."""
+    result = np.empty_like(carried.places)
+    for j, chain in enumerate(chains):
+        pose, mine = chain.pose(q[: j + 1]), carried.owner == j
+        result[mine] = pose[:3] + carried.places[mine] @ pose[3:].reshape(3, 3).T
+    return result
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 8])
+def test_points_give_back_the_joints_that_carry_them(n):
+    rng = np.random.default_rng(n)
+    for _ in range(10):
+        carried, chains = arm(n, rng)
+        q = rng.uniform(-1.5, 1.5, n)
+        solution = carried.solve(seen(carried, chains, q), q + rng.uniform(-0.2, 0.2, n))
+        np.testing.assert_allclose(solution.q, q, atol=1e-9)
+        assert solution.decided and solution.residual < 1e-9

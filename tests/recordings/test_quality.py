@@ -9,8 +9,15 @@ import pytest
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Limits
-from pipeline.recordings.limits import beside_limits, reasons, require_enough
-from pipeline.recordings.quality import metrics, quality_row, side_by_side, summarised
+from pipeline.recordings.quality import (
+    beside_limits,
+    metrics,
+    quality_row,
+    reasons,
+    require_enough,
+    side_by_side,
+    summarised,
+)
 
 CAMERA, LOG = "depth camera", "joint log"
 
@@ -47,10 +54,7 @@ def test_no_share_and_no_correlation_of_the_metrics_is_greater_than_one(quality)
     numbers = metrics(summarised(quality))
     assert numbers["depth_camera_dropped_frames"] == 6
     bounded = {name: value for name, value in numbers.items() if "share" in name or "corr" in name}
-    assert {*bounded} == {
-        "mean_depth_camera_dropped_share",
-        "mean_depth_camera_clock_correlation",
-    }
+    assert {*bounded} == {"mean_depth_camera_dropped_share", "mean_depth_camera_clock_correlation"}
     assert all(0 <= value <= 1 for value in bounded.values())
     # the control: sums, as if they were counts, are beyond
     sums = metrics(summarised(quality.assign(unit="count")))

@@ -6,7 +6,7 @@ import numpy as np
 from planar_poses import chain  # noqa: F401 - a fixture
 
 from pipeline.models.steps import Recorded
-from pipeline.recordings.ranges import fitted_ranges
+from pipeline.recordings.steps import fitted_ranges
 
 
 def test_every_quantity_has_the_ends_of_its_values(chain):  # noqa: F811

@@ -97,10 +97,7 @@ def test_a_way_without_enough_rest_beside_it_is_left_out():
         ("rest", 50, AWAY),
     )
     result = find(angles, speeds)
-    assert ([run.first for run in result.runs], result.left_out["too_little_rest"]) == (
-        [310],
-        [50],
-    )
+    assert ([run.first for run in result.runs], result.left_out["too_little_rest"]) == ([310], [50])
 
 
 def test_the_same_ends_at_another_speed_are_another_motion():

@@ -17,8 +17,7 @@ from pipeline.arm.model import load_arm
 from pipeline.core import contracts
 from pipeline.core.columns import values
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.recordings.account import account
-from pipeline.recordings.limits import beside_limits
+from pipeline.recordings.quality import account, beside_limits
 from pipeline.stages import files, ingest
 from pipeline.tools.inventory import command
 

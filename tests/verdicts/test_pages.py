@@ -119,6 +119,11 @@ def test_three_estimators_stand_side_by_side_and_an_unbounded_one_has_no_number(
     assert f"| σ̂_B | 0.25 | 0.2877 | {cell} | – |" in text
     assert "| û | – | 18 | unbounded | – |" in text
     assert "| error | 0.25 | 0.2 |" in text
+    assert "no covariance" not in text
+    limit = {"sigma_b_limit_of_the_covariance": 0.25}
+    runs[0].metrics["fit_wishart"] = runs[0].metrics["fit_wishart"] | limit
+    text = report_page.published_and_ours(runs[0], decide_each(CLAIMS, runs, []))
+    assert f"| σ̂_B | 0.25 | 0.2877, no covariance | {cell} | – |" in text
 
 
 def test_every_dataset_stands_on_the_second_page(decided):

@@ -116,20 +116,25 @@ def imported(file: str) -> dict[str, str]:
 
 
 def used(file: str, test: str) -> set[str]:
-    """Dotted paths that a test names, itself or through what its file defines."""
-    names, waiting, visited = set(), [test], set()
+    """Dotted paths that a test names, itself or through what its file or a helper of the tests
+    defines.
+    """
+    names, waiting, visited = set(), [(file, test)], set()
     while waiting:
-        name = waiting.pop()
-        if name in visited or name not in definitions(file):
+        place, name = waiting.pop()
+        if (place, name) in visited or name not in definitions(place):
             continue
-        visited.add(name)
-        for node in ast.walk(definitions(file)[name]):
+        visited.add((place, name))
+        for node in ast.walk(definitions(place)[name]):
             if isinstance(node, ast.Name | ast.Attribute):
                 head, _, rest = ast.unparse(node).partition(".")
-                names.add(f"{imported(file).get(head, head)}.{rest}".rstrip("."))
-                waiting.append(head)
+                source = imported(place).get(head, head)
+                names.add(f"{source}.{rest}".rstrip("."))
+                module, _, own = source.rpartition(".")
+                helper = f"tests/{module.removeprefix('tests.').replace('.', '/')}.py"
+                waiting.append((helper, own) if (ROOT / helper).is_file() else (place, head))
             elif isinstance(node, ast.arg):
-                waiting.append(node.arg)  # a fixture
+                waiting.append((place, node.arg))  # a fixture
     return names
 
 

@@ -71,3 +71,10 @@ class Depth:
         if self.index is not None and self.frames is not None:
             raise Fault("frames", "index and frames exclude each other: both give the times")
         return self
+
+    @model_validator(mode="after")
+    def _parameters_of_a_disparity(self) -> Self:
+        if (self.disparity is not None) != (self.encoding == "disparity"):
+            message = "the encoding disparity, and no other, needs [a, b] of depth = a/(b − δ)"
+            raise Fault("disparity", message)
+        return self

@@ -7,17 +7,19 @@ are held against it, text is parsed as every other table, and Open3D is given a 
 
 from __future__ import annotations
 
+import ctypes
 import os
 import re
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
 from pipeline.core.bounds import MIB, read_whole, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import numbers_of
-from pipeline.formats.depth.open3d_library import load_open3d
 from pipeline.formats.format import Format, Head, Kind, Stated
 
 PCD_FORMATS = ("ascii", "binary", "binary_compressed")
@@ -161,11 +163,8 @@ def _pcd_header(content: bytes, file: Path) -> Header:
             "the cloud again",
             file=file,
         )
-    if (
-        len(viewpoint) != 7
-        or not np.isfinite(viewpoint).all()
-        or not abs(np.linalg.norm(viewpoint[3:]) - 1) < 1e-3
-    ):
+    turned = np.linalg.norm(viewpoint[3:])
+    if len(viewpoint) != 7 or not np.isfinite(viewpoint).all() or abs(turned - 1) >= 1e-3:
         raise RecordingError(
             f"VIEWPOINT is {viewpoint}, which must be a position and a unit quaternion (w, x, y, "
             "z); write 0 0 0 1 0 0 0 for the sensor's own frame",
@@ -245,10 +244,23 @@ def _binary_points(content: bytes, header: Header, file: Path) -> tuple[np.ndarr
     return points, len(data) - size
 
 
-def _by_open3d(header: Header, data: bytes) -> np.ndarray | None:
-    """Return (N, 3) float64 of the ``data`` that the ``header`` describes, None where they are
-    damaged.
+@cache
+def load_open3d() -> ModuleType:
+    """Return the module ``open3d``, which takes two seconds to import, quiet but for errors.
+
+    Its CPU build links libusb without bringing it along: the package ``libusb-package`` does.
     """
+    import libusb_package
+
+    ctypes.CDLL(str(libusb_package.get_library_path()), mode=ctypes.RTLD_GLOBAL)
+    import open3d
+
+    open3d.utility.set_verbosity_level(open3d.utility.VerbosityLevel.Error)
+    return open3d
+
+
+def _by_open3d(header: Header, data: bytes) -> np.ndarray | None:
+    """Return (N, 3) float64 of ``data`` as ``header`` describes them, None where damaged."""
     # under other names Open3D would make colours and normals of fields, or fail on two of one name
     fields = [
         (name if name in ("x", "y", "z") else f"f{i}", header.point[name])
@@ -270,19 +282,17 @@ def _by_open3d(header: Header, data: bytes) -> np.ndarray | None:
 
 def _plain_pcd(header: Header, fields: list[tuple[str, np.dtype]]) -> str:
     """Return a PCD header of the ``fields``."""
-    lines = {
+    columns = {
         "FIELDS": [name for name, _ in fields],
         "SIZE": [kind.base.itemsize for _, kind in fields],
         "TYPE": [kind.base.kind.upper() for _, kind in fields],
         "COUNT": [int(np.prod(kind.shape)) for _, kind in fields],
-        "WIDTH": [header.count],
-        "HEIGHT": [1],
-        "VIEWPOINT": [0, 0, 0, 1, 0, 0, 0],
-        "POINTS": [header.count],
-        "DATA": [header.form],
     }
-    rows = (f"{key} {' '.join(map(str, values))}\n" for key, values in lines.items())
-    return "# .PCD v0.7\nVERSION 0.7\n" + "".join(rows)
+    rows = "".join(f"{key} {' '.join(map(str, values))}\n" for key, values in columns.items())
+    return (
+        f"# .PCD v0.7\nVERSION 0.7\n{rows}WIDTH {header.count}\nHEIGHT 1\n"
+        f"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {header.count}\nDATA {header.form}\n"
+    )
 
 
 def _plain_ply(header: Header, fields: list[tuple[str, np.dtype]]) -> str:

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.errors import RecordingError
 from pipeline.formats.depth.image import RawDepth
 
-KINDS = ("plain", "rotated_bits", "disparity")
 NO_DISPARITY = 2047  # what the Kinect's eleven bits show where it sees nothing
 
 
@@ -26,8 +25,7 @@ class Encoding:
     − δ) with ``disparity`` = (a, b) (NYU Depth v2: 351.3, 1092.5). ``units_per_metre``: 1000 for
     millimetres, 5000 for TUM RGB-D, 1 for metres. ``saturation``: the stored value from which on
     there is no depth. ``scale_key``: name of the factor that every value is multiplied by, in the
-    description of a TIFF. Raises ConfigError for a kind that does not exist or lacks its
-    parameters.
+    description of a TIFF. The section ``dataset.depth`` checks them.
     """
 
     kind: str
@@ -35,24 +33,6 @@ class Encoding:
     saturation: float | None = None
     scale_key: str | None = None
     disparity: tuple[float, float] | None = None
-
-    def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise ConfigError(
-                f"encoding: no encoding {self.kind!r}; there are {', '.join(KINDS)}",
-                key="dataset.depth.encoding",
-            )
-        if not (np.isfinite(self.units_per_metre) and self.units_per_metre > 0):
-            raise ConfigError(
-                "units_per_metre must be positive", key="dataset.depth.units_per_metre"
-            )
-        if (self.disparity is not None) != (self.kind == "disparity") or (
-            self.disparity is not None and len(self.disparity) != 2
-        ):
-            raise ConfigError(
-                "the encoding disparity, and no other, needs [a, b] of depth = a/(b − δ)",
-                key="dataset.depth.disparity",
-            )
 
 
 def metres(raw: RawDepth, encoding: Encoding, **evidence: object) -> np.ndarray:
@@ -84,11 +64,8 @@ def metres(raw: RawDepth, encoding: Encoding, **evidence: object) -> np.ndarray:
         nothing |= (disparity == NO_DISPARITY) | (disparity >= b)
         with np.errstate(divide="ignore"):
             values = (a / (b - disparity)).astype(np.float32)
-    factor = (
-        1.0
-        if encoding.scale_key is None
-        else _factor(raw.description, encoding.scale_key, evidence)
-    )
+    key = encoding.scale_key
+    factor = 1.0 if key is None else _factor(raw.description, key, evidence)
     depth = values / np.float32(encoding.units_per_metre / factor)
     nothing |= ~np.isfinite(depth)
     depth[nothing] = np.nan

@@ -14,26 +14,13 @@ from pipeline.core.errors import RecordingError
 from pipeline.formats.depth.calibration_file import is_json, read_values
 from pipeline.formats.format import Format, Head, Kind, Stated
 
-# how calibration tools name the 3 × 3 matrix, the coefficients and the size; Open3D's
-# intrinsic_matrix runs down the columns
 MATRIX = (
-    "cameraMatrix",
-    "camera_matrix",
-    "Camera_Matrix",
-    "CameraMatrix",
-    "K",
-    "k",
-    "intrinsic_matrix",
+    *("cameraMatrix", "camera_matrix", "Camera_Matrix", "CameraMatrix"),
+    *("K", "k", "intrinsic_matrix"),
 )
 DISTORTION = (
-    "distortionCoefficients",
-    "distortion_coefficients",
-    "Distortion_Coefficients",
-    "DistCoeffs",
-    "distCoeffs",
-    "dist_coeffs",
-    "D",
-    "d",
+    *("distortionCoefficients", "distortion_coefficients", "Distortion_Coefficients"),
+    *("DistCoeffs", "distCoeffs", "dist_coeffs", "D", "d"),
 )
 BENT = re.compile(r"(?i)dist.*|.*coeff.*|[kp]1")  # a key that may be of distortion
 # distortion models, as tools name them, of OpenCV's coefficients

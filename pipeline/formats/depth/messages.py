@@ -21,8 +21,8 @@ DATATYPES = {7: np.dtype(np.float32), 8: np.dtype(np.float64)}  # of a PointFiel
 
 
 def image_pixels(message: object, *, shape: tuple[int, int], **evidence: object) -> np.ndarray:
-    """(H, W) uint16 (16UC1) or float32 (32FC1) of an Image of ``shape`` = (H, W), of either byte
-    order, its rows padded or not.
+    """Return (H, W) uint16 (16UC1) or float32 (32FC1) of an Image of ``shape`` = (H, W), of either
+    byte order, its rows padded or not.
 
     Raises RecordingError (with ``evidence``) for another encoding or size, and for data that are
     shorter or longer than rows × step.
@@ -32,26 +32,34 @@ def image_pixels(message: object, *, shape: tuple[int, int], **evidence: object)
             f"an image of the encoding {message.encoding!r}; depth is {', '.join(PIXELS)}",
             **evidence,
         )
-    height, width, step, data = (
-        message.height,
-        message.width,
-        message.step,
-        np.asarray(message.data, dtype=np.uint8),
-    )
-    if (height, width) != tuple(shape):
+    if (message.height, message.width) != tuple(shape):
         raise RecordingError(
-            f"the image has {width} × {height} pixels where the camera has {shape[1]} × {shape[0]}",
+            f"the image has {message.width} × {message.height} pixels where the camera has "
+            f"{shape[1]} × {shape[0]}",
             **evidence,
         )
-    pixel = PIXELS[message.encoding].newbyteorder(">" if message.is_bigendian else "<")
-    if step < width * pixel.itemsize or len(data) != height * step:
+    pixel = PIXELS[message.encoding]
+    cells = _cells(message, message.step, pixel.itemsize, "pixels", evidence)
+    return cells.view(pixel.newbyteorder(_order(message)))[..., 0].astype(pixel)
+
+
+def _order(message: object) -> str:
+    return ">" if message.is_bigendian else "<"
+
+
+def _cells(message: object, row: int, size: int, what: str, evidence: dict) -> np.ndarray:
+    """Return (height, width, ``size``) bytes of the pixels or points of a message whose rows have
+    ``row`` bytes.
+    """
+    height, width = message.height, message.width
+    data = np.asarray(message.data, np.uint8)
+    if row < width * size or len(data) != height * row:
         raise RecordingError(
-            f"{len(data)} bytes in {height} rows of {step} for {width} pixels of "
-            f"{pixel.itemsize} bytes",
+            f"{len(data)} bytes in {height} rows of {row} for {width} {what} of {size} bytes",
             **evidence,
         )
-    rows = np.ascontiguousarray(data.reshape(height, step)[:, : width * pixel.itemsize])
-    return rows.view(pixel).astype(PIXELS[message.encoding])
+    rows = np.ascontiguousarray(data.reshape(height, row)[:, : width * size])
+    return rows.reshape(height, width, size)
 
 
 def cloud_points(message: object, **evidence: object) -> np.ndarray:
@@ -68,22 +76,9 @@ def cloud_points(message: object, **evidence: object) -> np.ndarray:
             f"the cloud has no field {', '.join(missing)}; there are {', '.join(fields) or 'none'}",
             **evidence,
         )
-    height, width, step, row, data = (
-        message.height,
-        message.width,
-        message.point_step,
-        message.row_step,
-        np.asarray(message.data, np.uint8),
-    )
-    if row < width * step or len(data) != height * row:
-        raise RecordingError(
-            f"{len(data)} bytes in {height} rows of {row} for {width} points of {step} bytes",
-            **evidence,
-        )
-    rows = np.ascontiguousarray(data.reshape(height, row)[:, : width * step]).reshape(
-        height * width, step
-    )
-    points = np.empty((height * width, 3))
+    step = message.point_step
+    rows = _cells(message, message.row_step, step, "points", evidence).reshape(-1, step)
+    points = np.empty((len(rows), 3))
     for column, name in enumerate("xyz"):
         field = fields[name]
         kind = DATATYPES.get(field.datatype)
@@ -93,9 +88,7 @@ def cloud_points(message: object, **evidence: object) -> np.ndarray:
                 **evidence,
             )
         cells = np.ascontiguousarray(rows[:, field.offset : field.offset + kind.itemsize])
-        points[:, column] = cells.view(kind.newbyteorder(">" if message.is_bigendian else "<"))[
-            :, 0
-        ]
+        points[:, column] = cells.view(kind.newbyteorder(_order(message)))[:, 0]
     return points
 
 

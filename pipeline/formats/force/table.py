@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import RecordingError
+from pipeline.formats.cells import bare
 from pipeline.formats.force.clock import rate_of, read_clock, seconds_of
 from pipeline.formats.force.record import (
     FORCES,
@@ -25,7 +26,7 @@ from pipeline.formats.force.record import (
     with_torque,
 )
 from pipeline.formats.format import Format, Kind
-from pipeline.formats.number_sheet import Sheet, bare, read_sheet
+from pipeline.formats.number_sheet import Sheet, read_sheet
 
 KEY = f"{OPTION}.columns"
 TIMES = re.compile(r"t|time ?(stamp)?", re.IGNORECASE)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.formats.number_sheet import bare
+from pipeline.formats.cells import bare
 
 
 def _words(*lines: str) -> frozenset[str]:

@@ -16,11 +16,9 @@ from pipeline.core.compute.sandbox import call_alone
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import Format, Head, Kind
 from pipeline.formats.motion.take import (
-    UNITS_PER_METRE,
     MotionTake,
-    blank_samples,
+    checked_position,
     clock_counts,
-    require_position,
     sample_counts,
     settle_unit,
 )
@@ -88,16 +86,16 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     counts |= clock_counts(frame, time, None) | {"zero_samples": 0, "partial_samples": 0}
     counts["unlabelled_points"] = header.points - sum(map(bool, labels[: header.points]))
     markers: dict[str, np.ndarray] = {}
+
+    def place(k: int, _: int) -> dict[str, object]:
+        return {"file": file, "frame": int(frame[k])}
+
     for number, name in enumerate(_names(labels, header.points)):
         if labels[number : number + 1] and _is_output(labels[number], outputs):
             continue
-        samples = position[:, number].T / UNITS_PER_METRE[unit]
+        samples = position[:, number].T.copy()
         samples[~np.isfinite(samples) | (residual[number] < 0)[:, None]] = np.nan
-        require_position(
-            samples, name, unit, lambda k, axis: {"file": file, "frame": int(frame[k])}
-        )
-        blank_samples(samples, counts)
-        markers[name] = samples
+        markers[name] = checked_position(samples, name, unit, place, counts)
     if not markers:
         raise RecordingError(
             f"all {header.points} points are outputs of a model (angles, moments or others); "
@@ -206,8 +204,7 @@ def _contents(file: Path) -> dict[str, np.ndarray]:
         return call_alone(read_contents, str(file), file=file)
     except RecordingError as error:
         raise RecordingError(
-            f"the file is no sound C3D ({error.message}); export or copy it again",
-            **error.evidence,
+            f"the file is no sound C3D ({error.message}); export or copy it again", **error.evidence
         ) from None
 
 

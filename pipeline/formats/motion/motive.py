@@ -12,8 +12,7 @@ import numpy as np
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import cells_of, read_text
 from pipeline.formats.format import Format, Head, Kind, Stated
-from pipeline.formats.motion.motive_columns import read_columns
-from pipeline.formats.motion.motive_header import BODY, KEYS, RAW
+from pipeline.formats.motion.motive_columns import BODY, KEYS, RAW, read_columns
 from pipeline.formats.motion.motive_rows import ROW_TYPES, read_rows
 from pipeline.formats.motion.take import MotionTake
 

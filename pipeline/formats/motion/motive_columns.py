@@ -9,31 +9,146 @@ later versions Parent, then the quantity, then Frame, Time and the axes), and on
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.core.bounds import require
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import Text, is_blank, numbers_of
-from pipeline.formats.motion.motive_header import BODY, RAW, SOLVED, Header, read_header
+from pipeline.formats.delimited import Text, cells_of, is_blank, numbers_of
 from pipeline.formats.motion.take import (
-    UNITS_PER_METRE,
     WHOLE,
     MotionTake,
     RigidBody,
-    blank_samples,
+    checked_position,
+    checked_rotation,
     clock_counts,
     frame_numbers,
     keeps_time,
     rate_from_times,
-    require_position,
-    require_rotation,
     sample_counts,
     settle_unit,
 )
 
+TEXTS = ("Take Name", "Take Notes")  # free text, in which a comma is not always quoted
+KEYS = (
+    "Format Version",
+    *TEXTS,
+    "Capture Frame Rate",
+    "Export Frame Rate",
+    "Capture Start Time",
+    "Capture Start Frame",
+    "Total Frames in Take",
+    "Total Exported Frames",
+    "Rotation Type",
+    "Length Units",
+    "Coordinate Space",
+)
+RAW, SOLVED, BODY = "Marker", "Rigid Body Marker", "Rigid Body"
+HEADER_LINES = 20  # with blank ones it is five to eight
 FRAME = 0  # the axis row is the one that starts with "Frame"
+
+
+@dataclass(frozen=True)
+class Header:
+    """What the rows above the frames say."""
+
+    fields: dict[str, str]
+    time: int | None  # column
+    # (type, name, ID): {(quantity, axis): column}
+    groups: dict[tuple[str, str, str], dict[tuple[str, str], int]]
+    bones: int  # bones and markers of bones, which are not read
+    # of each column up to the last with a label, what the header calls it; empty where it does not
+    labels: list[str]
+    unused: int  # labelled columns that are none of the above
+    line: int  # of the axis row
+
+
+def read_header(lines: list[str], file: Path) -> Header:
+    """Return what the rows above the frames say; RecordingError, with the line, where they do not
+    label the columns.
+    """
+    rows, number = [], 1
+
+    def fault(message: str) -> RecordingError:
+        return RecordingError(message, file=file, line=number)
+
+    for number, line in enumerate(lines[1:HEADER_LINES], start=2):
+        cells = cells_of(line, ",", file=file, number=number)
+        if any(cells):
+            rows.append(cells)
+        if cells[:1] == ["Frame"]:
+            break
+        if any(cells[:1]):
+            raise fault(
+                f"a row that starts with {cells[0]!r} stands among the labels of the columns"
+            )
+    if not rows or rows[-1][0] != "Frame":
+        raise fault("no row starts with 'Frame': the header is truncated or damaged")
+    if len(rows) < 4:
+        raise fault("the rows that give each column's type, name, quantity and axis are incomplete")
+    columns = max(map(len, rows))
+    rows = [row + [""] * (columns - len(row)) for row in rows]
+    named = {row[1]: row for row in rows[:-2] if row[1]}
+    if named and not {"Type", "Name"} <= set(named):
+        raise fault(f"column B names the rows {', '.join(named)}, but not Type and Name")
+    types, names = named.get("Type", rows[0]), named.get("Name", rows[1])
+    identities = named.get("ID", rows[2] if len(rows) > 4 and not named else [""] * columns)
+    quantities, axes = rows[-2:]
+    groups: dict[tuple[str, str, str], dict[tuple[str, str], int]] = {}
+    for column, label in enumerate(zip(quantities, axes, strict=True)):
+        if types[column] in (RAW, SOLVED, BODY) and label[0] in ("Position", "Rotation"):
+            group = groups.setdefault((types[column], names[column], identities[column]), {})
+            if label in group:
+                raise fault(f"two columns claim {' '.join(label)} of {names[column]!r}")
+            group[label] = column
+    for (kind, name, _), group in groups.items():
+        if any(("Position", axis) not in group for axis in "XYZ"):
+            raise fault(f"{kind} {name!r} lacks one of its columns X, Y, Z of Position")
+    time = next(
+        (column for column, axis in enumerate(axes) if axis in ("Time", "Time (Seconds)")), None
+    )
+    bones = {(kind, name) for kind, name in zip(types, names, strict=True) if "Bone" in kind}
+    unused = sum(map(bool, types[2:])) - sum(map(len, groups.values()))
+    fields = _fields(cells_of(lines[0], ",", file=file, number=1), file)
+    return Header(fields, time, groups, len(bones), _labels(rows), unused, number)
+
+
+def _labels(rows: list[list[str]]) -> list[str]:
+    labels = [" ".join(dict.fromkeys(filter(None, column))) for column in zip(*rows, strict=True)]
+    while not labels[-1]:
+        del labels[-1]
+    return labels
+
+
+def _fields(cells: list[str], file: Path) -> dict[str, str]:
+    # a value may be missing, and a text hold a comma that nobody quoted: it ends at the next known
+    # key
+    starts = [place for place, cell in enumerate(cells) if cell in KEYS] + [len(cells)]
+    fields: dict[str, str] = {}
+    for i, j in pairwise(starts):
+        value = (
+            ",".join(cells[i + 1 : j]).strip(",")
+            if cells[i] in TEXTS
+            else next(iter(cells[i + 1 : j]), "")
+        )
+        if fields.setdefault(cells[i], value) != value:
+            raise RecordingError(
+                f"the header gives {cells[i]} twice, and differently",
+                file=file,
+                line=1,
+                key=cells[i],
+            )
+    if fields.get("Coordinate Space", "Global") not in ("Global", ""):
+        raise RecordingError(
+            "the Coordinate Space is not Global; export the take in Global",
+            file=file,
+            line=1,
+            key="Coordinate Space",
+        )
+    return fields
 
 
 def read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
@@ -65,35 +180,24 @@ def read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     unit = settle_unit(header.fields.get("Length Units", ""), unit, file, key="Length Units")
     raw, solved, bodies = {}, {}, {}
     # a name that two assets share names neither of them: who asks for it has to say which
-    shared = {
-        name
-        for (_, name), number in Counter((kind, name) for kind, name, _ in groups).items()
-        if number > 1
-    }
+    named = Counter((kind, name) for kind, name, _ in groups)
+    shared = {name for (_, name), number in named.items() if number > 1}
     for (kind, name, identity), group in groups.items():
         places = [group["Position", axis] for axis in "XYZ"]
-        position = np.stack([values[place] for place in places], axis=-1) / UNITS_PER_METRE[unit]
-        require_position(
-            position, name, unit, lambda k, axis, at=places: _place(file, numbers[k], at[axis])
-        )
-        blank_samples(position, counts)
-        owner = {RAW: raw, SOLVED: solved, BODY: bodies}[kind]
+
+        def place(k: int, axis: int | None = None, places: list[int] = places) -> dict[str, object]:
+            at = {} if axis is None else {"column": places[axis] + 1}
+            return {"file": file, "line": numbers[k]} | at
+
+        position = np.stack([values[column] for column in places], axis=-1)
+        position = checked_position(position, name, unit, place, counts)
         key = f"{name} [{identity}]" if name in shared else name
-        if kind == BODY:
-            rotation = {
-                axis: values[column]
-                for (quantity, axis), column in group.items()
-                if quantity == "Rotation"
-            }
-            owner[key] = RigidBody(
-                position,
-                _quaternion(rotation, header.fields.get("Rotation Type", ""), counts, file),
-            )
-            require_rotation(
-                owner[key].quaternion, name, lambda k: {"file": file, "line": numbers[k]}
-            )
-        else:
-            owner[key] = position
+        if kind != BODY:
+            {RAW: raw, SOLVED: solved}[kind][key] = position
+            continue
+        rotation = {axis: values[group[what, axis]] for what, axis in group if what == "Rotation"}
+        quaternion = _quaternion(rotation, header.fields.get("Rotation Type", ""), file)
+        bodies[key] = RigidBody(position, checked_rotation(quaternion, name, place, counts))
     for name, position in solved.items():
         counts["solved_replaced" if name in raw else "solved_only"] += 1
         raw.setdefault(name, position)
@@ -208,17 +312,12 @@ def _rate(
     return rate
 
 
-def _quaternion(
-    rotation: dict[str, np.ndarray], order: str, counts: dict[str, int], file: Path
-) -> np.ndarray:
+def _quaternion(rotation: dict[str, np.ndarray], order: str, file: Path) -> np.ndarray:
+    """Return (N, 4) of columns of quaternions, or of angles in degrees about the moving axes."""
     from scipy.spatial.transform import Rotation
 
     if set(rotation) == set("XYZW"):
-        quaternion = np.stack([rotation[axis] for axis in "XYZW"], axis=-1)
-        zero = (quaternion == 0).all(axis=-1)
-        counts["zero_samples"] += int(zero.sum())
-        quaternion[zero | np.isnan(quaternion).any(axis=-1)] = np.nan
-        return quaternion
+        return np.stack([rotation[axis] for axis in "XYZW"], axis=-1)
     if set(rotation) != set("XYZ") or sorted(order) != ["X", "Y", "Z"]:
         columns = ", ".join(sorted(rotation)) or "none"
         found = f"Rotation Type is {order!r}" if order else "the header has no Rotation Type"

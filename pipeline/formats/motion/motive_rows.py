@@ -34,16 +34,14 @@ from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import MISSING, NUMBER, Text, cells_of, is_blank
 from pipeline.formats.motion.take import (
     STRAY,
-    UNITS_PER_METRE,
     WHOLE,
     MotionTake,
     RigidBody,
-    blank_samples,
+    checked_position,
+    checked_rotation,
     clock_counts,
     frame_numbers,
     rate_from_times,
-    require_position,
-    require_rotation,
     sample_counts,
     settle_unit,
 )
@@ -122,14 +120,12 @@ class Samples:
         return name in self.rows and k in self.rows[name][0][-1:]
 
     def dense(self, frames: int) -> dict[str, np.ndarray]:
-        """name → (frames, width), NaN where there is no sample."""
-        return {name: self._filled(*rows, frames) for name, rows in self.rows.items()}
-
-    def _filled(self, at: list[int], samples: list[list[float]], frames: int) -> np.ndarray:
-        table = np.full((frames, self.width), nan)
-        if at:
-            table[at] = samples
-        return table
+        """Return name → (frames, width), NaN where there is no sample."""
+        tables = {name: np.full((frames, self.width), nan) for name in self.rows}
+        for name, (at, samples) in self.rows.items():
+            if at:
+                tables[name][at] = samples
+        return tables
 
 
 @dataclass
@@ -208,10 +204,8 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     """Take in the row-typed ``text`` of ``file``; see
     :func:`pipeline.formats.motion.motive.read_motive` for what it holds and raises.
     """
-    recording, counts = (
-        _Recording(),
-        {"blank_rows": 0, "cut_rows": int(text.cut is not None), "repeated_rows": 0},
-    )
+    recording = _Recording()
+    counts = {"blank_rows": 0, "cut_rows": int(text.cut is not None), "repeated_rows": 0}
     previous = None
     for number, line in enumerate(text.lines, start=1):
         if line.startswith("comment"):
@@ -226,10 +220,8 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
             "the file holds no frame; export the take again", file=file, line=len(text.lines)
         )
     unit = settle_unit("", unit, file, key="info")
-    frame, printed = (
-        frame_numbers(np.array(recording.frame), recording.line, file),
-        np.array(recording.time),
-    )
+    frame = frame_numbers(np.array(recording.frame), recording.line, file)
+    printed = np.array(recording.time)
     rate = rate_from_times(frame, printed)
     if rate is None:
         raise RecordingError(
@@ -247,32 +239,26 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     require("markers", names, "markers and bodies", file)
     # a name that few rows hold is a column of all frames
     require("memory_mib", names * len(frame) * SAMPLE / MIB, "MiB of samples", file)
-    markers = {
-        name: position / UNITS_PER_METRE[unit]
-        for name, position in recording.markers.dense(len(frame)).items()
-    }
     strays = Samples(3)
     for k, samples in enumerate(recording.strays):
         for i, sample in enumerate(samples, start=1):
             strays.add(f"Unlabeled {i}", k, sample)
-    markers |= {
-        name: position / UNITS_PER_METRE[unit]
-        for name, position in strays.dense(len(frame)).items()
+
+    def place(k: int, *_: int) -> dict[str, object]:
+        return {"file": file, "line": recording.line[k]}
+
+    tracks = recording.markers.dense(len(frame)) | strays.dense(len(frame))
+    markers = {
+        name: checked_position(position, name, unit, place, counts)
+        for name, position in tracks.items()
     }
-    bodies = {}
-    for name, pose in recording.poses.dense(len(frame)).items():
-        bodies[name] = RigidBody(pose[:, :3] / UNITS_PER_METRE[unit], pose[:, 3:])
-        lost = (pose[:, 3:] == 0).all(axis=-1)
-        counts["zero_samples"] += int(lost.sum())
-        bodies[name].quaternion[lost] = nan
-    for name, body in bodies.items():
-        require_rotation(body.quaternion, name, lambda k: {"file": file, "line": recording.line[k]})
-    places = markers | {name: body.position for name, body in bodies.items()}
-    for name, position in places.items():
-        require_position(
-            position, name, unit, lambda k, axis: {"file": file, "line": recording.line[k]}
+    bodies = {
+        name: RigidBody(
+            checked_position(pose[:, :3], name, unit, place, counts),
+            checked_rotation(pose[:, 3:], name, place, counts),
         )
-        blank_samples(position, counts)
+        for name, pose in recording.poses.dense(len(frame)).items()
+    }
     if not markers and not bodies:
         raise RecordingError(
             "the take holds no marker and no rigid body; export it with them",

@@ -30,6 +30,7 @@ TIME_ROUNDING = 0.0101
 RATE_TOLERANCE = 0.01
 UNIT_TOLERANCE = 0.01  # of a quaternion's length, far above what printed digits take from it
 TELLING = 20  # printed times, fewer are too few to contradict a stated rate
+Place = Callable[..., dict[str, object]]  # where a sample, and its axis, stands in a file
 
 
 @dataclass(frozen=True)
@@ -163,13 +164,17 @@ def clock_counts(frame: np.ndarray, time: np.ndarray, printed: np.ndarray | None
     }
 
 
-def require_position(
-    position: np.ndarray, name: str, unit: str, place: Callable[[int, int], dict[str, object]]
-) -> None:
-    """RecordingError where ``position`` (N, 3) in m, of ``name`` in a file in ``unit``, lies beyond
-    FARTHEST, or one coordinate is missing wherever the others are there; ``place`` says where a
-    sample and an axis stand.
+def checked_position(
+    position: np.ndarray, name: str, unit: str, place: Place, counts: dict[str, int]
+) -> np.ndarray:
+    """Return (N, 3) in m the ``position`` (N, 3) of ``name`` in a file in ``unit``: lost samples
+    as NaN in all coordinates, with ``zero_samples`` and ``partial_samples`` among them counted.
+
+    Exact zeros in all coordinates are a lost sample: a marker is never within half a micrometre of
+    the origin. RecordingError at ``place(k)`` or ``place(k, axis)`` where one lies beyond FARTHEST,
+    or one coordinate is missing wherever the others are there.
     """
+    position = position / UNITS_PER_METRE[unit]
     with np.errstate(invalid="ignore"):
         far = np.abs(position) > FARTHEST
     if far.any():
@@ -179,23 +184,32 @@ def require_position(
             f"({FARTHEST:g} m): are lengths in {unit}, and is the decimal mark a point?",
             **place(k, axis),
         )
-    there = np.isfinite(position)
+    missing = ~np.isfinite(position)
     for axis in range(3):
-        sighted = there[:, [other for other in range(3) if other != axis]].any(axis=1)
-        if sighted.any() and not there[:, axis].any():
+        sighted = ~missing[:, [other for other in range(3) if other != axis]].all(axis=1)
+        if sighted.any() and missing[:, axis].all():
             raise RecordingError(
                 f"{name} has no {'XYZ'[axis]} in any row, but other coordinates: a column is "
                 "missing or shifted; export the take again",
                 **place(int(sighted.argmax()), axis),
             )
+    zero, lost = (position == 0).all(axis=-1), missing.any(axis=-1)
+    counts["zero_samples"] += int(zero.sum())
+    counts["partial_samples"] += int(lost.sum() - missing.all(axis=-1).sum())
+    position[zero | lost] = np.nan
+    return position
 
 
-def require_rotation(
-    quaternion: np.ndarray, name: str, place: Callable[[int], dict[str, object]]
-) -> None:
-    """RecordingError where a ``quaternion`` (N, 4) of the body ``name`` that is there is of another
-    length than 1; ``place`` says where a sample stands.
+def checked_rotation(
+    quaternion: np.ndarray, name: str, place: Place, counts: dict[str, int]
+) -> np.ndarray:
+    """Return (N, 4) the ``quaternion`` of the body ``name``, NaN where it is lost; zeros in all
+    components are, and are counted among ``zero_samples``. RecordingError at ``place(k)`` where one
+    has another length than 1.
     """
+    zero = (quaternion == 0).all(axis=-1)
+    counts["zero_samples"] += int(zero.sum())
+    quaternion = np.where((zero | np.isnan(quaternion).any(axis=-1))[:, None], np.nan, quaternion)
     with np.errstate(over="ignore"):
         length = np.linalg.norm(quaternion, axis=-1)
     if (off := np.abs(length - 1) > UNIT_TOLERANCE).any():
@@ -205,20 +219,7 @@ def require_rotation(
             "should stand: a number is damaged, or columns are shifted",
             **place(k),
         )
-
-
-def blank_samples(position: np.ndarray, counts: dict[str, int]) -> None:
-    """Make lost samples of ``position`` (N, 3) NaN in all coordinates, and count ``zero_samples``
-    and ``partial_samples`` among them.
-
-    Exact zeros in all coordinates are a lost sample: a marker is never within half a micrometre of
-    the origin.
-    """
-    zero = (position == 0).all(axis=-1)
-    missing = np.isnan(position).any(axis=-1)
-    counts["zero_samples"] += int(zero.sum())
-    counts["partial_samples"] += int(missing.sum() - np.isnan(position).all(axis=-1).sum())
-    position[zero | missing] = np.nan
+    return quaternion
 
 
 def sample_counts(

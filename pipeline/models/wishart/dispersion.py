@@ -86,22 +86,6 @@ def fit_wishart(
     return WishartFit(sigma_b, squares, fits, weights, resting)
 
 
-def step_dispersions(
-    chain: PlanarChain,
-    q: np.ndarray,
-    v: np.ndarray,
-    noise: np.ndarray,
-    decomposition: Decomposition,
-    weights: tuple[float, float],
-    floor: float,
-) -> tuple[np.ndarray, Perturbations]:
-    """(M,) σ̂_Bk of each step, Eq. (NormStd), under the given ``weights`` (α₁, α₂), and the
-    perturbations; the other arguments as in :func:`fit_wishart`.
-    """
-    squares, fits = Problems.of(chain, q, v, noise, decomposition, floor).solved(weights)
-    return np.sqrt(squares.mean(axis=0)), fits
-
-
 @dataclass(frozen=True)
 class Problems:
     """The problems (BsampOpt) of takes × M steps, to be solved under any weights."""

@@ -19,10 +19,9 @@ from pipeline.core.options.dataset import Robot
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
 from pipeline.laboratory.dynamics import Chance, draw, expose, swing
-from pipeline.laboratory.joint_path import JointPath
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
 from pipeline.laboratory.session import Session, open_session
-from pipeline.laboratory.swing import desired_path
+from pipeline.laboratory.swing import JointPath, desired_path
 from pipeline.models.noise import process_noise
 from pipeline.models.steps import Recorded
 from pipeline.recordings.commands import commanded_steps

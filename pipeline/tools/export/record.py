@@ -17,8 +17,7 @@ from pipeline.models.closed_loop import FOLDER, SHARE, mean_path
 from pipeline.models.exported import FORMAT, chain_record
 from pipeline.models.kinds import NO_MODEL
 from pipeline.models.steps import Recorded
-from pipeline.recordings.ranges import fitted_ranges
-from pipeline.recordings.steps import training_steps
+from pipeline.recordings.steps import fitted_ranges, training_steps
 
 FIT, METRICS = Path("data/fit"), Path("reports/metrics")
 # what a run's numbers come from, the fitted parameters beside

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from pipeline.formats.cells import foreign
 from pipeline.formats.format import Head
-from pipeline.formats.number_sheet import foreign
 from pipeline.tools.inspect.finding import UNKNOWN, Finding
 
 # how files begin that hold recordings in a form that nothing here reads

@@ -7,6 +7,8 @@ import pytest
 from depth_files import frame
 
 from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.depth_camera import Depth
+from pipeline.core.validation import validated
 from pipeline.formats.depth.encoding import Encoding, metres
 from pipeline.formats.depth.image import RawDepth
 
@@ -67,18 +69,25 @@ def test_zero_nan_infinite_negative_and_saturated_values_are_no_depth():
 
 
 @pytest.mark.parametrize(
-    "arguments",
+    ("options", "key"),
     [
-        ("mm", 1000),
-        ("plain", 0),
-        ("plain", float("nan")),
-        ("disparity", 1),
-        ("plain", 1, None, None, (1.0, 2.0)),
+        ({"encoding": "mm"}, "encoding"),
+        ({"units_per_metre": 0}, "units_per_metre"),
+        ({"units_per_metre": float("nan")}, "units_per_metre"),
+        ({"encoding": "disparity"}, "disparity"),
+        ({"disparity": [1.0, 2.0]}, "disparity"),
     ],
 )
-def test_encodings_that_do_not_exist_or_lack_parameters_are_refused(arguments):
-    with pytest.raises(ConfigError, match=r"dataset\.depth"):
-        Encoding(*arguments)
+def test_encodings_that_do_not_exist_or_lack_parameters_are_refused(options, key):
+    pose = {"position": [0.0] * 3, "rpy": [0.0] * 3}
+    workspace = dict.fromkeys(("half_depth", "girth", "column_half_width", "column_top"), 0.1)
+    workspace |= {"floor": 0.0, "min_pixels": 1, "max_points": 9}
+    sound = {"takes": "*", "encoding": "plain", "units_per_metre": 1000.0, "rate": 30.0}
+    sound |= {"camera": pose, "workspace": workspace, "search": 0.1}
+    assert validated(Depth, sound).disparity is None
+    with pytest.raises(ConfigError) as refused:
+        validated(Depth, sound | options, "dataset.depth")
+    assert refused.value.evidence["key"] == f"dataset.depth.{key}"
 
 
 def test_floating_point_has_no_encoded_bits():

@@ -7,12 +7,7 @@ import pytest
 from depth_files import refused
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.depth.index import (
-    dropped_frames,
-    numbered_frames,
-    read_index,
-    write_index,
-)
+from pipeline.formats.depth.index import dropped_frames, numbered_frames, read_index, write_index
 
 
 def test_written_indexes_read_back(tmp_path):

@@ -23,12 +23,7 @@ def points(frames: int = 40, markers: int = 3, seed: int = 1) -> np.ndarray:
 
 
 def write(
-    file: Path,
-    xyz: np.ndarray,
-    *,
-    unit: str = "mm",
-    scale: float = 1000.0,
-    labels=("A", "B", "C"),
+    file: Path, xyz: np.ndarray, *, unit: str = "mm", scale: float = 1000.0, labels=("A", "B", "C")
 ):
     recording = ezc3d.c3d()
     homogeneous = np.ones((4, xyz.shape[1], xyz.shape[0]))

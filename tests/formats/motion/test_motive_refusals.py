@@ -50,8 +50,7 @@ def test_a_fault_is_refused_with_its_line(tmp_path, old, new, line, words):
 
 
 @pytest.mark.parametrize(
-    "content",
-    [b"", b"\r\n\r\n", b"\x89PNG\r\n\0\0", b"a,b\n1,2\n", b'"open\n', b"\xff\xfeF\0o\0"],
+    "content", [b"", b"\r\n\r\n", b"\x89PNG\r\n\0\0", b"a,b\n1,2\n", b'"open\n', b"\xff\xfeF\0o\0"]
 )
 def test_other_files_and_none_are_refused(tmp_path, content):
     (tmp_path / "t.csv").write_bytes(content)

@@ -21,49 +21,29 @@ def lines_of_take(frames: int) -> list[str]:
 
 def test_version_1_1_gives_measured_markers_poses_and_strays_in_the_unit_that_is_asked_for(shared):
     file = shared / "samples/motive/motive_v1.1_rigidbody.csv"
+    assert refusal(read_motive, file).evidence["key"] == "dataset.mocap.unit"  # it states none
     result = in_metres(file)
-    assert (result.version, result.rate, result.unit, len(result.frame), result.time[-1]) == (
-        "1.1",
-        120.0,
-        "m",
-        548,
-        547 / 120,
-    )
+    assert (result.version, result.rate, result.unit, len(result.frame)) == ("1.1", 120.0, "m", 548)
     assert list(result.bodies) == ["Rigid Body 1"]
-    assert [name for name in result.markers if not name.startswith("Unl")] == [
-        f"Rigid Body 1-Marker {i}" for i in range(1, 6)
-    ]
-    np.testing.assert_array_equal(
-        result.markers["Rigid Body 1-Marker 1"][0], [0.02566679, 0.90468109, 0.67789614]
-    )
-    np.testing.assert_array_equal(result.markers["Rigid Body 1-Marker 4"][0], [np.nan] * 3)
-    np.testing.assert_array_equal(
-        result.bodies["Rigid Body 1"].position[0], [-0.01044001, 0.90504020, 0.70895135]
-    )
-    np.testing.assert_array_equal(
-        result.bodies["Rigid Body 1"].quaternion[0],
-        [0.43526953, -0.81957161, 0.15150657, 0.34042403],
-    )
-    np.testing.assert_array_equal(
-        result.markers["Unlabeled 2"][266], [-0.08343393, 0.72060782, 0.66178828]
-    )
-    assert np.isnan(result.bodies["Rigid Body 1"].position[266]).all()
-    # though its solved place still stands in the file
-    assert np.isnan(result.markers["Rigid Body 1-Marker 2"][266]).all()
-    assert (
-        result.counts["stray_ids"],
-        result.counts["stray_samples"],
-        result.counts["missing_poses"],
-    ) == (6, 55, 20)
-    np.testing.assert_allclose(
-        read_motive(file, "mm").markers["Rigid Body 1-Marker 1"],
-        result.markers["Rigid Body 1-Marker 1"] / 1000,
-    )
-
-
-def test_version_1_1_is_refused_without_a_unit_because_it_states_none(shared):
-    error = refusal(read_motive, shared / "samples/motive/motive_v1.1_rigidbody.csv")
-    assert error.evidence["key"] == "dataset.mocap.unit"
+    names = [f"Rigid Body 1-Marker {i}" for i in range(1, 6)]
+    assert [name for name in result.markers if not name.startswith("Unl")] == names
+    body = result.bodies["Rigid Body 1"]
+    for found, printed in (
+        (result.markers[names[0]][0], [0.02566679, 0.90468109, 0.67789614]),
+        (result.markers[names[3]][0], [np.nan] * 3),
+        (body.position[0], [-0.01044001, 0.90504020, 0.70895135]),
+        (body.quaternion[0], [0.43526953, -0.81957161, 0.15150657, 0.34042403]),
+        (result.markers["Unlabeled 2"][266], [-0.08343393, 0.72060782, 0.66178828]),
+        (body.position[266], [np.nan] * 3),
+        # though its solved place still stands in the file
+        (result.markers[names[1]][266], [np.nan] * 3),
+        (result.time[-1], 547 / 120),
+    ):
+        np.testing.assert_array_equal(found, printed)
+    counts = [result.counts[name] for name in ("stray_ids", "stray_samples", "missing_poses")]
+    assert counts == [6, 55, 20]
+    smaller = read_motive(file, "mm").markers[names[0]]
+    np.testing.assert_allclose(smaller, result.markers[names[0]] / 1000)
 
 
 def test_the_solved_pose_carries_the_defined_markers_to_where_they_were_measured(shared):
@@ -125,14 +105,6 @@ def test_labelled_markers_without_a_body_keep_their_names(tmp_path):
         )
     )
     np.testing.assert_array_equal(result.markers["Set:a, b"], [[1, 2, 3], [np.nan] * 3])
-
-
-def test_frame_numbers_start_anywhere_and_gaps_are_time(tmp_path):
-    result = in_metres(
-        rows_file(tmp_path, DEFINITION, *(frame_row(k) for k in (72210, 72211, 83158)))
-    )
-    np.testing.assert_allclose(result.time, [0, 0.01, 109.48], rtol=0, atol=1e-9)
-    assert (result.counts["gaps"], result.counts["skipped_frames"]) == (1, 10946)
 
 
 def test_trailing_and_blank_cells_and_repeated_rows_change_nothing_and_are_counted(tmp_path):
