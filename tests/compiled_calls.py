@@ -1,15 +1,30 @@
-"""Compiled functions that only compiled functions call, called from tests."""
+"""Compiled functions that compiled functions alone call, called from tests."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+
 import numpy as np
+from numba import njit
 
 from pipeline.filtering.resampling import SCHEMES, resample
+
+
+@cache
+def from_python(function: Callable) -> Callable:
+    """``function`` within a compiled one of the same arguments, which numba does not cache."""
+
+    @njit(error_model="numpy")
+    def call(*arguments):
+        return function(*arguments)
+
+    return call
 
 
 def chosen_by(scheme: str, weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """(P,) indices that a resampling ``scheme`` chooses under ``weights`` (P,)."""
     chosen = np.full(len(weights), -1)
     scratch = np.full((2, len(weights)), np.nan)
-    resample(SCHEMES.index(scheme), weights, chosen, scratch, rng)
+    from_python(resample)(SCHEMES.index(scheme), weights, chosen, scratch, rng)
     return chosen

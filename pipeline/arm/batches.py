@@ -15,7 +15,7 @@ from pipeline.arm.kinematics import (
     tip,
 )
 from pipeline.arm.numbers import INVERSE, POSE, SINGULAR, Arm
-from pipeline.arm.rows import POSITION, rows_of
+from pipeline.arm.rows import POSITION, copy, rows_of
 from pipeline.core.compiled import compiled
 
 
@@ -43,8 +43,12 @@ def kinematics(arm: Arm, q: np.ndarray, part: int, out: np.ndarray) -> None:
             mark_singular(block, arm, rows.jacobian, rows.lower, rows.spare, first, count)
         if part == INVERSE:
             for j in range(n):
-                solve_lower(block, rows.lower, rows.inverse, m, first + j, n, count)
-                solve_upper(block, rows.lower, rows.inverse, m, first + j, n, count)
+                for r in range(m):
+                    copy(block, rows.task + r, first + r * n + j, count)
+                solve_lower(block, rows.lower, rows.inverse, m, rows.task, count)
+                solve_upper(block, rows.lower, rows.inverse, m, rows.task, count)
+                for r in range(m):
+                    copy(block, first + r * n + j, rows.task + r, count)
         for k in range(len(out)):
             for i in range(count):
                 out[k, start + i] = block[first + k, i]

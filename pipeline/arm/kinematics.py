@@ -20,6 +20,7 @@ from pipeline.arm.rows import (
     ROTATION,
     SINE,
     TURN,
+    add_column_dot,
     add_dot,
     dot,
     fill,
@@ -55,8 +56,9 @@ def tip(arm: Arm, q: np.ndarray, start: int, count: int, block: np.ndarray) -> N
                 flat[COSINE * WIDTH + i] = cosine
         else:
             sine, cosine = sine_cosine(turn)
-            fill(block, SINE, sine, count)
-            fill(block, COSINE, cosine, count)
+            for i in range(count):
+                flat[SINE * WIDTH + i] = sine
+                flat[COSINE * WIDTH + i] = cosine
         _follow(0, arm.frames[frame], flat, count)
         _follow(1, arm.frames[frame], flat, count)
         _follow(2, arm.frames[frame], flat, count)
@@ -138,8 +140,8 @@ def cholesky(
     for r in range(m):
         for s in range(r + 1):
             entry = lower + r * m + s
-            dot(block, entry, jacobian + r * n, 1, jacobian + s * n, 1, n, count)
-            add_dot(block, entry, -1.0, lower + r * m, 1, lower + s * m, 1, s, count)
+            dot(block, entry, jacobian + r * n, jacobian + s * n, n, count)
+            add_dot(block, entry, -1.0, lower + r * m, lower + s * m, s, count)
             if s < r:
                 scale(block, entry, inverse + s, count)
             else:
@@ -164,7 +166,7 @@ def mark_singular(
     fill(block, out, 1.0, count)
     fill(block, spare, 0.0, count)
     for r in range(m):
-        add_dot(block, spare, 1.0, lower + r * m, 1, lower + r * m, 1, r + 1, count)
+        add_dot(block, spare, 1.0, lower + r * m, lower + r * m, r + 1, count)
     for r in range(m):
         for i in range(count):
             square = block[lower + r * m + r, i] * block[lower + r * m + r, i]
@@ -183,26 +185,21 @@ def mark_singular(
 
 
 @inner
-def solve_lower(
-    block: np.ndarray, lower: int, inverse: int, m: int, x: int, by: int, count: int
-) -> None:
-    """x = L⁻¹x of the m rows x + ``by``·r, by L and 1/L_rr of :func:`cholesky`."""
+def solve_lower(block: np.ndarray, lower: int, inverse: int, m: int, x: int, count: int) -> None:
+    """The m rows x = L⁻¹x, by L and 1/L_rr of :func:`cholesky`."""
     for r in range(m):
-        entry = x + by * r
-        add_dot(block, entry, -1.0, lower + r * m, 1, x, by, r, count)
-        scale(block, entry, inverse + r, count)
+        add_dot(block, x + r, -1.0, lower + r * m, x, r, count)
+        scale(block, x + r, inverse + r, count)
 
 
 @inner
-def solve_upper(
-    block: np.ndarray, lower: int, inverse: int, m: int, x: int, by: int, count: int
-) -> None:
-    """x = L⁻ᵀx, likewise."""
+def solve_upper(block: np.ndarray, lower: int, inverse: int, m: int, x: int, count: int) -> None:
+    """The m rows x = L⁻ᵀx, likewise."""
     for r in range(m - 1, -1, -1):
-        entry, below = x + by * r, r + 1
+        below = r + 1
         at = lower + below * m + r
-        add_dot(block, entry, -1.0, at, m, x + by * below, by, m - below, count)
-        scale(block, entry, inverse + r, count)
+        add_column_dot(block, x + r, -1.0, at, m, x + below, m - below, count)
+        scale(block, x + r, inverse + r, count)
 
 
 @inner

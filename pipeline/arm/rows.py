@@ -86,62 +86,59 @@ def scale(block: np.ndarray, out: int, x: int, count: int) -> None:
 
 
 @inner
-def add_product(block: np.ndarray, out: int, x: int, y: int, count: int) -> None:
-    """Row ``out`` + row ``x``·row ``y``."""
+def add_product(block: np.ndarray, out: int, sign: float, x: int, y: int, count: int) -> None:
+    """Row ``out`` + ``sign``·row ``x``·row ``y``."""
     for i in range(count):
-        block[out, i] += block[x, i] * block[y, i]
+        block[out, i] += sign * (block[x, i] * block[y, i])
 
 
 @inner
-def dot(
-    block: np.ndarray, out: int, x: int, by: int, y: int, along: int, n: int, count: int
-) -> None:
-    """Row ``out`` = Σ_j row (``x`` + ``by``·j)·row (``y`` + ``along``·j) over ``n`` rows."""
-    if n < 3:
-        fill(block, out, 0.0, count)
-        add_dot(block, out, 1.0, x, by, y, along, n, count)
-        return
-    x1, x2, y1, y2 = x + by, x + 2 * by, y + along, y + 2 * along
-    for i in range(count):
-        block[out, i] = (
-            block[x, i] * block[y, i] + block[x1, i] * block[y1, i] + block[x2, i] * block[y2, i]
-        )
-    add_dot(block, out, 1.0, x + 3 * by, by, y + 3 * along, along, n - 3, count)
-
-
-@inner
-def add_dot(
-    block: np.ndarray,
-    out: int,
-    sign: float,
-    x: int,
-    by: int,
-    y: int,
-    along: int,
-    n: int,
-    count: int,
-) -> None:
-    """Row ``out`` + ``sign``·Σ_j row (``x`` + ``by``·j)·row (``y`` + ``along``·j) over ``n`` rows,
-    three at a time, which saves two of three loads and stores of the sum.
+def add_dot(block: np.ndarray, out: int, sign: float, x: int, y: int, n: int, count: int) -> None:
+    """Row ``out`` + ``sign``·Σ_j row (``x`` + j)·row (``y`` + j) over ``n`` rows, three at a time,
+    which saves two of three loads and stores of the sum.
     """
     j = 0
-    while j < n:
-        x0, x1, x2 = x + by * j, x + by * (j + 1), x + by * (j + 2)
-        y0, y1, y2 = y + along * j, y + along * (j + 1), y + along * (j + 2)
-        if n - j >= 3:
-            for i in range(count):
-                block[out, i] += sign * (
-                    block[x0, i] * block[y0, i]
-                    + block[x1, i] * block[y1, i]
-                    + block[x2, i] * block[y2, i]
-                )
-        elif n - j == 2:
-            for i in range(count):
-                block[out, i] += sign * (block[x0, i] * block[y0, i] + block[x1, i] * block[y1, i])
-        else:
-            for i in range(count):
-                block[out, i] += sign * (block[x0, i] * block[y0, i])
+    while j + 2 < n:
+        x0, x1, x2, y0, y1, y2 = x + j, x + j + 1, x + j + 2, y + j, y + j + 1, y + j + 2
+        for i in range(count):
+            block[out, i] += sign * (
+                block[x0, i] * block[y0, i]
+                + block[x1, i] * block[y1, i]
+                + block[x2, i] * block[y2, i]
+            )
         j += 3
+    while j < n:
+        add_product(block, out, sign, x + j, y + j, count)
+        j += 1
+
+
+@inner
+def dot(block: np.ndarray, out: int, x: int, y: int, n: int, count: int) -> None:
+    """Row ``out`` = Σ_j row (``x`` + j)·row (``y`` + j) over ``n`` rows."""
+    fill(block, out, 0.0, count)
+    add_dot(block, out, 1.0, x, y, n, count)
+
+
+@inner
+def add_column_dot(
+    block: np.ndarray, out: int, sign: float, x: int, by: int, y: int, n: int, count: int
+) -> None:
+    """Row ``out`` + ``sign``·Σ_j row (``x`` + ``by``·j)·row (``y`` + j) over ``n`` rows."""
+    j = 0
+    while j + 2 < n:
+        x0, x1, x2, y0, y1, y2 = x, x + by, x + by + by, y + j, y + j + 1, y + j + 2
+        for i in range(count):
+            block[out, i] += sign * (
+                block[x0, i] * block[y0, i]
+                + block[x1, i] * block[y1, i]
+                + block[x2, i] * block[y2, i]
+            )
+        j += 3
+        x += 3 * by
+    while j < n:
+        add_product(block, out, sign, x, y + j, count)
+        j += 1
+        x += by
 
 
 @inner

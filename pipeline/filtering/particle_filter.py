@@ -24,7 +24,7 @@ from pipeline.filtering.start import Start, domain_of, initial_particles
 from pipeline.filtering.state import Frames, Particles, Record
 from pipeline.filtering.weights import NEAR
 from pipeline.models.commands import Commands
-from pipeline.models.draws import block_for
+from pipeline.models.draws import block_for, space_of
 from pipeline.models.model import MotionModel
 
 
@@ -115,6 +115,7 @@ def particle_filter(
     log_evidence, vanished = sequential_importance_sampling(
         model.law(chain),
         chain.numbers(),
+        space_of(chain),
         block_for(chain),
         domain_of(chain),
         Commands(

@@ -1,8 +1,7 @@
 """Sequential importance sampling with resampling, compiled: the loop over the steps of one take is
 the last function.
 
-Each step goes through the particles in blocks that stay in the processor's nearest cache: a block
-is moved by the model's law and held against D_q while it is there. Joint angles are kept as (n, P),
+Joint angles are kept as (n, P),
 so that neighbours in memory are the same joint of neighbouring particles and the compiler computes
 four at once. It neither reorders nor fuses operations: the results are the same on every processor.
 """
@@ -19,40 +18,8 @@ from pipeline.filtering.state import Domain, Frames, Particles, Record
 from pipeline.filtering.tip_weights import weigh_tip
 from pipeline.filtering.weights import make_equal, normalise, weigh, weighted_moments
 from pipeline.models.commands import Commands
-from pipeline.models.kernel import move_block
+from pipeline.models.kernel import move
 from pipeline.models.model import Law
-
-
-@inner
-def propagate(
-    law: Law,
-    arm: Arm,
-    block: np.ndarray,
-    domain: Domain,
-    commands: Commands,
-    k: int,
-    before: np.ndarray,
-    q: np.ndarray,
-    log_weights: np.ndarray,
-    scratch: np.ndarray,
-    rng: np.random.Generator,
-) -> tuple[int, int]:
-    """Draw ``q`` (n, P) from the motion model given ``before`` under the commands of step ``k``;
-    return for how many the noise was clipped, and how many left D_q.
-
-    A particle that leaves D_q loses its weight and stays where it was: the model has no step from
-    poses that the arm cannot take. ``scratch`` (P,) is overwritten.
-    """
-    clipped = outside = 0
-    poses, size = q.shape[1], block.shape[1]
-    v, target = commands.v[k], commands.path[k]
-    for start in range(0, poses, size):
-        count = min(size, poses - start)
-        clipped += move_block(
-            law, arm, block, v, target, commands.share, before, q, start, count, rng
-        )
-        outside += keep_inside(domain, before, q, start, start + count, log_weights, scratch)
-    return clipped, outside
 
 
 @inner
@@ -60,19 +27,17 @@ def keep_inside(
     domain: Domain,
     before: np.ndarray,
     q: np.ndarray,
-    start: int,
-    stop: int,
     log_weights: np.ndarray,
     scratch: np.ndarray,
 ) -> int:
-    """Take the weight of the particles ``start`` to ``stop`` of ``q`` (n, P) that left D_q and put
-    them back to where they were ``before``; return how many of them had any. ``scratch`` (P,) is
-    overwritten.
+    """Take the weight of the particles of ``q`` (n, P) that left D_q and put them back to where
+    they were ``before``, as the model has no step from poses that the arm cannot take; return how
+    many of them had any weight. ``scratch`` (P,) is overwritten.
     """
-    if not mark_outside(domain, q, start, stop, scratch):
+    if not mark_outside(domain, q, scratch):
         return 0
     lost = 0
-    for i in range(start, stop):
+    for i in range(len(log_weights)):
         if scratch[i] > 0.0:
             lost += log_weights[i] > -np.inf
             log_weights[i] = -np.inf
@@ -85,6 +50,7 @@ def keep_inside(
 def sequential_importance_sampling(
     law: Law,
     arm: Arm,
+    space: int | None,
     block: np.ndarray,
     domain: Domain,
     commands: Commands,
@@ -106,12 +72,16 @@ def sequential_importance_sampling(
     for k in range(len(commands.v) + 1):
         if k > 0:
             q, before = before, q
-            record.clipped[k], record.outside[k] = propagate(
-                law, arm, block, domain, commands, k - 1, before, q, log_weights, scratch[0], rng
+            v, target = commands.v[k - 1], commands.path[k - 1]
+            record.clipped[k] = move(
+                law, arm, space, block, v, target, commands.share, before, q, rng
             )
+            record.outside[k] = keep_inside(domain, before, q, log_weights, scratch[0])
         for frame in range(frames.first[k], frames.first[k + 1]):
-            if frames.tip:
-                weigh_tip(arm, frames, frame, before, q, log_weights)
+            if space is None:
+                weigh(frames, frame, before, q, log_weights, scratch)
+            elif frames.tip:
+                weigh_tip(arm, frames, frame, before, q, log_weights, scratch)
             else:
                 weigh(frames, frame, before, q, log_weights, scratch)
         if record.outside[k] > 0 or frames.first[k] < frames.first[k + 1]:

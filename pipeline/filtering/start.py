@@ -8,9 +8,8 @@ import numpy as np
 
 from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
 from pipeline.arm.interface import Chain
-from pipeline.core.compiled import compiled, inner
+from pipeline.core.compiled import inner
 from pipeline.core.errors import DegenerateFilterError, ModelDomainError
-from pipeline.core.products import greatest
 from pipeline.filtering.state import Domain
 
 
@@ -53,16 +52,12 @@ def initial_particles(
             take=take,
             eigenvalue=float(variances[0]),
         )
-    root = np.ascontiguousarray(axes * np.sqrt(np.maximum(variances, 0.0)))
-    mean, domain = np.array(start.mean, dtype=float), domain_of(chain)
-    poses, draws = np.empty((2, len(mean), count))
+    root, poses = axes * np.sqrt(np.maximum(variances, 0.0)), np.empty((count, len(variances)))
     accepted = rejected = 0
     while accepted < count:
-        outside = np.empty(count)
-        draw_start(mean, root, domain, draws, outside, rng)
-        if not isinstance(chain, PlanarChain):  # whose domain holds the singular poses
-            outside[chain.singular(draws.T)] = 1.0
-        inside = np.flatnonzero(outside == 0.0)
+        normals = rng.standard_normal(poses.shape)
+        draws = start.mean + (root * normals[:, None]).sum(axis=-1)
+        inside = np.flatnonzero(chain.within_limits(draws) & ~chain.singular(draws))
         if len(inside) == 0:
             raise DegenerateFilterError(
                 f"none of {count} start poses lies within the joint limits; compare the training "
@@ -72,51 +67,27 @@ def initial_particles(
                 mean=start.mean.round(4).tolist(),
             )
         rejected += count - len(inside)
-        if len(inside) == count and accepted == 0:
-            return draws.T, 0
         more = inside[: count - accepted]
-        poses[:, accepted : accepted + len(more)] = draws[:, more]
+        poses[accepted : accepted + len(more)] = draws[more]
         accepted += len(more)
-    return poses.T, rejected
+    return poses, rejected
 
 
 @inner
-def mark_outside(domain: Domain, q: np.ndarray, start: int, stop: int, outside: np.ndarray) -> bool:
-    """Fill ``outside`` (P,), from ``start`` to ``stop``, with 1 where a pose of ``q`` (n, P) is not
-    in D_q and 0 where it is; whether any is not.
+def mark_outside(domain: Domain, q: np.ndarray, outside: np.ndarray) -> bool:
+    """Fill ``outside`` (P or more) with 1 where a pose of ``q`` (n, P) is not in D_q and 0 where
+    it is; return whether any is not.
     """
-    # slices: the compiler knows of their indices that none is negative
-    left, second = outside[start:stop], q[1 if len(q) > 1 else 0, start:stop]
-    for i in range(len(left)):
+    second, any_outside = q[1 if len(q) > 1 else 0], 0.0
+    for i in range(len(second)):
         half_turns = (second[i] - domain.straight) * (1 / np.pi)
         bent = np.pi * abs(half_turns - np.floor(half_turns + 0.5)) >= domain.clearance
-        left[i] = 0.0 if bent else 1.0
+        outside[i] = 0.0 if bent else 1.0
     for j in range(len(q)):
-        angle, low, high = q[j, start:stop], domain.lower[j], domain.upper[j]
-        for i in range(len(left)):
+        angle, low, high = q[j], domain.lower[j], domain.upper[j]
+        for i in range(len(angle)):
             within = (low <= angle[i]) & (angle[i] <= high)
-            left[i] = left[i] if within else 1.0
-    return greatest(left) > 0.0
-
-
-@compiled
-def draw_start(
-    mean: np.ndarray,
-    root: np.ndarray,
-    domain: Domain,
-    draws: np.ndarray,
-    outside: np.ndarray,
-    rng: np.random.Generator,
-) -> None:
-    """Fill ``draws`` (n, P) with draws of N(``mean``, CCᵀ), ``root`` C (n, n), and ``outside`` (P,)
-    with 1 where one is not in D_q, else 0.
-    """
-    n, normals = len(draws), np.empty(len(draws))
-    for i in range(draws.shape[1]):
-        for k in range(n):
-            normals[k] = rng.standard_normal()
-        for j in range(n):
-            draws[j, i] = mean[j]
-            for k in range(n):
-                draws[j, i] += root[j, k] * normals[k]
-    mark_outside(domain, draws, 0, draws.shape[1], outside)
+            outside[i] = outside[i] if within else 1.0
+    for i in range(len(second)):
+        any_outside += outside[i]
+    return any_outside > 0.0

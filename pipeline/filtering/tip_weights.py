@@ -24,25 +24,27 @@ def weigh_tip(
     before: np.ndarray,
     q: np.ndarray,
     log_weights: np.ndarray,
+    scratch: np.ndarray,
 ) -> None:
     """Add to ``log_weights`` (P,) the log-likelihood of ``frame``, a pose of the tip of ``arm``, at
-    its share of the way from ``before`` to ``q`` (n, P).
+    its share of the way from ``before`` to ``q`` (n, P); ``scratch`` (n, P) or more is overwritten.
     """
     n, share, log_norm = len(q), frames.share[frame], frames.log_norm[frame]
     white, measured = frames.whitening[frame], frames.unbiased[frame]
     # the whole pose, in metres and radians, whatever the task
     whole = Arm(arm.plane, arm.frames, arm.sliding, np.arange(ROWS), np.ones(ROWS), arm.least)
     first = JOINTS + 6 * n
-    block, poses = np.empty((first + ROWS, WIDTH)), np.empty((n, WIDTH))
+    block = np.empty((first + ROWS, WIDTH))
     way, whitened, square = block[first:], np.empty(WIDTH), np.empty(WIDTH)
     for start in range(0, len(log_weights), WIDTH):
         count = WIDTH if start + WIDTH < len(log_weights) else len(log_weights) - start
         stop = start + count
         for j in range(n):
-            here, there, pose = before[j, start:stop], q[j, start:stop], poses[j]
+            here, there = before[j, start:stop], q[j, start:stop]
+            pose = scratch[j, start:stop]
             for i in range(count):
                 pose[i] = here[i] + share * (there[i] - here[i])
-        tip(whole, poses, 0, count, block)
+        tip(whole, scratch, start, count, block)
         way[:], square[:] = 0.0, 0.0
         add_displacement(whole, measured, block, first, 1.0, count)
         for j in range(ROWS):

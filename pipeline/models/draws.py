@@ -7,19 +7,22 @@ import numpy as np
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.arm.kinematics import WIDTH
-from pipeline.arm.numbers import Arm
 from pipeline.arm.planar import BLOCK
 from pipeline.arm.rows import block_rows
-from pipeline.core.compiled import compiled
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.kernel import move_block
-from pipeline.models.model import Law, MotionModel
+from pipeline.models.kernel import move
+from pipeline.models.model import MotionModel
 
 
 def block_for(chain: Chain) -> np.ndarray:
     """Buffer (rows, poses) of a block of the ``chain``, of zeros."""
     rows = block_rows(len(chain.lower), len(chain.task))
-    return np.zeros((rows.size, BLOCK if isinstance(chain, PlanarChain) else WIDTH))
+    return np.zeros((rows.size, WIDTH if space_of(chain) else BLOCK))
+
+
+def space_of(chain: Chain) -> int | None:
+    """None of a planar chain, 1 of a serial one: numba compiles the kinematics of one of them."""
+    return None if isinstance(chain, PlanarChain) else 1
 
 
 def draw_steps(
@@ -51,7 +54,9 @@ def draw_steps(
     before = np.array(np.moveaxis(together, -1, 1), dtype=float, order="C")
     moved = np.empty_like(before)
     commands = np.array(commands, order="C")
-    clipped = _draw_steps(law, chain.numbers(), block_for(chain), commands, before, moved, rng)
+    arm, space, block, clipped = chain.numbers(), space_of(chain), block_for(chain), 0
+    for v_k, q_k, moved_k in zip(commands, before, moved, strict=True):
+        clipped += move(law, arm, space, block, v_k, v_k, 0.0, q_k, moved_k, rng)
     drawn = np.moveaxis(moved, 1, -1)
     drawn = (drawn if np.ndim(v) == 1 else np.swapaxes(drawn, 0, 1)).reshape(q.shape)
     lost = ~np.isfinite(drawn).all(axis=-1)
@@ -64,26 +69,3 @@ def draw_steps(
             q=np.asarray(q, dtype=float)[index].round(4).tolist(),
         )
     return drawn, clipped
-
-
-@compiled
-def _draw_steps(
-    law: Law,
-    arm: Arm,
-    block: np.ndarray,
-    v: np.ndarray,
-    q: np.ndarray,
-    moved: np.ndarray,
-    rng: np.random.Generator,
-) -> int:
-    """Fill ``moved`` (M, n, N) with draws of the next poses after ``q`` (M, n, N) under ``v`` (M,
-    m); return for how many the noise was clipped.
-    """
-    clipped, poses, size = 0, q.shape[2], block.shape[1]
-    for k in range(len(v)):
-        for start in range(0, poses, size):
-            count = min(size, poses - start)
-            clipped += move_block(
-                law, arm, block, v[k], v[k], 0.0, q[k], moved[k], start, count, rng
-            )
-    return clipped

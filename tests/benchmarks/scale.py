@@ -114,6 +114,7 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--out", type=Path, default=ROOT / "reports/benchmarks/scale.json")
     sizes = parser.parse_args()
+    many_takes(1)  # loads compiled code, which the processes below inherit
     few, many = (in_a_process(many_takes, count) for count in (sizes.takes // 10, sizes.takes))
     measured = {
         "machine": machine(),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from compiled_calls import from_python
 
 from pipeline.core.products import LANES, greatest, inner_product, total
 
@@ -12,9 +13,9 @@ from pipeline.core.products import LANES, greatest, inner_product, total
 def test_sums_and_the_greatest_are_numpys(count):
     rng = np.random.default_rng(count)
     x, y = rng.standard_normal((2, count))
-    assert inner_product(x, y) == pytest.approx(x @ y, abs=1e-13)
-    assert total(x) == pytest.approx(x.sum(), abs=1e-13)
-    assert greatest(x) == x.max(initial=-np.inf)
+    assert from_python(inner_product)(x, y) == pytest.approx(x @ y, abs=1e-13)
+    assert from_python(total)(x) == pytest.approx(x.sum(), abs=1e-13)
+    assert from_python(greatest)(x) == x.max(initial=-np.inf)
 
 
 def test_the_lanes_are_summed_each_by_itself_and_joined_half_and_half():
@@ -24,12 +25,12 @@ def test_the_lanes_are_summed_each_by_itself_and_joined_half_and_half():
         lanes = row + lanes
     while len(lanes) > 1:
         lanes = lanes[: len(lanes) // 2] + lanes[len(lanes) // 2 :]
-    assert inner_product(x, y) == lanes[0] != sum((x * y).tolist())
+    assert from_python(inner_product)(x, y) == lanes[0] != sum((x * y).tolist())
 
 
 def test_the_greatest_is_not_taken_of_what_is_no_number():
     x = np.full(40, -np.inf)
-    assert greatest(x) == -np.inf
+    assert from_python(greatest)(x) == -np.inf
     x[[3, 39]] = np.nan
     x[20] = -2.0
-    assert greatest(x) == -2.0
+    assert from_python(greatest)(x) == -2.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from compiled_calls import chosen_by
+from compiled_calls import chosen_by, from_python
 
 from pipeline.filtering.resampling import SCHEMES, inverse_cdf
 
@@ -135,5 +135,5 @@ def test_one_particle_with_all_the_weight_is_the_only_one_left(scheme):
 def test_points_at_either_end_of_their_range_fall_on_particles_with_weight(point):
     weights = np.concatenate([[0.0], np.full(1000, 1 / 1000), [0.0, 0.0]])
     chosen = np.array([-1])
-    inverse_cdf(weights, np.array([point]), np.empty(len(weights)), chosen)
+    from_python(inverse_cdf)(weights, np.array([point]), np.empty(len(weights)), chosen)
     assert chosen[0] == (1 if point == 0.0 else 1000)

@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from compiled_calls import chosen_by
+from compiled_calls import chosen_by, from_python
 from oracles import READINGS
 from plain_filter import PLAIN_SCHEMES, plain_filter
 
@@ -207,8 +207,8 @@ def test_particles_outside_the_chains_domain_lose_their_weight_and_go_back(signs
     assert 900 < np.sum(chain.singular(q[:3000])) < 1100
     here, there, log_weights = np.zeros((3, 4000)), np.ascontiguousarray(q.T), np.zeros(4000)
     log_weights[:100] = -np.inf
-    assert keep_inside(
-        domain_of(chain), here, there, 0, 4000, log_weights, np.empty(4000)
+    assert from_python(keep_inside)(
+        domain_of(chain), here, there, log_weights, np.empty(4000)
     ) == np.sum(gone[100:])
     assert np.array_equal(there.T, np.where(gone[:, None], 0.0, q))
     assert np.array_equal(log_weights == -np.inf, gone | (np.arange(4000) < 100))

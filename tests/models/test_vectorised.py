@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import re
 
+import numba
 import numpy as np
 import pytest
+from compiled_calls import from_python
 from space_arms import revolute_arm
 
 from pipeline.arm import kinematics, planar, rows
 from pipeline.arm.rows import block_rows
-from pipeline.core.compiled import inner
 from pipeline.models.draws import block_for
 from pipeline.models.wishart import step
 
@@ -24,8 +25,9 @@ POSES = np.zeros((7, 256))
 
 
 def wide(function, *arguments) -> bool:
-    function(*arguments)
-    return all(WIDE.search(assembly) for assembly in function.inspect_asm().values())
+    call = from_python(function)
+    call(*arguments)
+    return all(WIDE.search(assembly) for assembly in call.inspect_asm().values())
 
 
 def calls(chain) -> dict:
@@ -38,7 +40,7 @@ def calls(chain) -> dict:
         "planar norm": (planar.planar_inverse_square, flat, 256),
         "tip": (kinematics.tip, space, POSES, 0, 64, block),
         "Jacobian": (kinematics.task_jacobian, space, block, first, 64),
-        "sums of products": (rows.add_dot, block, 0, 1.0, 1, 1, 9, 1, 6, 64),
+        "sums of products": (rows.add_dot, block, 0, 1.0, 1, 9, 6, 64),
         "combinations": (rows.add_combination, block, 0, np.ones(9), 0, 1, 7, 64),
         "action": (step.act, 64.0, block, ROWS, 3, 64),
     }
@@ -53,7 +55,7 @@ def test_the_loops_of_a_step_take_several_poses_at_once(chain):
 
 @pytest.mark.slow
 def test_poses_that_wait_for_each_other_are_taken_one_by_one():
-    @inner
+    @numba.njit
     def chained(block, factor):
         for i in range(1, 64):
             block[0, i] = factor * block[0, i - 1]

@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from articulation_in_numpy import plain_objective, plain_rank
+from compiled_calls import from_python
 from rectangle_clouds import CHAIN, LENGTHS, cloud, limits, motion
 from scipy.optimize import minimize
 
@@ -16,7 +17,7 @@ from pipeline.perception.articulation_end import INFEASIBLE, at_commanded
 from pipeline.perception.articulation_objective import frame_of
 
 OPTIONS = ArticulationOptions()
-RANK = at_commanded
+RANK = from_python(at_commanded)
 
 
 def ranked(

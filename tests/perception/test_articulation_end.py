@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from articulation_in_numpy import plain_halved
+from compiled_calls import from_python
 from rectangle_clouds import CHAIN, LENGTHS, cloud, limits, motion
 from scipy.optimize import minimize
 
@@ -16,7 +17,7 @@ from pipeline.perception.articulation_end import ENDS, STEP, at_fitted
 from pipeline.perception.articulation_objective import Frame, frame_of
 
 FITTED = ENDS["fitted"]
-VALUE = at_fitted
+VALUE = from_python(at_fitted)
 OPTIONS = ArticulationOptions(end_point="fitted")
 GAMMAS = (OPTIONS.gamma1, OPTIONS.gamma2)
 

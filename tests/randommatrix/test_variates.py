@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from compiled_calls import from_python
 
 from pipeline.arm.rows import block_rows
 from pipeline.randommatrix.variates import draw_variates
@@ -16,7 +17,7 @@ def drawn(rng: np.random.Generator, count: int, sets: int, each: int, *degrees: 
     """χ² (G, count) and normal (sets·each, count) variates."""
     block = np.full((ROWS.size, PARTICLES), np.nan)
     first, freedom = ROWS.chi_square, np.array(degrees, dtype=float)
-    draw_variates(freedom, sets, each, block, first, ROWS.normal, count, rng)
+    from_python(draw_variates)(freedom, sets, each, block, first, ROWS.normal, count, rng)
     assert np.isnan(block[:, count:]).all()
     return (
         block[first : first + len(degrees), :count],

@@ -19,6 +19,7 @@ from pipeline.arm.rows import (
     Rows,
     add_combination,
     add_dot,
+    add_product,
     copy,
     dot,
     fill,
@@ -47,8 +48,8 @@ def act(d: float, block: np.ndarray, rows: Rows, m: int, count: int) -> None:
             block[stretch, i] = 1.0 / np.sqrt(block[chi_square + 1, i])
     else:
         fill(block, stretch, 0.0, count)
-    dot(block, r, first, 1, first, 1, m, count)
-    dot(block, along, first + 1, 1, normal, 1, m - 1, count)
+    dot(block, r, first, first, m, count)
+    dot(block, along, first + 1, normal, m - 1, count)
     for i in range(count):
         a, length, z = block[first, i], np.sqrt(block[r, i]), d / block[chi_square, i]
         reach, t = length + abs(a), block[stretch, i]
@@ -81,7 +82,7 @@ def from_action(law: Law, block: np.ndarray, rows: Rows, n: int, m: int, count: 
     elif law.kind == PIVOTED_LU_LAW:
         task, lower = rows.task, rows.spare + 4
         for k in range(m - 1, 0, -1):
-            add_dot(block, task + k, 1.0, lower + k * n, 1, task, 1, k, count)
+            add_dot(block, task + k, 1.0, lower + k * n, task, k, count)
         flag = lower + m * n + m * (m - 1) // 2
         for k in range(m - 1, -1, -1):
             for below in range(m - 1, k, -1):
@@ -137,8 +138,7 @@ def _eliminate(block: np.ndarray, rows: Rows, n: int, m: int, count: int) -> Non
             multiple = lower + below * n + k
             for i in range(count):
                 block[multiple, i] /= block[pivot, i]
-            add_dot(block, task + below, -1.0, multiple, 0, task + k, 0, 1, count)
+            add_product(block, task + below, -1.0, multiple, task + k, count)
             for j in range(k + 1, m):
-                add_dot(
-                    block, lower + below * n + j, -1.0, multiple, 0, lower + k * n + j, 0, 1, count
-                )
+                under, above = lower + below * n + j, lower + k * n + j
+                add_product(block, under, -1.0, multiple, above, count)

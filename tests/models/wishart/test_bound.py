@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from compiled_calls import from_python
 from perturbation_problems import fit, free_optimum, parts
 
 from pipeline.core.errors import SolverError
@@ -140,12 +141,12 @@ def test_the_places_of_the_curve_are_stationary_for_a_weight_that_grows(n, m):
         e /= np.linalg.norm(e)
         squares, room = np.empty((3, m, m)), np.empty((ROWS, m))
         squares[0], room[ALONG], room[PULL] = matrix.T @ matrix, e, noise @ matrix
-        factorize(squares[0], 0.0, squares[1])
+        from_python(factorize)(squares[0], 0.0, squares[1])
         outside = noise - matrix @ np.linalg.lstsq(matrix, noise)[0]
         rest = outside @ outside if n > m else 0.0
 
         def at(s, rest=rest, squares=squares, room=room):
-            return *place(s, delta, rest, squares, room), room[Y].copy()
+            return *from_python(place)(s, delta, rest, squares, room), room[Y].copy()
 
         before = 0.0
         for s in (1e-3, 0.1, 1.0, 10.0):
