@@ -76,5 +76,5 @@ def test_bounds_hold_for_what_is_called_within_them_and_in_its_processes():
 
 @pytest.mark.parametrize("bound", [0, -1])
 def test_a_bound_that_lets_nothing_through_is_refused(bound):
-    with pytest.raises(ConfigError, match="markers: a bound is positive"):
+    with pytest.raises(ConfigError, match="markers: input should be greater than 0"):
         Reading(markers=bound)
