@@ -15,7 +15,6 @@ import pytest
 from pipeline.core import config, contracts
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Dataset
-from pipeline.core.options.force import Force
 from pipeline.stages import (
     articulate,
     figures,
@@ -95,6 +94,6 @@ def test_forces_alone_go_through_every_stage_and_are_scored_on_all_rows(tmp_path
 
 def test_a_dataset_without_a_robot_has_forces_and_nothing_that_sees_a_robot():
     with pytest.raises(ConfigError, match="robot or a force transducer"):
-        Dataset(robot=None, motion=None)
-    with pytest.raises(ConfigError, match="nothing to see of trajectory"):
-        Dataset(robot=None, motion=None, trajectory="t.csv", force=Force())
+        Dataset("t", ".", None, None)
+    with pytest.raises(ConfigError, match="there is no trajectory"):
+        Dataset("t", ".", None, None, trajectory="t.csv")

@@ -101,10 +101,16 @@ def test_recordings_that_are_not_there_are_refused_by_their_folder(log_project, 
     ("choice", "words"),
     [
         ({"joints": [f"joint_{j}" for j in (1, 2, 3, 5, 6)]}, "joint_4 of robot.joints is not"),
-        ({"joints": ["joint_2", "joint_2", "joint_3", "joint_4"]}, "a name for each"),
-        ({"rest": -1}, "not negative"),
-        ({"start": [0.0]}, "a value for each"),
-        ({"start": [0.0] * 6, "end": [0.0] * 6}, "6 values where robot.joints are 3"),
+        (
+            {"joints": ["joint_2", "joint_2", "joint_3", "joint_4"]},
+            "each logged joint once",
+        ),
+        ({"rest": -1}, "rest: input should be greater than or equal to 0"),
+        ({"start": [0.0]}, "values as start"),
+        (
+            {"start": [0.0] * 6, "end": [0.0] * 6},
+            "one for each of robot.joints, got 6",
+        ),
     ],
 )
 def test_options_that_name_no_chain_are_refused(log_project, tmp_path, choice, words):

@@ -35,7 +35,7 @@ def test_inspect_finds_what_the_datasheet_settles(lwr4, number):
     stated = OmegaConf.load(datasheet.path_of("lwr4")).joint_log
     settings = finding.facts["settings"]
     assert settings.pop("rest") == "0" and settings.pop("clock") == stated.clock
-    assert {key: float(value) for key, value in settings.items()} == {
+    assert {key: float(settings[key]) for key in ("target_factor", "target_delay")} == {
         "target_factor": stated.target_factor,
         "target_delay": stated.target_delay[name],
     }

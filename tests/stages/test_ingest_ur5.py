@@ -218,7 +218,7 @@ def test_a_truncated_and_a_malformed_copy_of_a_real_log(ur5, log_project, tmp_pa
     ) == (3, 2, 1)
     damaged = content.replace(b"-2.135030", b"-2.13503O", 1)
     file.write_bytes(damaged)
-    with pytest.raises(RecordingError, match="not a finite number") as caught:
+    with pytest.raises(RecordingError, match=r"not a finite number|a damaged row") as caught:
         ingest.run("motion")
     assert caught.value.evidence["line"] == 1
     lines = content.split(b"\n")
