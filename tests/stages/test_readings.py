@@ -64,7 +64,7 @@ def test_without_a_camera_the_claims_about_motion_alone_are_decided(project, cla
 def test_with_a_camera_the_filter_is_decided_and_again_the_same(project, claims):
     film(project)
     ruled = verdicts()
-    assert {"filter-wishart-conservative", "kinect-biased"} <= set(ruled.index)
+    assert {"filter-accuracy-equal", "kinect-biased"} <= set(ruled.index)
     pd.testing.assert_frame_equal(ruled, verdicts())
 
 

@@ -85,8 +85,8 @@ def test_the_same_numbers_give_the_same_bytes_and_an_altered_one_does_not(projec
     report.run()
     assert written(project) == first
     run = read_run(YOUBOT)
-    motion = run.metrics["motion"]
-    motion["wishart_greatest_mean_error_rad"] /= 2
+    run.metrics["motion"]["wishart_greatest_mean_error_rad"] /= 2
+    run.metrics["fit_wishart"]["sigma_b_paper"] /= 2
     YOUBOT.write_text(run.to_json())
     report.run()
     assert all(before != after for before, after in zip(first[:3], written(project), strict=False))
