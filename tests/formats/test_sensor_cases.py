@@ -215,7 +215,7 @@ def written(folder: Path, case: str, name: str) -> Path:
     """The file of a case, which its make.py writes where it is not there."""
     place = next(iter(CASES.glob(f"{case}-*")), None)
     if place is None:
-        pytest.skip("../shared/cases is absent: it lies beside the project where it is developed")
+        pytest.skip("../shared/cases is absent: it lies beside the project")
     if not (place / name).exists():
         script = folder / "make.py"
         script.write_bytes((place / "make.py").read_bytes())
