@@ -76,7 +76,7 @@ def _read(finding: Finding, form: Format) -> Finding:
     stated = form.states(finding.file)
     finding.version, finding.units = stated.version, stated.units
     finding.facts = dict(stated.facts)
-    DESCRIBE[form.kind](finding, form)
+    (_robot if form is URDF else DESCRIBE[form.kind])(finding, form)
     return finding
 
 
@@ -282,7 +282,6 @@ DESCRIBE: dict[str, Callable[[Finding, Format], None]] = {
     Kind.SEQUENCE: _index,
     Kind.BAG: _bag,
     Kind.TABLE: table,
-    ROBOT: _robot,
 }
 
 

@@ -30,7 +30,7 @@ def run(words: list[str]) -> None:
 
 
 def in_order(lock: str, stages: list[str]) -> str:
-    """Return the text of a lock file with the entries of ``stages`` in their order, and no others."""
+    """Return the text of a lock file with the entries of ``stages`` alone, in their order."""
     head, *entries = re.split(r"(?m)^  (?=\S)", lock)
     by_name = {entry.partition(":")[0]: entry for entry in entries}
     return head + "".join(f"  {by_name[name]}" for name in stages if name in by_name)
