@@ -14,8 +14,8 @@ from pipeline.formats.joints.log import JointLog
 from pipeline.tools.inspect.command import as_table
 from pipeline.tools.inspect.examine import inspect
 from pipeline.tools.inspect.finding import Finding
-from pipeline.tools.inspect.layout import layout
 from pipeline.tools.new_dataset.command import dataset_texts
+from pipeline.tools.new_dataset.layout import layout
 from pipeline.tools.new_dataset.values import shared_pattern, suggested_values
 
 TIME = np.arange(1000) * 0.008

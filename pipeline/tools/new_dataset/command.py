@@ -15,8 +15,8 @@ from pipeline.core.draft import Draft
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.tools.inspect.examine import inspect
 from pipeline.tools.inspect.finding import ROBOT, shown
-from pipeline.tools.inspect.layout import Layout, layout
 from pipeline.tools.new_dataset.filling import Filling
+from pipeline.tools.new_dataset.layout import RecordingLayout, layout
 from pipeline.tools.new_dataset.template import asked, fill_template, text_of
 from pipeline.tools.new_dataset.values import known_values
 
@@ -130,7 +130,7 @@ def write_datasheet(
 
 
 def dataset_texts(
-    name: str, layout: Layout, folder: Path, answered: Collection[str] = ()
+    name: str, layout: RecordingLayout, folder: Path, answered: Collection[str] = ()
 ) -> list[str]:
     """Return the texts of data/raw/NAME/dataset.yaml and pipeline/conf/dataset/NAME.yaml for the
     recordings of ``layout`` in ``folder``, with ??? for the keys that are ``answered``.

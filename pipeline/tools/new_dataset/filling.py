@@ -22,7 +22,7 @@ from pipeline.recordings.motions import NEARLY, Motion, motions
 from pipeline.recordings.repetitions import REACH
 from pipeline.recordings.take_names import named_takes
 from pipeline.tools.check.values import get_filled, value_faults
-from pipeline.tools.inspect.layout import Layout
+from pipeline.tools.new_dataset.layout import RecordingLayout
 from pipeline.tools.new_dataset.values import KEYS, suggested_values
 
 
@@ -31,7 +31,7 @@ class Filling:
     """A ``draft`` beside the recordings of ``layout`` in ``folder``."""
 
     draft: Draft
-    layout: Layout
+    layout: RecordingLayout
     folder: Path
 
     @property

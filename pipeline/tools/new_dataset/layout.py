@@ -38,7 +38,7 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Layout:
+class RecordingLayout:
     """The recordings of one folder, by what they are."""
 
     training: list[Group]  # takes of motion capture that no depth sequence has the name of
@@ -76,7 +76,7 @@ def links_of(names: list[str]) -> dict[str, list[str]] | None:
     return links if all(links) and [*map(len, links.values())] == [3, 3, 3] else None
 
 
-def layout(findings: list[Finding], folder: Path) -> Layout:
+def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
     """Return the recordings in ``folder`` by what they are and how their names belong together."""
     motion, force, joints = (
         [one for one in findings if one.kind == kind]
@@ -109,7 +109,7 @@ def layout(findings: list[Finding], folder: Path) -> Layout:
     for one in movements.values():
         placed += [one, *one.facts.get("tables", {}).values()]
     taken = set(map(id, placed))
-    return Layout(
+    return RecordingLayout(
         [group for group in groups if group not in test],
         test,
         depth,
