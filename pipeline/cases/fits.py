@@ -21,8 +21,7 @@ from pipeline.models.options import Options
 from pipeline.models.realizations import realize, realized_moments
 from pipeline.models.steps import Estimate, Recorded
 from pipeline.recordings.commands import constant_speed
-from pipeline.statistics.following import constant_noise_variation
-from pipeline.statistics.spread_tables import ModelledNoise, following_rows
+from pipeline.statistics.curves import ModelledNoise, constant_noise_variation, following_tests
 from pipeline.verdicts.reference import ArmNames
 
 CONSTANT_SEED = 20_171
@@ -64,7 +63,7 @@ class Outcome:
     # of all steps and of the moving ones, (takes,) nats
     log_score: dict[str, np.ndarray] = field(default_factory=dict)
     modelled: ModelledNoise | None = None  # at the recorded level, without its draws
-    following: pd.DataFrame | None = None  # as of following_rows
+    following: pd.DataFrame | None = None  # as of following_tests
     refusals: list[str] = field(default_factory=list)
 
 
@@ -92,7 +91,7 @@ def outcome(case: ModelCase, takes: Takes, realizations: int, rng: np.random.Gen
             fared.refusals.append(refused)
         if case.mode == "one_step":
             noise, training = modelled_noise(fared.model, takes.training, rng), takes.training
-            fared.following = following_rows(
+            fared.following = following_tests(
                 noise, training.noise, constant_speed(takes.poses), training.joints, rng
             )
             fared.modelled = replace(noise, draws=noise.draws[:0])

@@ -13,8 +13,14 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
-from pipeline.statistics.kde import kernel_density, marginal_density, normal_reference_bandwidth
-from pipeline.statistics.two_sample import autocorrelation_time, energy_test, thinned
+from pipeline.statistics.densities import (
+    autocorrelation_time,
+    energy_test,
+    kernel_density,
+    marginal_density,
+    normal_reference_bandwidth,
+    thinned,
+)
 from pipeline.wrench.matrix import matrix_model, sample_wrenches
 from pipeline.wrench.parametric import CableSystem
 

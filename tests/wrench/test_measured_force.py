@@ -12,7 +12,7 @@ import pytest
 from planar_cables import planar_cables
 
 from pipeline.core import contracts
-from pipeline.statistics import two_sample
+from pipeline.statistics import densities
 from pipeline.wrench.bounds import Bounds
 from pipeline.wrench.expectation import expected_sigma_s
 from pipeline.wrench.matrix import matrix_model
@@ -98,7 +98,7 @@ def correlated(system, sigma_s, samples, rng):
 def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_tensions_does_not(
     monkeypatch,
 ):
-    monkeypatch.setattr(two_sample, "PERMUTATIONS", 199)  # the level is the same
+    monkeypatch.setattr(densities, "PERMUTATIONS", 199)  # the level is the same
     sigma_s, _ = compared()
     rngs = np.random.default_rng(44).spawn(30)
     own = [force_test(correlated(SYSTEM, sigma_s, 6000, rng), SYSTEM, sigma_s, rng) for rng in rngs]

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from planar_cables import planar_cables
 
-from pipeline.statistics import two_sample
+from pipeline.statistics import densities
 from pipeline.wrench.matrix import matrix_model, optimal_sigma_s, unbounded_sigma_s
 from pipeline.wrench.measured_force import (
     force_moments,
@@ -108,7 +108,7 @@ def test_planes_and_marginals_hold_all_mass_of_every_source_on_one_grid():
 def test_the_test_of_all_rows_finds_moments_that_are_wrong_where_all_forces_are_right(
     monkeypatch,
 ):
-    monkeypatch.setattr(two_sample, "PERMUTATIONS", 199)
+    monkeypatch.setattr(densities, "PERMUTATIONS", 199)
     system = TOWED.in_units_of(LENGTH)
     sigma_s = sigma_s_of(system)
     turned = replace(system, attachment=system.attachment[:, [1, 0, 2]])
