@@ -9,9 +9,9 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from pipeline.cases.camera import Camera
 from pipeline.cases.case import Case
-from pipeline.cases.fits import Outcome, Takes
+from pipeline.cases.fits import Outcome
+from pipeline.cases.recordings import Camera, Takes
 from pipeline.core.columns import matrices, members, values
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE, models_of

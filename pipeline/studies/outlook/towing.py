@@ -12,10 +12,13 @@ import pandas as pd
 
 from pipeline.statistics.takes import paired_difference
 from pipeline.wrench.bounds import Bounds, draw_systems
-from pipeline.wrench.directions import sample_directions
-from pipeline.wrench.kronecker import moment_fit
-from pipeline.wrench.matrix import matrix_model
-from pipeline.wrench.parametric import CableSystem, wrench_covariance, wrench_mean
+from pipeline.wrench.matrix import matrix_model, moment_fit
+from pipeline.wrench.parametric import (
+    CableSystem,
+    sample_directions,
+    wrench_covariance,
+    wrench_mean,
+)
 from pipeline.wrench.study import averaged_sigma_s, covariance_errors, variance_errors
 
 PARTS = {"forces": slice(3), "moments": slice(3, 6)}

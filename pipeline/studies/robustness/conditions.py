@@ -13,7 +13,7 @@ import pandas as pd
 from pipeline.cases.case import Case
 from pipeline.cases.evaluate import Recordings, evaluate
 from pipeline.cases.evidence import Evidence
-from pipeline.cases.verdict import decided
+from pipeline.cases.readings import decided
 from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError
 from pipeline.laboratory.options import TrajectoryOptions
@@ -81,7 +81,7 @@ def trajectory(own: TrajectoryOptions, way: Mapping[str, object]) -> TrajectoryO
 
 
 def verdicts(condition: Condition, common: Common) -> pd.DataFrame:
-    """Return the rows of :func:`pipeline.cases.verdict.decided` of one condition."""
+    """Return the rows of :func:`pipeline.cases.readings.decided` of one condition."""
     evaluated = motion_evidence if condition.study == "motion" else wrench_evidence
     arm = ArmNames(common.laboratory.joints, common.laboratory.chain.task)
     return decided(common.claims, evaluated(condition, common), arm)

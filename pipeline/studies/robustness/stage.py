@@ -15,8 +15,8 @@ from pydantic import Field
 
 from pipeline.cases.case import Case, paper_models
 from pipeline.cases.evaluate import Recordings, evaluate
-from pipeline.cases.recorded import recorded_takes
-from pipeline.cases.verdict import FAILS, HOLDS, UNKNOWN, decided, read_claims
+from pipeline.cases.readings import FAILS, HOLDS, UNKNOWN, decided, read_claims
+from pipeline.cases.recordings import recorded_takes
 from pipeline.core import config, contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError

@@ -1,4 +1,6 @@
-"""All motions keep the task path; sums are those of the takes; a plan is the least by its model."""
+"""All motions keep the task path; sums are those of the takes, which have equal numbers for every
+motion; a plan is the least by its model.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.core.errors import ModelDomainError
+from pipeline.core.config import CONF
+from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
 from pipeline.models.additive.law import AdditiveModel
@@ -18,7 +21,21 @@ from pipeline.models.noise import process_noise
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.studies.planning import stage
+from pipeline.studies.planning.bench import Bench, Rig, bench_of
 from pipeline.studies.planning.figures import planning as figure
+
+
+@pytest.fixture(scope="session")
+def bench() -> Bench:
+    own = bench_of(CONF / "dataset/youbot.yaml", ["x", "z"], 0.64)
+    # 200 steps of the servo a second show what is asked here
+    return replace(own, dynamics=replace(own.dynamics, rate=200.0))
+
+
+@pytest.fixture(scope="session")
+def rig(bench) -> Rig:
+    return Rig(bench, bench.dynamics, takes=6, seed=1)
+
 
 SECTION = read_yaml(Path(stage.__file__).with_name("params.yaml"))["smoke"]
 OPTIONS = validated(stage.Options, SECTION)
@@ -113,6 +130,28 @@ def test_the_page_and_the_figure_follow_the_tables():
     assert "In 0 of 1 pairs" in page
 
 
-def test_the_weight_of_other_physics_is_that_of_their_factors(bench):
-    own = stage.disturbed(bench.dynamics, stage.Factors(clearance=0.0))
-    assert own == replace(bench.dynamics, clearance=0.0)
+def test_the_task_that_is_planned_changes_nothing_of_the_arm_that_moves(bench, rig):
+    whole = bench_of(CONF / "dataset/youbot.yaml", [], 0.64)
+    assert (bench.chain.task, whole.chain.task) == (("x", "z"), ("x", "z", "phi"))
+    assert bench.built.task == whole.chain.task
+    other = replace(rig, bench=whole)
+    assert np.array_equal(rig.poses(bench.recorded, "take"), other.poses(whole.recorded, "take"))
+    # three joints for two rows: a step of the joints stands beside that of the task
+    assert bench.command(bench.recorded).shape == (500, 5)
+    assert whole.command(whole.recorded).shape == (500, 3)
+
+
+def test_the_takes_of_two_motions_err_alike_and_those_of_training_are_others(bench, rig):
+    moved = bench.recorded + np.array([0.0, 0.0, 0.01])
+    first, second = (rig.poses(path, "take") - path for path in (bench.recorded, moved))
+    training = rig.poses(bench.recorded, "training") - bench.recorded
+    spread = first.std()
+    assert np.abs(first - second).max() < 0.2 * spread < np.abs(first - training).max()
+    # a motion's takes hang neither on how many there are nor on how many are simulated at once
+    fewer = Rig(bench, rig.dynamics, takes=2, seed=1)
+    assert np.array_equal(fewer.poses(bench.recorded, "take"), (first + bench.recorded)[:2])
+
+
+def test_a_motion_that_the_arm_cannot_follow_is_refused(bench, rig):
+    with pytest.raises(ConfigError, match="joint limits"):
+        rig.poses(bench.recorded + 3.0, "take")

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.cases.readings import read_claims
 from pipeline.core import config, contracts
 from pipeline.core.errors import ConfigError
-from pipeline.core.typed_yaml import read_yaml
-from pipeline.core.validation import validated
+from pipeline.studies.published import published
 from pipeline.studies.which_decomposition import stage
 from pipeline.studies.which_decomposition.words import odds
 
-HERE, ROOT = Path(stage.__file__).parent, Path(__file__).parents[3]
+HERE, ROOT = Path(stage.__file__).parent, Path(__file__).parents[2]
 NAME = "which_decomposition"
 DATA, PAGE = Path(f"data/studies/{NAME}"), Path(f"reports/studies/{NAME}.md")
 
@@ -64,10 +64,15 @@ def test_recordings_without_rest_have_no_level(claims, never_resting, capsys):
     assert not (DATA / "level.parquet").exists()
 
 
-@pytest.mark.parametrize(
-    ("key", "value"), [("rest", [-0.1, 0.1]), ("tolerances", [1.0]), ("paths", 1)]
-)
-def test_options_without_a_meaning_are_refused(key, value):
-    values = read_yaml(HERE / "params.yaml")["smoke"] | {key: value}
-    with pytest.raises(ConfigError, match=key):
-        validated(stage.Options, values, "smoke", HERE / "params.yaml")
+def test_the_values_and_every_entry_of_the_covariance_stand_in_the_claims():
+    stated = published(read_claims())
+    assert (stated.sigma_b, stated.alpha, stated.u) == (0.25, 0.1, 18)
+    printed = [[0.0330, -0.0406, 0.0592], [-0.0406, 0.0547, -0.0839], [0.0592, -0.0839, 0.2457]]
+    np.testing.assert_allclose(stated.covariance, np.array(printed) * 1e-3)
+    np.testing.assert_allclose(stated.spread, [0.00574, 0.00740, 0.01567], atol=5e-6)
+
+
+def test_a_value_that_is_not_stated_is_refused():
+    claims = [claim for claim in read_claims() if claim.id != "alpha"]
+    with pytest.raises(ConfigError, match="no claim"):
+        published(claims)
