@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from known_law import ROOT
-from surveyed_project import write_surveyed_project
+from known_law import JOINTS, ROOT, write_project
 
 from pipeline.cases.case import KINDS, Case
 from pipeline.cases.readings import UNKNOWN
-from pipeline.core.columns import spread
+from pipeline.core import contracts
+from pipeline.core.columns import spread, triangle
 from pipeline.core.errors import ConfigError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
@@ -120,6 +120,18 @@ def test_the_wrench_has_verdicts_that_follow_its_bounds(common):
     assert values[1] > 2 * values[0] and (held != other).any()
 
 
+def test_a_condition_of_a_killed_run_is_not_evaluated_again(common, tmp_path, monkeypatch):
+    condition, folder = Condition("wrench", 1), tmp_path / "kept"
+    first = stage.kept_verdicts(condition, common, folder)
+    pd.testing.assert_frame_equal(first, verdicts(condition, common))
+    (folder / "half.written").write_bytes(b"\0")
+    monkeypatch.setattr(stage, "verdicts", None)
+    pd.testing.assert_frame_equal(stage.kept_verdicts(condition, common, folder), first)
+    # other options are evaluated anew
+    with pytest.raises(TypeError):
+        stage.kept_verdicts(condition, replace(common, agents=[3, 5]), folder)
+
+
 def test_the_grid_has_each_level_alone_and_the_combinations_that_are_named():
     factors = {"sway_std": [0.0, 2.0], "clearance": [2.0], "particles": [0.1]}
     small = list(conditions(factors, [1, 2], "motion"))
@@ -185,6 +197,22 @@ def test_a_clock_that_is_off_alike_goes_into_the_bias_and_one_that_is_not_widens
     np.testing.assert_allclose(noise["a frame late"][variance], noise["aligned"][variance])
     widened = noise["not aligned"][variance].mean() - noise["aligned"][variance].mean()
     np.testing.assert_allclose(widened, speed**2 * offsets.var(), rtol=0.1)
+
+
+def write_surveyed_project(folder: Path) -> None:
+    """Where the experiment has run up to the noise of its instruments, in ``folder``, where the
+    process must stand.
+    """
+    write_project(folder)
+    frames = {"take": "none", "frame": range(4), "t": np.linspace(0.0, 3.2, 4)}
+    noise = spread("b", JOINTS, np.full((4, 3), 0.01))
+    noise |= triangle("r", JOINTS, np.tile(4e-4 * np.eye(3), (4, 1, 1)))
+    Path("data/articulate").mkdir()
+    contracts.write(pd.DataFrame(frames | noise), "kinect_noise", Path("data/articulate"))
+    Path("data/raw").symlink_to(ROOT / "data/raw")
+    Path("reports/studies").mkdir(parents=True)
+    for name in ("claims.yaml", "datasets"):
+        Path("reports", name).symlink_to(ROOT / "reports" / name)
 
 
 def table() -> pd.DataFrame:
