@@ -1,8 +1,7 @@
 """Uncertainty of motions along one task path, predicted and realised.
 
-One panel an arm, all physics. Across: predicted Σ tr Cov(ω) over the one of the minimum-norm motion,
-a symbol a model; upwards: the realised sum over the one of the minimum-norm motion, a colour a
-motion.
+One panel an arm, all physics. Across: predicted Σ tr Cov(ω) over that of the minimum-norm motion,
+a symbol a model; upwards: the realised sum over that of the minimum-norm motion, a colour a motion.
 On the dotted diagonal the prediction holds.
 """
 
