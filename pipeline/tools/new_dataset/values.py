@@ -13,10 +13,11 @@ from typing import Any
 from pipeline.core.options.logs import AngleUnit, TimeUnit
 from pipeline.formats.format import Kind
 from pipeline.formats.joints import bag
+from pipeline.formats.joints.names import named_like
 from pipeline.formats.units import TIME_UNITS, spelled
 from pipeline.tools.check.values import get_filled
 from pipeline.tools.inspect.finding import ROBOT, Finding, shown
-from pipeline.tools.inspect.joints import MEASURED, time_unit, unit_of_angles
+from pipeline.tools.inspect.joints import time_unit, unit_of_angles
 from pipeline.tools.inspect.kinds import CAMERA_INFO, DEPTH_TYPES, IMAGE_TYPE, described
 from pipeline.tools.inspect.layout import Group, Layout, links_of
 from pipeline.tools.new_dataset.template import Values, agreed, asked, chosen, several, text_of
@@ -92,7 +93,7 @@ def _encoders(layout: Layout) -> Values:
     test = [group for group in layout.encoders if group not in training]
     finding = next(iter(layout.encoders[0].takes.values()))
     labels = [str(label) for label in finding.facts.get("labels", [])]
-    measured = [label for label in labels if any(word in label.lower() for word in MEASURED)]
+    measured = named_like("actual", labels)
     return _parts(training, test, asked()) | {
         "time": text_of(labels[0]) if labels and finding.timed else "0",
         "actual": f"[{several(measured)}]" if measured else asked(f"of {several(labels)}"),
@@ -194,18 +195,11 @@ def _joint_log(movements: Sequence[Group], takes: Sequence[Finding]) -> Values:
 
 
 def _files(tables: Mapping[str, Finding]) -> dict[str, str]:
-    """Files of the measured and commanded angles, by their names and values."""
-    pairs = [(t.facts["measured"], name) for name, t in tables.items() if "measured" in t.facts]
-    if len(pairs) != 1:
-        names = chosen(map(text_of, sorted(tables)))
-        return {"actual": names, "target": names, "speed": "null"}
-    ((actual, target),) = pairs
-    speeds = [name for name, table in tables.items() if table.facts.get("speed_of") == target]
-    return {
-        "actual": f"{text_of(actual)} # by its name",
-        "target": f"{text_of(target)} # by its name",
-        "speed": f"{text_of(speeds[0])} # by its values" if len(speeds) == 1 else "null",
-    }
+    """Files of the measured and commanded angles and of the speed, as their names say."""
+    roles = {table.facts["role"]: name for name, table in tables.items() if "role" in table.facts}
+    choice = chosen(map(text_of, sorted(tables)))
+    files = {"actual": choice, "target": choice, "speed": "null"}
+    return files | {role: f"{text_of(name)} # by its name" for role, name in roles.items()}
 
 
 def _robot(robots: Sequence[Finding], planar: bool) -> Values:
