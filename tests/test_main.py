@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shlex
 import subprocess
 import sys
 from collections.abc import Callable
@@ -132,9 +133,15 @@ def test_without_the_environment_one_line_names_the_command_that_makes_it():
     ],
 )
 @pytest.mark.parametrize("words", ["--help", "inspect data/raw/ur5/dataset.yaml"])
-def test_output_that_cannot_be_written_ends_without_a_traceback(output, code, message, words):
-    shell = f"{sys.executable} -m pipeline {words} {output}"
-    done = subprocess.run(["sh", "-c", shell], cwd=ROOT, capture_output=True, text=True)
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_output_that_cannot_be_written_ends_without_a_traceback(
+    output, code, message, words, unbuffered
+):
+    environment = os.environ | {"PYTHONUNBUFFERED": unbuffered}
+    shell = f"{shlex.quote(sys.executable)} -m pipeline {words} {output}"
+    done = subprocess.run(
+        ["sh", "-c", shell], cwd=ROOT, env=environment, capture_output=True, text=True
+    )
     assert done.returncode == code
     assert message in done.stderr and len(done.stderr.splitlines()) == bool(message)
 

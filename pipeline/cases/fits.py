@@ -81,7 +81,10 @@ def _papers_estimates(recorded: Recorded, options: Options, fit: Estimate) -> di
         own = fit if requested == options else estimate(recorded, requested)
     except (ModelDomainError, SolverError):
         return {}
-    return {PAPER.format(name): value for name, value in own.estimates.items()}
+    estimates = {PAPER.format(name): value for name, value in own.estimates.items()}
+    if "u_unbounded" in own.diagnostics:  # whether û is an estimate at all
+        estimates[f"{PAPER.format('u')}_unbounded"] = own.diagnostics["u_unbounded"]
+    return estimates
 
 
 def _log_scores(case: ModelCase, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:

@@ -118,7 +118,8 @@ def _decide(claim: Claim, evidence: Evidence, recordings: Recordings, arm: ArmNa
     there = ~np.any(np.isnan([getattr(readings, key) for key in keys]), axis=0)
     # a rule that compares cases with each other says nothing where one is missing
     known = there & (there.all() or claim.rule != "decreasing")
-    decides, holds = known & rule.decides(readings), rule.holds(readings)
+    void = claim.unless is not None and _above(claim, evidence, arm)
+    decides, holds = known & rule.decides(readings) & (not void), rule.holds(readings)
     columns = (
         readings.value,
         readings.than,
@@ -139,7 +140,6 @@ def _decide(claim: Claim, evidence: Evidence, recordings: Recordings, arm: ArmNa
         Case(name, *map(_or_none, row), bool(held) if decided else None)
         for name, held, decided, *row in zip(names, holds, decides, *columns, strict=True)
     )
-    void = claim.unless is not None and _above(claim, evidence, arm)
     return Verdict(claim, _verdict(claim, recordings, void, known, decides, holds), cases)
 
 

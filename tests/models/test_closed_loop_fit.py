@@ -161,6 +161,25 @@ def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
     np.testing.assert_allclose(likelihoods, expected, rtol=1e-10)
 
 
+def test_a_share_without_a_covariance_has_no_likelihood_and_leaves_the_others_theirs():
+    """The innovation y_1 − y_0 has the variance 1.99κ² − 0.2 + 0.02, negative at κ = 0.1."""
+    one, steps = np.ones((1, 1)), 1
+    space = StateSpace(
+        np.tile(one, (steps, 1, 1)),
+        np.tile(one, (steps, 1, 1)),
+        np.tile(-0.2 * one, (steps, 1, 1)),
+        0.01 * one,
+        np.ones(steps, dtype=bool),
+    )
+    deviation = np.array([1.0, -1.0])[:, None, None] * np.ones((2, steps + 1, 1))
+    shares = np.array([1.0, 0.1])
+    with np.errstate(all="raise"):
+        likelihoods = take_log_likelihoods(space, deviation, shares)
+        alone = take_log_likelihoods(space, deviation, shares[:1])
+    assert np.all(np.isfinite(alone)) and np.array_equal(likelihoods[:1], alone)
+    assert np.all(likelihoods[1] == -np.inf)
+
+
 def test_deviations_go_as_the_linear_law_says(path):
     """Of the mean of every model; the Wishart model's answers a correction by more than it."""
     recorded, share, off = takes_of("additive", path, 0.4, seed=5), 0.3, 1e-5

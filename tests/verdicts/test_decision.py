@@ -241,7 +241,9 @@ def test_what_the_construction_forces_has_no_verdict_on_any_recordings():
 def test_recordings_that_differ_mostly_from_each_other_are_no_evidence(share, expected):
     unless = {"file": "metrics/motion", "key": "share", "limit": 0.5, "reason": "a lag"}
     evidence = {"metrics/motion": EVIDENCE["metrics/motion"] | {"share": share}}
-    assert verdict(evidence, unless=unless).verdict == expected
+    decided = verdict(evidence, unless=unless)
+    assert decided.verdict == expected
+    assert {case.holds for case in decided.cases} == ({True} if share < 0.5 else {None})
     assert verdict(unless=unless).verdict == REPRODUCED  # without the quantity
 
 

@@ -35,8 +35,8 @@ class WishartFit:
         return np.sqrt(self.squares.mean(axis=0))
 
     def from_takes(self, takes: np.ndarray) -> dict[str, float]:
-        """σ̂_B of the takes with these numbers, as often as each is named; the weights stay those of
-        all takes.
+        """Return σ̂_B of the takes with these numbers, as often as each is named; the weights stay
+        those of all takes.
         """
         counts = np.bincount(takes, minlength=len(self.squares))
         return {"sigma_b": float(np.sqrt(counts @ self.squares / counts.sum()).mean())}

@@ -1,5 +1,5 @@
-"""The closed form of the perturbations held against the convex problem as printed, and σ̂_B over the
-weight that the paper leaves open.
+"""Comparison of the perturbations' closed form with the convex problem as printed, and σ̂_B over
+the weight that the paper leaves open.
 """
 
 from __future__ import annotations

@@ -258,7 +258,8 @@ def page(results: Results) -> list[str]:
         f"that the paper leaves open, on {len(physical)} with the laboratory's physics or bounds, "
         f"and on {len(lucky)} with other random numbers (†): a single run says little of these. "
         f"{decision if len(most) else ''}"
-        f"The base case of the recordings is the run; the laboratory's has "
+        f"The base case of the recordings has the options of the run, with "
+        f"{results.options.filtered} test takes in the filter; the laboratory's has "
         f"{len(results.options.seeds)} seeds, and “both” is a claim that holds with one of them "
         "only.",
         results.figures["robustness"],
