@@ -15,7 +15,7 @@ from pipeline.core import contracts
 from pipeline.core.columns import columns, values
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Dataset
-from pipeline.core.options.motion_capture import Mocap
+from pipeline.core.options.instruments import Mocap
 from pipeline.filtering.encoder_noise import EncoderNoise, encoder_noise
 from pipeline.filtering.measurement import Measurements, measurements
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.force import Configuration, Force
+from pipeline.core.options.instruments import Configuration, Force
 from pipeline.wrench.bounds import Bounds
 from pipeline.wrench.parametric import CableSystem
 

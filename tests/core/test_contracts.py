@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from pipeline.core import columns, contracts
+from pipeline.core.contracts import PAPER, Column, declared, expanded
 from pipeline.core.errors import ContractError
-from pipeline.core.tables import PAPER, Column, declared, expanded
 
 PIPELINE = PAPER.parents[1]
 

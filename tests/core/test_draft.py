@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.core.draft import Draft, absent, faults
+from pipeline.core.datasheet import Draft, absent, faults
 from pipeline.core.errors import ConfigError
 
 SHEET, OPTION = Path("dataset.yaml"), Path("lab.yaml")

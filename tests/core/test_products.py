@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from compiled_calls import from_python
 
-from pipeline.core.products import LANES, greatest, inner_product, total
+from pipeline.core.elementary import LANES, greatest, inner_product, total
 
 
 @pytest.mark.parametrize("count", [0, 1, LANES - 1, LANES, LANES + 1, 10 * LANES + 3])

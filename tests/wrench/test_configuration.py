@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.force import Configuration, Force
+from pipeline.core.options.instruments import Configuration, Force
 from pipeline.wrench.configuration import configuration_bounds, nominal_system
 
 PLANAR = {

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from pipeline.core.compute.sandbox import Sandbox
+from pipeline.core.bounds import Sandbox
 from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.formats import rosbag
 from pipeline.formats.bag_path import is_bag

@@ -10,7 +10,7 @@ import re
 from pathlib import Path
 
 from pipeline.core import config, datasheet
-from pipeline.core.draft import Draft
+from pipeline.core.datasheet import Draft
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.tools.inspect.examine import inspect
 from pipeline.tools.inspect.layout import Layout, layout

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from pipeline.core.draft import Draft, Question
+from pipeline.core.datasheet import Draft, Question
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.recordings.motions import Motion
 from pipeline.tools.check.values import get_filled, value_faults

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
-from pipeline.core.options.logs import AngleUnit, TimeUnit
+from pipeline.core.options.instruments import AngleUnit, TimeUnit
 from pipeline.formats.depth.messages import CAMERA_INFO, IMAGE
 from pipeline.formats.format import Kind
 from pipeline.formats.units import spelled

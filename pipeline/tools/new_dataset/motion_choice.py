@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.core.datasheet import unfilled_keys
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
-from pipeline.core.options.logs import JointLog
+from pipeline.core.options.instruments import JointLog
 from pipeline.recordings.logged_movement import read_logged_movement
 from pipeline.recordings.motions import Motion, motions
 from pipeline.recordings.take_names import named_takes

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.core.errors import PipelineError
-from pipeline.core.options.logs import TimeUnit
+from pipeline.core.options.instruments import TimeUnit
 from pipeline.formats.format import Kind
 from pipeline.formats.units import TIME_UNITS
 from pipeline.recordings.movement import MOST_TURNS

@@ -17,7 +17,7 @@ from ros_bags import camera_info, image, write_bag
 from pipeline import arm
 from pipeline.__main__ import main
 from pipeline.core import datasheet
-from pipeline.core.draft import faults
+from pipeline.core.datasheet import faults
 from pipeline.formats.motion.motive import write_motive
 from pipeline.tools.new_dataset.command import run
 
