@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.description import describe
-from pipeline.arm.rigid import rigid_motion
+from pipeline.arm.frames import rigid_motion
+from pipeline.arm.urdf import describe
 from pipeline.core import contracts
 from pipeline.core.columns import columns, values
 from pipeline.core.errors import ConfigError

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.arm.model import chain_of
-from pipeline.arm.plain import PlainChain
+from pipeline.arm.serial import PlainChain
 from pipeline.core.errors import SingularJacobianError
 from pipeline.core.options.dataset import Robot
 from tests.arm.serial_arms import UR5, jn, random_text
