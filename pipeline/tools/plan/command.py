@@ -21,9 +21,8 @@ from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError
 from pipeline.formats.trajectory import write_trajectory
 from pipeline.models.kinds import fitted_model
-from pipeline.planning.cost import OBJECTIVES, uncertainty
 from pipeline.planning.motions import POINTS, least_uncertain
-from pipeline.planning.problem import Problem
+from pipeline.planning.problem import OBJECTIVES, Problem, uncertainty
 from pipeline.tools.plan.path_file import read_path
 from pipeline.tools.plan.picture import draw
 
