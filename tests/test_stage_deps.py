@@ -10,11 +10,11 @@ from collections.abc import Iterator
 
 import pytest
 from omegaconf import OmegaConf
-from source_code import MODULES, ROOT, covers, needed, room, tree
+from source_code import MODULES, ROOT, covers, needed, package, tree
 
 # Every stage depends on core as a whole. What core imports by exception, the types of options,
 # changes no stage but configure: the others depend on the values that they declare.
-HARMLESS = {module for module in MODULES if room(module) == "core"}
+HARMLESS = {module for module in MODULES if package(module) == "core"}
 
 
 def stages() -> Iterator[tuple[str, str, dict]]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.numbers import Arm
+from pipeline.arm.interface import Arm
 from pipeline.core.compiled import compiled, inner
 from pipeline.filtering.resampling import resample
 from pipeline.filtering.start import mark_outside

@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
-from pipeline.arm.plain import PlainChain
+from pipeline.arm.serial import PlainChain
 from pipeline.core.errors import ContractError
 from pipeline.models.kinds import build_model
 from pipeline.models.model import MotionModel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.models.draws import draw_steps
 from pipeline.models.model import MotionModel
@@ -12,7 +12,7 @@ from pipeline.models.model import MotionModel
 
 def realize(
     model: MotionModel,
-    chain: PlanarChain,
+    chain: Chain,
     q: np.ndarray,
     v: np.ndarray,
     mode: str,
@@ -48,7 +48,7 @@ def realize(
 
 def realized_moments(
     model: MotionModel,
-    chain: PlanarChain,
+    chain: Chain,
     q: np.ndarray,
     v: np.ndarray,
     mode: str,

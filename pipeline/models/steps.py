@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import kinds
 from pipeline.models.model import MotionModel
@@ -20,7 +20,7 @@ from pipeline.models.noise import measurement_covariance
 class Recorded:
     """Recorded steps of one motion of n joints and m task rows: what every estimator is given."""
 
-    chain: PlanarChain
+    chain: Chain
     q: np.ndarray  # (takes, M, n) rad, measured pose before each step
     # (M, m) or (M, m + n), commands (pipeline.models.commands); of a closed loop one for each take
     v: np.ndarray

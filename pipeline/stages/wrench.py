@@ -15,7 +15,7 @@ from pipeline.core import config, contracts, rng
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
-from pipeline.core.options.force import Force
+from pipeline.core.options.instruments import Force
 from pipeline.wrench.bounds import configuration_bounds, nominal_system, study_bounds
 from pipeline.wrench.matrix import FORMS
 from pipeline.wrench.measured_force import (

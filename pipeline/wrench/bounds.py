@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
-from pipeline.core.options.force import Configuration, Force
+from pipeline.core.options.instruments import Configuration, Force
 from pipeline.wrench.parametric import CableSystem
 
 

@@ -12,12 +12,12 @@ import pandas as pd
 import pytest
 from scipy.stats import wishart
 
-from pipeline.arm.hexapod import LEGS, Hexapod, pose_of
 from pipeline.core.errors import ConfigError, SingularJacobianError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
 from pipeline.studies.outlook import stage
 from pipeline.studies.outlook.hexapod import equal_models, platform_covariance, straight
+from pipeline.studies.outlook.platform import LEGS, Hexapod, pose_of
 from pipeline.studies.outlook.towing import error_rows, lever, recorded_rows, slope_rows
 from pipeline.wrench.bounds import Bounds, draw_systems
 from pipeline.wrench.matrix import matrix_model

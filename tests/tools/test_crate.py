@@ -17,7 +17,7 @@ import pytest
 from omegaconf import OmegaConf
 from project_copy import run
 from rocrate.rocrate import ROCrate
-from source_code import MODULES, ROOT, covers, needed, room
+from source_code import MODULES, ROOT, covers, needed, package
 
 from pipeline.tools.crate.command import QUALITY, card
 from pipeline.tools.crate.crate import PROFILE, describe
@@ -159,7 +159,7 @@ def test_a_run_is_described_file_by_file_and_stage_by_stage(reproduced, tmp_path
 def test_a_stage_depends_on_the_code_that_it_runs(stage, module):
     file = ROOT / "pipeline/tools/crate/dvc.yaml"
     deps = OmegaConf.to_container(OmegaConf.load(file))["stages"][stage]["deps"]
-    core = {name for name in MODULES if room(name) == "core"}
+    core = {name for name in MODULES if package(name) == "core"}
     modules = [MODULES[name] for name in needed(f"pipeline.{module}", core)]
     files = [file.relative_to(ROOT).as_posix() for file in modules if file.stat().st_size]
     files.remove("pipeline/__init__.py")

@@ -17,7 +17,7 @@ from source_code import ROOT
 
 from pipeline.__main__ import main
 from pipeline.core import config, datasheet
-from pipeline.core.draft import faults
+from pipeline.core.datasheet import faults
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.formats.depth.image import write_depth
 from pipeline.formats.depth.index import write_index

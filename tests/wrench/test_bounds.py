@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import kstest
 
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.force import Configuration, Force
+from pipeline.core.options.instruments import Configuration, Force
 from pipeline.wrench.bounds import (
     Bounds,
     configuration_bounds,

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.commands import task_step
@@ -112,7 +111,7 @@ class WishartModel:
         return replace(self, sigma_b=dispersion_of_trace(squares, trace, a.shape[-1]))
 
     def sample(
-        self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
+        self, chain: Chain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
     ) -> np.ndarray:
         """(..., n) q, J₂⁺B⁻¹a and the step in the null space of J."""
         a, back, _ = factors(chain, q, v, self.decomposition)

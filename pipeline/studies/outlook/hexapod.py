@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import brentq
 
-from pipeline.arm.hexapod import LEGS, Hexapod, pose_of
 from pipeline.core.errors import ConfigError
 from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.gaussian.law import GaussianModel
@@ -19,6 +18,7 @@ from pipeline.models.norm import frobenius
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.randommatrix.wishart import largest_dispersion
+from pipeline.studies.outlook.platform import LEGS, Hexapod, pose_of
 
 DECOMPOSITIONS = ("qr_transposed", "qr")  # those that no order of the rows changes
 SAME_POSE = 1e-6  # m

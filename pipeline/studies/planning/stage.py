@@ -27,9 +27,8 @@ from pipeline.core.validation import options
 from pipeline.models import kinds
 from pipeline.models.model import MotionModel
 from pipeline.models.noise import process_noise
-from pipeline.planning.cost import uncertainty
 from pipeline.planning.motions import best_conditioned, least_uncertain, minimum_norm
-from pipeline.planning.problem import InfeasibleError, Problem
+from pipeline.planning.problem import InfeasibleError, Problem, uncertainty
 from pipeline.statistics.takes import drawn_takes, percentile_interval
 from pipeline.studies.frame import Results, Study, interval, listed, number
 from pipeline.studies.planning.bench import Bench, Rig, bench_of

@@ -13,7 +13,7 @@ from typing import Any
 from pipeline.arm.model import chain_of
 from pipeline.core import config, contracts, datasheet
 from pipeline.core.columns import columns
-from pipeline.core.draft import absent, filled
+from pipeline.core.datasheet import absent, filled
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.analysis import Compute
 from pipeline.core.options.dataset import Dataset

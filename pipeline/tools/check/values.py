@@ -11,8 +11,7 @@ from typing import Any
 
 from pipeline.arm.model import chain_of
 from pipeline.arm.urdf import read_urdf
-from pipeline.core.datasheet import unfilled_keys
-from pipeline.core.draft import faults
+from pipeline.core.datasheet import faults, unfilled_keys
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.core.options.dataset import Robot
 from pipeline.formats.patterns import matching

@@ -1,6 +1,6 @@
 """Accounts of the recordings in a file or a folder, each by the stages' own reader of its format.
 
-Files are read in a process of their own (:mod:`pipeline.core.compute.sandbox`), which bounds the
+Files are read in a process of their own (:mod:`pipeline.core.bounds`), which bounds the
 time and memory that one of them takes. Nothing is executed or changed.
 """
 
@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from pipeline.core.compute.sandbox import Sandbox
+from pipeline.core.bounds import Sandbox
 from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.formats.bag_path import is_bag
 from pipeline.formats.depth.index import frame_endings

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from pipeline.core import config, contracts, datasheet
-from pipeline.core.draft import Draft
+from pipeline.core.datasheet import Draft
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.tools.inspect.examine import inspect
 from pipeline.tools.inspect.finding import ROBOT, shown

@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.core.datasheet import unfilled_keys
-from pipeline.core.draft import Draft, Question
+from pipeline.core.datasheet import Draft, Question, unfilled_keys
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import Robot
-from pipeline.core.options.logs import JointLog
+from pipeline.core.options.instruments import JointLog
 from pipeline.recordings.logged_movement import read_logged_movement
 from pipeline.recordings.motions import NEARLY, Motion, motions
 from pipeline.recordings.repetitions import REACH

@@ -10,7 +10,7 @@ from os.path import relpath
 from pathlib import Path
 from typing import Any
 
-from pipeline.core.options.logs import AngleUnit, TimeUnit
+from pipeline.core.options.instruments import AngleUnit, TimeUnit
 from pipeline.formats.format import Kind
 from pipeline.formats.joints import bag
 from pipeline.formats.joints.names import named_like

@@ -22,9 +22,8 @@ from pipeline.core.errors import ConfigError
 from pipeline.figures.style import BLACK, GREY, PNG_RESOLUTION, TWO_COLUMNS, joint_lines, panels
 from pipeline.formats.trajectory import write_trajectory
 from pipeline.models.kinds import fitted_model
-from pipeline.planning.cost import OBJECTIVES, uncertainty
 from pipeline.planning.motions import POINTS, Planned, least_uncertain
-from pipeline.planning.problem import Problem
+from pipeline.planning.problem import OBJECTIVES, Problem, uncertainty
 from pipeline.tools.plan.path_file import read_path
 
 FITS = Path("data/fit")

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arm.description import describe
 from pipeline.arm.model import arm_of, link_chains
+from pipeline.arm.urdf import describe
 from pipeline.core import config, contracts
 from pipeline.core.columns import matrices, members, values
 from pipeline.core.errors import ConfigError, PipelineError

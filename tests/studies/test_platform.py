@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.arm.hexapod import Hexapod, pose_of
 from pipeline.core.errors import ConfigError, SingularJacobianError, SolverError
+from pipeline.studies.outlook.platform import Hexapod, pose_of
 
 
 def ring(radius: float, corners: list[float], half: float) -> np.ndarray:

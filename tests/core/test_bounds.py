@@ -10,8 +10,7 @@ import time
 import numpy as np
 import pytest
 
-from pipeline.core.bounds import Reading, bounds, within
-from pipeline.core.compute.sandbox import Sandbox
+from pipeline.core.bounds import Reading, Sandbox, bounds, within
 from pipeline.core.errors import ConfigError, RecordingError
 
 SMALL = Reading(seconds=1, memory_mib=256)

@@ -1,4 +1,4 @@
-"""Arms of any joints as URDFs, and Pinocchio's kinematics of the whole robot in them."""
+"""URDFs of planar arms and of arms of any joints, and Pinocchio's kinematics of the whole robot."""
 
 from __future__ import annotations
 
@@ -13,6 +13,10 @@ from pipeline.core.task import SPACE
 
 LWR4 = Path(__file__).parents[3] / "shared/recordings/lwr4/kuka_lwr4.urdf"
 UR5 = Path("pipeline/arm/ur5.urdf")
+YOUBOT = Path("pipeline/arm/youbot.urdf")
+JOINTS = ["arm_joint_2", "arm_joint_3", "arm_joint_4"]
+# rad, away from the poses that the experiment holds them at
+LOCKED = {"arm_joint_1": 2.4, "arm_joint_5": 0.7}
 LIMIT = '<limit lower="-2.5" upper="2.5" velocity="1.5" effort="10"/>'
 
 
@@ -114,3 +118,64 @@ def by_pinocchio(robot: Robot, tip: str, poses: np.ndarray) -> tuple[np.ndarray,
         in_base = np.vstack([base.rotation.T @ world[:3], base.rotation.T @ world[3:]])
         jacobians.append(in_base[rows] * units[:, None])
     return np.array(places), np.array(jacobians)
+
+
+def urdf(
+    axes: tuple[str, str, str],
+    *,
+    base: str = "0 0 0",
+    kinds: tuple[str, str, str] = ("revolute",) * 3,
+) -> str:
+    """A chain a, b, c of three joints about ``axes`` on a base turned by ``base`` (roll, pitch,
+    yaw), with a tool beyond.
+    """
+    lines = ['<robot name="test"><link name="root"/><link name="base"/>']
+    lines += [
+        '<joint name="foot" type="fixed"><parent link="root"/><child link="base"/><origin '
+        f'xyz="0.1 -0.2 0.3" rpy="{base}"/></joint>'
+    ]
+    below = "base"
+    for name, axis, kind, place in zip(
+        "abc", axes, kinds, ("0.02 0.05 0.1", "0.1 0.03 0.2", "-0.05 0.02 0.15"), strict=True
+    ):
+        limit = (
+            '<limit lower="-2" upper="1.5" velocity="1.2" effort="1"/>'
+            if kind != "continuous"
+            else ""
+        )
+        lines.append(
+            f'<link name="link_{name}"/><joint name="{name}" type="{kind}"><parent '
+            f'link="{below}"/><child link="link_{name}"/>'
+            f'<origin xyz="{place}" rpy="0 0 0"/><axis xyz="{axis}"/>{limit}</joint>'
+        )
+        below = f"link_{name}"
+    lines.append(
+        '<link name="tool"/><joint name="grip" type="fixed"><parent link="link_c"/><child '
+        'link="tool"/>'
+    )
+    lines.append('<origin xyz="0.1 -0.04 0.12" rpy="0.3 0 0"/></joint></robot>')
+    return "\n".join(lines)
+
+
+def gantry() -> str:
+    """A URDF of a carriage (slides), turret (about z), shoulder (−x), telescope (slides), elbow
+    (+x), plate (fixed), wrist (+x), gripper (slides) and mount (fixed).
+    """
+    joints = [
+        ("carriage", "prismatic", "l0", "slide", "0 0 0.2", "0 0 0", "0 1 0"),
+        ("turret", "revolute", "slide", "tower", "0.1 0 0.3", "0 0 0", "0 0 1"),
+        ("shoulder", "revolute", "tower", "upper", "0.05 0 0.1", "0.3 0 0", "-1 0 0"),
+        ("telescope", "prismatic", "upper", "rod", "0.02 0 0.2", "0 0 0", "0 0 1"),
+        ("elbow", "revolute", "rod", "fore", "-0.03 0.01 0.1", "0 0 0", "1 0 0"),
+        ("plate", "fixed", "fore", "bracket", "0 0 0.15", "0 0 0", ""),
+        ("wrist", "revolute", "bracket", "hand", "0 0 0.1", "-0.2 0 0", "1 0 0"),
+        ("gripper", "prismatic", "hand", "finger", "0 0.02 0.1", "0 0 0", "0 1 0"),
+        ("mount", "fixed", "hand", "flange", "0.04 0.03 0.12", "0 0.4 0", ""),
+    ]
+    texts = []
+    for name, kind, parent, child, xyz, rpy, axis in joints:
+        inside = f'<origin xyz="{xyz}" rpy="{rpy}"/>' + (
+            f'<axis xyz="{axis}"/>{LIMIT}' if axis else ""
+        )
+        texts.append(joint(name, kind, parent, child, inside))
+    return robot_text(*texts)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
+from space_arms import LWR4, link_poses
+from space_arms import UR5 as ARM
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.arm.model import chain_of
+from pipeline.arm.model import chain_of, link_chains
+from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.task import SPACE
-from tests.arm.example_urdf import YOUBOT
-from tests.arm.serial_arms import LIMIT, UR5, by_pinocchio, jn, joint, origin, robot_text
+from tests.arm.arm_urdfs import LIMIT, UR5, YOUBOT, by_pinocchio, jn, joint, origin, robot_text
 
 PLACE = origin(pin.SE3(pin.rpy.rpyToMatrix(0.3, -0.5, 0.8), np.array([0.1, 0.2, 0.3])))
 MIMIC = '<mimic joint="j1" multiplier="-2" offset="0.1"/>'
@@ -150,3 +154,34 @@ def test_joints_that_slide_in_the_plane_are_of_it(file):
     chain = chain_of(Robot(urdf, jn(2), plane=True, task=["x", "z"]))
     q = np.array([[0.2, 0.5], [-0.3, 0.9]])
     assert np.ptp(chain.pose(q)[:, 1]) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("robot", "links"),
+    [(ARM, ["shoulder", "forearm", "wrist_2", "flange"]), (LWR4, ["link_2", "link_5", "flange"])],
+)
+def test_a_links_frame_lies_where_pinocchio_has_it(robot, links):
+    q = np.random.default_rng(1).uniform(-2, 2, (50, len(robot.joints)))
+    for link, chain in link_chains(robot, links, "key").items():
+        pose = chain.pose(q[:, : len(chain.lower)])
+        rotation, position = link_poses(robot, link, q)
+        np.testing.assert_allclose(pose[:, :3], position, atol=1e-12)
+        np.testing.assert_allclose(pose[:, 3:].reshape(-1, 3, 3), rotation, atol=1e-12)
+
+
+def test_held_joints_are_no_joints_of_the_chain():
+    held = replace(ARM, joints=ARM.joints[2:], locked={"joint_2": -0.7}, task=["x", "z"])
+    (chain,) = link_chains(held, ["wrist_1"], "key").values()
+    q = np.random.default_rng(1).uniform(-2, 2, (5, 2))
+    whole = np.hstack([np.tile([0.0, -0.7], (5, 1)), q, np.zeros((5, 2))])
+    np.testing.assert_allclose(
+        chain.pose(q)[:, :3], link_poses(ARM, "wrist_1", whole)[1], atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("link", "words"), [("elbow", "no frame 'elbow'"), ("base", "no joint of the arm moves 'base'")]
+)
+def test_a_link_that_the_arm_does_not_move_is_refused(link, words):
+    with pytest.raises(ConfigError, match=words):
+        link_chains(ARM, ["forearm", link], "key")

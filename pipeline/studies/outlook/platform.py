@@ -1,9 +1,8 @@
-"""The hexapod (Gough 1962, Stewart 1965): a platform on six legs whose lengths are its joints.
+"""Kinematics of the hexapod (Gough 1962, Stewart 1965): a platform on six legs whose lengths are
+its joints.
 
-The parallel robot is the serial one's dual. From the pose the legs and J⁻¹ follow in closed form;
-from the legs the pose follows by Newton's method alone. Where an arm is singular it cannot move in
-some direction; where a hexapod is, J⁻¹ is singular and its legs do not hold the platform (Gosselin
-and Angeles 1990).
+From the pose the legs and J⁻¹ follow in closed form; from the legs the pose follows by Newton's
+method. Where J⁻¹ is singular the legs do not hold the platform (Gosselin and Angeles 1990).
 
 A pose is that of the platform's frame in the base's: position (3, m) and rotation (9, row by row),
 as of a serial chain. The task's rows are its velocity and its angular velocity in the base's axes,
@@ -20,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arm.interface import Mechanism
 from pipeline.core.errors import ConfigError, SolverError
-from pipeline.core.options.dataset import SPACE
+from pipeline.core.task import SPACE
 
 LEGS = 6
 # The least singular value of J⁻¹ at a pose that is trusted, as a share of the greatest entry that
