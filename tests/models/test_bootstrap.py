@@ -16,7 +16,7 @@ from pipeline.models.steps import Recorded
 from pipeline.models.wishart.density import action_log_density
 from pipeline.models.wishart.law import WishartModel
 from pipeline.statistics.takes import percentile_interval
-from pipeline.studies.recovery.known_laws import drawn
+from pipeline.studies.recovery.stage import drawn
 
 ADDITIVE = kinds.options_type("additive")("additive", estimator="paper")
 LIKELIHOOD = kinds.options_type("wishart")(

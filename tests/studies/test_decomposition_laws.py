@@ -16,7 +16,6 @@ from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.randommatrix.wishart import degrees_of_freedom, sample
-from pipeline.studies.published import published
 from pipeline.studies.which_decomposition.evidence import (
     SETS,
     SIZES,
@@ -25,6 +24,7 @@ from pipeline.studies.which_decomposition.evidence import (
     evidence_rows,
     joined,
     log_quantities,
+    published,
     widths,
 )
 from pipeline.studies.which_decomposition.laws import (

@@ -14,8 +14,13 @@ from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.recordings.steps import training_steps
 from pipeline.studies.recovery import stage
-from pipeline.studies.recovery.known_laws import drawn
-from pipeline.studies.recovery.stage import LABELS, bias_sentences, recovery_row, thinned_steps
+from pipeline.studies.recovery.stage import (
+    LABELS,
+    bias_sentences,
+    drawn,
+    recovery_row,
+    thinned_steps,
+)
 
 HERE = Path(stage.__file__).parent
 DATA, PAGE = Path("data/studies/recovery"), Path("reports/studies/recovery.md")

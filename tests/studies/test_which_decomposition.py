@@ -10,8 +10,8 @@ import pytest
 from pipeline.cases.readings import read_claims
 from pipeline.core import config, contracts
 from pipeline.core.errors import ConfigError
-from pipeline.studies.published import published
 from pipeline.studies.which_decomposition import stage
+from pipeline.studies.which_decomposition.evidence import published
 from pipeline.studies.which_decomposition.words import odds
 
 HERE, ROOT = Path(stage.__file__).parent, Path(__file__).parents[2]

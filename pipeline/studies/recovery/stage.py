@@ -17,13 +17,14 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.core.validation import options
 from pipeline.models.bootstrap import replicate, resampled_estimator
+from pipeline.models.draws import draw_steps
 from pipeline.models.kinds import build_model, estimate, truths
+from pipeline.models.model import MotionModel
 from pipeline.models.options import Options as Model
 from pipeline.models.steps import Recorded, Truth
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.takes import NORMAL_QUANTILE, percentile_interval
 from pipeline.studies.frame import NoAnswerError, Results, Study, listed, number
-from pipeline.studies.recovery.known_laws import drawn
 from pipeline.verdicts.wording import table
 
 LABELS = {
@@ -109,6 +110,21 @@ def thinned_steps(recorded: Recorded, takes: int, stride: int) -> Recorded:
         noise=recorded.noise[:takes, ::stride],
         known_measurement=recorded.measurement,
     )
+
+
+def drawn(truth: MotionModel, recorded: Recorded, rng: np.random.Generator) -> Recorded:
+    """Return ``recorded`` with the noise ω of every step drawn from ``truth`` at the recorded pose,
+    plus N(0, Σ_m) of the recordings.
+
+    The law of a step given the measured pose before it is the one that the likelihoods assume.
+    Raises SingularJacobianError and, where the motion never rests, ModelDomainError.
+    """
+    q, v = recorded.q, recorded.v
+    nominal = q + recorded.chain.nominal_step(q, v)
+    step, _ = draw_steps(truth, recorded.chain, q, v, rng)
+    measured = rng.multivariate_normal(np.zeros(q.shape[-1]), recorded.measurement, q.shape[:-1])
+    noise = step - nominal + measured
+    return replace(recorded, noise=noise, known_measurement=recorded.measurement)
 
 
 def recover(trial: tuple[KnownLaw, int], recorded: Recorded, seed: int) -> dict[str, Pair | None]:
