@@ -97,7 +97,7 @@ def test_nothing_is_wrong_and_another_name_is_refused(files, capsys):
 def test_everything_that_is_wrong_is_printed_at_once(files, capsys):
     sheet, option = files
     edit(sheet, "a test", "'???'")
-    edit(sheet, "run_*", "walk_*")
+    edit(sheet, "logs\n", "walks\n")
     edit(sheet, "  actual: ", "  angle_unit: turns\n  actual: ")
     edit(option, "tool: flange", "tol: flange")
     edit(option, "rate: 100.0", "rate: fast")
@@ -106,7 +106,7 @@ def test_everything_that_is_wrong_is_printed_at_once(files, capsys):
     with pytest.raises(ConfigError, match=r"^8 to be mended"):
         run(["lab"])
     said = capsys.readouterr().out
-    keys = ("about.source", "key dataset.joint_log.angle_unit", "robot.tol", "walk_*")
+    keys = ("about.source", "key dataset.joint_log.angle_unit", "robot.tol", "walks")
     for key in (*keys, "key dataset.motion.rate", "key dataset.joint_log.rest", "tolerance"):
         assert said.count(key) == 1, key
 
@@ -114,7 +114,7 @@ def test_everything_that_is_wrong_is_printed_at_once(files, capsys):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("run_*", "walk_*", "no file or folder in"),
+        ("run_*", "walk_*", "no folder or file of a movement matches"),
         ("q_actual.csv", "q.csv", "run_1/q.csv]; and 1 more, as"),
         ("joint_6]", "joint_7]", "joint_6 of robot.joints is not logged"),
         ("joint_log:", "joint_log:\n  angle_unit: deg", "no motion"),

@@ -211,15 +211,14 @@ def numbered_sequence(pattern: Path) -> Finding:
 
 
 def _frames(finding: Finding, frames: list[Path]) -> None:
-    """Add the account of the first frame, and which of the others is no frame of the same kind."""
+    """Add the account of the first frame."""
     finding.files, finding.facts["frames"] = frames, len(frames)
-    there = [frame for frame in frames if frame.is_file()]
-    if not there:
+    if (there := next((frame for frame in frames if frame.is_file()), None)) is None:
         return
     try:
-        first = _read(Finding(there[0]), CLOUD if is_cloud(there[0]) else IMAGE)
+        first = _read(Finding(there), CLOUD if is_cloud(there) else IMAGE)
     except RecordingError as error:
-        finding.stops.append(f"{there[0].name}: {error.message}")
+        finding.stops.append(f"{there.name}: {error.message}")
         return
     finding.version = ", ".join(filter(None, [first.format, first.version]))
     finding.facts |= {"frames_are": str(first.kind)} | {
@@ -227,16 +226,6 @@ def _frames(finding: Finding, frames: list[Path]) -> None:
         for name, value in first.facts.items()
     }
     finding.open += first.open
-    damaged = []
-    for frame in there[1:] if first.kind is Kind.IMAGE else []:
-        try:
-            height, width = depth_size(read_whole(frame), file=frame)
-            if (width, height) != (first.facts["width"], first.facts["height"]):
-                damaged.append(f"{frame.name}: {width} × {height} pixels, unlike the first frame")
-        except RecordingError as error:
-            damaged.append(f"{frame.name}: {error.message}")
-    if damaged:
-        finding.stops.append(f"{len(damaged)} frames: {damaged[0]}")
 
 
 def _bag(finding: Finding, form: Format) -> None:

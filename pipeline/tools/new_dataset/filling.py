@@ -20,7 +20,7 @@ from pipeline.recordings.logged_movement import read_logged_movement
 from pipeline.recordings.motions import NEARLY, Motion, motions
 from pipeline.recordings.repetitions import REACH
 from pipeline.recordings.take_names import named_takes
-from pipeline.tools.check.values import get_filled, value_faults
+from pipeline.tools.check.command import get_filled, value_faults
 from pipeline.tools.new_dataset.layout import RecordingLayout
 from pipeline.tools.new_dataset.values import KEYS, suggested_values
 

@@ -15,7 +15,7 @@ from pipeline.formats.format import Kind
 from pipeline.formats.joints import bag
 from pipeline.formats.joints.names import named_like
 from pipeline.formats.units import TIME_UNITS, spelled
-from pipeline.tools.check.values import get_filled
+from pipeline.tools.check.command import get_filled
 from pipeline.tools.inspect.finding import ROBOT, Finding, shown
 from pipeline.tools.inspect.joints import time_unit, unit_of_angles
 from pipeline.tools.inspect.kinds import CAMERA_INFO, DEPTH_TYPES, IMAGE_TYPE, described
