@@ -29,7 +29,8 @@ def draw(noise_quantiles: pd.DataFrame) -> Figure:
         ends = noise_quantiles["normal"].min(), noise_quantiles["normal"].max()
         axes.plot(ends, ends, color=LIGHT_GREY)
         for model, (colour, label) in LINES.items():
-            own = noise_quantiles.query("joint == @joint and model == @model")
+            chosen = (noise_quantiles["joint"] == joint) & (noise_quantiles["model"] == model)
+            own = noise_quantiles[chosen]
             axes.plot(own["normal"], own["noise"], color=colour, label=label)
         axes.set_title(joint.replace("_", " "))
         axes.set_xlabel("normal quantile")

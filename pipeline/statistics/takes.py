@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import stdtrit
 
 from pipeline.core.errors import ModelDomainError
 
@@ -35,4 +34,6 @@ def percentile_interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def student_quantile(degrees: int) -> float:
     """0.975 quantile of Student's law of ``degrees`` degrees of freedom."""
+    from scipy.special import stdtrit  # here, as a loaded model needs NumPy alone
+
     return float(stdtrit(degrees, TAILS[1]))

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from pipeline.arm.model import chain_of
@@ -24,20 +25,23 @@ from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.figures import noise_quantiles
 from pipeline.figures.style import save
-from pipeline.models.joint_steps_fit import PLAIN
+from pipeline.models.joint_steps_fit import LEAST_SHARE, PLAIN
 from pipeline.models.other_motions import other_motions
 from pipeline.recordings.all_motions import logged_motions
+from pipeline.recordings.motions import Motion
 from pipeline.stages import fit, ingest, predict, track
 from pipeline.stages.predict import OUT as PREDICTED
 from pipeline.tools.export.command import write_export
 from pipeline.tools.export.record import bare_record, exported, plain_record
 from pipeline.tools.new_dataset.command import write_datasheet
 from pipeline.tools.new_dataset.motion_choice import found_motions
-from pipeline.verdicts.model_card import answer, model_card, recommended
+from pipeline.verdicts.model_card import model_card
+from pipeline.verdicts.recommendation import answer, recommended
 from pipeline.verdicts.run import Run
 
 WORK, EXPORTS, REPORTS = Path("data/characterize"), Path("data/export"), Path("reports")
 REGULAR = 0.02  # least singular value of J (m/rad), below which a motion is not analysed by J
+TOOLS = ("tool0", "flange", "ee_link", "tool")  # usual names of the last link
 LINKED = ("pipeline", "dvc.yaml", "data/raw")
 
 
@@ -115,31 +119,57 @@ def _dataset(name: str, arguments: argparse.Namespace) -> Path:
 
 
 def _fill(name: str, folder: Path | None, arguments: argparse.Namespace) -> list[str]:
-    answers = dict(each.partition("=")[::2] for each in arguments.set)
-    return write_datasheet(
+    """Fill in the dataset's files by what was given and, without --ask, by what no analysis depends
+    on and the usual name of a last link; return what is left.
+    """
+    given = dict(each.partition("=")[::2] for each in arguments.set)
+    taken = {}
+    if folder is not None and not arguments.ask:
+        taken = {"about.subject": f"recordings of {name}", "about.source": str(folder)}
+        taken = {key: value for key, value in taken.items() if key not in given}
+        _say_taken(taken)
+    left = write_datasheet(
         name,
         folder,
-        answers,
+        taken | given,
         urdf=arguments.urdf if folder is not None else None,
         suggested=True,
         motion=arguments.motion,
         ask=arguments.ask,
     )
+    if "robot.tool" not in left or arguments.urdf is None:
+        return left
+    links = set(re.findall(r'<link\s+name="([^"]+)"', arguments.urdf.read_text()))
+    tool = next((tool for tool in TOOLS if tool in links), None)
+    if tool is None:
+        return left
+    _say_taken({"robot.tool": tool})
+    return write_datasheet(name, None, {"robot.tool": tool}, suggested=True)
+
+
+def _say_taken(taken: dict[str, str]) -> None:
+    for key, value in taken.items():
+        print(f"characterize: took {key}: {value}; --set {key}=VALUE takes another")
 
 
 def _regular_motion(values: dict) -> int:
-    """Number of the motion of most repetitions that stays clear of singular poses, of the longest
-    among equals; 1 where there is none.
+    """Number of the motion of most repetitions that stays clear of singular poses, among equals of
+    most moving joints, then the longest; 1 where there is none.
     """
     offered = found_motions(values)
     if not offered:
         raise ConfigError("the logs hold no motion that repeats", key="joint_log")
     regular = [
-        (len(motion.places) - len(motion.disturbed), motion.steps, -number)
+        (len(motion.places) - len(motion.disturbed), _moving(motion), motion.steps, -number)
         for number, motion in enumerate(offered, 1)
         if motion.least_singular >= REGULAR and len(motion.places) > 1
     ]
-    return -max(regular)[2] if regular else 1
+    return -max(regular)[-1] if regular else 1
+
+
+def _moving(motion: Motion) -> int:
+    way = np.abs(motion.end - motion.start)
+    return int(np.sum(way > LEAST_SHARE * way.max()))
 
 
 @contextmanager
