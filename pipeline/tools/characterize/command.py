@@ -176,11 +176,13 @@ def _moving(motion: Motion) -> int:
 def _project(name: str, recordings: Path, scale: str) -> Iterator[Path]:
     """Work in a fresh folder with a params.yaml for the dataset, and come back."""
     root, place = Path.cwd(), WORK / name
+    option = config.dataset_values(config.CONF / "dataset" / f"{name}.yaml")
+    urdf = Path(option["robot"]["urdf"]).resolve()
     params = read_yaml(Path("params.yaml"))
     params |= {
         "dataset": name,
         "scale": scale,
-        "overrides": {"dataset": {"recordings": str(recordings)}},
+        "overrides": {"dataset": {"recordings": str(recordings), "robot": {"urdf": str(urdf)}}},
     }
     shutil.rmtree(place, ignore_errors=True)
     (place / "data").mkdir(parents=True)

@@ -1,63 +1,78 @@
-"""From a folder of logs to the model card and the exported model in one command, and what is asked
-for where the files cannot tell.
+"""From a folder of logs to the model card and the exported model in one command, without an edit
+and in less than two minutes; the user's own experiment stays as it was.
 """
 
 from __future__ import annotations
 
 import json
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from joint_logs import write_movement
-from source_code import ROOT
+from project_copy import ROOT, copy_project, run
 
-from pipeline.core import config
-from pipeline.core.errors import ConfigError
 from pipeline.models import load
-from pipeline.tools.characterize import command
+
+RECORDINGS = ROOT.parent / "shared/recordings"
+SECONDS = 240  # twice the two minutes that a user waits, as other tests run beside
 
 
 @pytest.fixture
-def logs(tmp_path, monkeypatch) -> Path:
-    """Logs of a UR5, in a project whose option files are its own."""
-    project = tmp_path / "project"
-    (project / "data/raw").mkdir(parents=True)
-    (project / "conf").mkdir()
-    for file in (ROOT / "pipeline/conf").iterdir():
-        target = project / "conf" / file.name
-        if file.name != "dataset":
-            target.symlink_to(file)
-    (project / "conf/dataset").mkdir()
-    monkeypatch.setattr(config, "CONF", project / "conf")
-    for name in ("pipeline", "dvc.yaml", "params.yaml"):
-        (project / name).symlink_to(ROOT / name)
-    monkeypatch.chdir(project)
-    folder = tmp_path / "bench"
-    write_movement(folder / "move_1", 12, noise=5e-5)
-    write_movement(folder / "move_2", 5, noise=5e-5, seed=2, offset=0.2)
+def project(tmp_path) -> Path:
+    folder = tmp_path / "project"
+    copy_project(folder)
     return folder
 
 
+def characterize(project: Path, *words: object):
+    command = ["python", "-m", "pipeline", "characterize", *map(str, words)]
+    return run(*command, cwd=project)
+
+
 @pytest.mark.slow
-def test_logs_become_a_card_and_a_model_in_one_command(logs, capsys):
-    urdf = str(ROOT / "pipeline/arm/ur5.urdf")
-    answers = ["--set", "about.licence=none", "--set", "motion.pose_noise=5e-5"]
-    command.run([str(logs), "--urdf", urdf, "--scale", "smoke", "--model", "scaled_all", *answers])
-    printed = capsys.readouterr().out
-    assert "took robot.tool: flange" in printed and "odel for another motion" in printed
-    card = Path("reports/bench/model_card.md").read_text()
+def test_logs_of_a_bench_become_a_card_and_a_model_with_the_noise_that_was_made(project, tmp_path):
+    logs = tmp_path / "bench"
+    write_movement(logs / "move_1", 12, noise=5e-5)
+    write_movement(logs / "move_2", 5, noise=5e-5, seed=2, offset=0.2)
+    (tmp_path / "arm.urdf").write_text((ROOT / "pipeline/arm/ur5.urdf").read_text())
+    words = ["--urdf", tmp_path / "arm.urdf", "--scale", "smoke", "--model", "scaled_all"]
+    refused = characterize(project, logs, *words)
+    assert refused.returncode == 1 and "cannot tell about.licence; run it again" in refused.stderr
+    done = characterize(project, logs, *words, "--set", "about.licence=none")
+    assert done.returncode == 0, done.stderr
+    card = (project / "reports/bench/model_card.md").read_text()
     assert card.index("odel for another motion") < card.index("## Why")
-    assert Path("reports/bench/noise_quantiles.png").is_file()
-    record = json.loads(Path("data/export/bench_scaled_all.json").read_text())
+    assert (project / "reports/bench/noise_quantiles.png").is_file()
+    file = project / "data/export/bench_scaled_all.json"
+    record = json.loads(file.read_text())
     assert record["motions"] == 4 and record["dataset"] == "bench"
-    model = load(Path("data/export/bench_scaled_all.json"))
-    std = np.sqrt(np.diag(model.covariance_of_joint_step(np.zeros(6))))
+    std = np.sqrt(np.diag(load(file).covariance_of_joint_step(np.zeros(6))))
     np.testing.assert_allclose(std, np.sqrt(2) * 5e-5, rtol=0.2)
-    # the user's own experiment is as it was
-    assert not Path("data/ingest").exists()
+    assert not (project / "data/ingest").exists()
 
 
-def test_a_folder_that_is_not_there_is_refused(logs):
-    with pytest.raises(ConfigError, match="no such folder"):
-        command.run([str(logs / "absent")])
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["ur5", "lwr4"])
+def test_the_logs_of_a_real_arm_take_one_command(robot, project):
+    if not (RECORDINGS / robot).is_dir():
+        pytest.skip("the recordings of the real robots are not here")
+    begun = time.monotonic()
+    urdf = f"pipeline/arm/{robot}.urdf"
+    done = characterize(project, RECORDINGS / robot, "--urdf", urdf, "--name", "lab")
+    assert done.returncode == 0, done.stderr
+    assert time.monotonic() - begun < SECONDS
+    assert "**Model for another motion: " in done.stdout and "took about.subject" in done.stdout
+    (file,) = (project / "data/export").glob("lab_*.json")
+    model = load(file)
+    if robot == "ur5":
+        # joint 1 alone at full speed, where 94 to 108 µrad were recorded and a fit to a motion in
+        # which it stood still said 14 867
+        std = np.sqrt(model.covariance_of_joint_step(np.array([8e-3, 0, 0, 0, 0, 0]))[0, 0])
+        assert 5e-5 < std < 6e-4
+
+
+def test_a_folder_that_is_not_there_is_refused(project):
+    done = characterize(project, "absent")
+    assert done.returncode == 1 and "no such folder of recordings" in done.stderr
