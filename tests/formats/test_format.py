@@ -59,7 +59,7 @@ def test_a_module_that_is_added_is_read_by_the_stage_inspected_and_proposed(own)
     assert read_take(own, None).markers["M"].tolist() == [[1, 2, 3], [4, 5, 6]]
     (finding,) = inspect(own.parent)
     assert (finding.format, finding.kind, finding.rate) == ("Own", "motion", 10.0)
-    sheet = dataset_texts("lab", "takes", layout([finding], own.parent), own.parent)[0]
+    sheet = dataset_texts("lab", layout([finding], own.parent), own.parent)[0]
     assert 'training: "walk_*.own"' in sheet or "training: walk_*.own" in sheet
 
 

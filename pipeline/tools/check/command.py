@@ -49,7 +49,7 @@ def run(words: list[str]) -> None:
 
 
 def dataset_faults(option_file: Path) -> list[str]:
-    """Return every fault of the dataset of ``option_file``: of its values, else of what the stages
+    """Return every fault of the dataset of ``option_file``: of its values, and of what the stages
     configure and ingest make of it.
     """
     try:
@@ -59,20 +59,16 @@ def dataset_faults(option_file: Path) -> list[str]:
     faults = [f"{key}: ??? must be replaced by a value" for key in datasheet.unfilled_keys(values)]
     faults += [f"{key}: no value for it" for key in absent(values)]
     refused = value_faults(values)
-    typed = not any(isinstance(fault, ConfigError) for fault in refused)
-    dataset = filled(values) if typed and not faults else None
-    if dataset is not None:
-        # a file that is missing is named above by the key that names it
-        lost = {None, *(fault.evidence.get("key") for fault in refused)}
+    if not faults and not any(isinstance(fault, ConfigError) for fault in refused):
+        # a key whose file is missing is named above
+        named = {fault.evidence.get("key") for fault in refused}
         refused += [
             fault
-            for fault in ingest_faults(dataset)
-            if not refused
-            or fault.evidence.get("key") not in lost
-            or Path(str(fault.evidence.get("file", "."))).exists()
+            for fault in ingest_faults(filled(values))
+            if not refused or fault.evidence.get("key", named) not in named
         ]
     if not refused and not faults and read_yaml(PARAMS).get("dataset") == option_file.stem:
-        refused = [error for error in [attempt(config.compose_config, PARAMS)] if _refuses(error)]
+        refused += _errors([attempt(config.compose_config, PARAMS)])
     return faults + _grouped(refused)
 
 
@@ -84,30 +80,26 @@ def ingest_faults(dataset: Dataset) -> list[PipelineError]:
     for part in ("motion", "depth", "force"):
         with TemporaryDirectory() as name:
             folder = Path(name)
-            outcome = attempt(read_part, part, dataset, Compute(), folder, errors)
-            errors += [outcome] if _refuses(outcome) else []
+            errors += _errors([attempt(read_part, part, dataset, Compute(), folder, errors)])
             if contracts.exists("joint_log", folder):
                 joints = contracts.read("joint_log", folder)
                 q = joints[columns("q", dataset.robot.joints)].to_numpy()
-                regular = attempt(lambda q=q: chain_of(dataset.robot).require_regular(q))
-                errors += [regular] if _refuses(regular) else []
+                errors += _errors([attempt(lambda q=q: chain_of(dataset.robot).require_regular(q))])
     return errors
 
 
-def _refuses(outcome: Any) -> bool:
-    return isinstance(outcome, PipelineError)
+def _errors(outcomes: list[Any]) -> list[PipelineError]:
+    return [outcome for outcome in outcomes if isinstance(outcome, PipelineError)]
 
 
 def _grouped(errors: list[PipelineError]) -> list[str]:
-    """The errors as text; of those that differ in numbers, files or what there is instead the
-    first, with the number of the others.
+    """The errors as text; of those that differ in numbers or files the first, with the number of
+    the others.
     """
-    groups: dict[str, list[PipelineError]] = {}
+    groups: dict[tuple[str, Any], list[PipelineError]] = {}
     for error in errors:
-        kind = (
-            f"{re.sub(r'[0-9]+', '#', error.message.partition(';')[0])} {error.evidence.get('key')}"
-        )
-        groups.setdefault(kind, []).append(error)
+        kind = re.sub(r"[0-9]+", "#", error.message.partition(";")[0])
+        groups.setdefault((kind, error.evidence.get("key")), []).append(error)
     texts = []
     for first, *others in groups.values():
         files = [str(error.evidence["file"]) for error in others if "file" in error.evidence]

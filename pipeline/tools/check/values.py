@@ -22,7 +22,6 @@ PATHS = (
     *("trajectory", "mocap.training", "mocap.test", "encoders.training", "encoders.test"),
     *("joint_log.movements", "depth.takes", "depth.intrinsics", "force.log.calibration"),
 )
-IN_EACH_MOVEMENT = ("actual", "target", "speed")
 
 
 def value_faults(values: dict[str, Any]) -> list[PipelineError]:
@@ -31,20 +30,20 @@ def value_faults(values: dict[str, Any]) -> list[PipelineError]:
     sound = deepcopy(values)
     for fault in refused:
         *above, name = str(fault.evidence["key"]).removeprefix("dataset.").split(".")
-        node: Any = sound
-        for part in above:
-            node = node.get(part) if isinstance(node, dict) else None
+        node = get_filled(sound, ".".join(above), whole=False) if above else sound
         if isinstance(node, dict):
             node.pop(name, None)
     return [*refused, *_robot(sound), *_files(sound)]
 
 
-def get_filled(values: dict[str, Any], key: str) -> Any:
-    """Return the value of a nested ``key``, None where it is missing or still ???."""
+def get_filled(values: Any, key: str, *, whole: bool = True) -> Any:
+    """Return the value of a nested ``key``, None where it is missing or, of a ``whole`` one, where
+    anything below it is still ???.
+    """
     node: Any = values
     for part in key.split("."):
         node = node.get(part) if isinstance(node, dict) else None
-    return None if node is None or [*unfilled_keys(node)] else node
+    return None if node is None or (whole and [*unfilled_keys(node)]) else node
 
 
 def _robot(values: dict[str, Any]) -> Iterator[PipelineError]:
@@ -57,11 +56,8 @@ def _robot(values: dict[str, Any]) -> Iterator[PipelineError]:
         yield error
     logged, joints = get_filled(values, "joint_log.joints"), get_filled(values, "robot.joints")
     if logged and (missing := [joint for joint in joints or [] if joint not in logged]):
-        yield ConfigError(
-            f"{', '.join(missing)} of robot.joints is not logged; the log holds "
-            f"{', '.join(logged)}",
-            key="dataset.joint_log.joints",
-        )
+        message = f"{', '.join(missing)} of robot.joints is not logged; the log holds"
+        yield ConfigError(f"{message} {', '.join(logged)}", key="dataset.joint_log.joints")
 
 
 def _files(values: dict[str, Any]) -> Iterator[PipelineError]:
@@ -76,21 +72,8 @@ def _files(values: dict[str, Any]) -> Iterator[PipelineError]:
         patterns[f"force.configurations.{name}.file"] = configuration.get("file")
     for key, pattern in patterns.items():
         try:
-            matched = matching(folder, pattern, key=f"dataset.{key}") if pattern else None
+            if pattern and not matching(folder, pattern, key=f"dataset.{key}"):
+                message = f"no file or folder in {folder.as_posix()} is named {pattern}"
+                yield RecordingError(message, key=f"dataset.{key}")
         except ConfigError as error:
             yield error
-            continue
-        if matched == []:
-            message = f"no file or folder in {folder.as_posix()} is named {pattern}"
-            yield RecordingError(message, key=f"dataset.{key}")
-        if key == "joint_log.movements":
-            yield from _in_movements(values, [path for path in matched or [] if path.is_dir()])
-
-
-def _in_movements(values: dict[str, Any], folders: list[Path]) -> Iterator[PipelineError]:
-    for signal in IN_EACH_MOVEMENT:
-        name = get_filled(values, f"joint_log.{signal}")
-        if name and (without := [path for path in folders if not (path / name).is_file()]):
-            others = f", nor do {len(without) - 1} others" if len(without) > 1 else ""
-            message = f"{without[0].as_posix()} does not hold {name}{others}"
-            yield RecordingError(message, key=f"dataset.joint_log.{signal}")

@@ -14,15 +14,13 @@ from pipeline.core import config, datasheet
 from pipeline.core.draft import Draft
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.tools.inspect.examine import inspect
-from pipeline.tools.inspect.finding import ROBOT
+from pipeline.tools.inspect.finding import ROBOT, shown
 from pipeline.tools.inspect.layout import Layout, layout
 from pipeline.tools.new_dataset.filling import Filling
-from pipeline.tools.new_dataset.known_values import recorded_values
-from pipeline.tools.new_dataset.option_values import option_values
-from pipeline.tools.new_dataset.suggestions import Suggestions
-from pipeline.tools.new_dataset.template import fill_template
-from pipeline.tools.new_dataset.yaml_text import text_of
+from pipeline.tools.new_dataset.template import fill_template, text_of
+from pipeline.tools.new_dataset.values import known_values
 
+SHOWN = 12  # recordings that are named although they have no place
 INVENTORY = """\
 # These recordings are read in place: their inventory stands here for them, so that a change of the
 # files reruns what depends on it. It is looked at in every run, as the recordings may not be here.
@@ -85,46 +83,48 @@ def write_datasheet(
         folder = Path(draft.values().get("recordings", ""))
         recorded = layout(inspect(folder), folder)
     else:
-        recordings = _below_project(folder)
+        _require_folder(folder)
         _require_new([*files, files[0].parent / "dvc.yaml"])
         recorded = layout(inspect(folder), folder)
         if urdf is not None:
             recorded.single[ROBOT] = inspect(urdf)
-        texts = dataset_texts(name, recordings, recorded, folder)
+        texts = dataset_texts(name, recorded, folder)
         draft = Draft(dict(zip(files, texts, strict=True)))
         if files[0].parent.resolve() not in folder.resolve().parents:
             inventory = {files[0].parent / "dvc.yaml": INVENTORY.format(name=name)}
-    filling = Filling(draft, Suggestions(recorded, folder))
-    filling.by_answers(answers)
+    filling = Filling(draft, recorded, folder)
+    for key, value in answers.items():
+        filling.answer(key, value)
     if suggested:
-        filling.by_suggestions()
+        filling.take_suggested()
     if motion is not None:
-        filling.by_motion(motion)
+        filling.choose(filling.show_motions(), motion)
     if ask:
-        filling.by_asking()
-    filling.note_suggestions()
+        filling.ask()
+    filling.note()
     for file, text in (draft.texts | inventory).items():
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text)
         print(f"new-dataset: wrote {os.path.relpath(file)}")
-    left = [question.key for question in draft.questions()]
+    left = filling.left
     if "joint_log.start" in left:
         try:
-            filling.by_motion(None)
+            filling.show_motions()
             print("new-dataset: the motion is chosen by --motion NUMBER")
         except PipelineError as error:
             print(f"new-dataset: {error}")
     return left
 
 
-def dataset_texts(name: str, recordings: str, layout: Layout, folder: Path) -> list[str]:
+def dataset_texts(name: str, layout: Layout, folder: Path) -> list[str]:
     """Return the texts of data/raw/NAME/dataset.yaml and pipeline/conf/dataset/NAME.yaml for the
-    recordings of ``layout`` in ``folder``, which is ``recordings`` from the project's root.
+    recordings of ``layout`` in ``folder``.
     """
-    known, blocks = recorded_values(layout, folder)
-    known |= {"recordings": text_of(recordings)}
-    known |= option_values(name, recordings, layout, folder)
-    return fill_template(name, known, blocks)
+    texts = fill_template(name, known_values(name, layout, folder))
+    if unplaced := [text_of(shown(one.file.relative_to(folder))) for one in layout.unplaced]:
+        more = f" … ({len(unplaced)})" if len(unplaced) > SHOWN else ""
+        texts[0] += f"# not placed: {', '.join(unplaced[:SHOWN])}{more}\n"
+    return texts
 
 
 def _arguments(words: list[str]) -> argparse.Namespace:
@@ -163,16 +163,12 @@ def _text(file: Path) -> str:
     return file.read_text()
 
 
-def _below_project(folder: Path) -> str:
-    """``folder`` as the datasheet names it."""
+def _require_folder(folder: Path) -> None:
     if not folder.is_dir():
         raise RecordingError("there is no such folder", file=folder)
-    recordings = Path(os.path.relpath(folder.resolve())).as_posix()
-    if re.search(r'["$`\\\n]', recordings):
-        raise RecordingError(
-            "the folder's name holds a quote, a dollar or a backslash; rename it", file=folder
-        )
-    return recordings
+    if re.search(r'["$`\\\n]', os.path.relpath(folder.resolve())):
+        message = "the folder's name holds a quote, a dollar or a backslash; rename it"
+        raise RecordingError(message, file=folder)
 
 
 def _require_new(files: list[Path]) -> None:

@@ -1,5 +1,5 @@
 """The crate of the results names every file, and every stage with its inputs and outputs; the card
-answers its questions.
+answers its questions; lock files are in the order of their pipelines.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ import re
 import shutil
 import warnings
 from collections.abc import Iterator
-from dataclasses import replace
 from math import nan
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
@@ -19,8 +19,9 @@ from project_copy import run
 from rocrate.rocrate import ROCrate
 from source_code import MODULES, ROOT, covers, needed, room
 
-from pipeline.tools.crate.card import CardFacts, card
+from pipeline.tools.crate.command import QUALITY, card
 from pipeline.tools.crate.crate import PROFILE, describe
+from pipeline.tools.lock import command as lock
 
 CITATION = {
     "title": "an experiment",
@@ -95,33 +96,25 @@ def test_a_stage_is_an_action_from_its_inputs_to_its_outputs():
         require_whole(broken)
 
 
-FACTS = CardFacts(
-    name="lab",
-    synthetic=True,
-    seed=7,
-    about={"subject": "An arm", "source": "a laboratory", "licence": "CC0"},
-    stored={"data/raw/lab/x": (8, 1234567)},
-    takes=pd.DataFrame(
-        {
-            "take": ["a", "b", "c"],
-            "part": ["training", "training", "test"],
-            "left_out": [False, True, False],
-        }
-    ),
-    quality=pd.DataFrame(
-        [["a tracker", "gaps", "count", 9.0, nan, 2.0, 4.0]],
-        columns=["instrument", "quantity", "unit", "total", "mean", "least", "greatest"],
-    ),
-    rate=125.0,
-    steps=64,
+LAB = SimpleNamespace(
+    name="lab", laboratory={"seed": 1}, motion=SimpleNamespace(rate=125.0, steps=64)
 )
+ABOUT = {"subject": "An arm", "source": "a laboratory", "licence": "CC0"}
+TAKES = pd.DataFrame({"take": list("abc"), "part": ["training", "training", "test"]})
+TAKES["left_out"] = [False, True, False]
+COUNTED = [["a tracker", "gaps", "count", 9.0, nan, 2.0, 4.0]]
+STORED = [{"path": "data/raw/lab/x", "nfiles": 8, "size": 1234567}]
 
 
-def test_the_card_states_the_numbers_of_its_dataset():
-    text = card(FACTS)
+def written(dataset: SimpleNamespace, stored: list[dict]) -> str:
+    settings = SimpleNamespace(seed=7, dataset=dataset)
+    return card(settings, ABOUT, stored, TAKES, pd.DataFrame(COUNTED, columns=QUALITY))
+
+
+def test_the_card_states_the_numbers_of_its_dataset_and_nothing_of_another_kind():
+    text = written(LAB, STORED)
     for part in (
         "| training | 2 |",
-        "| test | 1 |",
         "64 steps at 125 per second",
         "| `data/raw/lab/x` | 8 | 1,234,567 |",
         "| a tracker | gaps | count | 9 | – | 2 | 4 |",
@@ -130,11 +123,8 @@ def test_the_card_states_the_numbers_of_its_dataset():
         "Licence: CC0.",
     ):
         assert part in text, part
-
-
-def test_the_card_of_a_recording_says_nothing_of_the_laboratory():
-    recorded = card(replace(FACTS, synthetic=False, stored={}))
-    assert re.findall("^## .*", recorded, re.M) == re.findall("^## .*", card(FACTS), re.M)
+    recorded = written(SimpleNamespace(**vars(LAB) | {"laboratory": None}), [])
+    assert re.findall("^## .*", recorded, re.M) == re.findall("^## .*", text, re.M)
     for word in ("seed", "Simulated", "truth", "pipeline/laboratory", "dvc.lock"):
         assert word not in recorded, word
     assert "a laboratory" in recorded and "data/raw/lab/dataset.yaml" in recorded
@@ -174,3 +164,33 @@ def test_a_stage_depends_on_the_code_that_it_runs(stage, module):
     files = [file.relative_to(ROOT).as_posix() for file in modules if file.stat().st_size]
     files.remove("pipeline/__init__.py")
     assert [file for file in files if not any(covers(dep, file) for dep in deps)] == []
+
+
+LOCK = """schema: '2.0'
+stages:
+  fit@b:
+    cmd: fit b
+  gone:
+    cmd: gone
+  record:
+    cmd: record
+    outs:
+    - path: x
+  fit@a:
+    cmd: fit a
+"""
+
+
+def test_the_entries_of_a_lock_are_sorted_as_its_pipeline(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "params.yaml").write_text("models: [a, b]\n")
+    text = "stages:\n  record: {cmd: r}\n  fit: {cmd: f, matrix: {model: '${models}'}}\n"
+    (tmp_path / "dvc.yaml").write_text(text)
+    (tmp_path / "dvc.lock").write_text(LOCK)
+    for printed in ("lock: dvc.lock put in order\n", ""):
+        lock.run([])
+        assert capsys.readouterr().out == printed
+        assert (tmp_path / "dvc.lock").read_text() == (
+            "schema: '2.0'\nstages:\n  record:\n    cmd: record\n    outs:\n    - path: x\n"
+            "  fit@a:\n    cmd: fit a\n  fit@b:\n    cmd: fit b\n"
+        )
