@@ -34,7 +34,7 @@ from pipeline.stages.predict import OUT as PREDICTED
 from pipeline.tools.export.command import write_export
 from pipeline.tools.export.record import bare_record, exported, plain_record
 from pipeline.tools.new_dataset.command import write_datasheet
-from pipeline.tools.new_dataset.motion_choice import found_motions
+from pipeline.tools.new_dataset.filling import found_motions
 from pipeline.verdicts.model_card import model_card
 from pipeline.verdicts.recommendation import answer, recommended
 from pipeline.verdicts.run import Run
