@@ -8,7 +8,7 @@ from pipeline.models.draws import draw_steps
 from pipeline.models.level import at_recorded_level
 from pipeline.models.model import MotionModel
 from pipeline.models.steps import Recorded
-from pipeline.statistics.spread_tables import ModelledNoise
+from pipeline.statistics.curves import ModelledNoise
 
 DRAWS = 1000  # of a step, over the poses of all takes
 

@@ -26,7 +26,7 @@ from pipeline.models.prediction import Steps, groups_by_speed, normal_steps, sco
 from pipeline.models.steps import Recorded
 from pipeline.recordings.all_motions import logged_motions
 from pipeline.recordings.steps import fitted_ranges, training_steps
-from pipeline.statistics.take_scores import compared, log_score_differences, prediction_scores
+from pipeline.statistics.scores import compared, log_score_differences, prediction_scores
 
 TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")
 # beside the models of the run: those without a random matrix, and the control of the Wishart model

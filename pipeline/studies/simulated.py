@@ -17,8 +17,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.cases.camera import Camera
-from pipeline.cases.fits import Takes
+from pipeline.cases.recordings import Camera, Takes
 from pipeline.core import rng
 from pipeline.core.columns import matrices, spread, values
 from pipeline.filtering.measurement import measurements

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from pipeline.cases.fits import Takes, outcome
+from pipeline.cases.fits import outcome
+from pipeline.cases.recordings import Takes
 from pipeline.models.noise import mean_covariance
 
 REALIZATIONS = 12

@@ -17,8 +17,8 @@ from pipeline.formats.motion.motive import write_motive
 from pipeline.recordings.motion_capture import read_take
 from pipeline.tools.inspect.examine import inspect
 from pipeline.tools.inspect.kinds import DESCRIBE
-from pipeline.tools.inspect.layout import layout
 from pipeline.tools.new_dataset.command import dataset_texts
+from pipeline.tools.new_dataset.layout import layout
 
 MODULE = '''"""Takes of one marker as a program of our own writes them: x, y, z in m at 10 Hz."""
 

@@ -40,7 +40,12 @@ def contains(values: dict, part: dict) -> bool:
 
 @pytest.mark.slow
 def test_options_suggestions_and_a_number_leave_nothing_open(root, logs, capsys):
-    given = {"robot.tool": "flange", "about.subject": "UR5: its way", "about.source": "the lab"}
+    given = {
+        "robot.tool": "flange",
+        "joint_log.speed": "null",
+        "about.subject": "UR5: its way",
+        "about.source": "the lab",
+    }
     left = write_datasheet("lab", logs, given, urdf=Path(urdf()), suggested=True, motion=1)
     assert not left and not unfilled()
     sheet, option = written()
@@ -50,7 +55,7 @@ def test_options_suggestions_and_a_number_leave_nothing_open(root, logs, capsys)
         "source": "the lab",
         "licence": "MIT License, Copyright",
     }
-    tables = {"actual": "q_actual.csv", "target": "q_target.csv", "speed": "qd_target.csv"}
+    tables = {"actual": "q_actual.csv", "target": "q_target.csv", "speed": None}
     expected = {"movements": "No*_slow", "time_unit": "s", "angle_unit": "rad", "joints": joints}
     assert contains(sheet["joint_log"], expected | tables)
     assert "# not placed: LICENSE.txt, rest_3/force.csv" in datasheet.path_of("lab").read_text()

@@ -7,12 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motive_files import START as TAKEN
+from motive_files import random_take
 from source_code import ROOT
 from written_logs import write_joint_log
 
 from pipeline.core import config, datasheet
 from pipeline.core.errors import ConfigError
 from pipeline.formats.joints.log import JointLog
+from pipeline.formats.motion.motive import write_motive
 from pipeline.tools.check.command import run
 
 START, END = [0.3, -1.2, 1.4, -1.0, -1.2, 0.2], [0.7, -0.9, 1.1, -0.8, -1.0, 0.7]
@@ -24,6 +27,19 @@ joint_log:
   actual: q_actual.csv
   target: q_target.csv
   joints: [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6]
+"""
+MOCAP = """\
+mocap:
+  training: take.csv
+  test: null
+  gate: 0.012
+  max_gap: 20
+  base: {position: [0.0, 0.0, 0.0], rpy: [0.0, 0.0, 0.0]}
+  markers:
+    flange:
+      "Link1:Marker1": [0.0, 0.0, 0.0]
+      "Link1:Marker2": [0.1, 0.0, 0.0]
+      "Link1:Markr3": [0.0, 0.1, 0.0]
 """
 OPTION = f"""\
 name: lab
@@ -58,6 +74,7 @@ def files(tmp_path, monkeypatch) -> tuple[Path, Path]:
         for name in ("q_actual", "q_target"):
             log = JointLog(np.arange(len(target)) / 100, {"actual": target}, {})
             write_joint_log(tmp_path / f"logs/run_{number}/{name}.csv", log)
+    write_motive(tmp_path / "logs/take.csv", random_take(101, body=False), start=TAKEN)
     sheet, option = tmp_path / "raw/lab/dataset.yaml", tmp_path / "conf/dataset/lab.yaml"
     sheet.parent.mkdir(parents=True)
     sheet.write_text(SHEET.format(folder=tmp_path / "logs"))
@@ -102,7 +119,7 @@ def test_everything_that_is_wrong_is_printed_at_once(files, capsys):
         ("joint_6]", "joint_7]", "joint_6 of robot.joints is not logged"),
         ("joint_log:", "joint_log:\n  angle_unit: deg", "no motion"),
         ("joint_log:", "joint_log:\n  rest: 10", "rest stands in lab.yaml too"),
-        ("logs\n", "logs\nmocap: {training: a.c3d, test: null, base: {}}\n", "mocap"),
+        ("logs\n", f"logs\n{MOCAP}", "Link1:Markr3"),
     ],
 )
 def test_what_configure_and_ingest_would_refuse_is_printed(files, capsys, old, new, words):

@@ -14,8 +14,8 @@ from pipeline.formats.joints.log import JointLog
 from pipeline.tools.inspect.command import as_table
 from pipeline.tools.inspect.examine import inspect
 from pipeline.tools.inspect.finding import Finding
-from pipeline.tools.inspect.layout import layout
 from pipeline.tools.new_dataset.command import dataset_texts
+from pipeline.tools.new_dataset.layout import layout
 from pipeline.tools.new_dataset.values import shared_pattern, suggested_values
 
 TIME = np.arange(1000) * 0.008
@@ -86,14 +86,14 @@ def test_an_archive_whose_names_do_not_say_what_they_are_asks_for_them(tmp_path,
     assert not finding.stops
 
 
-def test_tables_named_alike_are_compared_and_the_speed_is_found_by_its_values(tmp_path):
+def test_tables_of_a_folder_are_told_apart_by_their_names_and_compared(tmp_path):
     moved = angles(TIME)
-    speed = np.gradient(moved, TIME, axis=0)
-    write_tables(tmp_path, q_actual=moved, q_target=moved[:, [0, 2, 1]], qd=speed[:, [0, 2, 1]])
+    write_tables(tmp_path, q_actual=moved, q_target=moved[:, [0, 2, 1]], qd_target=moved, x=moved)
     held: dict[str, Finding] = {finding.file.stem: finding for finding in inspect(tmp_path)}
+    roles = {name: finding.facts.get("role") for name, finding in held.items()}
+    assert roles == {"q_actual": "actual", "q_target": "target", "qd_target": "speed", "x": None}
     assert "signals" in held["q_target"].suggested, "the order of the columns"
-    assert held["qd"].facts["speed_of"] == "q_target.csv"
-    assert not held["q_actual"].suggested and not held["qd"].suggested
+    assert not held["q_actual"].suggested and not held["qd_target"].suggested
 
 
 def test_the_step_of_another_table_in_the_folder_is_not_the_joint_logs(tmp_path):

@@ -59,7 +59,6 @@ def metrics(folder: Path) -> dict[str, dict[str, float]]:
 
 def test_one_command_gives_every_figure_and_number(reproduced):
     drawn = {file.name: file.stat().st_size for file in (reproduced / "reports/figures").iterdir()}
-    assert len(FIGURES) == 14
     for name in FIGURES - IN_SPACE:
         assert all(drawn[f"{name}.{kind}"] > 1000 for kind in ("svg", "png"))
     numbers = metrics(reproduced)
@@ -173,12 +172,12 @@ def test_an_edit_of_a_recording_reruns_the_part_that_reads_it_and_what_follows(c
 @pytest.mark.slow
 def test_an_experiment_sets_a_nested_value_from_the_command_line(copy):
     run(*GIT, "add", "-A", cwd=copy)
-    settings = ["-S", "+overrides.filter.particles=50", "-S", "filter=residual"]
+    settings = ["-S", "+overrides.filter.particles=400", "-S", "filter=residual"]
     said = succeeds("dvc", "exp", "run", *settings, "filter@wishart", cwd=copy)
     assert OmegaConf.load(copy / "data/config.yaml").filter == {
         "scheme": "residual",
         "threshold": 0.5,
-        "particles": 50,
+        "particles": 400,
     }
     assert set(re.findall(r"Running stage '([^']+)'", said)) == {"configure", "filter@wishart"}
 

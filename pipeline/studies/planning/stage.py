@@ -30,8 +30,7 @@ from pipeline.models.noise import process_noise
 from pipeline.planning.cost import uncertainty
 from pipeline.planning.motions import best_conditioned, least_uncertain, minimum_norm
 from pipeline.planning.problem import InfeasibleError, Problem
-from pipeline.statistics.resampling import drawn_takes
-from pipeline.statistics.takes import percentile_interval
+from pipeline.statistics.takes import drawn_takes, percentile_interval
 from pipeline.studies.frame import Results, Study, interval, listed, number
 from pipeline.studies.planning.bench import Bench, Rig, bench_of
 from pipeline.studies.simulated import Factors, disturbed

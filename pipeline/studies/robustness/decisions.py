@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from pipeline.cases.camera import Camera, camera_of
 from pipeline.cases.case import Case
 from pipeline.cases.readings import readings
+from pipeline.cases.recordings import Camera, camera_of
 from pipeline.filtering.resampling import SCHEMES
 from pipeline.studies.consistent import consistent
 

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import arm_of, chain_of
-from pipeline.cases.verdict import read_claims
+from pipeline.cases.readings import read_claims
 from pipeline.core import config, rng
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError

@@ -16,7 +16,7 @@ from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.formats.bag_path import is_bag
 from pipeline.formats.depth.index import frame_endings
 from pipeline.tools.inspect.finding import Finding
-from pipeline.tools.inspect.joints import compare_logs
+from pipeline.tools.inspect.joints import compare_tables
 from pipeline.tools.inspect.kinds import described, numbered_sequence
 
 NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
@@ -55,7 +55,7 @@ def inspect(place: Path) -> list[Finding]:
             findings.append(read(pattern, numbered_sequence))
             others = [file for file in others if file not in frames]
         findings += map(read, others)
-    compare_logs(findings)
+    compare_tables(findings)
     return sorted(findings, key=lambda finding: str(finding.file))
 
 

@@ -4,7 +4,6 @@ and the commanded angles are a pair.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from math import comb
 from pathlib import Path
@@ -18,7 +17,7 @@ from pipeline.formats.force.record import repeats
 from pipeline.formats.format import Format, Kind
 from pipeline.formats.joints import bag
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
-from pipeline.formats.joints.names import named_like, signals_of
+from pipeline.formats.joints.names import meaning, named_like, signals_of
 from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.number_sheet import Sheet
 from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, spelled
@@ -35,10 +34,7 @@ from pipeline.tools.inspect.finding import Finding
 RATES = 5.0, 5000.0  # 1/s, between which controllers log
 ORDER = 6  # of the differences that show noise
 LEAST_NOISE = 1e-8  # rad, where they show none
-LIKE_SPEED = 0.1  # of the mean step of the angles, by which its speed may be off on average
-# words of a file's name that tell measured from commanded angles
-MEASURED, COMMANDED = ("actual", "measured"), ("target", "commanded", "desired")
-ANGLES = ("actual", "target")
+ANGLES, SPEED = ("actual", "target"), ("target", "velocity")  # role and quantity of a name
 
 
 def joint_log(finding: Finding, form: Format) -> None:
@@ -226,45 +222,32 @@ def compare_angles(
             finding.facts["noise"] = max(noise, LEAST_NOISE)
 
 
-def compare_logs(findings: Sequence[Finding]) -> None:
-    """Compare tables of one folder whose names differ in a word for measured and commanded alone,
-    as ``q_actual.csv`` and ``q_target.csv``, and find the speed of the command beside them.
+def compare_tables(findings: Sequence[Finding]) -> None:
+    """Note in the tables of each folder which one their names say holds the measured angles, the
+    commanded ones (fact ``role``) and their speed, and compare the first two.
     """
-    tables = {finding.file: finding for finding in findings if finding.kind == Kind.TABLE}
-    for file, finding in tables.items():
-        parts = re.split(r"([^A-Za-z]+)", file.stem)
-        place = next((n for n, part in enumerate(parts) if part.lower() in MEASURED), None)
-        if place is None or not finding.timed:
+    folders: dict[Path, list[Finding]] = {}
+    for finding in findings:
+        if finding.kind == Kind.TABLE and finding.timed:
+            folders.setdefault(finding.file.parent, []).append(finding)
+    for tables in folders.values():
+        held = {one.file.stem: one for one in tables}
+        named = {role: named_like(role, held) for role in ANGLES}
+        said = {name: meaning(name) for name in held}
+        named["speed"] = [n for n, m in said.items() if (m.role, m.quantity) == SPEED]
+        if [*map(len, named.values())][:2] != [1, 1]:
             continue
-        for word in COMMANDED:
-            other = file.with_stem("".join([*parts[:place], word, *parts[place + 1 :]]))
-            if other in tables:
-                _compare_tables(finding, tables[other], tables)
-
-
-def _compare_tables(measured: Finding, commanded: Finding, tables: dict[Path, Finding]) -> None:
-    width = commanded.facts.get("columns", 1)
-    commanded.facts["measured"] = measured.file.name
-    options = LogOptions(joints=width - 1, signals={"angles": None})
-
-    def read(finding: Finding) -> tuple[np.ndarray, np.ndarray] | None:
-        """Time and values; None of a table of something else, whose own finding says why."""
+        for role, names in named.items():
+            if len(names) == 1:
+                held[names[0]].facts["role"] = role
+        actual, target = (held[named[role][0]] for role in ANGLES)
+        options = LogOptions(joints=target.facts["columns"] - 1, signals={"angles": None})
         try:
-            log = read_joint_table(finding.file, options)
+            logs = [read_joint_table(one.file, options) for one in (actual, target)]
         except PipelineError:
-            return None
-        return (log.time, log.signals["angles"]) if len(log.time) > 2 else None
-
-    if (target := read(commanded)) is None:
-        return
-    if actual := read(measured):
-        length = min(len(actual[0]), len(target[0]))
-        _compare(commanded, actual[0][:length], actual[1][:length], target[1][:length])
-    for finding in tables.values():
-        if finding.file.parent != commanded.file.parent or finding in (measured, commanded):
-            continue
-        if finding.facts.get("columns") == width and (speed := read(finding)):
-            length = min(len(speed[0]), len(target[0]))
-            steps = np.gradient(target[1][:length], target[0][:length], axis=0)
-            if np.abs(speed[1][:length] - steps).mean() < LIKE_SPEED * np.abs(steps).mean():
-                finding.facts["speed_of"] = commanded.file.name
+            continue  # a table of something else, whose own finding says why
+        length = min(len(log.time) for log in logs)
+        if length > 2:
+            _compare(
+                target, logs[0].time[:length], *(log.signals["angles"][:length] for log in logs)
+            )

@@ -7,19 +7,21 @@ from __future__ import annotations
 import argparse
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
-from pipeline.core import config, datasheet
+from pipeline.core import config, contracts, datasheet
 from pipeline.core.draft import Draft
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.tools.inspect.examine import inspect
 from pipeline.tools.inspect.finding import ROBOT, shown
-from pipeline.tools.inspect.layout import Layout, layout
 from pipeline.tools.new_dataset.filling import Filling
-from pipeline.tools.new_dataset.template import fill_template, text_of
+from pipeline.tools.new_dataset.layout import RecordingLayout, layout
+from pipeline.tools.new_dataset.template import asked, fill_template, text_of
 from pipeline.tools.new_dataset.values import known_values
 
+FROM = "folder of the recordings (default: fill in what is ??? in the dataset's files)"
+SET = "value that no file states, as robot.urdf=arm.urdf; as often as needed"
 SHOWN = 12  # recordings that are named although they have no place
 INVENTORY = """\
 # These recordings are read in place: their inventory stands here for them, so that a change of the
@@ -79,16 +81,28 @@ def write_datasheet(
     files = datasheet.path_of(name), config.CONF / "dataset" / f"{name}.yaml"
     inventory: dict[Path, str] = {}
     if folder is None:
-        draft = Draft({file: _text(file) for file in files})
+        for file in files:
+            if not file.is_file():
+                raise ConfigError("there is no such dataset; make it with --from FOLDER", file=file)
+        draft = Draft({file: file.read_text() for file in files})
         folder = Path(draft.values().get("recordings", ""))
         recorded = layout(inspect(folder), folder)
     else:
-        _require_folder(folder)
-        _require_new([*files, files[0].parent / "dvc.yaml"])
+        if not folder.is_dir():
+            raise RecordingError("there is no such folder", file=folder)
+        if re.search(r'["$`\\\n]', os.path.relpath(folder.resolve())):
+            message = "the folder's name holds a quote, a dollar or a backslash; rename it"
+            raise RecordingError(message, file=folder)
+        for file in filter(Path.exists, [*files, files[0].with_name("dvc.yaml")]):
+            message = (
+                "this file is there already, and nothing is overwritten; choose another name, or "
+                "leave out --from to fill in what is open there"
+            )
+            raise ConfigError(message, file=file)
         recorded = layout(inspect(folder), folder)
         if urdf is not None:
             recorded.single[ROBOT] = inspect(urdf)
-        texts = dataset_texts(name, recorded, folder)
+        texts = dataset_texts(name, recorded, folder, answers)
         draft = Draft(dict(zip(files, texts, strict=True)))
         if files[0].parent.resolve() not in folder.resolve().parents:
             inventory = {files[0].parent / "dvc.yaml": INVENTORY.format(name=name)}
@@ -103,8 +117,7 @@ def write_datasheet(
         filling.ask()
     filling.note()
     for file, text in (draft.texts | inventory).items():
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text)
+        contracts.write_text(text, file)
         print(f"new-dataset: wrote {os.path.relpath(file)}")
     left = filling.left
     if "joint_log.start" in left:
@@ -116,11 +129,14 @@ def write_datasheet(
     return left
 
 
-def dataset_texts(name: str, layout: Layout, folder: Path) -> list[str]:
+def dataset_texts(
+    name: str, layout: RecordingLayout, folder: Path, answered: Collection[str] = ()
+) -> list[str]:
     """Return the texts of data/raw/NAME/dataset.yaml and pipeline/conf/dataset/NAME.yaml for the
-    recordings of ``layout`` in ``folder``.
+    recordings of ``layout`` in ``folder``, with ??? for the keys that are ``answered``.
     """
-    texts = fill_template(name, known_values(name, layout, folder))
+    known = known_values(name, layout, folder)
+    texts = fill_template(name, known | dict.fromkeys(known.keys() & {*answered}, asked()))
     if unplaced := [text_of(shown(one.file.relative_to(folder))) for one in layout.unplaced]:
         more = f" … ({len(unplaced)})" if len(unplaced) > SHOWN else ""
         texts[0] += f"# not placed: {', '.join(unplaced[:SHOWN])}{more}\n"
@@ -131,51 +147,13 @@ def _arguments(words: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m pipeline new-dataset", description=__doc__.partition(": ")[2]
     )
-    parser.add_argument(
-        "name", metavar="NAME", help="the dataset's name, as params.yaml will have it"
-    )
-    parser.add_argument(
-        "--from",
-        dest="folder",
-        type=Path,
-        metavar="FOLDER",
-        help="the folder of its recordings; without it, what is ??? in the dataset's files is "
-        "filled in",
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="a value that no file states, as robot.urdf=arm.urdf; as often as needed",
-    )
-    parser.add_argument("--suggested", action="store_true", help="take whatever is suggested")
-    parser.add_argument(
-        "--motion", type=int, metavar="NUMBER", help="of joint logs the motion of that number"
-    )
-    parser.add_argument("--ask", action="store_true", help="ask for what is then still open")
+    for flags, options in (
+        (["name"], {"metavar": "NAME", "help": "name of the dataset, as in params.yaml"}),
+        (["--from"], {"dest": "folder", "type": Path, "metavar": "FOLDER", "help": FROM}),
+        (["--set"], {"action": "append", "default": [], "metavar": "KEY=VALUE", "help": SET}),
+        (["--suggested"], {"action": "store_true", "help": "take every suggestion"}),
+        (["--motion"], {"type": int, "metavar": "NUMBER", "help": "motion in the joint logs"}),
+        (["--ask"], {"action": "store_true", "help": "ask for what is then still open"}),
+    ):
+        parser.add_argument(*flags, **options)
     return parser.parse_args(words)
-
-
-def _text(file: Path) -> str:
-    if not file.is_file():
-        raise ConfigError("there is no such dataset; make it with --from FOLDER", file=file)
-    return file.read_text()
-
-
-def _require_folder(folder: Path) -> None:
-    if not folder.is_dir():
-        raise RecordingError("there is no such folder", file=folder)
-    if re.search(r'["$`\\\n]', os.path.relpath(folder.resolve())):
-        message = "the folder's name holds a quote, a dollar or a backslash; rename it"
-        raise RecordingError(message, file=folder)
-
-
-def _require_new(files: list[Path]) -> None:
-    for file in files:
-        if file.exists():
-            raise ConfigError(
-                "this file is there already, and nothing is overwritten; choose another name, or "
-                "leave out --from to fill in what is open there",
-                file=file,
-            )

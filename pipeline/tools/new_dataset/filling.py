@@ -18,10 +18,11 @@ from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.options.logs import JointLog
 from pipeline.recordings.logged_movement import read_logged_movement
-from pipeline.recordings.motions import Motion, motions
+from pipeline.recordings.motions import NEARLY, Motion, motions
+from pipeline.recordings.repetitions import REACH
 from pipeline.recordings.take_names import named_takes
 from pipeline.tools.check.values import get_filled, value_faults
-from pipeline.tools.inspect.layout import Layout
+from pipeline.tools.new_dataset.layout import RecordingLayout
 from pipeline.tools.new_dataset.values import KEYS, suggested_values
 
 
@@ -30,7 +31,7 @@ class Filling:
     """A ``draft`` beside the recordings of ``layout`` in ``folder``."""
 
     draft: Draft
-    layout: Layout
+    layout: RecordingLayout
     folder: Path
 
     @property
@@ -131,8 +132,9 @@ class Filling:
 
 
 def found_motions(values: dict[str, Any]) -> list[Motion]:
-    """Return the motions in the logs that the ``values`` of a dataset name; ConfigError where a
-    needed value is still ???, and as the logs' reader.
+    """Return the motions in the logs that the ``values`` of a dataset name, those that move most
+    joints first, those through a singular pose last; ConfigError where a needed value is still ???,
+    and as the logs' reader.
     """
     log = values["joint_log"] | {"start": [], "end": [], "rest": 0, "tolerance": 1.0}
     rate = values["motion"]["rate"]
@@ -145,7 +147,14 @@ def found_motions(values: dict[str, Any]) -> list[Motion]:
         name: read_logged_movement(name, place, options, float(rate))
         for name, place in places.items()
     }
-    return motions(movements, Robot(**values["robot"]), rate)
+    offered = motions(movements, Robot(**values["robot"]), rate)
+    regular = NEARLY * max((motion.least_singular for motion in offered), default=0.0)
+
+    def last(motion: Motion) -> tuple[bool, int]:
+        still = np.abs(motion.end - motion.start) <= REACH
+        return motion.least_singular < regular, int(still.sum())
+
+    return sorted(offered, key=last)
 
 
 def table(offered: list[Motion]) -> str:

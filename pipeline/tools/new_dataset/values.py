@@ -13,19 +13,20 @@ from typing import Any
 from pipeline.core.options.logs import AngleUnit, TimeUnit
 from pipeline.formats.format import Kind
 from pipeline.formats.joints import bag
+from pipeline.formats.joints.names import named_like
 from pipeline.formats.units import TIME_UNITS, spelled
 from pipeline.tools.check.values import get_filled
 from pipeline.tools.inspect.finding import ROBOT, Finding, shown
-from pipeline.tools.inspect.joints import MEASURED, time_unit, unit_of_angles
+from pipeline.tools.inspect.joints import time_unit, unit_of_angles
 from pipeline.tools.inspect.kinds import CAMERA_INFO, DEPTH_TYPES, IMAGE_TYPE, described
-from pipeline.tools.inspect.layout import Group, Layout, links_of
+from pipeline.tools.new_dataset.layout import Group, RecordingLayout, links_of
 from pipeline.tools.new_dataset.template import Values, agreed, asked, chosen, several, text_of
 
 KEYS = ("motion.steps", "joint_log.start", "joint_log.end", "joint_log.rest")  # of the motion
 TURN = "[0.0, 6.283185307179586] # rad, [least, greatest]; narrow the full turn, as set up"
 
 
-def known_values(name: str, layout: Layout, folder: Path) -> Values:
+def known_values(name: str, layout: RecordingLayout, folder: Path) -> Values:
     """Return the values of dataset ``name`` that the recordings of ``layout`` in ``folder`` and
     their URDF state, by key of the template; ??? with a note where there is a choice.
     """
@@ -58,7 +59,7 @@ def known_values(name: str, layout: Layout, folder: Path) -> Values:
     return known | _robot(layout.single.get(ROBOT, []), planar)
 
 
-def _mocap(layout: Layout, takes: list[Finding]) -> Values:
+def _mocap(layout: RecordingLayout, takes: list[Finding]) -> Values:
     values: Values = _parts(layout.training, layout.test)
     if any(take.units.get("length") == "not stated" for take in takes):
         values["unit"] = asked()
@@ -85,21 +86,21 @@ def _parts(training: Sequence[Group], test: Sequence[Group], none: str = "null")
     return dict.fromkeys(("training", "test"), asked(f"one of {patterns}"))
 
 
-def _encoders(layout: Layout) -> Values:
+def _encoders(layout: RecordingLayout) -> Values:
     """Joint logs that are named as takes of the motion capture."""
     takes = {name for group in layout.training for name in group.named}
     training = [group for group in layout.encoders if takes & {*group.named}]
     test = [group for group in layout.encoders if group not in training]
     finding = next(iter(layout.encoders[0].takes.values()))
     labels = [str(label) for label in finding.facts.get("labels", [])]
-    measured = [label for label in labels if any(word in label.lower() for word in MEASURED)]
+    measured = named_like("actual", labels)
     return _parts(training, test, asked()) | {
         "time": text_of(labels[0]) if labels and finding.timed else "0",
         "actual": f"[{several(measured)}]" if measured else asked(f"of {several(labels)}"),
     }
 
 
-def _depth(layout: Layout, calibrations: Sequence[str]) -> Values:
+def _depth(layout: RecordingLayout, calibrations: Sequence[str]) -> Values:
     group = max(layout.depth, key=lambda group: len(group.takes))
     takes, (place, first) = list(group.takes.values()), next(iter(group.takes.items()))
     topics = first.facts.get("topics")
@@ -194,18 +195,11 @@ def _joint_log(movements: Sequence[Group], takes: Sequence[Finding]) -> Values:
 
 
 def _files(tables: Mapping[str, Finding]) -> dict[str, str]:
-    """Files of the measured and commanded angles, by their names and values."""
-    pairs = [(t.facts["measured"], name) for name, t in tables.items() if "measured" in t.facts]
-    if len(pairs) != 1:
-        names = chosen(map(text_of, sorted(tables)))
-        return {"actual": names, "target": names, "speed": "null"}
-    ((actual, target),) = pairs
-    speeds = [name for name, table in tables.items() if table.facts.get("speed_of") == target]
-    return {
-        "actual": f"{text_of(actual)} # by its name",
-        "target": f"{text_of(target)} # by its name",
-        "speed": f"{text_of(speeds[0])} # by its values" if len(speeds) == 1 else "null",
-    }
+    """Files of the measured and commanded angles and of the speed, as their names say."""
+    roles = {table.facts["role"]: name for name, table in tables.items() if "role" in table.facts}
+    choice = chosen(map(text_of, sorted(tables)))
+    files = {"actual": choice, "target": choice, "speed": "null"}
+    return files | {role: f"{text_of(name)} # by its name" for role, name in roles.items()}
 
 
 def _robot(robots: Sequence[Finding], planar: bool) -> Values:
@@ -236,7 +230,7 @@ def _robot(robots: Sequence[Finding], planar: bool) -> Values:
 
 
 def suggested_values(
-    layout: Layout, folder: Path, values: Mapping[str, Any]
+    layout: RecordingLayout, folder: Path, values: Mapping[str, Any]
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Return values by key that the recordings of ``layout``, the robot and the other ``values`` of
     the dataset make likely, and remarks by key on what there is to choose from.
@@ -305,7 +299,7 @@ def _licence(folder: Path) -> str | None:
     return None
 
 
-def _pattern(layout: Layout, folder: Path) -> str | None:
+def _pattern(layout: RecordingLayout, folder: Path) -> str | None:
     """One pattern of all groups of movements that matches nothing else of their sort."""
     paths = [path for group in layout.movements for path in group.takes]
     pattern = shared_pattern([path.relative_to(folder).as_posix() for path in paths])
