@@ -51,7 +51,11 @@ OUT, METRICS, TABLES = Path("data/score"), Path("reports/metrics"), Path("report
 DATASETS = Path("reports/datasets")
 # tables that the report shows as they are
 SHOWN = dict.fromkeys(("sigma_s", "force_moments", "force_test"), WRENCH) | {"readings": READINGS}
-SHOWN |= dict.fromkeys(("ranges", "predictions", "prediction_pairs"), Path("data/predict"))
+PREDICTED = (
+    *("ranges", "predictions", "prediction_pairs", "other_motions", "motion_spread", "tails"),
+    *("noise_quantiles", "plain_parameters", "untold", "motions", "motion_ranges"),
+)
+SHOWN |= dict.fromkeys(PREDICTED, Path("data/predict"))
 # share of the recorded variance that lies between recordings of one motion
 SHARE_BETWEEN = "recorded_share_of_variance_between_recordings"
 LONG = ("deviation",)  # a table that no verdict is read from

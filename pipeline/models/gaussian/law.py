@@ -22,6 +22,8 @@ from pipeline.models.model import GAUSSIAN_LAW, Law
 from pipeline.models.norm import frobenius
 from pipeline.models.normal import NormalModel
 
+UNBOUNDED = 1e9  # u beside which the norm of any inverse Jacobian is nothing
+
 
 def noise_scale(norm: np.ndarray, alpha: float, u: float, n: int, m: int) -> np.ndarray:
     """(...,) s of Σ_k = s·I_m, the solution of (cost)–(const2): s = α²(u² − ‖J̲_k⁺‖_F²)/(nm), of
@@ -86,5 +88,7 @@ class GaussianModel(NormalModel):
 
 
 def build(parameters: dict[str, Any]) -> GaussianModel:
-    """The model with these parameters."""
+    """The model with these parameters; with ``level`` αu alone the limit of an unbounded u."""
+    if "level" in parameters:
+        return GaussianModel(parameters["level"] / UNBOUNDED, UNBOUNDED)
     return GaussianModel(parameters["alpha"], parameters["u"])

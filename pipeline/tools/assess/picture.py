@@ -17,6 +17,7 @@ from pipeline.figures.style import (
 from pipeline.statistics.takes import percentile_interval
 from pipeline.tools.assess.judge import SPANS, Verdict
 from pipeline.tools.assess.moment_filter import Innovations
+from pipeline.tools.assess.words import shows
 
 GREATEST = 8.0  # standard deviations at which the colours end
 
@@ -72,6 +73,7 @@ def draw(take: str, verdict: Verdict, found: Innovations, number: int) -> Figure
     below.set_title("log evidence beside theirs, in their standard deviations")
     figure.colorbar(shown, ax=below, extend="both", aspect=8)
     head = "behaves as" if verdict.behaves else "does NOT behave as"
+    head = head if shows(verdict) else "beside"
     figure.suptitle(f"{take} {head} the {int(verdict.others.sum())} other takes", fontsize=9)
     figure.legend(
         [error, bound, band],
