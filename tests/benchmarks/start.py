@@ -25,7 +25,7 @@ import pipeline.models.wishart.samples, pipeline.models.wishart.quadrature
 imported = time.process_time() - begin
 import numpy as np
 from scenario import scene, take
-from pipeline.models.additive.law import AdditiveModel
+from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.wishart.decomposition import Decomposition
@@ -55,7 +55,7 @@ for arm in ("youbot", "ur5", "lwr4"):
     n = len(stage.start.mean)
     q = stage.start.mean + 0.05 * rng.standard_normal((20_000, n))
     v = stage.chain.jacobian(stage.start.mean) @ np.full(n, 1e-3)
-    for law, model in (LAWS | {"additive": AdditiveModel(1e-6 * np.eye(n))}).items():
+    for law, model in (LAWS | {"additive": ScaledModel(1e-6 * np.eye(n))}).items():
         least = np.inf
         for _ in range(12):
             begin = time.perf_counter()

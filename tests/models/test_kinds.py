@@ -18,8 +18,8 @@ from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.models import kinds
-from pipeline.models.commands import open_loop
 from pipeline.models.kinds import fitted_model
+from pipeline.models.model import open_loop
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.decomposition import Decomposition
 
@@ -125,9 +125,9 @@ class Options(options.Options):
 """
 LAW = """
 import numpy as np
-from pipeline.models.additive.law import AdditiveModel
+from pipeline.models.scaled.law import ScaledModel
 
-class TinyModel(AdditiveModel):
+class TinyModel(ScaledModel):
     pass
 
 def build(parameters):
