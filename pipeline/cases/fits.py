@@ -16,8 +16,9 @@ from pipeline.core.rng import stream
 from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
 from pipeline.models.kinds import compared, estimate
 from pipeline.models.model import MotionModel
+from pipeline.models.modelled_noise import modelled_noise
 from pipeline.models.options import Options
-from pipeline.models.realizations import modelled_noise, realize, realized_moments
+from pipeline.models.realizations import realize, realized_moments
 from pipeline.models.steps import Estimate, Recorded
 from pipeline.recordings.commands import constant_speed
 from pipeline.statistics.following import constant_noise_variation

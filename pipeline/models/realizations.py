@@ -1,6 +1,4 @@
-"""Realisations of a motion model along the desired trajectory, step by step or running freely, and
-its process noise at the recorded poses.
-"""
+"""Realisations of a motion model along the desired trajectory, step by step or running freely."""
 
 from __future__ import annotations
 
@@ -10,10 +8,6 @@ from pipeline.arm.interface import Chain
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.models.draws import draw_steps
 from pipeline.models.model import MotionModel
-from pipeline.models.steps import Recorded, at_recorded_level
-from pipeline.statistics.spread_tables import ModelledNoise
-
-DRAWS = 1000  # of a step, over the poses of all takes
 
 
 def realize(
@@ -83,23 +77,3 @@ def realized_moments(
     except ModelDomainError as error:
         return mean, np.full_like(deviation, np.nan), str(error)
     return mean, deviation, None
-
-
-def modelled_noise(
-    model: MotionModel, recorded: Recorded, rng: np.random.Generator, draws: int = DRAWS
-) -> ModelledNoise:
-    """Process noise of ``model`` at the poses of ``recorded``, its level solved again for the
-    recorded total variance; raises what :func:`pipeline.models.steps.at_recorded_level` raises.
-    """
-    own, chain, q, v = at_recorded_level(model, recorded), recorded.chain, recorded.q, recorded.v
-    covariance = own.covariance(chain, q, v)
-    takes = np.resize(np.arange(len(q)), draws)
-    noise = draw_steps(own, chain, q[takes], v, rng)[0] - (q + chain.nominal_step(q, v))[takes]
-    root = np.linalg.cholesky(recorded.measurement + 1e-30 * np.eye(q.shape[-1]))
-    noise += rng.standard_normal(noise.shape) @ root.T
-    return ModelledNoise(
-        motion=np.diagonal(covariance, axis1=-2, axis2=-1).mean(axis=0),
-        measurement=np.diagonal(recorded.measurement),
-        error=own.mean(chain, q, v) - recorded.q_next,
-        draws=noise,
-    )

@@ -16,6 +16,7 @@ from pipeline.core.filters import NONE, models_of
 from pipeline.statistics.joint_scores import filter_scores
 from pipeline.statistics.resampling import bound_quantities, resampled_differences
 from pipeline.statistics.take_scores import compared, posterior_scores
+from pipeline.statistics.takes import takes_moments
 
 
 @dataclass(frozen=True)
@@ -39,10 +40,9 @@ def no_filter(training: np.ndarray, measured: np.ndarray) -> Filtered:
     ``measured`` (takes, K, n), both in rad; it holds the noise of a measured pose already.
     """
     n = training.shape[-1]
-    centred = training - training.mean(axis=0)
-    covariance = np.einsum("tki,tkj->kij", centred, centred) / (len(training) - 1)
+    mean, covariance = takes_moments(training)
     return Filtered(
-        training.mean(axis=0) - measured,
+        mean - measured,
         np.broadcast_to(covariance, (len(measured), *covariance.shape)),
         np.zeros((n, n)),
     )

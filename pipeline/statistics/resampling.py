@@ -9,12 +9,11 @@ from itertools import permutations
 
 import numpy as np
 import pandas as pd
-from scipy.special import stdtrit
 
 from pipeline.statistics.joint_scores import bound_scores
+from pipeline.statistics.takes import percentile_interval, student_quantile
 
 REPLICATES = 200
-TAILS = (0.025, 0.975)
 NO_NOISE = "no_noise"  # in the place of a model
 
 # model, numbers of the takes → value by quantity
@@ -54,7 +53,7 @@ def resampled_differences(
                     for own, first in zip(replicates, resampled[0], strict=True)
                 ]
                 if differences:
-                    row["low"], row["high"] = np.quantile(differences, TAILS)
+                    row["low"], row["high"] = percentile_interval(differences)
             rows.append(row)
     return pd.DataFrame(rows, columns=["model", "quantity", "value", "difference", "low", "high"])
 
@@ -189,6 +188,6 @@ def _difference(values: np.ndarray) -> dict[str, float]:
     takes = len(values) - 1
     if takes > 2:
         error = np.sqrt((takes - 1) * np.var(values[1:]))
-        half = float(stdtrit(takes - 1, 1 - TAILS[0]) * error)
+        half = student_quantile(takes - 1) * error
         row["low"], row["high"] = values[0] - half, values[0] + half
     return row

@@ -15,6 +15,7 @@ import pandas as pd
 
 from pipeline.core.compiled import compiled
 from pipeline.core.errors import ModelDomainError
+from pipeline.statistics.takes import percentile_interval, student_quantile
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(64)
 
@@ -193,7 +194,7 @@ class Difference(NamedTuple):
     high: float
 
 
-def paired_difference(scores: np.ndarray, reference: np.ndarray, level: float = 0.95) -> Difference:
+def paired_difference(scores: np.ndarray, reference: np.ndarray) -> Difference:
     """Mean of ``scores`` − ``reference`` (takes,), both of the same takes, with Student's interval
     over the takes.
 
@@ -206,9 +207,7 @@ def paired_difference(scores: np.ndarray, reference: np.ndarray, level: float = 
     mean, takes = float(difference.mean()), len(difference)
     if takes < 2:
         return Difference(mean, np.nan, np.nan)
-    from scipy.special import stdtrit
-
-    half = float(stdtrit(takes - 1, (1 + level) / 2) * difference.std(ddof=1) / np.sqrt(takes))
+    half = float(student_quantile(takes - 1) * difference.std(ddof=1) / np.sqrt(takes))
     return Difference(mean, mean - half, mean + half)
 
 
@@ -216,6 +215,12 @@ def wrench_summary(errors: pd.DataFrame, spread: pd.DataFrame) -> pd.DataFrame:
     """Mean and greatest error of the study of the tables ``wrench_errors`` and ``wrench_spread`` by
     number of cables, and where 95 % of the repeats have the greatest, which is a random number.
     """
-    maxima = spread.groupby("agents")["maximum"]
-    ends = {"max_low": maxima.quantile(0.025), "max_high": maxima.quantile(0.975)}
-    return errors.groupby("agents")["error"].agg(["mean", "max"]).assign(**ends).reset_index()
+    summary = errors.groupby("agents")["error"].agg(["mean", "max"])
+    return summary.join(maxima_interval(spread)).reset_index()
+
+
+def maxima_interval(spread: pd.DataFrame) -> pd.DataFrame:
+    """95 % interval of the greatest error over the repeats of ``wrench_spread``, by ``agents``."""
+    ends = {m: percentile_interval(each) for m, each in spread.groupby("agents")["maximum"]}
+    table = pd.DataFrame.from_dict(ends, orient="index", columns=["max_low", "max_high"])
+    return table.rename_axis("agents")

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from pipeline.statistics.takes import NORMAL_QUANTILE
 from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, NONE, Claim
 from pipeline.verdicts.reference import ArmNames, Evidence, Reference, joint_names
 from pipeline.verdicts.rules import RULES, Readings
@@ -191,8 +192,8 @@ def _read(claim: Claim, each: list[dict], evidence: Evidence, arm: ArmNames) -> 
 
 
 def _interval(readings: Readings) -> tuple[np.ndarray, np.ndarray]:
-    """The interval given, or 1.96 standard errors on either side of the value."""
-    half = 1.96 * readings.standard_error
+    """The interval given, or NORMAL_QUANTILE standard errors on either side of the value."""
+    half = NORMAL_QUANTILE * readings.standard_error
     low = np.where(np.isnan(readings.low), readings.value - half, readings.low)
     return low, np.where(np.isnan(readings.high), readings.value + half, readings.high)
 

@@ -10,9 +10,10 @@ from itertools import combinations
 import numpy as np
 
 from pipeline.models.additive.options import Options
-from pipeline.models.noise import mean_covariance, moments
+from pipeline.models.noise import mean_covariance
 from pipeline.models.normal import without_measurement
 from pipeline.models.steps import Estimate, Recorded, Truth
+from pipeline.statistics.takes import takes_moments
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
@@ -56,7 +57,7 @@ def shrunk_covariance(noise: np.ndarray) -> tuple[np.ndarray, float]:
     mean over takes, as steps of one take depend on each other. ``noise`` ω (takes, M, n); raises
     ModelDomainError for a single take.
     """
-    mean, _ = moments(noise)
+    mean, _ = takes_moments(noise)
     takes = len(noise)
     centred = noise - mean
     by_take = np.einsum("tki,tkj->tij", centred, centred) * takes / ((takes - 1) * noise.shape[1])

@@ -16,16 +16,16 @@ from pipeline.core import config, rng
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.core.validation import options
-from pipeline.models.bootstrap import percentiles, replicate, resampled_estimator
+from pipeline.models.bootstrap import replicate, resampled_estimator
 from pipeline.models.kinds import build_model, estimate, truths
 from pipeline.models.options import Options as Model
 from pipeline.models.steps import Recorded, Truth
 from pipeline.recordings.steps import training_steps
+from pipeline.statistics.takes import NORMAL_QUANTILE, percentile_interval
 from pipeline.studies.frame import NoAnswerError, Results, Study, listed, number
 from pipeline.studies.recovery.known_laws import drawn
 from pipeline.verdicts.wording import table
 
-NORMAL = 1.959964  # 0.975 quantile of the normal law
 LABELS = {
     "moments": "moments",
     "paper": "the paper's convex problem",
@@ -153,8 +153,8 @@ def recovery_row(parameter: str, truth: float, pairs: Sequence[Pair | None]) -> 
         return row
     estimates, again = solved.T
     error, mean = estimates - truth, estimates.mean()
-    half = NORMAL * estimates.std(ddof=1) / np.sqrt(len(estimates))
-    low, high = percentiles(again - estimates)
+    half = NORMAL_QUANTILE * estimates.std(ddof=1) / np.sqrt(len(estimates))
+    low, high = percentile_interval(again - estimates)
     return row | {
         "mean": mean,
         "mean_low": mean - half,

@@ -17,6 +17,7 @@ from pipeline.cases.verdict import decided
 from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError
 from pipeline.laboratory.options import TrajectoryOptions
+from pipeline.statistics.scores import maxima_interval
 from pipeline.studies.simulated import Factors, Laboratory, observe
 from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.reference import ArmNames
@@ -129,5 +130,5 @@ def wrench_evidence(condition: Condition, common: Common) -> Evidence:
     metrics |= {f"study_m{m}_greatest_error": value for m, value in by_system.max().items()}
     for m, value in by_repeat.median().items():
         metrics[f"study_m{m}_greatest_error_median_over_repeats"] = value
-    ends = {"max_low": by_repeat.quantile(0.025), "max_high": by_repeat.quantile(0.975)}
-    return {"metrics/wrench": metrics, "tables/wrench_study": pd.DataFrame(ends).reset_index()}
+    study = maxima_interval(repeats).reset_index()
+    return {"metrics/wrench": metrics, "tables/wrench_study": study}

@@ -24,6 +24,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.statistics.takes import NORMAL_QUANTILE
 from pipeline.studies.published import Published
 from pipeline.studies.which_decomposition.laws import (
     GAUSSIAN,
@@ -48,7 +49,6 @@ SETS = {  # beside one of SIZES
 SPAN = 9  # tolerances of an integral over them
 INTEGRATED = 0.0  # tolerance of the rows that hold it
 BLOCK = 50  # paths whose steps are evaluated at once: buffers that the cache holds
-NORMAL = 1.959964  # 0.975 quantile of the normal law
 
 
 @dataclass(frozen=True)
@@ -168,8 +168,8 @@ def evidence_rows(
                         {
                             "reading": READINGS,
                             "likelihood": ratio,
-                            "low": ratio * np.exp(-NORMAL * error),
-                            "high": ratio * np.exp(NORMAL * error),
+                            "low": ratio * np.exp(-NORMAL_QUANTILE * error),
+                            "high": ratio * np.exp(NORMAL_QUANTILE * error),
                         }
                     ).assign(size=size, quantities=name, tolerance=tolerance)
                 )

@@ -7,12 +7,14 @@ from __future__ import annotations
 import argparse
 import os
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from pipeline.core import config, datasheet
 from pipeline.core.draft import Draft
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.tools.inspect.examine import inspect
+from pipeline.tools.inspect.finding import ROBOT
 from pipeline.tools.inspect.layout import Layout, layout
 from pipeline.tools.new_dataset.filling import Filling
 from pipeline.tools.new_dataset.known_values import recorded_values
@@ -36,8 +38,40 @@ stages:
 
 def run(words: list[str]) -> None:
     """Write the two files, or fill in what is open in those that are there; say what is left."""
-    arguments = _arguments(words)
-    name = arguments.name
+    given = vars(_arguments(words))
+    answers = {}
+    for assigned in given.pop("set"):
+        key, equal, value = assigned.partition("=")
+        if not equal:
+            raise ConfigError(f"--set takes KEY=VALUE, not {assigned!r}")
+        answers[key.strip()] = value
+    name = given["name"]
+    if left := write_datasheet(answers=answers, **given):
+        print(
+            f"new-dataset: {len(left)} values are open: {', '.join(left)}; fill them in there, or "
+            f"by `new-dataset {name}` with --set, --suggested, --motion or --ask"
+        )
+    print(f"new-dataset: set `dataset: {name}` in params.yaml, and run `python -m pipeline check`")
+
+
+def write_datasheet(
+    name: str,
+    folder: Path | None,
+    answers: Mapping[str, str],
+    *,
+    urdf: Path | None = None,
+    suggested: bool = False,
+    motion: int | None = None,
+    ask: bool = False,
+) -> list[str]:
+    """Write data/raw/NAME/dataset.yaml and pipeline/conf/dataset/NAME.yaml for the recordings in
+    ``folder``, or fill in the files that are there where it is None; return the keys left open.
+
+    ``answers`` are YAML values by dotted key of the template, as robot.tool; ``urdf`` takes the
+    place of a URDF in the folder; ``suggested`` takes every suggestion; ``motion`` is the number
+    of the motion in the printed table, from 1; ``ask`` asks on the terminal. Raises ConfigError or
+    RecordingError, and writes nothing then.
+    """
     if not Path("params.yaml").is_file():
         raise ConfigError("there is no params.yaml here; run the pipeline from the project's root")
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
@@ -45,33 +79,42 @@ def run(words: list[str]) -> None:
             f"{name!r} cannot name a dataset: letters, digits, _ and - alone", key="NAME"
         )
     files = datasheet.path_of(name), config.CONF / "dataset" / f"{name}.yaml"
-    if arguments.folder is None:
+    inventory: dict[Path, str] = {}
+    if folder is None:
         draft = Draft({file: _text(file) for file in files})
-        folder, inventory = Path(draft.values().get("recordings", "")), {}
+        folder = Path(draft.values().get("recordings", ""))
         recorded = layout(inspect(folder), folder)
     else:
-        folder = arguments.folder
         recordings = _below_project(folder)
         _require_new([*files, files[0].parent / "dvc.yaml"])
         recorded = layout(inspect(folder), folder)
+        if urdf is not None:
+            recorded.single[ROBOT] = inspect(urdf)
         texts = dataset_texts(name, recordings, recorded, folder)
-        draft, inventory = Draft(dict(zip(files, texts, strict=True))), {}
+        draft = Draft(dict(zip(files, texts, strict=True)))
         if files[0].parent.resolve() not in folder.resolve().parents:
             inventory = {files[0].parent / "dvc.yaml": INVENTORY.format(name=name)}
     filling = Filling(draft, Suggestions(recorded, folder))
-    filling.by_options(arguments.set)
-    if arguments.suggested:
+    filling.by_answers(answers)
+    if suggested:
         filling.by_suggestions()
-    if arguments.motion is not None:
-        filling.by_motion(arguments.motion)
-    if arguments.ask:
+    if motion is not None:
+        filling.by_motion(motion)
+    if ask:
         filling.by_asking()
     filling.note_suggestions()
     for file, text in (draft.texts | inventory).items():
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text)
         print(f"new-dataset: wrote {os.path.relpath(file)}")
-    _say_what_is_left(name, draft, filling)
+    left = [question.key for question in draft.questions()]
+    if "joint_log.start" in left:
+        try:
+            filling.by_motion(None)
+            print("new-dataset: the motion is chosen by --motion NUMBER")
+        except PipelineError as error:
+            print(f"new-dataset: {error}")
+    return left
 
 
 def dataset_texts(name: str, recordings: str, layout: Layout, folder: Path) -> list[str]:
@@ -140,20 +183,3 @@ def _require_new(files: list[Path]) -> None:
                 "leave out --from to fill in what is open there",
                 file=file,
             )
-
-
-def _say_what_is_left(name: str, draft: Draft, filling: Filling) -> None:
-    """The motions to choose from, the values that are open, and the next command."""
-    left = [question.key for question in draft.questions()]
-    if "joint_log.start" in left:
-        try:
-            filling.by_motion(None)
-            print("new-dataset: the motion is chosen by --motion NUMBER")
-        except PipelineError as error:
-            print(f"new-dataset: {error}")
-    if left:
-        print(
-            f"new-dataset: {len(left)} values are open: {', '.join(left)}; fill them in there, or "
-            f"by `new-dataset {name}` with --set, --suggested, --motion or --ask"
-        )
-    print(f"new-dataset: set `dataset: {name}` in params.yaml, and run `python -m pipeline check`")

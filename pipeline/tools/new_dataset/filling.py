@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pipeline.core.draft import Draft, Question
@@ -20,15 +20,10 @@ class Filling:
     draft: Draft
     suggestions: Suggestions
 
-    def by_options(self, assigned: Iterable[str]) -> None:
-        """Each of ``assigned``, KEY=VALUE; ConfigError for what is no such thing, and as
-        :meth:`Draft.answer`.
-        """
-        for words in assigned:
-            key, equal, value = words.partition("=")
-            if not equal:
-                raise ConfigError(f"--set takes KEY=VALUE, not {words!r}")
-            self.draft.answer(key.strip(), value, value_faults)
+    def by_answers(self, answers: Mapping[str, str]) -> None:
+        """Fill in each of ``answers``, YAML values by key; ConfigError as :meth:`Draft.answer`."""
+        for key, value in answers.items():
+            self.draft.answer(key, value, value_faults)
 
     def by_suggestions(self) -> None:
         """Every suggestion that nothing is wrong with; they may follow from each other."""

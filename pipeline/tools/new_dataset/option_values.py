@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from pipeline.tools.inspect.finding import ROBOT, shown
@@ -26,8 +27,7 @@ def option_values(name: str, recordings: str, layout: Layout, folder: Path) -> V
     values = {"name": text_of(name), "motion.rate": agreed(rates)}
     values["motion.steps"] = agreed(take.facts.get("steps") for take in takes)
     if len(robots) == 1:
-        urdf = shown(robots[0].file.relative_to(folder))
-        values["robot.urdf"] = text_of(f"{recordings}/{urdf}")
+        values["robot.urdf"] = text_of(shown(Path(os.path.relpath(robots[0].file.resolve()))))
     if any(log.facts.get("settings", {}).get("rest") == "0" for log in logs):
         values["motion.pose_noise"] = asked()
     if layout.encoders:
