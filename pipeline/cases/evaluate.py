@@ -20,8 +20,7 @@ from pipeline.core.errors import DegenerateFilterError, ModelDomainError, Singul
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import Posterior, Start, particle_filter
 from pipeline.models.closed_loop import mean_path
-from pipeline.models.commands import Commands, open_loop
-from pipeline.models.model import MotionModel
+from pipeline.models.model import Commands, MotionModel, open_loop
 
 Loop = tuple[MotionModel, Commands]  # a fitted model and what it is commanded
 # number of the take, what bears on its filter, the loop, the take's measurements

@@ -17,7 +17,7 @@ import numpy as np
 from pipeline.arm.interface import Chain
 from pipeline.filtering.linear import linear_filter
 from pipeline.filtering.measurement import Measurements
-from pipeline.models.covariance import root, without_measurement
+from pipeline.models.normal import root, without_measurement
 from pipeline.statistics.takes import takes_moments
 
 

@@ -24,8 +24,7 @@ import numpy as np
 
 from pipeline.arm.interface import Chain
 from pipeline.models import kinds
-from pipeline.models.commands import Commands
-from pipeline.models.model import MotionModel
+from pipeline.models.model import Commands, MotionModel
 from pipeline.models.steps import Recorded
 
 FOLDER, SHARE = "closed", "closed_loop_share"  # beside the open loop's parameters; κ among them

@@ -28,8 +28,8 @@ import numpy as np
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import kinds
 from pipeline.models.closed_loop import MeanPath, closed_loop_steps, mean_path, measured_poses
-from pipeline.models.covariance import without_measurement
 from pipeline.models.model import MotionModel
+from pipeline.models.normal import without_measurement
 from pipeline.models.options import Options
 from pipeline.models.steps import Estimate, Recorded
 

@@ -38,7 +38,7 @@ class ExportedModel:
     """p(q_{k+1} | q_k) for the command v of a step of 1/rate s, as it was fitted.
 
     ``q`` (..., n) are joint angles in rad, ``v`` (m,) or (..., m) steps of the task in m and rad,
-    (m + n) of an arm with more joints than task rows (:mod:`pipeline.models.commands`). Beyond the
+    (m + n) of an arm with more joints than task rows (:mod:`pipeline.models.model`). Beyond the
     ranges of the fit each method warns :class:`OutsideRanges`, of each joint and row once. All
     raise SingularJacobianError at a singular pose, and ModelDomainError for another number of
     joints or rows and where the moments do not exist or the recordings cannot tell them.

@@ -12,8 +12,7 @@ import numpy as np
 
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ConfigError, ModelDomainError, PipelineError, SingularJacobianError
-from pipeline.models.model import MotionModel
-from pipeline.models.norm import frobenius
+from pipeline.models.model import MotionModel, frobenius
 
 REACHED = 1e-9  # of a displacement from the path, in m: beyond it a pose is not on it
 ROUND = 1e-9  # of the poses a turn apart, in m and rad: within it they are one

@@ -73,7 +73,7 @@ def percentile_interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def student_quantile(degrees: int) -> float:
     """0.975 quantile of Student's law of ``degrees`` degrees of freedom."""
-    from scipy.special import stdtrit
+    from scipy.special import stdtrit  # here, as what loads a model does without SciPy
 
     return float(stdtrit(degrees, TAILS[1]))
 

@@ -35,7 +35,7 @@ imported = time.process_time() - begin
 import numpy as np
 from plain_step import plain_steps
 from scenario import scene, take
-from pipeline.models.additive.law import AdditiveModel
+from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.wishart.decomposition import Decomposition
@@ -71,7 +71,7 @@ for arm in ("youbot", "ur5", "lwr4"):
     n, chain = len(stage.start.mean), stage.chain
     q = stage.start.mean + 0.05 * rng.standard_normal((20_000, n))
     v = chain.jacobian(stage.start.mean) @ np.full(n, 1e-3)
-    for law, model in (LAWS | {"additive": AdditiveModel(1e-6 * np.eye(n))}).items():
+    for law, model in (LAWS | {"additive": ScaledModel(1e-6 * np.eye(n))}).items():
         measure(f"{arm}, {law}", draw_steps, model, chain, q, v)
     if arm == "youbot":
         measure("youbot, additive, plain", plain_steps, chain.links, chain.signs, q, v,

@@ -11,7 +11,6 @@ import pytest
 from scipy.linalg import block_diag
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.additive.options import Options as Additive
 from pipeline.models.closed_loop import MeanPath, mean_path
 from pipeline.models.closed_loop_fit import (
@@ -21,12 +20,12 @@ from pipeline.models.closed_loop_fit import (
     state_space,
     take_log_likelihoods,
 )
-from pipeline.models.covariance import without_measurement
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.gaussian.options import Options as Gaussian
 from pipeline.models.kinds import estimate
 from pipeline.models.noise import process_noise
+from pipeline.models.normal import without_measurement
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.scaled.options import Options as Scaled
 from pipeline.models.steps import Estimate, Recorded
@@ -41,7 +40,7 @@ FULL = np.array([[0.05, -0.03, 0.0], [-0.03, 0.06, 0.0], [0.0, 0.0, 0.09]])
 # a model, an estimator that leaves out what is the measurement's, and by how much its takes are the
 # noisier: what the model's own noise hides says nothing of how the measurement's is treated
 MODELS = {
-    "additive": (AdditiveModel(COVARIANCE), Additive("additive", "", estimator="shrinkage"), 1),
+    "additive": (ScaledModel(COVARIANCE), Additive("additive", "", estimator="shrinkage"), 1),
     "gaussian": (GaussianModel(0.1, 18.0), Gaussian("gaussian", "", estimator="likelihood"), 2),
     "scaled": (ScaledModel(0.1 * COVARIANCE, FULL), Scaled("scaled", "", structure="full"), 1),
     "wishart": (

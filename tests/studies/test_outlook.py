@@ -53,7 +53,7 @@ def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name
     assert MOTION.noise_share(law) == pytest.approx(OPTIONS.noise, rel=1e-9)
     q, v, inverse = MOTION.q[k], MOTION.v[k], MOTION.inverse[k]
     if name == "additive":
-        steps = inverse @ v + rng.multivariate_normal(np.zeros(6), law.noise_covariance, draws)
+        steps = inverse @ v + rng.multivariate_normal(np.zeros(6), law.floor, draws)
     elif name == "gaussian":
         # Algorithm 2, literally: J⁻¹ + N
         size = law.alpha * np.sqrt((law.u**2 - np.sum(inverse**2)) / 36)

@@ -15,9 +15,9 @@ from pipeline.core.config import CONF
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
-from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.noise import process_noise
+from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.studies.planning import stage
@@ -70,14 +70,14 @@ def test_a_plan_has_the_least_sum_by_its_model(bench, motions, model):
 def test_a_model_without_an_order_or_a_covariance_has_no_plan(bench):
     wide = WishartModel(0.9, Decomposition("qr_transposed"))
     for model, words in (
-        (AdditiveModel(1e-6 * np.eye(3)), "same at every step"),
+        (ScaledModel(1e-6 * np.eye(3)), "same at every step"),
         (wide, "exists only"),
     ):
         with pytest.raises(ModelDomainError, match=words):
             stage.planned(bench, model, OPTIONS)
     assert np.isnan(stage.predicted_sum(bench, wide, bench.recorded))
     covariance = np.diag([1e-6, 2e-6, 4e-6])
-    whole = stage.predicted_sum(bench, AdditiveModel(covariance), bench.recorded)
+    whole = stage.predicted_sum(bench, ScaledModel(covariance), bench.recorded)
     assert whole == pytest.approx(7e-6 * (len(bench.recorded) - 1))
 
 

@@ -10,7 +10,6 @@ from functools import partial
 
 import numpy as np
 
-from pipeline.models.commands import task_step
 from pipeline.models.gaussian.estimators import (
     GaussianFit,
     GaussianLikelihood,
@@ -19,8 +18,8 @@ from pipeline.models.gaussian.estimators import (
     fit_likelihood,
 )
 from pipeline.models.gaussian.options import ESTIMATORS, Options
+from pipeline.models.model import frobenius, task_step
 from pipeline.models.noise import mean_covariance
-from pipeline.models.norm import frobenius
 from pipeline.models.steps import Estimate, Recorded, Truth
 from pipeline.statistics.takes import takes_moments
 

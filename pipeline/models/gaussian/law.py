@@ -16,11 +16,8 @@ import numpy as np
 
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.commands import task_step
-from pipeline.models.covariance import trace_factor
-from pipeline.models.model import GAUSSIAN_LAW, Law
-from pipeline.models.norm import frobenius
-from pipeline.models.normal import NormalModel
+from pipeline.models.model import GAUSSIAN_LAW, Law, frobenius, task_step
+from pipeline.models.normal import NormalModel, trace_factor
 
 UNBOUNDED = 1e9  # u beside which the norm of any inverse Jacobian is nothing
 

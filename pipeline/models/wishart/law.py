@@ -18,8 +18,6 @@ import numpy as np
 
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.commands import task_step
-from pipeline.models.covariance import principal_axes
 from pipeline.models.model import (
     GIVEN_LAW,
     PIVOTED_LU_LAW,
@@ -27,8 +25,9 @@ from pipeline.models.model import (
     QR_TRANSPOSED_LAW,
     Law,
     row_by_row,
+    task_step,
 )
-from pipeline.models.normal import normal_log_density
+from pipeline.models.normal import normal_log_density, principal_axes
 from pipeline.models.wishart.decomposition import PARTS, PIVOTED_LU, Decomposition
 from pipeline.models.wishart.density import (
     action_log_density,

@@ -17,7 +17,7 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.core.rng import stream
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
-from pipeline.models.commands import open_loop
+from pipeline.models.model import open_loop
 from pipeline.models.wishart.law import WishartModel
 from pipeline.perception.articulation import ArticulationOptions, fit_sequence
 
