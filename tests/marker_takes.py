@@ -8,11 +8,11 @@ import numpy as np
 from motive_files import START
 from scipy.spatial.transform import Rotation
 
+from pipeline.arm.frames import segment_frames
 from pipeline.core.options.dataset import Dataset, Motion, Robot
-from pipeline.core.options.motion_capture import Mocap, Pose
+from pipeline.core.options.instruments import Mocap, Pose
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
-from pipeline.arm.segments import segment_frames
 from pipeline.perception.markers import JointTrack, track_plane
 from pipeline.perception.posture import points_in_plane
 

@@ -15,12 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pipeline.arm.frames import segment_frames
 from pipeline.arm.model import Arm, chain_of, link_chains
-from pipeline.arm.segments import segment_frames
 from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
-from pipeline.core.options.motion_capture import Mocap
+from pipeline.core.options.instruments import Mocap
 from pipeline.core.task import SPACE
 
 STEPS = 100  # at most; from a far start some twenty, from the frame before two or three
@@ -68,7 +68,7 @@ class Carried:
     posture: np.ndarray | None  # (n,) about where a take starts
 
     def carry(self, q: np.ndarray) -> np.ndarray:
-        """Return where the arm at ``q`` (S, n) carries the points, (S, P, 3) m in the base frame."""
+        """Return where the arm at ``q`` (S, n) carries the points, (S, P, 3) m in the base."""
         result = np.empty((len(q), *self.places.shape))
         for link, chain in enumerate(self.chains):
             position, lever = self._levers(link, chain, q)

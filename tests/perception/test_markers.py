@@ -62,7 +62,7 @@ def test_without_noise_the_joint_angles_are_exact_where_a_link_is_hidden_too():
 
 
 def test_a_base_that_is_registered_wrongly_shows_in_the_residual():
-    shifted = track(recording() + [1e-3, 0.0, 0.0])
+    shifted = track(np.add(recording(), [1e-3, 0.0, 0.0]))
     assert 1e-4 < np.median(shifted.residual) < 1e-3
     assert np.abs(shifted.q - MOTION).max() > 1e-3
 

@@ -17,7 +17,7 @@ from pipeline.arm.model import arm_of
 from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Robot
-from pipeline.core.options.motion_capture import Body
+from pipeline.core.options.instruments import Body
 from pipeline.core.task import SPACE
 from pipeline.perception.markers import track_space
 from pipeline.perception.posture import Carried, points_in_plane, points_in_space
