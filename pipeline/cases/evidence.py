@@ -16,7 +16,7 @@ from pipeline.core.columns import matrices, members, values
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE, models_of
 from pipeline.core.rng import stream
-from pipeline.filtering.memory import memory_filter
+from pipeline.filtering.baselines import autocorrelated_filter
 from pipeline.filtering.particle_filter import Posterior
 from pipeline.models.noise import recorded_deviation, rest_covariance
 from pipeline.recordings.commands import constant_speed
@@ -75,7 +75,9 @@ def case_evidence(
             linear = None
             if case.closed:
                 frames, chain = [camera.takes[take] for take in tested], takes.training.chain
-                means, covariances, _ = memory_filter(takes.poses, poses[0], frames, dt, chain)
+                means, covariances, _ = autocorrelated_filter(
+                    takes.poses, poses[0], frames, dt, chain
+                )
                 linear = Filtered(means - truth, covariances, poses[0])
             evidence |= filter_evidence(filters, linear, truth, takes, poses)
     return evidence, sorted(refusals)
