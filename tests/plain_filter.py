@@ -1,4 +1,4 @@
-"""The particle filter in plain NumPy, drawing from the same stream: the compiled filter's oracle."""
+"""The particle filter in plain NumPy, drawing from the same stream: an oracle."""
 
 from __future__ import annotations
 

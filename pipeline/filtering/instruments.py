@@ -29,9 +29,8 @@ def measured_takes(dataset: Dataset) -> list[Measurements]:
     if dataset.measurement == "depth":
         if not contracts.exists("angles", ARTICULATE):
             return []
-        return measurements(
-            *(contracts.read(name, ARTICULATE) for name in ("angles", "kinect_noise"))
-        )
+        tables = (contracts.read(name, ARTICULATE) for name in ("angles", "kinect_noise"))
+        return measurements(*tables)
     joints = contracts.read("joints", TRACK)
     takes = joints.loc[joints["part"] == "test", "take"].unique()
     if dataset.measurement == "encoders":

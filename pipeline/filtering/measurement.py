@@ -1,6 +1,6 @@
 """Measurements of an arm during one take, with a bias and a covariance per frame: of the joints,
-y_j = q(t_j) + b_j + N(0, R_j), or of the pose of the tip, whose displacement from the pose at q(t_j)
-is b_j + N(0, R_j).
+y_j = q(t_j) + b_j + N(0, R_j), or of the pose of the tip, whose displacement from the pose at
+q(t_j) is b_j + N(0, R_j).
 
 The paper does not say how frames at 30 Hz meet a motion grid of 100 Hz. The models step from q_k to
 q_{k+1} under a velocity that is constant in between; the path they define is the polygon through

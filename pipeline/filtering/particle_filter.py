@@ -2,10 +2,10 @@
 "RMT-based particle filtering"), for any arm and any measurement.
 
 Particles are moved by the motion model itself (the prior as proposal), weighted by the
-likelihood of the measurements and resampled when few of them carry the weight (Doucet, de Freitas & Gordon 2001).
-The state lives in D_q, the set within the joint limits and clear of singular poses, where no motion
-model is defined: a particle that leaves it has weight zero, so that the posterior is the one of the
-paths that stay inside.
+likelihood of the measurements and resampled when few of them carry the weight (Doucet, de Freitas
+& Gordon 2001). The state lives in D_q, the set within the joint limits and clear of singular poses,
+where no motion model is defined: a particle that leaves it has weight zero, so that the posterior
+is the one of the paths that stay inside.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Resampling schemes of the particle filter (Douc, Cappé & Moulines 2005), compiled.
 
 A scheme takes weights (P,), non-negative and of sum 1, and a generator, and fills ``chosen`` (P,)
-with the indices of the particles to go on with; ``scratch`` has (2, P) or more floats. Particle i is
-expected P·w_i times, and never where w_i = 0. All schemes compare sorted points with the cumulative
-weights. Loops stand for NumPy's array expressions, as they compile in half the time.
+with the indices of the particles to go on with; ``scratch`` has (2, P) or more floats. Particle i
+is expected P·w_i times, and never where w_i = 0. All schemes compare sorted points with the
+cumulative weights. Loops compile in half the time of NumPy's array expressions.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ def free() -> SerialChain:
 
 @pytest.fixture(scope="session")
 def elbow() -> PlanarChain:
-    """A chain with its elbow at a right angle where the joints are at zero, limits out of the way."""
+    """A chain with its elbow at a right angle where the joints are at zero, without limits."""
     links = np.array([[0.0, 0.155], [0.135, 0.0], [0.0, 0.17]])
     limit = np.full(3, 50.0)
     return PlanarChain(np.zeros(2), links, np.ones(3), -limit, limit, np.ones(3))
