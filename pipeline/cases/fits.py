@@ -1,6 +1,4 @@
-"""A model in one case: its parameters, its realisations, and its predictions of takes that its fit
-has not seen.
-"""
+"""A model in one case: its parameters, its realisations, and its predictions of unseen takes."""
 
 from __future__ import annotations
 
@@ -9,8 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pandas as pd
 
-from pipeline.cases.case import ModelCase
-from pipeline.cases.recordings import Takes
+from pipeline.cases.case import ModelCase, Takes
 from pipeline.core.errors import ModelDomainError, SingularJacobianError, SolverError
 from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
 from pipeline.models.kinds import compared, estimate
@@ -74,8 +71,7 @@ def outcome(case: ModelCase, takes: Takes, realizations: int, rng: np.random.Gen
 
 def _papers_estimates(recorded: Recorded, options: Options, fit: Estimate) -> dict[str, float]:
     """Estimates by the paper's estimator, which its published parameters are compared with."""
-    requested = compared(options).get(PAPER)
-    if requested is None:
+    if (requested := compared(options).get(PAPER)) is None:
         return {}
     try:
         own = fit if requested == options else estimate(recorded, requested)

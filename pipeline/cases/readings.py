@@ -1,4 +1,4 @@
-"""What the claims' rules say of the evidence of a case; and the readings of "LU or QR"
+"""The verdicts of the claims' rules on the evidence of a case; and the readings of "LU or QR"
 (Eq. LUDecom), a case under each decomposition of the Wishart model.
 """
 

@@ -11,7 +11,7 @@ import pytest
 from planar_cables import planar_cables
 from scipy.integrate import quad
 from scipy.special import i0, i0e, i1, i1e
-from scipy.stats import ks_2samp, special_ortho_group, vonmises
+from scipy.stats import ks_2samp, vonmises
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.wrench.parametric import (
@@ -200,18 +200,6 @@ def test_the_moment_is_that_about_the_origin_and_one_about_another_point_is_not(
     np.testing.assert_allclose(carry @ wrench_covariance(system) @ carry.T, covariance, atol=1e-12)
 
 
-def test_a_characteristic_length_divides_the_rows_of_moments_alone():
-    for system in (APART, SPACE):
-        p, n = system.dimension, len(wrench_mean(system))
-        units = np.where(np.arange(n) < p, 1.0, 1 / 0.25)
-        scaled = system.in_units_of(0.25)
-        np.testing.assert_allclose(wrench_mean(scaled), units * wrench_mean(system))
-        np.testing.assert_allclose(
-            wrench_covariance(scaled), np.outer(units, units) * wrench_covariance(system)
-        )
-    assert WIDE.in_units_of(0.25) is WIDE
-
-
 def test_concentrations_whose_bessel_functions_overflow_give_the_small_angle_law():
     kappa = 1e5
     with np.errstate(over="ignore"):
@@ -222,26 +210,6 @@ def test_concentrations_whose_bessel_functions_overflow_give_the_small_angle_law
         np.diag(wrench_covariance(cable)), [36.0 / kappa, 4.0], rtol=0.2, atol=0
     )
     np.testing.assert_allclose(wrench_covariance(cable)[0, 0], (36.0 + 4.0) / kappa, rtol=1e-4)
-
-
-@pytest.mark.parametrize("system", [APART, SPACE])
-def test_turning_every_cable_turns_the_mean_and_the_covariance(system):
-    p = system.dimension
-    rotation = special_ortho_group(p, seed=3).rvs()
-    turned = replace(
-        system,
-        direction=system.direction @ rotation.T,
-        attachment=system.attachment @ rotation.T,
-    )
-    # in the plane the moment does not turn
-    whole = np.eye(len(wrench_mean(system)))
-    whole[:p, :p] = rotation
-    if p == 3:
-        whole[p:, p:] = rotation
-    np.testing.assert_allclose(wrench_mean(turned), whole @ wrench_mean(system), atol=1e-12)
-    np.testing.assert_allclose(
-        wrench_covariance(turned), whole @ wrench_covariance(system) @ whole.T, atol=1e-11
-    )
 
 
 @pytest.mark.parametrize(
