@@ -42,15 +42,9 @@ def case_evidence(
     dt: float,
 ) -> tuple[Evidence, list[str]]:
     """Return all evidence of ``case``, and the refusals of its models and filters.
-
-    Args:
-        case: the case.
-        takes: the recordings.
-        outcomes: of the models, by name.
-        camera: without one there is no evidence on sensor and filter.
-        posteriors: by filter, as :mod:`pipeline.core.filters` names them, and take, or why there
-            is none: a filter that was lost on one take is no evidence.
-        dt: step of the motion in s.
+    ``outcomes`` are those of the models, by name. Without ``camera`` there is no evidence on sensor
+    and filter. ``posteriors`` by filter, as :mod:`pipeline.core.filters` names them, and take, or
+    why there is none: a filter that was lost on one take is no evidence. ``dt`` in s.
     """
     evidence = motion_evidence(outcomes, takes, case.mode)
     refusals = {f"{model}: {why}" for model, fared in outcomes.items() for why in fared.refusals}
@@ -142,13 +136,9 @@ def filter_evidence(
 ) -> Evidence:
     """Evidence of the models' filters and the linear one against the measured poses, beside the
     training takes' mean and covariance.
-
-    Args:
-        posteriors: by filter, as :mod:`pipeline.core.filters` names them, one a take.
-        linear: filter of the takes' own covariance and autocorrelation, if any.
-        truth: (takes, M+1, n) rad, measured poses.
-        takes: the training takes.
-        poses: (2, n, n) rad² as by :func:`pose_covariances`, which bounds and scores hold too.
+    ``posteriors`` by filter, one a take; ``linear`` the autocorrelated filter, if any; ``truth``
+    (takes, M+1, n) rad the measured poses; ``poses`` (2, n, n) rad² of :func:`pose_covariances`,
+    which bounds and scores hold too.
     """
     opened, (pose, held), joints = models_of(posteriors), poses, takes.training.joints
     if not opened:

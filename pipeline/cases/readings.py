@@ -66,9 +66,7 @@ def readings(
 
 
 def readings_table(
-    claims: Sequence[Claim],
-    evidence: Mapping[str, tuple[Evidence, Sequence[str]]],
-    arm: ArmNames,
+    claims: Sequence[Claim], evidence: Mapping[str, tuple[Evidence, Sequence[str]]], arm: ArmNames
 ) -> pd.DataFrame:
     """The table ``readings``: a row for each reading and each of the ``claims`` on which there is
     evidence under any.

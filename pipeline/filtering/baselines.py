@@ -30,11 +30,8 @@ def baseline_predictions(
 
     The second baseline is given the pose y_k = e_k + N(0, Σ) that was measured a step before:
     E(e_{k+1} | y_k) = Cov(e_{k+1}, e_k)(S_k + Σ)⁻¹ y_k.
-
-    Args:
-        training: (takes, K, n) rad, poses of the training takes.
-        poses: (..., K, n) rad, poses of the takes that are predicted.
-        measurement: (n, n) rad², Σ, of one measured pose.
+    ``training`` (takes, K, n) and ``poses`` (..., K, n) rad are the poses of the training takes and
+    of the predicted ones, ``measurement`` (n, n) rad² is Σ, of one measured pose.
     """
     mean, covariance = takes_moments(training)
     off = poses - mean
@@ -62,13 +59,8 @@ def autocorrelated_filter(
     """Return means (T, K, n) in rad and covariances (T, K, n, n) in rad² of the poses of the T
     ``takes`` at each step given the frames up to it, by :func:`linear_filter`; and the number of
     axes, over all steps, along which S_k is set to zero.
-
-    Args:
-        poses: (takes, K, n) rad, the training takes.
-        measurement: (n, n) rad², noise of a measured pose.
-        takes: the measurements of the takes that are filtered.
-        dt: step of the motion grid in s.
-        chain: the arm.
+    ``poses`` (takes, K, n) rad are those of the training takes, ``measurement`` (n, n) rad² the
+    noise of one, ``takes`` the measurements at times on a motion grid of step ``dt`` (s).
     """
     roots, without = deviation_roots(poses, measurement)
     prior = path_covariance(roots, autocorrelation(poses, measurement))

@@ -43,14 +43,9 @@ def linear_filter(
 
     Frames before the start or after the end of the motion are left out. Raises ModelDomainError for
     a ``covariance`` or R that is none.
-
-    Args:
-        path: (M+1, n) rad, prior mean q̄ on the motion grid.
-        covariance: (M+1, n, M+1, n) rad², P.
-        takes: the measurements.
-        dt: step of the grid in s.
-        chain: the arm, whose tip may be what was measured.
-        response: (n, n) A; the identity by default: an error independent of the pose.
+    ``path`` (M+1, n) rad is the prior mean q̄ on the motion grid of step ``dt`` (s), ``covariance``
+    (M+1, n, M+1, n) rad² is P, ``chain`` the arm, and ``response`` (n, n) A, by default the
+    identity: an error independent of the pose.
     """
     posteriors = [_posterior(path, covariance, take, dt, chain, response) for take in takes]
     means, covariances = zip(*posteriors, strict=True)

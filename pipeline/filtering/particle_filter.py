@@ -82,25 +82,14 @@ def particle_filter(
     """Return the posterior of the joint angles of one take: Eq. (posterior-expectation) of q_k and
     of its square about the mean.
 
-    Raises DegenerateFilterError where all weights vanish and ModelDomainError for a covariance that
-    is none, with take and step. The loop over the steps is compiled and lets other threads run;
-    everything random comes from ``rng``, in the order of the particles.
-
-    Args:
-        model: the motion model that moves the particles.
-        chain: the arm, of n joints.
-        commands: of M steps, in an open or in a closed loop.
-        dt: Δt in s.
-        start: law of the first pose.
-        measurements: of the take.
-        options: number of particles and their resampling.
-        rng: of everything random.
+    ``commands`` are of M steps of ``dt`` (s), in an open or in a closed loop. The loop over the
+    steps is compiled and lets other threads run; everything random comes from ``rng``, in the order
+    of the particles. Raises DegenerateFilterError where all weights vanish and ModelDomainError for
+    a covariance that is none, with take and step.
     """
     if measurements.tip and isinstance(chain, PlanarChain):
-        raise ModelDomainError(
-            "a pose of the tip weighs particles of an arm in space, not of one in a plane",
-            take=measurements.take,
-        )
+        message = "a pose of the tip weighs particles of an arm in space, not of one in a plane"
+        raise ModelDomainError(message, take=measurements.take)
     frames = measurements.frames(len(commands.v), dt)
     poses, rejected = initial_particles(start, chain, options.particles, rng, measurements.take)
     rows = [np.array(each, dtype=float, order="C") for each in commands[:2]]
@@ -121,8 +110,8 @@ def particle_filter(
     if vanished >= 0:
         raise DegenerateFilterError(
             f"all {options.particles} weights vanished: every particle has left the joint limits "
-            "or is not finite; use more particles, resample, or compare the model's noise and the "
-            "start pose with the recording",
+            "or is not finite; use more particles, or compare the model's noise and the start pose "
+            "with the recording",
             take=measurements.take,
             step=vanished,
             time=round(vanished * dt, 6),
@@ -150,19 +139,13 @@ def initial_particles(
     ``count`` draws in a row lie outside.
     """
     if not (np.isfinite(start.mean).all() and np.isfinite(start.covariance).all()):
-        raise ModelDomainError(
-            "the mean or covariance of the start poses is not finite; give at least two training "
-            "takes",
-            take=take,
-        )
+        message = "the mean or covariance of the start poses is not finite; give two training takes"
+        raise ModelDomainError(message, take=take)
     variances, axes = np.linalg.eigh(start.covariance)
     # rounding leaves the zero eigenvalues of a singular covariance slightly negative
     if variances[0] < -1e-9 * variances[-1]:
-        raise ModelDomainError(
-            "the covariance of the start poses has a negative eigenvalue",
-            take=take,
-            eigenvalue=float(variances[0]),
-        )
+        message = "the covariance of the start poses has a negative eigenvalue"
+        raise ModelDomainError(message, take=take, eigenvalue=float(variances[0]))
     root, poses, rejected = axes * np.sqrt(np.maximum(variances, 0.0)), start.mean[None][:0], 0
     while len(poses) < count:
         normals = rng.standard_normal((count, len(variances)))

@@ -51,12 +51,8 @@ def filter_tables(
     ``filter_scores`` of every filter and joint; ``bound_comparison`` of the models' filters, as the
     paper has them; ``filter_comparison`` of all to the first model's, ``filter_against_none`` of
     all to the training mean.
-
-    Args:
-        filters: by the names of :mod:`pipeline.core.filters`, the training mean among them.
-        joints: names of the n joints.
-        steady: (K − 1,) steps at constant speed.
-        rng: resamples the takes.
+    ``filters`` by the names of :mod:`pipeline.core.filters`, the training mean among them;
+    ``steady`` (K − 1,) the steps at constant speed; ``rng`` resamples the takes.
     """
     models, laws, refusals = models_of(filters), {}, []
     bounds = {name: each.bound for name, each in filters.items()}

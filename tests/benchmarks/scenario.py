@@ -36,10 +36,7 @@ SENSOR = np.diag([0.01, 0.015, 0.02]) ** 2  # rad²
 START = Start(np.array([1.1, -1.0, 1.8]), 1e-5 * np.eye(3))
 ENCODER = 0.005  # rad
 # rad, far from the limits and from singular poses
-SPATIAL = {
-    "ur5": [-0.4, -1.2, 1.5, -1.1, 0.9, 0.4],
-    "lwr4": [0.2, 0.8, 0.3, 1.2, 0.3, 0.9, 0.2],
-}
+SPATIAL = {"ur5": [-0.4, -1.2, 1.5, -1.1, 0.9, 0.4], "lwr4": [0.2, 0.8, 0.3, 1.2, 0.3, 0.9, 0.2]}
 
 
 @cache

@@ -59,12 +59,7 @@ def start(folder: Path) -> str:
     """First use, and the speed of a step of every law."""
     measured = read(folder, "start")
     rows = [
-        [
-            what,
-            duration(measured[key]),
-            f"≤ {limit:g} s",
-            verdict(measured[key] <= limit),
-        ]
+        [what, duration(measured[key]), f"≤ {limit:g} s", verdict(measured[key] <= limit)]
         for key, (what, limit) in STARTS.items()
     ]
     speeds = [

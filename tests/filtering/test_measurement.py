@@ -19,13 +19,7 @@ from pipeline.core.columns import pairs, spread
 from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
 from pipeline.core.options.dataset import Dataset, Motion
 from pipeline.core.options.instruments import Encoders, Mocap, Pose
-from pipeline.filtering.instruments import (
-    MOTION,
-    TRACK,
-    encoder_noise,
-    measured_takes,
-    tip_poses,
-)
+from pipeline.filtering.instruments import MOTION, TRACK, encoder_noise, measured_takes, tip_poses
 from pipeline.filtering.measurement import Measurements, measurements
 
 

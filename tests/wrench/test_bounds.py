@@ -10,12 +10,7 @@ from scipy.stats import kstest
 
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.instruments import Configuration, Force
-from pipeline.wrench.bounds import (
-    Bounds,
-    configuration_bounds,
-    draw_systems,
-    nominal_system,
-)
+from pipeline.wrench.bounds import Bounds, configuration_bounds, draw_systems, nominal_system
 
 RANGES = {
     "tension": (3.0, 5.0),

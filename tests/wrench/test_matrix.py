@@ -89,8 +89,7 @@ def test_without_randomness_of_the_matrix_or_of_the_actuation_the_wrench_is_what
         rtol=1e-12,
     )
     np.testing.assert_allclose(
-        MODEL.covariance(np.zeros((2, 2))),
-        MODEL.jacobian @ MODEL.actuation_cov @ MODEL.jacobian.T,
+        MODEL.covariance(np.zeros((2, 2))), MODEL.jacobian @ MODEL.actuation_cov @ MODEL.jacobian.T
     )
 
 
@@ -197,8 +196,7 @@ def test_covariances_that_are_none_and_cables_without_tension_are_refused():
         moment_fit(np.tile(MODEL.jacobian, (5, 1, 1)))
     with pytest.raises(ModelDomainError, match="tension"):
         unbounded_sigma_s(
-            matrix_model(planar_cables(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))),
-            np.eye(2),
+            matrix_model(planar_cables(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))), np.eye(2)
         )
 
 

@@ -11,12 +11,7 @@ from planar_cables import planar_cables
 
 from pipeline.statistics import densities
 from pipeline.wrench.bounds import Bounds, draw_systems
-from pipeline.wrench.matrix import (
-    matrix_model,
-    optimal_sigma_s,
-    sample_wrenches,
-    unbounded_sigma_s,
-)
+from pipeline.wrench.matrix import matrix_model, optimal_sigma_s, sample_wrenches, unbounded_sigma_s
 from pipeline.wrench.measured_force import (
     force_moments,
     force_test,
