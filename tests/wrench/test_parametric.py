@@ -55,9 +55,8 @@ def sample_wrench(system: CableSystem, samples: int, rng: np.random.Generator) -
         if system.attachment is not None:
             r = system.attachment[i]
             planar = system.dimension == 2
-            moment = moment + (
-                r[0] * pull[:, 1:] - r[1] * pull[:, :1] if planar else np.cross(r, pull)
-            )
+            turned = r[0] * pull[:, 1:] - r[1] * pull[:, :1] if planar else np.cross(r, pull)
+            moment = moment + turned
     return force if system.attachment is None else np.concatenate([force, moment], axis=-1)
 
 
@@ -130,21 +129,16 @@ def test_moments_of_one_cable_equal_those_integrated_over_its_direction(theta, k
     edge = min(np.pi, 15 / np.sqrt(kappa))
 
     def expectation(function):
-        return quad(
-            lambda angle: function(theta + angle) * law.pdf(angle),
-            -edge,
-            edge,
-            epsabs=1e-13,
-            epsrel=1e-13,
-        )[0]
+        def density(angle):
+            return function(theta + angle) * law.pdf(angle)
+
+        return quad(density, -edge, edge, epsabs=1e-13, epsrel=1e-13)[0]
 
     mean = tension * np.array([expectation(np.cos), expectation(np.sin)])
-    second = (tension**2 + sd**2) * np.array(
-        [
-            [expectation(lambda a: np.cos(a) ** 2), expectation(lambda a: np.cos(a) * np.sin(a))],
-            [expectation(lambda a: np.cos(a) * np.sin(a)), expectation(lambda a: np.sin(a) ** 2)],
-        ]
+    square, mixed = (
+        expectation(f) for f in (lambda a: np.cos(a) ** 2, lambda a: np.sin(2 * a) / 2)
     )
+    second = (tension**2 + sd**2) * np.array([[square, mixed], [mixed, 1 - square]])
     cable = planar_cables(*(np.array([value]) for value in (tension, theta, sd, kappa)))
     np.testing.assert_allclose(wrench_mean(cable), mean, atol=1e-10)
     np.testing.assert_allclose(wrench_covariance(cable), second - np.outer(mean, mean), atol=1e-9)
@@ -194,9 +188,8 @@ def test_the_moment_is_that_about_the_origin_and_one_about_another_point_is_not(
     # the moment about another point is M − shift × F
     carry = np.eye(len(covariance))
     for column, force in enumerate(np.eye(p)):
-        carry[p:, column] = -np.cross(np.append(shift, 0.0)[:3], np.append(force, 0.0)[:3])[
-            2 if p == 2 else slice(None)
-        ]
+        turned = -np.cross(np.append(shift, 0.0)[:3], np.append(force, 0.0)[:3])
+        carry[p:, column] = turned[2 if p == 2 else slice(None)]
     np.testing.assert_allclose(carry @ wrench_covariance(system) @ carry.T, covariance, atol=1e-12)
 
 
@@ -206,9 +199,7 @@ def test_concentrations_whose_bessel_functions_overflow_give_the_small_angle_law
         assert np.isinf(i0(kappa))
     assert mean_resultant_length(kappa, 2) == pytest.approx(1 - 1 / (2 * kappa), abs=1 / kappa**2)
     cable = planar_cables(*(np.array([v]) for v in (6.0, np.pi / 2, 2.0, kappa)))
-    np.testing.assert_allclose(
-        np.diag(wrench_covariance(cable)), [36.0 / kappa, 4.0], rtol=0.2, atol=0
-    )
+    np.testing.assert_allclose(np.diag(wrench_covariance(cable)), [36.0 / kappa, 4.0], rtol=0.2)
     np.testing.assert_allclose(wrench_covariance(cable)[0, 0], (36.0 + 4.0) / kappa, rtol=1e-4)
 
 
