@@ -1,4 +1,4 @@
-"""What is committed names no place on one machine and no registry."""
+"""Committed files name no place on one machine and no registry."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def committed(project: Path) -> list[Path]:
 
 
 def matches(pattern: re.Pattern[bytes], project: Path) -> dict[str, list]:
-    """What ``pattern`` finds in the committed files, by file; only files where it finds
+    """Matches of ``pattern`` in the committed files, by file; only files where it finds
     something.
     """
     hits = {

@@ -98,7 +98,7 @@ def megabytes(name: str) -> float:
 
 
 def slope(sizes: Sequence[float], costs: np.ndarray) -> float:
-    """Of log cost over log size, by least squares over the larger half of the sizes."""
+    """Slope of log cost over log size, by least squares over the larger half of the sizes."""
     half = len(sizes) // 2
     return float(np.polyfit(np.log(sizes[half:]), np.log(costs[half:]), 1)[0])
 
@@ -110,17 +110,9 @@ def main() -> None:
         runs = [[in_a_process(cost, over, size) for _ in range(REPEATS)] for size in sizes]
         seconds, memory = np.min(runs, axis=1).T
         grows = np.all(memory[len(sizes) // 2 :] > LEAST_MEMORY)
-        rows.append(
-            {
-                "over": over,
-                "from": sizes[0],
-                "to": sizes[-1],
-                "seconds_at_most": seconds[-1],
-                "time_slope": slope(sizes, seconds),
-                "memory_slope": slope(sizes, memory) if grows else np.nan,
-                "time_limit": LIMITS.get(over, np.nan),
-            }
-        )
+        row = {"over": over, "from": sizes[0], "to": sizes[-1], "seconds_at_most": seconds[-1]}
+        row |= {"time_slope": slope(sizes, seconds), "time_limit": LIMITS.get(over, np.nan)}
+        rows.append(row | {"memory_slope": slope(sizes, memory) if grows else np.nan})
     pd.DataFrame(rows).round(4).to_csv(OUT, index=False)
 
 

@@ -16,8 +16,8 @@ from pathlib import Path
 from growth import ROOT, cost, in_a_process, megabytes  # first, as it fixes the arithmetic
 
 import numpy as np  # isort: skip
+from contests import machine
 from distributed import Client, LocalCluster
-from machine import machine
 from scenario import Take, swing, take, youbot
 
 from pipeline.core.compute.trials import run_trials
@@ -87,7 +87,7 @@ def posterior_hash(number: int, motion: Take) -> str:
 
 
 def lost_worker(trials: int) -> dict[str, int]:
-    """How many of the ``trials`` have the same bytes in one process and on a cluster of which a
+    """Number of the ``trials`` that have the same bytes in one process and on a cluster of which a
     worker is killed while they run.
     """
     function, label = partial(posterior_hash, motion=take(STEPS)), "posteriors"

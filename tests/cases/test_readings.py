@@ -53,7 +53,7 @@ def claims():
 
 
 def ruled(claims, **values: float) -> tuple[str, str, str]:
-    """Whether ``small`` holds, its values and the refusal, where the run's own reading has 0.5 of
+    """Verdict on ``small``, its values and the refusal, where the run's own reading has 0.5 of
     both models and another has ``values``.
     """
     own = {"metrics/motion": {"wishart_size": 0.5, "gaussian_size": 0.5}}

@@ -105,7 +105,7 @@ def record(samples, decay, rng):
 
 
 def rejections(draw_pair, count, seed):
-    """How many of ``count`` pairs of samples the test rejects at 0.05."""
+    """Number of ``count`` pairs of samples that the test rejects at 0.05."""
     rngs = np.random.default_rng(seed).spawn(count)
     return sum(energy_test(*draw_pair(rng), rng)[1] <= 0.05 for rng in rngs)
 

@@ -23,7 +23,7 @@ SPACE = Bounds(**RANGES, elevation=(0.2, 1.3), attachment=(-0.3, 0.5))
 
 
 def characteristics(system):
-    """What bounds name, by name; angles from the directions."""
+    """Values that bounds name, by name; angles from the directions."""
     e = system.direction
     values = {
         "tension": system.tension,
