@@ -51,12 +51,10 @@ def call_of(over: str, size: int) -> Callable[[], object]:
             return partial(take(size).filtered, 1000, rng)
         case "joints":
             return partial(take(40, many_joints(size)).filtered, 10_000, rng)
-        case "takes":
-            trials = partial(_filtered, motion=take(40)), range(size)
-            return lambda: list(run_trials(*trials, compute=Compute(1), label=f"takes: {size}"))
         case "agents":
             return partial(run_study, CABLES, [size], 1000, 1000, 1, rng)
-    raise ValueError(over)
+    trials = partial(_filtered, motion=take(40)), range(size)
+    return lambda: list(run_trials(*trials, compute=Compute(1), label=f"{over}: {size}"))
 
 
 def _filtered(number: int, motion: Take) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Hashes of the bytes of the results of the pipeline's parts: ``python result_bytes.py ANSWER THREADS``
+"""Hashes of the bytes of the pipeline's results: ``python result_bytes.py ANSWER THREADS``
 in a copy of the project, takes filtered on so many threads, trials run by so many processes.
 """
 

@@ -42,13 +42,9 @@ def many_particles(count: int) -> dict[str, float]:
         runs = [in_a_process(cost, "particles", size) for _ in range(2)]
         seconds[size] = min(each[0] for each in runs) / (size * STEPS)
         memory[size] = 1e6 * min(each[1] for each in runs)
-    return {
-        "few": few,
-        "many": many,
-        "seconds_few": seconds[few],
-        "seconds_many": seconds[many],
-        "bytes_of_a_particle": (memory[many] - memory[few]) / (many - few),
-    }
+    each = (memory[many] - memory[few]) / (many - few)
+    times = {"seconds_few": seconds[few], "seconds_many": seconds[many]}
+    return {"few": few, "many": many} | times | {"bytes_of_a_particle": each}
 
 
 def many_takes(count: int) -> dict[str, float]:

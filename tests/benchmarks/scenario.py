@@ -80,7 +80,7 @@ def in_space(chain: Chain, pose: np.ndarray) -> Scene:
 
 
 def many_joints(n: int) -> Scene:
-    """Scene of an arm of ``n`` revolute joints, each turned and 0.2 m away from the one before, with
+    """Scene of an arm of ``n`` revolute joints, each turned and 0.2 m from the one before, with
     as many rows of the tip's pose as it can hold, from far of singular poses on.
     """
     rng = np.random.default_rng(n)

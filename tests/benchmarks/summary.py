@@ -33,11 +33,8 @@ def contests(folder: Path) -> str:
     versions = ", ".join(f"{name} {number}" for name, number in info["versions"].items())
     header = ["contest", "against", "ratio (range over the runs), times an item", "target", ""]
     header.append("quality (less is better)")
-    stated = [
-        f"- {name_of(one)}: {one['extra_info']['configuration']}"
-        for one in benchmarks
-        if "configuration" in one["extra_info"]
-    ]
+    peers = [one for one in benchmarks if "configuration" in one["extra_info"]]
+    stated = [f"- {name_of(one)}: {one['extra_info']['configuration']}" for one in peers]
     return (
         f"{len(benchmarks[0]['least'])} runs of all contests. A time is the least of at least "
         f"{CALLS} calls and {SECONDS} s; a ratio is one of two times of the same run, with its "
@@ -107,15 +104,12 @@ def equal_bytes(folder: Path) -> str:
     measured = read(folder, "equal_bytes")
     names = [name for name in measured["hashes"] if name != CONTROL.name]
     reference, *others = names
-    rows = [
-        [piece]
-        + [
-            "equal" if measured["hashes"][name].get(piece) == value else "**other**"
-            for name in others
-        ]
-        + ["equal" if measured["hashes"][CONTROL.name][piece] == value else "other"]
-        for piece, value in measured["hashes"][reference].items()
-    ]
+    rows = []
+    for piece, value in measured["hashes"][reference].items():
+        equal = [measured["hashes"][name].get(piece) == value for name in others]
+        control = measured["hashes"][CONTROL.name][piece] == value
+        words = ["equal" if same else "**other**" for same in equal]
+        rows.append([piece, *words, "equal" if control else "other"])
     skipped = "; ".join(measured["skipped"]) or "none"
     return (
         f"Compared with `{reference}` on {measured['machine']}; the control has another arithmetic "
