@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planar_cables import planar_cables
+from cable_systems import planar_cables
 from scipy.optimize import least_squares
 from scipy.stats import ks_2samp, matrix_normal
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from planar_cables import planar_cables
+from cable_systems import planar_cables, sample_wrench
 
 from pipeline.statistics import densities
 from pipeline.wrench.bounds import Bounds, draw_systems
@@ -22,7 +22,6 @@ from pipeline.wrench.measured_force import (
 )
 from pipeline.wrench.parametric import CableSystem, wrench_covariance
 from pipeline.wrench.study import averaged_sigma_s
-from tests.wrench.test_parametric import sample_wrench
 
 BOUNDS = Bounds(
     tension=(1.8, 14.0), direction=(0.0, 3.8), tension_sd=(0.5, 2.3), concentration=(170.0, 2400.0)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from planar_cables import planar_cables
+from cable_systems import planar_cables
 from scipy.integrate import dblquad
 
 from pipeline.wrench.bounds import Bounds, draw_systems
