@@ -147,7 +147,7 @@ def _documented(tree: ast.Module | ast.ClassDef, owner: str) -> Iterator[tuple[s
 
 
 def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]]) -> str:
-    """``reports/equations.md``: a row for each of ``items``, with the ``sources`` of
+    """``equations.md``: a row for each of ``items``, with the ``sources`` of
     :func:`citations`.
     """
     rows = [
@@ -156,12 +156,12 @@ def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]
     ]
     for item in items:
         by = [
-            f"[`{source.name}`](../{source.file.as_posix()})"
+            f"[`{source.name}`](../../{source.file.as_posix()})"
             + (f" ({TESTS_ALONE})" if source.tests_alone else "")
             for source in sources[item.cited_as]
         ]
         shown = [
-            f"[`{name}`](../{file})"
+            f"[`{name}`](../../{file})"
             for file, _, name in (test.partition("::") for test in item.tests)
         ]
         by = by or [f"no code: {item.without_code}"]

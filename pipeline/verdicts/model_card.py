@@ -46,7 +46,7 @@ NOT_FOR = (
 
 
 def model_card(run: Run, others: Sequence[Run]) -> str:
-    """``reports/model_card.md`` of ``run``, with the recommended models for the arms of
+    """``model_card.md`` of ``run``, with the recommended models for the arms of
     ``others``.
     """
     title = f"# Motion model for dataset {run.dataset}, scale {run.scale}"
@@ -72,7 +72,7 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
         "## Where it must not be used\n\n" + "\n".join(f"- {what}" for what in NOT_FOR),
         f"## Takes left out\n\n{_left_out(run)}",
         "## Export\n\n`python -m pipeline export MODEL` writes a model of `models` in "
-        "`params.yaml` to one file; [`pipeline.models.load`](../pipeline/tools/export/README.md) "
+        "`params.yaml` to one file; [`pipeline.models.load`](../../pipeline/tools/export/README.md) "
         "reads it with NumPy alone.",
     ]
     if scored := [each for each in others if "predictions" in each.tables]:

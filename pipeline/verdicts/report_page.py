@@ -66,18 +66,20 @@ PARAMETERS = (
     ("α̂", "fit_gaussian", "alpha", "alpha"),
     ("α̂û", "fit_gaussian", "noise_level", ""),
 )
+# numbers of summary.json by model and name of its estimate
+SUMMARY = {"sigma_b": ("wishart", "sigma_b"), "alpha_u": ("gaussian", "noise_level")}
 # counts of what was not solved, lost, clipped or left out
 LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
 LINKS = """\
 - [model_card.md](model_card.md): which model to use for this arm, where and how surely.
-- [claims.yaml](claims.yaml): each claim with its test and reason; [claims.json](claims.json): all
-  numbers, verdicts and commands that recompute them; [datasets.md](datasets.md): every dataset.
+- [claims.yaml](../claims.yaml): each claim with its test and reason; [claims.json](claims.json): all
+  numbers, verdicts and commands that recompute them; [datasets.md](../datasets.md): every dataset.
 - [equations.md](equations.md): each item of the paper in code and tests; [errata.md](errata.md).
-- [metrics](metrics), [tables](tables): this run; [studies](studies): beyond the paper."""
+- [metrics](metrics), [tables](tables): this run; [studies](../studies): beyond the paper."""
 
 
 def report_page(here: Run, decided: Sequence[Decided], parts: Sequence[tuple[str, str]]) -> str:
-    """``reports/report.md`` of the run ``here``: the result, a row a claim, then ``parts``, each a
+    """``report.md`` of the run ``here``: the result, a row a claim, then ``parts``, each a
     heading and its text; a part without text is left out.
     """
     sections = [f"# Results: dataset {here.dataset}, scale {here.scale}"]
@@ -104,6 +106,27 @@ def summary(here: Run, decided: Sequence[Decided]) -> str:
 def _counted(verdicts: Sequence[Verdict]) -> str:
     verdict = [each.verdict for each in verdicts if each.claim.source != PROJECT]
     return f"{verdict.count(REPRODUCED)} / {verdict.count(NOT_REPRODUCED)}"
+
+
+def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
+    """Return at most seven numbers of the run ``here`` that are compared between experiments.
+
+    Number of claims of the paper that hold and that fail (none on the scale smoke), σ̂_B, α̂û, and
+    the log score of the next pose (nats a step) by each of the first three models.
+    """
+    numbers = {}
+    if here.scale != SMOKE:
+        own = next(whose for whose in decided if whose.dataset == here.dataset)
+        hold, fail = _counted(own.verdicts).split(" / ")
+        numbers |= {"hold": int(hold), "fail": int(fail)}
+    for name, (model, key) in SUMMARY.items():
+        if key in here.metrics.get(f"fit_{model}", {}):
+            numbers[name] = here.metrics[f"fit_{model}"][key]
+    if "predictions" in here.tables:
+        rows = here.tables["predictions"].query("steps == 'all' and score == 'log_score'")
+        means = rows.set_index("model")["mean"].dropna()
+        numbers |= {f"log_{name}": means[name] for name in [*here.models][:3] if name in means}
+    return numbers
 
 
 def _columns(here: Run, decided: Sequence[Decided]) -> list[Decided]:
@@ -215,7 +238,7 @@ def datasets_page(here: Run, decided: Sequence[Decided]) -> str:
     sections = [
         "# Every claim in every dataset",
         "Written by the stage `report` from [claims.yaml](claims.yaml); all numbers are in "
-        "[claims.json](claims.json). Claims of the project are not counted.",
+        f"[claims.json]({here.dataset}/claims.json). Claims of the project are not counted.",
         table(["dataset", "recordings", "hold / fail", "by construction"], tally),
         table(["claim", *(whose.dataset for whose in decided)], rows),
         KEY.partition(" After")[0],

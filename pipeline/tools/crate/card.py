@@ -92,5 +92,5 @@ def _composition(facts: CardFacts) -> list[str]:
         "Missing, wrong or noisy, as counted over the takes or records of an instrument:",
         table(QUALITY, quality),
         "Takes beyond the dataset's limits, which the analysis leaves out: "
-        f"{', '.join(left_out) or 'none'}. Each take: `reports/tables/takes.csv`.",
+        f"{', '.join(left_out) or 'none'}. Each take: `reports/{facts.name}/tables/takes.csv`.",
     ]

@@ -17,17 +17,17 @@ from pipeline.tools.crate.card import CardFacts, card
 from pipeline.tools.crate.crate import describe
 
 HERE, REPORTS, RECORDINGS = Path(__file__).parent, Path("reports"), Path("data/raw")
-TABLES = REPORTS / "tables"
-CARD, CRATE = REPORTS / "dataset_card.md", REPORTS / "ro-crate-metadata.json"
+CRATE = REPORTS / "ro-crate-metadata.json"
 
 
 def run(words: list[str]) -> None:
-    """Write reports/dataset_card.md and reports/ro-crate-metadata.json from the lock files."""
+    """Write reports/DATASET/dataset_card.md and reports/ro-crate-metadata.json from the lock files."""
     argparse.ArgumentParser(
         prog="python -m pipeline crate", description=__doc__.partition(": ")[2]
     ).parse_args(words)
     settings = config.sections("crate", HERE / "dvc.yaml")
     dataset = settings.dataset
+    reports = REPORTS / dataset.name
     about = read_yaml(datasheet.path_of(dataset.name))["about"]
     recorded = _locked(RECORDINGS / dataset.name / "dvc.lock")
     stored = {
@@ -41,12 +41,12 @@ def run(words: list[str]) -> None:
         seed=settings.seed,
         about=about,
         stored=stored,
-        takes=pd.read_csv(TABLES / "takes.csv"),
-        quality=pd.read_csv(TABLES / "recording_quality.csv"),
+        takes=pd.read_csv(reports / "tables/takes.csv"),
+        quality=pd.read_csv(reports / "tables/recording_quality.csv"),
         rate=dataset.motion.rate,
         steps=dataset.motion.steps,
     )
-    write_text(card(facts), CARD)
+    write_text(card(facts), reports / "dataset_card.md")
     stages = recorded | _locked(Path("dvc.lock"))
     for lock in sorted(Path("pipeline/studies").glob("*/dvc.lock")):
         stages |= _locked(lock)

@@ -19,7 +19,7 @@ from pipeline.models.kinds import NO_MODEL
 from pipeline.models.steps import Recorded
 from pipeline.recordings.steps import fitted_ranges, training_steps
 
-FIT, METRICS = Path("data/fit"), Path("reports/metrics")
+FIT = Path("data/fit")
 # what a run's numbers come from, the fitted parameters beside
 SOURCES = (Path("data/config.yaml"), Path("data/track/joints.parquet"))
 UNITS = {
@@ -75,7 +75,7 @@ def _estimates(name: str, *, closed_form: bool) -> dict[str, float]:
     """The estimates of the fit with their standard errors and, where there are enough takes, 95 %
     intervals, and ``u_unbounded`` of a Gaussian model; of a closed loop its own.
     """
-    metrics = _read(METRICS / f"fit_{name}.json")
+    metrics = _read(FIT / name / "fit.json")
     if closed_form:
         return {key: value for key, value in metrics.items() if key.startswith("closed_loop_")}
     known = _read(FIT / name / "covariance.json")["estimates"]
