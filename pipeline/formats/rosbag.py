@@ -104,7 +104,7 @@ def messages(file: Path, topic: str) -> Iterator[object]:
     A message has the attributes of its ROS definition; ``seconds(message)`` is its time. Raises
     RecordingError for a bag that is missing, truncated, damaged or unindexed, and for fewer
     messages than it announces. Chunks, messages and files that are compressed (bz2, lz4, zstd) are
-    read as others; :mod:`pipeline.core.compute.sandbox` bounds the time and memory it takes.
+    read as others; :mod:`pipeline.core.bounds` bounds the time and memory it takes.
     """
     with _opened(file) as reader:
         connections = [connection for connection in reader.connections if connection.topic == topic]

@@ -59,11 +59,12 @@ def run() -> None:
         "claims.json": json.dumps(claims, indent=2, ensure_ascii=False) + "\n",
         "report.md": report_page.report_page(here, decided, parts),
         "errata.md": errata_page(correct(errata, here, decided)),
-        "equations.md": equations_page(items, sources),
         "model_card.md": model_card(here, runs[1:]),
+        "recordings.md": report_page.recordings_page(here),
     }
     summary = report_page.summary_numbers(here, decided)
     contracts.write_metrics(summary, reports / "summary.json")
     for file, text in pages.items():
         contracts.write_text(text, reports / file)
-    contracts.write_text(report_page.datasets_page(here, decided), REPORTS / "datasets.md")
+    contracts.write_text(report_page.datasets_page(decided), REPORTS / "datasets.md")
+    contracts.write_text(equations_page(items, sources), REPORTS / "equations.md")

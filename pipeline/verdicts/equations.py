@@ -147,7 +147,7 @@ def _documented(tree: ast.Module | ast.ClassDef, owner: str) -> Iterator[tuple[s
 
 
 def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]]) -> str:
-    """``equations.md``: a row for each of ``items``, with the ``sources`` of
+    """``reports/equations.md``: a row for each of ``items``, with the ``sources`` of
     :func:`citations`.
     """
     rows = [
@@ -156,12 +156,12 @@ def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]
     ]
     for item in items:
         by = [
-            f"[`{source.name}`](../../{source.file.as_posix()})"
+            f"[`{source.name}`](../{source.file.as_posix()})"
             + (f" ({TESTS_ALONE})" if source.tests_alone else "")
             for source in sources[item.cited_as]
         ]
         shown = [
-            f"[`{name}`](../../{file})"
+            f"[`{name}`](../{file})"
             for file, _, name in (test.partition("::") for test in item.tests)
         ]
         by = by or [f"no code: {item.without_code}"]
@@ -173,7 +173,7 @@ def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]
         "cites it. Equations and figures bear the numbers that the paper prints and its labels; "
         "labels with a hyphen are ours, where it "
         "numbers an equation without one. What in the paper is wrong or left open stands in "
-        "[errata.md](errata.md).\n\n"
+        "`errata.md` of a dataset's reports.\n\n"
     )
     return head + "\n".join(rows) + "\n"
 

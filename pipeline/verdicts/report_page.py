@@ -74,8 +74,8 @@ LINKS = """\
 - [model_card.md](model_card.md): which model to use for this arm, where and how surely.
 - [claims.yaml](../claims.yaml): each claim with its test and reason; [claims.json](claims.json): all
   numbers, verdicts and commands that recompute them; [datasets.md](../datasets.md): every dataset.
-- [equations.md](equations.md): each item of the paper in code and tests; [errata.md](errata.md).
-- [metrics](metrics), [tables](tables): this run; [studies](../studies): beyond the paper."""
+- [equations.md](../equations.md): each item of the paper in code and tests; [errata.md](errata.md).
+- [recordings.md](recordings.md), [metrics](metrics), [tables](tables): this run; [studies](../studies): beyond the paper."""
 
 
 def report_page(here: Run, decided: Sequence[Decided], parts: Sequence[tuple[str, str]]) -> str:
@@ -222,10 +222,9 @@ def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) 
     return f"{text}, no covariance" if "sigma_b" in key and fitted[name] >= limit else text
 
 
-def datasets_page(here: Run, decided: Sequence[Decided]) -> str:
-    """``reports/datasets.md``: the verdict on every claim from every dataset as a sign, and counts
-    of found, kept, lost and repaired parts of the recordings of ``here``.
-    """
+def datasets_page(decided: Sequence[Decided]) -> str:
+    """Return ``reports/datasets.md``: the verdict on every claim from every dataset as a sign."""
+    decided = sorted(decided, key=lambda whose: (whose.recordings == "none", whose.dataset))
     rows = [
         [row[0].claim.id, *(MARKS[verdict.verdict] for verdict in row)]
         for row in zip(*(whose.verdicts for whose in decided), strict=True)
@@ -237,13 +236,19 @@ def datasets_page(here: Run, decided: Sequence[Decided]) -> str:
     ]
     sections = [
         "# Every claim in every dataset",
-        "Written by the stage `report` from [claims.yaml](claims.yaml); all numbers are in "
-        f"[claims.json]({here.dataset}/claims.json). Claims of the project are not counted.",
+        "Written by the stage `report` from [claims.yaml](claims.yaml); all numbers are in the "
+        "file `claims.json` of a dataset's reports. Claims of the project are not counted.",
         table(["dataset", "recordings", "hold / fail", "by construction"], tally),
         table(["claim", *(whose.dataset for whose in decided)], rows),
         KEY.partition(" After")[0],
     ]
-    parts = {f"Recordings: {here.dataset}": kept(here), f"Counts: {here.dataset}": counts(here)}
+    return "\n\n".join(sections) + "\n"
+
+
+def recordings_page(here: Run) -> str:
+    """Return ``recordings.md``: found, kept, lost and repaired parts of the recordings."""
+    parts = {"Kept and left out": kept(here), "Lost and repaired": counts(here)}
+    sections = [f"# Recordings of dataset {here.dataset}"]
     sections += [f"## {title}\n\n{text}" for title, text in parts.items() if text]
     return "\n\n".join(sections) + "\n"
 

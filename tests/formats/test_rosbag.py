@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ros_bags import image, write_bag
 
-from pipeline.core.bounds import Reading, within
-from pipeline.core.compute.sandbox import call_alone
+from pipeline.core.bounds import Reading, call_alone, within
 from pipeline.core.errors import RecordingError
 from pipeline.formats.bag_path import is_bag
 from pipeline.formats.rosbag import choose_topic, messages, seconds, topics

@@ -15,8 +15,7 @@ from typing import ClassVar
 import cv2
 import yaml
 
-from pipeline.core.bounds import read_whole
-from pipeline.core.compute.sandbox import call_alone
+from pipeline.core.bounds import call_alone, read_whole
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import read_text
 

@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.lib import format as npy
 
-from pipeline.core.bounds import MIB, require
-from pipeline.core.compute.sandbox import call_alone
+from pipeline.core.bounds import MIB, call_alone, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
 from pipeline.formats.joints.names import (

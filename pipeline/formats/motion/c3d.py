@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.core.bounds import require
-from pipeline.core.compute.sandbox import call_alone
+from pipeline.core.bounds import call_alone, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import Format, Head, Kind
 from pipeline.formats.motion.take import (
