@@ -125,7 +125,8 @@ def _restoring() -> str:
     named = [f"`{command} {' '.join(paths)}`" for command, paths in commands.items() if paths]
     if not named:
         return ""
-    return f"; to restore the earlier results run {' and '.join(named)}, or undo the change and run `dvc repro`"
+    restored = f"run {' and '.join(named)}, or undo the change and run `dvc repro`"
+    return f"; to restore the earlier results {restored}"
 
 
 def _stopped(name: str, stopped: SystemExit) -> int:

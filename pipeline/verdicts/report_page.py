@@ -72,10 +72,11 @@ SUMMARY = {"sigma_b": ("wishart", "sigma_b"), "alpha_u": ("gaussian", "noise_lev
 LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
 LINKS = """\
 - [model_card.md](model_card.md): which model to use for this arm, where and how surely.
-- [claims.yaml](../claims.yaml): each claim with its test and reason; [claims.json](claims.json): all
+- [claims.yaml](../claims.yaml): each claim with its test and reason; [claims.json](claims.json):
   numbers, verdicts and commands that recompute them; [datasets.md](../datasets.md): every dataset.
 - [equations.md](../equations.md): each item of the paper in code and tests; [errata.md](errata.md).
-- [recordings.md](recordings.md), [metrics](metrics), [tables](tables): this run; [studies](../studies): beyond the paper."""
+- [recordings.md](recordings.md), [metrics](metrics), [tables](tables): this run.
+- [studies](../studies): beyond the paper."""
 
 
 def report_page(here: Run, decided: Sequence[Decided], parts: Sequence[tuple[str, str]]) -> str:

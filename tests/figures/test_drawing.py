@@ -1,4 +1,4 @@
-"""Figures are found by their places: all are drawn or named with the reason why not, the bytes are the same every time."""
+"""Figures are found by their places, drawn or named with the reason why not, in equal bytes."""
 
 from __future__ import annotations
 
