@@ -117,7 +117,7 @@ def test_a_missing_file_is_refused_by_name(reports, missing):
 
 
 def test_the_committed_report_reads_as_a_page():
-    html = page("Results", [ROOT / file for file in RESULTS], ROOT / "reports")
+    html = page("Results", [REPORTS / file for file in RESULTS], REPORTS)
     parsed = Parsed(html)
     assert not MARKDOWN.search("".join(parsed.texts))
     inside = {address[1:] for address in parsed.addresses if address.startswith("#")}
