@@ -122,13 +122,6 @@ def nees_band(cases: int, dimension: int, level: float = LEVEL) -> tuple[float, 
     return low / cases, high / cases
 
 
-def in_region(squared: np.ndarray, dimension: int) -> np.ndarray:
-    """(...,) bool, true where an error of the NEES ``squared`` (...,) lies in the ellipsoid that
-    holds 95 % of a normal law.
-    """
-    return squared <= _chi_squared(LEVEL, dimension)
-
-
 def log_determinant(covariance: np.ndarray) -> np.ndarray:
     """(...,) ln det of ``covariance`` (..., n, n): sharpness, the less the sharper the law. Raises
     ModelDomainError where the determinant is not positive.
@@ -199,7 +192,7 @@ def _consistency(squared: np.ndarray, sharpness: np.ndarray, dimension: int) -> 
     """
     low, high = nees_band(len(squared), dimension)
     by_step = squared.mean(axis=0)
-    region = _where_known(squared, in_region(squared, dimension))
+    region = _where_known(squared, squared <= _chi_squared(LEVEL, dimension))
     band = _where_known(by_step, (low <= by_step) & (by_step <= high))
     return {
         "coverage_of_the_95_percent_region": region.mean(axis=1),
