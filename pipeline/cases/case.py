@@ -31,25 +31,6 @@ KINDS = ("additive", "wishart", "gaussian")
 CONSTANT_SEED = 20_171
 
 
-class ModelCase(NamedTuple):
-    """Part of a case that fit, realisations and predictions of one model depend on."""
-
-    options: Options
-    mode: str
-    measurement: float
-    draw: int
-    closed: bool  # in a closed loop too or, of a filter, at all
-
-
-class FilterCase(NamedTuple):
-    """Part of a case that the filter of one model on one take depends on."""
-
-    take: str
-    model: ModelCase
-    clock: str
-    options: FilterOptions
-
-
 @dataclass(frozen=True)
 class Case:
     """One way to decide everything."""
@@ -63,15 +44,23 @@ class Case:
     draw: int = 0  # number of the random stream
     closed: bool = False  # filters the paper's models in a closed loop too
 
-    def model_case(self, name: str) -> ModelCase:
-        """The part for the model ``name``."""
-        closed = self.closed and name in KINDS
-        return ModelCase(self.models[name], self.mode, self.measurement, self.draw, closed)
+    @property
+    def options(self) -> Options:
+        """Options of the only model."""
+        (options,) = self.models.values()
+        return options
 
-    def filter_case(self, name: str, take: str, closed: bool) -> FilterCase:
-        """The part for the filter of the model ``name`` on ``take``."""
-        model = ModelCase(self.models[name], "", 1.0, self.draw, closed)
-        return FilterCase(take, model, self.clock, self.filter)
+    def model_case(self, name: str) -> Case:
+        """This case with the model ``name`` alone and defaults for the filter's decisions."""
+        models, closed = {name: self.models[name]}, self.closed and name in KINDS
+        return Case(models, FilterOptions(), self.mode, "", self.measurement, 0, self.draw, closed)
+
+    def filter_case(self, name: str, closed: bool) -> Case:
+        """This case with the filter of the model ``name`` alone, in one loop, and defaults for the
+        decisions that it does not depend on.
+        """
+        models = {name: self.models[name]}
+        return Case(models, self.filter, "", self.clock, 1.0, 0, self.draw, closed)
 
     def batch_of(self, takes: list[str], count: int) -> list[str]:
         """The ``count`` of the test ``takes`` that the filter runs on; none of too few."""

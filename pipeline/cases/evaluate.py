@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 
-from pipeline.cases.case import KINDS, Case, FilterCase, ModelCase, Recordings
+from pipeline.cases.case import KINDS, Case, Recordings
 from pipeline.cases.evidence import Evidence, case_evidence
 from pipeline.cases.fits import Outcome, outcome
 from pipeline.core import filters as names
@@ -20,7 +20,7 @@ from pipeline.models.model import Commands, MotionModel, open_loop
 
 Loop = tuple[MotionModel, Commands]  # a fitted model and its commands
 # number of the take, its part of the case, the loop, the take's measurements
-Trial = tuple[int, FilterCase, Loop, Measurements]
+Trial = tuple[int, Case, Loop, Measurements]
 Run = Callable[[Callable, Sequence], Iterable]  # as the built-in map: trials, in order
 
 
@@ -44,8 +44,8 @@ def evaluate(
             for closed, loop in loops[repr(case.model_case(name))].items():
                 own = filters[-1].setdefault(names.closed(name) if closed else name, {})
                 for take in case.batch_of(takes, recordings.filtered):
-                    part = case.filter_case(name, take, closed)
-                    own[take] = repr(part)
+                    part = case.filter_case(name, closed)
+                    own[take] = f"{take} {part!r}"
                     measured = cameras[case.clock].takes[take]
                     trials[own[take]] = (takes.index(take), part, loop, measured)
     posteriors = _mapped(run, _posterior, trials, recordings)
@@ -67,7 +67,7 @@ def _mapped(run: Run, function: Callable, trials: Mapping[str, object], recordin
     return dict(zip(trials, results, strict=True))
 
 
-def _outcome(case: ModelCase, recordings: Recordings) -> Outcome:
+def _outcome(case: Case, recordings: Recordings) -> Outcome:
     # equal numbers in every case, so that a difference is the case's
     seed, name = recordings.stream
     stream = rng.stream(seed, f"{name}.{case.options.kind}", case.draw)
@@ -88,11 +88,11 @@ def _loops(fared: Outcome, recordings: Recordings) -> dict[bool, Loop]:
 def _posterior(trial: Trial, recordings: Recordings) -> Posterior | str:
     """The filter's posterior on one take, or the reason why there is none."""
     (number, case, (model, commands), measured), (seed, name) = trial, recordings.stream
-    kind, takes = case.model.options.kind, recordings.takes
-    filtered = names.closed(kind) if case.model.closed else kind
-    stream = rng.stream(seed, f"{name}.filter.{filtered}", case.model.draw, number)
+    kind, takes = case.options.kind, recordings.takes
+    filtered = names.closed(kind) if case.closed else kind
+    stream = rng.stream(seed, f"{name}.filter.{filtered}", case.draw, number)
     loop = (model, takes.training.chain, commands, 1 / recordings.rate)
     try:
-        return particle_filter(*loop, takes.start, measured, case.options, stream)
+        return particle_filter(*loop, takes.start, measured, case.filter, stream)
     except (DegenerateFilterError, ModelDomainError, SingularJacobianError) as error:
         return str(error)
