@@ -114,8 +114,8 @@ def factors(
 def split(
     jacobian: np.ndarray, v: np.ndarray, decomposition: Decomposition
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The :func:`factors` of ``jacobian`` J (..., m, n) for the task step ``v`` (..., m), whose
-    leading axes broadcast; meaningless where J has not full row rank.
+    """The :func:`factors`, Eq. (LUDecom), of ``jacobian`` J (..., m, n) for the task step ``v``
+    (..., m), whose leading axes broadcast; meaningless where J has not full row rank.
     """
     m, n = jacobian.shape[-2:]
     decomposition.require_size(m)
