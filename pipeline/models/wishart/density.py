@@ -108,5 +108,5 @@ def mixture(y: np.ndarray, a: np.ndarray, back: np.ndarray) -> np.ndarray:
     z0 = np.vecdot(y, b) / precision
     rest = y - z0[:, None] * b
     rest = np.vecdot(rest, rest) if n > m else np.zeros(len(a))
-    directions = np.stack([c, k, singular**2], axis=-1).reshape(len(a), -1)
+    directions = np.stack([c, k, singular**2], axis=-1).reshape(len(a), 3 * (m - 1))
     return np.concatenate([np.stack([z0, precision, rest], axis=1), directions], axis=1)
