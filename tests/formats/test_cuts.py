@@ -22,8 +22,7 @@ from pipeline.formats.depth.cloud import read_cloud
 from pipeline.formats.depth.image import read_depth
 from pipeline.formats.depth.index import read_index, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics, write_intrinsics
-from pipeline.formats.force.daqft import read_daqft, write_daqft
-from pipeline.formats.force.netft import read_netft
+from pipeline.formats.force.daqft import read_daqft, read_netft, write_daqft
 from pipeline.formats.force.record import ForceLogOptions, ForceRecord
 from pipeline.formats.force.table import read_force_table
 from pipeline.formats.joints.log import JointLog, LogOptions

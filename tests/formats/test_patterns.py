@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from pipeline.core.errors import ConfigError
-from pipeline.formats.patterns import matching
+from pipeline.formats.format import matching
 
 
 def test_what_matches_comes_in_order(tmp_path):

@@ -7,16 +7,13 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.depth.intrinsics import MODELS, Intrinsics, pinhole
+from pipeline.formats.depth.intrinsics import Intrinsics, pinhole, require_model, require_size
 
 IMAGE, CLOUD, CAMERA_INFO = (
     f"sensor_msgs/msg/{name}" for name in ("Image", "PointCloud2", "CameraInfo")
 )
-PIXELS = {
-    "16UC1": np.dtype(np.uint16),
-    "mono16": np.dtype(np.uint16),
-    "32FC1": np.dtype(np.float32),
-}
+PIXELS = dict.fromkeys(("16UC1", "mono16"), np.dtype(np.uint16))
+PIXELS["32FC1"] = np.dtype(np.float32)
 DATATYPES = {7: np.dtype(np.float32), 8: np.dtype(np.float64)}  # of a PointField
 
 
@@ -28,10 +25,8 @@ def image_pixels(message: object, *, shape: tuple[int, int], **evidence: object)
     shorter or longer than rows × step.
     """
     if message.encoding not in PIXELS:
-        raise RecordingError(
-            f"an image of the encoding {message.encoding!r}; depth is {', '.join(PIXELS)}",
-            **evidence,
-        )
+        said = f"an image of the encoding {message.encoding!r}; depth is {', '.join(PIXELS)}"
+        raise RecordingError(said, **evidence)
     if (message.height, message.width) != tuple(shape):
         raise RecordingError(
             f"the image has {message.width} × {message.height} pixels where the camera has "
@@ -54,17 +49,15 @@ def _cells(message: object, row: int, size: int, what: str, evidence: dict) -> n
     height, width = message.height, message.width
     data = np.asarray(message.data, np.uint8)
     if row < width * size or len(data) != height * row:
-        raise RecordingError(
-            f"{len(data)} bytes in {height} rows of {row} for {width} {what} of {size} bytes",
-            **evidence,
-        )
+        said = f"{len(data)} bytes in {height} rows of {row} for {width} {what} of {size} bytes"
+        raise RecordingError(said, **evidence)
     rows = np.ascontiguousarray(data.reshape(height, row)[:, : width * size])
     return rows.reshape(height, width, size)
 
 
 def cloud_points(message: object, **evidence: object) -> np.ndarray:
-    """(N, 3) float64 points x, y, z of a PointCloud2, in m in its own frame, NaN where the sensor
-    saw nothing.
+    """Return (N, 3) float64 points x, y, z of a PointCloud2, in m in its own frame, NaN where
+    the sensor saw nothing.
 
     The fields may be float32 or float64 at any offset, of either byte order, organised or not, rows
     padded or not. Raises RecordingError (with ``evidence``) for a field that is missing or of
@@ -93,31 +86,17 @@ def cloud_points(message: object, **evidence: object) -> np.ndarray:
 
 
 def camera_info(message: object, *, width: int, height: int, **evidence: object) -> Intrinsics:
-    """Intrinsics from the K and D of a CameraInfo, whose size must be ``width`` × ``height``.
+    """Return the intrinsics from the K and D of a CameraInfo of ``width`` × ``height`` pixels.
 
     Raises RecordingError (with ``evidence``) for another size, a camera that was never calibrated
     (K of zeros) or whose distortion is not OpenCV's.
     """
-    if (message.width, message.height) != (width, height):
-        raise RecordingError(
-            f"calibrated at {message.width} × {message.height} pixels, not {width} × {height}",
-            **evidence,
-        )
+    require_size((message.width, message.height), width, height, **evidence)
     # ROS 1 writes K and D, ROS 2 k and d
     matrix, distortion = (
         np.array(getattr(message, name, getattr(message, name.lower(), None)), dtype=float)
         for name in "KD"
     )
-    if distortion.any() and message.distortion_model not in MODELS:
-        raise RecordingError(
-            f"the distortion {message.distortion_model!r} is none of {', '.join(MODELS)}; give "
-            "the intrinsics in a file",
-            **evidence,
-        )
-    return pinhole(
-        matrix.reshape(3, 3),
-        distortion if distortion.any() else np.zeros(0),
-        width=width,
-        height=height,
-        **evidence,
-    )
+    require_model(message.distortion_model or "of no name", distortion, **evidence)
+    distortion = distortion if distortion.any() else np.zeros(0)
+    return pinhole(matrix.reshape(3, 3), distortion, width=width, height=height, **evidence)

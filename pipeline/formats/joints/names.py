@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.formats.cells import bare
+from pipeline.formats.units import bare
 
 
 def _words(*lines: str) -> frozenset[str]:

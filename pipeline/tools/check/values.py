@@ -15,7 +15,7 @@ from pipeline.core.datasheet import unfilled_keys
 from pipeline.core.draft import faults
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.core.options.dataset import Robot
-from pipeline.formats.patterns import matching
+from pipeline.formats.format import matching
 
 # keys that hold a path or a pattern below the recordings
 PATHS = (

@@ -12,9 +12,8 @@ from pathlib import Path
 from pipeline.core.compute.sandbox import Sandbox
 from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.formats import rosbag
-from pipeline.formats.bag_path import is_bag
 from pipeline.formats.depth.index import frame_endings
-from pipeline.formats.format import Kind
+from pipeline.formats.format import Kind, is_bag
 from pipeline.formats.joints import bag as joint_bag
 from pipeline.tools.inspect import bag, joints, sequence
 from pipeline.tools.inspect.finding import UNKNOWN, Finding

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.core.errors import PipelineError
-from pipeline.formats.force.faults import require_record
-from pipeline.formats.force.record import FORCES, TORQUES, ForceLogOptions
+from pipeline.formats.force.record import FORCES, TORQUES, ForceLogOptions, require_record
 from pipeline.formats.format import Format
 from pipeline.tools.inspect.finding import Finding, counted
 

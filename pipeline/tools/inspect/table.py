@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import PipelineError
-from pipeline.formats.cells import bare
 from pipeline.formats.force.record import repeats
 from pipeline.formats.format import Format
 from pipeline.formats.joints.names import named_like, signals_of
 from pipeline.formats.number_sheet import Sheet
+from pipeline.formats.units import bare
 from pipeline.tools.inspect.finding import Finding, counted
 from pipeline.tools.inspect.joints import ask, pair
 

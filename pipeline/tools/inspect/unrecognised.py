@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from pipeline.formats.cells import foreign
+from pipeline.formats.delimited import foreign
 from pipeline.formats.format import Head
 from pipeline.tools.inspect.finding import UNKNOWN, Finding
 

@@ -9,8 +9,7 @@ from depth_files import frame
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.depth_camera import Depth
 from pipeline.core.validation import validated
-from pipeline.formats.depth.encoding import Encoding, metres
-from pipeline.formats.depth.image import RawDepth
+from pipeline.formats.depth.image import Encoding, RawDepth, metres
 
 
 @pytest.mark.parametrize(

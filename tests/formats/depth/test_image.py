@@ -15,8 +15,7 @@ import pytest
 from depth_files import SHAPE, frame, refused
 from PIL import Image
 
-from pipeline.formats.depth.encoding import Encoding, metres
-from pipeline.formats.depth.image import PNG, RawDepth, read_depth, write_depth
+from pipeline.formats.depth.image import PNG, Encoding, RawDepth, metres, read_depth, write_depth
 
 
 @pytest.mark.parametrize(
