@@ -113,6 +113,9 @@ def _stopped(name: str, stopped: SystemExit) -> int:
     """Return the exit code of a command that ended itself, after its message."""
     try:
         _flush()
+    except BrokenPipeError:
+        _discard_output()
+        return 1
     except OSError as error:
         return _refused(name, error_summary(error), error)
     if isinstance(stopped.code, str):

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh
 
-from pipeline.models.covariance import principal_axes
-from pipeline.models.scaled.likelihood import second_moment
+from pipeline.models.normal import principal_axes
+from pipeline.models.scaled.fit import second_moment
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Fixtures that several rooms share, and the order and the durations of the tests."""
+"""Fixtures that several packages share, and the order and the durations of the tests."""
 
 from __future__ import annotations
 

@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
-from pipeline.core.options.depth_camera import Depth, Workspace
-from pipeline.core.options.motion_capture import Pose
+from pipeline.core.options.instruments import Depth, Pose, Workspace
 from pipeline.formats.depth.image import write_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics

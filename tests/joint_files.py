@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.logs import SIGNALS
+from pipeline.core.options.instruments import SIGNALS
 from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.recordings import movement
 

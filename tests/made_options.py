@@ -5,9 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pipeline.core.options.dataset import Dataset, Motion, Robot
-from pipeline.core.options.depth_camera import Depth, Workspace
-from pipeline.core.options.logs import JointLog
-from pipeline.core.options.motion_capture import Pose
+from pipeline.core.options.instruments import Depth, JointLog, Pose, Workspace
 
 ORIGIN = Pose([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
 SAMPLES: dict[type, dict[str, Any]] = {

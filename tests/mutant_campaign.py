@@ -15,8 +15,7 @@ import pandas as pd
 from mutants import mutants
 from mutated_samples import SAMPLES, values, write_samples
 
-from pipeline.core.bounds import Reading, within
-from pipeline.core.compute.sandbox import Sandbox
+from pipeline.core.bounds import Reading, Sandbox, within
 from pipeline.core.errors import PipelineError
 
 COUNT = 420  # mutants of a sample

@@ -24,6 +24,7 @@ from pipeline.formats.depth.intrinsics import read_intrinsics
 from pipeline.formats.depth.messages import image_pixels
 from pipeline.formats.force.calibration import read_calibration
 from pipeline.formats.force.daqft import read_daqft, read_netft
+from pipeline.formats.joints.arrays import read_arrays
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.motion.c3d import read_c3d

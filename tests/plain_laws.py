@@ -7,10 +7,9 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.arm.planar import BLOCK
-from pipeline.models.additive.law import AdditiveModel
-from pipeline.models.covariance import root
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.norm import frobenius
+from pipeline.models.model import frobenius
+from pipeline.models.normal import root
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.factors import split
 from pipeline.models.wishart.law import WishartModel
@@ -33,8 +32,8 @@ def _block(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
     inverse = chain.inverse_jacobian(q)
     dq = np.matvec(inverse, v)
     match model:
-        case AdditiveModel():
-            return q + dq + rng.standard_normal(q.shape) @ root(model.noise_covariance), 0
+        case ScaledModel(gain=None):
+            return q + dq + rng.standard_normal(q.shape) @ root(model.floor), 0
         case ScaledModel():
             at_rest = rng.standard_normal(q.shape) @ root(model.floor)
             return q + dq + at_rest + dq * (rng.standard_normal(q.shape) @ root(model.gain)), 0

@@ -13,8 +13,7 @@ from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
 from pipeline.core.options.dataset import Robot
 from pipeline.models.kinds import build_model
-from pipeline.planning.cost import Cost, uncertainty
-from pipeline.planning.problem import Problem
+from pipeline.planning.problem import Cost, Problem, uncertainty
 
 PLANAR = Robot(
     str(Path(pipeline.arm.__file__).parent / "youbot.urdf"),

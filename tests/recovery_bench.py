@@ -15,7 +15,7 @@ from pipeline.arm.model import Arm
 from pipeline.core.columns import values
 from pipeline.core.errors import PipelineError
 from pipeline.core.options.dataset import Dataset
-from pipeline.core.options.force import Force
+from pipeline.core.options.instruments import Force
 from pipeline.perception.articulation import ArticulationOptions, articulate_rows
 from pipeline.perception.markers import track_rows
 from pipeline.recordings import depth_camera, motion_capture

@@ -19,7 +19,7 @@ def module_name(file: Path) -> str:
 MODULES = {module_name(file): file for file in sorted((ROOT / "pipeline").rglob("*.py"))}
 
 
-def room(module: str) -> str:
+def package(module: str) -> str:
     """The folder, or the file, directly under pipeline."""
     return module.split(".")[1]
 

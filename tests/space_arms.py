@@ -10,7 +10,7 @@ import pinocchio as pin
 import pipeline.arm
 from pipeline.arm.serial import SerialChain
 from pipeline.core.options.dataset import Robot
-from pipeline.core.options.motion_capture import Mocap, Pose
+from pipeline.core.options.instruments import Mocap, Pose
 from pipeline.core.task import SPACE
 
 HERE = Path(pipeline.arm.__file__).parent

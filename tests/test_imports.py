@@ -1,4 +1,4 @@
-"""Imports run one way and heavy libraries have one door each, as pipeline/IMPORTS.yaml says."""
+"""Imports run one way and heavy libraries have one wrapper each, as pipeline/IMPORTS.yaml says."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import ast
 
 import pytest
 import yaml
-from source_code import MODULES, ROOT, imports, pipeline_imports, room, tree
+from source_code import MODULES, ROOT, imports, package, pipeline_imports, tree
 
 TABLE = yaml.safe_load((ROOT / "pipeline/IMPORTS.yaml").read_text(encoding="utf-8"))
-ROOMS, EXCEPTIONS, DOORS = TABLE["rooms"], TABLE["exceptions"], TABLE["doors"]
+PACKAGES, EXCEPTIONS, WRAPPERS = TABLE["packages"], TABLE["exceptions"], TABLE["wrappers"]
 LATE = TABLE["late"]
-UPPER = {"stages", "studies", "tools", "__main__"}  # what the paper's rooms never import
+UPPER = {"stages", "studies", "tools", "__main__"}  # what the paper's packages never import
 
 
 def within(module: str, entries: list[str]) -> bool:
@@ -21,10 +21,10 @@ def within(module: str, entries: list[str]) -> bool:
 
 def allowed(module: str) -> list[str]:
     """The entries that ``module`` may import."""
-    own = room(module)
-    entries = [own, "core", *ROOMS[own]["imports"]]
-    if "rooms" in entries:
-        entries += [name for name in ROOMS if name not in UPPER]
+    own = package(module)
+    entries = [own, "core", *PACKAGES[own]["imports"]]
+    if "packages" in entries:
+        entries += [name for name in PACKAGES if name not in UPPER]
     return entries + EXCEPTIONS.get(module.removeprefix("pipeline."), [])
 
 
@@ -47,20 +47,20 @@ def test_imports_run_one_way(module):
 
 
 def test_the_table_holds_every_room_and_no_other_and_has_no_circle():
-    assert {room(module) for module in MODULES} == {*ROOMS, "__init__"}
+    assert {package(module) for module in MODULES} == {*PACKAGES, "__init__"}
     below: set[str] = set()
-    for name, entry in ROOMS.items():  # the order of the table is the order of the layers
-        assert set(entry["imports"]) - {"rooms"} <= below, name
+    for name, entry in PACKAGES.items():  # the order of the table is the order of the layers
+        assert set(entry["imports"]) - {"packages"} <= below, name
         below.add(name)
-    assert not any(UPPER & set(ROOMS[name]["imports"]) for name in set(ROOMS) - UPPER)
+    assert not any(UPPER & set(PACKAGES[name]["imports"]) for name in set(PACKAGES) - UPPER)
     # the control: an import against the order is none that the table allows
     assert not within("pipeline.studies.filters.stage", allowed("pipeline.arm.chain"))
 
 
 def test_stages_import_neither_each_other_nor_the_laboratory_but_for_record():
     for module in MODULES:
-        if room(module) == "stages":
-            others = {room(name) for name in pipeline_imports(module)}
+        if package(module) == "stages":
+            others = {package(name) for name in pipeline_imports(module)}
             assert "stages" not in others, module
             assert "laboratory" not in others or module == "pipeline.stages.record", module
 
@@ -69,19 +69,19 @@ def test_a_recorded_dataset_needs_nothing_of_the_laboratory_to_be_configured():
     assert not any("laboratory" in name for name in at_the_top("pipeline.core.config"))
 
 
-@pytest.mark.parametrize("library", DOORS)
-def test_a_library_enters_through_its_door(library):
+@pytest.mark.parametrize("library", WRAPPERS)
+def test_a_library_enters_through_its_wrapper(library):
     users = [
         module
         for module in MODULES
         if any(name.split(".")[0] == library for name in imports(module))
     ]
     assert users, f"nothing imports {library}: take it out of the table"
-    assert [module for module in users if not within(module, DOORS[library])] == []
+    assert [module for module in users if not within(module, WRAPPERS[library])] == []
 
 
 @pytest.mark.parametrize("library", LATE)
 def test_what_takes_long_to_import_is_imported_by_the_function_that_needs_it(library):
-    rooms = [module for module in MODULES if room(module) not in {"studies", "tools"}]
-    assert [module for module in rooms if library in at_the_top(module)] == []
-    assert any(library in imports(module) for module in rooms), "nothing does: take it out"
+    packages = [module for module in MODULES if package(module) not in {"studies", "tools"}]
+    assert [module for module in packages if library in at_the_top(module)] == []
+    assert any(library in imports(module) for module in packages), "nothing does: take it out"

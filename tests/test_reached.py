@@ -1,8 +1,8 @@
 """Every function, method and class of the pipeline is reached by another part of it.
 
 A definition is reached when a name refers to it outside its own body, in code that is reached
-itself. Python's own methods are called by Python. A function of a room for theorems may serve tests
-alone where its docstring says so.
+itself. Python's own methods are called by Python. A function of a package for theorems may serve
+tests alone where its docstring says so.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from source_code import MODULES, ROOT, room, tree
+from source_code import MODULES, ROOT, package, tree
 
 from pipeline.core.typed_yaml import read_yaml
 
@@ -157,7 +157,7 @@ def exempt(place: tuple[str, ...], node: Definition) -> bool:
     if any("model_validator" in ast.unparse(one) for one in node.decorator_list):
         return True
     says = " ".join((ast.get_docstring(node) or "").split())
-    return room(place[0]) == "randommatrix" and TESTS_ALONE in says
+    return package(place[0]) == "randommatrix" and TESTS_ALONE in says
 
 
 def test_every_function_is_reached():

@@ -1,5 +1,5 @@
-"""Every stage of the paper and of a dataset names the code and the files that its numbers come
-from, and no others.
+"""Every stage of the paper, of a dataset and of a study names the code and the files that its
+numbers come from, and no others.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from collections.abc import Iterator
 
 import pytest
 from omegaconf import OmegaConf
-from source_code import MODULES, ROOT, covers, needed, room, tree
+from source_code import MODULES, ROOT, covers, needed, package, tree
 
 # Every stage depends on core as a whole. What core imports by exception, the types of options,
 # changes no stage but configure: the others depend on the values that they declare.
-HARMLESS = {module for module in MODULES if room(module) == "core"}
+HARMLESS = {module for module in MODULES if package(module) == "core"}
 
 
 def stages() -> Iterator[tuple[str, str, dict]]:
@@ -121,3 +121,20 @@ def test_the_folders_that_a_stage_names_are_its_deps_and_outs(stage):
             assert any(covers(path, other) or covers(other, path) for other in declared), (
                 f"{stage} opens {path}"
             )
+
+
+STUDIES = sorted((ROOT / "pipeline/studies").glob("*/dvc.yaml"))
+
+
+@pytest.mark.parametrize("file", STUDIES, ids=lambda file: file.parent.name)
+def test_a_study_names_its_code_and_options_and_not_its_own_lock_file(file):
+    place = str(file.parent.relative_to(ROOT))
+    stage = OmegaConf.to_container(OmegaConf.load(file))["stages"][file.parent.name]
+    read = {MODULES[name] for name in needed(f"{place.replace('/', '.')}.stage", HARMLESS)}
+    read |= {other for other in file.parent.rglob("*.*") if other.suffix in (".py", ".yaml")}
+    read = {str(path.relative_to(ROOT)) for path in read - {file} if path.stat().st_size}
+    deps = [path for path in plain(stage["deps"]) if covers("pipeline", path)]
+    missing = {path for path in read if not any(covers(dep, path) for dep in deps)}
+    assert missing - {"pipeline/__init__.py"} == set()
+    # DVC writes the lock after the stage: a stage that depends on it is never up to date
+    assert not any(covers(dep, f"{place}/dvc.lock") for dep in deps)

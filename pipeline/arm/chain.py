@@ -13,8 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from pipeline.arm.interface import Chain
-from pipeline.arm.numbers import Arm
+from pipeline.arm.interface import Arm, Chain
 from pipeline.core.task import PLANE
 
 # |det J| = l1 l2 |sin q2|; below this fraction of l1 l2 (about 0.06 degrees) the inverse is not to

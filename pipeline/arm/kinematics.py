@@ -1,16 +1,19 @@
 """Kinematics in compiled code, of any serial chain, a block of poses at a time
-(:mod:`pipeline.arm.rows`).
+(:mod:`pipeline.arm.rows`); last the functions that Python calls, for whole batches.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.numbers import (
+from pipeline.arm.interface import (
     FRAME_COSINE,
     FRAME_SHIFT,
     FRAME_SINE,
     FRAME_TURN,
+    INVERSE,
+    POSE,
+    SINGULAR,
     Arm,
 )
 from pipeline.arm.rows import (
@@ -22,11 +25,13 @@ from pipeline.arm.rows import (
     TURN,
     add_column_dot,
     add_dot,
+    copy,
     dot,
     fill,
+    rows_of,
     scale,
 )
-from pipeline.core.compiled import inlined, inner
+from pipeline.core.compiled import compiled, inlined, inner
 from pipeline.core.elementary import sine_cosine
 
 WIDTH = 64  # poses of a block: more would leave the processor's nearest cache
@@ -41,7 +46,7 @@ def tip(arm: Arm, q: np.ndarray, start: int, count: int, block: np.ndarray) -> N
     ``block`` has WIDTH poses.
 
     Each frame is turned by the joint before, shifted and tilted
-    (:func:`pipeline.arm.numbers.joint_frames`).
+    (:func:`pipeline.arm.interface.joint_frames`).
     """
     flat, n = block.reshape(-1), len(arm.sliding)
     for k in range(12):
@@ -272,3 +277,56 @@ def _rotation_vectors(target: np.ndarray, flat: np.ndarray, count: int) -> None:
         flat[TURN * WIDTH + i] = length * x
         flat[(TURN + 1) * WIDTH + i] = length * y
         flat[(TURN + 2) * WIDTH + i] = length * z
+
+
+@compiled
+def kinematics(arm: Arm, q: np.ndarray, part: int, out: np.ndarray) -> None:
+    """Fill ``out`` (rows, P) for the poses ``q`` (n, P) in rad, m of prismatic joints.
+
+    Its rows are the tip's pose (12) for POSE, the Jacobian (m·n, row by row) for JACOBIAN, the
+    transpose of J⁺ (m·n, likewise) for INVERSE; for SINGULAR the one is 1 where the least singular
+    value is below the arm's.
+    """
+    n, m = len(arm.sliding), len(arm.rows)
+    rows = rows_of(n, m)
+    block = np.empty((rows.size, WIDTH))
+    for start in range(0, q.shape[1], WIDTH):
+        count = min(WIDTH, q.shape[1] - start)
+        tip(arm, q, start, count, block)
+        first = POSITION if part == POSE else rows.jacobian
+        if part != POSE:
+            task_jacobian(arm, block, rows.jacobian, count)
+        if part == SINGULAR or part == INVERSE:
+            cholesky(block, rows.jacobian, rows.lower, rows.inverse, m, n, 0.0, count)
+        if part == SINGULAR:
+            first = rows.singular
+            mark_singular(block, arm, rows.jacobian, rows.lower, rows.spare, first, count)
+        if part == INVERSE:
+            for j in range(n):
+                for r in range(m):
+                    copy(block, rows.task + r, first + r * n + j, count)
+                solve_lower(block, rows.lower, rows.inverse, m, rows.task, count)
+                solve_upper(block, rows.lower, rows.inverse, m, rows.task, count)
+                for r in range(m):
+                    copy(block, first + r * n + j, rows.task + r, count)
+        for k in range(len(out)):
+            for i in range(count):
+                out[k, start + i] = block[first + k, i]
+
+
+@compiled
+def displacements(arm: Arm, start: np.ndarray, end: np.ndarray, out: np.ndarray) -> None:
+    """Fill ``out`` (P, m) with the task's rows of the displacements from the poses ``start`` (P,
+    12) to ``end`` (P, 12).
+    """
+    m = len(arm.rows)
+    block = np.empty((rows_of(len(arm.sliding), m).size, WIDTH))
+    first = rows_of(len(arm.sliding), m).task
+    for p in range(len(start)):
+        for k in range(12):
+            block[k, 0] = start[p, k]
+        for r in range(m):
+            block[first + r, 0] = 0.0
+        add_displacement(arm, end[p], block, first, 1.0, 1)
+        for r in range(m):
+            out[p, r] = block[first + r, 0]

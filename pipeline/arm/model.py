@@ -11,12 +11,10 @@ import numpy as np
 import pinocchio as pin
 
 from pipeline.arm.chain import TASK, PlanarChain
-from pipeline.arm.description import Description, describe
 from pipeline.arm.interface import Chain
-from pipeline.arm.layout import Layout
-from pipeline.arm.plane import planar_chain, plane_of, unlike_three
+from pipeline.arm.layout import Layout, planar_chain, plane_of, unlike_three
 from pipeline.arm.serial import SerialChain
-from pipeline.arm.urdf import Tree, read_urdf
+from pipeline.arm.urdf import Description, Tree, describe, read_urdf
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.task import SPACE

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.numbers import Arm
+from pipeline.arm.interface import Arm
 from pipeline.arm.rows import block_rows
 from pipeline.core.compiled import inlined, inner
 from pipeline.core.elementary import sine_cosine

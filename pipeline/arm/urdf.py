@@ -1,4 +1,4 @@
-"""Tree of links and joints in a URDF, read before anything heavier reads it."""
+"""Tree of links and joints in a URDF, and the joints of it that are the arm of the options."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any
 from xml.parsers import expat
 
 from pipeline.core.errors import ConfigError
+from pipeline.core.options.dataset import Robot
 
-# Pinocchio goes through the tree by recursion, and past some thousands of joints it takes the
-# process with it; its memory grows as the square. A humanoid with two hands has some eighty.
+# Pinocchio recurses and ends the process past some thousands of joints; a humanoid has some eighty
 MOST_JOINTS = 250
 FARTHEST = 1e6  # m or rad, of an origin or an axis: squares of it stay finite
 LIMITED = ("revolute", "prismatic")  # kinds of joints with one coordinate and limits
@@ -42,7 +42,7 @@ class Joint:
 
 @dataclass
 class Tree:
-    """The links of a robot, and its joints by name, in the order of the file."""
+    """Links of a robot, and its joints by name, in the order of the file."""
 
     file: Path
     name: str = ""  # of the robot
@@ -88,11 +88,8 @@ class Tree:
 
 
 def read_urdf(file: Path) -> Tree:
-    """Return the tree that ``file`` describes.
-
-    Raises ConfigError for a file that is no URDF or a xacro that nobody expanded, for more than
-    :data:`MOST_JOINTS` joints, for names that two links or two joints have, and for links that form
-    a loop or more than one tree.
+    """Return the tree that ``file`` describes; ConfigError for a file that is no URDF, and for
+    links and joints that are no tree.
     """
     if not file.is_file():
         raise ConfigError("robot.urdf: no such file; name one from the project's root", file=file)
@@ -190,10 +187,7 @@ def _take_part(tree: Tree, part: str, values: dict[str, str]) -> None:
 
 
 def _require_tree(tree: Tree) -> None:
-    """Raise ConfigError where the links are no tree: one that a joint names and that is none, that
-    two joints move or that moves itself, that none holds beside the root; and for a joint without
-    the limits that its kind has to have.
-    """
+    """Raise ConfigError where the links are no tree or a joint lacks the limits of its kind."""
     if twice := [name for name in tree.links if tree.links.count(name) > 1]:
         raise ConfigError(f"robot.urdf: two links are named {twice[0]!r}", file=tree.file)
     for joint in tree.joints.values():
@@ -228,9 +222,7 @@ def _require_tree(tree: Tree) -> None:
 
 
 def require_range(joint: Joint, file: Path) -> None:
-    """Raise ConfigError for a joint whose limits leave it no way, or an endless one; a continuous
-    one needs none.
-    """
+    """Raise ConfigError for a joint whose limits leave it no way, or an endless one."""
     lower, upper = joint.range
     if joint.kind in LIMITED and not 0 < upper - lower < math.inf:
         raise _without_limits(joint, file)
@@ -242,3 +234,113 @@ def _without_limits(joint: Joint, file: Path) -> ConfigError:
         "effort>, or the type continuous",
         file=file,
     )
+
+
+@dataclass(frozen=True)
+class Description:
+    """An arm in the tree of a URDF."""
+
+    tree: Tree
+    joints: list[Joint]  # base to tip
+    base: str | None  # link; None for the root
+    tip: str  # link
+    held: dict[str, float]  # rad or m, of the other joints; 0 where not named
+
+    @property
+    def file(self) -> Path:
+        """The URDF."""
+        return self.tree.file
+
+
+def describe(robot: Robot) -> Description:
+    """Return the arm of the section ``dataset.robot``; coupled joints (mimic) that are not of the
+    arm are held where those that they follow hold them.
+
+    Raises ConfigError for names that the URDF does not have, and for joints, tip and base that are
+    no chain of joints of one coordinate each.
+    """
+    tree = read_urdf(Path(robot.urdf))
+    joints, locked, file = list(robot.joints), dict(robot.locked), tree.file
+    names = sorted(name for name, joint in tree.joints.items() if joint.kind != "fixed")
+    for key, wanted in (("robot.joints", joints), ("robot.locked", locked)):
+        for name in wanted:
+            if name not in names:
+                message = f"{key}: no joint {name!r} in the URDF; it has {names}"
+                raise ConfigError(message, file=file)
+            if (kind := tree.joints[name].kind) not in SINGLE:
+                raise ConfigError(
+                    f"{key}: {name} is {kind}; a joint must be one of {', '.join(SINGLE)}",
+                    file=file,
+                )
+    if both := sorted(set(joints) & set(locked)):
+        raise ConfigError(
+            f"robot.locked: {', '.join(both)} cannot be locked, being of robot.joints", file=file
+        )
+    tip = _tip(tree, joints[-1], robot.tool)
+    above = tree.above(tip)
+    _require_row(joints, [joint.name for joint in above if joint.name in joints], tip, file)
+    base = None if robot.base is None else tree.link(robot.base, "robot.base")
+    below_base = tree.above(base) if base else []
+    if moving := [joint.name for joint in below_base if joint.name in joints]:
+        message = f"robot.base: {robot.base!r} moves with {moving[-1]}; name a link before the arm"
+        raise ConfigError(message, file=file)
+    for joint in above:
+        if joint not in below_base:
+            _require_single(joint, joints, file)
+    held = {
+        name: joint.multiplier * locked.get(joint.follows, 0.0) + joint.offset
+        for name, joint in tree.joints.items()
+        if joint.follows is not None
+    }
+    return Description(tree, [tree.joints[name] for name in joints], base, tip, held | locked)
+
+
+def _tip(tree: Tree, last: str, tool: str | None) -> str:
+    """The link of the option ``tool``, or the only one beyond the joint ``last`` that no other
+    follows.
+    """
+    if tool is not None:
+        return tree.link(tool, "robot.tool")
+    ends = [link for link in tree.ends if last in [joint.name for joint in tree.above(link)]]
+    if len(ends) != 1:
+        raise ConfigError(
+            f"robot.tool: the URDF ends in more than one link beyond {last}; name one of {ends}",
+            file=tree.file,
+        )
+    return ends[0]
+
+
+def _require_row(joints: list[str], on: list[str], tip: str, file: Path) -> None:
+    """Raise ConfigError where the ``joints`` are not those ``on`` the way to the ``tip``."""
+    if joints[-1] not in on:
+        raise ConfigError(
+            f"robot.tool: {tip!r} does not move with the last joint of the chain, {joints[-1]}",
+            file=file,
+        )
+    if apart := [name for name in joints if name not in on]:
+        raise ConfigError(
+            f"robot.joints: {', '.join(apart)} does not move {tip!r}; name joints of one chain",
+            file=file,
+        )
+    if joints != on:
+        raise ConfigError(
+            f"robot.joints: {joints} must stand in the order of the chain {on}", file=file
+        )
+
+
+def _require_single(joint: Joint, joints: list[str], file: Path) -> None:
+    """Raise ConfigError for a ``joint`` between base and tip that the arm cannot have."""
+    if joint.kind not in (*SINGLE, "fixed"):
+        raise ConfigError(
+            f"robot.joints: the joint {joint.name} before the tip is {joint.kind}; name a link "
+            "beyond it as robot.base, or put joints of one coordinate in its place",
+            file=file,
+        )
+    if joint.follows is not None and (joint.name in joints or joint.follows in joints):
+        raise ConfigError(
+            f"robot.joints: {joint.name} is coupled to {joint.follows} (mimic), and the tip moves "
+            "with it; an arm of joints that move by themselves is needed",
+            file=file,
+        )
+    if joint.name in joints:
+        require_range(joint, file)

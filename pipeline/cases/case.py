@@ -13,17 +13,17 @@ KINDS = ("additive", "wishart", "gaussian")
 
 
 class ModelCase(NamedTuple):
-    """What of a case bears on the fit, the realisations and the predictions of one model."""
+    """Part of a case that fit, realisations and predictions of one model depend on."""
 
     options: Options
     mode: str
     measurement: float
     draw: int
-    closed: bool  # whether in a closed loop, too or, of a filter, at all
+    closed: bool  # in a closed loop too or, of a filter, at all
 
 
 class FilterCase(NamedTuple):
-    """What of a case bears on the filter of one model on one take."""
+    """Part of a case that the filter of one model on one take depends on."""
 
     take: str
     model: ModelCase
@@ -43,7 +43,7 @@ class Case:
     measurement: float = 1.0
     batch: int = 0  # which test takes the filter runs on
     draw: int = 0  # which random numbers
-    closed: bool = False  # whether the paper's models are filtered in a closed loop too
+    closed: bool = False  # filters the paper's models in a closed loop too
 
     def model_case(self, name: str) -> ModelCase:
         """The part for the model ``name``."""
@@ -51,16 +51,12 @@ class Case:
         return ModelCase(self.models[name], self.mode, self.measurement, self.draw, closed)
 
     def filter_case(self, name: str, take: str, closed: bool) -> FilterCase:
-        """The part for the filter of the model ``name`` on ``take``, in a closed loop or an open
-        one.
-        """
+        """The part for the filter of the model ``name`` on ``take``."""
         model = ModelCase(self.models[name], "", 1.0, self.draw, closed)
         return FilterCase(take, model, self.clock, self.filter)
 
     def batch_of(self, takes: list[str], count: int) -> list[str]:
-        """Of all test ``takes`` the batch of ``count`` that the filter runs on; none where there
-        are not enough.
-        """
+        """The ``count`` of the test ``takes`` that the filter runs on; none of too few."""
         batch = takes[self.batch * count : (self.batch + 1) * count]
         return batch if len(batch) == count else []
 
@@ -71,8 +67,6 @@ class Case:
 
 
 def paper_models(options: dict[str, Options]) -> dict[str, Options]:
-    """Of the options of models the first of each of the paper's kinds, by kind and in their
-    order.
-    """
+    """The first of the options of models of each of the paper's kinds, by kind in their order."""
     by_kind = {model.kind: model for model in reversed(list(options.values()))}
     return {kind: by_kind[kind] for kind in KINDS if kind in by_kind}

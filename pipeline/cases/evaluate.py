@@ -10,18 +10,17 @@ from functools import partial
 
 import numpy as np
 
-from pipeline.cases.camera import Camera
 from pipeline.cases.case import KINDS, Case, FilterCase, ModelCase
 from pipeline.cases.evidence import Evidence, case_evidence
-from pipeline.cases.fits import Outcome, Takes, outcome
+from pipeline.cases.fits import Outcome, outcome
+from pipeline.cases.recordings import Camera, Takes
 from pipeline.core import filters as names
 from pipeline.core import rng
 from pipeline.core.errors import DegenerateFilterError, ModelDomainError, SingularJacobianError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import Posterior, Start, particle_filter
 from pipeline.models.closed_loop import mean_path
-from pipeline.models.commands import Commands, open_loop
-from pipeline.models.model import MotionModel
+from pipeline.models.model import Commands, MotionModel, open_loop
 
 Loop = tuple[MotionModel, Commands]  # a fitted model and what it is commanded
 # number of the take, what bears on its filter, the loop, the take's measurements
@@ -108,21 +107,13 @@ def _loops(fared: Outcome, recordings: Recordings) -> dict[bool, Loop]:
 
 
 def _posterior(trial: Trial, recordings: Recordings) -> Posterior | str:
-    """The filter's posterior on one take, or why there is none."""
+    """The filter's posterior on one take, or the reason why there is none."""
     (number, case, (model, commands), measured), (seed, name) = trial, recordings.stream
     kind, dt = case.model.options.kind, 1 / recordings.rate
-    loop = names.closed(kind) if case.model.closed else kind
-    stream = rng.stream(seed, f"{name}.filter.{loop}", case.model.draw, number)
+    filtered = names.closed(kind) if case.model.closed else kind
+    stream = rng.stream(seed, f"{name}.filter.{filtered}", case.model.draw, number)
     try:
-        return particle_filter(
-            model,
-            recordings.takes.training.chain,
-            commands,
-            dt,
-            recordings.start,
-            measured,
-            case.options,
-            stream,
-        )
+        loop = (model, recordings.takes.training.chain, commands, dt)
+        return particle_filter(*loop, recordings.start, measured, case.options, stream)
     except (DegenerateFilterError, ModelDomainError, SingularJacobianError) as error:
         return str(error)

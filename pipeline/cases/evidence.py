@@ -9,9 +9,9 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from pipeline.cases.camera import Camera
 from pipeline.cases.case import Case
-from pipeline.cases.fits import Outcome, Takes
+from pipeline.cases.fits import Outcome
+from pipeline.cases.recordings import Camera, Takes
 from pipeline.core.columns import matrices, members, values
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE, models_of
@@ -20,10 +20,15 @@ from pipeline.filtering.memory import memory_filter
 from pipeline.filtering.particle_filter import Posterior
 from pipeline.models.noise import recorded_deviation, rest_covariance
 from pipeline.recordings.commands import constant_speed
-from pipeline.statistics.filters import Filtered, filter_tables, no_filter
-from pipeline.statistics.joint_scores import filter_metrics, sensor_scores, spread_scores
-from pipeline.statistics.spread_tables import spread_tables
-from pipeline.statistics.take_scores import compared
+from pipeline.statistics.curves import spread_tables, std_scores
+from pipeline.statistics.filters import (
+    Filtered,
+    filter_metrics,
+    filter_tables,
+    no_filter,
+    sensor_scores,
+)
+from pipeline.statistics.scores import compared
 
 Evidence = dict[str, dict[str, float] | pd.DataFrame]
 RESAMPLING_SEED = 20_170  # the same resamplings in every case
@@ -111,7 +116,7 @@ def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) ->
         evidence |= {f"tables/{name}": table for name, table in spreads.items()}
     steady = constant_speed(takes.poses)
     limits = zip(takes.training.joints, takes.variation_of_constant_noise, strict=True)
-    evidence["metrics/motion"] = spread_scores(std, error, takes.training.joints, steady) | {
+    evidence["metrics/motion"] = std_scores(std, error, takes.training.joints, steady) | {
         f"recorded_std_{joint}_variation_of_constant_noise": limit for joint, limit in limits
     }
     tables = {}

@@ -5,14 +5,13 @@ has not seen.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 import pandas as pd
 
 from pipeline.cases.case import ModelCase
+from pipeline.cases.recordings import Takes
 from pipeline.core.errors import ModelDomainError, SingularJacobianError, SolverError
-from pipeline.core.rng import stream
 from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
 from pipeline.models.kinds import compared, estimate
 from pipeline.models.model import MotionModel
@@ -21,40 +20,14 @@ from pipeline.models.options import Options
 from pipeline.models.realizations import realize, realized_moments
 from pipeline.models.steps import Estimate, Recorded
 from pipeline.recordings.commands import constant_speed
-from pipeline.statistics.following import constant_noise_variation
-from pipeline.statistics.spread_tables import ModelledNoise, following_rows
-from pipeline.verdicts.reference import ArmNames
+from pipeline.statistics.curves import ModelledNoise, following_tests
 
-CONSTANT_SEED = 20_171
 PAPER = "{}_paper"  # names of the estimates by the paper's estimator
-
-
-@dataclass(frozen=True)
-class Takes:
-    """The takes of the motion capture: those to fit to and, where there are any, those kept for
-    testing.
-    """
-
-    training: Recorded
-    poses: np.ndarray  # (takes, M+1, n) rad, of the training takes
-    test: dict[str, np.ndarray]  # take → (M+1, n) rad
-
-    @cached_property
-    def variation_of_constant_noise(self) -> np.ndarray:
-        """(n,) of the training takes, with the same draws in every case."""
-        return constant_noise_variation(
-            self.training.noise, stream(CONSTANT_SEED, "cases.constant_noise")
-        )
-
-    @property
-    def arm(self) -> ArmNames:
-        """What claims call its joints and rows."""
-        return ArmNames(tuple(self.training.joints), tuple(self.training.chain.task))
 
 
 @dataclass
 class Outcome:
-    """How a model fared; what it does not have is missing, and ``refusals`` say why."""
+    """Fit, realisations and scores of a model; ``refusals`` say why some are missing."""
 
     model: MotionModel | None = None
     closed: ClosedLoopFit | None = None  # the model in a closed loop
@@ -64,14 +37,12 @@ class Outcome:
     # of all steps and of the moving ones, (takes,) nats
     log_score: dict[str, np.ndarray] = field(default_factory=dict)
     modelled: ModelledNoise | None = None  # at the recorded level, without its draws
-    following: pd.DataFrame | None = None  # as of following_rows
+    following: pd.DataFrame | None = None  # as of following_tests
     refusals: list[str] = field(default_factory=list)
 
 
 def outcome(case: ModelCase, takes: Takes, realizations: int, rng: np.random.Generator) -> Outcome:
-    """Fit, realise ``realizations`` times and score a model; a model that refuses any of it is an
-    outcome too.
-    """
+    """Fit, realise ``realizations`` times and score a model; a refusal is an outcome too."""
     fared = Outcome()
     try:
         fit = estimate(takes.training, case.options)
@@ -92,7 +63,7 @@ def outcome(case: ModelCase, takes: Takes, realizations: int, rng: np.random.Gen
             fared.refusals.append(refused)
         if case.mode == "one_step":
             noise, training = modelled_noise(fared.model, takes.training, rng), takes.training
-            fared.following = following_rows(
+            fared.following = following_tests(
                 noise, training.noise, constant_speed(takes.poses), training.joints, rng
             )
             fared.modelled = replace(noise, draws=noise.draws[:0])
@@ -110,7 +81,10 @@ def _papers_estimates(recorded: Recorded, options: Options, fit: Estimate) -> di
         own = fit if requested == options else estimate(recorded, requested)
     except (ModelDomainError, SolverError):
         return {}
-    return {PAPER.format(name): value for name, value in own.estimates.items()}
+    estimates = {PAPER.format(name): value for name, value in own.estimates.items()}
+    if "u_unbounded" in own.diagnostics:  # whether û is an estimate at all
+        estimates[f"{PAPER.format('u')}_unbounded"] = own.diagnostics["u_unbounded"]
+    return estimates
 
 
 def _log_scores(case: ModelCase, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:

@@ -1,24 +1,52 @@
-"""The readings of "LU or QR" (Eq. LUDecom): a case under each decomposition of the Wishart model,
-and what the claims' rules say of it.
+"""What the claims' rules say of the evidence of a case; and the readings of "LU or QR"
+(Eq. LUDecom), a case under each decomposition of the Wishart model.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import pandas as pd
 
 from pipeline.arm.chain import TASK
 from pipeline.cases.case import Case
 from pipeline.cases.evidence import Evidence
-from pipeline.cases.verdict import FAILS, HOLDS, UNKNOWN
+from pipeline.core.typed_yaml import read_yaml
 from pipeline.models.wishart.decomposition import COMPUTED, chosen
-from pipeline.verdicts.claims import Claim
-from pipeline.verdicts.decision import decide
+from pipeline.verdicts.claims import Claim, parse_claims
+from pipeline.verdicts.decision import decide, verdict_table
 from pipeline.verdicts.reference import ArmNames
 from pipeline.verdicts.wording import case_text
 
+PAPER = Path("reports/claims.yaml")
+HOLDS, FAILS, UNKNOWN = WORDS = ("holds", "fails", "no evidence")
+COLUMNS = ["claim", "about", "case", "value", "than", "low", "high", "holds", "verdict"]
 NAMES = {"pivoted_lu": "pivoted LU", "qr": "QR of J", "qr_transposed": "QR of Jᵀ (control)"}
+
+
+def read_claims(*conclusions: Path) -> tuple[Claim, ...]:
+    """The paper's claims, and after them those of the files ``conclusions``."""
+    return tuple(
+        claim
+        for file in (PAPER, *conclusions)
+        for claim in parse_claims(read_yaml(file).get("claims"))
+    )
+
+
+def decided(claims: Sequence[Claim], evidence: Evidence, arm: ArmNames) -> pd.DataFrame:
+    """A row for every case of ``claims``: the values that its rule compares, ``holds`` of the case,
+    and the ``verdict`` of the claim, which holds in every case on which there is evidence.
+
+    ``arm`` is the one of the recordings.
+    """
+    rows = verdict_table(decide(claims, evidence, "paper", arm)).rename(columns={"id": "claim"})
+    rows["holds"] = rows["holds"].map({True: HOLDS, False: FAILS}).fillna(UNKNOWN)
+    order = {FAILS: 0, HOLDS: 1, UNKNOWN: 2}
+    worst = rows["holds"].map(order).groupby(rows["claim"]).transform("min")
+    rows["verdict"] = worst.map({place: word for word, place in order.items()})
+    rows["about"] = rows["claim"].map({claim.id: claim.about for claim in claims})
+    return rows[COLUMNS].astype(dict.fromkeys(["value", "than", "low", "high"], float))
 
 
 def readings(
@@ -46,12 +74,8 @@ def readings_table(
     evidence under any.
 
     A claim holds under a reading where its rule does in every case that any reading has evidence
-    on; where one lacks a case and no other fails, nothing is said.
-
-    Args:
-        claims: of the paper.
-        evidence: by reading, the run's own first, with what was refused.
-        arm: of the recordings.
+    on; where one lacks a case and no other fails, there is no evidence. ``evidence`` by reading,
+    the run's own first, with its refusals.
     """
     rows = []
     for claim in claims:
@@ -64,6 +88,5 @@ def readings_table(
             holds = HOLDS if len(known) == len(needed) else UNKNOWN
             holds = holds if all(case.holds for case in known) else FAILS
             refused = "; ".join(evidence[name][1]) if holds == UNKNOWN else ""
-            value = "; ".join(map(case_text, known))
-            rows.append((claim.id, name, holds, value, refused))
+            rows.append((claim.id, name, holds, "; ".join(map(case_text, known)), refused))
     return pd.DataFrame(rows, columns=["claim", "reading", "holds", "value", "refused"])

@@ -1,21 +1,25 @@
-"""The bounds within which every file of recordings is read: those of the section
-``dataset.reading`` while it is in force, else its defaults.
+"""Bounds on size, time and memory within which files of recordings are read, and a process of its
+own for libraries that crash, never return or take all memory on damaged files.
 """
 
 from __future__ import annotations
 
+import pickle
+import resource
 from collections.abc import Callable
 from contextvars import ContextVar
+from dataclasses import replace
+from multiprocessing import Pipe, get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import Field
 
-from pipeline.core.errors import RecordingError
+from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.core.validation import options
 
 Bound = Annotated[int, Field(gt=0)]
-
 MIB = 1 << 20
 
 
@@ -37,14 +41,12 @@ _in_force: ContextVar[Reading] = ContextVar("reading")
 
 
 def bounds() -> Reading:
-    """The bounds in force."""
+    """Return the bounds in force: those of :func:`within`, else the defaults."""
     return _in_force.get(DEFAULT)
 
 
 def within(reading: Reading, function: Callable, *arguments: object) -> Any:
-    """``function(*arguments)``, within the bounds ``reading``; a function, so that a worker can be
-    given it.
-    """
+    """Return ``function(*arguments)`` within the bounds ``reading``."""
     before = _in_force.set(reading)
     try:
         return function(*arguments)
@@ -53,7 +55,7 @@ def within(reading: Reading, function: Callable, *arguments: object) -> Any:
 
 
 def require(bound: str, amount: float, what: str, file: Path) -> None:
-    """RecordingError, with the option that raises the ``bound``, where ``file`` has a greater
+    """Raise RecordingError, with the option that raises the ``bound``, where ``file`` has a greater
     ``amount`` of ``what``.
     """
     most = getattr(bounds(), bound)
@@ -67,11 +69,108 @@ def require(bound: str, amount: float, what: str, file: Path) -> None:
 
 
 def read_whole(file: Path) -> bytes:
-    """All bytes of ``file``; RecordingError where they are more than ``file_mib``, OSError where it
-    cannot be read.
+    """Return all bytes of ``file``; RecordingError where they are more than ``file_mib``, OSError
+    where it cannot be read.
     """
     with Path(file).open("rb") as stream:
         size = stream.seek(0, 2)
         require("file_mib", size / MIB, "MiB", file)
         stream.seek(0)
         return stream.read()
+
+
+def call_alone(function: Callable, *arguments: object, file: Path) -> Any:
+    """Return ``function(*arguments)`` of a :class:`Sandbox`; a refusal names the ``file``."""
+    with Sandbox() as sandbox:
+        try:
+            return sandbox.call(function, *arguments)
+        except RecordingError as error:
+            evidence = {"file": file} | error.evidence
+            raise RecordingError(error.message, **evidence) from None
+
+
+class Sandbox:
+    """Calls functions, one after the other, in a process that is a fork of this one as it was at
+    the first call; a new one takes the place of one that was ended. For a ``with`` statement.
+    """
+
+    def __init__(self) -> None:
+        self._process = self._connection = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+            self._connection.close()
+        self._process = self._connection = None
+
+    def call(self, function: Callable, *arguments: object) -> Any:
+        """Return ``function(*arguments)``, all of which is pickled.
+
+        Raises what the function raises of the pipeline's errors; RecordingError for any other
+        exception of it, and where it takes longer than the bound ``seconds``, more memory than
+        ``memory_mib`` beside what the process has, or ends the process.
+        """
+        if self._process is None:
+            self._connection, other = Pipe()
+            # a fork has at once all that is imported; nothing that has threads has run here
+            self._process = get_context("fork").Process(
+                target=_serve, args=(other, self._connection, bounds().memory_mib)
+            )
+            self._process.start()
+            other.close()
+        self._connection.send_bytes(pickle.dumps((function, arguments)))
+        seconds = bounds().seconds
+        if not self._connection.poll(seconds):
+            self.__exit__()
+            raise _refusal(f"it is not read within {seconds:g} s", "seconds")
+        try:
+            outcome = pickle.loads(self._connection.recv_bytes())
+        except (EOFError, ConnectionResetError):
+            self._process.join()
+            code = self._process.exitcode
+            self.__exit__()
+            raise RecordingError(f"reading it ends the process (exit code {code})") from None
+        if isinstance(outcome, PipelineError):
+            raise outcome
+        return outcome
+
+
+def _serve(connection: Connection, other: Connection, memory_mib: int) -> None:
+    other.close()  # so that the end of the caller is seen
+    # the address space is bounded to what the process has and memory_mib
+    taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    most = taken + memory_mib * MIB
+    most = most if hard == resource.RLIM_INFINITY else min(most, hard)
+    resource.setrlimit(resource.RLIMIT_AS, (most, hard))
+    while True:
+        try:
+            function, arguments = pickle.loads(connection.recv_bytes())
+        except EOFError:
+            return
+        try:
+            # a process of this one ends before it, as its caller has the better message
+            half = replace(bounds(), seconds=bounds().seconds / 2)
+            outcome = pickle.dumps(within(half, function, *arguments))
+        except MemoryError:
+            refused = _refusal(f"it takes more than {memory_mib} MiB of memory", "memory_mib")
+            outcome = pickle.dumps(refused)
+        except RecursionError:
+            outcome = pickle.dumps(RecordingError("it nests too deeply to be read"))
+        except PipelineError as error:
+            outcome = pickle.dumps(error)
+        except Exception as error:
+            words = " ".join(str(error).split())[:200]
+            refused = RecordingError(f"its reader fails on it ({type(error).__name__}: {words})")
+            outcome = pickle.dumps(refused)
+        connection.send_bytes(outcome)
+
+
+def _refusal(message: str, bound: str) -> RecordingError:
+    return RecordingError(
+        f"{message}: damaged, or larger than any recording", bound=f"dataset.reading.{bound}"
+    )

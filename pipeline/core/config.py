@@ -5,7 +5,8 @@ Hydra, validates it with pydantic, and gives each stage its sections.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, make_dataclass
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field
 
 from pipeline.core import datasheet
+from pipeline.core.contracts import write_text
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import (
     Articulation,
@@ -44,6 +46,7 @@ LABORATORY = {
     "robots": "Robots",
     "transducer": "Transducer",
 }
+ABSENT = object()
 
 
 @options()
@@ -142,8 +145,8 @@ def _file_of(fault: ConfigError, sheet: datasheet.Datasheet, params_file: Path) 
 def _checked(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]:
     """The typed configuration, None where there are faults, and all faults of ``values``."""
     found, faults = all_faults(Config, values)
-    models = values.get("models")
-    typed_models = {}
+    typed_models: dict[str, Any] = {}
+    models, dataset = values.get("models"), values.get("dataset")
     for name, model in (models if isinstance(models, dict) else {}).items():
         key = f"models.{name}"
         try:
@@ -153,37 +156,28 @@ def _checked(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]:
             continue
         typed_models[name], more = all_faults(structure, model, key)
         faults += more
-    dataset = values.get("dataset")
     laboratory = dataset.get("laboratory") if isinstance(dataset, dict) else None
-    typed_laboratory = None
     if laboratory is not None:
-        typed_laboratory, more = _checked_laboratory(laboratory)
+        typed, more = all_faults(_laboratory_type(), laboratory, "dataset.laboratory")
         faults += more
+        if typed is not None:
+            laboratory = {part: getattr(typed, part) for part in laboratory}
     if faults:
         return None, faults
-    found.models, found.dataset.laboratory = typed_models, typed_laboratory
+    found.models, found.dataset.laboratory = typed_models, laboratory
     return found, []
-
-
-def _checked_laboratory(values: Any) -> tuple[dict[str, Any], list[ConfigError]]:
-    section = "dataset.laboratory"
-    if not isinstance(values, dict):
-        return {}, [ConfigError("laboratory must hold keys and values", key=section)]
-    types = import_module("pipeline.laboratory.options")
-    found, faults = {}, []
-    for part, held in values.items():
-        if part not in LABORATORY:
-            message = f"unknown key {part!r}; there are {', '.join(LABORATORY)}"
-            faults.append(ConfigError(message, key=f"{section}.{part}"))
-            continue
-        found[part], more = all_faults(getattr(types, LABORATORY[part]), held, f"{section}.{part}")
-        faults += more
-    return found, faults
 
 
 def _model_type(kind: object) -> type:
     # by its place, as packages import core and not the other way
     return import_module("pipeline.models.kinds").options_type(kind)
+
+
+@cache
+def _laboratory_type() -> type:
+    types = import_module("pipeline.laboratory.options")
+    parts = [(part, getattr(types, name), None) for part, name in LABORATORY.items()]
+    return options()(make_dataclass("Laboratory", parts))
 
 
 def compose(
@@ -230,13 +224,11 @@ def write_config(params_file: Path, file: Path = COMPOSED) -> None:
     from omegaconf import OmegaConf
 
     text = OmegaConf.to_yaml(OmegaConf.create(asdict(compose_config(params_file))))
-    file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_suffix(".partial")
-    partial.write_text(
+    write_text(
         f"# The composed configuration; written by the stage configure from {params_file.name} "
-        f"and pipeline/conf.\n{text}"
+        f"and pipeline/conf.\n{text}",
+        file,
     )
-    partial.replace(file)
 
 
 def composed_config() -> Config:
@@ -280,24 +272,25 @@ def sections(
             key="dataset.robot",
         )
     for section in declared:
-        keys = [
+        *above, last = [
             item if key.startswith("${") else key
             for key in section.replace("${item.model}", "${item}").split(".")
         ]
-        place, value = given, config
-        for depth, key in enumerate(keys):
-            held = value if isinstance(value, dict) else vars(value)
-            if key not in held:
-                message = f"there is no {'.'.join(map(str, keys))} for the stage {stage}"
-                raise ConfigError(message, file=COMPOSED)
-            value = held[key]
-            if depth == len(keys) - 1:
-                setattr(place, key, value)
-                break
-            if not hasattr(place, key):
+        place: Any = given
+        value: Any = config
+        for key in above:
+            if key not in vars(place):
                 setattr(place, key, SimpleNamespace())
-            place = getattr(place, key)
+            place, value = getattr(place, key), _part(value, key)
+        if (value := _part(value, last)) is ABSENT:
+            name = ".".join(map(str, [*above, last]))
+            raise ConfigError(f"there is no {name} for the stage {stage}", file=COMPOSED)
+        setattr(place, last, value)
     return given
+
+
+def _part(value: Any, key: str) -> Any:
+    return (value if isinstance(value, dict) else vars(value)).get(key, ABSENT)
 
 
 def study_options(folder: Path, structure: type) -> Any:

@@ -1,14 +1,17 @@
 """Tables and numbers between stages, checked on write and on read against their declarations in
-:mod:`pipeline.core.tables`.
+the files ``tables.yaml``: of the paper's stages beside this module, of a study in its folder.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -17,19 +20,103 @@ import pandas as pd
 from pipeline.core.columns import columns as family_columns
 from pipeline.core.columns import members
 from pipeline.core.errors import ContractError
-from pipeline.core.tables import PAPER, Column, declared, expanded
+from pipeline.core.typed_yaml import read_yaml
+
+PAPER = Path(__file__).with_name("tables.yaml")
+DECLARATION = re.compile(
+    r"(?P<kind>real|log|count|flag|text)"
+    r"(?: \((?P<among>[^)]*)\))?(?: (?P<low>[^ .]+)\.\.(?P<high>[^ ]*))?(?P<gaps> gaps)?"
+    r"(?P<optional> optional)? \| .+"
+)
+TYPES = {"real": "float64", "log": "float64", "count": "int64", "flag": "bool"}
+
+
+@dataclass(frozen=True)
+class Column:
+    """Declaration of a column: its kind, its least and greatest value, the texts that it may hold
+    (any, where there are none), whether a value and whether the column may be missing.
+    """
+
+    kind: str
+    low: float
+    high: float
+    among: tuple[str, ...]
+    gaps: bool
+    optional: bool
+
+    @classmethod
+    def parsed(cls, text: str) -> Column:
+        """Return the column that ``text`` declares."""
+        if (parts := DECLARATION.fullmatch(text)) is None:
+            raise ValueError(f"not the declaration of a column: {text!r}")
+        return cls(
+            parts["kind"],
+            low=float(parts["low"] or (0 if parts["kind"] == "count" else -np.inf)),
+            high=float(parts["high"] or np.inf),
+            among=tuple(name.strip() for name in (parts["among"] or "").split(",") if name),
+            gaps=parts["gaps"] is not None or parts["kind"] == "log",
+            optional=parts["optional"] is not None,
+        )
+
+    def fault(self, values: pd.Series) -> str | None:
+        """Return the first rule that ``values`` break, with the first value that breaks it."""
+        if self.kind == "text":
+            if pd.api.types.infer_dtype(values) not in {"string", "empty"}:
+                return "must be text"
+            other = ~values.isin(self.among) & bool(self.among)
+            rules = {
+                "must have no gaps": values.isna(),
+                f"must be one of {', '.join(self.among)}": other,
+            }
+        elif str(values.dtype) != TYPES[self.kind]:
+            return f"must be {TYPES[self.kind]}, not {values.dtype}"
+        else:
+            numbers = values.to_numpy()
+            rules = {
+                "must have no gaps": np.isnan(numbers) & (not self.gaps),
+                "must be finite": np.isinf(numbers) & (self.kind == "real"),
+                "must not be plus infinity": numbers == np.inf,
+                f"must be at least {self.low:g}": numbers < self.low,
+                f"must be at most {self.high:g}": numbers > self.high,
+            }
+        for rule, broken in rules.items():
+            if np.any(broken):
+                return f"{rule}, not {values.to_numpy()[np.argmax(broken)]}"
+        return None
+
+
+@cache
+def declared(file: Path = PAPER) -> dict[str, dict[str, Column]]:
+    """Return the columns by name of every table of ``file``; a name with ``*`` or ``#`` stands for
+    a family.
+    """
+    return {
+        name: {column: Column.parsed(text) for column, text in lines.items()}
+        for name, lines in read_yaml(file).items()
+        if name[0] != "."
+    }
+
+
+def expanded(declaration: dict[str, Column], present: list[str]) -> dict[str, Column]:
+    """Return the ``declaration`` with every family replaced by its members among the columns
+    ``present``; a family without members stays as it is declared, but for an optional one.
+    """
+    columns = {}
+    for name, column in declaration.items():
+        pattern = re.escape(name).replace(r"\*", "[^:]+").replace(r"\#", "[1-9]")
+        family = [c for c in present if re.fullmatch(pattern, str(c))]
+        columns |= dict.fromkeys(family or [name] * (not column.optional), column)
+    return columns
 
 
 def _check(table: pd.DataFrame, name: str, columns: dict[str, Column], file: Path) -> pd.DataFrame:
     for fault, column in _faults(table, columns):
-        raise ContractError(
-            f"table {name!r} breaks its contract: {fault}", file=file, column=column
-        )
+        message = f"table {name!r} breaks its contract: {fault}"
+        raise ContractError(message, file=file, column=column)
     return table
 
 
 def _faults(table: pd.DataFrame, columns: dict[str, Column]) -> Iterator[tuple[str, str]]:
-    """What breaks the declaration, and in which column."""
     yield from (("is missing", name) for name in columns if name not in table.columns)
     yield from (("is not declared", name) for name in table.columns if name not in columns)
     if list(table.columns) != list(columns):
@@ -48,18 +135,15 @@ def write(table: pd.DataFrame, name: str, folder: Path, declarations: Path = PAP
     unknown = [column for column in table.columns if column not in columns]
     known = [column for column in columns if column in table.columns]
     table = table[known + unknown].reset_index(drop=True)
-    for column, definition in columns.items():
+    for column in known:
         # counts of any width, but never what would have to be rounded
-        whole = column in table.columns and pd.api.types.is_integer_dtype(table[column])
-        if whole and definition.kind == "count":
+        if columns[column].kind == "count" and pd.api.types.is_integer_dtype(table[column]):
             table[column] = table[column].astype("int64")
     _check(table, name, columns, file).to_parquet(file, index=False, compression="zstd")
 
 
 def read(name: str, folder: Path, declarations: Path = PAPER) -> pd.DataFrame:
-    """Read and check ``folder/name.parquet``; ContractError names the stage's folder where it is
-    missing.
-    """
+    """Read and check ``folder/name.parquet``; ContractError names the file where it is missing."""
     file = Path(folder) / f"{name}.parquet"
     if not file.is_file():
         raise ContractError(
@@ -70,20 +154,18 @@ def read(name: str, folder: Path, declarations: Path = PAPER) -> pd.DataFrame:
     from pyarrow.parquet import ParquetFile
 
     try:
-        # pandas' own reader imports what a folder of such files would need
+        # pandas' own reader imports the modules that a folder of such files needs
         with ParquetFile(file) as stored:
             table = stored.read(use_pandas_metadata=True).to_pandas()
     except (OSError, ValueError) as error:
-        raise ContractError(
-            f"table {name!r} cannot be read ({error}); run its stage again", file=file
-        ) from None
-    columns = expanded(declared(declarations)[name], list(table.columns))
-    return _check(table, name, columns, file)
+        message = f"table {name!r} cannot be read ({error}); run its stage again"
+        raise ContractError(message, file=file) from None
+    return _check(table, name, expanded(declared(declarations)[name], list(table.columns)), file)
 
 
 def exists(name: str, folder: Path) -> bool:
-    """Whether the stage that owns ``folder`` wrote table ``name`` (it does not where the dataset
-    lacks the instrument).
+    """Return True where the stage that owns ``folder`` wrote table ``name`` (it does not where the
+    dataset lacks the instrument).
     """
     return (Path(folder) / f"{name}.parquet").is_file()
 
@@ -111,8 +193,8 @@ def write_text(text: str, file: Path) -> None:
 
 @contextmanager
 def replacing(folder: Path) -> Iterator[Path]:
-    """A fresh folder to write into that takes the place of ``folder`` when the block ends well, and
-    vanishes when it does not.
+    """Yield a fresh folder to write into that takes the place of ``folder`` when the block ends
+    well, and vanishes when it does not.
     """
     folder = Path(folder)
     partial = folder.with_name(f".{folder.name}.partial")
@@ -131,8 +213,8 @@ def replacing(folder: Path) -> Iterator[Path]:
 def stacked(
     table: pd.DataFrame, columns: str | list[str], *, by: str = "take"
 ) -> tuple[list[str], np.ndarray]:
-    """Names (N,) and values (N, K, n) of a table that holds the same K rows for each value of
-    ``by``, in the order of the table; ``columns`` are named, or a family.
+    """Return names (N,) and values (N, K, n) of a table that holds the same K rows for each value
+    of ``by``, in the order of the table; ``columns`` are named, or a family.
     """
     if isinstance(columns, str):
         columns = family_columns(columns, members(table, columns))

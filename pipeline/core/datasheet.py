@@ -1,19 +1,23 @@
-"""A dataset's datasheet: facts on its recordings, merged with the option file of the dataset."""
+"""A dataset's datasheet: facts on its recordings, merged with the option file of the dataset; and
+both files while they are being filled in, with values that are still ???.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import json
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.core.errors import ConfigError
-from pipeline.core.options.dataset import About
-from pipeline.core.typed_yaml import read_yaml
-from pipeline.core.validation import validated
+from pipeline.core.errors import ConfigError, PipelineError
+from pipeline.core.options.dataset import About, Dataset
+from pipeline.core.typed_yaml import parsed, read_yaml
+from pipeline.core.validation import MISSING, all_faults, options, validated
 
 DATASHEETS = Path(__file__).parents[2] / "data" / "raw"
 OPEN = "???"  # a value that a person has yet to fill in
+REMARK = " # → "  # begins a remark on such a value
 
 
 @dataclass(frozen=True)
@@ -34,9 +38,7 @@ class Datasheet:
 
 
 def path_of(dataset: str) -> Path:
-    """File of a dataset's datasheet: beside its recordings, or in their place where they are read
-    elsewhere.
-    """
+    """Return the file of a dataset's datasheet."""
     return DATASHEETS / dataset / "dataset.yaml"
 
 
@@ -47,11 +49,8 @@ def read(file: Path) -> Datasheet:
     values = read_yaml(file)
     about = values.pop("about", None)
     if about is None:
-        raise ConfigError(
-            "a datasheet needs about: subject, source and licence of its recordings",
-            key="about",
-            file=file,
-        )
+        message = "a datasheet needs about: subject, source and licence of its recordings"
+        raise ConfigError(message, key="about", file=file)
     if any(unfilled_keys(about)):
         _refuse(unfilled(file), file)
     validated(About, about, "about", file)
@@ -59,30 +58,26 @@ def read(file: Path) -> Datasheet:
 
 
 def unfilled(file: Path) -> list[str]:
-    """The keys of a YAML file that have ??? for a value."""
+    """Return the keys of a YAML file that have ??? for a value."""
     return list(unfilled_keys(read_yaml(file)))
 
 
 def require_apart(option: dict[str, Any], sheet: Datasheet, option_file: Path) -> None:
-    """ConfigError for a key that stands both in the ``option`` of the dataset, of ``option_file``,
-    and in its datasheet.
+    """Raise ConfigError for a key that stands both in the ``option`` of the dataset, of
+    ``option_file``, and in its datasheet.
     """
     if keys := list(_common(option, sheet.values, "dataset.")):
         verb, of_each = ("stands", "them") if len(keys) == 1 else ("stand", "each")
-        raise ConfigError(
-            f"{', '.join(keys)} {verb} in {option_file.name} too: keep one of {of_each}",
-            key=keys[0],
-            file=sheet.file,
-        )
+        message = f"{', '.join(keys)} {verb} in {option_file.name} too: keep one of {of_each}"
+        raise ConfigError(message, key=keys[0], file=sheet.file)
 
 
 def require_filled(composed: dict[str, Any], sheet: Datasheet, option_file: Path) -> None:
-    """ConfigError with the file and all keys of the ``composed`` dataset that were left to fill in
-    and that no override fills.
+    """Raise ConfigError with the file and all keys of the ``composed`` dataset that were left to
+    fill in and that no override fills.
     """
     keys = list(unfilled_keys(composed.get("dataset")))
-    mine = [key for key in keys if sheet.holds(key.partition("[")[0])]
-    _refuse(mine, sheet.file)
+    _refuse([key for key in keys if sheet.holds(key.partition("[")[0])], sheet.file)
     _refuse(keys, option_file)
 
 
@@ -97,7 +92,7 @@ def _common(option: dict[str, Any], sheet: dict[str, Any], prefix: str) -> Itera
 
 
 def unfilled_keys(values: Any, key: str = "") -> Iterator[str]:
-    """The keys of ``values`` that hold ???, in their order."""
+    """Yield the keys of ``values`` that hold ???, in their order."""
     if isinstance(values, str) and values == OPEN:
         yield key
     elif isinstance(values, dict):
@@ -113,3 +108,133 @@ def _refuse(keys: Iterable[str], file: Path) -> None:
         raise ConfigError(
             f"fill in {', '.join(names)}: there is ??? for a value", key=names[0], file=file
         )
+
+
+@options()
+class Described(Dataset):
+    """A dataset with the text of its datasheet."""
+
+    about: About | None = None
+
+
+@dataclass(frozen=True)
+class Question:
+    """A value that is still ???: its key, the comment beside it, and its line of ``file``, from
+    0.
+    """
+
+    key: str
+    hint: str
+    file: Path
+    line: int
+
+
+@dataclass
+class Draft:
+    """Datasheet and option file as text, which ``answer`` fills in; comments stay."""
+
+    texts: dict[Path, str]
+
+    def values(self) -> dict[str, Any]:
+        """Return the values of both files; ConfigError for a text that is no YAML."""
+        merged: dict[str, Any] = {}
+        for file, text in self.texts.items():
+            _merge(merged, parsed(text, file=file) or {})
+        return merged
+
+    def questions(self) -> list[Question]:
+        """Return the values that are still ???, in the order of the files."""
+        result = []
+        for file, text in self.texts.items():
+            lines = []
+            for number, line in enumerate(text.splitlines()):
+                code, _, hint = line.partition(REMARK)[0].partition(" # ")
+                if not code.lstrip().startswith("#"):
+                    lines += [(number, hint)] * code.count(OPEN)
+            keys = list(unfilled_keys(parsed(text, file=file)))
+            if len(keys) != len(lines):
+                raise ConfigError(f"{OPEN} stands where no value does; fill in by hand", file=file)
+            result += [
+                Question(key, hint, file, number)
+                for key, (number, hint) in zip(keys, lines, strict=True)
+            ]
+        return result
+
+    def answer(self, key: str, value: str, wrong: Callable[[dict], list[PipelineError]]) -> None:
+        """Put ``value``, as YAML has it, in the place of a ???.
+
+        ConfigError where the key is none that is still open; the first that is ``wrong`` with the
+        values now and was not before. The draft is then as it was.
+        """
+        question = next((question for question in self.questions() if question.key == key), None)
+        if question is None:
+            there_are = ", ".join(question.key for question in self.questions()) or "none"
+            message = f"no such value is still to be filled in; there are {there_are}"
+            raise ConfigError(message, key=key)
+        changed = self._with(question, lambda line: line.replace(OPEN, _written(value, key), 1))
+        before = {str(fault) for fault in wrong(self.values())}
+        if new := [fault for fault in wrong(changed.values()) if str(fault) not in before]:
+            raise new[0]
+        self.texts = changed.texts
+
+    def note(self, key: str, remark: str) -> None:
+        """Put a ``remark`` behind the comment of a value that is still ???; an answer takes it away
+        again.
+        """
+        question = next(question for question in self.questions() if question.key == key)
+        self.texts = self._with(question, lambda line: f"{line}{REMARK}{remark}").texts
+
+    def _with(self, question: Question, edit: Callable[[str], str]) -> Draft:
+        """The draft after an ``edit`` of the question's line without its remark."""
+        lines = self.texts[question.file].splitlines()
+        lines[question.line] = edit(lines[question.line].partition(REMARK)[0])
+        return Draft(self.texts | {question.file: "\n".join(lines) + "\n"})
+
+
+def _merge(values: dict[str, Any], others: dict[str, Any]) -> None:
+    for key, value in others.items():
+        if isinstance(value, dict) and isinstance(values.get(key), dict):
+            _merge(values[key], value)
+        else:
+            values[key] = value
+
+
+def _written(value: str, key: str) -> str:
+    """``value`` as it may stand behind a key: quoted where YAML reads anything but one value."""
+    value = " ".join(value.split())
+    if value in ("", OPEN):
+        raise ConfigError("a value has to stand here", key=key)
+    try:
+        parsed(f"key: {value}")
+    except ConfigError:
+        return json.dumps(value, ensure_ascii=False)
+    return json.dumps(value, ensure_ascii=False) if " #" in value or value[0] == "#" else value
+
+
+def faults(values: dict[str, Any]) -> list[ConfigError]:
+    """Return all faults of the ``values`` of a dataset that are filled in: unknown keys, and values
+    of another type or out of range.
+    """
+    found = all_faults(Described, _without_open(values), "dataset")[1]
+    return [fault for fault in found if not fault.message.startswith(MISSING)]
+
+
+def filled(values: dict[str, Any]) -> Dataset | None:
+    """Return the dataset of ``values`` without faults; None where a value is missing."""
+    return all_faults(Described, _without_open(values))[0]
+
+
+def absent(values: dict[str, Any]) -> list[str]:
+    """Return the keys that a dataset must have and that the ``values`` do not mention, sorted."""
+    found = all_faults(Described, values)[1]
+    return sorted(str(f.evidence["key"]) for f in found if f.message.startswith(MISSING))
+
+
+def _without_open(values: Any) -> Any:
+    if isinstance(values, dict):
+        return {
+            name: _without_open(value)
+            for name, value in values.items()
+            if not [*unfilled_keys(value)] or isinstance(value, dict)
+        }
+    return values

@@ -1,8 +1,10 @@
-"""Elementary functions for compiled loops, without branches or calls, so that LLVM vectorises the
-loop around them; their bits are the same on every processor.
+"""Elementary functions and sums for compiled loops, vectorised and of the same bits on every
+processor.
 
 The C library's functions take one number at a time, and their bits differ between versions. Here
-the argument is reduced to near zero, where a polynomial suffices.
+the argument is reduced to near zero, where a polynomial suffices, without branches or calls. A sum
+in the order of its terms waits for each addition, and a compiler that reorders it gives other bits
+on wider processors: term i is added to partial sum i modulo 8, and the eight are added at the end.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from math import factorial, log, pi
 
 import numpy as np
 
-from pipeline.core.compiled import inlined
+from pipeline.core.compiled import inlined, inner
 
 # added to a number it leaves the nearest integer in the lowest bits of the sum
 MAGIC = 1.5 * 2.0**52
@@ -40,6 +42,7 @@ COSINE = (
 # below half a unit in the last place
 EXPONENTIAL = tuple(1 / factorial(k + 2) for k in range(12))
 LEAST = -708.0  # below it an exponential is no normal number
+LANES = 8  # partial sums
 
 
 @inlined
@@ -84,3 +87,57 @@ def expm1(x: float) -> float:
     """exp(x) − 1 for 0 ≤ x < 700, to within three units in the last place."""
     power, less_one = exponential_parts(x)
     return power * less_one + (power - 1.0)
+
+
+@inner
+def inner_product(x: np.ndarray, y: np.ndarray) -> float:
+    """Σ x_i y_i."""
+    a = b = c = d = e = f = g = h = 0.0
+    whole = len(x) // LANES * LANES
+    for i in range(0, whole, LANES):
+        a += x[i] * y[i]
+        b += x[i + 1] * y[i + 1]
+        c += x[i + 2] * y[i + 2]
+        d += x[i + 3] * y[i + 3]
+        e += x[i + 4] * y[i + 4]
+        f += x[i + 5] * y[i + 5]
+        g += x[i + 6] * y[i + 6]
+        h += x[i + 7] * y[i + 7]
+    for i in range(whole, len(x)):
+        a += x[i] * y[i]
+    return ((a + e) + (c + g)) + ((b + f) + (d + h))
+
+
+@inner
+def total(x: np.ndarray) -> float:
+    """Σ x_i."""
+    a = b = c = d = e = f = g = h = 0.0
+    whole = len(x) // LANES * LANES
+    for i in range(0, whole, LANES):
+        a += x[i]
+        b += x[i + 1]
+        c += x[i + 2]
+        d += x[i + 3]
+        e += x[i + 4]
+        f += x[i + 5]
+        g += x[i + 6]
+        h += x[i + 7]
+    for i in range(whole, len(x)):
+        a += x[i]
+    return ((a + e) + (c + g)) + ((b + f) + (d + h))
+
+
+@inner
+def greatest(x: np.ndarray) -> float:
+    """The greatest of ``x``, which may be −∞; NaN is ignored."""
+    a = b = c = d = -np.inf
+    whole = len(x) // 4 * 4
+    for i in range(0, whole, 4):
+        a = x[i] if x[i] > a else a
+        b = x[i + 1] if x[i + 1] > b else b
+        c = x[i + 2] if x[i + 2] > c else c
+        d = x[i + 3] if x[i + 3] > d else d
+    for i in range(whole, len(x)):
+        a = x[i] if x[i] > a else a
+    a, b = (a if a > b else b), (c if c > d else d)
+    return a if a > b else b

@@ -1,6 +1,4 @@
-"""Types of options as pydantic dataclasses, and everything that is wrong with given values as one
-ConfigError.
-"""
+"""Types of options as pydantic dataclasses, and all faults of given values as one ConfigError."""
 
 from __future__ import annotations
 
@@ -20,6 +18,7 @@ from pipeline.core.errors import ConfigError
 T = TypeVar("T")
 RULES = ConfigDict(extra="forbid", allow_inf_nan=False)
 UNKNOWN = ("unexpected_keyword_argument", "extra_forbidden")
+MISSING = "no value for "  # begins the message of a missing value
 # keys of earlier versions → the replacement that their refusal names
 REPLACED = {
     "dataset.elimination": (
@@ -53,7 +52,7 @@ def options(**arguments: Any) -> Callable[[type[T]], type[T]]:
             try:
                 construct(self, *values, **named)
             except ValidationError as error:
-                raise _joined(_faults(error, made, "")) from None
+                raise joined_faults(_faults(error, made, "")) from None
 
         made.__init__ = init
         return made
@@ -67,52 +66,38 @@ def validated(structure: type[T], values: Any, section: str = "", file: Path | N
     ConfigError names every fault by its key below ``section``: the allowed values, the known keys
     and the nearest of them.
     """
-    try:
-        return _adapter(structure).validate_python(values)
-    except ValidationError as error:
-        raise _joined(_faults(error, structure, section), file) from None
+    found, faults = all_faults(structure, values, section)
+    if faults:
+        raise joined_faults(faults, file)
+    return found
 
 
 def all_faults(
-    structure: type[T], values: Any, section: str = "", *, missing: bool = True
+    structure: type[T], values: Any, section: str = ""
 ) -> tuple[T | None, list[ConfigError]]:
-    """The object that ``values`` describe, None where there are faults, and a ConfigError a fault;
-    without ``missing`` a value that is not there is no fault.
+    """Return the object that ``values`` describe, None where there are faults, and a ConfigError a
+    fault.
     """
     try:
         return _adapter(structure).validate_python(values), []
     except ValidationError as error:
-        return None, [
-            ConfigError(message, key=key)
-            for key, message, kind in _faults(error, structure, section)
-            if missing or kind != "missing"
-        ]
+        return None, _faults(error, structure, section)
     except ConfigError as error:  # of a check that an object makes of itself
         key = f"{section}.{error.evidence.get('key', '')}".strip(".")
         return None, [ConfigError(error.message, **error.evidence | {"key": key})]
 
 
-def missing_keys(structure: type, values: Any) -> list[str]:
-    """The keys of required values that ``values`` lack, sorted."""
-    try:
-        _adapter(structure).validate_python(values)
-    except ValidationError as error:
-        return sorted(key for key, _, kind in _faults(error, structure, "") if kind == "missing")
-    return []
-
-
 def joined_faults(faults: list[ConfigError], file: Path | None = None) -> ConfigError:
-    """One ConfigError that says all ``faults``, a line each."""
-    first = faults[0]
-    evidence = {"file": file} | first.evidence
-    if len(faults) == 1:
-        return ConfigError(first.message, **evidence)
-    lines = []
-    for fault in faults:
-        key = str(fault.evidence.get("key"))
-        message = fault.message.removeprefix(f"{key.rpartition('.')[2]}: ")
-        lines.append(f"\n  {key}: {message}")
-    return ConfigError(f"{len(faults)} faults:{''.join(lines)}\n ", **evidence)
+    """Return one ConfigError that says all ``faults``, a line each."""
+    message = faults[0].message
+    if len(faults) > 1:
+        message = f"{len(faults)} faults:"
+        for fault in faults:
+            key = str(fault.evidence.get("key"))
+            said = fault.message.removeprefix(key.rpartition(".")[2] + ": ")
+            message += f"\n  {key}: {said}"
+        message += "\n "
+    return ConfigError(message, **{"file": file} | faults[0].evidence)
 
 
 @cache
@@ -120,65 +105,54 @@ def _adapter(structure: type) -> TypeAdapter:
     return TypeAdapter(structure)
 
 
-def _joined(faults: list[tuple[str, str, str]], file: Path | None = None) -> ConfigError:
-    return joined_faults([ConfigError(message, key=key) for key, message, _ in faults], file)
-
-
-def _faults(error: ValidationError, structure: type, section: str) -> list[tuple[str, str, str]]:
-    """Key, message and pydantic's kind of each fault."""
+def _faults(error: ValidationError, structure: type, section: str) -> list[ConfigError]:
     found = []
     for fault in error.errors(include_url=False):
         if fault["loc"] and isinstance(fault["loc"][0], int) and is_dataclass(structure):
             names = [one.name for one in fields(structure)]  # a value given by position
-            if fault["type"] != "invalid_key" and fault["loc"][0] < len(names):
+            if fault["loc"][0] < len(names):
                 fault["loc"] = (names[fault["loc"][0]], *fault["loc"][1:])
         place, kind = [str(part) for part in fault["loc"]], fault["type"]
         cause = fault.get("ctx", {}).get("error")
         known: list[str] = []
         if isinstance(cause, Fault):
-            place, message = [*place, cause.key], str(cause)
+            place.append(cause.key)
+        key = ".".join(filter(None, [section, *place]))
+        if isinstance(cause, Fault):
+            message = str(cause)
         elif kind in UNKNOWN:
             known = _keys_at(structure, place[:-1])
-            message = REPLACED.get(".".join(filter(None, [section, *place]))) or (
-                f"unknown key '{place[-1]}'; there are {', '.join(known)}"
-            )
+            message = REPLACED.get(key, f"unknown key '{place[-1]}'; there are {', '.join(known)}")
         elif kind == "missing":
-            message = f"no value for {'.'.join(filter(None, [section, *place]))}"
+            message = f"{MISSING}{key}"
         elif kind in ("dataclass_type", "dict_type"):
             message = "must hold keys and values"
         else:
-            text = fault["msg"][0].lower() + fault["msg"][1:]
-            message = f"{text}, got {fault['input']!r}"
-            known = [str(value) for value in _choices(fault)]
+            message = f"{fault['msg'][0].lower()}{fault['msg'][1:]}, got {fault['input']!r}"
+            expected = str(fault.get("ctx", {}).get("expected", ""))
+            known = expected.replace(" or ", ", ").replace("'", "").split(", ")
         wrong = place[-1] if kind in UNKNOWN else fault["input"]
         if isinstance(wrong, str) and (near := get_close_matches(wrong, known, n=1)):
             message += f"; did you mean {near[0]}?"
         if kind != "missing" and place and place[-1] not in message:
             message = f"{place[-1]}: {message}"
-        found.append((".".join(filter(None, [section, *place])), message, kind))
+        found.append(ConfigError(message, key=key))
     return found
-
-
-def _choices(fault: dict[str, Any]) -> list[str]:
-    expected = str(fault.get("ctx", {}).get("expected", ""))
-    return expected.replace(" or ", ", ").replace("'", "").split(", ")
 
 
 def _keys_at(structure: type, place: list[str]) -> list[str]:
     """Names of the fields of the dataclass at ``place`` below ``structure``."""
     current: Any = structure
     for part in place:
-        held = next(_dataclasses(current), None)
-        if held is not None:
-            current = get_type_hints(held).get(part)
+        if (section := next(_dataclasses(current), None)) is not None:
+            current = get_type_hints(section).get(part)
         elif get_origin(current) in (dict, list, tuple):
             current = get_args(current)[-1]
-    held = next(_dataclasses(current), None)
-    return [] if held is None else [one.name for one in fields(held)]
+    section = next(_dataclasses(current), None)
+    return [] if section is None else [one.name for one in fields(section)]
 
 
 def _dataclasses(hint: Any) -> Iterator[type]:
-    """The dataclasses among the alternatives of a type hint."""
     for one in (hint, *get_args(hint)):
         if isinstance(one, type) and one is not NoneType and is_dataclass(one):
             yield one

@@ -19,9 +19,9 @@ from types import ModuleType
 
 from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
+from pipeline.core.contracts import PAPER
 from pipeline.core.errors import ContractError
 from pipeline.core.options.analysis import Compute
-from pipeline.core.tables import PAPER
 from pipeline.figures.style import save
 
 

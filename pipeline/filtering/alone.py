@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline.core.filters import MEMORY, NONE
 from pipeline.filtering.memory import memory, spreads
+from pipeline.statistics.takes import takes_moments
 
 
 def predicted_alone(
@@ -26,9 +27,8 @@ def predicted_alone(
         poses: (..., K, n) rad, those of the takes that are predicted.
         measurement: (n, n) rad², Σ, of one measured pose.
     """
-    mean = training.mean(axis=0)
-    centred, off = training - mean, poses - mean
-    spread = np.einsum("tki,tkj->kij", centred, centred) / (len(training) - 1)
+    mean, spread = takes_moments(training)
+    off = poses - mean
     roots, _ = spreads(training, measurement)
     each = roots @ roots
     across = memory(training, measurement)[1] * (roots[1:] @ roots[:-1])

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.description import describe
-from pipeline.arm.rigid import rigid_motion
+from pipeline.arm.frames import rigid_motion
+from pipeline.arm.urdf import describe
 from pipeline.core import contracts
 from pipeline.core.columns import columns, values
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Dataset
-from pipeline.core.options.motion_capture import Mocap
+from pipeline.core.options.instruments import Mocap
 from pipeline.filtering.encoder_noise import EncoderNoise, encoder_noise
 from pipeline.filtering.measurement import Measurements, measurements
 

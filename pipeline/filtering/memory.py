@@ -17,7 +17,8 @@ import numpy as np
 from pipeline.arm.interface import Chain
 from pipeline.filtering.linear import linear_filter
 from pipeline.filtering.measurement import Measurements
-from pipeline.models.covariance import root, without_measurement
+from pipeline.models.normal import root, without_measurement
+from pipeline.statistics.takes import takes_moments
 
 
 def memory_filter(
@@ -47,8 +48,7 @@ def spreads(poses: np.ndarray, measurement: np.ndarray) -> tuple[np.ndarray, int
     """(K, n, n) rad, S_k^½ of the training takes' ``poses`` (takes, K, n) in rad, and along how
     many axes, over all steps, S_k is nothing; ``measurement`` (n, n) in rad² of a measured pose.
     """
-    deviation = poses - poses.mean(axis=0)
-    covariance = np.einsum("tki,tkj->kij", deviation, deviation) / (len(poses) - 1)
+    _, covariance = takes_moments(poses)
     left = [without_measurement(each, measurement) for each in covariance]
     return np.stack([root(each) for each, _ in left]), sum(without for _, without in left)
 

@@ -23,9 +23,8 @@ from pipeline.filtering.sampling import sequential_importance_sampling
 from pipeline.filtering.start import Start, domain_of, initial_particles
 from pipeline.filtering.state import Frames, Particles, Record
 from pipeline.filtering.weights import NEAR
-from pipeline.models.commands import Commands
 from pipeline.models.draws import block_for, space_of
-from pipeline.models.model import MotionModel
+from pipeline.models.model import Commands, MotionModel
 
 
 @dataclass(frozen=True)

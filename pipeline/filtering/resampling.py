@@ -1,7 +1,8 @@
 """Resampling schemes of the particle filter (Douc, Cappé & Moulines 2005), compiled.
 
 A scheme takes weights (P,), non-negative and of sum 1, and a generator, and fills ``chosen`` (P,)
-with the indices of the particles to go on with; ``scratch`` has (2, P) or more floats.
+with the indices of the particles to go on with; ``scratch`` has (2, P) or more floats, of which the
+first P of two rows are used.
 Particle i is expected P·w_i times, and never where w_i = 0. All of them hold sorted points against
 the cumulative weights: where the points lie in strata, how many are below a weight is known at
 once; else walking along both takes P steps, where a search for each point would take P·log P. Loops
@@ -137,8 +138,10 @@ def multinomial(
     weights: np.ndarray, chosen: np.ndarray, scratch: np.ndarray, rng: np.random.Generator
 ) -> None:
     """P independent draws (Gordon, Salmond & Smith 1993)."""
-    sorted_uniforms(scratch[0], rng)
-    inverse_cdf(weights, scratch[0], scratch[1], chosen)
+    count = len(weights)
+    points = scratch[0][:count]
+    sorted_uniforms(points, rng)
+    inverse_cdf(weights, points, scratch[1][:count], chosen)
 
 
 @inner
@@ -148,7 +151,8 @@ def residual(
     """⌊P·w_i⌋ copies for certain, the rest by independent draws from what is left of the weights
     (Liu & Chen 1998).
     """
-    left, count, kept = scratch[0], len(weights), 0
+    count, kept = len(weights), 0
+    left = scratch[0][:count]
     for i in range(count):
         expected = count * weights[i]
         certain = np.floor(expected + ROUNDING)

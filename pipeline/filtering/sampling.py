@@ -10,16 +10,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.numbers import Arm
+from pipeline.arm.interface import Arm
 from pipeline.core.compiled import compiled, inner
 from pipeline.filtering.resampling import resample
 from pipeline.filtering.start import mark_outside
 from pipeline.filtering.state import Domain, Frames, Particles, Record
 from pipeline.filtering.tip_weights import weigh_tip
 from pipeline.filtering.weights import make_equal, normalise, weigh, weighted_moments
-from pipeline.models.commands import Commands
 from pipeline.models.kernel import move
-from pipeline.models.model import Law
+from pipeline.models.model import Commands, Law
 
 
 @inner

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.arm.interface import Arm
 from pipeline.arm.kinematics import WIDTH, add_displacement, tip
-from pipeline.arm.numbers import Arm
 from pipeline.arm.rows import JOINTS
 from pipeline.core.compiled import inner
 from pipeline.filtering.state import Frames

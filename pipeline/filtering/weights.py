@@ -7,8 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.core.compiled import inlined, inner
-from pipeline.core.elementary import exponential
-from pipeline.core.products import greatest, inner_product, total
+from pipeline.core.elementary import exponential, greatest, inner_product, total
 from pipeline.filtering.state import Frames
 
 NEAR = 256  # particles whose scratch stays in the processor's nearest cache

@@ -19,7 +19,7 @@ from pkgutil import resolve_name, walk_packages
 from types import ModuleType
 from typing import Any
 
-from pipeline.core.compute.sandbox import call_alone
+from pipeline.core.bounds import call_alone
 from pipeline.core.errors import ConfigError, RecordingError
 
 BYTES = 16_384  # of a file's head

@@ -1,6 +1,6 @@
 """ROS 1 and ROS 2 bags: their topics, and the messages of one of them, one at a time.
 
-Bags are read in a process of its own (:mod:`pipeline.core.compute.sandbox`), which bounds time and
+Bags are read in a process of its own (:mod:`pipeline.core.bounds`), which bounds time and
 memory: chunks, messages and files that are compressed (bz2, lz4, zstd) may unfold to any size.
 """
 
@@ -16,8 +16,7 @@ from typing import Any
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from pipeline.core.bounds import read_whole
-from pipeline.core.compute.sandbox import Sandbox
+from pipeline.core.bounds import Sandbox, read_whole
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import BAG_SUFFIXES, Format, Head, Kind, read_alone, unread
 

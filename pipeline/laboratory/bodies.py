@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pipeline.arm.rigid import rigid_motion
+from pipeline.arm.frames import rigid_motion
 from pipeline.arm.serial import SerialChain
 from pipeline.laboratory.mocap import bursts
 from pipeline.laboratory.options import MocapOptions

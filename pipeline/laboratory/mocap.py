@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.arm.frames import segment_frames
 from pipeline.arm.model import Arm
-from pipeline.arm.segments import segment_frames
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import MocapOptions
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.arm.segments import segment_frames
+from pipeline.arm.frames import segment_frames
 from pipeline.core.compiled import compiled
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import SceneOptions

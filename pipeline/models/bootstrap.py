@@ -21,8 +21,8 @@ from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import kinds
 from pipeline.models.options import Options
 from pipeline.models.steps import Estimate, Recorded
+from pipeline.statistics.takes import percentile_interval
 
-TAILS = (0.025, 0.975)
 LEAST_TAKES = 10  # for a 95 % interval: resamplings of fewer repeat each other
 
 Estimator = Callable[[np.ndarray], dict[str, float]]  # numbers of the takes → estimates by name
@@ -62,21 +62,13 @@ def replicate(
         return None
 
 
-def percentiles(values: np.ndarray) -> tuple[float, float]:
-    """Ends of the interval of ``values`` (N,) that one further value would lie in with a
-    probability of 95 %, for N ≥ 39.
-    """
-    low, high = np.quantile(values, TAILS, method="weibull")
-    return float(low), float(high)
-
-
 def spreads(replicates: list[dict[str, float] | None]) -> tuple[dict[str, Spread], int]:
     """The spread of every estimate that all replicates have, and how many replicates have none; no
     spread for fewer than two.
     """
     lost = sum(estimates is None for estimates in replicates)
     return {
-        name: Spread(float(estimates.std(ddof=1)), *percentiles(estimates))
+        name: Spread(float(estimates.std(ddof=1)), *map(float, percentile_interval(estimates)))
         for name, estimates in _together(replicates).items()
     }, lost
 

@@ -22,10 +22,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
 from pipeline.models import kinds
-from pipeline.models.commands import Commands
-from pipeline.models.model import MotionModel
+from pipeline.models.model import Commands, MotionModel
 from pipeline.models.steps import Recorded
 
 FOLDER, SHARE = "closed", "closed_loop_share"  # beside the open loop's parameters; κ among them
@@ -35,7 +34,7 @@ FOLDER, SHARE = "closed", "closed_loop_share"  # beside the open loop's paramete
 class MeanPath:
     """The mean of the training takes, which the closed loop holds the arm to."""
 
-    chain: PlanarChain
+    chain: Chain
     poses: np.ndarray  # (M+1, n) q̄ in rad
 
     @cached_property

@@ -28,8 +28,8 @@ import numpy as np
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import kinds
 from pipeline.models.closed_loop import MeanPath, closed_loop_steps, mean_path, measured_poses
-from pipeline.models.covariance import without_measurement
 from pipeline.models.model import MotionModel
+from pipeline.models.normal import without_measurement
 from pipeline.models.options import Options
 from pipeline.models.steps import Estimate, Recorded
 
@@ -150,7 +150,8 @@ def take_log_likelihoods(
     space: StateSpace, deviation: np.ndarray, shares: np.ndarray
 ) -> np.ndarray:
     """(K, takes) ln p of each take's ``deviation`` (takes, M+1, n) in rad given the first pose of
-    each stretch, for each κ of ``shares`` (K,), but for a constant.
+    each stretch, for each κ of ``shares`` (K,), but for a constant; −inf for a κ at which the
+    determinant of an innovation's covariance is not positive.
 
     By the Kalman filter of (e, e + b), whose gains all takes share; of b nothing is assumed, of e
     at the beginning of a stretch that it spreads as the takes do there.
@@ -163,7 +164,7 @@ def take_log_likelihoods(
     transition[..., :n, :n] = space.drift - shares[:, None, None, None] * space.correction
     transition[..., n:, :n] = transition[..., :n, :n] - np.eye(n)
     added = np.tile(space.noise, (1, 2, 2))
-    result = np.zeros((grid, takes))
+    result, unsound = np.zeros((grid, takes)), np.zeros(grid, dtype=bool)
     for k in np.flatnonzero(space.moving):
         if k == 0 or not space.moving[k - 1]:
             mean = np.zeros((grid, takes, 2 * n))
@@ -180,8 +181,12 @@ def take_log_likelihoods(
         precision = np.linalg.inv(total)
         white = innovation @ precision
         result -= 0.5 * np.vecdot(white, innovation)
-        result -= 0.5 * (takes - 1) / takes * np.log(np.linalg.det(total))[:, None]
+        determinant = np.linalg.det(total)
+        sound = determinant > 0
+        result -= 0.5 * (takes - 1) / takes * np.log(np.where(sound, determinant, 1.0))[:, None]
+        unsound |= ~sound
         mean = mean + white @ across
         covariance = covariance - across.swapaxes(-1, -2) @ precision @ across
         covariance = 0.5 * (covariance + covariance.swapaxes(-1, -2))
+    result[unsound] = -np.inf
     return result

@@ -1,5 +1,5 @@
-"""A fitted model as one readable file, and the object that it is taken up as: NumPy alone, neither
-the pipeline's configuration nor its compiler.
+"""Reader of exported motion models. It needs NumPy alone, and is what the tool export copies into
+the one Python file beside a model.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
-from pipeline.arm.plain import PlainChain
-from pipeline.core.errors import ContractError
+from pipeline.arm.serial import PlainChain
+from pipeline.core.errors import ContractError, ModelDomainError
+from pipeline.models.joint_steps import KIND, JointStepModel, build_joint_steps
 from pipeline.models.kinds import build_model
 from pipeline.models.model import MotionModel
 
@@ -37,16 +38,42 @@ class ExportedModel:
     """p(q_{k+1} | q_k) for the command v of a step of 1/rate s, as it was fitted.
 
     ``q`` (..., n) are joint angles in rad, ``v`` (m,) or (..., m) steps of the task in m and rad,
-    (m + n) of an arm with more joints than task rows (:mod:`pipeline.models.commands`). Beyond the
+    (m + n) of an arm with more joints than task rows (:mod:`pipeline.models.model`). Beyond the
     ranges of the fit each method warns :class:`OutsideRanges`, of each joint and row once. All
-    raise SingularJacobianError at a singular pose, the moments ModelDomainError where there are
-    none.
+    raise SingularJacobianError at a singular pose, and ModelDomainError for another number of
+    joints or rows and where the moments do not exist or the recordings cannot tell them.
     """
 
-    law: MotionModel
+    law: MotionModel | JointStepModel
     chain: Chain
     record: Mapping[str, Any]  # what the file holds
     _warned: set[str] = field(default_factory=set, compare=False)
+
+    def __repr__(self) -> str:
+        joints, rate = self.record.get("joints", []), self.record["rate_per_s"]
+        named = f" of {self.record['dataset']}" if "dataset" in self.record else ""
+        return f"<motion model {self.record['model']}{named}: {', '.join(joints)} at {rate:g}/s>"
+
+    def covariance_of_joint_step(self, dq: np.ndarray) -> np.ndarray:
+        """(..., n, n) covariance in rad² of the step of the joints for commanded steps ``dq``
+        (..., n) in rad, of models whose noise depends on the joint step alone: no Jacobian.
+
+        Raises ModelDomainError for other models, another number of joints, and where the
+        recordings cannot tell the noise of a joint at such a step.
+        """
+        n = len(self.chain.lower)
+        dq = self._shaped("dq", dq, (n,), "rad a step")
+        if isinstance(self.law, JointStepModel):
+            self._warn("joint speed", self.record["rate_per_s"] * dq)
+            return self.law.covariance_of_joint_step(dq)
+        floor, gain = getattr(self.law, "floor", None), getattr(self.law, "gain", None)
+        if floor is None:
+            raise ModelDomainError(
+                f"the noise of {self.record['model']} depends on the pose; use covariance(q, v)"
+            )
+        if gain is None:
+            return np.broadcast_to(floor, (*dq.shape, n))
+        return floor + gain * (dq[..., :, None] * dq[..., None, :])
 
     def mean(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n) E[q_{k+1}] in rad."""
@@ -93,27 +120,41 @@ class ExportedModel:
         return command
 
     def _checked(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Both as arrays, after a warning where they are beyond what was fitted."""
-        q, v = np.asarray(q, dtype=float), np.asarray(v, dtype=float)
-        rate = self.record["rate_per_s"]
-        for what, values in (("pose", q), ("speed", rate * v)):
-            ranges = self.record["ranges"][what]
-            for column, (name, ends) in enumerate(ranges.items()):
-                slack = SLACK + MARGIN * (ends["greatest"] - ends["least"])
-                low, high = ends["least"] - slack, ends["greatest"] + slack
-                each = values[..., column]
-                beyond = (each < low) | (each > high)
-                if f"{what} {name}" in self._warned or not np.any(beyond):
-                    continue
-                self._warned.add(f"{what} {name}")
-                warnings.warn(
-                    f"{what} of {name}: {each[beyond].flat[0]:.4g} {ends['unit']} is outside "
-                    f"{ends['least']:.4g} to {ends['greatest']:.4g}, where the model "
-                    f"{self.record['model']} was fitted",
-                    OutsideRanges,
-                    stacklevel=3,
-                )
+        """Both as arrays of the arm's sizes, after a warning where they are beyond what was
+        fitted.
+        """
+        n, m = len(self.chain.lower), len(self.chain.task)
+        q = self._shaped("q", q, (n,), "rad")
+        v = self._shaped("v", v, (m, m + n) if n > m else (m,), f"steps of {self.chain.task}")
+        self._warn("pose", q)
+        self._warn("speed", self.record["rate_per_s"] * v)
         return q, v
+
+    def _shaped(self, name: str, values: Any, sizes: tuple[int, ...], unit: str) -> np.ndarray:
+        array = np.asarray(values, dtype=float)
+        if array.ndim == 0 or array.shape[-1] not in sizes:
+            raise ModelDomainError(
+                f"{name} must have {' or '.join(map(str, sizes))} numbers in its last axis "
+                f"({unit}), got shape {array.shape}"
+            )
+        return array
+
+    def _warn(self, what: str, values: np.ndarray) -> None:
+        """Warn once of each joint or row of ``values`` beyond the ranges of ``what``."""
+        ranges = self.record["ranges"].get(what, {})
+        for (name, ends), each in zip(ranges.items(), np.moveaxis(values, -1, 0), strict=False):
+            slack = SLACK + MARGIN * (ends["greatest"] - ends["least"])
+            beyond = (each < ends["least"] - slack) | (each > ends["greatest"] + slack)
+            if f"{what} {name}" in self._warned or not np.any(beyond):
+                continue
+            self._warned.add(f"{what} {name}")
+            warnings.warn(
+                f"{what} of {name}: {each[beyond].flat[0]:.4g} {ends['unit']} is outside "
+                f"{ends['least']:.4g} to {ends['greatest']:.4g}, where the model "
+                f"{self.record['model']} was fitted",
+                OutsideRanges,
+                stacklevel=4,
+            )
 
 
 def chain_record(chain: Chain) -> dict[str, Any]:
@@ -146,7 +187,9 @@ def read_exported(file: Path) -> ExportedModel:
         record = json.loads(file.read_text(encoding="utf-8"))
         if record["format"] != FORMAT:
             raise ValueError(f"format {record['format']!r}, not {FORMAT!r}")
-        return ExportedModel(build_model(record["parameters"]), _chain(record["arm"]), record)
+        parameters = record["parameters"]
+        build = build_joint_steps if parameters["kind"] == KIND else build_model
+        return ExportedModel(build(parameters), _chain(record["arm"]), record)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ContractError(
             f"no exported model ({error!r}); write one by python -m pipeline export MODEL",

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.arm.interface import Arm
 from pipeline.arm.kinematics import (
     add_displacement,
     cholesky,
@@ -18,7 +19,6 @@ from pipeline.arm.kinematics import (
     task_jacobian,
     tip,
 )
-from pipeline.arm.numbers import Arm
 from pipeline.arm.planar import (
     add_planar_displacement,
     planar_inverse_square,

@@ -1,4 +1,9 @@
-"""The interface that all motion models share: the law of one step q_{k+1} | q_k."""
+"""The interface of all motion models: the law of one step q_{k+1} | q_k under a command.
+
+The command of a step is the task step v (m,) or, of an arm with more joints than task rows, v and a
+step w (n,) of the joints whose part in the null space of J is made: one row (m + n,). The arm rests
+where all of it is zero.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +14,7 @@ import numpy as np
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
 
-# kinds of compiled laws (pipeline.models.kernel); from WISHART on a is acted on by B⁻¹
+# kinds of compiled laws (pipeline.models.kernel); from WISHART on B⁻¹ acts on a
 SCALED_LAW, GAUSSIAN_LAW, QR_LAW, GIVEN_LAW, PIVOTED_LU_LAW, QR_TRANSPOSED_LAW = range(6)
 WISHART = QR_LAW
 
@@ -24,6 +29,29 @@ class Law(NamedTuple):
     degrees: np.ndarray = np.empty(0)  # of freedom of the χ² variates that a pose takes
 
 
+class Commands(NamedTuple):
+    """Commands of M steps of m task rows: v_k + κ(x*_k − x(q_k)) of the pose q_k before a step."""
+
+    v: np.ndarray  # (M, m) or (M, m + n)
+    path: np.ndarray  # (M, p) x* before each step, as the chain has a pose
+    share: float  # κ, of the deviation from the path that a step corrects; 0 of an open loop
+
+
+def open_loop(v: np.ndarray) -> Commands:
+    """Commands ``v`` (M, m) or longer, whatever the pose."""
+    return Commands(v, np.zeros_like(v), 0.0)
+
+
+def task_step(chain: Mechanism, command: np.ndarray) -> np.ndarray:
+    """(..., m) v of the ``command`` (..., m) or (..., m + n)."""
+    return command[..., : len(chain.task)]
+
+
+def frobenius(matrix: np.ndarray) -> np.ndarray:
+    """(...,) Frobenius norm of ``matrix`` (..., n, n), the paper's norm of a matrix."""
+    return np.sqrt(np.einsum("...ij,...ij->...", matrix, matrix))
+
+
 def row_by_row(matrix: np.ndarray, size: int) -> np.ndarray:
     """(size·size,) ``matrix`` (size, size) as the parameters of a law hold it.
 
@@ -31,8 +59,8 @@ def row_by_row(matrix: np.ndarray, size: int) -> np.ndarray:
     """
     if matrix.shape != (size, size):
         raise ModelDomainError(
-            f"the model's matrix is not one of the {size} joints or task rows of this arm; run "
-            "the stage fit for it",
+            f"the model's matrix must have a row for each of the {size} joints or task rows of "
+            "this arm; run the stage fit for it",
             shape=matrix.shape,
         )
     return matrix.ravel()
@@ -41,15 +69,13 @@ def row_by_row(matrix: np.ndarray, size: int) -> np.ndarray:
 class MotionModel(Protocol):
     """p(q_{k+1} | q_k) for the commanded step v = ẋᵈ_kΔt.
 
-    In every method ``q`` (..., n) are joint angles in rad and ``v`` (m,) or (..., m) or longer is a
-    command (:mod:`pipeline.models.commands`). All raise SingularJacobianError where J(q) has no
-    inverse, the moments ModelDomainError where they do not exist.
+    ``q`` (..., n) are joint angles in rad, ``v`` (m,), (..., m) or longer is a command. All methods
+    raise SingularJacobianError where J(q) has no inverse, the moments ModelDomainError where they
+    do not exist.
     """
 
     def law(self, chain: Chain) -> Law:
-        """A step of the arm ``chain`` for compiled code, and for
-        :func:`pipeline.models.draws.draw_steps`.
-        """
+        """Law of a compiled step of the arm ``chain``."""
 
     def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n) E[q_{k+1} | q_k = q] in rad."""
@@ -60,17 +86,15 @@ class MotionModel(Protocol):
     def with_trace(
         self, chain: Mechanism, q: np.ndarray, v: np.ndarray, trace: float
     ) -> MotionModel:
-        """The same model whose own level (σ_B, α, a factor on a covariance) gives the covariance of
-        the steps a mean trace of ``trace`` > 0 in rad².
-
-        Raises ModelDomainError where no level does.
+        """The model whose own level (σ_B, α, a factor on a covariance) gives the covariances of the
+        steps a mean trace of ``trace`` > 0 in rad²; raises ModelDomainError where no level does.
         """
 
     def sample(
         self, chain: Chain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
     ) -> np.ndarray:
-        """(..., n) a draw of q_{k+1} for each of the poses, by NumPy alone: where there is a
-        compiler :func:`pipeline.models.draws.draw_steps` draws the same law many times as fast.
+        """(..., n) a draw of q_{k+1} for each pose, by NumPy alone; the compiled
+        :func:`pipeline.models.draws.draw_steps` is many times as fast.
         """
 
     def log_density(
@@ -81,11 +105,9 @@ class MotionModel(Protocol):
         q_next: np.ndarray,
         measurement: np.ndarray | None = None,
     ) -> np.ndarray:
-        """(...,) ln p(q_{k+1} = q_next | q_k = q), of a density in rad⁻ⁿ, for ``q_next`` (..., n)
-        in rad.
+        """(...,) ln p(q_{k+1} = q_next | q_k = q) in rad⁻ⁿ for ``q_next`` (..., n) in rad.
 
-        With ``measurement`` (n, n), in rad², of the next pose as it is measured: the step plus N(0,
-        measurement), which has a density at every step. Without it, ModelDomainError where the step
-        has none: for the matrix models at rest, where they have no noise, and wherever a covariance
-        is singular.
+        With ``measurement`` (n, n) in rad² the density is that of the step plus N(0, measurement),
+        which exists at every step. Without it raises ModelDomainError where a covariance is
+        singular, as of the matrix models at rest.
         """

@@ -1,14 +1,13 @@
-"""The process noise of a motion model at the recorded poses, measured as recorded noise is."""
+"""Process noise of a motion model at the recorded poses, measured as recorded noise is."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from pipeline.models.draws import draw_steps
-from pipeline.models.level import at_recorded_level
 from pipeline.models.model import MotionModel
-from pipeline.models.steps import Recorded
-from pipeline.statistics.spread_tables import ModelledNoise
+from pipeline.models.steps import Recorded, at_recorded_level
+from pipeline.statistics.curves import ModelledNoise
 
 DRAWS = 1000  # of a step, over the poses of all takes
 
@@ -16,10 +15,8 @@ DRAWS = 1000  # of a step, over the poses of all takes
 def modelled_noise(
     model: MotionModel, recorded: Recorded, rng: np.random.Generator, draws: int = DRAWS
 ) -> ModelledNoise:
-    """Process noise of ``model``, its level solved again for the recorded total variance
-    (:func:`pipeline.models.level.at_recorded_level`), at the poses of ``recorded``.
-
-    Raises what ``at_recorded_level`` does: ModelDomainError where there is no such level.
+    """Process noise of ``model`` at the poses of ``recorded``, its level solved again for the
+    recorded total variance; raises what :func:`pipeline.models.steps.at_recorded_level` raises.
     """
     own, chain, q, v = at_recorded_level(model, recorded), recorded.chain, recorded.q, recorded.v
     covariance = own.covariance(chain, q, v)

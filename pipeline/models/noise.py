@@ -6,6 +6,7 @@ import numpy as np
 
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError
+from pipeline.statistics.takes import takes_moments
 
 
 def process_noise(chain: Chain, q: np.ndarray, command: np.ndarray) -> np.ndarray:
@@ -22,25 +23,11 @@ def process_noise(chain: Chain, q: np.ndarray, command: np.ndarray) -> np.ndarra
     return q[:, 1:] - nominal
 
 
-def moments(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (M, n) and sample covariance (M, n, n) over the takes of ``samples`` (takes, M, n).
-
-    The covariance is about the mean at its own step and divides by takes − 1. Raises
-    ModelDomainError for a single take.
-    """
-    takes = len(samples)
-    if takes < 2:
-        raise ModelDomainError("a sample covariance needs at least two takes", takes=takes)
-    mean = samples.mean(axis=0)
-    centred = samples - mean
-    return mean, np.einsum("tki,tkj->kij", centred, centred) / (takes - 1)
-
-
 def mean_covariance(noise: np.ndarray) -> np.ndarray:
     """(n, n) (1/M) Σ_k Σ̂_k in rad², the mean of the sample covariances of ``noise`` ω (takes, M,
     n) at each step: the paper's Σ̂_ω.
     """
-    return moments(noise)[1].mean(axis=0)
+    return takes_moments(noise)[1].mean(axis=0)
 
 
 def measurement_covariance(noise: np.ndarray, v: np.ndarray) -> np.ndarray:

@@ -1,5 +1,5 @@
-"""Models whose step is the nominal one and normal noise: mean, draws and density follow from the
-covariance of a step.
+"""Covariances of the joints, and models whose step is the nominal one plus normal noise: mean,
+draws and density follow from the covariance of a step.
 """
 
 from __future__ import annotations
@@ -10,7 +10,61 @@ import numpy as np
 
 from pipeline.arm.interface import Mechanism
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.covariance import TOLERANCE, principal_axes
+
+# asymmetry or negative eigenvalue that rounding may leave, as a share of the largest entry or
+# eigenvalue
+TOLERANCE = 1e-12
+
+
+def principal_axes(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Variances (n,), ascending and not negative, and axes (n, n), in columns, of ``covariance``
+    (n, n).
+
+    Raises ModelDomainError where it is not finite, symmetric and positive semidefinite.
+    """
+    covariance = np.asarray(covariance, dtype=float)
+    square = covariance.ndim == 2 and covariance.shape[0] == covariance.shape[1] > 0
+    finite = square and np.all(np.isfinite(covariance))
+    if not finite or np.abs(covariance - covariance.T).max() > TOLERANCE * np.abs(covariance).max():
+        raise ModelDomainError(
+            "a covariance must be a finite symmetric matrix", covariance=covariance.tolist()
+        )
+    variances, axes = np.linalg.eigh(covariance)
+    if variances[0] < -TOLERANCE * abs(variances[-1]):
+        raise ModelDomainError(
+            "a covariance must be positive semidefinite", eigenvalues=variances.tolist()
+        )
+    return np.maximum(variances, 0.0), axes
+
+
+def root(covariance: np.ndarray) -> np.ndarray:
+    """(n, n) symmetric square root of ``covariance`` (n, n), which may be singular.
+
+    Raises ModelDomainError as :func:`principal_axes`.
+    """
+    variances, axes = principal_axes(covariance)
+    return (axes * np.sqrt(variances)) @ axes.T
+
+
+def trace_factor(covariances: np.ndarray, trace: float) -> float:
+    """Factor on ``covariances`` (..., n, n) in rad² that gives them a mean trace of ``trace`` rad².
+
+    Raises ModelDomainError where they are zero throughout.
+    """
+    own = float(np.trace(covariances, axis1=-2, axis2=-1).mean())
+    if not own > 0:
+        raise ModelDomainError(
+            "a model without noise at any step has no level that could be solved", trace_rad2=own
+        )
+    return trace / own
+
+
+def without_measurement(covariance: np.ndarray, measurement: np.ndarray) -> tuple[np.ndarray, int]:
+    """(n, n) ``covariance`` less ``measurement`` (n, n) in rad², and the number of axes along which
+    the difference is negative by chance and set to zero.
+    """
+    variances, axes = np.linalg.eigh(covariance - measurement)
+    return (axes * np.maximum(variances, 0.0)) @ axes.T, int(np.count_nonzero(variances < 0))
 
 
 class NormalModel(ABC):
@@ -27,7 +81,7 @@ class NormalModel(ABC):
     def sample(
         self, chain: Mechanism, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
     ) -> np.ndarray:
-        """(..., n) the mean and noise, in rad."""
+        """(..., n) the mean plus noise, in rad."""
         mean = self.mean(chain, q, v)
         variances, axes = np.linalg.eigh(self.covariance(chain, q, v))
         white = np.sqrt(np.maximum(variances, 0.0)) * rng.standard_normal(mean.shape)
@@ -42,21 +96,18 @@ class NormalModel(ABC):
         measurement: np.ndarray | None = None,
     ) -> np.ndarray:
         """(...,) ln of the density of ``q_next`` (..., n) in rad⁻ⁿ; ``measurement`` (n, n) in rad²
-        adds to the covariance.
-
-        Raises ModelDomainError where the covariance is singular: at rest and beyond the bound of a
-        matrix model without ``measurement``.
+        adds to the covariance. Raises ModelDomainError where the sum is singular.
         """
         covariance = self.covariance(chain, q, v)
         if measurement is not None:
-            _ = principal_axes(measurement)  # refuses what is not a covariance
+            _ = principal_axes(measurement)  # raises where it is no covariance
             covariance = covariance + measurement
         return normal_log_density(q_next - self.mean(chain, q, v), covariance)
 
 
 def normal_log_density(deviation: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """(...,) ln N(``deviation``; 0, ``covariance``), (..., n) in rad and (..., n, n) in rad², which
-    broadcast; in rad⁻ⁿ. Raises ModelDomainError where a covariance is singular.
+    """(...,) ln N(``deviation``; 0, ``covariance``) in rad⁻ⁿ, of (..., n) in rad and (..., n, n) in
+    rad², which broadcast. Raises ModelDomainError where a covariance is singular.
     """
     variances, axes = np.linalg.eigh(covariance)
     return axis_log_density(np.vecmat(deviation, axes) ** 2, variances)
@@ -64,7 +115,7 @@ def normal_log_density(deviation: np.ndarray, covariance: np.ndarray) -> np.ndar
 
 def axis_log_density(squared: np.ndarray, variances: np.ndarray) -> np.ndarray:
     """(...,) ln density of independent normals of ``variances`` (..., n), ascending, at deviations
-    with these squares ``squared`` (..., n). Raises ModelDomainError as :func:`normal_log_density`.
+    of squares ``squared`` (..., n). Raises ModelDomainError as :func:`normal_log_density`.
     """
     singular = ~(variances[..., 0] > TOLERANCE * variances[..., -1])
     if np.any(singular):

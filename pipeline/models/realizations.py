@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.models.draws import draw_steps
 from pipeline.models.model import MotionModel
@@ -12,20 +12,19 @@ from pipeline.models.model import MotionModel
 
 def realize(
     model: MotionModel,
-    chain: PlanarChain,
+    chain: Chain,
     q: np.ndarray,
     v: np.ndarray,
     mode: str,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, int, int]:
-    """(N, M+1, n) joint angles in rad, for how many steps the noise had to be clipped, and how many
-    realisations were lost.
+    """(N, M+1, n) joint angles in rad, the number of steps whose noise was clipped, and the number
+    of lost realisations.
 
     ``q`` (N, M+1, n) recorded angles in rad, one take a realisation; ``v`` (M, m) or longer,
-    commands. ``one_step``: each step starts at the recorded pose, so that what spreads is the
-    process noise of one step. ``free_running``: each realisation starts at its take's start pose
-    and goes on from where it came to; one that comes to a singular pose, where no model is defined,
-    is lost: NaN from there on. Raises ConfigError for another mode, SingularJacobianError for a
+    commands. In mode ``one_step`` each step starts at the recorded pose. In mode ``free_running`` a
+    realisation goes on from where it came to; at a singular pose, where no model is defined, it is
+    lost: NaN from there on. Raises ConfigError for another mode, SingularJacobianError for a
     singular pose in the recordings.
     """
     if mode not in ("one_step", "free_running"):
@@ -48,19 +47,18 @@ def realize(
 
 def realized_moments(
     model: MotionModel,
-    chain: PlanarChain,
+    chain: Chain,
     q: np.ndarray,
     v: np.ndarray,
     mode: str,
     realized: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, str | None]:
-    """Mean and standard deviation (M+1, n) in rad of what :func:`realize` ``realized`` (N, M+1, n);
-    why there is no standard deviation.
+    """Mean and standard deviation (M+1, n) in rad of the realisations ``realized`` (N, M+1, n) of
+    :func:`realize`; why there is no standard deviation.
 
-    One step at a time the standard deviation is that of the process noise, and so zero at k = 0; of
-    free-running realisations it is that of the joint angles. It is NaN where the model has no
-    covariance, as a sample's would mean nothing. Raises ModelDomainError where fewer than two
-    realisations stay clear of singular poses.
+    The standard deviation is that of the process noise in mode ``one_step``, zero at k = 0, and
+    that of the joint angles in mode ``free_running``; NaN where the model has no covariance. Raises
+    ModelDomainError where fewer than two realisations stay clear of singular poses.
     """
     surviving = np.isfinite(realized[..., 0]).sum(axis=0)
     if surviving.min() < 2:

@@ -1,4 +1,9 @@
-"""Recorded steps of a motion, and what an estimator makes of them."""
+"""Recorded steps of a motion, their variances, and the result of an estimator.
+
+Standard deviations of two models over time or over joints are compared at an equal level, since the
+model with less noise in total has the smaller error where noise is missed. A model's level is its
+own parameter (σ_B; α under a fixed u; a factor on a covariance), which ``with_trace`` solves for.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import kinds
 from pipeline.models.model import MotionModel
@@ -18,11 +23,11 @@ from pipeline.models.noise import measurement_covariance
 
 @dataclass(frozen=True)
 class Recorded:
-    """Recorded steps of one motion of n joints and m task rows: what every estimator is given."""
+    """Recorded steps of one motion of n joints and m task rows, the data of every estimator."""
 
-    chain: PlanarChain
+    chain: Chain
     q: np.ndarray  # (takes, M, n) rad, measured pose before each step
-    # (M, m) or (M, m + n), commands (pipeline.models.commands); of a closed loop one for each take
+    # (M, m) or (M, m + n), commands (pipeline.models.model); of a closed loop one for each take
     v: np.ndarray
     noise: np.ndarray  # (takes, M, n) rad, ω of each step
     joints: tuple[str, ...]  # names of the joints, base to tip
@@ -33,11 +38,9 @@ class Recorded:
         """(n, n) Σ_m in rad², the noise of a step at rest where it is not known; raises
         ModelDomainError where the motion never rests.
         """
-        return (
-            measurement_covariance(self.noise, self.v)
-            if self.known_measurement is None
-            else self.known_measurement
-        )
+        if self.known_measurement is not None:
+            return self.known_measurement
+        return measurement_covariance(self.noise, self.v)
 
     @property
     def q_next(self) -> np.ndarray:
@@ -46,12 +49,13 @@ class Recorded:
 
     def subset(self, takes: np.ndarray) -> Recorded:
         """The takes with these numbers, as often as each is named."""
-        return replace(self, q=self.q[takes], noise=self.noise[takes])
+        v = self.v if self.v.ndim == 2 else self.v[takes]
+        return replace(self, q=self.q[takes], v=v, noise=self.noise[takes])
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What an estimator returned."""
+    """Result of an estimator."""
 
     # of the model, plain values, as :func:`pipeline.models.kinds.build_model` takes them
     parameters: dict[str, Any]
@@ -70,9 +74,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Truth:
-    """Known parameters: of the model, and by the names that an estimator gives to its estimates of
-    them.
-    """
+    """Known parameters of a model, and their values by the names of an estimator's estimates."""
 
     label: str
     parameters: dict[str, Any]
@@ -80,21 +82,18 @@ class Truth:
 
 
 def mean_log_likelihood(recorded: Recorded, model: MotionModel) -> float:
-    """Mean log density of the recorded steps in nats (rad⁻ⁿ) under ``model``, Σ_m added to every
-    step, steps at rest included.
+    """Mean log density in nats (rad⁻ⁿ) of the recorded steps, rest included, under ``model`` with
+    Σ_m added.
     """
-    return float(
-        model.log_density(
-            recorded.chain, recorded.q, recorded.v, recorded.q_next, recorded.measurement
-        ).mean()
-    )
+    steps = recorded.chain, recorded.q, recorded.v, recorded.q_next
+    return float(model.log_density(*steps, recorded.measurement).mean())
 
 
 def moving_steps(
     q: np.ndarray, v: np.ndarray, noise: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Poses (N, n), commands (N, m) or longer and ω (N, n) of the steps with a command, the only
-    ones that say anything of a matrix model.
+    ones that inform a matrix model.
 
     ``q`` and ``noise`` (takes, M, n) in rad, ``v`` (M, m) or (takes, M, m) or longer. Raises
     ModelDomainError for a motion at rest throughout.
@@ -106,3 +105,70 @@ def moving_steps(
             "the motion is at rest at every step: there is nothing to fit a matrix model to"
         )
     return q[moving], commanded[moving], noise[moving]
+
+
+@dataclass(frozen=True)
+class TakeVariances:
+    """Recorded variances of any of the takes of a motion, for estimates from moments and their
+    resamplings.
+    """
+
+    noise: np.ndarray  # (takes, M, n) ω in rad, about its mean over the takes
+    still: np.ndarray  # (M,) steps that the measurement noise is taken from, where it is not known
+    known: float | None  # rad², trace of the known measurement noise
+
+    @classmethod
+    def of(cls, recorded: Recorded) -> TakeVariances:
+        """Raises ModelDomainError where the measurement noise of ``recorded`` is not known."""
+        noise = recorded.noise - recorded.noise.mean(axis=0)
+        if recorded.known_measurement is not None:
+            known = float(np.trace(recorded.known_measurement))
+            return cls(noise, np.zeros(noise.shape[1], dtype=bool), known)
+        _ = recorded.measurement  # raises for a motion that never rests
+        return cls(noise, ~np.any(recorded.v, axis=-1), None)
+
+    def by_step(self, takes: np.ndarray | None = None) -> np.ndarray:
+        """(M,) trace in rad² of the sample covariance at each step of the ``takes`` with these
+        numbers, as often as each is named, or of all. Raises ModelDomainError for a single take.
+        """
+        total = len(self.noise)
+        counts = np.ones(total) if takes is None else np.bincount(takes, minlength=total)
+        count = counts.sum()
+        if np.count_nonzero(counts) < 2:
+            raise ModelDomainError(
+                "a sample covariance needs at least two takes", takes=int(np.count_nonzero(counts))
+            )
+        flat = self.noise.reshape(total, -1)
+        variances = (counts @ flat**2 - (counts @ flat) ** 2 / count) / (count - 1)
+        return variances.reshape(self.noise.shape[1:]).sum(axis=-1)
+
+    def of_motion(self, takes: np.ndarray | None = None) -> tuple[np.ndarray, float]:
+        """Traces (M,) :meth:`by_step`, and the trace of the measurement noise, in rad².
+
+        Raises ModelDomainError where the mean of the traces is not above the measurement's.
+        """
+        traces = self.by_step(takes)
+        measured = float(traces[self.still].mean()) if self.known is None else self.known
+        mean = float(traces.mean())
+        if not mean > measured:
+            raise ModelDomainError(
+                "the variance of the recorded process noise is not above that of the measurement "
+                "noise (sums over the joints): it tells nothing of the motion's own noise; record "
+                "faster motions or more takes",
+                recorded_trace_rad2=mean,
+                measurement_trace_rad2=measured,
+            )
+        return traces, measured
+
+
+def at_recorded_level(model: MotionModel, recorded: Recorded) -> MotionModel:
+    """The model whose level makes the mean trace of the covariance of a step plus the trace of the
+    measurement noise equal to the recorded mean trace.
+
+    ``model`` need have no covariance itself. Raises SingularJacobianError, and ModelDomainError
+    where the recorded trace is not above that of the measurement noise, where that noise is not
+    known, and where no level of the model has the trace.
+    """
+    traces, measured = TakeVariances.of(recorded).of_motion()
+    level = float(traces.mean()) - measured
+    return model.with_trace(recorded.chain, recorded.q, recorded.v, level)

@@ -7,7 +7,7 @@ from functools import partial
 
 from pipeline.arm.model import arm_of
 from pipeline.core.options.dataset import Robot
-from pipeline.core.options.motion_capture import Mocap
+from pipeline.core.options.instruments import Mocap
 from pipeline.perception import markers, space
 from pipeline.perception.joint_track import JointTrack
 

@@ -14,11 +14,10 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.arm.frames import nearest_rotation, rotation_about_normal, segment_frames
 from pipeline.arm.model import Arm
-from pipeline.arm.rigid import nearest_rotation
-from pipeline.arm.segments import rotation_about_normal, segment_frames
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.motion_capture import Mocap
+from pipeline.core.options.instruments import Mocap
 from pipeline.perception.joint_track import JointTrack, fill_gaps
 
 

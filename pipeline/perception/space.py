@@ -19,7 +19,7 @@ from pipeline.arm.model import chain_of, link_chains
 from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Robot
-from pipeline.core.options.motion_capture import Mocap
+from pipeline.core.options.instruments import Mocap
 from pipeline.perception.joint_track import JointTrack, fill_gaps
 
 STEPS = 100  # at most; from a far start some twenty, from the frame before two or three

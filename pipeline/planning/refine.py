@@ -21,9 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.planning.cost import Cost, where_defined
-from pipeline.planning.problem import Problem
-from pipeline.planning.settle import CLOSE
+from pipeline.planning.problem import CLOSE, Cost, Problem, where_defined
 
 WEIGHTS = (1e-1, 1e-2, 1e-3)  # of the mean barrier beside the objective, round by round
 MOST = 12  # rounds; those after the first of each weight only until the limits are kept

@@ -19,8 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arm.interface import Chain
-from pipeline.planning.problem import InfeasibleError, Problem
-from pipeline.planning.settle import inverses, length_of, settle
+from pipeline.planning.problem import InfeasibleError, Problem, inverses, length_of, settle
 
 STARTS, ALL = 32, 256  # poses at which Newton's method begins, a step; where those find nothing
 ROUNDS, CORRECTIONS = 40, 6  # of Newton's method, from a start and along a curve

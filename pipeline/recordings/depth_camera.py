@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.model import Arm
-from pipeline.core.options.depth_camera import Depth
+from pipeline.core.options.instruments import Depth
 from pipeline.formats.depth.index import dropped_frames
 from pipeline.recordings.depth_points import write_points
 from pipeline.recordings.depth_sequence import DepthSequence

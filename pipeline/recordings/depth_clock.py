@@ -9,7 +9,7 @@ import pandas as pd
 
 from pipeline.arm.model import Arm
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.depth_camera import Depth
+from pipeline.core.options.instruments import Depth
 from pipeline.recordings.clocks import find_offset
 from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
 

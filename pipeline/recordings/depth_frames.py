@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.depth_camera import Depth
+from pipeline.core.options.instruments import Depth
 from pipeline.formats.depth.cloud import UNTURNED, PointCloud, is_cloud, read_cloud
 from pipeline.formats.depth.image import Encoding, RawDepth, metres, read_depth
 from pipeline.formats.depth.index import numbered_frames, read_index

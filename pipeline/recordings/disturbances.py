@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.logs import JointLog
+from pipeline.core.options.instruments import JointLog
 from pipeline.recordings.logged_movement import RESIDUALS, Take
 from pipeline.recordings.quality import quality_row
 

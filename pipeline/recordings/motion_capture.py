@@ -14,7 +14,7 @@ from pipeline.arm.model import chain_of
 from pipeline.core.columns import columns, members
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset
-from pipeline.core.options.motion_capture import Body, Mocap
+from pipeline.core.options.instruments import Body, Mocap
 from pipeline.formats import motion as motion_formats
 from pipeline.formats.format import Kind, format_of, formats_in
 from pipeline.formats.motion.take import MotionTake

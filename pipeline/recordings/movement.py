@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.arm.urdf import read_urdf
 from pipeline.core.angles import TURN, unwrapped
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.logs import SIGNALS
+from pipeline.core.options.instruments import SIGNALS
 from pipeline.formats import joints as joint_formats
 from pipeline.formats.format import Kind, format_of, formats_in
 from pipeline.formats.joints import table

@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.arm.model import chain_of
 from pipeline.core import contracts
 from pipeline.core.options.dataset import Motion, Robot
-from pipeline.models.norm import frobenius
+from pipeline.models.model import frobenius
 from pipeline.models.steps import Recorded
 from pipeline.recordings.commands import commanded_steps
 

@@ -19,9 +19,8 @@ from pipeline.filtering.measured import measured_takes
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.models.closed_loop import FOLDER, fitted_closed_loop, mean_path
-from pipeline.models.commands import Commands, open_loop
 from pipeline.models.kinds import fitted_models
-from pipeline.models.model import MotionModel
+from pipeline.models.model import Commands, MotionModel, open_loop
 from pipeline.recordings.steps import training_steps
 
 FIT, OUT = Path("data/fit"), Path("data/filter")

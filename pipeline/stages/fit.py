@@ -31,11 +31,11 @@ from pipeline.models.options import Options
 from pipeline.models.realizations import realize, realized_moments
 from pipeline.models.steps import Estimate, Recorded, mean_log_likelihood
 from pipeline.recordings.steps import training_steps
+from pipeline.statistics.takes import NORMAL_QUANTILE
 
 MOTION, TRACK, OUT = Path("data/ingest/motion"), Path("data/track"), Path("data/fit")
 METRICS, COVARIANCE = Path("reports/metrics"), "covariance.json"
 OF_EACH = ("u_unbounded",)  # diagnostics that are written of every estimator
-NORMAL = (-1.96, 1.96)  # standard errors to the ends of a 95 % interval
 
 
 def run(model: str) -> None:
@@ -143,8 +143,8 @@ def _closed_loop_metrics(closed: ClosedLoopFit, rate: float) -> dict[str, float]
         metrics |= {
             name: value,
             f"{name}_standard_error": error,
-            f"{name}_interval_low": value + NORMAL[0] * error,
-            f"{name}_interval_high": value + NORMAL[1] * error,
+            f"{name}_interval_low": value - NORMAL_QUANTILE * error,
+            f"{name}_interval_high": value + NORMAL_QUANTILE * error,
         }
     own = {f"closed_loop_{name}": value for name, value in closed.estimate.estimates.items()}
     return metrics | {"closed_loop_rounds": closed.rounds} | own

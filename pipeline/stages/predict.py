@@ -1,9 +1,12 @@
 """predict: the next pose of held-out takes as every model says it, and as plain baselines do; where
-the models were fitted.
+the models were fitted; the plain models fitted to all motions, and every model's score on motions
+that it was not fitted to.
 """
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
@@ -17,15 +20,20 @@ from pipeline.core.filters import MEMORY, NONE
 from pipeline.filtering.alone import predicted_alone
 from pipeline.models.closed_loop import measured_poses
 from pipeline.models.kinds import estimate, fitted_models
+from pipeline.models.options import Options
+from pipeline.models.other_motions import motion_of, other_motions
 from pipeline.models.prediction import Steps, groups_by_speed, normal_steps, score_take
 from pipeline.models.steps import Recorded
+from pipeline.recordings.all_motions import logged_motions
 from pipeline.recordings.steps import fitted_ranges, training_steps
-from pipeline.statistics.take_scores import compared, log_score_differences, prediction_scores
+from pipeline.statistics.scores import compared, log_score_differences, prediction_scores
 
 TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")
 # beside the models of the run: those without a random matrix, and the control of the Wishart model
 BESIDE = ("scaled", "scaled_full")
 CONTROL = "wishart_qr_transposed"
+MATRIX_KINDS = ("gaussian", "wishart")
+PLAIN_FILE = "plain_models.json"
 
 
 def run() -> None:
@@ -38,6 +46,7 @@ def run() -> None:
         recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
         rate = settings.dataset.motion.rate
         contracts.write(fitted_ranges(recorded, rate), "ranges", folder)
+        _write_other_motions(settings, recorded, folder)
         try:
             pose = recorded.measurement / 2
         except ModelDomainError as error:
@@ -64,6 +73,44 @@ def run() -> None:
             contracts.write(rows, name, folder)
 
 
+def _write_other_motions(settings, recorded: Recorded, folder: Path) -> None:
+    """Write the tables of :func:`pipeline.models.other_motions.other_motions` and the plain models
+    fitted to all motions of the dataset's logs.
+    """
+    dataset = settings.dataset
+    motions = logged_motions(dataset) if dataset.joint_log else []
+    try:
+        scored = other_motions(
+            motions or [motion_of(recorded)],
+            recorded.joints,
+            dataset.motion.rate,
+            pose_noise=dataset.motion.pose_noise,
+            chain=recorded.chain,
+            matrix={
+                name: options
+                for name, options in with_control(settings.models).items()
+                if options.kind in MATRIX_KINDS
+            },
+        )
+    except ModelDomainError as error:
+        print(f"predict: no plain model: {error}")
+        return
+    for name, table in scored.tables.items():
+        contracts.write(table, name, folder)
+    models = {
+        name: fit.model.parameters() | {"untold": [*map(list, fit.untold)]}
+        for name, fit in scored.fits.items()
+    }
+    contracts.write_text(json.dumps(models, indent=1) + "\n", folder / PLAIN_FILE)
+
+
+def with_control(models: Mapping[str, Options]) -> dict[str, Options]:
+    """``models`` and, beside a Wishart model, the control that depends on no unit."""
+    wishart = any(options.kind == "wishart" for options in models.values())
+    beside = [CONTROL] if wishart and CONTROL not in models else []
+    return {**models, **config.model_options(beside)}
+
+
 def _scored(settings, recorded: Recorded, pose: np.ndarray) -> dict[str, Steps]:
     """Of every baseline and model the scores (takes, M) by name: of the test takes, or, where there
     are none, of each training take by what the others say. ``pose`` (n, n) rad², the noise of a
@@ -73,9 +120,8 @@ def _scored(settings, recorded: Recorded, pose: np.ndarray) -> dict[str, Steps]:
     test = joints[joints.part == "test"]
     names, q = contracts.stacked(joints if test.empty else test, "q")
     models = dict(settings.models)
-    wishart = any(options.kind == "wishart" for options in models.values())
-    beside = (*BESIDE, CONTROL) if wishart else BESIDE
-    models |= config.model_options([name for name in beside if name not in models])
+    models |= config.model_options([name for name in BESIDE if name not in models])
+    models = with_control(models)
     training = measured_poses(recorded)
     if test.empty:
         fitted = fitted_models(settings.models, FIT, "predict")

@@ -7,12 +7,10 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from pipeline.cases.camera import camera_of
 from pipeline.cases.case import Case, paper_models
 from pipeline.cases.evaluate import Recordings, evaluate
-from pipeline.cases.readings import readings, readings_table
-from pipeline.cases.recorded import recorded_takes
-from pipeline.cases.verdict import read_claims
+from pipeline.cases.readings import read_claims, readings, readings_table
+from pipeline.cases.recordings import camera_of, recorded_takes
 from pipeline.core import config, contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.filtering.particle_filter import FilterOptions

@@ -27,13 +27,21 @@ from pipeline.recordings.commands import commanded_steps, constant_speed
 from pipeline.recordings.quality import account
 from pipeline.recordings.steps import training_steps
 from pipeline.recordings.truth import held_against, truth_of
-from pipeline.statistics.agreement import lag_one_correlation
-from pipeline.statistics.filters import Filtered, filter_tables, no_filter
-from pipeline.statistics.following import constant_noise_variation
-from pipeline.statistics.joint_scores import filter_metrics, sensor_scores, spread_scores
-from pipeline.statistics.resampling import share_between
-from pipeline.statistics.scores import wrench_summary
-from pipeline.statistics.spread_tables import ModelledNoise, following_rows, spread_tables
+from pipeline.statistics.curves import (
+    ModelledNoise,
+    constant_noise_variation,
+    following_tests,
+    spread_tables,
+    std_scores,
+)
+from pipeline.statistics.filters import (
+    Filtered,
+    filter_metrics,
+    filter_tables,
+    no_filter,
+    sensor_scores,
+)
+from pipeline.statistics.takes import lag_one_correlation, share_between, wrench_summary
 from pipeline.verdicts.run import Run
 
 FILES, INGEST, TRACK = Path("data/files"), Path("data/ingest"), Path("data/track")
@@ -43,7 +51,11 @@ OUT, METRICS, TABLES = Path("data/score"), Path("reports/metrics"), Path("report
 DATASETS = Path("reports/datasets")
 # tables that the report shows as they are
 SHOWN = dict.fromkeys(("sigma_s", "force_moments", "force_test"), WRENCH) | {"readings": READINGS}
-SHOWN |= dict.fromkeys(("ranges", "predictions", "prediction_pairs"), Path("data/predict"))
+PREDICTED = (
+    *("ranges", "predictions", "prediction_pairs", "other_motions", "motion_spread", "tails"),
+    *("noise_quantiles", "plain_parameters", "untold", "motions", "motion_ranges"),
+)
+SHOWN |= dict.fromkeys(PREDICTED, Path("data/predict"))
 # share of the recorded variance that lies between recordings of one motion
 SHARE_BETWEEN = "recorded_share_of_variance_between_recordings"
 LONG = ("deviation",)  # a table that no verdict is read from
@@ -131,7 +143,7 @@ def _score_motion(models, names, joints, settings, folder: Path, tables: Path) -
         std = {"recorded": std["recorded"]} | {name: each.std for name, each in modelled.items()}
         for name, table in spread_tables(modelled, following, noise, names).items():
             table.to_csv(tables / f"{name}.csv", index=False)
-    scores = spread_scores(std, errors, names, steady)
+    scores = std_scores(std, errors, names, steady)
     contracts.write_metrics(scores | metrics, METRICS / "motion.json")
 
 
@@ -150,7 +162,7 @@ def _modelled(
         except ModelDomainError as error:
             print(f"score: {model} has no spread at the recorded level: {error}")
             continue
-        following[model] = following_rows(noise, recorded.noise, steady, recorded.joints, stream)
+        following[model] = following_tests(noise, recorded.noise, steady, recorded.joints, stream)
         modelled[model] = noise
     return modelled, following
 

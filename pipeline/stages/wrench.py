@@ -15,10 +15,8 @@ from pipeline.core import config, contracts, rng
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
-from pipeline.core.options.force import Force
-from pipeline.wrench.bounds import study_bounds
-from pipeline.wrench.configuration import configuration_bounds, nominal_system
-from pipeline.wrench.expectation import expected_sigma_s
+from pipeline.core.options.instruments import Force
+from pipeline.wrench.bounds import configuration_bounds, nominal_system, study_bounds
 from pipeline.wrench.matrix import FORMS
 from pipeline.wrench.measured_force import (
     force_density,
@@ -30,7 +28,13 @@ from pipeline.wrench.measured_force import (
     wrench_marginals,
     wrench_planes,
 )
-from pipeline.wrench.study import estimate_sigma_s, sigma_s_rows, study_repeat, study_tables
+from pipeline.wrench.study import (
+    estimate_sigma_s,
+    expected_sigma_s,
+    sigma_s_rows,
+    study_repeat,
+    study_tables,
+)
 
 INGEST, OUT = Path("data/ingest/force"), Path("data/wrench")
 # of a form of Σ_S in the names of metrics

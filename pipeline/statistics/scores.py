@@ -1,22 +1,27 @@
 """Scores of stated laws by what was observed: proper scores (Gneiting & Raftery 2007), calibration
-and sharpness, paired comparisons.
+and sharpness.
 
 A logarithmic score is a log density at the outcome and best when great, an energy score a distance
-and best when small. In every function the last axis holds the n components of an outcome, and what
-stands before it are cases, scored one by one.
+and best when small. The last axis holds the n components of an outcome, those before it are cases.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from itertools import permutations
 
 import numpy as np
 import pandas as pd
+from scipy.special import gammaincinv
 
 from pipeline.core.compiled import compiled
 from pipeline.core.errors import ModelDomainError
+from pipeline.statistics.takes import Difference, paired_difference
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(64)
+LEVEL = 0.95  # of the region and of the band of the NEES
+
+Scores = dict[str, np.ndarray]  # score → (takes,) values, or one value of all takes together
 
 
 def energy_score(samples: np.ndarray, outcome: np.ndarray) -> np.ndarray:
@@ -25,20 +30,16 @@ def energy_score(samples: np.ndarray, outcome: np.ndarray) -> np.ndarray:
 
     Gneiting & Raftery 2007, Eq. (22), with exponent 1, estimated from ``samples`` (S, ..., n). The
     second mean runs over pairs of different samples, so that the estimate is unbiased whatever S
-    (Ferro 2014, "fair"); it may therefore be negative. Raises ModelDomainError for a single sample.
+    (Ferro 2014); it may be negative. Raises ModelDomainError for a single sample.
     """
     count = len(samples)
     if count < 2:
         raise ModelDomainError("an energy score needs at least two samples", samples=count)
     cases, size = samples.shape[1:-1], samples.shape[-1]
     by_case = np.ascontiguousarray(np.moveaxis(samples.reshape(count, -1, size), 0, 1))
+    outcomes = np.array(np.broadcast_to(outcome, samples.shape[1:])).reshape(-1, size)
     to_outcome, between = np.zeros((2, len(by_case)))
-    _add_distances(
-        by_case,
-        np.array(np.broadcast_to(outcome, samples.shape[1:])).reshape(-1, size),
-        to_outcome,
-        between,
-    )
+    _add_distances(by_case, outcomes, to_outcome, between)
     return (to_outcome / count - between / (count * (count - 1))).reshape(cases)
 
 
@@ -46,9 +47,7 @@ def energy_score(samples: np.ndarray, outcome: np.ndarray) -> np.ndarray:
 def _add_distances(
     samples: np.ndarray, outcome: np.ndarray, to_outcome: np.ndarray, between: np.ndarray
 ) -> None:
-    """Add up the distances of ``samples`` (C, S, n) to ``outcome`` (C, n), and to each other, (C,)
-    both, case by case in the cache.
-    """
+    """Add up the distances of ``samples`` (C, S, n) to ``outcome`` (C, n), and to each other."""
     for case in range(len(samples)):
         members = samples[case]
         for i in range(len(members)):
@@ -64,13 +63,11 @@ def _add_distances(
 
 
 def normal_energy_score(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """(...,) the energy score of N(0, ``covariance``) (..., n, n) at ``error`` (..., n), in the
-    unit of the error.
+    """(...,) energy score of N(0, ``covariance``) (..., n, n) at ``error`` (..., n).
 
     E‖Z‖ of a normal Z = ∫(1 − E exp(−t²‖Z‖²))/t² dt/√π over t > 0, and with the variances λ of Z
-    along their axes and its mean m that expectation is Π(1 + 2t²λ)^(−½)·exp(−t²m²/(1 + 2t²λ)): a
-    quadrature instead of draws. Raises ModelDomainError where a covariance is not positive
-    definite.
+    along their axes and its mean m that expectation is Π(1 + 2t²λ)^(−½)·exp(−t²m²/(1 + 2t²λ)).
+    Raises ModelDomainError where a covariance is not positive definite.
     """
     variances, axes = np.linalg.eigh(covariance)
     if not np.all(variances > 0):
@@ -97,11 +94,10 @@ def _mean_norm(mean: np.ndarray, variances: np.ndarray) -> np.ndarray:
 
 def nees(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """(...,) normalised estimation error squared eᵀC⁻¹e of ``error`` (..., n) under ``covariance``
-    (..., n, n).
+    (..., n, n): χ² with n degrees of freedom where the error is normal with that covariance
+    (Bar-Shalom, Li & Kirubarajan 2001, Sec. 5.4.2).
 
-    χ² with n degrees of freedom, of mean n, where the error is normal with that covariance; greater
-    for a law too sure of itself (Bar-Shalom, Li & Kirubarajan 2001, Sec. 5.4.2). Raises
-    ModelDomainError where a covariance is not positive definite.
+    Raises ModelDomainError where a covariance is not positive definite.
     """
     try:
         root = np.linalg.cholesky(covariance)
@@ -113,37 +109,31 @@ def nees(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return np.vecdot(white, white)
 
 
-def nees_band(cases: int, dimension: int, level: float = 0.95) -> tuple[float, float]:
-    """Where the mean NEES of ``cases`` independent errors of ``dimension`` components lies with
-    probability ``level``, tails alike.
+def nees_band(cases: int, dimension: int, level: float = LEVEL) -> tuple[float, float]:
+    """Ends of the band that the mean NEES of ``cases`` independent errors of ``dimension``
+    components lies in with probability ``level``, tails alike.
     """
-    tail = (1 - level) / 2
-    return _chi_squared(tail, cases * dimension) / cases, _chi_squared(
-        1 - tail, cases * dimension
-    ) / cases
+    low, high = (
+        _chi_squared(tail, cases * dimension) / cases for tail in ((1 - level) / 2, (1 + level) / 2)
+    )
+    return low, high
 
 
 def _chi_squared(probability: float, degrees: int) -> float:
-    """The quantile of χ², from the function that :mod:`scipy.stats` takes it from: importing that
-    takes longer than most scores.
-    """
-    from scipy.special import gammaincinv
-
+    """Quantile of χ²."""
     return float(2 * gammaincinv(degrees / 2, probability))
 
 
-def in_region(squared: np.ndarray, dimension: int, level: float = 0.95) -> np.ndarray:
-    """(...,) bool, whether an error of the NEES ``squared`` (...,) lies in the ellipsoid that holds
-    ``level`` of a normal law.
+def in_region(squared: np.ndarray, dimension: int) -> np.ndarray:
+    """(...,) bool, true where an error of the NEES ``squared`` (...,) lies in the ellipsoid that
+    holds 95 % of a normal law.
     """
-    return squared <= _chi_squared(level, dimension)
+    return squared <= _chi_squared(LEVEL, dimension)
 
 
 def log_determinant(covariance: np.ndarray) -> np.ndarray:
-    """(...,) ln det of ``covariance`` (..., n, n), in ln rad²ⁿ for angles in rad: sharpness, the
-    less the sharper the law.
-
-    Raises ModelDomainError where the determinant is not positive.
+    """(...,) ln det of ``covariance`` (..., n, n): sharpness, the less the sharper the law. Raises
+    ModelDomainError where the determinant is not positive.
     """
     sign, logarithm = np.linalg.slogdet(covariance)
     if np.any(sign <= 0):
@@ -158,64 +148,100 @@ def normal_log_score(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """(...,) log density of N(0, ``covariance``) (..., n, n) at ``error`` (..., n); raises
     ModelDomainError like :func:`nees`.
     """
-    return (
-        -(
-            nees(error, covariance)
-            + log_determinant(covariance)
-            + error.shape[-1] * np.log(2 * np.pi)
-        )
-        / 2
-    )
+    constant = error.shape[-1] * np.log(2 * np.pi)
+    return -(nees(error, covariance) + log_determinant(covariance) + constant) / 2
 
 
-def relative_error(curve: np.ndarray, recorded: np.ndarray) -> float:
-    """‖curve − recorded‖ / ‖recorded‖ over time, of (K,) values: 0 where the curves agree, 1 where
-    ``curve`` is zero.
+def prediction_scores(
+    steps: Mapping[str, np.ndarray], joints: Sequence[str], *, moving: bool
+) -> Scores:
+    """Each score of the predictions of one step as its mean over the K steps of a take.
 
-    Raises ModelDomainError where ``recorded`` is zero throughout.
+    ``steps``: the scores (takes, K) of :func:`pipeline.models.prediction.score_steps`, and under
+    ``z`` (takes, K, n) the errors in standard deviations; ``joints`` the n names. ``moving``: no
+    step is at rest, so that there is a score without measurement noise.
     """
-    size = np.linalg.norm(recorded)
-    if size == 0:
-        raise ModelDomainError(
-            "an error relative to a curve that is zero throughout does not exist",
-            values=recorded.size,
-        )
-    return float(np.linalg.norm(curve - recorded) / size)
+    scores = {"log_score": steps["log_density"]}
+    if moving:
+        noiseless = steps["log_density_noiseless"]
+        scores["log_score_without_measurement_noise"] = noiseless
+        ruled_out = _where_known(noiseless, np.isneginf(noiseless))
+        scores["ruled_out_without_measurement_noise"] = ruled_out
+    scores["energy_score_rad"] = steps["energy"]
+    for j, joint in enumerate(joints):
+        z = steps["z"][..., j]
+        scores[f"coverage_of_one_sigma_{joint}"] = _where_known(z, np.abs(z) <= 1)
+    consistency = _consistency(steps["nees"], steps["log_determinant"], len(joints))
+    return {name: values.mean(axis=1) for name, values in scores.items()} | consistency
 
 
-class Difference(NamedTuple):
-    """A mean difference and the ends of its confidence interval, in the unit of the scores; NaN
-    where it does not exist.
+def posterior_scores(
+    error: np.ndarray, covariance: np.ndarray, joints: Sequence[str]
+) -> tuple[Scores, str | None]:
+    """Scores of a filter's posterior as a normal law of the measured pose, over the K steps of each
+    take; why some are missing.
+
+    ``error`` (takes, K, n) posterior mean minus measured pose in rad, ``covariance`` (takes, K, n,
+    n) in rad² of the posterior and the measurement together, ``joints`` the n names.
     """
+    refused = None
+    try:
+        log, squared = normal_log_score(error, covariance), nees(error, covariance)
+        sharpness = log_determinant(covariance)
+        energy = normal_energy_score(error, covariance)
+    except ModelDomainError as missing:
+        refused = str(missing)
+        log = squared = sharpness = energy = np.full(error.shape[:2], np.nan)
+    inside = np.abs(error) <= np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+    rms, covered = {}, {}
+    for j, joint in enumerate(joints):
+        rms[f"rms_error_{joint}_rad"] = np.sqrt(np.mean(error[..., j] ** 2, axis=1))
+        covered[f"coverage_of_one_sigma_{joint}"] = inside[..., j].mean(axis=1)
+    proper = {"log_score": log.mean(axis=1), "energy_score_rad": energy.mean(axis=1)}
+    return rms | proper | covered | _consistency(squared, sharpness, len(joints)), refused
 
-    mean: float
-    low: float
-    high: float
 
-
-def paired_difference(scores: np.ndarray, reference: np.ndarray, level: float = 0.95) -> Difference:
-    """Mean of ``scores`` − ``reference`` (takes,), both of the same takes, with Student's interval
-    over the takes.
-
-    Takes are independent and the steps within one are not, so a take counts as one observation. The
-    interval does not exist for a single take; nothing does where a score is missing or infinite.
+def _consistency(squared: np.ndarray, sharpness: np.ndarray, dimension: int) -> Scores:
+    """Calibration and sharpness from the NEES (takes, K) of errors in ``dimension`` joints and the
+    log determinant (takes, K) of their law; the band of the NEES is for the mean over takes.
     """
-    if not (np.all(np.isfinite(scores)) and np.all(np.isfinite(reference))):
-        return Difference(np.nan, np.nan, np.nan)
-    difference = scores - reference
-    mean, takes = float(difference.mean()), len(difference)
-    if takes < 2:
-        return Difference(mean, np.nan, np.nan)
-    from scipy.special import stdtrit
+    low, high = nees_band(len(squared), dimension)
+    by_step = squared.mean(axis=0)
+    region = _where_known(squared, in_region(squared, dimension))
+    band = _where_known(by_step, (low <= by_step) & (by_step <= high))
+    return {
+        "coverage_of_the_95_percent_region": region.mean(axis=1),
+        "nees": squared.mean(axis=1),
+        "share_of_steps_with_nees_in_its_95_percent_band": band.mean(),
+        "log_determinant": sharpness.mean(axis=1),
+    }
 
-    half = float(stdtrit(takes - 1, (1 + level) / 2) * difference.std(ddof=1) / np.sqrt(takes))
-    return Difference(mean, mean - half, mean + half)
+
+def _where_known(values: np.ndarray, holds: np.ndarray) -> np.ndarray:
+    """``holds`` as 1 or 0, and NaN where ``values`` is."""
+    return np.where(np.isnan(values), np.nan, holds)
 
 
-def wrench_summary(errors: pd.DataFrame, spread: pd.DataFrame) -> pd.DataFrame:
-    """Mean and greatest error of the study of the tables ``wrench_errors`` and ``wrench_spread`` by
-    number of cables, and where 95 % of the repeats have the greatest, which is a random number.
+def compared(scores: Mapping[str, Scores], rival: str) -> pd.DataFrame:
+    """Every score of every model, and its paired difference over the takes to the model ``rival``
+    with the 95 % interval.
     """
-    maxima = spread.groupby("agents")["maximum"]
-    ends = {"max_low": maxima.quantile(0.025), "max_high": maxima.quantile(0.975)}
-    return errors.groupby("agents")["error"].agg(["mean", "max"]).assign(**ends).reset_index()
+    rows = []
+    for model, own in scores.items():
+        for name, values in own.items():
+            row = {"model": model, "score": name, "mean": values.mean()}
+            if model != rival and values.ndim:
+                row |= paired_difference(values, scores[rival][name])._asdict()
+            rows.append(row)
+    return pd.DataFrame(rows, columns=["model", "score", "mean", *Difference._fields])
+
+
+def log_score_differences(scores: Mapping[str, Scores]) -> pd.DataFrame:
+    """Paired difference in log score over the takes between any two models, ``model`` minus
+    ``rival``, in nats, with its 95 % interval.
+    """
+    rows = []
+    for model, rival in permutations(scores, 2):
+        difference = paired_difference(scores[model]["log_score"], scores[rival]["log_score"])
+        rows.append({"model": model, "rival": rival} | difference._asdict())
+    return pd.DataFrame(rows, columns=["model", "rival", *Difference._fields])

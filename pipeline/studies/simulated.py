@@ -16,9 +16,8 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.chain import PlanarChain
-from pipeline.cases.camera import Camera
-from pipeline.cases.fits import Takes
+from pipeline.arm.interface import Chain
+from pipeline.cases.recordings import Camera, Takes
 from pipeline.core import rng
 from pipeline.core.columns import matrices, spread, values
 from pipeline.filtering.measurement import measurements
@@ -96,7 +95,7 @@ class NoiseLaw:
 class Laboratory:
     """An arm, its motion and its instruments, before any factor."""
 
-    chain: PlanarChain  # nominal
+    chain: Chain  # nominal
     joints: tuple[str, ...]  # names, base to tip
     dynamics: DynamicsOptions
     motion: TrajectoryOptions

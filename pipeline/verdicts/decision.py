@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from pipeline.statistics.takes import NORMAL_QUANTILE
 from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, NONE, Claim
 from pipeline.verdicts.reference import ArmNames, Evidence, Reference, joint_names
 from pipeline.verdicts.rules import RULES, Readings
@@ -117,7 +118,8 @@ def _decide(claim: Claim, evidence: Evidence, recordings: Recordings, arm: ArmNa
     there = ~np.any(np.isnan([getattr(readings, key) for key in keys]), axis=0)
     # a rule that compares cases with each other says nothing where one is missing
     known = there & (there.all() or claim.rule != "decreasing")
-    decides, holds = known & rule.decides(readings), rule.holds(readings)
+    void = claim.unless is not None and _above(claim, evidence, arm)
+    decides, holds = known & rule.decides(readings) & (not void), rule.holds(readings)
     columns = (
         readings.value,
         readings.than,
@@ -138,7 +140,6 @@ def _decide(claim: Claim, evidence: Evidence, recordings: Recordings, arm: ArmNa
         Case(name, *map(_or_none, row), bool(held) if decided else None)
         for name, held, decided, *row in zip(names, holds, decides, *columns, strict=True)
     )
-    void = claim.unless is not None and _above(claim, evidence, arm)
     return Verdict(claim, _verdict(claim, recordings, void, known, decides, holds), cases)
 
 
@@ -191,8 +192,8 @@ def _read(claim: Claim, each: list[dict], evidence: Evidence, arm: ArmNames) -> 
 
 
 def _interval(readings: Readings) -> tuple[np.ndarray, np.ndarray]:
-    """The interval given, or 1.96 standard errors on either side of the value."""
-    half = 1.96 * readings.standard_error
+    """The interval given, or NORMAL_QUANTILE standard errors on either side of the value."""
+    half = NORMAL_QUANTILE * readings.standard_error
     low = np.where(np.isnan(readings.low), readings.value - half, readings.low)
     return low, np.where(np.isnan(readings.high), readings.value + half, readings.high)
 

@@ -1,32 +1,37 @@
-"""The model card: a motion model for the arm of a run and why, how sure its parameters are, where
-it was fitted and where it must not be used.
+"""The model card: the motion model to use for an arm, its formula and numbers, what the recordings
+cannot tell, and the evidence.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
-from pipeline.core.filters import MEMORY, NONE
+from pipeline.core.filters import NONE
 from pipeline.verdicts.filters import verdict
+from pipeline.verdicts.recommendation import (
+    RULE,
+    STILL,
+    answer,
+    held_out,
+    held_out_spread,
+    held_out_tails,
+    plain_name,
+)
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.wording import interval, number, table
 
 ALL = "all"  # the group of all steps
 FEW_TAKES = 10  # below it an interval from resampled takes is not printed
-NAMES = {NONE: "training mean", MEMORY: "autoregressive baseline"}
-RULE = (
-    "A matrix model is recommended if the 95 % interval of its paired difference in log score "
-    "(nats a step, held-out takes, each step from the measured pose before it) is above zero "
-    "against every baseline: additive noise, noise that scales with the joint's speed (scaled, "
-    "scaled_full), the training mean (mean and standard deviation of the training takes at each "
-    "step) and the autoregressive baseline (these with one autocorrelation). The last two hold for "
-    "this motion alone."
+THIS_MOTION = (
+    "For the analysed motion alone, a matrix model is recommended if the 95 % interval of its "
+    "paired difference in log score (nats a step, held-out takes) is above zero against every "
+    "baseline."
 )
 UNKNOWN = (
-    "**No model is recommended**: the measurement noise is unknown, as the motion never rests, and "
-    "no prediction was scored. State `motion.pose_noise` in the dataset's option file."
+    "No prediction of the analysed motion was scored: the measurement noise is unknown, as the "
+    "motion never rests. State `motion.pose_noise` in the dataset's option file."
 )
 NO_ROBOT = "**No model is recommended**: the dataset has no robot."
 NO_SPREAD = (
@@ -36,7 +41,7 @@ NO_SPREAD = (
 BETWEEN, LIMIT = "recorded_share_of_variance_between_recordings", 0.5  # as in claims.yaml
 NOT_FOR = (
     "poses and speeds outside these ranges; an exported model warns of each by name",
-    "singular poses, where no model is defined; the greatest ‖J⁺‖ above was the nearest to one",
+    "singular poses, if the model needs the Jacobian",
     "another period than the recordings': noise of a step is not noise of two half steps",
     "another arm, controller or payload than the recordings': "
     "`python -m pipeline assess FILE` compares a new take with these",
@@ -46,65 +51,78 @@ NOT_FOR = (
 
 
 def model_card(run: Run, others: Sequence[Run]) -> str:
-    """``reports/model_card.md`` of ``run``, with the recommended models for the arms of
-    ``others``.
-    """
+    """Return the card of ``run``, with the recommended models for the arms of ``others``."""
     title = f"# Motion model for dataset {run.dataset}, scale {run.scale}"
     if not run.joints:
         return f"{title}\n\n{NO_ROBOT}\n"
-    scored = "predictions" in run.tables
-    sections = [
-        title,
-        choice(run) if scored else UNKNOWN,
-        "Written by the stage `report` from the results of `predict`, `fit` and `filter`.",
-    ]
+    moved, scored = "other_motions" in run.tables, "predictions" in run.tables
+    sections = [title, answer(run)]
+    sections.append(f"**This motion.** {choice(run) if scored else UNKNOWN}")
+    if moved:
+        sections += [
+            f"## Why\n\n{RULE}\n\n{held_out(run)}",
+            f"## Predicted and measured spread on held-out motions\n\n{held_out_spread(run)}",
+            "## Tails and coverage\n\nHeld-out noise in predicted standard deviations: kurtosis (3 "
+            "of normal noise) and the share within one, two and three (0.683, 0.954, 0.997 of "
+            f"normal noise).\n\n{held_out_tails(run)}",
+        ]
     if scored:
         sections += [
-            f"## Why\n\n{RULE}\n\n{predictors(run)}",
+            f"## Analysed motion\n\n{THIS_MOTION}\n\n{predictors(run)}",
             "## Coverage by joint and speed\n\nShare of the steps within ±1σ of the prediction; "
             f"0.683 for a normal one. Speeds are ‖q̇‖.\n\n{_coverage(run)}",
         ]
     if filters := verdict(run):
         sections.append(f"## In a filter\n\n{filters} [Scores](report.md).")
+    if any(f"fit_{model}" in run.metrics for model in run.models):
+        sections.append(
+            "## Parameters of the run's models\n\nStandard errors by the bootstrap over takes.\n\n"
+            f"{_parameters(run)}"
+        )
     sections += [
-        f"## Parameters\n\nStandard errors by the bootstrap over takes.\n\n{_parameters(run)}",
         f"## Where it was fitted\n\n{_ranges(run)}",
         "## Where it must not be used\n\n" + "\n".join(f"- {what}" for what in NOT_FOR),
-        f"## Takes left out\n\n{_left_out(run)}",
-        "## Export\n\n`python -m pipeline export MODEL` writes a model of `models` in "
-        "`params.yaml` to one file; [`pipeline.models.load`](../pipeline/tools/export/README.md) "
-        "reads it with NumPy alone.",
     ]
-    if scored := [each for each in others if "predictions" in each.tables]:
-        chosen = "\n".join(f"- {each.dataset}: {choice(each)}" for each in scored)
-        sections.append(f"## Other datasets\n\n{chosen}")
+    if "takes" in run.tables:
+        sections.append(f"## Takes left out\n\n{_left_out(run)}")
+    sections.append(
+        "## Export\n\n`python -m pipeline export MODEL` writes a model to one file and beside it "
+        "`read_motion_model.py`, which reads it with NumPy alone: "
+        "[methods and examples](../pipeline/tools/export/README.md)."
+    )
+    if chosen := [f"- {each.dataset}: {_one_line(each)}" for each in others if each.joints]:
+        sections.append("## Other datasets\n\n" + "\n".join(chosen))
     return "\n\n".join(sections) + "\n"
 
 
+def _one_line(run: Run) -> str:
+    text = answer(run).splitlines()[0]
+    return f"{text} {choice(run)}" if "predictions" in run.tables else text
+
+
 def choice(run: Run) -> str:
-    """The model to use, by :data:`RULE`, for this motion and for another one of the arm."""
+    """The model of highest log score for the analysed motion, by :data:`THIS_MOTION`."""
     means = _log_scores(run)["mean"]
     matrix = [name for name in run.matrix_models if name in means]
     plain = [name for name in means.index if name not in matrix]
     passing = [name for name in matrix if not _not_below(run, name, plain)]
     text = NO_SPREAD if run.metrics.get("motion", {}).get(BETWEEN, 0) > LIMIT else ""
     if passing:
-        text += f"**{means[passing].idxmax()}**: its log score is above that of every baseline."
+        name = plain_name(means[passing].idxmax())
+        text += f"**{name}**: its log score is above that of every baseline."
     else:
         text += f"On {run.dataset} **no matrix model** has a log score above every baseline:"
         reasons = [
-            f" `{name}` not above {_listed(_not_below(run, name, plain))}" for name in matrix
+            f" {plain_name(name)} not above {_listed(_not_below(run, name, plain))}"
+            for name in matrix
         ]
         text += ";".join(reasons) + "."
-    text += "".join(f" `{name}` has no score." for name in _models(run) if name not in means)
+    text += "".join(
+        f" {plain_name(name)} has no score." for name in _models(run) if name not in means
+    )
     best = means.idxmax()
     text += f" The highest log score for this motion has {_listed([best])}"
     text += _apart(run, best, [*means.index]) + "."
-    steps = [name for name in means.index if name not in NAMES]
-    other = means[steps].idxmax()
-    text += f" For another motion of this arm use `{other}`{_apart(run, other, steps)}."
-    if other not in run.models:
-        text += " Name it in `models` of `params.yaml` to fit and export it."
     return text
 
 
@@ -120,7 +138,7 @@ def predictors(run: Run) -> str:
             row = log.loc[name]
             difference = f"{number(row['difference'])} {interval(row['low'], row['high'])}"
         values = [number(means.get((steps, name, "log_score"), float("nan"))) for steps in groups]
-        rows.append([NAMES.get(name, name), difference, *values])
+        rows.append([plain_name(name), difference, *values])
     header = ["log score (nats a step)", "difference to the training mean, all steps", *groups]
     return table(header, rows)
 
@@ -151,7 +169,7 @@ def _apart(run: Run, model: str, others: Sequence[str]) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    shown = [f"the {NAMES[name]}" if name in NAMES else f"`{name}`" for name in names]
+    shown = [plain_name(name) for name in names]
     return " and ".join(filter(None, [", ".join(shown[:-1]), shown[-1]]))
 
 
@@ -164,35 +182,67 @@ def _coverage(run: Run) -> str:
         for steps in dict.fromkeys(means.index.get_level_values(0))
         for joint in run.joints
     ]
-    return table(["steps", "joint", *(NAMES.get(name, name) for name in models)], rows)
+    return table(["steps", "joint", *(plain_name(name) for name in models)], rows)
 
 
 def _parameters(run: Run) -> str:
-    """A row for each estimate that has a standard error; a bound at the end of its search is
-    unbounded, and fewer than ten takes make no interval.
+    """A row for each estimate with a standard error that the recordings can tell; fewer than ten
+    takes make no interval.
     """
-    rows = []
+    rows, notes = [], []
     few = run.metrics.get("motion", {}).get("recorded_takes", FEW_TAKES) < FEW_TAKES
     for model in run.models:
-        fitted = run.metrics[f"fit_{model}"]
+        fitted = run.metrics.get(f"fit_{model}", {})
+        absent = _not_told(run, fitted)
+        notes += [
+            f"- {plain_name(model)}: no number for {name}: {why}" for name, why in absent.items()
+        ]
         for name, value in fitted.items():
-            if fitted.get(f"{name}_unbounded"):
-                rows.append([model, name, "unbounded", "–", "–"])
-            elif f"{name}_standard_error" in fitted:
+            if name in absent:
+                continue
+            if f"{name}_standard_error" in fitted:
                 ends = [
                     fitted.get(f"{name}_interval_{end}", float("nan")) for end in ("low", "high")
                 ]
                 error = number(fitted[f"{name}_standard_error"])
                 rows.append([model, name, number(value), error, "–" if few else interval(*ends)])
-    return table(["model", "parameter", "value", "standard error", "95 % interval"], rows)
+    text = table(["model", "parameter", "value", "standard error", "95 % interval"], rows)
+    return "\n\n".join([text, *(["\n".join(notes)] if notes else [])])
+
+
+def _not_told(run: Run, fitted: Mapping[str, float]) -> dict[str, str]:
+    """The estimates among ``fitted`` without a number, and why."""
+    absent = {}
+    for name in fitted:
+        if fitted.get(f"{name}_unbounded"):
+            absent |= {name: "its search ended at a bound; the level α·u alone is known"}
+            absent |= {other: "known with u alone" for other in ("alpha",) if other in fitted}
+    m = len(run.task)
+    if m and fitted.get("sigma_b", 0.0) >= ((m + 1) / (m + 3)) ** 0.5:
+        absent["sigma_b"] = "a step has no covariance at the estimate"
+    if "ranges" in run.tables:
+        ranges = run.tables["ranges"]
+        speeds = ranges[ranges["quantity"] == "joint speed"].set_index("name")
+        fastest = speeds[["least", "greatest"]].abs().max(axis=1)
+        for joint, speed in fastest.items():
+            name = f"std_share_of_the_step_{joint}"
+            if name in fitted and speed < STILL * fastest.max():
+                absent[name] = f"{joint} hardly moved (at most {number(speed)} rad/s)"
+    return absent
 
 
 def _ranges(run: Run) -> str:
     rows = [
         [row.quantity, row.name_, row.unit, number(row.least), number(row.greatest)]
-        for row in run.tables["ranges"].rename(columns={"name": "name_"}).itertuples()
+        for row in _seen(run).rename(columns={"name": "name_"}).itertuples()
     ]
     return table(["", "of", "unit", "least", "greatest"], rows)
+
+
+def _seen(run: Run) -> pd.DataFrame:
+    """The ranges of all motions, and those of the analysed one."""
+    tables = [run.tables[name] for name in ("motion_ranges", "ranges") if name in run.tables]
+    return pd.concat(tables).drop_duplicates(["quantity", "name"])
 
 
 def _left_out(run: Run) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LEAST_POWER = 0.8  # of a test that is evidence, pipeline.statistics.following.POWER
+LEAST_POWER = 0.8  # of a test that is evidence, pipeline.statistics.curves.POWER
 
 
 @dataclass(frozen=True)

@@ -1,22 +1,23 @@
-"""What alone is known of a cable system in the study: bounds, within which its values are uniform
-and independent.
+"""Bounds within which the values of a cable system are uniform and independent, from the options
+of the study and of a configuration of the experiment.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
+from pipeline.core.options.instruments import Configuration, Force
 from pipeline.wrench.parametric import CableSystem
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """(low, high) of what characterises a cable; a system draws each cable's values independently
-    within them, uniformly: in space the directions on the sphere.
+    """(low, high) of the values of a cable, which a system draws uniformly for each cable: in space
+    the directions uniformly on the sphere.
 
     Systems are planar unless there is an ``elevation``, and their cables meet in one point unless
     there is an ``attachment``. Raises ConfigError for bounds that bound no system.
@@ -30,22 +31,18 @@ class Bounds:
     attachment: tuple[float, float] | None = None  # m, each coordinate of r
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            if (bounds := getattr(self, field.name)) is None:
-                continue
-            low, high = bounds
-            if not -np.inf < low <= high < np.inf:
+        lowest = {"tension": np.nextafter(0, 1), "concentration": np.nextafter(0, 1)}
+        lowest |= {"tension_sd": 0.0, "elevation": -np.pi / 2}
+        for name, bounds in vars(self).items():
+            least, most = lowest.get(name, -np.inf), np.pi / 2 if name == "elevation" else np.inf
+            if bounds is not None and not least <= bounds[0] <= bounds[1] <= most:
                 raise ConfigError(
-                    f"wrench bounds: {field.name} must be finite with low ≤ high, found ({low}, "
-                    f"{high})",
-                    key=field.name,
+                    f"wrench bounds: {name} must be {least:.3g} ≤ low ≤ high ≤ {most:.3g}, got "
+                    f"{bounds[0]}, {bounds[1]}",
+                    key=name,
                 )
-        if self.tension[0] <= 0 or self.tension_sd[0] < 0 or self.concentration[0] <= 0:
-            raise ConfigError(
-                "wrench bounds: tension and concentration must be positive, tension_sd not negative"
-            )
-        if self.elevation is not None and np.any(np.abs(self.elevation) > np.pi / 2):
-            raise ConfigError("wrench bounds: must lie within ±π/2", key="elevation")
+            if bounds is not None and not np.all(np.isfinite(bounds)):
+                raise ConfigError(f"wrench bounds: {name} must be finite, got {bounds}", key=name)
 
     @property
     def dimension(self) -> int:
@@ -69,24 +66,14 @@ class Bounds:
         return np.concatenate([np.sqrt(1 - up**2)[..., None] * plane, up[..., None]], axis=-1)
 
 
-def study_bounds(options: Wrench) -> Bounds:
-    """The bounds of the paper's numerical study."""
-    return Bounds(
-        tuple(options.tension),
-        tuple(options.direction),
-        tuple(options.tension_std),
-        tuple(options.kappa),
-    )
-
-
 def within(range_: tuple[float, float], share: np.ndarray) -> np.ndarray:
-    """The values at ``share`` of a range (low, high), any shape."""
+    """Values at ``share`` of a range (low, high), any shape."""
     low, high = range_
     return low + (high - low) * share
 
 
 def systems_at(bounds: Bounds, points: np.ndarray) -> CableSystem:
-    """The systems at ``points`` (coordinates, ..., m) of the unit cube: T̲, θ̲, σ_T and κ as shares
+    """Systems at ``points`` (coordinates, ..., m) of the unit cube: T̲, θ̲, σ_T and κ as shares
     of their ranges, then in space the height, then the p coordinates of the attachment.
     """
     tension, angle, tension_sd, concentration, *rest = points
@@ -103,7 +90,52 @@ def systems_at(bounds: Bounds, points: np.ndarray) -> CableSystem:
 def draw_systems(
     bounds: Bounds, systems: int, agents: int, rng: np.random.Generator
 ) -> CableSystem:
-    """``systems`` cable systems of ``agents`` cables within ``bounds``; tensions (systems,
-    agents).
-    """
+    """``systems`` cable systems of ``agents`` cables within ``bounds``."""
     return systems_at(bounds, rng.random((bounds.coordinates, systems, agents)))
+
+
+def study_bounds(options: Wrench) -> Bounds:
+    """Bounds of the paper's numerical study."""
+    ranges = (options.tension, options.direction, options.tension_std, options.kappa)
+    return Bounds(*map(tuple, ranges))
+
+
+def configuration_bounds(force: Force, configuration: Configuration) -> Bounds:
+    """Bounds of the class that ``configuration`` belongs to; attachments as multiples of the
+    characteristic length.
+    """
+    elevation, attachment = configuration.elevation_bounds, configuration.attachment_bounds
+    return Bounds(
+        tuple(force.tension_bounds),
+        tuple(configuration.direction_bounds),
+        tuple(force.tension_std_bounds),
+        tuple(force.kappa_bounds),
+        None if elevation is None else tuple(elevation),
+        None if attachment is None else tuple(np.divide(attachment, force.length)),
+    )
+
+
+def nominal_system(force: Force, configuration: Configuration) -> CableSystem:
+    """The system of ``configuration`` at its means, its attachments as multiples of the
+    characteristic length.
+
+    The matrix model knows no law of the directions: the concentration is given and does not enter
+    it. Raises ConfigError where robots have no standard deviation of their tension.
+    """
+    agents, azimuth = len(configuration.tension), np.array(configuration.direction)
+    if len(force.tension_std) < agents:
+        raise ConfigError(
+            f"tension_std: {len(force.tension_std)} values for the {agents} robots of "
+            f"{configuration.file}",
+            key="dataset.force.tension_std",
+        )
+    direction = [np.cos(azimuth), np.sin(azimuth)]
+    if (elevation := configuration.elevation) is not None:
+        direction = [*(np.cos(elevation) * part for part in direction), np.sin(elevation)]
+    return CableSystem(
+        configuration.tension,
+        np.stack(direction, axis=-1),
+        force.tension_std[:agents],
+        np.full(agents, force.kappa_bounds[0]),
+        configuration.attachment,
+    ).in_units_of(force.length)

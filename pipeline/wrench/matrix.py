@@ -1,7 +1,8 @@
-"""The random-matrix wrench model: W = S·T with a matrix-variate normal static Jacobian S and a
-normal actuation T.
+"""The random-matrix wrench model: W = S·T with a matrix-variate normal static Jacobian
+S ~ N(S̲, Σ_S ⊗ Ψ_S) and an independent normal actuation T ~ N(T̲, Σ_T).
 
-S ~ N(S̲, Σ_S ⊗ Ψ_S) and T ~ N(T̲, Σ_T) are independent.
+Wrenches alone do not determine Ψ_S: it enters their covariance by the trace tr{(Σ_T + T̲T̲ᵀ)Ψ_S}
+only, times Σ_S. Recorded S determine both but for a factor, and so do wrenches at several known T.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class MatrixModel:
     psi: np.ndarray  # Ψ_S (..., m, m)
 
     def spread(self) -> np.ndarray:
-        """tr{(Σ_T + T̲T̲ᵀ)Ψ_S} = E[TᵀΨ_ST] in N², (...): what Σ_S is multiplied by in Cov(W).
+        """tr{(Σ_T + T̲T̲ᵀ)Ψ_S} = E[TᵀΨ_ST] in N², (...): the factor of Σ_S in Cov(W).
 
         Theorem 5 in Eq. (TorqCovRHS1), with E[TTᵀ] = Σ_T + T̲T̲ᵀ of Eq. (MeanOfDynParTrns).
         """
@@ -53,8 +54,8 @@ class MatrixModel:
 def matrix_model(system: CableSystem) -> MatrixModel:
     """The model of a cable system: S̲ at the nominal directions, T̲ and Σ_T of the tensions.
 
-    As in the paper S̲ stands at e̲, not at E[S] = A(κ)·S̲, which differs from it by (p − 1)/(2κ),
-    and Ψ_S = I, as the directions are independent; :mod:`pipeline.wrench.kronecker` estimates Ψ_S.
+    As in the paper S̲ is at e̲, not at E[S] = A(κ)·S̲, which differs from it by (p − 1)/(2κ), and
+    Ψ_S = I, as the directions are independent; :func:`moment_fit` estimates Ψ_S.
     """
     identity = np.eye(system.tension.shape[-1])
     return MatrixModel(
@@ -66,10 +67,9 @@ def unbounded_sigma_s(model: MatrixModel, covariance: np.ndarray) -> np.ndarray:
     """M = (Cov(F) − S̲Σ_TS̲ᵀ)/tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, (..., n, n): the Σ_S with which Cov(W) is
     ``covariance`` (..., n, n).
 
-    It may have negative eigenvalues: S̲ stands at the nominal directions, so S̲Σ_TS̲ᵀ overstates
-    what the tensions cause along a cable. A characteristic length scales its rows and columns of
-    moments and changes nothing else. Raises ModelDomainError where there is neither actuation
-    nor variance of it.
+    It may have negative eigenvalues: S̲ is at the nominal directions, so S̲Σ_TS̲ᵀ overstates what
+    the tensions cause along a cable. Raises ModelDomainError where there is neither actuation nor
+    variance of it.
     """
     spread = model.spread()
     if np.any(spread <= 0):
@@ -80,17 +80,15 @@ def unbounded_sigma_s(model: MatrixModel, covariance: np.ndarray) -> np.ndarray:
 
 
 def optimal_sigma_s(unbounded: np.ndarray, form: str) -> tuple[np.ndarray, np.ndarray]:
-    """The optimal Σ_S ≥ 0 (..., n, n), and how many of its eigenvalues the bound holds at 0 (...);
-    ``unbounded`` M (..., n, n).
+    """The optimal Σ_S ≥ 0 (..., n, n), and the number of its eigenvalues that the bound holds at 0
+    (...); ``unbounded`` M (..., n, n).
 
     ``form`` "diagonal" is Eq. (SigSOptim), which compares variances alone: with ‖diag Cov(W) −
-    Var(F)‖ = c·‖diag Σ_S − diag M‖, c = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, each entry is solved alone: max(0,
-    Mᵢᵢ). "full" is the paper's modification, its objective augmented with the covariance to ‖Cov(W)
-    − Cov(F)‖_F = c·‖Σ_S − M‖_F, in which the covariance counts twice, as it stands twice in the
-    matrix. Its optimum is the projection of M on the cone of positive semidefinite matrices: the
-    eigenvectors stay and negative eigenvalues become 0 (Higham 1988). Of a diagonal matrix that is
-    the diagonal problem's max. Where nothing is held Σ_S is M, whatever the weights; where
-    something is, "full" depends on the characteristic length.
+    Var(F)‖ = c·‖diag Σ_S − diag M‖, c = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, each entry is max(0, Mᵢᵢ). "full" is
+    the paper's modification, its objective augmented with the covariance to ‖Cov(W) − Cov(F)‖_F =
+    c·‖Σ_S − M‖_F, in which the covariance counts twice. Its optimum is the projection of M on the
+    cone of positive semidefinite matrices: negative eigenvalues become 0 (Higham 1988). Where the
+    bound is active, "full" depends on the characteristic length.
     """
     target = unbounded if form == "full" else unbounded * np.eye(unbounded.shape[-1])
     values, vectors = np.linalg.eigh(target)
@@ -109,13 +107,11 @@ def sample_wrenches(
     matrix. Raises ModelDomainError for a Σ_T or Σ_S that is no covariance.
     """
     for name, covariance in (("Σ_T", model.actuation_cov), ("Σ_S", sigma_s)):
-        eigenvalues = np.linalg.eigvalsh(covariance)
-        if not np.allclose(covariance, np.transpose(covariance)) or eigenvalues[0] < -1e-9 * abs(
-            eigenvalues[-1]
-        ):
+        values = np.linalg.eigvalsh(covariance)
+        if not np.allclose(covariance, covariance.T) or values[0] < -1e-9 * abs(values[-1]):
             raise ModelDomainError(
                 f"{name} is no covariance: it must be symmetric without negative eigenvalues",
-                eigenvalues=eigenvalues.tolist(),
+                eigenvalues=values.tolist(),
             )
     actuation = rng.multivariate_normal(
         model.actuation, model.actuation_cov, samples, method="eigh"
@@ -123,3 +119,30 @@ def sample_wrenches(
     noise = rng.multivariate_normal(np.zeros(len(sigma_s)), sigma_s, samples, method="eigh")
     scale = np.sqrt(np.einsum("ki,ij,kj->k", actuation, model.psi, actuation))
     return actuation @ model.jacobian.T + scale[:, None] * noise
+
+
+@dataclass(frozen=True)
+class KroneckerFit:
+    """S ~ N(mean, Σ_S ⊗ Ψ_S) with tr Ψ_S = m."""
+
+    mean: np.ndarray  # (n, m)
+    sigma_s: np.ndarray  # Σ_S (n, n), per cable
+    psi: np.ndarray  # Ψ_S (m, m)
+
+
+def moment_fit(jacobians: np.ndarray) -> KroneckerFit:
+    """The law of recorded ``jacobians`` (N, n, m) by two of its moments, with X = S − E[S]: E[XXᵀ]
+    = tr(Ψ_S)·Σ_S and E[XᵀX] = tr(Σ_S)·Ψ_S (Theorem 5).
+
+    Where columns and tensions are independent the trace of the modelled Cov(W) is then exact,
+    whatever the law of S; a matrix-variate normal likelihood would not keep it. The rows need one
+    unit. Raises ModelDomainError for samples without any variance.
+    """
+    mean = jacobians.mean(axis=0)
+    x = jacobians - mean
+    covariance = np.einsum("kia,kjb->iajb", x, x) / len(x)
+    psi = np.einsum("iaib->ab", covariance)
+    if not np.trace(psi) > 0:
+        raise ModelDomainError("the recorded Jacobians are all alike; Σ_S and Ψ_S need variance")
+    m = len(psi)
+    return KroneckerFit(mean, np.einsum("iaja->ij", covariance) / m, psi * m / np.trace(psi))

@@ -1,30 +1,34 @@
 """Measured wrench against the matrix model of one configuration: moments, densities on common
 grids, and a test of one law.
 
-Rows of a wrench are named as in the table ``force``; where a system's attachments are multiples of
-a characteristic length, rows of moments are in N like those of forces.
+Rows of a wrench are named as in the table ``force``; with attachments as multiples of a
+characteristic length, rows of moments are in N like those of forces. ``wrenches`` map a source to
+its samples (N, n) in N of the ``rows``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
 import pandas as pd
 
-from pipeline.statistics.kde import kernel_density, marginal_density, normal_reference_bandwidth
-from pipeline.statistics.two_sample import autocorrelation_time, energy_test, thinned
+from pipeline.statistics.densities import (
+    autocorrelation_time,
+    energy_test,
+    kernel_density,
+    marginal_density,
+    normal_reference_bandwidth,
+    thinned,
+)
 from pipeline.wrench.matrix import matrix_model, sample_wrenches
 from pipeline.wrench.parametric import CableSystem
 
 # rows of forces and of moments in the plane and in space
 ROWS = {2: (("fx", "fy"), ("mz",)), 3: (("fx", "fy", "fz"), ("mx", "my", "mz"))}
-# standard deviations of the wider source that the common grid extends beyond the means
-GRID_REACH = 4.0
-# of the model for every measured sample that is tested: its own scatter then adds a tenth to the
-# record's
-DRAWS = 10
+GRID_REACH = 4.0  # standard deviations of the wider source that the grid extends beyond the means
+DRAWS = 10  # of the model for every tested sample: they add a tenth to the record's scatter
 
 
 def rows_of(system: CableSystem) -> tuple[str, ...]:
@@ -46,18 +50,14 @@ def measured_wrenches(record: pd.DataFrame, system: CableSystem, length: float) 
 def modelled_wrenches(
     system: CableSystem, sigma_s: np.ndarray, samples: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """``samples`` wrenches (samples, n) of the matrix model at the nominal ``system`` (m,) with
-    ``sigma_s`` (n, n).
-    """
+    """``samples`` wrenches (samples, n) of the matrix model at the nominal ``system`` (m,)."""
     return sample_wrenches(matrix_model(system), sigma_s, samples, rng)
 
 
 def force_moments(
-    configuration: str, wrenches: dict[str, np.ndarray], rows: Sequence[str]
+    configuration: str, wrenches: Mapping[str, np.ndarray], rows: Sequence[str]
 ) -> pd.DataFrame:
-    """The rows of the table ``force_moments`` of one configuration; ``wrenches`` maps a source to
-    its samples (N, n) in N of the ``rows``.
-    """
+    """Rows of the table ``force_moments`` of one configuration."""
     table = []
     for source, sample in wrenches.items():
         covariance = np.cov(sample, rowvar=False)
@@ -77,9 +77,11 @@ def common_grid(samples: Sequence[np.ndarray], points: int) -> np.ndarray:
     return np.linspace(centres.min(axis=0) - spread, centres.max(axis=0) + spread, points)
 
 
-def force_density(configuration: str, wrenches: dict[str, np.ndarray], points: int) -> pd.DataFrame:
-    """The rows of the table ``force_density`` of one planar configuration: every source on one grid
-    of ``points`` × ``points``; ``wrenches`` maps a source to its samples (N, 2) in N.
+def force_density(
+    configuration: str, wrenches: Mapping[str, np.ndarray], points: int
+) -> pd.DataFrame:
+    """Rows of the table ``force_density`` of one planar configuration, whose samples are (N, 2):
+    every source on one grid of ``points`` × ``points``.
     """
     x, y = common_grid([*wrenches.values()], points).T
     fx, fy = np.meshgrid(x, y, indexing="ij")
@@ -93,58 +95,52 @@ def force_density(configuration: str, wrenches: dict[str, np.ndarray], points: i
 
 
 def wrench_planes(
-    configuration: str, wrenches: dict[str, np.ndarray], rows: Sequence[str], points: int
+    configuration: str, wrenches: Mapping[str, np.ndarray], rows: Sequence[str], points: int
 ) -> pd.DataFrame:
-    """The rows of the table ``wrench_planes`` of one configuration: in each plane of two forces or
-    of two moments every source on one grid of ``points`` × ``points``; ``wrenches`` as in
-    :func:`force_moments`.
+    """Rows of the table ``wrench_planes`` of one configuration: :func:`force_density` in each plane
+    of two forces or of two moments.
     """
     tables = []
     for i, j in combinations(range(len(rows)), 2):
         if rows[i][0] == rows[j][0]:
             plane = {source: sample[:, [i, j]] for source, sample in wrenches.items()}
             table = force_density(configuration, plane, points)
-            tables.append(
-                table.rename(columns={"fx": "x", "fy": "y"}).assign(row_x=rows[i], row_y=rows[j])
-            )
+            table = table.rename(columns={"fx": "x", "fy": "y"})
+            tables.append(table.assign(row_x=rows[i], row_y=rows[j]))
     return pd.concat(tables, ignore_index=True)
 
 
 def wrench_marginals(
-    configuration: str, wrenches: dict[str, np.ndarray], rows: Sequence[str], points: int
+    configuration: str, wrenches: Mapping[str, np.ndarray], rows: Sequence[str], points: int
 ) -> pd.DataFrame:
-    """The rows of the table ``wrench_marginals`` of one configuration: of each row of the wrench
-    every source at the same ``points`` values; ``wrenches`` as in :func:`force_moments`.
+    """Rows of the table ``wrench_marginals`` of one configuration: density of each row of the
+    wrench, every source at the same ``points`` values.
     """
-    tables = []
-    for row, values in zip(
-        range(len(rows)), common_grid([*wrenches.values()], points).T, strict=True
-    ):
+    tables, grid = [], common_grid([*wrenches.values()], points)
+    for i, row in enumerate(rows):
         for source, sample in wrenches.items():
-            table = {"configuration": configuration, "source": source, "row": rows[row]}
-            table |= {"value": values, "density": marginal_density(sample[:, row], values)}
-            tables.append(pd.DataFrame(table))
+            table = {"configuration": configuration, "source": source, "row": row}
+            density = marginal_density(sample[:, i], grid[:, i])
+            tables.append(pd.DataFrame(table | {"value": grid[:, i], "density": density}))
     return pd.concat(tables, ignore_index=True)
 
 
 def force_test(
     measured: np.ndarray, system: CableSystem, sigma_s: np.ndarray, rng: np.random.Generator
 ) -> dict[str, float]:
-    """Whether the record ``measured`` (N, n) in N has the law of the matrix model at the nominal
+    """Test of the record ``measured`` (N, n) in N for the law of the matrix model at the nominal
     ``system`` (m,) with ``sigma_s`` (n, n), all rows together.
 
     The energy distance (N) and its permutation p-value of the record, thinned to samples that count
     as independent, against ten times as many of the model; the record's effective samples N/τ, τ
-    its integrated autocorrelation time, and the samples tested. With them the share of the modelled
-    variances that Σ_S causes: where it is small the test says little of Σ_S, and much of the
-    actuation's law.
+    its integrated autocorrelation time, and the samples tested. Where the share of the modelled
+    variances that Σ_S causes is small, the test says little of Σ_S.
     """
     model = matrix_model(system)
     shares = 1 - np.diag(model.actuation_part()) / np.diag(model.covariance(sigma_s))
     independent = thinned(measured)
-    distance, p_value = energy_test(
-        independent, modelled_wrenches(system, sigma_s, DRAWS * len(independent), rng), rng
-    )
+    modelled = modelled_wrenches(system, sigma_s, DRAWS * len(independent), rng)
+    distance, p_value = energy_test(independent, modelled, rng)
     return {
         "energy_distance": distance,
         "two_sample_p_value": p_value,

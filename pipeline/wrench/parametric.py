@@ -2,9 +2,10 @@
 independent.
 
 Cable i pulls with fᵢ = Tᵢ·eᵢ at rᵢ, Tᵢ ~ N(T̲ᵢ, σ_Tᵢ²), eᵢ ~ vMF(e̲ᵢ, κᵢ) on the unit sphere of
-R^p. The wrench is W = Σᵢ Gᵢfᵢ, Gᵢ = [I; (rᵢ)×]: n = 3 rows in the plane, p = 2, and six in space,
-p = 3. Cables that meet in one point have no moment: G = I, n = p. The concentration κ is what the
-paper writes σ_θ: the larger, the narrower.
+R^p, of density ∝ exp(κ·eᵀe̲) (Mardia & Jupp, Directional Statistics, 2000, ch. 9); for p = 2 that is
+the von Mises law of an angle. The wrench is W = Σᵢ Gᵢfᵢ, Gᵢ = [I; (rᵢ)×]: n = 3 rows in the plane,
+p = 2, and six in space, p = 3. Cables that meet in one point have no moment: G = I, n = p. The
+concentration κ is what the paper writes σ_θ: the larger, the narrower.
 """
 
 from __future__ import annotations
@@ -12,11 +13,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import ive
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.wrench.directions import mean_resultant_length
 
 UNIT = 1e-9  # that a direction's length may be off 1
+# beyond it the series in 1/κ is exact in double precision, and the Bessel functions fail at 1e9
+LARGE = 1e6
 
 
 @dataclass(frozen=True)
@@ -36,29 +39,21 @@ class CableSystem:
     attachment: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        shape = np.shape(self.tension)
-        vector = (*shape, np.shape(self.direction)[-1] if np.ndim(self.direction) else 0)
-        shapes = {
-            "tension": shape,
-            "tension_sd": shape,
-            "concentration": shape,
-            "direction": vector,
-        }
-        if self.attachment is not None:
-            shapes["attachment"] = vector
-        for name, due in shapes.items():
-            values = np.asarray(getattr(self, name), dtype=float)
-            if values.ndim == 0 or values.shape != due:
-                raise ModelDomainError(
-                    f"{name} has shape {values.shape}, not {due} as the tensions {shape} ask for"
-                )
+        for name, values in vars(self).copy().items():
+            if values is None:
+                continue
+            object.__setattr__(self, name, values := np.asarray(values, dtype=float))
+            due = self.direction.shape if name == "attachment" else np.shape(self.tension)
+            if name != "direction" and values.shape != due:
+                raise ModelDomainError(f"{name} has shape {values.shape}, not {due}")
             if not np.isfinite(values).all():
                 raise ModelDomainError(f"{name} has values that are not finite")
-            object.__setattr__(self, name, values)
+        if self.direction.shape[:-1] != self.tension.shape or self.dimension not in (2, 3):
+            raise ModelDomainError(
+                f"direction has shape {self.direction.shape}, not {self.tension.shape} and 2 or 3"
+            )
         if np.any(self.tension_sd < 0) or np.any(self.concentration <= 0):
             raise ModelDomainError("a cable system needs tension_sd ≥ 0 and concentration > 0")
-        if self.dimension not in (2, 3):
-            raise ModelDomainError(f"directions have 2 or 3 components, not {self.dimension}")
         if np.any(np.abs(np.linalg.norm(self.direction, axis=-1) - 1) > UNIT):
             raise ModelDomainError("directions must be unit vectors; divide them by their lengths")
 
@@ -88,6 +83,30 @@ class CableSystem:
         return np.einsum("...mnp,...mp->...nm", self.maps(), self.direction)
 
 
+def mean_resultant_length(concentration: np.ndarray, dimension: int) -> np.ndarray:
+    """A(κ) = I_{p/2}(κ)/I_{p/2−1}(κ) = E[eᵀe̲], any shape; ``dimension`` p.
+
+    That is I₁/I₀ in the plane and coth κ − 1/κ in space. The exponential scaling cancels in the
+    ratio; without it I₀ overflows a double beyond κ = 713.
+    """
+    bounded = np.minimum(concentration, LARGE)
+    ratio = ive(dimension / 2, bounded) / ive(dimension / 2 - 1, bounded)
+    x, q = 1 / np.maximum(concentration, LARGE), dimension - 1
+    return np.where(concentration > LARGE, 1 - q * x / 2 + q * (q - 2) * x**2 / 8, ratio)
+
+
+def sample_directions(
+    mean: np.ndarray, concentration: np.ndarray, samples: int, rng: np.random.Generator
+) -> np.ndarray:
+    """``samples`` independent sets of unit vectors, (samples, m, p), of cables with the ``mean``
+    directions e̲ (m, p) and ``concentration`` κ (m,): Eq. (vMis), and its counterpart in space.
+    """
+    from scipy.stats import vonmises_fisher
+
+    laws = [vonmises_fisher(mu, kappa) for mu, kappa in zip(mean, concentration, strict=True)]
+    return np.stack([law.rvs(samples, random_state=rng) for law in laws], axis=1)
+
+
 def wrench_map(attachment: np.ndarray) -> np.ndarray:
     """G = [I; (r)×] (..., n, p) of a force at ``attachment`` r (..., p): in the plane its last row
     gives rₓf_y − r_yfₓ.
@@ -102,9 +121,7 @@ def wrench_map(attachment: np.ndarray) -> np.ndarray:
 
 
 def wrench_mean(system: CableSystem) -> np.ndarray:
-    """E[W] = Σᵢ A(κᵢ)·T̲ᵢ·Gᵢe̲ᵢ, (..., n) in N and N·m: shorter than the nominal S̲T̲ by the
-    spread of the directions.
-    """
+    """E[W] = Σᵢ A(κᵢ)·T̲ᵢ·Gᵢe̲ᵢ, (..., n) in N and N·m: shorter than the nominal S̲T̲."""
     pull = mean_resultant_length(system.concentration, system.dimension) * system.tension
     return np.einsum("...nm,...m->...n", system.jacobian(), pull)
 
@@ -113,8 +130,8 @@ def wrench_covariance(system: CableSystem) -> np.ndarray:
     """Cov(W) = Σᵢ Gᵢ Cov(fᵢ) Gᵢᵀ, (..., n, n) in N², N²·m and N²·m².
 
     Cov(fᵢ) = (T̲² + σ_T²)·E[eeᵀ] − T̲²A²·e̲e̲ᵀ with E[eeᵀ] = (A/κ)·I + (1 − pA/κ)·e̲e̲ᵀ (Mardia &
-    Jupp 2000, ch. 9). For p = 2 and G = I its diagonal is Eqs. (kapF11) and (kapF22), and off it
-    stands the covariance that the paper leaves out.
+    Jupp 2000, ch. 9). For p = 2 and G = I its diagonal is Eqs. (kapF11) and (kapF22); its
+    off-diagonal entry is the covariance that the paper leaves out.
     """
     p = system.dimension
     length = mean_resultant_length(system.concentration, p)

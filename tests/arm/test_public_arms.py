@@ -13,7 +13,7 @@ import pytest
 from pipeline.arm.model import chain_of
 from pipeline.arm.serial import LEAST_SINGULAR
 from pipeline.core.options.dataset import Robot
-from tests.arm.serial_arms import by_pinocchio
+from tests.arm.arm_urdfs import by_pinocchio
 
 PEERS = Path(__file__).parents[2] / ".venv-peers"
 UNIVERSAL = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow")]

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.model import chain_of
-from pipeline.arm.serial import LEAST_SINGULAR
+from pipeline.arm.serial import LEAST_SINGULAR, PlainChain
 from pipeline.core.errors import SingularJacobianError
 from pipeline.core.options.dataset import Robot
-from tests.arm.example_urdf import YOUBOT
-from tests.arm.serial_arms import (
+from tests.arm.arm_urdfs import (
     LWR4,
     UR5,
+    YOUBOT,
     by_pinocchio,
     jn,
     random_text,
@@ -169,3 +169,20 @@ def test_a_pose_that_is_no_number_is_refused_with_its_place(chain, broken):
         chain.inverse_jacobian(q, what="frame")
     assert refused.value.evidence["index"] == (1, 2)
     assert chain.singular(q).sum() == 1
+
+
+def test_the_chain_by_numpy_alone_is_the_compiled_one(chain):
+    plain = PlainChain(**{each.name: getattr(chain, each.name) for each in fields(chain)})
+    q = regular(chain)
+    for method in ("pose", "jacobian"):
+        ours, theirs = (getattr(one, method)(q) for one in (plain, chain))
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12)
+    assert np.array_equal(plain.singular(q), chain.singular(q)) and not chain.singular(q).any()
+    inverse = chain.inverse_jacobian(q)
+    size = 1e-10 * np.abs(inverse).max()
+    np.testing.assert_allclose(plain.inverse_jacobian(q), inverse, rtol=0, atol=size)
+    start, end = (chain.pose(x) for x in (q, q + 0.1))
+    expected = chain.displacement(start, end)
+    np.testing.assert_allclose(plain.displacement(start, end), expected, rtol=0, atol=1e-12)
+    with pytest.raises(SingularJacobianError):
+        plain.inverse_jacobian(np.full(len(chain.lower), np.nan))

@@ -25,7 +25,7 @@ from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import estimate, options_type
 from pipeline.models.noise import process_noise
 from pipeline.models.steps import Recorded, mean_log_likelihood
-from pipeline.statistics.kde import kernel_density, normal_reference_bandwidth
+from pipeline.statistics.densities import kernel_density, normal_reference_bandwidth
 
 TAKES, STEPS, REST = 12, 60, 15
 FILTERED, PARTICLES = 4, 2000  # takes on all threads; of each

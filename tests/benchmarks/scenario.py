@@ -22,8 +22,8 @@ from pipeline.core.options.dataset import Robot
 from pipeline.core.task import SPACE
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
-from pipeline.models.commands import open_loop
 from pipeline.models.draws import draw_steps
+from pipeline.models.model import open_loop
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 

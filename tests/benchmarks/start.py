@@ -15,34 +15,41 @@ from machine import machine
 
 ROOT = Path(__file__).parents[2]
 ROUNDS = 3
-# seconds of wall time of a process, and ns a particle and step, by this program's own clock
+# another elementary function for the kernel: the C library's, which no loop around it vectorises
+C_LIBRARY = """
+import math
+import pipeline.core.elementary as own
+own.sine_cosine = own.inlined(lambda angle: (math.sin(angle), math.cos(angle)))
+own.exponential = own.inlined(lambda x: math.exp(x))
+own.expm1 = own.inlined(lambda x: math.expm1(x))
+"""
 COMMON = f"""
 import json, sys, time
 sys.path[:0] = [{str(ROOT)!r}, {str(ROOT / "tests")!r}, {str(Path(__file__).parent)!r}]
 begin = time.process_time()
-import pipeline.core.environment, pipeline.models.draws, pipeline.filtering.particle_filter
+import pipeline.core.environment
+VARIANT
+import pipeline.models.draws, pipeline.filtering.particle_filter
 import pipeline.models.wishart.samples, pipeline.models.wishart.quadrature
 imported = time.process_time() - begin
 import numpy as np
+from plain_step import plain_steps
 from scenario import scene, take
-from pipeline.models.additive.law import AdditiveModel
+from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 """
-FIRST = (
-    COMMON
-    + """
+# processor time in s
+FIRST = """
 begin = time.process_time()
 for arm in ("youbot", "ur5", "lwr4"):
     take(4, arm).filtered(100, np.random.default_rng(1))
 print(json.dumps({"imports": imported, "first use": time.process_time() - begin}))
 """
-)
-SPEED = (
-    COMMON
-    + """
+# ns a particle and step, the least of 12 calls
+SPEED = """
 LAWS = {
     "pivoted LU": WishartModel(0.25, Decomposition("pivoted_lu")),
     "QR of J": WishartModel(0.25, Decomposition("qr")),
@@ -50,27 +57,33 @@ LAWS = {
     "Gaussian": GaussianModel(0.1, 1e3),
 }
 result = {}
+
+def measure(name, steps, *arguments):
+    least = np.inf
+    for _ in range(12):
+        begin = time.perf_counter()
+        steps(*arguments, rng)
+        least = min(least, time.perf_counter() - begin)
+    result[name] = round(1e9 * least / 20_000, 1)
+
 for arm in ("youbot", "ur5", "lwr4"):
     stage, rng = scene(arm), np.random.default_rng(1)
-    n = len(stage.start.mean)
+    n, chain = len(stage.start.mean), stage.chain
     q = stage.start.mean + 0.05 * rng.standard_normal((20_000, n))
-    v = stage.chain.jacobian(stage.start.mean) @ np.full(n, 1e-3)
-    for law, model in (LAWS | {"additive": AdditiveModel(1e-6 * np.eye(n))}).items():
-        least = np.inf
-        for _ in range(12):
-            begin = time.perf_counter()
-            draw_steps(model, stage.chain, q, v, rng)
-            least = min(least, time.perf_counter() - begin)
-        result[f"{arm}, {law}"] = 1e9 * least / len(q)
+    v = chain.jacobian(stage.start.mean) @ np.full(n, 1e-3)
+    for law, model in (LAWS | {"additive": ScaledModel(1e-6 * np.eye(n))}).items():
+        measure(f"{arm}, {law}", draw_steps, model, chain, q, v)
+    if arm == "youbot":
+        measure("youbot, additive, plain", plain_steps, chain.links, chain.signs, q, v,
+                1e-3 * np.eye(n))
 print(json.dumps(result))
 """
-)
 
 
-def answer(program: str, cache: Path) -> dict[str, float]:
-    """What a program prints, with machine code in the folder ``cache``."""
+def answer(program: str, cache: Path, variant: str = "") -> dict[str, float]:
+    """Run ``program`` with machine code in the folder ``cache``; return the values it prints."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
-    command = [sys.executable, "-c", program]
+    command = [sys.executable, "-c", COMMON.replace("VARIANT", variant) + program]
     ran = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, cwd=ROOT)
     return json.loads(ran.stdout.splitlines()[-1])
 
@@ -80,12 +93,19 @@ def main(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     compiled = answer(FIRST, folder)
     cached = [answer(FIRST, folder) for _ in range(ROUNDS)]
+    speeds = answer(SPEED, folder)
+    # constants of the loops are compiled in: another folder, removed before
+    other = answer(SPEED, folder / "c_library", C_LIBRARY)
+    plain = {"youbot, additive": speeds.pop("youbot, additive, plain")}
     measured = {
         "machine": machine(),
         "imports_seconds": min(each["imports"] for each in cached),
         "cached_seconds": min(each["first use"] for each in cached),
         "compiled_seconds": compiled["first use"],
-        "nanoseconds": {name: round(x, 1) for name, x in answer(SPEED, folder).items()},
+        "nanoseconds": {
+            name: {"kernel": ns, "C library": other[name], "plain loop": plain.get(name)}
+            for name, ns in speeds.items()
+        },
     }
     file = ROOT / "reports/benchmarks/start.json"
     file.write_text(json.dumps(measured, indent=1) + "\n")

@@ -67,14 +67,13 @@ def start(folder: Path) -> str:
         ]
         for key, (what, limit) in STARTS.items()
     ]
-    speeds = [[name, f"{each:.0f}"] for name, each in measured["nanoseconds"].items()]
-    text = f"{table(['processor time', '', 'limit', ''], rows)}\n\n"
-    text += table(["draws of a step", "ns a particle"], speeds)
-    if layers := read(folder, "layers"):
-        header = ["variant", *layers["columns"]]
-        cells = [[row["variant"], *map(str, row["values"])] for row in layers["rows"]]
-        text += f"\n\n{layers['about']}\n\n{table(header, cells)}"
-    return text
+    speeds = [
+        [name, *("–" if ns is None else f"{ns:.0f}" for ns in each.values())]
+        for name, each in measured["nanoseconds"].items()
+    ]
+    header = ["draws of a step, ns a particle", "kernel", "with the C library's sine and "
+              "exponential", "one pose after the other"]  # fmt: skip
+    return f"{table(['processor time', '', 'limit', ''], rows)}\n\n{table(header, speeds)}"
 
 
 def growth(folder: Path) -> str:

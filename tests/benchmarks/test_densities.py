@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from pipeline.statistics.kde import kernel_density, normal_reference_bandwidth
+from pipeline.statistics.densities import kernel_density, normal_reference_bandwidth
 
 pytestmark = pytest.mark.benchmark(group="Densities, a million samples on 256 × 256 points")
 SHOWN = 16  # every so many-th grid point is held against the exact sum

@@ -15,8 +15,8 @@ from plain_step import plain_steps
 from scenario import Take, apart, scene, take
 
 from pipeline.filtering.particle_filter import Posterior
-from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.draws import draw_steps
+from pipeline.models.scaled.law import ScaledModel
 
 ARMS = {
     "youbot": "Particle filter, Wishart model by pivoted LU: youBot, three joints in a plane",
@@ -107,7 +107,7 @@ def steps(size):
     """Guard of the vectorised loops: the same steps from the same stream, one pose at a time."""
     chain, start = scene("youbot").chain, scene("youbot").start
     q = start.mean + 0.05 * np.random.default_rng(1).standard_normal((size(200_000, 600), 3))
-    return AdditiveModel(1e-6 * np.eye(3)), chain, q, np.array([2e-3, -1e-3, 3e-3])
+    return ScaledModel(1e-6 * np.eye(3)), chain, q, np.array([2e-3, -1e-3, 3e-3])
 
 
 @pytest.mark.benchmark(group=PLAIN)
@@ -124,7 +124,7 @@ def test_a_loop_over_single_poses(benchmark, steps):
         "numba, one pose after the other: NumPy's inverse of J and its generator, "
         f"numba {numba.__version__}"
     )
-    root = np.linalg.cholesky(model.noise_covariance)
+    root = np.linalg.cholesky(model.floor)
     arguments = (chain.links, chain.signs, q, v, root)
     moved = benchmark(lambda: plain_steps(*arguments, np.random.default_rng(1)))
     np.testing.assert_allclose(moved, draw_steps(*steps, np.random.default_rng(1))[0], atol=1e-12)

@@ -60,7 +60,9 @@ def test_every_measurement_has_its_place_on_the_page(tmp_path):
             "imports_seconds": 0.5,
             "cached_seconds": 0.1,
             "compiled_seconds": 20.0,
-            "nanoseconds": {"youbot, QR of J": 31.4},
+            "nanoseconds": {
+                "youbot, QR of J": {"kernel": 31.4, "C library": 60.2, "plain loop": None}
+            },
         },
     }
     for name, content in files.items():
@@ -72,4 +74,5 @@ def test_every_measurement_has_its_place_on_the_page(tmp_path):
     text = report(tmp_path)
     assert all(f"## {title}" in text for title in SECTIONS)
     assert "| filter | equal | **other** |" in text and "20 s | ≤ 15 s | **missed**" in text
+    assert "| youbot, QR of J | 31 | 60 | – |" in text
     assert "| joints | 2 to 12 | 2.50 (≤ 3: met) | – |" in text and "make bench-scale" in text

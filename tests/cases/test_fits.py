@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from pipeline.cases.fits import Takes, outcome
+from pipeline.cases.fits import outcome
+from pipeline.cases.recordings import Takes
 from pipeline.models.noise import mean_covariance
 
 REALIZATIONS = 12
@@ -81,3 +82,10 @@ def test_a_model_that_refuses_is_an_outcome_with_its_reason(base, takes):
     refused = fared(base, "wishart", never_rests)
     assert refused.model is None and refused.log_score == {} and refused.mean is None
     assert len(refused.refusals) == 1 and "rest" in refused.refusals[0]
+
+
+def test_an_unbounded_u_of_the_papers_estimator_is_said_beside_it_as_by_the_stage(base, takes):
+    estimates = fared(base, "gaussian", takes).estimates
+    assert {"u_paper", "alpha_paper", "u_paper_unbounded"} <= set(estimates)
+    assert estimates["u_paper_unbounded"] in (0, 1)
+    assert "u_paper_unbounded" not in fared(base, "additive", takes).estimates

@@ -1,10 +1,12 @@
 """The configuration: every option composes, every mistake is refused by key with what is allowed,
-all mistakes at once.
+all mistakes at once; a stage gets the sections that it declares, as typed objects, and no more.
 """
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 import yaml
@@ -12,15 +14,19 @@ from params_file import CHOICES, parameters
 
 from pipeline.core import config
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.analysis import Compute
+from pipeline.core.options.analysis import Compute, Filter
 from pipeline.core.options.dataset import Robot
+from pipeline.core.validation import options
+from pipeline.models.kinds import kinds, options_type
+
+ROOT = Path(__file__).parents[2]
 
 
-def inside(path: str, value: str) -> str:
-    """``{a: {b: value}}`` for the path a.b."""
-    for key in reversed(path.split(".")):
-        value = f"{{{key}: {value}}}"
-    return value
+@pytest.fixture
+def compose(tmp_path, monkeypatch):
+    """Composes params.yaml with some of its lines changed."""
+    monkeypatch.chdir(tmp_path)
+    return lambda **choices: config.compose_config(parameters(tmp_path, **choices))
 
 
 @pytest.mark.parametrize(
@@ -29,36 +35,24 @@ def inside(path: str, value: str) -> str:
 def test_every_option_composes(compose, number):
     # as many at a time as there are groups: the first of each, the second of each, …
     names = {group: config.option_names(group) for group in config.GROUPS}
+    models = config.option_names("model")
     chosen = {group: options[number % len(options)] for group, options in names.items()}
-    composed = compose(**chosen)
+    composed = compose(**chosen, models=f"[{models[number % len(models)]}]")
     assert composed.dataset.name == chosen["dataset"] and composed.scale.name == chosen["scale"]
-
-
-@pytest.mark.parametrize("model", config.option_names("model"))
-def test_every_model_composes_alone(compose, model):
-    assert list(compose(models=f"[{model}]").models) == [model]
+    assert list(composed.models) == [models[number % len(models)]]
 
 
 def test_models_keep_their_order_and_groups_are_those_of_params_yaml(compose):
     assert list(compose(models="[wishart, additive]").models) == ["wishart", "additive"]
     groups = {folder.name for folder in config.CONF.iterdir() if folder.is_dir()}
     assert groups == {*config.GROUPS, "model"}
-    chosen = yaml.safe_load(Path(__file__).parents[2].joinpath("params.yaml").read_text())
-    assert set(chosen) == set(CHOICES)
-
-
-@pytest.mark.parametrize("group", config.GROUPS)
-def test_an_unknown_option_lists_those_there_are(compose, group):
-    with pytest.raises(ConfigError) as refused:
-        compose(**{group: "nonsense"})
-    assert ", ".join(config.option_names(group)) in str(refused.value)
-    assert refused.value.evidence["key"] == group
-    assert refused.value.evidence["file"].name == "params.yaml"
+    assert set(yaml.safe_load((ROOT / "params.yaml").read_text())) == set(CHOICES)
 
 
 @pytest.mark.parametrize(
     ("choices", "words"),
     [
+        *(({group: "nonsense"}, ", ".join(config.option_names(group))) for group in config.GROUPS),
         ({"models": "[]"}, "models: list should have at least 1 item"),
         ({"models": "additive"}, "models: input should be a valid list, got 'additive'"),
         ({"models": "[additive, additive]"}, "additive stands twice"),
@@ -74,6 +68,7 @@ def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, wo
     with pytest.raises(ConfigError, match=words) as refused:
         compose(**choices)
     assert "\n" not in str(refused.value) and "params.yaml" in str(refused.value)
+    assert refused.value.evidence["key"] == next(iter(choices))
 
 
 @pytest.mark.parametrize(
@@ -94,6 +89,7 @@ def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, wo
         ("dataset.laboratory.nonsense", "3", "unknown key 'nonsense'; there are trajectory"),
         ("dataset.laboratory.dynamics.clearance", "wide", "valid number"),
         ("dataset.laboratory.mocap", "{noise_std: -1.0}", "noise_std.*greater than or equal to 0"),
+        ("dataset.elimination", "{decomposition: qr}", r"pipeline/conf/model/wishart\.yaml"),
         ("models.wishart", "{kind: laplace}", "no kind 'laplace'; there are additive"),
         ("models.wishart.estimator", "bayes", "should be"),
         ("models.wishart.left", "[[1.0]]", "given"),
@@ -101,14 +97,17 @@ def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, wo
     ],
 )
 def test_a_wrong_value_is_refused_with_its_key(compose, path, value, words):
+    nested = value
+    for part in reversed(path.split(".")):
+        nested = f"{{{part}: {nested}}}"
     with pytest.raises(ConfigError, match=words) as refused:
-        compose(overrides=inside(path, value))
+        compose(overrides=nested)
     key = str(refused.value.evidence["key"])
     assert key.startswith(path.rpartition(".")[0].partition(".")[0]) or key == "overrides.models"
     assert refused.value.evidence["file"].name in ("params.yaml", "dataset.yaml")
 
 
-def test_all_faults_are_said_at_once(compose):
+def test_all_faults_are_in_one_message(compose):
     with pytest.raises(ConfigError, match="2 faults") as refused:
         compose(overrides="{filter: {particles: 0}, wrench: {grd: 3}}")
     assert "filter.particles: " in str(refused.value) and "did you mean grid" in str(refused.value)
@@ -122,28 +121,20 @@ def test_an_override_changes_its_value_and_nothing_else(compose):
     assert (after.dataset.mocap.gate, after.filter.particles) == (0.001, 7)
     assert (after.models, after.wrench) == (before.models, before.wrench)
     assert compose(overrides=None) == before
-
-
-def test_a_scale_reaches_the_options_that_refer_to_it(compose):
-    composed = compose(overrides="{scale: {particles: 77, realizations: 33}}")
-    assert (composed.filter.particles, composed.simulation.realizations) == (77, 33)
+    # a scale reaches the options that refer to it
+    assert compose(overrides="{scale: {particles: 77}}").filter.particles == 77
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["- a\n", "seed: [\n", "seed: 1\nseed: 2\n", "\xff", "seed: ???\n"],
+    "text", ["- a\n", "seed: [\n", "seed: 1\nseed: 2\n", "\xff", "seed: ???\n", None]
 )
 def test_a_file_that_is_not_keys_and_values_is_refused_with_its_name(tmp_path, text):
     file = tmp_path / "params.yaml"
-    file.write_bytes(text.encode("latin-1"))
+    if text is not None:
+        file.write_bytes(text.encode("latin-1"))
     with pytest.raises(ConfigError) as refused:
         config.compose_config(file)
     assert refused.value.evidence["file"] == file
-
-
-def test_a_missing_file_is_refused(tmp_path):
-    with pytest.raises(ConfigError, match="project's root"):
-        config.compose_config(tmp_path / "params.yaml")
 
 
 def test_comments_leave_the_written_configuration_as_it_is_and_a_refusal_too(tmp_path):
@@ -172,13 +163,135 @@ def test_an_object_made_in_code_is_checked_like_a_file(make, words):
         make()
 
 
-@pytest.mark.parametrize("dataset", ["youbot", "ur5", "lwr4"])
-def test_a_decomposition_named_by_a_dataset_is_refused_with_its_replacement(compose, dataset):
-    with pytest.raises(ConfigError, match=r"pipeline/conf/model/wishart\.yaml") as refused:
-        compose(
-            dataset=dataset, overrides="{dataset: {elimination: {decomposition: qr_transposed}}}"
-        )
-    assert refused.value.evidence["key"] == "dataset.elimination"
-    # control: the model's file has it
-    override = "{models: {wishart: {decomposition: qr_transposed}}}"
-    assert compose(overrides=override).models["wishart"].decomposition == "qr_transposed"
+@cache
+def written(**choices: str) -> bytes:
+    """The composed configuration as the stage configure writes it."""
+    with TemporaryDirectory() as folder:
+        config.write_config(parameters(Path(folder), **choices), Path(folder) / "config.yaml")
+        return (Path(folder) / "config.yaml").read_bytes()
+
+
+@pytest.fixture
+def sections(tmp_path, monkeypatch):
+    """Sections of the composed configuration that a stage gets which declares those given."""
+    monkeypatch.chdir(tmp_path)
+    config.COMPOSED.parent.mkdir()
+
+    def declared(*names: str, item: str | None = None, **choices: str):
+        config.COMPOSED.write_bytes(written(**choices))
+        stage = {"cmd": "true", "params": [{str(config.COMPOSED): list(names)}]}
+        Path("dvc.yaml").write_text(yaml.safe_dump({"stages": {"stage": stage}}))
+        return config.sections("stage", item=item)
+
+    return declared
+
+
+def test_a_stage_gets_the_sections_that_it_declares_and_no_others(sections):
+    settings = sections("seed", "dataset.robot", "filter", "scale.convex_checks")
+    assert settings.seed == 2017 and settings.scale.convex_checks > 0
+    for value, kind in (
+        (settings.dataset.robot, Robot),
+        (settings.filter, Filter),
+        (settings.compute, Compute),
+    ):
+        assert isinstance(value, kind)
+    for place, name in (
+        (settings, "wrench"),
+        (settings, "models"),
+        (settings.dataset, "motion"),
+        (settings.dataset, "laboratory"),
+        (settings.scale, "particles"),
+    ):
+        assert not hasattr(place, name)
+
+
+def test_a_study_of_motion_is_refused_without_a_robot_and_the_papers_stage_is_not(
+    sections, monkeypatch, tmp_path
+):
+    assert sections("dataset.robot", dataset="towing").dataset.robot is None
+    study = tmp_path / "pipeline/study/dvc.yaml"
+    study.parent.mkdir(parents=True)
+    study.write_bytes(Path("dvc.yaml").read_bytes())
+    assert config.sections("stage", study).dataset.robot is None
+    monkeypatch.setattr(config, "CONF", tmp_path / "pipeline/conf")
+    with pytest.raises(ConfigError, match="about a robot's motion, and the dataset has no robot"):
+        config.sections("stage", study)
+
+
+def test_models_and_the_laboratory_have_their_own_types(sections):
+    models = sections("models", models="[additive, wishart, gaussian, scaled]").models
+    assert {name: type(model) for name, model in models.items()} == {
+        kind: options_type(kind) for kind in kinds()
+    }
+    alone = sections("models.${item.model}", item="wishart").models
+    assert vars(alone) == {"wishart": models["wishart"]}
+    laboratory = sections("dataset.laboratory").dataset.laboratory
+    # the youBot's controller logs nothing
+    types = {part: type(value).__name__ for part, value in laboratory.items()}
+    assert types | {"encoders": "EncoderOptions"} == config.LABORATORY
+    for item in ("student", None):
+        with pytest.raises(ConfigError, match=f"there is no models.{item}"):
+            sections("models.${item.model}", item=item)
+
+
+def test_an_instrument_that_a_dataset_lacks_is_none(sections):
+    instruments = ["mocap", "depth", "force", "joint_log", "laboratory", "trajectory"]
+    lacking = ", ".join(f"{instrument}: null" for instrument in instruments)
+    names = [f"dataset.{instrument}" for instrument in instruments]
+    dataset = sections(*names, overrides=f"{{dataset: {{{lacking}}}}}").dataset
+    assert vars(dataset) == dict.fromkeys(instruments)
+
+
+def test_a_stage_or_a_version_that_there_is_not_is_refused(sections):
+    sections("seed")
+    with pytest.raises(ConfigError, match="no stage 'nonsense'; there are stage"):
+        config.sections("nonsense")
+    config.COMPOSED.write_text(config.COMPOSED.read_text().replace("particles:", "swarm:"))
+    with pytest.raises(ConfigError, match="'swarm'"):
+        config.sections("stage")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "file", [ROOT / "dvc.yaml", *sorted(ROOT.glob("data/raw/*/dvc.yaml"))], ids=str
+)
+def test_every_section_that_a_stage_declares_exists(file, sections):
+    sections("seed")
+    for stage in yaml.safe_load(file.read_text())["stages"]:
+        config.sections(stage, file, item="wishart")
+
+
+@options()
+class StudyOptions:
+    """Options of a study of these tests."""
+
+    takes: int
+    estimators: list[str]
+
+
+def test_a_study_gets_its_options_for_the_scale_of_the_run(sections, tmp_path):
+    file = tmp_path / "params.yaml"
+    text = "paper: {takes: 20, estimators: [a, b]}\nsmoke: {takes: 3, estimators: [a]}\n"
+    for scale, expected in (("paper", (20, ["a", "b"])), ("smoke", (3, ["a"]))):
+        sections("seed", scale=scale)
+        file.write_text(text)
+        assert config.study_options(tmp_path, StudyOptions) == StudyOptions(*expected)
+    for old, new, words in (
+        ("smoke: {takes: 3", "smoke: {takes: few", "takes"),
+        ("smoke: {takes: 3", "smoke: {taken: 3", "taken"),
+        ("smoke: {takes: 3, ", "smoke: {", "takes"),
+        ("smoke:", "tiny:", "no section for the scale smoke"),
+    ):
+        file.write_text(text.replace(old, new))
+        with pytest.raises(ConfigError, match=words) as refused:
+            config.study_options(tmp_path, StudyOptions)
+        assert refused.value.evidence["file"] == file
+
+
+def test_options_of_models_that_the_run_has_not_chosen_are_typed_by_their_kinds():
+    names = config.option_names("model")
+    models = config.model_options(names)
+    assert list(models) == names
+    assert {type(model) for model in models.values()} == {options_type(kind) for kind in kinds()}
+    with pytest.raises(ConfigError, match=f"no model 'laplace'; there are {', '.join(names)}"):
+        config.model_options(["additive", "laplace"])

@@ -1,5 +1,5 @@
-"""A dataset's datasheet and its option file: put together, held against each other, and named where
-they are wrong.
+"""A dataset's datasheet and its option file: put together, held against each other, named where
+they are wrong, and filled in line by line.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import yaml
 from params_file import parameters
 
 from pipeline.core import config, datasheet
+from pipeline.core.datasheet import Draft, absent, faults
 from pipeline.core.errors import ConfigError
 
 
@@ -43,106 +44,58 @@ def refusal(tmp_path: Path, **choices: str) -> ConfigError:
     return refused.value
 
 
-def test_what_either_says_stands_in_the_configuration(sheet, tmp_path):
+def test_values_of_both_files_stand_in_the_configuration(sheet, tmp_path):
     edit(sheet, "depth.clock_offset", 0.125)
     composed = config.compose_config(parameters(tmp_path)).dataset
-    assert (composed.depth.clock_offset, composed.depth.takes, composed.depth.search) == (
-        0.125,
-        "kinect/test_*",
-        0.4,
-    )
-    assert not hasattr(composed, "about")
+    assert (composed.depth.clock_offset, composed.depth.search) == (0.125, 0.4)
+    assert composed.depth.takes == "kinect/test_*" and not hasattr(composed, "about")
 
 
 @pytest.mark.parametrize(
-    ("key", "value"),
+    ("key", "value", "words"),
     [
-        ("mocap.gate", 0.1),
-        ("name", "youbot"),
-        ("depth.workspace.floor", 0.0),
-        ("depth.workspace", None),
+        *(
+            (key, value, f"dataset.{key} stands in youbot.yaml too: keep one of them")
+            for key, value in (("mocap.gate", 0.1), ("name", "a"), ("depth.workspace", None))
+        ),
+        ("mocap.base.position", ["???", 0.0, 0.0], "fill in mocap.base.position[0]: there is ???"),
+        ("mocap.markers.link2.link2_a", "???", "fill in mocap.markers.link2.link2_a: there is ???"),
+        ("about.licence", "???", "fill in about.licence: "),
+        ("about", None, "needs about"),
+        ("about.page", "1", "'page'"),
+        ("depth.width", "wide", "width"),
+        ("mocap.unit", "yd", "unit"),
+        ("depth.clock_offset", "early", "clock_offset"),
+        ("force.log.max_faulty", "few", "max_faulty"),
+        ("mocap.markrs", {}, "did you mean markers"),
     ],
 )
-def test_a_key_in_both_places_is_refused(sheet, tmp_path, key, value):
+def test_a_wrong_value_or_key_is_named_with_the_datasheet(sheet, tmp_path, key, value, words):
     edit(sheet, key, value)
     refused = refusal(tmp_path)
-    assert refused.message == f"dataset.{key} stands in youbot.yaml too: keep one of them"
-    assert refused.evidence == {"key": f"dataset.{key}", "file": sheet}
+    assert words in refused.message
+    assert refused.evidence["file"] == sheet and key.split(".")[0] in refused.evidence["key"]
 
 
-def test_every_key_that_is_left_to_fill_in_is_named_with_its_file(sheet, tmp_path):
-    edit(sheet, "mocap.markers.link2.link2_a", "???")
-    edit(sheet, "mocap.base.position", ["???", 0.0, 0.0])
-    refused = refusal(tmp_path)
-    assert (
-        refused.message
-        == "fill in mocap.base.position[0], mocap.markers.link2.link2_a: there is ??? for a value"
-    )
-    assert refused.evidence["file"] == sheet
-
-
-def test_a_value_to_fill_in_of_the_option_file_is_named_with_that(sheet, tmp_path, monkeypatch):
+def test_a_value_to_fill_in_is_named_with_its_file_or_filled_by_an_override(
+    sheet, tmp_path, monkeypatch
+):
+    edit(sheet, "force.tare", "???")
+    override = "{dataset: {force: {tare: 4.0}}}"
+    assert config.compose_config(parameters(tmp_path, overrides=override)).dataset.force.tare == 4.0
     shutil.copytree(config.CONF, tmp_path / "conf")
     monkeypatch.setattr(config, "CONF", tmp_path / "conf")
-    edit(config.CONF / "dataset/youbot.yaml", "mocap.gate", "???")
-    refused = refusal(tmp_path)
-    assert (refused.evidence["key"], refused.evidence["file"]) == (
-        "mocap.gate",
-        config.CONF / "dataset/youbot.yaml",
-    )
+    option_file = config.CONF / "dataset/youbot.yaml"
+    edit(option_file, "mocap.gate", "???")
+    refused = refusal(tmp_path, overrides=override)
+    assert refused.evidence == {"key": "mocap.gate", "file": option_file}
 
 
-def test_an_override_fills_in_what_is_left_open(sheet, tmp_path):
-    edit(sheet, "force.tare", "???")
-    assert (
-        config.compose_config(
-            parameters(tmp_path, overrides="{dataset: {force: {tare: 4.0}}}")
-        ).dataset.force.tare
-        == 4.0
-    )
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("depth.width", "wide"),
-        ("mocap.unit", "yd"),
-        ("depth.clock_offset", "early"),
-        ("force.log.max_faulty", "few"),
-        ("mocap.markrs", {}),
-    ],
-)
-def test_a_wrong_value_or_key_is_named_with_the_datasheet(sheet, tmp_path, key, value):
-    edit(sheet, key, value)
-    refused = refusal(tmp_path)
-    assert refused.evidence["file"] == sheet
-    assert refused.evidence["key"].startswith("dataset.") and key.rpartition(".")[2].split("_")[
-        0
-    ] in str(refused)
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "said"),
-    [
-        ("about", None, "needs about"),
-        ("about.licence", "???", "fill in about.licence: "),
-        ("about.page", "1", "'page'"),
-    ],
-)
-def test_a_datasheet_says_what_whence_and_on_which_terms(sheet, tmp_path, key, value, said):
-    edit(sheet, key, value)
-    refused = refusal(tmp_path)
-    assert said in refused.message and refused.evidence["file"] == sheet
-
-
-def test_a_dataset_without_a_datasheet_is_refused(sheet, tmp_path):
-    sheet.unlink()
-    assert refusal(tmp_path).evidence["file"] == sheet
-
-
-@pytest.mark.parametrize("text", ["- a\n", "a: [\n", "a: 1\na: 2\n"])
+@pytest.mark.parametrize("text", [None, "- a\n", "a: [\n", "a: 1\na: 2\n"])
 def test_a_datasheet_that_is_not_keys_and_values_is_refused(sheet, tmp_path, text):
-    sheet.write_text(text)
+    sheet.unlink()
+    if text is not None:
+        sheet.write_text(text)
     assert refusal(tmp_path).evidence["file"] == sheet
 
 
@@ -151,18 +104,55 @@ def test_every_dataset_has_a_datasheet_with_nothing_to_fill_in():
         assert datasheet.unfilled(datasheet.path_of(dataset)) == []
 
 
-def test_the_example_explains_every_key():
-    lines = datasheet.path_of("youbot").read_text().splitlines()
-    bare = [line for line in lines if ":" in line and "#" not in line]
-    # what stands without a word of its own is explained by the line of its section
-    assert [line.strip().partition(":")[0] for line in bare] == [
-        "subject",
-        "source",
-        "licence",
-        "link1",
-        "link2",
-        "link3",
-        "C1",
-        "C2",
-        "C3",
-    ]
+SHEET, OPTION = Path("dataset.yaml"), Path("lab.yaml")
+TEXTS = {
+    SHEET: "# ??? is asked\nabout:\n  subject: ??? # what\njoint_log:\n  time_unit: ??? # unit\n",
+    OPTION: "name: lab\nmotion:\n  rate: ??? # 1/s\n  steps: ??? # M\n",
+}
+
+
+def test_answers_take_the_places_of_open_values_and_comments_stay():
+    draft = Draft(dict(TEXTS))
+    questions = {question.key: question.hint for question in draft.questions()}
+    keys = ("about.subject", "joint_log.time_unit", "motion.rate", "motion.steps")
+    assert questions == dict(zip(keys, ("what", "unit", "1/s", "M"), strict=True))
+    draft.note("about.subject", "suggested is an arm")
+    for key, value in (
+        ("about.subject", "an arm: # 1"),
+        ("motion.steps", "20"),
+        ("motion.rate", "1e2"),
+    ):
+        draft.answer(key, value, faults)
+    assert '  subject: "an arm: # 1" # what\n' in draft.texts[SHEET]
+    assert draft.texts[OPTION].endswith("  rate: 1e2 # 1/s\n  steps: 20 # M\n")
+    assert draft.values()["motion"] == {"rate": 100.0, "steps": 20}
+    assert [question.key for question in draft.questions()] == ["joint_log.time_unit"]
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("joint_log.time_unit", "minutes", "input should be"),
+        ("motion.steps", "many", "many"),
+        ("motion.steps", "", "a value has to stand here"),
+        ("motion.pace", "1", "still to be filled in; there are about.subject"),
+    ],
+)
+def test_a_wrong_answer_is_refused_and_leaves_the_draft(key, value, words):
+    draft = Draft(dict(TEXTS))
+    with pytest.raises(ConfigError, match=words):
+        draft.answer(key, value, faults)
+    assert draft.texts == TEXTS
+
+
+def test_all_faults_and_all_absent_keys_of_a_draft_are_named():
+    values = {
+        "name": "lab",
+        "robot": {"urdf": "arm.urdf", "joint": ["a"], "length": -1.0},
+        "motion": {"rate": "fast", "steps": 3, "pose_noise": 0.0},
+        "measurement": "taste",
+    }
+    keys = ("robot.length", "robot.joint", "motion.rate", "motion.pose_noise", "measurement")
+    assert [fault.evidence["key"] for fault in faults(values)] == [f"dataset.{k}" for k in keys]
+    lacking = absent({"name": "lab", "motion": {"rate": 1.0}})
+    assert lacking == ["motion.steps", "recordings", "robot"]

@@ -171,6 +171,13 @@ def tables() -> dict[str, pd.DataFrame]:
         "process_noise": [noise[noise["k"] > 0]],
         "deviation": deviation,
         "filter_error": filtered,
+        "noise_quantiles": [
+            pd.DataFrame(
+                {"normal": np.linspace(-3, 3, 9), "noise": np.linspace(-3, 3, 9) ** 3}
+            ).assign(model=model, joint=joint)[["model", "joint", "normal", "noise"]]
+            for model in ("scaled_all", "scaled_t")
+            for joint in JOINTS
+        ],
         "kinect_noise": kinect,
         "skeleton": skeleton,
         "cloud": cloud,

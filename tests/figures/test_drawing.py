@@ -12,9 +12,9 @@ import pandas as pd
 import pytest
 
 from pipeline.core import contracts
+from pipeline.core.contracts import PAPER
 from pipeline.core.errors import ContractError
 from pipeline.core.options.analysis import Compute
-from pipeline.core.tables import PAPER
 from pipeline.figures.drawing import draw_all, figures_in
 
 OUT = Path("reports/figures")

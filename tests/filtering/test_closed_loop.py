@@ -9,10 +9,10 @@ import pytest
 
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
-from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.closed_loop import MeanPath
-from pipeline.models.commands import Commands, open_loop
 from pipeline.models.draws import draw_steps
+from pipeline.models.model import Commands, open_loop
+from pipeline.models.scaled.law import ScaledModel
 
 STEPS, TAKES, DT, EVERY = 90, 30, 0.01, 3  # a frame at every third step
 DEVIATION = np.array([0.004, 0.006, 0.009])  # rad, that a loop of any share leaves
@@ -25,9 +25,9 @@ def path(chain) -> MeanPath:
     return MeanPath(chain, np.array([0.4, 1.7, -0.3]) + progress * np.array([0.5, 0.4, -0.6]))
 
 
-def model_of(share: float) -> AdditiveModel:
+def model_of(share: float) -> ScaledModel:
     """Noise under which a loop of ``share`` κ leaves DEVIATION."""
-    return AdditiveModel(np.diag((1 - (1 - share) ** 2) * DEVIATION**2))
+    return ScaledModel(np.diag((1 - (1 - share) ** 2) * DEVIATION**2))
 
 
 def takes_of(path: MeanPath, share: float, rng: np.random.Generator) -> np.ndarray:

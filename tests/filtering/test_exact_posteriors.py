@@ -17,8 +17,7 @@ from pipeline.arm.serial import SerialChain
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
 from pipeline.filtering.resampling import SCHEMES
-from pipeline.models.additive.law import AdditiveModel
-from pipeline.models.commands import open_loop
+from pipeline.models.model import open_loop
 from pipeline.models.scaled.law import ScaledModel
 
 DT = 0.01
@@ -87,7 +86,7 @@ def independent_runs(
 @pytest.mark.parametrize("scheme", [name for name in SCHEMES if name != "none"])
 def test_with_a_linear_model_and_normal_noise_the_posterior_is_the_kalman_filters(scheme, linear):
     runs = independent_runs(
-        AdditiveModel(NOISE), linear, STEPS, START, FRAMES, FilterOptions(2000, scheme)
+        ScaledModel(NOISE), linear, STEPS, START, FRAMES, FilterOptions(2000, scheme)
     )
     assert all(run.resampled.any() for run in runs)
     assert np.all(distance(runs, *kalman(STEPS, DT, INVERSE, START, NOISE, FRAMES)) < BAND)
@@ -95,7 +94,7 @@ def test_with_a_linear_model_and_normal_noise_the_posterior_is_the_kalman_filter
 
 def test_a_motion_noise_half_as_large_again_is_told_from_the_kalman_filters(linear):
     runs = independent_runs(
-        AdditiveModel(1.5 * NOISE), linear, STEPS, START, FRAMES, FilterOptions(2000)
+        ScaledModel(1.5 * NOISE), linear, STEPS, START, FRAMES, FilterOptions(2000)
     )
     assert np.all(distance(runs, *kalman(STEPS, DT, INVERSE, START, NOISE, FRAMES)) > 2 * BAND)
 
@@ -195,7 +194,7 @@ def test_the_integration_tells_frames_within_a_step_from_frames_moved_to_its_end
 def test_without_measurements_the_prior_propagates(linear):
     unseen = measured_path(STEPS, np.empty(0), seed=11)
     (posterior,) = independent_runs(
-        AdditiveModel(NOISE), linear, STEPS, START, unseen, FilterOptions(4000), seeds=(5,)
+        ScaledModel(NOISE), linear, STEPS, START, unseen, FilterOptions(4000), seeds=(5,)
     )
     mean, covariance, _ = kalman(STEPS, DT, INVERSE, START, NOISE, unseen)
     deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2) / 4000)

@@ -16,8 +16,7 @@ from pipeline.core import contracts
 from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Dataset, Motion
-from pipeline.core.options.logs import Encoders
-from pipeline.core.options.motion_capture import Mocap, Pose
+from pipeline.core.options.instruments import Encoders, Mocap, Pose
 from pipeline.filtering.measured import MOTION, TRACK, measured_takes, tip_poses
 
 HAND = {

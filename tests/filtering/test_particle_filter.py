@@ -11,9 +11,9 @@ from scipy.stats import norm
 from pipeline.core.errors import ConfigError, DegenerateFilterError, ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
-from pipeline.models.additive.law import AdditiveModel
-from pipeline.models.commands import open_loop
 from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.model import open_loop
+from pipeline.models.scaled.law import ScaledModel
 
 DT = 0.01
 STILL = Start(np.array([0.3, -0.2, 0.5]), np.zeros((3, 3)))
@@ -22,8 +22,8 @@ START = replace(
 )
 
 
-DIFFUSING = AdditiveModel(0.005**2 * np.eye(3))
-EXACT = AdditiveModel(np.zeros((3, 3)))
+DIFFUSING = ScaledModel(0.005**2 * np.eye(3))
+EXACT = ScaledModel(np.zeros((3, 3)))
 
 
 def measurements_near(start: Start, steps: np.ndarray, rate: float = 30.0) -> Measurements:

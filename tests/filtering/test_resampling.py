@@ -67,6 +67,15 @@ def test_a_particle_is_chosen_in_proportion_to_its_weight(name, weights):
     assert bias_in_standard_errors(counts, name, weights) < BAND
 
 
+@pytest.mark.parametrize("name", DRAWING)
+def test_a_longer_buffer_changes_no_choice_and_nothing_is_written_behind(name, weights):
+    for seed in range(20):
+        short, long = (
+            chosen_by(name, weights, np.random.default_rng(seed), beyond) for beyond in (0, 200)
+        )
+        assert np.array_equal(long, short)
+
+
 def test_a_comb_that_is_never_shifted_is_found_out_as_biased(weights):
     points = (np.arange(len(weights)) + 0.5) / len(weights)
     chosen = np.searchsorted(np.cumsum(weights), points, side="right")

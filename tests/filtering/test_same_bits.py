@@ -17,7 +17,7 @@ import numpy as np
 from pipeline.arm.chain import PlanarChain
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
-from pipeline.models.commands import Commands
+from pipeline.models.model import Commands
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 

@@ -24,16 +24,15 @@ from pipeline.filtering.particle_filter import (
 from pipeline.filtering.resampling import SCHEMES
 from pipeline.filtering.sampling import keep_inside
 from pipeline.filtering.start import Start, domain_of
-from pipeline.models.additive.law import AdditiveModel
-from pipeline.models.commands import Commands, open_loop
 from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.model import Commands, open_loop
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.law import WishartModel
 
 DT = 0.01
 COVARIANCE = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
 MODELS = {
-    "additive": AdditiveModel(COVARIANCE),
+    "additive": ScaledModel(COVARIANCE),
     "scaled": ScaledModel(COVARIANCE, np.diag([0.04, 0.05, 0.06]) + 0.01),
     **{f"wishart {name}": WishartModel(0.25, each) for name, each in READINGS.items()},
     "wishart pivoted_lu, wide": WishartModel(1.2, READINGS["pivoted_lu"]),
@@ -154,7 +153,7 @@ def test_blocks_of_any_filling_are_filtered(particles, arm):
 
 def test_a_deviation_of_a_billionth_or_another_resampling_would_be_seen(arm):
     compiled, plain = both(MODELS["additive"], arm, FilterOptions(PARTICLES))
-    off, _ = both(AdditiveModel((1 + 1e-9) * COVARIANCE), arm, FilterOptions(PARTICLES))
+    off, _ = both(ScaledModel((1 + 1e-9) * COVARIANCE), arm, FilterOptions(PARTICLES))
     assert greatest_difference(off, plain) > 1e-12 > greatest_difference(compiled, plain)
     other, _ = both(MODELS["additive"], arm, FilterOptions(PARTICLES, threshold=0.6))
     assert greatest_difference(other, plain) == np.inf

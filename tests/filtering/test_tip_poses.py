@@ -15,12 +15,12 @@ from pipeline.arm.model import chain_of, load_arm
 from pipeline.core.errors import ContractError, ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
-from pipeline.models.additive.law import AdditiveModel
-from pipeline.models.commands import open_loop
+from pipeline.models.model import open_loop
+from pipeline.models.scaled.law import ScaledModel
 
 CHAIN = chain_of(LWR4)
 START = np.array([0.3, 0.9, -0.3, -1.6, 0.4, 1.0, 0.2])
-STILL = AdditiveModel(1e-20 * np.eye(7))
+STILL = ScaledModel(1e-20 * np.eye(7))
 DT = 0.01
 
 
@@ -144,7 +144,7 @@ def test_a_planar_arm_and_shapes_that_disagree_are_refused():
     start = Start(np.array([2.0, -2.0, 1.0]), 1e-6 * np.eye(3))
     with pytest.raises(ModelDomainError, match="an arm in space"):
         particle_filter(
-            AdditiveModel(np.eye(3)),
+            ScaledModel(np.eye(3)),
             planar,
             open_loop(np.zeros((1, 3))),
             DT,

@@ -17,8 +17,8 @@ from pipeline.formats.motion.motive import write_motive
 from pipeline.recordings.motion_capture import read_take
 from pipeline.tools.inspect.examine import inspect
 from pipeline.tools.inspect.kinds import DESCRIBE
-from pipeline.tools.inspect.layout import layout
 from pipeline.tools.new_dataset.command import dataset_texts
+from pipeline.tools.new_dataset.layout import layout
 
 MODULE = '''"""Takes of one marker as a program of our own writes them: x, y, z in m at 10 Hz."""
 
@@ -59,7 +59,7 @@ def test_a_module_that_is_added_is_read_by_the_stage_inspected_and_proposed(own)
     assert read_take(own, None).markers["M"].tolist() == [[1, 2, 3], [4, 5, 6]]
     (finding,) = inspect(own.parent)
     assert (finding.format, finding.kind, finding.rate) == ("Own", "motion", 10.0)
-    sheet = dataset_texts("lab", "takes", layout([finding], own.parent), own.parent)[0]
+    sheet = dataset_texts("lab", layout([finding], own.parent), own.parent)[0]
     assert 'training: "walk_*.own"' in sheet or "training: walk_*.own" in sheet
 
 

@@ -16,8 +16,8 @@ from pipeline.arm.model import chain_of
 from pipeline.core.errors import PipelineError
 from pipeline.core.options.dataset import Robot
 from pipeline.formats.motion.c3d import read_c3d
+from pipeline.tools.inspect.command import as_table
 from pipeline.tools.inspect.examine import inspect
-from pipeline.tools.inspect.report import as_table
 
 CASES = Path(__file__).parents[3] / "shared" / "cases"
 
@@ -228,9 +228,9 @@ ONE_EACH = {  # case, file: what inspect says of it
     ("01", "arm.urdf"): "joints revolute (shoulder, elbow, wrist)",
     ("04", "control.c3d"): "markers Arm:a, Arm:b; steps 4; first frame 1",
     ("04", "first_frame_0.c3d"): "markers Arm:a, Arm:b; steps 4; first frame 0",
-    ("04", "labels_padded_with_blanks.c3d"): "skipped labels 3",
-    ("04", "labels_with_further_names.c3d"): "skipped labels 1",
-    ("05", "nexus_moments.c3d"): "skipped model outputs 2",
+    ("04", "labels_padded_with_blanks.c3d"): "3 skipped labels",
+    ("04", "labels_with_further_names.c3d"): "1 skipped labels",
+    ("05", "nexus_moments.c3d"): "2 skipped model outputs",
     ("11", "arm.urdf.xacro"): "a xacro: expand it with xacro arm.urdf.xacro > arm.urdf",
     ("11", "unexpanded_limits.urdf"): "a xacro: expand it",
     ("11", "axis_of_length_two.urdf"): "joints revolute (j1, j2)",

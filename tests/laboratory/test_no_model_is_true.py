@@ -12,10 +12,10 @@ import pytest
 from pipeline.core.columns import values
 from pipeline.laboratory.dynamics import expose, simulate_take
 from pipeline.laboratory.swing import desired_trajectory
-from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.noise import mean_covariance, process_noise
 from pipeline.models.realizations import realize
+from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.law import WishartModel
 
 NO_OFFSET = np.zeros(3)
@@ -47,7 +47,7 @@ def modelled(arm, recorded):
     """Name → (model, free-running poses, noise) of the three models."""
     q, v, noise = recorded
     models = {
-        "additive": AdditiveModel(mean_covariance(noise)),
+        "additive": ScaledModel(mean_covariance(noise)),
         "wishart": WishartModel(0.2),
         "gaussian": GaussianModel(0.12, 25.0),
     }

@@ -15,10 +15,10 @@ from pipeline.core.config import CONF
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.laboratory.dynamics import expose, simulate_take
 from pipeline.laboratory.swing import desired_joints, desired_trajectory
+from pipeline.models.model import frobenius
 from pipeline.models.noise import mean_covariance, process_noise
-from pipeline.models.norm import frobenius
 from pipeline.recordings.commands import commanded_steps
-from pipeline.studies.published import published
+from pipeline.studies.which_decomposition.evidence import published
 from pipeline.verdicts.claims import parse_claims
 
 ROOT = CONF.parents[1]

@@ -9,13 +9,14 @@ import pytest
 from oracles import sample_inverse_action
 
 from pipeline.models import kinds
-from pipeline.models.bootstrap import percentiles, replicate, resampled_estimator, spreads
+from pipeline.models.bootstrap import replicate, resampled_estimator, spreads
 from pipeline.models.kinds import estimate
 from pipeline.models.noise import mean_covariance
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.density import action_log_density
 from pipeline.models.wishart.law import WishartModel
-from pipeline.studies.recovery.known_laws import drawn
+from pipeline.statistics.takes import percentile_interval
+from pipeline.studies.recovery.stage import drawn
 
 ADDITIVE = kinds.options_type("additive")("additive", estimator="paper")
 LIKELIHOOD = kinds.options_type("wishart")(
@@ -136,6 +137,6 @@ def test_the_interval_holds_a_further_value_as_often_as_it_says():
     def share(ends: np.ndarray) -> float:
         return float(np.mean((ends[:, 0] <= further) & (further <= ends[:, 1])))
 
-    assert abs(share(np.array([percentiles(row) for row in values])) - 0.95) < 0.012
+    assert abs(share(np.array([percentile_interval(row) for row in values])) - 0.95) < 0.012
     # control: the quantiles that take the least and the greatest value for the ends of the law
     assert share(np.quantile(values, [0.025, 0.975], axis=1).T) < 0.93

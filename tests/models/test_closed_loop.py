@@ -11,10 +11,10 @@ import pytest
 
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
-from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.closed_loop import MeanPath, closed_loop_steps, mean_path, measured_poses
-from pipeline.models.commands import Commands, open_loop
+from pipeline.models.model import Commands, open_loop
 from pipeline.models.noise import process_noise
+from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import Recorded
 
 STEPS = 40
@@ -33,7 +33,7 @@ def moved(path: MeanPath, commands: Commands, off: np.ndarray) -> np.ndarray:
     """(STEPS + 1, 3) deviation from the path of an arm without noise that starts ``off`` it."""
     still = Start(path.poses[0] + off, np.zeros((3, 3)))
     posterior = particle_filter(
-        AdditiveModel(np.zeros((3, 3))),
+        ScaledModel(np.zeros((3, 3))),
         path.chain,
         commands,
         0.01,

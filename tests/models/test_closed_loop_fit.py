@@ -11,7 +11,6 @@ import pytest
 from scipy.linalg import block_diag
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.additive.options import Options as Additive
 from pipeline.models.closed_loop import MeanPath, mean_path
 from pipeline.models.closed_loop_fit import (
@@ -21,12 +20,12 @@ from pipeline.models.closed_loop_fit import (
     state_space,
     take_log_likelihoods,
 )
-from pipeline.models.covariance import without_measurement
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.gaussian.options import Options as Gaussian
 from pipeline.models.kinds import estimate
 from pipeline.models.noise import process_noise
+from pipeline.models.normal import without_measurement
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.scaled.options import Options as Scaled
 from pipeline.models.steps import Estimate, Recorded
@@ -41,7 +40,7 @@ FULL = np.array([[0.05, -0.03, 0.0], [-0.03, 0.06, 0.0], [0.0, 0.0, 0.09]])
 # a model, an estimator that leaves out what is the measurement's, and by how much its takes are the
 # noisier: what the model's own noise hides says nothing of how the measurement's is treated
 MODELS = {
-    "additive": (AdditiveModel(COVARIANCE), Additive("additive", "", estimator="shrinkage"), 1),
+    "additive": (ScaledModel(COVARIANCE), Additive("additive", "", estimator="shrinkage"), 1),
     "gaussian": (GaussianModel(0.1, 18.0), Gaussian("gaussian", "", estimator="likelihood"), 2),
     "scaled": (ScaledModel(0.1 * COVARIANCE, FULL), Scaled("scaled", "", structure="full"), 1),
     "wishart": (
@@ -159,6 +158,25 @@ def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
     likelihoods = take_log_likelihoods(space, deviation, shares)
     expected = np.stack([log_likelihoods(share) for share in shares])
     np.testing.assert_allclose(likelihoods, expected, rtol=1e-10)
+
+
+def test_a_share_without_a_covariance_has_no_likelihood_and_leaves_the_others_theirs():
+    """The innovation y_1 − y_0 has the variance 1.99κ² − 0.2 + 0.02, negative at κ = 0.1."""
+    one, steps = np.ones((1, 1)), 1
+    space = StateSpace(
+        np.tile(one, (steps, 1, 1)),
+        np.tile(one, (steps, 1, 1)),
+        np.tile(-0.2 * one, (steps, 1, 1)),
+        0.01 * one,
+        np.ones(steps, dtype=bool),
+    )
+    deviation = np.array([1.0, -1.0])[:, None, None] * np.ones((2, steps + 1, 1))
+    shares = np.array([1.0, 0.1])
+    with np.errstate(all="raise"):
+        likelihoods = take_log_likelihoods(space, deviation, shares)
+        alone = take_log_likelihoods(space, deviation, shares[:1])
+    assert np.all(np.isfinite(alone)) and np.array_equal(likelihoods[:1], alone)
+    assert np.all(likelihoods[1] == -np.inf)
 
 
 def test_deviations_go_as_the_linear_law_says(path):

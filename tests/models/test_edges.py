@@ -14,18 +14,16 @@ from scipy import stats
 from pipeline.core.errors import ModelDomainError, SingularJacobianError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
-from pipeline.models.additive.law import AdditiveModel
-from pipeline.models.commands import open_loop
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.norm import frobenius
+from pipeline.models.model import frobenius, open_loop
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.law import WishartModel
 
 MEASUREMENT = np.diag([1e-6, 2e-6, 3e-6])
 COVARIANCE = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
 MODELS = {
-    "additive": AdditiveModel(COVARIANCE),
+    "additive": ScaledModel(COVARIANCE),
     "scaled": ScaledModel(COVARIANCE, np.diag([0.04, 0.05, 0.06])),
     "timing": ScaledModel(COVARIANCE, np.full((3, 3), 0.04)),
     **{f"wishart {name}": WishartModel(0.25, each) for name, each in READINGS.items()},

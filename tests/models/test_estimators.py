@@ -12,7 +12,7 @@ from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.gaussian.options import Options as Gaussian
 from pipeline.models.kinds import build_model, compared, estimate
-from pipeline.models.norm import frobenius
+from pipeline.models.model import frobenius
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.examination import examined

@@ -18,8 +18,8 @@ from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.models import kinds
-from pipeline.models.commands import open_loop
 from pipeline.models.kinds import fitted_model
+from pipeline.models.model import open_loop
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.decomposition import Decomposition
 
@@ -39,8 +39,10 @@ PARAMETERS = {
 def test_a_model_has_the_parameters_that_were_written(kind, tmp_path):
     (tmp_path / "parameters.json").write_text(json.dumps({"kind": kind} | PARAMETERS[kind]))
     model = fitted_model(tmp_path)
-    assert type(model).__name__ == f"{kind.capitalize()}Model"
+    law = "scaled" if kind == "additive" else kind  # additive noise is the case without slope
+    assert type(model).__name__ == f"{law.capitalize()}Model"
     for name, value in PARAMETERS[kind].items():
+        name = {"noise_covariance": "floor"}.get(name, name)
         held = Decomposition(value) if name == "decomposition" else value
         assert np.array_equal(getattr(model, name), held)
 
@@ -125,9 +127,9 @@ class Options(options.Options):
 """
 LAW = """
 import numpy as np
-from pipeline.models.additive.law import AdditiveModel
+from pipeline.models.scaled.law import ScaledModel
 
-class TinyModel(AdditiveModel):
+class TinyModel(ScaledModel):
     pass
 
 def build(parameters):

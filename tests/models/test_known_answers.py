@@ -14,7 +14,6 @@ import pytest
 from oracles import algorithm_1_steps
 from random_arm import RandomArm, motion, random_arm
 
-from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.additive.options import Options as Additive
 from pipeline.models.closed_loop import MeanPath
 from pipeline.models.closed_loop_fit import fit_closed_loop
@@ -92,11 +91,11 @@ def test_the_additive_covariance_comes_back(n, m, estimator):
     case = scene(n, m)
 
     def excess(covariance: np.ndarray) -> float:
-        data = recorded(case, AdditiveModel(covariance))
+        data = recorded(case, ScaledModel(covariance))
         result = estimate(data, Additive("additive", "", estimator=estimator))
         # the paper's holds the measurement's too
         of_it = case.measurement if estimator == "paper" else 0.0
-        fitted = result.model.noise_covariance
+        fitted = result.model.floor
         return np.abs(np.linalg.eigvals(np.linalg.solve(case.covariance + of_it, fitted)) - 1).max()
 
     assert excess(case.covariance) < 0.15
@@ -147,7 +146,7 @@ def test_the_gaussian_level_of_noise_comes_back(n, m, estimator):
     """α·sqrt(u² − ⟨‖J⁺‖²⟩) within 4 %: α and u themselves are hardly told apart."""
     case = scene(n, m)
     options = Gaussian("gaussian", "", estimator=estimator, beta=0.5)
-    (truth,) = truths(recorded(case, AdditiveModel(case.covariance)), options, ())
+    (truth,) = truths(recorded(case, ScaledModel(case.covariance)), options, ())
 
     def result(alpha: float) -> float:
         data = recorded(case, GaussianModel(alpha, truth.parameters["u"]))
@@ -165,7 +164,7 @@ def test_the_gaussian_level_of_noise_comes_back(n, m, estimator):
 def test_noise_that_grows_with_the_joint_speed_comes_back(n, m, structure):
     """Standard deviations at rest and shares of the step within 15 %."""
     case, options = scene(n, m), Scaled("scaled", "", structure=structure)
-    (truth,) = truths(recorded(case, AdditiveModel(case.covariance)), options, ())
+    (truth,) = truths(recorded(case, ScaledModel(case.covariance)), options, ())
 
     def excess(factor: float) -> float:
         model = ScaledModel(
@@ -187,7 +186,7 @@ def test_the_share_of_the_closed_loop_comes_back(n, m, kind):
     arm, path = case.arm, MeanPath(case.arm, case.q)
     model, options = {
         "additive": (
-            AdditiveModel(case.covariance),
+            ScaledModel(case.covariance),
             Additive("additive", "", estimator="shrinkage"),
         ),
         "wishart": (WishartModel(0.2, Decomposition("qr_transposed")), likelihood("qr_transposed")),

@@ -11,10 +11,10 @@ from plain_laws import plain_steps
 from scipy import stats
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import build_model
+from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.law import WishartModel
 
 COVARIANCE = (1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])).tolist()
@@ -116,10 +116,10 @@ def test_the_law_from_one_gamma_is_the_law_from_two(sigma_b, decomposition, chai
 
 def test_parameters_that_differ_give_other_steps(chain, poses, step):
     one, _ = draw_steps(
-        AdditiveModel(np.array(COVARIANCE)), chain, poses, step, np.random.default_rng(6)
+        ScaledModel(np.array(COVARIANCE)), chain, poses, step, np.random.default_rng(6)
     )
     other, _ = draw_steps(
-        AdditiveModel(1.001 * np.array(COVARIANCE)),
+        ScaledModel(1.001 * np.array(COVARIANCE)),
         chain,
         poses,
         step,
@@ -129,7 +129,7 @@ def test_parameters_that_differ_give_other_steps(chain, poses, step):
 
 
 def test_each_command_moves_its_own_poses_and_all_poses_may_take_one(chain, poses, step):
-    model, v = AdditiveModel(np.zeros((3, 3))), np.linspace(0.1, 1.0, 4)[:, None] * step
+    model, v = ScaledModel(np.zeros((3, 3))), np.linspace(0.1, 1.0, 4)[:, None] * step
     q = poses[:20].reshape(5, 4, 3)
     drawn, _ = draw_steps(model, chain, q, v, np.random.default_rng(7))
     np.testing.assert_allclose(drawn, model.mean(chain, q, v), atol=1e-14)

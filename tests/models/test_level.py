@@ -9,19 +9,17 @@ import pytest
 from random_arm import motion, random_arm
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.level import at_recorded_level
 from pipeline.models.noise import mean_covariance
 from pipeline.models.scaled.law import ScaledModel
-from pipeline.models.steps import Recorded
+from pipeline.models.steps import Recorded, at_recorded_level
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 
 MEASUREMENT = 1e-10 * np.diag([1.0, 2.0, 3.0])
 FULL = np.array([[2.0, -0.5, 0.1], [-0.5, 1.0, 0.2], [0.1, 0.2, 3.0]])
 MODELS = {
-    "additive": AdditiveModel(1e-7 * FULL),
+    "additive": ScaledModel(1e-7 * FULL),
     "gaussian": GaussianModel(0.1, 40.0),
     "scaled": ScaledModel(1e-8 * FULL, 1e-3 * FULL),
     "wishart": WishartModel(0.1, Decomposition("pivoted_lu")),

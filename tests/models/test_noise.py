@@ -1,4 +1,4 @@
-"""The process noise of recorded joint angles, its sign, and its moments."""
+"""The process noise of recorded joint angles, its sign, and its takes_moments."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import pytest
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.noise import (
     measurement_covariance,
-    moments,
     process_noise,
     recorded_deviation,
     rest_covariance,
 )
+from pipeline.statistics.takes import takes_moments
 
 
 def test_the_noise_put_into_a_motion_comes_out_measured_minus_nominal(chain):
@@ -28,7 +28,7 @@ def test_the_noise_put_into_a_motion_comes_out_measured_minus_nominal(chain):
 
 def test_the_covariance_of_each_step_is_about_its_own_mean():
     samples = np.random.default_rng(3).standard_normal((10, 5, 3)) + np.arange(5)[:, None]
-    mean, covariance = moments(samples)
+    mean, covariance = takes_moments(samples)
     for k in range(5):
         np.testing.assert_allclose(mean[k], samples[:, k].mean(axis=0))
         np.testing.assert_allclose(covariance[k], np.cov(samples[:, k].T), rtol=1e-12)
@@ -36,7 +36,7 @@ def test_the_covariance_of_each_step_is_about_its_own_mean():
 
 def test_one_take_has_no_covariance():
     with pytest.raises(ModelDomainError, match="at least two takes"):
-        moments(np.zeros((1, 5, 3)))
+        takes_moments(np.zeros((1, 5, 3)))
 
 
 def test_the_measurement_noise_is_what_moves_at_rest():
@@ -47,7 +47,7 @@ def test_the_measurement_noise_is_what_moves_at_rest():
     noise[:, 3:6] *= 10
     np.testing.assert_allclose(measurement_covariance(noise, v), np.diag([1.0, 4.0, 9.0]), atol=0.5)
     # control: with the steps that move it would be far larger
-    assert np.trace(moments(noise)[1].mean(axis=0)) > 30 * 14 / 2
+    assert np.trace(takes_moments(noise)[1].mean(axis=0)) > 30 * 14 / 2
     with pytest.raises(ModelDomainError, match="never rests"):
         measurement_covariance(noise, np.ones((8, 3)))
 
@@ -58,9 +58,9 @@ def test_the_recorded_spread_is_that_of_the_noise_or_of_the_angles_as_the_realis
     of_step, of_run = (recorded_deviation(q, noise, mode) for mode in ("one_step", "free_running"))
     assert np.all(of_step[0] == 0)
     np.testing.assert_allclose(
-        of_step[1:], np.sqrt(np.diagonal(moments(noise)[1], axis1=1, axis2=2))
+        of_step[1:], np.sqrt(np.diagonal(takes_moments(noise)[1], axis1=1, axis2=2))
     )
-    np.testing.assert_allclose(of_run, np.sqrt(np.diagonal(moments(q)[1], axis1=1, axis2=2)))
+    np.testing.assert_allclose(of_run, np.sqrt(np.diagonal(takes_moments(q)[1], axis1=1, axis2=2)))
 
 
 def test_what_a_take_is_off_all_through_is_in_poses_at_rest_and_in_no_noise_of_a_step():

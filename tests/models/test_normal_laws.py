@@ -10,11 +10,10 @@ from scipy import stats
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.additive.fit import shrunk_covariance
-from pipeline.models.additive.law import AdditiveModel
-from pipeline.models.covariance import root, without_measurement
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.noise import mean_covariance
+from pipeline.models.normal import root, without_measurement
 from pipeline.models.scaled.law import ScaledModel
 
 SIGMA = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
@@ -23,14 +22,14 @@ TIMING = np.full((3, 3), 0.04)  # one share of the step for all joints: a singul
 NONE = np.zeros((3, 3))
 MEASUREMENT = np.array([[0.6, -0.6, 0.0], [-0.6, 1.5, -0.9], [0.0, -0.9, 1.7]]) * 1e-6
 MODELS = {
-    "additive": AdditiveModel(SIGMA),
+    "additive": ScaledModel(SIGMA),
     "gaussian": GaussianModel(0.1, 40.0),
     "scaled": ScaledModel(np.diag(np.diag(SIGMA)), np.diag(np.diag(GAIN))),
     "scaled_full": ScaledModel(SIGMA, GAIN),
     "timing": ScaledModel(SIGMA, TIMING),
 }
 FLAT = {
-    "additive": AdditiveModel(1e-5 * np.outer([1.0, -1.0, 2.0], [1.0, -1.0, 2.0])),
+    "additive": ScaledModel(1e-5 * np.outer([1.0, -1.0, 2.0], [1.0, -1.0, 2.0])),
     "timing": ScaledModel(NONE, TIMING),
     "gaussian": GaussianModel(0.1, 14.5),  # below the norm of poses with a bent elbow
 }
@@ -101,7 +100,7 @@ def test_noise_of_one_direction_stays_in_it(chain, poses, step):
 
 
 @pytest.mark.parametrize(
-    "quiet", [AdditiveModel(NONE), GaussianModel(0.0, 30.0), ScaledModel(NONE, NONE)]
+    "quiet", [ScaledModel(NONE), GaussianModel(0.0, 30.0), ScaledModel(NONE, NONE)]
 )
 def test_without_noise_the_step_is_the_nominal_one(quiet, chain, poses, step):
     for drawn in (
@@ -137,7 +136,7 @@ def test_noise_that_grows_with_the_speed_is_its_formula(chain, poses, step):
 )
 def test_what_is_no_covariance_is_refused(bad):
     for make in (
-        AdditiveModel,
+        ScaledModel,
         root,
         lambda c: ScaledModel(c, NONE),
         lambda c: ScaledModel(NONE, c),
@@ -148,7 +147,7 @@ def test_what_is_no_covariance_is_refused(bad):
 
 def test_a_covariance_of_fewer_joints_has_no_compiled_step(chain):
     with pytest.raises(ModelDomainError, match="3 joints"):
-        AdditiveModel(np.eye(2)).law(chain)
+        ScaledModel(np.eye(2)).law(chain)
 
 
 def test_the_papers_covariance_is_about_the_mean_of_each_step():

@@ -13,8 +13,8 @@ from pipeline.models.kinds import build_model
 from pipeline.models.noise import process_noise
 from pipeline.models.prediction import score_steps
 from pipeline.models.steps import Recorded
-from pipeline.statistics.scores import nees_band, paired_difference
-from pipeline.statistics.take_scores import compared, posterior_scores, prediction_scores
+from pipeline.statistics.scores import compared, nees_band, posterior_scores, prediction_scores
+from pipeline.statistics.takes import paired_difference
 
 MOVING = slice(REST, STEPS)
 

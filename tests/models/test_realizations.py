@@ -9,15 +9,15 @@ import pytest
 
 from pipeline.core.errors import ConfigError, ModelDomainError, SingularJacobianError
 from pipeline.models import realizations
-from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.realizations import realize, realized_moments
+from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.law import WishartModel
 
 STD = np.array([1e-3, 2e-3, 3e-3])
-SILENT = AdditiveModel(np.zeros((3, 3)))
-NOISY = AdditiveModel(np.diag(STD**2))
+SILENT = ScaledModel(np.zeros((3, 3)))
+NOISY = ScaledModel(np.diag(STD**2))
 MODES = ["one_step", "free_running"]
 
 

@@ -14,10 +14,9 @@ from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ModelDomainError, SingularJacobianError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
-from pipeline.models.additive.law import AdditiveModel
-from pipeline.models.commands import Commands, open_loop
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.model import Commands, open_loop
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.factors import split
@@ -101,7 +100,7 @@ def test_normal_models_steps_have_their_moments_whatever_the_size(n, m):
     norm = np.linalg.norm(np.linalg.pinv(chain.jacobian(q)))
     variance = 0.1**2 * (4 * norm**2 - norm**2) / (n * m) * command[:m] @ command[:m]
     for model, covariance in (
-        (AdditiveModel(noise), noise),
+        (ScaledModel(noise), noise),
         (ScaledModel(noise, gain), noise + gain * np.outer(nominal, nominal)),
         (GaussianModel(0.1, 2 * norm), variance * np.eye(n)),
     ):
@@ -146,7 +145,7 @@ def test_a_planar_arm_has_one_law_by_either_way(reading, chain, poses, step):
 @pytest.mark.parametrize("kind", ["additive", "scaled", "gaussian"])
 def test_normal_steps_of_a_planar_arm_are_the_same_numbers_by_either_way(kind, chain, poses, step):
     model = {
-        "additive": AdditiveModel(1e-6 * np.eye(3)),
+        "additive": ScaledModel(1e-6 * np.eye(3)),
         "scaled": ScaledModel(1e-6 * np.eye(3), 0.01 * np.eye(3)),
         "gaussian": GaussianModel(0.1, 40.0),
     }[kind]
@@ -171,7 +170,7 @@ def test_a_closed_loop_of_a_spatial_arm_corrects_the_displacement_of_its_tip():
     before = np.linalg.norm(chain.displacement(chain.pose(off), chain.pose(q)))
     for share, left in ((0.3, 0.7**40), (0.0, 1.0)):
         posterior = particle_filter(
-            AdditiveModel(np.zeros((7, 7))),
+            ScaledModel(np.zeros((7, 7))),
             chain,
             Commands(still, target, share),
             0.01,
@@ -201,7 +200,7 @@ def test_a_singular_pose_has_no_step_and_a_particle_there_is_lost_and_counted():
     start = Start(bent, np.diag([0.0, 1e-6]))
     unfold = chain.jacobian(bent) @ np.array([0.0, -0.8])
     command = open_loop(np.array([unfold, [0.0, 0.001]]))
-    exact = AdditiveModel(np.diag([0.0, 1e-14]))
+    exact = ScaledModel(np.diag([0.0, 1e-14]))
     posterior = particle_filter(
         exact, chain, command, 0.01, start, nothing, FilterOptions(2000), RNG()
     )
@@ -211,7 +210,7 @@ def test_a_singular_pose_has_no_step_and_a_particle_there_is_lost_and_counted():
     assert np.isfinite(posterior.mean).all()
 
 
-@pytest.mark.parametrize("model", [AdditiveModel(np.eye(3)), ScaledModel(np.eye(3), np.eye(3))])
+@pytest.mark.parametrize("model", [ScaledModel(np.eye(3)), ScaledModel(np.eye(3), np.eye(3))])
 def test_a_model_of_another_arm_is_refused(model):
     with pytest.raises(ModelDomainError, match="run the stage fit"):
         model.law(arm(7, 6))

@@ -13,7 +13,7 @@ from space_arms import LWR4, MARKERS, START, UR5, mocap, motion, points
 
 from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.motion_capture import Body
+from pipeline.core.options.instruments import Body
 from pipeline.core.task import SPACE
 from pipeline.perception.space import Carried, carried, track_joints
 

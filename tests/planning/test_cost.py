@@ -9,7 +9,7 @@ from planned_arms import LAWS, chain, joint_path, law_cost
 from pipeline.core.errors import ConfigError, ModelDomainError, SingularJacobianError
 from pipeline.models.draws import draw_steps
 from pipeline.models.kinds import build_model
-from pipeline.planning.cost import uncertainty, where_defined
+from pipeline.planning.problem import uncertainty, where_defined
 
 STEP = np.array([2e-3, 1e-3])
 
@@ -57,7 +57,7 @@ def test_singular_poses_cost_infinitely_much_and_no_others():
 def test_blocks_leave_the_costs_as_they_are(monkeypatch):
     arm, q = chain("planar"), joint_path("planar", 99)
     cost, v = law_cost("pivoted_lu", arm), np.random.default_rng(6).uniform(0, 0.01, (100, 2))
-    monkeypatch.setattr("pipeline.planning.cost.BLOCK", 7)
+    monkeypatch.setattr("pipeline.planning.problem.BLOCK", 7)
     np.testing.assert_array_equal(where_defined(cost, q, v), cost(q, v))
     assert where_defined(cost, q[:0], v[:0]).shape == (0,)
 

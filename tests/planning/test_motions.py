@@ -13,12 +13,10 @@ from planned_arms import LAWS, chain, joint_path, law_cost, path_problem
 
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.models.wishart.law import WishartModel
-from pipeline.planning.cost import Cost, uncertainty
 from pipeline.planning.motions import best_conditioned, least_uncertain, minimum_norm, on_stages
-from pipeline.planning.problem import InfeasibleError, Problem
+from pipeline.planning.problem import Cost, InfeasibleError, Problem, settle, uncertainty
 from pipeline.planning.refine import objective, refined
 from pipeline.planning.self_motion import grid, spacing_of
-from pipeline.planning.settle import settle
 
 
 def value(problem: Problem, cost: Cost, joints: np.ndarray) -> float:

@@ -7,7 +7,7 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from pipeline.planning.search import cheapest, way_to
+from pipeline.planning.motions import cheapest, way_to
 
 STAGES, POSES, JOINTS = 5, 4, 2
 

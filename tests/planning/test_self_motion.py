@@ -7,9 +7,8 @@ import pytest
 from planned_arms import path_problem
 
 from pipeline.core.errors import PipelineError
-from pipeline.planning.problem import InfeasibleError, Problem
+from pipeline.planning.problem import InfeasibleError, Problem, settle
 from pipeline.planning.self_motion import curves, grid, spacing_of, stages
-from pipeline.planning.settle import settle
 
 SPACING = 0.2
 

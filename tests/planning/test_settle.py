@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from planned_arms import chain, joint_path
 
-from pipeline.planning.settle import CLOSE, inverses, settle
+from pipeline.planning.problem import CLOSE, inverses, settle
 
 LOST = np.nan  # an angle at which no Jacobian has an inverse
 

@@ -13,7 +13,7 @@ from ros_bags import camera_info, cloud, image, write_bag
 
 from pipeline.arm.model import Arm, load_arm
 from pipeline.core.errors import PipelineError, RecordingError
-from pipeline.core.options.depth_camera import Depth
+from pipeline.core.options.instruments import Depth
 from pipeline.formats.depth.image import write_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.recordings.depth_clock import on_motion_clock, with_markers

@@ -10,7 +10,7 @@ from made_options import made
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Robot
-from pipeline.core.options.logs import Encoders
+from pipeline.core.options.instruments import Encoders
 from pipeline.formats.joints.table import joint_labels, write_joint_table
 from pipeline.recordings.encoders import encoder_rows
 

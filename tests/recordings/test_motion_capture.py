@@ -18,7 +18,7 @@ from marker_takes import (
 
 from pipeline.arm.model import load_arm
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.motion_capture import Body, Pose
+from pipeline.core.options.instruments import Body, Pose
 from pipeline.recordings.motion_capture import find_takes, marker_rows, read_take
 
 

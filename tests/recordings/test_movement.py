@@ -9,7 +9,7 @@ from made_options import made
 from written_logs import write_joint_log
 
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.logs import JointLog as Log
+from pipeline.core.options.instruments import JointLog as Log
 from pipeline.formats.format import Format, Kind, begins
 from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.formats.joints.table import write_joint_table

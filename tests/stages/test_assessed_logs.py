@@ -78,5 +78,5 @@ def test_a_pushed_repetition_is_named_and_the_usual_ones_behave(logs, capsys):
     said = capsys.readouterr().out
     heads = re.findall(r"(new_\d) (behaves|does NOT behave) as the 9 takes", said)
     assert heads == [("new_1", "behaves"), ("new_2", "does NOT behave")]
-    assert "furthest from them: joint_3 from" in said.partition("new_2 does NOT")[2]
+    assert "largest difference: joint_3 from" in said.partition("new_2 does NOT")[2]
     assert all(Path(f"data/assess/new_{number}.png").is_file() for number in (1, 2))

@@ -13,7 +13,7 @@ from pipeline.models.gaussian.law import GaussianModel, noise_scale
 from pipeline.models.noise import process_noise
 from pipeline.models.wishart.decomposition import COMPUTED, Decomposition
 from pipeline.models.wishart.law import WishartModel
-from pipeline.statistics.agreement import lag_one_correlation
+from pipeline.statistics.takes import lag_one_correlation
 
 POSE = np.array([0.4, 1.7, -0.3])
 STEP = np.array([0.004, -0.003, 0.03])

@@ -7,7 +7,7 @@ import pytest
 from planned_arms import LAWS, law_cost, path_problem
 
 from pipeline.models.kinds import build_model
-from pipeline.models.norm import frobenius
+from pipeline.models.model import frobenius
 from pipeline.planning.motions import best_conditioned, least_uncertain, on_stages
 from pipeline.planning.problem import Problem
 from pipeline.planning.self_motion import grid, spacing_of

@@ -11,9 +11,8 @@ import pytest
 
 from pipeline.core import config
 from pipeline.wrench.bounds import Bounds, draw_systems
-from pipeline.wrench.expectation import expected_sigma_s
 from pipeline.wrench.matrix import matrix_model
-from pipeline.wrench.study import estimate_sigma_s, run_study
+from pipeline.wrench.study import estimate_sigma_s, expected_sigma_s, run_study
 
 ROOT = Path(__file__).parents[2]
 CONFIGURATIONS = ("C1", "C2", "C3")

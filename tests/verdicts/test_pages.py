@@ -1,11 +1,9 @@
-"""The report, the page of datasets and the model card state the numbers of their runs."""
+"""The report and the page of datasets state the numbers of their runs."""
 
 from __future__ import annotations
 
-from itertools import permutations
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -15,7 +13,6 @@ from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import WITHOUT_RECORDING, decide_each
 from pipeline.verdicts.equations import Source, parse_items
 from pipeline.verdicts.filters import filters_part, verdict
-from pipeline.verdicts.model_card import BETWEEN, NO_SPREAD, UNKNOWN, choice, model_card
 from pipeline.verdicts.readings import DEFAULT, readings_part
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.wording import case_text, number, statement, verdict_cell
@@ -252,77 +249,3 @@ def test_a_claim_that_another_reading_changes_has_a_row_and_missing_numbers_a_no
     assert "| small | lab | **✓** | ✗ |" in text and "| same |" not in text
     assert "- lab, QR: 1 claims lack numbers (no noise)." in text and "| gap |" not in text
     assert read_under() == read_under(same=("holds", "holds")) == DEFAULT
-
-
-PLAIN = {"none": 10.0, "memory": 11.0, "additive": 9.0, "scaled_full": 10.5}
-PARAMETER = {"s": 0.5, "s_standard_error": 0.0125, "s_interval_low": 0.48, "s_interval_high": 0.53}
-
-
-def predicted(half: float = 0.1, **matrix: float) -> Run:
-    """A run of one joint whose models have log scores ``matrix``, and baselines those of PLAIN,
-    with intervals of ± ``half``.
-    """
-    means, rows = PLAIN | matrix, []
-    for model, mean in means.items():
-        ends = {"difference": mean - 10, "low": mean - 10 - half, "high": mean - 10 + half}
-        for score, value in (("log_score", mean), ("coverage_of_one_sigma_a", 0.7)):
-            rows.append({"steps": "all", "model": model, "score": score, "mean": value} | ends)
-    pairs = [
-        {"steps": "all", "model": model, "rival": rival, "low": means[model] - means[rival] - half}
-        for model, rival in permutations(means, 2)
-    ]
-    takes = [("t1", "training", False, ""), ("t2", "training", True, "too long a gap")]
-    tables = {
-        "predictions": pd.DataFrame(rows),
-        "prediction_pairs": pd.DataFrame(pairs),
-        "ranges": pd.DataFrame(
-            [("pose", "a", "rad", -1.25, 2.5)],
-            columns=["quantity", "name", "unit", "least", "greatest"],
-        ),
-        "takes": pd.DataFrame(takes, columns=["take", "part", "left_out", "reason"]),
-    }
-    models = {"additive": "additive"} | dict.fromkeys(matrix, "wishart")
-    metrics = {f"fit_{name}": dict(PARAMETER) for name in models} | {"motion": {}}
-    return Run("lab", "paper", True, ["a"], ["x"], models, metrics, tables)
-
-
-@pytest.mark.parametrize(
-    ("score", "half", "rivals"),
-    [
-        (10.7, 0.1, "the autoregressive baseline"),
-        (11.05, 0.1, "the autoregressive baseline"),  # higher, and within the interval
-        (9.5, 0.1, "the training mean, the autoregressive baseline and `scaled_full`"),
-    ],
-)
-def test_a_matrix_model_is_recommended_by_its_intervals_alone(score, half, rivals):
-    text = choice(predicted(half, wishart=score))
-    assert text.startswith("On lab **no matrix model** has a log score above every baseline:")
-    assert f" `wishart` not above {rivals}." in text
-    assert choice(predicted(wishart=12.0, other=11.5)).startswith("**wishart**: its log score is")
-    named = choice(predicted(wishart=10.45))
-    assert "use `scaled_full` (the difference to `wishart` is not significant)." in named
-    assert "Name it in `models` of `params.yaml`" in named
-
-
-def test_the_card_holds_parameters_ranges_takes_and_other_datasets():
-    run, other, unscored = predicted(wishart=12.0), predicted(wishart=10.7), predicted(wishart=12.0)
-    for name in ("predictions", "prediction_pairs"):
-        del unscored.tables[name]
-    run.metrics["fit_additive"] |= {"u": 9.0, "u_unbounded": 1, "u_standard_error": 1.0}
-    page = model_card(run, [other, unscored])
-    assert "| wishart | s | 0.5 | 0.0125 | [0.48, 0.53] |" in page
-    assert "| additive | u | unbounded | – | – |" in page
-    assert "| pose | a | rad | -1.25 | 2.5 |" in page and "| all | a | 0.7 | 0.7 |" in page
-    assert "Takes kept: 1 training; left out: 1." in page and "| t2 | too long a gap |" in page
-    assert page.count("- lab: ") == 1
-    run.metrics["motion"] = {"recorded_takes": 4, BETWEEN: 0.9}
-    assert "| wishart | s | 0.5 | 0.0125 | – |" in model_card(run, [])
-    assert NO_SPREAD in choice(run)
-    assert UNKNOWN in model_card(unscored, [])
-
-
-def test_a_baseline_without_a_score_is_stated():
-    run = predicted(wishart=10.7)
-    scores = run.tables["predictions"]
-    scores.loc[(scores["model"] == "memory") & (scores["score"] == "log_score"), "mean"] = np.nan
-    assert choice(run).startswith("**wishart**") and "`memory` has no score." in choice(run)

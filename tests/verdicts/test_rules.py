@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.statistics.following import POWER
+from pipeline.statistics.curves import POWER
 from pipeline.verdicts.rules import LEAST_POWER, RULES, Readings
 
 

@@ -76,7 +76,7 @@ def test_a_copied_model_is_configured_and_fits(project):
         f"print(build_model({{'kind': '{COPIED}', 'noise_covariance': np.eye(3).tolist()}}))"
     )
     built = run("python", "-c", code, cwd=project)
-    assert built.returncode == 0 and "AdditiveModel" in built.stdout, built.stderr
+    assert built.returncode == 0 and "ScaledModel" in built.stdout, built.stderr
 
 
 @pytest.mark.slow

@@ -1,6 +1,4 @@
-"""Measured against modelled force: tables that keep their contracts and say what the samples
-say.
-"""
+"""Measured against modelled wrench: moments, densities, and the test of all rows."""
 
 from __future__ import annotations
 
@@ -11,19 +9,21 @@ import pandas as pd
 import pytest
 from planar_cables import planar_cables
 
-from pipeline.core import contracts
-from pipeline.statistics import two_sample
+from pipeline.statistics import densities
 from pipeline.wrench.bounds import Bounds
-from pipeline.wrench.expectation import expected_sigma_s
-from pipeline.wrench.matrix import matrix_model
+from pipeline.wrench.matrix import matrix_model, optimal_sigma_s, unbounded_sigma_s
 from pipeline.wrench.measured_force import (
-    force_density,
     force_moments,
     force_test,
+    measured_wrenches,
     modelled_wrenches,
+    rows_of,
+    wrench_marginals,
+    wrench_planes,
 )
-from pipeline.wrench.study import estimate_sigma_s, run_study, sigma_s_rows
-from tests.wrench.parametric_law import sample_wrench
+from pipeline.wrench.parametric import CableSystem, wrench_covariance
+from pipeline.wrench.study import estimate_sigma_s
+from tests.wrench.test_parametric import sample_wrench
 
 BOUNDS = Bounds(
     tension=(1.8, 14.0), direction=(0.0, 3.8), tension_sd=(0.5, 2.3), concentration=(170.0, 2400.0)
@@ -33,58 +33,6 @@ TENSIONS = np.array([9.19, 6.92, 7.30])  # N; along these directions they give (
 SYSTEM = planar_cables(
     TENSIONS, DIRECTIONS, np.array([0.5, 1.2, 2.3]), np.array([2400.0, 600.0, 170.0])
 )
-
-
-def compared():
-    rng = np.random.default_rng(25)
-    sigma_s = estimate_sigma_s(BOUNDS, 1000, 3, rng)["diagonal"].mean
-    return sigma_s, {
-        "measured": sample_wrench(SYSTEM, 20_000, rng),
-        "modelled": modelled_wrenches(SYSTEM, sigma_s, 20_000, rng),
-    }
-
-
-def test_modelled_wrenches_have_the_mean_and_covariance_of_the_matrix_model():
-    sigma_s, forces = compared()
-    moments = force_moments("C1", forces, ("fx", "fy")).set_index("source").loc["modelled"]
-    covariance = matrix_model(SYSTEM).covariance(sigma_s)
-    np.testing.assert_allclose(
-        [moments.fx, moments.fy], [3.0, 5.0], atol=4.5 * np.sqrt(covariance.max() / 20_000)
-    )
-    np.testing.assert_allclose(
-        [moments.var_fx, moments.var_fy], np.diag(covariance), rtol=4.5 * np.sqrt(2 / 20_000)
-    )
-    np.testing.assert_allclose(
-        moments["cov"],
-        covariance[0, 1],
-        atol=4.5 * np.sqrt(np.prod(np.diag(covariance)) / 20_000) * 1.5,
-    )
-
-
-def test_a_system_within_the_bounds_is_modelled_with_nearly_its_variances_and_one_outside_is_not():
-    sigma_s, forces = compared()
-    moments = force_moments("C1", forces, ("fx", "fy")).set_index("source")
-    ratio = (
-        moments.loc["modelled", ["var_fx", "var_fy"]]
-        / moments.loc["measured", ["var_fx", "var_fy"]]
-    )
-    assert ratio.sub(1).abs().max() < 0.25
-    loose = replace(SYSTEM, concentration=SYSTEM.concentration / 20)
-    measured = sample_wrench(loose, 20_000, np.random.default_rng(26))
-    assert np.trace(np.cov(measured.T)) > 1.5 * np.trace(matrix_model(SYSTEM).covariance(sigma_s))
-
-
-def test_both_sources_stand_on_one_grid_and_hold_all_their_mass_there():
-    _, forces = compared()
-    table = force_density("C1", forces, 60)
-    measured, modelled = (
-        table[table.source == source].reset_index(drop=True) for source in ("measured", "modelled")
-    )
-    pd.testing.assert_frame_equal(measured[["fx", "fy"]], modelled[["fx", "fy"]])
-    cell = np.diff(np.unique(measured.fx))[0] * np.diff(np.unique(measured.fy))[0]
-    for source in (measured, modelled):
-        assert len(source) == 3600
-        assert abs(source.density.sum() * cell - 1) < 2e-3
 
 
 def correlated(system, sigma_s, samples, rng):
@@ -98,8 +46,8 @@ def correlated(system, sigma_s, samples, rng):
 def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_tensions_does_not(
     monkeypatch,
 ):
-    monkeypatch.setattr(two_sample, "PERMUTATIONS", 199)  # the level is the same
-    sigma_s, _ = compared()
+    monkeypatch.setattr(densities, "PERMUTATIONS", 199)  # the level is the same
+    sigma_s = estimate_sigma_s(BOUNDS, 1000, 3, np.random.default_rng(25))["diagonal"].mean
     rngs = np.random.default_rng(44).spawn(30)
     own = [force_test(correlated(SYSTEM, sigma_s, 6000, rng), SYSTEM, sigma_s, rng) for rng in rngs]
     p_values = np.array([test["two_sample_p_value"] for test in own])
@@ -117,27 +65,103 @@ def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_ten
     assert np.mean(np.array(other) <= 0.05) >= 0.9
 
 
-@pytest.mark.slow
-def test_every_table_keeps_its_contract(tmp_path):
-    _, forces = compared()
-    rng = np.random.default_rng(43)
-    estimates, expected = estimate_sigma_s(BOUNDS, 100, 3, rng), expected_sigma_s(BOUNDS, 3, rng)
-    study_sigma, errors, _ = run_study(BOUNDS, [3, 5], 100, 50, 2, np.random.default_rng(27))
-    tables = {
-        "sigma_s": pd.concat(
-            [study_sigma, pd.DataFrame(sigma_s_rows("C1", 3, estimates, expected))],
-            ignore_index=True,
-        ),
-        "wrench_errors": errors,
-        "force_moments": force_moments("C1", forces, ("fx", "fy")),
-        "force_density": force_density("C1", forces, 30),
-        "force_test": pd.DataFrame(
-            [
-                {"configuration": "C1", "form": "full"}
-                | force_test(forces["measured"], SYSTEM, estimates["full"].mean, rng)
-            ]
-        ),
+TOWED = CableSystem(
+    tension=[8.2, 9.1, 7.6],
+    direction=[[0.6, 0.0, 0.8], [-0.48, 0.36, 0.8], [-0.36, -0.48, 0.8]],
+    tension_sd=[0.5, 0.8, 1.1],
+    concentration=[2400.0, 1200.0, 600.0],
+    attachment=[[0.1, 0.0, 0.01], [-0.05, 0.087, 0.01], [-0.05, -0.087, 0.01]],
+)
+LENGTH = 0.1
+SIX = ("fx", "fy", "fz", "mx", "my", "mz")
+
+
+def sigma_s_of(system: CableSystem) -> np.ndarray:
+    """(6, 6) the Σ_S with which the matrix model has the covariance of the cables."""
+    unbounded = unbounded_sigma_s(matrix_model(system), wrench_covariance(system))
+    return optimal_sigma_s(unbounded, "full")[0]
+
+
+def test_rows_are_those_that_the_cables_give_and_moments_are_over_the_length():
+    met = replace(TOWED, attachment=None)
+    angles = planar_cables([5.0, 4.0], [0.1, 2.0], [0.5, 0.5], [900.0, 900.0])
+    planar = replace(angles, attachment=np.ones((2, 2)))
+    assert rows_of(angles) == ("fx", "fy") and rows_of(planar) == ("fx", "fy", "mz")
+    assert rows_of(met) == SIX[:3] and rows_of(TOWED) == SIX
+    record = pd.DataFrame(sample_wrench(TOWED, 50, np.random.default_rng(1)), columns=SIX)
+    measured = measured_wrenches(record, TOWED, LENGTH)
+    np.testing.assert_allclose(measured[:, :3], record[["fx", "fy", "fz"]])
+    np.testing.assert_allclose(LENGTH * measured[:, 3:], record[["mx", "my", "mz"]])
+    np.testing.assert_array_equal(
+        measured_wrenches(record, planar, LENGTH)[:, 2], record["mz"] / LENGTH
+    )
+
+
+def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model():
+    system, rng = TOWED.in_units_of(LENGTH), np.random.default_rng(45)
+    sigma_s = sigma_s_of(system)
+    record = pd.DataFrame(sample_wrench(TOWED, 20_000, rng), columns=SIX)
+    wrenches = {
+        "measured": measured_wrenches(record, system, LENGTH),
+        "modelled": modelled_wrenches(system, sigma_s, 20_000, rng),
     }
-    for name, table in tables.items():
-        contracts.write(table, name, tmp_path)
-        assert len(contracts.read(name, tmp_path)) == len(table)
+    moments = force_moments("T3", wrenches, SIX).set_index("source")
+    exact = wrench_covariance(system)
+    for source in wrenches:
+        variances = moments.loc[source, [f"var_{row}" for row in SIX]].astype(float)
+        np.testing.assert_allclose(variances, np.diag(exact), rtol=0.06)
+        size = 4.5 * np.sqrt(np.diag(exact) / 20_000)
+        mean = moments.loc[source, list(SIX)].astype(float)
+        # of vMF(κ) cables pull 1/κ less than their tension
+        assert np.all(np.abs(mean - system.jacobian() @ system.tension) < size + 0.03)
+    # the control: of other attachments the moments differ and the forces do not
+    other = wrench_covariance(replace(system, attachment=0.5 * system.attachment))
+    assert np.all(np.abs(np.diag(other)[3:] / np.diag(exact)[3:] - 1) > 0.2)
+
+
+def test_planes_and_marginals_hold_all_mass_of_every_source_on_one_grid():
+    rng = np.random.default_rng(46)
+    wrenches = {name: sample_wrench(TOWED, 4000, rng) for name in ("measured", "modelled")}
+    planes = wrench_planes("T3", wrenches, SIX, 40)
+    pairs = planes.groupby(["row_x", "row_y"], sort=False)
+    assert list(pairs.groups) == [
+        *[("fx", "fy"), ("fx", "fz"), ("fy", "fz")],
+        *[("mx", "my"), ("mx", "mz"), ("my", "mz")],
+    ]
+    for _, table in pairs:
+        cell = np.diff(np.unique(table["x"]))[0] * np.diff(np.unique(table["y"]))[0]
+        for _, own in table.groupby("source"):
+            assert len(own) == 1600 and abs(own["density"].sum() * cell - 1) < 5e-3
+    marginals = wrench_marginals("T3", wrenches, SIX, 80)
+    for row, table in marginals.groupby("row"):
+        step = np.diff(np.unique(table["value"]))[0]
+        masses = table.groupby("source")["density"].sum() * step
+        np.testing.assert_allclose(masses, 1, atol=5e-3)
+        # a marginal is the plane's density summed across, but for the bandwidth
+        across = {"fx": "fy", "mx": "my"}.get(row)
+        if across:
+            own = planes[(planes["row_x"] == row) & (planes["row_y"] == across)]
+            own = own[own["source"] == "measured"].groupby("x")["density"].sum()
+            own *= np.diff(np.unique(planes[planes["row_y"] == across]["y"]))[0]
+            mine = table[table["source"] == "measured"]
+            there = np.interp(own.index, mine["value"], mine["density"])
+            np.testing.assert_allclose(own, there, atol=0.1 * there.max())
+
+
+def test_the_test_of_all_rows_finds_moments_that_are_wrong_where_all_forces_are_right(
+    monkeypatch,
+):
+    monkeypatch.setattr(densities, "PERMUTATIONS", 199)
+    system = TOWED.in_units_of(LENGTH)
+    sigma_s = sigma_s_of(system)
+    turned = replace(system, attachment=system.attachment[:, [1, 0, 2]])
+    own, other = (
+        [
+            force_test(modelled_wrenches(rig, sigma_s, 120, rng), system, sigma_s, rng)
+            for rng in np.random.default_rng(47).spawn(12)
+        ]
+        for rig in (system, turned)
+    )
+    assert sum(test["two_sample_p_value"] <= 0.05 for test in own) <= 4
+    assert all(test["two_sample_p_value"] <= 0.05 for test in other)
+    assert {f"matrix_share_{row}" for row in SIX} < set(own[0])

@@ -1,25 +1,100 @@
-"""Moments of the parametric wrench model in plane and space against quadrature, simulation, the
-paper's formulas, limits and invariances.
+"""The parametric wrench model in plane and space against quadrature, simulation, the paper's
+formulas, limits and invariances; its directions against an independent sampler.
 """
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from planar_cables import planar_cables
 from scipy.integrate import quad
-from scipy.special import i0, i0e, i1e
-from scipy.stats import special_ortho_group, vonmises
+from scipy.special import i0, i0e, i1, i1e
+from scipy.stats import ks_2samp, special_ortho_group, vonmises
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.wrench.directions import mean_resultant_length
-from pipeline.wrench.parametric import CableSystem, wrench_covariance, wrench_mean
-from tests.wrench.parametric_law import sample_wrench
+from pipeline.wrench.parametric import (
+    LARGE,
+    CableSystem,
+    mean_resultant_length,
+    sample_directions,
+    wrench_covariance,
+    wrench_mean,
+)
+
+
+def directions_about(
+    mean: np.ndarray, concentration: float, samples: int, rng: np.random.Generator
+) -> np.ndarray:
+    """(samples, p) unit vectors about ``mean`` (p,): an angle of the von Mises law in the plane, in
+    space the inverse distribution function of eᵀe̲ and a uniform angle about it.
+    """
+    if len(mean) == 2:
+        angle = rng.vonmises(0.0, concentration, samples) + np.arctan2(mean[1], mean[0])
+        return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    u, turn = rng.random(samples), rng.uniform(0, 2 * np.pi, samples)
+    along = 1 + np.log(u + (1 - u) * np.exp(-2 * concentration)) / concentration
+    first = np.cross(mean, [1.0, 0.0, 0.0] if abs(mean[0]) < 0.7 else [0.0, 1.0, 0.0])
+    first /= np.linalg.norm(first)
+    across = np.outer(np.cos(turn), first) + np.outer(np.sin(turn), np.cross(mean, first))
+    return along[:, None] * mean + np.sqrt(1 - along**2)[:, None] * across
+
+
+def sample_wrench(system: CableSystem, samples: int, rng: np.random.Generator) -> np.ndarray:
+    """``samples`` independent wrenches of one ``system``, (samples, n): Eq. (WrenchStatEq) in the
+    plane, f and r × f in space; forces alone where the cables meet in one point.
+    """
+    force, moment = 0.0, 0.0
+    for i in range(len(system.tension)):
+        tension = rng.normal(system.tension[i], system.tension_sd[i], (samples, 1))
+        pull = tension * directions_about(
+            system.direction[i], system.concentration[i], samples, rng
+        )
+        force = force + pull
+        if system.attachment is not None:
+            r = system.attachment[i]
+            planar = system.dimension == 2
+            moment = moment + (
+                r[0] * pull[:, 1:] - r[1] * pull[:, :1] if planar else np.cross(r, pull)
+            )
+    return force if system.attachment is None else np.concatenate([force, moment], axis=-1)
+
+
+def test_the_mean_length_is_a_ratio_of_bessel_functions_in_the_plane_and_of_hyperbolic_in_space():
+    kappa = np.array([0.01, 0.5, 4.0, 169.35, 600.0])
+    np.testing.assert_allclose(mean_resultant_length(kappa, 2), i1(kappa) / i0(kappa), rtol=1e-13)
+    closed = 1 / np.tanh(kappa) - 1 / kappa  # which loses digits as κ falls
+    np.testing.assert_allclose(mean_resultant_length(kappa, 3), closed, rtol=1e-13 / kappa.min())
+    assert np.abs(mean_resultant_length(kappa, 3) - mean_resultant_length(kappa, 2)).min() > 1e-4
+
+
+@pytest.mark.parametrize("p", [2, 3])
+def test_it_is_smooth_where_the_series_takes_over_and_finite_where_bessel_functions_fail(p):
+    below, above = mean_resultant_length(LARGE * np.array([1.0, 1 + 1e-9]), p)
+    assert above == pytest.approx(below, abs=1e-14)
+    lengths = mean_resultant_length(np.array([1e-8, 2e9, 1e15]), p)
+    np.testing.assert_allclose(lengths, [1e-8 / p, 1 - (p - 1) / 4e9, 1.0], rtol=1e-9)
+    assert 1 - lengths[1] == pytest.approx((p - 1) / 4e9, rel=1e-6)
+
+
+@pytest.mark.parametrize("mean", [[0.6, -0.8], [0.0, 0.6, -0.8]])
+def test_drawn_directions_have_the_law_of_an_independent_sampler_and_not_of_another_spread(mean):
+    rng = np.random.default_rng(61)
+    means, kappas = np.array([mean, mean]), np.array([3.0, 40.0])
+    drawn = sample_directions(means, kappas, 4000, rng)
+    assert drawn.shape == (4000, 2, len(mean))
+    np.testing.assert_allclose(np.linalg.norm(drawn, axis=-1), 1.0, rtol=1e-12)
+    for cable, kappa in enumerate(kappas):
+        other = directions_about(np.array(mean), kappa, 4000, rng)
+        for component in range(len(mean)):
+            assert ks_2samp(drawn[:, cable, component], other[:, component]).pvalue > 1e-4
+    assert ks_2samp(drawn[:, 0, -1], other[:, -1]).pvalue < 1e-10
+    again = sample_directions(means, kappas, 4000, np.random.default_rng(61))
+    np.testing.assert_array_equal(drawn, again)
+
 
 BAND = 4.5  # standard errors; six rows have 27 moments, which leave it with probability 2e-4
-
 WIDE = planar_cables(
     np.array([4.0, 7.0, 2.5]),
     np.array([0.4, 2.1, 5.0]),
@@ -169,23 +244,6 @@ def test_turning_every_cable_turns_the_mean_and_the_covariance(system):
     )
 
 
-@pytest.mark.parametrize("p", [2, 3])
-def test_an_array_of_systems_gives_what_each_system_gives(p):
-    rng = np.random.default_rng(2)
-    shape = (4, 5, 3)
-    direction = rng.standard_normal((*shape, p))
-    many = CableSystem(
-        rng.uniform(2, 9, shape),
-        direction / np.linalg.norm(direction, axis=-1, keepdims=True),
-        rng.uniform(0, 2, shape),
-        rng.uniform(1, 900, shape),
-        rng.uniform(-1, 1, (*shape, p)),
-    )
-    one = CableSystem(*(getattr(many, field.name)[2, 3] for field in fields(many)))
-    np.testing.assert_allclose(wrench_covariance(many)[2, 3], wrench_covariance(one), rtol=1e-13)
-    np.testing.assert_allclose(wrench_mean(many)[2, 3], wrench_mean(one), rtol=1e-13)
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -193,7 +251,7 @@ def test_an_array_of_systems_gives_what_each_system_gives(p):
         ({"tension_sd": -np.ones(3)}, "tension_sd"),
         ({"direction": WIDE.direction[:2]}, "direction has shape"),
         ({"direction": 2 * WIDE.direction}, "unit vectors"),
-        ({"direction": np.ones((3, 1))}, "2 or 3 components"),
+        ({"direction": np.ones((3, 1))}, "and 2 or 3"),
         ({"attachment": np.zeros((3, 3))}, "attachment has shape"),
         ({"tension": np.full(3, np.nan)}, "not finite"),
     ],

@@ -10,6 +10,8 @@ from pipeline.core.validation import options
 
 Count = Annotated[int, Field(ge=1)]
 Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Whole = Annotated[int, Field(ge=0)]
 Bounds = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
@@ -22,14 +24,14 @@ class Filter:
 
 @options()
 class Articulation:
-    gamma1: Annotated[float, Field(ge=0)]
-    gamma2: Annotated[float, Field(ge=0)]
+    gamma1: NotNegative
+    gamma2: NotNegative
     length_range: Annotated[float, Field(ge=0, lt=1)]  # share of the nominal length
     minimum_points: Count  # a frame with fewer points of the arm is a gap
-    max_gap: Annotated[int, Field(ge=0)]  # frames in a row that may be gaps
+    max_gap: Whole  # frames in a row that may be gaps
     end_point: Literal["commanded", "fitted"]  # end of the tool's segment
     # frames on either side that the covariance of the Kinect noise is estimated over
-    noise_window: Annotated[int, Field(ge=0)]
+    noise_window: Whole
 
 
 @options()
@@ -62,8 +64,8 @@ class Scale:
     systems: Count
     test_systems: Count
     study_repeats: Count
-    convex_checks: Annotated[int, Field(ge=0)]
-    bootstrap_replicates: Annotated[int, Field(ge=0)]
+    convex_checks: Whole
+    bootstrap_replicates: Whole
     force_seconds: Positive
 
 
@@ -81,5 +83,5 @@ class Dask:
 class Compute:
     """Where trials run. Results do not depend on it."""
 
-    workers: Annotated[int, Field(ge=0)] = 0  # processes on this machine, 0: one per core
+    workers: Whole = 0  # processes on this machine, 0: one per core
     dask: Dask | None = None  # null: no cluster

@@ -8,15 +8,12 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from pipeline.core.bounds import Reading
-from pipeline.core.options.analysis import Count, Positive
-from pipeline.core.options.depth_camera import Depth
-from pipeline.core.options.force import Force
-from pipeline.core.options.logs import Encoders, JointLog
-from pipeline.core.options.motion_capture import Mocap
+from pipeline.core.options.analysis import Count, NotNegative, Positive, Whole
+from pipeline.core.options.instruments import Depth, Encoders, Force, JointLog, Mocap
 from pipeline.core.task import PLANE, SPACE
 from pipeline.core.validation import Fault, options
 
-Limit = Annotated[float, Field(ge=0)] | None
+Limit = NotNegative | None
 
 
 @options()
@@ -65,7 +62,7 @@ class Limits:
 
     missing_share: Limit = None  # of the samples of the labelled markers
     # frames in a row without joint angles, up to mocap.max_gap; null: a take beyond that is refused
-    longest_gap: Annotated[int, Field(ge=0)] | None = None
+    longest_gap: Whole | None = None
     relabelled_share: Limit = None  # of the samples of the labelled markers
     residual_rms: Limit = None  # m, of the rigid-body fits
     dropped_share: Limit = None  # of the depth frames

@@ -10,13 +10,14 @@ from itertools import combinations
 import numpy as np
 
 from pipeline.models.additive.options import Options
-from pipeline.models.covariance import without_measurement
-from pipeline.models.noise import mean_covariance, moments
+from pipeline.models.noise import mean_covariance
+from pipeline.models.normal import without_measurement
 from pipeline.models.steps import Estimate, Recorded, Truth
+from pipeline.statistics.takes import takes_moments
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
-    """Σ_ω by the estimator that ``options`` name; raises ModelDomainError for a single take."""
+    """Estimate Σ_ω as ``options`` say; raises ModelDomainError for a single take."""
     if options.estimator == "paper":
         return _estimate(mean_covariance(recorded.noise), {})
     shrunk, intensity = shrunk_covariance(recorded.noise)
@@ -35,32 +36,28 @@ def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -
 
 
 def _estimate(covariance: np.ndarray, diagnostics: dict[str, float]) -> Estimate:
-    parameters = {"kind": "additive", "noise_covariance": covariance.tolist()}
-    return Estimate(parameters, covariance_entries(covariance), diagnostics)
-
-
-def covariance_entries(covariance: np.ndarray) -> dict[str, float]:
-    """The entries of Σ_ω (n, n) in rad² by name, and the correlations of joints that have noise."""
+    """The entries of Σ_ω in rad² by name, and the correlations of joints that have noise."""
     std, n = np.sqrt(np.diag(covariance)), len(covariance)
     entries = {
         f"sigma_omega_{i + 1}{j + 1}_rad2": covariance[i, j] for i in range(n) for j in range(i, n)
+    } | {
+        f"correlation_omega_{i + 1}{j + 1}": covariance[i, j] / (std[i] * std[j])
+        for i, j in combinations(range(n), 2)
+        if std[i] * std[j] > 0
     }
-    pairs = [(i, j) for i, j in combinations(range(n), 2) if std[i] * std[j] > 0]
-    return entries | {
-        f"correlation_omega_{i + 1}{j + 1}": covariance[i, j] / (std[i] * std[j]) for i, j in pairs
-    }
+    parameters = {"kind": "additive", "noise_covariance": covariance.tolist()}
+    return Estimate(parameters, entries, diagnostics)
 
 
 def shrunk_covariance(noise: np.ndarray) -> tuple[np.ndarray, float]:
     """(n, n) Σ̂_ω shrunk towards a scaled identity, (1−ρ)Σ̂_ω + ρ·tr Σ̂_ω/n·I in rad², and the
-    intensity ρ in [0, 1].
+    intensity ρ in [0, 1] (Ledoit and Wolf, J. Multivariate Analysis 88, 2004).
 
-    The estimate of Ledoit and Wolf (J. Multivariate Analysis 88, 2004): ρ is the variance of Σ̂_ω
-    over its squared distance from the target. Steps of one take depend on each other, so the
-    variance is that of the mean over takes, which do not. ``noise`` ω (takes, M, n); raises
+    ρ is the variance of Σ̂_ω over its squared distance from the target. The variance is that of the
+    mean over takes, as steps of one take depend on each other. ``noise`` ω (takes, M, n); raises
     ModelDomainError for a single take.
     """
-    mean, _ = moments(noise)
+    mean, _ = takes_moments(noise)
     takes = len(noise)
     centred = noise - mean
     by_take = np.einsum("tki,tkj->tij", centred, centred) * takes / ((takes - 1) * noise.shape[1])

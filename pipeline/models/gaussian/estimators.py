@@ -14,13 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.commands import task_step
-from pipeline.models.covariance import principal_axes
 from pipeline.models.gaussian.law import noise_scale
-from pipeline.models.level import TakeVariances
-from pipeline.models.norm import frobenius
-from pipeline.models.normal import axis_log_density
-from pipeline.models.steps import Recorded, moving_steps
+from pipeline.models.model import frobenius, task_step
+from pipeline.models.normal import axis_log_density, principal_axes
+from pipeline.models.steps import Recorded, TakeVariances, moving_steps
 
 ALPHA_RANGE = 30.0  # α is sought within this factor of what the second moments suggest
 TOLERANCE = 1e-4  # of ln α

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.models.gaussian.options import Options
-from pipeline.models.norm import frobenius
+from pipeline.models.model import frobenius
 from pipeline.models.steps import Estimate, Recorded
 
 

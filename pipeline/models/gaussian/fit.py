@@ -10,7 +10,6 @@ from functools import partial
 
 import numpy as np
 
-from pipeline.models.commands import task_step
 from pipeline.models.gaussian.estimators import (
     GaussianFit,
     GaussianLikelihood,
@@ -19,9 +18,10 @@ from pipeline.models.gaussian.estimators import (
     fit_likelihood,
 )
 from pipeline.models.gaussian.options import ESTIMATORS, Options
-from pipeline.models.noise import mean_covariance, moments
-from pipeline.models.norm import frobenius
+from pipeline.models.model import frobenius, task_step
+from pipeline.models.noise import mean_covariance
 from pipeline.models.steps import Estimate, Recorded, Truth
+from pipeline.statistics.takes import takes_moments
 
 # ũ tried, as shares of the greatest ‖J̲⁺‖: the bound may at most double it
 EXTENSIONS = np.linspace(0.005, 1.0, 200)
@@ -35,7 +35,7 @@ BOUND = 1.1
 def estimate(recorded: Recorded, options: Options) -> Estimate:
     """(α, u) by the estimator that ``options`` name; raises what that estimator raises."""
     if options.estimator == "paper":
-        mean, covariance = moments(recorded.noise)
+        mean, covariance = takes_moments(recorded.noise)
         poses = recorded.q.mean(axis=0)
         norms = frobenius(recorded.chain.inverse_jacobian(poses, what="mean pose"))
         squares = _square_speeds(recorded)

@@ -16,11 +16,10 @@ import numpy as np
 
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.commands import task_step
-from pipeline.models.covariance import trace_factor
-from pipeline.models.model import GAUSSIAN_LAW, Law
-from pipeline.models.norm import frobenius
-from pipeline.models.normal import NormalModel
+from pipeline.models.model import GAUSSIAN_LAW, Law, frobenius, task_step
+from pipeline.models.normal import NormalModel, trace_factor
+
+UNBOUNDED = 1e9  # u beside which the norm of any inverse Jacobian is nothing
 
 
 def noise_scale(norm: np.ndarray, alpha: float, u: float, n: int, m: int) -> np.ndarray:
@@ -86,5 +85,7 @@ class GaussianModel(NormalModel):
 
 
 def build(parameters: dict[str, Any]) -> GaussianModel:
-    """The model with these parameters."""
+    """The model with these parameters; with ``level`` αu alone the limit of an unbounded u."""
+    if "level" in parameters:
+        return GaussianModel(parameters["level"] / UNBOUNDED, UNBOUNDED)
     return GaussianModel(parameters["alpha"], parameters["u"])

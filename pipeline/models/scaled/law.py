@@ -1,13 +1,11 @@
-"""Gaussian noise that grows with the joint speed: the law that a random Jacobian has to be held
-against.
+"""Gaussian noise at rest and noise that grows with the joint speed:
 
     ω_{k+1} = η + D(q̇)ε,   η ~ N(0, A),   ε ~ N(0, B),   q̇ = J(q_k)⁺ẋᵈ_kΔt  (rad a step),   D(q̇)
     = diag(q̇),
 
-so Cov(ω) = A + D(q̇)BD(q̇): a floor A at rest, and for each joint a share of its own step that
-varies, with covariance B between the joints. It is positive semidefinite at every speed since A and
-B are. With A and B diagonal it is σ_j² = a_j + b_jq̇_j² for each joint alone; with B = σ_ε²·11ᵀ it
-is A + σ_ε²q̇q̇ᵀ, one timing error w = εq̇ that all joints share; with B = 0 the additive model.
+so Cov(ω) = A + D(q̇)BD(q̇), positive semidefinite at every speed since A and B are. Diagonal A and
+B give σ_j² = a_j + b_jq̇_j² for each joint alone; B = σ_ε²·11ᵀ is one timing error w = εq̇ of all
+joints; without B it is the additive model.
 """
 
 from __future__ import annotations
@@ -19,54 +17,50 @@ from typing import Any
 import numpy as np
 
 from pipeline.arm.interface import Chain, Mechanism
-from pipeline.models.covariance import root, trace_factor
 from pipeline.models.model import SCALED_LAW, Law, row_by_row
-from pipeline.models.normal import NormalModel
-
-
-def scaled_covariance(floor: np.ndarray, gain: np.ndarray, dq: np.ndarray) -> np.ndarray:
-    """(..., n, n) A + D(q̇)BD(q̇) in rad² for the steps ``dq`` q̇ (..., n) in rad; ``floor`` A (n,
-    n) in rad², ``gain`` B (n, n).
-    """
-    return floor + gain * (dq[..., :, None] * dq[..., None, :])
+from pipeline.models.normal import NormalModel, root, trace_factor
 
 
 @dataclass(frozen=True)
 class ScaledModel(NormalModel):
     """Noise of covariance ``floor`` A (n, n) in rad² at rest and ``gain`` B (n, n), in shares of a
-    step, for what grows with speed.
+    step, that grows with speed; None of the additive model.
 
     Both may be singular or zero; raises ModelDomainError where one is no covariance.
     """
 
     floor: np.ndarray
-    gain: np.ndarray
+    gain: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        _ = self._roots  # refuses what is not a covariance
+        _ = self._roots  # raises where one is no covariance
 
     @cached_property
-    def _roots(self) -> tuple[np.ndarray, np.ndarray]:
-        return root(self.floor), root(self.gain)
+    def _roots(self) -> list[np.ndarray]:
+        return [root(each) for each in (self.floor, self.gain) if each is not None]
 
     def law(self, chain: Chain) -> Law:
-        """Law of a compiled step."""
+        """Law of a compiled step: a set of normal variates for each covariance."""
         n = len(chain.lower)
         parameters = np.concatenate([row_by_row(each, n) for each in self._roots])
-        return Law(SCALED_LAW, parameters, sets=2, each=n)
+        return Law(SCALED_LAW, parameters, sets=len(self._roots), each=n)
 
     def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) A + D(q̇)BD(q̇) in rad²."""
-        return scaled_covariance(self.floor, self.gain, chain.nominal_step(q, v))
+        if self.gain is None:
+            return np.broadcast_to(self.floor, (*q.shape, q.shape[-1]))
+        dq = chain.nominal_step(q, v)
+        return self.floor + self.gain * (dq[..., :, None] * dq[..., None, :])
 
     def with_trace(
         self, chain: Mechanism, q: np.ndarray, v: np.ndarray, trace: float
     ) -> ScaledModel:
         """The model of A and B times one factor; raises ModelDomainError where it has no noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)
-        return replace(self, floor=factor * self.floor, gain=factor * self.gain)
+        gain = None if self.gain is None else factor * self.gain
+        return replace(self, floor=factor * self.floor, gain=gain)
 
 
 def build(parameters: dict[str, Any]) -> ScaledModel:
-    """The model with these parameters."""
+    """Build the model from A (``floor``, rad²) and B (``gain``)."""
     return ScaledModel(np.array(parameters["floor"]), np.array(parameters["gain"]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import lu, qr
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
 from pipeline.models.convex import solve_perturbation
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.perturbation import Perturbations
@@ -13,7 +13,7 @@ from pipeline.models.wishart.perturbation import Perturbations
 
 def perturbation_gap(
     fits: Perturbations,
-    chain: PlanarChain,
+    chain: Chain,
     q: np.ndarray,
     v: np.ndarray,
     noise: np.ndarray,

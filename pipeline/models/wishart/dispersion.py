@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.factors import factors
 from pipeline.models.wishart.perturbation import (
@@ -35,8 +35,8 @@ class WishartFit:
         return np.sqrt(self.squares.mean(axis=0))
 
     def from_takes(self, takes: np.ndarray) -> dict[str, float]:
-        """σ̂_B of the takes with these numbers, as often as each is named; the weights stay those of
-        all takes.
+        """Return σ̂_B of the takes with these numbers, as often as each is named; the weights stay
+        those of all takes.
         """
         counts = np.bincount(takes, minlength=len(self.squares))
         return {"sigma_b": float(np.sqrt(counts @ self.squares / counts.sum()).mean())}
@@ -54,7 +54,7 @@ def rest_noise(noise: np.ndarray, v: np.ndarray, measurement: np.ndarray | None 
 
 
 def fit_wishart(
-    chain: PlanarChain,
+    chain: Chain,
     q: np.ndarray,
     v: np.ndarray,
     noise: np.ndarray,
@@ -98,7 +98,7 @@ class Problems:
     @classmethod
     def of(
         cls,
-        chain: PlanarChain,
+        chain: Chain,
         q: np.ndarray,
         v: np.ndarray,
         noise: np.ndarray,

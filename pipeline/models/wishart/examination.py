@@ -1,5 +1,5 @@
-"""The closed form of the perturbations held against the convex problem as printed, and σ̂_B over the
-weight that the paper leaves open.
+"""Comparison of the perturbations' closed form with the convex problem as printed, and σ̂_B over
+the weight that the paper leaves open.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.commands import task_step
 from pipeline.models.draws import draw_steps
+from pipeline.models.model import task_step
 from pipeline.models.steps import Estimate, Recorded
 from pipeline.models.wishart.decomposition import Decomposition, chosen
 from pipeline.models.wishart.dispersion import Problems, WishartFit, fit_wishart

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arm.interface import Mechanism
-from pipeline.models.commands import task_step
+from pipeline.models.model import task_step
 from pipeline.models.wishart.decomposition import Decomposition
 
 

@@ -16,11 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.commands import task_step
-from pipeline.models.covariance import principal_axes
 from pipeline.models.model import (
     GIVEN_LAW,
     PIVOTED_LU_LAW,
@@ -28,8 +25,9 @@ from pipeline.models.model import (
     QR_TRANSPOSED_LAW,
     Law,
     row_by_row,
+    task_step,
 )
-from pipeline.models.normal import normal_log_density
+from pipeline.models.normal import normal_log_density, principal_axes
 from pipeline.models.wishart.decomposition import PARTS, PIVOTED_LU, Decomposition
 from pipeline.models.wishart.density import (
     action_log_density,
@@ -112,7 +110,7 @@ class WishartModel:
         return replace(self, sigma_b=dispersion_of_trace(squares, trace, a.shape[-1]))
 
     def sample(
-        self, chain: PlanarChain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
+        self, chain: Chain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
     ) -> np.ndarray:
         """(..., n) q, J₂⁺B⁻¹a and the step in the null space of J."""
         a, back, _ = factors(chain, q, v, self.decomposition)

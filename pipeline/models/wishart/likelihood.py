@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.steps import moving_steps
 from pipeline.models.wishart.decomposition import Decomposition
@@ -59,7 +59,7 @@ def _greatest(x: np.ndarray, values: np.ndarray) -> float:
 
 
 def fit_sigma_b(
-    chain: PlanarChain,
+    chain: Chain,
     q: np.ndarray,
     v: np.ndarray,
     noise: np.ndarray,

@@ -20,8 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.level import TakeVariances
-from pipeline.models.steps import Recorded
+from pipeline.models.steps import Recorded, TakeVariances
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.factors import factors
 from pipeline.randommatrix.wishart import largest_dispersion

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import fftconvolve, lfilter
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.interface import Chain
 from pipeline.laboratory.dynamics import lagged_correlation, play_share, servo_times, sway_share
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
 from pipeline.laboratory.swing import desired_joints
@@ -37,7 +37,7 @@ class Deviations:
 
 
 def deviations(
-    chain: PlanarChain,
+    chain: Chain,
     trajectory: TrajectoryOptions,
     dynamics: DynamicsOptions,
     path: np.ndarray,

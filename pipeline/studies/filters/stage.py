@@ -31,7 +31,7 @@ from pipeline.models.closed_loop_fit import fit_closed_loop
 from pipeline.models.options import Options as Model
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.filters import Filtered, no_filter
-from pipeline.statistics.take_scores import compared, posterior_scores
+from pipeline.statistics.scores import compared, posterior_scores
 from pipeline.studies.filters.deviations import Deviations, deviations
 from pipeline.studies.frame import NoAnswerError, Results, Study, interval, listed, number
 from pipeline.studies.simulated import Factors, Laboratory, disturbed, observe
@@ -172,7 +172,7 @@ def score_rows(filters: Mapping[str, Filtered], joints: Sequence[str]) -> pd.Dat
 
 def long_scores(table: pd.DataFrame, joints: Sequence[str]) -> pd.DataFrame:
     """Return rms error, coverage and log score of a table of
-    :func:`pipeline.statistics.take_scores.compared`, with the columns of tables.yaml.
+    :func:`pipeline.statistics.scores.compared`, with the columns of tables.yaml.
     """
     names = {f"rms_error_{joint}_rad": (RMS, joint) for joint in joints}
     names |= {f"coverage_of_one_sigma_{joint}": (COVERAGE, joint) for joint in joints}

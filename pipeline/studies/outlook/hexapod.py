@@ -10,15 +10,14 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import brentq
 
-from pipeline.arm.hexapod import LEGS, Hexapod, pose_of
 from pipeline.core.errors import ConfigError
-from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.model import MotionModel
-from pipeline.models.norm import frobenius
+from pipeline.models.model import MotionModel, frobenius
+from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.randommatrix.wishart import largest_dispersion
+from pipeline.studies.outlook.platform import LEGS, Hexapod, pose_of
 
 DECOMPOSITIONS = ("qr_transposed", "qr")  # those that no order of the rows changes
 SAME_POSE = 1e-6  # m
@@ -78,7 +77,7 @@ def equal_models(motion: PlatformMotion, noise: float, bound: float) -> dict[str
     variance = noise**2 * np.mean(np.sum(steps**2, axis=-1)) / LEGS
     u = bound * frobenius(motion.inverse).max()
     models: dict[str, MotionModel] = {
-        "additive": AdditiveModel(variance * np.eye(LEGS)),
+        "additive": ScaledModel(variance * np.eye(LEGS)),
         "gaussian": GaussianModel(noise / motion.noise_share(GaussianModel(1.0, u)), u),
     }
     limit = largest_dispersion(LEGS, inverse_moments=2)

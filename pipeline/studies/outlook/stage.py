@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from pipeline.arm.hexapod import LEGS, Hexapod, pose_of
 from pipeline.core import rng
 from pipeline.core.validation import options
 from pipeline.studies.frame import Results, Study, interval, number
 from pipeline.studies.outlook.hexapod import equal_models, hexapod_rows, straight
+from pipeline.studies.outlook.platform import LEGS, Hexapod, pose_of
 from pipeline.studies.outlook.towing import error_rows, recorded_rows, slope_rows
 from pipeline.verdicts.wording import table
 from pipeline.wrench.bounds import study_bounds

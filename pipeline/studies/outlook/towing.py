@@ -10,12 +10,15 @@ from dataclasses import fields, replace
 import numpy as np
 import pandas as pd
 
-from pipeline.statistics.scores import paired_difference
+from pipeline.statistics.takes import paired_difference
 from pipeline.wrench.bounds import Bounds, draw_systems
-from pipeline.wrench.directions import sample_directions
-from pipeline.wrench.kronecker import moment_fit
-from pipeline.wrench.matrix import matrix_model
-from pipeline.wrench.parametric import CableSystem, wrench_covariance, wrench_mean
+from pipeline.wrench.matrix import matrix_model, moment_fit
+from pipeline.wrench.parametric import (
+    CableSystem,
+    sample_directions,
+    wrench_covariance,
+    wrench_mean,
+)
 from pipeline.wrench.study import averaged_sigma_s, covariance_errors, variance_errors
 
 PARTS = {"forces": slice(3), "moments": slice(3, 6)}
@@ -68,8 +71,7 @@ def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
         for error in ERRORS:
             means = np.log(table.pivot(index="agents", columns="repeat", values=error))
             slopes = np.polyfit(np.log(means.index.to_numpy(float)), means.to_numpy(), 1)[0]
-            mean = paired_difference(slopes, np.zeros_like(slopes))
-            rows.append((part, error, mean.mean, mean.low, mean.high))
+            rows.append((part, error, *paired_difference(slopes, np.zeros_like(slopes))))
     return pd.DataFrame(rows, columns=["part", "error", "slope", "low", "high"])
 
 

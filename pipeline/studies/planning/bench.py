@@ -50,7 +50,7 @@ class Bench:
         return self.trajectory.rate
 
     def command(self, path: np.ndarray) -> np.ndarray:
-        """(M, m + n) commands of a ``path`` (M+1, n) in rad, see :mod:`pipeline.models.commands`;
+        """(M, m + n) commands of a ``path`` (M+1, n) in rad, see :mod:`pipeline.models.model`;
         (M, m) of a task that leaves no choice.
         """
         table = trajectory_table(self.chain, path, self.rate, self.joints)

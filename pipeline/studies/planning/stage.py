@@ -27,10 +27,9 @@ from pipeline.core.validation import options
 from pipeline.models import kinds
 from pipeline.models.model import MotionModel
 from pipeline.models.noise import process_noise
-from pipeline.planning.cost import uncertainty
 from pipeline.planning.motions import best_conditioned, least_uncertain, minimum_norm
-from pipeline.planning.problem import InfeasibleError, Problem
-from pipeline.statistics.resampling import TAILS, drawn_takes
+from pipeline.planning.problem import InfeasibleError, Problem, uncertainty
+from pipeline.statistics.takes import drawn_takes, percentile_interval
 from pipeline.studies.frame import Results, Study, interval, listed, number
 from pipeline.studies.planning.bench import Bench, Rig, bench_of
 from pipeline.studies.simulated import Factors, disturbed
@@ -223,7 +222,7 @@ def sum_rows(sums: Mapping[str, np.ndarray]) -> pd.DataFrame:
     rows = []
     for motion, values in sums.items():
         ratios = values / sums[MINIMUM]
-        low, high = np.quantile(ratios[1:], TAILS)
+        low, high = percentile_interval(ratios[1:])
         share = float(np.mean(least == motion))
         rows.append((motion, values[0], ratios[0], low, high, share))
     return pd.DataFrame(rows, columns=["motion", "sum", "ratio", "low", "high", "least"])

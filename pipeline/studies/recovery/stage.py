@@ -16,16 +16,17 @@ from pipeline.core import config, rng
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.core.validation import options
-from pipeline.models.bootstrap import percentiles, replicate, resampled_estimator
+from pipeline.models.bootstrap import replicate, resampled_estimator
+from pipeline.models.draws import draw_steps
 from pipeline.models.kinds import build_model, estimate, truths
+from pipeline.models.model import MotionModel
 from pipeline.models.options import Options as Model
 from pipeline.models.steps import Recorded, Truth
 from pipeline.recordings.steps import training_steps
+from pipeline.statistics.takes import NORMAL_QUANTILE, percentile_interval
 from pipeline.studies.frame import NoAnswerError, Results, Study, listed, number
-from pipeline.studies.recovery.known_laws import drawn
 from pipeline.verdicts.wording import table
 
-NORMAL = 1.959964  # 0.975 quantile of the normal law
 LABELS = {
     "moments": "moments",
     "paper": "the paper's convex problem",
@@ -111,6 +112,21 @@ def thinned_steps(recorded: Recorded, takes: int, stride: int) -> Recorded:
     )
 
 
+def drawn(truth: MotionModel, recorded: Recorded, rng: np.random.Generator) -> Recorded:
+    """Return ``recorded`` with the noise ω of every step drawn from ``truth`` at the recorded pose,
+    plus N(0, Σ_m) of the recordings.
+
+    The law of a step given the measured pose before it is the one that the likelihoods assume.
+    Raises SingularJacobianError and, where the motion never rests, ModelDomainError.
+    """
+    q, v = recorded.q, recorded.v
+    nominal = q + recorded.chain.nominal_step(q, v)
+    step, _ = draw_steps(truth, recorded.chain, q, v, rng)
+    measured = rng.multivariate_normal(np.zeros(q.shape[-1]), recorded.measurement, q.shape[:-1])
+    noise = step - nominal + measured
+    return replace(recorded, noise=noise, known_measurement=recorded.measurement)
+
+
 def recover(trial: tuple[KnownLaw, int], recorded: Recorded, seed: int) -> dict[str, Pair | None]:
     """The estimates of every estimator from one data set and from a resampling of its takes; None
     where an estimator has none.
@@ -153,8 +169,8 @@ def recovery_row(parameter: str, truth: float, pairs: Sequence[Pair | None]) -> 
         return row
     estimates, again = solved.T
     error, mean = estimates - truth, estimates.mean()
-    half = NORMAL * estimates.std(ddof=1) / np.sqrt(len(estimates))
-    low, high = percentiles(again - estimates)
+    half = NORMAL_QUANTILE * estimates.std(ddof=1) / np.sqrt(len(estimates))
+    low, high = percentile_interval(again - estimates)
     return row | {
         "mean": mean,
         "mean_low": mean - half,

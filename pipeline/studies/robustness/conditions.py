@@ -13,10 +13,11 @@ import pandas as pd
 from pipeline.cases.case import Case
 from pipeline.cases.evaluate import Recordings, evaluate
 from pipeline.cases.evidence import Evidence
-from pipeline.cases.verdict import decided
+from pipeline.cases.readings import decided
 from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError
 from pipeline.laboratory.options import TrajectoryOptions
+from pipeline.statistics.takes import wrench_summary
 from pipeline.studies.simulated import Factors, Laboratory, observe
 from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.reference import ArmNames
@@ -80,7 +81,7 @@ def trajectory(own: TrajectoryOptions, way: Mapping[str, object]) -> TrajectoryO
 
 
 def verdicts(condition: Condition, common: Common) -> pd.DataFrame:
-    """Return the rows of :func:`pipeline.cases.verdict.decided` of one condition."""
+    """Return the rows of :func:`pipeline.cases.readings.decided` of one condition."""
     evaluated = motion_evidence if condition.study == "motion" else wrench_evidence
     arm = ArmNames(common.laboratory.joints, common.laboratory.chain.task)
     return decided(common.claims, evaluated(condition, common), arm)
@@ -123,11 +124,10 @@ def wrench_evidence(condition: Condition, common: Common) -> Evidence:
     )
     stream = rng.stream(condition.seed, "robustness.wrench")
     _, errors, repeats = run_study(bounds, common.agents, *common.systems, stream)
-    by_system = errors.groupby("agents")["error"]
-    by_repeat = repeats.groupby("agents")["maximum"]
-    metrics = {f"study_m{m}_mean_error": value for m, value in by_system.mean().items()}
-    metrics |= {f"study_m{m}_greatest_error": value for m, value in by_system.max().items()}
-    for m, value in by_repeat.median().items():
-        metrics[f"study_m{m}_greatest_error_median_over_repeats"] = value
-    ends = {"max_low": by_repeat.quantile(0.025), "max_high": by_repeat.quantile(0.975)}
-    return {"metrics/wrench": metrics, "tables/wrench_study": pd.DataFrame(ends).reset_index()}
+    study = wrench_summary(errors, repeats)
+    metrics = {}
+    for m, median in repeats.groupby("agents")["maximum"].median().items():
+        own, name = study.set_index("agents").loc[m], f"study_m{m}_greatest_error"
+        metrics |= {f"study_m{m}_mean_error": own["mean"], name: own["max"]}
+        metrics[f"{name}_median_over_repeats"] = median
+    return {"metrics/wrench": metrics, "tables/wrench_study": study}

@@ -10,13 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from pipeline.cases.camera import Camera, camera_of
 from pipeline.cases.case import Case
 from pipeline.cases.readings import readings
+from pipeline.cases.recordings import Camera, camera_of
 from pipeline.filtering.resampling import SCHEMES
-from pipeline.studies.consistent import consistent
 
 CHANCE = "random numbers"
+# the estimator of each of the paper's models that returns known parameters
+CONSISTENT = {"additive": "shrinkage", "wishart": "likelihood", "gaussian": "likelihood"}
 BASE = ""  # decision and level of the base case
 Named = tuple[str, str, Case]  # decision, level, case
 LINEAR = ("x", "y", "z")  # rows of a task in m
@@ -46,7 +47,10 @@ def counted(others: int) -> range:
 def _decisions(
     base: Case, lever: float, task: Sequence[str], joints: Sequence[str]
 ) -> Iterator[Named]:
-    models = {kind: consistent(model) for kind, model in base.models.items()}
+    models = {
+        kind: replace(model, estimator=CONSISTENT.get(kind, model.estimator))
+        for kind, model in base.models.items()
+    }
     yield "estimator", "likelihood", replace(base, models=models)
     if (wishart := base.models.get("wishart")) is not None:
         if wishart.estimator == "paper":

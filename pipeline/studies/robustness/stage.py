@@ -4,20 +4,24 @@ laboratory's physics, the random numbers.
 
 from __future__ import annotations
 
+import os
+import shutil
 from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated
 
+import joblib
 import pandas as pd
 from pydantic import Field
 
 from pipeline.cases.case import Case, paper_models
 from pipeline.cases.evaluate import Recordings, evaluate
-from pipeline.cases.recorded import recorded_takes
-from pipeline.cases.verdict import FAILS, HOLDS, UNKNOWN, decided, read_claims
+from pipeline.cases.readings import FAILS, HOLDS, UNKNOWN, decided, read_claims
+from pipeline.cases.recordings import recorded_takes
 from pipeline.core import config, contracts
+from pipeline.core.compiled import sources_hash
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Count
@@ -114,18 +118,30 @@ def decision_verdicts(
 def laboratory_verdicts(
     settings: SimpleNamespace, options: Options, claims: tuple[Claim, ...]
 ) -> Iterator[Verdicts]:
-    """Yield the verdicts in every condition of the laboratory."""
+    """Yield the verdicts in every condition of the laboratory.
+
+    A run after one that was killed evaluates the remaining conditions only.
+    """
     grid, common = laboratory_grid(settings, options, claims)
-    results = run_trials(
-        partial(verdicts, common=common),
-        grid,
-        compute=settings.compute,
-        label="robustness: conditions",
-    )
+    folder = Path(".dvc/tmp/robustness", sources_hash()).absolute()
+    trial, label = partial(kept_verdicts, common=common, folder=folder), "robustness: conditions"
+    results = run_trials(trial, grid, compute=settings.compute, label=label)
     for condition, rows in zip(grid, results, strict=True):
         factor = ", ".join(name for name, _ in condition.levels)
         level = ", ".join(f"{x:g}" if isinstance(x, float) else x for _, x in condition.levels)
         yield condition.study, factor, level, rows
+    shutil.rmtree(folder.parent, ignore_errors=True)
+
+
+def kept_verdicts(condition: Condition, common: Common, folder: Path) -> pd.DataFrame:
+    """:func:`verdicts` of one condition, kept in ``folder`` by a hash of both arguments."""
+    file = folder / f"{joblib.hash((condition, common))}.pickle"
+    if not file.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        part = file.with_suffix(f".{os.getpid()}")
+        verdicts(condition, common).to_pickle(part)
+        part.replace(file)
+    return pd.read_pickle(file)
 
 
 def laboratory_grid(
@@ -242,7 +258,8 @@ def page(results: Results) -> list[str]:
         f"that the paper leaves open, on {len(physical)} with the laboratory's physics or bounds, "
         f"and on {len(lucky)} with other random numbers (†): a single run says little of these. "
         f"{decision if len(most) else ''}"
-        f"The base case of the recordings is the run; the laboratory's has "
+        f"The base case of the recordings has the options of the run, with "
+        f"{results.options.filtered} test takes in the filter; the laboratory's has "
         f"{len(results.options.seeds)} seeds, and “both” is a claim that holds with one of them "
         "only.",
         results.figures["robustness"],

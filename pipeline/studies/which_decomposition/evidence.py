@@ -24,7 +24,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.studies.published import Published
+from pipeline.core.errors import ConfigError
+from pipeline.statistics.takes import NORMAL_QUANTILE
 from pipeline.studies.which_decomposition.laws import (
     GAUSSIAN,
     PIVOTED,
@@ -34,6 +35,7 @@ from pipeline.studies.which_decomposition.laws import (
     wishart_variance,
 )
 from pipeline.studies.which_decomposition.paths import Paths
+from pipeline.verdicts.claims import Claim
 
 SIZES = {
     "joints 1 and 2": ("joint 1", "joint 2"),
@@ -48,7 +50,36 @@ SETS = {  # beside one of SIZES
 SPAN = 9  # tolerances of an integral over them
 INTEGRATED = 0.0  # tolerance of the rows that hold it
 BLOCK = 50  # paths whose steps are evaluated at once: buffers that the cache holds
-NORMAL = 1.959964  # 0.975 quantile of the normal law
+
+
+@dataclass(frozen=True)
+class Published:
+    """Sec. 4.1.2, results of the parameter estimations."""
+
+    sigma_b: float  # σ̂_B of the Wishart model
+    alpha: float  # α̂ of the Gaussian model
+    u: float  # û, the bound on ‖J⁻¹‖_F
+    covariance: np.ndarray  # (n, n) Σ̂_ω of the additive model, rad²
+
+    @property
+    def spread(self) -> np.ndarray:
+        """(n,) standard deviation of a step in rad, the root of the mean variance."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+def published(claims: Sequence[Claim]) -> Published:
+    """The published values of ``claims``; raises ConfigError where one of them is not stated."""
+    stated = {claim.id: claim for claim in claims}
+    if absent := {"sigma-b", "alpha", "u", "sigma-omega"} - set(stated):
+        raise ConfigError("no claim with a published value", claim=", ".join(sorted(absent)))
+    covariance = stated["sigma-omega"]
+    entries = [tuple(int(digit) - 1 for digit in case["entry"]) for case in covariance.cases()]
+    matrix = np.full((1 + max(i for entry in entries for i in entry),) * 2, np.nan)
+    for (i, j), value in zip(entries, covariance.published, strict=True):
+        matrix[i, j] = matrix[j, i] = value
+    return Published(
+        stated["sigma-b"].published, stated["alpha"].published, stated["u"].published, matrix
+    )
 
 
 @dataclass(frozen=True)
@@ -168,8 +199,8 @@ def evidence_rows(
                         {
                             "reading": READINGS,
                             "likelihood": ratio,
-                            "low": ratio * np.exp(-NORMAL * error),
-                            "high": ratio * np.exp(NORMAL * error),
+                            "low": ratio * np.exp(-NORMAL_QUANTILE * error),
+                            "high": ratio * np.exp(NORMAL_QUANTILE * error),
                         }
                     ).assign(size=size, quantities=name, tolerance=tolerance)
                 )

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import arm_of, chain_of
-from pipeline.cases.verdict import read_claims
+from pipeline.cases.readings import read_claims
 from pipeline.core import config, rng
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError
@@ -23,12 +23,13 @@ from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import options, validated
 from pipeline.recordings.steps import training_steps
 from pipeline.studies.frame import Study
-from pipeline.studies.published import Published, published
 from pipeline.studies.which_decomposition.arms import level_rows, unit_rows
 from pipeline.studies.which_decomposition.evidence import (
+    Published,
     Widths,
     evidence_rows,
     joined,
+    published,
     unsquared_rows,
     width_rows,
     widths,

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.commands import Commands
 from pipeline.models.exported import ExportedModel
+from pipeline.models.model import Commands
 
 DIFFERENCE = 1e-5  # rad
 

@@ -14,8 +14,10 @@ from pipeline.figures.style import (
     joint_lines,
     panels,
 )
+from pipeline.statistics.takes import percentile_interval
 from pipeline.tools.assess.judge import SPANS, Verdict
 from pipeline.tools.assess.moment_filter import Innovations
+from pipeline.tools.assess.words import shows
 
 GREATEST = 8.0  # standard deviations at which the colours end
 
@@ -37,7 +39,7 @@ def draw(take: str, verdict: Verdict, found: Innovations, number: int) -> Figure
         height_ratios=[*[1.5] * lines, 0.55 + 0.2 * len(joints)],
     )
     t = np.linspace(0, verdict.ends[-1], found.error.shape[1] + 1)[1:]
-    low, high = np.quantile(found.error[verdict.others], [0.025, 0.975], axis=0)
+    low, high = percentile_interval(found.error[verdict.others])
     for axes in grid[:lines].flat[len(joints) :]:
         axes.remove()
     for j, (look, axes) in enumerate(
@@ -71,6 +73,7 @@ def draw(take: str, verdict: Verdict, found: Innovations, number: int) -> Figure
     below.set_title("log evidence beside theirs, in their standard deviations")
     figure.colorbar(shown, ax=below, extend="both", aspect=8)
     head = "behaves as" if verdict.behaves else "does NOT behave as"
+    head = head if shows(verdict) else "beside"
     figure.suptitle(f"{take} {head} the {int(verdict.others.sum())} other takes", fontsize=9)
     figure.legend(
         [error, bound, band],

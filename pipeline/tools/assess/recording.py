@@ -14,8 +14,8 @@ import numpy as np
 from pipeline.core import contracts
 from pipeline.core.errors import RecordingError
 from pipeline.models.closed_loop import MeanPath
-from pipeline.models.commands import Commands
 from pipeline.models.exported import ExportedModel
+from pipeline.models.model import Commands
 from pipeline.perception.follow import follower
 from pipeline.recordings.commands import commanded_steps
 from pipeline.recordings.joint_logs import find_takes

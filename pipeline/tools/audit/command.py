@@ -1,12 +1,11 @@
-"""``python -m pipeline audit FOLDER``: runs every stage of the last commit again and compares all
-committed files.
+"""``python -m pipeline audit FOLDER``: runs every stage of the last commit again in a clone and
+compares all committed files.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -15,12 +14,10 @@ from pathlib import Path
 from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
 
-DVC = (sys.executable, "-m", "dvc")
-
 
 def run(words: list[str]) -> None:
-    """Clone the last commit to FOLDER, run its stages and print what git finds changed. Raises
-    PipelineError for any difference.
+    """Clone the last commit to FOLDER, delete the outputs of its stages, run them and print what
+    git finds changed. Raises PipelineError for any difference.
     """
     parser = argparse.ArgumentParser(
         prog="python -m pipeline audit", description=__doc__.partition(": ")[2]
@@ -34,27 +31,36 @@ def run(words: list[str]) -> None:
         names = ", ".join(line[3:] for line in edited)
         print(f"audit: not committed, and left out: {names}", flush=True)
     project = clone_commit(root, folder)
-    stages = rerun(project)
+    stages = [s for f in project.rglob("dvc.lock") for s in read_yaml(f).get("stages", {}).values()]
+    for out in (project / out["path"] for stage in stages for out in stage.get("outs", [])):
+        shutil.rmtree(out) if out.is_dir() else out.unlink(missing_ok=True)
+    environment = os.environ | {
+        "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
+        "DVC_NO_ANALYTICS": "1",
+        # what DVC remembers of files between runs lies outside its cache
+        "DVC_SITE_CACHE_DIR": str(project / ".dvc/tmp/site"),
+    }
+    repro = [sys.executable, "-m", "dvc", "repro", "--all-pipelines", "--force"]
+    if subprocess.run(repro, cwd=project, env=environment, stdout=sys.stderr).returncode:
+        raise PipelineError("`dvc repro -P` failed; its message is above", folder=project)
     # hashes of the files that git does not hold are in the lock files
     if changed := _git(project, "status", "--porcelain"):
         print(changed + _git(project, "diff", "--stat"), end="")
         raise PipelineError(
-            f"{len(changed.splitlines())} files differ from the commit after a run of its "
-            f"{len(stages)} stages; see `git -C '{project}' diff`",
+            f"{len(changed.splitlines())} files differ from the commit after a run of its stages; "
+            f"see `git -C '{project}' diff`",
             folder=project,
         )
     print(f"audit: {len(stages)} stages run again, every file equal to the commit")
 
 
 def clone_commit(root: Path, folder: Path) -> Path:
-    """Clone the commit of ``root`` into ``folder`` without DVC's cache; return the clone.
-
-    Recordings that a datasheet names beside the project are linked beside the clone.
+    """Clone the commit of ``root`` into ``folder`` without DVC's cache, and link the recordings
+    that a datasheet names beside the project beside the clone; return the clone.
     """
     folder.mkdir(parents=True, exist_ok=True)
     project = folder / "project"
-    if project.exists():
-        shutil.rmtree(project)
+    shutil.rmtree(project, ignore_errors=True)
     _git(folder, "clone", "--quiet", str(root), str(project))
     if not (project / "dvc.lock").is_file():
         raise PipelineError("dvc.lock is not committed; run `dvc repro` and commit it", file=root)
@@ -65,50 +71,9 @@ def clone_commit(root: Path, folder: Path) -> Path:
     return project
 
 
-def rerun(project: Path) -> list[str]:
-    """Delete the outputs of every stage of ``project``, run the stages and return their names;
-    DVC's messages go to standard error.
-    """
-    environment = os.environ | {
-        "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
-        "DVC_NO_ANALYTICS": "1",
-        # what DVC remembers of files between runs lies outside its cache
-        "DVC_SITE_CACHE_DIR": str(project / ".dvc/tmp/site"),
-    }
-    repro = [*DVC, "repro", "--all-pipelines", "--force"]
-    planned = subprocess.run(
-        [*repro, "--dry"], cwd=project, env=environment, stdout=subprocess.PIPE, text=True
-    )
-    names = re.findall(r"^Running stage '([^']+)'", planned.stdout, re.MULTILINE)
-    if planned.returncode or not names:
-        raise PipelineError("`dvc repro --dry` failed; its message is above", folder=project)
-    for lock in project.rglob("dvc.lock"):
-        place = lock.parent.relative_to(project).as_posix()
-        for name, stage in read_yaml(lock).get("stages", {}).items():
-            if (name if place == "." else f"{place}/dvc.yaml:{name}") in names:
-                for out in stage.get("outs", []):
-                    _delete(project / out["path"])
-    if subprocess.run(repro, cwd=project, env=environment, stdout=sys.stderr).returncode:
-        raise PipelineError("`dvc repro -P` failed; its message is above", folder=project)
-    return names
-
-
-def _delete(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
-
-
 def _git(folder: Path, *words: str) -> str:
-    try:
-        done = subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True)
-    except FileNotFoundError:
-        raise PipelineError("git is missing; install it") from None
+    done = subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True)
     if done.returncode:
-        raise PipelineError(
-            f"git {words[0]}: {' '.join(done.stderr.split())}; an audit needs a repository with "
-            "a commit",
-            folder=folder,
-        )
+        message = f"git {words[0]}: {' '.join(done.stderr.split())}"
+        raise PipelineError(f"{message}; an audit needs a repository with a commit", folder=folder)
     return done.stdout

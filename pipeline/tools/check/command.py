@@ -6,20 +6,22 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Iterator
+from copy import deepcopy
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from pipeline.arm.model import chain_of
+from pipeline.arm.urdf import read_urdf
 from pipeline.core import config, contracts, datasheet
 from pipeline.core.columns import columns
-from pipeline.core.draft import absent, filled
-from pipeline.core.errors import ConfigError, PipelineError
+from pipeline.core.datasheet import absent, faults, filled
+from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.core.options.analysis import Compute
-from pipeline.core.options.dataset import Dataset
+from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.recordings.ingest import attempt, read_part
-from pipeline.tools.check.values import value_faults
 
 PARAMS = Path("params.yaml")
 
@@ -37,43 +39,82 @@ def run(words: list[str]) -> None:
         there_are = ", ".join(config.option_names("dataset"))
         raise ConfigError(f"no dataset {name!r}; there are {there_are}")
     option_file = config.CONF / "dataset" / f"{name}.yaml"
-    faults = dataset_faults(option_file)
-    for number, fault in enumerate(faults, start=1):
+    found = dataset_faults(option_file)
+    for number, fault in enumerate(found, start=1):
         print(f"{number}. {fault}")
-    if faults:
+    if found:
         raise ConfigError(
-            f"{len(faults)} to be mended, in {datasheet.path_of(name)} or {option_file} where no "
+            f"{len(found)} to be mended, in {datasheet.path_of(name)} or {option_file} where no "
             "other file is named"
         )
     print(f"check: nothing is wrong with {name}")
 
 
 def dataset_faults(option_file: Path) -> list[str]:
-    """Return every fault of the dataset of ``option_file``: of its values, else of what the stages
-    configure and ingest make of it.
+    """Return every fault of the values of the dataset of ``option_file``, and where there is none,
+    of what the stages configure and ingest make of it.
     """
     try:
         values = config.dataset_values(option_file)
     except PipelineError as error:
         return [str(error)]
-    faults = [f"{key}: ??? must be replaced by a value" for key in datasheet.unfilled_keys(values)]
-    faults += [f"{key}: no value for it" for key in absent(values)]
+    texts = [f"{key}: ??? must be replaced by a value" for key in datasheet.unfilled_keys(values)]
+    texts += [f"{key}: no value for it" for key in absent(values)]
     refused = value_faults(values)
-    typed = not any(isinstance(fault, ConfigError) for fault in refused)
-    dataset = filled(values) if typed and not faults else None
-    if dataset is not None:
-        # a file that is missing is named above by the key that names it
-        lost = {None, *(fault.evidence.get("key") for fault in refused)}
-        refused += [
-            fault
-            for fault in ingest_faults(dataset)
-            if not refused
-            or fault.evidence.get("key") not in lost
-            or Path(str(fault.evidence.get("file", "."))).exists()
-        ]
-    if not refused and not faults and read_yaml(PARAMS).get("dataset") == option_file.stem:
-        refused = [error for error in [attempt(config.compose_config, PARAMS)] if _refuses(error)]
-    return faults + _grouped(refused)
+    if not texts and not refused:
+        refused = ingest_faults(filled(values))
+    if not texts and not refused and read_yaml(PARAMS).get("dataset") == option_file.stem:
+        refused = _errors(attempt(config.compose_config, PARAMS))
+    # errors that differ in numbers or files are one line, with the number of the others
+    groups: dict[tuple[str, Any], list[PipelineError]] = {}
+    for error in refused:
+        kind = re.sub(r"[0-9]+", "#", error.message.partition(";")[0])
+        groups.setdefault((kind, error.evidence.get("key")), []).append(error)
+    for first, *others in groups.values():
+        files = [str(error.evidence["file"]) for error in others if "file" in error.evidence]
+        named = f", as {', '.join(files[:3])}{' …' if len(files) > 3 else ''}" if files else ""
+        texts.append(f"{first}{f'; and {len(others)} more{named}' if others else ''}")
+    return texts
+
+
+def value_faults(values: dict[str, Any]) -> list[PipelineError]:
+    """Return the faults of the ``values`` that are filled in, before any recording is read: types
+    and ranges, the robot, and the recordings' folder.
+    """
+    refused, sound = faults(values), deepcopy(values)
+    for fault in refused:
+        *above, name = str(fault.evidence["key"]).removeprefix("dataset.").split(".")
+        node: Any = sound
+        for part in above:
+            node = node.get(part) if isinstance(node, dict) else None
+        if isinstance(node, dict):
+            node.pop(name, None)
+    return [*refused, *_robot(sound)]
+
+
+def get_filled(values: Any, key: str) -> Any:
+    """Return the value of a nested ``key``, None where it is missing or still ???."""
+    node = values
+    for part in key.split("."):
+        node = node.get(part) if isinstance(node, dict) else None
+    return None if node is None or [*datasheet.unfilled_keys(node)] else node
+
+
+def _robot(values: dict[str, Any]) -> Iterator[PipelineError]:
+    recordings = get_filled(values, "recordings")
+    if recordings and not Path(recordings).is_dir():
+        yield RecordingError("no such folder", file=recordings, key="dataset.recordings")
+    try:
+        if urdf := get_filled(values, "robot.urdf"):
+            read_urdf(Path(urdf))
+        if robot := get_filled(values, "robot"):
+            chain_of(Robot(**robot))
+    except PipelineError as error:
+        yield error
+    logged, joints = get_filled(values, "joint_log.joints"), get_filled(values, "robot.joints")
+    if logged and (missing := [joint for joint in joints or [] if joint not in logged]):
+        message = f"{', '.join(missing)} of robot.joints is not logged; the log holds"
+        yield ConfigError(f"{message} {', '.join(logged)}", key="dataset.joint_log.joints")
 
 
 def ingest_faults(dataset: Dataset) -> list[PipelineError]:
@@ -84,33 +125,13 @@ def ingest_faults(dataset: Dataset) -> list[PipelineError]:
     for part in ("motion", "depth", "force"):
         with TemporaryDirectory() as name:
             folder = Path(name)
-            outcome = attempt(read_part, part, dataset, Compute(), folder, errors)
-            errors += [outcome] if _refuses(outcome) else []
+            errors += _errors(attempt(read_part, part, dataset, Compute(), folder, errors))
             if contracts.exists("joint_log", folder):
                 joints = contracts.read("joint_log", folder)
                 q = joints[columns("q", dataset.robot.joints)].to_numpy()
-                regular = attempt(lambda q=q: chain_of(dataset.robot).require_regular(q))
-                errors += [regular] if _refuses(regular) else []
+                errors += _errors(attempt(lambda q=q: chain_of(dataset.robot).require_regular(q)))
     return errors
 
 
-def _refuses(outcome: Any) -> bool:
-    return isinstance(outcome, PipelineError)
-
-
-def _grouped(errors: list[PipelineError]) -> list[str]:
-    """The errors as text; of those that differ in numbers, files or what there is instead the
-    first, with the number of the others.
-    """
-    groups: dict[str, list[PipelineError]] = {}
-    for error in errors:
-        kind = (
-            f"{re.sub(r'[0-9]+', '#', error.message.partition(';')[0])} {error.evidence.get('key')}"
-        )
-        groups.setdefault(kind, []).append(error)
-    texts = []
-    for first, *others in groups.values():
-        files = [str(error.evidence["file"]) for error in others if "file" in error.evidence]
-        named = f", as {', '.join(files[:3])}{' …' if len(files) > 3 else ''}" if files else ""
-        texts.append(f"{first}{f'; and {len(others)} more{named}' if others else ''}")
-    return texts
+def _errors(outcome: Any) -> list[PipelineError]:
+    return [outcome] if isinstance(outcome, PipelineError) else []

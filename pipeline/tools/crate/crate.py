@@ -2,31 +2,24 @@
 its inputs to its outputs.
 
 RO-Crate 1.1 (https://w3id.org/ro/crate/1.1) with the profile https://w3id.org/ro/wfrun/process/0.5.
-The crate's root is the folder of the reports. What lies outside it is named by its path from the
-project's root, after a #. No time of day is stated: runs of the same inputs give the same bytes.
+The crate's root is the folder of the reports; a path outside it is named from the project's root,
+after a #. No time of day is stated: runs of the same inputs give the same bytes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import PurePosixPath
 
 from rocrate.model.contextentity import ContextEntity
 from rocrate.model.entity import Entity
 from rocrate.rocrate import ROCrate
 
-VERSION = "1.1"
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 REPORTS = "reports/"
-FORMATS = {
-    ".csv": "text/csv",
-    ".html": "text/html",
-    ".json": "application/json",
-    ".md": "text/markdown",
-    ".png": "image/png",
-    ".svg": "image/svg+xml",
-    ".yaml": "application/yaml",
-}
+FORMATS = {".csv": "text/csv", ".html": "text/html", ".json": "application/json"}
+FORMATS |= {".md": "text/markdown", ".png": "image/png", ".svg": "image/svg+xml"}
+FORMATS |= {".yaml": "application/yaml"}
 
 
 def describe(
@@ -37,17 +30,16 @@ def describe(
     ``citation`` is CITATION.cff, ``recordings`` holds path, subject, source and licence of the
     dataset, ``stages`` the entries of DVC's lock files by name, ``files`` all paths below reports.
     """
-    crate = ROCrate(version=VERSION)
+    crate = ROCrate(version="1.1")
 
     def add(identifier: str, kind: str, **properties: object) -> Entity:
         entity = ContextEntity(crate, identifier, properties={"@type": kind, **properties})
         return crate.get(entity.id) or crate.add(entity)
 
     def at(path: str, md5: str | None = None) -> Entity:
-        """The entity of a path from the project's root, with the MD5 that DVC has of it."""
-        inside = path.removeprefix(REPORTS)
-        known = [inside, f"{inside}/"] if path.startswith(REPORTS) else []
-        entity = next(filter(None, map(crate.get, known)), None)
+        """Entity of a path from the project's root, with the MD5 that DVC has of it."""
+        inside = path.removeprefix(REPORTS) if path.startswith(REPORTS) else f"#{path}"
+        entity = crate.get(inside) or crate.get(f"{inside}/")
         kind = "CreativeWork" if PurePosixPath(path).suffix else "Dataset"
         entity = entity or add(f"#{path}", kind, name=path)
         if md5:
@@ -63,7 +55,16 @@ def describe(
         license=licence,
         author=[add("#contributors", "Organization", name=a["name"]) for a in citation["authors"]],
     )
-    _add_files(crate, files)
+    folders = {parent.as_posix() for file in files for parent in PurePosixPath(file).parents}
+    for folder in sorted(name for name in folders if name.startswith(REPORTS)):
+        crate.add_dataset(dest_path=folder.removeprefix(REPORTS), properties={"name": folder})
+    inside = [file.removeprefix(REPORTS) for file in files]
+    for file, name in zip(files, inside, strict=True):
+        kind = FORMATS.get(PurePosixPath(file).suffix, "application/octet-stream")
+        crate.add_file(dest_path=name, properties={"name": file, "encodingFormat": kind})
+    for folder in crate.get_by_type("Dataset"):
+        if folder is not crate.root_dataset:
+            folder["hasPart"] = [crate.get(n) for n in inside if n.startswith(folder.id)]
     dataset = at(recordings["path"])
     dataset["name"], dataset["license"] = recordings["subject"], recordings["licence"]
     dataset["description"] = recordings["source"]
@@ -79,12 +80,17 @@ def describe(
         )
         for name, stage in stages.items()
     ]
+    papers = []
+    for paper in citation["references"]:
+        names = [f"{one['given-names']} {one['family-names']}" for one in paper["authors"]]
+        authors = [add(f"#person/{name.replace(' ', '-')}", "Person", name=name) for name in names]
+        papers.append(add("#paper", "ScholarlyArticle", name=paper["title"], author=authors))
     properties = {
         "name": citation["title"],
         "description": " ".join(citation["abstract"].split()),
         "datePublished": str(citation["date-released"]),
         "license": licence,
-        "citation": [_paper(add, paper) for paper in citation["references"]],
+        "citation": papers,
         "about": dataset,
         "mentions": actions,
         "conformsTo": add(PROFILE, "CreativeWork", name="Process Run Crate"),
@@ -93,25 +99,3 @@ def describe(
         crate.root_dataset[key] = value
     written = crate.metadata.generate()
     return written | {"@graph": sorted(written["@graph"], key=lambda entity: entity["@id"])}
-
-
-def _add_files(crate: ROCrate, files: Iterable[str]) -> None:
-    """Add every file with its format, and every folder with its files."""
-    folders = {parent.as_posix() for file in files for parent in PurePosixPath(file).parents}
-    for folder in sorted(name for name in folders if name.startswith(REPORTS)):
-        crate.add_dataset(dest_path=folder.removeprefix(REPORTS), properties={"name": folder})
-    for file in files:
-        kind = FORMATS.get(PurePosixPath(file).suffix, "application/octet-stream")
-        crate.add_file(
-            dest_path=file.removeprefix(REPORTS), properties={"name": file, "encodingFormat": kind}
-        )
-    for folder in crate.get_by_type("Dataset"):
-        if folder is not crate.root_dataset:
-            inside = [file.removeprefix(REPORTS) for file in files]
-            folder["hasPart"] = [crate.get(n) for n in inside if n.startswith(folder.id)]
-
-
-def _paper(add, reference: Mapping) -> Entity:
-    names = [f"{author['given-names']} {author['family-names']}" for author in reference["authors"]]
-    authors = [add(f"#person/{name.replace(' ', '-')}", "Person", name=name) for name in names]
-    return add("#paper", "ScholarlyArticle", name=reference["title"], author=authors)

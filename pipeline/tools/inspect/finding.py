@@ -1,5 +1,5 @@
-"""What was found out about one recording: facts alone, and beside them what is open and what would
-stop the analysis.
+"""Account of one recording: facts that the file states, open questions with the option that
+answers each, and reasons for which the stages would refuse the file.
 """
 
 from __future__ import annotations
@@ -9,21 +9,19 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from pipeline.core.errors import PipelineError
-from pipeline.formats.format import Format
 
-UNKNOWN, ROBOT, DATASHEET = "unknown", "robot", "datasheet"
+UNKNOWN, ROBOT = "unknown", "robot"
 
 
 @dataclass
 class Finding:
     """A file, or a folder that is one recording (a sequence of frames, a bag); None and empty where
-    it does not say.
+    the file does not say.
     """
 
     file: Path
-    format: str
-    # what it holds: one of pipeline.formats.format.Kind, or of the three above
-    kind: str = UNKNOWN
+    format: str = UNKNOWN
+    kind: str = UNKNOWN  # one of pipeline.formats.format.Kind, or of the two above
     option: str | None = None  # the name by which an option of the dataset chooses its reader
     version: str | None = None
     rate: float | None = None  # Hz
@@ -31,48 +29,53 @@ class Finding:
     units: dict[str, str] = field(default_factory=dict)  # quantity → unit as the file states it
     bodies: list[str] = field(default_factory=list)
     markers: list[str] = field(default_factory=list)
-    gaps: dict[str, int] = field(default_factory=dict)  # what is missing, repeated or cut, counted
-    facts: dict[str, object] = field(default_factory=dict)  # what else is known, by name
-    files: list[Path] = field(default_factory=list)  # the frames of a sequence
-    # question that the file does not settle, option that does
-    open: list[tuple[str, str]] = field(default_factory=list)
-    stops: list[str] = field(default_factory=list)  # why the analysis would refuse it
+    gaps: dict[str, int] = field(default_factory=dict)  # missing, repeated or repaired, counted
+    facts: dict[str, object] = field(default_factory=dict)  # everything else, by name
+    files: list[Path] = field(default_factory=list)  # frames of a sequence
+    open: list[tuple[str, str]] = field(default_factory=list)  # question, option that answers it
+    stops: list[str] = field(default_factory=list)  # reasons for which the stages would refuse it
 
-    @classmethod
-    def read_by(cls, form: Format, file: Path) -> Finding:
-        """A recording of the format ``form``, of which nothing else is known yet."""
-        return cls(file, form.name, form.kind, form.option)
+    @property
+    def suggested(self) -> dict[str, str]:
+        """Suggested value by key of dataset.joint_log."""
+        return self.facts.get("settings", {})
+
+    @property
+    def timed(self) -> bool:
+        """True of a table whose first column increases."""
+        return self.facts.get("increasing_columns", [])[:1] == [0]
+
+    def count(self, counts: dict[str, int]) -> None:
+        """Add the ``counts`` that are not zero."""
+        self.gaps |= {name: number for name, number in counts.items() if number}
+
+    def ask(self, question: str, option: str, value: str | None = None) -> None:
+        """Add a ``question`` that ``option`` answers, with the ``value`` that is suggested."""
+        if value is not None:
+            self.facts.setdefault("settings", {})[option.rpartition(".")[2]] = value
+            question += f"; suggested is {value}"
+        self.open.append((question, option))
 
     def refused(self, error: PipelineError) -> Finding:
-        """With what a reader refused: a question where it names the option that settles it, else
-        what stops the analysis.
+        """Add the refusal of a reader: a question where it names the option that settles it, else a
+        stop.
         """
         option = str(error.evidence.get("key", ""))
         if option.startswith("dataset."):
-            self.open.append((error.message, option))
+            self.ask(error.message, option)
         else:
-            where = ", ".join(
-                f"{name} {value}"
-                for name, value in error.evidence.items()
-                if name not in ("file", "key")
-            )
+            evidence = error.evidence.items()
+            where = ", ".join(f"{n} {value}" for n, value in evidence if n not in ("file", "key"))
             self.stops.append(f"{error.message} [{where}]" if where else error.message)
         return self
 
     def plain(self) -> dict[str, object]:
-        """As keys and values for a program."""
+        """Return keys and values for a program."""
         values = asdict(self) | {"file": shown(self.file)}
         del values["files"]  # thousands of frames
-        return values | {
-            "open": [{"question": question, "option": option} for question, option in self.open]
-        }
+        return values | {"open": [{"question": q, "option": option} for q, option in self.open]}
 
 
 def shown(path: Path) -> str:
-    """``path`` as text that can be printed, also where its name is no UTF-8."""
+    """Return ``path`` as text that can be printed, also where its name is not UTF-8."""
     return os.fsencode(path.as_posix()).decode("utf-8", "backslashreplace")
-
-
-def counted(counts: dict[str, int], *names: str) -> dict[str, int]:
-    """Those of the ``counts`` that have one of the ``names`` and are not zero."""
-    return {name: counts[name] for name in names if counts.get(name)}

@@ -1,10 +1,9 @@
-"""Account of a controller's joint log, and whether the angles in it that were measured and those
-that were commanded are a pair.
+"""Account of joint logs and tables of numbers: columns, units and clock, and whether the measured
+and the commanded angles are a pair.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from math import comb
 from pathlib import Path
@@ -13,211 +12,182 @@ import numpy as np
 
 from pipeline.core.angles import TURN, unwrapped, whole_turns
 from pipeline.core.errors import PipelineError
+from pipeline.formats.force.record import repeats
 from pipeline.formats.format import Format, Kind
+from pipeline.formats.joints import bag
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
+from pipeline.formats.joints.names import meaning, named_like, signals_of
 from pipeline.formats.joints.table import read_joint_table
-from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, spelled
+from pipeline.formats.number_sheet import Sheet
+from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, bare, spelled
 from pipeline.recordings.movement import (
     CLOCK_TOLERANCE,
-    FASTER,
     MOST_TURNS,
-    STEP_NOISE,
     UNWRAPPED,
     smoothness_by_rows,
-    speed_limits,
 )
 from pipeline.recordings.pairing import missed, pairing_of, suspects
 from pipeline.recordings.repetitions import commanded_speeds, excursions, lag
-from pipeline.tools.inspect.finding import ROBOT, Finding, counted
+from pipeline.tools.inspect.finding import Finding
 
 RATES = 5.0, 5000.0  # 1/s, between which controllers log
 ORDER = 6  # of the differences that show noise
 LEAST_NOISE = 1e-8  # rad, where they show none
-LIKE_SPEED = 0.1  # of the mean step of the angles, by which its speed may be off on average
-# words of a file's name that tell measured from commanded angles
-MEASURED, COMMANDED = ("actual", "measured"), ("target", "commanded", "desired")
-STATED_BY_TYPE = "joint states in a ROS bag"  # rad and s, by the definition of the message
-REPAIRS = ("cut_rows", "blank_rows", "doubled_rows", "messages_of_other_joints", UNWRAPPED)
+ANGLES, SPEED = ("actual", "target"), ("target", "velocity")  # role and quantity of a name
 
 
-def log(form: Format, file: Path) -> Finding:
-    """Return the account of a log of the joints, with the signals that it holds."""
-    finding, stated = Finding.read_by(form, file), form.states(file)
-    finding.version, finding.units, finding.facts = stated.version, stated.units, stated.facts
-    try:
-        record = form.read(file, LogOptions())
-    except PipelineError as error:
-        return finding.refused(error)
-    finding.gaps = counted(record.counts, *REPAIRS)
-    finding.facts |= {"samples": len(record.time), "signals": list(record.signals)}
-    finding.facts |= {"joints": max(values.shape[1] for values in record.signals.values())}
+def joint_log(finding: Finding, form: Format) -> None:
+    """Add signals, joints and clock of a log of the joints."""
+    record: JointLog = form.read(finding.file, LogOptions())
+    signals, time = record.signals, record.time
+    finding.count(record.counts)
+    width = max(values.shape[1] for values in signals.values())
+    finding.facts |= {"samples": len(time), "signals": list(signals), "joints": width}
     if record.joints:
         finding.facts["joint_names"] = list(record.joints)
-    steps, time = np.diff(record.time), record.time
-    step, unit = float(np.median(steps)) if len(steps) else 0.0, "s"
-    if form.name != STATED_BY_TYPE and step:
-        unit = _time_unit(step) or "s"
-        ask(
-            finding,
-            "time_unit",
-            unit,
-            f"the unit of the times is not stated; they step by {step:g}",
-        )
-    time = time * TIME_UNITS[unit]
+    stated, angle_unit = form.name == bag.FORMAT.name, "rad"  # by the definition of the message
+    if not stated and len(time) > 1:
+        step = float(np.median(np.diff(time)))
+        unit = time_unit(step) or "s"
+        question = f"the unit of the times is not stated; they step by {step:g}"
+        finding.ask(question, f"{OPTION}.time_unit", unit)
+        time = time * TIME_UNITS[unit]
     finding.duration = float(time[-1] - time[0])
     if finding.duration:
         finding.rate = round((len(time) - 1) / finding.duration, 3)
-    _clock(finding, time, record)
-    signals = record.signals
-    if form.name != STATED_BY_TYPE:
+    steps = np.diff(time)
+    if len(steps) > 3 and (np.abs(steps * finding.rate - 1) > CLOCK_TOLERANCE).any():
+        smoother = smoothness_by_rows(time, np.hstack([*signals.values()]), finding.rate)
+        finding.ask(
+            f"the times jitter by {1e3 * float(steps.std()):.3g} ms, and row by row the angles are "
+            f"{smoother:.3g} times as smooth as over the times",
+            f"{OPTION}.clock",
+            "rows" if smoother > 1 else "times",
+        )
+    if not stated:
         greatest = max(float(np.abs(values).max()) for values in signals.values())
-        unit = _angle_unit(greatest)
+        angle_unit = unit_of_angles(greatest)
         question = f"the unit of the angles is not stated; the greatest is {greatest:.4g}"
-        ask(finding, "angle_unit", unit, question)
-    if {"actual", "target"} <= {*signals} and finding.duration:
-        angles = signals["actual"], signals["target"]
-        pair(finding, time, *angles, record.joints, None if form.name != STATED_BY_TYPE else "rad")
-    return finding
+        finding.ask(question, f"{OPTION}.angle_unit", angle_unit)
+    if {*ANGLES} <= {*signals} and finding.duration:
+        angles = [signals[name] * ANGLE_UNITS[angle_unit] for name in ANGLES]
+        compare_angles(finding, time, *angles, record.joints)
 
 
-def _time_unit(step: float) -> str | None:
-    """The unit in which steps of the times are those of a controller's log."""
-    fits = [unit for unit in ("s", "ms", "us", "ns") if RATES[0] <= 1 / (step * TIME_UNITS[unit])]
-    fits = [unit for unit in fits if 1 / (step * TIME_UNITS[unit]) <= RATES[1]]
-    return fits[0] if fits else None
+def table(finding: Finding, form: Format) -> None:
+    """Add size, columns and clock of a table of numbers, and which columns their labels and values
+    say are joint angles.
+    """
+    key = f"{OPTION}.separator, .decimal (or dataset.force.log)"
+    sheet: Sheet = form.read(finding.file, key=key)
+    if not sheet.rows:
+        finding.stops.append("the header is followed by no whole row of numbers")
+        return
+    sheet.require_cells()
+    values = dict(zip(sheet.numeric, sheet.values(sheet.numeric).T, strict=True))
+    if any(line.strip() == "endheader" for line in sheet.header):
+        finding.version = "of OpenSim (MOT, STO)"
+    finding.facts |= {"rows": len(sheet.rows), "columns": sheet.width}
+    finding.facts |= {"separator": sheet.separator, "decimal": sheet.decimal}
+    finding.count(sheet.counts | repeats(np.column_stack([*values.values()])))
+    if sheet.left_out:
+        finding.facts["columns_without_numbers"] = sheet.left_out
+    clock = [n for n, held in values.items() if len(held) > 2 and (np.diff(held) > 0).all()]
+    finding.facts["increasing_columns"] = clock
+    if finding.timed:
+        finding.facts["step_of_column_0"] = round(float(np.median(np.diff(values[0]))), 9)
+        others = [np.abs(held).max() for column, held in values.items() if column]
+        finding.facts["greatest"] = float(max(others, default=0.0))
+    if sheet.labels:
+        _labelled(finding, sheet, values, clock)
+    if sheet.width == 1:
+        finding.ask(
+            "one number a line is one column: it is one joint's, read with signals {actual: [0], …}"
+            " and time null; else write the numbers of one time in one line",
+            f"{OPTION}.signals",
+        )
+    elif {*ANGLES} - {*finding.facts.get("signals", ())}:
+        keys = f"{OPTION}.joints, .signals, .time, or dataset.force.log.columns with format table"
+        finding.ask("what the columns hold is not stated: a log of joints, or of forces", keys)
 
 
-def _angle_unit(greatest: float) -> str:
+def _labelled(
+    finding: Finding, sheet: Sheet, values: dict[int, np.ndarray], clock: list[int]
+) -> None:
+    labels = finding.facts["labels"] = sheet.labels
+    units = {bare(label): sheet.unit(n) for n, label in enumerate(labels)}
+    finding.units = {label: unit for label, unit in units.items() if unit}
+    timed = [n for n in clock if named_like("time", [labels[n]])] or [n for n in clock if n == 0]
+    if timed:
+        finding.facts["time"] = labels[timed[0]]
+    columns = {labels[n]: held for n, held in values.items()}
+    if len(columns) < len(values):
+        return  # two columns have one label: numbers name them
+    time = values[timed[0]] if timed else None
+    signals, guesses = signals_of([*columns], time, columns.__getitem__)
+    if certain := {name: held for name, held in signals.items() if name not in guesses}:
+        finding.facts["signals"] = certain
+    if guesses:
+        named = ", ".join(f"{name}: [{', '.join(held)}]" for name, held in signals.items())
+        question = f"no label says it: {'; '.join(guesses.values())}"
+        finding.ask(question, f"{OPTION}.signals", f"{{{named}}}")
+    if {*ANGLES} <= {*signals} and timed:
+        angles = [np.column_stack([columns[n] for n in signals[name]]) for name in ANGLES]
+        stated = sheet.unit(labels.index(signals["actual"][0])) or sheet.angle_unit
+        _compare(finding, time, *angles, signals["actual"], stated, sheet.unit(timed[0]))
+
+
+def time_unit(step: float) -> str | None:
+    """Return the unit in which a ``step`` of the times is one of a controller's log."""
+    units = ("s", "ms", "us", "ns")
+    fits = (unit for unit in units if RATES[0] <= 1 / (step * TIME_UNITS[unit]) <= RATES[1])
+    return next(fits, None)
+
+
+def unit_of_angles(greatest: float) -> str:
+    """Return deg where the ``greatest`` angle cannot be a joint's in rad."""
     return "deg" if greatest > MOST_TURNS * TURN else "rad"
 
 
-def compare_tables(findings: Sequence[Finding]) -> None:
-    """Compare tables whose names differ in a word for measured and commanded alone, as
-    ``q_actual.csv`` and ``q_target.csv``, which is noted with the commanded ones; and the speeds
-    of all joint logs with the limits of the one robot among the ``findings``.
-    """
-    _hold_against_limits(findings)
-    tables = {finding.file: finding for finding in findings if finding.kind == Kind.TABLE}
-    for file, finding in tables.items():
-        parts = re.split(r"([^A-Za-z]+)", file.stem)
-        place = next((i for i, part in enumerate(parts) if part.lower() in MEASURED), None)
-        if place is None or finding.facts.get("increasing_columns", [])[:1] != [0]:
-            continue
-        for word in COMMANDED:
-            other = file.with_stem("".join([*parts[:place], word, *parts[place + 1 :]]))
-            if other in tables:
-                _pair_of_tables(finding, tables[other])
-                tables[other].facts["measured"] = file.name
-                _find_speed(
-                    tables[other],
-                    [one for path, one in tables.items() if path.parent == file.parent],
-                )
-
-
-def _hold_against_limits(findings: Sequence[Finding]) -> None:
-    """Add a stop where a step of a log is faster than its joint can move, by the only URDF."""
-    robots = [finding for finding in findings if finding.kind == ROBOT and not finding.stops]
-    if len(robots) != 1:
-        return
-    limits = speed_limits(str(robots[0].file))
-    arms = {tuple(arm["joints"]) for arm in robots[0].facts.get("arms", ())}
-    for finding in findings:
-        if not (fastest := finding.facts.get("fastest")):
-            continue
-        named = finding.facts.get("joint_names") or [*next(iter(arms), ())]
-        if len(named) != len(fastest) or (len(arms) != 1 and "joint_names" not in finding.facts):
-            continue
-        for joint, (speed, seconds) in zip(named, fastest, strict=True):
-            if 0 < FASTER * limits.get(joint, 0.0) < speed:
-                finding.stops.append(
-                    f"{joint} steps at {speed:.4g} rad/s at {seconds:.6g} s from the start, where "
-                    f"{robots[0].file.name} allows {limits[joint]:.4g} rad/s: leave this part of "
-                    "the log out, or correct the velocity limit"
-                )
-
-
-def _pair_of_tables(measured: Finding, commanded: Finding) -> None:
-    joints = measured.facts["columns"] - 1
-    options = LogOptions(joints=joints, signals={"angles": None})
-    try:
-        logs = [read_joint_table(finding.file, options) for finding in (measured, commanded)]
-    except PipelineError:
-        return  # either is a table of something else; each says for itself what is wrong with it
-    length = min(len(log.time) for log in logs)
-    angles = [log.signals["angles"][:length] for log in logs]
-    if length > 2:
-        pair(commanded, logs[0].time[:length], *angles)
-
-
-def _find_speed(commanded: Finding, beside: Sequence[Finding]) -> None:
-    """Mark the table ``beside`` the ``commanded`` angles that holds their speed."""
-    width = commanded.facts["columns"]
-    options = LogOptions(joints=width - 1, signals={"angles": None})
-    for finding in beside:
-        if finding is commanded or finding.facts.get("columns") != width:
-            continue
-        try:
-            angles, speeds = (read_joint_table(one.file, options) for one in (commanded, finding))
-        except PipelineError:
-            continue
-        length = min(len(angles.time), len(speeds.time))
-        if length < 3:
-            continue
-        q, v = (log.signals["angles"][:length] for log in (angles, speeds))
-        steps = np.gradient(q, angles.time[:length], axis=0)
-        if np.abs(v - steps).mean() < LIKE_SPEED * np.abs(steps).mean():
-            finding.facts["speed_of"] = commanded.file.name
-
-
-def _clock(finding: Finding, time: np.ndarray, record: JointLog) -> None:
-    """Ask what the times of an uneven log leave open."""
-    steps = np.diff(time)
-    if len(steps) < 4 or (np.abs(steps * finding.rate - 1) <= CLOCK_TOLERANCE).all():
-        return
-    jitter = 1e3 * float(steps.std())
-    smoother = smoothness_by_rows(time, np.hstack([*record.signals.values()]), finding.rate)
-    choice = "rows" if smoother > 1 else "times"
-    ask(
-        finding,
-        "clock",
-        choice,
-        f"the times jitter by {jitter:.3g} ms, and row by row the angles are {smoother:.3g} times "
-        "as smooth as over the times",
-    )
-
-
-def pair(
+def _compare(
     finding: Finding,
     time: np.ndarray,
     actual: np.ndarray,
     target: np.ndarray,
     joints: Sequence[str] = (),
     angle_unit: str | None = None,
-    time_unit: str | None = None,
+    clock_unit: str | None = None,
 ) -> None:
-    """Add to ``finding`` what makes the commanded angles those of the measured ones (N, joints), or
-    that they are, and the jumps of whole turns in them; ``time`` (N,) and angles are in the units
-    that the file states, if any.
+    """Compare the angles of a table, which are in the units of its header, if any."""
+    clock = spelled(clock_unit or "")
+    clock = clock if clock in TIME_UNITS else time_unit(float(np.median(np.diff(time))))
+    greatest, unit = float(np.abs(actual).max()), spelled(angle_unit or "")
+    if unit not in ANGLE_UNITS and (unit := unit_of_angles(greatest)) == "deg":
+        question = f"angles of {greatest:.4g} are no radians"
+        finding.ask(question, f"{OPTION}.angle_unit", unit)
+    if clock is not None:
+        angles = [values * ANGLE_UNITS[unit] for values in (actual, target)]
+        compare_angles(finding, time * TIME_UNITS[clock], *angles, joints)
+
+
+def compare_angles(
+    finding: Finding,
+    time: np.ndarray,
+    actual: np.ndarray,
+    target: np.ndarray,
+    joints: Sequence[str] = (),
+) -> None:
+    """Add how the measured angles ``actual`` follow the command ``target``, both (N, joints) in rad
+    at ``time`` (N,) in s, the motions in the command, and the options that make them a pair.
     """
-    step = float(np.median(np.diff(time)))
-    clock = spelled(time_unit or "") if spelled(time_unit or "") in TIME_UNITS else _time_unit(step)
-    if clock is None:
-        return
-    time = (time - time[0]) * TIME_UNITS[clock]
-    unit = spelled(angle_unit or "")
-    if unit not in ANGLE_UNITS:
-        unit = _angle_unit(float(np.abs(actual).max()))
-        if unit == "deg" and "angle_unit" not in finding.facts.get("settings", {}):
-            ask(finding, "angle_unit", unit, f"angles of {np.abs(actual).max():.4g} are no radians")
-    factor = ANGLE_UNITS[unit]
+    time = time - time[0]
     try:
-        actual, removed = unwrapped(actual * factor, time, joints, signal="actual")
-        target, more = unwrapped(target * factor, time, joints, signal="target")
+        actual, removed = unwrapped(actual, time, joints, signal="actual")
+        target, more = unwrapped(target, time, joints, signal="target")
     except PipelineError as error:
         finding.stops.append(error.message)
         return
-    if removed + more:
-        finding.gaps[UNWRAPPED] = removed + more
+    finding.count({UNWRAPPED: removed + more})
     turns = whole_turns(target, actual)
     if turns.any():
         actual = actual + TURN * turns
@@ -225,49 +195,58 @@ def pair(
     rate = float(f"{(len(time) - 1) / time[-1]:.4g}")  # as it was meant
     pairing = pairing_of(actual, target, rate)
     for what, option, value, without in suspects(pairing, actual, target, rate):
-        ask(
-            finding,
-            option.rpartition(".")[2],
-            value,
+        finding.ask(
             f"the command differs from the measured angles by its {what}: without that, "
             f"{without:.2g} of the motion is left",
+            option,
+            value,
         )
     actual, target = pairing.apply(actual, target)
     missing, late = float(missed(actual, target).max()), lag(target, actual, rate)
     finding.facts["command"] = (
-        f"missed by {missing:.2g} of the motion and {1e3 * late:.2g} ms"
+        f"missed by {missing:.2g} of the motion (0.9 quantile) and {1e3 * late:.2g} ms"
         if np.isfinite(late)
         else f"at rest, missed by {np.abs(actual - target).max():.2g} rad"
     )
-    steps = np.maximum(*(np.abs(np.diff(angles, axis=0)) for angles in (actual, target)))
-    steps = np.maximum(steps - STEP_NOISE, 0) * rate
-    rows = steps.argmax(axis=0).tolist()
-    finding.facts["fastest"] = [
-        (float(steps[row, joint]), (row + 1) / rate) for joint, row in enumerate(rows)
-    ]
     motions = excursions(target, commanded_speeds(target, rate))
     lacks = [run.lack(len(target)) for run in motions]
     finding.facts["motions"] = f"{lacks.count('')} whole"
-    if cut := sum("cut off" in lack for lack in lacks):
-        finding.gaps["motions_cut_off"] = cut
+    finding.count({"motions_cut_off": sum("cut off" in lack for lack in lacks)})
     if any("never rests" in lack for lack in lacks):
-        ask(finding, "rest", "0", "the command never rests: a motion is cut in passing")
-        if len(actual) > ORDER:
-            finding.facts["noise"] = _noise(actual)
+        question = "the command never rests: a motion is cut in passing"
+        finding.ask(question, f"{OPTION}.rest", "0")
+        if len(actual) > ORDER:  # noise in rad, by differences of the motion
+            power = np.mean(np.diff(actual, ORDER, axis=0) ** 2, axis=0).max()
+            noise = float(np.sqrt(power / comb(2 * ORDER, ORDER)))
+            finding.facts["noise"] = max(noise, LEAST_NOISE)
 
 
-def _noise(angles: np.ndarray) -> float:
-    """Standard deviation in rad of what white noise ``angles`` (N, joints) hold beside a smooth
-    motion: by their differences of the order ORDER, the greatest over the joints.
+def compare_tables(findings: Sequence[Finding]) -> None:
+    """Note in the tables of each folder which one their names say holds the measured angles, the
+    commanded ones (fact ``role``) and their speed, and compare the first two.
     """
-    gain = comb(2 * ORDER, ORDER)  # of the variance of white noise
-    power = np.mean(np.diff(angles, ORDER, axis=0) ** 2, axis=0)
-    return max(float(np.sqrt(power.max() / gain)), LEAST_NOISE)
-
-
-def ask(finding: Finding, key: str, value: str, question: str) -> None:
-    """Add a ``question`` that the option ``key`` of dataset.joint_log settles, with the ``value``
-    that is suggested.
-    """
-    finding.facts.setdefault("settings", {})[key] = value
-    finding.open.append((f"{question}; suggested is {value}", f"{OPTION}.{key}"))
+    folders: dict[Path, list[Finding]] = {}
+    for finding in findings:
+        if finding.kind == Kind.TABLE and finding.timed:
+            folders.setdefault(finding.file.parent, []).append(finding)
+    for tables in folders.values():
+        held = {one.file.stem: one for one in tables}
+        named = {role: named_like(role, held) for role in ANGLES}
+        said = {name: meaning(name) for name in held}
+        named["speed"] = [n for n, m in said.items() if (m.role, m.quantity) == SPEED]
+        if [*map(len, named.values())][:2] != [1, 1]:
+            continue
+        for role, names in named.items():
+            if len(names) == 1:
+                held[names[0]].facts["role"] = role
+        actual, target = (held[named[role][0]] for role in ANGLES)
+        options = LogOptions(joints=target.facts["columns"] - 1, signals={"angles": None})
+        try:
+            logs = [read_joint_table(one.file, options) for one in (actual, target)]
+        except PipelineError:
+            continue  # a table of something else, whose own finding says why
+        length = min(len(log.time) for log in logs)
+        if length > 2:
+            _compare(
+                target, logs[0].time[:length], *(log.signals["angles"][:length] for log in logs)
+            )

@@ -1,67 +1,294 @@
-"""What describes a file: a recording by the kind of its format, a robot's description and a
-datasheet each on its own.
+"""Account of one file by the reader of its kind: the table DESCRIBE says which function turns what
+the reader returns into facts and questions.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
-from pipeline import formats
-from pipeline.formats.format import Format, Head, Kind, begins, formats_in, is_xml
-from pipeline.tools.inspect import bag, depth, force, joints, motion, robot, sequence, table
-from pipeline.tools.inspect.finding import DATASHEET, ROBOT, UNKNOWN, Finding
-from pipeline.tools.inspect.unrecognised import unrecognised
+import numpy as np
 
-WIDE = "text in UTF-16"
-DESCRIBE: dict[Kind, Callable[[Format, Path], Finding]] = {
-    Kind.MOTION: motion.take,
-    Kind.TRAJECTORY: motion.trajectory,
-    Kind.JOINTS: joints.log,
-    Kind.FORCE: force.log,
-    Kind.CALIBRATION: force.calibration,
-    Kind.IMAGE: depth.image,
-    Kind.CLOUD: depth.cloud,
-    Kind.INTRINSICS: depth.intrinsics,
-    Kind.SEQUENCE: sequence.indexed,
-    Kind.BAG: bag.bag,
-    Kind.TABLE: table.numbers,
+from pipeline import formats
+from pipeline.core.bounds import read_whole
+from pipeline.core.errors import ConfigError, PipelineError, RecordingError
+from pipeline.formats import rosbag
+from pipeline.formats.delimited import foreign
+from pipeline.formats.depth.cloud import FORMAT as CLOUD
+from pipeline.formats.depth.cloud import UNTURNED, is_cloud
+from pipeline.formats.depth.image import FORMAT as IMAGE
+from pipeline.formats.depth.image import depth_size, read_depth
+from pipeline.formats.depth.index import dropped_frames, numbered_frames
+from pipeline.formats.depth.messages import CAMERA_INFO
+from pipeline.formats.depth.messages import CLOUD as CLOUD_TYPE
+from pipeline.formats.depth.messages import IMAGE as IMAGE_TYPE
+from pipeline.formats.force.bag import WRENCH
+from pipeline.formats.force.record import FORCES, TORQUES, ForceLogOptions, require_record
+from pipeline.formats.format import Format, Head, Kind, formats_in, is_bag, is_xml, recognised
+from pipeline.formats.joints import bag as joint_bag
+from pipeline.formats.motion.take import RATE_TOLERANCE, STRAY
+from pipeline.tools.inspect.finding import ROBOT, Finding
+from pipeline.tools.inspect.joints import joint_log, table
+from pipeline.tools.inspect.robot import urdf
+
+LENGTH, UNIT = "dataset.mocap.unit", "dataset.depth.units_per_metre"
+TOTALS = ("announced_frames", "found_frames", "marker_samples", "pose_samples")  # of counts
+ANY_SIZE = 10**6  # px, holds every principal point
+DEPTH_TYPES = (IMAGE_TYPE, CLOUD_TYPE)
+# beginnings of files that hold recordings in a form that no format reads
+MARKS = {
+    b"\xff\xfe": "text of two bytes a letter (UTF-16): export it as UTF-8",
+    b"\xfe\xff": "text of two bytes a letter (UTF-16): export it as UTF-8",
+    b"\x89HDF": "an HDF5 file: save its arrays as CSV or .npz",
+    b"\x93NUMPY": "a single array: save it with its times in one .npz",
+    b"PK": "an archive without arrays of NumPy first: unpack it, or export a spreadsheet as CSV",
+    b"\x1f\x8b": "a packed file: unpack it",
 }
 
 
-@dataclass(frozen=True)
-class Known:
-    """A sort of file that is known: its name, its kind, what begins like it, what describes it."""
-
-    name: str
-    kind: str
-    recognises: Callable[[Head], bool]
-    describe: Callable[[Path], Finding]
-
-
-def known_as(file: Path) -> Known:
-    """What ``file`` is by its beginning; OSError where it cannot be opened."""
-    head = Head.read(file)
-    return next(known for known in _known() if known.recognises(head))
-
-
-def _known() -> list[Known]:
-    """All sorts in the order in which they are asked; the last one is any file."""
-    recordings = [
-        Known(form.name, form.kind, form.recognises, partial(DESCRIBE[form.kind], form))
-        for form in formats_in(formats)
-        if form.recognises
-    ]
-    return [
-        Known(WIDE, UNKNOWN, begins(b"\xff\xfe", b"\xfe\xff"), _wide),
-        Known("URDF", ROBOT, is_xml("robot"), robot.urdf),
-        Known("datasheet", DATASHEET, robot.is_datasheet, robot.datasheet),
-        *recordings,
-        Known(UNKNOWN, UNKNOWN, lambda head: True, unrecognised),
-    ]
+def described(file: Path) -> Finding:
+    """Return the account of one file or bag, read in this process."""
+    finding = Finding(file)
+    try:
+        if is_bag(file):
+            form = rosbag.FORMAT
+        elif not file.is_file():
+            raise RecordingError("this is no regular file, or a link to nothing")
+        elif file.stat().st_size == 0:
+            raise RecordingError("the file is empty")
+        else:
+            head = Head.read(file)
+            form = recognised(head, [URDF, *formats_in(formats)])
+        if form is None:
+            return _unrecognised(finding, head)
+        return _read(finding, form)
+    except OSError as error:
+        return finding.refused(RecordingError(f"the file cannot be read ({error.strerror})"))
+    except PipelineError as error:
+        return finding.refused(error)
 
 
-def _wide(file: Path) -> Finding:
-    return Finding(file, WIDE, stops=["two bytes a letter; export it as UTF-8 text"])
+def _read(finding: Finding, form: Format) -> Finding:
+    finding.format, finding.kind, finding.option = form.name, form.kind, form.option
+    stated = form.states(finding.file)
+    finding.version, finding.units = stated.version, stated.units
+    finding.facts = dict(stated.facts)
+    (_robot if form is URDF else DESCRIBE[form.kind])(finding, form)
+    return finding
+
+
+def _motion(finding: Finding, form: Format) -> None:
+    unit = None
+    try:
+        take = form.read(finding.file, None)
+    except RecordingError as error:
+        finding.refused(error)
+        if error.evidence.get("key") != LENGTH:
+            return
+        # no length is reported then; in the smallest unit nothing is too far away
+        take, unit = form.read(finding.file, "mm"), "not stated"
+    finding.version = take.version if take.version != form.name else None
+    finding.rate, finding.units = take.rate, {"length": unit or take.unit}
+    if take.printed_rate and abs(take.printed_rate / take.rate - 1) > RATE_TOLERANCE:
+        finding.facts["rate_by_the_printed_times"] = f"{take.printed_rate:.4g} Hz"
+    frames = len(take.frame)
+    first, last = int(take.frame[0]), int(take.frame[-1])
+    finding.duration = (last - first) / take.rate
+    finding.bodies = list(take.bodies)
+    finding.markers = [name for name in take.markers if not STRAY.fullmatch(name)]
+    finding.facts["unlabelled_markers"] = len(take.markers) - len(finding.markers)
+    if not (finding.markers or finding.bodies):
+        question = "no marker has a name of its own, and there is no rigid body: label them"
+        finding.ask(question, "dataset.mocap.markers")
+    finding.facts |= {"frames": frames, "first_frame": first, "steps": last - first}
+    if (announced := take.counts.get("announced_frames", frames)) != frames:
+        finding.facts["announced_frames"] = announced
+    finding.count({name: n for name, n in take.counts.items() if name not in TOTALS})
+
+
+def _trajectory(finding: Finding, form: Format) -> None:
+    t = form.read(finding.file)["t"].to_numpy()
+    finding.duration, finding.facts["steps"] = float(t[-1] - t[0]), len(t) - 1
+    finding.rate = round((len(t) - 1) / finding.duration, 6)
+
+
+def _force(finding: Finding, form: Format) -> None:
+    record = form.read(finding.file, ForceLogOptions())
+    finding.rate, finding.duration = record.rate, float(record.time[-1] - record.time[0])
+    if not {"lost_packets", "missing_samples"} & {*record.counts}:
+        finding.facts["times"] = "none in the log: nothing shows a row that it lost"
+    finding.count(record.counts)
+    facts = {"samples": len(record.time), "serial": record.serial, "started": record.started}
+    finding.facts |= {name: value for name, value in facts.items() if value}
+    require_record(record, finding.file)
+
+
+def _calibration(finding: Finding, form: Format) -> None:
+    stated = form.read(finding.file)
+    finding.units = {"force": stated.force_unit, "torque": stated.torque_unit}
+    ratings = dict(zip((*FORCES, *TORQUES), stated.full_scale.tolist(), strict=True))
+    finding.facts = {"serial": stated.serial, "ratings": ratings}
+
+
+def _image(finding: Finding, form: Format) -> None:
+    height, width = depth_size(read_whole(finding.file), file=finding.file)
+    finding.facts = {"width": width, "height": height}
+    raw = read_depth(finding.file, shape=(height, width))
+    finding.version = f"{8 * raw.pixels.itemsize} bits"
+    measured = raw.pixels[raw.pixels > 0]
+    # the encoding says which values stand for no depth
+    finding.facts["share_not_above_zero"] = round(1 - measured.size / raw.pixels.size, 4)
+    span = ""
+    if measured.size:
+        low, high = finding.facts["values"] = [float(measured.min()), float(measured.max())]
+        span = f", {low:g} to {high:g}"
+    known = "1000 for millimetres, 5000 for TUM RGB-D, 1 for metres"
+    finding.ask(f"the unit of the values{span}, is not stated ({known})", UNIT)
+    known = "plain, rotated_bits (SUN RGB-D) or disparity (NYU Depth v2)"
+    finding.ask(f"the encoding of the values is not stated ({known})", "dataset.depth.encoding")
+
+
+def _cloud(finding: Finding, form: Format) -> None:
+    from scipy.spatial.transform import Rotation
+
+    cloud = form.read(read_whole(finding.file), file=finding.file)
+    share = cloud.missing / max(len(cloud.points) + cloud.missing, 1)
+    finding.facts |= {"points": len(cloud.points), "share_without_position": round(share, 4)}
+    finding.count(cloud.counts)
+    if cloud.viewpoint != UNTURNED:
+        *position, w, x, y, z = cloud.viewpoint
+        turn = np.degrees(Rotation.from_quat([x, y, z, w]).as_rotvec())
+        angle = float(np.linalg.norm(turn))
+        place, axis = (" ".join(f"{v + 0.0:.3g}" for v in a) for a in (position, turn))
+        about = " ".join(f"{v + 0.0:.3g}" for v in turn / angle) if angle else axis
+        finding.facts["viewpoint"] = (
+            f"at {place} m, turned by {angle:.4g}° about {about}, not applied: points are in the "
+            "sensor's frame"
+        )
+    known = "1 for metres, 1000 for millimetres"
+    finding.ask(f"the unit of the coordinates is not stated ({known})", UNIT)
+
+
+def _intrinsics(finding: Finding, form: Format) -> None:
+    size = dict(finding.facts)
+    camera = form.read(finding.file, **(size or {"width": ANY_SIZE, "height": ANY_SIZE}))
+    finding.facts |= {name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy")}
+    finding.facts["distortion"] = list(camera.distortion)
+    if not size:
+        question = "the size of the images that it holds for is not stated"
+        finding.ask(question, "dataset.depth.width, .height")
+
+
+def _index(finding: Finding, form: Format) -> None:
+    index, folder = form.read(finding.file), finding.file.parent
+    frames = [folder / name for name in index.files]
+    finding.count(index.counts)
+    if outside := [f.name for f in frames if folder.resolve() not in f.resolve().parents]:
+        raise RecordingError(f"the index names {outside[0]}, which is outside its folder")
+    if missing := [n for n, frame in zip(index.files, frames, strict=True) if not frame.is_file()]:
+        count = f"{len(missing)} of {len(frames)} frames of the index are not there"
+        finding.stops.append(f"{count}: {missing[0]} …")
+        finding.count({"missing_frames": len(missing)})
+    if len(index.time) > 1:
+        finding.duration = float(index.time[-1] - index.time[0])
+        finding.count({"dropped_frames": (dropped := dropped_frames(index.time))})
+        finding.rate = round((len(index.time) - 1 + dropped) / finding.duration, 3)
+    _frames(finding, frames)
+
+
+def numbered_sequence(pattern: Path) -> Finding:
+    """Return the account of the numbered frames that match ``pattern``."""
+    index = numbered_frames(pattern.parent, pattern.name, rate=1.0)
+    finding = Finding(pattern, "depth sequence, numbered", Kind.SEQUENCE)
+    finding.count({"dropped_frames": int(index.time[-1]) + 1 - len(index.files)})
+    question = "numbered frames have no times: their rate is not stated"
+    finding.ask(question, "dataset.depth.rate")
+    _frames(finding, [pattern.parent / name for name in index.files])
+    return finding
+
+
+def _frames(finding: Finding, frames: list[Path]) -> None:
+    """Add the account of the first frame."""
+    finding.files, finding.facts["frames"] = frames, len(frames)
+    if (there := next((frame for frame in frames if frame.is_file()), None)) is None:
+        return
+    try:
+        first = _read(Finding(there), CLOUD if is_cloud(there) else IMAGE)
+    except RecordingError as error:
+        finding.stops.append(f"{there.name}: {error.message}")
+        return
+    finding.version = ", ".join(filter(None, [first.format, first.version]))
+    finding.facts |= {"frames_are": str(first.kind)} | {
+        name if name in ("width", "height") else f"first_{name}": value
+        for name, value in first.facts.items()
+    }
+    finding.open += first.open
+
+
+def _bag(finding: Finding, form: Format) -> None:
+    summary = form.read(finding.file)
+    held = {kind for kind, count in summary.topics.values() if count}
+    if joint_bag.JOINT_STATE in held and not held & {*DEPTH_TYPES, *WRENCH}:
+        _read(finding, joint_bag.FORMAT)
+        return
+    finding.version, finding.duration = f"ROS {summary.version}", summary.duration
+    topics = sorted(summary.topics.items())
+    finding.facts["topics"] = {n: {"type": kind, "messages": count} for n, (kind, count) in topics}
+    options = {"depth.topic": DEPTH_TYPES, "depth.camera_info": (CAMERA_INFO,)}
+    for option, kinds in (options | {"force.log.topic": WRENCH}).items():
+        several = [name for name, (kind, count) in topics if kind in kinds and count]
+        if len(several) > 1:
+            question = f"several topics could be meant: {', '.join(several)}"
+            finding.ask(question, f"dataset.{option}")
+    if IMAGE_TYPE in held:
+        known = "ROS drivers: 1000; images of 32 bits: 1"
+        finding.ask(f"the unit of images of 16 bits is not stated ({known})", UNIT)
+    if not held & {*DEPTH_TYPES, *WRENCH, joint_bag.JOINT_STATE}:
+        known = "Image, PointCloud2, WrenchStamped or JointState"
+        finding.stops.append(f"no topic of {known} with a message: nothing that is analysed")
+
+
+def _robot(finding: Finding, form: Format) -> None:
+    try:
+        urdf(finding)
+    except ConfigError as error:
+        raise RecordingError(error.message, line=error.evidence.get("line")) from None
+
+
+URDF = Format("URDF", ROBOT, read_whole, is_xml("robot"))
+DESCRIBE: dict[str, Callable[[Finding, Format], None]] = {
+    Kind.MOTION: _motion,
+    Kind.TRAJECTORY: _trajectory,
+    Kind.JOINTS: joint_log,
+    Kind.FORCE: _force,
+    Kind.CALIBRATION: _calibration,
+    Kind.IMAGE: _image,
+    Kind.CLOUD: _cloud,
+    Kind.INTRINSICS: _intrinsics,
+    Kind.SEQUENCE: _index,
+    Kind.BAG: _bag,
+    Kind.TABLE: table,
+}
+
+
+def _unrecognised(finding: Finding, head: Head) -> Finding:
+    """Return the account of a file of no format that is read, with what to do in its fact reason,
+    or, of a known program's export, with what to export instead.
+    """
+    if head.text is not None and (known := foreign(head.text)):
+        finding.format, advice = known
+        finding.stops.append(f"{finding.format} is not read: {advice}")
+    elif mark := next((mark for mark in MARKS if head.content.startswith(mark)), None):
+        finding.facts["reason"] = MARKS[mark]
+    elif head.text is None:
+        advice = "export as in pipeline/formats/README.md"
+        finding.facts["reason"] = f"binary data of no known format: {advice}"
+    elif head.suffix in (".csv", ".tsv") or (
+        head.lines and all(len(re.split(r"[,;\t]", line)) > 2 for line in head.lines)
+    ):
+        advice = "record or export it again"
+        finding.facts["reason"] = f"labels or words without rows of numbers below: {advice}"
+    else:
+        finding.facts["reason"] = "text without a table of numbers"
+    return finding

@@ -1,133 +1,182 @@
-"""Fills in the two files of a dataset: by options, by what is suggested, and by asking."""
+"""Answers to what is open in the two files of a dataset: given, suggested, asked for on the
+terminal, or those of one motion in the joint logs.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import Counter
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
-from pipeline.core.draft import Draft, Question
+import numpy as np
+import pandas as pd
+
+from pipeline.core.datasheet import Draft, Question, unfilled_keys
 from pipeline.core.errors import ConfigError, PipelineError
-from pipeline.recordings.motions import Motion
-from pipeline.tools.check.values import get_filled, value_faults
-from pipeline.tools.new_dataset.motion_choice import KEYS, answers, found_motions, table
-from pipeline.tools.new_dataset.suggestions import Suggestions
+from pipeline.core.options.dataset import Robot
+from pipeline.core.options.instruments import JointLog
+from pipeline.recordings.logged_movement import read_logged_movement
+from pipeline.recordings.motions import NEARLY, Motion, motions
+from pipeline.recordings.repetitions import REACH
+from pipeline.recordings.take_names import named_takes
+from pipeline.tools.check.command import get_filled, value_faults
+from pipeline.tools.new_dataset.layout import RecordingLayout
+from pipeline.tools.new_dataset.values import KEYS, suggested_values
 
 
 @dataclass
 class Filling:
-    """A ``draft`` that is filled in beside what is suggested for it."""
+    """A ``draft`` beside the recordings of ``layout`` in ``folder``."""
 
     draft: Draft
-    suggestions: Suggestions
+    layout: RecordingLayout
+    folder: Path
 
-    def by_options(self, assigned: Iterable[str]) -> None:
-        """Each of ``assigned``, KEY=VALUE; ConfigError for what is no such thing, and as
-        :meth:`Draft.answer`.
-        """
-        for words in assigned:
-            key, equal, value = words.partition("=")
-            if not equal:
-                raise ConfigError(f"--set takes KEY=VALUE, not {words!r}")
-            self.draft.answer(key.strip(), value, value_faults)
-
-    def by_suggestions(self) -> None:
-        """Every suggestion that nothing is wrong with; they may follow from each other."""
-        while taken := [key for key in self._open() if self._take(key)]:
-            values = self.draft.values()
-            print(
-                "\n".join(f"taken as suggested: {key}: {get_filled(values, key)}" for key in taken)
-            )
-
-    def by_motion(self, number: int | None) -> None:
-        """The values of the motion of that ``number`` in the table; the table itself where there is
-        no number.
-        """
-        offered = self._motions()
-        if number is not None:
-            self._choose(offered, number)
-
-    def by_asking(self) -> None:
-        """One value after another, those of the robot first as others follow from them; an empty
-        answer takes what is suggested, or leaves ???.
-        """
-        passed: set[str] = set()
-        motion_is_open = True
-        try:
-            while left := [one for one in self._ordered() if one.key not in passed]:
-                if left[0].key in KEYS and motion_is_open:
-                    motion_is_open = False
-                    self._ask_for_motion()
-                else:
-                    passed.add(left[0].key)
-                    self._ask(left[0])
-        except (EOFError, KeyboardInterrupt):
-            print("")
-
-    def note_suggestions(self) -> None:
-        """Put what is suggested into the comments of what is still open."""
-        values = self.draft.values()
-        for key in self._open():
-            if remark := self.suggestions.remark(key, values):
-                self.draft.note(key, remark)
-
-    def _open(self) -> list[str]:
+    @property
+    def left(self) -> list[str]:
+        """Keys that are still ???."""
         return [question.key for question in self.draft.questions()]
 
-    def _ordered(self) -> list[Question]:
-        return sorted(
-            self.draft.questions(),
-            key=lambda one: (not one.key.startswith("robot."), one.key in KEYS),
-        )
+    def answer(self, key: str, value: str) -> None:
+        """Put ``value``, as YAML has it; ConfigError as :meth:`Draft.answer`."""
+        self.draft.answer(key, value, value_faults)
 
-    def _take(self, key: str) -> bool:
-        suggested = self.suggestions.of(key, self.draft.values())
-        if suggested is None:
-            return False
-        try:
-            self.draft.answer(key, suggested, value_faults)
-        except PipelineError:
-            return False
-        return True
+    def suggested(self) -> tuple[dict[str, str], dict[str, str]]:
+        """Suggestions and remarks beside the present values."""
+        return suggested_values(self.layout, self.folder, self.draft.values())
 
-    def _ask(self, question: Question) -> None:
-        key, values = question.key, self.draft.values()
-        suggested, remark = self.suggestions.of(key, values), self.suggestions.remark(key, values)
-        print("; ".join(filter(None, [f"\n{key}: {question.hint}", remark])))
-        while answer := input(f"[{suggested}] " if suggested else "? ").strip() or suggested:
-            try:
-                return self.draft.answer(key, answer, value_faults)
-            except PipelineError as error:
-                print(f"! {error}")
-                suggested = None if answer == suggested else suggested
-        print("left as ???")
-        return None
+    def take_suggested(self) -> None:
+        """Take every suggestion that nothing is wrong with; they may follow from each other."""
+        taken = True
+        while taken:
+            taken = False
+            suggested, _ = self.suggested()
+            for key in [key for key in self.left if key in suggested]:
+                try:
+                    self.answer(key, suggested[key])
+                except PipelineError:
+                    continue
+                taken = True
+                print(f"taken as suggested: {key}: {get_filled(self.draft.values(), key)}")
 
-    def _ask_for_motion(self) -> None:
-        if "joint_log.start" not in self._open():
-            return
-        try:
-            offered = self._motions()
-        except PipelineError as error:
-            print(f"! {error}")
-            return
-        print("\nthe motion that is analysed: motion.steps, joint_log.start, .end and .rest")
-        while answer := input("number, or nothing to give them one by one? ").strip():
-            try:
-                return self._choose(offered, int(answer))
-            except (ValueError, PipelineError) as error:
-                print(f"! {error}")
+    def note(self) -> None:
+        """Put remarks into the comments of the values that are open."""
+        _, remarks = self.suggested()
+        for key in [key for key in self.left if key in remarks]:
+            self.draft.note(key, remarks[key])
 
-    def _motions(self) -> list[Motion]:
+    def show_motions(self) -> list[Motion]:
+        """Print the motions in the logs, numbered from 1, and return them."""
         offered = found_motions(self.draft.values())
         if not offered:
             raise ConfigError("no motion is found that the logs hold from rest to rest, or repeat")
         print(table(offered))
         return offered
 
-    def _choose(self, offered: list[Motion], number: int) -> None:
+    def choose(self, offered: list[Motion], number: int) -> None:
+        """Fill in the motion of that ``number``."""
         if not 1 <= number <= len(offered):
             raise ConfigError(f"there is no motion {number}; there are 1 to {len(offered)}")
-        rate = self.draft.values()["motion"]["rate"]
-        chosen = answers(offered[number - 1], rate)
-        for key in [key for key in self._open() if key in chosen]:
-            self.draft.answer(key, chosen[key], value_faults)
+        motion, rate = offered[number - 1], self.draft.values()["motion"]["rate"]
+        rest = motion.rest(rate)
+        ends = (_rounded(motion.start, 4), _rounded(motion.end, 4))
+        chosen = dict(zip(KEYS, (motion.steps + 2 * rest, *ends, rest), strict=True))
+        for key in [key for key in self.left if key in chosen]:
+            self.answer(key, str(chosen[key]))
+
+    def ask(self) -> None:
+        """Ask for one value after another, the robot's first as others follow from them; an empty
+        answer takes the suggestion, or leaves ???.
+        """
+        passed: set[str] = set()
+        try:
+            while questions := [one for one in self.draft.questions() if one.key not in passed]:
+                first = min(questions, key=lambda one: (one.key[:6] != "robot.", one.key in KEYS))
+                if first.key in KEYS and "" not in passed:
+                    passed.add("")  # the motions have been shown
+                    self._ask_for_motion()
+                else:
+                    passed.add(first.key)
+                    self._ask(first)
+        except (EOFError, KeyboardInterrupt):
+            print("")
+
+    def _ask(self, question: Question) -> None:
+        suggestions, remarks = self.suggested()
+        suggested, remark = (held.get(question.key) for held in (suggestions, remarks))
+        print("; ".join(filter(None, [f"\n{question.key}: {question.hint}", remark])))
+        while answer := input(f"[{suggested}] " if suggested else "? ").strip() or suggested:
+            try:
+                return self.answer(question.key, answer)
+            except PipelineError as error:
+                print(f"! {error}")
+                suggested = None if answer == suggested else suggested
+        return print("left as ???")
+
+    def _ask_for_motion(self) -> None:
+        if "joint_log.start" not in self.left:
+            return
+        try:
+            offered = self.show_motions()
+        except PipelineError as error:
+            print(f"! {error}")
+            return
+        print("\nthe motion that is analysed: motion.steps, joint_log.start, .end and .rest")
+        while answer := input("number, or nothing to give them one by one? ").strip():
+            try:
+                return self.choose(offered, int(answer))
+            except (ValueError, PipelineError) as error:
+                print(f"! {error}")
+
+
+def found_motions(values: dict[str, Any]) -> list[Motion]:
+    """Return the motions in the logs that the ``values`` of a dataset name, those that move most
+    joints first, those through a singular pose last; ConfigError where a needed value is still ???,
+    and as the logs' reader.
+    """
+    log = values["joint_log"] | {"start": [], "end": [], "rest": 0, "tolerance": 1.0}
+    rate = values["motion"]["rate"]
+    needed = {"joint_log": log, "robot": values["robot"], "motion": {"rate": rate}}
+    if keys := ", ".join(unfilled_keys(needed)):
+        raise ConfigError(f"the motions are found once these are filled in: {keys}")
+    options, folder = JointLog(**log), Path(values["recordings"])
+    places = named_takes(folder, options.movements, key="dataset.joint_log.movements")
+    movements = {
+        name: read_logged_movement(name, place, options, float(rate))
+        for name, place in places.items()
+    }
+    offered = motions(movements, Robot(**values["robot"]), rate)
+    regular = NEARLY * max((motion.least_singular for motion in offered), default=0.0)
+
+    def last(motion: Motion) -> tuple[bool, int]:
+        still = np.abs(motion.end - motion.start) <= REACH
+        return motion.least_singular < regular, int(still.sum())
+
+    return sorted(offered, key=last)
+
+
+def table(offered: list[Motion]) -> str:
+    """Return a line a motion, numbered from 1."""
+    rows = []
+    for number, motion in enumerate(offered, start=1):
+        counts = Counter(name for name, _ in motion.places)
+        rows.append(
+            {
+                "no.": number,
+                "from (rad)": _rounded(motion.start, 2),
+                "to (rad)": _rounded(motion.end, 2),
+                "steps": motion.steps,
+                "pause": "never rests" if motion.pause is None else motion.pause,
+                "times": len(motion.places),
+                "disturbed": ", ".join(f"{n} row {row}" for n, row in motion.disturbed) or "none",
+                "least singular value": f"{motion.least_singular:.2g}",
+                "commands differ by (rad)": f"{motion.deviation:.2g}",
+                "movements": ", ".join(f"{name} ({count})" for name, count in counts.items()),
+            }
+        )
+    return pd.DataFrame(rows).to_string(index=False)
+
+
+def _rounded(angles: np.ndarray, digits: int) -> list[float]:
+    return (np.round(angles, digits) + 0.0).tolist()

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arm.description import describe
 from pipeline.arm.model import arm_of, link_chains
+from pipeline.arm.urdf import describe
 from pipeline.core import config, contracts
 from pipeline.core.columns import matrices, members, values
 from pipeline.core.errors import ConfigError, PipelineError
@@ -41,10 +41,8 @@ class Track:
 
 @dataclass(frozen=True)
 class ViewedTake:
-    """A take of the arm ``robot`` with joint names: measured, filtered by model, and the camera's
-    points.
-
-    ``clouds`` holds time (s) and points (I, 3), m in the base frame, of every depth frame.
+    """Tracks of a take, measured and by model, and of every depth frame its time (s) and the points
+    (I, 3), m in the base frame.
     """
 
     name: str
@@ -82,8 +80,8 @@ def run(words: list[str]) -> None:
 
 
 def _rerun() -> ModuleType:
-    """Import rerun, from the environment that `make view` makes where this one lacks it."""
-    sys.path += [str(folder) for folder in ENVIRONMENT.glob("lib/python*/site-packages")]
+    """Import rerun, from the environment of `make view` where this one lacks it."""
+    sys.path += map(str, ENVIRONMENT.glob("lib/python*/site-packages"))
     try:
         return importlib.import_module("rerun")
     except ModuleNotFoundError:
@@ -101,16 +99,13 @@ def read_viewed_take(settings: Any, name: str | None) -> ViewedTake:
     if own.empty:
         names = ", ".join(joints["take"].unique())
         raise ConfigError(f"no take {name!r}; there are {names}", key="TAKE")
-    names = members(joints, "q")
-    filtered = {}
-    for model in settings.models:
-        if contracts.exists("posterior", FILTER / model):
-            rows = contracts.read("posterior", FILTER / model)
-            rows = rows[rows["take"] == name]
-            if not rows.empty:
-                covariance = matrices(rows, "c", names)
-                std = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
-                filtered[model] = Track(rows["t"].to_numpy(), values(rows, "m"), std)
+    names, filtered = members(joints, "q"), {}
+    for folder in (FILTER / model for model in settings.models):
+        if contracts.exists("posterior", folder):
+            rows = contracts.read("posterior", folder).query("take == @name")
+            std = np.sqrt(np.diagonal(matrices(rows, "c", names), axis1=-2, axis2=-1))
+            filtered[folder.name] = Track(rows["t"].to_numpy(), values(rows, "m"), std)
+    filtered = {model: track for model, track in filtered.items() if len(track.t)}
     measured = Track(own["t"].to_numpy(), values(own, "q"))
     robot, depth = settings.dataset.robot, settings.dataset.depth
     clouds = _clouds(name, robot) if depth is not None else []

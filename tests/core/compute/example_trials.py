@@ -7,6 +7,8 @@ from __future__ import annotations
 import os
 import signal
 import time
+import tracemalloc
+from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
@@ -15,7 +17,7 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.core.rng import stream
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
-from pipeline.models.commands import open_loop
+from pipeline.models.model import open_loop
 from pipeline.models.wishart.law import WishartModel
 from pipeline.perception.articulation import ArticulationOptions, fit_sequence
 
@@ -68,10 +70,6 @@ def articulated(number: int, width: float) -> pd.DataFrame:
     return pd.DataFrame(fitted.q).assign(take=number)
 
 
-def layout(array: np.ndarray, kept: list[int]) -> tuple[int, str, np.ndarray]:
-    return kept.pop(), str(array.flags), array[:, :-1]
-
-
 def pause(seconds: float) -> int:
     time.sleep(seconds)
     return os.getpid()
@@ -86,5 +84,12 @@ def give_up(number: int) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def time_out(number: int) -> None:
-    raise TimeoutError(f"of trial {number}")
+def peak(results: Iterator) -> int:
+    """Bytes that are held at once while results are taken and dropped."""
+    tracemalloc.start()
+    try:
+        for _ in results:
+            pass
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()

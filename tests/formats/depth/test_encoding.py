@@ -7,7 +7,7 @@ import pytest
 from depth_files import frame
 
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.depth_camera import Depth
+from pipeline.core.options.instruments import Depth
 from pipeline.core.validation import validated
 from pipeline.formats.depth.image import Encoding, RawDepth, metres
 

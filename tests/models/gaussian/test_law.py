@@ -10,7 +10,7 @@ from pipeline.core.errors import ModelDomainError
 from pipeline.models.convex import solve_noise_covariance
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel, noise_scale
-from pipeline.models.norm import frobenius
+from pipeline.models.model import frobenius
 from pipeline.randommatrix import normal
 
 POSE = np.array([0.4, 1.7, -0.3])

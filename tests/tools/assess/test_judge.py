@@ -46,9 +46,9 @@ def test_a_push_is_found_in_its_joint_and_span(joint, first):
     pushed = verdict(drawn)
     assert not pushed.behaves and pushed.p_spans <= pushed.limit
     text = said("new", "model.json", 0, pushed)
-    assert "new does NOT behave as the 50 takes it is held against (model.json)." in text
+    assert "new does NOT behave as the 50 takes it is compared with (model.json)." in text
     begins = f"{JOINTS[joint]} from {first / 100:.3g} to {(first + 10) / 100:.3g} s, less likely"
-    assert f"furthest from them: {begins}" in text
+    assert f"largest difference: {begins}" in text
 
 
 def test_a_take_that_is_wider_throughout_is_told_as_a_whole_and_one_that_rests_as_more_likely():
@@ -57,3 +57,12 @@ def test_a_take_that_is_wider_throughout_is_told_as_a_whole_and_one_that_rests_a
     assert verdict(drawn).p_whole <= verdict(drawn).limit
     drawn.error[-1] = 0.0
     assert (verdict(drawn).span_t > 0).all()
+
+
+def test_with_three_takes_to_compare_with_no_difference_can_be_shown():
+    text = said("new", "model.json", 3, verdict(innovations(3, takes=4)))
+    assert (
+        "no difference of new can be shown with 3 takes to compare with: record 7 or more" in text
+    )
+    assert "behave" not in text.splitlines()[0]
+    assert "can be shown" not in said("new", "model.json", 0, verdict(innovations(3, takes=8)))

@@ -9,8 +9,8 @@ import pytest
 from exported_models import PARAMETERS, write_model
 
 from pipeline.models import load
-from pipeline.models.commands import Commands
 from pipeline.models.exported import ExportedModel
+from pipeline.models.model import Commands
 from pipeline.tools.assess.moment_filter import Innovations, filtered
 
 TAKES, STEPS = 60, 40

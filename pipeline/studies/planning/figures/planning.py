@@ -1,7 +1,7 @@
 """Uncertainty of motions along one task path, predicted and realised.
 
-One panel an arm, all physics. Across: predicted Σ tr Cov(ω) over that of the minimum-norm motion, a
-symbol a model; upwards: the realised sum over that of the minimum-norm motion, a colour a motion.
+One panel an arm, all physics. Across: predicted Σ tr Cov(ω) over that of the minimum-norm motion,
+a symbol a model; upwards: the realised sum over that of the minimum-norm motion, a colour a motion.
 On the dotted diagonal the prediction holds.
 """
 
@@ -49,7 +49,7 @@ def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
         for ticks in (axes.xaxis, axes.yaxis):
             ticks.set_major_formatter("{x:g}")
             ticks.set_minor_formatter("{x:g}")
-        axes.tick_params(which="minor", labelsize=6)
+        axes.tick_params(which="both", labelsize=7)
         letter(axes, "abcdefg"[number])
     grid[0, 0].set_ylabel("realised over minimum norm")
     entries = [

@@ -62,7 +62,7 @@ def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
     left.set(
         xlim=WIDTHS, ylim=(len(rows) - 0.5, -0.6), xlabel="standard deviation over printed one"
     )
-    right.set(xlim=LIKELIHOODS, xlabel="likelihood over that of pivoted LU")
+    right.set(xlim=LIKELIHOODS, xlabel="likelihood over pivoted LU's")
     for axes, name in ((left, "a"), (right, "b")):
         axes.set_xscale("log")
         axes.axvline(1, color=GREY, linewidth=0.8, zorder=0)

@@ -1,0 +1,272 @@
+"""Options of the instruments that saw a robot: motion capture, depth camera, logs, transducer."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from enum import StrEnum
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, FiniteFloat, model_validator
+
+from pipeline.core.options.analysis import Bounds, Count, NotNegative, Positive, Whole
+from pipeline.core.validation import Fault, options
+
+Column = int | str  # number from 0, or label
+Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
+Signal = Literal["actual", "target", "speed"]
+SIGNALS = ("actual", "target", "speed")
+AngleUnit = StrEnum("AngleUnit", ["rad", "deg"])
+TimeUnit = StrEnum("TimeUnit", ["s", "ms", "us", "ns"])
+
+
+@options()
+class Pose:
+    position: Triple  # m
+    rpy: Triple  # rad, fixed axes x, y, z (URDF convention)
+
+
+@options()
+class Body:
+    """A rigid body of the motion capture that is fixed to a link."""
+
+    name: str
+    mount: Pose  # of the body's pivot in the link's frame
+
+
+@options(kw_only=True)
+class Mocap:
+    training: str  # glob of the training takes' files, .csv of Motive or .c3d
+    test: str | None = None
+    unit: Literal["m", "cm", "mm"] | None = None  # of lengths where the files do not say it
+    base: Pose  # the arm's base in the motion-capture world
+    # link → marker name → position in the link's frame, m. Of a planar arm the links are its three
+    # segments in their order, of any other they are links of the URDF
+    markers: dict[str, dict[str, Triple]]
+    # link → body whose poses carry the link's markers in place of their tracks
+    bodies: dict[str, Body] = field(default_factory=dict)
+    gate: float  # m, how far a marker may be from where it is predicted to be taken for it
+    # m, of a coordinate of a marker from where its link carries it, by noise and misplacement:
+    # the filter weighs particles by it where it measures the pose of the tip
+    deviation: float | None = None
+    # rad, about where the joints of an arm in space start, to choose among several postures that
+    # the links followed leave it, and among whole turns; null: there is only one
+    posture: list[float] | None = None
+    max_gap: int  # frames, longest gap that is interpolated
+
+
+@options()
+class Workspace:
+    """The part of the scene that is the arm, in the frame of its plane (see
+    :class:`pipeline.perception.segment.Crop`).
+    """
+
+    half_depth: float  # m
+    girth: float  # m
+    column_half_width: float  # m
+    column_top: float  # m
+    floor: float  # m
+    min_pixels: int
+    max_points: int
+
+
+@options(kw_only=True)
+class Depth:
+    """A depth camera's takes: folders of images or point clouds, with an index or with numbers in
+    their names, or ROS bags.
+    """
+
+    takes: str  # glob of the takes' folders or bags
+    # index file in each folder; null where the frames' names are numbered, and for bags
+    index: str | None = None
+    frames: str | None = None  # glob of the numbered frames in each folder
+    topic: str | None = None  # of the images or clouds in a bag that has several
+    camera_info: str | None = None  # topic of the intrinsics in a bag that has several
+    # file of the images' calibration, from the recordings' folder; null for clouds and bags
+    intrinsics: str | None = None
+    camera_matrix: str | None = None  # its key in that file, where it is unusual or one of several
+    distortion: str | None = None  # likewise
+    width: Count | None = None  # px, of the images; null for clouds
+    height: Count | None = None  # px
+    # rotated_bits as in SUN RGB-D, disparity as in NYU Depth v2
+    encoding: Literal["plain", "rotated_bits", "disparity"]
+    units_per_metre: Positive  # 1000 for millimetres, 5000 for TUM RGB-D, 1 for metres
+    saturation: float | None = None  # stored value from which on there is no depth, as at 0
+    scale_key: str | None = None  # name of a factor in the description of each TIFF
+    disparity: Bounds | None = None  # a and b of depth = a/(b - disparity), m
+    rate: Positive  # 1/s
+    # s on the camera's clock as the motion capture starts; null: at its first frame
+    start: float | None = None
+    # s to add to the camera's clock so started to read the motion capture's; null: estimated
+    clock_offset: float | None = None
+    # camera (x right, y down, z forward), or the clouds' frame, in the arm's base frame
+    camera: Pose
+    workspace: Workspace
+    search: NotNegative  # s, the clocks' offset is looked for between -search and +search
+
+    @model_validator(mode="after")
+    def _one_source_of_times_and_depths(self) -> Self:
+        if self.index is not None and self.frames is not None:
+            raise Fault("frames", "index and frames exclude each other: both give the times")
+        if (self.disparity is not None) != (self.encoding == "disparity"):
+            message = "the encoding disparity, and no other, needs [a, b] of depth = a/(b − δ)"
+            raise Fault("disparity", message)
+        return self
+
+
+@options(kw_only=True)
+class JointLog:
+    """The controller's own logs: a folder or a file a movement, and which of the commanded motions
+    in them is analysed.
+    """
+
+    movements: str  # glob of the movements' folders, or files where a movement is one file
+    # file of measured angles in each folder; null where a movement is one file
+    actual: str | None = None
+    target: str | None = None  # file of commanded angles
+    speed: str | None = None  # file of commanded speeds; null: the steps of the commanded angles
+    joints: list[str]  # names of the logged joints in their order, as the URDF has them
+    # actual, target, speed → label, or number from 0, of each joint's column; ARRAY:COLUMN of a
+    # NumPy archive, or ARRAY alone; where another format says itself what it holds, none
+    signals: dict[Signal, list[Column]] = field(default_factory=dict)
+    # other signals of the joints, as currents or torques, that show a disturbance: signal → its
+    # file in each folder, or where a movement is one file its columns, as those of signals
+    others: dict[str, str | list[Column]] = field(default_factory=dict)
+    # column of the time, likewise; null: the rows follow each other at dataset.motion.rate
+    time: Column | None = 0
+    # of rows that the times put unevenly: rows, which follow each other at the rate all the same,
+    # or times, at which they were measured; null: such a log is refused
+    clock: Literal["rows", "times"] | None = None
+    # of cells: comma, semicolon, tab, or a blank for any number of them; null: as found
+    separator: str | None = None
+    decimal: str | None = None  # point or comma; null: as found
+    angle_unit: AngleUnit = AngleUnit.rad  # also of the speeds
+    time_unit: TimeUnit = TimeUnit.s
+    # factor of commanded angles and speeds beyond the unit: one, or one of each logged joint
+    target_factor: FiniteFloat | list[FiniteFloat] = 1.0
+    # s by which the command is early on the measured angles' clock, to the nearest row: one number,
+    # or one of each movement by its name
+    target_delay: FiniteFloat | dict[str, FiniteFloat] = 0.0
+    # most that a joint's tracking error may be, divided by the joint's motion: 0.9 quantile of rows
+    mismatch: Positive = 0.05
+    start: list[float]  # rad, commanded angles of robot.joints before the motion
+    end: list[float]  # rad, and after it
+    # steps at rest kept on either side, of dataset.motion.steps; 0: the motion starts and ends in
+    # passing, as in a command that repeats without rest
+    rest: Whole
+    rest_speed: float = 1e-4  # rad/s, up to which a commanded speed is rest
+    tolerance: float  # rad, how exactly commands must repeat
+    disturbed: Literal["leave_out", "refuse"] = "leave_out"  # of a disturbed repetition
+    # robust standard deviations of its residual from the median over the repetitions
+    disturbed_beyond: float = 6.0
+    # rad, measured minus commanded angle that no undisturbed repetition reaches
+    residual_limit: float | None = None
+
+    @model_validator(mode="after")
+    def _fits_the_joints(self) -> Self:
+        count = len(self.joints)
+        if len(set(self.joints)) != count:
+            raise Fault("joints", "must name each logged joint once")
+        if len(self.start) != len(self.end):
+            raise Fault("end", f"must hold {len(self.start)} values as start, got {len(self.end)}")
+        if isinstance(self.target_factor, list) and len(self.target_factor) != count:
+            raise Fault("target_factor", f"must be a number or a list of {count}, one a joint")
+        for name, columns in self.signals.items():
+            if len(columns) not in (1, count):
+                raise Fault(f"signals.{name}", f"must name {count} columns or one array")
+        if wrong := [name for name in self.others if name in (*SIGNALS, "residuals")]:
+            raise Fault(f"others.{wrong[0]}", f"must have another name than {', '.join(SIGNALS)}")
+        return self
+
+
+@options()
+class Encoders:
+    """The controller's logs beside the motion capture, which the filter may weigh particles by; the
+    logs of the training takes give the error of a reading.
+    """
+
+    training: str  # glob of the logs, one of each training take, of its name
+    test: str  # glob of the logs, one of each test take, of its name
+    actual: list[Column]  # column of the measured angles of each of robot.joints
+    time: Column | None = 0  # column of the time
+    angle_unit: AngleUnit = AngleUnit.rad
+    time_unit: TimeUnit = TimeUnit.s
+    start: float = 0.0  # s on the log's clock when the motion capture starts
+
+
+@options()
+class ForceLog:
+    """Format of the force logs; null where they say it themselves."""
+
+    # daqft or netft, as ATI's programs write, bag of ROS, table: any other, or the option of a
+    # FORMAT in pipeline/formats/force
+    format: str = "daqft"
+    columns: dict[Literal["t", "fx", "fy", "fz", "tx", "ty", "tz"], Column] = field(
+        default_factory=dict
+    )
+    separator: str | None = None  # of cells, as of a joint log
+    decimal: str | None = None  # point or comma
+    force_unit: str | None = None
+    torque_unit: str | None = None
+    time_unit: str | None = None
+    rate: Positive | None = None  # Hz
+    counts: bool | None = None  # whether a Net F/T log holds counts (true) or units (false)
+    topic: str | None = None  # of a bag with more than one WrenchStamped
+    calibration: str | None = None  # the transducer's .cal file, from the recordings' folder
+    # N, and N·m if there are six; null: the calibration's ratings
+    full_scale: list[Positive] | None = None
+    frozen_after: Positive = 0.5  # s, identical samples for longer than this are no measurement
+    # share of saturated, or of frozen, samples that may be left out; beyond it a record is refused
+    max_faulty: Annotated[float, Field(ge=0, lt=1)] = 0.01
+
+    @model_validator(mode="after")
+    def _full_scale_of_all_axes(self) -> Self:
+        if self.full_scale is not None and len(self.full_scale) not in (3, 6):
+            raise Fault("full_scale", "must be three forces, and three torques or none")
+        return self
+
+
+@options()
+class Configuration:
+    """One arrangement of the cooperating robots: the known quantities of each cable, and the
+    model's bounds.
+    """
+
+    file: str
+    direction: list[float]  # rad, mean direction of each cable; in space its azimuth
+    tension: list[float]  # N, mean tension of each cable
+    direction_bounds: Bounds  # rad
+    # rad, mean elevation of each cable above the x-y plane; null: the cables lie in it
+    elevation: list[float] | None = None
+    elevation_bounds: Bounds | None = None  # rad
+    # m, end of each cable, from the point of the moments, in the transducer's axes; null: all in
+    # that point, and forces alone are modelled
+    attachment: list[list[float]] | None = None
+    attachment_bounds: Bounds | None = None  # m, of each coordinate
+
+    @model_validator(mode="after")
+    def _one_value_a_cable(self) -> Self:
+        cables, axes = len(self.direction), 2 if self.elevation is None else 3
+        if len(self.tension) != cables:
+            raise Fault("tension", f"must hold {cables} values, one a cable as direction")
+        for name, rows in (("elevation", self.elevation), ("attachment", self.attachment)):
+            if (rows is None) != (getattr(self, f"{name}_bounds") is None):
+                raise Fault(name, f"{name} and {name}_bounds go together")
+            if rows is not None and len(rows) != cables:
+                raise Fault(name, f"must hold one {name} for each of {cables} cables")
+        if any(len(place) != axes for place in self.attachment or []):
+            raise Fault("attachment", f"each attachment must have {axes} coordinates")
+        return self
+
+
+@options(kw_only=True)
+class Force:
+    tare: NotNegative  # s, unloaded at the start of each record
+    tension_std: list[float]  # N, of each robot, or of the first of them where fewer pull
+    kappa_bounds: Bounds  # 1, the paper's σ_θ
+    tension_std_bounds: Bounds  # N
+    tension_bounds: Bounds  # N
+    configurations: dict[str, Configuration]
+    # m, the point that moments are taken about, in the transducer's axes from its origin
+    point: Triple = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    length: Positive = 1.0  # m by which moments are divided where they stand beside forces
+    log: ForceLog = field(default_factory=ForceLog)

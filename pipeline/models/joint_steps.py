@@ -1,0 +1,181 @@
+"""Plain models of a joint step: noise that depends on the commanded step of the joints alone.
+
+    ω_j = s_j(q̇_j)·e_j,   s_j² = r_j² + a_j + b_jq̇_j²,   q̇ the commanded step in rad,
+
+r_j what the recordings resolve, a_j at rest, b_j the share of the own step (0: additive; else
+speed-scaled). e is normal with correlation R between the joints, or Student's t with ν_j degrees of
+freedom for each joint alone. No Jacobian is needed. A gain b_j that the recordings cannot tell is
+NaN: a step beyond those that were seen is then refused.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import lgamma
+from typing import Any
+
+import numpy as np
+
+from pipeline.arm.interface import Mechanism
+from pipeline.core.errors import ModelDomainError
+
+KIND = "joint_steps"
+BEYOND = 1.05  # of the greatest step seen, up to which a joint of unknown gain is predicted
+MIXTURE = np.arange(-24.0, 4.0, 0.1)  # ln of the mixing variable of Student's t
+
+
+@dataclass(frozen=True)
+class JointStepModel:
+    """The law of the next pose of n joints; ``degrees`` are infinite for normal noise."""
+
+    joints: tuple[str, ...]
+    resolution: np.ndarray  # (n,) r in rad
+    floor: np.ndarray  # (n,) a in rad²
+    gain: np.ndarray  # (n,) b; NaN where the recordings cannot tell it
+    reach: np.ndarray  # (n,) greatest commanded step that was seen, rad
+    degrees: np.ndarray  # (n,) ν
+    correlation: np.ndarray  # (n, n) R of normal noise; I for Student's t
+
+    def scale(self, dq: np.ndarray) -> np.ndarray:
+        """(..., n) s in rad for commanded steps ``dq`` (..., n) in rad.
+
+        Raises ModelDomainError by joint where a gain is unknown and the step beyond those seen.
+        """
+        dq = self._steps(dq)
+        for j in np.flatnonzero(np.isnan(self.gain)):
+            most = float(np.abs(dq[..., j]).max(initial=0.0))
+            if most > BEYOND * self.reach[j]:
+                raise ModelDomainError(
+                    f"the noise of {self.joints[j]} at a step of {most:.3g} rad is not known: it "
+                    f"moved at most {self.reach[j]:.3g} rad a step in the recordings; record a "
+                    "motion in which it moves",
+                    joint=self.joints[j],
+                )
+        gain = np.where(np.isnan(self.gain), 0.0, self.gain)
+        return np.sqrt(self.resolution**2 + self.floor + gain * dq**2)
+
+    def covariance_of_joint_step(self, dq: np.ndarray) -> np.ndarray:
+        """(..., n, n) rad² for commanded steps ``dq`` (..., n) in rad; refused as :meth:`scale`."""
+        degrees = np.where(np.isinf(self.degrees), 4.0, self.degrees)
+        wide = np.where(np.isinf(self.degrees), 1.0, degrees / (degrees - 2))
+        std = self.scale(dq) * np.sqrt(wide)
+        return std[..., :, None] * self.correlation * std[..., None, :]
+
+    def noise_log_density(
+        self, dq: np.ndarray, noise: np.ndarray, measurement: np.ndarray | None = None
+    ) -> np.ndarray:
+        """(...,) ln p(ω) in rad⁻ⁿ of ``noise`` ω (..., n) in rad at commanded steps ``dq``; with
+        ``measurement`` (n, n) in rad² of normal noise on top, which for Student's t must be
+        diagonal (ModelDomainError otherwise).
+        """
+        scale = self.scale(dq)
+        noise = np.asarray(noise, dtype=float)
+        if np.isinf(self.degrees).all():
+            covariance = self.covariance_of_joint_step(dq)
+            covariance = covariance if measurement is None else covariance + measurement
+            sign, log_det = np.linalg.slogdet(covariance)
+            if not np.all(sign > 0):
+                raise ModelDomainError("the covariance of a step is singular; state pose noise")
+            white = np.linalg.solve(covariance, noise[..., None])[..., 0]
+            n = noise.shape[-1]
+            return -0.5 * (n * np.log(2 * np.pi) + log_det + np.vecdot(noise, white))
+        added = np.zeros(len(self.joints)) if measurement is None else np.diag(measurement)
+        if measurement is not None and np.any(np.abs(measurement - np.diag(added)) > 0):
+            raise ModelDomainError("noise of Student's t takes a diagonal measurement covariance")
+        each = [
+            student_log_density(noise[..., j], scale[..., j], self.degrees[j], added[j])
+            for j in range(len(self.joints))
+        ]
+        return np.sum(each, axis=0)
+
+    def noise_sample(self, dq: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """(..., n) draws of ω in rad at commanded steps ``dq`` (..., n) in rad."""
+        scale = self.scale(dq)
+        white = rng.standard_normal(scale.shape) @ np.linalg.cholesky(self.correlation).T
+        for j in np.flatnonzero(np.isfinite(self.degrees)):
+            chi = rng.chisquare(self.degrees[j], scale.shape[:-1])
+            white[..., j] *= np.sqrt(self.degrees[j] / chi)
+        return scale * white
+
+    def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(..., n) E[q_{k+1}] in rad."""
+        return q + chain.nominal_step(q, v)
+
+    def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(..., n, n) Cov(q_{k+1}) in rad²."""
+        return self.covariance_of_joint_step(chain.nominal_step(q, v))
+
+    def sample(
+        self, chain: Mechanism, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
+    ) -> np.ndarray:
+        """(..., n) a draw of the next pose in rad for each of ``q``."""
+        dq = np.broadcast_to(chain.nominal_step(q, v), np.shape(q))
+        return q + dq + self.noise_sample(dq, rng)
+
+    def log_density(
+        self,
+        chain: Mechanism,
+        q: np.ndarray,
+        v: np.ndarray,
+        q_next: np.ndarray,
+        measurement: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """(...,) ln p(q_next | q) in rad⁻ⁿ; ``measurement`` as :meth:`noise_log_density`."""
+        dq = chain.nominal_step(q, v)
+        return self.noise_log_density(dq, q_next - q - dq, measurement)
+
+    def parameters(self) -> dict[str, Any]:
+        """Plain values for :func:`build_joint_steps`; null where the recordings tell no number."""
+        return {
+            "kind": KIND,
+            "joints": list(self.joints),
+            "resolution": self.resolution.tolist(),
+            "floor": self.floor.tolist(),
+            "gain": [None if np.isnan(b) else float(b) for b in self.gain],
+            "reach": self.reach.tolist(),
+            "degrees": [None if np.isinf(nu) else float(nu) for nu in self.degrees],
+            "correlation": self.correlation.tolist(),
+        }
+
+    def _steps(self, dq: np.ndarray) -> np.ndarray:
+        dq = np.asarray(dq, dtype=float)
+        if dq.ndim == 0 or dq.shape[-1] != len(self.joints):
+            raise ModelDomainError(
+                f"a joint step has {len(self.joints)} numbers ({', '.join(self.joints)}), got "
+                f"shape {dq.shape}"
+            )
+        return dq
+
+
+def build_joint_steps(parameters: dict[str, Any]) -> JointStepModel:
+    """Build the model from what :meth:`JointStepModel.parameters` gave."""
+    values = {
+        name: np.array([absent if each is None else each for each in parameters[name]], float)
+        for name, absent in (("gain", np.nan), ("degrees", np.inf))
+    }
+    others = ("resolution", "floor", "reach", "correlation")
+    values |= {name: np.array(parameters[name], float) for name in others}
+    return JointStepModel(joints=tuple(parameters["joints"]), **values)
+
+
+def student_log_density(
+    noise: np.ndarray, scale: np.ndarray, degrees: float, variance: float = 0.0
+) -> np.ndarray:
+    """(...) ln density in 1/rad of ``noise``/``scale`` of Student's t with ``degrees`` ν, N(0,
+    ``variance``) in rad² added to the noise: a mixture of normals N(0, s²/λ + variance) over
+    λ ~ Gamma(ν/2, ν/2), by the trapezoidal rule in ln λ. An infinite ν is the normal law.
+    """
+    if np.isinf(degrees):
+        total = scale**2 + variance
+        return -0.5 * (np.log(2 * np.pi * total) + noise**2 / total)
+    if variance == 0.0:
+        constant = lgamma((degrees + 1) / 2) - lgamma(degrees / 2) - 0.5 * np.log(degrees * np.pi)
+        return (
+            constant - np.log(scale) - (degrees + 1) / 2 * np.log1p((noise / scale) ** 2 / degrees)
+        )
+    log_weight = degrees / 2 * (MIXTURE - np.exp(MIXTURE))
+    log_weight -= np.log(np.exp(log_weight - log_weight.max()).sum()) + log_weight.max()
+    total = scale[..., None] ** 2 * np.exp(-MIXTURE) + variance
+    terms = log_weight - 0.5 * (np.log(2 * np.pi * total) + noise[..., None] ** 2 / total)
+    most = terms.max(axis=-1)
+    return most + np.log(np.exp(terms - most[..., None]).sum(axis=-1))

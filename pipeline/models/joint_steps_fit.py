@@ -1,0 +1,195 @@
+"""Fit of the plain models of a joint step to recorded steps of any motions by maximum likelihood,
+and the parameters that the steps cannot tell.
+
+A gain b_j has a number if at least :data:`LEAST_STEPS` steps of the joint are at least
+:data:`LEAST_SHARE` of the reference step, the greatest commanded step of any joint, and if the
+variance predicted at the reference step has a standard error of at most :data:`BOUND` of itself.
+The standard error is that of the Fisher information of (a_j, b_j), ½Σ V⁻²[1, q̇²; q̇², q̇⁴] for
+normal noise, divided by (kurtosis − 1)/2 as tails tell less, and times ν/(ν + 3) for Student's t;
+steps count as independent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.core.errors import ModelDomainError
+from pipeline.models.joint_steps import JointStepModel
+
+LEAST_STEPS, LEAST_SHARE, BOUND = 20, 0.1, 0.5
+UNRESOLVED = 1e-2  # of a joint's rms noise, below which noise counts as not resolved
+DEGREES = (3.0, 100.0)  # of ν: below the variance is decided by few steps, above it is normal
+# model → whether its noise grows with the step, whether it has Student's tails
+PLAIN = {
+    "additive_all": (False, False),
+    "scaled_all": (True, False),
+    "additive_t": (False, True),
+    "scaled_t": (True, True),
+}
+
+
+@dataclass(frozen=True)
+class JointStepFit:
+    """A fitted model; ``untold`` are (parameter, joint, found, required) without a number."""
+
+    model: JointStepModel
+    errors: Mapping[str, np.ndarray]  # (n,) relative standard errors of the variance, by speed
+    untold: Sequence[tuple[str, str, str, str]]
+
+
+def fit_joint_steps(
+    name: str,
+    dq: np.ndarray,
+    noise: np.ndarray,
+    joints: Sequence[str],
+    *,
+    pose_noise: float = 0.0,
+    start: JointStepModel | None = None,
+) -> JointStepFit:
+    """Fit the model ``name`` of :data:`PLAIN`.
+
+    Args:
+        name: model.
+        dq: (N, n) commanded steps in rad.
+        noise: (N, n) ω in rad, the measured minus the commanded step.
+        joints: names of the n joints.
+        pose_noise: rad, stated standard deviation of a measured angle.
+        start: a fit of the same model to begin the search at.
+
+    Raises ModelDomainError where there is no noise at all or no step.
+    """
+    scaled, student = PLAIN[name]
+    rms = np.sqrt(np.mean(noise**2, axis=0)) if len(noise) else np.zeros(len(joints))
+    if not np.all(np.isfinite(rms)) or not np.any(rms > 0):
+        raise ModelDomainError("the recorded steps have no noise", steps=len(noise))
+    least = np.sqrt(
+        UNRESOLVED**2 * np.maximum(rms, UNRESOLVED * rms.max()) ** 2 + 2 * pose_noise**2
+    )
+    reach, reference = np.abs(dq).max(axis=0), float(np.abs(dq).max())
+    rows, relative, untold = [], np.full(len(joints), np.nan), []
+    for j, joint in enumerate(joints):
+        w, x = noise[:, j], dq[:, j]
+        first = None if start is None else (start.floor[j], start.gain[j], start.degrees[j])
+        a, b, nu = _fit_joint(w, x, least[j], scaled=scaled, student=student, start=first)
+        if scaled:
+            moved = int(np.sum(np.abs(x) >= LEAST_SHARE * reference))
+            relative[j] = _relative_error(w, x, a, b, nu, least[j], reference)
+            if moved < LEAST_STEPS or not relative[j] <= BOUND:
+                a, _, nu = _fit_joint(w, x, least[j], scaled=False, student=student)
+                b = np.nan
+                found = (
+                    f"{moved} steps of at least {LEAST_SHARE * reference:.2g} rad"
+                    if moved < LEAST_STEPS
+                    else f"standard error {relative[j]:.2g} of the variance at {reference:.2g} rad"
+                )
+                untold.append(
+                    ("gain", joint, found, f"{LEAST_STEPS} steps, standard error ≤ {BOUND}")
+                )
+        if student and nu <= DEGREES[0] * 1.001:
+            found = f"the likelihood is highest at the least value, {DEGREES[0]:g}"
+            untold.append(("degrees of freedom", joint, found, f"above {DEGREES[0]:g}"))
+        rows.append((a, b, nu))
+    floor, gain, degrees = np.array(rows).T
+    model = JointStepModel(tuple(joints), least, floor, gain, reach, degrees, np.eye(len(joints)))
+    if not student:
+        z = noise / model.scale(dq)
+        moment = z.T @ z / len(z)
+        std = np.sqrt(np.diag(moment))
+        if np.all(std > 0):
+            correlation = moment / np.outer(std, std)
+            # a hundredth of the identity keeps joints that move as one from a singular law
+            model = replace(model, correlation=0.99 * correlation + 0.01 * np.eye(len(std)))
+    return JointStepFit(model, {"variance at the reference step": relative}, untold)
+
+
+def _fit_joint(
+    w: np.ndarray,
+    x: np.ndarray,
+    least: float,
+    *,
+    scaled: bool,
+    student: bool,
+    start: tuple[float, float, float] | None = None,
+) -> tuple[float, float, float]:
+    """a in rad², b and ν of one joint's noise ``w`` (N,) at steps ``x`` (N,) in rad."""
+    from scipy.optimize import minimize
+
+    unit, pace = max(float(np.mean(w**2)), least**2), max(float(np.mean(x**2)), 1e-300)
+    w2, x2, floor = w**2 / unit, x**2 / pace, least**2 / unit
+    scaled = scaled and pace > 1e-300
+    begin, bounds = [np.log(0.5)], [(np.log(1e-3 * floor), 9.0)]
+    if scaled:
+        begin.append(np.log(0.5))
+        bounds.append((np.log(1e-6), 14.0))
+    if student:
+        begin.append(np.log(5.0))
+        bounds.append(tuple(np.log(DEGREES)))
+    if start is not None:
+        a, b, nu = start
+        known = [a / unit] + ([b * pace / unit] if scaled else []) + ([nu] if student else [])
+        usable = [np.isfinite(value) and value > 0 for value in known]
+        begin = [
+            float(np.clip(np.log(value), *ends)) if use else first
+            for value, use, first, ends in zip(known, usable, begin, bounds, strict=True)
+        ]
+    found = minimize(
+        _negative_log_likelihood,
+        begin,
+        args=(w2, x2, floor, scaled, student),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=bounds,
+    )
+    values = np.exp(found.x)
+    a, b = values[0] * unit, values[1] * unit / pace if scaled else 0.0
+    nu = float(values[-1]) if student else np.inf
+    return float(a), float(b), np.inf if nu >= 0.999 * DEGREES[1] else nu
+
+
+def _negative_log_likelihood(
+    theta: np.ndarray, w2: np.ndarray, x2: np.ndarray, floor: float, scaled: bool, student: bool
+) -> tuple[float, np.ndarray]:
+    """−mean ln p but for a constant of normal noise, and its slopes by ln a, ln b and ln ν."""
+    a, b = np.exp(theta[0]), np.exp(theta[1]) if scaled else 0.0
+    variance = floor + a + b * x2
+    z = w2 / variance
+    if student:
+        from scipy.special import digamma, gammaln
+
+        nu = np.exp(theta[-1])
+        value = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu)
+        value += np.mean(-0.5 * np.log(variance) - (nu + 1) / 2 * np.log1p(z / nu))
+        slope = (-0.5 + (nu + 1) / 2 * z / (nu + z)) / variance
+        by_nu = 0.5 * (digamma((nu + 1) / 2) - digamma(nu / 2) - 1 / nu)
+        by_nu += np.mean(-0.5 * np.log1p(z / nu) + (nu + 1) * z / (2 * nu * (nu + z)))
+    else:
+        value = np.mean(-0.5 * np.log(variance) - 0.5 * z)
+        slope = 0.5 * (z - 1) / variance
+    slopes = [a * slope.mean()]
+    if scaled:
+        slopes.append(b * np.mean(slope * x2))
+    if student:
+        slopes.append(nu * by_nu)
+    return -float(value), -np.array(slopes)
+
+
+def _relative_error(
+    w: np.ndarray, x: np.ndarray, a: float, b: float, nu: float, least: float, reference: float
+) -> float:
+    """Standard error of the variance at a step of ``reference`` rad, as a share of it."""
+    variance = least**2 + a + b * x**2
+    z2 = w**2 / variance
+    tails = nu / (nu + 3) if np.isfinite(nu) else 1.0
+    if np.isinf(nu):
+        tails = 2 / max(float(np.mean(z2**2) / np.mean(z2) ** 2) - 1, 2.0)
+    x2 = (x / reference) ** 2
+    rows = np.stack([1 / variance, x2 / variance])
+    information = 0.5 * tails * rows @ rows.T
+    scale = np.sqrt(np.diag(information))
+    if not np.all(scale > 0) or np.linalg.cond(information / np.outer(scale, scale)) > 1e12:
+        return np.inf
+    errors = np.linalg.inv(information)
+    return float(np.sqrt(errors.sum()) / (least**2 + a + b * reference**2))

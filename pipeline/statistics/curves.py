@@ -1,0 +1,289 @@
+"""Modelled and recorded standard deviations over time, joint by joint: their agreement, tests
+and differences between models.
+
+A test of one joint compares the correlation over time of the modelled and the recorded standard
+deviation with a limit. Few takes make the recorded one uncertain, so that even a true model reaches
+a correlation well below 1. The limit is √½, where the model explains half of the variation of the
+recorded curve, or a quantile of the correlation over draws of as many takes from the model itself,
+if that is lower. The power is the share of draws of constant noise that the limit rejects.
+
+Draws have the model's own law at each step, and consecutive steps of a take are correlated as the
+recorded ones are on average: their ranks follow a first-order autoregression (a Gaussian copula).
+Correlations that last otherwise, and any dependence between joints, are not modelled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+import pandas as pd
+from scipy.special import ndtr, ndtri
+
+from pipeline.core.errors import ModelDomainError
+from pipeline.statistics.takes import (
+    REPLICATES,
+    Difference,
+    jackknife_counts,
+    jackknife_difference,
+    lag_one_correlation,
+)
+
+RECOGNISED = 0.95  # share of draws of a true model that pass in all joints
+POWER = 0.8  # least share of draws of constant noise that a test has to reject to be evidence
+HALF_EXPLAINED = 0.5**0.5
+CLOSE_TO_ONE = 0.9999  # greatest correlation of neighbouring steps that is drawn
+NO_NOISE = "no_noise"  # in the place of a model
+
+
+@dataclass(frozen=True)
+class ModelledNoise:
+    """Exact moments of a model's process noise ω at the recorded poses and at the recorded level,
+    and draws of it.
+    """
+
+    motion: np.ndarray  # (M, n) rad², mean over the takes of the variance of a step
+    measurement: np.ndarray  # (n,) rad², variances of the measurement noise
+    error: np.ndarray  # (takes, M, n) rad, the model's mean next pose minus the measured one
+    draws: np.ndarray  # (S, M, n) rad, of ω with the measurement noise
+
+    @property
+    def std(self) -> np.ndarray:
+        """(M, n) standard deviation of ω with the measurement noise in rad."""
+        return np.sqrt(self.motion + self.measurement)
+
+
+def root_mean_square(values: np.ndarray) -> float:
+    """Root mean square of all ``values``, in their unit."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def correlation(a: np.ndarray, b: np.ndarray) -> float:
+    """Pearson's correlation of ``a`` and ``b`` (K,); 0 where one of them is constant."""
+    if np.ptp(a) == 0 or np.ptp(b) == 0:
+        return 0.0
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def variation(values: np.ndarray) -> float:
+    """Standard deviation of ``values`` (K,) over their mean; 0 where they are constant."""
+    return float(values.std() / values.mean()) if np.ptp(values) else 0.0
+
+
+def relative_error(curve: np.ndarray, recorded: np.ndarray) -> float:
+    """‖curve − recorded‖ / ‖recorded‖ of (K,) values. Raises ModelDomainError where ``recorded``
+    is zero throughout.
+    """
+    size = np.linalg.norm(recorded)
+    if size == 0:
+        raise ModelDomainError(
+            "an error relative to a curve that is zero throughout does not exist",
+            values=recorded.size,
+        )
+    return float(np.linalg.norm(curve - recorded) / size)
+
+
+def std_scores(
+    std: Mapping[str, np.ndarray],
+    error: Mapping[str, np.ndarray],
+    joints: Sequence[str],
+    steady: np.ndarray,
+) -> dict[str, float]:
+    """Agreement of each model's mean and standard deviation over time with the recorded ones, by
+    names with model, joint and unit.
+
+    ``std`` (M, n) in rad by model, and under ``recorded`` what was recorded; ``error`` (M,) in rad
+    by model, ‖mean − recorded mean‖; ``joints`` the n names; ``steady`` (M,) the steps at constant
+    speed, where what follows the recorded curve follows the pose and not the speed. A standard
+    deviation that is not finite has no scores.
+    """
+    scores = {f"{model}_greatest_mean_error_rad": values.max() for model, values in error.items()}
+    scores |= {
+        f"{model}_std_of_mean_error_over_time_rad": values.std() for model, values in error.items()
+    }
+    for j, joint in enumerate(joints):
+        recorded = std["recorded"][:, j]
+        for model, values in std.items():
+            modelled, name = values[:, j], f"{model}_std_{joint}"
+            if not np.all(np.isfinite(modelled)):
+                continue
+            scores[f"{name}_rms_rad"] = root_mean_square(modelled)
+            scores[f"{name}_variation"] = variation(modelled)
+            if model != "recorded":
+                with_recorded = f"{name}_correlation_with_recorded"
+                scores[with_recorded] = correlation(modelled, recorded)
+                at_speed = correlation(modelled[steady], recorded[steady])
+                scores[f"{with_recorded}_at_constant_speed"] = at_speed
+                scores[f"{name}_relative_error"] = relative_error(modelled, recorded)
+    return scores
+
+
+def following_tests(
+    modelled: ModelledNoise,
+    noise: np.ndarray,
+    steady: np.ndarray,
+    joints: Sequence[str],
+    rng: np.random.Generator,
+) -> pd.DataFrame:
+    """A row for each joint over all steps, and over the ``steady`` ones (M,) at constant speed,
+    where what follows is the pose and not the speed: ``correlation`` of the modelled and the
+    recorded standard deviation, its ``limit`` and the ``power`` at that limit.
+
+    A true model passes in all joints at once in at least RECOGNISED of the draws; the quantiles are
+    normal ones of Fisher's transform of the drawn correlations. A constant standard deviation has
+    no row. ``noise`` (takes, M, n) rad is the recorded one of at least two takes.
+    """
+    rows, recorded, std = [], noise.std(axis=0, ddof=1), modelled.std
+    steps = {"all": np.ones(len(steady), dtype=bool), "constant_speed": steady}
+    quantile = ndtri(1 - RECOGNISED ** (1 / len(joints)))
+    for j, joint in enumerate(joints):
+        variates = _autoregression(noise[..., j], rng)
+        ordered = np.sort(modelled.draws[..., j].T, axis=1)
+        ranks = (ndtr(variates) * ordered.shape[1]).astype(np.intp).reshape(len(ordered), -1)
+        taken = np.take_along_axis(ordered, ranks, axis=1).reshape(variates.shape)
+        own, constant = taken.std(axis=-1, ddof=1), variates.std(axis=-1, ddof=1)
+        for name, chosen in steps.items():
+            curve = std[chosen, j]
+            if chosen.sum() < 3 or np.ptp(curve) == 0:
+                continue
+            fisher = np.arctanh(_correlations(curve, own[chosen]))
+            reached = float(np.tanh(fisher.mean() + quantile * fisher.std(ddof=1)))
+            limit = min(HALF_EXPLAINED, reached)
+            power = float((_correlations(curve, constant[chosen]) < limit).mean())
+            rows.append((joint, name, correlation(curve, recorded[chosen, j]), limit, power))
+    return pd.DataFrame(rows, columns=["joint", "steps", "correlation", "limit", "power"])
+
+
+def constant_noise_variation(noise: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(n,) coefficient of variation over time of the standard deviation of so many takes that noise
+    of one law at all steps stays below in RECOGNISED of the draws, in all joints at once.
+
+    The law is that of all steps of ``noise`` (takes, M, n) in rad together, correlated from step to
+    step as ``noise`` is.
+    """
+    share, result = RECOGNISED ** (1 / noise.shape[-1]), []
+    for j in range(noise.shape[-1]):
+        variates = _autoregression(noise[..., j], rng)
+        ordered = np.sort((noise[..., j] - noise[..., j].mean(axis=0)).ravel())
+        taken = ordered[(ndtr(variates) * len(ordered)).astype(np.intp)]
+        curves = taken.std(axis=-1, ddof=1)
+        result.append(np.quantile(curves.std(axis=0) / curves.mean(axis=0), share))
+    return np.array(result)
+
+
+def _autoregression(noise: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(M, REPLICATES, takes) standard normal variates, correlated from step to step as ``noise``
+    (takes, M) is.
+    """
+    takes, count = noise.shape
+    share = np.clip(lag_one_correlation(noise), -CLOSE_TO_ONE, CLOSE_TO_ONE)
+    variates = rng.standard_normal((count, REPLICATES, takes))
+    variates[1:] *= np.sqrt(1 - share**2)
+    for k in range(1, count):
+        variates[k] += share * variates[k - 1]
+    return variates
+
+
+def _correlations(curve: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """(R,) Pearson's correlations of ``curve`` (K,) with each column of ``others`` (K, R)."""
+    a, b = curve - curve.mean(), others - others.mean(axis=0)
+    return a @ b / (np.linalg.norm(a) * np.linalg.norm(b, axis=0))
+
+
+def spread_tables(
+    modelled: Mapping[str, ModelledNoise],
+    following: Mapping[str, pd.DataFrame],
+    noise: np.ndarray,
+    joints: Sequence[str],
+) -> dict[str, pd.DataFrame]:
+    """The tables ``spread_following``, ``spread_comparison`` and ``mean_error_comparison``, by
+    name; none without a model.
+
+    Args:
+        modelled: noise by model, the model to compare with first.
+        following: rows of :func:`following_tests` by model.
+        noise: (takes, M, n) rad, recorded noise of at least two takes.
+        joints: names of the n joints.
+    """
+    if not modelled:
+        return {}
+    rows = [table.assign(model=model) for model, table in following.items() if len(table)]
+    motion = {model: each.motion for model, each in modelled.items()}
+    measurement = next(iter(modelled.values())).measurement
+    errors = {model: each.error for model, each in modelled.items()}
+    return ({"spread_following": pd.concat(rows, ignore_index=True)} if rows else {}) | {
+        "spread_comparison": spread_comparison(motion, measurement, noise, joints),
+        "mean_error_comparison": mean_error_comparison(errors),
+    }
+
+
+def spread_comparison(
+    motion: Mapping[str, np.ndarray],
+    measurement: np.ndarray,
+    noise: np.ndarray,
+    joints: Sequence[str],
+) -> pd.DataFrame:
+    """Relative error of each model's standard deviation over time in each joint, and its difference
+    to three others, with 95 % intervals of the jackknife over takes: to the first model in the same
+    joint, to no noise at all (NO_NOISE, whose error is 1), and to the same model in the last joint.
+
+    All models have one level: in every set of takes each model's variances have the factor by which
+    their sum over joints and steps, with the measurement noise, is the one of the takes. For the
+    Wishart model the factor is an approximation, as the share of its joints depends slightly on
+    σ_B. Arguments as the fields of :class:`ModelledNoise`, and ``noise`` (takes, M, n) in rad.
+    """
+    recorded = _variances(jackknife_counts(len(noise)), noise)
+    total = recorded.mean(axis=1).sum(axis=-1) - measurement.sum()
+    errors = {}
+    for model, own in motion.items():
+        factor = np.maximum(total, 0) / own.mean(axis=0).sum()
+        modelled = np.sqrt(factor[:, None, None] * own + measurement)
+        distance = np.linalg.norm(modelled - np.sqrt(recorded), axis=1)
+        errors[model] = distance / np.sqrt(recorded.sum(axis=1))  # (1 + takes, n)
+    first, last, rows = next(iter(motion)), len(joints) - 1, []
+    for model, error in errors.items():
+        for j, joint in enumerate(joints):
+            others = {(NO_NOISE, joint): np.ones(len(error))}
+            if model != first:
+                others[first, joint] = errors[first][:, j]
+            if j != last:
+                others[model, joints[last]] = error[:, last]
+            for (rival, where), other in others.items():
+                difference = jackknife_difference(error[:, j] - other)
+                rows.append((model, joint, rival, where, error[0, j], other[0], *difference))
+    names = ["model", "joint", "rival", "rival_joint", "error", "rival_error"]
+    return pd.DataFrame(rows, columns=[*names, *Difference._fields])
+
+
+def mean_error_comparison(error: Mapping[str, np.ndarray]) -> pd.DataFrame:
+    """Standard deviation over time of the error of each model's mean, ‖mean − recorded mean‖ in
+    rad, and its difference to every other model's with the 95 % interval of the jackknife over
+    takes.
+
+    ``error`` (takes, M, n) in rad by model: exact mean of a step minus the measured pose.
+    """
+    takes = len(next(iter(error.values())))
+    counts = jackknife_counts(takes)
+    weights, varies = counts / counts.sum(axis=1, keepdims=True), {}
+    for model, own in error.items():
+        means = (weights @ own.reshape(takes, -1)).reshape(-1, *own.shape[1:])
+        varies[model] = np.linalg.norm(means, axis=-1).std(axis=1)
+    rows = [
+        (model, rival, own[0], other[0], *jackknife_difference(own - other))
+        for (model, own), (rival, other) in permutations(varies.items(), 2)
+    ]
+    names = ["model", "rival", "std_over_time_rad", "rival_std_over_time_rad"]
+    return pd.DataFrame(rows, columns=[*names, *Difference._fields])
+
+
+def _variances(counts: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """(R, M, n) sample variances over the takes of ``noise`` (takes, M, n), as often as ``counts``
+    (R, takes) names them.
+    """
+    flat, takes = (noise - noise.mean(axis=0)).reshape(len(noise), -1), counts.sum(axis=1)[:, None]
+    mean = counts @ flat / takes
+    squares = np.maximum(counts @ flat**2 / takes - mean**2, 0)
+    with np.errstate(divide="ignore", invalid="ignore"):  # one take has no variance
+        return (squares * takes / (takes - 1)).reshape(-1, *noise.shape[1:])

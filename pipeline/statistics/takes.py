@@ -1,0 +1,150 @@
+"""Moments, correlations and 95 % intervals over takes, which are independent; steps are not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from pipeline.core.errors import ModelDomainError
+
+TAILS = (0.025, 0.975)
+NORMAL_QUANTILE = 1.959964  # standard errors from a normal estimate to the end of its interval
+REPLICATES = 200  # resamplings of the takes
+
+# model, numbers of the takes → value by quantity
+Quantities = Callable[[str, np.ndarray], dict[str, float]]
+
+
+class Difference(NamedTuple):
+    """Mean difference and the ends of its 95 % interval; NaN where one does not exist."""
+
+    difference: float
+    low: float = np.nan
+    high: float = np.nan
+
+
+def takes_moments(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (M, n) and sample covariance (M, n, n) over the takes of ``samples`` (takes, M, n).
+
+    The covariance is about the mean at its own step and divides by takes − 1. Raises
+    ModelDomainError for a single take.
+    """
+    takes = len(samples)
+    if takes < 2:
+        raise ModelDomainError("a sample covariance needs at least two takes", takes=takes)
+    mean = samples.mean(axis=0)
+    centred = samples - mean
+    return mean, np.einsum("tki,tkj->kij", centred, centred) / (takes - 1)
+
+
+def lag_one_correlation(values: np.ndarray) -> float:
+    """Correlation of neighbouring steps of ``values`` (takes, K) about their mean at each step."""
+    centred = values - values.mean(axis=0)
+    scale = np.sqrt(np.sum(centred[:, :-1] ** 2) * np.sum(centred[:, 1:] ** 2))
+    return float(np.sum(centred[:, :-1] * centred[:, 1:]) / scale) if scale > 0 else 0.0
+
+
+def share_between(noise: np.ndarray, groups: Sequence[str]) -> float:
+    """Share of the variance of ``noise`` (takes, M, n) over the takes that lies between the means
+    of their ``groups`` (takes,); 0 for one group, or where every take is a group of its own.
+
+    About (groups − 1)/(takes − 1) where takes of one group are no more alike than others.
+    """
+    names = list(dict.fromkeys(groups))
+    if len(names) in (1, len(groups)):
+        return 0.0
+    member = np.array([[group == name for group in groups] for name in names], dtype=float)
+    centred = (noise - noise.mean(axis=0)).reshape(len(noise), -1)
+    means = member @ centred / member.sum(axis=1, keepdims=True)
+    between = member.sum(axis=1) @ np.sum(means**2, axis=1)
+    return float(between / np.sum(centred**2))
+
+
+def percentile_interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of the interval of ``values`` (N, ...) over the first axis that one further value would
+    lie in with a probability of 95 %; least and greatest of them for N < 40.
+    """
+    low, high = np.quantile(values, TAILS, axis=0, method="weibull")
+    return low, high
+
+
+def student_quantile(degrees: int) -> float:
+    """0.975 quantile of Student's law of ``degrees`` degrees of freedom."""
+    from scipy.special import stdtrit  # here, as what loads a model does without SciPy
+
+    return float(stdtrit(degrees, TAILS[1]))
+
+
+def paired_difference(scores: np.ndarray, reference: np.ndarray) -> Difference:
+    """Mean of ``scores`` − ``reference`` (takes,), both of the same takes, with Student's interval
+    over the takes: none for a single take, nothing where a score is not finite.
+    """
+    if not (np.all(np.isfinite(scores)) and np.all(np.isfinite(reference))):
+        return Difference(np.nan)
+    difference = scores - reference
+    mean, takes = float(difference.mean()), len(difference)
+    if takes < 2:
+        return Difference(mean)
+    half = float(student_quantile(takes - 1) * difference.std(ddof=1) / np.sqrt(takes))
+    return Difference(mean, mean - half, mean + half)
+
+
+def jackknife_counts(takes: int) -> np.ndarray:
+    """(1 + takes, takes) weights: of all takes in the first row, then of all but one."""
+    return np.vstack([np.ones((1, takes)), 1 - np.eye(takes)])
+
+
+def jackknife_difference(values: np.ndarray) -> Difference:
+    """First of ``values`` (1 + takes,), one for each of :func:`jackknife_counts`, with Student's
+    interval from the others; none below three takes.
+    """
+    takes = len(values) - 1
+    if takes < 3:
+        return Difference(float(values[0]))
+    half = student_quantile(takes - 1) * np.sqrt((takes - 1) * np.var(values[1:]))
+    return Difference(float(values[0]), values[0] - half, values[0] + half)
+
+
+def drawn_takes(takes: int, rng: np.random.Generator) -> list[np.ndarray]:
+    """Numbers of the takes of each of REPLICATES resamplings; without those that hold one take
+    alone, in which nothing varies.
+    """
+    drawn = [rng.integers(takes, size=takes) for _ in range(REPLICATES if takes > 1 else 0)]
+    return [numbers for numbers in drawn if np.ptp(numbers) > 0]
+
+
+def resampled_differences(
+    quantities: Quantities, models: Sequence[str], takes: int, rng: np.random.Generator
+) -> pd.DataFrame:
+    """Every quantity of every model, and its difference to the first model with the 95 % percentile
+    interval of the bootstrap over takes, the same takes for all models.
+
+    A model without a quantity has no row of it; there is no interval for a single take.
+    """
+    everything = [quantities(model, np.arange(takes)) for model in models]
+    drawn = drawn_takes(takes, rng)
+    resampled = [[quantities(model, numbers) for numbers in drawn] for model in models]
+    rows = []
+    for model, values, replicates in zip(models, everything, resampled, strict=True):
+        for name, value in values.items():
+            row = {"model": model, "quantity": name, "value": value}
+            if model != models[0] and name in everything[0]:
+                row["difference"] = value - everything[0][name]
+                pairs = zip(replicates, resampled[0], strict=True)
+                if differences := [own[name] - first[name] for own, first in pairs]:
+                    row["low"], row["high"] = percentile_interval(differences)
+            rows.append(row)
+    return pd.DataFrame(rows, columns=["model", "quantity", "value", *Difference._fields])
+
+
+def wrench_summary(errors: pd.DataFrame, spread: pd.DataFrame) -> pd.DataFrame:
+    """Mean and greatest error of the study of the tables ``wrench_errors`` and ``wrench_spread`` by
+    number of cables, and the 95 % interval of the greatest over the repeats.
+    """
+    summary = errors.groupby("agents")["error"].agg(["mean", "max"])
+    maxima = spread.groupby("agents")["maximum"]
+    ends = np.array([percentile_interval(values) for _, values in maxima])
+    return summary.assign(max_low=ends[:, 0], max_high=ends[:, 1]).reset_index()

@@ -1,0 +1,198 @@
+"""Takes, sequences and logs of a folder in groups that one pattern names."""
+
+from __future__ import annotations
+
+import glob
+import re
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+from pipeline.formats.format import Kind
+from pipeline.recordings.take_names import take_name
+from pipeline.tools.inspect.finding import ROBOT, Finding
+from pipeline.tools.inspect.kinds import DEPTH_TYPES
+
+# kinds of which one recording serves the whole dataset
+SINGLE = (Kind.TRAJECTORY, Kind.INTRINSICS, Kind.CALIBRATION, ROBOT)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Recordings whose paths differ in one number: their pattern below the ``folder``, and file or
+    folder of each take.
+    """
+
+    pattern: str
+    takes: dict[Path, Finding]
+    folder: Path
+
+    @property
+    def named(self) -> dict[str, Finding]:
+        """The takes by the names that the stages give them."""
+        return {
+            take_name(path, self.folder, self.pattern): take for path, take in self.takes.items()
+        }
+
+
+@dataclass(frozen=True)
+class RecordingLayout:
+    """The recordings of one folder, by what they are."""
+
+    training: list[Group]  # takes of motion capture that no depth sequence has the name of
+    test: list[Group]  # those that one has
+    depth: list[Group]  # sequences or bags of a depth camera, by take
+    force: list[Finding]
+    encoders: list[Group]  # joint logs of the names of takes of motion capture
+    movements: list[Group]  # other joint logs, else folders of tables with the same names
+    single: dict[str, list[Finding]]  # by kind, those of SINGLE
+    unplaced: list[Finding]
+
+    @property
+    def markers(self) -> list[str]:
+        """Markers that all takes of motion capture have."""
+        return _in_all([take.markers for take in _takes([*self.training, *self.test])])
+
+    @property
+    def bodies(self) -> list[str]:
+        """Rigid bodies that all takes of motion capture have, where they are what follows the
+        links: no markers are named by three links, and no depth camera looks at a planar arm.
+        """
+        if self.depth or links_of(self.markers):
+            return []
+        return _in_all([take.bodies for take in _takes([*self.training, *self.test])])
+
+
+def links_of(names: list[str]) -> dict[str, list[str]] | None:
+    """Return link → markers by their names without the last part, where these are three times
+    three.
+    """
+    links: dict[str, list[str]] = {}
+    for name in names:
+        link = re.sub(r"[_:. -]*(\d+|[A-Za-z]|[Mm]arker ?\d+)$", "", name)
+        links.setdefault(link, []).append(name)
+    return links if all(links) and [*map(len, links.values())] == [3, 3, 3] else None
+
+
+def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
+    """Return the recordings in ``folder`` by what they are and how their names belong together."""
+    motion, force, joints = (
+        [one for one in findings if one.kind == kind]
+        for kind in (Kind.MOTION, Kind.FORCE, Kind.JOINTS)
+    )
+    names = {finding.file.stem for finding in motion}
+    takes = {
+        _take_folder(one, names): one
+        for one in findings
+        if one.kind == Kind.SEQUENCE
+        or {topic["type"] for topic in one.facts.get("topics", {}).values()} & {*DEPTH_TYPES}
+    }
+    depth, groups = _groups(takes, folder), _groups({one.file: one for one in motion}, folder)
+    filmed = {name for group in depth for name in group.named}
+    test = [group for group in groups if filmed & {*group.named}]
+    single = {kind: [one for one in findings if one.kind == kind] for kind in SINGLE}
+    tables = [one for one in findings if one.kind == Kind.TABLE]
+    logs = [*joints, *(one for one in tables if one.timed)]
+    beside = {one.file: one for one in logs if one.file.stem in names}
+    movements = {one.file: one for one in joints if one.file not in beside}
+    if not (motion or joints):
+        movements = _movements(tables, folder)
+    placed = [
+        *motion,
+        *takes.values(),
+        *force,
+        *beside.values(),
+        *chain.from_iterable(single.values()),
+    ]
+    for one in movements.values():
+        placed += [one, *one.facts.get("tables", {}).values()]
+    taken = set(map(id, placed))
+    return RecordingLayout(
+        [group for group in groups if group not in test],
+        test,
+        depth,
+        force,
+        _groups(beside, folder),
+        _groups(movements, folder),
+        {kind: held for kind, held in single.items() if held},
+        [finding for finding in findings if id(finding) not in taken],
+    )
+
+
+def _takes(groups: Iterable[Group]) -> list[Finding]:
+    return [take for group in groups for take in group.takes.values()]
+
+
+def _in_all(held: list[list[str]]) -> list[str]:
+    return [name for name in held[0] if all(name in each for each in held)] if held else []
+
+
+def _take_folder(finding: Finding, takes: set[str]) -> Path:
+    """The folder, or the bag, that is the take of a sequence: the one with the name of a take of
+    motion capture, else where its index lies.
+    """
+    if finding.kind != Kind.SEQUENCE:
+        return finding.file
+    parents = list(finding.file.parents)[:3]
+    return next((parent for parent in parents if parent.name in takes), parents[0])
+
+
+def _groups(recorded: dict[Path, Finding], folder: Path) -> list[Group]:
+    """The recordings by the pattern of their paths; where no two share one and all are the files of
+    one folder and ending, as one group.
+    """
+    shared = Counter(_pattern(path.relative_to(folder)) for path in recorded)
+    patterns: dict[str, dict[Path, Finding]] = {}
+    for path, finding in recorded.items():
+        below = path.relative_to(folder)
+        pattern = _pattern(below)
+        # a number in a folder's name tells takes apart only where there are several
+        if shared[pattern] == 1 and not re.search(r"\d", path.stem):
+            pattern = glob.escape(below.as_posix())
+        patterns.setdefault(pattern, {})[path] = finding
+    ends = {(path.parent, path.suffix) for path in recorded}
+    if len(patterns) == len(recorded) > 1 and len(ends) == 1:
+        ((parent, suffix),) = ends
+        if {*parent.glob(f"*{glob.escape(suffix)}")} == {*recorded}:
+            place = Path(glob.escape(parent.relative_to(folder).as_posix()), f"*{suffix}")
+            return [Group(place.as_posix(), recorded, folder)]
+    return [Group(pattern, takes, folder) for pattern, takes in sorted(patterns.items())]
+
+
+def _pattern(path: Path) -> str:
+    """``path`` as a glob, with a star for the last number in its name, or else in the name of the
+    nearest folder with one.
+    """
+    suffix = "" if path.suffix[1:].isdigit() else path.suffix
+    if parts := re.fullmatch(r"(.*?)(\d+)(\D*)", path.name.removesuffix(suffix)):
+        name = f"{glob.escape(parts[1])}*{glob.escape(parts[3] + suffix)}"
+        return Path(glob.escape(path.parent.as_posix()), name).as_posix()
+    above = path.parent if path.parent == Path() else Path(_pattern(path.parent))
+    return (above / glob.escape(path.name)).as_posix()
+
+
+def _movements(tables: list[Finding], folder: Path) -> dict[Path, Finding]:
+    """The ``tables`` whose labels say that they hold measured and commanded angles; where there are
+    none, the folders below ``folder`` that hold tables of the same names, two or more, as most such
+    folders do.
+    """
+    whole = {}
+    for one in tables:
+        asked = {"target"} if "signals" in one.suggested else set()
+        if {"actual", "target"} <= {*one.facts.get("signals", ())} | asked:
+            whole[one.file] = one
+    if whole:
+        return whole
+    held: dict[Path, dict[str, Finding]] = {}
+    for one in tables:
+        if one.file.parent != folder:
+            held.setdefault(one.file.parent, {})[one.file.name] = one
+    alike = Counter(tuple(sorted(names)) for names in held.values() if len(names) > 1)
+    names = alike.most_common(1)[0][0] if alike else ()
+    return {
+        path: Finding(path, "movement", Kind.TABLE, facts={"tables": held[path]})
+        for path in held
+        if alike and tuple(sorted(held[path])) == names
+    }

@@ -1,0 +1,194 @@
+"""The planar chain taken out of a URDF, against Pinocchio's kinematics of the whole robot in space
+and against the serial chain of the same arm.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
+from pipeline.arm.model import arm_of, chain_of, load_arm
+from pipeline.arm.serial import SerialChain
+from pipeline.core.errors import ConfigError
+from pipeline.core.options.dataset import Robot
+from tests.arm.arm_urdfs import JOINTS, LOCKED, UR5, YOUBOT, gantry, urdf
+
+ORDER = [1, 2, 0]  # of the rows z, phi, x, for which there are no closed forms
+ARMS = ["youbot", "ur5", "oblique", "flat", "gantry"]
+
+
+@pytest.fixture(scope="module", params=ARMS)
+def options(request, tmp_path_factory) -> dict:
+    """The youBot's, the UR5's, one in an oblique plane with a joint turned round, one that lies
+    flat, and one with sliding and fixed joints below, within and beyond its planar chain.
+    """
+    file = tmp_path_factory.mktemp("urdf") / "robot.urdf"
+    if request.param == "youbot":
+        return {"urdf": str(YOUBOT), "joints": JOINTS, "tool": "arm_tool", "locked": LOCKED}
+    if request.param == "ur5":
+        joints = ["joint_2", "joint_3", "joint_4"]
+        return {"urdf": str(UR5), "joints": joints, "tool": "wrist_centre"}
+    if request.param == "gantry":
+        file.write_text(gantry())
+        locked = {"carriage": 0.35, "telescope": 0.08, "turret": 0.9}  # m, m, rad
+        joints = ["shoulder", "elbow", "wrist"]
+        return {"urdf": str(file), "joints": joints, "tool": "flange", "locked": locked}
+    flat = request.param == "flat"
+    axes = ("0 0 1", "0 0 1", "0 0 -1") if flat else ("0 1 0", "0 -1 0", "0 1 0")
+    file.write_text(urdf(axes, base="0 0 0.5" if flat else "0.4 0.2 -0.3"))
+    return {"urdf": str(file), "joints": ["a", "b", "c"], "tool": "tool"}
+
+
+@pytest.fixture(scope="module")
+def both(options) -> tuple[PlanarChain, SerialChain]:
+    planar = chain_of(Robot(**options, plane=True))
+    serial = chain_of(Robot(**options, plane=True, task=["z", "phi", "x"]))
+    assert isinstance(planar, PlanarChain) and isinstance(serial, SerialChain)
+    return planar, serial
+
+
+def in_space(options: dict, q: np.ndarray) -> tuple[pin.SE3, np.ndarray, np.ndarray]:
+    """Placement of the tool, its Jacobian (6, 3) and the joints' places (3, 3), all in the root's
+    axes and of the whole robot at joint angles ``q`` of the chain.
+    """
+    model = pin.buildModelFromUrdf(options["urdf"])
+    data, full = model.createData(), pin.neutral(model)
+    joints = [model.getJointId(name) for name in options["joints"]]
+    held = {model.getJointId(n): value for n, value in options.get("locked", {}).items()}
+    for joint, angle in {**held, **dict(zip(joints, q, strict=True))}.items():
+        full[model.joints[joint].idx_q : model.joints[joint].idx_q + model.joints[joint].nq] = angle
+    frame = model.getFrameId(options["tool"], pin.FrameType.BODY)
+    jacobian = pin.computeFrameJacobian(model, data, full, frame, pin.LOCAL_WORLD_ALIGNED)
+    pin.framesForwardKinematics(model, data, full)
+    columns = [model.joints[joint].idx_v for joint in joints]
+    places = np.array([data.oMi[joint].translation for joint in joints])
+    return data.oMf[frame].copy(), jacobian[:, columns], places
+
+
+def poses(chain: PlanarChain, count: int = 100) -> np.ndarray:
+    q = np.random.default_rng(1).uniform(chain.lower, chain.upper, (4 * count, 3))
+    return q[np.abs(np.sin(q[:, 1] - chain.straight)) > 0.05][:count]
+
+
+def test_pose_joints_and_jacobian_are_the_whole_robots_seen_in_the_plane(options):
+    arm = arm_of(Robot(**options, plane=True))
+    start, _, _ = in_space(options, np.zeros(3))
+    across = arm.to_plane(start.translation)[1]
+    for q in poses(arm.chain, 20):
+        tool, jacobian, places = in_space(options, q)
+        x, z, phi = arm.chain.pose(q)
+        place = arm.to_base(np.array([x, across, z]))
+        np.testing.assert_allclose(place, tool.translation, atol=1e-12)
+        turn = pin.AngleAxis(phi, arm.rotation[:, 1]).toRotationMatrix()
+        np.testing.assert_allclose(turn @ start.rotation, tool.rotation, atol=1e-12)
+        linear, angular = arm.rotation.T @ jacobian[:3], arm.rotation.T @ jacobian[3:]
+        planar = np.vstack([linear[[0, 2]], angular[1]])
+        np.testing.assert_allclose(arm.chain.jacobian(q), planar, atol=1e-12)
+        # and nothing of the motion leaves the plane
+        np.testing.assert_allclose(np.vstack([linear[1], angular[[0, 2]]]), 0, atol=1e-12)
+        seen = arm.to_plane(places)[:, [0, 2]]
+        np.testing.assert_allclose(arm.chain.points(q)[:3], seen, atol=1e-12)
+
+
+def test_the_planes_axes_are_right_handed_with_z_as_far_up_as_it_can_be(options):
+    arm = arm_of(Robot(**options, plane=True))
+    np.testing.assert_allclose(arm.rotation.T @ arm.rotation, np.eye(3), atol=1e-12)
+    assert np.linalg.det(arm.rotation) > 0
+    up = 1 if abs(arm.rotation[2, 1]) > 0.99 else 2
+    # the horizontal axis has nothing of the vertical
+    assert arm.rotation[up, 2] > 0.5 and abs(arm.rotation[up, 0]) < 1e-12
+    points = np.random.default_rng(2).normal(size=(4, 5, 3))
+    np.testing.assert_allclose(arm.to_base(arm.to_plane(points)), points, atol=1e-14)
+
+
+def test_poses_and_limits_of_the_serial_chain_are_the_same(both):
+    planar, serial = both
+    for name in ("lower", "upper", "max_speed"):
+        np.testing.assert_array_equal(*(getattr(chain, name) for chain in both))
+    q = poses(planar)
+    x, z, phi = planar.pose(q).T
+    place = serial.pose(q)
+    np.testing.assert_allclose(place[:, [0, 2]], np.stack([x, z], axis=1), atol=1e-12)
+    start = Rotation.from_matrix(serial.pose(np.zeros(3))[3:].reshape(3, 3))
+    turned = (Rotation.from_rotvec(np.outer(phi, [0, 1, 0])) * start).as_matrix()
+    np.testing.assert_allclose(place[:, 3:], turned.reshape(-1, 9), atol=1e-12)
+
+
+def test_jacobians_inverses_and_steps_of_the_serial_chain_are_the_same(both):
+    planar, serial = both
+    q, v = poses(planar), np.random.default_rng(2).normal(size=3)
+    np.testing.assert_allclose(serial.jacobian(q), planar.jacobian(q)[:, ORDER], atol=1e-12)
+    inverse = planar.inverse_jacobian(q)
+    size = 1e-12 * np.abs(inverse).max()
+    np.testing.assert_allclose(serial.inverse_jacobian(q), inverse[..., ORDER], atol=size)
+    step = planar.nominal_step(q, v)
+    np.testing.assert_allclose(serial.nominal_step(q, v[ORDER]), step, atol=size)
+    assert not planar.null_step(q, v).any() and planar.null_step(q, v).shape == q.shape
+    steps = np.random.default_rng(3).uniform(-1, 1, q.shape)  # up to half a turn
+    (start, end), (here, there) = ((chain.pose(q), chain.pose(q + steps)) for chain in both)
+    expected = planar.displacement(start, end)[:, ORDER]
+    np.testing.assert_allclose(serial.displacement(here, there), expected, atol=1e-12)
+
+
+def test_the_same_poses_are_singular_but_for_those_near_the_edge(both):
+    planar, serial = both
+    sines = np.geomspace(1e-5, 1, 40)[:, None]
+    q = np.array([0.3, planar.straight, -0.2]) + np.arcsin(sines) * np.array([0, 1, 0])
+    least = np.linalg.svd(serial.jacobian(q), compute_uv=False)[:, -1]
+    np.testing.assert_array_equal(serial.singular(q), least < serial.numbers().least)
+    assert planar.singular(q).sum() == (sines < SINGULAR_SINE).sum()
+    for chain in both:
+        assert chain.singular(q)[0] and not chain.singular(q)[-1]
+
+
+def test_part_of_the_planes_task_is_redundant_and_a_length_multiplies_the_angle(options):
+    whole, part = (chain_of(Robot(**options, plane=True, task=task)) for task in (None, ["x", "z"]))
+    q = poses(whole)
+    np.testing.assert_allclose(part.jacobian(q), whole.jacobian(q)[:, :2], atol=1e-12)
+    rest = part.null_step(q, np.random.default_rng(4).normal(size=(len(q), 5)))
+    moved = np.matvec(whole.jacobian(q), rest)
+    np.testing.assert_allclose(moved[:, :2], 0, atol=1e-11)
+    assert np.abs(moved[:, 2]).min() > 0
+    longer = chain_of(Robot(**options, plane=True, length=0.25))
+    expected = whole.jacobian(q) * np.array([1, 1, 0.25])[:, None]
+    np.testing.assert_allclose(longer.jacobian(q), expected, atol=1e-12)
+
+
+def test_a_held_joint_turns_the_plane_or_makes_a_link_longer(tmp_path):
+    here, there = (
+        load_arm(YOUBOT, JOINTS, "arm_tool", LOCKED | {"arm_joint_1": angle})
+        for angle in (0.3, 1.3)
+    )
+    # joint 1 turns about −z
+    turned = pin.AngleAxis(-1.0, np.array([0.0, 0.0, 1.0])).toRotationMatrix()
+    np.testing.assert_allclose(there.rotation, turned @ here.rotation, atol=1e-12)
+    np.testing.assert_allclose(there.chain.links, here.chain.links, atol=1e-12)
+    file = tmp_path / "gantry.urdf"
+    file.write_text(gantry())
+    short, long = (
+        load_arm(file, ["shoulder", "elbow", "wrist"], "flange", {"telescope": extent}).chain
+        for extent in (0.0, 0.08)
+    )
+    longer = [np.hypot(0.01, 0.38) - np.hypot(0.01, 0.3), 0, 0]
+    np.testing.assert_allclose(long.lengths - short.lengths, longer, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("joints", "tool", "words"),
+    [
+        (["shoulder", "telescope", "elbow"], "flange", "with limits, which telescope is not"),
+        (["turret", "shoulder", "elbow"], "flange", "not parallel.*turret is shoulder, elbow"),
+        (["shoulder", "elbow", "plate"], "flange", "no joint 'plate'"),
+        (["elbow", "shoulder", "wrist"], "flange", "in the order of the chain"),
+        (["shoulder", "elbow", "wrist"], "hand", "lie on one axis"),
+    ],
+)
+def test_joints_that_are_no_planar_chain_are_named(tmp_path, joints, tool, words):
+    file = tmp_path / "gantry.urdf"
+    file.write_text(gantry())
+    with pytest.raises(ConfigError, match=words) as refused:
+        load_arm(file, joints, tool, {})
+    assert refused.value.evidence["file"] == file

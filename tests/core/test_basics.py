@@ -1,0 +1,116 @@
+"""Errors, random streams, YAML and the environment on which bytes depend."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import subprocess
+import sys
+from itertools import combinations
+
+import numpy as np
+import pytest
+from omegaconf import OmegaConf
+from project_copy import ROOT
+
+from pipeline.core import errors
+from pipeline.core.compute.cluster import fingerprint
+from pipeline.core.environment import BOUNDS
+from pipeline.core.errors import ConfigError, PipelineError
+from pipeline.core.rng import stream
+from pipeline.core.typed_yaml import read_yaml
+
+
+@pytest.mark.parametrize("kind", [PipelineError, *PipelineError.__subclasses__()])
+def test_an_error_keeps_its_evidence_in_the_message_and_across_processes(kind):
+    error = pickle.loads(pickle.dumps(kind("the column is torn", file="a.csv", line=7, take=None)))
+    assert type(error) is kind and issubclass(kind, errors.PipelineError)
+    assert str(error) == "the column is torn [file a.csv, line 7]"
+    assert (error.message, error.evidence) == ("the column is torn", {"file": "a.csv", "line": 7})
+    assert str(kind("no evidence")) == "no evidence"
+
+
+def elsewhere(code: str, **variables: str) -> str:
+    """Output of ``code`` in another process of the project's root."""
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": "."} | variables,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return done.stdout.strip()
+
+
+def test_equal_arguments_give_equal_streams_in_every_process():
+    # strings hash differently in every process; the streams must not
+    code = "from pipeline.core.rng import stream; print(stream(7, 'filter', 3).random(5).tolist())"
+    first = stream(7, "filter", 3).random(5).tolist()
+    assert json.loads(elsewhere(code)) == first == stream(7, "filter", 3).random(5).tolist()
+
+
+def test_streams_that_differ_in_seed_stage_or_trial_are_uncorrelated():
+    keys = [(7, "filter"), (8, "filter"), (7, "record"), (7, "filter", 0), (7, "filter", 1)]
+    keys += [(7, "filter", 0, 1), (7, "filter", 1, 0)]
+    count = 4000
+    drawn = [stream(*key).standard_normal(count) for key in keys]
+    assert all(abs(np.corrcoef(a, b)[0, 1]) < 4 / np.sqrt(count) for a, b in combinations(drawn, 2))
+    # control: a stream is correlated with itself
+    assert np.corrcoef(drawn[0], stream(*keys[0]).standard_normal(count))[0, 1] > 4 / np.sqrt(count)
+
+
+def test_values_of_yaml_are_those_that_omegaconf_reads(tmp_path):
+    file = tmp_path / "a.yaml"
+    file.write_text(
+        "a: 1e-3\nb: 2024-01-01\nc: [1, 0x10, 1_000, .5, yes, ~, 'ü']\nd: {e: 1.0e+5, f: '${a}', "
+        "g: 12:30}\n",
+        encoding="utf-8",
+    )
+    assert read_yaml(file) == OmegaConf.to_container(OmegaConf.load(file))
+    assert read_yaml(file)["a"] == 0.001 and read_yaml(file)["d"]["f"] == "${a}"
+    file.write_text("# nothing yet\n")
+    assert read_yaml(file) == {}
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"a: 1\na: 2\n", b"a: [1, 2\n", b"- 1\n", b"text", b"a: \xff\n", b"a: !!python/object:a.b x"],
+)
+def test_yaml_that_is_ambiguous_or_holds_no_keys_is_refused_with_its_file(tmp_path, content):
+    file = tmp_path / "a.yaml"
+    file.write_bytes(content)
+    with pytest.raises(ConfigError) as caught:
+        read_yaml(file)
+    assert caught.value.evidence["file"] == file
+
+
+def test_a_users_own_setting_is_overwritten_by_the_command():
+    code = "import pipeline.__main__, os; print(*map(os.environ.get, %r), sep=chr(10))" % [*BOUNDS]
+    found = elsewhere(code, OMP_NUM_THREADS="4", OPENBLAS_CORETYPE="Prescott")
+    assert found.splitlines() == [*BOUNDS.values()]
+
+
+def test_loading_an_exported_model_leaves_a_colleagues_environment():
+    code = (
+        "import os; before = dict(os.environ); import pipeline.models, pipeline.models.exported; "
+        "print(before == dict(os.environ))"
+    )
+    assert elsewhere(code, OMP_NUM_THREADS="4") == "True"
+
+
+@pytest.mark.parametrize("changed", [{}, {"OPENBLAS_CORETYPE": "Prescott"}])
+def test_the_fingerprint_tells_arithmetic_apart_and_nothing_else(changed):
+    code = (
+        "import json; from pipeline.core.compute.cluster import fingerprint; "
+        "print(json.dumps(fingerprint()))"
+    )
+    if changed:  # before numpy, and not assigned again
+        code = (
+            "import os, sys, types; m = types.ModuleType('pipeline.core.environment'); "
+            f"m.BOUNDS = {dict(BOUNDS)!r}; sys.modules[m.__name__] = m; " + code
+        )
+    there = json.loads(elsewhere(code, **changed))
+    names = {name for name, state in fingerprint().items() if there[name] != state}
+    assert names == ({"OPENBLAS_CORETYPE", "numpy's arithmetic"} if changed else set())

@@ -1,0 +1,222 @@
+"""Kernel densities against direct summation and their exact expectation; the energy test by hand,
+its level on independent and on correlated records, and its power.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import binom, energy_distance, kstest, multivariate_normal
+
+from pipeline.core.errors import ModelDomainError
+from pipeline.statistics import densities
+from pipeline.statistics.densities import (
+    autocorrelation_time,
+    energy_test,
+    kernel_density,
+    marginal_density,
+    normal_reference_bandwidth,
+    thinned,
+)
+
+COVARIANCE = np.array([[5.0, -2.0], [-2.0, 2.0]])
+MEAN = np.array([3.0, 5.0])
+DECAY = 0.9  # correlation of neighbouring samples: the time is (1 + 0.9)/(1 − 0.9) = 19
+
+
+def draw(count, seed=28):
+    return np.random.default_rng(seed).multivariate_normal(MEAN, COVARIANCE, count)
+
+
+def direct_summation(samples, x, y, bandwidth):
+    kernels = [
+        np.exp(-0.5 * ((g[:, None] - samples[:, i]) / bandwidth[i]) ** 2) / bandwidth[i]
+        for i, g in enumerate((x, y))
+    ]
+    return kernels[0] @ kernels[1].T / (2 * np.pi * len(samples))
+
+
+def grid(points, reach):
+    return (
+        np.linspace(m - reach * s, m + reach * s, points)
+        for m, s in zip(MEAN, np.sqrt(np.diag(COVARIANCE)), strict=True)
+    )
+
+
+@pytest.mark.parametrize(("count", "reach"), [(5, 4.0), (5000, 4.0), (3000, 0.5)])
+def test_binning_agrees_with_direct_summation_also_on_a_grid_that_leaves_samples_out(count, reach):
+    samples = draw(count)
+    bandwidth = normal_reference_bandwidth(samples)
+    x, y = grid(61, reach)
+    direct = direct_summation(samples, x, y, bandwidth)
+    difference = np.abs(kernel_density(samples, x, y, bandwidth) - direct).max() / direct.max()
+    assert difference < 1e-3
+    # samples that are no numbers, or far off, count in N alone
+    lost = np.array([[np.nan, 0.0], [np.inf, 5.0], [3.0, -1e300]])
+    density = kernel_density(np.vstack([samples, lost]), x, y, bandwidth)
+    np.testing.assert_allclose(
+        density * (count + 3), kernel_density(samples, x, y, bandwidth) * count, rtol=1e-12
+    )
+
+
+def test_no_kernel_is_off_by_more_than_stated_wherever_its_sample_lies(monkeypatch):
+    x = np.linspace(-4.0, 4.0, 81)
+    one = np.ones(2)
+
+    def worst():
+        places = np.random.default_rng(9).uniform(-0.5, 0.5, (40, 1, 2))
+        off = [kernel_density(at, x, x, one) - direct_summation(at, x, x, one) for at in places]
+        return np.abs(off).max() * 2 * np.pi
+
+    assert worst() < 8e-4
+    # the control: two nodes a bandwidth are too few
+    monkeypatch.setattr(densities, "NODES_PER_BANDWIDTH", 2)
+    assert worst() > 8e-4
+
+
+def test_averaged_over_draws_the_estimate_is_the_normal_density_widened_by_the_kernel():
+    bandwidth = np.array([0.9, 0.5])
+    x, y = grid(9, 2.0)
+    estimates = np.array([kernel_density(draw(2000, seed), x, y, bandwidth) for seed in range(100)])
+    points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+    mean, error = estimates.mean(axis=0), estimates.std(axis=0, ddof=1) / np.sqrt(len(estimates))
+    widened = multivariate_normal(MEAN, COVARIANCE + np.diag(bandwidth**2)).pdf(points)
+    assert np.abs((mean - widened) / error).max() < 5
+    assert np.abs((mean - multivariate_normal(MEAN, COVARIANCE).pdf(points)) / error).max() > 20
+
+
+def test_the_bandwidth_of_a_normal_sample_is_the_normal_reference_and_outliers_leave_it_alone():
+    samples = draw(40_000)
+    reference = np.sqrt(np.diag(COVARIANCE)) * 40_000 ** (-1 / 6)  # (4/((p+2)N))^{1/(p+4)} at p = 2
+    np.testing.assert_allclose(normal_reference_bandwidth(samples), reference, rtol=0.03)
+    samples[:400] *= 1000
+    np.testing.assert_allclose(normal_reference_bandwidth(samples), reference, rtol=0.05)
+    samples[:24_000, 1] = 5.0
+    with pytest.raises(ModelDomainError, match="median absolute deviation"):
+        normal_reference_bandwidth(samples)
+
+
+@pytest.mark.parametrize("p", [1, 2, 3])
+def test_the_bandwidth_follows_the_rule_for_any_number_of_variables(p):
+    column = np.array([0.0, 1.0, 2.0, 4.0, 9.0])  # median 2, deviations 2 1 0 2 7: MAD 2
+    expected = 2 / 0.6745 * (4 / ((p + 2) * 5)) ** (1 / (p + 4))
+    found = normal_reference_bandwidth(np.tile(column[:, None], p))
+    np.testing.assert_allclose(found, expected, rtol=1e-14)
+
+
+def test_a_marginal_density_is_the_sum_of_its_kernels():
+    samples, x = draw(300)[:, 0], np.linspace(-6, 12, 50)
+    (bandwidth,) = normal_reference_bandwidth(samples[:, None])
+    kernels = np.exp(-0.5 * ((x[:, None] - samples) / bandwidth) ** 2)
+    direct = kernels.mean(axis=1) / (bandwidth * np.sqrt(2 * np.pi))
+    np.testing.assert_allclose(marginal_density(samples, x), direct, rtol=1e-9)
+
+
+@pytest.fixture
+def few_permutations(monkeypatch):
+    """199 divisions: the level is the same, and hundreds of tests take seconds."""
+    monkeypatch.setattr(densities, "PERMUTATIONS", 199)
+
+
+def record(samples, decay, rng):
+    """A stationary record (samples, 2) of standard normal values whose correlation falls by
+    ``decay`` a sample.
+    """
+    innovation = rng.standard_normal((samples, 2)) * np.sqrt(1 - decay**2)
+    start = decay * rng.standard_normal((1, 2))
+    return lfilter([1.0], [1.0, -decay], innovation, axis=0, zi=start)[0]
+
+
+def rejections(draw_pair, count, seed):
+    """How many of ``count`` pairs of samples the test rejects at 0.05."""
+    rngs = np.random.default_rng(seed).spawn(count)
+    return sum(energy_test(*draw_pair(rng), rng)[1] <= 0.05 for rng in rngs)
+
+
+def test_the_distance_of_one_variable_is_twice_the_integrated_squared_difference():
+    rng = np.random.default_rng(60)
+    a, b = rng.normal(size=(40, 1)), rng.normal(0.5, 2.0, (70, 1))
+    # SciPy's is the root of it
+    expected = energy_distance(a[:, 0], b[:, 0]) ** 2
+    assert energy_test(a, b, rng)[0] == pytest.approx(expected, rel=1e-10)
+
+
+def test_the_distance_does_not_change_with_a_turn_of_the_axes_and_grows_with_the_unit():
+    rng = np.random.default_rng(61)
+    a, b = rng.normal(size=(30, 2)), rng.normal(0.3, 1.5, (50, 2))
+    turn = 1000 * np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
+    distance, _ = energy_test(a, b, rng)
+    assert energy_test(a @ turn.T, b @ turn.T, rng)[0] == pytest.approx(1000 * distance, rel=1e-10)
+
+
+@pytest.mark.usefixtures("few_permutations")
+def test_p_values_of_one_law_are_uniform_and_of_two_are_not():
+    rngs = np.random.default_rng(62).spawn(400)
+    same, other = (
+        [
+            energy_test(rng.standard_normal((40, 2)) + shift, rng.standard_normal((80, 2)), rng)[1]
+            for rng in rngs
+        ]
+        for shift in (0.0, 0.5)
+    )
+    assert kstest(same, "uniform").pvalue > 1e-3
+    assert kstest(other, "uniform").pvalue < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few_permutations")
+def test_thinned_correlated_records_are_rejected_as_often_as_stated_and_whole_ones_almost_always():
+    def thin(rng):
+        sample = thinned(record(4000, DECAY, rng))
+        return sample, rng.standard_normal((4 * len(sample), 2))
+
+    def whole(rng):
+        return record(4000, DECAY, rng)[:300], rng.standard_normal((600, 2))
+
+    # 300 tests at 0.05: within the central 99.9 % of the binomial law, widened to 0.08 for the
+    # correlation that thinning leaves
+    assert binom.ppf(5e-4, 300, 0.05) <= rejections(thin, 300, 63) <= binom.ppf(1 - 5e-4, 300, 0.08)
+    assert rejections(whole, 30, 64) > 24
+
+
+@pytest.mark.usefixtures("few_permutations")
+@pytest.mark.parametrize("deviation", [1.5, 0.65, "skewed"])
+def test_a_wrong_variance_of_a_correlated_record_and_a_wrong_shape_are_found(deviation):
+    def pair(rng):
+        if deviation == "skewed":  # mean and covariance are right
+            sample = rng.exponential(size=(200, 2)) - 1
+        else:
+            sample = thinned(deviation * record(4000, DECAY, rng))
+        return sample, rng.standard_normal((4 * len(sample), 2))
+
+    assert rejections(pair, 60, 65) >= 54
+
+
+def test_the_autocorrelation_time_is_that_of_the_slowest_component():
+    rng = np.random.default_rng(67)
+    slow, fast = record(200_000, DECAY, rng), record(200_000, 0.3, rng)
+    assert autocorrelation_time(fast) == pytest.approx(1.3 / 0.7, rel=0.1)
+    both = np.column_stack([fast[:, 0], slow[:, 0]])
+    assert autocorrelation_time(both) == pytest.approx(19, rel=0.1)
+    assert autocorrelation_time(rng.standard_normal((200_000, 2))) == pytest.approx(1, abs=0.05)
+    means = [record(4000, DECAY, rng).mean(axis=0) for rng in np.random.default_rng(68).spawn(1000)]
+    assert np.var(means) * 4000 == pytest.approx(19, rel=0.15)
+
+
+def test_thinning_leaves_little_correlation_and_not_too_many_samples():
+    rng = np.random.default_rng(69)
+    kept = thinned(record(11_000, DECAY, rng))
+    assert 200 < len(kept) <= 300
+    assert np.abs(np.corrcoef(kept[1:, 0], kept[:-1, 0])[0, 1]) < 0.2
+    assert len(thinned(rng.standard_normal((50_000, 2)))) <= 300
+
+
+@pytest.mark.parametrize(
+    "values", [np.ones((50, 2)), np.column_stack([np.arange(50.0), np.zeros(50)]), np.zeros((1, 2))]
+)
+def test_a_record_that_does_not_vary_or_is_too_short_is_refused(values):
+    with pytest.raises(ModelDomainError, match="autocorrelation time"):
+        autocorrelation_time(values)
+    with pytest.raises(ModelDomainError, match="too short"):
+        thinned(np.random.default_rng(70).standard_normal((2, 2)))

@@ -1,0 +1,157 @@
+"""All motions keep the task path; sums are those of the takes, which have equal numbers for every
+motion; a plan is the least by its model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.core.config import CONF
+from pipeline.core.errors import ConfigError, ModelDomainError
+from pipeline.core.typed_yaml import read_yaml
+from pipeline.core.validation import validated
+from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.noise import process_noise
+from pipeline.models.scaled.law import ScaledModel
+from pipeline.models.wishart.decomposition import Decomposition
+from pipeline.models.wishart.law import WishartModel
+from pipeline.studies.planning import stage
+from pipeline.studies.planning.bench import Bench, Rig, bench_of
+from pipeline.studies.planning.figures import planning as figure
+
+
+@pytest.fixture(scope="session")
+def bench() -> Bench:
+    own = bench_of(CONF / "dataset/youbot.yaml", ["x", "z"], 0.64)
+    # 200 steps of the servo a second show what is asked here
+    return replace(own, dynamics=replace(own.dynamics, rate=200.0))
+
+
+@pytest.fixture(scope="session")
+def rig(bench) -> Rig:
+    return Rig(bench, bench.dynamics, takes=6, seed=1)
+
+
+SECTION = read_yaml(Path(stage.__file__).with_name("params.yaml"))["smoke"]
+OPTIONS = validated(stage.Options, SECTION)
+WISHART = WishartModel(0.2, Decomposition("qr_transposed"))
+
+
+@pytest.fixture(scope="module")
+def motions(bench):
+    return stage.fixed_motions(bench, OPTIONS)
+
+
+def test_the_motions_share_their_task_path_and_no_more(bench, motions):
+    path = bench.chain.pose(bench.recorded)
+    for joints in motions.values():
+        assert np.abs(bench.chain.displacement(bench.chain.pose(joints), path)).max() < 1e-8
+    assert np.array_equal(motions["minimum_norm"][0], motions["recorded"][0])
+    least = {
+        name: np.linalg.svd(bench.chain.jacobian(joints), compute_uv=False)[:, -1].min()
+        for name, joints in motions.items()
+    }
+    assert least["best_conditioned"] == max(least.values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", [WISHART, GaussianModel(0.5, 12.0)])
+def test_a_plan_has_the_least_sum_by_its_model(bench, motions, model):
+    plan = stage.planned(bench, model, OPTIONS)
+    sums = [stage.predicted_sum(bench, model, path) for path in motions.values()]
+    assert stage.predicted_sum(bench, model, plan) < min(sums)
+
+
+def test_a_model_without_an_order_or_a_covariance_has_no_plan(bench):
+    wide = WishartModel(0.9, Decomposition("qr_transposed"))
+    for model, words in (
+        (ScaledModel(1e-6 * np.eye(3)), "same at every step"),
+        (wide, "exists only"),
+    ):
+        with pytest.raises(ModelDomainError, match=words):
+            stage.planned(bench, model, OPTIONS)
+    assert np.isnan(stage.predicted_sum(bench, wide, bench.recorded))
+    covariance = np.diag([1e-6, 2e-6, 4e-6])
+    whole = stage.predicted_sum(bench, ScaledModel(covariance), bench.recorded)
+    assert whole == pytest.approx(7e-6 * (len(bench.recorded) - 1))
+
+
+def test_sums_are_the_variances_of_the_takes_resampled_or_not(bench, rig):
+    rng = np.random.default_rng(1)
+    choices = [np.arange(6), rng.integers(6, size=6), np.array([3, 3, 5])]
+    sums = stage.realised_sums(rig, {"recorded": bench.recorded}, choices)["recorded"]
+    q = rig.poses(bench.recorded, "take")
+    noise = process_noise(bench.chain, q, bench.command(bench.recorded))
+    for takes, value in zip(choices, sums, strict=True):
+        assert value == pytest.approx(noise[takes].var(axis=0, ddof=1).sum(), rel=1e-9)
+
+
+def test_orders_agree_or_are_opposite_and_equal_predictions_have_no_order():
+    sums = {"a": 1.0, "b": 2.0, "c": 3.0, "d": 4.0}
+    assert stage.agreement(sums, sums) == 1.0
+    assert stage.agreement({name: -value for name, value in sums.items()}, sums) == -1.0
+    assert stage.agreement(sums | {"a": 2.5}, sums) == pytest.approx(1 - 2 / 6)
+    # equal but for rounding
+    equal = {name: 1.0 + 1e-13 * value for name, value in sums.items()}
+    assert np.isnan(stage.agreement(equal, sums))
+    assert np.isnan(stage.agreement({"a": 1.0, "b": 2.0}, sums))
+
+
+def test_the_page_and_the_figure_follow_the_tables():
+    motions = ["recorded", "minimum_norm", "best_conditioned", "gaussian"]
+    sums = {
+        name: np.array([x, x, x]) for name, x in zip(motions, (2.0, 1.0, 3.0, 0.5), strict=True)
+    }
+    place = {"arm": "youbot", "physics": "base condition"}
+    rows = stage.sum_rows(sums).assign(**place)
+    assert rows["least"].tolist() == [0, 0, 0, 1] and rows["ratio"].tolist() == [2, 1, 3, 0.5]
+    predictions = pd.DataFrame({"model": "gaussian", "motion": motions, "sum": [2.0, 1, 3, 1]})
+    taus = pd.DataFrame({"model": ["gaussian"], "tau": [0.5]})
+    tables = {
+        "planning": rows,
+        "planning_predictions": predictions.assign(**place),
+        "planning_agreements": taus.assign(**place),
+    }
+    drawn = {"planning": "the figure"}
+    page = "\n".join(stage.page(stage.Results(None, OPTIONS, tables, drawn)))
+    assert "In 1 of 1 pairs" in page and "0.5 (gaussian)" in page and "the figure" in page
+    points = [
+        (line.get_xdata()[0], line.get_ydata()[0])
+        for line in figure.draw(rows, tables["planning_predictions"]).axes[0].lines[:4]
+    ]
+    assert points == [(2, 2), (1, 1), (3, 3), (1, 0.5)]
+    tables["planning"] = rows.assign(least=[1.0, 0, 0, 0], ratio=[0.1, 1, 3, 0.5])
+    page = "\n".join(stage.page(stage.Results(None, OPTIONS, tables, drawn)))
+    assert "In 0 of 1 pairs" in page
+
+
+def test_the_task_that_is_planned_changes_nothing_of_the_arm_that_moves(bench, rig):
+    whole = bench_of(CONF / "dataset/youbot.yaml", [], 0.64)
+    assert (bench.chain.task, whole.chain.task) == (("x", "z"), ("x", "z", "phi"))
+    assert bench.built.task == whole.chain.task
+    other = replace(rig, bench=whole)
+    assert np.array_equal(rig.poses(bench.recorded, "take"), other.poses(whole.recorded, "take"))
+    # three joints for two rows: a step of the joints stands beside that of the task
+    assert bench.command(bench.recorded).shape == (500, 5)
+    assert whole.command(whole.recorded).shape == (500, 3)
+
+
+def test_the_takes_of_two_motions_err_alike_and_those_of_training_are_others(bench, rig):
+    moved = bench.recorded + np.array([0.0, 0.0, 0.01])
+    first, second = (rig.poses(path, "take") - path for path in (bench.recorded, moved))
+    training = rig.poses(bench.recorded, "training") - bench.recorded
+    spread = first.std()
+    assert np.abs(first - second).max() < 0.2 * spread < np.abs(first - training).max()
+    # a motion's takes hang neither on how many there are nor on how many are simulated at once
+    fewer = Rig(bench, rig.dynamics, takes=2, seed=1)
+    assert np.array_equal(fewer.poses(bench.recorded, "take"), (first + bench.recorded)[:2])
+
+
+def test_a_motion_that_the_arm_cannot_follow_is_refused(bench, rig):
+    with pytest.raises(ConfigError, match="joint limits"):
+        rig.poses(bench.recorded + 3.0, "take")

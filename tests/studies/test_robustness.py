@@ -1,0 +1,262 @@
+"""Conditions whose outcome is known, decisions that change one thing, and the page's counts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from known_law import JOINTS, ROOT, write_project
+
+from pipeline.cases.case import KINDS, Case
+from pipeline.cases.readings import UNKNOWN
+from pipeline.core import contracts
+from pipeline.core.columns import spread, triangle
+from pipeline.core.errors import ConfigError
+from pipeline.core.typed_yaml import read_yaml
+from pipeline.core.validation import validated
+from pipeline.filtering.particle_filter import FilterOptions
+from pipeline.models.kinds import options_type
+from pipeline.studies.robustness import stage
+from pipeline.studies.robustness.conditions import (
+    Common,
+    Condition,
+    conditions,
+    motion_evidence,
+    trajectory,
+    verdicts,
+)
+from pipeline.studies.robustness.decisions import CHANCE, cameras, decision_cases, without_camera
+from pipeline.studies.robustness.figures import robustness as figure
+from pipeline.verdicts.claims import parse_claims
+from pipeline.verdicts.rules import ORDERS, RULES
+from pipeline.wrench.bounds import Bounds
+
+FILES = ("reports/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
+CLAIMS = tuple(c for file in FILES for c in parse_claims(read_yaml(ROOT / file)["claims"]))
+MODELS = {
+    "additive": options_type("additive")("additive", estimator="paper"),
+    "wishart": options_type("wishart")(
+        "wishart", estimator="paper", decomposition="pivoted_lu", floor=0.2
+    ),
+    "gaussian": options_type("gaussian")("gaussian", estimator="paper", beta=0.5),
+    "scaled_full": options_type("scaled")("scaled", structure="full"),
+}
+CASE = Case(MODELS, FilterOptions(60, "systematic", 0.5), "one_step", closed=True)
+# sway of one size at any speed, and no other disturbance: the additive model is true
+ADDITIVE = tuple(
+    (name, 0.0)
+    for name in (
+        *("clearance", "speed_error_std", "encoder_ripple", "jitter_std", "start_std"),
+        *("speed_exponent", "encoder_offset_std", "length_std"),
+    )
+)
+
+
+@pytest.fixture(scope="module")
+def common(laboratory) -> Common:
+    bounds = Bounds((3.0, 5.0), (0.8, 3.1), (0.5, 1.0), (100.0, 800.0))
+    ways = {"straight": {"folded": [1.8, -2.6, 2.0], "extended": [1.8, -2.5, 2.0]}}
+    sizes = ((40, 4), 12, bounds, [3, 5, 10, 15, 20], (40, 40, 2))
+    return Common(laboratory, ways, CASE, *sizes, CLAIMS)
+
+
+@pytest.fixture(scope="module")
+def decided_in(common):
+    levels = {"base": (), "additive": ADDITIVE, "still": (("disturbances", 0.0),)}
+    rows = {name: verdicts(Condition("motion", 3, each), common) for name, each in levels.items()}
+    return {name: each.set_index("claim") for name, each in rows.items()}
+
+
+@pytest.mark.slow
+def test_verdicts_are_those_of_the_law_that_is_true(decided_in):
+    claims = ["gaussian-predicts-better", "noise-is-dynamic", "wishart-predicts-worse"]
+    verdict = {
+        name: rows["verdict"].groupby(level="claim").first() for name, rows in decided_in.items()
+    }
+    assert verdict["base"][claims[:2]].tolist() == ["holds", "holds"]
+    assert verdict["additive"][claims].tolist() == ["fails", "fails", "holds"]
+    assert verdict["still"][["noise-is-dynamic", "mean-error"]].tolist() == ["fails", "holds"]
+
+
+@pytest.mark.slow
+def test_a_case_without_a_verdict_is_one_that_its_rule_leaves_open(decided_in):
+    rules = {claim.id: claim.rule for claim in CLAIMS}
+    about_motion = [
+        claim for claim in rules if not claim.startswith(("wrench", "sigma-s", "force"))
+    ]
+    rows = decided_in["base"].loc[about_motion]
+    rule, undecided = rows.index.map(rules), rows["holds"] == UNKNOWN
+    assert rows["value"].notna().all()
+    always = RULES["below"].decides
+    assert not undecided[[RULES[name].decides is always for name in rule]].any()
+    # an order has a verdict where its interval lies on one side of zero, and nowhere else
+    orders = rows[rule.isin(ORDERS)]
+    apart = (orders["low"] > 0) | (orders["high"] < 0)
+    assert apart.any() and not apart.all() and (apart != undecided[rule.isin(ORDERS)]).all()
+
+
+@pytest.mark.slow
+def test_a_motion_through_a_singular_pose_is_no_evidence_and_loops_stand_beside_the_mean(common):
+    straight = Condition("motion", 3, (("trajectory", "straight"),))
+    assert motion_evidence(straight, common) == {}
+    assert set(verdicts(straight, common)["verdict"]) == {"no evidence"}
+    evidence = motion_evidence(Condition("motion", 3), common)
+    closed = {f"{kind}_closed" for kind in KINDS}
+    assert (
+        set(evidence["tables/filter_against_none"]["model"]) == {"none", "memory", *KINDS} | closed
+    )
+
+
+def test_the_wrench_has_verdicts_that_follow_its_bounds(common):
+    base, wide = (
+        verdicts(Condition("wrench", 1, levels), common).drop_duplicates("claim")
+        for levels in ((), (("kappa", 0.01),))
+    )
+    held, other = (rows.set_index("claim")["verdict"] for rows in (base, wide))
+    assert held["wrench-mean-error-falls"] == "holds"
+    values = [rows.set_index("claim")["value"]["wrench-greatest-error-20"] for rows in (base, wide)]
+    assert values[1] > 2 * values[0] and (held != other).any()
+
+
+def test_a_condition_of_a_killed_run_is_not_evaluated_again(common, tmp_path, monkeypatch):
+    condition, folder = Condition("wrench", 1), tmp_path / "kept"
+    first = stage.kept_verdicts(condition, common, folder)
+    pd.testing.assert_frame_equal(first, verdicts(condition, common))
+    (folder / "half.written").write_bytes(b"\0")
+    monkeypatch.setattr(stage, "verdicts", None)
+    pd.testing.assert_frame_equal(stage.kept_verdicts(condition, common, folder), first)
+    # other options are evaluated anew
+    with pytest.raises(TypeError):
+        stage.kept_verdicts(condition, replace(common, agents=[3, 5]), folder)
+
+
+def test_the_grid_has_each_level_alone_and_the_combinations_that_are_named():
+    factors = {"sway_std": [0.0, 2.0], "clearance": [2.0], "particles": [0.1]}
+    small = list(conditions(factors, [1, 2], "motion"))
+    assert len(small) == 2 * (1 + 4) and small[:2] == [
+        Condition("motion", 1),
+        Condition("motion", 2),
+    ]
+    assert all(len(each.levels) <= 1 for each in small)
+    large = list(conditions(factors, [1], "motion", ["sway_std", "clearance"]))
+    assert [each.levels for each in large[5:]] == [
+        (("sway_std", x), ("clearance", 2.0)) for x in (0.0, 2.0)
+    ]
+    assert len(set(large)) == len(large)
+
+
+@pytest.mark.parametrize("pace", [1.0, 0.5])
+def test_another_rest_leaves_the_motion_in_between(laboratory, pace):
+    own = laboratory.motion
+    longer = trajectory(own, {"rest": 0.4, "pace": pace})
+    assert longer.rest == 0.4 / pace
+    assert longer.duration == pytest.approx((own.duration + 4 * 0.3) / pace)
+    with pytest.raises(ConfigError):
+        trajectory(own, {"folded": [1.0, 2.0]})
+
+
+def test_every_decision_changes_the_case_and_names_what_it_changes(laboratory):
+    base = replace(CASE, models={kind: MODELS[kind] for kind in KINDS}, closed=False)
+    cases = decision_cases(base, 0.2, laboratory.chain.task, ("a", "b", "c"), 2)
+    assert cases[0] == ("", "", base) and all(case != base for _, _, case in cases[1:])
+    by_factor = {}
+    for factor, level, case in cases[1:]:
+        by_factor.setdefault(factor, {})[level] = case
+    assert set(by_factor[CHANCE]) == {"draws 1", "draws 2", "takes 1", "takes 2"}
+    assert {case.clock for case in by_factor["clock"].values()} == {
+        *("not aligned", "a frame late", "a frame early", "nearest step")
+    }
+    assert by_factor["floor"]["0.1"].models["wishart"].floor == 0.1
+    assert by_factor["particles"]["6"].filter.particles == 6
+    free = by_factor["realisations"]["free running"]
+    assert free == replace(base, mode="free_running") and without_camera(free, base)
+    assert not any(without_camera(case, base) for case in by_factor["clock"].values())
+    given = by_factor["decomposition"]["given"].models["wishart"]
+    np.testing.assert_allclose(given.left, np.diag([0.2, 0.2, 1.0]))
+
+
+def test_a_clock_that_is_off_alike_goes_into_the_bias_and_one_that_is_not_widens_the_noise():
+    speed, rng = np.array([0.5, -1.0, 2.0]), np.random.default_rng(3)
+    offsets = pd.Series(0.1 + 0.02 * rng.standard_normal(8), [f"test_{n}" for n in range(8)])
+    angles, joints = [], []
+    for take in offsets.index:
+        t, seen = np.arange(101) * 0.01, 0.3 + np.arange(15) * 0.03
+        joints.append(pd.DataFrame({"take": take, "t": t} | spread("q", "abc", t[:, None] * speed)))
+        q = speed * seen[:, None] + 0.01 + 1e-3 * rng.standard_normal((15, 3))
+        place = {"take": take, "frame": np.arange(15), "t": seen}
+        angles.append(pd.DataFrame(place | spread("q", "abc", q)))
+    angles, joints = (pd.concat(parts, ignore_index=True) for parts in (angles, joints))
+    noise = {}
+    for clock, camera in cameras(angles, joints, offsets, (0.03, 0.01), 1).items():
+        noise[clock] = camera.noise[camera.noise["take"] == "none"]
+    mean, variance = ["b:a", "b:b", "b:c"], ["r:a:a", "r:b:b", "r:c:c"]
+    late = noise["a frame late"][mean] - noise["aligned"][mean]
+    np.testing.assert_allclose(late, np.broadcast_to(-speed * 0.03, (15, 3)), atol=1e-12)
+    np.testing.assert_allclose(noise["a frame late"][variance], noise["aligned"][variance])
+    widened = noise["not aligned"][variance].mean() - noise["aligned"][variance].mean()
+    np.testing.assert_allclose(widened, speed**2 * offsets.var(), rtol=0.1)
+
+
+def write_surveyed_project(folder: Path) -> None:
+    """Where the experiment has run up to the noise of its instruments, in ``folder``, where the
+    process must stand.
+    """
+    write_project(folder)
+    frames = {"take": "none", "frame": range(4), "t": np.linspace(0.0, 3.2, 4)}
+    noise = spread("b", JOINTS, np.full((4, 3), 0.01))
+    noise |= triangle("r", JOINTS, np.tile(4e-4 * np.eye(3), (4, 1, 1)))
+    Path("data/articulate").mkdir()
+    contracts.write(pd.DataFrame(frames | noise), "kinect_noise", Path("data/articulate"))
+    Path("data/raw").symlink_to(ROOT / "data/raw")
+    Path("reports/studies").mkdir(parents=True)
+    for name in ("claims.yaml", "datasets"):
+        Path("reports", name).symlink_to(ROOT / "reports" / name)
+
+
+def table() -> pd.DataFrame:
+    """Three claims: one that a decision changes, one that chance changes, one that is steady."""
+    rows = []
+    for claim, levels in {
+        "turns": [("", "", 1), ("floor", "0.1", 0), (CHANCE, "draws 1", 1)],
+        "lucky": [("", "", 1), ("floor", "0.1", 1), (CHANCE, "draws 1", 0)],
+        "steady": [("", "", 0), ("floor", "0.1", 0), (CHANCE, "draws 1", 0)],
+    }.items():
+        for factor, level, holds in levels:
+            place = {"grid": "decisions", "factor": factor, "level": level, "claim": claim}
+            rows.append(place | {"about": "method", "holds": holds, "fails": 1 - holds})
+    both = {"grid": "motion", "factor": "", "level": "", "claim": "steady", "about": "method"}
+    return pd.DataFrame([*rows, both | {"holds": 1, "fails": 1}])
+
+
+def test_changes_tell_decisions_from_chance_and_count_other_seeds_as_chance():
+    changed = stage.changes(table()).set_index(["grid", "claim", "factor"])["changed"]
+    assert changed["decisions", "turns", "floor"] and not changed["decisions", "turns", CHANCE]
+    assert changed["decisions", "lucky", CHANCE] and not changed["decisions", "lucky", "floor"]
+    assert not changed["decisions", "steady"].any() and changed["motion", "steady", CHANCE]
+    axes = figure.draw(table()).axes
+    assert [each.get_text() for each in axes[0].get_yticklabels()] == ["turns", "lucky", "steady"]
+
+
+@pytest.mark.slow
+def test_the_study_writes_the_verdicts_and_marks_what_chance_changes(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_surveyed_project(tmp_path)
+    stage.run()
+    rows = pd.read_csv("reports/studies/robustness/robustness.csv", keep_default_na=False)
+    assert set(rows["grid"]) == {"decisions", "motion", "wrench"}
+    page = Path("reports/studies/robustness.md").read_text()
+    changed = stage.changes(rows)
+    lucky = changed[(changed["factor"] == CHANCE) & changed["changed"]]["claim"]
+    for claim in lucky:
+        assert f"{claim} †" in page
+    assert len(page.split()) < 1000
+
+
+def test_a_factor_that_does_not_exist_is_refused_by_its_name(project):
+    section = read_yaml(Path(stage.__file__).with_name("params.yaml"))["smoke"]
+    options = validated(stage.Options, section | {"factors": {"swing": [1.0]}})
+    with pytest.raises(ConfigError, match="no factor swing; there are disturbances"):
+        stage.require_factors(options)

@@ -1,0 +1,48 @@
+"""A project's root to write datasets into, and a UR5's logs to write one from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from written_logs import write_joint_log
+
+from pipeline.core import config, datasheet
+from pipeline.formats.joints.log import JointLog
+
+FROM = np.array([0.3, -1.2, 1.4, -1.0, -1.2, 0.2])  # rad
+TO = FROM + np.array([0.4, 0.3, -0.3, 0.2, 0.2, 0.5])  # rad
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch) -> Path:
+    """An empty project that is worked in."""
+    folder = tmp_path / "project"
+    (folder / "conf/dataset").mkdir(parents=True)
+    (folder / "params.yaml").write_text("dataset: youbot\n")
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(config, "CONF", folder / "conf")
+    monkeypatch.setattr(datasheet, "DATASHEETS", folder / "data/raw")
+    return folder
+
+
+@pytest.fixture
+def logs(tmp_path) -> Path:
+    """Two movements of a UR5, each three times there and back, as a folder of three tables each."""
+    way = (1 - np.cos(np.pi * np.arange(1, 81) / 80))[:, None] / 2
+    there, back = FROM + way * (TO - FROM), TO + way * (FROM - TO)
+    rest = [np.tile(place, (30, 1)) for place in (TO, FROM)]
+    target = np.vstack([rest[1], *[there, rest[0], back, rest[1]] * 3])
+    tables = {"q_actual": target, "q_target": target}
+    tables["qd_target"] = np.diff(target, axis=0, prepend=target[:1]) / 0.01
+    for name in ("No1_slow", "No2_slow"):
+        (tmp_path / "logs" / name).mkdir(parents=True)
+        for signal, rows in tables.items():
+            log = JointLog(np.arange(len(rows)) / 100, {"actual": rows}, {})
+            write_joint_log(tmp_path / "logs" / name / f"{signal}.csv", log)
+    (tmp_path / "logs/rest_3").mkdir()
+    force = JointLog(np.arange(30) / 200, {"actual": np.zeros((30, 6))}, {})
+    write_joint_log(tmp_path / "logs/rest_3/force.csv", force)
+    (tmp_path / "logs/LICENSE.txt").write_text("  MIT License\n\nCopyright\n")
+    return tmp_path / "logs"

@@ -1,0 +1,196 @@
+"""The crate of the results names every file, and every stage with its inputs and outputs; the card
+answers its questions; lock files are in the order of their pipelines.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import warnings
+from collections.abc import Iterator
+from math import nan
+from types import SimpleNamespace
+
+import pandas as pd
+import pytest
+from omegaconf import OmegaConf
+from project_copy import run
+from rocrate.rocrate import ROCrate
+from source_code import MODULES, ROOT, covers, needed, package
+
+from pipeline.tools.crate.command import QUALITY, card
+from pipeline.tools.crate.crate import PROFILE, describe
+from pipeline.tools.lock import command as lock
+
+CITATION = {
+    "title": "an experiment",
+    "version": "1.2",
+    "license": "MIT",
+    "abstract": "About\nit.",
+    "date-released": "2001-02-03",
+    "authors": [{"name": "The contributors"}],
+    "references": [
+        {"title": "A paper", "authors": [{"given-names": "A. B.", "family-names": "Author"}]}
+    ],
+}
+RECORDINGS = {"path": "data/raw/lab", "subject": "an arm", "source": "a lab", "licence": "CC0"}
+STAGES = {
+    "fit@a": {
+        "cmd": "python -m pipeline fit a",
+        "deps": [{"path": "data/raw/lab", "md5": "01"}, {"path": "pipeline/models"}],
+        "outs": [{"path": "data/fit/a", "md5": "0f.dir"}, {"path": "reports/metrics/fit_a.json"}],
+    },
+    "figures": {
+        "cmd": "python -m pipeline figures",
+        "deps": [{"path": "data/fit/a", "md5": "0f.dir"}],
+        "outs": [{"path": "reports/figures", "md5": "1e.dir"}],
+    },
+}
+FILES = ["reports/figures/ridge.png", "reports/index.html", "reports/metrics/fit_a.json"]
+
+
+def entities(crate: dict) -> dict[str, dict]:
+    return {entity["@id"]: entity for entity in crate["@graph"]}
+
+
+def references(value: object) -> Iterator[str]:
+    if isinstance(value, dict) and set(value) == {"@id"}:
+        yield value["@id"]
+    elif isinstance(value, dict | list):
+        for each in value.values() if isinstance(value, dict) else value:
+            yield from references(each)
+
+
+def require_whole(crate: dict) -> None:
+    """RO-Crate 1.1 and the profile: every reference is described, the root is, actions are."""
+    result = entities(crate)
+    named = {name for entity in result.values() for name in references(entity)}
+    assert named - {*result} == {"https://w3id.org/ro/crate/1.1"}
+    root = result["./"]
+    assert all(root.get(key) for key in ("name", "description", "datePublished", "license"))
+    assert [*references(root["conformsTo"])] == [PROFILE]
+    actions = {name for name, entity in result.items() if entity["@type"] == "CreateAction"}
+    assert {*references(root["mentions"])} == actions
+    assert all(result[name]["result"] and result[name]["instrument"] for name in actions)
+    files = {name for name, entity in result.items() if entity["@type"] == "File"}
+    assert files <= {*references(root["hasPart"])}
+
+
+def test_a_stage_is_an_action_from_its_inputs_to_its_outputs():
+    crate = describe(CITATION, RECORDINGS, STAGES, FILES)
+    require_whole(crate)
+    result = entities(crate)
+    fit = result["#run/fit@a"]
+    assert [*references(fit["object"])] == ["#data/raw/lab", "#pipeline/models"]
+    assert [*references(fit["result"])] == ["#data/fit/a", "metrics/fit_a.json"]
+    assert result["#data/fit/a"]["identifier"] == "md5:0f.dir"
+    assert result["figures/"]["identifier"] == "md5:1e.dir"
+    assert [*references(result["figures/"]["hasPart"])] == ["figures/ridge.png"]
+    assert result["figures/ridge.png"]["encodingFormat"] == "image/png"
+    assert result["#data/raw/lab"]["license"] == "CC0"
+    assert result["#person/A.-B.-Author"]["name"] == "A. B. Author"
+    assert json.dumps(crate) == json.dumps(describe(CITATION, RECORDINGS, STAGES, FILES))
+    broken = {"@graph": [entity for entity in crate["@graph"] if entity["@id"] != "#paper"]}
+    with pytest.raises(AssertionError):
+        require_whole(broken)
+
+
+LAB = SimpleNamespace(
+    name="lab", laboratory={"seed": 1}, motion=SimpleNamespace(rate=125.0, steps=64)
+)
+ABOUT = {"subject": "An arm", "source": "a laboratory", "licence": "CC0"}
+TAKES = pd.DataFrame({"take": list("abc"), "part": ["training", "training", "test"]})
+TAKES["left_out"] = [False, True, False]
+COUNTED = [["a tracker", "gaps", "count", 9.0, nan, 2.0, 4.0]]
+STORED = [{"path": "data/raw/lab/x", "nfiles": 8, "size": 1234567}]
+
+
+def written(dataset: SimpleNamespace, stored: list[dict]) -> str:
+    settings = SimpleNamespace(seed=7, dataset=dataset)
+    return card(settings, ABOUT, stored, TAKES, pd.DataFrame(COUNTED, columns=QUALITY))
+
+
+def test_the_card_states_the_numbers_of_its_dataset_and_nothing_of_another_kind():
+    text = written(LAB, STORED)
+    for part in (
+        "| training | 2 |",
+        "64 steps at 125 per second",
+        "| `data/raw/lab/x` | 8 | 1,234,567 |",
+        "| a tracker | gaps | count | 9 | – | 2 | 4 |",
+        "leaves out: b.",
+        "from the seed 7;",
+        "Licence: CC0.",
+    ):
+        assert part in text, part
+    recorded = written(SimpleNamespace(**vars(LAB) | {"laboratory": None}), [])
+    assert re.findall("^## .*", recorded, re.M) == re.findall("^## .*", text, re.M)
+    for word in ("seed", "Simulated", "truth", "pipeline/laboratory", "dvc.lock"):
+        assert word not in recorded, word
+    assert "a laboratory" in recorded and "data/raw/lab/dataset.yaml" in recorded
+
+
+@pytest.mark.slow
+def test_a_run_is_described_file_by_file_and_stage_by_stage(reproduced, tmp_path):
+    folder = tmp_path / "project"
+    shutil.copytree(reproduced, folder, symlinks=True)
+    written = []
+    for _ in range(2):
+        done = run("python", "-m", "pipeline", "crate", cwd=folder)
+        assert done.returncode == 0, done.stderr
+        written.append((folder / "reports/ro-crate-metadata.json").read_bytes())
+    assert written[0] == written[1]
+    reports = folder / "reports"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        crate = ROCrate(reports)
+    read = {entity.id for entity in crate.data_entities if entity.type == "File"}
+    there = {file.relative_to(reports).as_posix() for file in reports.rglob("*") if file.is_file()}
+    assert read == there - {"ro-crate-metadata.json"}
+    locked = OmegaConf.to_container(OmegaConf.load(folder / "dvc.lock"))["stages"]
+    assert {*locked, "page"} <= {entity["name"] for entity in crate.get_by_type("CreateAction")}
+    require_whole(json.loads(written[0]))
+
+
+@pytest.mark.parametrize(
+    ("stage", "module"),
+    [("studies_page", "tools.page.command"), ("crate", "tools.crate.command")],
+)
+def test_a_stage_depends_on_the_code_that_it_runs(stage, module):
+    file = ROOT / "pipeline/tools/crate/dvc.yaml"
+    deps = OmegaConf.to_container(OmegaConf.load(file))["stages"][stage]["deps"]
+    core = {name for name in MODULES if package(name) == "core"}
+    modules = [MODULES[name] for name in needed(f"pipeline.{module}", core)]
+    files = [file.relative_to(ROOT).as_posix() for file in modules if file.stat().st_size]
+    files.remove("pipeline/__init__.py")
+    assert [file for file in files if not any(covers(dep, file) for dep in deps)] == []
+
+
+LOCK = """schema: '2.0'
+stages:
+  fit@b:
+    cmd: fit b
+  gone:
+    cmd: gone
+  record:
+    cmd: record
+    outs:
+    - path: x
+  fit@a:
+    cmd: fit a
+"""
+
+
+def test_the_entries_of_a_lock_are_sorted_as_its_pipeline(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "params.yaml").write_text("models: [a, b]\n")
+    text = "stages:\n  record: {cmd: r}\n  fit: {cmd: f, matrix: {model: '${models}'}}\n"
+    (tmp_path / "dvc.yaml").write_text(text)
+    (tmp_path / "dvc.lock").write_text(LOCK)
+    for printed in ("lock: dvc.lock put in order\n", ""):
+        lock.run([])
+        assert capsys.readouterr().out == printed
+        assert (tmp_path / "dvc.lock").read_text() == (
+            "schema: '2.0'\nstages:\n  record:\n    cmd: record\n    outs:\n    - path: x\n"
+            "  fit@a:\n    cmd: fit a\n  fit@b:\n    cmd: fit b\n"
+        )

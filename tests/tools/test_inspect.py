@@ -1,0 +1,341 @@
+"""Accounts that inspect gives of recordings: every format is named, what the file states is shown,
+what it leaves open is asked with its option, and damage is a finding.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from motive_files import MARKER, columns_file, rows_file
+from source_code import ROOT
+from zoo import write_zoo
+
+from pipeline.__main__ import main
+from pipeline.core.errors import RecordingError
+from pipeline.formats.depth.image import write_depth
+from pipeline.formats.format import Format, Head
+from pipeline.tools.inspect import examine, kinds
+from pipeline.tools.inspect.command import as_json, as_table
+from pipeline.tools.inspect.examine import inspect
+from pipeline.tools.inspect.finding import Finding
+from pipeline.tools.inspect.kinds import described
+
+FORMATS = {
+    "columns.csv": "Motive CSV",
+    "rows.csv": "Motive CSV",
+    "take.c3d": "C3D",
+    "points.csv": "ATI DAQ F/T log",
+    "commas.csv": "ATI DAQ F/T log",
+    "netft.csv": "ATI Net F/T log",
+    "FT7.cal": "ATI calibration",
+    "single.png": "depth image",
+    "metres.tiff": "depth image",
+    "indexed/depth.txt": "depth sequence with index",
+    "numbered/[0-9]*.png": "depth sequence, numbered",
+    "camera.yaml": "camera intrinsics",
+    "sized.json": "camera intrinsics",
+    "cloud.ply": "point cloud",
+    "cloud.pcd": "point cloud",
+    "ros1/take.bag": "ROS bag",
+    "sqlite3/take": "ROS bag",
+    "mcap/take": "ROS bag",
+    "q.csv": "table of numbers",
+    "path.csv": "commanded trajectory",
+    "three.urdf": "URDF",
+    "dataset.yaml": "unknown",
+    "notes.md": "unknown",
+    "payload.pkl": "unknown",
+}
+TWO_JOINTS = "1.5,2\n1.5,2\n0,0\n3,4\n"
+BODY_ROWS = [f"frame,{k},{k / 100:.6f},1,1,{k},0,1,0,0,0,1,0,0,0,0" for k in range(9)]
+
+
+@pytest.fixture(scope="session")
+def zoo(tmp_path_factory) -> Path:
+    """A folder of one recording of every format; read only."""
+    folder = tmp_path_factory.mktemp("zoo")
+    write_zoo(folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def findings(zoo) -> dict[str, Finding]:
+    """The account of each recording, by its place in the folder."""
+    return {finding.file.relative_to(zoo).as_posix(): finding for finding in inspect(zoo)}
+
+
+def alone(file: Path) -> Finding:
+    (finding,) = inspect(file)
+    return finding
+
+
+def options(finding: Finding) -> list[str]:
+    return [option for _, option in finding.open]
+
+
+def test_every_format_is_named_and_every_file_accounted_for(zoo, findings):
+    assert {name: finding.format for name, finding in findings.items()} == FORMATS
+    assert [name for name, finding in findings.items() if finding.stops] == []
+    for name in FORMATS:
+        assert "[" in name or described(zoo / name) == findings[name], name
+
+
+def test_what_each_format_states_is_shown_and_what_it_leaves_open_is_asked(findings):
+    stated = {
+        "columns.csv": ("1.23", 100.0, 0.49, {"length": "m"}, []),
+        "take.c3d": (None, 100.0, 0.19, {"length": "mm"}, []),
+        "rows.csv": ("1.1", 120.0, 29 / 120, {"length": "not stated"}, ["dataset.mocap.unit"]),
+        "commas.csv": (
+            *("semicolons and decimal comma", 100.0, 4.99),
+            *({"force": "N", "torque": "N-m"}, []),
+        ),
+        "netft.csv": (None, 100.0, 4.99, {"force": "N", "torque": "N-m"}, []),
+        "sized.json": (None, None, None, {}, []),
+        "camera.yaml": (None, None, None, {}, ["dataset.depth.width, .height"]),
+        "cloud.pcd": ("PCD 0.7", None, None, {}, ["dataset.depth.units_per_metre"]),
+    }
+    for name, (version, rate, duration, units, open_options) in stated.items():
+        one = findings[name]
+        assert (one.version, one.rate, one.units) == (version, rate, units), name
+        assert one.duration == (duration and pytest.approx(duration)), name
+        assert options(one) == open_options, name
+    held = {"columns.csv": {"missing_samples": 5}, "indexed/depth.txt": {"dropped_frames": 1}}
+    assert {name: findings[name].gaps for name in held} == held
+    assert (len(findings["columns.csv"].markers), findings["columns.csv"].bodies) == (9, ["Base"])
+    assert findings["rows.csv"].facts["rate_from"].startswith("the printed times")
+    facts = {"commas.csv": ("decimal", ","), "FT7.cal": ("serial", "FT7"), "q.csv": ("columns", 7)}
+    facts |= {"camera.yaml": ("cx", 16.0), "sized.json": ("width", 32), "single.png": ("width", 32)}
+    facts |= {"q.csv": ("step_of_column_0", 0.008), "indexed/depth.txt": ("frames", 4)}
+    facts |= {"single.png": ("values", [1000.0, 1000.0]), "cloud.pcd": ("points", 1)}
+    assert {name: (key, findings[name].facts[key]) for name, (key, _) in facts.items()} == facts
+    assert findings["q.csv"].rate is None, "the unit of the times is not stated"
+    assert findings["FT7.cal"].facts["ratings"]["fz"] == 3.0
+    for name in ("single.png", "indexed/depth.txt", "metres.tiff", "mcap/take"):
+        assert "dataset.depth.units_per_metre" in options(findings[name]), name
+    assert "dataset.depth.rate" in options(findings["numbered/[0-9]*.png"])
+    for name, version in (("ros1/take.bag", "1"), ("sqlite3/take", "2"), ("mcap/take", "2")):
+        bag = findings[name]
+        assert bag.version == f"ROS {version}" and abs(bag.duration - 0.2) < 1e-6
+        assert bag.facts["topics"]["/depth"] == {"type": "sensor_msgs/msg/Image", "messages": 3}
+        assert "several topics could be meant: /depth, /other" in bag.open[0][0]
+
+
+def test_a_robot_states_its_arms_and_planar_chains(tmp_path, zoo, findings):
+    robot, urdf = findings["three.urdf"], (zoo / "three.urdf").read_text()
+    assert robot.facts["joints"] == {"revolute": ["j1", "j2", "j3"], "fixed": ["j4"]}
+    assert robot.facts["chains"] == [{"joints": ["j1", "j2", "j3"], "tools": ["tip"]}]
+    assert not robot.open
+
+    def changed(text: str) -> Finding:
+        (tmp_path / "arm.urdf").write_text(text)
+        return alone(tmp_path / "arm.urdf")
+
+    bent = changed(urdf.replace('xyz="0 1 0"', 'xyz="1 0 0"', 1))
+    assert bent.facts["arms"] == [{"joints": ["j1", "j2", "j3"], "tip": "tip"}]
+    assert not bent.facts["chains"] and not bent.stops
+    assert "robot.urdf" in changed(urdf.replace("<limit", "<no", 1)).stops[0]
+    finger = (
+        '<link name="finger"/><joint name="j9" type="revolute"><parent link="tip"/>'
+        '<child link="finger"/><axis xyz="0 1 0"/><limit velocity="1" effort="1"/></joint></robot>'
+    )
+    hand = changed(urdf.replace("</robot>", finger))
+    assert not hand.stops and "j9 has no limits" in hand.facts["chains_refused"]
+    probe = (
+        '<link name="probe"/><joint name="probe" type="fixed"><parent link="c"/>'
+        '<child link="probe"/><origin xyz="0 0 0.1"/></joint></robot>'
+    )
+    two = changed(urdf.replace("</robot>", probe))  # a joint and a link of one name
+    assert options(two) == ["dataset.robot.tool"]
+    assert {*two.facts["chains"][0]["tools"]} == {"tip", "probe"}
+    arms = {
+        arm["tip"]: arm["joints"] for arm in alone(ROOT / "pipeline/arm/ur5.urdf").facts["arms"]
+    }
+    assert arms["flange"] == [f"joint_{j}" for j in range(1, 7)]
+    assert {len(joints) for joints in arms.values()} == {6}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("empty.csv", "", "empty"),
+        ("take.csv", "Format Version,1.23,Length Units,Meters\n\n", "no row starts with 'Frame'"),
+        ("take.csv", "Format Version;1.23;Length Units;Meters\n\n", "another program saved"),
+        ("a.urdf", "<robot name='a'><joint name='j' type='revolute'/></robot>", "j joins the link"),
+        ("a.urdf", "<robot name='a'><link name='foot'/></robot>", "no joint of one coordinate"),
+        ("a.urdf", "<!DOCTYPE r [<!ENTITY a 'aa'>]><robot>&a;</robot>", "document type"),
+        ("a.urdf", "<?xml version='1.0' encoding='x'?><robot name='a'/>", "is it XML in UTF-8"),
+        ("t.csv", "1,5,2,5\n" * 5, "decimal commas?"),
+        ("take.bag", "#ROSBAG V2.0\n", "cannot be read"),
+        ("b.h5", b"\x89HDF\r\n\x1a\n" + bytes(200), "HDF5"),
+        ("c.npz", b"PK\3\4" + bytes(200), "an archive without arrays"),
+        ("d.npy", b"\x93NUMPY" + bytes(200), "in one .npz"),
+        ("e.csv", "time,q1,q2,q3\n", "without rows of numbers"),
+        ("e.csv", "t,x\n0,1\n".encode("utf-16"), "export it as UTF-8"),
+        ("f.bin", b"\1\2\0\3" * 9, "binary data"),
+        ("README", "Recorded on Monday.\n", "text without a table"),
+    ],
+)
+def test_what_a_reader_refuses_says_why_and_what_to_do(tmp_path, name, text, said):
+    (tmp_path / name).write_bytes(text if isinstance(text, bytes) else text.encode())
+    findings = inspect(tmp_path)
+    reason = findings[0].facts.get("reason", "")
+    assert said in " ".join([reason, *findings[0].stops, *(asked for asked, _ in findings[0].open)])
+    table = as_table(findings, tmp_path).splitlines()
+    assert said in table[-1] and (not reason or table[-1].startswith("not recognised, "))
+
+
+def test_counts_rates_and_units_of_a_log_are_shown(tmp_path):
+    (tmp_path / "t.csv").write_text(TWO_JOINTS)
+    assert alone(tmp_path / "t.csv").gaps == {"repeated_rows": 1, "zero_rows": 1}
+    rows = "".join(f"{k},{0.5 * k:.3f},1,2,3\n" for k in range(12))
+    take = alone(columns_file(tmp_path, MARKER + rows))
+    assert "rate by the printed times 2 Hz" in as_table([take], tmp_path) and take.rate == 100.0
+    axes = [f"{kind} {axis}" for kind in ("Force", "Torque") for axis in "XYZ"]
+    rows = "".join(f"{k * 0.01:.2f},{k}.5,2,3,4,5,6\n" for k in range(9) if k != 4)
+    head = f"Time,{','.join(axes)}\n(s),N,N,N,N-mm,N-mm,N-mm\nFrequency = 100,Averaging Level = 1\n"
+    (tmp_path / "timed.csv").write_text(head + rows)
+    timed = alone(tmp_path / "timed.csv")
+    assert timed.units == {"force": "N", "torque": "N-mm"} and timed.gaps["missing_samples"] == 1
+    write_depth(tmp_path / "d.png", np.array([[0, 0, 2047, 900]], np.uint16).repeat(4, axis=0))
+    image = alone(tmp_path / "d.png")
+    assert "share not above zero 0.5" in as_table([image], tmp_path)
+    (tmp_path / "c.pcd").write_text(
+        "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 2\n"
+        "VIEWPOINT 0 0 0 0 1 0 0\nPOINTS 4\nDATA ascii\n1 2 3\nnan nan nan\n4 5 6\n7 8 9\n"
+    )
+    table = as_table([alone(tmp_path / "c.pcd")], tmp_path)
+    assert "points 3; organised 2 × 2; share without position 0.25" in table
+    assert "turned by 180° about 1 0 0" in table and "in the sensor's frame" in table
+
+
+def test_a_sequence_names_its_damaged_missing_and_outside_frames(zoo, tmp_path):
+    shutil.copytree(zoo / "indexed", tmp_path / "a")
+    (tmp_path / "a/depth/0001.png").unlink()
+    frame = tmp_path / "a/depth/0000.png"
+    frame.write_bytes(frame.read_bytes()[:-20])
+    finding = alone(tmp_path)
+    assert "1 of 4 frames of the index are not there: depth/0001.png" in finding.stops[0]
+    assert finding.stops[1].startswith("0000.png: the depth frame is truncated")
+    (tmp_path / "secret.png").write_bytes(frame.read_bytes())
+    (tmp_path / "a/depth.txt").write_text("0.1 ../secret.png\n0.2 ../secret.png\n")
+    finding = next(one for one in inspect(tmp_path) if one.file.name == "depth.txt")
+    assert "outside its folder" in finding.stops[0] and "width" not in finding.facts
+
+
+def test_recordings_that_differ_in_a_number_share_a_line_and_json_has_each(tmp_path):
+    for number in range(12):
+        rows_file(tmp_path, "rigidbody,Ha\x1b[2Jnd,1,0", *BODY_ROWS)
+        (tmp_path / "rows.csv").rename(tmp_path / f"take_{number}.csv")
+    findings = inspect(tmp_path)
+    lines = as_table(findings, tmp_path).splitlines()
+    assert len(lines) == 4 and lines[2].startswith("take_*.csv (12)")
+    assert lines[3].startswith("    ? the file does not say the unit of its lengths")
+    # a terminal acts on nothing that a file holds
+    assert "\x1b" not in lines[2] and "Ha\N{REPLACEMENT CHARACTER}[2Jnd" in lines[2]
+    read = json.loads(as_json(findings))
+    assert len(read) == 12 and read[0]["open"][0].keys() == {"question", "option"}
+
+
+def test_the_command_prints_a_table_json_and_one_line_of_error(zoo, tmp_path, monkeypatch, capsys):
+    def call(*words: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["pipeline", "inspect", *map(str, words)])
+        return (main(), *capsys.readouterr())
+
+    code, text, _ = call(zoo / "columns.csv", "--json")
+    assert code == 0 and json.loads(text)[0]["units"] == {"length": "m"}
+    assert call(zoo / "columns.csv")[1].splitlines()[2].split("  ")[1] == "Motive CSV 1.23"
+    code, text, error = call(tmp_path / "nothing")
+    assert (code, text) == (1, "")
+    assert error.startswith("error: inspect: there is no such file or folder [file ")
+    (tmp_path / "a.csv").write_bytes(b"1;2.5\n" * 200_000)
+    assert "dataset.reading.file_mib" in call(tmp_path, "--reading", "file_mib=1")[1]
+    assert "! " not in call(tmp_path, "--reading", "file_mib=2")[1]
+
+
+SAMPLES = ROOT.parent / "shared/samples"
+
+
+@pytest.mark.skipif(not SAMPLES.is_dir(), reason="files of real instruments are not beside it")
+def test_files_that_real_instruments_wrote_are_told_apart():
+    findings = {finding.file.name: finding for finding in inspect(SAMPLES)}
+    for version in ("1.1", "1.21", "1.23"):
+        assert findings[f"motive_v{version}_rigidbody.csv"].version == version
+    assert [n for n, one in findings.items() if one.stops] == ["motive_v1.23_empty.csv"]
+    assert findings["motive_v1.23_markers_millimetres.csv"].units == {"length": "mm"}
+    assert findings["motive_v1.1_rigidbody.csv"].open[0][1] == "dataset.mocap.unit"
+    force = findings["daqft_dotnet_semicolon.csv"]
+    assert (force.rate, force.facts["decimal"]) == (62.5, ",")
+    assert findings["kinect2_ir_intrinsics.yaml"].facts["fx"] == pytest.approx(366.95, abs=0.01)
+
+
+def test_pipes_links_and_folders_that_cannot_be_read_are_findings(tmp_path, monkeypatch):
+    os.mkfifo(tmp_path / "pipe.csv")
+    (tmp_path / "gone.csv").symlink_to("nowhere")
+    (tmp_path / "round").symlink_to(tmp_path)
+    (tmp_path / "closed").mkdir()
+    (tmp_path / os.fsdecode(b"take\xff.csv")).write_text("1;2\n3;4\n")
+    scan = os.scandir
+
+    def scandir(place):
+        if Path(place).name == "closed":
+            raise PermissionError(errno.EACCES, "Permission denied", str(place))
+        return scan(place)
+
+    monkeypatch.setattr(os, "scandir", scandir)
+    findings = inspect(tmp_path)
+    no_file = ["this is no regular file, or a link to nothing"]
+    assert {one.file.name: one.stops for one in findings if one.stops} == {
+        "pipe.csv": no_file,
+        "gone.csv": no_file,
+        "closed": ["the folder cannot be read (Permission denied)"],
+    }
+    for text in (as_table(findings, tmp_path), as_json(findings)):
+        assert "take\\" in text and text.encode()
+    monkeypatch.setattr(examine, "MAX_FILES", 2)
+    with pytest.raises(RecordingError, match="more than 2 files"):
+        inspect(tmp_path)
+
+
+def test_a_file_that_ends_its_reader_is_a_finding_and_the_others_are_read(tmp_path, monkeypatch):
+    for name in "abc":
+        (tmp_path / f"{name}.csv").write_text("1;2.5\n3;4.5\n5;6.5\n")
+    here, read = os.getpid(), kinds.recognised
+
+    def recognised(head: Head, formats: Sequence[Format]) -> Format | None:
+        if head.file.name == "b.csv" and os.getpid() != here:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return read(head, formats)
+
+    monkeypatch.setattr(kinds, "recognised", recognised)
+    findings = inspect(tmp_path)
+    assert [one.format for one in findings] == ["table of numbers", "unknown", "table of numbers"]
+    assert findings[1].stops == ["reading it ends the process (exit code -9)"]
+
+
+@settings(
+    max_examples=60,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(
+    content=st.binary(max_size=400),
+    suffix=st.sampled_from("csv c3d png pcd ply bag db3 mcap yaml urdf txt".split()),
+)
+def test_bytes_of_any_kind_are_described_and_never_raised(tmp_path, content, suffix):
+    (tmp_path / f"a.{suffix}").write_bytes(content)
+    finding = described(tmp_path / f"a.{suffix}")
+    json.loads(as_json([finding]))
+    as_table([finding], tmp_path)
+    assert finding.file.name == f"a.{suffix}"

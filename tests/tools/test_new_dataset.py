@@ -1,0 +1,262 @@
+"""The two files of a new dataset: values that its recordings state, ??? for the others; given,
+suggested and asked answers, each checked at once; the motion by its number.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from motive_files import START, random_take, rows_file
+from omegaconf import OmegaConf
+from ros_bags import camera_info, image, write_bag
+from source_code import ROOT
+
+from pipeline.__main__ import main
+from pipeline.core import config, datasheet
+from pipeline.core.datasheet import faults
+from pipeline.core.errors import ConfigError, PipelineError
+from pipeline.formats.depth.image import write_depth
+from pipeline.formats.depth.index import write_index
+from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
+from pipeline.formats.force.daqft import ForceRecord, write_daqft
+from pipeline.formats.motion.motive import write_motive
+from pipeline.tools.new_dataset.command import run
+
+
+@pytest.fixture
+def exports(tmp_path) -> Path:
+    """Takes of motion capture, two of which a depth camera saw, and a force log."""
+    folder = tmp_path / "exports"
+    for part in ("mocap", "kinect", "force"):
+        (folder / part).mkdir(parents=True)
+    for name in ("fit_1", "fit_2", "fit_3", "hold_1", "hold_2"):
+        write_motive(folder / f"mocap/{name}.csv", random_take(21, body=False), start=START)
+    for name in ("hold_1", "hold_2"):
+        (folder / "kinect" / name / "depth").mkdir(parents=True)
+        files = tuple(f"depth/{number}.png" for number in range(3))
+        for file in files:
+            write_depth(folder / "kinect" / name / file, np.full((12, 16), 1000, np.uint16))
+        write_index(folder / "kinect" / name / "depth.txt", np.arange(3) / 30, files)
+    write_intrinsics(folder / "kinect/camera.yaml", Intrinsics(20.0, 20.0, 8.0, 6.0, 16, 12))
+    values = np.random.default_rng(1).normal(size=(50, 3))
+    record = ForceRecord(np.arange(50) / 100, values, values, 100.0, "FT1", START, {})
+    write_daqft(folder / "force/C1.csv", record)
+    return folder
+
+
+@pytest.fixture
+def space_exports(tmp_path) -> Path:
+    """Takes of rigid bodies alone, with a controller's logs of their names, and a URDF."""
+    folder = tmp_path / "space"
+    for part in ("mocap", "logs"):
+        (folder / part).mkdir(parents=True)
+    rows = [",".join(f"{0.01 * k + column:.3f}" for column in range(4)) for k in range(9)]
+    for take in ("move_1", "move_2", "hold_1"):
+        recorded = random_take(9)
+        recorded.markers.clear()
+        write_motive(folder / f"mocap/{take}.csv", recorded, start=START)
+        labels = "time,measured_a,measured_b,target_a"
+        (folder / f"logs/{take}.csv").write_text("\n".join([labels, *rows, ""]))
+    shutil.copy(ROOT / "pipeline/arm/lwr4.urdf", folder / "robot.urdf")
+    return folder
+
+
+def written(name: str = "lab") -> tuple[dict, dict]:
+    """Datasheet and option file, as plain data."""
+    files = datasheet.path_of(name), config.CONF / f"dataset/{name}.yaml"
+    return tuple(OmegaConf.to_container(OmegaConf.load(file)) for file in files)
+
+
+def unfilled(name: str = "lab") -> set[str]:
+    return {key for values in written(name) for key in datasheet.unfilled_keys(values)}
+
+
+def contains(values: dict, part: dict) -> bool:
+    return {key: values[key] for key in part} == part
+
+
+def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(root, exports, capsys):
+    shutil.copy(ROOT / "pipeline/arm/youbot.urdf", exports / "robot.urdf")
+    run(["lab", "--from", str(exports)])
+    sheet, option = written()
+    assert sheet["recordings"] == "../exports"
+    assert contains(sheet["mocap"], {"training": "mocap/fit_*.csv", "test": "mocap/hold_*.csv"})
+    assert sheet["mocap"]["markers"] == {
+        f"Link{n}": {f"Link{n}:Marker{k}": "???" for k in (1, 2, 3)} for n in (1, 2, 3)
+    }
+    depth = {"takes": "kinect/hold_*", "index": "depth.txt", "intrinsics": "kinect/camera.yaml"}
+    assert contains(sheet["depth"], depth | {"width": 16, "height": 12, "rate": 30.0})
+    assert sheet["force"]["configurations"]["C1"]["file"] == "force/C1.csv"
+    assert sheet["force"]["log"] == {"format": "daqft"}
+    assert option["motion"] == {"rate": 100, "steps": 20}
+    robot = {"urdf": "../exports/robot.urdf", "tool": "arm_tool", "locked": "???"}
+    assert contains(option["robot"], robot)
+    assert option["robot"]["joints"] == ["arm_joint_2", "arm_joint_3", "arm_joint_4"]
+    asked = {"about.licence", "mocap.base.rpy", "depth.encoding", "depth.units_per_metre"}
+    asked |= {"trajectory", "force.kappa_bounds", "force.configurations.C1.tension"}
+    assert asked <= unfilled() and "mocap.unit" not in unfilled()
+    for file in (datasheet.path_of("lab"), config.CONF / "dataset/lab.yaml"):
+        for line in file.read_text().splitlines():
+            assert "???" not in line or " # " in line.partition("???")[2] or line[0] == "#", line
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[0] == "new-dataset: wrote data/raw/lab/dataset.yaml"
+    assert printed[-2].startswith(f"new-dataset: {len(unfilled())} values are open: about.subject")
+    assert printed[-1].endswith("`dataset: lab` in params.yaml, and run `python -m pipeline check`")
+    stage = OmegaConf.load(root / "data/raw/lab/dvc.yaml").stages.inventory
+    assert stage.outs == [{"data/raw/lab/inventory.csv": {"cache": False, "persist": True}}]
+
+
+@pytest.mark.parametrize("folder", ["exports", "space_exports", "logs"])
+def test_every_key_is_one_that_a_dataset_has(root, folder, request):
+    run(["lab", "--from", str(request.getfixturevalue(folder))])
+    sheet, option = written()
+    sheet.pop("about")
+    assert not list(datasheet._common(option, sheet, ""))
+    values = OmegaConf.to_container(OmegaConf.merge(option, sheet))
+    assert faults(values) == []
+    assert faults(values | {"arm": 1})  # the control: a key that no dataset has
+
+
+def test_rigid_bodies_follow_an_arm_in_space_and_logs_named_as_takes_are_its_encoders(
+    root, space_exports
+):
+    run(["lab", "--from", str(space_exports)])
+    sheet, option = written()
+    (body,) = random_take(9).bodies
+    mount = {"position": "???", "rpy": "???"}
+    assert sheet["mocap"]["bodies"] == {body: {"name": body, "mount": mount}}
+    assert sheet["mocap"]["markers"] == {body: "???"}
+    encoders = {"time": "time", "actual": ["measured_a", "measured_b"]}
+    assert contains(sheet["encoders"], encoders)
+    assert "one of logs/hold_*.csv, logs/move_*.csv" in datasheet.path_of("lab").read_text()
+    assert option["measurement"] == "encoders" and len(option["robot"]["joints"]) == 7
+    assert "plane" not in option["robot"] and "joint_log" not in option
+    # control: a log of another name is a table of something else, and markers are a planar arm's
+    for log in (space_exports / "logs").iterdir():
+        log.rename(log.with_stem(f"other_{log.stem}"))
+    for name in ("move_1", "move_2", "hold_1"):
+        write_motive(space_exports / f"mocap/{name}.csv", random_take(9, body=False), start=START)
+    run(["plane", "--from", str(space_exports)])
+    sheet, option = written("plane")
+    assert "encoders" not in sheet and "bodies" not in sheet["mocap"]
+    assert option["robot"]["plane"] and "measurement" not in option
+
+
+def test_one_part_of_encoders_leaves_the_other_open(root, space_exports):
+    for part in ("mocap", "logs"):
+        (space_exports / part / "hold_1.csv").unlink()
+    run(["lab", "--from", str(space_exports)])
+    sheet, _ = written()
+    assert (sheet["mocap"]["test"], sheet["encoders"]["test"]) == (None, "???")
+
+
+def test_numbered_frames_and_bags_are_takes_and_several_topics_a_choice(root, exports):
+    for name in ("hold_1", "hold_2"):
+        (exports / "kinect" / name / "depth.txt").unlink()
+    run(["lab", "--from", str(exports)])
+    depth = written()[0]["depth"]
+    numbered = {"takes": "kinect/hold_*", "frames": "depth/[0-9]*.png", "rate": "???"}
+    assert contains(depth, numbered) and "index" not in depth
+    shutil.rmtree(exports / "kinect")
+    info = camera_info([20, 0, 8, 0, 20, 6, 0, 0, 1], [0] * 5, (16, 12))
+    frames = [(k / 10, image(np.full((12, 16), 900, np.uint16), 1 + k / 10)) for k in range(3)]
+    for topics, topic in ((["/depth"], "/depth"), (["/depth", "/infrared"], "???")):
+        shutil.rmtree(exports / "bags", ignore_errors=True)
+        (exports / "bags").mkdir()
+        for name in ("hold_1", "hold_2"):
+            recorded = {topic: frames for topic in topics} | {"/info": [(0.0, info)]}
+            bag = write_bag(exports / "bags", "ros1", recorded)
+            bag.rename(bag.with_stem(name))
+        run([f"bags_{len(topics)}", "--from", str(exports)])
+        depth = written(f"bags_{len(topics)}")[0]["depth"]
+        bags = {"takes": "bags/hold_*.bag", "topic": topic, "camera_info": "/info"}
+        assert contains(depth, bags) and "index" not in depth
+
+
+def test_units_groups_and_steps_that_nothing_settles_are_asked_for(root, exports, tmp_path):
+    (tmp_path / "old").mkdir()
+    rows = [f"frame,{k},{k / 100:.6f},1,1,{k},0,1,0,0,0,1,0,0,0,0" for k in range(9)]
+    rows_file(tmp_path / "old", "rigidbody,Hand,1,0", *rows)
+    run(["old", "--from", str(tmp_path / "old")])
+    mocap = written("old")[0]["mocap"]
+    assert contains(mocap, {"unit": "???", "training": "rows.csv", "test": None})
+    assert mocap["bodies"]["Hand"]["name"] == "Hand"
+    (tmp_path / "takes").mkdir()
+    for name in ("slow_1", "slow_2", "fast_1", "fast_2"):
+        write_motive(tmp_path / f"takes/{name}.csv", random_take(9, body=False), start=START)
+    run(["two", "--from", str(tmp_path / "takes")])
+    assert contains(written("two")[0]["mocap"], {"training": "???", "test": "???"})
+    assert "one of fast_*.csv, slow_*.csv" in datasheet.path_of("two").read_text()
+    write_motive(exports / "mocap/fit_4.csv", random_take(31, body=False), start=START)
+    run(["lab", "--from", str(exports)])
+    assert written()[1]["motion"] == {"rate": 100, "steps": "???"}
+
+
+def test_names_that_yaml_or_a_pattern_would_read_otherwise_come_back_as_they_are(root, tmp_path):
+    folder = tmp_path / "odd [1]"
+    folder.mkdir()
+    for number in (1, 2):
+        take = random_take(9, body=False)
+        marker = take.markers["Link1:Marker1"]
+        take.markers.clear()
+        take.markers.update(dict.fromkeys(("no", "a: b", "#1", "1e3", '"q"', "ü"), marker))
+        write_motive(folder / f"a[b] {number}.csv", take, start=START)
+    run(["odd", "--from", str(folder)])
+    sheet, _ = written("odd")
+    takes = sorted(file.name for file in folder.glob(sheet["mocap"]["training"]))
+    assert (takes, sheet["recordings"]) == (["a[b] 1.csv", "a[b] 2.csv"], "../odd [1]")
+    assert 'no", "a: b", "#1", "1e3"' in datasheet.path_of("odd").read_text()
+
+
+def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_path):
+    labels = ["t (s)", *(f"{word}_{j} (deg)" for word in ("measured", "target") for j in (1, 2))]
+    rows = [",".join(f"{0.01 * k + c:.3f}" for c in range(5)) for k in range(9)]
+    for place, header in (("runs", ",".join(labels)), ("others", "t,a,b,c,d")):
+        (tmp_path / place).mkdir()
+        for number in (1, 2):
+            (tmp_path / place / f"run_{number}.csv").write_text("\n".join([header, *rows, ""]))
+        run([place, "--from", str(tmp_path / place)])
+    log = written("runs")[0]["joint_log"]
+    expected = {"movements": "run_*.csv", "time": "t (s)", "time_unit": "s", "angle_unit": "deg"}
+    assert contains(log, expected)
+    assert log["signals"] == {"actual": labels[1:3], "target": labels[3:]}
+    assert "joint_log" not in written("others")[0]
+
+
+@pytest.mark.parametrize(
+    "there", ["data/raw/lab/dataset.yaml", "conf/dataset/lab.yaml", "data/raw/lab/dvc.yaml"]
+)
+def test_nothing_is_overwritten(root, logs, there):
+    (root / there).parent.mkdir(parents=True, exist_ok=True)
+    (root / there).write_text("mine\n")
+    with pytest.raises(ConfigError, match="nothing is overwritten") as refused:
+        run(["lab", "--from", str(logs)])
+    assert refused.value.evidence["file"] == root / there
+    assert (root / there).read_text() == "mine\n"
+    assert {file for file in root.rglob("*") if file.is_file()} == {
+        root / there,
+        root / "params.yaml",
+    }
+
+
+def test_places_that_are_none_are_refused_and_own_folders_need_no_inventory(
+    root, logs, tmp_path, monkeypatch
+):
+    with pytest.raises(ConfigError, match="make it with --from FOLDER"):
+        run(["lab", "--ask"])
+    with pytest.raises(PipelineError, match="no such folder"):
+        run(["lab", "--from", str(tmp_path / "nothing")])
+    place = root / "data/raw/lab/recordings"
+    place.parent.mkdir(parents=True)
+    logs.rename(place)
+    monkeypatch.setattr(sys, "argv", ["pipeline", "new-dataset", "lab", "--from", str(place)])
+    assert main() == 0
+    assert written()[0]["recordings"] == "data/raw/lab/recordings"
+    assert not (place.parent / "dvc.yaml").exists()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigError, match="project's root"):
+        run(["lab", "--from", str(place)])

@@ -1,0 +1,213 @@
+"""The model card answers first: the model for another motion or none with its reason, its formula
+in the joints' names, what the recordings cannot tell and the tails; then the evidence.
+"""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.verdicts.model_card import (
+    BETWEEN,
+    NO_ROBOT,
+    NO_SPREAD,
+    UNKNOWN,
+    choice,
+    model_card,
+)
+from pipeline.verdicts.recommendation import answer
+from pipeline.verdicts.run import Run
+
+BASELINES = {"none": 10.0, "memory": 11.0, "additive": 9.0, "scaled_full": 10.5}
+PARAMETER = {"s": 0.5, "s_standard_error": 0.0125, "s_interval_low": 0.48, "s_interval_high": 0.53}
+RANGE = ["quantity", "name", "unit", "least", "greatest"]
+
+
+def moved(predicted: float = 1.1e-4, motions: int = 2) -> dict[str, pd.DataFrame]:
+    """Tables of held-out motions of the joints a and b, of which b hardly moved."""
+    scores = [
+        (model, motion, score, "")
+        for model, score in (("additive_all", 50.0), ("scaled_t", 60.0))
+        for motion in (*map(str, range(1, motions + 1)), "each")
+    ]
+    scores.append(("wishart", "1", np.nan, "the Jacobian is singular at 3 measured pose(s)"))
+    scores.append(("wishart", "each", np.nan, ""))
+    spread = [
+        (str(motion), joint, model, predicted, 1e-4)
+        for motion in range(1, motions + 1)
+        for joint in "ab"
+        for model in ("additive_all", "scaled_t")
+    ]
+    tables = {
+        "other_motions": (scores, ["model", "motion", "score", "reason"]),
+        "motion_spread": (
+            spread,
+            ["motion", "joint", "model", "predicted_rad", "measured_rad"],
+        ),
+        "tails": (
+            [("scaled_t", "a", 11.5, 0.85, 0.95, 0.991), ("scaled_t", "b", 44.0, 0.9, 0.96, 0.985)],
+            ["model", "joint", "kurtosis", "one_sigma", "two_sigma", "three_sigma"],
+        ),
+        "plain_parameters": (
+            [
+                ("scaled_t", "a", 2e-6, 0.021, 4.5, 8e-3),
+                ("scaled_t", "b", 3e-6, np.nan, np.nan, 1e-5),
+            ],
+            [
+                *("model", "joint", "at_rest_rad"),
+                *("share_of_step", "degrees", "greatest_step_rad"),
+            ],
+        ),
+        "untold": (
+            [("scaled_t", "gain", "b", "0 steps of at least 0.0008 rad", "20 steps")],
+            ["model", "parameter", "joint", "found", "required"],
+        ),
+        "motions": (
+            [(str(k), 4, 300, "a") for k in range(1, motions + 1)],
+            ["motion", "takes", "steps", "moving"],
+        ),
+        "motion_ranges": (
+            [
+                ("pose", "a", "rad", -1.25, 2.5),
+                ("joint speed", "a", "rad/s", -1.0, 1.0),
+                ("joint speed", "b", "rad/s", 0.0, 0.001),
+            ],
+            RANGE,
+        ),
+    }
+    return {name: pd.DataFrame(rows, columns=columns) for name, (rows, columns) in tables.items()}
+
+
+def predicted(half: float = 0.1, **matrix: float) -> Run:
+    """A run of one joint whose models have log scores ``matrix``, and baselines those of BASELINES,
+    with intervals of ± ``half``.
+    """
+    means, rows = BASELINES | matrix, []
+    for model, mean in means.items():
+        ends = {"difference": mean - 10, "low": mean - 10 - half, "high": mean - 10 + half}
+        for score, value in (("log_score", mean), ("coverage_of_one_sigma_a", 0.7)):
+            rows.append({"steps": "all", "model": model, "score": score, "mean": value} | ends)
+    pairs = [
+        {"steps": "all", "model": model, "rival": rival, "low": means[model] - means[rival] - half}
+        for model, rival in permutations(means, 2)
+    ]
+    takes = [("t1", "training", False, ""), ("t2", "training", True, "too long a gap")]
+    tables = {
+        "predictions": pd.DataFrame(rows),
+        "prediction_pairs": pd.DataFrame(pairs),
+        "ranges": pd.DataFrame(
+            [("pose", "a", "rad", -1.25, 2.5), ("joint speed", "a", "rad/s", 0.0, 1.0)],
+            columns=RANGE,
+        ),
+        "takes": pd.DataFrame(takes, columns=["take", "part", "left_out", "reason"]),
+    }
+    models = {"additive": "additive"} | dict.fromkeys(matrix, "wishart")
+    metrics = {f"fit_{name}": dict(PARAMETER) for name in models} | {"motion": {}}
+    return Run("lab", "paper", True, ["a"], ["x"], models, metrics, tables)
+
+
+def logged(**changes) -> Run:
+    return Run("bench", "paper", False, ["a", "b"], ["x"], {}, {}, moved(**changes))
+
+
+def test_the_first_words_are_the_model_its_formula_unknowns_and_tails():
+    page = model_card(logged(), [])
+    first = page[: page.index("## Why")]
+    assert "**Model for another motion: speed-scaled, Student's t** (`scaled_t`)" in first
+    assert "Δq_j + √(a_j² + b_j²·Δq_j²)·e_j" in first
+    assert "| a | 2 µrad | 2.1 % | 4.5 |" in first and "| b | 3 µrad | not known | – |" in first
+    assert "Fitted to 8 takes of 2 motion(s)." in first
+    assert "No number for the gain of b (0 steps" in first and "stood still: b." in first
+    assert "(kurtosis 11.5 to 44, normal 3)" in first and "at least 98.5 %" in first
+    assert "`python -m pipeline export scaled_t`" in first
+    # then the evidence, the refused model with its reason
+    assert "| speed-scaled, Student's t | 60 | 60 | 60 |" in page
+    assert "- Wishart matrix model: no score on motion 1: the Jacobian is singular" in page
+    assert "| 1 | b | 100 | 110 | 110 |" in page and "| 1 | 4 | 300 | a |" in page
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"motions": 1}, "the recordings hold one motion"),
+        (
+            {"predicted": 4.2e-4},
+            "predicts 100 % of the held-out spreads by more than a factor of 4",
+        ),
+        ({"predicted": 2e-5}, "predicts 100 % of the held-out spreads"),
+    ],
+)
+def test_no_model_is_an_answer_with_its_reason(changes, reason):
+    text = answer(logged(**changes))
+    assert text.startswith("**No model for another motion**: ") and reason in text
+    assert answer(logged(predicted=3.8e-4)).startswith("**Model for another motion")
+
+
+@pytest.mark.parametrize(
+    ("score", "half", "rivals"),
+    [
+        (10.7, 0.1, "autoregressive baseline"),
+        (11.05, 0.1, "autoregressive baseline"),  # higher, and within the interval
+        (
+            9.5,
+            0.1,
+            "training mean, autoregressive baseline and speed-scaled with covariances "
+            "(this motion)",
+        ),
+    ],
+)
+def test_a_matrix_model_is_recommended_for_this_motion_by_its_intervals_alone(score, half, rivals):
+    text = choice(predicted(half, wishart=score))
+    assert text.startswith("On lab **no matrix model** has a log score above every baseline:")
+    assert f" Wishart matrix model not above {rivals}." in text
+    higher = choice(predicted(wishart=12.0, other=11.5))
+    assert higher.startswith("**Wishart matrix model**: its log score is")
+
+
+def test_the_card_holds_parameters_ranges_takes_and_other_datasets():
+    run, other, unscored = predicted(wishart=12.0), predicted(wishart=10.7), predicted(wishart=12.0)
+    for name in ("predictions", "prediction_pairs"):
+        del unscored.tables[name]
+    page = model_card(run, [other, unscored])
+    assert "| wishart | s | 0.5 | 0.0125 | [0.48, 0.53] |" in page
+    assert "| pose | a | rad | -1.25 | 2.5 |" in page and "| all | a | 0.7 | 0.7 |" in page
+    assert "Takes kept: 1 training; left out: 1." in page and "| t2 | too long a gap |" in page
+    assert page.count("- lab: ") == 2
+    run.metrics["motion"] = {"recorded_takes": 4, BETWEEN: 0.9}
+    assert "| wishart | s | 0.5 | 0.0125 | – |" in model_card(run, [])
+    assert NO_SPREAD in choice(run)
+    assert UNKNOWN in model_card(unscored, [])
+    bare = Run("forces", "paper", False, [], [], {}, {}, {})
+    assert NO_ROBOT in model_card(bare, [])
+
+
+@pytest.mark.parametrize(
+    ("fitted", "absent"),
+    [
+        ({"u": 9.0, "u_unbounded": 1, "u_standard_error": 1.0, "alpha": 0.1}, "alpha"),
+        ({"sigma_b": 0.75, "sigma_b_standard_error": 0.1}, "sigma_b"),
+        (
+            {"std_share_of_the_step_b": 9.0, "std_share_of_the_step_b_standard_error": 1.0},
+            "std_share_of_the_step_b",
+        ),
+    ],
+)
+def test_a_parameter_that_the_recordings_cannot_tell_has_no_number(fitted, absent):
+    run = predicted(wishart=12.0)
+    run.metrics["fit_additive"] |= fitted
+    run.tables["ranges"].loc[2] = ("joint speed", "b", "rad/s", 0.0, 0.001)
+    page = model_card(run, [])
+    assert f"no number for {absent}" in page
+    assert not any(f"| additive | {name} |" in page for name in fitted)
+
+
+def test_a_baseline_without_a_score_is_stated():
+    run = predicted(wishart=10.7)
+    scores = run.tables["predictions"]
+    scores.loc[(scores["model"] == "memory") & (scores["score"] == "log_score"), "mean"] = np.nan
+    text = choice(run)
+    assert text.startswith("**Wishart matrix model**")
+    assert "autoregressive baseline has no score." in text
