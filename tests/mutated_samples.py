@@ -35,10 +35,14 @@ from pipeline.formats.trajectory import read_trajectory
 TABLE = LogOptions(joints=6, signals={"actual": None})
 
 
+def _pixels(message: object) -> tuple[float, np.ndarray]:
+    return seconds(message), image_pixels(message, shape=SHAPE)
+
+
 def _images(file: Path, bag: str = ".") -> dict[str, np.ndarray]:
-    held = list(messages((file.parent / bag) if bag else file, "/depth"))
-    pixels = [image_pixels(message, shape=SHAPE, file=file) for message in held]
-    return {"time": np.array([seconds(m, file=file) for m in held]), "pixels": np.array(pixels)}
+    held = [*messages((file.parent / bag) if bag else file, "/depth", _pixels)]
+    times, pixels = zip(*held, strict=True)
+    return {"time": np.array(times), "pixels": np.array(pixels)}
 
 
 def _chain(file: Path) -> object:

@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.core.bounds import read_whole
 from pipeline.core.errors import RecordingError
-from pipeline.formats.format import decoded
+from pipeline.formats.format import decoded, file_content
 
 # in each of its ways to go on the next letter differs, so that no text takes it long
 NUMBER = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*")
@@ -41,14 +40,6 @@ class Text:
     cut: str | None
 
 
-def file_content(file: Path) -> bytes:
-    """Return all bytes of ``file``; RecordingError where it cannot be read or is too large."""
-    try:
-        return read_whole(file)
-    except OSError as error:
-        raise RecordingError(f"the file cannot be read ({error.strerror})", file=file) from None
-
-
 def read_text(file: Path) -> Text:
     """Return the lines of ``file`` without their ends and a byte-order mark; RecordingError where
     it cannot be read, is empty or is no text.
@@ -56,8 +47,7 @@ def read_text(file: Path) -> Text:
     content = file_content(file)
     if not content.strip():
         raise RecordingError("the file is empty; export or copy it again", file=file)
-    text = decoded(content)
-    if text is None:
+    if (text := decoded(content)) is None:
         message = "this is not plain text (it holds zero bytes); export it as UTF-8 text"
         raise RecordingError(message, file=file)
     *lines, last = text.split("\n")
@@ -114,25 +104,17 @@ def numbers_of(
         if (held := len(cells_of(row, separator, file=file, number=number))) != first:
             message = f"the row has {held} cells where the first has {first}: truncated or damaged"
             raise RecordingError(message, file=file, line=number)
+    form = {"sep": separator, "decimal": decimal, "header": None, "dtype": "float64"}
+    form |= {"usecols": sorted({*columns}), "keep_default_na": False, "na_values": [*MISSING]}
     try:
-        table = pd.read_csv(
-            io.StringIO("\n".join(rows)),
-            sep=separator,
-            decimal=decimal,
-            header=None,
-            usecols=sorted(set(columns)),
-            dtype="float64",
-            keep_default_na=False,
-            na_values=list(MISSING),
-            skipinitialspace=True,
-            skip_blank_lines=False,
-        )
+        text = io.StringIO("\n".join(rows))
+        table = pd.read_csv(text, **form, skipinitialspace=True, skip_blank_lines=False)
         values = table[columns].to_numpy()
     except ValueError:
-        values = np.full((len(rows), len(columns)), np.inf)
-    wrong = np.abs(values) > GREATEST
-    if len(values) == len(rows) and not wrong.any() and (gaps or not np.isnan(values).any()):
-        return values
+        values = np.empty((0, 0))
+    if len(values) == len(rows) and not (np.abs(values) > GREATEST).any():
+        if gaps or not np.isnan(values).any():
+            return values
     for row, number in zip(rows, line_numbers, strict=True):
         cells = cells_of(row, separator, file=file, number=number)
         for column in columns:

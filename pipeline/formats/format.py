@@ -1,8 +1,8 @@
 """Formats of files: how a file of each begins, its reader, and the names that files have.
 
-A format is a module below this folder with a ``FORMAT`` (or several, as a tuple). Nothing lists
-them: they are found by their place, so ``python -m pipeline inspect`` recognises a new one,
-``new-dataset`` proposes it and the stages read it.
+A format is a module below this folder with a ``FORMAT`` (or several, as a tuple). Formats are found
+by their place: ``python -m pipeline inspect`` recognises a new one, ``new-dataset`` proposes it and
+the stages read it.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cache, cached_property
+from importlib import import_module
 from pathlib import Path
-from pkgutil import resolve_name, walk_packages
+from pkgutil import walk_packages
 from types import ModuleType
 from typing import Any
 
-from pipeline.core.bounds import call_alone
+from pipeline.core.bounds import call_alone, read_whole
 from pipeline.core.errors import ConfigError, RecordingError
 
 BYTES = 16_384  # of a file's head
@@ -44,8 +45,7 @@ class Kind(StrEnum):
 
 def decoded(content: bytes) -> str | None:
     """Return the text in ``content``, up to the last whole character and with line feeds alone as
-    line ends; UTF-8, UTF-16 with its mark, else the single bytes of a PC's code page. None where it
-    is no text.
+    line ends; UTF-8, UTF-16 with its mark, else a PC's code page. None where it is no text.
     """
     wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     if b"\0" in content and not wide:
@@ -54,9 +54,7 @@ def decoded(content: bytes) -> str | None:
         text = codecs.getincrementaldecoder("utf-16" if wide else "utf-8-sig")().decode(content)
     except UnicodeDecodeError:
         text = content.decode("latin-1")
-    if "\0" in text:
-        return None
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    return None if "\0" in text else text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 @dataclass(frozen=True)
@@ -76,7 +74,7 @@ class Head:
 
     @property
     def suffix(self) -> str:
-        """The ending of its name in lower case, with the dot."""
+        """Ending of the file's name in lower case, with the dot."""
         return self.file.suffix.lower()
 
     @cached_property
@@ -86,13 +84,8 @@ class Head:
 
     @cached_property
     def lines(self) -> list[str]:
-        """Its lines with content."""
+        """Lines with content."""
         return [line for line in (self.text or "").split("\n") if line.strip(' \t,;"')]
-
-    @property
-    def first_cell(self) -> str:
-        """Text before the first comma, semicolon or tab; empty where there is no text."""
-        return re.split(r"[,;\t]", self.lines[0])[0].strip().strip('"') if self.lines else ""
 
 
 @dataclass(frozen=True)
@@ -125,7 +118,7 @@ def formats_in(package: ModuleType, *kinds: Kind) -> tuple[Format, ...]:
     order of their modules' names, the fallbacks last.
     """
     modules = walk_packages(package.__path__, f"{package.__name__}.")
-    declared = [getattr(resolve_name(module.name), "FORMAT", ()) for module in modules]
+    declared = [getattr(import_module(module.name), "FORMAT", ()) for module in modules]
     formats = [one for held in declared for one in (held if isinstance(held, tuple) else (held,))]
     chosen = [one for one in formats if not kinds or one.kind in kinds]
     return tuple(sorted(chosen, key=lambda one: one.fallback))
@@ -144,6 +137,17 @@ def format_of(file: Path, formats: Sequence[Format]) -> Format | None:
         return recognised(Head.read(file), formats)
     except OSError as error:
         raise RecordingError(f"the file cannot be read ({error.strerror})", file=file) from None
+
+
+def file_content(file: Path, what: str = "file", advice: str = "") -> bytes:
+    """Return all bytes of ``file``; RecordingError, which calls it ``what``, where it cannot be
+    read or is too large.
+    """
+    try:
+        return read_whole(file)
+    except OSError as error:
+        message = f"the {what} cannot be read ({error.strerror}){advice}"
+        raise RecordingError(message, file=file) from None
 
 
 def read_alone(function: Callable, *arguments: object, file: Path, advice: str) -> Any:
@@ -172,9 +176,7 @@ def is_xml(*names: str) -> Callable[[Head], bool]:
     """Return a recogniser of XML in which an element has one of the ``names``."""
     element = re.compile(rf"<({'|'.join(names)})[\s>]")
     return lambda head: (
-        bool(head.lines)
-        and head.lines[0].lstrip().startswith("<")
-        and element.search(head.text) is not None
+        (head.text or "").lstrip().startswith("<") and element.search(head.text) is not None
     )
 
 

@@ -58,8 +58,7 @@ class Sheet:
     @property
     def width(self) -> int:
         """Cells of a row, without those that are empty behind the last one with a label."""
-        named, filled = len(self.labels), max(self.numeric, default=-1) + 1
-        return max(named, filled) or len(self.last)
+        return max(len(self.labels), max(self.numeric, default=-1) + 1) or len(self.last)
 
     @property
     def labels(self) -> list[str]:
@@ -83,10 +82,9 @@ class Sheet:
             if not units and index and len(cells) > 1 and all(map(is_unit, filter(None, cells))):
                 units = cells
                 continue
-            filled = _filled(cells)
-            enough = max(self.numeric, default=-1) < filled <= len(self.last)
-            if enough and (filled > 1 or len(self.last) == 1):
-                padded = cells + [""] * len(self.last)
+            filled, width = _filled(cells), len(self.last)
+            if max(self.numeric, default=-1) < filled <= width and (filled > 1 or width == 1):
+                padded = cells + [""] * width
                 return padded[: max(filled, _filled(self.last))], self.header_lines[index], units
         return [], 0, units
 
@@ -94,8 +92,8 @@ class Sheet:
     def settings(self) -> dict[str, str]:
         """Header statements ``name = value`` of a cell and ``name: value`` of a line."""
         cells = [cell for n in range(len(self.header)) for cell in self.header_cells(n)]
-        lines = [line.strip().strip('"') for line in self.header if ":" in line]
         stated = [cell.partition("=") for cell in cells if "=" in cell]
+        lines = [line.strip().strip('"') for line in self.header if ":" in line]
         stated += [line.partition(":") for line in lines if "=" not in line]
         return {name.strip(): value.strip() for name, _, value in stated}
 
@@ -120,13 +118,12 @@ class Sheet:
         """Columns that hold no numbers, by label or number, and their content."""
         named = {}
         for column in range(max(len(self.labels), _filled(self.last))):
-            if column in self.numeric:
-                continue
-            cell = self.last[column] if column < len(self.last) else ""
-            label = self.labels[column] if column < len(self.labels) else ""
-            empty = cell in MISSING
-            what = "dates or times" if DATE.search(cell) else "nothing" if empty else "words"
-            named[label or str(column)] = what
+            if column not in self.numeric:
+                cell, label = (
+                    "".join(row[column : column + 1]) for row in (self.last, self.labels)
+                )
+                what = "nothing" if cell in MISSING else "words"
+                named[label or str(column)] = "dates or times" if DATE.search(cell) else what
         return named
 
     def header_cells(self, index: int) -> list[str]:
@@ -147,15 +144,12 @@ class Sheet:
         columns = {}
         for quantity, name in wanted.items():
             fits = [c for c, label in enumerate(self.labels) if name in (label, bare(label))]
+            there = ", ".join(self.labels) or "; ".join(self.header)[:300] or "nothing"
+            problem = f"{len(fits)} columns are labelled {name!r} for {quantity}; the labels above "
+            problem += f"the numbers are {there}. A number from 0 names a column too"
             if isinstance(name, int):
                 fits = [name] if 0 <= name < len(self.last) else []
                 problem = f"{quantity} is column {name} (from 0) of rows of {self.width} cells"
-            else:
-                there = ", ".join(self.labels) or "; ".join(self.header)[:300] or "nothing"
-                problem = (
-                    f"{len(fits)} columns are labelled {name!r} for {quantity}; the labels above "
-                    f"the numbers are {there}. A number from 0 names a column too"
-                )
             if len(fits) != 1:
                 raise RecordingError(problem, file=self.file, line=self.label_line, key=key)
             columns[quantity] = fits[0]
@@ -167,13 +161,10 @@ class Sheet:
         """
         cells = self.header_cells(len(self.header) - 1) if self.header else []
         labels = [cell for cell in cells if cell and "=" not in cell]  # settings have no column
-        if len(labels) > len(self.last):
-            raise RecordingError(
-                f"the row has {len(self.last)} cells under {len(labels)} labels, the last of which "
-                f"is {labels[-1]!r}: a column is missing; export the log again",
-                file=self.file,
-                line=self.lines[0],
-            )
+        if (held := len(self.last)) < len(labels):
+            message = f"the row has {held} cells under {len(labels)} labels, the last of which is "
+            message += f"{labels[-1]!r}: a column is missing; export the log again"
+            raise RecordingError(message, file=self.file, line=self.lines[0])
 
     def values(self, columns: list[int]) -> np.ndarray:
         """Return (N, len(columns)) the numbers of the columns, 0 being the first; RecordingError
@@ -194,11 +185,8 @@ def read_sheet(
     commas in one table, or whole numbers between commas under no header, which may be halves of
     decimal fractions. Raises ConfigError for options that are no separator or mark.
     """
-    if (
-        separator not in (None, *SEPARATORS)
-        or decimal not in (None, ".", ",")
-        or (decimal is not None and decimal == separator)
-    ):
+    known = separator in (None, *SEPARATORS) and decimal in (None, ".", ",")
+    if not known or (decimal is not None and decimal == separator):
         message = f"separator {separator!r} and decimal {decimal!r}: one of comma, semicolon, tab, "
         raise ConfigError(f"{message}blank, and another of point, comma", key=key)
     return _sheet(read_text(file), Path(file), separator, decimal, key)
@@ -213,9 +201,8 @@ def _sheet(text: Text, file: Path, separator: str | None, decimal: str | None, k
         raise RecordingError("the log holds no whole line; record again", file=file)
     lines = [text.lines[place - 1] for place in places]
     # a last line without any number is a remark below the rows
-    mark = separator or _separator_of(
-        next((line for line in lines[:-4:-1] if re.search(r"\d", line)), lines[-1])
-    )
+    rowlike = (line for line in lines[:-4:-1] if re.search(r"\d", line))
+    mark = separator or _separator_of(next(rowlike, lines[-1]))
     if mark == SPACE:
         mark, lines = "\t", ["\t".join(line.lstrip("#%").split()) for line in lines]
     split = [_split(line, mark) for line in lines[-SAMPLED:]]
@@ -223,32 +210,32 @@ def _sheet(text: Text, file: Path, separator: str | None, decimal: str | None, k
     if len({*before}) == 1 and len(split[-1]) < before[0] and _numbers(split[-2]):
         lines, places, split = lines[:-1], places[:-1], split[:-1]
         counts["cut_rows"] += 1
-    width, numeric = len(split[-1]), _numeric_columns(split)
-    rowlike = (_is_row(_split(line, mark), width, numeric) for line in lines)
-    top = next((i for i, row in enumerate(rowlike) if row), len(lines)) if numeric else len(lines)
+    width, numeric, top = len(split[-1]), _numeric_columns(split), len(lines)
+    if numeric:
+        rows = (i for i, line in enumerate(lines) if _is_row(_split(line, mark), width, numeric))
+        top = next(rows, top)
     if top + 1 < len(lines) and _counts_on(_split(lines[top], mark)):
         top += 1  # labels that are numbers, as pandas writes them
-    rows, header = lines[top:], lines[:top]
-    sheet = Sheet(file, header, places[:top], rows, places[top:], mark, ".", counts, numeric)
-    if not rows:
+    above, below = (lines[:top], places[:top]), (lines[top:], places[top:])
+    sheet = Sheet(file, *above, *below, mark, ".", counts, numeric)
+    if not sheet.rows:
         return sheet
     _require_header(sheet, key)
     chosen = decimal or _decimal(sheet, key)
     if chosen is None and mark == "," and separator is None and width > 1 and not sheet.labels:
         sheet.require_cells()
         message = "whole numbers between commas, or decimal commas? Set separator and decimal, or "
-        where = {"file": file, "line": places[top], "key": key}
-        raise RecordingError(f"{message}save it with semicolons", **where)
+        message += "save it with semicolons"
+        raise RecordingError(message, file=file, line=places[top], key=key)
     return replace(sheet, decimal=chosen or ".")
 
 
 def _separator_of(line: str) -> str:
-    for mark in ";\t":
-        if mark in line:
-            return mark
+    if mark := next((mark for mark in ";\t" if mark in line), ""):
+        return mark
     pieces = line.split()
     # commas that never touch a blank are decimal marks of cells that blanks keep apart
-    spaced = len(pieces) > 1 and not any({piece[0], piece[-1]} & {","} for piece in pieces)
+    spaced = len(pieces) > 1 and not any("," in (piece[0], piece[-1]) for piece in pieces)
     # a date and a time have a blank between them too
     numbers = _numbers(pieces) >= HALF * len(pieces) or "," not in line
     return SPACE if spaced and numbers and '"' not in line else ","
@@ -260,12 +247,12 @@ def _split(line: str, mark: str) -> list[str]:
         try:
             return cells_of(line, mark, file=Path(), number=0)
         except RecordingError:
-            return [cell.strip().strip('"') for cell in line.split(mark)]
-    return [cell.strip() for cell in line.split(mark)]
+            pass
+    return [cell.strip().strip('"') if '"' in line else cell.strip() for cell in line.split(mark)]
 
 
 def _filled(cells: list[str]) -> int:
-    """Number of cells up to the last one with content."""
+    """Return the number of cells up to the last one with content."""
     return max((n for n, cell in enumerate(cells, start=1) if cell), default=0)
 
 
@@ -278,8 +265,8 @@ def _numbers(cells: list[str]) -> int:
 
 
 def _numeric_columns(split: list[list[str]]) -> list[int]:
-    """Columns that hold numbers in at least half of the last lines that are as wide as the last
-    one, from the last line up to one that holds none.
+    """Return the columns that hold numbers in at least half of the last lines that are as wide as
+    the last one, from the last line up to one that holds none.
     """
     alike = []
     for cells in reversed(split):
@@ -301,7 +288,7 @@ def _counts_on(cells: list[str]) -> bool:
     if len(cells) < 3 or _is_number(cells[0]):
         return False
     numbers = [int(cell) for cell in cells[1:] if re.fullmatch(r"\d{1,4}", cell)]
-    return numbers == [*range(numbers[0], numbers[0] + len(cells) - 1)] if numbers else False
+    return bool(numbers) and numbers == [*range(numbers[0], numbers[0] + len(cells) - 1)]
 
 
 def _require_header(sheet: Sheet, key: str) -> None:
@@ -355,7 +342,7 @@ def _begins(head: Head) -> bool:
     except RecordingError as error:
         return "key" in error.evidence or "line" in error.evidence
     if len(sheet.rows) < 2:
-        return bool(sheet.rows) and bool(sheet.labels) and len(sheet.numeric) == sheet.width
+        return bool(sheet.rows and sheet.labels) and len(sheet.numeric) == sheet.width
     return bool(sheet.labels) or len(sheet.numeric) >= min(2, len(sheet.last))
 
 

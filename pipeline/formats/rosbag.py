@@ -91,22 +91,20 @@ def messages(
     number = 0
     with Sandbox() as sandbox:
         try:
-            announced = sandbox.call(_start, Path(file), topic)
-            for number in range(announced):
-                if numbers is None or number in numbers:
-                    yield sandbox.call(_next, pick)
-                else:
-                    sandbox.call(_next, None)
+            for number in range(sandbox.call(_start, Path(file), topic)):
+                wanted = numbers is None or number in numbers
+                picked = sandbox.call(_next, pick if wanted else None)
+                if wanted:
+                    yield picked
         except RecordingError as error:
             where = {"file": file, "topic": topic, "number": number} | error.evidence
             raise unread(RecordingError(error.message, **where), MEND) from None
 
 
 def _start(file: Path, topic: str) -> int:
-    stream = _stream(file, topic)
-    announced = next(stream)
-    _streams[:] = [stream]
-    return announced
+    """Open the bag in this process; return the number of messages of the topic."""
+    _streams[:] = [_stream(file, topic)]
+    return next(_streams[0])
 
 
 def _next(pick: Callable[[Any], Any] | None) -> Any:
@@ -121,9 +119,8 @@ def _stream(file: Path, topic: str) -> Iterator[Any]:
         if not connections:
             held = _named({one.topic: one.msgtype for one in reader.connections})
             raise RecordingError(f"no topic {topic!r}; there are {held}", file=file)
-        announced = sum(connection.msgcount for connection in connections)
+        announced, found = sum(connection.msgcount for connection in connections), 0
         yield announced
-        found = 0
         for connection, _, raw in reader.messages(connections):
             yield reader.deserialize(raw, connection.msgtype)
             found += 1

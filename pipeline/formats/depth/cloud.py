@@ -17,10 +17,10 @@ from types import ModuleType
 
 import numpy as np
 
-from pipeline.core.bounds import MIB, read_whole, require
+from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import numbers_of
-from pipeline.formats.format import Format, Head, Kind, Stated
+from pipeline.formats.format import Format, Head, Kind, Stated, file_content
 
 PCD_FORMATS = ("ascii", "binary", "binary_compressed")
 PCD_TYPES = {"f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8"}
@@ -59,7 +59,7 @@ class PointCloud:
 
 
 @dataclass(frozen=True)
-class Header:
+class CloudHeader:
     """Numbers that a cloud's header states."""
 
     count: int  # points
@@ -77,12 +77,8 @@ def is_cloud(file: Path) -> bool:
 
 def read_cloud(file: Path) -> PointCloud:
     """Return the points of the cloud in ``file``; see :func:`decode_cloud`."""
-    try:
-        content = read_whole(file)
-    except OSError as error:
-        message = f"the cloud cannot be read ({error.strerror}); copy it again, or take it out of "
-        raise RecordingError(f"{message}the take", file=file) from None
-    return decode_cloud(content, file=Path(file))
+    advice = "; copy it again, or take it out of the take"
+    return decode_cloud(file_content(file, "cloud", advice), file=Path(file))
 
 
 def decode_cloud(content: bytes, *, file: Path) -> PointCloud:
@@ -121,18 +117,12 @@ def _is_pcd(content: bytes) -> bool:
     return re.match(rb"# \.PCD|VERSION +\S+\s+FIELDS ", content) is not None
 
 
-def _pcd_header(content: bytes, file: Path) -> Header:
-    entries: dict[str, list[str]] = {}
-    start = 0
-    while "DATA" not in entries:
-        end = content.find(b"\n", start, start + 10_000)
-        if end < 0:
-            message = "this is no PCD point cloud, or it is truncated in its header"
-            raise RecordingError(f"{message}; {AGAIN}", file=file)
-        words = content[start:end].decode("latin-1").split()
-        start = end + 1
-        if words and not words[0].startswith("#"):
-            entries[words[0]] = words[1:]
+def _pcd_header(content: bytes, file: Path) -> CloudHeader:
+    if (data := re.search(rb"(?m)^DATA[^\S\n].*\n", content[:100_000])) is None:
+        message = "this is no PCD point cloud, or it is truncated in its header"
+        raise RecordingError(f"{message}; {AGAIN}", file=file)
+    lines = [line.split() for line in content[: data.end()].decode("latin-1").split("\n")]
+    entries = {words[0]: words[1:] for words in lines if words}
     try:
         names = entries["FIELDS"]
         counts = [int(count) for count in entries.get("COUNT", ["1"] * len(names))]
@@ -160,10 +150,10 @@ def _pcd_header(content: bytes, file: Path) -> Header:
             "z); write 0 0 0 1 0 0 0 for the sensor's own frame",
             file=file,
         )
-    return Header(count, point, form, start, viewpoint=viewpoint)
+    return CloudHeader(count, point, form, data.end(), viewpoint=viewpoint)
 
 
-def _ply_header(content: bytes, file: Path) -> Header:
+def _ply_header(content: bytes, file: Path) -> CloudHeader:
     end = re.search(rb"\nend_header\r?\n", content[:100_000])
     if end is None:
         raise RecordingError(f"the PLY is truncated in its header; {AGAIN}", file=file)
@@ -177,7 +167,7 @@ def _ply_header(content: bytes, file: Path) -> Header:
         point = np.dtype([(name, order + PLY_TYPES[kind]) for _, kind, name in properties])
         if first != "format" or element != "vertex":
             raise ValueError("it does not begin with a format and the element vertex")
-        return Header(int(count), point, form, end.end(), more=len(elements) > 1)
+        return CloudHeader(int(count), point, form, end.end(), more=len(elements) > 1)
     except HEADER_DAMAGE as error:
         message = "the header of the PLY is damaged, or a vertex has more than single numbers "
         raise RecordingError(
@@ -185,7 +175,7 @@ def _ply_header(content: bytes, file: Path) -> Header:
         ) from None
 
 
-def _binary_points(content: bytes, header: Header, file: Path) -> tuple[np.ndarray, int]:
+def _binary_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.ndarray, int]:
     """Return (N, 3) the points, and the number of bytes behind them."""
     data, size = content[header.start :], header.count * header.point.itemsize
     if header.form == "binary_compressed":
@@ -218,7 +208,7 @@ def load_open3d() -> ModuleType:
     return open3d
 
 
-def _by_open3d(header: Header, data: bytes) -> np.ndarray | None:
+def _by_open3d(header: CloudHeader, data: bytes) -> np.ndarray | None:
     """Return (N, 3) float64 of ``data`` as ``header`` describes them, None where damaged; Open3D
     is given them as PCD, a PLY's in the order of bytes that PCD has.
     """
@@ -251,7 +241,7 @@ def _by_open3d(header: Header, data: bytes) -> np.ndarray | None:
         return cloud.point.positions.numpy().astype(float)
 
 
-def _text_points(content: bytes, header: Header, file: Path) -> tuple[np.ndarray, int]:
+def _text_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.ndarray, int]:
     """Return (N, 3) the points, and the number of bytes behind them."""
     lines = content[header.start :].decode("latin-1").split("\n")
     first = content.count(b"\n", 0, header.start) + 1

@@ -19,9 +19,9 @@ import numpy as np
 from PIL import Image
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
-from pipeline.core.bounds import MIB, read_whole, require
+from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
-from pipeline.formats.format import Format, Kind, begins
+from pipeline.formats.format import Format, Kind, begins, file_content
 
 PNG, TIFF, PGM = b"\x89PNG\r\n\x1a\n", (b"II*\0", b"MM\0*"), b"P5"
 MODES = {"I;16": 1, "LA": 2, "RGB": 3, "P": 3, "RGBA": 4}  # Pillow's modes of PNG: channels
@@ -34,6 +34,7 @@ NO_DISPARITY = 2047  # value of the Kinect's eleven bits where it sees nothing
 # exceptions of Pillow for a damaged header
 HEADER_DAMAGE = (OSError, EOFError, ValueError, SyntaxError, TypeError, LookupError, OverflowError)
 HEADER_DAMAGE += (RuntimeError, struct.error)
+AGAIN = "copy it again, or take its line out of the index"
 # Run lengths of each row's differences. Naming the filter halves the time: without it OpenCV tries
 # them all, row by row. Depth of 512 × 424 pixels: 77 kB either way, 2.1 ms instead of 4.2; level 6
 # takes 31 ms for 1 % less.
@@ -119,11 +120,7 @@ def read_depth(file: Path, *, shape: tuple[int, int]) -> RawDepth:
     """Return the image in ``file``, whose size must be ``shape`` = (H, W); RecordingError where it
     is missing, else as :func:`decode_depth`.
     """
-    try:
-        content = read_whole(file)
-    except OSError as error:
-        message = f"the depth frame cannot be read ({error.strerror}); copy it again, or take its "
-        raise RecordingError(f"{message}line out of the index", file=file) from None
+    content = file_content(file, "depth frame", f"; {AGAIN}")
     return decode_depth(content, shape=shape, file=file)
 
 
@@ -169,28 +166,30 @@ def depth_size(content: bytes, *, file: Path) -> tuple[int, int]:
 
 def _header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
     """Return (H, W) of an image and its description."""
-    read = _png_header if content.startswith(PNG) else _tiff_header
-    read = _pgm_header if content.startswith(PGM) else read
     if not content.startswith((PNG, *TIFF, PGM)):
         message = "the depth frame is no PNG, TIFF or PGM image; convert it to 16-bit PNG"
         raise RecordingError(message, file=file)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Pillow's of odd tags and of sizes, which are bound here
-        shape, description = read(content, file)
-    require("part_mib", shape[0] * shape[1] * PIXEL / MIB, "MiB of pixels", file)
-    return shape, description
-
-
-def _png_header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
+    read = _png_header if content.startswith(PNG) else _tiff_header
+    read = _pgm_header if content.startswith(PGM) else read
     try:
-        with Image.open(io.BytesIO(content), formats=("PNG",)) as image:
-            shape, mode = (image.height, image.width), image.mode
-            image.verify()  # the check sums of all chunks to the last
+        with warnings.catch_warnings():
+            warnings.simplefilter(
+                "ignore"
+            )  # Pillow's of odd tags and of sizes, which are bound here
+            shape, description = read(content, file)
     except Image.DecompressionBombError as error:
         message = f"the image is larger than any depth camera's ({error}); export it again"
         raise RecordingError(message, file=file) from None
     except HEADER_DAMAGE:
         raise _damaged(file) from None
+    require("part_mib", shape[0] * shape[1] * PIXEL / MIB, "MiB of pixels", file)
+    return shape, description
+
+
+def _png_header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
+    with Image.open(io.BytesIO(content), formats=("PNG",)) as image:
+        shape, mode = (image.height, image.width), image.mode
+        image.verify()  # the check sums of all chunks to the last
     bits = content[len(PNG) + 16]
     if (mode, bits) != ("I;16", 16):
         raise _no_depth(MODES.get(mode, 1), f"channel(s) of {max(bits, 8)} bits", file)
@@ -200,18 +199,13 @@ def _png_header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
 def _tiff_header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
     # not by Pillow's images, which have no pixels of float64
     stream = io.BytesIO(content)
-    try:
-        tags = ImageFileDirectory_v2(stream.read(8))
-        stream.seek(tags.next)
-        tags.load(stream)
-        shape = int(tags[LENGTH]), int(tags[WIDTH])
-        several, description = bool(tags.next), str(tags.get(DESCRIPTION, ""))
-    except HEADER_DAMAGE:
-        raise _damaged(file) from None
-    if several:
+    tags = ImageFileDirectory_v2(stream.read(8))
+    stream.seek(tags.next)
+    tags.load(stream)
+    if tags.next:
         message = "the file holds several images; write one depth frame to a file"
         raise RecordingError(message, file=file)
-    return shape, description
+    return (int(tags[LENGTH]), int(tags[WIDTH])), str(tags.get(DESCRIPTION, ""))
 
 
 def _pgm_header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
@@ -227,8 +221,8 @@ def _pgm_header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
 
 
 def _damaged(file: Path, reason: str = "") -> RecordingError:
-    message = f"the depth frame is truncated or damaged{reason}; copy it again, or take its line "
-    return RecordingError(f"{message}out of the index", file=file)
+    message = f"the depth frame is truncated or damaged{reason}; {AGAIN}"
+    return RecordingError(message, file=file)
 
 
 def _no_depth(channels: int, kind: str, file: Path) -> RecordingError:

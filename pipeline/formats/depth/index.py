@@ -70,9 +70,8 @@ def dropped_frames(time: np.ndarray) -> int:
     steps beyond one, in steps of the median's length.
     """
     steps = np.diff(time)
-    if not len(steps):
-        return 0
-    return int(np.sum(np.maximum(np.rint(steps / np.median(steps)) - 1, 0)))
+    lost = np.rint(steps / np.median(steps)) - 1 if len(steps) else steps
+    return int(np.sum(np.maximum(lost, 0)))
 
 
 def write_index(file: Path, time: np.ndarray, files: tuple[str, ...]) -> None:
@@ -96,20 +95,16 @@ def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
     numbers: dict[int, Path] = {}
     forms = set()
     for file in filter(Path.is_file, matching(folder, pattern, key="dataset.depth.frames")):
-        parts = NUMBERED.fullmatch(file.name.removesuffix(file.suffix))
-        before, digits, after = parts.groups() if parts else ("", "-1", "")
-        forms.add((str(file.parent), before, after, file.suffix))
-        message = ""
-        if parts is None:
+        if (parts := NUMBERED.fullmatch(file.stem)) is None:
             message = "the frame's name has no number; name the frames by number, or write an index"
-        elif len(forms) > 1:
-            message = f"the names that match {pattern!r} differ in more than a number; write an "
-            message += "index of their times"
-        elif int(digits) in numbers:
-            message = f"frame {int(digits)} is there twice, as {numbers[int(digits)].name} too"
-        if message:
             raise RecordingError(message, file=file)
-        numbers[int(digits)] = file
+        forms.add((file.parent, parts[1], parts[3], file.suffix))
+        if len(forms) > 1:
+            message = f"the names that match {pattern!r} differ in more than a number; write an "
+            raise RecordingError(f"{message}index of their times", file=file)
+        if (other := numbers.setdefault(int(parts[2]), file)) != file:
+            message = f"frame {int(parts[2])} is there twice, as {other.name} too"
+            raise RecordingError(message, file=file)
     if not numbers:
         raise RecordingError(f"no depth frame matches {pattern!r}", file=folder)
     order = sorted(numbers)

@@ -6,20 +6,18 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import accumulate
 from pathlib import Path
 from typing import ClassVar
+from xml.etree import ElementTree
 
-import cv2
 import numpy as np
 import yaml
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import read_text
-from pipeline.formats.format import Format, Head, Kind, Stated, read_alone
+from pipeline.formats.format import Format, Head, Kind, Stated
 
 MATRIX = ("cameraMatrix", "camera_matrix", "Camera_Matrix", "CameraMatrix")
 MATRIX += ("K", "k", "intrinsic_matrix")
@@ -32,23 +30,15 @@ FOCAL = ("fx", "fy", "cx", "cy")
 SIZE = (("width", "height"), ("image_width", "image_height"), ("image_Width", "image_Height"))
 NARROWEST = 100  # focal length over the longer side: a view of half a degree
 COEFFICIENTS = (0, 4, 5, 8, 12, 14)  # the numbers of coefficients that OpenCV's model has
-MAX_CHARACTERS = 10**5
-MAX_NESTING = 50  # how deep a parser follows differs between versions of Python
-# a number of a calibration is decimal: YAML 1.1 and OpenCV take 0525 for 341, and YAML 1.1 yes for
-# true and 5:25 for 325
+# a number of a calibration is decimal: YAML 1.1 takes 0525 for 341, yes for true, 5:25 for 325
 WHOLE = re.compile(r"[-+]?(0|[1-9][0-9]*)$")
 REAL = re.compile(
     r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=[eE]))([eE][-+]?[0-9]+)?$|[-+]?\.(nan|inf)$"
 )
-# where OpenCV's YAML and XML have the numbers of a camera, and what OpenCV makes others of
-NAMED = r"(?:[fc][xy]|\w*(?:[wW]idth|[hH]eight))"
-LISTS = re.compile(
-    rf"\[[^\]]*\]|<data>[^<]*</data>|^[^\S\n]*{NAMED}[^\S\n]*:.*$|<{NAMED}>[^<]*<", re.MULTILINE
-)
-NO_DECIMAL = re.compile(
-    r"(?<![\w.:/+-])([-+]?0[0-9xX][0-9a-fA-F]*|true|false|yes|no|on|off)(?![\w.:/-])", re.IGNORECASE
-)
 NO_CALIBRATION = "this is no calibration in OpenCV's YAML or XML, YAML or JSON, or it is truncated"
+CALIBRATED = re.compile(
+    rf'(?:^|[{{,])[^\S\n]*["<]?(?:{"|".join((*MATRIX, *DISTORTION))})\b"?\s*[:>\s]', re.MULTILINE
+)
 
 
 @dataclass(frozen=True)
@@ -129,60 +119,58 @@ def read_intrinsics(
     there = f"the file has {', '.join(map(str, values))}"
 
     def choose(chosen: str | None, usual: tuple[str, ...], what: str) -> str | None:
-        if chosen is not None and chosen not in values:
-            raise RecordingError(f"no {what} {chosen!r}; {there}", file=file)
-        present = [chosen] if chosen else [name for name in usual if name in values]
-        if len(present) > 1:
+        present, message = [name for name in usual if name in values], ""
+        if chosen is not None:
+            message = "" if chosen in values else f"no {what} {chosen!r}; {there}"
+            present = [chosen]
+        elif len(present) > 1:
             message = f"{' and '.join(present)} could each be the {what}; choose one by option"
+        if message:
             raise RecordingError(message, file=file)
         return present[0] if present else None
 
     key = choose(matrix, MATRIX, "camera matrix")
+    bent = choose(distortion, DISTORTION, "distortion")
     if key is not None:
-        camera = _numbers(values[key], file, key)
-        if camera.size != 9:
-            message = f"there is no 3 × 3 {key}; export the calibration again"
-            raise RecordingError(message, file=file, key=key)
+        camera = _numbers(values[key], 9, file, key)
         columns = key == "intrinsic_matrix" and camera.ndim == 1  # as Open3D writes it
         camera = camera.reshape(3, 3).T if columns else camera.reshape(3, 3)
     elif {*FOCAL} <= {*values}:
-        four = [_numbers(values[name], file, name) for name in FOCAL]
-        if any(number.size != 1 for number in four):
-            raise RecordingError("fx, fy, cx and cy are not four numbers", file=file)
-        fx, fy, cx, cy = (number.item() for number in four)
+        fx, fy, cx, cy = (_numbers(values[name], 1, file, name).item() for name in FOCAL)
         camera = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     else:
         message = f"no camera matrix under a usual name; {there}: name its key in camera_matrix"
         raise RecordingError(message, file=file)
-    bent = choose(distortion, DISTORTION, "distortion")
     if bent is None and (not is_json or any(BENT.fullmatch(name) for name in values)):
         message = f"there are no distortionCoefficients; {there}: name their key in distortion, or "
         raise RecordingError(f"{message}write zeros where there is no distortion", file=file)
-    coefficients = np.zeros(0) if bent is None else _numbers(values[bent], file, bent).ravel()
+    coefficients = np.zeros(0) if bent is None else _numbers(values[bent], None, file, bent).ravel()
     require_model(values.get("distortion_model"), coefficients, file=file)
     return pinhole(camera, coefficients, width=width, height=height, file=file, key=key)
 
 
-def _numbers(value: object, file: Path, key: str) -> np.ndarray:
-    # ROS writes a matrix as rows, cols, data
-    value = value.get("data", value) if isinstance(value, Mapping) else value
-    # NumPy would make numbers of words and of true
-    words = [str(each) for each in _flat(value) if isinstance(each, str | bool)]
+def _numbers(value: object, count: int | None, file: Path, key: str) -> np.ndarray:
+    """Return the numbers under ``key``, ``count`` in all; ROS and OpenCV write a matrix as rows,
+    cols and data.
+    """
+    wanted = {count} - {None}
+    if isinstance(value, Mapping):
+        shape = [value.get(name) for name in ("rows", "cols")]
+        value = value.get("data")
+        wanted |= {shape[0] * shape[1]} if all(type(n) is int for n in shape) else set()
+    numbers = np.array(0)
     try:
-        if words:
-            raise TypeError
-        return np.array(value, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        message = f"{key} holds no decimal numbers{f', but {words[0]}' if words else ''}"
-        raise RecordingError(message, file=file, key=key) from None
-
-
-def _flat(value: object) -> Iterator[object]:
-    if isinstance(value, list):
-        for each in value:
-            yield from _flat(each)
+        numbers = np.array(value)
+    except ValueError:  # lists of other lengths
+        pass
+    # words and true are no numbers, though NumPy would make some of them
+    if numbers.dtype.kind not in "fiu" or (numbers.ndim == 0) != (count == 1):
+        message = f"{key} holds no decimal numbers, but {str(value)[:80]}"
+    elif wanted - {numbers.size}:
+        message = f"{key} holds {numbers.size} numbers, not {max(wanted)}; export it again"
     else:
-        yield value
+        return numbers.astype(float)
+    raise RecordingError(message, file=file, key=key)
 
 
 def _values(file: Path) -> tuple[Mapping, bool]:
@@ -190,39 +178,31 @@ def _values(file: Path) -> tuple[Mapping, bool]:
     YAML nothing else shows that a number was cut.
     """
     text = read_text(file)
-
-    def fault(message: str) -> RecordingError:
-        return RecordingError(f"{message}; export it again", file=file)
-
-    if sum(map(len, text.lines)) > MAX_CHARACTERS:
-        raise fault("the file is far larger than any calibration")
-    body = "\n".join(text.lines)
-    whole = "\n".join([*text.lines, text.cut or ""])
-    brackets = ((mark in "[{") - (mark in "]}") for mark in whole if mark in "[]{}")
-    if max(accumulate(brackets), default=0) > MAX_NESTING:
-        raise fault("lists lie far deeper in one another than in any calibration")
-    is_json = whole.lstrip().startswith("{")
+    body, whole = "\n".join(text.lines), "\n".join([*text.lines, text.cut or ""])
+    is_json, message = whole.lstrip().startswith("{"), f"{NO_CALIBRATION}; export it again"
     try:
         if is_json:
-            values = json.loads(whole)
-        elif body.startswith(("%YAML", "<?xml")) or "!!opencv-matrix" in body:
-            values = _opencv_alone(body, file)
+            held = [json.loads(whole)]
+        elif body.lstrip().startswith("<"):
+            held = [{one.tag: _element(one) for one in ElementTree.fromstring(body)}]
         else:
-            events = yaml.parse(body, yaml.CSafeLoader)
-            if any(isinstance(event, yaml.AliasEvent) for event in events):
-                raise fault("the file refers to parts of itself, which can unfold without bound")
-            values = _only(yaml.load_all(body, _Decimal), fault)
-    except (yaml.YAMLError, ValueError, RecursionError):
-        raise fault(NO_CALIBRATION) from None
-    # Open3D puts the camera beside its pose
-    values = values.get("intrinsic", values) if isinstance(values, Mapping) else values
-    if not isinstance(values, Mapping):
-        raise fault("this is no calibration: it holds no keys")
-    return values, is_json
+            # a directive of OpenCV, which is none of YAML
+            held = [*yaml.load_all(re.sub(r"^%YAML:1\.0.*\n", "", body), _Decimal)]
+    except (yaml.YAMLError, ElementTree.ParseError, ValueError, RecursionError):
+        raise RecordingError(message, file=file) from None
+    # Open3D puts the camera beside its pose, ROS prints messages again and again
+    held = [one.get("intrinsic", one) if isinstance(one, Mapping) else one for one in held if one]
+    if not held or not all(isinstance(one, Mapping) for one in held):
+        raise RecordingError(message, file=file)
+    plain = [{key: value for key, value in one.items() if key != "header"} for one in held]
+    if any(other != plain[0] for other in plain):
+        message = f"the file holds {len(held)} calibrations, not all of them equal; keep one"
+        raise RecordingError(message, file=file)
+    return plain[0], is_json
 
 
 class _Decimal(yaml.SafeLoader):
-    """Plain YAML whose numbers are decimal; every other plain word is text."""
+    """YAML whose numbers are decimal; every other plain word is text."""
 
     yaml_implicit_resolvers: ClassVar[dict] = {}
 
@@ -230,68 +210,31 @@ class _Decimal(yaml.SafeLoader):
 _Decimal.add_implicit_resolver("tag:yaml.org,2002:null", re.compile(r"(~|null|)$"), None)
 _Decimal.add_implicit_resolver("tag:yaml.org,2002:int", WHOLE, None)
 _Decimal.add_implicit_resolver("tag:yaml.org,2002:float", REAL, None)
+_Decimal.add_constructor(
+    "tag:yaml.org,2002:opencv-matrix",
+    lambda loader, node: loader.construct_mapping(node, deep=True),
+)
 
 
-def _only(documents: Iterable[object], fault: Callable[[str], RecordingError]) -> object:
-    """Return the one document, or message that ROS printed, that the file holds, however often."""
-    held = [document for document in documents if document is not None]
-    plain = [
-        {key: value for key, value in one.items() if key != "header"}
-        if isinstance(one, Mapping)
-        else one
-        for one in held
-    ]
-    if any(other != plain[0] for other in plain[1:]):
-        raise fault(f"the file holds {len(held)} calibrations, not all of them equal; keep one")
-    return plain[0] if plain else None
+def _element(element: ElementTree.Element) -> object:
+    """Return the content of an element as OpenCV's XML has it."""
+    if len(element):
+        return {one.tag: _element(one) for one in element}
+    words = [_word(word) for word in (element.text or "").split()]
+    return words if element.tag == "data" else words[0] if len(words) == 1 else element.text
 
 
-@lru_cache(maxsize=1)  # the takes of a camera share its file
-def _opencv_alone(body: str, file: Path) -> Mapping[str, object]:
-    """Return the values by OpenCV in a process of its own, which some damaged files end."""
-    return read_alone(_opencv, body, file, file=file, advice="export it again")
-
-
-def _opencv(body: str, file: Path) -> dict[str, object]:
-    for held in LISTS.findall(body):
-        if wrong := NO_DECIMAL.search(held):
-            message = f"OpenCV reads {wrong[0]} as no decimal number: write it as one, without a "
-            raise RecordingError(f"{message}zero before it", file=file)
-    values = {}
-    try:
-        storage = cv2.FileStorage(body, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        for key in storage.root().keys():
-            values[key] = _node(storage.getNode(key))
-        storage.release()
-    except (cv2.error, SystemError):  # the constructor of FileStorage fails with the latter
-        raise RecordingError(f"{NO_CALIBRATION}; export it again", file=file) from None
-    return values
-
-
-def _node(node: cv2.FileNode) -> object:
-    """Return the content of a node, None of a structure of the tool's own."""
-    if node.isInt() or node.isReal():
-        return node.real()
-    if node.isString():
-        return node.string()
-    rows, columns, data, stored = (node.getNode(name) for name in ("rows", "cols", "data", "dt"))
-    if node.isMap() and (kind := stored.string()):
-        # OpenCV would round numbers to any other type, and read on behind the end of a short list
-        sized = rows.isInt() and columns.isInt() and data.isSeq()
-        if kind not in ("d", "f"):
-            return f"a matrix of type {kind}"
-        if not sized or not rows.real() * columns.real() == data.size() > 0:
-            return None
-    try:
-        return node.mat()
-    except cv2.error:
-        return None
+def _word(word: str) -> float | str:
+    return int(word) if WHOLE.match(word) else float(word) if REAL.match(word) else word
 
 
 def write_intrinsics(file: Path, intrinsics: Intrinsics) -> None:
     """Write ``cameraMatrix`` and ``distortionCoefficients`` (zeros where there are none) as
     OpenCV's YAML; numbers read back exactly.
     """
+    # here, as few write a calibration
+    import cv2
+
     matrix = np.array(
         [[intrinsics.fx, 0, intrinsics.cx], [0, intrinsics.fy, intrinsics.cy], [0, 0, 1]]
     )
@@ -302,11 +245,6 @@ def write_intrinsics(file: Path, intrinsics: Intrinsics) -> None:
     # another head, and reads both
     body = storage.releaseAndGetString().partition("\n")[2]
     Path(file).write_bytes(f"%YAML:1.0\n{body}".encode())
-
-
-CALIBRATED = re.compile(
-    rf'(?:^|[{{,])[^\S\n]*["<]?(?:{"|".join((*MATRIX, *DISTORTION))})\b"?\s*[:>\s]', re.MULTILINE
-)
 
 
 def _begins(head: Head) -> bool:

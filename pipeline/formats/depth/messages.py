@@ -24,35 +24,27 @@ def image_pixels(message: object, *, shape: tuple[int, int], **evidence: object)
     Raises RecordingError (with ``evidence``) for another encoding or size, and for data that are
     shorter or longer than rows × step.
     """
-    if message.encoding not in PIXELS:
+    if (pixel := PIXELS.get(message.encoding)) is None:
         said = f"an image of the encoding {message.encoding!r}; depth is {', '.join(PIXELS)}"
         raise RecordingError(said, **evidence)
     if (message.height, message.width) != tuple(shape):
-        raise RecordingError(
-            f"the image has {message.width} × {message.height} pixels where the camera has "
-            f"{shape[1]} × {shape[0]}",
-            **evidence,
-        )
-    pixel = PIXELS[message.encoding]
-    cells = _cells(message, message.step, pixel.itemsize, "pixels", evidence)
-    return cells.view(pixel.newbyteorder(_order(message)))[..., 0].astype(pixel)
+        (height, width), size = shape, f"{message.width} × {message.height}"
+        said = f"the image has {size} pixels where the camera has {width} × {height}"
+        raise RecordingError(said, **evidence)
+    return _records(message, message.step, pixel, "pixels", evidence).astype(pixel)
 
 
-def _order(message: object) -> str:
-    return ">" if message.is_bigendian else "<"
-
-
-def _cells(message: object, row: int, size: int, what: str, evidence: dict) -> np.ndarray:
-    """Return (height, width, ``size``) bytes of the pixels or points of a message whose rows have
-    ``row`` bytes.
+def _records(message: object, row: int, kind: np.dtype, what: str, evidence: dict) -> np.ndarray:
+    """Return (height, width) pixels or points of ``kind`` in a message whose rows have ``row``
+    bytes.
     """
-    height, width = message.height, message.width
+    height, width, size = message.height, message.width, kind.itemsize
     data = np.asarray(message.data, np.uint8)
     if row < width * size or len(data) != height * row:
         said = f"{len(data)} bytes in {height} rows of {row} for {width} {what} of {size} bytes"
         raise RecordingError(said, **evidence)
     rows = np.ascontiguousarray(data.reshape(height, row)[:, : width * size])
-    return rows.reshape(height, width, size)
+    return rows.view(kind.newbyteorder(">" if message.is_bigendian else "<"))
 
 
 def cloud_points(message: object, **evidence: object) -> np.ndarray:
@@ -63,26 +55,22 @@ def cloud_points(message: object, **evidence: object) -> np.ndarray:
     padded or not. Raises RecordingError (with ``evidence``) for a field that is missing or of
     another type, and for data that do not hold the points announced.
     """
-    fields = {field.name: field for field in message.fields}
+    fields, step = {field.name: field for field in message.fields}, message.point_step
     if missing := [name for name in "xyz" if name not in fields]:
-        raise RecordingError(
-            f"the cloud has no field {', '.join(missing)}; there are {', '.join(fields) or 'none'}",
-            **evidence,
-        )
-    step = message.point_step
-    rows = _cells(message, message.row_step, step, "points", evidence).reshape(-1, step)
-    points = np.empty((len(rows), 3))
-    for column, name in enumerate("xyz"):
-        field = fields[name]
+        there = ", ".join(fields) or "none"
+        said = f"the cloud has no field {', '.join(missing)}; there are {there}"
+        raise RecordingError(said, **evidence)
+    for field in map(fields.get, "xyz"):
         kind = DATATYPES.get(field.datatype)
         if kind is None or field.count != 1 or field.offset + kind.itemsize > step:
-            raise RecordingError(
-                f"the field {name} is no single float32 or float64 within the point's {step} bytes",
-                **evidence,
-            )
-        cells = np.ascontiguousarray(rows[:, field.offset : field.offset + kind.itemsize])
-        points[:, column] = cells.view(kind.newbyteorder(_order(message)))[:, 0]
-    return points
+            said = f"the field {field.name} is no single float32 or float64 within the point's "
+            raise RecordingError(f"{said}{step} bytes", **evidence)
+    held = [fields[name] for name in "xyz"]
+    formats = [DATATYPES[field.datatype] for field in held]
+    layout = {"names": [*"xyz"], "formats": formats, "offsets": [field.offset for field in held]}
+    kind = np.dtype(layout | {"itemsize": step})
+    points = _records(message, message.row_step, kind, "points", evidence).ravel()
+    return np.column_stack([points[name].astype(float) for name in "xyz"])
 
 
 def camera_info(message: object, *, width: int, height: int, **evidence: object) -> Intrinsics:

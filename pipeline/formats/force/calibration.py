@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from xml.parsers import expat
+from xml.etree import ElementTree
 
 import numpy as np
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import file_content
-from pipeline.formats.format import Format, Kind, is_xml
+from pipeline.formats.format import Format, Kind, file_content, is_xml
 from pipeline.formats.units import FORCE_UNITS, LENGTH_UNITS, TORQUE_UNITS, plain_unit
 
 AXES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
@@ -37,18 +36,22 @@ class Calibration:
 def read_calibration(file: Path) -> Calibration:
     """Return the calibration in ``file``.
 
-    Raises RecordingError for a file that is no XML or declares a document type (entities could then
-    exhaust memory or open other files), that holds not one calibration, an axis without six gauges
-    or a rating, or a basic transform that turns the axes or has no known unit.
+    Raises RecordingError for a file that is no XML, that holds not one calibration, an axis without
+    six gauges or a rating, or a basic transform that turns the axes or has no known unit.
     """
-    elements = _elements(Path(file))
-    serial = next((values["Serial"] for _, values in elements if "Serial" in values), "")
-    stated = [values for _, values in elements if {"ForceUnits", "TorqueUnits"} <= {*values}]
+    try:
+        elements = [*ElementTree.fromstring(file_content(file)).iter()]
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        line = {"line": error.position[0]} if hasattr(error, "position") else {}
+        message = f"this is no XML in UTF-8 ({error}); copy it again"
+        raise RecordingError(message, file=file, **line) from None
+    serial = next((one.attrib["Serial"] for one in elements if "Serial" in one.attrib), "")
+    stated = [one.attrib for one in elements if {"ForceUnits", "TorqueUnits"} <= {*one.attrib}]
     if len(stated) != 1:
         message = f"{len(stated)} elements state ForceUnits and TorqueUnits; a calibration has one"
         raise RecordingError(message, file=file)
-    kind = "UserAxis" if any(name == "UserAxis" for name, _ in elements) else "Axis"
-    rows = {values.get("Name"): values for name, values in elements if name == kind}
+    kind = "UserAxis" if any(one.tag == "UserAxis" for one in elements) else "Axis"
+    rows = {one.get("Name"): one.attrib for one in elements if one.tag == kind}
     if missing := [axis for axis in AXES if axis not in rows]:
         raise RecordingError(f"no {kind} {', '.join(missing)} in the calibration", file=file)
 
@@ -63,16 +66,17 @@ def read_calibration(file: Path) -> Calibration:
             raise RecordingError("the scale of an axis is zero", file=file)
         matrix = matrix / scale
         # torque about the transducer's origin, which lies at the offset in the gauges' frame
-        matrix[3:] -= np.cross(_offset(elements, stated[0], file), matrix[:3], axisb=0, axisc=0)
+        basic = next((one.attrib for one in elements if one.tag == "BasicTransform"), {})
+        offset = _offset(basic, stated[0], file)
+        matrix[3:] -= np.cross(offset, matrix[:3], axisb=0, axisc=0)
     units = stated[0]["ForceUnits"], stated[0]["TorqueUnits"]
     return Calibration(Path(file), serial, *units, matrix, full_scale)
 
 
-def _offset(elements: list, stated: dict[str, str], file: Path) -> np.ndarray:
+def _offset(basic: dict[str, str], stated: dict[str, str], file: Path) -> np.ndarray:
     """Return (3,) the offset of the basic transform, in the arm's length that the unit of torque
     has to the unit of force; in the file's own numbers where no unit of distance is stated.
     """
-    basic = next((values for name, values in elements if name == "BasicTransform"), {})
     held = {name: _numbers(basic, name, 1, file)[0] for name in basic if name[:1] in "DR"}
     if any(held.get(turn) for turn in ("Rx", "Ry", "Rz")):
         message = "the basic transform turns the axes; ask for a calibration with UserAxis rows"
@@ -82,10 +86,11 @@ def _offset(elements: list, stated: dict[str, str], file: Path) -> np.ndarray:
         return offset
     force, torque = (plain_unit(stated[f"{quantity}Units"]) for quantity in ("Force", "Torque"))
     length = stated["DistUnits"]
-    if force not in FORCE_UNITS or torque not in TORQUE_UNITS or length not in LENGTH_UNITS:
+    try:
+        return offset * (LENGTH_UNITS[length] * FORCE_UNITS[force] / TORQUE_UNITS[torque])
+    except KeyError:
         message = f"the units {force}, {torque}, {length} are not all known, and the basic "
-        raise RecordingError(f"{message}transform needs them", file=file)
-    return offset * (LENGTH_UNITS[length] * FORCE_UNITS[force] / TORQUE_UNITS[torque])
+        raise RecordingError(f"{message}transform needs them", file=file) from None
 
 
 def _numbers(values: dict[str, str], name: str, count: int, file: Path) -> list[float]:
@@ -99,30 +104,5 @@ def _numbers(values: dict[str, str], name: str, count: int, file: Path) -> list[
     return numbers
 
 
-def _elements(file: Path) -> list[tuple[str, dict[str, str]]]:
-    elements: list[tuple[str, dict[str, str]]] = []
-
-    def refuse(*_: object) -> None:
-        message = "the calibration declares a document type or entities; remove the declaration"
-        raise RecordingError(message, file=file)
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = lambda name, values: elements.append((name, values))
-    parser.StartDoctypeDeclHandler = refuse
-    try:
-        parser.Parse(file_content(file), True)
-    except expat.ExpatError as error:
-        message = f"this is no XML ({expat.ErrorString(error.code)}); copy it again"
-        raise RecordingError(message, file=file, line=error.lineno) from None
-    except (LookupError, ValueError) as error:
-        message = f"the encoding that the XML announces cannot be read ({error}); save it as UTF-8"
-        raise RecordingError(message, file=file, line=1) from None
-    return elements
-
-
-FORMAT = Format(
-    "ATI calibration",
-    Kind.CALIBRATION,
-    read_calibration,
-    is_xml("FTSensor", "Calibration", "UserAxis"),
-)
+MARKS = is_xml("FTSensor", "Calibration", "UserAxis")
+FORMAT = Format("ATI calibration", Kind.CALIBRATION, read_calibration, MARKS)

@@ -43,12 +43,13 @@ from pipeline.formats.format import Format, Head, Kind, Stated
 from pipeline.formats.number_sheet import Sheet, read_sheet
 
 DELAY = re.compile(r'"?(Paused for|Skipped)\s+(\d{1,18})\b')
-GAUGE = re.compile(r"G([0-5])")
+GAUGES = [f"G{n}" for n in range(6)]
 STATUS = re.compile(r"(0x)?[0-9a-fA-F]{1,8}")
 HEADING = re.compile(
     r'^"?(Paused for|Skipped)\s+\d|Frequency\s*=|Averaging Level\s*=|F/T Serial Number\s*='
     r'|"?Force X\b'
 )
+PLAIN = {"separator": ",", "decimal": "."}  # form of a Net F/T log in every culture
 
 
 def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord:
@@ -75,16 +76,16 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
         message += "columns by number in a log of format table"
         raise RecordingError(message, line=sheet.lines[0], **where)
     settings = sheet.settings
-    serial = settings.get("F/T Serial Number", "")
-    theirs = options.calibration.serial if options.calibration else ""
+    serial, theirs = (
+        settings.get("F/T Serial Number", ""),
+        getattr(options.calibration, "serial", ""),
+    )
     if serial and theirs and serial != theirs:
         message = f"the log is of the transducer {serial}, the calibration of {theirs}"
         raise RecordingError(message, file=file, key=f"{OPTION}.calibration")
-    gauges = {GAUGE.fullmatch(label) and label: n for n, label in enumerate(sheet.labels)}
-    if any(gauges) and not options.columns and not any(map(axis_of, sheet.labels)):
-        values = _forces_of_gauges(sheet, gauges, options)
-    else:
-        values = axis_values(sheet, options)
+    forces = options.columns or any(map(axis_of, sheet.labels))
+    voltages = not forces and not {*GAUGES}.isdisjoint(sheet.labels)
+    values = (_forces_of_gauges if voltages else axis_values)(sheet, options)
     delay = DELAY.match(sheet.header[0])
     name = "paused_ms" if delay and delay[1] == "Paused for" else "skipped_samples"
     return timed_record(
@@ -98,22 +99,22 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     )
 
 
-def _forces_of_gauges(
-    sheet: Sheet, gauges: dict[str | None, int], options: ForceLogOptions
-) -> np.ndarray:
+def _forces_of_gauges(sheet: Sheet, options: ForceLogOptions) -> np.ndarray:
     """Return (N, 6) N and N·m: the calibration's matrix times the voltages. A bias is linear too,
     so the tare takes it out afterwards.
     """
-    where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.calibration"}
-    calibration, wanted = options.calibration, [f"G{n}" for n in range(6)]
-    if calibration is None:
+    found, message = [label for label in sheet.labels if label in GAUGES], ""
+    if options.calibration is None:
         message = "gauge voltages need the transducer's calibration; no column is labelled "
-        raise RecordingError(f"{message}Force X, Force Y, Force Z", **where)
-    if sum(label in wanted for label in sheet.labels) != 6 or not {*wanted} <= {*gauges}:
-        found = ", ".join(filter(None, gauges))
-        raise RecordingError(f"the log has the gauges {found}, not 0 to 5 once each", **where)
-    factors = calibrated_factors(calibration, options)
-    return sheet.values([gauges[label] for label in wanted]) @ calibration.matrix.T * factors
+        message += "Force X, Force Y, Force Z"
+    elif sorted(found) != GAUGES:
+        message = f"the log has the gauges {', '.join(found)}, not 0 to 5 once each"
+    if message:
+        where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.calibration"}
+        raise RecordingError(message, **where)
+    factors = calibrated_factors(options.calibration, options)
+    volts = sheet.values([sheet.labels.index(label) for label in GAUGES])
+    return volts @ options.calibration.matrix.T * factors
 
 
 def _rate(settings: dict[str, str], options: ForceLogOptions, sheet: Sheet) -> float:
@@ -167,30 +168,36 @@ def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     Raises RecordingError as there, and for a header without rate, units or, where it has counts,
     counts per unit; and for numbers that may be counts or not.
     """
-    sheet = force_sheet(file, replace(options, separator=",", decimal="."))
+    sheet = force_sheet(file, options, **PLAIN)
     if not any("RDT Sequence" in line for line in sheet.header):
         message = "no row of labels with 'RDT Sequence': no log of a Net F/T, or cut"
         raise RecordingError(message, file=file, key=f"{OPTION}.format")
     settings, columns = sheet.settings, axis_columns(sheet, options)
+
+    def positive(name: str, option: str) -> float:
+        text = settings.get(name, "")
+        if not NUMBER.fullmatch(text) or not 0 < float(text) < np.inf:
+            message = f"the header must state {name} above 0, not {text!r}"
+            raise RecordingError(message, file=file, key=f"{OPTION}.{option}")
+        return float(text)
+
     status = sheet.words(sheet.columns({"status": "Status (hex)"}, KEY)["status"])
     for word, line in zip(status, sheet.lines, strict=True):
         if not STATUS.fullmatch(word):
             message = f"the status {word!r} is no hexadecimal number"
             raise RecordingError(message, file=file, line=line)
-    kinds = ["Force" if axis in FORCES else "Torque" for axis in columns]
-    stated = {
-        axis: settings.get(f"{kind} Units") for axis, kind in zip(columns, kinds, strict=True)
-    }
+    kinds = {axis: "Force" if axis in FORCES else "Torque" for axis in columns}
+    units = {axis: settings.get(f"{kind} Units") for axis, kind in kinds.items()}
     per_unit: np.ndarray | float = 1.0
     if _holds_counts(sheet, columns, options):
-        names = [f"Counts per Unit {kind}" for kind in kinds]
-        per_unit = np.array([_positive(settings, name, "counts", file) for name in names])
-    values = axis_values(sheet, options, stated, per_unit)
+        per_unit = np.array(
+            [positive(f"Counts per Unit {kind}", "counts") for kind in kinds.values()]
+        )
     record = timed_record(
         sheet,
-        values,
+        axis_values(sheet, options, units, per_unit),
         replace(options, columns=columns | {"t": "RDT Sequence"}),
-        lambda: options.rate or _positive(settings, "RDT Sample Rate", "rate", file),
+        lambda: options.rate or positive("RDT Sample Rate", "rate"),
         started=settings.get("Start Time", ""),
     )
     counts = dict(record.counts)
@@ -211,19 +218,6 @@ def _holds_counts(sheet: Sheet, columns: dict[str, int], options: ForceLogOption
     return not pointed
 
 
-def _positive(settings: dict[str, str], name: str, option: str, file: Path) -> float:
-    text = settings.get(name, "")
-    value = float(text) if NUMBER.fullmatch(text) else np.nan
-    if not 0 < value < np.inf:
-        message = f"the header must state {name} above 0, not {text!r}"
-        raise RecordingError(message, file=file, key=f"{OPTION}.{option}")
-    return value
-
-
-def _begins(head: Head) -> bool:
-    return any(HEADING.search(line) for line in head.lines[:4])
-
-
 def _states(file: Path) -> Stated:
     """Return separator and decimal mark, and the units of the labels."""
     sheet = read_sheet(file, key=OPTION)
@@ -238,14 +232,18 @@ def _states(file: Path) -> Stated:
     return Stated(f"{separator} and decimal {mark}", units, facts)
 
 
-def _netft_begins(head: Head) -> bool:
-    return any("RDT Sequence" in line for line in head.lines[:30])
-
-
 def _netft_states(file: Path) -> Stated:
-    settings = read_sheet(file, separator=",", decimal=".", key=OPTION).settings
+    settings = read_sheet(file, key=OPTION, **PLAIN).settings
     named = {name: unit for name, unit in settings.items() if name.endswith("Units")}
     return Stated(units={name.split()[0].lower(): unit for name, unit in named.items()})
+
+
+def _begins(head: Head) -> bool:
+    return any(HEADING.search(line) for line in head.lines[:4])
+
+
+def _netft_begins(head: Head) -> bool:
+    return any("RDT Sequence" in line for line in head.lines[:30])
 
 
 FORMAT = (

@@ -7,7 +7,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -55,31 +54,26 @@ NO_OPTIONS = ForceLogOptions()
 
 
 def si_factors(
-    axes: list[str],
-    stated: Mapping[str, str | None],
-    options: ForceLogOptions,
-    *,
-    file: Path,
-    line: int,
+    stated: Mapping[str, str | None], options: ForceLogOptions, **where: object
 ) -> np.ndarray:
-    """Return (len(axes),) the factors to N or N·m, by the unit ``stated`` in the log, else by the
+    """Return the factor to N or N·m of each axis of ``stated``, by the unit there, else by the
     option, else by the calibration. RecordingError with the option for an unknown or missing unit,
     and where log and option differ.
     """
     factors = []
-    for axis in axes:
+    for axis, own in stated.items():
         kind, units = ("force", FORCE_UNITS) if axis in FORCES else ("torque", TORQUE_UNITS)
-        where = {"file": file, "line": line, "key": f"{OPTION}.{kind}_unit"}
         option = getattr(options, f"{kind}_unit")
-        calibrated = options.calibration and getattr(options.calibration, f"{kind}_unit")
-        unit = stated.get(axis) or option or calibrated
+        unit = own or option or getattr(options.calibration, f"{kind}_unit", None)
+        message = ""
         if unit is None or plain_unit(unit) not in units:
             problem = f"{axis} has no known unit" + (f" ({unit!r})" if unit else "")
             message = f"{problem}: state one of {', '.join(units)} as {kind}_unit"
-            raise RecordingError(f"{message}, or the calibration", **where)
-        if stated.get(axis) and option and units.get(plain_unit(option)) != units[plain_unit(unit)]:
+            message += ", or the calibration"
+        elif own and option and units.get(plain_unit(option)) != units[plain_unit(unit)]:
             message = f"{axis} is in {unit} by the log and in {option} by the option"
-            raise RecordingError(message, **where)
+        if message:
+            raise RecordingError(message, key=f"{OPTION}.{kind}_unit", **where)
         factors.append(units[plain_unit(unit)])
     return np.array(factors)
 
@@ -88,7 +82,7 @@ def calibrated_factors(calibration: Calibration, options: ForceLogOptions) -> np
     """Return (6,) the factors from the units of a calibration to N and N·m."""
     units = dict.fromkeys(FORCES, calibration.force_unit)
     units |= dict.fromkeys(TORQUES, calibration.torque_unit)
-    return si_factors([*FORCES, *TORQUES], units, options, file=calibration.file, line=1)
+    return si_factors(units, options, file=calibration.file, line=1)
 
 
 def full_scale(calibration: Calibration | None) -> np.ndarray | None:
@@ -100,10 +94,8 @@ def repeats(values: np.ndarray) -> dict[str, int]:
     """Return ``repeated_rows`` (equal to the row before) and ``zero_rows`` of ``values``
     (N, axes).
     """
-    return {
-        "repeated_rows": int((values[1:] == values[:-1]).all(axis=1).sum()),
-        "zero_rows": int((values == 0).all(axis=1).sum()),
-    }
+    repeated = (values[1:] == values[:-1]).all(axis=1).sum()
+    return {"repeated_rows": int(repeated), "zero_rows": int((values == 0).all(axis=1).sum())}
 
 
 def with_torque(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -120,13 +112,11 @@ def axis_of(label: str) -> str | None:
 
 def require_record(record: ForceRecord, file: object) -> None:
     """Raise RecordingError where ``record`` holds too few samples to be one."""
-    if len(record.time) < FEWEST:
+    if (held := len(record.time)) < FEWEST:
         first = ", ".join(f"{force:g}" for force in record.force[0])
-        message = (
-            f"{len(record.time)} sample(s), at least {FEWEST} are needed; the first is {first}"
-        )
-        settings = "which may be a line of settings below a header: record again"
-        raise RecordingError(f"{message} N, {settings}", file=file)
+        message = f"{held} sample(s), at least {FEWEST} are needed; the first is {first} N, "
+        message += "which may be a line of settings below a header: record again"
+        raise RecordingError(message, file=file)
 
 
 def saturated(record: ForceRecord, full_scale: np.ndarray) -> np.ndarray:
@@ -163,15 +153,14 @@ def sound_samples(
     ``share`` of the samples, and for too few samples.
     """
     require_record(record, file)
-    faulty = {"frozen_samples": (frozen(record, longest), "frozen_after")}
+    faulty = {"frozen": (frozen(record, longest), "frozen_after")}
     if full_scale is not None:
-        faulty["saturated_samples"] = saturated(record, full_scale), "full_scale"
+        faulty["saturated"] = saturated(record, full_scale), "full_scale"
     for name, (samples, option) in faulty.items():
         if samples.mean() > share:
-            message = (
-                f"{samples.sum()} of {len(samples)} samples are {name.removesuffix('_samples')}, "
-                f"the first at {record.time[samples][0]:.6g} s; a share of {share:g} may be"
-            )
+            first = f"the first at {record.time[samples][0]:.6g} s; a share of {share:g} may be"
+            message = f"{samples.sum()} of {len(samples)} samples are {name}, {first}"
             raise RecordingError(message, file=file, key=f"{OPTION}.{option}")
-    counts = {name: int(samples.sum()) for name, (samples, _) in faulty.items() if samples.any()}
-    return ~np.any([samples for samples, _ in faulty.values()], axis=0), counts
+    counts = {f"{name}_samples": int(found.sum()) for name, (found, _) in faulty.items()}
+    sound = ~np.any([samples for samples, _ in faulty.values()], axis=0)
+    return sound, {name: count for name, count in counts.items() if count}

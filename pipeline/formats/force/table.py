@@ -55,9 +55,10 @@ def read_force_table(file: Path, options: ForceLogOptions) -> ForceRecord:
     return timed_record(sheet, axis_values(sheet, options), options, rate)
 
 
-def force_sheet(file: Path, options: ForceLogOptions) -> Sheet:
+def force_sheet(file: Path, options: ForceLogOptions, **form: str) -> Sheet:
     """Return the table in ``file``; RecordingError where it has no sample or lacks a column."""
-    sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
+    form = {"separator": options.separator, "decimal": options.decimal} | form
+    sheet = read_sheet(file, key=OPTION, **form)
     if not sheet.rows:
         message = "no whole sample below the labels: no line holds numbers; record again"
         raise RecordingError(message, file=file, line=sheet.header_lines[-1])
@@ -76,7 +77,7 @@ def axis_values(
     """
     columns = axis_columns(sheet, options)
     stated = stated or {axis: sheet.unit(column) for axis, column in columns.items()}
-    factors = si_factors([*columns], stated, options, file=sheet.file, line=sheet.label_line)
+    factors = si_factors(stated, options, file=sheet.file, line=sheet.label_line)
     return sheet.values([*columns.values()]) * (factors / per_unit)
 
 
@@ -84,24 +85,22 @@ def axis_columns(sheet: Sheet, options: ForceLogOptions) -> dict[str, int]:
     """Return the column of each axis, the three forces and, where there are any, the three torques:
     by the options, else by the labels.
     """
-    where = {"file": sheet.file, "line": sheet.label_line, "key": KEY}
-    if unknown := sorted({*options.columns} - {"t", *FORCES, *TORQUES}):
-        message = f"no axis {', '.join(unknown)}; there are t, fx, fy, fz, tx, ty, tz"
-        raise RecordingError(message, **where)
     named = {axis: column for axis, column in options.columns.items() if axis != "t"}
+    message = ""
+    if unknown := sorted({*named} - {*FORCES, *TORQUES}):
+        message = f"no axis {', '.join(unknown)}; there are t, fx, fy, fz, tx, ty, tz"
     for column, label in enumerate(() if options.columns else sheet.labels):
         if (axis := axis_of(label)) in named:
             message = f"two columns are labelled {sheet.labels[named[axis]]}; name each axis by its"
-            raise RecordingError(f"{message} number in columns", **where)
+            message += " number in columns"
         named |= {axis: column} if axis else {}
     wanted = [*FORCES, *(TORQUES if {*TORQUES} & {*named} else ())]
-    if missing := [axis for axis in wanted if axis not in named]:
+    if (missing := [axis for axis in wanted if axis not in named]) and not message:
         there = f", only {', '.join(sheet.labels)}" if sheet.labels else ""
-        raise RecordingError(
-            f"no column is named or labelled {', '.join(missing)}{there}; correct the labels, or "
-            "name the forces and all torques or none in columns",
-            **where,
-        )
+        message = f"no column is named or labelled {', '.join(missing)}{there}; correct the labels,"
+        message += " or name the forces and all torques or none in columns"
+    if message:
+        raise RecordingError(message, file=sheet.file, line=sheet.label_line, key=KEY)
     return sheet.columns({axis: named[axis] for axis in wanted}, KEY)
 
 
@@ -118,46 +117,41 @@ def timed_record(
     """Return the record of ``values`` (N, axes), timed by a column of times or sample numbers, else
     by the ``rate``; ``more`` are counts beside those of :func:`read_force_table`.
     """
-    named = options.columns.get("t")
-    if not options.columns:
-        labels = [(n, bare(label)) for n, label in enumerate(sheet.labels)]
-        fits = [n for kind in (TIMES, NUMBERS) for n, label in labels if kind.fullmatch(label)]
-        named = fits[0] if fits else None
-    counts, frequency = repeats(values) | sheet.counts, None
+    labels = [bare(label) for label in sheet.labels]
+    fits = [
+        n for kind in (TIMES, NUMBERS) for n, label in enumerate(labels) if kind.fullmatch(label)
+    ]
+    named = options.columns.get("t") if options.columns else next(iter(fits), None)
+    clocked: dict[str, int] = {}
     if named is None:
         frequency = rate()
         time = np.arange(len(values)) / frequency
     else:
         column = sheet.columns({"t": named}, KEY)["t"]
-        if sheet.labels and NUMBERS.fullmatch(bare(sheet.labels[column])):
-            frequency = rate()
-            ticks = sheet.values([column])[:, 0]
-            time = (ticks - ticks[0]) / frequency
-        else:
-            time = seconds_of(sheet, column, options)
+        numbered = bool(labels) and NUMBERS.fullmatch(labels[column]) is not None
+        scale = rate() if numbered else _unit_of_time(sheet, column, options)
+        ticks = sheet.values([column])[:, 0]
+        time = (ticks - ticks[0]) / scale if numbered else (ticks - ticks[0]) * scale
         keep, clocked = read_clock(time, values, sheet.lines, place="line", file=sheet.file)
         time, values = time[keep], values[keep]
-        counts = repeats(values) | sheet.counts | clocked
-    frequency = frequency or rate_of(time)
-    counts |= more or {}
+        frequency = scale if numbered else rate_of(time)
+    counts = repeats(values) | sheet.counts | clocked | (more or {})
     return ForceRecord(time, *with_torque(values), frequency, serial, started, counts)
 
 
-def seconds_of(sheet: Sheet, column: int, options: ForceLogOptions) -> np.ndarray:
-    """Return (N,) s from the first on: the ``column`` of times in the header's unit, else in the
-    option's. RecordingError with the option for an unknown unit, and where log and option differ.
-    """
-    stated = sheet.unit(column) and spelled(sheet.unit(column))
-    unit = stated or options.time_unit
-    where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.time_unit"}
+def _unit_of_time(sheet: Sheet, column: int, options: ForceLogOptions) -> float:
+    """Return the unit of the ``column`` of times in s, of the header, else of the option."""
+    stated, option = sheet.unit(column), options.time_unit
+    unit, message = spelled(stated) if stated else option, ""
     if unit not in TIME_UNITS:
         problem = f"the time has no known unit{f' ({unit!r})' if unit else ''}"
-        raise RecordingError(f"{problem}: state one of {', '.join(TIME_UNITS)}", **where)
-    if stated and options.time_unit and stated != spelled(options.time_unit):
-        message = f"the time is in {stated} by the log and in {options.time_unit} by the option"
+        message = f"{problem}: state one of {', '.join(TIME_UNITS)}"
+    elif stated and option and unit != spelled(option):
+        message = f"the time is in {unit} by the log and in {option} by the option"
+    if message:
+        where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.time_unit"}
         raise RecordingError(message, **where)
-    ticks = sheet.values([column])[:, 0]
-    return (ticks - ticks[0]) * TIME_UNITS[unit]
+    return TIME_UNITS[unit]
 
 
 def read_clock(

@@ -81,8 +81,8 @@ def _topics(file: Path, options: LogOptions) -> dict[str, str]:
             place[signal] = named[0]
         elif named or signal == "actual":
             message = f"{len(named)} topics could hold the {signal} values: name one of the topics "
-            there = f"of JointState, {', '.join(held) or 'of which there are none'}"
-            raise RecordingError(message + there, file=file, key=f"{OPTION}.signals")
+            message += f"of JointState, {', '.join(held) or 'of which there are none'}"
+            raise RecordingError(message, file=file, key=f"{OPTION}.signals")
     return place
 
 
@@ -107,19 +107,20 @@ def _values(
     joints = joints or tuple(max((values for _, values in held), key=len, default=()))
     times, rows = [], []
     for number, (time, values) in enumerate(held):
-        where = {"file": file, "topic": topic, "number": number}
         if not {*joints} & {*values}:
             counts["messages_of_other_joints"] += 1
             continue
-        if missing := [joint for joint in joints if not np.isfinite(values.get(joint, np.nan))]:
+        row = [values.get(joint, np.nan) for joint in joints]
+        message = ""
+        if missing := [j for j, value in zip(joints, row, strict=True) if not np.isfinite(value)]:
             message = f"the message has no {name} of {', '.join(missing)} ({signal})"
-            raise RecordingError(message, **where)
-        row = [values[joint] for joint in joints]
-        if times and (time, row) == (times[-1], rows[-1]):
+        elif times and (time, row) == (times[-1], rows[-1]):
             counts["doubled_rows"] += 1
             continue
-        if times and time <= times[-1]:
-            raise RecordingError("the time does not increase", **where)
+        elif times and time <= times[-1]:
+            message = "the time does not increase"
+        if message:
+            raise RecordingError(message, file=file, topic=topic, number=number)
         times.append(time)
         rows.append(row)
     if not rows:

@@ -54,9 +54,9 @@ def increasing(log: JointLog, file: Path, place: Callable[[int], dict[str, objec
     ``doubled_rows``; RecordingError at the first row whose time does not increase otherwise,
     ``place`` giving the evidence of a row in the ``file``.
     """
-    steps, values = np.diff(log.time), np.hstack([log.time[:, None], *log.signals.values()])
+    values = np.hstack([log.time[:, None], *log.signals.values()])
     doubled = (values[1:] == values[:-1]).all(axis=1)
-    wrong = (steps <= 0) & ~doubled
+    wrong = (np.diff(log.time) <= 0) & ~doubled
     if wrong.any():
         at = place(int(np.argmax(wrong)) + 1)
         raise RecordingError("the time does not increase", file=file, **at)

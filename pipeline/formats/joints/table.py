@@ -44,27 +44,23 @@ def read_joint_table(file: Path, options: LogOptions) -> JointLog:
     for quantity, column in places.items():
         _require_unit(sheet, quantity, column, options)
     table = sheet.values([*places.values()])
+    time = np.arange(len(table)) / options.rate
+    if first:
+        time = table[:, 0] * TIME_UNITS[options.time_unit]
     values = table[:, first:] * ANGLE_UNITS[options.angle_unit]
-    time = (
-        table[:, 0] * TIME_UNITS[options.time_unit]
-        if first
-        else np.arange(len(table)) / options.rate
-    )
     signals = {signal: values[:, columns] for signal, columns in chosen.items()}
     log = JointLog(time, signals, dict(sheet.counts))
     return increasing(log, file, lambda row: {"line": sheet.lines[row]})
 
 
-def _behind_the_time(sheet: Sheet, joints: int, first: int) -> list[int]:
+def _behind_the_time(sheet: Sheet, joints: int, first: int) -> range:
     """Return all columns from the ``first`` on; RecordingError where they are not one a joint."""
     if sheet.width != joints + first:
-        message = (
-            f"the line has {'a time and ' if first else ''}{sheet.width - first} values, not "
-            f"{joints}; check the number of joints, or name their columns in signals"
-        )
-        flat = FLAT if sheet.width == 1 else ""
-        raise RecordingError(message + flat, file=sheet.file, line=sheet.lines[0])
-    return [*range(first, sheet.width)]
+        values = f"{'a time and ' if first else ''}{sheet.width - first} values"
+        message = f"the line has {values}, not {joints}; check the number of joints, or name their "
+        message += f"columns in signals{FLAT if sheet.width == 1 else ''}"
+        raise RecordingError(message, file=sheet.file, line=sheet.lines[0])
+    return range(first, sheet.width)
 
 
 def _require_unit(sheet: Sheet, quantity: str, column: int, options: LogOptions) -> None:

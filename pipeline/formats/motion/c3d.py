@@ -46,7 +46,7 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     processor, is shorter than its header says, makes the library fail, or has no marker, no rate or
     no unit.
     """
-    header = _read_header(file)
+    header = _first_block(file)
     require("markers", header.points, "points", file)
     contents = read_alone(read_contents, str(file), file=file, advice=AGAIN)
     position, residual = contents["points"], contents["residuals"]
@@ -115,7 +115,7 @@ def _names(labels: list[str], points: int) -> list[str]:
     return names
 
 
-class Header(NamedTuple):
+class FirstBlock(NamedTuple):
     """Numbers of the file's first block."""
 
     points: int
@@ -123,42 +123,39 @@ class Header(NamedTuple):
     first: int  # frame
 
 
-def _read_header(file: Path) -> Header:
+def _first_block(file: Path) -> FirstBlock:
     """Return the numbers in the file's header; RecordingError where it is none, or the file is too
     short for them.
     """
     try:
-        size = Path(file).stat().st_size
         with Path(file).open("rb") as stream:
-            head = stream.read(BLOCK)
-            stream.seek(max(head[0] - 1, 0) * BLOCK if head else 0)
-            parameters = stream.read(4)
+            content, size = stream.read(256 * BLOCK), stream.seek(0, os.SEEK_END)
     except OSError as error:
         raise RecordingError(f"the file cannot be read ({error.strerror})", file=file) from None
-
-    def fault(message: str) -> RecordingError:
-        return RecordingError(message, file=file)
-
-    processor = parameters[3] if len(parameters) == 4 else 0
-    if len(head) < BLOCK or head[1] != KEY or processor not in (INTEL, DEC, MIPS):
-        raise fault(f"this is no C3D file, or its header is cut short; {AGAIN}")
-    if processor == MIPS:
-        raise fault(
-            "the numbers are in the order of an SGI computer (big-endian MIPS), which is not read; "
-            "convert the file to Intel's order, as Mokka or C3Dserver do"
-        )
-    points, analog, first, last = struct.unpack_from("<4H", head, 2)
-    start = struct.unpack_from("<H", head, 16)[0]
+    at = (content[0] - 1) * BLOCK + 3 if content and content[0] else len(content)
+    processor = content[at] if at < len(content) else 0
+    message = ""
+    if len(content) < BLOCK or content[1] != KEY or processor not in (INTEL, DEC, MIPS):
+        message = f"this is no C3D file, or its header is cut short; {AGAIN}"
+    elif processor == MIPS:
+        message = "the numbers are in the order of an SGI computer (big-endian MIPS), which is not "
+        message += "read; convert the file to Intel's order, as Mokka or C3Dserver do"
+    if message:
+        raise RecordingError(message, file=file)
+    points, analog, first, last = struct.unpack_from("<4H", content, 2)
+    start = struct.unpack_from("<H", content, 16)[0]
     # a negative scale means floating point; DEC has the word with its sign first
-    width = 4 if head[15 if processor == INTEL else 13] & 0x80 else 2
+    width = 4 if content[15 if processor == INTEL else 13] & 0x80 else 2
     frames = last - first + 1
-    if not points or frames < 1:
-        raise fault("the take holds no point, or no frame; export it with markers")
     needed = (max(start, 1) - 1) * BLOCK + frames * width * (4 * points + analog)
-    if last != LONGEST and size < needed:
-        message = f"the file has {size} bytes of the {needed} that its header announces: truncated"
-        raise fault(f"{message}; {AGAIN}")
-    return Header(points, None if last == LONGEST else frames, first)
+    if not points or frames < 1:
+        message = "the take holds no point, or no frame; export it with markers"
+    elif last != LONGEST and size < needed:
+        message = f"the file has {size} bytes of the {needed} that its header announces: "
+        message += f"truncated; {AGAIN}"
+    if message:
+        raise RecordingError(message, file=file)
+    return FirstBlock(points, None if last == LONGEST else frames, first)
 
 
 def read_contents(file: str) -> dict[str, np.ndarray]:

@@ -48,10 +48,9 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
         return read_columns(text, file, unit)
     if first and first[0] in ROW_TYPES:
         return read_rows(text, file, unit)
-    mark = re.match(r"(?:Format Version|comment|info)([;\t])", "".join(first))
     message = "no Motive export with a header: the file starts with neither 'Format Version' nor a "
     message += "row type"
-    if mark:
+    if mark := re.match(r"(?:Format Version|comment|info)([;\t])", "".join(first)):
         separator = "semicolons" if mark[1] == ";" else "tabs"
         message = f"cells are separated by {separator}: another program saved the take; export it "
         message += "with commas"
@@ -107,8 +106,9 @@ def _quoted(name: str) -> str:
 
 def _begins(head: Head) -> bool:
     # another program may have saved it with other separators, which the reader then says
-    separated = any(re.search(r"[,;\t]", line) for line in head.lines[:2])
-    return head.first_cell == "Format Version" or (head.first_cell in ROW_TYPES and separated)
+    lines = [re.split(r"[,;\t]", line) for line in head.lines[:2]]
+    first = lines[0][0].strip().strip('"') if lines else ""
+    return first == "Format Version" or (first in ROW_TYPES and max(map(len, lines)) > 1)
 
 
 def _states(file: Path) -> Stated:

@@ -9,9 +9,9 @@ later versions Parent, then the quantity, then Frame, Time and the axes), and on
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,11 +38,9 @@ RAW, SOLVED, BODY = "Marker", "Rigid Body Marker", "Rigid Body"
 HEADER_LINES = 20  # with blank ones it is five to eight
 
 
-@dataclass(frozen=True)
-class Header:
+class ColumnLabels(NamedTuple):
     """Rows above the frames."""
 
-    fields: dict[str, str]
     time: int | None  # column
     # (type, name, ID): {(quantity, axis): column}
     groups: dict[tuple[str, str, str], dict[tuple[str, str], int]]
@@ -53,7 +51,7 @@ class Header:
     line: int  # of the axis row
 
 
-def _header(lines: list[str], file: Path) -> Header:
+def _labels(lines: list[str], file: Path) -> ColumnLabels:
     """Return the rows above the frames; RecordingError, with the line, where they do not label the
     columns.
     """
@@ -81,14 +79,14 @@ def _header(lines: list[str], file: Path) -> Header:
         raise fault(f"column B names the rows {', '.join(named)}, but not Type and Name")
     types, names = named.get("Type", rows[0]), named.get("Name", rows[1])
     identities = named.get("ID", rows[2] if len(rows) > 4 and not named else [""] * columns)
-    quantities, axes = rows[-2:]
     groups: dict[tuple[str, str, str], dict[tuple[str, str], int]] = {}
-    for column, label in enumerate(zip(quantities, axes, strict=True)):
-        if types[column] in (RAW, SOLVED, BODY) and label[0] in ("Position", "Rotation"):
-            group = groups.setdefault((types[column], names[column], identities[column]), {})
-            if label in group:
-                raise fault(f"two columns claim {' '.join(label)} of {names[column]!r}")
-            group[label] = column
+    for column, (kind, *asset, quantity, axis) in enumerate(
+        zip(types, names, identities, *rows[-2:], strict=True)
+    ):
+        if kind in (RAW, SOLVED, BODY) and quantity in ("Position", "Rotation"):
+            group = groups.setdefault((kind, *asset), {})
+            if group.setdefault((quantity, axis), column) != column:
+                raise fault(f"two columns claim {quantity} {axis} of {asset[0]!r}")
     for (kind, name, _), group in groups.items():
         if any(("Position", axis) not in group for axis in "XYZ"):
             raise fault(f"{kind} {name!r} lacks one of its columns X, Y, Z of Position")
@@ -96,35 +94,30 @@ def _header(lines: list[str], file: Path) -> Header:
     if not groups:
         lacking = "it holds bones alone" if bones else "no column but the frames' is labelled"
         raise fault(f"{NO_ASSET} ({lacking}); export it with them")
-    time = next((n for n, axis in enumerate(axes) if axis in ("Time", "Time (Seconds)")), None)
+    time = next((n for n, axis in enumerate(rows[-1]) if axis in ("Time", "Time (Seconds)")), None)
     unused = sum(map(bool, types[2:])) - sum(map(len, groups.values()))
     labels = [" ".join(dict.fromkeys(filter(None, column))) for column in zip(*rows, strict=True)]
     while not labels[-1]:
         del labels[-1]
-    fields = _fields(cells_of(lines[0], ",", file=file, number=1), file)
-    return Header(fields, time, groups, len(bones), labels, unused, number)
+    return ColumnLabels(time, groups, len(bones), labels, unused, number)
 
 
-def _fields(cells: list[str], file: Path) -> dict[str, str]:
-    # a value may be missing, and a text hold a comma that nobody quoted: it ends at the next known
-    # key
+def _fields(line: str, file: Path) -> dict[str, str]:
+    """Return the keys and values of the first row. A value may be missing, and a text hold a comma
+    that nobody quoted: it ends at the next known key.
+    """
+    cells = cells_of(line, ",", file=file, number=1)
     starts = [place for place, cell in enumerate(cells) if cell in KEYS] + [len(cells)]
     fields: dict[str, str] = {}
     for i, j in pairwise(starts):
-        value = (
-            ",".join(cells[i + 1 : j]).strip(",")
-            if cells[i] in TEXTS
-            else "".join(cells[i + 1 : j][:1])
-        )
+        held = cells[i + 1 : j]
+        value = ",".join(held).strip(",") if cells[i] in TEXTS else "".join(held[:1])
         if fields.setdefault(cells[i], value) != value:
             message = f"the header gives {cells[i]} twice, and differently"
             raise RecordingError(message, file=file, line=1, key=cells[i])
     if fields.get("Coordinate Space", "Global") not in ("Global", ""):
-        message, key = (
-            "the Coordinate Space is not Global; export the take in Global",
-            "Coordinate Space",
-        )
-        raise RecordingError(message, file=file, line=1, key=key)
+        message = "the Coordinate Space is not Global; export the take in Global"
+        raise RecordingError(message, file=file, line=1, key="Coordinate Space")
     return fields
 
 
@@ -132,8 +125,8 @@ def read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     """Return the take in the columnar ``text`` of ``file``; see
     :func:`pipeline.formats.motion.motive.read_motive`.
     """
-    header = _header(text.lines, file)
-    groups, fields = header.groups, header.fields
+    header = _labels(text.lines, file)
+    fields, groups = _fields(text.lines[0], file), header.groups
     require("markers", len(groups), "markers and bodies", file)
     rows, numbers, repeated = _rows(text, header, file)
     columns = [0] + [column for group in groups.values() for column in group.values()]
@@ -142,10 +135,8 @@ def read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     values = dict(zip(columns, table.T, strict=True))
     frame = frame_numbers(values[0], numbers, file)
     printed = None if header.time is None else values[header.time]
-    counts = {
-        "blank_rows": len(text.lines) - header.line - len(rows) - repeated,
-        "cut_rows": int(text.cut is not None),
-    }
+    counts = {"blank_rows": len(text.lines) - header.line - len(rows) - repeated}
+    counts["cut_rows"] = int(text.cut is not None)
     if WHOLE.fullmatch(fields.get("Total Exported Frames", "")):
         counts["announced_frames"] = int(fields["Total Exported Frames"])
     rate = _rate(fields, frame, printed, file)
@@ -173,14 +164,14 @@ def read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
             held[key] = take.position(position, name, place)
     more = {"solved_replaced": len({*solved} & {*take.markers})}
     more["solved_only"] = len(solved) - more["solved_replaced"]
-    take.markers |= {name: held for name, held in solved.items() if name not in take.markers}
+    take.markers = take.markers | {n: v for n, v in solved.items() if n not in take.markers}
     more["unused_columns"] = header.unused
     rare = {"repeated_rows": repeated, "skipped_bones": header.bones}
     more |= {name: count for name, count in rare.items() if count}
     return take.take(fields.get("Take Name") or Path(file).stem, fields["Format Version"], more)
 
 
-def _rows(text: Text, header: Header, file: Path) -> tuple[list[str], list[int], int]:
+def _rows(text: Text, header: ColumnLabels, file: Path) -> tuple[list[str], list[int], int]:
     """Return the rows of frames, their lines, and the number of rows that repeated the one before
     to the letter, which are left out.
 
@@ -189,8 +180,8 @@ def _rows(text: Text, header: Header, file: Path) -> tuple[list[str], list[int],
     """
     rows, numbers, repeated, labels = [], [], 0, header.labels
 
-    def fault(message: str, line: int, column: int) -> RecordingError:
-        return RecordingError(message, file=file, line=line, column=column + 1)
+    def fault(message: str, line: int, **column: int) -> RecordingError:
+        return RecordingError(f"{message}; export the take again", file=file, line=line, **column)
 
     unlabelled = [column for column, label in enumerate(labels) if not label]
     for number, line in enumerate(text.lines[header.line :], start=header.line + 1):
@@ -198,42 +189,28 @@ def _rows(text: Text, header: Header, file: Path) -> tuple[list[str], list[int],
             continue
         cells = line.split(",")
         if len(cells) < len(labels):
-            message = (
-                f"the row has {len(cells)} cells where the header labels {len(labels)} columns; "
-            )
-            message += f"the last one is {labels[-1]}. Which column lacks? Export the take again"
-            raise fault(message, number, len(cells))
+            message = f"the row has {len(cells)} cells where the header labels {len(labels)} "
+            message += f"columns; the last one is {labels[-1]}"
+            raise fault(message, number, column=len(cells) + 1)
         for column in [*unlabelled, *range(len(labels), len(cells))]:
-            if cells[column].strip():
-                message = (
-                    f"there is {cells[column].strip()!r} in a column without a label: of another"
-                )
-                message += " take, or with decimal commas; export it again, with decimal points"
-                raise fault(message, number, column)
+            if cell := cells[column].strip():
+                message = f"there is {cell!r} in a column without a label: of another take, or "
+                raise fault(f"{message}with decimal commas", number, column=column + 1)
         row = ",".join(cells[: len(labels)])
         if rows and row == rows[-1]:
             repeated += 1
-        else:
-            rows.append(row)
-            numbers.append(number)
+            continue
+        rows.append(row)
+        numbers.append(number)
     if text.cut is not None and text.cut.count(",") + 1 < len(labels):
-        message, line = (
-            "the last row is cut short; export or copy the take again",
-            len(text.lines) + 1,
-        )
-        raise RecordingError(message, file=file, line=line)
+        raise fault("the last row is cut short", len(text.lines) + 1)
     if not rows:
-        message = "the header is followed by no frame; export the take again"
-        raise RecordingError(message, file=file, line=header.line)
+        raise fault("the header is followed by no frame", header.line)
     ends = [row.rsplit(",", 2)[-2:] for row in rows]
     if not any(last.strip() for _, last in ends) and any(before.strip() for before, _ in ends):
-        message = (
-            f"no row has anything in the last labelled column, {labels[-1]}, though in the one "
-        )
-        message += (
-            "before it: a column is missing, and the others are shifted; export the take again"
-        )
-        raise fault(message, numbers[0], len(labels) - 1)
+        message = f"no row has anything in the last labelled column, {labels[-1]}, though in the "
+        message += "one before it: a column is missing, and the others are shifted"
+        raise fault(message, numbers[0], column=len(labels))
     return rows, numbers, repeated
 
 
@@ -243,22 +220,21 @@ def _rate(
     # frames are numbered at the rate of the export, which older versions do not separate from the
     # capture's
     key = RATES[1] if fields.get(RATES[1]) else RATES[0]
+    stated = fields.get(key, "")
     timed = None if printed is None else rate_from_times(frame, printed)
-    if not fields.get(key) and timed is not None:
+    if not stated and timed is not None:
         return timed
     try:
-        rate = float(fields.get(key, ""))
+        rate = float(stated)
     except ValueError:
         rate = np.nan
     message = ""
     if not 0 < rate < np.inf:
-        stated = f"must be > 0, got {fields[key]!r}" if fields.get(key) else "is missing"
-        message = f"the frame rate {stated}, and no times give it; export the take again"
+        found = f"must be > 0, got {stated!r}" if stated else "is missing"
+        message = f"the frame rate {found}, and no times give it; export the take again"
     elif printed is not None and not keeps_time(frame, printed, rate):
-        message = (
-            f"frames are {rate:g} a second by the header and {timed or 0:.6g} by their times; "
-        )
-        message += "export the take again"
+        message = f"frames are {rate:g} a second by the header and {timed or 0:.6g} by their "
+        message += "times; export the take again"
     if message:
         raise RecordingError(message, file=file, line=1, key=key)
     return rate
@@ -272,15 +248,11 @@ def _quaternion(rotation: dict[str, np.ndarray], order: str, file: Path) -> np.n
         return np.stack([rotation[axis] for axis in "XYZW"], axis=-1)
     if {*rotation} != {*"XYZ"} or sorted(order) != ["X", "Y", "Z"]:
         columns = ", ".join(sorted(rotation)) or "none"
-        found = f"Rotation Type is {order!r}" if order else "the header has no Rotation Type"
-        raise RecordingError(
-            f"{found}, and the Rotation columns are {columns}: angles need their order there, such "
-            "as XYZ, quaternions X, Y, Z and W; export the take with quaternions, or write the "
-            "order of the angles after Rotation Type in the first row",
-            file=file,
-            line=1,
-            key="Rotation Type",
-        )
+        message = f"Rotation Type is {order!r}" if order else "the header has no Rotation Type"
+        message += f", and the Rotation columns are {columns}: angles need their order there, such "
+        message += "as XYZ, quaternions X, Y, Z and W; export the take with quaternions, or write "
+        message += "the order of the angles after Rotation Type in the first row"
+        raise RecordingError(message, file=file, line=1, key="Rotation Type")
     angles = np.stack([rotation[axis] for axis in order], axis=-1)
     tracked = ~np.isnan(angles).any(axis=-1)
     quaternion = np.full((len(angles), 4), np.nan)

@@ -21,7 +21,7 @@ own alone), nor a rate.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections import defaultdict
 from math import inf, isnan, nan
 from pathlib import Path
 
@@ -47,7 +47,7 @@ SAMPLE = 24  # bytes of x, y, z
 Samples = dict[str, dict[int, list[float]]]  # name → index of the frame → numbers
 
 
-class Row:
+class RowCells:
     """Cells of one row, taken from left to right; RecordingError with its line where they are not
     what should come.
     """
@@ -87,38 +87,36 @@ class Row:
     def end(self) -> None:
         """Raise RecordingError where a cell with content follows."""
         if any(self.cells[self.place :]):
-            message = f"the row goes on after cell {self.place}, where its counts let it end"
-            raise self.fault(message)
+            raise self.fault(
+                f"the row goes on after cell {self.place}, where its counts let it end"
+            )
 
     def fault(self, message: str) -> RecordingError:
         """Return the refusal of this row."""
         return RecordingError(message, file=self.file, line=self.line)
 
 
-@dataclass
-class _Recording:
-    """Content of the rows so far."""
+class RowsSoFar:
+    """Content of the rows that were added."""
 
-    named: bool = False  # whether markers have IDs and names of their own (1.1)
-    infos: dict[str, str] = field(default_factory=dict)
-    names: dict[int, str] = field(default_factory=dict)  # of bodies by ID
-    frame: list[float] = field(default_factory=list)
-    time: list[float] = field(default_factory=list)
-    line: list[int] = field(default_factory=list)
-    poses: Samples = field(default_factory=dict)
-    markers: Samples = field(default_factory=dict)
-    strays: list[list[list[float]]] = field(default_factory=list)  # of each frame
-    stray_ids: set[str] = field(default_factory=set)
-    body_rows: int = 0
+    def __init__(self) -> None:
+        self.named = False  # whether markers have IDs and names of their own (1.1)
+        self.infos: dict[str, str] = {}
+        self.names: dict[int, str] = {}  # of bodies by ID
+        self.frame, self.time, self.line = [], [], []
+        self.poses: Samples = {}
+        self.markers: Samples = {}
+        self.strays: list[list[list[float]]] = []  # of each frame
+        self.stray_ids: set[str] = set()
+        self.body_rows = 0
 
-    def add(self, row: Row) -> None:
+    def add(self, row: RowCells) -> None:
         """Add one row; RecordingError where it is none that can come."""
         kind = row.cells[0]
         if kind == "info":
             key = row.text()
             self.infos[key] = row.text()
-            if key == "version":
-                self.named = row.cells[2] not in ("1", "1.0", "1.00")
+            self.named |= key == "version" and row.cells[2] not in ("1", "1.0", "1.00")
         elif kind == "frame":
             self._add_frame(row)
         elif kind in BODY_ROWS:
@@ -128,18 +126,18 @@ class _Recording:
         elif kind != "righthanded":
             raise row.fault(f"no row type {kind!r}; there are {', '.join(ROW_TYPES)}")
 
-    def _define(self, row: Row) -> None:
+    def _define(self, row: RowCells) -> None:
         name, identity, markers = row.text(), row.count(), row.count()
         row.numbers(3 * markers)
         row.end()
-        if identity in self.names or name in self.names.values():
+        if identity in self.names or name in self.poses:
             raise row.fault(f"rigid body {name!r} (ID {identity}) is defined twice")
         self.names[identity], self.poses[name] = name, {}
         # a marker that is never seen is missing, not absent
         self.markers |= {f"{name}-Marker {marker}": {} for marker in range(1, markers + 1)}
 
-    def _add_frame(self, row: Row) -> None:
-        k = len(self.frame)
+    def _add_frame(self, row: RowCells) -> None:
+        k, strays = len(self.frame), []
         self.line.append(row.line)
         self.frame += row.numbers(1)
         self.time += row.numbers(1)
@@ -150,28 +148,25 @@ class _Recording:
                 fault = "is not defined" if pose is None else "has two poses"
                 raise row.fault(f"rigid body {identity} {fault}")
             pose[k] = row.numbers(10)[:7]  # position, quaternion, and angles that repeat it
-        self.strays.append([])
         for _ in range(row.count()):
             sample, identity, name = row.numbers(3), row.text(), row.text() if self.named else ""
             if STRAY.fullmatch(name):
-                self.strays[k].append(sample)
+                strays.append(sample)
                 self.stray_ids.add(identity)
-            elif k in self.markers.setdefault(name, {}):
+            elif self.markers.setdefault(name, {}).setdefault(k, sample) is not sample:
                 raise row.fault(f"two markers are named {name!r}")
-            else:
-                self.markers[name][k] = sample
+        self.strays.append(strays)
         row.end()
 
-    def _add_body(self, row: Row) -> None:
+    def _add_body(self, row: RowCells) -> None:
         frame, time, name, identity = row.numbers(1), row.numbers(1), row.text(), row.count()
         if frame != self.frame[-1:] or time != self.time[-1:]:
             raise row.fault(f"the row of rigid body {name!r} is not of the frame before it")
         if self.names.get(identity) != name:
             raise row.fault(f"rigid body {name!r} (ID {identity}) is not defined")
         row.count()
-        markers = row.count()
+        markers, strays = row.count(), self.strays[-1]
         row.take((4 if self.named else 3) * markers)
-        strays = self.strays[-1]
         for marker in range(1, markers + 1):
             sample = row.numbers(3)
             if sample in strays:
@@ -197,49 +192,50 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     """Return the take in the row-typed ``text`` of ``file``; see
     :func:`pipeline.formats.motion.motive.read_motive`.
     """
-    held, previous = _Recording(), None
+    held, previous = RowsSoFar(), None
     counts = {"blank_rows": 0, "cut_rows": int(text.cut is not None), "repeated_rows": 0}
     for number, line in enumerate(text.lines, start=1):
         if line.startswith("comment"):
             continue
-        if is_blank(line, ",") or line == previous:
-            counts["blank_rows" if is_blank(line, ",") else "repeated_rows"] += 1
+        if (blank := is_blank(line, ",")) or line == previous:
+            counts["blank_rows" if blank else "repeated_rows"] += 1
             continue
-        held.add(Row(cells_of(line, ",", file=file, number=number), file, number))
+        held.add(RowCells(cells_of(line, ",", file=file, number=number), file, number))
         previous = line
+
+    def fault(message: str, line: int) -> RecordingError:
+        return RecordingError(message, file=file, line=line)
+
     if not held.frame:
-        message = "the file holds no frame; export the take again"
-        raise RecordingError(message, file=file, line=len(text.lines))
+        raise fault("the file holds no frame; export the take again", len(text.lines))
     unit = settle_unit("", unit, file, key="info")
     frame, printed = frame_numbers(np.array(held.frame), held.line, file), np.array(held.time)
     rate = rate_from_times(frame, printed)
     if rate is None:
         message = "the times of the frames do not increase, so that they give no rate"
-        raise RecordingError(message, file=file, line=held.line[-1])
+        raise fault(message, held.line[-1])
     if WHOLE.fullmatch(held.infos.get("framecount", "")):
         counts["announced_frames"] = int(held.infos["framecount"])
     names = len(held.markers) + len(held.poses) + max(map(len, held.strays))
     require("markers", names, "markers and bodies", file)
     if not names:
-        raise RecordingError(f"{NO_ASSET}; export it with them", file=file, line=held.line[0])
+        raise fault(f"{NO_ASSET}; export it with them", held.line[0])
     # a name that few rows hold is a column of all frames
     require("memory_mib", names * len(frame) * SAMPLE / MIB, "MiB of samples", file)
-    strays: Samples = {}
+    strays: Samples = defaultdict(dict)
     for k, samples in enumerate(held.strays):
         for i, sample in enumerate(samples, start=1):
-            strays.setdefault(f"Unlabeled {i}", {})[k] = sample
+            strays[f"Unlabeled {i}"][k] = sample
 
     def place(k: int, *_: int) -> dict[str, object]:
         return {"file": file, "line": held.line[k]}
 
     take = TakeBuilder(unit, frame, rate, printed, counts)
-    for name, position in (
-        _dense(held.markers, len(frame), 3) | _dense(strays, len(frame), 3)
-    ).items():
+    for name, position in _dense(held.markers | strays, len(frame), 3).items():
         take.markers[name] = take.position(position, name, place)
     for name, pose in _dense(held.poses, len(frame), 7).items():
         take.bodies[name] = take.body(pose[:, :3], pose[:, 3:], name, place)
-    rows = len(frame) * len(held.names) - held.body_rows if held.body_rows else 0
     more = {"stray_ids": len(held.stray_ids), "stray_samples": sum(map(len, held.strays))}
-    more["lacking_body_rows"] = rows
+    lacking = len(frame) * len(held.names) - held.body_rows if held.body_rows else 0
+    more["lacking_body_rows"] = lacking
     return take.take(Path(file).stem, held.infos.get("version", "1.0"), more)

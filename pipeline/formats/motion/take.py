@@ -64,15 +64,15 @@ def settle_unit(stated: str, option: str | None, file: Path, *, key: str) -> str
     """Return the unit of a file's lengths (m, cm or mm): ``stated`` under ``key``, else the
     ``option``; RecordingError for another unit, for none, and where they contradict each other.
     """
-    unit = spelled(stated) or option
+    unit, message = spelled(stated) or option, ""
+    if unit not in UNITS_PER_METRE and stated.strip():
+        message = f"{key} are {stated!r}, not metres, centimetres or millimetres; export in "
+        raise RecordingError(f"{message}one of these", file=file, key=key)
     if unit not in UNITS_PER_METRE:
-        if stated.strip():
-            message = f"{key} are {stated!r}, not metres, centimetres or millimetres; export in "
-            raise RecordingError(f"{message}one of these", file=file, key=key)
         message = "the file does not say the unit of its lengths: set it to m, cm or mm"
-        raise RecordingError(message, file=file, key="dataset.mocap.unit")
-    if option and unit != option:
+    elif option and unit != option:
         message = f"the file's lengths are in {unit}, not in {option}; mend the option"
+    if message:
         raise RecordingError(message, file=file, key="dataset.mocap.unit")
     return unit
 
@@ -82,14 +82,12 @@ def frame_numbers(values: np.ndarray, lines: list[int], file: Path) -> np.ndarra
     missing, not whole or not above the one before.
     """
     whole = np.isfinite(values) & (values == np.round(values)) & (np.abs(values) < 2**53)
-    if not whole.all():
-        message, line = "the frame number is missing or not whole", lines[int(np.argmin(whole))]
-        raise RecordingError(message, file=file, line=line)
-    frame = values.astype(np.int64)
-    if (back := np.diff(frame) <= 0).any():
-        line = lines[int(np.argmax(back)) + 1]
-        raise RecordingError("the frame number does not increase", file=file, line=line)
-    return frame
+    back = np.append(False, np.diff(values) <= 0)
+    for wrong, what in ((~whole, "is missing or not whole"), (back, "does not increase")):
+        if wrong.any():
+            line = lines[int(np.argmax(wrong))]
+            raise RecordingError(f"the frame number {what}", file=file, line=line)
+    return values.astype(np.int64)
 
 
 def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
@@ -112,10 +110,8 @@ def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
 
 def keeps_time(frame: np.ndarray, printed: np.ndarray, rate: float) -> bool:
     """Return whether the ``printed`` times (N,) s of the frames keep to ``rate`` (1/s), over a
-    quarter of the take at a time.
-
-    Times that jump now and then do, as do rounded ones: the median decides. True of too few times
-    to tell.
+    quarter of the take at a time: by the median, since times jump now and then and are rounded.
+    True of too few times to tell.
     """
     frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
     if len(time) < TELLING:
@@ -144,16 +140,12 @@ class TakeBuilder:
 
     def __post_init__(self) -> None:
         step, self.time = np.diff(self.frame), (self.frame - self.frame[0]) / self.rate
-        printed = np.zeros(0) if self.printed is None else self.printed
-        off = np.abs(printed - printed[:1] - self.time) if len(printed) else printed
-        self.counts |= {
-            "found_frames": len(self.frame),
-            "gaps": int(np.sum(step > 1)),
-            "skipped_frames": int(np.sum(step - 1)),
-            "time_mismatches": int(np.sum(off > TIME_ROUNDING)),
-            "zero_samples": 0,
-            "partial_samples": 0,
-        }
+        printed = self.time if self.printed is None else self.printed
+        off = np.abs(printed - printed[:1] - self.time)
+        self.counts |= {"found_frames": len(self.frame), "gaps": int(np.sum(step > 1))}
+        self.counts["skipped_frames"] = int(np.sum(step - 1))
+        self.counts["time_mismatches"] = int(np.sum(off > TIME_ROUNDING))
+        self.counts |= {"zero_samples": 0, "partial_samples": 0}
 
     def position(self, position: np.ndarray, name: str, place: Place) -> np.ndarray:
         """Return (N, 3) in m the ``position`` (N, 3) of ``name`` in the file's unit, with lost
@@ -165,23 +157,18 @@ class TakeBuilder:
             far = np.abs(position) > FARTHEST
         if far.any():
             k, axis = (int(index) for index in np.argwhere(far)[0])
-            raise RecordingError(
-                f"{name} is at {position[k, axis]:.6g} m, farther than any camera sees "
-                f"({FARTHEST:g} m): are lengths in {self.unit}, and is the decimal mark a point?",
-                **place(k, axis),
-            )
+            message = f"{name} is at {position[k, axis]:.6g} m, farther than any camera sees "
+            message += f"({FARTHEST:g} m): are lengths in {self.unit}, and is the decimal mark a "
+            raise RecordingError(f"{message}point?", **place(k, axis))
         missing = ~np.isfinite(position)
-        for axis in range(3):
-            sighted = ~missing[:, [other for other in range(3) if other != axis]].all(axis=1)
-            if sighted.any() and missing[:, axis].all():
-                raise RecordingError(
-                    f"{name} has no {'XYZ'[axis]} in any row, but other coordinates: a column is "
-                    "missing or shifted; export the take again",
-                    **place(int(sighted.argmax()), axis),
-                )
-        zero, lost = (position == 0).all(axis=-1), missing.any(axis=-1)
+        sighted, lost = ~missing.all(axis=1), missing.any(axis=1)
+        for axis in np.flatnonzero(missing.all(axis=0)).tolist() if sighted.any() else ():
+            message = f"{name} has no {'XYZ'[axis]} in any row, but other coordinates: a column is "
+            message += "missing or shifted; export the take again"
+            raise RecordingError(message, **place(int(sighted.argmax()), axis))
+        zero = (position == 0).all(axis=1)
         self.counts["zero_samples"] += int(zero.sum())
-        self.counts["partial_samples"] += int(lost.sum() - missing.all(axis=-1).sum())
+        self.counts["partial_samples"] += int((lost & sighted).sum())
         position[zero | lost] = np.nan
         return position
 
@@ -198,22 +185,19 @@ class TakeBuilder:
             length = np.linalg.norm(turn, axis=-1)
         if (off := np.abs(length - 1) > UNIT_TOLERANCE).any():
             k = int(off.argmax())
-            raise RecordingError(
-                f"the rotation of {name} is of the length {length[k]:.6g}, where a unit quaternion "
-                "should stand: a number is damaged, or columns are shifted",
-                **place(k),
-            )
+            message = f"the rotation of {name} is of the length {length[k]:.6g}, where a unit "
+            message += "quaternion should stand: a number is damaged, or columns are shifted"
+            raise RecordingError(message, **place(k))
         return RigidBody(position, turn)
 
     def take(self, name: str, version: str, more: Mapping[str, int]) -> MotionTake:
         """Return the take, with ``more`` counts."""
         lost = sum(np.isnan(position[:, 0]).sum() for position in self.markers.values())
-        poses = sum(
-            np.isnan(body.position + body.quaternion[:, :3]).any(axis=-1).sum()
-            for body in self.bodies.values()
-        )
+        poses = [body.position + body.quaternion[:, :3] for body in self.bodies.values()]
         self.counts["marker_samples"] = len(self.markers) * len(self.frame)
-        self.counts |= {"missing_samples": int(lost), "missing_poses": int(poses), **more}
+        self.counts["missing_samples"] = int(lost)
+        self.counts["missing_poses"] = int(sum(np.isnan(p).any(axis=-1).sum() for p in poses))
+        self.counts |= more
         timed = None if self.printed is None else rate_from_times(self.frame, self.printed)
         held = self.frame, self.time, self.markers, self.bodies, self.counts, self.unit, timed
         return MotionTake(name, version, self.rate, *held)

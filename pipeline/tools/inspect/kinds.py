@@ -38,8 +38,6 @@ ANY_SIZE = 10**6  # px, holds every principal point
 DEPTH_TYPES = (IMAGE_TYPE, CLOUD_TYPE)
 # beginnings of files that hold recordings in a form that no format reads
 MARKS = {
-    b"\xff\xfe": "text of two bytes a letter (UTF-16): export it as UTF-8",
-    b"\xfe\xff": "text of two bytes a letter (UTF-16): export it as UTF-8",
     b"\x89HDF": "an HDF5 file: save its arrays as CSV or .npz",
     b"\x93NUMPY": "a single array: save it with its times in one .npz",
     b"PK": "an archive without arrays of NumPy first: unpack it, or export a spreadsheet as CSV",

@@ -4,13 +4,10 @@ what is refused by the line or the option that settles it.
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from written_logs import write_netft
 
 from pipeline.core.errors import RecordingError
@@ -133,7 +130,6 @@ REFUSED = {  # of a DAQ F/T log: what is changed in it → line, words
     ('"2"', '"inf"'): (2, "'inf'"),
     ('"2"', '"2,5"'): (2, "'2,5', not a finite number"),
     ('"2",', ""): (2, "5 cells under 6 labels"),
-    ('"Force', '"Start Time: x","Force'): (1, "netft"),
 }
 
 
@@ -156,21 +152,6 @@ def test_a_log_without_labels_or_samples_and_other_files_are_refused(tmp_path):
     for content in (b"", b"0.1,0.2,0.3\n", b"Paused for 5 milliseconds\n", b"\x89PNG\r\n\x1a\n\0"):
         file.write_bytes(content)
         refusal(file)
-
-
-@settings(derandomize=True, max_examples=60, deadline=None)
-@given(comma=st.lists(st.booleans(), min_size=5, max_size=5), head=st.booleans())
-def test_rows_of_both_cultures_in_one_log_are_refused(tmp_path_factory, comma, head):
-    file, cultures = tmp_path_factory.getbasetemp() / "log.csv", {}
-    for decimal in ".,":
-        write_daqft(file, record(5), decimal=decimal)
-        cultures[decimal == ","] = file.read_bytes().split(b"\r\n")
-    rows = [cultures[culture][1 + i] for i, culture in enumerate(comma)]
-    file.write_bytes(b"\r\n".join([cultures[head][0], *rows, b""]))
-    if {*comma} != {head}:
-        refusal(file)
-    else:
-        np.testing.assert_allclose(read_daqft(file).force, record(5).force, rtol=1e-14)
 
 
 @pytest.mark.parametrize("top", ["Paused for 500 milliseconds", "Skipped 20 samples"])
@@ -282,35 +263,3 @@ def test_units_rate_and_axes_of_a_netft_log_may_come_from_the_options(netft):
     np.testing.assert_allclose(result.force, 1e3 * record().force)
     np.testing.assert_allclose(result.time, 2 * record().time)
     assert np.isnan(result.torque).all()
-
-
-READERS = {
-    "DAQ F/T .": (lambda file: write_daqft(file, record(6)), read_daqft, 1),
-    "DAQ F/T ,": (lambda file: write_daqft(file, record(6), decimal=","), read_daqft, 1),
-    "Net F/T": (lambda file: write_netft(file, record(6)), read_netft, 7),
-}
-
-
-@pytest.mark.parametrize("name", READERS)
-@settings(derandomize=True, max_examples=50, deadline=None)
-@given(picks=st.lists(st.integers(0, 5), min_size=1, max_size=10))
-def test_dropped_doubled_and_swapped_rows_are_counted_or_refused(tmp_path_factory, name, picks):
-    write, read, above = READERS[name]
-    file = tmp_path_factory.getbasetemp() / "rows.csv"
-    write(file)
-    lines = file.read_bytes().split(b"\r\n")
-    file.write_bytes(b"\r\n".join([*lines[:above], *(lines[above + i] for i in picks), b""]))
-    if name != "Net F/T":  # without a time, doubled rows can only be counted
-        result = read(file)
-        np.testing.assert_allclose(result.force, record(6).force[picks], rtol=1e-14)
-        doubled = sum(before == after for before, after in pairwise(picks))
-        assert result.counts["repeated_rows"] == doubled
-        return
-    kept = sorted({*picks})
-    if picks != sorted(picks):
-        assert "goes back" in refusal(file, read=read).message
-        return
-    result = read(file)
-    np.testing.assert_array_equal(result.force, record(6).force[kept])
-    np.testing.assert_allclose(result.time, (np.array(kept) - kept[0]) / 500, rtol=0, atol=1e-12)
-    assert result.counts["doubled_rows"] == len(picks) - len(kept)
