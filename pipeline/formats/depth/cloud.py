@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,6 +31,7 @@ PLY_TYPES = {
     **{"ushort": "u2", "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4"},
     **{"float": "f4", "float32": "f4", "double": "f8", "float64": "f8"},
 }
+FLOATS = {order + kind for order in "<>" for kind in ("f4", "f8")}
 UNTURNED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # x, y, z, and a quaternion w, x, y, z
 # as C++ prints it; nan itself is known to numbers_of
 NO_POSITION = ("-nan", "+nan", "inf", "-inf", "+inf")
@@ -58,8 +60,7 @@ class PointCloud:
         return cls(measured, len(points) - len(measured), *beside)
 
 
-@dataclass(frozen=True)
-class CloudHeader:
+class CloudHeader(NamedTuple):
     """Numbers that a cloud's header states."""
 
     count: int  # points
@@ -90,18 +91,24 @@ def decode_cloud(content: bytes, *, file: Path) -> PointCloud:
     Raises RecordingError for content that is truncated, of another format, without x, y and z, or
     with data other than the header announces.
     """
-    if not _is_ply(content) and not _is_pcd(content) and Path(file).suffix.lower() != ".pcd":
+    parse = _ply_header if _is_ply(content) else _pcd_header
+    if parse is _pcd_header and not _is_pcd(content) and Path(file).suffix.lower() != ".pcd":
         raise RecordingError("this is no PCD or PLY point cloud; export it as one", file=file)
-    header = (_ply_header if _is_ply(content) else _pcd_header)(content, file)
-    names = header.point.names
-    there = [header.point[axis] for axis in "xyz" if axis in names]
-    if len(there) < 3 or any(each.shape or each.kind != "f" for each in there) or len({*there}) > 1:
-        message = "the cloud has no single x, y and z of one floating-point type; its fields are "
-        raise RecordingError(f"{message}{', '.join(names)}: export it with them", file=file)
-    size = header.count * header.point.itemsize
+    try:
+        header = parse(content)
+    except HEADER_DAMAGE as error:
+        message = f"the header of the cloud is damaged ({error}); {AGAIN}, or export x, y, z alone"
+        raise RecordingError(message, file=file) from None
+    there, size = {*header.point.names}, header.count * header.point.itemsize
+    kinds = {header.point[axis].str for axis in "xyz" if axis in there}
     require("part_mib", size / MIB, "MiB of points, which the header announces,", file)
-    if size <= 0:
+    message = ""
+    if not {*"xyz"} <= there or kinds.isdisjoint(FLOATS) or len(kinds) > 1:
+        message = "the cloud has no single x, y and z of one floating-point type; its fields are "
+        message += f"{', '.join(header.point.names)}: export it with them"
+    elif size <= 0:
         message = f"the header announces {header.count} points; {AGAIN}, or take it out of the take"
+    if message:
         raise RecordingError(message, file=file)
     read = _text_points if header.form == "ascii" else _binary_points
     points, surplus = read(content, header, file)
@@ -117,62 +124,47 @@ def _is_pcd(content: bytes) -> bool:
     return re.match(rb"# \.PCD|VERSION +\S+\s+FIELDS ", content) is not None
 
 
-def _pcd_header(content: bytes, file: Path) -> CloudHeader:
+def _pcd_header(content: bytes) -> CloudHeader:
     if (data := re.search(rb"(?m)^DATA[^\S\n].*\n", content[:100_000])) is None:
-        message = "this is no PCD point cloud, or it is truncated in its header"
-        raise RecordingError(f"{message}; {AGAIN}", file=file)
+        raise ValueError("no line DATA: truncated")
     lines = [line.split() for line in content[: data.end()].decode("latin-1").split("\n")]
     entries = {words[0]: words[1:] for words in lines if words}
-    try:
-        names = entries["FIELDS"]
-        counts = [int(count) for count in entries.get("COUNT", ["1"] * len(names))]
-        types = [a.lower() + b for a, b in zip(entries["TYPE"], entries["SIZE"], strict=True)]
-        if not {*types} <= PCD_TYPES or min(counts) < 1:
-            raise ValueError(f"TYPE, SIZE and COUNT give {', '.join(types)} of {counts}")
-        # padding has the name _ as often as there is some
-        unique = [name if names.count(name) == 1 else f"{name}{i}" for i, name in enumerate(names)]
-        shapes = [() if count == 1 else (count,) for count in counts]
-        point = np.dtype([*zip(unique, [f"<{kind}" for kind in types], shapes, strict=True)])
-        width, height, count = (int(entries[name][0]) for name in ("WIDTH", "HEIGHT", "POINTS"))
-        (form,) = entries["DATA"]
-        if form not in PCD_FORMATS:
-            raise ValueError(f"DATA {form!r} is none of {', '.join(PCD_FORMATS)}")
-        if width * height != count:
-            raise ValueError(f"POINTS is {count}, and {height} rows of {width} are another number")
-        viewpoint = tuple(map(float, entries.get("VIEWPOINT", UNTURNED)))
-    except HEADER_DAMAGE as error:
-        message = f"the header of the PCD is damaged ({error}); {AGAIN}"
-        raise RecordingError(message, file=file) from None
-    turned = np.linalg.norm(viewpoint[3:])
-    if len(viewpoint) != 7 or not np.isfinite(viewpoint).all() or abs(turned - 1) >= 1e-3:
-        raise RecordingError(
-            f"VIEWPOINT is {viewpoint}, which must be a position and a unit quaternion (w, x, y, "
-            "z); write 0 0 0 1 0 0 0 for the sensor's own frame",
-            file=file,
-        )
+    names = entries["FIELDS"]
+    counts = [int(count) for count in entries.get("COUNT", ["1"] * len(names))]
+    types = [a.lower() + b for a, b in zip(entries["TYPE"], entries["SIZE"], strict=True)]
+    if not {*types} <= PCD_TYPES or min(counts) < 1:
+        raise ValueError(f"TYPE, SIZE and COUNT give {', '.join(types)} of {counts}")
+    # padding has the name _ as often as there is some
+    unique = [name if names.count(name) == 1 else f"{name}{i}" for i, name in enumerate(names)]
+    shapes = [() if count == 1 else (count,) for count in counts]
+    point = np.dtype([*zip(unique, [f"<{kind}" for kind in types], shapes, strict=True)])
+    width, height, count = (int(entries[name][0]) for name in ("WIDTH", "HEIGHT", "POINTS"))
+    (form,) = entries["DATA"]
+    if form not in PCD_FORMATS:
+        raise ValueError(f"DATA {form!r} is none of {', '.join(PCD_FORMATS)}")
+    if width * height != count:
+        raise ValueError(f"POINTS is {count}, and {height} rows of {width} are another number")
+    viewpoint = tuple(map(float, entries.get("VIEWPOINT", UNTURNED)))
+    if len(viewpoint) != 7 or not abs(np.linalg.norm(viewpoint[3:]) - 1) < 1e-3:
+        need = "a position and a unit quaternion; 0 0 0 1 0 0 0 is the sensor's own frame"
+        raise ValueError(f"VIEWPOINT is {viewpoint}, which must be {need}")
     return CloudHeader(count, point, form, data.end(), viewpoint=viewpoint)
 
 
-def _ply_header(content: bytes, file: Path) -> CloudHeader:
-    end = re.search(rb"\nend_header\r?\n", content[:100_000])
-    if end is None:
-        raise RecordingError(f"the PLY is truncated in its header; {AGAIN}", file=file)
+def _ply_header(content: bytes) -> CloudHeader:
+    if (end := re.search(rb"\nend_header\r?\n", content[:100_000])) is None:
+        raise ValueError("no line end_header: truncated")
     lines = [line.split() for line in content[: end.start()].decode("latin-1").splitlines()[1:]]
     lines = [words for words in lines if words and words[0] not in ("comment", "obj_info")]
     elements = [number for number, words in enumerate(lines) if words[0] == "element"]
-    try:
-        (first, form, _), (_, element, count) = lines[0], lines[elements[0]]
-        properties = lines[elements[0] + 1 : elements[1] if len(elements) > 1 else None]
-        order = PLY_FORMATS[form]
-        point = np.dtype([(name, order + PLY_TYPES[kind]) for _, kind, name in properties])
-        if first != "format" or element != "vertex":
-            raise ValueError("it does not begin with a format and the element vertex")
-        return CloudHeader(int(count), point, form, end.end(), more=len(elements) > 1)
-    except HEADER_DAMAGE as error:
-        message = "the header of the PLY is damaged, or a vertex has more than single numbers "
-        raise RecordingError(
-            f"{message}({error}); {AGAIN}, or export the points alone", file=file
-        ) from None
+    (first, form, _), (_, element, count) = lines[0], lines[elements[0]]
+    if first != "format" or element != "vertex":
+        raise ValueError("it does not begin with a format and the element vertex")
+    properties = lines[elements[0] + 1 : [*elements, None][1]]
+    if any(len(words) != 3 for words in properties):
+        raise ValueError("a vertex has more than single numbers")
+    point = np.dtype([(name, PLY_FORMATS[form] + PLY_TYPES[kind]) for _, kind, name in properties])
+    return CloudHeader(int(count), point, form, end.end(), more=len(elements) > 1)
 
 
 def _binary_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.ndarray, int]:
