@@ -18,9 +18,8 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError, SingularJacobianError
 from pipeline.models.noise import process_noise
 from pipeline.perception.markers import JointTrack, follower
-from pipeline.recordings.commands import commanded_steps
-from pipeline.recordings.cross_check import require_commanded, require_encoders
-from pipeline.recordings.depth_clock import on_motion_clock, with_markers
+from pipeline.recordings.clocks import on_motion_clock, with_markers
+from pipeline.recordings.commands import commanded_steps, require_commanded, require_encoders
 from pipeline.recordings.quality import beside_limits, quality_row, reasons, require_enough
 
 INGEST, OUT = Path("data/ingest"), Path("data/track")

@@ -12,7 +12,7 @@ from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.model import load_arm
 from pipeline.core.columns import columns, spread
 from pipeline.core.errors import RecordingError
-from pipeline.recordings.cross_check import require_commanded, require_encoders, require_velocities
+from pipeline.recordings.commands import require_commanded, require_encoders, require_velocities
 
 RATE, JOINTS = 100.0, ["joint_2", "joint_3", "joint_4"]
 TIME = np.arange(301) / RATE

@@ -16,9 +16,9 @@ from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.core.options.instruments import Depth
 from pipeline.formats.depth.image import write_depth
 from pipeline.formats.depth.index import write_index
-from pipeline.recordings.depth_clock import on_motion_clock, with_markers
-from pipeline.recordings.depth_points import arm_points, write_points
-from pipeline.recordings.depth_sequence import DepthSequence, take_paths
+from pipeline.recordings.clocks import on_motion_clock, with_markers
+from pipeline.recordings.depth import DepthSequence, take_paths
+from pipeline.recordings.depth_angles import arm_points
 
 
 @pytest.mark.parametrize("units", [1000.0, 5000.0])
@@ -284,7 +284,7 @@ def test_a_take_without_motion_capture_is_refused_by_its_name(markers):
 def test_the_points_of_each_frame_are_read_back_as_they_were_written(tmp_path):
     rng = np.random.default_rng(4)
     clouds = [rng.random((count, 2)) for count in (3, 0, 5)]
-    write_points(clouds, "test_001", tmp_path)
+    np.save(tmp_path / "test_001.npy", np.concatenate(clouds))
     rows = pd.DataFrame({"take": "test_001", "points": [3, 0, 5]})
     for points, written in zip(arm_points(rows, tmp_path), clouds, strict=True):
         np.testing.assert_array_equal(points, written)

@@ -12,7 +12,7 @@ from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.core.options.instruments import Encoders
 from pipeline.formats.joints.table import joint_labels, write_joint_table
-from pipeline.recordings.encoders import encoder_rows
+from pipeline.recordings.joint_logs import encoder_rows
 
 JOINTS = ["shoulder", "elbow"]
 

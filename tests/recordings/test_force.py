@@ -15,8 +15,7 @@ from pipeline.core.options.instruments import Force
 from pipeline.core.validation import validated
 from pipeline.formats.force.daqft import write_daqft
 from pipeline.formats.force.record import ForceRecord
-from pipeline.recordings.force_transducer import force_rows
-from pipeline.recordings.tare import remove_bias
+from pipeline.recordings.force import force_rows, remove_bias
 
 RATE, TARE = 250.0, 2.0
 

@@ -13,9 +13,9 @@ from made_options import made
 from pipeline.core import contracts
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset
+from pipeline.recordings.inventory import named_takes, take_name
 from pipeline.recordings.quality import account, beside_limits, quality_row
-from pipeline.recordings.take_names import named_takes, take_name
-from pipeline.recordings.truth import held_against, truth_of
+from pipeline.recordings.steps import held_against, truth_of
 
 RAW = Path("recordings")
 

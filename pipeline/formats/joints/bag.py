@@ -44,7 +44,9 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
     for signal, topic in sorted(_topics(file, options).items()):
         time, values, joints = _values(file, topic, signal, joints, counts)
         if signal in ANGLES:
-            values, removed = unwrapped(values, time, joints, signal=signal, file=file)
+            values, removed = unwrapped(
+                values, time, joints, circular=options.circular, signal=signal, file=file
+            )
             counts["unwrapped_jumps"] += removed
         logs[signal] = time, values
     time, measured = logs.pop("actual")

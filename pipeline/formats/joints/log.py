@@ -43,6 +43,8 @@ class LogOptions:
     time_unit: str = "s"
     joints: int | None = None  # as many as the log holds
     names: Sequence[str] = ()  # of the joints; those that a log states have to be these
+    # of each joint; the position of a prismatic one, in m, is never unwrapped
+    circular: np.ndarray | bool = True
     # signal → by what its values are multiplied, one number or one a joint; of no mention, by 1
     factors: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
     # the signals to be read, each with the columns of its joints by label or by number from 0; None

@@ -27,8 +27,7 @@ from pipeline.figures import noise_quantiles
 from pipeline.figures.style import save
 from pipeline.models.joint_steps_fit import LEAST_SHARE, PLAIN
 from pipeline.models.other_motions import other_motions
-from pipeline.recordings.all_motions import logged_motions
-from pipeline.recordings.motions import Motion
+from pipeline.recordings.motions import Motion, logged_motions
 from pipeline.stages import fit, ingest, predict, track
 from pipeline.stages.predict import OUT as PREDICTED
 from pipeline.tools.export.command import write_export

@@ -16,10 +16,10 @@ from pipeline.core.datasheet import Draft, Question, unfilled_keys
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.options.instruments import JointLog
+from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.logged_movement import read_logged_movement
 from pipeline.recordings.motions import NEARLY, Motion, motions
 from pipeline.recordings.repetitions import REACH
-from pipeline.recordings.take_names import named_takes
 from pipeline.tools.check.command import get_filled, value_faults
 from pipeline.tools.new_dataset.layout import RecordingLayout
 from pipeline.tools.new_dataset.values import KEYS, suggested_values
