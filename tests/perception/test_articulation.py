@@ -12,9 +12,8 @@ from rectangle_clouds import CHAIN, LENGTHS, cloud, limits, motion
 from scipy.optimize import minimize
 
 from pipeline.core.errors import RecordingError
-from pipeline.perception.articulation import Articulation, ArticulationOptions, fit_sequence
-from pipeline.perception.articulation_end import INFEASIBLE, at_commanded
-from pipeline.perception.articulation_objective import frame_of
+from pipeline.perception.articulation import ArticulationOptions, FittedSequence, fit_sequence
+from pipeline.perception.articulation_objective import INFEASIBLE, at_commanded, frame_of
 
 OPTIONS = ArticulationOptions()
 RANK = from_python(at_commanded)
@@ -29,7 +28,7 @@ def ranked(
 
 def fit(
     clouds: list[np.ndarray], q: np.ndarray, options: ArticulationOptions = OPTIONS, **evidence: str
-) -> Articulation:
+) -> FittedSequence:
     return fit_sequence(
         clouds, CHAIN.origin, CHAIN.points(q)[:, 3], CHAIN, options, q[0], **evidence
     )

@@ -12,9 +12,8 @@ from rectangle_clouds import CHAIN, LENGTHS, cloud, limits, motion
 from scipy.optimize import minimize
 
 from pipeline.core.errors import ConfigError
-from pipeline.perception.articulation import Articulation, ArticulationOptions, fit_sequence
-from pipeline.perception.articulation_end import ENDS, STEP, at_fitted
-from pipeline.perception.articulation_objective import Frame, frame_of
+from pipeline.perception.articulation import ArticulationOptions, FittedSequence, fit_sequence
+from pipeline.perception.articulation_objective import ENDS, STEP, Frame, at_fitted, frame_of
 
 FITTED = ENDS["fitted"]
 VALUE = from_python(at_fitted)
@@ -27,7 +26,7 @@ def problem(points: np.ndarray, q: np.ndarray) -> Frame:
     return frame_of(points.T, CHAIN.origin, ee, LENGTHS, OPTIONS.length_range, GAMMAS)
 
 
-def fit(clouds: list[np.ndarray], commanded: np.ndarray) -> Articulation:
+def fit(clouds: list[np.ndarray], commanded: np.ndarray) -> FittedSequence:
     ee = CHAIN.points(commanded)[:, 3]
     return fit_sequence(clouds, CHAIN.origin, ee, CHAIN, OPTIONS, commanded[0])
 
