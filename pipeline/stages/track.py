@@ -140,7 +140,8 @@ def _cross_check(joints: pd.DataFrame, dataset) -> None:
         tracked = dict(list(joints.groupby("take")))
         for take, rows in contracts.read("encoders", motion).groupby("take"):
             if take in tracked:
-                require_encoders(tracked[take], rows, names, take)
+                circular = ~np.asarray(chain.sliding, dtype=bool)
+                require_encoders(tracked[take], rows, names, take, circular)
 
 
 def _process_noise(joints: pd.DataFrame, dataset) -> pd.DataFrame:

@@ -11,7 +11,6 @@ from compiled_calls import from_python
 from rectangle_clouds import CHAIN, LENGTHS, cloud, limits, motion
 from scipy.optimize import minimize
 
-from pipeline.core.errors import ConfigError
 from pipeline.perception.articulation import ArticulationOptions, FittedSequence, fit_sequence
 from pipeline.perception.articulation_objective import ENDS, STEP, Frame, at_fitted, frame_of
 
@@ -107,9 +106,3 @@ def test_the_errors_are_of_the_size_that_is_stated_for_the_commanded_end(sequenc
     fitted = fit(clouds, q)
     assert np.all(np.sqrt(((fitted.q - q) ** 2).mean(axis=0)) < [0.04, 0.06, 0.06])
     assert fitted.lost == fitted.gaps == 0
-
-
-@pytest.mark.parametrize("change", [{"end_point": "free"}, {"length_range": 0.0}])
-def test_an_option_that_does_not_exist_is_refused(change):
-    with pytest.raises(ConfigError, match=r"end_point|length_range"):
-        ArticulationOptions(**change)

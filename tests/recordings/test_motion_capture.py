@@ -19,7 +19,7 @@ from marker_takes import (
 from pipeline.arm.model import load_arm
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.instruments import Body, Pose
-from pipeline.recordings.motion_capture import find_takes, marker_rows, read_take
+from pipeline.recordings.motion_capture import find_takes, marker_rows
 
 
 @pytest.fixture(scope="module")
@@ -142,14 +142,6 @@ def test_a_c3d_take_gives_the_rows_of_the_csv_take(tmp_path, arm, joints):
         rows[["take", "part", "k", "link", "marker"]]
         == expected[["take", "part", "k", "link", "marker"]]
     ).all(axis=None)
-
-
-def test_a_file_with_the_wrong_ending_is_refused_and_not_read_as_the_other_format(
-    tmp_path, arm, joints
-):
-    file = written(tmp_path, markers_of(arm, joints)).rename(tmp_path / "t.c3d")
-    with pytest.raises(RecordingError, match="no C3D file"):
-        read_take(file, None)
 
 
 def test_takes_are_found_by_part_and_two_of_one_name_are_refused(tmp_path):

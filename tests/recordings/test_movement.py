@@ -15,6 +15,7 @@ from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.formats.joints.table import write_joint_table
 from pipeline.recordings import movement
 from pipeline.recordings.logged_movement import read_logged_movement
+from pipeline.recordings.repetitions import find_passes
 
 
 def test_logs_of_one_movement_are_paired_row_by_row_as_far_as_the_shortest_goes(tmp_path):
@@ -163,3 +164,40 @@ def test_a_jump_that_is_neither_a_motion_nor_whole_turns_is_refused_by_joint_and
     options = LogOptions(joints=2, names=("a", "b"), signals={"actual": None})
     with pytest.raises(RecordingError, match=r"b \(actual\) jumps by 4.4\d* rad at 0.2 s .*2π"):
         movement.read_log(tmp_path / "run.npz", options)
+
+
+RAIL = """<robot name="rail"><link name="base"/><link name="cart"/><link name="arm"/>
+<joint name="slide" type="prismatic"><parent link="base"/><child link="cart"/>
+<limit velocity="900" effort="1" lower="0" upper="20"/></joint>
+<joint name="turn" type="continuous"><parent link="cart"/><child link="arm"/></joint></robot>
+"""
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_positions_of_a_prismatic_joint_are_metres_and_never_unwrapped(tmp_path, unit):
+    (tmp_path / "rail.urdf").write_text(RAIL)
+    circular = movement.circular_joints(str(tmp_path / "rail.urdf"), ["slide", "turn"])
+    assert circular.tolist() == [False, True]
+    slide, turn = np.linspace(0, 12, 60), WRAP["to ±π"](TURNING[:, 0])
+    slide[30:] += 3.5
+    scale = np.array([1.0, np.degrees(1.0) if unit == "deg" else 1.0])
+    rows = np.column_stack([slide, turn])
+    archive = {"time": np.arange(60) / 100, "q": rows * scale}
+    np.savez(tmp_path / "run.npz", **archive, d=rows * scale + [2 * np.pi, 0])
+    options = {"joints": 2, "angle_unit": unit, "time": "time", "signals": {"actual": ["q"]}}
+    log = movement.read_log(tmp_path / "run.npz", LogOptions(**options, circular=circular))
+    np.testing.assert_allclose(log.signals["actual"], np.c_[slide, TURNING[:, 0]], atol=1e-12)
+    assert log.counts[movement.UNWRAPPED] == 1
+    # the controls: as angles they jump, and a turn beside the command would be taken out
+    if unit == "rad":
+        with pytest.raises(RecordingError, match=r"joint 1 .* jumps by"):
+            movement.read_log(tmp_path / "run.npz", LogOptions(**options))
+    signals = {"actual": ["q"], "target": ["d"]}
+    names = ["slide", "turn"]
+    of_log = made(Log, joints=names, signals=signals, time="time", angle_unit=unit)
+    with pytest.raises(RecordingError, match="slide misses its command"):
+        read_logged_movement("run", tmp_path / "run.npz", of_log, 100.0, circular)
+    ends = np.array([[0.0], [np.pi], [2 * np.pi]])
+    assert len(find_passes(ends, [0.0], [np.pi], 1, np.array([False])).runs) == 1
+    assert not find_passes(ends + 2 * np.pi, [0.0], [np.pi], 1, np.array([False])).runs
+    assert find_passes(ends + 2 * np.pi, [0.0], [np.pi], 1).runs

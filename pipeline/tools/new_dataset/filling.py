@@ -19,6 +19,7 @@ from pipeline.core.options.instruments import JointLog
 from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.logged_movement import read_logged_movement
 from pipeline.recordings.motions import NEARLY, Motion, motions
+from pipeline.recordings.movement import circular_joints
 from pipeline.recordings.repetitions import REACH
 from pipeline.tools.check.command import get_filled, value_faults
 from pipeline.tools.new_dataset.layout import RecordingLayout
@@ -142,8 +143,9 @@ def found_motions(values: dict[str, Any]) -> list[Motion]:
         raise ConfigError(f"the motions are found once these are filled in: {keys}")
     options, folder = JointLog(**log), Path(values["recordings"])
     places = named_takes(folder, options.movements, key="dataset.joint_log.movements")
+    circular = circular_joints(values["robot"]["urdf"], options.joints)
     movements = {
-        name: read_logged_movement(name, place, options, float(rate))
+        name: read_logged_movement(name, place, options, float(rate), circular)
         for name, place in places.items()
     }
     offered = motions(movements, Robot(**values["robot"]), rate)
