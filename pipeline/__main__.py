@@ -7,6 +7,7 @@ system, is one message on standard error.
 
 from __future__ import annotations
 
+import argparse
 import ast
 import errno
 import gc
@@ -144,7 +145,7 @@ def _chosen(name: str, words: list[str]) -> Callable[[], None]:
     """
     folder = name.replace("-", "_")
     if folder in (tools := _named("tools/*/command.py")):
-        return partial(import_module(f"pipeline.tools.{folder}.command").run, words)
+        return tool_call(folder, words)
     stages, studies = _named("stages/[a-z]*.py"), _named("studies/*/stage.py")
     if name not in stages + studies:
         usage = USAGE.format(
@@ -165,6 +166,20 @@ def _chosen(name: str, words: list[str]) -> Callable[[], None]:
         takes = "takes one item" if signature(run).parameters else "takes no item"
         raise SystemExit(f"error: {name} {takes}, got {' '.join(words) or 'none'}")
     return partial(run, *words)
+
+
+def tool_call(folder: str, words: list[str]) -> Callable[[], None]:
+    """Return the call of the tool in ``folder`` with the ``words`` of a command line, which its
+    ARGUMENTS describe: name or flags → options of ``add_argument``.
+    """
+    tool = import_module(f"pipeline.tools.{folder}.command")
+    parser = argparse.ArgumentParser(
+        prog=f"python -m pipeline {folder.replace('_', '-')}",
+        description=tool.__doc__.partition(": ")[2],
+    )
+    for name, options in tool.ARGUMENTS.items():
+        parser.add_argument(name, **options)
+    return partial(tool.run, **vars(parser.parse_args(words)))
 
 
 def purpose(program: Path) -> str:

@@ -13,6 +13,7 @@ import pandas as pd
 
 from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.interface import Chain
+from pipeline.arm.urdf import circular_joints
 from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset
@@ -28,7 +29,7 @@ from pipeline.recordings.logged_movement import (
     beside,
     read_logged_movement,
 )
-from pipeline.recordings.movement import circular_joints, read_log, require_speeds
+from pipeline.recordings.movement import read_log, require_speeds
 from pipeline.recordings.pairing import require_pair
 from pipeline.recordings.quality import LEFT_OUT, REPETITIONS, quality_row
 from pipeline.recordings.repetitions import (

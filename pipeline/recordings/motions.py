@@ -11,13 +11,13 @@ import numpy as np
 
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
+from pipeline.arm.urdf import circular_joints
 from pipeline.core.angles import apart
 from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.models.other_motions import MotionSteps
 from pipeline.recordings.disturbances import disturbances
 from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.logged_movement import LoggedMovement, beside, read_logged_movement
-from pipeline.recordings.movement import circular_joints
 from pipeline.recordings.repetitions import (
     REACH,
     SLACK,

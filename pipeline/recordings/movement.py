@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.arm.urdf import Joint, read_urdf
+from pipeline.arm.urdf import named_joints
 from pipeline.core.angles import TURN, unwrapped
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.instruments import SIGNALS
@@ -25,7 +25,6 @@ ANGLES = ("actual", "target")  # signals that are angles of joints
 UNWRAPPED = "unwrapped_jumps"  # count of jumps of whole turns that were removed
 FASTER = 1.05  # of a joint's velocity limit, up to which a step is the joint's own
 STEP_NOISE = 1e-3  # rad by which noise and rounding of two rows may add to a step
-UNFILLED = "???"  # value of an option that is not filled in
 MOST_TURNS = 4  # no joint of an arm turns farther from its zero: angles beyond have another unit
 RATE = "dataset.motion.rate"
 
@@ -170,22 +169,6 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
     return replace(log, signals=signals, counts=counts)
 
 
-def urdf_joints(urdf: str, names: Sequence[str]) -> list[Joint | None]:
-    """Return the joints ``names`` of the file ``urdf``, None for one that it lacks or where no file
-    is named; ConfigError as :func:`pipeline.arm.urdf.read_urdf`.
-    """
-    joints = {} if urdf == UNFILLED else read_urdf(Path(urdf)).joints
-    return [joints.get(name) for name in names]
-
-
-def circular_joints(urdf: str, names: Sequence[str]) -> np.ndarray:
-    """Return which of the joints ``names`` turn, so that their angles may wrap: all but the
-    prismatic ones of the file ``urdf``.
-    """
-    kinds = [joint and joint.kind for joint in urdf_joints(urdf, names)]
-    return np.array([kind != "prismatic" for kind in kinds])
-
-
 def require_speeds(
     time: np.ndarray,
     angles: Mapping[str, np.ndarray],
@@ -202,7 +185,7 @@ def require_speeds(
         urdf: File of their velocity limits; a limit of 0, as some exporters write, is none.
         evidence: File of the angles.
     """
-    for column, joint in enumerate(urdf_joints(urdf, names)):
+    for column, joint in enumerate(named_joints(urdf, names)):
         limit = ((joint and joint.limits) or {}).get("velocity", 0.0)
         unit = "m" if joint and joint.kind == "prismatic" else "rad"
         for signal, rows in angles.items() if limit > 0 else ():

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.model import arm_of, chain_of
+from pipeline.arm.urdf import circular_joints
 from pipeline.core import config, contracts
 from pipeline.core.columns import columns, spread
 from pipeline.core.compute.trials import run_trials
@@ -140,7 +141,7 @@ def _cross_check(joints: pd.DataFrame, dataset) -> None:
         tracked = dict(list(joints.groupby("take")))
         for take, rows in contracts.read("encoders", motion).groupby("take"):
             if take in tracked:
-                circular = ~np.asarray(chain.sliding, dtype=bool)
+                circular = circular_joints(dataset.robot.urdf, names)
                 require_encoders(tracked[take], rows, names, take, circular)
 
 

@@ -8,6 +8,7 @@ from joint_files import log, read_movement, table
 from made_options import made
 from written_logs import write_joint_log
 
+from pipeline.arm.urdf import circular_joints
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.instruments import JointLog as Log
 from pipeline.formats.format import Format, Kind, begins
@@ -176,7 +177,7 @@ RAIL = """<robot name="rail"><link name="base"/><link name="cart"/><link name="a
 @pytest.mark.parametrize("unit", ["rad", "deg"])
 def test_positions_of_a_prismatic_joint_are_metres_and_never_unwrapped(tmp_path, unit):
     (tmp_path / "rail.urdf").write_text(RAIL)
-    circular = movement.circular_joints(str(tmp_path / "rail.urdf"), ["slide", "turn"])
+    circular = circular_joints(str(tmp_path / "rail.urdf"), ["slide", "turn"])
     assert circular.tolist() == [False, True]
     slide, turn = np.linspace(0, 12, 60), WRAP["to ±π"](TURNING[:, 0])
     slide[30:] += 3.5

@@ -17,8 +17,7 @@ from PIL import Image
 from source_code import ROOT
 
 from pipeline.core.errors import ContractError
-from pipeline.tools.page.command import RESULTS
-from pipeline.tools.page.document import page
+from pipeline.tools.page.command import RESULTS, page
 
 MARKDOWN = re.compile(r"\*\*|\]\(|^\s*#+ |\|\s*---|^```|!\[", re.MULTILINE)
 
@@ -91,25 +90,15 @@ def test_two_files_become_one_page(reports):
     text = "".join(parsed.texts)
     assert "of <all>" in text and "<br>" not in text and "Results: " in text
     assert not MARKDOWN.search(text)
+    contents = html.partition("<nav")[2].partition("</nav>")[0]
+    named = ["Results: lab &amp; more", "A table", "A figure", "Card", "Why", "Why"]
+    assert re.findall(r">([^<>\n]+)</a>", contents) == named
     (figure,) = parsed.pictures
     assert figure["alt"] == "A drawn figure"
     kind, _, data = figure["src"].partition(";base64,")
     with Image.open(io.BytesIO(b64decode(data))) as image:
         assert kind == "data:image/png" and image.size == (300, 200)
         assert image.convert("RGB").getpixel((5, 5)) == (0, 128, 128)
-
-
-def test_the_contents_list_every_file_and_its_sections(reports):
-    html = page("", [reports / "report.md", reports / "card.md"], reports)
-    contents = html.partition("<nav")[2].partition("</nav>")[0]
-    assert re.findall(r">([^<>\n]+)</a>", contents) == [
-        "Results: lab &amp; more",
-        "A table",
-        "A figure",
-        "Card",
-        "Why",
-        "Why",
-    ]
 
 
 @given(st.text(alphabet="<>&\"'`*_[]()#|!$\n\\ ab", max_size=60))
