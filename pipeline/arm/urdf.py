@@ -332,8 +332,8 @@ def _require_row(joints: list[str], on: list[str], tip: str, file: Path) -> None
 
 
 def named_joints(urdf: str, names: list[str]) -> list[Joint | None]:
-    """Return the joints ``names`` of the file ``urdf``, None for one that it lacks or where the file
-    is still to be filled in; ConfigError as :func:`read_urdf`.
+    """Return the joints ``names`` of the file ``urdf``, None for one that it lacks or where the
+    file is still to be filled in; ConfigError as :func:`read_urdf`.
     """
     joints = {} if urdf == UNFILLED else read_urdf(Path(urdf)).joints
     return [joints.get(name) for name in names]
