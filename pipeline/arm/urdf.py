@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Any
 from xml.parsers import expat
 
-import numpy as np
-
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
 
@@ -19,7 +17,6 @@ FARTHEST = 1e6  # m or rad, of an origin or an axis: squares of it stay finite
 LIMITED = ("revolute", "prismatic")  # kinds of joints with one coordinate and limits
 SINGLE = (*LIMITED, "continuous")  # with one coordinate
 KINDS = (*SINGLE, "fixed", "floating", "planar")
-UNFILLED = "???"  # name of a file that is still to be filled in
 ROOT = "universe"  # how Pinocchio names what the robot stands on
 
 
@@ -329,21 +326,6 @@ def _require_row(joints: list[str], on: list[str], tip: str, file: Path) -> None
         raise ConfigError(
             f"robot.joints: {joints} must stand in the order of the chain {on}", file=file
         )
-
-
-def named_joints(urdf: str, names: list[str]) -> list[Joint | None]:
-    """Return the joints ``names`` of the file ``urdf``, None for one that it lacks or where the
-    file is still to be filled in; ConfigError as :func:`read_urdf`.
-    """
-    joints = {} if urdf == UNFILLED else read_urdf(Path(urdf)).joints
-    return [joints.get(name) for name in names]
-
-
-def circular_joints(urdf: str, names: list[str]) -> np.ndarray:
-    """Return which of the joints ``names`` turn, so that their angles may wrap: all but the
-    prismatic ones of the file ``urdf``.
-    """
-    return np.array([(joint and joint.kind) != "prismatic" for joint in named_joints(urdf, names)])
 
 
 def _require_single(joint: Joint, joints: list[str], file: Path) -> None:

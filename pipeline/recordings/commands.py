@@ -12,11 +12,13 @@ import pandas as pd
 
 from pipeline.arm.commanded import task_coordinates
 from pipeline.arm.interface import Chain
+from pipeline.arm.urdf import Joint, read_urdf
 from pipeline.core.angles import whole_turns
 from pipeline.core.columns import columns, members, values
 from pipeline.core.errors import RecordingError
 from pipeline.recordings.pairing import missed
 
+UNFILLED = "???"  # name of a file that is still to be filled in
 STEADY = 0.9  # of the speed, so that noise of the mean path leaves no gap
 MOST = 0.25  # of the motion, by which either may be missed: far above any arm's uncertainty
 VELOCITY = 0.05  # of the motion, by which commanded velocities may miss the commanded positions
@@ -36,6 +38,21 @@ def constant_speed(q: np.ndarray) -> np.ndarray:
     """
     pace = np.linalg.norm(np.diff(q.mean(axis=0), axis=0), axis=-1)
     return pace >= STEADY * np.quantile(pace, 0.9)
+
+
+def named_joints(urdf: str, names: Sequence[str]) -> list[Joint | None]:
+    """Return the joints ``names`` of the file ``urdf``, None for one that it lacks or where the
+    file is still to be filled in; ConfigError as :func:`pipeline.arm.urdf.read_urdf`.
+    """
+    joints = {} if urdf == UNFILLED else read_urdf(Path(urdf)).joints
+    return [joints.get(name) for name in names]
+
+
+def circular_joints(urdf: str, names: Sequence[str]) -> np.ndarray:
+    """Return which of the joints ``names`` turn, so that their angles may wrap: all but the
+    prismatic ones of the file ``urdf``.
+    """
+    return np.array([(joint and joint.kind) != "prismatic" for joint in named_joints(urdf, names)])
 
 
 def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> None:

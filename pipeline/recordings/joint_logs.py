@@ -13,12 +13,12 @@ import pandas as pd
 
 from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.interface import Chain
-from pipeline.arm.urdf import circular_joints
 from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.core.options.instruments import JointLog
 from pipeline.formats.joints.log import LogOptions
+from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.disturbances import beside_others, disturbances, smallest_push
 from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.logged_movement import (

@@ -11,10 +11,10 @@ import numpy as np
 
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
-from pipeline.arm.urdf import circular_joints
 from pipeline.core.angles import apart
 from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.models.other_motions import MotionSteps
+from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.disturbances import disturbances
 from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.logged_movement import LoggedMovement, beside, read_logged_movement
@@ -38,7 +38,7 @@ Paths = Mapping[str, tuple[np.ndarray, np.ndarray]]  # actual, target (N, n) rad
 
 
 @dataclass
-class Motion:
+class FoundMotion:
     """One commanded motion of n joints and where it was found: the movement and the first row of
     every repetition.
     """
@@ -66,7 +66,9 @@ class Motion:
         return bool(np.abs(ends).max() <= REACH and abs(self.steps - steps) <= SLACK)
 
 
-def motions(movements: Mapping[str, LoggedMovement], robot: Robot, rate: float) -> list[Motion]:
+def motions(
+    movements: Mapping[str, LoggedMovement], robot: Robot, rate: float
+) -> list[FoundMotion]:
     """Find the motions of the ``robot``'s joints in the ``movements``, at ``rate`` rows a second,
     those of most repetitions first.
 
@@ -100,23 +102,23 @@ def motions(movements: Mapping[str, LoggedMovement], robot: Robot, rate: float) 
 
 
 def _listed(
-    listed: list[Motion],
+    listed: list[FoundMotion],
     start: np.ndarray,
     end: np.ndarray,
     steps: int,
     circular: np.ndarray,
     pause: int,
-) -> Motion:
+) -> FoundMotion:
     """The motion among those ``listed`` that repeats, or a new one there."""
     for motion in listed:
         if motion.repeats(start, end, steps, circular):
             return motion
-    listed.append(Motion(start, end, steps, pause))
+    listed.append(FoundMotion(start, end, steps, pause))
     return listed[-1]
 
 
-def _passing(paths: Paths, chain: Chain, circular: np.ndarray) -> list[Motion]:
-    listed: list[Motion] = []
+def _passing(paths: Paths, chain: Chain, circular: np.ndarray) -> list[FoundMotion]:
+    listed: list[FoundMotion] = []
     for _, target in paths.values():
         for first, last in _stretches(target, chain):
             start, end, steps = target[first], target[last], last - first
@@ -128,7 +130,7 @@ def _passing(paths: Paths, chain: Chain, circular: np.ndarray) -> list[Motion]:
                 for run in find_passes(other, start, end, steps, circular).runs
             ]
             if len(passes) > 1:
-                listed.append(Motion(start, end, steps, None, passes))
+                listed.append(FoundMotion(start, end, steps, None, passes))
     return listed
 
 
@@ -150,7 +152,9 @@ def _least_singular(chain: Chain, angles: np.ndarray) -> np.ndarray:
     return np.linalg.svd(chain.jacobian(angles), compute_uv=False)[:, -1]
 
 
-def _compare(motion: Motion, paths: Paths, chain: Chain, rate: float, circular: np.ndarray) -> None:
+def _compare(
+    motion: FoundMotion, paths: Paths, chain: Chain, rate: float, circular: np.ndarray
+) -> None:
     """Compare the repetitions of a ``motion`` with the first."""
     name, row = motion.places[0]
     reference = paths[name][1][row : row + motion.steps + 1]

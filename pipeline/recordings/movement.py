@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.arm.urdf import named_joints
 from pipeline.core.angles import TURN, unwrapped
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.instruments import SIGNALS
@@ -17,6 +16,7 @@ from pipeline.formats import joints as joint_formats
 from pipeline.formats.format import Kind, format_of, formats_in
 from pipeline.formats.joints import table
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
+from pipeline.recordings.commands import named_joints
 
 CLOCK_TOLERANCE = 0.1  # of a step, up to which the rows are taken as even
 JITTER = 0.5  # of a step, beyond which a row is missing, or one too many

@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.model import arm_of, chain_of
-from pipeline.arm.urdf import circular_joints
 from pipeline.core import config, contracts
 from pipeline.core.columns import columns, spread
 from pipeline.core.compute.trials import run_trials
@@ -20,7 +19,12 @@ from pipeline.core.errors import ConfigError, SingularJacobianError
 from pipeline.models.noise import process_noise
 from pipeline.perception.markers import JointTrack, follower
 from pipeline.recordings.clocks import on_motion_clock, with_markers
-from pipeline.recordings.commands import commanded_steps, require_commanded, require_encoders
+from pipeline.recordings.commands import (
+    circular_joints,
+    commanded_steps,
+    require_commanded,
+    require_encoders,
+)
 from pipeline.recordings.quality import beside_limits, quality_row, reasons, require_enough
 
 INGEST, OUT = Path("data/ingest"), Path("data/track")

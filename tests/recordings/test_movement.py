@@ -8,7 +8,6 @@ from joint_files import log, read_movement, table
 from made_options import made
 from written_logs import write_joint_log
 
-from pipeline.arm.urdf import circular_joints
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.core.options.instruments import Encoders
@@ -17,6 +16,7 @@ from pipeline.formats.format import Format, Kind, begins
 from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.formats.joints.table import joint_labels, write_joint_table
 from pipeline.recordings import movement
+from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.joint_logs import encoder_rows
 from pipeline.recordings.logged_movement import read_logged_movement
 from pipeline.recordings.repetitions import find_passes
