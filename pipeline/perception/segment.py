@@ -20,7 +20,7 @@ NEIGHBOURS = 4  # points within LINK that a point on a surface has at least, its
 
 @dataclass(frozen=True)
 class Crop:
-    """What of the scene is the arm: distances in m, in the frame of the arm's plane."""
+    """Part of the scene that is the arm: distances in m, in the frame of the arm's plane."""
 
     half_depth: float = 0.05  # |y| of the arm's surface at most, the sensor's noise included
     girth: float = 0.05  # how far the arm's surface may lie beyond the reach of its nodes

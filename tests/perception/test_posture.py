@@ -29,7 +29,7 @@ UPPER, FORE, HAND = slice(0, 3), slice(3, 6), slice(6, 9)
 
 @pytest.fixture(scope="module")
 def measured() -> np.ndarray:
-    """Of the UR5, exact."""
+    """Points of the UR5, exact."""
     return points(UR5, MARKERS, motion(FRAMES))
 
 

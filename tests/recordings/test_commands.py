@@ -1,5 +1,5 @@
-"""The commanded steps: velocity over the rate, one a step, in the order of the task's rows, and of
-a redundant arm the joints' own.
+"""Commanded steps and ranges; quantities that are known of one motion twice agree, or are refused
+with the suspects.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.model import load_arm
 from pipeline.core.columns import columns, spread
 from pipeline.core.errors import RecordingError
+from pipeline.models.steps import Recorded
 from pipeline.recordings.commands import (
     commanded_steps,
     constant_speed,
@@ -21,6 +22,7 @@ from pipeline.recordings.commands import (
     require_encoders,
     require_velocities,
 )
+from pipeline.recordings.steps import fitted_ranges
 
 STEP_RATE = 50.0
 TASK = ("x", "rz")
@@ -142,3 +144,18 @@ def test_encoders_in_another_unit_order_or_clock_than_what_was_tracked_are_refus
     require_encoders(tracked, readings, JOINTS, "a")
     with pytest.raises(RecordingError, match=words):
         require_encoders(tracked, wrong(readings, columns("q", JOINTS)), JOINTS, "a")
+
+
+def test_every_quantity_has_the_ends_of_its_values(chain):
+    q = np.array([[[0.1, 1.2, 0.3], [0.2, 1.6, 0.3]], [[0.0, 1.4, 0.5], [0.2, 1.5, 0.4]]])
+    v = np.array([[0.001, 0.0, 0.01], [-0.002, 0.0, 0.02]])
+    recorded = Recorded(chain, q, v, np.zeros_like(q), ("a", "b", "c"))
+    rows = fitted_ranges(recorded, 100.0).set_index(["quantity", "name"])
+    assert rows.loc[("speed", "x"), ["least", "greatest", "unit"]].tolist() == [-0.2, 0.1, "m/s"]
+    # the pose after the last step counts, as it was measured too
+    last = q[:, -1] + np.matvec(np.linalg.inv(chain.jacobian(q[:, -1])), v[-1])
+    both = np.concatenate([q.reshape(-1, 3), last])
+    assert rows.loc[("pose", "b"), "greatest"] == both[:, 1].max()
+    assert rows.loc[("pose", "b"), "least"] == both[:, 1].min()
+    norms = np.linalg.norm(np.linalg.inv(chain.jacobian(q)), axis=(-2, -1))
+    np.testing.assert_allclose(rows.loc[("condition", "‖J⁺‖"), "greatest"], norms.max())

@@ -204,7 +204,7 @@ def planar() -> Arm:
 
 
 def path(time: np.ndarray) -> np.ndarray:
-    """Where the middle of the arm is: a smooth path in its plane."""
+    """The middle of the arm: a smooth path in its plane."""
     return np.column_stack([np.sin(2 * time), np.cos(3 * time)])
 
 

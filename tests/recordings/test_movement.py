@@ -1,4 +1,4 @@
-"""Logs of one movement, of whichever format."""
+"""Logs of one movement and of encoders, of whichever format: paired, unwrapped, or refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was counted of each take is summed up by its unit, and a take beyond a stated limit is left
+"""Counts of each take are summed up by its unit, and a take beyond a stated limit is left
 out."""
 
 from __future__ import annotations
