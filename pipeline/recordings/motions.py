@@ -61,7 +61,7 @@ class FoundMotion:
         return max(min(round(KEPT * rate), (self.pause - 2 * SLACK - 2) // 2), 1)
 
     def repeats(self, start: np.ndarray, end: np.ndarray, steps: int, circular: np.ndarray) -> bool:
-        """Return whether a motion from ``start`` to ``end`` (n,) in ``steps`` is a repetition of this."""
+        """Return whether ``start`` to ``end`` (n,) in ``steps`` is a repetition of this motion."""
         ends = apart(np.stack([self.start, self.end]), np.stack([start, end]), circular)
         return bool(np.abs(ends).max() <= REACH and abs(self.steps - steps) <= SLACK)
 
