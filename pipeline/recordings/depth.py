@@ -9,7 +9,7 @@ import os
 import pickle
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -20,13 +20,12 @@ from scipy.spatial.transform import Rotation
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.instruments import Depth
-from pipeline.formats.bag_path import is_bag
 from pipeline.formats.depth import messages as ros
 from pipeline.formats.depth.cloud import UNTURNED, PointCloud, is_cloud, read_cloud
-from pipeline.formats.depth.encoding import Encoding, metres
-from pipeline.formats.depth.image import RawDepth, read_depth
+from pipeline.formats.depth.image import Encoding, RawDepth, metres, read_depth
 from pipeline.formats.depth.index import dropped_frames, numbered_frames, read_index
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics
+from pipeline.formats.format import is_bag
 from pipeline.formats.rosbag import choose_topic, messages, seconds, topics
 from pipeline.perception.segment import ArmSegmenter, CloudSegmenter, Crop
 from pipeline.recordings.inventory import named_takes
@@ -213,8 +212,7 @@ class _Bag(_Frames):
     def __init__(self, path: Path, depth: Depth, raw: Path) -> None:
         super().__init__(path, depth, raw)
         self.topic = choose_topic(path, (ros.IMAGE, ros.CLOUD), depth.topic)
-        numbered = enumerate(messages(path, self.topic))
-        self.time = np.array([seconds(each, **self.evidence(n)) for n, each in numbered])
+        self.time = np.array([*messages(path, self.topic, seconds)])
         self.counts: dict[str, int] = {}
         if (late := np.flatnonzero(np.diff(self.time) <= 0)).size:
             raise RecordingError("the time does not increase", **self.evidence(int(late[0]) + 1))
@@ -227,27 +225,20 @@ class _Bag(_Frames):
             self.camera = self.calibrated() if depth.intrinsics else self.camera_info()
 
     def read(self, frames: Iterable[int]) -> Iterator[Measured]:
-        wanted = iter(frames)
-        frame = next(wanted, None)
-        for number, message in enumerate(messages(self.path, self.topic)):
-            if frame is None:
-                return
-            if number != frame:
+        clouds, wanted = self.camera is None, {*frames}
+        pick = ros.cloud_points if clouds else partial(ros.image_pixels, shape=self.shape)
+        values = messages(self.path, self.topic, pick, wanted)
+        for number, each in zip(sorted(wanted), values, strict=True):
+            if clouds:
+                yield self.cloud(PointCloud.measured(each))
                 continue
-            evidence = self.evidence(number)
-            if self.camera is None:
-                yield self.cloud(PointCloud.measured(ros.cloud_points(message, **evidence)))
-            else:
-                pixels = ros.image_pixels(message, shape=self.shape, **evidence)
-                if pixels.dtype == np.float32:
-                    self.require_metres(message.encoding)
-                yield self.image(RawDepth(pixels), **evidence)
-            frame = next(wanted, None)
+            if each.dtype == np.float32:
+                self.require_metres("Image in metres")
+            yield self.image(RawDepth(each), **self.evidence(number))
 
     def camera_info(self) -> Intrinsics:
         topic = choose_topic(self.path, (ros.CAMERA_INFO,), self.depth.camera_info)
-        info = next(messages(self.path, topic))
-        camera = ros.camera_info(info, **self.size, file=self.path, topic=topic)
+        camera = next(messages(self.path, topic, partial(ros.camera_info, **self.size), {0}))
         if camera.distortion and "rect" in self.topic:
             message = (
                 "the images are called rectified, and their camera distorted; give the intrinsics "

@@ -12,7 +12,7 @@ import pandas as pd
 from pipeline.core.bounds import MIB
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
-from pipeline.formats.patterns import is_literal, matching
+from pipeline.formats.format import is_literal, matching
 
 PARTS = ("motion", "depth", "force")
 

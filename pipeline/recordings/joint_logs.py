@@ -239,6 +239,7 @@ def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[d
         angle_unit=options.angle_unit,
         time_unit=options.time_unit,
         joints=len(joints),
+        names=joints,
         signals={"actual": options.actual},
         circular=circular_joints(dataset.robot.urdf, joints),
     )

@@ -14,7 +14,7 @@ import numpy as np
 from pipeline.core.angles import TURN, apart, turns_apart, whole_turns
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.instruments import SIGNALS, JointLog
-from pipeline.formats.bag_path import is_bag
+from pipeline.formats.format import is_bag
 from pipeline.formats.joints.log import LogOptions
 from pipeline.recordings.movement import read_movement
 from pipeline.recordings.pairing import delayed, require_pair
