@@ -30,7 +30,7 @@ GRAVEST = (
     "isotropic",
 )
 SMOKE = "smoke"  # the scale of a trial run, whose numbers decide nothing
-TRIAL = "**A trial run on the scale smoke: its numbers decide nothing.**"
+TRIAL = "# A trial run on the scale smoke, whose numbers decide nothing: dataset {}"
 LIMITS = (
     "Nobody has published the paper's recordings: the youBot's come from a synthetic laboratory "
     "whose physics is none of the models. The UR5's and the LWR4+'s are logs of real robots, which "
@@ -83,18 +83,19 @@ def report_page(
     """
     title = f"# Results: dataset {here.dataset}, scale {here.scale}"
     shown = [run for run in runs if run is here or run.dataset in ROBOTS]
-    own = {"Predictors": scores.predictors(here), "Filters": scores.filters(here)} | dict(parts)
+    own = {}
     if here.scale == SMOKE:
-        sections = [title, TRIAL]
+        sections = [TRIAL.format(here.dataset)]
     else:
         sections = [title, f"{LIMITS} {summary(here, decided)}", claims_table(here, decided)]
-        verdicts = {
+        own = {
             "Claims that fail": failures(here, decided),
             "Readings of LU or QR": readings(shown),
             "Published against ours": published_and_ours(here, decided),
+            "Predictors": scores.predictors(here),
+            "Filters": scores.filters(here),
         }
-        own = verdicts | own
-    own |= {"More": LINKS}
+    own |= {**parts, "More": LINKS}
     sections += [f"## {heading}\n\n{text}" for heading, text in own.items() if text]
     return "\n\n".join(sections) + "\n"
 

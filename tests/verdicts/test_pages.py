@@ -92,7 +92,7 @@ def test_the_first_table_has_a_column_a_robot_and_no_tried_out_dataset(decided):
 def test_a_trial_run_says_so_and_prints_no_verdict():
     runs = [a_run("youbot", 0.75, scale="smoke")]
     page = report_page.report_page(runs[0], runs, decide_each(CLAIMS, runs, []), {})
-    assert page.splitlines()[2] == report_page.TRIAL
+    assert page.startswith("# A trial run on the scale smoke, whose numbers decide nothing")
     assert not {"✓", "✗", "Claims", "hold"} & {*page.replace(":", " ").split()}
     assert {"hold", "fail"} & {*report_page.summary_numbers(runs[0], [])} == set()
 
