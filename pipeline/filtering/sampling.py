@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.interface import Arm
+from pipeline.arm.interface import ArmConstants
 from pipeline.core.compiled import compiled, inner
 from pipeline.filtering.resampling import resample
 from pipeline.filtering.start import mark_outside
@@ -48,7 +48,7 @@ def keep_inside(
 @compiled
 def sequential_importance_sampling(
     law: Law,
-    arm: Arm,
+    arm: ArmConstants,
     space: int | None,
     block: np.ndarray,
     domain: Domain,

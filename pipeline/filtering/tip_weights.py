@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.interface import Arm
+from pipeline.arm.interface import ArmConstants
 from pipeline.arm.kinematics import WIDTH, add_displacement, tip
 from pipeline.arm.rows import JOINTS
 from pipeline.core.compiled import inner
@@ -18,7 +18,7 @@ ROWS = 6  # of a displacement
 
 @inner
 def weigh_tip(
-    arm: Arm,
+    arm: ArmConstants,
     frames: Frames,
     frame: int,
     before: np.ndarray,
@@ -32,7 +32,9 @@ def weigh_tip(
     n, share, log_norm = len(q), frames.share[frame], frames.log_norm[frame]
     white, measured = frames.whitening[frame], frames.unbiased[frame]
     # the whole pose, in metres and radians, whatever the task
-    whole = Arm(arm.plane, arm.frames, arm.sliding, np.arange(ROWS), np.ones(ROWS), arm.least)
+    whole = ArmConstants(
+        arm.plane, arm.frames, arm.sliding, np.arange(ROWS), np.ones(ROWS), arm.least
+    )
     first = JOINTS + 6 * n
     block = np.empty((first + ROWS, WIDTH))
     way, whitened, square = block[first:], np.empty(WIDTH), np.empty(WIDTH)

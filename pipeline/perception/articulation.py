@@ -19,7 +19,7 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
 from pipeline.core.columns import spread
 from pipeline.core.errors import RecordingError, SolverError
-from pipeline.core.options.analysis import Articulation as Chosen
+from pipeline.core.options.analysis import ArticulationSection as Chosen
 from pipeline.core.validation import options
 from pipeline.perception.articulation_end import ENDS, INFEASIBLE
 from pipeline.perception.articulation_objective import frame_of

@@ -63,19 +63,6 @@ def test_joints_come_back_from_segments_whatever_the_turns_nearest_to_the_middle
     np.testing.assert_allclose(beyond - middle, [3.1, -3.1, 3.2 - 2 * np.pi], atol=1e-12)
 
 
-def test_every_batch_shape_holds_the_values_of_single_poses(chain):
-    q = poses(chain, 6)
-    tails = {"segment_headings": (3,), "joints_from_segments": (3,), "pose": (3,), "points": (4, 2)}
-    tails |= {"jacobian": (3, 3), "inverse_jacobian": (3, 3), "determinant": ()}
-    for batch in (q[0], q, q.reshape(2, 3, 3), q[:0]):
-        for method, tail in tails.items():
-            values = getattr(chain, method)(batch)
-            assert np.shape(values) == (*batch.shape[:-1], *tail)
-            alone = [getattr(chain, method)(one) for one in batch.reshape(-1, 3)]
-            expected = np.reshape(alone, np.shape(values))
-            np.testing.assert_allclose(values, expected, rtol=1e-13, atol=1e-15)
-
-
 def test_a_singular_pose_is_refused_with_its_place_in_the_batch(chain):
     q = poses(chain, 12).reshape(3, 4, 3)
     q[1, 2] = in_line(chain)
@@ -110,13 +97,3 @@ def test_a_pose_that_is_not_finite_is_singular_whichever_joint_it_is(chain, brok
     with pytest.raises(SingularJacobianError, match="not finite") as refused:
         chain.inverse_jacobian(q)
     assert refused.value.evidence["index"] == (2,)
-
-
-def test_limits_are_inside_and_a_single_joint_beyond_is_outside(chain):
-    middle = (chain.lower + chain.upper) / 2
-    assert chain.within_limits(np.stack([chain.lower, chain.upper, middle])).all()
-    for j, (bound, way) in product(range(3), ((chain.lower, -1), (chain.upper, 1))):
-        q = middle.copy()
-        q[j] = np.nextafter(bound[j], way * np.inf)
-        assert not chain.within_limits(q)
-    assert not chain.within_limits(np.array([0.0, np.nan, 0.0]))

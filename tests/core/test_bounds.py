@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.bounds import Reading, Sandbox, bounds, within
-from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.errors import RecordingError
 
 SMALL = Reading(seconds=1, memory_mib=256)
 
@@ -71,9 +71,3 @@ def test_bounds_hold_for_what_is_called_within_them_and_in_its_processes():
             return sandbox.call(bounds).file_mib
 
     assert within(Reading(file_mib=3), most) == 3 != bounds().file_mib
-
-
-@pytest.mark.parametrize("bound", [0, -1])
-def test_a_bound_that_lets_nothing_through_is_refused(bound):
-    with pytest.raises(ConfigError, match="markers: input should be greater than 0"):
-        Reading(markers=bound)

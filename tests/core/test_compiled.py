@@ -11,8 +11,6 @@ from pathlib import Path
 import pytest
 from project_copy import ROOT
 
-from pipeline.core.compiled import sources_hash
-
 INNER = """
 from pipeline.core.compiled import inner
 CONSTANT = {constant}
@@ -111,15 +109,3 @@ def test_a_read_only_project_is_cached_in_the_users_folder(package, tmp_path):
         assert run(package, HOME="/nowhere")[:2] == (2.0, 0)
     finally:
         (package / "pipeline").chmod(0o755)
-
-
-def test_the_hash_depends_on_every_source_and_on_its_path(package):
-    folder = package / "pipeline"
-    before = sources_hash(folder)
-    (folder / "inner.py").write_text(INNER.format(constant=4.0))
-    changed = sources_hash(folder)
-    (folder / "inner.py").rename(folder / "other.py")
-    assert len({before, changed, sources_hash(folder)}) == 3
-    before = sources_hash(folder)
-    (folder / "note.txt").write_text("no source")
-    assert sources_hash(folder) == before

@@ -57,11 +57,6 @@ def test_sine_and_cosine_are_right_to_two_units_in_the_last_place_of_one():
     assert units(lambda x: both(x)[0], np.sin, np.geomspace(1e-300, 1.5, 2000)) < 2
 
 
-@pytest.mark.parametrize("angle", [np.inf, -np.inf, np.nan])
-def test_of_what_is_no_angle_there_is_no_sine(angle):
-    assert np.all(np.isnan(from_python(sine_cosine)(angle)))
-
-
 def test_the_exponential_is_right_to_two_units_in_the_last_place_and_ends_in_zero():
     run = from_python(exponential)
     assert units(run, np.exp, np.linspace(-707.9, 0, 20_001)) < 2
@@ -97,16 +92,6 @@ def test_sums_and_the_greatest_are_numpys(count):
     assert from_python(inner_product)(x, y) == pytest.approx(x @ y, abs=1e-13)
     assert from_python(total)(x) == pytest.approx(x.sum(), abs=1e-13)
     assert from_python(greatest)(x) == x.max(initial=-np.inf)
-
-
-def test_the_lanes_are_summed_each_by_itself_and_joined_half_and_half():
-    x, y = np.random.default_rng(1).standard_normal((2, 20 * LANES))
-    lanes = np.zeros(LANES)
-    for row in (x * y).reshape(-1, LANES):
-        lanes = row + lanes
-    while len(lanes) > 1:
-        lanes = lanes[: len(lanes) // 2] + lanes[len(lanes) // 2 :]
-    assert from_python(inner_product)(x, y) == lanes[0] != sum((x * y).tolist())
 
 
 def test_the_greatest_is_not_taken_of_what_is_no_number():

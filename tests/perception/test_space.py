@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 from space_arms import LWR4, MARKERS, START, UR5, mocap, motion, points
 
 from pipeline.arm.serial import SerialChain
+from pipeline.core.columns import SPACE
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.instruments import Body
-from pipeline.core.task import SPACE
 from pipeline.perception.space import Carried, carried, track_joints
 
 FRAMES, NOISE = 120, 5e-5  # m

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import kstest
 
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.instruments import Configuration, Force
+from pipeline.core.options.instruments import Arrangement, Force
 from pipeline.wrench.bounds import (
     Bounds,
     configuration_bounds,
@@ -90,7 +90,7 @@ SPATIAL = PLANAR | {
 }
 
 
-def force(configuration: Configuration, **changes) -> Force:
+def force(configuration: Arrangement, **changes) -> Force:
     return Force(
         tare=1.0,
         tension_std=[0.5, 0.6, 0.7],
@@ -103,7 +103,7 @@ def force(configuration: Configuration, **changes) -> Force:
 
 
 def test_a_planar_configuration_has_angles_and_the_first_robots_spread():
-    configuration = Configuration(**PLANAR)
+    configuration = Arrangement(**PLANAR)
     system = nominal_system(force(configuration), configuration)
     np.testing.assert_allclose(np.arctan2(*system.direction.T[::-1]), PLANAR["direction"])
     assert system.tension_sd.tolist() == [0.5, 0.6] and system.attachment is None
@@ -112,7 +112,7 @@ def test_a_planar_configuration_has_angles_and_the_first_robots_spread():
 
 
 def test_a_configuration_in_space_has_elevations_and_attachments_over_the_length():
-    configuration = Configuration(**SPATIAL)
+    configuration = Arrangement(**SPATIAL)
     options = force(configuration, length=0.2)
     system = nominal_system(options, configuration)
     np.testing.assert_allclose(np.linalg.norm(system.direction, axis=1), 1)
@@ -135,13 +135,13 @@ def test_a_configuration_in_space_has_elevations_and_attachments_over_the_length
 )
 def test_cables_that_are_half_described_are_refused(changes, key):
     with pytest.raises(ConfigError, match=key) as refused:
-        Configuration(**(SPATIAL | changes))
+        Arrangement(**(SPATIAL | changes))
     assert refused.value.evidence["key"].endswith(key)
 
 
 def test_more_cables_than_robots_and_a_length_that_is_none_are_refused():
     four = {name: PLANAR[name] * 2 for name in ("direction", "tension")}
-    configuration = Configuration(**(PLANAR | four))
+    configuration = Arrangement(**(PLANAR | four))
     with pytest.raises(ConfigError, match="3 values for the 4 robots"):
         nominal_system(force(configuration), configuration)
     with pytest.raises(ConfigError, match=r"length: .* greater than 0, got 0\.0"):

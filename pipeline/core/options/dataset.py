@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from pipeline.core.bounds import Reading
+from pipeline.core.columns import PLANE, SPACE
 from pipeline.core.options.analysis import Count, NotNegative, Positive, Whole
 from pipeline.core.options.instruments import Depth, Encoders, Force, JointLog, Mocap
-from pipeline.core.task import PLANE, SPACE
 from pipeline.core.validation import Fault, options
 
 Limit = NotNegative | None
