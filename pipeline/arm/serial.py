@@ -95,12 +95,19 @@ class SerialChain(Chain):
         """(..., n, m) J⁺ = Jᵀ(JJᵀ)⁻¹; raises :class:`SingularJacobianError` naming the first
         singular ``what``.
         """
-        self.require_regular(q, what=what)
         jacobian = self.jacobian(q)
-        if len(self.task) == len(self.sliding):
-            return np.linalg.inv(jacobian)
         across = jacobian.swapaxes(-1, -2)
-        return across @ np.linalg.inv(jacobian @ across)
+        square = len(self.task) == len(self.sliding)
+        try:
+            inverse = np.linalg.inv(jacobian if square else jacobian @ across)
+        except np.linalg.LinAlgError:
+            self.require_regular(q, what=what)
+            raise
+        inverse = inverse if square else across @ inverse
+        # the least singular value is at least 1/‖J⁺‖_F
+        if not np.all(np.linalg.norm(inverse, axis=(-2, -1)) * LEAST_SINGULAR * self.scale <= 1):
+            self.require_regular(q, what=what)
+        return inverse
 
     def numbers(self) -> ArmConstants:
         """Constants of the chain for compiled code."""
@@ -112,6 +119,7 @@ class SerialChain(Chain):
         frames, units = joint_frames(self.placements), np.where(rows < 3, 1.0, self.length)
         return ArmConstants(np.empty(0), frames, self.sliding.astype(float), rows, units, 0.0)
 
+    @np.errstate(invalid="ignore")  # a pose may be infinite
     def _frames(self, q: np.ndarray) -> tuple[np.ndarray, ...]:
         """Axes (..., n, 3) and points (..., n, 3) of the joints, rotation (..., 3, 3) and position
         (..., 3) of the tip, in the base's axes.
