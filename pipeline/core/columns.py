@@ -10,9 +10,12 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from itertools import combinations_with_replacement
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
+
+if TYPE_CHECKING:  # an exported model is loaded with NumPy alone
+    import pandas as pd
 
 # rows that a task may have, in m and rad: of the plane of parallel joints, and of space
 PLANE, SPACE = ("x", "z", "phi"), ("x", "y", "z", "rx", "ry", "rz")
