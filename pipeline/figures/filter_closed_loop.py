@@ -28,7 +28,6 @@ from pipeline.figures.style import (
 )
 
 TABLES = {"filter_error": "data/score"}
-METRICS = ("reports/metrics/filter.json", ("*_rms_error_rad",))
 NEEDS = "depth camera"
 
 

@@ -15,7 +15,7 @@ from pipeline.formats import force, motion
 from pipeline.formats.format import Head, Kind, formats_in, recognised
 from pipeline.formats.motion.motive import write_motive
 from pipeline.recordings.motion_capture import read_take
-from pipeline.tools.inspect.examine import inspect
+from pipeline.tools.inspect.command import inspect
 from pipeline.tools.inspect.kinds import DESCRIBE
 from pipeline.tools.new_dataset.command import dataset_texts
 from pipeline.tools.new_dataset.layout import layout

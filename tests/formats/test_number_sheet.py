@@ -8,7 +8,7 @@ from pipeline.formats.force.table import read_force_table
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.number_sheet import read_sheet
-from pipeline.tools.inspect.examine import inspect
+from pipeline.tools.inspect.command import inspect
 
 KEY = "dataset.here"
 

@@ -8,7 +8,7 @@ from pipeline.formats.force.daqft import read_daqft
 from pipeline.formats.force.faults import frozen, saturated, sound_samples
 from pipeline.formats.force.record import ForceLogOptions, ForceRecord
 from pipeline.formats.force.table import read_force_table
-from pipeline.tools.inspect.examine import inspect
+from pipeline.tools.inspect.command import inspect
 
 RATE = 100.0
 

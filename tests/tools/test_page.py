@@ -14,11 +14,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
-from source_code import ROOT
 
 from pipeline.core.errors import ContractError
-from pipeline.tools.page.command import RESULTS
-from pipeline.tools.page.document import page
+from pipeline.tools.page.command import RESULTS, page
 
 MARKDOWN = re.compile(r"\*\*|\]\(|^\s*#+ |\|\s*---|^```|!\[", re.MULTILINE)
 
@@ -91,25 +89,15 @@ def test_two_files_become_one_page(reports):
     text = "".join(parsed.texts)
     assert "of <all>" in text and "<br>" not in text and "Results: " in text
     assert not MARKDOWN.search(text)
+    contents = html.partition("<nav")[2].partition("</nav>")[0]
+    named = ["Results: lab &amp; more", "A table", "A figure", "Card", "Why", "Why"]
+    assert re.findall(r">([^<>\n]+)</a>", contents) == named
     (figure,) = parsed.pictures
     assert figure["alt"] == "A drawn figure"
     kind, _, data = figure["src"].partition(";base64,")
     with Image.open(io.BytesIO(b64decode(data))) as image:
         assert kind == "data:image/png" and image.size == (300, 200)
         assert image.convert("RGB").getpixel((5, 5)) == (0, 128, 128)
-
-
-def test_the_contents_list_every_file_and_its_sections(reports):
-    html = page("", [reports / "report.md", reports / "card.md"], reports)
-    contents = html.partition("<nav")[2].partition("</nav>")[0]
-    assert re.findall(r">([^<>\n]+)</a>", contents) == [
-        "Results: lab &amp; more",
-        "A table",
-        "A figure",
-        "Card",
-        "Why",
-        "Why",
-    ]
 
 
 @given(st.text(alphabet="<>&\"'`*_[]()#|!$\n\\ ab", max_size=60))
@@ -128,11 +116,12 @@ def test_a_missing_file_is_refused_by_name(reports, missing):
 
 
 def test_the_committed_report_reads_as_a_page():
-    html = page("Results", [ROOT / file for file in RESULTS], ROOT / "reports")
+    folder = Path(__file__).parents[2] / "reports/youbot"
+    html = page("Results", [folder / file for file in RESULTS], folder)
     parsed = Parsed(html)
     assert not MARKDOWN.search("".join(parsed.texts))
     inside = {address[1:] for address in parsed.addresses if address.startswith("#")}
     assert inside <= {*parsed.anchors}
     beside = [address.partition("#")[0] for address in parsed.addresses if ":" not in address]
-    assert [name for name in beside if not (ROOT / "reports" / name).exists()] == []
+    assert [name for name in beside if not (folder / name).exists()] == []
     assert not re.search(r"""(src|href)=["'](https?:)?//""", html.partition("<main>")[0])
