@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from pipeline.core.errors import ModelDomainError
+
+if TYPE_CHECKING:  # an exported model is loaded with NumPy alone
+    import pandas as pd
 
 TAILS = (0.025, 0.975)
 NORMAL_QUANTILE = 1.959964  # standard errors from a normal estimate to the end of its interval
@@ -137,7 +139,9 @@ def resampled_differences(
                 if differences := [own[name] - first[name] for own, first in pairs]:
                     row["low"], row["high"] = percentile_interval(differences)
             rows.append(row)
-    return pd.DataFrame(rows, columns=["model", "quantity", "value", *Difference._fields])
+    from pandas import DataFrame
+
+    return DataFrame(rows, columns=["model", "quantity", "value", *Difference._fields])
 
 
 def wrench_summary(errors: pd.DataFrame, spread: pd.DataFrame) -> pd.DataFrame:
