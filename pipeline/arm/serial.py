@@ -71,6 +71,7 @@ class SerialChain(Chain):
         way = np.concatenate([end[..., :3] - start[..., :3], turned], axis=-1)
         return way[..., self._numbers.rows] * self._numbers.units
 
+    @np.errstate(invalid="ignore")  # a pose may be infinite
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """(..., m, n) J(q): m/rad (1 for a prismatic joint), angular rows times the length.
 
@@ -119,7 +120,7 @@ class SerialChain(Chain):
         frames, units = joint_frames(self.placements), np.where(rows < 3, 1.0, self.length)
         return ArmConstants(np.empty(0), frames, self.sliding.astype(float), rows, units, 0.0)
 
-    @np.errstate(invalid="ignore")  # a pose may be infinite
+    @np.errstate(invalid="ignore")
     def _frames(self, q: np.ndarray) -> tuple[np.ndarray, ...]:
         """Axes (..., n, 3) and points (..., n, 3) of the joints, rotation (..., 3, 3) and position
         (..., 3) of the tip, in the base's axes.
