@@ -11,7 +11,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.additive.options import Options as Additive
+from pipeline.models.additive.fit import Options as Additive
 from pipeline.models.closed_loop import MeanPath, mean_path
 from pipeline.models.closed_loop_fit import (
     ClosedLoopFit,
@@ -21,17 +21,17 @@ from pipeline.models.closed_loop_fit import (
     take_log_likelihoods,
 )
 from pipeline.models.draws import draw_steps
+from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.gaussian.options import Options as Gaussian
 from pipeline.models.kinds import estimate
 from pipeline.models.noise import process_noise
 from pipeline.models.normal import without_measurement
+from pipeline.models.scaled.fit import Options as Scaled
 from pipeline.models.scaled.law import ScaledModel
-from pipeline.models.scaled.options import Options as Scaled
 from pipeline.models.steps import Estimate, Recorded
 from pipeline.models.wishart.decomposition import Decomposition
+from pipeline.models.wishart.fit import Options as Wishart
 from pipeline.models.wishart.law import WishartModel
-from pipeline.models.wishart.options import Options as Wishart
 
 TAKES, STEPS, REST = 30, 60, 10
 POSE = np.array([3e-3, 3e-3, 4e-3])  # rad, standard deviation of a measured pose
