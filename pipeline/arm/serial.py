@@ -71,7 +71,6 @@ class SerialChain(Chain):
         way = np.concatenate([end[..., :3] - start[..., :3], turned], axis=-1)
         return way[..., self._numbers.rows] * self._numbers.units
 
-    @np.errstate(invalid="ignore")  # a pose may be infinite
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """(..., m, n) J(q): m/rad (1 for a prismatic joint), angular rows times the length.
 
@@ -92,6 +91,7 @@ class SerialChain(Chain):
         least = self.least_singular_value(np.where(finite[..., None], q, 0.0))
         return ~(finite & (least >= LEAST_SINGULAR * self.scale))
 
+    @np.errstate(invalid="ignore")  # a pose may be infinite
     def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
         """(..., n, m) J⁺ = Jᵀ(JJᵀ)⁻¹; raises :class:`SingularJacobianError` naming the first
         singular ``what``.
