@@ -126,7 +126,7 @@ def test_of_takes_in_an_open_loop_the_interval_holds_zero(kind, path):
 
 
 def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
-    """Of y_k − y_0, in which no constant of a take is left, without a recursion."""
+    """The vector is y_k − y_0, in which no constant of a take is left, without a recursion."""
     rng, n, steps, takes = np.random.default_rng(4), 2, 5, 6
 
     def covariance(scale: float) -> np.ndarray:
@@ -180,7 +180,7 @@ def test_a_share_without_a_covariance_has_no_likelihood_and_leaves_the_others_th
 
 
 def test_deviations_go_as_the_linear_law_says(path):
-    """Of the mean of every model; the Wishart model's answers a correction by more than it."""
+    """The mean of every model does; the Wishart model's answers a correction by more than it."""
     recorded, share, off = takes_of("additive", path, 0.4, seed=5), 0.3, 1e-5
     mean, chain = mean_path(recorded), path.chain
     for kind, (model, _, _) in MODELS.items():

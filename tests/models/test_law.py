@@ -73,8 +73,8 @@ def test_every_compiled_law_is_its_formula_in_numpy(kind, v, arm, anywhere):
 
 
 def least_p_value(one: np.ndarray, other: np.ndarray) -> float:
-    """Of two-sample Kolmogorov–Smirnov tests of every coordinate and of its distance from the
-    common middle.
+    """Least p-value of two-sample Kolmogorov–Smirnov tests of every coordinate and of its distance
+    from the common middle.
     """
     views = [lambda x, j=j: x[:, j] for j in range(3)] + [
         lambda x: np.linalg.norm(x - np.median(other, axis=0), axis=1)

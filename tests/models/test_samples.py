@@ -14,7 +14,7 @@ DRAWS = 40_000
 
 
 def least_p(ours: np.ndarray, others: np.ndarray) -> float:
-    """Of the tests of Kolmogorov and Smirnov, column by column."""
+    """Least p-value of Kolmogorov–Smirnov tests, column by column."""
     return min(ks_2samp(*pair).pvalue for pair in zip(ours.T, others.T, strict=True))
 
 

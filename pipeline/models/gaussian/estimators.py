@@ -89,8 +89,8 @@ class StepMeans:
 
     @classmethod
     def of(cls, recorded: Recorded) -> StepMeans:
-        """Of the steps of ``recorded``; raises SingularJacobianError, and ModelDomainError for a
-        motion at rest throughout and where the measurement noise is not known.
+        """Means over the steps of ``recorded``; raises SingularJacobianError, and ModelDomainError
+        for a motion at rest throughout and where the measurement noise is not known.
         """
         squares = frobenius(recorded.chain.inverse_jacobian(recorded.q)) ** 2
         v = task_step(recorded.chain, recorded.v)

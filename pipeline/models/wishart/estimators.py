@@ -83,8 +83,8 @@ class Problems:
         decomposition: Decomposition,
         floor: float,
     ) -> Problems:
-        """Of poses ``q`` and ``noise`` (takes, M, n) in rad under ``v`` (M, ·) or (takes, M, ·);
-        raises SingularJacobianError.
+        """Build from poses ``q`` and ``noise`` (takes, M, n) in rad under ``v`` (M, ·) or
+        (takes, M, ·); raises SingularJacobianError.
         """
         commands = np.broadcast_to(v, (*q.shape[:-1], v.shape[-1]))
         a, back, _ = factors(chain, q, commands, decomposition)
@@ -198,7 +198,7 @@ class LikelihoodFit:
 
     @property
     def diagnostics(self) -> dict[str, float]:
-        """Whether σ̂_B is at an end of its interval."""
+        """Flag of a σ̂_B at an end of its interval."""
         return {"sigma_b_at_the_end_of_its_interval": self.at_end}
 
     def from_takes(self, takes: np.ndarray) -> dict[str, float]:

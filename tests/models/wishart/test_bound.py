@@ -17,7 +17,7 @@ COUNT = 3000
 def fit(
     noise: np.ndarray, e: np.ndarray, matrix: np.ndarray, ratio: float, floor: float
 ) -> Perturbations:
-    """Of ω (N, n), e (N, m), A (N, n, m), λ and ε; the objective is ‖ω − Ay‖ + λ‖S‖ over 1 + λ."""
+    """Fit ω (N, n), e (N, m), A (N, n, m), λ and ε; objective (‖ω − Ay‖ + λ‖S‖)/(1 + λ)."""
     root = np.sqrt(2)
     back = root * matrix + (1 - root) * np.matvec(matrix, e)[:, :, None] * e[:, None, :]
     return fit_perturbations(noise, e, back, (1 / (1 + ratio), ratio / (1 + ratio)), floor)
@@ -197,7 +197,7 @@ def test_a_minimum_that_was_not_reached_raises_with_its_evidence(monkeypatch):
 
 
 def test_an_arm_that_is_all_but_singular_is_refused():
-    """Where rounding would decide the fit; a thousand times as far from it it is solved."""
+    """Rounding would decide the fit there; a thousand times as far from it it is solved."""
     e, noise = np.array([[0.6, 0.8]]), np.array([[1.0, 2.0]])
     for far, refused in ((1e-5, False), (1e-8, True)):
         matrix = np.array([[[1.0, 1.0], [1.0, 1.0 + far]]])

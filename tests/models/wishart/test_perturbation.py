@@ -79,7 +79,7 @@ def test_the_perturbations_are_those_of_the_problem_as_printed(n, m):
 
 
 def test_noise_across_the_range_of_the_arm_is_explained_by_nothing():
-    """What the arm makes in the null space of its task has no part in S, and costs what it is."""
+    """A step in the null space of the task has no part in S, and costs what it is."""
     jacobians, _, a, back, noise = problems(7, 6, QR, 0.5)
     across = noise - np.matvec(np.linalg.pinv(jacobians), np.matvec(jacobians, noise))
     fits = fit_perturbations(across, a, back, WEIGHTS, FLOOR)
@@ -165,7 +165,7 @@ def test_noise_that_is_not_finite_is_refused_with_its_place():
 
 @pytest.mark.parametrize("m", [3, 6])
 def test_weights_follow_from_the_noise_at_rest(m):
-    """That noise costs as much as a perturbation of the size of the identity."""
+    """The noise at rest costs as much as a perturbation of the size of the identity."""
     alpha1, alpha2 = objective_weights(1e-3, m)
     assert alpha1 + alpha2 == pytest.approx(1, abs=1e-15)
     assert alpha1 * 1e-3 == pytest.approx(alpha2 * np.linalg.norm(np.eye(m)))

@@ -19,7 +19,7 @@ MEASUREMENT = 1e-7 * np.eye(3)
 
 
 def log_likelihoods(chain, q, v, noise) -> np.ndarray:
-    """Of the steps by reading, at its own most likely dispersion."""
+    """Likelihoods of the steps by reading, at its own most likely dispersion."""
     q_next = q + np.matvec(chain.inverse_jacobian(q), v) + noise
     data = Recorded(chain, q, v, noise, ("a", "b", "c"), MEASUREMENT)
     return np.array(
