@@ -54,7 +54,7 @@ def results_of_cluster(function: bytes, trials: Iterator, compute: Compute, labe
     bytes.
     """
     with connected(compute) as client:
-        cluster = Cluster(client, function, compute.dask.timeout, label)
+        cluster = TrialCluster(client, function, compute.dask.timeout, label)
         waiting: deque[Future] = deque()
         size = 1
         while True:
@@ -122,7 +122,7 @@ def connected(compute: Compute) -> Iterator[Client]:
                 client.close()
 
 
-class Cluster:
+class TrialCluster:
     """A running cluster for blocks of trials of ``function``.
 
     On its dashboard a block is a task with the name of the trials and the number of the first. A

@@ -18,7 +18,7 @@ import pytest
 from distributed import Client
 
 from pipeline.core.compute import cluster as module
-from pipeline.core.compute.cluster import Cluster, connected
+from pipeline.core.compute.cluster import TrialCluster, connected
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ComputeError, ConfigError
 from pipeline.core.options.analysis import Compute, Dask
@@ -120,7 +120,7 @@ def test_a_scheduler_that_is_lost_or_silent_is_named(start, end):
 def test_a_scheduler_that_no_longer_answers_when_a_result_is_there_is_named_too(start):
     started = start()
     with connected(started.compute(timeout=3.0)) as client:
-        running = Cluster(client, pickle.dumps(operator.neg), 3.0, "trials")
+        running = TrialCluster(client, pickle.dumps(operator.neg), 3.0, "trials")
         future = running.submit([pickle.dumps(1)])
         # the client knows now that it is done, and has not asked for it
         time.sleep(3)
