@@ -114,7 +114,7 @@ class Depth:
 
 
 @options(kw_only=True)
-class JointLog:
+class JointLogSection:
     """The controller's own logs: a folder or a file a movement, and which of the commanded motions
     in them is analysed.
     """
