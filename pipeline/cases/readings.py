@@ -9,12 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
-<<<<<<< HEAD
-from pipeline.arm.chain import TASK
 from pipeline.cases.case import Choices
-=======
-from pipeline.cases.case import Case
->>>>>>> integration
 from pipeline.cases.evidence import Evidence
 from pipeline.core.columns import PLANE
 from pipeline.core.typed_yaml import read_yaml
@@ -55,13 +50,8 @@ def decided(claims: Sequence[Claim], evidence: Evidence, arm: ArmNames) -> pd.Da
 
 
 def readings(
-<<<<<<< HEAD
-    base: Choices, task: Sequence[str] = TASK, joints: Sequence[str] = TASK
+    base: Choices, task: Sequence[str] = PLANE, joints: Sequence[str] = PLANE
 ) -> dict[str, Choices]:
-=======
-    base: Case, task: Sequence[str] = PLANE, joints: Sequence[str] = PLANE
-) -> dict[str, Case]:
->>>>>>> integration
     """The case ``base`` of a ``task`` of these rows and these ``joints``, and after it the same
     with every other computed decomposition, by name; none where it has no Wishart model.
     """
