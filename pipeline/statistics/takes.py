@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from pipeline.core.errors import ModelDomainError
+
+if TYPE_CHECKING:  # an exported model is read without pandas
+    import pandas as pd
 
 TAILS = (0.025, 0.975)
 NORMAL_QUANTILE = 1.959964  # standard errors from a normal estimate to the end of its interval
@@ -124,6 +126,8 @@ def resampled_differences(
 
     A model without a quantity has no row of it; there is no interval for a single take.
     """
+    import pandas as pd
+
     everything = [quantities(model, np.arange(takes)) for model in models]
     drawn = drawn_takes(takes, rng)
     resampled = [[quantities(model, numbers) for numbers in drawn] for model in models]
