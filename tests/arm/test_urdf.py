@@ -97,6 +97,28 @@ def test_a_continuous_joint_has_no_limits_and_counts_its_turns(file):
     assert chain.within_limits(far).tolist() == [True, False]
 
 
+def test_a_continuous_joint_is_held_where_it_is_locked(file):
+    urdf = file(
+        moving("j1", "continuous", "l0", "l1"), moving("j2", "revolute", "l1", "l2", "1 0 0")
+    )
+    assert agrees(Robot(urdf, ["j2"], locked={"j1": 0.7}, task=["rz"]), "l2")
+
+
+def test_a_tool_is_the_link_of_that_name_where_a_joint_has_it_too(tmp_path):
+    poses = []
+    for foot in ("foot", "tool"):  # a joint at the foot of the chain, which no tool can be
+        (tmp_path / f"{foot}.urdf").write_text(
+            robot_text(
+                joint(foot, "fixed", "l0", "plinth", PLACE),
+                moving("j1", "revolute", "plinth", "l1"),
+                joint("hand", "fixed", "l1", "tool", PLACE),
+            )
+        )
+        robot = Robot(str(tmp_path / f"{foot}.urdf"), ["j1"], tool="tool", task=["x"])
+        poses.append(chain_of(robot).pose(np.array([[0.3], [1.0]])))
+    np.testing.assert_array_equal(*poses)
+
+
 def test_coupled_joints_are_held_where_those_that_they_follow_are_held(file):
     urdf = file(
         moving("j1", "revolute", "l0", "l1"),

@@ -70,6 +70,10 @@ def articulated(number: int, width: float) -> pd.DataFrame:
     return pd.DataFrame(fitted.q).assign(take=number)
 
 
+def layout(array: np.ndarray, kept: list[int]) -> tuple[int, str, np.ndarray]:
+    return kept.pop(), str(array.flags), array[:, :-1]
+
+
 def pause(seconds: float) -> int:
     time.sleep(seconds)
     return os.getpid()
@@ -82,6 +86,10 @@ def late(number: int) -> tuple[int, int]:
 
 def give_up(number: int) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
+
+
+def time_out(number: int) -> None:
+    raise TimeoutError(f"of trial {number}")
 
 
 def peak(results: Iterator) -> int:

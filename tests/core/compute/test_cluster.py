@@ -23,6 +23,7 @@ from tests.core.compute.example_trials import (
     articulated,
     filtered,
     late,
+    layout,
     pause,
     peak,
 )
@@ -46,6 +47,20 @@ def test_the_bytes_are_those_of_this_process(function, running):
     ]
     assert len(set(of_this_process)) == 6
     assert of_the_cluster == of_this_process
+
+
+@pytest.mark.slow
+def test_trials_and_results_are_laid_out_as_in_this_process(running):
+    # what Dask sends without pickle may be read-only or lie in another order
+    trials = [np.zeros((4, 6))[:, :-1], np.zeros((300, 300)).T, np.zeros((300, 300))[:, ::2]]
+    layouts = []
+    for compute in (SERIAL, running.compute()):
+        results = list(
+            run_trials(partial(layout, kept=[1, 2]), trials * 4, compute=compute, label="trials")
+        )
+        layouts.append([(kept, flags, str(result.flags)) for kept, flags, result in results])
+    assert layouts[0] == layouts[1]
+    assert len(set(layouts[0])) > 1
 
 
 def tasks_of(address: str) -> set[str]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import gc
 import operator
 import pickle
 import signal
 import time
+from threading import Thread
 
 import pytest
+from distributed.utils import LoopRunner
 
 from pipeline.core.compute.cluster import cluster
 from pipeline.core.compute.trials import run_trials
@@ -16,6 +19,7 @@ from pipeline.core.options.analysis import Compute, Dask
 from tests.core.compute.example_trials import (
     give_up,
     pause,
+    time_out,
 )
 
 
@@ -34,6 +38,18 @@ def test_a_lost_scheduler_is_named_at_once(start):
 
 
 @pytest.mark.slow
+def test_a_scheduler_that_no_longer_answers_is_named_after_the_timeout(start):
+    started = start()
+    results = run_trials(pause, [0.05] * 400, compute=started.compute(timeout=5.0), label="trials")
+    next(results)
+    started.scheduler.send_signal(signal.SIGSTOP)
+    begin = time.monotonic()
+    with pytest.raises(ComputeError, match="has been lost"):
+        list(results)
+    assert time.monotonic() - begin < 40
+
+
+@pytest.mark.slow
 def test_a_scheduler_that_no_longer_answers_when_a_result_is_there_is_named_too(start):
     started = start()
     with cluster(pickle.dumps(operator.neg), started.compute(timeout=3.0), "trials") as running:
@@ -45,12 +61,52 @@ def test_a_scheduler_that_no_longer_answers_when_a_result_is_there_is_named_too(
             results()
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere", "http://127.0.0.1:9", ""])
+@pytest.mark.slow
+def test_a_trials_own_timeout_is_its_error(running):
+    with pytest.raises(TimeoutError, match="of trial 0"):
+        list(run_trials(time_out, [0], compute=running.compute(), label="trials"))
+
+
+def test_a_scheduler_that_is_not_there_is_named_within_the_timeout():
+    begin = time.monotonic()
+    with pytest.raises(
+        ComputeError, match=r"no Dask scheduler answers within 1 s.*tcp://127.0.0.1:9"
+    ):
+        list(
+            run_trials(
+                operator.neg,
+                [1],
+                compute=Compute(dask=Dask("tcp://127.0.0.1:9", 1.0)),
+                label="trials",
+            )
+        )
+    assert time.monotonic() - begin < 15
+
+
+@pytest.mark.parametrize(
+    "address", ["nowhere", "127.0.0.1", "http://127.0.0.1:9", "tcp://127.0.0.1:port", ""]
+)
 def test_what_is_no_address_of_a_scheduler_is_refused(address):
     with pytest.raises(ComputeError, match="no Dask scheduler answers"):
         list(
             run_trials(operator.neg, [1], compute=Compute(dask=Dask(address, 1.0)), label="trials")
         )
+
+
+def test_a_client_that_found_no_scheduler_is_garbage_whose_collection_waits_for_no_other():
+    gc.collect()
+    with pytest.raises(ComputeError):
+        list(
+            run_trials(
+                operator.neg, [1], compute=Compute(dask=Dask("nowhere", 1.0)), label="trials"
+            )
+        )
+    # as another client holds it that is just being started
+    with LoopRunner._lock:
+        collecting = Thread(target=gc.collect, daemon=True)
+        collecting.start()
+        collecting.join(20)
+        assert not collecting.is_alive()
 
 
 def test_a_scheduler_without_workers_is_waited_for_and_then_named(idle):

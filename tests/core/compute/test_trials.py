@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 import os
 import signal
@@ -38,6 +39,19 @@ def test_results_and_their_order_do_not_depend_on_the_workers(workers):
     assert [each.random() for each in streams] == [
         stream(7, "test", trial).random() for trial in range(6)
     ]
+
+
+@pytest.mark.parametrize("compute", [SERIAL, TWO])
+def test_no_trials_give_no_results(compute):
+    assert list(run_trials(math.sqrt, [], compute=compute, label="trials")) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("compute", [SERIAL, TWO])
+def test_trials_may_come_from_a_generator(compute, at_once):
+    assert list(
+        run_trials(operator.neg, (trial for trial in range(40)), compute=compute, label="trials")
+    ) == [-n for n in range(40)]
 
 
 @pytest.mark.parametrize("compute", [SERIAL, TWO])
@@ -109,6 +123,14 @@ def test_workers_are_started_where_that_is_worth_it_alone(monkeypatch):
     assert first == second == os.getpid() and os.getpid() not in elsewhere
     first, *elsewhere = run_trials(process, [0.6] * 6, compute=TWO, label="trials")
     assert first == os.getpid() and os.getpid() not in elsewhere
+
+
+def test_an_error_in_a_worker_stops_what_has_not_begun():
+    begin = time.perf_counter()
+    with pytest.raises(TypeError):
+        list(run_trials(time.sleep, [0.2, "no number", *[0.2] * 200], compute=TWO, label="trials"))
+    # all of them would take 20 s
+    assert time.perf_counter() - begin < 10
 
 
 def give_up(number: int) -> None:
