@@ -121,7 +121,7 @@ def choice(run: Run) -> str:
         f" {plain_name(name)} has no score." for name in _models(run) if name not in means
     )
     best = means.idxmax()
-    text += f" The highest log score for this motion has {_listed([best])}"
+    text += f" Highest log score for this motion: {_listed([best])}"
     text += _apart(run, best, [*means.index]) + "."
     return text
 
@@ -217,8 +217,7 @@ def _not_told(run: Run, fitted: Mapping[str, float]) -> dict[str, str]:
         if fitted.get(f"{name}_unbounded"):
             absent |= {name: "its search ended at a bound; the level α·u alone is known"}
             absent |= {other: "known with u alone" for other in ("alpha",) if other in fitted}
-    m = len(run.task)
-    if m and fitted.get("sigma_b", 0.0) >= ((m + 1) / (m + 3)) ** 0.5:
+    if fitted.get("sigma_b", 0.0) >= fitted.get("sigma_b_limit_of_the_covariance", float("inf")):
         absent["sigma_b"] = "a step has no covariance at the estimate"
     if "ranges" in run.tables:
         ranges = run.tables["ranges"]

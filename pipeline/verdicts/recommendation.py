@@ -150,11 +150,15 @@ def _tail_sentence(tails: pd.DataFrame, model: str) -> str:
 
 
 def held_out(run: Run) -> str:
-    """Log scores of every model on every held-out motion, the highest mean first."""
+    """Log scores of every model on every held-out motion, the highest mean first; of a single
+    motion the mean over its held-out takes alone.
+    """
     scores = run.tables["other_motions"]
     wide = scores.pivot(index="model", columns="motion", values="score")
     means = wide[EACH] if EACH in wide else wide.iloc[:, 0]
     motions = [name for name in dict.fromkeys(scores["motion"]) if name != EACH]
+    if len(run.tables["motions"]) == 1:  # parts of one motion's takes are held out in turn
+        motions = []
     order = means.sort_values(ascending=False, na_position="last").index
     rows = [
         [
@@ -181,8 +185,16 @@ def held_out(run: Run) -> str:
 
 
 def held_out_spread(run: Run) -> str:
-    """Predicted and measured rms of a step in µrad by held-out motion and joint."""
+    """Predicted and measured rms of a step in µrad by held-out motion and joint; of a single motion
+    over all its held-out takes.
+    """
     spread = run.tables["motion_spread"]
+    if len(run.tables["motions"]) == 1:
+        squares = spread.assign(motion=run.tables["motions"]["motion"].iloc[0])
+        sizes = ["predicted_rad", "measured_rad"]
+        squares[sizes] = squares[sizes] ** 2
+        keys = ["motion", "joint", "model"]
+        spread = squares.groupby(keys, sort=False)[sizes].mean().pow(0.5).reset_index()
     models = list(dict.fromkeys(spread["model"]))
     wide = spread.pivot(index=["motion", "joint"], columns="model", values="predicted_rad")
     measured = spread.drop_duplicates(["motion", "joint"]).set_index(["motion", "joint"])
