@@ -169,7 +169,7 @@ def held_out(run: Run) -> str:
         for name in order
     ]
     text = table(["log score (nats a step)", "mean", *(f"motion {name}" for name in motions)], rows)
-    missing = scores[scores["reason"].fillna("") != ""].drop_duplicates("model")
+    missing = scores[scores["reason"].notna() & scores["reason"].ne("")].drop_duplicates("model")
     reasons = "".join(
         f"\n- {plain_name(row.model)}: no score on motion {row.motion}: {row.reason}"
         for row in missing.itertuples()

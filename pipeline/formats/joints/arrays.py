@@ -29,7 +29,7 @@ from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS
 
 # ways in which a file can be damaged, as the libraries say it
 DAMAGE = (ValueError, TypeError, OSError, EOFError, KeyError, IndexError, NotImplementedError)
-DAMAGE += (RuntimeError, OverflowError, zlib.error, zipfile.BadZipFile)
+DAMAGE += (RuntimeError, ArithmeticError, zlib.error, zipfile.BadZipFile)
 
 
 @dataclass(frozen=True)
