@@ -14,7 +14,10 @@ from pipeline.figures.style import BLACK, LIGHT_GREY, TWO_COLUMNS, VERMILLION, b
 
 TABLES = {"noise_quantiles": "data/predict"}
 NEEDS = "robot with recorded steps"
-LINES = {"scaled_all": (BLACK, "speed-scaled"), "scaled_t": (VERMILLION, "speed-scaled, t")}
+LINES = {
+    "scaled_all": (BLACK, "-", "speed-scaled"),
+    "scaled_t": (VERMILLION, "--", "speed-scaled, t"),
+}
 
 
 def draw(noise_quantiles: pd.DataFrame) -> Figure:
@@ -28,10 +31,10 @@ def draw(noise_quantiles: pd.DataFrame) -> Figure:
     for joint, axes in zip(joints, grid.flat, strict=False):
         ends = noise_quantiles["normal"].min(), noise_quantiles["normal"].max()
         axes.plot(ends, ends, color=LIGHT_GREY)
-        for model, (colour, label) in LINES.items():
+        for model, (colour, style, label) in LINES.items():
             chosen = (noise_quantiles["joint"] == joint) & (noise_quantiles["model"] == model)
             own = noise_quantiles[chosen]
-            axes.plot(own["normal"], own["noise"], color=colour, label=label)
+            axes.plot(own["normal"], own["noise"], style, color=colour, label=label)
         axes.set_title(joint.replace("_", " "))
         axes.set_xlabel("normal quantile")
     for axes in grid[:, 0]:

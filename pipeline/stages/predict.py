@@ -5,7 +5,6 @@ that it was not fitted to.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -33,7 +32,6 @@ TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")
 BESIDE = ("scaled", "scaled_full")
 CONTROL = "wishart_qr_transposed"
 MATRIX_KINDS = ("gaussian", "wishart")
-PLAIN_FILE = "plain_models.json"
 
 
 def run() -> None:
@@ -74,8 +72,8 @@ def run() -> None:
 
 
 def _write_other_motions(settings, recorded: Recorded, folder: Path) -> None:
-    """Write the tables of :func:`pipeline.models.other_motions.other_motions` and the plain models
-    fitted to all motions of the dataset's logs.
+    """Write the tables of :func:`pipeline.models.other_motions.other_motions` over all motions of
+    the dataset's logs.
     """
     dataset = settings.dataset
     motions = logged_motions(dataset) if dataset.joint_log else []
@@ -97,11 +95,6 @@ def _write_other_motions(settings, recorded: Recorded, folder: Path) -> None:
         return
     for name, table in scored.tables.items():
         contracts.write(table, name, folder)
-    models = {
-        name: fit.model.parameters() | {"untold": [*map(list, fit.untold)]}
-        for name, fit in scored.fits.items()
-    }
-    contracts.write_text(json.dumps(models, indent=1) + "\n", folder / PLAIN_FILE)
 
 
 def with_control(models: Mapping[str, Options]) -> dict[str, Options]:

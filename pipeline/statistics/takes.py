@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.core.errors import ModelDomainError
 
-if TYPE_CHECKING:  # an exported model is loaded with NumPy alone
+if TYPE_CHECKING:  # an exported model is read without pandas
     import pandas as pd
 
 TAILS = (0.025, 0.975)

@@ -112,8 +112,7 @@ def _not_told(run: Run, fitted: Mapping[str, float]) -> dict[str, str]:
         if fitted.get(f"{name}_unbounded"):
             absent |= {name: "its search ended at a bound; the level α·u alone is known"}
             absent |= {"alpha": "known with u alone"} if "alpha" in fitted else {}
-    m = len(run.task)
-    if m and fitted.get("sigma_b", 0.0) >= ((m + 1) / (m + 3)) ** 0.5:
+    if fitted.get("sigma_b", 0.0) >= fitted.get("sigma_b_limit_of_the_covariance", float("inf")):
         absent["sigma_b"] = "a step has no covariance at the estimate"
     if "ranges" in run.tables:
         fastest = other.fastest_speeds(run.tables["ranges"])

@@ -143,15 +143,19 @@ def _untold(run: Run, model: str) -> str:
 
 
 def held_out(run: Run) -> str:
-    """Return log scores of every model on every held-out motion, the highest mean first."""
+    """Return log scores of every model on every held-out motion, the highest mean first; of a single
+    motion the mean over its held-out takes alone.
+    """
     scores = run.tables["other_motions"]
     motions = [name for name in dict.fromkeys(scores["motion"]) if name != EACH]
+    if len(run.tables["motions"]) == 1:  # parts of one motion's takes are held out in turn
+        motions = []
     wide = scores.pivot(index="model", columns="motion", values="score")
     wide = wide.reindex(columns=[EACH, *motions]) if EACH in wide else wide
     wide = wide.sort_values(wide.columns[0], ascending=False, na_position="last")
     header = ["log score (nats a step)", "mean", *(f"motion {name}" for name in motions)]
     text = table(header, [[plain_name(str(row[0])), *row[1:]] for row in wide.itertuples()])
-    missing = scores[scores["reason"].fillna("") != ""].drop_duplicates("model")
+    missing = scores[scores["reason"].notna() & scores["reason"].ne("")].drop_duplicates("model")
     reasons = "".join(
         f"\n- {plain_name(row.model)}: no score on motion {row.motion}: {row.reason}"
         for row in missing.itertuples()
@@ -162,8 +166,16 @@ def held_out(run: Run) -> str:
 
 
 def held_out_spread(run: Run) -> str:
-    """Return predicted and measured rms of a step in µrad by held-out motion and joint."""
+    """Return predicted and measured rms of a step in µrad by held-out motion and joint; of a single
+    motion over all its held-out takes.
+    """
     spread = run.tables["motion_spread"]
+    if len(run.tables["motions"]) == 1:
+        squares = spread.assign(motion=run.tables["motions"]["motion"].iloc[0])
+        sizes = ["predicted_rad", "measured_rad"]
+        squares[sizes] = squares[sizes] ** 2
+        keys = ["motion", "joint", "model"]
+        spread = squares.groupby(keys, sort=False)[sizes].mean().pow(0.5).reset_index()
     place = ["motion", "joint"]
     wide = spread.pivot(index=place, columns="model", values="predicted_rad")
     measured = spread.drop_duplicates(place).set_index(place)["measured_rad"]

@@ -60,7 +60,7 @@ def choice(run: Run) -> str:
     absent = [name for name in scored_models(run) if name not in means]
     text += "".join(f" {plain_name(name)} has no score." for name in absent)
     best = means.idxmax()
-    text += f" The highest log score for this motion has {plain_name(best)}"
+    text += f" Highest log score for this motion: {plain_name(best)}"
     if equal := _not_below(run, best, [*means.index]):
         text += f" (the difference to {_listed(equal)} is not significant)"
     return f"{text}."

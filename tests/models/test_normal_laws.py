@@ -10,6 +10,7 @@ from scipy import stats
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.additive.fit import shrunk_covariance
+from pipeline.models.additive.law import build
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.noise import mean_covariance
@@ -22,7 +23,7 @@ TIMING = np.full((3, 3), 0.04)  # one share of the step for all joints: a singul
 NONE = np.zeros((3, 3))
 MEASUREMENT = np.array([[0.6, -0.6, 0.0], [-0.6, 1.5, -0.9], [0.0, -0.9, 1.7]]) * 1e-6
 MODELS = {
-    "additive": ScaledModel(SIGMA),
+    "additive": build({"noise_covariance": SIGMA}),
     "gaussian": GaussianModel(0.1, 40.0),
     "scaled": ScaledModel(np.diag(np.diag(SIGMA)), np.diag(np.diag(GAIN))),
     "scaled_full": ScaledModel(SIGMA, GAIN),

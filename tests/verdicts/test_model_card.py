@@ -11,12 +11,13 @@ import pandas as pd
 import pytest
 
 from pipeline.verdicts.model_card import NO_ROBOT, UNKNOWN, model_card
-from pipeline.verdicts.recommendation import answer
+from pipeline.verdicts.recommendation import answer, held_out, held_out_spread
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import BETWEEN, NO_SPREAD, choice
 
 BASELINES = {"none": 10.0, "memory": 11.0, "additive": 9.0, "scaled_full": 10.5}
 PARAMETER = {"s": 0.5, "s_standard_error": 0.0125, "s_interval_low": 0.48, "s_interval_high": 0.53}
+LIMIT = "sigma_b_limit_of_the_covariance"
 RANGE = ["quantity", "name", "unit", "least", "greatest"]
 
 
@@ -140,6 +141,17 @@ def test_no_model_is_an_answer_with_its_reason(changes, reason):
     assert answer(logged(predicted=3.8e-4)).startswith("**Model for another motion")
 
 
+def test_of_a_single_motion_the_held_out_takes_are_one_row_and_one_column():
+    run = logged()
+    run.tables["motions"] = run.tables["motions"].iloc[:1]
+    spread = run.tables["motion_spread"]
+    spread.loc[spread["motion"] == "2", "measured_rad"] = 7e-4
+    assert "| log score (nats a step) | mean |\n" in held_out(run)
+    # the root of the mean square of 100 and 700 µrad, by joint
+    rows = [line for line in held_out_spread(run).splitlines() if "500" in line]
+    assert rows == ["| 1 | a | 500 | 110 | 110 |", "| 1 | b | 500 | 110 | 110 |"]
+
+
 @pytest.mark.parametrize(
     ("score", "half", "rivals"),
     [
@@ -182,7 +194,7 @@ def test_the_card_holds_parameters_ranges_takes_and_other_datasets():
     ("fitted", "absent"),
     [
         ({"u": 9.0, "u_unbounded": 1, "u_standard_error": 1.0, "alpha": 0.1}, "alpha"),
-        ({"sigma_b": 0.75, "sigma_b_standard_error": 0.1}, "sigma_b"),
+        ({"sigma_b": 0.75, "sigma_b_standard_error": 0.1, LIMIT: 0.7071}, "sigma_b"),
         (
             {"std_share_of_the_step_b": 9.0, "std_share_of_the_step_b_standard_error": 1.0},
             "std_share_of_the_step_b",

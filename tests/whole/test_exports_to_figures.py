@@ -110,8 +110,8 @@ def test_exports_become_figures_and_a_changed_export_is_noticed(project):
     edit_text(file, "cut short")
     noticed = run("dvc", "repro", "files", cwd=project)
     assert noticed.returncode == 0, noticed.stderr
-    # the inventory is looked at in every run, score looks for a truth in its folder, and the report
-    # was not asked for above; of the parts the motion alone
+    # the inventory is looked at in every run, score looks for a truth in its folder, predict reads
+    # all motions of the files, and the report was not asked for; of the parts the motion alone
     plan = run("dvc", "repro", "--dry", cwd=project).stdout
     inventory = "data/raw/lab/dvc.yaml:inventory"
-    assert set(planned(plan)) == {inventory, "ingest@motion", "score", "report", "page"}
+    assert set(planned(plan)) == {inventory, "ingest@motion", "predict", "score", "report", "page"}

@@ -15,7 +15,7 @@ RECORDINGS = ROOT.parent / "shared/recordings"
 pytestmark = pytest.mark.slow
 # what nobody but the researcher knows
 KNOWN = {
-    "ur5": {"robot.urdf": "pipeline/arm/ur5.urdf", "robot.tool": "flange", "number": "5"},
+    "ur5": {"robot.urdf": "pipeline/arm/ur5.urdf", "robot.tool": "flange", "number": "1"},
     "lwr4": {"number": "1"},
 }
 

@@ -5,6 +5,7 @@ compares all committed files.
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -28,9 +29,6 @@ def run(folder: Path) -> None:
         names = ", ".join(line[3:] for line in edited)
         print(f"audit: not committed, and left out: {names}", flush=True)
     project = clone_commit(root, folder.resolve())
-    stages = [s for f in project.rglob("dvc.lock") for s in read_yaml(f).get("stages", {}).values()]
-    for out in (project / out["path"] for stage in stages for out in stage.get("outs", [])):
-        shutil.rmtree(out) if out.is_dir() else out.unlink(missing_ok=True)
     environment = os.environ | {
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
         "DVC_NO_ANALYTICS": "1",
@@ -38,7 +36,18 @@ def run(folder: Path) -> None:
         "DVC_SITE_CACHE_DIR": str(project / ".dvc/tmp/site"),
     }
     repro = [sys.executable, "-m", "dvc", "repro", "--all-pipelines", "--force"]
-    if subprocess.run(repro, cwd=project, env=environment, stdout=sys.stderr).returncode:
+    dry = subprocess.run([*repro, "--dry"], cwd=project, env=environment, stdout=subprocess.PIPE)
+    planned = set(re.findall(r"(?m)^Running stage '([^']+)'", dry.stdout.decode()))
+    stages = []  # of a lock file those alone that its dvc.yaml still has
+    for lock in project.rglob("dvc.lock"):
+        place = lock.parent.relative_to(project).as_posix()
+        prefix = "" if place == "." else f"{place}/dvc.yaml:"
+        entries = read_yaml(lock).get("stages", {}).items()
+        stages += [stage for name, stage in entries if f"{prefix}{name}" in planned]
+    for out in (project / out["path"] for stage in stages for out in stage.get("outs", [])):
+        shutil.rmtree(out) if out.is_dir() else out.unlink(missing_ok=True)
+    ran = subprocess.run(repro, cwd=project, env=environment, stdout=sys.stderr)
+    if dry.returncode or ran.returncode or not planned:
         raise PipelineError("`dvc repro -P` failed; its message is above", folder=project)
     # hashes of the files that git does not hold are in the lock files
     if changed := _git(project, "status", "--porcelain"):

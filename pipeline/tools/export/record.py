@@ -25,6 +25,7 @@ from pipeline.models.exported import FORMAT, chain_record
 from pipeline.models.joint_steps_fit import LEAST_SHARE, PLAIN, fit_joint_steps
 from pipeline.models.other_motions import MotionSteps, joint_ranges, motion_of, pooled
 from pipeline.models.steps import Recorded
+from pipeline.randommatrix.wishart import largest_dispersion
 from pipeline.recordings.motions import logged_motions
 from pipeline.recordings.steps import fitted_ranges, training_steps
 
@@ -197,8 +198,7 @@ def require_told(model: str, parameters: dict[str, Any], recorded: Recorded) -> 
                 "scaled_all or scaled_t, which all motions are fitted to, or record a motion in "
                 "which they move"
             )
-    m = len(recorded.chain.task)
-    limit = np.sqrt((m + 1) / (m + 3))
+    limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
     if parameters["kind"] == "wishart" and parameters.get("sigma_b", 0.0) >= limit:
         raise ModelDomainError(
             f"{model}: sigma_b {parameters['sigma_b']:.3g} is not below {limit:.3g}, where a step "

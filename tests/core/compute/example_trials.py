@@ -40,6 +40,10 @@ def filtered(number: int, steps: np.ndarray) -> bytes:
     return np.column_stack([posterior.ess, posterior.mean]).tobytes()
 
 
+def layout(array: np.ndarray, kept: list[int]) -> tuple[int, str, np.ndarray]:
+    return kept.pop(), str(array.flags), array[:, :-1]
+
+
 def pause(seconds: float) -> int:
     time.sleep(seconds)
     return os.getpid()

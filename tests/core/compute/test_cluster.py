@@ -27,6 +27,7 @@ from tests.core.compute.example_trials import (
     filtered,
     give_up,
     late,
+    layout,
     pause,
     peak,
     time_out,
@@ -41,6 +42,17 @@ def test_the_bytes_are_those_of_this_process(running):
         for compute in (Compute(1), running.compute())
     )
     assert len({*here}) == 6 and there == here
+
+
+@pytest.mark.slow
+def test_trials_and_results_are_laid_out_as_in_this_process(running):
+    # what Dask sends without pickle may be read-only or lie in another order
+    trials = [np.zeros((4, 6))[:, :-1], np.zeros((300, 300)).T, np.zeros((300, 300))[:, ::2]]
+    function, layouts = partial(layout, kept=[1, 2]), []
+    for compute in (Compute(1), running.compute()):
+        results = run_trials(function, trials * 4, compute=compute, label="trials")
+        layouts.append([(kept, flags, str(result.flags)) for kept, flags, result in results])
+    assert layouts[0] == layouts[1] and len(set(layouts[0])) > 1
 
 
 def test_trials_go_out_in_blocks_that_the_dashboard_shows_by_name(running, monkeypatch):

@@ -44,6 +44,11 @@ def test_a_trials_error_arrives_with_its_evidence_and_stops_the_rest(compute, tm
     assert begun == {"0", "1"} if compute is SERIAL else len(begun) < 300
 
 
+@each_way
+def test_no_trials_give_no_results(compute):
+    assert [*run_trials(operator.neg, [], compute=compute, label="trials")] == []
+
+
 def edge(array: np.ndarray) -> tuple[bool, np.ndarray]:
     return array.flags.c_contiguous, array[:, :-1]
 
