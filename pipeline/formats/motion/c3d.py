@@ -66,8 +66,8 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     labels = [label.strip() for label in contents["labels"].tolist()]
     outputs = {name.strip() for name in contents["outputs"].tolist()} - {""}
     counts = {"announced_frames": header.frames or frames}
-    counts["unlabelled_points"] = points - sum(map(bool, labels[:points]))
     take = TakeBuilder(unit, frame, float(rate[0]), None, counts)
+    take.counts["unlabelled_points"] = points - sum(map(bool, labels[:points]))
 
     def place(k: int, *_: int) -> dict[str, object]:
         return {"file": file, "frame": int(frame[k])}
