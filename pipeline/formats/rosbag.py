@@ -150,7 +150,7 @@ def _opened(file: Path) -> Iterator[AnyReader]:
     reader = AnyReader([file], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
     reader.open()
     try:
-        if any(connection.msgcount is None for connection in reader.connections):
+        if not all(isinstance(connection.msgcount, int) for connection in reader.connections):
             raise ValueError("it does not say how many messages it holds")
         yield reader
     finally:
