@@ -81,8 +81,8 @@ def _outcome(
     try:
         after = sandbox.call(_values, read, file)
     except PipelineError as error:
-        # ezc3d may end, or not return, in a process of its own
-        failed = any(words in error.message for words in FAILURES) and file.suffix != ".c3d"
+        # a library may end, or not return, in a process of the reader's own, which names the file
+        failed = any(words in error.message for words in FAILURES) and "file" not in error.evidence
         return ("failed" if failed else "refused"), {"reason": error.message} if failed else {}
     changed = {
         key

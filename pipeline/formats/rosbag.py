@@ -18,7 +18,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from pipeline.core.bounds import Sandbox, read_whole
 from pipeline.core.errors import RecordingError
-from pipeline.formats.format import BAG_SUFFIXES, Format, Head, Kind, read_alone, unread
+from pipeline.formats.format import BAG_SUFFIXES, Format, Kind, read_alone, unread
 
 MARKS = (b"#ROSBAG V", b"\x89MCAP0")
 MEND = "copy it again, or run `rosbag reindex` on it"
@@ -150,7 +150,7 @@ def _opened(file: Path) -> Iterator[AnyReader]:
     reader = AnyReader([file], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
     reader.open()
     try:
-        if any(connection.msgcount is None for connection in reader.connections):
+        if not all(isinstance(connection.msgcount, int) for connection in reader.connections):
             raise ValueError("it does not say how many messages it holds")
         yield reader
     finally:
@@ -168,12 +168,13 @@ def _is_cut(database: Path) -> bool:
 
 
 def _named(held: dict[str, str]) -> str:
-    kinds = {topic: kind.rpartition("/")[2] for topic, kind in sorted(held.items())}
-    return ", ".join(f"{topic} ({kind})" for topic, kind in kinds.items()) or "none"
+    named = [f"{topic} ({kind.rpartition('/')[2]})" for topic, kind in sorted(held.items())]
+    return ", ".join(named) or "none"
 
 
-def _begins(head: Head) -> bool:
-    return head.content.startswith(MARKS) or head.suffix in BAG_SUFFIXES
-
-
-FORMAT = Format("ROS bag", Kind.BAG, summary, _begins)
+FORMAT = Format(
+    "ROS bag",
+    Kind.BAG,
+    summary,
+    lambda head: head.content.startswith(MARKS) or head.suffix in BAG_SUFFIXES,
+)

@@ -22,7 +22,7 @@ CASES = Path(__file__).parents[3] / "shared" / "cases"
 
 
 def seen(file: Path) -> str:
-    """What ``inspect`` prints of ``file``."""
+    """Return the text that ``inspect`` prints of ``file``."""
     return as_table(inspect(file), file.parent)
 
 

@@ -211,7 +211,7 @@ def _holds_counts(sheet: Sheet, columns: dict[str, int], options: ForceLogOption
         return options.counts
     cells = [cell for column in columns.values() for cell in sheet.words(column)]
     pointed = any("." in cell or "e" in cell.lower() for cell in cells)
-    if pointed and all(float(cell).is_integer() for cell in cells):
+    if pointed and not np.any(sheet.values([*columns.values()]) % 1):
         message = "numbers with a decimal point that are all whole may be counts or not: set counts"
         where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.counts"}
         raise RecordingError(f"{message} to true or false", **where)

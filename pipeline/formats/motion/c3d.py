@@ -62,12 +62,16 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
         raise RecordingError("the file gives no frame rate", file=file, key="POINT:RATE")
     stated = {text.strip().lower() for text in contents["units"]} - {""}
     unit = settle_unit(" and ".join(sorted(stated)), unit, file, key="POINT:UNITS")
-    frame = np.arange(frames) + _first_frame(header.first, contents["start"])
+    first, start = header.first, contents["start"]
+    if start.size == 2:  # two words of 16 bits, which complete the header's where they fit it
+        number = int(start[0]) % 2**16 + int(start[1]) % 2**16 * 2**16
+        first = number if first in (number % 2**16, LONGEST) else first
+    frame = np.arange(frames) + first
     labels = [label.strip() for label in contents["labels"].tolist()]
     outputs = {name.strip() for name in contents["outputs"].tolist()} - {""}
     counts = {"announced_frames": header.frames or frames}
-    counts["unlabelled_points"] = points - sum(map(bool, labels[:points]))
     take = TakeBuilder(unit, frame, float(rate[0]), None, counts)
+    take.counts["unlabelled_points"] = points - sum(map(bool, labels[:points]))
 
     def place(k: int, *_: int) -> dict[str, object]:
         return {"file": file, "frame": int(frame[k])}
@@ -91,16 +95,6 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     return take.take(
         Path(file).stem, "C3D", {name: count for name, count in beside.items() if count}
     )
-
-
-def _first_frame(header: int, start: np.ndarray) -> int:
-    """Return the first frame's number: the header's, whose 16 bits the two words of
-    TRIAL:ACTUAL_START_FIELD complete where they are of the same number.
-    """
-    if start.size != 2:
-        return header
-    number = int(start[0]) % 2**16 + int(start[1]) % 2**16 * 2**16
-    return number if header in (number % 2**16, LONGEST) else header
 
 
 def _names(labels: list[str], points: int) -> list[str]:
@@ -177,7 +171,8 @@ def read_contents(file: str) -> dict[str, np.ndarray]:
         os.close(descriptor)
     parameters = recording["parameters"]
     point = parameters["POINT"]
-    labels = sorted((name for name in point if re.fullmatch(r"LABELS\d*", name)), key=_numbered)
+    # LABELS2 before LABELS10
+    labels = sorted(sorted(name for name in point if re.fullmatch(r"LABELS\d*", name)), key=len)
     outputs = [name for name in point if OUTPUTS.fullmatch(name)]
     return {
         "points": recording["data"]["points"][:3],
@@ -190,11 +185,6 @@ def read_contents(file: str) -> dict[str, np.ndarray]:
         "analog": np.array(recording["data"]["analogs"].shape[1]),
         "plates": np.array(sum(_values(parameters.get("FORCE_PLATFORM", {}), "USED")[:1])),
     }
-
-
-def _numbered(name: str) -> tuple[int, str]:
-    """Sort LABELS2 before LABELS10."""
-    return len(name), name
 
 
 def _values(group: dict, *names: str) -> list:

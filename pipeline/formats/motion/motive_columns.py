@@ -142,6 +142,7 @@ def read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     rate = _rate(fields, frame, printed, file)
     unit = settle_unit(fields.get("Length Units", ""), unit, file, key="Length Units")
     take = TakeBuilder(unit, frame, rate, printed, counts)
+    take.counts |= {"solved_replaced": 0, "solved_only": 0}
     solved = {}
     # a name that two assets share names neither of them: who asks for it has to say which
     named = Counter((kind, name) for kind, name, _ in groups)

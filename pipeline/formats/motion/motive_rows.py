@@ -48,21 +48,18 @@ Samples = dict[str, dict[int, list[float]]]  # name → index of the frame → n
 
 
 class RowCells:
-    """Cells of one row, taken from left to right; RecordingError with its line where they are not
-    what should come.
-    """
+    """Cells of one row, taken from left to right; ValueError for a cell that should not come."""
 
-    def __init__(self, cells: list[str], file: Path, line: int) -> None:
-        self.cells, self.file, self.line, self.place = cells, file, line, 1
+    def __init__(self, cells: list[str]) -> None:
+        self.cells, self.place = cells, 1
 
     def take(self, count: int) -> list[str]:
         """Return the next ``count`` cells."""
-        end = self.place + count
-        if end > len(self.cells):
-            message = f"the row has {len(self.cells)} cells where its counts ask for {end} or more"
-            raise self.fault(f"{message}: cut or damaged")
-        self.place = end
-        return self.cells[end - count : end]
+        self.place += count
+        if self.place > len(self.cells):
+            held, asked = len(self.cells), self.place
+            raise ValueError(f"the row has {held} cells where its counts ask for {asked} or more")
+        return self.cells[self.place - count : self.place]
 
     def text(self) -> str:
         """Return the next cell."""
@@ -71,33 +68,27 @@ class RowCells:
     def count(self) -> int:
         """Return the next cell, a count or an ID."""
         if not WHOLE.fullmatch(cell := self.text()):
-            raise self.fault(f"cell {self.place} holds {cell!r} where a count or an ID should be")
+            raise ValueError(f"cell {self.place} holds {cell!r} where a count or an ID should be")
         return int(cell)
 
     def numbers(self, count: int) -> list[float]:
         """Return the next ``count`` cells, NaN where one is missing."""
         cells = self.take(count)
-        wrong = [cell for cell in cells if cell not in MISSING and not NUMBER.fullmatch(cell)]
-        values = [] if wrong else [nan if cell in MISSING else float(cell) for cell in cells]
-        if wrong or inf in values or -inf in values:
-            what = f"there is {wrong[0]!r}" if wrong else "a number is too large"
-            raise self.fault(f"{what} before cell {self.place + 1}, not a finite number")
+        if wrong := [cell for cell in cells if cell not in MISSING and not NUMBER.fullmatch(cell)]:
+            raise ValueError(f"there is {wrong[0]!r} before cell {self.place + 1}, not a number")
+        values = [nan if cell in MISSING else float(cell) for cell in cells]
+        if inf in values or -inf in values:
+            raise ValueError(f"a number is too large before cell {self.place + 1}")
         return values
 
     def end(self) -> None:
-        """Raise RecordingError where a cell with content follows."""
+        """Raise ValueError where a cell with content follows."""
         if any(self.cells[self.place :]):
-            raise self.fault(
-                f"the row goes on after cell {self.place}, where its counts let it end"
-            )
-
-    def fault(self, message: str) -> RecordingError:
-        """Return the refusal of this row."""
-        return RecordingError(message, file=self.file, line=self.line)
+            raise ValueError(f"the row goes on after cell {self.place}, where its counts end it")
 
 
 class RowsSoFar:
-    """Content of the rows that were added."""
+    """Content of the rows that were added; ValueError for a row that cannot come."""
 
     def __init__(self) -> None:
         self.named = False  # whether markers have IDs and names of their own (1.1)
@@ -110,35 +101,35 @@ class RowsSoFar:
         self.stray_ids: set[str] = set()
         self.body_rows = 0
 
-    def add(self, row: RowCells) -> None:
-        """Add one row; RecordingError where it is none that can come."""
+    def add(self, row: RowCells, line: int) -> None:
+        """Add the row at ``line``."""
         kind = row.cells[0]
         if kind == "info":
             key = row.text()
             self.infos[key] = row.text()
             self.named |= key == "version" and row.cells[2] not in ("1", "1.0", "1.00")
         elif kind == "frame":
+            self.line.append(line)
             self._add_frame(row)
         elif kind in BODY_ROWS:
             (self._add_body if self.frame else self._define)(row)
         elif kind == "lefthanded":
-            raise row.fault("the take is left-handed; export it right-handed")
+            raise ValueError("the take is left-handed; export it right-handed")
         elif kind != "righthanded":
-            raise row.fault(f"no row type {kind!r}; there are {', '.join(ROW_TYPES)}")
+            raise ValueError(f"no row type {kind!r}; there are {', '.join(ROW_TYPES)}")
 
     def _define(self, row: RowCells) -> None:
         name, identity, markers = row.text(), row.count(), row.count()
         row.numbers(3 * markers)
         row.end()
         if identity in self.names or name in self.poses:
-            raise row.fault(f"rigid body {name!r} (ID {identity}) is defined twice")
+            raise ValueError(f"rigid body {name!r} (ID {identity}) is defined twice")
         self.names[identity], self.poses[name] = name, {}
         # a marker that is never seen is missing, not absent
         self.markers |= {f"{name}-Marker {marker}": {} for marker in range(1, markers + 1)}
 
     def _add_frame(self, row: RowCells) -> None:
         k, strays = len(self.frame), []
-        self.line.append(row.line)
         self.frame += row.numbers(1)
         self.time += row.numbers(1)
         for _ in range(row.count()):
@@ -146,7 +137,7 @@ class RowsSoFar:
             pose = self.poses.get(self.names.get(identity, ""))
             if pose is None or k in pose:
                 fault = "is not defined" if pose is None else "has two poses"
-                raise row.fault(f"rigid body {identity} {fault}")
+                raise ValueError(f"rigid body {identity} {fault}")
             pose[k] = row.numbers(10)[:7]  # position, quaternion, and angles that repeat it
         for _ in range(row.count()):
             sample, identity, name = row.numbers(3), row.text(), row.text() if self.named else ""
@@ -154,16 +145,16 @@ class RowsSoFar:
                 strays.append(sample)
                 self.stray_ids.add(identity)
             elif self.markers.setdefault(name, {}).setdefault(k, sample) is not sample:
-                raise row.fault(f"two markers are named {name!r}")
+                raise ValueError(f"two markers are named {name!r}")
         self.strays.append(strays)
         row.end()
 
     def _add_body(self, row: RowCells) -> None:
         frame, time, name, identity = row.numbers(1), row.numbers(1), row.text(), row.count()
         if frame != self.frame[-1:] or time != self.time[-1:]:
-            raise row.fault(f"the row of rigid body {name!r} is not of the frame before it")
+            raise ValueError(f"the row of rigid body {name!r} is not of the frame before it")
         if self.names.get(identity) != name:
-            raise row.fault(f"rigid body {name!r} (ID {identity}) is not defined")
+            raise ValueError(f"rigid body {name!r} (ID {identity}) is not defined")
         row.count()
         markers, strays = row.count(), self.strays[-1]
         row.take((4 if self.named else 3) * markers)
@@ -200,7 +191,11 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
         if (blank := is_blank(line, ",")) or line == previous:
             counts["blank_rows" if blank else "repeated_rows"] += 1
             continue
-        held.add(RowCells(cells_of(line, ",", file=file, number=number), file, number))
+        cells = cells_of(line, ",", file=file, number=number)
+        try:
+            held.add(RowCells(cells), number)
+        except ValueError as error:
+            raise RecordingError(f"{error}; export it again", file=file, line=number) from None
         previous = line
 
     def fault(message: str, line: int) -> RecordingError:

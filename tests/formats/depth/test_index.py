@@ -1,4 +1,4 @@
-"""Which frames a depth sequence has and when: TUM's index, numbered names."""
+"""Frames of a depth sequence and their times: by the index of TUM, by numbered names."""
 
 from __future__ import annotations
 
