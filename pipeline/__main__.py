@@ -22,6 +22,7 @@ from pathlib import Path
 
 import pipeline.core.environment  # noqa: F401 - before numpy, whose arithmetic it settles
 from pipeline.core.errors import PipelineError
+from pipeline.core.typed_yaml import read_yaml
 
 HERE = Path(__file__).parent
 USAGE = """usage: python -m pipeline NAME [ITEM | OPTIONS]
@@ -106,8 +107,27 @@ def _refused(name: str, message: str, error: Exception) -> int:
         _discard_output()
     if os.environ.get(TRACE):
         traceback.print_exception(error)
-    print(f"error: {name}: {message}", file=sys.stderr)
+    print(f"error: {name}: {message}{_restoring()}", file=sys.stderr)
     return 1
+
+
+def _restoring() -> str:
+    """Return the commands that restore the outputs which DVC removed before it ran this stage."""
+    folder, _, stage = os.environ.get("DVC_STAGE", "").rpartition("dvc.yaml:")
+    lock = Path(os.environ.get("DVC_ROOT", "."), folder, "dvc.lock")
+    if not stage or not lock.is_file():
+        return ""
+    outs = read_yaml(lock).get("stages", {}).get(stage, {}).get("outs", [])
+    gone = [out["path"] for out in outs if not Path(out["path"]).exists()]
+    commands = {
+        "dvc checkout": [path for path in gone if not path.startswith("reports/")],
+        "git checkout --": [path for path in gone if path.startswith("reports/")],
+    }
+    named = [f"`{command} {' '.join(paths)}`" for command, paths in commands.items() if paths]
+    if not named:
+        return ""
+    restored = f"run {' and '.join(named)}, or undo the change and run `dvc repro`"
+    return f"; to restore the earlier results {restored}"
 
 
 def _stopped(name: str, stopped: SystemExit) -> int:

@@ -27,7 +27,6 @@ from pipeline.figures.style import (
 )
 
 TABLES = {"filter_error": "data/score"}
-METRICS = ("reports/metrics/filter.json", ("*_rms_error_rad",))
 NEEDS = "depth camera"
 
 

@@ -28,10 +28,6 @@ from pipeline.figures.style import (
 )
 
 TABLES = {"filter_error": "data/score"}
-METRICS = (
-    "reports/metrics/filter.json",
-    ("*_rms_error_rad", "*_coverage_*", "*_correlation_*"),
-)
 NEEDS = "depth camera"
 
 

@@ -22,7 +22,6 @@ from pipeline.figures.style import (
 )
 
 TABLES = {"deviation": "data/score"}
-METRICS = ("reports/metrics/motion.json", ("*_std_*_rms_rad", "*_correlation_with_recorded"))
 
 QUANTITIES = {
     "one_step": "std of the process noise (rad)",

@@ -21,7 +21,6 @@ from matplotlib.figure import Figure
 from pipeline.figures.style import BLACK, BLUE, GREY, SKY, TWO_COLUMNS, panels
 
 TABLES = {"force_density": "data/wrench"}
-METRICS = ("reports/metrics/wrench.json", ("*_measured_*", "*_modelled_*"))
 NEEDS = "force record of cables in a plane that meet in one point"
 
 SOURCES = ("measured", "modelled")

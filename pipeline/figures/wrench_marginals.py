@@ -16,7 +16,6 @@ from pipeline.figures.wrench_planes import NEEDS as NEEDS
 from pipeline.figures.wrench_planes import label
 
 TABLES = {"wrench_marginals": "data/wrench"}
-METRICS = ("reports/metrics/wrench.json", ("*_measured_*", "*_modelled_*"))
 
 LINES = {
     "measured": RECORDED | {"label": "measured"},

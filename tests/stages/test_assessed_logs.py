@@ -41,7 +41,7 @@ def logs(log_project, tmp_path) -> Path:
     for file, values in (
         ("data/fit/additive/parameters.json", MODEL),
         ("data/fit/additive/covariance.json", COVARIANCE),
-        ("reports/metrics/fit_additive.json", {}),
+        ("data/fit/additive/fit.json", {}),
     ):
         Path(file).parent.mkdir(parents=True, exist_ok=True)
         Path(file).write_text(json.dumps(values))

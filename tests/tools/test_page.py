@@ -14,7 +14,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
-from source_code import ROOT
 
 from pipeline.core.errors import ContractError
 from pipeline.tools.page.command import RESULTS, page
@@ -117,11 +116,12 @@ def test_a_missing_file_is_refused_by_name(reports, missing):
 
 
 def test_the_committed_report_reads_as_a_page():
-    html = page("Results", [ROOT / file for file in RESULTS], ROOT / "reports")
+    folder = Path(__file__).parents[2] / "reports/youbot"
+    html = page("Results", [folder / file for file in RESULTS], folder)
     parsed = Parsed(html)
     assert not MARKDOWN.search("".join(parsed.texts))
     inside = {address[1:] for address in parsed.addresses if address.startswith("#")}
     assert inside <= {*parsed.anchors}
     beside = [address.partition("#")[0] for address in parsed.addresses if ":" not in address]
-    assert [name for name in beside if not (ROOT / "reports" / name).exists()] == []
+    assert [name for name in beside if not (folder / name).exists()] == []
     assert not re.search(r"""(src|href)=["'](https?:)?//""", html.partition("<main>")[0])

@@ -38,7 +38,7 @@ from pipeline.studies.simulated import Factors, Laboratory, disturbed, observe
 from pipeline.verdicts.wording import table
 
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
-AGAINST_NONE = Path("reports/tables/filter_against_none.csv")
+AGAINST_NONE = "reports/{}/tables/filter_against_none.csv"
 YARDSTICK = "yardstick"  # best linear filter, which knows the law of the arm's deviations
 RMS, COVERAGE, LOG, ALL = "rms error", "coverage", "log score", "all"
 LABELS = {NONE: "training mean", MEMORY: "linear, autocorrelation", YARDSTICK: "yardstick"}
@@ -100,7 +100,7 @@ def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFr
     dt = 1 / settings.dataset.motion.rate
     filmed = Filmed(training, poses, frames, recorded.measurement / 2, dt, recorded.chain)
     own = score_rows(filmed.linear_filters(law), recorded.joints)
-    run = long_scores(pd.read_csv(AGAINST_NONE), recorded.joints)
+    run = long_scores(pd.read_csv(AGAINST_NONE.format(settings.dataset.name)), recorded.joints)
     f = settings.filter
     trial = partial(
         duration_rows,

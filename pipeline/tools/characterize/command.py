@@ -191,6 +191,6 @@ def _results(
     taken = contracts.read("joints", track.OUT)["take"].nunique()
     metrics = {"motion": {"recorded_takes": int(taken)}}
     for model in settings.models:
-        file = Path(f"reports/metrics/fit_{model}.json")
+        file = fit.OUT / model / "fit.json"
         metrics[f"fit_{model}"] = json.loads(file.read_text())
     return None, tables, metrics

@@ -25,7 +25,7 @@ from pipeline.verdicts.wording import number, table
 
 ARGUMENTS: dict = {}
 HERE, REPORTS = Path(__file__).parent, Path("reports")
-CARD, CRATE = REPORTS / "dataset_card.md", REPORTS / "ro-crate-metadata.json"
+CRATE = REPORTS / "ro-crate-metadata.json"
 QUALITY = ["instrument", "quantity", "unit", "total", "mean", "least", "greatest"]
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 FORMATS = {".csv": "text/csv", ".html": "text/html", ".json": "application/json"}
@@ -34,14 +34,15 @@ FORMATS |= {".yaml": "application/yaml"}
 
 
 def run() -> None:
-    """Write reports/dataset_card.md and reports/ro-crate-metadata.json from the lock files."""
+    """Write the dataset card and the crate from the lock files and the reports."""
     settings = config.sections("crate", HERE / "dvc.yaml")
     name = settings.dataset.name
+    reports = REPORTS / name
     about = read_yaml(datasheet.path_of(name))["about"]
     stages = _locked(Path("data/raw") / name / "dvc.lock")
     stored = [out for stage in stages.values() for out in stage["outs"]]
-    tables = [pd.read_csv(REPORTS / f"tables/{t}.csv") for t in ("takes", "recording_quality")]
-    write_text(card(settings, about, stored, *tables), CARD)
+    tables = [pd.read_csv(reports / f"tables/{t}.csv") for t in ("takes", "recording_quality")]
+    write_text(card(settings, about, stored, *tables), reports / "dataset_card.md")
     for lock in (Path("dvc.lock"), *sorted(Path("pipeline/studies").glob("*/dvc.lock"))):
         stages |= _locked(lock)
     files = [file for file in REPORTS.rglob("*") if file.is_file() and file != CRATE]
@@ -86,7 +87,7 @@ def card(
         "Missing, wrong or noisy, as counted over the takes or records of an instrument:",
         table(QUALITY, cells.to_numpy().tolist()),
         "Takes beyond the dataset's limits, which the analysis leaves out: "
-        f"{', '.join(left_out) or 'none'}. Each take: `reports/tables/takes.csv`.",
+        f"{', '.join(left_out) or 'none'}. Each take: [takes](tables/takes.csv).",
     ]
     parts = [f"# Dataset card: {dataset.name}"]
     for heading, text in answers.items():

@@ -30,7 +30,7 @@ from pipeline.recordings.steps import fitted_ranges, training_steps
 from pipeline.tools.export.reader_file import NAME, reader_source
 
 HERE, EXPORTS = Path(__file__).parent, Path("data/export")
-FIT, METRICS = Path("data/fit"), Path("reports/metrics")
+FIT = Path("data/fit")
 # sources of a run's numbers, the fitted parameters beside
 SOURCES = [Path("data/config.yaml"), Path("data/track/joints.parquet")]
 UNITS = {
@@ -227,7 +227,7 @@ def _estimates(name: str, *, closed_form: bool) -> dict[str, float]:
     """Estimates of the fit with their standard errors and, where there are enough takes, 95 %
     intervals, and ``u_unbounded`` of a Gaussian model; of a closed loop its own.
     """
-    metrics = _read(METRICS / f"fit_{name}.json")
+    metrics = _read(FIT / name / "fit.json")
     if closed_form:
         return {key: value for key, value in metrics.items() if key.startswith("closed_loop_")}
     ends = ("", "_standard_error", "_interval_low", "_interval_high")

@@ -17,12 +17,11 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 from PIL import Image
 
+from pipeline.core import config
 from pipeline.core.contracts import write_text
 from pipeline.core.errors import ContractError
 
-REPORTS = Path("reports")
-RESULTS = [REPORTS / "report.md", REPORTS / "model_card.md"]
-PAGE, STUDIES_PAGE = REPORTS / "index.html", REPORTS / "studies.html"
+REPORTS, RESULTS = Path("reports"), ("report.md", "model_card.md")
 TEMPLATE = Path(__file__).with_name("page.html")
 ARGUMENTS = {
     "part": {
@@ -40,14 +39,16 @@ DEPTH = 2  # levels of headings in the table of contents
 
 
 def run(part: str = "results") -> None:
-    """Write reports/index.html, or reports/studies.html for the studies."""
+    """Write reports/DATASET/index.html, or reports/studies.html for the studies."""
     if part == "results":
-        write_text(page("Results", RESULTS, REPORTS), PAGE)
+        folder = REPORTS / config.sections("page").dataset.name
+        files = [folder / name for name in RESULTS]
+        write_text(page("Results", files, folder), folder / "index.html")
         return
     studies = sorted((REPORTS / "studies").glob("*.md"))
     if not studies:
         raise ContractError("no study has run; run `dvc repro -P`", folder=REPORTS / "studies")
-    write_text(page("Studies beyond the paper", studies, REPORTS), STUDIES_PAGE)
+    write_text(page("Studies beyond the paper", studies, REPORTS), REPORTS / "studies.html")
 
 
 def page(title: str, files: Sequence[Path], folder: Path) -> str:
