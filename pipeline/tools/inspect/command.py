@@ -15,8 +15,8 @@ from pathlib import Path
 
 from pipeline.core.bounds import Reading, Sandbox, within
 from pipeline.core.errors import PipelineError, RecordingError
-from pipeline.formats.bag_path import is_bag
 from pipeline.formats.depth.index import frame_endings
+from pipeline.formats.format import is_bag
 from pipeline.tools.inspect.finding import UNKNOWN, Finding, shown
 from pipeline.tools.inspect.joints import compare_tables
 from pipeline.tools.inspect.kinds import described, numbered_sequence

@@ -12,7 +12,6 @@ import numpy as np
 
 from pipeline.core.angles import TURN, unwrapped, whole_turns
 from pipeline.core.errors import PipelineError
-from pipeline.formats.cells import bare
 from pipeline.formats.force.record import repeats
 from pipeline.formats.format import Format, Kind
 from pipeline.formats.joints import bag
@@ -20,7 +19,7 @@ from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
 from pipeline.formats.joints.names import meaning, named_like, signals_of
 from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.number_sheet import Sheet
-from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, spelled
+from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, bare, spelled
 from pipeline.recordings.movement import (
     CLOCK_TOLERANCE,
     MOST_TURNS,

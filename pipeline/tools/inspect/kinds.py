@@ -16,14 +16,12 @@ from pipeline.arm.urdf import SINGLE, read_urdf
 from pipeline.core.bounds import read_whole
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.formats import rosbag
-from pipeline.formats.bag_path import is_bag
-from pipeline.formats.cells import foreign
+from pipeline.formats.delimited import foreign
 from pipeline.formats.depth import cloud, image, messages
 from pipeline.formats.depth.index import dropped_frames, numbered_frames
 from pipeline.formats.force.bag import WRENCH
-from pipeline.formats.force.faults import require_record
-from pipeline.formats.force.record import FORCES, TORQUES, ForceLogOptions
-from pipeline.formats.format import Format, Head, Kind, formats_in, is_xml, recognised
+from pipeline.formats.force.record import FORCES, TORQUES, ForceLogOptions, require_record
+from pipeline.formats.format import Format, Head, Kind, formats_in, is_bag, is_xml, recognised
 from pipeline.formats.joints import bag as joint_bag
 from pipeline.formats.motion.take import RATE_TOLERANCE, STRAY
 from pipeline.tools.inspect.finding import ROBOT, Finding
@@ -35,8 +33,6 @@ ANY_SIZE = 10**6  # px, holds every principal point
 DEPTH_TYPES = (messages.IMAGE, messages.CLOUD)
 # beginnings of files that hold recordings in a form that no format reads
 MARKS = {
-    b"\xff\xfe": "text of two bytes a letter (UTF-16): export it as UTF-8",
-    b"\xfe\xff": "text of two bytes a letter (UTF-16): export it as UTF-8",
     b"\x89HDF": "an HDF5 file: save its arrays as CSV or .npz",
     b"\x93NUMPY": "a single array: save it with its times in one .npz",
     b"PK": "an archive without arrays of NumPy first: unpack it, or export a spreadsheet as CSV",

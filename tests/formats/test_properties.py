@@ -1,11 +1,12 @@
-"""Files of every text format, depth images and clouds, cut at any byte: refused by name, or read
-with no more than what was whole.
+"""Files of every text format, depth images and clouds that are cut at any byte, and logs whose rows
+are dropped, doubled or swapped: refused by name, or read with no more than what was whole.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -13,6 +14,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from depth_files import CALIBRATIONS, CLOUDS, frame
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from motive_files import START, random_take
 from PIL import Image
 from written_logs import write_joint_log, write_netft
@@ -22,8 +25,9 @@ from pipeline.formats.depth.cloud import read_cloud
 from pipeline.formats.depth.image import read_depth
 from pipeline.formats.depth.index import read_index, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics, write_intrinsics
-from pipeline.formats.force.daqft import read_daqft, write_daqft
-from pipeline.formats.force.netft import read_netft
+from pipeline.formats.force.calibration import AXES as GAUGED
+from pipeline.formats.force.calibration import read_calibration
+from pipeline.formats.force.daqft import read_daqft, read_netft, write_daqft
 from pipeline.formats.force.record import ForceLogOptions, ForceRecord
 from pipeline.formats.force.table import read_force_table
 from pipeline.formats.joints.log import JointLog, LogOptions
@@ -46,6 +50,9 @@ POSES = pd.DataFrame(
     columns=["t", *(f"{family}:{row}" for family in "xv" for row in ("x", "z", "phi"))],
 )
 WRITTEN = Intrinsics(365.456, 365.123, 254.878, 205.395, 640, 480, (0.125,) * 5)
+GAUGES = "".join(f'<UserAxis Name="{a}" values="1 2 3 4 5 6.25" max="25"/>\n' for a in GAUGED)
+CALIBRATION = f'<FTSensor Serial="FT1">\n<Calibration ForceUnits="N" TorqueUnits="N-m">\n{GAUGES}'
+CALIBRATION += "</Calibration></FTSensor>\n"
 ARE_WHOLE = None  # instead of a number of lines: nothing of the file is read unless all is there
 
 
@@ -109,6 +116,11 @@ CASES = {
     ),
     "PGM": (lambda file: file.write_bytes(PGM), pixels, ARE_WHOLE),
     "calibration": (lambda file: write_intrinsics(file, WRITTEN), camera, ARE_WHOLE),
+    "ATI calibration": (
+        partial(Path.write_text, data=CALIBRATION),
+        lambda file: read_calibration(file).matrix,
+        ARE_WHOLE,
+    ),
 }
 for mark in ".,":
     CASES[f"DAQ F/T {mark}"] = (
@@ -165,3 +177,32 @@ def test_a_file_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(tm
         sure = len(result) - (name in ("ascii.pcd", "ascii.ply", "crlf.ply"))
         np.testing.assert_array_equal(result[:sure], whole[:sure])
     assert refused > 1
+
+
+READERS = {  # of logs of five rows
+    "DAQ F/T .": read_daqft,
+    "DAQ F/T ,": read_daqft,
+    "Net F/T, counts None": read_netft,
+    "force table ';,'": partial(read_force_table, options=FORCE_TABLE),
+    "joint table": partial(read_joint_table, options=JOINT_TABLE),
+}
+
+
+@pytest.mark.parametrize("name", READERS)
+@settings(derandomize=True, max_examples=50, deadline=None)
+@given(picks=st.lists(st.integers(0, 4), min_size=3, max_size=9))
+def test_dropped_doubled_and_swapped_rows_are_counted_or_refused(tmp_path_factory, name, picks):
+    (write, rows, above), file = CASES[name], tmp_path_factory.getbasetemp() / "rows.csv"
+    write(file)
+    whole, lines = rows(file), file.read_bytes().splitlines(keepends=True)
+    file.write_bytes(b"".join([*lines[:above], *(lines[above + k] for k in picks)]))
+    kept, counted = sorted({*picks}), "doubled_rows"
+    if name.startswith("DAQ"):  # without a time, doubled rows can only be counted
+        kept, counted = picks, "repeated_rows"
+    elif picks != sorted(picks):
+        with pytest.raises(RecordingError, match=r"goes back|does not increase"):
+            rows(file)
+        return
+    np.testing.assert_array_equal(rows(file), whole[kept])
+    doubled = sum(before == after for before, after in pairwise(picks))
+    assert READERS[name](file).counts[counted] == doubled
