@@ -15,8 +15,8 @@ from pipeline.core.errors import ModelDomainError, SingularJacobianError, Solver
 from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
 from pipeline.models.kinds import compared, estimate
 from pipeline.models.model import MotionModel
-from pipeline.models.modelled_noise import modelled_noise
 from pipeline.models.options import Options
+from pipeline.models.prediction import modelled_noise
 from pipeline.models.realizations import realize, realized_moments
 from pipeline.models.steps import Estimate, Recorded
 from pipeline.recordings.commands import constant_speed

@@ -20,8 +20,8 @@ from pipeline.filtering.measured import measured_takes
 from pipeline.filtering.memory import memory_filter
 from pipeline.models.closed_loop import FOLDER
 from pipeline.models.kinds import fitted_model
-from pipeline.models.modelled_noise import modelled_noise
 from pipeline.models.noise import measurement_covariance, recorded_deviation, rest_covariance
+from pipeline.models.prediction import modelled_noise
 from pipeline.perception.depth_noise import deviations, error_slopes, errors_of, slope_scores
 from pipeline.recordings import quality
 from pipeline.recordings.commands import commanded_steps, constant_speed

@@ -10,7 +10,7 @@ import pytest
 from scenario import scene, swing
 
 from pipeline.models.draws import draw_steps
-from pipeline.models.wishart.factors import factors
+from pipeline.models.wishart.decomposition import factors
 from pipeline.models.wishart.law import WishartModel
 from pipeline.models.wishart.perturbation import fit_perturbations, objective_weights
 

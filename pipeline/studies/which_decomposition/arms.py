@@ -16,7 +16,7 @@ import pandas as pd
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.steps import Recorded
-from pipeline.models.wishart.moments import StepSquares, dispersion_of_trace
+from pipeline.models.wishart.law import StepSquares, dispersion_of_trace
 from pipeline.studies.which_decomposition.laws import (
     PIVOTED,
     PLAIN,
