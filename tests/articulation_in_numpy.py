@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pipeline.perception.articulation_end import INFEASIBLE
+from pipeline.perception.articulation_objective import INFEASIBLE
 
 
 def plain_objective(points: np.ndarray, nodes: np.ndarray, gamma1: float, gamma2: float) -> float:
@@ -45,7 +45,7 @@ def plain_halved(
 def _distances(
     points: np.ndarray, nodes: np.ndarray
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-    """Of every point the distance to the nearest segment; of every segment the distances of its own
+    """Distance of every point to the nearest segment; of every segment the distances of its own
     points, and of the others 0, and on which side all are.
     """
     distance, side = [], []

@@ -46,12 +46,8 @@ class Problems:
         bound = self.fits().bound
         binding = round(count * bound.mean() + 0.5)
         parts = ((bound, binding), (~bound, count - binding))
-        return np.concatenate(
-            [
-                np.flatnonzero(these)[:: max(these.sum() // number, 1)][:number]
-                for these, number in parts
-            ]
-        )
+        strides = [(these, number, max(these.sum() // number, 1)) for these, number in parts]
+        return np.concatenate([np.flatnonzero(of)[::step][:n] for of, n, step in strides])
 
 
 @pytest.fixture(params=GROUPS)

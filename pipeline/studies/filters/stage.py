@@ -21,9 +21,9 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.filters import CLOSED, MEMORY, NONE, closed
 from pipeline.core.options.analysis import Positive
 from pipeline.core.validation import options
+from pipeline.filtering.baselines import autocorrelated_filter
 from pipeline.filtering.linear import linear_filter
 from pipeline.filtering.measurement import Measurements, measurements
-from pipeline.filtering.memory import memory_filter
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.models import kinds
 from pipeline.models.closed_loop import mean_path, measured_poses
@@ -71,7 +71,7 @@ class Filmed:
         yardstick of ``law``.
         """
         path, arguments = self.training.mean(axis=0), (self.frames, self.dt, self.chain)
-        own, spread, _ = memory_filter(self.training, self.pose, *arguments)
+        own, spread, _ = autocorrelated_filter(self.training, self.pose, *arguments)
         best, least = linear_filter(path, law.covariance, *arguments)
         return {
             NONE: no_filter(self.training, self.test),

@@ -24,7 +24,7 @@ from pipeline.core.typed_yaml import read_yaml
 from pipeline.figures import noise_quantiles
 from pipeline.figures.style import save
 from pipeline.models.other_motions import other_motions
-from pipeline.recordings.all_motions import logged_motions
+from pipeline.recordings.motions import logged_motions
 from pipeline.stages import fit, ingest, predict, track
 from pipeline.tools.export.command import exported, write_export
 from pipeline.tools.new_dataset.command import open_dataset
