@@ -22,7 +22,6 @@ from pathlib import Path
 
 import pipeline.core.environment  # noqa: F401 - before numpy, whose arithmetic it settles
 from pipeline.core.errors import PipelineError
-from pipeline.core.typed_yaml import read_yaml
 
 HERE = Path(__file__).parent
 USAGE = """usage: python -m pipeline NAME [ITEM | OPTIONS]
@@ -117,6 +116,8 @@ def _restoring() -> str:
     lock = Path(os.environ.get("DVC_ROOT", "."), folder, "dvc.lock")
     if not stage or not lock.is_file():
         return ""
+    from pipeline.core.typed_yaml import read_yaml  # not of the standard library
+
     outs = read_yaml(lock).get("stages", {}).get(stage, {}).get("outs", [])
     gone = [out["path"] for out in outs if not Path(out["path"]).exists()]
     commands = {

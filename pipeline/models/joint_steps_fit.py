@@ -82,7 +82,7 @@ def fit_joint_steps(
                 required = f"{LEAST_STEPS} steps, standard error ≤ {BOUND}"
                 untold.append(("gain", joint, found, required))
         if student and nu <= DEGREES[0] * 1.001:
-            found = f"the likelihood is highest at the least value, {DEGREES[0]:g}"
+            found = f"the likelihood is highest at the least value, {DEGREES[0]:g}, which is used"
             untold.append(("degrees of freedom", joint, found, f"above {DEGREES[0]:g}"))
         rows.append((a, b, nu))
     floor, gain, degrees = np.array(rows).T

@@ -5,25 +5,19 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
-from motive_files import START as TAKEN
-from motive_files import random_take
+from motive_files import START, random_take
 from source_code import ROOT
-from written_logs import write_joint_log
 
 from pipeline.__main__ import tool_call
-from pipeline.core import config, datasheet
 from pipeline.core.errors import ConfigError
-from pipeline.formats.joints.log import JointLog
 from pipeline.formats.motion.motive import write_motive
 
-START, END = [0.3, -1.2, 1.4, -1.0, -1.2, 0.2], [0.7, -0.9, 1.1, -0.8, -1.0, 0.7]
 SHEET = """\
 about: {{subject: an arm, source: a test, licence: MIT}}
 recordings: {folder}
 joint_log:
-  movements: run_*
+  movements: No*
   actual: q_actual.csv
   target: q_target.csv
   joints: [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6]
@@ -49,8 +43,8 @@ robot:
   tool: flange
 motion: {{rate: 100.0, steps: 100}}
 joint_log:
-  start: {START}
-  end: {END}
+  start: [0.3, -1.2, 1.4, -1.0, -1.2, 0.2]
+  end: [0.7, -0.9, 1.1, -0.8, -1.0, 0.7]
   rest: 10
   tolerance: 1.0e-4
 """
@@ -61,27 +55,14 @@ def run(words: list[str]) -> None:
 
 
 @pytest.fixture
-def files(tmp_path, monkeypatch) -> tuple[Path, Path]:
+def files(root, logs, tmp_path, monkeypatch) -> tuple[Path, Path]:
     """Datasheet and option file of the dataset lab, with which nothing is wrong."""
-    shutil.copytree(config.CONF, tmp_path / "conf")
-    monkeypatch.setattr(config, "CONF", tmp_path / "conf")
-    monkeypatch.setattr(datasheet, "DATASHEETS", tmp_path / "raw")
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "params.yaml").write_text("dataset: other\n")
-    way = (1 - np.cos(np.pi * np.arange(1, 81) / 80))[:, None] / 2
-    start, end = np.array(START), np.array(END)
-    there, back = start + way * (end - start), end + way * (start - end)
-    rest = [np.tile(place, (30, 1)) for place in (end, start)]
-    target = np.vstack([rest[1], *[there, rest[0], back, rest[1]] * 3])
-    for number in (1, 2):
-        (tmp_path / f"logs/run_{number}").mkdir(parents=True)
-        for name in ("q_actual", "q_target"):
-            log = JointLog(np.arange(len(target)) / 100, {"actual": target}, {})
-            write_joint_log(tmp_path / f"logs/run_{number}/{name}.csv", log)
-    write_motive(tmp_path / "logs/take.csv", random_take(101, body=False), start=TAKEN)
-    sheet, option = tmp_path / "raw/lab/dataset.yaml", tmp_path / "conf/dataset/lab.yaml"
+    (root / "params.yaml").write_text("dataset: other\n")
+    shutil.copytree(ROOT / "pipeline/conf", root / "conf", dirs_exist_ok=True)
+    write_motive(logs / "take.csv", random_take(101, body=False), start=START)
+    sheet, option = root / "data/raw/lab/dataset.yaml", root / "conf/dataset/lab.yaml"
     sheet.parent.mkdir(parents=True)
-    sheet.write_text(SHEET.format(folder=tmp_path / "logs"))
+    sheet.write_text(SHEET.format(folder=logs))
     option.write_text(OPTION)
     return sheet, option
 
@@ -118,8 +99,8 @@ def test_everything_that_is_wrong_is_printed_at_once(files, capsys):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("run_*", "walk_*", "no folder or file of a movement matches"),
-        ("q_actual.csv", "q.csv", "run_1/q.csv]; and 1 more, as"),
+        ("No*", "walk_*", "no folder or file of a movement matches"),
+        ("q_actual.csv", "q.csv", "No1_slow/q.csv]; and 1 more, as"),
         ("joint_6]", "joint_7]", "joint_6 of robot.joints is not logged"),
         ("joint_log:", "joint_log:\n  angle_unit: deg", "no motion"),
         ("joint_log:", "joint_log:\n  rest: 10", "rest stands in lab.yaml too"),
@@ -133,10 +114,10 @@ def test_what_configure_and_ingest_would_refuse_is_printed(files, capsys, old, n
     assert words in capsys.readouterr().out
 
 
-def test_every_movement_that_cannot_be_read_is_named(files, capsys):
-    for number in (1, 2):
-        edit(files[0].parents[2] / f"logs/run_{number}/q_actual.csv", "0.300000", "0.3x")
+def test_every_movement_that_cannot_be_read_is_named(files, capsys, logs):
+    for name in ("No1_slow", "No2_slow"):
+        edit(logs / name / "q_actual.csv", "0.300000", "0.3x")
     with pytest.raises(ConfigError, match=r"^1 to be mended"):
         run(["lab"])
     message = capsys.readouterr().out
-    assert "run_1" in message and "; and 1 more, as " in message and "run_2" in message
+    assert "No1_slow" in message and "; and 1 more, as " in message and "No2_slow" in message

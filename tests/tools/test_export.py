@@ -200,13 +200,16 @@ PAGE = (ROOT / "pipeline/tools/export/README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 
 
-@pytest.mark.filterwarnings("ignore::pipeline.models.exported.OutsideRanges")
+@pytest.mark.filterwarnings("ignore::UserWarning")
 def test_the_readmes_filters_are_nearer_than_measured_and_its_planner_swings_out(
     tmp_path, chain, monkeypatch
 ):
     pytest.importorskip("filterpy", reason="filterpy is missing; `make` has it")
     write_model(tmp_path / "model.json", "wishart", chain, speed=0.1)
+    (tmp_path / NAME).write_text(reader_source())
     monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "read_motion_model", raising=False)
     known: dict = {}
     for block in BLOCKS:
         exec(block, known)

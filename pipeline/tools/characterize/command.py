@@ -15,7 +15,6 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from pipeline.arm.model import chain_of
@@ -24,19 +23,17 @@ from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.figures import noise_quantiles
 from pipeline.figures.style import save
-from pipeline.models.joint_steps_fit import LEAST_SHARE
 from pipeline.models.other_motions import other_motions
-from pipeline.recordings.motions import FoundMotion, logged_motions
+from pipeline.recordings.motions import logged_motions
 from pipeline.stages import fit, ingest, predict, track
 from pipeline.tools.export.command import exported, write_export
 from pipeline.tools.new_dataset.command import open_dataset
-from pipeline.tools.new_dataset.filling import KEYS, found_motions
+from pipeline.tools.new_dataset.filling import KEYS
 from pipeline.verdicts.model_card import model_card
 from pipeline.verdicts.recommendation import answer, recommended
 from pipeline.verdicts.run import Run
 
 WORK, EXPORTS, REPORTS = Path("data/characterize"), Path("data/export"), Path("reports")
-REGULAR = 0.02  # least singular value of J (m/rad), below which a motion is not analysed by J
 TOOLS = ("tool0", "flange", "ee_link", "tool")  # usual names of the last link
 LINKED = ("pipeline", "dvc.yaml", "data/raw")
 PICTURE = "![Quantiles of the held-out noise](noise_quantiles.png)"
@@ -126,9 +123,8 @@ def _dataset(
             filling.fill(_taken({"robot.tool": tools[0]}), suggested=True)
     analysed = {key for key in filling.left if key[:6] != "about."}
     if "joint_log.start" in analysed and motion is None and analysed <= {*KEYS}:
-        number = _regular_motion(found_motions(filling.draft.values()))
-        print(f"characterize: motion {number} is analysed; --motion NUMBER takes another")
-        filling.fill({}, motion=number, **known)
+        filling.fill({}, motion=1, **known)
+        print("characterize: motion 1 is analysed; --motion NUMBER takes another")
     filling.write()
     if left := filling.left:
         message = f"the files cannot tell {', '.join(left)}; run it again with --ask, or with"
@@ -141,22 +137,6 @@ def _taken(values: dict[str, str], given: Collection[str] = ()) -> dict[str, str
     for key, value in taken.items():
         print(f"characterize: took {key}: {value}; --set {key}=VALUE takes another")
     return taken
-
-
-def _regular_motion(offered: Sequence[FoundMotion]) -> int:
-    """Number of the motion of most repetitions that stays clear of singular poses, among equals of
-    most moving joints, then the longest; 1 where there is none.
-    """
-    if not offered:
-        raise ConfigError("the logs hold no motion that repeats", key="joint_log")
-    regular = []
-    for number, motion in enumerate(offered, 1):
-        if motion.least_singular >= REGULAR and len(motion.places) > 1:
-            way = np.abs(motion.end - motion.start)
-            moving = int(np.sum(way > LEAST_SHARE * way.max()))
-            undisturbed = len(motion.places) - len(motion.disturbed)
-            regular.append((undisturbed, moving, motion.steps, -number))
-    return -max(regular)[-1] if regular else 1
 
 
 @contextmanager

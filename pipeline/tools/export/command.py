@@ -66,9 +66,12 @@ def write_export(record: dict[str, Any], file: Path) -> None:
     contracts.write_text(reader_source(), file.parent / NAME)
     print(f"export: wrote {file} and {file.parent / NAME}")
     print(f"export: in that folder: from {Path(NAME).stem} import load; load('{file.name}')")
+    joints: dict[tuple[str, str], list[str]] = {}
     for each in record["not_known"]:
-        joint = f" of {each['joint']}" if "joint" in each else ""
-        print(f"export: no number for {each['parameter']}{joint}: {each['found']}")
+        joints.setdefault((each["parameter"], each["found"]), []).append(each.get("joint", ""))
+    for (parameter, found), names in joints.items():
+        of = f" of {', '.join(names)}" if any(names) else ""
+        print(f"export: no number for {parameter}{of}: {found}")
 
 
 def exported(

@@ -25,7 +25,7 @@ NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 INDEXES = (".txt", ".csv", "")  # endings of the names of indexes of frames
 MAX_FILES = 100_000  # of a folder
 HEADINGS = ("recording", "format", "rate", "unit", "duration", "counts", "holds")
-WIDEST = (64, 48, 12, 16, 16, 48, 5)  # characters up to which a column is padded
+WIDEST = 48  # characters up to which a column is padded
 LISTED = 4  # names of a list
 NOTABLE = """unlabelled_markers width height points organised share_without_position viewpoint
     share_not_above_zero samples rows columns columns_without_numbers steps announced_frames
@@ -124,34 +124,24 @@ def as_table(findings: list[Finding], folder: Path) -> str:
         else:
             groups.setdefault(_alike(finding), []).append(finding)
     rows = [HEADINGS, *(_row(group, folder) for group in groups.values())]
-    columns = zip(*rows, WIDEST, strict=True)
-    widths = [min(max(map(len, cells)), widest) for *cells, widest in columns]
-    rows.insert(1, tuple("-" * width for width in widths))
+    widths = [min(max(map(len, cells)), WIDEST) for cells in zip(*rows, strict=True)]
     # a name that is longer than its column pushes the others, rather than being cut
-    lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
-    printed = lines[:2]
-    for line, (first, *_) in zip(lines[2:], groups.values(), strict=True):
+    head, *lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+    printed = [head, "  ".join("-" * width for width in widths)]
+    for line, (first, *_) in zip(lines, groups.values(), strict=True):
         printed += [line, *(f"    ? {question}: {option}" for question, option in first.open)]
         printed += [f"    ! {reason}" for reason in first.stops]
     printed += [f"not recognised, {reason}: {_listed(names)}" for reason, names in reasons.items()]
     # names come from the files: no control character reaches the terminal
-    return "\n".join("".join(_printable(letter) for letter in line) for line in printed)
-
-
-def _printable(letter: str) -> str:
-    return letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}"
+    return "\n".join("".join(c if c.isprintable() else "\ufffd" for c in p) for p in printed)
 
 
 def _alike(finding: Finding) -> object:
-    """Key that recordings share which differ in a number alone; a recording that stops has its own
-    line.
-    """
-    if finding.stops:
-        return str(finding.file)
-    held = (finding.units, finding.markers, finding.bodies, finding.suggested)
-    questions = [option for _, option in finding.open]
-    name = re.sub(r"\d+", "*", str(finding.file))
-    return name, finding.format, finding.version, str(held), str(questions)
+    """Key that recordings share which differ in a number alone, and do not stop."""
+    held = [finding.units, finding.markers, finding.bodies, finding.suggested]
+    held += [finding.format, finding.version, [option for _, option in finding.open]]
+    name = str(finding.file)
+    return name if finding.stops else (re.sub(r"\d+", "*", name), str(held))
 
 
 def _row(group: list[Finding], folder: Path) -> tuple[str, ...]:
@@ -159,12 +149,12 @@ def _row(group: list[Finding], folder: Path) -> tuple[str, ...]:
     counts: dict[str, int] = {}
     for name, number in (pair for one in group for pair in one.gaps.items()):
         counts[name] = counts.get(name, 0) + number
-    names = {"bodies": first.bodies, "markers": first.markers, "columns": first.facts.get("labels")}
+    labels = first.facts.get("labels")
+    names = {"bodies": first.bodies, "markers": first.markers, "columns": labels}
     parts = [f"{name} {_listed(held)}" for name, held in names.items() if held]
     for name in NOTABLE:
         value = first.facts.get(name)
-        kept = value or (value == 0 and name == "first_frame")
-        if kept and not (name == "columns" and names["columns"]):
+        if (value or (value == 0 and name == "first_frame")) and not (name == "columns" and labels):
             if isinstance(value, dict):
                 value = [f"{key} ({_short(held)})" for key, held in value.items()]
             text = repr(value) if name in ("separator", "decimal") else _short(value)

@@ -136,11 +136,11 @@ class Filling:
         try:
             while questions := [one for one in self.draft.questions() if one.key not in passed]:
                 first = min(questions, key=lambda one: (one.key[:6] != "robot.", one.key in KEYS))
-                if first.key in KEYS and "" not in passed:
-                    passed.add("")  # the motions have been shown
+                motion = "joint_log.start" in self.left and not passed & {*KEYS}
+                if motion and first.key in KEYS:
                     self._ask_for_motion()
-                else:
-                    passed.add(first.key)
+                passed.add(first.key)
+                if first.key in self.left:
                     self._ask(first)
         except (EOFError, KeyboardInterrupt):
             print("")
@@ -157,14 +157,11 @@ class Filling:
         return print("left as ???")
 
     def _ask_for_motion(self) -> None:
-        if "joint_log.start" not in self.left:
-            return
         try:
             offered = self.show_motions()
+            print("\nthe motion that is analysed: motion.steps, joint_log.start, .end and .rest")
         except PipelineError as error:
-            print(f"! {error}")
-            return
-        print("\nthe motion that is analysed: motion.steps, joint_log.start, .end and .rest")
+            return print(f"! {error}")
         while answer := input("number, or nothing to give them one by one? ").strip():
             try:
                 return self.choose(offered, int(answer))
@@ -174,8 +171,8 @@ class Filling:
 
 def found_motions(values: dict[str, Any]) -> list[FoundMotion]:
     """Return the motions in the logs that the ``values`` of a dataset name, those that move most
-    joints first, those through a singular pose last; ConfigError where a needed value is still ???,
-    and as the logs' reader.
+    joints first, those through a singular pose or without a repetition last; ConfigError where a
+    needed value is still ???, and as the logs' reader.
     """
     log = values["joint_log"] | {"start": [], "end": [], "rest": 0, "tolerance": 1.0}
     rate = values["motion"]["rate"]
@@ -194,7 +191,8 @@ def found_motions(values: dict[str, Any]) -> list[FoundMotion]:
 
     def last(motion: FoundMotion) -> tuple[bool, int]:
         still = np.abs(motion.end - motion.start) <= REACH
-        return motion.least_singular < regular, int(still.sum())
+        alone = len(motion.places) - len(motion.disturbed) < 2
+        return alone or motion.least_singular < regular, int(still.sum())
 
     return sorted(offered, key=last)
 
