@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from pipeline.core.columns import columns as family_columns
 from pipeline.core.filters import MEMORY, NONE, closed
 from pipeline.figures.style import (
     BLACK,
@@ -37,7 +38,7 @@ def draw(filter_error: pd.DataFrame, models: list[str], joints: list[str]) -> Fi
     across = beside(len(joints))
     size = TWO_COLUMNS, 1.25, 0.55
     figure, grid = joint_panels(len(joints), across, size, groups=len(models), sharey=True)
-    columns = [f"e:{joint}" for joint in joints]
+    columns = family_columns("e", joints)
     squares = filter_error[columns] ** 2
     mean = squares.groupby([filter_error["model"], filter_error["t"]]).mean()
     running = np.sqrt(mean)

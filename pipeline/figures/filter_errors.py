@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from pipeline.core.columns import column
 from pipeline.core.filters import NONE
 from pipeline.figures.style import (
     BLACK,
@@ -44,7 +45,7 @@ def draw(filter_error: pd.DataFrame, models: list[str], joints: list[str]) -> Fi
         rows = filter_error[filter_error["model"] == model]
         take, others = rows[rows["take"] == shown], rows[rows["take"] != shown]
         for joint, axes in zip(joints, row, strict=True):
-            errors = others.pivot(index="t", columns="take", values=f"e:{joint}")
+            errors = others.pivot(index="t", columns="take", values=column("e", joint))
             grey = axes.plot(
                 errors.index,
                 errors.to_numpy(),
@@ -53,12 +54,12 @@ def draw(filter_error: pd.DataFrame, models: list[str], joints: list[str]) -> Fi
                 rasterized=True,
                 zorder=1,
             )
-            (error,) = axes.plot(take["t"], take[f"e:{joint}"], color=BLUE, linewidth=0.8)
+            (error,) = axes.plot(take["t"], take[column("e", joint)], color=BLUE, linewidth=0.8)
             for sign in (1, -1):
                 (bound,) = axes.plot(
-                    take["t"], sign * take[f"s:{joint}"], color=VERMILLION, linewidth=0.8
+                    take["t"], sign * take[column("s", joint)], color=VERMILLION, linewidth=0.8
                 )
-            rms = np.sqrt(unfiltered[f"e:{joint}"].agg(lambda errors: np.mean(errors**2)))
+            rms = np.sqrt(unfiltered[column("e", joint)].agg(lambda errors: np.mean(errors**2)))
             for sign in (1, -1):
                 (none,) = axes.plot(rms.index, sign * rms, color=BLACK, linewidth=0.5)
         for first in row[::across]:

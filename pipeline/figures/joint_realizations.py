@@ -12,7 +12,7 @@ from __future__ import annotations
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pipeline.core.columns import columns, members
+from pipeline.core.columns import column, columns, members
 from pipeline.figures.style import (
     BESIDE,
     BLACK,
@@ -39,7 +39,7 @@ def draw(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Figure:
     across, width = (1, ONE_COLUMN) if len(names) <= BESIDE else (2, TWO_COLUMNS)
     figure, (row,) = joint_panels(len(names), across, (width, 1.2, 0.8))
     for (joint, line), axes in zip(joint_lines(names).items(), row, strict=True):
-        angles = training.pivot(index="t", columns="take", values=f"q:{joint}")
+        angles = training.pivot(index="t", columns="take", values=column("q", joint))
         # pixels, not paths: a hundred lines on top of each other would weigh megabytes
         lines = axes.plot(
             angles.index, angles.to_numpy(), color=RECORDED["color"], linewidth=0.4, rasterized=True
@@ -55,7 +55,7 @@ def draw(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Figure:
         )
         right = axes.twinx()
         (noise,) = right.plot(
-            spread.index, spread[f"w:{joint}"], color=GREEN, linestyle="-.", linewidth=0.8
+            spread.index, spread[column("w", joint)], color=GREEN, linestyle="-.", linewidth=0.8
         )
         right.set(ylabel="std of its noise (rad)", ylim=(0, 1.6 * spread.max().max()))
         right.spines["right"].set_visible(True)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import pandas as pd
 from matplotlib.figure import Figure
 
+from pipeline.core.columns import column
 from pipeline.figures.style import (
     RECORDED,
     TWO_COLUMNS,
@@ -38,7 +39,7 @@ def draw(deviation: pd.DataFrame, models: list[str], joints: list[str], mode: st
     for (joint, name), axes in zip(joint_lines(joints).items(), row, strict=True):
         for source, line in ({"recorded": RECORDED} | model_lines(models)).items():
             rows = deviation[deviation["source"] == source]
-            axes.plot(rows["t"], rows[f"s:{joint}"], **line)
+            axes.plot(rows["t"], rows[column("s", joint)], **line)
         axes.set(title=name["label"], xlim=(0, deviation["t"].max()))
     for first in row[::across]:
         first.set_ylabel(QUANTITIES[mode])

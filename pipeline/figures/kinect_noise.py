@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
-from pipeline.core.columns import members
+from pipeline.core.columns import column, members
 from pipeline.figures.style import GREY, ONE_COLUMN, joint_lines, letter, panels
 
 TABLES = {"kinect_noise": "data/articulate"}
@@ -26,8 +26,8 @@ def draw(kinect_noise: pd.DataFrame) -> Figure:
     rows = kinect_noise[kinect_noise["take"] == "none"]
     figure, (row,) = panels(ONE_COLUMN, 2.1, columns=2, sharex=True)
     for joint, line in joint_lines(members(kinect_noise, "b")).items():
-        row[0].plot(rows["t"], rows[f"b:{joint}"], **line)
-        row[1].plot(rows["t"], np.sqrt(rows[f"r:{joint}:{joint}"]), **line)
+        row[0].plot(rows["t"], rows[column("b", joint)], **line)
+        row[1].plot(rows["t"], np.sqrt(rows[column("r", joint, joint)]), **line)
     row[0].axhline(0, color=GREY, linewidth=0.5, zorder=0)
     for axes, name, label in zip(
         row, "ab", ("mean (rad)", "standard deviation (rad)"), strict=True

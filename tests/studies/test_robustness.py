@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from known_law import JOINTS, ROOT, write_project
 
-from pipeline.cases.case import KINDS, Case
+from pipeline.cases.case import KINDS, Choices
 from pipeline.cases.readings import UNKNOWN
 from pipeline.core import contracts
 from pipeline.core.columns import spread, triangle
@@ -44,7 +44,7 @@ MODELS = {
     "gaussian": options_type("gaussian")("gaussian", estimator="paper", beta=0.5),
     "scaled_full": options_type("scaled")("scaled", structure="full"),
 }
-CASE = Case(MODELS, FilterOptions(60, "systematic", 0.5), "one_step", closed=True)
+CASE = Choices(MODELS, FilterOptions(60, "systematic", 0.5), "one_step", closed=True)
 # sway of one size at any speed, and no other disturbance: the additive model is true
 ADDITIVE = tuple(
     (name, 0.0)

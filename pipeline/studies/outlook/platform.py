@@ -18,8 +18,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.interface import Mechanism
+from pipeline.core.columns import SPACE
 from pipeline.core.errors import ConfigError, SolverError
-from pipeline.core.task import SPACE
 
 LEGS = 6
 # The least singular value of J⁻¹ at a pose that is trusted, as a share of the greatest entry that

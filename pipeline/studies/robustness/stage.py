@@ -16,7 +16,7 @@ import joblib
 import pandas as pd
 from pydantic import Field
 
-from pipeline.cases.case import Case, Recordings, paper_models, recorded_takes
+from pipeline.cases.case import Choices, Recordings, paper_models, recorded_takes
 from pipeline.cases.evaluate import evaluate
 from pipeline.cases.readings import FAILS, HOLDS, UNKNOWN, decided, read_claims
 from pipeline.core import config, contracts
@@ -81,7 +81,7 @@ def decision_verdicts(
     dataset, f = settings.dataset, settings.filter
     takes = recorded_takes(dataset.robot, dataset.motion)
     chain, joints = takes.training.chain, takes.training.joints
-    base = Case(
+    base = Choices(
         paper_models(settings.models),
         FilterOptions(f.particles, f.scheme, f.threshold),
         settings.simulation.mode,
@@ -154,7 +154,7 @@ def laboratory_grid(
     common = Common(
         laboratory=Laboratory.of_run(settings, recorded, noise),
         ways=options.trajectories,
-        case=Case(
+        case=Choices(
             models,
             FilterOptions(f.particles, f.scheme, f.threshold),
             settings.simulation.mode,
