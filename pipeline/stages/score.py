@@ -250,7 +250,7 @@ def _pose_covariances(joints: pd.DataFrame, settings) -> tuple[np.ndarray, np.nd
 
 
 def _quality(tables: Path) -> dict[str, float]:
-    """What the instruments lost and what was repaired, summed up over the takes."""
+    """Sums of what the instruments lost and what was repaired, summed up over the takes."""
     folders = [*sorted(INGEST.iterdir()), TRACK]
     records = [contracts.read("quality", p) for p in folders if contracts.exists("quality", p)]
     summary = quality.summarised(pd.concat(records, ignore_index=True))
@@ -275,7 +275,7 @@ def _kinect(joints: pd.DataFrame, names: list[str], settings) -> dict[str, float
 
 
 def _truth(joints: pd.DataFrame, names: list[str], settings) -> dict[str, float]:
-    """How far measured joint angles are off the true ones, which synthetic datasets alone have."""
+    """Errors of measured joint angles against the true ones, which synthetic datasets alone have."""
     truth = truth_of(settings.dataset)
     if not contracts.exists("true_joints", truth):
         return {}
