@@ -28,9 +28,9 @@ def figures_in(folder: Path = Path(__file__).parent) -> list[str]:
     return [name for name in names if hasattr(import_module(f"{PACKAGE}.{name}"), "TABLES")]
 
 
-def draw_all(out: Path, captions: Path, options: dict[str, object], compute: Compute) -> None:
+def draw_all(out: Path, options: dict[str, object], compute: Compute) -> None:
     """Draw every figure whose tables exist into the folder ``out``, all or none of them, and write
-    their ``captions``, a JSON file.
+    ``captions.json``.
     """
     wanted = []
     for name in figures_in():
@@ -44,7 +44,8 @@ def draw_all(out: Path, captions: Path, options: dict[str, object], compute: Com
     with contracts.replacing(out) as folder:
         trial = partial(_draw, options=options, folder=folder.resolve())
         written = dict(run_trials(trial, wanted, compute=compute, label="figures"))
-        contracts.write_text(json.dumps(written, indent=2, ensure_ascii=False) + "\n", captions)
+        text = json.dumps(written, indent=2, ensure_ascii=False) + "\n"
+        contracts.write_text(text, folder / "captions.json")
 
 
 def _draw(name: str, options: dict[str, object], folder: Path) -> tuple[str, dict]:

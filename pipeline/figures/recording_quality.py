@@ -97,7 +97,7 @@ def _limit(axes: Axes, limit: float, *, signed: bool, low: float) -> None:
 
 
 def _parts(parts: pd.Series) -> str:
-    """Which numbers the takes of each part have."""
+    """Numbers of the takes of each part."""
     groups = parts.index.to_series().groupby(parts, sort=False).agg(["min", "max"]) + 1
     return "take: " + ", ".join(
         f"{part} {low} to {high}" for part, (low, high) in groups.iterrows()

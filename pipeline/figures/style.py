@@ -145,7 +145,7 @@ def joint_panels(
 
 
 def beside(joints: int) -> int:
-    """How many panels of ``joints`` stand in a line over two columns: all, or half of more than
+    """Number of panels of ``joints`` in a line over two columns: all, or half of more than
     ``BESIDE``.
     """
     return joints if joints <= BESIDE else -(-joints // 2)

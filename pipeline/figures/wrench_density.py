@@ -28,7 +28,7 @@ ROBOTS = 1.45  # distance of the robots' circles from the platform, in greatest 
 
 
 class Configuration(Protocol):
-    """What is drawn of a configuration: mean direction (rad) and mean tension (N) of every
+    """Drawn parts of a configuration: mean direction (rad) and mean tension (N) of every
     cable.
     """
 

@@ -50,7 +50,7 @@ def draw(wrench_planes: pd.DataFrame) -> Figure:
 
 
 def label(row: str) -> str:
-    """How a row of the wrench stands at an axis."""
+    """Label of a row of the wrench at an axis."""
     return f"$F_{row[1]}$ (N)" if row[0] == "f" else rf"$M_{row[1]}/\ell$ (N)"
 
 

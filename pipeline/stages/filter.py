@@ -74,7 +74,7 @@ def run(model: str) -> None:
 def _metrics(
     posterior: pd.DataFrame, rows: Sequence[tuple[pd.DataFrame, int, float]]
 ) -> dict[str, float]:
-    """How the filters of all takes fared."""
+    """Effective sample sizes, resampling, clipping and evidence over all takes."""
     return {
         "mean_effective_sample_size": posterior["ess"].mean(),
         "share_of_steps_resampled": posterior["resampled"].mean(),

@@ -105,7 +105,7 @@ def with_control(models: Mapping[str, Options]) -> dict[str, Options]:
 
 
 def _scored(settings, recorded: Recorded, pose: np.ndarray) -> dict[str, Steps]:
-    """Of every baseline and model the scores (takes, M) by name: of the test takes, or, where there
+    """Scores (takes, M) of every baseline and model by name: of the test takes, or, where there
     are none, of each training take by what the others say. ``pose`` (n, n) rad², the noise of a
     measured pose.
     """

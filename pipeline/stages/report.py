@@ -11,7 +11,7 @@ from pipeline.core import config, contracts
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
 from pipeline.verdicts import report_page as pages
-from pipeline.verdicts.claims import Stated, parse_claims
+from pipeline.verdicts.claims import ClaimsFile, parse_claims
 from pipeline.verdicts.decision import decide_each, verdict_data
 from pipeline.verdicts.equations import citations, equations_page, parse_items
 from pipeline.verdicts.errata import errata_page, parse_errata
@@ -30,7 +30,7 @@ def run() -> None:
     """
     name = config.sections("report").dataset.name
     runs, reports = read_runs(REPORTS / "datasets", first=name), REPORTS / name
-    stated = validated(Stated, read_yaml(CLAIMS), file=CLAIMS)
+    stated = validated(ClaimsFile, read_yaml(CLAIMS), file=CLAIMS)
     decided = decide_each(parse_claims(stated.claims), runs, stated.recordings_of_the_paper)
     errata = parse_errata(read_yaml(HERE / "errata.yaml").get("errata"))
     items = parse_items(read_yaml(HERE / "paper.yaml").get("items"))

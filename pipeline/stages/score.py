@@ -47,7 +47,7 @@ from pipeline.verdicts.run import Run
 FILES, INGEST, TRACK = Path("data/files"), Path("data/ingest"), Path("data/track")
 ARTICULATE, READINGS = Path("data/articulate"), Path("data/readings")
 FIT, FILTER, WRENCH = Path("data/fit"), Path("data/filter"), Path("data/wrench")
-OUT, REPORTS, DATASETS = Path("data/score"), Path("reports"), Path("reports/datasets")
+OUT = Path("data/score")
 # tables that the report shows as they are
 SHOWN = dict.fromkeys(("sigma_s", "force_moments", "force_test"), WRENCH) | {"readings": READINGS}
 PREDICTED = (
@@ -63,12 +63,9 @@ LONG = ("deviation",)  # a table that no verdict is read from
 def run() -> None:
     """Compare every model with the recordings, in mean, in standard deviation and in the filter."""
     settings = config.sections("score")
-    reports = REPORTS / settings.dataset.name
-    with (
-        contracts.replacing(OUT) as folder,
-        contracts.replacing(reports / "tables") as tables,
-        contracts.replacing(reports / "metrics") as written,
-    ):
+    with contracts.replacing(OUT) as folder:
+        tables = folder / "tables"
+        tables.mkdir()
         if settings.dataset.robot is None:
             print("score: the dataset has no robot; its forces alone are scored")
             metrics = {"motion": {}, "filter": {}, "recordings": _quality(tables)}
@@ -77,13 +74,13 @@ def run() -> None:
         for stem, file in _metrics_of_stages(settings.models):
             metrics[stem] = json.loads(file.read_text(encoding="utf-8"))
         for stem, numbers in metrics.items():
-            contracts.write_metrics(numbers, written / f"{stem}.json")
+            contracts.write_metrics(numbers, folder / f"metrics/{stem}.json")
         for name, place in SHOWN.items():
             if contracts.exists(name, place):
                 contracts.read(name, place).to_csv(tables / f"{name}.csv", index=False)
         study = [contracts.read(name, WRENCH) for name in ("wrench_errors", "wrench_spread")]
         wrench_summary(*study).to_csv(tables / "wrench_study.csv", index=False)
-    _write_evidence(settings, list(metrics), reports)
+        _write_evidence(settings, list(metrics), folder)
 
 
 def _metrics_of_stages(models: Iterable[str]) -> Iterator[tuple[str, Path]]:
@@ -253,7 +250,7 @@ def _pose_covariances(joints: pd.DataFrame, settings) -> tuple[np.ndarray, np.nd
 
 
 def _quality(tables: Path) -> dict[str, float]:
-    """What the instruments lost and what was repaired, summed up over the takes."""
+    """Sums of what the instruments lost and what was repaired, summed up over the takes."""
     folders = [*sorted(INGEST.iterdir()), TRACK]
     records = [contracts.read("quality", p) for p in folders if contracts.exists("quality", p)]
     summary = quality.summarised(pd.concat(records, ignore_index=True))
@@ -278,7 +275,7 @@ def _kinect(joints: pd.DataFrame, names: list[str], settings) -> dict[str, float
 
 
 def _truth(joints: pd.DataFrame, names: list[str], settings) -> dict[str, float]:
-    """How far measured joint angles are off the true ones, which synthetic datasets alone have."""
+    """Errors of measured joint angles against the true ones, which synthetic datasets alone have."""
     truth = truth_of(settings.dataset)
     if not contracts.exists("true_joints", truth):
         return {}
@@ -291,11 +288,11 @@ def _truth(joints: pd.DataFrame, names: list[str], settings) -> dict[str, float]
     return bias | {f"tracking_std_{name}_rad": values.std() for name, values in error.items()}
 
 
-def _write_evidence(settings, stems: Sequence[str], reports: Path) -> None:
+def _write_evidence(settings, stems: Sequence[str], folder: Path) -> None:
     """Write every metric and every short table of the run into one committed file."""
     models = {name: options.kind for name, options in settings.models.items()}
-    metrics = {stem: json.loads((reports / f"metrics/{stem}.json").read_text()) for stem in stems}
-    csv = [file for file in sorted(reports.glob("tables/*.csv")) if file.stem not in LONG]
+    metrics = {stem: json.loads((folder / f"metrics/{stem}.json").read_text()) for stem in stems}
+    csv = [file for file in sorted(folder.glob("tables/*.csv")) if file.stem not in LONG]
     tables = {file.stem: pd.read_csv(file) for file in csv}
     dataset = settings.dataset
     here = Run(
@@ -309,5 +306,4 @@ def _write_evidence(settings, stems: Sequence[str], reports: Path) -> None:
         metrics=metrics,
         tables=tables,
     )
-    DATASETS.mkdir(parents=True, exist_ok=True)
-    contracts.write_text(here.to_json(), DATASETS / f"{dataset.name}.json")
+    contracts.write_text(here.to_json(), folder / "evidence.json")

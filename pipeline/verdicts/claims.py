@@ -152,7 +152,7 @@ class Claim:
 
 
 @options(frozen=True)
-class Stated:
+class ClaimsFile:
     """Content of ``reports/claims.yaml``: names of datasets that are the paper's own recordings,
     and entries of claims.
     """

@@ -20,7 +20,7 @@ SYNTHETIC_CANNOT = "cannot be decided with synthetic data"
 NO_EVIDENCE = "no evidence in this dataset"
 FORCED = "forced by construction"
 NO_RECORDING = "decided without a recording"
-COMMAND = "dvc repro score"  # writes all evidence into the dataset's reports
+COMMAND = "dvc repro publish"  # writes all evidence into the dataset's reports
 WITHOUT_RECORDING = "no recording"  # name of the column of claims that need none
 STATED = ("id", "where", "source", "statement", "about", "by", "because", "recording")
 

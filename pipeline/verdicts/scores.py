@@ -67,7 +67,7 @@ def choice(run: Run) -> str:
 
 
 def _not_below(run: Run, model: str, rivals: Sequence[str]) -> list[str]:
-    """Those of ``rivals`` whose score the interval of the difference does not put below."""
+    """Rivals whose score the interval of the difference does not put below."""
     low = run.tables["prediction_pairs"].query("steps == @ALL and model == @model")
     low = low.set_index("rival")["low"]
     return [name for name in rivals if name != model and not low[name] > 0]

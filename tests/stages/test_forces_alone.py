@@ -22,6 +22,7 @@ from pipeline.stages import (
     fit,
     ingest,
     predict,
+    publish,
     readings,
     record,
     report,
@@ -68,7 +69,7 @@ def test_forces_alone_go_through_every_stage_and_are_scored_on_all_rows(tmp_path
     for model in ("additive", "gaussian"):
         fit.run(model)
         filter.run(model)
-    for stage in (predict, wrench, readings, score, figures, report):
+    for stage in (predict, wrench, readings, score, figures, publish, report):
         stage.run()
     forces = contracts.read("force", Path("data/ingest/force"))
     assert list(forces)[2:] == ["fx", "fy", "fz", "mx", "my", "mz"]

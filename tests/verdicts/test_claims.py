@@ -10,7 +10,7 @@ import pytest
 from pipeline.core import config
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import validated
-from pipeline.verdicts.claims import Stated, parse_claims
+from pipeline.verdicts.claims import ClaimsFile, parse_claims
 from pipeline.verdicts.decision import COMMAND, decide
 from pipeline.verdicts.run import read_run
 
@@ -94,7 +94,9 @@ def test_claims_without_their_keys_names_or_cases_are_refused():
 
 @pytest.fixture(scope="module")
 def claims():
-    return parse_claims(validated(Stated, config.read_yaml(ROOT / "reports/claims.yaml")).claims)
+    return parse_claims(
+        validated(ClaimsFile, config.read_yaml(ROOT / "reports/claims.yaml")).claims
+    )
 
 
 def test_the_evidence_of_every_claim_is_in_the_run(claims):

@@ -105,6 +105,6 @@ def test_the_way_of_a_take_names_files_and_functions_that_exist():
     assert files and all(file.is_file() for file in files)
     code = "\n".join(file.read_text(encoding="utf-8") for file in files)
     functions = {name for name in re.findall(r"`([a-z_]+)`", way) if f"def {name}(" in code}
-    assert {"read_take", "read_motive", "track_rows", "process_noise", "draw"} <= functions
+    assert {"read_take", "read_motive", "follower", "process_noise", "draw"} <= functions
     tables = read_yaml(ROOT / "pipeline/core/tables.yaml")
     assert {*re.findall(r"`([a-z_]+)`", way)} - functions - {*tables} == {"joint_std"}

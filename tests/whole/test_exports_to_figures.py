@@ -92,7 +92,7 @@ def test_exports_become_figures_and_a_changed_export_is_noticed(project):
     assert not (
         {*inferred, "motion.rate", "motion.steps", "force.configurations.C1.file"} & set(filled)
     )
-    done = run(*reproduce, "figures", cwd=project)
+    done = run(*reproduce, "publish", cwd=project)
     assert done.returncode == 0, done.stdout + done.stderr
     drawn = {file.stem for file in (project / "reports/lab/figures").glob("*.svg")}
     assert {

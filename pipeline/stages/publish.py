@@ -1,0 +1,33 @@
+"""publish: tables, numbers, figures and evidence of the run → the reports that git holds.
+
+A stage of its own: DVC restores a stage from its run cache only if all its outputs are in the
+cache, and what git holds is not.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from pipeline.core import config, contracts
+
+SCORE, FIGURES, REPORTS = Path("data/score"), Path("data/figures"), Path("reports")
+CAPTIONS = "captions.json"
+
+
+def run() -> None:
+    """Copy the results of the stages score and figures into ``reports/DATASET``, and the evidence
+    of the run into ``reports/datasets``.
+    """
+    name = config.sections("publish").dataset.name
+    reports = REPORTS / name
+    for source in (SCORE / "tables", SCORE / "metrics", FIGURES):
+        with contracts.replacing(reports / source.name) as folder:
+            for file in source.iterdir():
+                if file.name != CAPTIONS:
+                    shutil.copyfile(file, folder / file.name)
+    for source, file in (
+        (FIGURES / CAPTIONS, reports / CAPTIONS),
+        (SCORE / "evidence.json", REPORTS / f"datasets/{name}.json"),
+    ):
+        contracts.write_text(source.read_text(encoding="utf-8"), file)
