@@ -71,6 +71,7 @@ def perform(
 class DepthFrames:
     """When a depth camera looked during a take, and where the arm was then."""
 
+    exposed: np.ndarray  # (F,) s on the motion clock
     times: np.ndarray  # (F,) s on the camera's own clock
     joints: np.ndarray  # (F, n) rad, at the exposures
     clock_offset: float  # s, camera's clock minus motion clock at the start
@@ -84,7 +85,7 @@ def depth_frames(
     exposed = np.clip(frames + clock.jitter_std * rng.standard_normal(frames.shape), 0.0, duration)
     offset = clock.offset + clock.offset_std * rng.standard_normal()
     times = exposed * (1 + clock.drift) + offset
-    return DepthFrames(times, joints_at(exposed, swing.t, swing.q), offset)
+    return DepthFrames(exposed, times, joints_at(exposed, swing.t, swing.q), offset)
 
 
 def log_joints(
