@@ -26,7 +26,7 @@ from pipeline.figures.style import save
 
 
 def figures_in(package: str) -> list[str]:
-    """Dotted names of the figures' modules in ``package``, in order."""
+    """Return the dotted names of the figures' modules in ``package``, in order."""
     places = import_module(package).__path__
     names = sorted(file.stem for place in places for file in Path(place).glob("[a-z]*.py"))
     modules = (import_module(f"{package}.{name}") for name in names)
@@ -37,14 +37,8 @@ def draw_all(
     package: str, out: Path, options: dict[str, object], compute: Compute, label: str
 ) -> None:
     """Draw every figure of ``package`` whose tables the dataset has, all or none of them, into
-    ``out``, with ``captions.json``.
-
-    Args:
-        package: dotted name of the folder.
-        out: folder that is replaced.
-        options: by name, for those figures that name them.
-        compute: where trials run.
-        label: what the progress is called.
+    ``out``, which is replaced, with ``captions.json``; ``options`` by name go to the figures that
+    name them, ``label`` names the progress.
     """
     wanted = []
     for name in figures_in(package):
@@ -74,9 +68,7 @@ def _draw(name: str, options: dict[str, object], folder: Path) -> tuple[str, dic
 
 
 def _caption(module: ModuleType) -> dict:
-    """What the module says it shows, the numbers other stages wrote on it, and where everything
-    comes from.
-    """
+    """Title, caption, the numbers that other stages wrote, and where everything comes from."""
     title, _, text = " ".join(module.__doc__.split()).partition(". ")
     sources = [f"{place}/{table}.parquet" for table, place in module.TABLES.items()]
     file, patterns = getattr(module, "METRICS", (None, ()))

@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 
 ONE_COLUMN, TWO_COLUMNS = 3.5, 7.16  # in
 PNG_RESOLUTION = 200  # dots per inch
@@ -86,32 +87,31 @@ mpl.rcParams.update(
 
 
 def model_lines(models: Iterable[str]) -> dict[str, dict]:
-    """Label, colour and dashes of every model by its option's name; other names get the next style
-    of a cycle.
+    """Return label, colour and dashes of every model by its option's name; other names get the next
+    style of a cycle.
     """
-    further = [model for model in models if model not in MODELS]
-    return {
-        model: MODELS[model]
-        if model in MODELS
-        else {"label": model} | FURTHER[further.index(model) % len(FURTHER)]
-        for model in models
-    }
+    further = (look for _ in models for look in FURTHER)
+    return {model: MODELS.get(model) or {"label": model} | next(further) for model in models}
 
 
 def joint_lines(joints: Sequence[str]) -> dict[str, dict]:
-    """Label, colour and dashes of every joint by its name."""
-    looks = [JOINTS[j % len(JOINTS)] for j in range(len(joints))]
+    """Return label, colour and dashes of every joint by its name."""
     return {
-        joint: {"label": joint.replace("_", " ")} | look
-        for joint, look in zip(joints, looks, strict=True)
+        joint: {"label": joint.replace("_", " ")} | JOINTS[j % len(JOINTS)]
+        for j, joint in enumerate(joints)
     }
+
+
+def wrench_label(row: str) -> str:
+    """Return the axis label of a row of the wrench."""
+    return f"$F_{row[1]}$ (N)" if row[0] == "f" else rf"$M_{row[1]}/\ell$ (N)"
 
 
 def panels(
     width: float, height: float, rows: int = 1, columns: int = 1, **layout: object
 ) -> tuple[Figure, np.ndarray]:
-    """A figure of ``width`` × ``height`` in inches and its axes (rows, columns); ``layout`` goes to
-    ``Figure.subplots``.
+    """Return a figure of ``width`` × ``height`` in inches and its axes (rows, columns); ``layout``
+    goes to ``Figure.subplots``.
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **layout)
@@ -120,21 +120,16 @@ def panels(
 def joint_panels(
     joints: int, across: int, size: tuple[float, float, float], groups: int = 1, **layout: object
 ) -> tuple[Figure, np.ndarray]:
-    """A figure over time and its axes (``groups``, ``joints``): of each group a panel for each
-    joint, ``across`` of them in a line, the last line of a group as short as it comes.
+    """Return a figure over time and its axes (``groups``, ``joints``): of each group a panel for
+    each joint, ``across`` of them in a line, the last line of a group as short as it comes.
 
-    Args:
-        joints: how many.
-        across: panels in a line.
-        size: inches: the width of the figure, the height of a line, and what is above and below.
-        groups: lines of panels of the same joints, one group below the other.
-        layout: goes to ``Figure.subplots``.
+    ``size`` in inches is the width of the figure, the height of a line, and what is above and
+    below; ``layout`` goes to ``Figure.subplots``.
     """
     width, line, rest = size
     lines = -(-joints // across)
-    figure, grid = panels(
-        width, rest + line * groups * lines, groups * lines, across, sharex=True, **layout
-    )
+    height = rest + line * groups * lines
+    figure, grid = panels(width, height, groups * lines, across, sharex=True, **layout)
     axes = grid.reshape(groups, lines * across)
     for empty in axes[:, joints:].flat:
         empty.remove()
@@ -144,8 +139,27 @@ def joint_panels(
     return figure, axes[:, :joints]
 
 
+def model_panels(
+    models: Sequence[str], joints: Sequence[str], quantity: str
+) -> tuple[Figure, np.ndarray]:
+    """Return a figure over time and its axes (models, joints) on one scale: a group of panels for
+    each model, named with the ``quantity`` at its left.
+    """
+    across = beside(len(joints))
+    size = TWO_COLUMNS, 1.25, 0.55
+    figure, grid = joint_panels(len(joints), across, size, groups=len(models), sharey=True)
+    for row, line in zip(grid, model_lines(models).values(), strict=True):
+        for first in row[::across]:
+            first.set_ylabel(f"{line['label']}\n{quantity}")
+    # where a model has a second line, the joints of the first are not those of the one above
+    for row in grid if across < len(joints) else grid[:1]:
+        for line, axes in zip(joint_lines(joints).values(), row, strict=True):
+            axes.set_title(line["label"])
+    return figure, grid
+
+
 def beside(joints: int) -> int:
-    """How many panels of ``joints`` stand in a line over two columns: all, or half of more than
+    """Return the number of panels in a line over two columns: all, or half of more than
     ``BESIDE``.
     """
     return joints if joints <= BESIDE else -(-joints // 2)
@@ -154,6 +168,20 @@ def beside(joints: int) -> int:
 def letter(axes: Axes, name: str) -> None:
     """Name a panel (a), (b), … above its upper left corner, as the paper's captions do."""
     axes.set_title(f"({name})", loc="left", fontweight="bold")
+
+
+def legend(figure: Figure, ncols: int = 4) -> Legend:
+    """Draw and return one legend above all panels, with each label of any of them once."""
+    entries = {}
+    for axes in figure.axes:
+        entries |= dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
+    return figure.legend(entries.values(), entries, loc="outside upper center", ncols=ncols)
+
+
+def arrow(axes: Axes, start, end, color: str, arrowstyle: str = "-|>", linewidth: float = 0.8):
+    """Draw an arrow from ``start`` (2,) to ``end`` (2,)."""
+    look = {"arrowstyle": arrowstyle, "color": color, "linewidth": linewidth}
+    axes.annotate("", end, start, arrowprops=look | {"shrinkA": 0, "shrinkB": 0})
 
 
 def save(figure: Figure, folder: Path, name: str) -> None:

@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.core import config
 from pipeline.core.filters import MEMORY, NONE
 from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.laboratory.dynamics import expose, simulate_take
@@ -20,7 +19,6 @@ from pipeline.models.kinds import options_type
 from pipeline.statistics.filters import Filtered, no_filter
 from pipeline.studies.filters import stage
 from pipeline.studies.filters.deviations import deviations
-from pipeline.studies.filters.figures import filters as figure
 from pipeline.studies.filters.stage import COVERAGE, LOG, RMS, YARDSTICK
 from pipeline.studies.frame import Results
 
@@ -84,22 +82,16 @@ def test_the_page_and_the_figure_follow_the_tables():
     )
     options = stage.Options(training=4, test=4, model="additive", factors=[1.0, 3.0])
     tables = {"filters": rows, "filters_lasting": lasting}
-    page = "\n".join(stage.page(Results(None, options, tables, {"filters": "the figure"})))
+    page = "\n".join(stage.page(Results(options, tables, "the figure")))
     assert "opposite in none, beyond 95 % intervals: half, open loop." in page
     assert "half, open loop: 2 of 2 rms errors" in page and "the figure" in page
     worse = rows.assign(high=np.where(rows["score"] == LOG, -1.0, rows["high"]))
     tables["filters"] = worse.assign(low=np.where(rows["score"] == LOG, -2.0, rows["low"]))
-    page = "\n".join(stage.page(Results(None, options, tables, {"filters": "the figure"})))
+    page = "\n".join(stage.page(Results(options, tables, "the figure")))
     assert "beyond 95 % intervals: none." in page
-    axes = figure.draw(rows, lasting).axes
+    axes = stage.draw(rows, lasting).axes
     labels = [text.get_text() for text in axes[0].get_yticklabels()]
     assert labels == ["half, open loop", "linear, autocorrelation", "yardstick"]
-
-
-def test_a_dataset_without_a_depth_camera_has_no_answer(project, capsys):
-    stage.run()
-    assert "filters: it has no depth camera" in capsys.readouterr().out
-    assert config.COMPOSED.exists()
 
 
 STILL = {

@@ -5,16 +5,14 @@ motion; a plan is the least by its model.
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from study_runs import options_of
 
 from pipeline.core.config import CONF
 from pipeline.core.errors import ConfigError, ModelDomainError
-from pipeline.core.typed_yaml import read_yaml
-from pipeline.core.validation import validated
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.noise import process_noise
 from pipeline.models.scaled.law import ScaledModel
@@ -22,7 +20,6 @@ from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.studies.planning import stage
 from pipeline.studies.planning.bench import Bench, Rig, bench_of
-from pipeline.studies.planning.figures import planning as figure
 
 
 @pytest.fixture(scope="session")
@@ -37,8 +34,7 @@ def rig(bench) -> Rig:
     return Rig(bench, bench.dynamics, takes=6, seed=1)
 
 
-SECTION = read_yaml(Path(stage.__file__).with_name("params.yaml"))["smoke"]
-OPTIONS = validated(stage.Options, SECTION)
+OPTIONS = options_of("planning")
 WISHART = WishartModel(0.2, Decomposition("qr_transposed"))
 
 
@@ -117,16 +113,15 @@ def test_the_page_and_the_figure_follow_the_tables():
         "planning_predictions": predictions.assign(**place),
         "planning_agreements": taus.assign(**place),
     }
-    drawn = {"planning": "the figure"}
-    page = "\n".join(stage.page(stage.Results(None, OPTIONS, tables, drawn)))
+    page = "\n".join(stage.page(stage.Results(OPTIONS, tables, "the figure")))
     assert "In 1 of 1 pairs" in page and "0.5 (gaussian)" in page and "the figure" in page
     points = [
         (line.get_xdata()[0], line.get_ydata()[0])
-        for line in figure.draw(rows, tables["planning_predictions"]).axes[0].lines[:4]
+        for line in stage.draw(rows, tables["planning_predictions"]).axes[0].lines[:4]
     ]
     assert points == [(2, 2), (1, 1), (3, 3), (1, 0.5)]
     tables["planning"] = rows.assign(least=[1.0, 0, 0, 0], ratio=[0.1, 1, 3, 0.5])
-    page = "\n".join(stage.page(stage.Results(None, OPTIONS, tables, drawn)))
+    page = "\n".join(stage.page(stage.Results(OPTIONS, tables, "the figure")))
     assert "In 0 of 1 pairs" in page
 
 
