@@ -1,4 +1,4 @@
-"""What a motion capture would report of rigid bodies on the links of an arm in space.
+"""Rigid bodies on the links of an arm in space, as a motion capture would report them.
 
 Every body is a cluster of markers that the tracker knows by its shape, so that no label is
 exchanged. The tracker fits that shape to the markers that its cameras see; with fewer than three
@@ -21,7 +21,7 @@ from pipeline.laboratory.options import MocapOptions
 
 
 @dataclass(frozen=True)
-class Cluster:
+class MarkerCluster:
     """The markers of one body."""
 
     chain: SerialChain  # the true one that carries the link; its tip is the link's frame
@@ -30,8 +30,8 @@ class Cluster:
 
 
 def as_built(link: SerialChain, arm: SerialChain) -> SerialChain:
-    """The nominal chain to a ``link`` with the placements of the true ``arm``'s joints; what is
-    beyond the last of them is the link's own.
+    """Return the nominal chain to a ``link`` with the placements of the true ``arm``'s joints; what
+    is beyond the last of them is the link's own.
     """
     placements = link.placements.copy()
     placements[:-1] = arm.placements[: len(placements) - 1]
@@ -39,21 +39,21 @@ def as_built(link: SerialChain, arm: SerialChain) -> SerialChain:
 
 
 def in_body(places: np.ndarray, position: np.ndarray, rpy: np.ndarray) -> np.ndarray:
-    """(K, 3) ``places`` of a link's frame in the frame of a body that is mounted on the link at
-    ``position`` (3,), both in m, turned by ``rpy`` (rad, about the fixed axes x, y, z).
+    """Return (K, 3) ``places`` of a link's frame in the frame of a body that is mounted on the link
+    at ``position`` (3,), both in m, turned by ``rpy`` (rad, about the fixed axes x, y, z).
     """
     return (places - np.asarray(position)) @ Rotation.from_euler("xyz", rpy).as_matrix()
 
 
 def capture_bodies(
-    clusters: Mapping[str, Cluster],
+    clusters: Mapping[str, MarkerCluster],
     q: np.ndarray,
     base: tuple[np.ndarray, np.ndarray],
     options: MocapOptions,
     rng: np.random.Generator,
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """By name the poses in the world frame of the bodies on an arm at true angles ``q`` (N, n) in
-    rad: position (N, 3) in m and quaternion (N, 4) as x, y, z, w, NaN where the body is lost.
+    """Return by name the poses in the world frame of the bodies on an arm at true angles ``q`` (N,
+    n) in rad: position (N, 3) in m and quaternion (N, 4) as x, y, z, w, NaN where the body is lost.
 
     The arm's base is turned by ``base[0]`` (3, 3) and stands at ``base[1]`` (3,) in m. White noise
     of s m in each coordinate of K markers about their centre makes s/√K m of the position there,

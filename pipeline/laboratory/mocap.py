@@ -1,4 +1,4 @@
-"""What OptiTrack would report of the arm: three markers on each link, with the faults that optical
+"""The arm as OptiTrack would report it: three markers on each link, with the faults that optical
 motion capture has.
 
 World frame: Motive's, y up, in m. A marker's place is known to the tracker from a template in the
@@ -7,7 +7,7 @@ segment frames; where it really sits differs by what a hand with a ruler misses.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,7 @@ PAIRS = np.array([[0, 1], [0, 2], [1, 2]])
 FIRST_UNLABELED = 1000
 
 
-@dataclass(frozen=True)
-class MocapFaults:
+class MocapFaults(NamedTuple):
     """The truth about the faults of one capture."""
 
     occluded: int  # marker-frames not seen at all
@@ -30,8 +29,7 @@ class MocapFaults:
     unlabeled: int  # marker-frames whose position stands in an unlabeled column
 
 
-@dataclass(frozen=True)
-class Capture:
+class Capture(NamedTuple):
     """``markers``: name → positions (N, 3) in m in the world frame, NaN where missing; labelled
     first, then unlabeled.
     """
@@ -43,8 +41,8 @@ class Capture:
 def place_markers(
     template: np.ndarray, options: MocapOptions, rng: np.random.Generator
 ) -> np.ndarray:
-    """(..., 3) where the markers of a session really sit whose places are known as ``template``
-    (..., 3), both in m in the frame of their link; one call a session.
+    """Draw the places (..., 3) where the markers of a session really sit whose places are known as
+    ``template`` (..., 3), both in m in the frame of their link; one call a session.
     """
     return template + options.placement_std * rng.standard_normal(template.shape)
 
@@ -52,18 +50,15 @@ def place_markers(
 def bursts(
     frames: int, shape: tuple[int, ...], rate: float, mean: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where bursts start and where one is under way, both (frames, *shape); overlapping bursts
-    merge.
+    """Draw starts of bursts and frames in which one is under way, both (frames, *shape);
+    overlapping bursts merge.
     """
     starts = rng.random((frames, *shape)) < rate
     at = np.nonzero(starts)
     change = np.zeros((frames + 1, *shape), dtype=int)
     np.add.at(change, at, 1)
-    np.add.at(
-        change,
-        (np.minimum(at[0] + rng.geometric(1.0 / mean, size=at[0].size), frames), *at[1:]),
-        -1,
-    )
+    ends = np.minimum(at[0] + rng.geometric(1.0 / mean, size=at[0].size), frames)
+    np.add.at(change, (ends, *at[1:]), -1)
     return starts, np.cumsum(change[:-1], axis=0) > 0
 
 
@@ -93,13 +88,9 @@ def _lose_labels(
     Each uninterrupted stretch is a column of its own, since Motive numbers a stray marker anew at
     every appearance.
     """
-    _, lost = bursts(
-        *observed.shape[:1],
-        observed.shape[1:2],
-        options.lost_label_rate,
-        options.lost_label_frames,
-        rng,
-    )
+    frames, count = observed.shape[:2]
+    rate, mean = options.lost_label_rate, options.lost_label_frames
+    _, lost = bursts(frames, (count,), rate, mean, rng)
     lost &= ~np.isnan(observed[..., 0])
     edges = np.diff(lost.astype(np.int8), axis=0, prepend=0, append=0)
     # transposed, so that starts and ends come out marker by marker and pair up
@@ -129,11 +120,8 @@ def capture(
     onwards in the order of their appearance.
     """
     if q.shape[1:] != (3,) or markers.shape != (3, 3, 3):
-        raise ConfigError(
-            "laboratory.mocap: joint angles must be (N, 3) and marker places (3, 3, 3)",
-            q=q.shape,
-            markers=markers.shape,
-        )
+        message = "laboratory.mocap: joint angles must be (N, 3) and marker places (3, 3, 3)"
+        raise ConfigError(message, q=q.shape, markers=markers.shape)
     axes, origin = segment_frames(arm.chain, q)
     plane = np.einsum("njab,jmb->njma", axes, markers) + origin[:, :, None, :]
     world = arm.to_base(plane) @ rotation.T + translation
@@ -144,7 +132,4 @@ def capture(
     labelled, unlabeled, lost = _lose_labels(observed.reshape(-1, 9, 3), options, rng)
     names = [f"link{link}_{label}" for link in (1, 2, 3) for label in LABELS]
     columns = {name: labelled[:, i] for i, name in enumerate(names)}
-    return Capture(
-        columns | unlabeled,
-        MocapFaults(occluded=int(hidden.sum()), swapped=swapped, unlabeled=lost),
-    )
+    return Capture(columns | unlabeled, MocapFaults(int(hidden.sum()), swapped, lost))

@@ -1,7 +1,5 @@
 """The recommended model on motions that served neither fit nor choice: ten physics of the simulated
 LWR4+, each with other sizes of its disturbances.
-
-``python tests/laboratory/test_recommended_model.py`` prints the table.
 """
 
 from __future__ import annotations
@@ -121,10 +119,3 @@ def test_the_recommended_model_is_among_the_best_on_fresh_motions_in_nine_of_ten
         if all(name in each["scores"] for each in results)
     }
     assert all(count < 9 for count in lost.values())
-
-
-if __name__ == "__main__":
-    for seed, (label, physics) in enumerate(PHYSICS.items(), 1):
-        found = judged(physics, seed)
-        shown = {name: round(score, 2) for name, score in found["scores"].items()}
-        print(label, found["chosen"], found["best"], round(found["lost"], 4), shown, flush=True)

@@ -125,17 +125,6 @@ def test_the_page_and_the_figure_follow_the_tables():
     assert "In 0 of 1 pairs" in page
 
 
-def test_the_task_that_is_planned_changes_nothing_of_the_arm_that_moves(bench, rig):
-    whole = bench_of(CONF / "dataset/youbot.yaml", [], 0.64)
-    assert (bench.chain.task, whole.chain.task) == (("x", "z"), ("x", "z", "phi"))
-    assert bench.built.task == whole.chain.task
-    other = replace(rig, bench=whole)
-    assert np.array_equal(rig.poses(bench.recorded, "take"), other.poses(whole.recorded, "take"))
-    # three joints for two rows: a step of the joints stands beside that of the task
-    assert bench.command(bench.recorded).shape == (500, 5)
-    assert whole.command(whole.recorded).shape == (500, 3)
-
-
 def test_the_takes_of_two_motions_err_alike_and_those_of_training_are_others(bench, rig):
     moved = bench.recorded + np.array([0.0, 0.0, 0.01])
     first, second = (rig.poses(path, "take") - path for path in (bench.recorded, moved))

@@ -10,7 +10,6 @@ import pytest
 from known_law import ROOT
 
 from pipeline.cases.case import KINDS, Case
-from pipeline.cases.readings import UNKNOWN
 from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError
 from pipeline.core.typed_yaml import read_yaml
@@ -28,7 +27,6 @@ from pipeline.studies.robustness.conditions import (
 from pipeline.studies.robustness.decisions import CHANCE, cameras, decision_cases, without_camera
 from pipeline.studies.robustness.page import changes, draw
 from pipeline.verdicts.claims import parse_claims
-from pipeline.verdicts.rules import ORDERS, RULES
 from pipeline.wrench.bounds import Bounds
 
 FILES = ("reports/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
@@ -76,23 +74,6 @@ def test_verdicts_are_those_of_the_law_that_is_true(decided_in):
     assert verdict["base"][claims[:2]].tolist() == ["holds", "holds"]
     assert verdict["additive"][claims].tolist() == ["fails", "fails", "holds"]
     assert verdict["still"][["noise-is-dynamic", "mean-error"]].tolist() == ["fails", "holds"]
-
-
-@pytest.mark.slow
-def test_a_case_without_a_verdict_is_one_that_its_rule_leaves_open(decided_in):
-    rules = {claim.id: claim.rule for claim in CLAIMS}
-    about_motion = [
-        claim for claim in rules if not claim.startswith(("wrench", "sigma-s", "force"))
-    ]
-    rows = decided_in["base"].loc[about_motion]
-    rule, undecided = rows.index.map(rules), rows["holds"] == UNKNOWN
-    assert rows["value"].notna().all()
-    always = RULES["below"].decides
-    assert not undecided[[RULES[name].decides is always for name in rule]].any()
-    # an order has a verdict where its interval lies on one side of zero, and nowhere else
-    orders = rows[rule.isin(ORDERS)]
-    apart = (orders["low"] > 0) | (orders["high"] < 0)
-    assert apart.any() and not apart.all() and (apart != undecided[rule.isin(ORDERS)]).all()
 
 
 @pytest.mark.slow

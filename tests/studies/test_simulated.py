@@ -51,21 +51,6 @@ def test_a_factor_scales_its_disturbance_alone_and_the_common_one_all_of_them(la
         assert getattr(half, name) == getattr(own, name)
 
 
-@pytest.mark.slow
-def test_deviations_that_last_longer_are_of_the_same_size(laboratory):
-    later, sizes = [], []
-    for lasting in (0.15, 1.0, 10.0):
-        takes = perform(laboratory, Factors(lasting=lasting, start_std=0.0), 5, "train", 40)
-        poses = np.stack([take.poses for take in takes])
-        off = poses - poses.mean(axis=0)
-        sizes.append(off[:, 40:70].std())
-        # 20 ms later
-        later.append(np.mean(off[:, 42:70] * off[:, 40:68]) / np.mean(off[:, 40:70] ** 2))
-    # 40 takes of 0.3 s, in which the longest deviations hardly change: three joints count
-    assert np.all(np.abs(np.log(np.array(sizes) / sizes[1])) < 4 / np.sqrt(2 * 40))
-    assert later[0] < 0.2 < later[1] < 0.9 < later[2]
-
-
 @pytest.mark.parametrize("factor", [0.0, 1.0, 3.0])
 def test_measured_poses_have_the_noise_of_the_motion_capture_times_its_factor(laboratory, factor):
     takes = perform(laboratory, STILL, 5, "train", 8)
