@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pipeline.figures import style
-from pipeline.studies.frame import MISSING, Results, number
+from pipeline.studies.frame import Results, number
 from pipeline.studies.which_decomposition.laws import GAUSSIAN, PIVOTED, PLAIN, QR, QR_TRANSPOSED
 from pipeline.verdicts.wording import table
 
@@ -33,7 +33,7 @@ and the "small difference" between the two matrix models allow?
 **The printed numbers {verb} the decomposition.** LU without pivoting, the row of φ not first, has
 {later} of the likelihood of pivoted LU, by order, path prior and set of quantities, the tolerance
 integrated out. With ramps and rest the most likely of these orders has, over pivoted LU (95 %
-interval by the number of paths), {best}. QR of J has {qr}. QR of Jᵀ has {control}: on the widest
+interval by the number of paths), {best}. QR of J has {odds}. QR of Jᵀ has {control}: on the widest
 1 % of the paths its standard deviation is {widest} of the printed one.
 
 {figure}
@@ -57,11 +57,7 @@ model.
 Integrals are over f from {span[0]:g} to {span[1]:g}, uniform in ln ln f. LU without pivoting, φ not
 first, over pivoted LU with Σ_ω represented by {choices}.
 
-## Standard deviations, units and level
-
-{sizes}
-
-Medians over the paths. UR5: noise over step, the base turned about z. {level}
+## Findings
 
 - The Gaussian model at (α, u) has the printed trace or more on {ramped} of the paths with ramps and
   rest, on {constant} at constant full speed: Σ_ω and (α, u) hardly go together.
@@ -70,7 +66,10 @@ Medians over the paths. UR5: noise over step, the base turned about z. {level}
 - Post hoc, formed after these numbers were known: with Σ_k = α(u² − ‖J⁻¹‖²)/n², α unsquared, that
   ratio is {post[low_ratio]:.3g} to {post[high_ratio]:.3g} on 90 % of the paths, and all quantities
   are {post[likelihood]:.3g} times as likely at f = {post[tolerance]:g}.
-
+- On the motion of a UR5, millimetres instead of metres change the noise by a factor of
+  {pivoted_lu:.3g} under pivoted LU, {qr:.3g} under QR of J and {qr_transposed:.3g} under QR of Jᵀ; a
+  turn of the base changes it under pivoted LU alone ([units.csv](which_decomposition/units.csv)).
+{level}
 **Rule for every arm.** LU with partial pivoting (as MATLAB's `lu`) if the task has as many rows as
 the arm has joints, QR of J if it has fewer; in metres, radians and the stated axes of the task. QR
 of Jᵀ is the control that no unit and no axis changes.
@@ -103,7 +102,8 @@ def page(results: Results) -> list[str]:
         choices.append(f"{size} {first}, with all quantities {last}")
     main, by = main_rows(widths).set_index("reading"), widths.set_index(["reading", "prior"])
     ramped, constant = (f"{100 * share:.2g} %" for share in by.loc[GAUSSIAN, "reached"])
-    unsquared = tables["unsquared"]
+    unsquared, units = tables["unsquared"], tables["units"]
+    still = units[units["turn"] == 0].pivot(index="reading", columns="unit", values="noise")
     ranges = {
         name: "{:g} to {:g}".format(*getattr(options, name))
         for name in ("tool", "rest", "ramp", "peak")
@@ -112,7 +112,7 @@ def page(results: Results) -> list[str]:
         verb="do not determine" if ends.min() < 1 < ends.max() else "favour one side of",
         later=span(rows, PHI_LATER),
         best="; ".join(best),
-        qr=span(rows, [QR]),
+        odds=span(rows, [QR]),
         control=span(rows, [QR_TRANSPOSED]),
         widest=number(main.loc[QR_TRANSPOSED, "best"]),
         figure=results.figure,
@@ -120,16 +120,13 @@ def page(results: Results) -> list[str]:
         evidence=evidence_table(evidence),
         span=options.span,
         choices="; ".join(choices),
-        sizes=size_table(main, tables["units"], level),
-        level="The recordings have no level: the measurement noise is unknown."
-        if level is None
-        else "Recorded level: σ̂_B by moments, which forces the trace, not its division among the "
-        f"joints; recorded {joint_stds(level[level['reading'] == 'recorded'])} mrad.",
+        level="" if level is None else level_text(level),
         ramped=ramped,
         constant=constant,
         least=number(by.loc[PIVOTED, "least_ratio"].min()),
         post=unsquared[unsquared["reading"] == PIVOTED].iloc[-1],
         **ranges,
+        **(still["mm"] / still["m"]).to_dict(),
     )
     return [text]
 
@@ -150,9 +147,19 @@ def span(rows: pd.DataFrame, readings: list[str]) -> str:
     return f"{odds(values.min())} to {odds(values.max())}"
 
 
-def joint_stds(rows: pd.DataFrame) -> str:
-    """Return the standard deviations of the joints in mrad."""
-    return "/".join(number(1000 * std) for std in rows["std"])
+def level_text(level: pd.DataFrame) -> str:
+    """Return the finding at the recorded level: σ_B and standard deviations by joint."""
+    texts = []
+    for reading in ("recorded", PIVOTED, QR, QR_TRANSPOSED):
+        own = level[level["reading"] == reading]
+        stds = "/".join(number(1000 * std) for std in own["std"])
+        name = f"{NAMES.get(reading, reading)} {stds}"
+        sigma_b = own["sigma_b"].iloc[0]
+        texts.append(name if reading == "recorded" else f"{name} (σ̂_B {number(sigma_b)})")
+    return (
+        "- With σ̂_B by moments, which forces the trace, the standard deviations of the joints are, "
+        f"in mrad: {'; '.join(texts)}.\n"
+    )
 
 
 def evidence_table(evidence: pd.DataFrame) -> str:
@@ -172,34 +179,6 @@ def evidence_table(evidence: pd.DataFrame) -> str:
         lines.append([NAMES[reading], *cells, f"{number(ends.min())}–{number(ends.max())}"])
     over = f"over pivoted LU, f = {several(f'{f:g}' for f in tolerances)}"
     return table([over, *QUANTITIES.values(), "integrated, all sets and priors"], lines)
-
-
-def size_table(main: pd.DataFrame, units: pd.DataFrame, level: pd.DataFrame | None) -> str:
-    """Return a row a reading: standard deviations on the paths, noise of the arm in space, level of
-    the recordings.
-    """
-    header = ["", "std over printed: all; joints", "over Gaussian: least; median"]
-    header += ["UR5: m; mm; base turned", "recorded level: σ̂_B; std by joint (mrad)"]
-    lines = []
-    for reading in SHOWN:
-        row, noise = main.loc[reading], units[units["reading"] == reading]
-        still = noise[noise["turn"] == 0].set_index("unit")["noise"]
-        turned = noise[noise["turn"] != 0]["noise"]
-        own = None if level is None else level[level["reading"] == reading]
-        cells = [
-            NAMES[reading],
-            f"{number(row['median'])}; {'/'.join(number(row[f'joint_{j}']) for j in (1, 2, 3))}",
-            f"{number(row['least_ratio'])}; {number(row['median_ratio'])}",
-            MISSING
-            if noise.empty
-            else f"{number(still['m'])}; {number(still['mm'])}; "
-            f"{number(turned.min())}–{number(turned.max())}",
-            MISSING
-            if own is None or own.empty
-            else f"{number(own['sigma_b'].iloc[0])}; {joint_stds(own)}",
-        ]
-        lines.append(cells)
-    return table(header, lines)
 
 
 def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
