@@ -8,11 +8,13 @@ import numpy as np
 from motive_files import START
 from scipy.spatial.transform import Rotation
 
+from pipeline.arm.frames import segment_frames
 from pipeline.core.options.dataset import Dataset, Motion, Robot
 from pipeline.core.options.instruments import Mocap, Pose
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
-from pipeline.perception.markers import marker_places, track_joints
+from pipeline.perception.markers import JointTrack, track_plane
+from pipeline.perception.posture import points_in_plane
 
 STEPS = 40
 
@@ -55,6 +57,14 @@ def dataset(**mocap) -> Dataset:
     } | mocap
     robot = Robot("arm.urdf", ["a", "b", "c"], plane=True)
     return Dataset("t", ".", robot, Motion(100.0, STEPS), mocap=Mocap(**options))
+
+
+def marker_places(q: np.ndarray, template: np.ndarray, chain) -> np.ndarray:
+    """(..., n, K, 3) m in the plane's frame, where the arm at ``q`` (..., n) carries the points at
+    ``template`` (n, K, 3) of its segments.
+    """
+    rotation, origin = segment_frames(chain, q)
+    return origin[..., None, :] + template @ np.swapaxes(rotation, -1, -2)
 
 
 def to_world(arm, plane: np.ndarray) -> np.ndarray:
@@ -105,10 +115,10 @@ def written(
     return folder / f"{name}.csv"
 
 
-def tracked(rows, arm, **options):
+def tracked(rows, arm) -> JointTrack:
     labelled = rows[rows.link > 0].sort_values(["link", "marker", "k"], kind="stable")
-    xyz = labelled[["x", "y", "z"]].to_numpy().reshape(3, 3, STEPS + 1, 3).transpose(2, 0, 1, 3)
-    return track_joints(xyz, PLACES, arm, gate=0.012, max_gap=20, **options)
+    xyz = labelled[["x", "y", "z"]].to_numpy().reshape(9, STEPS + 1, 3).transpose(1, 0, 2)
+    return track_plane(xyz, arm, points_in_plane(arm, PLACES), gate=0.012, max_gap=20)
 
 
 def quantity(quality: list[dict], name: str) -> float:

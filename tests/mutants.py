@@ -39,52 +39,30 @@ def _put(content: bytes, start: int, end: int, new: bytes) -> bytes:
     return content[:start] + new + content[end:]
 
 
+def _in_span(new: Callable[[bytes, Rng], bytes], longest: int = 40) -> Callable:
+    """Change of a random span: ``new`` of its bytes."""
+
+    def mutate(content: bytes, rng: Rng) -> bytes:
+        start, end = _span(content, rng, longest)
+        return _put(content, start, end, new(content[start:end], rng))
+
+    return mutate
+
+
 def _bit(content: bytes, rng: Rng) -> bytes:
     place, _ = _span(content, rng)
     return _put(content, place, place + 1, bytes([content[place] ^ 1 << int(rng.integers(8))]))
 
 
-def _cut(content: bytes, rng: Rng) -> bytes:
-    return content[: int(rng.integers(1, len(content)))]
-
-
-def _block_lost(content: bytes, rng: Rng) -> bytes:
-    return _put(content, *_span(content, rng), b"")
-
-
-def _block_doubled(content: bytes, rng: Rng) -> bytes:
-    start, end = _span(content, rng)
-    return _put(content, end, end, content[start:end])
-
-
-def _block_zeroed(content: bytes, rng: Rng) -> bytes:
-    start, end = _span(content, rng)
-    return _put(content, start, end, bytes(end - start))
-
-
-def _block_of_noise(content: bytes, rng: Rng) -> bytes:
-    start, end = _span(content, rng)
-    return _put(content, start, end, rng.bytes(end - start))
-
-
-def _block_of_ones(content: bytes, rng: Rng) -> bytes:
-    start, end = _span(content, rng, 9)
-    return _put(content, start, end, b"\xff" * (end - start))
-
-
-def _tail_of_noise(content: bytes, rng: Rng) -> bytes:
-    return content + rng.bytes(int(rng.integers(1, 400)))
-
-
 BYTES = {
     "bit flipped": _bit,
-    "cut": _cut,
-    "block lost": _block_lost,
-    "block doubled": _block_doubled,
-    "block zeroed": _block_zeroed,
-    "block of noise": _block_of_noise,
-    "block of ones": _block_of_ones,
-    "noise behind": _tail_of_noise,
+    "cut": lambda content, rng: content[: int(rng.integers(1, len(content)))],
+    "block lost": _in_span(lambda block, rng: b""),
+    "block doubled": _in_span(lambda block, rng: block + block),
+    "block zeroed": _in_span(lambda block, rng: bytes(len(block))),
+    "block of noise": _in_span(lambda block, rng: rng.bytes(len(block))),
+    "block of ones": _in_span(lambda block, rng: b"\xff" * len(block), 9),
+    "noise behind": lambda content, rng: content + rng.bytes(int(rng.integers(1, 400))),
 }
 
 
@@ -136,32 +114,20 @@ def _cells(change: Callable[[list[bytes], int], None], *, all_rows: bool = False
     return mutate
 
 
-def _cell_lost(cells: list[bytes], place: int) -> None:
-    del cells[place]
+def _lost(parts: list[bytes], place: int, *rng: Rng) -> None:
+    del parts[place]
 
 
-def _cell_doubled(cells: list[bytes], place: int) -> None:
-    cells.insert(place, cells[place])
+def _doubled(parts: list[bytes], place: int, *rng: Rng) -> None:
+    parts.insert(place, parts[place])
 
 
-def _cell_emptied(cells: list[bytes], place: int) -> None:
-    cells[place] = b""
+def _swapped(parts: list[bytes], place: int, *rng: Rng) -> None:
+    parts[place - 1], parts[place] = parts[place], parts[place - 1]
 
 
-def _cells_swapped(cells: list[bytes], place: int) -> None:
-    cells[place - 1], cells[place] = cells[place], cells[place - 1]
-
-
-def _row_lost(lines: list[bytes], place: int, rng: Rng) -> None:
-    del lines[place]
-
-
-def _row_doubled(lines: list[bytes], place: int, rng: Rng) -> None:
-    lines.insert(place, lines[place])
-
-
-def _rows_swapped(lines: list[bytes], place: int, rng: Rng) -> None:
-    lines[place - 1], lines[place] = lines[place], lines[place - 1]
+def _emptied(parts: list[bytes], place: int, *rng: Rng) -> None:
+    parts[place] = b""
 
 
 def _row_cut(lines: list[bytes], place: int, rng: Rng) -> None:
@@ -185,21 +151,21 @@ def _becomes(new: bytes) -> Callable[[bytes, Rng], bytes]:
 
 
 TEXT = {
-    "row lost": _rows(_row_lost),
-    "row doubled": _rows(_row_doubled),
-    "rows swapped": _rows(_rows_swapped),
+    "row lost": _rows(_lost),
+    "row doubled": _rows(_doubled),
+    "rows swapped": _rows(_swapped),
     "row cut": _rows(_row_cut),
     "blank line": _rows(_line_added(b"\n")),
     "comment line": _rows(_line_added(b"# note\n")),
     "line of words": _rows(_line_added(b"the, sensor; was moved\n")),
-    "cell lost": _cells(_cell_lost),
-    "cell doubled": _cells(_cell_doubled),
-    "cell emptied": _cells(_cell_emptied),
-    "cells swapped": _cells(_cells_swapped),
-    "column lost": _cells(_cell_lost, all_rows=True),
-    "column doubled": _cells(_cell_doubled, all_rows=True),
-    "column emptied": _cells(_cell_emptied, all_rows=True),
-    "columns swapped": _cells(_cells_swapped, all_rows=True),
+    "cell lost": _cells(_lost),
+    "cell doubled": _cells(_doubled),
+    "cell emptied": _cells(_emptied),
+    "cells swapped": _cells(_swapped),
+    "column lost": _cells(_lost, all_rows=True),
+    "column doubled": _cells(_doubled, all_rows=True),
+    "column emptied": _cells(_emptied, all_rows=True),
+    "columns swapped": _cells(_swapped, all_rows=True),
     "digit changed": _number(lambda n, rng: _digit(n, rng, lambda d: b"%d" % rng.integers(10))),
     "digit lost": _number(lambda n, rng: _digit(n, rng, lambda d: b"")),
     "digit added": _number(lambda n, rng: _digit(n, rng, lambda d: d + d)),

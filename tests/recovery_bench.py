@@ -17,7 +17,7 @@ from pipeline.core.errors import PipelineError
 from pipeline.core.options.dataset import Dataset
 from pipeline.core.options.instruments import Force
 from pipeline.perception.articulation import ArticulationOptions, articulate_rows
-from pipeline.perception.markers import track_rows
+from pipeline.perception.markers import follower
 from pipeline.recordings import depth_camera, motion_capture
 from pipeline.recordings.depth_clock import on_motion_clock
 from pipeline.recordings.depth_points import arm_points
@@ -85,11 +85,11 @@ def outcome(bench: Bench, files: Files, counted: tuple[str, ...]) -> tuple[str, 
     return "unharmed" if same else "unnoticed", recovered
 
 
-def angles_of_markers(raw: Path, dataset: Dataset, arm: Arm) -> Recovered:
+def angles_of_markers(raw: Path, dataset: Dataset) -> Recovered:
     """Joint angles of the one take of the motion capture."""
     take, *_ = motion_capture.find_takes(raw, dataset.mocap)
     rows, quality = motion_capture.marker_rows(*take, dataset)
-    track = track_rows(rows, dataset.mocap, arm, take=take[0])
+    track = follower(dataset.robot, dataset.mocap)(rows, take=take[0])
     time = np.arange(len(track.q)) / dataset.motion.rate
     return Recovered(time, track.q, _counts(quality) | track.counts)
 

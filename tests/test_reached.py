@@ -1,177 +1,110 @@
-"""Every function, method and class of the pipeline is reached by another part of it.
+"""Every function, method and class of the pipeline is used by another part of it.
 
-A definition is reached when a name refers to it outside its own body, in code that is reached
-itself. Python's own methods are called by Python. A function of a package for theorems may serve
-tests alone where its docstring says so.
+A definition is used where its name occurs outside its own body, in code that is itself used.
 """
 
 from __future__ import annotations
 
 import ast
 import re
-from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 from source_code import MODULES, ROOT, package, tree
 
-from pipeline.core.typed_yaml import read_yaml
-
-TESTS_ALONE = "serves tests alone"  # what such a docstring says
+TESTS_ALONE = "serves tests alone"  # in the docstring of a theorem of pipeline.randommatrix
 Definition = ast.FunctionDef | ast.ClassDef
 
 
-@dataclass(frozen=True)
-class Reference:
-    """A use of a name: by whom, and what it may mean."""
+class Use(NamedTuple):
+    """Occurrence of a name, and the module and definitions around it."""
 
-    user: tuple[str, ...]  # module and the definitions around the use
-    target: str | None  # module.name where it is known, else None
     name: str
+    user: tuple[str, ...]
 
 
-def definitions(module: str) -> Iterator[tuple[tuple[str, ...], Definition]]:
-    """Functions, classes and their methods, each by module and names."""
+def definitions(module: str) -> Iterator[tuple[tuple[str, ...], Definition, bool]]:
+    """Functions, classes and methods of ``module``; True for a method that a base may call."""
     for node in tree(module).body:
         if isinstance(node, Definition):
-            yield (module, node.name), node
+            yield (module, node.name), node, False
             if isinstance(node, ast.ClassDef):
                 for member in node.body:
                     if isinstance(member, ast.FunctionDef):
-                        yield (module, node.name, member.name), member
+                        yield (module, node.name, member.name), member, bool(node.bases)
 
 
-def meanings(module: str) -> tuple[dict[str, str], set[str]]:
-    """What the names of a module stand for, and which of them come from outside the pipeline."""
-    meant = {node.name: f"{module}.{node.name}" for _, node in definitions(module)}
-    foreign = set()
-    for node in ast.walk(tree(module)):
-        if isinstance(node, ast.Import | ast.ImportFrom):
-            source = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
-            for alias in node.names:
-                name = alias.asname or alias.name
-                meant[name] = source + alias.name
-                if not meant[name].startswith("pipeline"):
-                    foreign.add(name)
-    return meant, foreign
+def uses(module: str) -> Iterator[Use]:
+    """Every name and attribute that ``module`` reads; every text where it imports by name."""
+    texts = "import_module" in ast.unparse(tree(module))
 
-
-def references(module: str) -> Iterator[Reference]:
-    """Every name that is read in a module, and every attribute."""
-    meant, foreign = meanings(module)
-    finds = "import_module" in meant  # then any attribute and text may name what was found
-
-    def walk(node: ast.AST, user: tuple[str, ...]) -> Iterator[Reference]:
+    def walk(node: ast.AST, user: tuple[str, ...]) -> Iterator[Use]:
         if isinstance(node, Definition) and len(user) < 3:
             user = (*user, node.name)
-        if isinstance(node, ast.Name):
-            yield Reference(user, meant.get(node.id), node.id)
-        elif isinstance(node, ast.Attribute):
-            base = ast.unparse(node.value)
-            if base in meant and base not in foreign:
-                yield Reference(user, f"{meant[base]}.{node.attr}", node.attr)
-            elif base not in foreign:
-                yield Reference(user, "*" if finds else None, node.attr)
-        elif finds and isinstance(node, ast.Constant) and isinstance(node.value, str):
-            yield Reference(user, "*", node.value)
+        if isinstance(node, ast.Name | ast.Attribute):
+            yield Use(node.id if isinstance(node, ast.Name) else node.attr, user)
+        elif texts and isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield Use(node.value, user)
         for child in ast.iter_child_nodes(node):
             yield from walk(child, user)
 
-    yield from walk(tree(module), (module,))
+    return walk(tree(module), (module,))
 
 
-def template_references() -> Iterator[Reference]:
-    """Every attribute in the templates of pages."""
-    for file in (ROOT / "pipeline").rglob("templates/*"):
-        for name in re.findall(r"\.(\w+)", file.read_text(encoding="utf-8")):
-            yield Reference((str(file),), None, name)
+def outside_python() -> Iterator[Use]:
+    """Every word of the templates, and of the YAML files by which a study finds functions."""
+    files = [
+        *(ROOT / "pipeline").rglob("templates/*"),
+        *(ROOT / "pipeline/studies").rglob("*.yaml"),
+    ]
+    for file in files:
+        text = file.read_text(encoding="utf-8")
+        for name in (*re.findall(r"\w+", text), *re.findall(r"\w+", text.replace(" ", "_"))):
+            yield Use(name, (str(file),))
 
 
-def named_references() -> Iterator[Reference]:
-    """Every key and every text of the studies' YAML files, by which a study finds functions."""
-    for file in (ROOT / "pipeline/studies").glob("*/*.yaml"):
-        waiting: list[object] = [read_yaml(file)]
-        while waiting:
-            match waiting.pop():
-                case dict() as keys:
-                    waiting += [*keys, *keys.values()]
-                case list() as entries:
-                    waiting += entries
-                case str() as text:
-                    name = text.rpartition(".")[2].replace(" ", "_")
-                    yield Reference((str(file),), "*", name)
-
-
-def unreached(modules: list[str]) -> list[str]:
-    """The definitions of ``modules`` that none of their code reaches."""
-    result = {place: node for module in modules for place, node in definitions(module)}
-    called = {place for module in modules for place in called_by_libraries(module)}
-    by_name = defaultdict(list)
-    named = (*template_references(), *named_references())
-    for reference in (*named, *(use for m in modules for use in references(m))):
-        by_name[reference.name].append(reference)
+def unused(modules: Iterable[str], others: Iterable[Use] = ()) -> list[str]:
+    """Definitions of ``modules`` whose name occurs in no other code that is used."""
+    found = {place: node for m in modules for place, node, inherits in definitions(m)
+             if not inherits and not exempt(place, node)}  # fmt: skip
+    by_name: dict[str, list[tuple[str, ...]]] = {}
+    for use in (*others, *(use for module in modules for use in uses(module))):
+        by_name.setdefault(use.name, []).append(use.user)
     lost: set[tuple[str, ...]] = set()
     while True:
         more = {
             place
-            for place, node in result.items()
-            if place not in lost | called
-            and not exempt(place, node)
-            and not any(reaches(reference, place, lost) for reference in by_name[place[-1]])
+            for place in found.keys() - lost
+            if all(
+                any(user[: len(body)] == body for body in (place, *lost))
+                for user in by_name.get(place[-1], [])
+            )
         }
         if not more:
             return sorted(".".join(place) for place in lost)
         lost |= more
 
 
-def reaches(reference: Reference, place: tuple[str, ...], lost: set[tuple[str, ...]]) -> bool:
-    """Whether the reference, from code that is not lost, may mean the definition at ``place``."""
-    if any(reference.user[: len(inner)] == inner for inner in (place, *lost)):
-        return False
-    if len(place) == 3 or reference.target == "*":
-        return True
-    return reference.target == ".".join(place)
-
-
-def called_by_libraries(module: str) -> Iterator[tuple[str, ...]]:
-    """The methods of classes that extend one of a library, which calls them, of protocols, and of
-    the classes that such a class mixes in.
-    """
-    foreign = meanings(module)[1]
-    classes = [node for node in tree(module).body if isinstance(node, ast.ClassDef)]
-    bases = {node.name: [ast.unparse(base) for base in node.bases] for node in classes}
-    extending = {
-        name for name, named in bases.items() if foreign & {base.split(".")[0] for base in named}
-    }
-    extending |= {base for name in extending for base in bases[name]}
-    for node in classes:
-        for member in node.body:
-            if node.name in extending and isinstance(member, ast.FunctionDef):
-                yield module, node.name, member.name
-
-
 def exempt(place: tuple[str, ...], node: Definition) -> bool:
-    """Whether Python or pydantic calls it, or it serves tests and says so."""
-    if place[-1].startswith("__") and place[-1].endswith("__"):
-        return True
-    if any("model_validator" in ast.unparse(one) for one in node.decorator_list):
-        return True
+    """True where Python or pydantic calls the definition, or a theorem serves tests and says so."""
+    decorators = " ".join(ast.unparse(one) for one in node.decorator_list)
     says = " ".join((ast.get_docstring(node) or "").split())
-    return package(place[0]) == "randommatrix" and TESTS_ALONE in says
+    return (
+        place[-1].startswith("__")
+        or "_validator" in decorators
+        or (package(place[0]) == "randommatrix" and TESTS_ALONE in says)
+    )
 
 
-def test_every_function_is_reached():
-    assert unreached(list(MODULES)) == []
+def test_every_function_is_used():
+    assert unused(MODULES, outside_python()) == []
 
 
-def test_a_function_that_only_an_unreached_one_calls_is_unreached(monkeypatch):
+def test_a_function_that_only_an_unused_one_calls_is_unused(monkeypatch):
     source = (
         "def used(): ...\ndef inner(): inner()\ndef outer(): inner()\nclass Kept:\n"
         "    def method(self): ...\n    def dead(self): self.dead()\nKept().method(used())\n"
     )
-    monkeypatch.setitem(MODULES, "pipeline.arm.example", None)
-    trees = {"pipeline.arm.example": ast.parse(source)}
-    monkeypatch.setattr(f"{__name__}.tree", trees.get)
-    assert unreached(list(trees)) == [
-        f"pipeline.arm.example.{name}" for name in ("Kept.dead", "inner", "outer")
-    ]
+    module = "pipeline.arm.example"
+    monkeypatch.setattr(f"{__name__}.tree", {module: ast.parse(source)}.get)
+    assert unused([module]) == [f"{module}.{name}" for name in ("Kept.dead", "inner", "outer")]

@@ -1,144 +1,200 @@
-"""Joint angles of an arm in a plane from motion-capture markers: labels corrected by the places
-that the arm predicts, a rigid-body fit per link, relative rotation about the joint axes.
+"""Joint angles of one take from its motion-capture markers or bodies.
 
-One distance, the gate, decides everywhere whether a sample can be the marker that its label says.
-It has to exceed the error of the registration of the base frame and stay below half the distance
-between markers.
+Every posture is that of least squares (:mod:`pipeline.perception.posture`). On a planar arm a
+search starts from the headings of the segments, and wrong labels are corrected by the places that
+the arm predicts; in space it starts from the frame before. One distance, the gate, decides
+everywhere whether a sample can be the marker that its label says. It has to exceed the error of the
+registration of the base frame and stay below half the distance between markers.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from itertools import permutations
 
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.chain import PlanarChain
-from pipeline.arm.frames import nearest_rotation, rotation_about_normal, segment_frames
-from pipeline.arm.model import Arm
-from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.arm.model import Arm, arm_of
+from pipeline.core.errors import RecordingError
+from pipeline.core.options.dataset import Robot
 from pipeline.core.options.instruments import Mocap
-from pipeline.perception.joint_track import JointTrack, fill_gaps
-
-
-def fit_segments(markers: np.ndarray, template: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Angles ψ (..., n) rad of the segments and the sums of squared residuals (..., n) m² of a
-    least-squares rigid-body fit per link.
-
-    ``markers`` (..., n links, 3 markers, 3) in the plane's frame, NaN where missing. Three markers:
-    the rotation of Kabsch (1976), of which ψ is the twist about the normal, so that a base frame
-    tilted out of the plane does not enter. Two markers: the rotation about the normal alone.
-    Fewer: NaN.
-    """
-    present = np.isfinite(markers).all(axis=-1)
-    number = present.sum(axis=-1)
-    weight = (present / np.maximum(number, 1)[..., None])[..., None]
-    measured = np.where(present[..., None], markers, 0.0)
-    measured = (measured - (weight * measured).sum(axis=-2, keepdims=True)) * present[..., None]
-    reference = (template - (weight * template).sum(axis=-2, keepdims=True)) * present[..., None]
-    rotation = np.swapaxes(measured, -1, -2) @ reference
-    three = number == 3
-    rotation[three] = nearest_rotation(rotation[three])
-    # the same formula maximises tr(R_y(ψ)ᵀ M) for a rotation M and for the cross-covariance of two
-    # markers
-    psi = np.arctan2(
-        rotation[..., 0, 2] - rotation[..., 2, 0], rotation[..., 0, 0] + rotation[..., 2, 2]
-    )
-    rotation[~three] = rotation_about_normal(psi[~three])
-    square = ((measured - reference @ np.swapaxes(rotation, -1, -2)) ** 2).sum(axis=(-2, -1))
-    return np.where(number >= 2, psi, np.nan), np.where(number >= 2, square, np.nan)
-
-
-def marker_places(q: np.ndarray, template: np.ndarray, chain: PlanarChain) -> np.ndarray:
-    """(..., n, 3, 3) where the arm at ``q`` (..., n) rad carries the markers of ``template``, in
-    the plane's frame, m.
-    """
-    rotation, origin = segment_frames(chain, q)
-    return origin[..., None, :] + template @ np.swapaxes(rotation, -1, -2)
-
-
-def solve(
-    markers: np.ndarray, template: np.ndarray, chain: PlanarChain, gate: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Joint angles (N, n) in rad of ``markers`` (N, n, 3, 3) in m, and whether (N,) every marker
-    with a position lies within ``gate`` (m) of where the arm puts it there.
-    """
-    q = chain.joints_from_segments(fit_segments(markers, template)[0])
-    distance = np.linalg.norm(markers - marker_places(q, template, chain), axis=-1)
-    fits = ((distance <= gate) | np.isnan(markers).any(axis=-1)).all(axis=(-2, -1))
-    return q, fits & np.isfinite(q).all(axis=-1)
-
+from pipeline.perception.posture import LEAST_LEVER, Carried, points_in_plane, points_in_space
 
 # solved frames from which a frame's pose is predicted: enough to damp noise, few enough for a
 # straight line
 NEIGHBOURS = 5
+BLOCK = 16  # frames of an arm in space that are solved at once, from the one before them
+OPEN = 0.1  # share of a joint's turn that lies among the motions that no point shows
 
 
-def correct_labels(
-    markers: np.ndarray,
-    extra: np.ndarray,
-    template: np.ndarray,
-    chain: PlanarChain,
+@dataclass(frozen=True)
+class JointTrack:
+    """Joint angles of one take.
+
+    ``q`` (N, n) rad, m of prismatic joints, continuous in time. ``residual`` (N,) rms distance of
+    the markers to the arm in m, NaN where the frame was filled in. ``counts`` of what was lost and
+    repaired, which the tracker names; ``samples``: of markers, of which some are ``missing``.
+    ``errors``: by joint the standard error of its angle in a frame, as far as the residuals tell.
+    """
+
+    q: np.ndarray
+    residual: np.ndarray
+    counts: dict[str, int]
+    samples: int
+    errors: dict[str, float] = field(default_factory=dict)
+
+
+def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
+    """Return the function that makes joint angles of a take's rows of the table ``markers`` and its
+    name ``take``.
+    """
+    options = {"gate": mocap.gate, "max_gap": mocap.max_gap}
+    if robot.plane:
+        arm = arm_of(robot)
+        template = np.array([list(link.values()) for link in mocap.markers.values()])
+        track = partial(track_plane, arm=arm, points=points_in_plane(arm, template), **options)
+    else:
+        points = points_in_space(robot, mocap)
+        track = partial(track_space, points=points, joints=robot.joints, **options)
+
+    def follow(rows: pd.DataFrame, *, take: str) -> JointTrack:
+        positions = rows.sort_values(["link", "marker", "k"], kind="stable")
+        frames = positions["k"].nunique()
+        labelled, stray = (
+            part[["x", "y", "z"]].to_numpy().reshape(-1, frames, 3).transpose(1, 0, 2)
+            for part in (positions[positions["link"] > 0], positions[positions["link"] == 0])
+        )
+        return track(labelled, stray=stray, take=take)
+
+    return follow
+
+
+def track_plane(
+    positions: np.ndarray,
+    arm: Arm,
+    points: Carried,
+    *,
     gate: float,
-    take: str,
+    max_gap: int,
+    stray: np.ndarray | None = None,
+    take: str = "",
+) -> JointTrack:
+    """Joint angles of one take of a planar arm.
+
+    Its counts: samples ``missing`` (label without a position), ``relabelled`` (moved to another
+    label), ``adopted`` (taken from the unlabelled markers), ``rejected`` (labelled, but no marker
+    of the arm); ``two_marker_fits`` (links with two of their markers); frames ``interpolated`` and
+    ``held``. Raises RecordingError (take and frames) for longer gaps than ``max_gap`` or markers
+    that never fit the arm.
+
+    Args:
+        positions: (N, P, 3) of the points in the base frame, m, NaN where missing.
+        arm: the robot.
+        points: where the arm carries them.
+        gate: m; samples farther from where the arm puts their label are relabelled, or left out.
+        max_gap: frames; shorter runs of frames that are not solved are filled.
+        stray: (N, U, 3) further positions, likewise.
+        take: name of the take, for messages.
+    """
+    if not len(positions):
+        raise RecordingError("the take has no frame", take=take)
+    extra = np.empty((len(positions), 0, 3)) if stray is None else stray
+    missing = int(np.isnan(positions[..., 0]).sum())
+    markers, q, residual, moved = _correct_labels(positions, extra, arm, points, gate, take)
+    solved = np.isfinite(residual)
+    present = ~np.isnan(markers[solved][..., 0])
+    pairs = sum((present[:, points.owner == link].sum(axis=1) == 2).sum() for link in range(3))
+    q, filled = fill_gaps(q, solved, points.sliding, max_gap, take)
+    counts = {"missing": missing} | moved | {"two_marker_fits": int(pairs)} | filled
+    return JointTrack(q, residual, counts, samples=markers[..., 0].size)
+
+
+def _headings(arm: Arm, points: np.ndarray, template: np.ndarray) -> np.ndarray:
+    """(...) rad, least-squares turn about the plane's normal from the ``template`` (K, 3) of a
+    segment to ``points`` (..., K, 3) of the base frame; NaN where fewer than two are present.
+    """
+    present = np.isfinite(points).all(axis=-1)
+    weight = (present / np.maximum(present.sum(axis=-1), 1)[..., None])[..., None]
+    measured = np.where(present[..., None], arm.to_plane(points), 0.0)
+    measured = (measured - (weight * measured).sum(axis=-2, keepdims=True)) * present[..., None]
+    turn = np.swapaxes(measured, -1, -2) @ template
+    psi = np.arctan2(turn[..., 0, 2] - turn[..., 2, 0], turn[..., 0, 0] + turn[..., 2, 2])
+    return np.where(present.sum(axis=-1) >= 2, psi, np.nan)
+
+
+def _solve(
+    points: Carried, markers: np.ndarray, starts: np.ndarray, gate: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Joint angles (N, n) of ``markers`` (N, P, 3) near the ``starts`` (N, n), and their residual
+    (N,) in m: NaN where a marker lies beyond the gate, or a joint is not decided.
+    """
+    solution = points.solve_all(markers, starts)
+    fits = solution.decided & (solution.distances <= gate).all(axis=-1)
+    return solution.q, np.where(fits, solution.residual, np.nan)
+
+
+def _correct_labels(
+    positions: np.ndarray, extra: np.ndarray, arm: Arm, points: Carried, gate: float, take: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, int]]:
-    """Markers (N, n, 3, 3) with the right labels, joint angles (N, n), which frames (N,) have
-    them, and the counts of samples moved.
+    """Markers (N, P, 3) with the right labels, joint angles (N, n), residuals (N,), NaN where there
+    are none, and the counts of samples moved; arguments as of :func:`track_plane`.
 
     Frames that fit the arm as they are labelled stay. In the others every position, labelled or
     not, goes to the label whose place, predicted from the nearest solved frames, it fits best: an
     optimal assignment under the gate.
-
-    Args:
-        markers: positions (N, n links, 3 markers, 3) in the plane's frame, m, NaN where missing.
-        extra: (N, U, 3) further positions, likewise.
-        template: (n, 3, 3) markers in the frames of their segments, m.
-        chain: the arm's kinematics.
-        gate: greatest distance in m of a sample from the place of its label.
-        take: name of the take, for messages.
     """
     from scipy.optimize import linear_sum_assignment
 
-    q, solved = solve(markers, template, chain, gate)
-    moved = {"relabelled": 0, "adopted": 0, "rejected": 0}
-    incomplete = np.isnan(markers).any(axis=(-3, -2, -1)) & np.isfinite(extra).all(axis=-1).any(
-        axis=-1
+    links, labels, frames = len(points.chains), len(points.owner), np.arange(len(positions))
+    psi = [
+        _headings(arm, positions[:, points.owner == j], points.places[points.owner == j])
+        for j in range(links)
+    ]
+    for heading in psi:
+        known = np.isfinite(heading)
+        turned = np.unwrap(heading[known])
+        heading[~known] = np.interp(frames[~known], frames[known], turned) if known.any() else 0.0
+    q, residual = _solve(
+        points, positions, arm.chain.joints_from_segments(np.stack(psi, axis=-1)), gate
     )
-    doubtful = ~solved | incomplete
+    moved = {"relabelled": 0, "adopted": 0, "rejected": 0}
+    strays = np.isfinite(extra).all(axis=-1)
+    incomplete = np.isnan(positions[..., 0]).any(axis=-1) & strays.any(axis=-1)
+    doubtful = np.isnan(residual) | incomplete
     if not doubtful.any():
-        return markers, q, solved, moved
-    markers, labels = markers.copy(), template.shape[0] * template.shape[1]
+        return positions, q, residual, moved
+    markers = positions.copy()
     start, pose = (
-        (int(np.argmax(solved)), None)
-        if solved.any()
-        else _first_pose(markers, extra, template, chain, gate, take)
+        _first_pose(positions, extra, arm, points, gate, take)
+        if np.isnan(residual).all()
+        else (int(np.argmax(np.isfinite(residual))), None)
     )
     # outwards from the first pose that is sure, so that each frame has a solved neighbour
     for k in [*np.flatnonzero(doubtful[start:]) + start, *np.flatnonzero(doubtful[:start])[::-1]]:
-        expected = _predict(q, solved, k) if solved.any() else pose
-        labelled = markers[k].reshape(labels, 3)
-        candidates = np.concatenate([labelled, extra[k][np.isfinite(extra[k]).all(axis=-1)]])
-        places = marker_places(expected, template, chain).reshape(labels, 1, 3)
-        square = ((places - candidates) ** 2).sum(axis=-1)
+        solved = np.flatnonzero(np.isfinite(residual))
+        expected = _predict(q, solved, k) if len(solved) else pose
+        candidates = np.concatenate([markers[k], extra[k][strays[k]]])
+        square = ((points.carry(expected[None])[0][:, None] - candidates) ** 2).sum(axis=-1)
         square[np.isnan(square)] = np.inf
         label, sample = linear_sum_assignment(np.minimum(square, gate**2))
         close = square[label, sample] <= gate**2
         label, sample = label[close], sample[close]
-        relabelled = np.full((labels, 3), np.nan)
-        relabelled[label] = candidates[sample]
-        present = np.isfinite(labelled).all(axis=-1)
-        markers[k] = relabelled.reshape(template.shape)
-        q[k : k + 1], solved[k : k + 1] = solve(markers[k : k + 1], template, chain, gate)
+        present = int(np.isfinite(markers[k]).all(axis=-1).sum())
+        markers[k] = np.nan
+        markers[k, label] = candidates[sample]
+        q[k : k + 1], residual[k : k + 1] = _solve(points, markers[k : k + 1], expected[None], gate)
         moved["relabelled"] += int(((sample < labels) & (sample != label)).sum())
         moved["adopted"] += int((sample >= labels).sum())
-        moved["rejected"] += int(present.sum() - (sample < labels).sum())
-    return markers, q, solved, moved
+        moved["rejected"] += present - int((sample < labels).sum())
+    return markers, q, residual, moved
 
 
 def _predict(q: np.ndarray, solved: np.ndarray, k: int) -> np.ndarray:
-    """Joint angles at frame ``k`` on the straight line through the solved frames nearest to it."""
-    frames = np.flatnonzero(solved)
-    frames = frames[np.argsort(np.abs(frames - k), kind="stable")[:NEIGHBOURS]]
+    """Joint angles at frame ``k`` on the straight line through the ``solved`` frames nearest."""
+    frames = solved[np.argsort(np.abs(solved - k), kind="stable")[:NEIGHBOURS]]
     time = frames - frames.mean()
     near = np.unwrap(q[frames], axis=0)
     slope = time @ near / max(time @ time, 1.0)
@@ -146,43 +202,34 @@ def _predict(q: np.ndarray, solved: np.ndarray, k: int) -> np.ndarray:
 
 
 def _first_pose(
-    markers: np.ndarray,
-    extra: np.ndarray,
-    template: np.ndarray,
-    chain: PlanarChain,
-    gate: float,
-    take: str,
+    positions: np.ndarray, extra: np.ndarray, arm: Arm, points: Carried, gate: float, take: str
 ) -> tuple[int, np.ndarray]:
     """A frame and its joint angles (n,) where no frame fits as it is labelled: from the shape of
     the triangles and the chain alone.
 
     Link by link, the ordered triple of positions that has the template's shape and starts where the
-    link before it ends. Arguments as for :func:`correct_labels`; RecordingError where no frame has
-    such triples.
+    link before it ends. Raises RecordingError where no frame has such triples.
     """
-    links = len(template)
-    for k in range(len(markers)):
-        points = np.concatenate([markers[k].reshape(-1, 3), extra[k]])
-        points = points[np.isfinite(points).all(axis=-1)]
-        if len(points) < 3 * links:
+    links, chain = len(points.chains), arm.chain
+    for k in range(len(positions)):
+        found = np.concatenate([positions[k], extra[k]])
+        found = found[np.isfinite(found).all(axis=-1)]
+        if len(found) < 3 * links:
             continue
-        ordered = points[list(permutations(range(len(points)), 3))]
+        ordered = found[list(permutations(range(len(found)), 3))]
         q = np.zeros(links)
         for j in range(links):
+            mine = points.owner == j
             # two markers that lie within the gate of their places are as far apart as these, but
             # for twice the gate
-            triples = ordered[
-                (np.abs(_sides(ordered) - _sides(template[j])) <= 2 * gate).all(axis=-1)
-            ]
+            off = np.abs(_sides(ordered) - _sides(points.places[mine]))
+            triples = ordered[(off <= 2 * gate).all(axis=-1)]
             if not len(triples):
                 break
-            alone = np.full((len(triples), *template.shape), np.nan)
-            alone[:, j] = triples
-            psi = fit_segments(alone, template)[0][:, j]
             heading = chain.segment_headings(np.broadcast_to(q, (len(triples), links))).copy()
-            heading[:, j] = psi
+            heading[:, j] = _headings(arm, triples, points.places[mine])
             trial = chain.joints_from_segments(heading)
-            error = np.abs(marker_places(trial, template, chain)[:, j] - triples).max(axis=(-2, -1))
+            error = np.abs(points.carry(trial)[:, mine] - triples).max(axis=(-2, -1))
             q = trial[np.argmin(error)]
             if error.min() > gate:
                 break
@@ -200,104 +247,114 @@ def _sides(triangles: np.ndarray) -> np.ndarray:
     return np.linalg.norm(triangles - np.roll(triangles, 1, axis=-2), axis=-1)
 
 
-MIN_LEVER = 0.01  # m; two markers closer than this in the plane give no angle worth having
-
-
-def track_rows(rows: pd.DataFrame, mocap: Mocap, arm: Arm, *, take: str) -> JointTrack:
-    """Joint angles of one take from its ``rows`` of the table ``markers``; see
-    :func:`track_joints`.
-    """
-    template = np.array([list(link.values()) for link in mocap.markers.values()])
-    positions = rows.sort_values(["link", "marker", "k"], kind="stable")
-    labelled, stray = positions[positions.link > 0], positions[positions.link == 0]
-    frames = labelled.k.nunique()
-    xyz = (
-        labelled[["x", "y", "z"]]
-        .to_numpy()
-        .reshape(*template.shape[:2], frames, 3)
-        .transpose(2, 0, 1, 3)
-    )
-    extra = stray[["x", "y", "z"]].to_numpy().reshape(-1, frames, 3).transpose(1, 0, 2)
-    return track_joints(
-        xyz, template, arm, unlabelled=extra, gate=mocap.gate, max_gap=mocap.max_gap, take=take
-    )
-
-
-def track_joints(
+def track_space(
     positions: np.ndarray,
-    template: np.ndarray,
-    arm: Arm,
+    points: Carried,
+    joints: Sequence[str],
     *,
-    unlabelled: np.ndarray | None = None,
-    gate: float = 0.01,
-    max_gap: int = 10,
+    gate: float,
+    max_gap: int,
+    stray: np.ndarray | None = None,
     take: str = "",
 ) -> JointTrack:
-    """Joint angles of one take from its markers.
+    """Joint angles of one take of an arm in space; markers without a label stay unused.
 
-    Its counts: samples ``missing`` (label without a position), ``relabelled`` (moved to another
-    label), ``adopted`` (taken from the unlabelled markers), ``rejected`` (labelled, but no marker
-    of the arm); ``two_marker_fits`` (link and frame); frames ``interpolated`` and ``held``.
+    The first frame that one posture alone fits is the start, the others follow from it in blocks. A
+    frame with a point beyond the gate goes without the link whose absence lets it fit best; one
+    that does not fit then, or whose points do not decide every joint, is missing. Counts: samples
+    ``missing`` and ``rejected``; frames ``unfit``, ``undecided``, ``interpolated`` and ``held``.
+    Raises RecordingError where no frame is decided, or fits, and for longer gaps than ``max_gap``.
 
-    Raises RecordingError (take and frames) for longer gaps than ``max_gap`` or markers that never
-    fit the arm, ConfigError for a template that determines no angle.
-
-    Args:
-        positions: (N, n links, 3 markers, 3) in the base frame, m, not finite where a label has no
-            position.
-        template: (n, 3, 3) the markers in the frames of their segments, m.
-        arm: the robot.
-        unlabelled: (N, U, 3) further positions, likewise.
-        gate: m; samples farther from where the arm puts their label are relabelled, or left out.
-        max_gap: frames; shorter runs in which a link has fewer than two markers are filled.
-        take: name of the take, for messages.
+    Arguments as of :func:`track_plane`; ``joints``: names of the n joints.
     """
-    check_template(template)
-    if (
-        positions.ndim != 4
-        or positions.shape[1:] != template.shape
-        or (unlabelled is not None and len(unlabelled) != len(positions))
-    ):
+    frames, n = len(positions), len(joints)
+    first, start = _first(positions, points, joints, gate, take)
+    q, residual = np.full((frames, n), np.nan), np.full(frames, np.nan)
+    errors, missing = np.full((frames, n), np.nan), np.isnan(positions[..., 0])
+    counts = {"missing": int(missing.sum()), "rejected": 0, "unfit": 0, "undecided": 0}
+    for way in (range(first, frames), range(first - 1, -1, -1)):
+        last = start
+        for begin in range(0, len(way), BLOCK):
+            block = way[begin : begin + BLOCK]
+            starts = np.broadcast_to(last, (len(block), n))
+            solutions = points.solve_all(positions[block], starts).each()
+            for k, solution in zip(block, solutions, strict=True):
+                if not solution.decided:
+                    counts["undecided"] += 1
+                    continue
+                if solution.distances.max() > gate:
+                    solution = points.without_a_link(positions[k], last, gate)
+                if solution is None:
+                    counts["unfit"] += 1
+                    continue
+                counts["rejected"] += int((~missing[k] & ~solution.seen).sum())
+                last = q[k] = solution.q
+                residual[k], errors[k] = solution.residual, points.errors(solution)
+    q, filled = fill_gaps(q, np.isfinite(residual), points.sliding, max_gap, take)
+    known = np.isfinite(errors).all(axis=1)
+    error = np.sqrt(np.mean(errors[known] ** 2, axis=0)).tolist() if known.any() else []
+    stated = dict(zip(joints, error, strict=False))
+    return JointTrack(q, residual, counts | filled, missing.size, stated)
+
+
+def _first(
+    positions: np.ndarray, points: Carried, joints: Sequence[str], gate: float, take: str
+) -> tuple[int, np.ndarray]:
+    """The first frame that one posture alone fits, and that posture (n,); RecordingError where
+    there is none.
+    """
+    several, undecided = 0, None
+    for k, measured in enumerate(positions):
+        if np.isnan(measured[:, 0]).all():
+            continue
+        postures = points.postures(measured, gate)
+        decided = [one for one in postures if one.decided]
+        if len(decided) == len(postures) == 1:
+            return k, decided[0].q
+        several = max(several, len(decided))
+        undecided = next((one for one in postures if not one.decided), undecided)
+    key = "dataset.mocap.markers"
+    if undecided is not None:
+        values, vectors = np.linalg.eigh(undecided.normal)
+        share = (vectors[:, values < LEAST_LEVER**2] ** 2).sum(axis=1)
+        left = [name for name, part in zip(joints, share, strict=True) if part > OPEN]
+        message = f"the markers and bodies leave {', '.join(left)} open: follow another link"
+    elif several > 1:
+        key = "dataset.mocap.posture"
+        message = (
+            f"{several} postures of the arm fit the markers and bodies: follow another link, or "
+            "say about which one a take starts"
+        )
+    else:
+        message = (
+            f"no posture of the arm has all markers and bodies of a frame within {gate:g} m: check "
+            "their places and mounts, the base, and the gate"
+        )
+    raise RecordingError(message, take=take, key=key)
+
+
+def fill_gaps(
+    q: np.ndarray, solved: np.ndarray, sliding: np.ndarray, max_gap: int, take: str
+) -> tuple[np.ndarray, dict[str, int]]:
+    """Angles ``q`` (N, n), but for ``sliding`` (n,) joints without leaps of whole turns, linear in
+    time across gaps and held at the ends of the take, and the frames ``interpolated`` and ``held``.
+
+    Raises RecordingError where no frame is ``solved`` (N,), or more than ``max_gap`` in a row are
+    not.
+    """
+    frames = np.flatnonzero(solved)
+    if not len(frames):
+        raise RecordingError("no frame has markers that decide every joint", take=take)
+    edges = np.concatenate([[-1], frames, [len(q)]])
+    longest = int(np.argmax(np.diff(edges)))
+    if edges[longest + 1] - edges[longest] - 1 > max_gap:
         raise RecordingError(
-            "marker positions are not of shape (frames, links, 3 markers, 3)",
+            f"markers give no joint angles for longer than {max_gap} frames: repair the labels, "
+            "or leave the take out",
             take=take,
-            shape=positions.shape,
+            frames=f"{edges[longest] + 1} to {edges[longest + 1] - 1}",
         )
-    if not len(positions):
-        raise RecordingError("the take has no frame", take=take)
-    markers = arm.to_plane(np.where(np.isfinite(positions), positions, np.nan))
-    extra = (
-        np.empty((len(positions), 0, 3))
-        if unlabelled is None
-        else arm.to_plane(np.where(np.isfinite(unlabelled), unlabelled, np.nan))
-    )
-    counts = {"missing": int(np.isnan(markers).any(axis=-1).sum())}
-    markers, q, solved, moved = correct_labels(markers, extra, template, arm.chain, gate, take)
-    counts |= moved
-    _, square = fit_segments(markers[solved], template)
-    present = np.isfinite(markers[solved]).all(axis=-1)
-    counts["two_marker_fits"] = int((present.sum(axis=-1) == 2).sum())
-    residual = np.full(len(q), np.nan)
-    residual[solved] = np.sqrt(square.sum(axis=-1) / present.sum(axis=(-2, -1)))
-    q, filled = fill_gaps(q, solved, max_gap, take, lack="shows two markers of every link")
-    return JointTrack(q, residual, counts | filled, samples=markers[..., 0].size)
-
-
-def check_template(template: np.ndarray) -> None:
-    """Raise ConfigError unless the three markers of each link, (n, 3, 3) m, span a triangle, along
-    the plane's normal too.
-    """
-    if np.ndim(template) != 3 or template.shape[1:] != (3, 3) or not np.isfinite(template).all():
-        raise ConfigError(
-            "the marker template is not of shape (links, 3 markers, 3), or not finite",
-            shape=np.shape(template),
-        )
-    for link, corners in enumerate(template, start=1):
-        spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[1]
-        sides = np.linalg.norm((corners - np.roll(corners, 1, axis=0))[:, [0, 2]], axis=1)
-        if spread < MIN_LEVER / 2 or sides.min() < MIN_LEVER:
-            raise ConfigError(
-                "the markers of a link are in line, or two of them are too close in the plane of "
-                "the arm",
-                link=link,
-            )
+    known = np.where(sliding, q[frames], np.unwrap(q[frames], axis=0))
+    q = np.stack([np.interp(np.arange(len(q)), frames, joint) for joint in known.T], axis=1)
+    held = int(frames[0] + len(q) - 1 - frames[-1])
+    return q, {"interpolated": len(q) - len(frames) - held, "held": held}

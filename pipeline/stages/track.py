@@ -17,8 +17,7 @@ from pipeline.core.columns import columns, spread
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError, SingularJacobianError
 from pipeline.models.noise import process_noise
-from pipeline.perception.follow import follower
-from pipeline.perception.joint_track import JointTrack
+from pipeline.perception.markers import JointTrack, follower
 from pipeline.recordings.commands import commanded_steps
 from pipeline.recordings.cross_check import require_commanded, require_encoders
 from pipeline.recordings.depth_clock import on_motion_clock, with_markers

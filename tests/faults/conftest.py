@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from marker_takes import marker_places
 from recovery_bench import (
     Bench,
     angles_of_depth,
@@ -39,7 +40,6 @@ from pipeline.laboratory.options import KinectOptions
 from pipeline.laboratory.sensor import draw_bias
 from pipeline.laboratory.swing import desired_joints, desired_trajectory
 from pipeline.perception.articulation import ArticulationOptions
-from pipeline.perception.markers import marker_places
 
 ROOT = Path(__file__).parents[2]
 FULL_SCALE = 32.0  # N, of the force transducer
@@ -110,7 +110,7 @@ def marker_bench(dataset, arm, motion, tmp_path_factory) -> Bench:
     write_motive(folder / "optitrack/test_001.csv", take, start="2017-05-02 10.00.00.000 AM")
     return _bench(
         _files(folder),
-        partial(angles_of_markers, dataset=dataset, arm=arm),
+        partial(angles_of_markers, dataset=dataset),
         frame / RATE,
         q,
     )

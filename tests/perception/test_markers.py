@@ -1,17 +1,18 @@
-"""Joint angles from markers: exactness, error statistics against a closed form, labels put right,
-gaps.
-"""
+"""Joint angles of takes of a planar arm: exactness, labels put right, gaps, refusals; and gaps of
+sliding joints, which have no whole turns."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from marker_takes import marker_places
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.perception.markers import fit_segments, marker_places, track_joints
+from pipeline.perception.markers import JointTrack, fill_gaps, track_plane
+from pipeline.perception.posture import points_in_plane
 
 TEMPLATE = np.array(
     [
@@ -20,174 +21,131 @@ TEMPLATE = np.array(
         [[0.03, -0.04, 0.01], [-0.03, -0.04, 0.05], [0.01, -0.06, 0.10]],
     ]
 )
-
-
-@pytest.fixture(scope="module")
-def arm() -> Arm:
-    chain = PlanarChain(
+ARM = Arm(
+    PlanarChain(
         origin=np.array([0.009, 0.115]),
         links=np.array([[-0.1405, 0.0655], [0.1333, 0.0211], [-0.0642, 0.1574]]),
         signs=np.array([1.0, 1.0, -1.0]),
         lower=np.array([0.0, -5.18, -3.6]),
         upper=np.array([2.7, 0.0, 0.0]),
         max_speed=np.full(3, np.pi / 2),
-    )
-    turn = Rotation.from_euler("zyx", [0.4, 0.02, -0.03]).as_matrix()
-    return Arm(chain, turn, np.array([0.3, -0.2, 0.1]))
+    ),
+    Rotation.from_euler("zyx", [0.4, 0.02, -0.03]).as_matrix(),
+    np.array([0.3, -0.2, 0.1]),
+)
+# out and back, 1.5 rad a joint in 3.2 s
+PHASE = (1 - np.cos(np.linspace(0, 2 * np.pi, 321))) / 2
+MOTION = np.array([0.5, -2.8, -2.4]) + PHASE[:, None] * np.array([1.5, 1.3, 1.4])
 
 
-def motion() -> np.ndarray:
-    """Out and back, 1.5 rad a joint in 3.2 s."""
-    phase = (1 - np.cos(np.linspace(0, 2 * np.pi, 321))) / 2
-    return np.array([0.5, -2.8, -2.4]) + phase[:, None] * np.array([1.5, 1.3, 1.4])
+def recording(noise: float = 0.0, seed: int = 3) -> np.ndarray:
+    """(321, 9, 3) m in the base frame."""
+    places = ARM.to_base(marker_places(MOTION, TEMPLATE, ARM.chain)).reshape(-1, 9, 3)
+    return places + noise * np.random.default_rng(seed).standard_normal(places.shape)
 
 
-def recording(arm: Arm, q: np.ndarray) -> np.ndarray:
-    return arm.to_base(marker_places(q, TEMPLATE, arm.chain))
+def track(positions: np.ndarray, template: np.ndarray = TEMPLATE, **options) -> JointTrack:
+    options = {"gate": 0.01, "max_gap": 10} | options
+    return track_plane(positions, ARM, points_in_plane(ARM, template), **options)
 
 
-def test_without_noise_the_joint_angles_are_exact(arm: Arm) -> None:
-    q = motion()
-    track = track_joints(recording(arm, q), TEMPLATE, arm)
-    np.testing.assert_allclose(track.q, q, atol=1e-12)
-    assert track.residual.max() < 1e-12
-    assert not any(track.counts.values())
+def test_without_noise_the_joint_angles_are_exact_where_a_link_is_hidden_too():
+    markers = recording()
+    exact = track(markers)
+    np.testing.assert_allclose(exact.q, MOTION, atol=1e-10)
+    assert exact.residual.max() < 1e-10 and not any(exact.counts.values())
+    assert exact.samples == markers.shape[0] * 9
+    markers[40:90, 3:6] = np.nan
+    hidden = track(markers)
+    np.testing.assert_allclose(hidden.q, MOTION, atol=1e-10)
+    assert hidden.counts["missing"] == 150 and not hidden.counts["interpolated"]
 
 
-def test_three_markers_are_fitted_as_scipy_fits_them(arm: Arm) -> None:
-    generator = np.random.default_rng(1)
-    markers = marker_places(motion()[::80], TEMPLATE, arm.chain) + generator.normal(
-        scale=0.004, size=(5, 3, 3, 3)
-    )
-    psi, square = fit_segments(markers, TEMPLATE)
-    for frame in range(5):
-        for link in range(3):
-            measured, reference = (
-                x - x.mean(axis=0) for x in (markers[frame, link], TEMPLATE[link])
-            )
-            rotation, rssd = Rotation.align_vectors(measured, reference)
-            quaternion = rotation.as_quat()
-            twist = 2 * np.arctan2(quaternion[1], quaternion[3])
-            assert np.angle(np.exp(1j * (psi[frame, link] - twist))) == pytest.approx(0.0, abs=1e-9)
-            assert square[frame, link] == pytest.approx(rssd**2, rel=1e-9)
+def test_a_base_that_is_registered_wrongly_shows_in_the_residual():
+    shifted = track(np.add(recording(), [1e-3, 0.0, 0.0]))
+    assert 1e-4 < np.median(shifted.residual) < 1e-3
+    assert np.abs(shifted.q - MOTION).max() > 1e-3
 
 
-def predicted_variance(corners: np.ndarray) -> float:
-    """Variance of the angle about the normal for unit noise: the (y, y) entry of the inverse of the
-    inertia of the markers.
-    """
-    c = corners - corners.mean(axis=0)
-    return np.linalg.inv(np.trace(c.T @ c) * np.eye(3) - c.T @ c)[1, 1]
+def test_labels_swapped_within_and_between_links_are_put_right_and_counted():
+    clean = recording(2e-4)
+    swapped, reference = clean.copy(), track(clean)
+    swapped[40:90, [0, 1]] = clean[40:90, [1, 0]]
+    swapped[150:230, 5], swapped[150:230, 6] = clean[150:230, 6], clean[150:230, 5]
+    swapped[:10, [6, 7, 8]] = clean[:10, [8, 6, 7]]
+    repaired = track(swapped)
+    np.testing.assert_allclose(repaired.q, reference.q, atol=1e-9)
+    assert repaired.counts == {**reference.counts, "relabelled": 2 * 50 + 2 * 80 + 3 * 10}
 
 
-@pytest.mark.parametrize("visible", [3, 2])
-def test_the_angle_error_is_the_noise_over_the_lever(arm: Arm, visible: int) -> None:
-    noise, frames = 2e-4, 4000
-    q = np.broadcast_to(motion()[100], (frames, 3))
-    generator = np.random.default_rng(2)
-    markers = marker_places(q, TEMPLATE, arm.chain) + generator.normal(
-        scale=noise, size=(frames, 3, 3, 3)
-    )
-    markers[:, :, visible:] = np.nan
-    error = fit_segments(markers, TEMPLATE)[0] - arm.chain.segment_headings(q)
-    pair = (TEMPLATE[:, 1] - TEMPLATE[:, 0])[:, [0, 2]]
-    law = (
-        [predicted_variance(corners) for corners in TEMPLATE]
-        if visible == 3
-        else 2 / (pair**2).sum(axis=1)
-    )
-    # the standard deviation of 4000 values is known to 1.1 %: four of those; the other number of
-    # markers lies outside
-    np.testing.assert_allclose(error.std(axis=0), noise * np.sqrt(law), rtol=0.045)
-    wrong = (
-        2 / (pair**2).sum(axis=1)
-        if visible == 3
-        else [predicted_variance(corners) for corners in TEMPLATE]
-    )
-    assert np.all(np.abs(error.std(axis=0) / (noise * np.sqrt(wrong)) - 1) > 0.045)
+def test_labels_wrong_in_every_frame_are_put_right_from_the_shape_of_the_links():
+    clean, order = recording(2e-4)[:60], np.random.default_rng(4).permutation(9)
+    repaired = track(clean[:, order])
+    np.testing.assert_allclose(repaired.q, track(clean).q, atol=1e-9)
+    assert repaired.counts["relabelled"] == 60 * int((order != np.arange(9)).sum())
 
 
-def test_a_tilted_base_frame_does_not_enter_the_angles_of_three_markers_but_of_two(
-    arm: Arm,
-) -> None:
-    q = motion()[::6]
-    leaning = (
-        marker_places(q, TEMPLATE, arm.chain)
-        @ Rotation.from_rotvec([0.02, 0.0, 0.03]).as_matrix().T
-    )
-    np.testing.assert_allclose(
-        fit_segments(leaning, TEMPLATE)[0], arm.chain.segment_headings(q), atol=1e-12
-    )
-    leaning[:, :, 0] = np.nan
-    assert np.abs(fit_segments(leaning, TEMPLATE)[0] - arm.chain.segment_headings(q)).max() > 1e-3
-
-
-def test_labels_swapped_within_and_between_links_are_put_right_and_counted(arm: Arm) -> None:
-    generator = np.random.default_rng(3)
-    q = motion()
-    clean = recording(arm, q) + generator.normal(scale=2e-4, size=(len(q), 3, 3, 3))
-    swapped = clean.copy()
-    swapped[40:90, 0, [0, 1]] = clean[40:90, 0, [1, 0]]
-    swapped[150:230, 1, 2], swapped[150:230, 2, 0] = clean[150:230, 2, 0], clean[150:230, 1, 2]
-    swapped[:10, 2, [0, 1, 2]] = clean[:10, 2, [2, 0, 1]]
-    track, reference = track_joints(swapped, TEMPLATE, arm), track_joints(clean, TEMPLATE, arm)
-    np.testing.assert_array_equal(track.q, reference.q)
-    assert track.counts == {**reference.counts, "relabelled": 2 * 50 + 2 * 80 + 3 * 10}
-
-
-def test_labels_wrong_in_every_frame_are_put_right_from_the_shape_of_the_links(arm: Arm) -> None:
-    q = motion()[:60]
-    generator = np.random.default_rng(4)
-    clean = recording(arm, q) + generator.normal(scale=2e-4, size=(60, 3, 3, 3))
-    order = generator.permutation(9)
-    track = track_joints(clean.reshape(60, 9, 3)[:, order].reshape(60, 3, 3, 3), TEMPLATE, arm)
-    np.testing.assert_array_equal(track.q, track_joints(clean, TEMPLATE, arm).q)
-    assert track.counts["relabelled"] == 60 * int((order != np.arange(9)).sum())
-
-
-def test_unlabelled_markers_fill_missing_labels_and_strangers_do_not(arm: Arm) -> None:
-    q = motion()
-    clean = recording(arm, q)
-    broken, loose = clean.copy(), np.full((len(q), 4, 3), np.nan)
-    broken[100:160, 1, :2] = np.nan
-    loose[100:160, 2], loose[100:160, 0] = clean[100:160, 1, 0], clean[100:160, 1, 1]
-    loose[:, 3] = arm.to_base(np.array([0.2, -0.04, 0.6]))
-    track = track_joints(broken, TEMPLATE, arm, unlabelled=loose)
-    np.testing.assert_allclose(track.q, q, atol=1e-12)
-    assert track.counts["missing"] == track.counts["adopted"] == 120
+def test_unlabelled_markers_fill_missing_labels_and_strangers_do_not():
+    clean, stray = recording(), np.full((321, 4, 3), np.nan)
+    broken = clean.copy()
+    broken[100:160] = np.nan
+    broken[100:160, 0] = clean[100:160, 0]
+    stray[100:160, 2], stray[100:160, 0] = clean[100:160, 3], clean[100:160, 8]
+    stray[:, 3] = ARM.to_base(np.array([0.2, -0.04, 0.6]))
+    filled = track(broken, stray=stray)
+    np.testing.assert_allclose(filled.q, MOTION, atol=1e-10)
+    assert (filled.counts["missing"], filled.counts["adopted"]) == (60 * 8, 60 * 2)
     with pytest.raises(RecordingError, match="longer than 10 frames"):
-        track_joints(broken, TEMPLATE, arm)
+        track(broken)
 
 
-def test_a_reflection_with_a_label_is_rejected_and_the_link_solved_on_two_markers(arm: Arm) -> None:
-    q = motion()
-    ghost = recording(arm, q)
-    ghost[200:205, 2, 1] += 0.05
-    track = track_joints(ghost, TEMPLATE, arm)
-    np.testing.assert_allclose(track.q, q, atol=1e-12)
-    assert (track.counts["rejected"], track.counts["two_marker_fits"]) == (5, 5)
+def test_a_reflection_with_a_label_is_rejected_and_the_rest_of_the_markers_decide():
+    ghost = recording()
+    ghost[200:205, 7] += 0.05
+    solved = track(ghost)
+    np.testing.assert_allclose(solved.q, MOTION, atol=1e-10)
+    assert (solved.counts["rejected"], solved.counts["two_marker_fits"]) == (5, 5)
 
 
-def test_short_gaps_are_filled_linearly_counted_and_have_no_residual(arm: Arm) -> None:
-    q = motion()
-    gap = recording(arm, q)
-    gap[50:60, 0, 1:] = np.nan
+def test_short_gaps_are_filled_linearly_counted_and_have_no_residual():
+    gap = recording()
+    gap[50:60, 6:] = np.nan
     gap[:3] = np.nan
-    track = track_joints(gap, TEMPLATE, arm)
+    filled = track(gap)
     share = (np.arange(50, 60) - 49)[:, None] / 11
-    np.testing.assert_allclose(track.q[50:60], (1 - share) * q[49] + share * q[60], atol=1e-12)
-    np.testing.assert_allclose(track.q[:3], np.tile(q[3], (3, 1)), atol=1e-12)
-    assert (track.counts["interpolated"], track.counts["held"]) == (10, 3)
-    assert np.isnan(track.residual).sum() == 13
-    gap[60, 0, 1:] = np.nan
+    line = (1 - share) * MOTION[49] + share * MOTION[60]
+    np.testing.assert_allclose(filled.q[50:60], line, atol=1e-10)
+    np.testing.assert_allclose(filled.q[:3], np.tile(MOTION[3], (3, 1)), atol=1e-10)
+    assert (filled.counts["interpolated"], filled.counts["held"]) == (10, 3)
+    assert np.isnan(filled.residual).sum() == 13
+    gap[60, 6:] = np.nan
     with pytest.raises(RecordingError, match=r"take-7.*50 to 60"):
-        track_joints(gap, TEMPLATE, arm, take="take-7")
+        track(gap, take="take-7")
 
 
-def test_markers_that_never_fit_and_a_template_in_line_are_refused(arm: Arm) -> None:
-    markers, line = recording(arm, motion()[:20]), TEMPLATE.copy()
-    with pytest.raises(RecordingError, match="fit the arm"):
-        track_joints(markers * 1000, TEMPLATE, arm)
-    line[1] = [[0, 0, 0.02], [0, 0, 0.06], [0, 0, 0.1]]
-    with pytest.raises(ConfigError, match="in line"):
-        track_joints(markers, line, arm)
+def test_gaps_of_turning_joints_are_filled_the_short_way_round_and_of_sliding_ones_as_they_are():
+    q = np.array([[3.1, 0.0], [np.nan, np.nan], [-3.1, 3.8]])
+    solved, sliding = np.array([True, False, True]), np.array([False, True])
+    filled, counts = fill_gaps(q, solved, sliding, 1, "t")
+    np.testing.assert_allclose(filled, [[3.1, 0.0], [np.pi, 1.9], [2 * np.pi - 3.1, 3.8]])
+    assert counts == {"interpolated": 1, "held": 0}
+
+
+LINE = np.array([TEMPLATE[0], [[0, 0, 0.02], [0, 0, 0.06], [0, 0, 0.1]], TEMPLATE[2]])
+
+
+@pytest.mark.parametrize(
+    ("markers", "template", "error", "words"),
+    [
+        (recording()[:20] * 1000, TEMPLATE, RecordingError, "fit the arm"),
+        (np.full((5, 9, 3), np.nan), TEMPLATE, RecordingError, "fit the arm"),
+        (recording()[:0], TEMPLATE, RecordingError, "no frame"),
+        (recording()[:20], LINE, ConfigError, "in line"),
+        (recording()[:20], TEMPLATE[:2], ConfigError, "three markers"),
+    ],
+)
+def test_markers_that_never_fit_and_templates_that_decide_no_angle_are_refused(
+    markers, template, error, words
+):
+    with pytest.raises(error, match=words):
+        track(markers, template)

@@ -16,7 +16,7 @@ from pipeline.core.errors import RecordingError
 from pipeline.models.closed_loop import MeanPath
 from pipeline.models.exported import ExportedModel
 from pipeline.models.model import Commands
-from pipeline.perception.follow import follower
+from pipeline.perception.markers import follower
 from pipeline.recordings.commands import commanded_steps
 from pipeline.recordings.joint_logs import find_takes
 from pipeline.recordings.motion_capture import marker_rows

@@ -1,21 +1,26 @@
-"""Joint angles of arms in space from points on their links: exact, as SciPy and Pinocchio have
-them, with missing links as far as the rest decides, and refused with one message where nothing
+"""Least-squares postures of any chain: exact, as SciPy and Pinocchio have them in the plane and in
+space, with missing links as far as the rest decides, and refused with one message where nothing
 does."""
 
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from made_options import ORIGIN
+from marker_takes import PLACES, marker_places
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
-from space_arms import LWR4, MARKERS, START, UR5, mocap, motion, points
+from space_arms import HERE, LWR4, MARKERS, START, UR5, mocap, motion, points
 
+from pipeline.arm.model import arm_of
 from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.dataset import Robot
 from pipeline.core.options.instruments import Body
 from pipeline.core.task import SPACE
-from pipeline.perception.space import Carried, carried, track_joints
+from pipeline.perception.markers import track_space
+from pipeline.perception.posture import Carried, points_in_plane, points_in_space
 
 FRAMES, NOISE = 120, 5e-5  # m
 OPTIONS = {"gate": 0.005, "max_gap": 20}
@@ -30,7 +35,9 @@ def measured() -> np.ndarray:
 
 def tracked(positions: np.ndarray, markers: dict = MARKERS, robot=UR5, **options):
     of_mocap = mocap(markers, **options)
-    return track_joints(positions, carried(robot, of_mocap), robot.joints, **OPTIONS, take="t")
+    return track_space(
+        positions, points_in_space(robot, of_mocap), robot.joints, **OPTIONS, take="t"
+    )
 
 
 def noisy(positions: np.ndarray, seed: int = 1) -> np.ndarray:
@@ -56,19 +63,90 @@ def test_single_markers_on_many_links_do_as_well():
     np.testing.assert_allclose(track.q, motion(FRAMES), atol=1e-9)
 
 
-def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(measured):
-    frame, q = noisy(measured)[60], motion(FRAMES)[60]
+YOUBOT = Robot(
+    str(HERE / "youbot.urdf"),
+    [f"arm_joint_{j}" for j in (2, 3, 4)],
+    "arm_tool",
+    locked={"arm_joint_1": 2.9670597283903604, "arm_joint_5": 2.923426497090502},
+    plane=True,
+)
+BENT = np.array([[2.0, -4.2, 1.2]])
 
-    def ways(angles: np.ndarray) -> np.ndarray:
-        return (points(UR5, MARKERS, angles[None])[0] - frame).ravel()
 
-    other = least_squares(ways, q, x_scale=0.1, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    solution = carried(UR5, mocap()).solve(frame, q + 0.05)
+def of_youbot(q: np.ndarray) -> np.ndarray:
+    """(9, 3) m, where Pinocchio has the youBot's markers at ``q`` (3,) rad: fixed to its joints as
+    the segments hold them at zero.
+    """
+    model, arm = pin.buildModelFromUrdf(YOUBOT.urdf), arm_of(YOUBOT)
+    data, held = model.createData(), pin.neutral(model)
+    joints = [model.getJointId(name) for name in YOUBOT.joints]
+    for name, angle in YOUBOT.locked.items():
+        held[model.joints[model.getJointId(name)].idx_q] = angle
+
+    def placed(angles: np.ndarray) -> list[pin.SE3]:
+        at = held.copy()
+        at[[model.joints[joint].idx_q for joint in joints]] = angles
+        pin.forwardKinematics(model, data, at)
+        return [data.oMi[joint].copy() for joint in joints]
+
+    zero = arm.to_base(marker_places(np.zeros(3), PLACES, arm.chain))
+    frames = zip(placed(np.zeros(3)), placed(q), zero, strict=True)
+    return np.array([(now * before.inverse()).act(m) for before, now, of in frames for m in of])
+
+
+@pytest.mark.parametrize("plane", [True, False])
+def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(plane):
+    if plane:
+        solver, carry, q = points_in_plane(arm_of(YOUBOT), PLACES), of_youbot, BENT[0]
+    else:
+        solver, q = points_in_space(UR5, mocap()), motion(FRAMES)[60]
+
+        def carry(angles: np.ndarray) -> np.ndarray:
+            return points(UR5, MARKERS, angles[None])[0]
+
+    np.testing.assert_allclose(solver.carry(q[None])[0], carry(q), atol=1e-12)
+    frame = noisy(carry(q))
+    other = least_squares(
+        lambda angles: (carry(angles) - frame).ravel(),
+        q,
+        "3-point",
+        x_scale=0.1,
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+    )
+    solution = solver.solve(frame, q + 0.05)
     np.testing.assert_allclose(solution.q, other.x, atol=2e-8)
-    assert solution.square == pytest.approx(2 * other.cost, rel=1e-9)
+    assert (solution.distances**2).sum() == pytest.approx(2 * other.cost, rel=1e-9)
     np.testing.assert_allclose(solution.normal, other.jac.T @ other.jac, rtol=0, atol=1e-5)
     # control: the exact angles are no minimum of the noisy points
     assert np.abs(solution.q - q).max() > 1e-5
+
+
+def test_a_frame_is_solved_alike_alone_and_among_others():
+    solver = points_in_plane(arm_of(YOUBOT), PLACES)
+    measured = noisy(np.repeat(of_youbot(BENT[0])[None], 7, axis=0))
+    measured[3] = measured[3, ::-1]  # a frame that no posture fits takes the most steps
+    starts = np.repeat(BENT + 0.1, 7, axis=0)
+    together = solver.solve_all(measured, starts).q
+    alone = [solver.solve(*each).q for each in zip(measured, starts, strict=True)]
+    np.testing.assert_array_equal(together, alone)
+
+
+@pytest.mark.parametrize("gone", [[], [0, 4, 8], [3, 4, 5]])
+def test_the_planar_angles_err_as_the_least_squares_of_all_markers_do(gone):
+    solver, frames = points_in_plane(arm_of(YOUBOT), PLACES), 4000
+    measured = noisy(np.repeat(of_youbot(BENT[0])[None], frames, axis=0), seed=2)
+    measured[:, gone] = np.nan
+    error = solver.solve_all(measured, np.repeat(BENT, frames, axis=0)).q - BENT
+    step = 1e-6 * np.eye(3)
+    left = np.setdiff1d(np.arange(9), gone)
+    slopes = [
+        (of_youbot(BENT[0] + d)[left] - of_youbot(BENT[0] - d)[left]).ravel() / 2e-6 for d in step
+    ]
+    law = NOISE**2 * np.linalg.inv(np.array(slopes) @ np.array(slopes).T)
+    # the standard deviation of 4000 values is known to 1.1 %: four of those
+    np.testing.assert_allclose(error.std(axis=0), np.sqrt(np.diag(law)), rtol=0.045)
 
 
 def test_standard_errors_are_those_that_the_noise_makes(measured):
@@ -181,7 +259,7 @@ def test_points_that_never_fit_are_refused(measured):
 )
 def test_options_that_are_not_of_the_arm_are_refused(markers, posture, words):
     with pytest.raises(ConfigError, match=words):
-        carried(UR5, mocap(markers, posture=posture))
+        points_in_space(UR5, mocap(markers, posture=posture))
 
 
 def placements(count: int, rng: np.random.Generator) -> np.ndarray:
@@ -189,7 +267,9 @@ def placements(count: int, rng: np.random.Generator) -> np.ndarray:
     return np.hstack([turns, rng.uniform(-0.3, 0.3, (count, 3))])
 
 
-def arm(n: int, rng: np.random.Generator, points: int = 3) -> tuple[Carried, list[SerialChain]]:
+def random_arm(
+    n: int, rng: np.random.Generator, points: int = 3
+) -> tuple[Carried, list[SerialChain]]:
     """An arm with ``points`` on a link beyond each of its joints, and the chains to these."""
     sliding = rng.random(n) < 0.3
     whole, ends, chains = placements(n, rng), placements(n, rng), []
@@ -223,7 +303,7 @@ def seen(carried: Carried, chains: list[SerialChain], q: np.ndarray) -> np.ndarr
 def test_points_give_back_the_joints_that_carry_them(n):
     rng = np.random.default_rng(n)
     for _ in range(10):
-        carried, chains = arm(n, rng)
+        carried, chains = random_arm(n, rng)
         q = rng.uniform(-1.5, 1.5, n)
         solution = carried.solve(seen(carried, chains, q), q + rng.uniform(-0.2, 0.2, n))
         np.testing.assert_allclose(solution.q, q, atol=1e-9)

@@ -1,0 +1,280 @@
+"""Least-squares posture of any chain: the joint angles at which the points that its links carry lie
+nearest to where they are measured.
+
+Rigid bodies, markers in space and markers on a planar arm are points on links: one law serves all,
+in metres alone. A rigid body comes as points that it carries
+(:mod:`pipeline.recordings.motion_capture`); its own markers as these points give its turn the
+weight that they have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.arm.frames import segment_frames
+from pipeline.arm.model import Arm, chain_of, link_chains
+from pipeline.arm.serial import SerialChain
+from pipeline.core.errors import ConfigError
+from pipeline.core.options.dataset import Robot
+from pipeline.core.options.instruments import Mocap
+from pipeline.core.task import SPACE
+
+STEPS = 100  # at most; from a far start some twenty, from the frame before two or three
+SETTLED = 1e-10  # rad, or m of a prismatic joint: the last step
+# m a radian, or 1: a turn of the joints that moves all points together by less is not decided by
+# them
+LEAST_LEVER = 0.01
+STARTS = 64  # postures from which one that fits is looked for
+ALIKE = 0.05  # rad, or m: postures no farther apart are one
+BODY = 6  # numbers that a rigid body's pose holds, however many points it carries
+MIN_LEVER = 0.01  # m; two markers of a planar arm's link are at least so far apart in its plane
+
+
+class Solution(NamedTuple):
+    """Joint angles, and how the points fit them; of a batch each array has the batch first."""
+
+    q: np.ndarray  # (n,) rad, or m
+    distances: np.ndarray  # (P,) m, from the points where the arm carries them; 0 of missing ones
+    seen: np.ndarray  # (P,) whether a point was used
+    normal: np.ndarray  # (n, n) JᵀJ of the points
+    decided: np.ndarray  # whether the points decide every joint
+
+    @property
+    def residual(self) -> np.ndarray:
+        """m, rms distance of the points that were used."""
+        number = np.maximum(self.seen.sum(axis=-1), 1)
+        return np.sqrt((self.distances**2).sum(axis=-1) / number)
+
+    def each(self) -> Iterator[Solution]:
+        """Solutions of a batch, one by one."""
+        return (Solution(*one) for one in zip(*self, strict=True))
+
+
+@dataclass(frozen=True)
+class Carried:
+    """P points on L links of an arm of n joints."""
+
+    chains: list[SerialChain]  # (L,) to each link, its task the whole pose in m and rad
+    sliding: np.ndarray  # (n,) whether a joint is prismatic
+    lower: np.ndarray  # (n,) joint limits, rad or m; infinite where a joint has none
+    upper: np.ndarray  # (n,)
+    owner: np.ndarray  # (P,) the link of each point
+    places: np.ndarray  # (P, 3) m, in the link's frame
+    bodies: np.ndarray  # (L,) whether a link's points are those that a rigid body carries
+    posture: np.ndarray | None  # (n,) about where a take starts
+
+    def carry(self, q: np.ndarray) -> np.ndarray:
+        """Return where the arm at ``q`` (S, n) carries the points, (S, P, 3) m in the base."""
+        result = np.empty((len(q), *self.places.shape))
+        for link, chain in enumerate(self.chains):
+            position, lever = self._levers(link, chain, q)
+            result[:, self.owner == link] = position[:, None] + lever
+        return result
+
+    def _levers(
+        self, link: int, chain: SerialChain, q: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Position (S, 3) of a link and its points relative to it (S, points, 3), m."""
+        pose = chain.pose(q[:, : len(chain.lower)])
+        turned = np.swapaxes(pose[:, 3:].reshape(-1, 3, 3), -1, -2)
+        return pose[:, :3], self.places[self.owner == link] @ turned
+
+    def solve(self, measured: np.ndarray, start: np.ndarray) -> Solution:
+        """Return the joint angles near ``start`` (n,) for the points ``measured`` (P, 3) in m in
+        the base frame, NaN where missing.
+        """
+        return next(self.solve_all(measured[None], np.asarray(start, dtype=float)[None]).each())
+
+    def solve_all(self, measured: np.ndarray, starts: np.ndarray) -> Solution:
+        """Return the joint angles of least sum of squares near each of the ``starts`` (S, n), for
+        the points ``measured`` (S, P, 3) of each, by Levenberg and Marquardt.
+
+        A step comes from the eigenvalues of JᵀJ, J (3P, n) the points' derivatives: along
+        directions that the points do not decide the angles stay about where they were.
+        """
+        q, seen = np.array(starts, dtype=float), ~np.isnan(measured[..., 0])
+        normal, gradient, distances = self._equations(q, measured)
+        damping, moving = np.zeros(len(q)), np.arange(len(q))
+        for _ in range(STEPS):
+            values, vectors = np.linalg.eigh(normal[moving])
+            along = np.matvec(np.swapaxes(vectors, -1, -2), gradient[moving])
+            along /= np.maximum(values, LEAST_LEVER**2) + damping[moving, None]
+            step = np.matvec(vectors, along)
+            far = np.abs(step).max(axis=1) >= SETTLED
+            moving, step, greatest = moving[far], step[far], values[far, -1]
+            if not len(moving):
+                break
+            equations = self._equations(q[moving] + step, measured[moving])
+            better = (equations[2] ** 2).sum(axis=1) <= (distances[moving] ** 2).sum(axis=1)
+            taken, now = moving[better], damping[moving]
+            q[taken] += step[better]
+            for kept, new in zip((normal, gradient, distances), equations, strict=True):
+                kept[taken] = new[better]
+            less = np.where(now > 1e-9 * greatest, 0.1 * now, 0.0)
+            damping[moving] = np.where(better, less, np.maximum(10.0 * now, 1e-3 * greatest))
+        decided = np.linalg.eigvalsh(normal)[:, 0] >= LEAST_LEVER**2
+        return Solution(q, distances, seen, normal, decided)
+
+    def _equations(
+        self, q: np.ndarray, measured: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return JᵀJ (S, n, n), Jᵀr (S, n) and |r| (S, P) in m of the ways r from the points at
+        ``q`` (S, n) to ``measured`` (S, P, 3); missing points count for nothing.
+        """
+        starts, n = q.shape
+        normal, gradient = np.zeros((starts, n, n)), np.zeros((starts, n))
+        distances = np.zeros(measured.shape[:2])
+        for link, chain in enumerate(self.chains):
+            mine, m = self.owner == link, len(chain.lower)
+            position, lever = self._levers(link, chain, q)
+            jacobian = chain.jacobian(q[:, :m])
+            way = measured[:, mine] - position[:, None] - lever
+            seen = ~np.isnan(way[..., :1])
+            way = np.where(seen, way, 0.0)
+            # (S, points, 3, m): v + ω × lever of each joint
+            (wx, wy, wz), (x, y, z) = (
+                jacobian[:, 3:, None].swapaxes(0, 1),
+                lever.T[..., None].swapaxes(1, 2),
+            )
+            turning = np.stack([wy * z - wz * y, wz * x - wx * z, wx * y - wy * x], axis=2)
+            moved = (jacobian[:, None, :3] + turning) * seen[..., None]
+            moved = moved.reshape(starts, -1, m)
+            normal[:, :m, :m] += np.swapaxes(moved, -1, -2) @ moved
+            gradient[:, :m] += np.vecmat(way.reshape(starts, -1), moved)
+            distances[:, mine] = np.linalg.norm(way, axis=-1)
+        return normal, gradient, distances
+
+    def postures(self, measured: np.ndarray, gate: float) -> list[Solution]:
+        """Return the postures within the joint limits at which every point of ``measured`` (P, 3)
+        lies within ``gate`` (m) of where the arm carries it: as far as starts all over the limits
+        find them, or the one about the posture that is asked for.
+
+        Of angles that differ by whole turns, those nearest to the posture asked for, or to the
+        middle of the limits.
+        """
+        from scipy.stats import qmc
+
+        finite = np.isfinite(self.upper - self.lower)
+        centre = np.where(finite, np.where(finite, self.lower + self.upper, 0.0) / 2, 0.0)
+        if self.posture is None:
+            reach = np.minimum(np.where(finite, self.upper - centre, np.pi), np.pi)
+            shares = qmc.Sobol(len(centre), scramble=False).fast_forward(1).random(STARTS)
+            starts = centre + (2 * shares - 1) * reach
+        else:
+            centre, starts = self.posture, [self.posture]
+        result: list[Solution] = []
+        points = np.broadcast_to(measured, (len(starts), *measured.shape))
+        for solution in self.solve_all(points, np.array(starts)).each():
+            if solution.distances.max() > gate:
+                continue
+            turns = np.round((solution.q - centre) / (2 * np.pi))
+            q = solution.q - 2 * np.pi * np.where(self.sliding, 0.0, turns)
+            inside = (q >= self.lower - ALIKE) & (q <= self.upper + ALIKE)
+            if inside.all() and all(np.abs(q - other.q).max() > ALIKE for other in result):
+                result.append(solution._replace(q=q))
+        return result
+
+    def without_a_link(
+        self, measured: np.ndarray, start: np.ndarray, gate: float
+    ) -> Solution | None:
+        """Return the best of the solutions near ``start`` (n,) that leave out one link's points and
+        have every other within ``gate`` (m); None where there is none, or it does not decide the
+        joints.
+        """
+        solutions = [
+            self.solve(np.where((self.owner == link)[:, None], np.nan, measured), start)
+            for link in np.unique(self.owner[~np.isnan(measured[:, 0])])
+        ]
+        fitting = [one for one in solutions if one.decided and one.distances.max() <= gate]
+        return min(fitting, key=lambda one: one.residual, default=None)
+
+    def errors(self, solution: Solution) -> np.ndarray:
+        """(n,) standard errors of the joint angles by JᵀJ and the residuals; NaN where the points
+        hold no more numbers than there are joints.
+        """
+        owners = self.owner[solution.seen]
+        held = sum(
+            min(BODY, 3 * number) if self.bodies[link] else 3 * number
+            for link, number in zip(*np.unique(owners, return_counts=True), strict=True)
+        )
+        free = held - len(solution.q)
+        if free <= 0:
+            return np.full(len(solution.q), np.nan)
+        square = (solution.distances**2).sum()
+        return np.sqrt(square / free * np.diag(np.linalg.inv(solution.normal)))
+
+
+def points_in_space(robot: Robot, mocap: Mocap) -> Carried:
+    """Return the points of ``mocap`` on the links of ``robot``; raises ConfigError for links that
+    it does not have or does not move, and for one without points.
+    """
+    key = "dataset.mocap.markers"
+    chain, chains = chain_of(robot), link_chains(robot, mocap.markers, key)
+    places = {link: np.array([*m.values()], dtype=float) for link, m in mocap.markers.items()}
+    for link, points in places.items():
+        if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+            raise ConfigError(f"{link} needs markers, each with its place x, y, z", key=key)
+    posture = None if mocap.posture is None else np.array(mocap.posture)
+    if posture is not None and len(posture) != len(chain.lower):
+        message = f"{len(posture)} angles for an arm of {len(chain.lower)} joints"
+        raise ConfigError(message, key="dataset.mocap.posture")
+    return Carried(
+        chains=list(chains.values()),
+        sliding=np.asarray(chain.sliding, dtype=bool),
+        lower=chain.lower,
+        upper=chain.upper,
+        owner=np.repeat(np.arange(len(places)), [len(points) for points in places.values()]),
+        places=np.concatenate([*places.values()]),
+        bodies=np.array([link in mocap.bodies for link in places]),
+        posture=posture,
+    )
+
+
+def points_in_plane(arm: Arm, template: np.ndarray) -> Carried:
+    """Return the points at ``template`` (3 links, 3, 3) m in the segment frames of a planar arm;
+    raises ConfigError unless the three of each link span a triangle, along the plane's normal too.
+    """
+    if np.shape(template) != (3, 3, 3) or not np.isfinite(template).all():
+        raise ConfigError(
+            "a planar arm needs three markers, each with its place x, y, z, on each of its three "
+            "segments",
+            key="dataset.mocap.markers",
+            shape=np.shape(template),
+        )
+    for link, corners in enumerate(template, start=1):
+        spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[1]
+        sides = np.linalg.norm((corners - np.roll(corners, 1, axis=0))[:, [0, 2]], axis=1)
+        if spread < MIN_LEVER / 2 or sides.min() < MIN_LEVER:
+            raise ConfigError(
+                "the markers of a link are in line, or two of them are too close in the plane of "
+                "the arm",
+                link=link,
+            )
+    chain, links = arm.chain, len(template)
+    # the frame of a joint that turns about ± the plane's normal y: z along its axis, x the plane's
+    frames = np.array([[[1.0, 0, 0], [0, 0, sign], [0, -sign, 0]] for sign in chain.signs])
+    ends = np.swapaxes(frames, -1, -2) @ segment_frames(chain, np.zeros(links))[0]
+    origin = arm.to_base(np.array([chain.origin[0], 0.0, chain.origin[1]]))
+    placements, chains = [np.append(arm.rotation @ frames[0], origin)], []
+    for j in range(links):
+        to_link = np.array([*placements, np.append(ends[j], np.zeros(3))])
+        sliding, speed = np.zeros(j + 1, dtype=bool), chain.max_speed[: j + 1]
+        limits = chain.lower[: j + 1], chain.upper[: j + 1]
+        chains.append(SerialChain(SPACE, 1.0, to_link, sliding, *limits, speed))
+        if j + 1 < links:
+            step = frames[j].T @ [chain.links[j, 0], 0.0, chain.links[j, 1]]
+            placements.append(np.append(frames[j].T @ frames[j + 1], step))
+    return Carried(
+        chains=chains,
+        sliding=np.zeros(links, dtype=bool),
+        lower=chain.lower,
+        upper=chain.upper,
+        owner=np.repeat(np.arange(links), template.shape[1]),
+        places=template.reshape(-1, 3),
+        bodies=np.zeros(links, dtype=bool),
+        posture=None,
+    )
