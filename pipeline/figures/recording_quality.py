@@ -1,4 +1,4 @@
-"""How good every take is.
+"""Quality of every take.
 
 A strip is a measure, a mark in it a take, training takes before test takes. Dashed line: the limit,
 where the dataset states one; takes beyond any limit are left out of all that follows, and marked by

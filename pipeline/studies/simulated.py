@@ -33,7 +33,7 @@ RESTING = 40  # takes from which the noise of the arm alone at rest is estimated
 
 
 @dataclass(frozen=True)
-class Factors:
+class PhysicsFactors:
     """Factors on the disturbances of :class:`pipeline.laboratory.options.DynamicsOptions` and on
     the standard deviations of the instruments.
     """
@@ -53,11 +53,11 @@ class Factors:
     depth_camera: float = 1.0
 
 
-FACTORS = tuple(each.name for each in fields(Factors))
+FACTORS = tuple(each.name for each in fields(PhysicsFactors))
 SIZES = FACTORS[1:9]  # disturbances that have a size
 
 
-def disturbed(dynamics: DynamicsOptions, factors: Factors) -> DynamicsOptions:
+def disturbed(dynamics: DynamicsOptions, factors: PhysicsFactors) -> DynamicsOptions:
     """Return ``dynamics`` with each disturbance, and its duration, times its factor."""
     scaled = {
         name: np.multiply(
@@ -120,7 +120,7 @@ class Laboratory:
         window = settings.articulation.noise_window
         parts = (own["dynamics"], own["trajectory"], own["clock"])
         alone = cls(recorded.chain, joints, *parts, none, law, window)
-        takes = perform(alone, Factors(), settings.seed, "train", RESTING)
+        takes = perform(alone, PhysicsFactors(), settings.seed, "train", RESTING)
         at_rest = steps(alone, np.stack([take.poses for take in takes])).measurement
         # a step holds the noise of two poses; a negative estimate of few takes is zero
         variances, axes = np.linalg.eigh((recorded.measurement - at_rest) / 2)
@@ -136,7 +136,7 @@ class SimulatedTake(NamedTuple):
 
 
 def perform(
-    laboratory: Laboratory, factors: Factors, seed: int, part: str, count: int
+    laboratory: Laboratory, factors: PhysicsFactors, seed: int, part: str, count: int
 ) -> list[SimulatedTake]:
     """Simulate the first ``count`` takes of a ``part`` (train or test), those that the stage
     `record` draws from ``seed``.
@@ -173,7 +173,7 @@ def measured(
 
 
 def observe(
-    laboratory: Laboratory, factors: Factors, seed: int, training: int, test: int
+    laboratory: Laboratory, factors: PhysicsFactors, seed: int, training: int, test: int
 ) -> tuple[Takes, Camera]:
     """Simulate ``training`` and ``test`` takes and the depth camera of the latter, its noise
     estimated as by the stages.

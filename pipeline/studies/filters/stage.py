@@ -36,7 +36,7 @@ from pipeline.statistics.filters import Filtered, no_filter
 from pipeline.statistics.scores import compared, posterior_scores
 from pipeline.studies.filters.deviations import Deviations, deviations
 from pipeline.studies.frame import NoAnswerError, Results, Study, interval, listed, number
-from pipeline.studies.simulated import Factors, Laboratory, disturbed, observe
+from pipeline.studies.simulated import Laboratory, PhysicsFactors, disturbed, observe
 from pipeline.verdicts.wording import table
 
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
@@ -151,7 +151,7 @@ def duration_rows(
     """Return rows of the table ``filters_lasting``: every lag of sway and play ``factor`` times as
     long, ``sizes`` simulated takes for training and test, equal random numbers at every factor.
     """
-    factors, motion = Factors(lasting=factor), laboratory.motion
+    factors, motion = PhysicsFactors(lasting=factor), laboratory.motion
     dynamics = disturbed(laboratory.dynamics, factors)
     takes, camera = observe(laboratory, factors, seed, *sizes)
     recorded = replace(takes.training, known_measurement=2 * laboratory.pose_noise)

@@ -31,7 +31,7 @@ from pipeline.planning.problem import InfeasibleError, Problem, uncertainty
 from pipeline.statistics.takes import drawn_takes, percentile_interval
 from pipeline.studies.frame import MISSING, Results, Study, interval, listed, number
 from pipeline.studies.planning.bench import Bench, Rig, bench_of
-from pipeline.studies.simulated import Factors, disturbed
+from pipeline.studies.simulated import PhysicsFactors, disturbed
 from pipeline.verdicts.wording import table
 
 RECORDED, MINIMUM, BEST = "recorded", "minimum_norm", "best_conditioned"
@@ -140,7 +140,7 @@ def tables_of(
     """
     arm, physics = case
     bench, motions, laws = benches[arm], dict(fixed[arm]), {}
-    dynamics = disturbed(bench.dynamics, Factors(**options.physics[physics]))
+    dynamics = disturbed(bench.dynamics, PhysicsFactors(**options.physics[physics]))
     rig = Rig(bench, dynamics, options.takes, seed)
     recorded = rig.training()
     for name, chosen in models.items():

@@ -1,5 +1,5 @@
-"""What the paper leaves open: the case of the run's own options, and the same case with one
-decision taken otherwise.
+"""Decisions that the paper leaves open: the case of the run's own options, and the same case with
+one decision taken otherwise.
 """
 
 from __future__ import annotations

@@ -67,8 +67,9 @@ first, over pivoted LU with Σ_ω represented by {choices}.
   ratio is {post[low_ratio]:.3g} to {post[high_ratio]:.3g} on 90 % of the paths, and all quantities
   are {post[likelihood]:.3g} times as likely at f = {post[tolerance]:g}.
 - On the motion of a UR5, millimetres instead of metres change the noise by a factor of
-  {pivoted_lu:.3g} under pivoted LU, {qr:.3g} under QR of J and {qr_transposed:.3g} under QR of Jᵀ; a
-  turn of the base changes it under pivoted LU alone ([units.csv](which_decomposition/units.csv)).
+  {pivoted_lu:.3g} under pivoted LU, {qr:.3g} under QR of J and {qr_transposed:.3g} under QR of
+  Jᵀ; a turn of the base changes it under pivoted LU alone
+  ([units.csv](which_decomposition/units.csv)).
 {level}
 **Rule for every arm.** LU with partial pivoting (as MATLAB's `lu`) if the task has as many rows as
 the arm has joints, QR of J if it has fewer; in metres, radians and the stated axes of the task. QR
@@ -182,7 +183,7 @@ def evidence_table(evidence: pd.DataFrame) -> str:
 
 
 def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
-    """Which decompositions the printed numbers allow.
+    """Decompositions that the printed numbers allow.
 
     (a) Standard deviation of a step at the printed parameters over the printed one (grey: 1), roots
     of traces: median and middle 90 % of the paths with ramps and rest; an arrow marks an interval
