@@ -9,6 +9,7 @@ columns of a journal page; no letter is smaller than 7 pt at that size.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import cycle
 from pathlib import Path
 
 import matplotlib as mpl
@@ -28,33 +29,23 @@ LIGHT_GREY = "#CCCCCC"
 
 RECORDED = {"label": "recorded", "color": VERMILLION, "linestyle": "-"}
 MODELS = {
-    "additive": {"label": "additive Gaussian noise", "color": SKY, "linestyle": ":"},
-    "wishart": {"label": "Wishart perturbation", "color": BLUE, "linestyle": "--"},
-    "gaussian": {"label": "Gaussian noise matrix", "color": BLACK, "linestyle": "-."},
-    "scaled": {
-        "label": "scaled with speed, by joint",
-        "color": GREEN,
-        "linestyle": (0, (6, 1.5, 1, 1.5, 1, 1.5)),
-    },
-    "none": {"label": "no filter", "color": GREY, "linestyle": "-"},
-    "scaled_full": {"label": "scaled with speed, full", "color": PURPLE, "linestyle": (0, (8, 2))},
+    name: {"label": label, "color": color, "linestyle": dashes}
+    for name, label, color, dashes in (
+        ("additive", "additive Gaussian noise", SKY, ":"),
+        ("wishart", "Wishart perturbation", BLUE, "--"),
+        ("gaussian", "Gaussian noise matrix", BLACK, "-."),
+        ("scaled", "scaled with speed, by joint", GREEN, (0, (6, 1.5, 1, 1.5, 1, 1.5))),
+        ("none", "no filter", GREY, "-"),
+        ("scaled_full", "scaled with speed, full", PURPLE, (0, (8, 2))),
+    )
 }
-# models of other names take these in turn
-FURTHER = [
+FURTHER = (  # models of other names take these in turn
     {"color": GREEN, "linestyle": (0, (4, 3))},
     {"color": PURPLE, "linestyle": (0, (2, 2, 6, 2))},
     {"color": ORANGE, "linestyle": (0, (10, 1.5, 2, 1.5))},
-]
-JOINTS = [
-    {"color": BLUE, "linestyle": "-"},
-    {"color": VERMILLION, "linestyle": "--"},
-    {"color": GREEN, "linestyle": "-."},
-    {"color": PURPLE, "linestyle": ":"},
-    {"color": SKY, "linestyle": (0, (6, 2))},
-    {"color": ORANGE, "linestyle": (0, (3, 1, 1, 1))},
-    {"color": BLACK, "linestyle": (0, (1, 1))},
-    {"color": GREY, "linestyle": (0, (8, 1.5, 1, 1.5))},
-]
+)
+COLORS = (BLUE, VERMILLION, GREEN, PURPLE, SKY, ORANGE, BLACK, GREY)  # of joints
+DASHES = "-", "--", "-.", ":", (0, (6, 2)), (0, (3, 1, 1, 1)), (0, (1, 1)), (0, (8, 1.5, 1, 1.5))
 BESIDE = 4  # joints at most whose panels stand in one line
 
 # from the defaults, so that a matplotlibrc of the user's changes no byte
@@ -63,21 +54,12 @@ mpl.rcParams.update(
     {
         "font.family": "STIXGeneral",  # comes with matplotlib: the same letters on every machine
         "mathtext.fontset": "stix",
-        "font.size": 8,
-        "axes.titlesize": 8,
-        "axes.labelsize": 8,
-        "xtick.labelsize": 7.5,
-        "ytick.labelsize": 7.5,
-        "legend.fontsize": 7.5,
-        "legend.frameon": False,
+        **dict.fromkeys(["font.size", "axes.titlesize", "axes.labelsize"], 8),
+        **dict.fromkeys(["xtick.labelsize", "ytick.labelsize", "legend.fontsize"], 7.5),
+        **dict.fromkeys(["legend.frameon", "axes.spines.top", "axes.spines.right"], False),
+        **dict.fromkeys(["axes.linewidth", "xtick.major.width", "ytick.major.width"], 0.5),
+        **dict.fromkeys(["xtick.major.size", "ytick.major.size"], 2.5),
         "legend.handlelength": 2.6,
-        "axes.linewidth": 0.5,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "xtick.major.width": 0.5,
-        "ytick.major.width": 0.5,
-        "xtick.major.size": 2.5,
-        "ytick.major.size": 2.5,
         "lines.linewidth": 1.0,
         "figure.dpi": 300,  # of what is rasterised in the SVG
         "svg.hashsalt": "manipulator-uncertainty",
@@ -90,15 +72,16 @@ def model_lines(models: Iterable[str]) -> dict[str, dict]:
     """Return label, colour and dashes of every model by its option's name; other names get the next
     style of a cycle.
     """
-    further = (look for _ in models for look in FURTHER)
+    further = cycle(FURTHER)
     return {model: MODELS.get(model) or {"label": model} | next(further) for model in models}
 
 
 def joint_lines(joints: Sequence[str]) -> dict[str, dict]:
     """Return label, colour and dashes of every joint by its name."""
+    looks = zip(joints, cycle(COLORS), cycle(DASHES), strict=False)
     return {
-        joint: {"label": joint.replace("_", " ")} | JOINTS[j % len(JOINTS)]
-        for j, joint in enumerate(joints)
+        joint: {"label": joint.replace("_", " "), "color": color, "linestyle": dashes}
+        for joint, color, dashes in looks
     }
 
 

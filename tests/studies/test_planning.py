@@ -98,33 +98,6 @@ def test_orders_agree_or_are_opposite_and_equal_predictions_have_no_order():
     assert np.isnan(stage.agreement({"a": 1.0, "b": 2.0}, sums))
 
 
-def test_the_page_and_the_figure_follow_the_tables():
-    motions = ["recorded", "minimum_norm", "best_conditioned", "gaussian"]
-    sums = {
-        name: np.array([x, x, x]) for name, x in zip(motions, (2.0, 1.0, 3.0, 0.5), strict=True)
-    }
-    place = {"arm": "youbot", "physics": "base condition"}
-    rows = stage.sum_rows(sums).assign(**place)
-    assert rows["least"].tolist() == [0, 0, 0, 1] and rows["ratio"].tolist() == [2, 1, 3, 0.5]
-    predictions = pd.DataFrame({"model": "gaussian", "motion": motions, "sum": [2.0, 1, 3, 1]})
-    taus = pd.DataFrame({"model": ["gaussian"], "tau": [0.5]})
-    tables = {
-        "planning": rows,
-        "planning_predictions": predictions.assign(**place),
-        "planning_agreements": taus.assign(**place),
-    }
-    page = "\n".join(stage.page(stage.Results(OPTIONS, tables, "the figure")))
-    assert "In 1 of 1 pairs" in page and "0.5 (gaussian)" in page and "the figure" in page
-    points = [
-        (line.get_xdata()[0], line.get_ydata()[0])
-        for line in stage.draw(rows, tables["planning_predictions"]).axes[0].lines[:4]
-    ]
-    assert points == [(2, 2), (1, 1), (3, 3), (1, 0.5)]
-    tables["planning"] = rows.assign(least=[1.0, 0, 0, 0], ratio=[0.1, 1, 3, 0.5])
-    page = "\n".join(stage.page(stage.Results(OPTIONS, tables, "the figure")))
-    assert "In 0 of 1 pairs" in page
-
-
 def test_the_takes_of_two_motions_err_alike_and_those_of_training_are_others(bench, rig):
     moved = bench.recorded + np.array([0.0, 0.0, 0.01])
     first, second = (rig.poses(path, "take") - path for path in (bench.recorded, moved))
@@ -139,3 +112,22 @@ def test_the_takes_of_two_motions_err_alike_and_those_of_training_are_others(ben
 def test_a_motion_that_the_arm_cannot_follow_is_refused(bench, rig):
     with pytest.raises(ConfigError, match="joint limits"):
         rig.poses(bench.recorded + 3.0, "take")
+
+
+def test_the_page_counts_plans_of_least_sum_and_the_figure_has_ratios_to_the_minimum_norm():
+    motions = ["recorded", "minimum_norm", "best_conditioned", "gaussian"]
+    sums = {name: np.full(3, x) for name, x in zip(motions, (2.0, 1.0, 3.0, 0.5), strict=True)}
+    place = {"arm": "youbot", "physics": "base condition"}
+    rows = stage.sum_rows(sums).assign(**place)
+    assert rows["least"].tolist() == [0, 0, 0, 1] and rows["ratio"].tolist() == [2, 1, 3, 0.5]
+    predictions = pd.DataFrame({"model": "gaussian", "motion": motions, "sum": [2.0, 1, 3, 1]})
+    predictions, taus = (
+        predictions.assign(**place),
+        pd.DataFrame({"model": ["gaussian"], "tau": 0.5}),
+    )
+    for least, share in ((rows, 1), (rows.assign(least=0.0), 0)):
+        tables = {"planning": least, "planning_agreements": taus.assign(**place)}
+        (page,) = stage.page(stage.Results(OPTIONS, tables, "the figure"))
+        assert f"In {share} of 1 pairs" in page and "0.5 (gaussian)" in page
+    points = [line.get_xydata()[0].tolist() for line in stage.draw(rows, predictions).axes[0].lines]
+    assert points[:4] == [[2, 2], [1, 1], [3, 3], [1, 0.5]]
