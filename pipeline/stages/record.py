@@ -26,10 +26,16 @@ from pipeline.formats.joints.table import write_joint_table
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
 from pipeline.formats.trajectory import write_trajectory
-from pipeline.laboratory.bodies import MarkerCluster, as_built, capture_bodies, in_body
 from pipeline.laboratory.force import Cables, record_force
 from pipeline.laboratory.kinect import DepthCamera
-from pipeline.laboratory.mocap import capture, place_markers
+from pipeline.laboratory.mocap import (
+    MarkerCluster,
+    as_built,
+    capture,
+    capture_bodies,
+    in_body,
+    place_markers,
+)
 from pipeline.laboratory.sensor import draw_bias
 from pipeline.laboratory.session import (
     PerformedMotion,

@@ -11,8 +11,8 @@ from space_arms import LWR4, link_poses
 
 from pipeline.arm.model import chain_of, link_chains
 from pipeline.arm.serial import SerialChain
-from pipeline.laboratory.bodies import MarkerCluster, as_built, capture_bodies, in_body
 from pipeline.laboratory.dynamics import simulate_take, true_chain
+from pipeline.laboratory.mocap import MarkerCluster, as_built, capture_bodies, in_body
 from pipeline.laboratory.options import DynamicsOptions, MocapOptions, TrajectoryOptions
 from pipeline.laboratory.session import open_session, perform
 from pipeline.laboratory.swing import desired_path
