@@ -13,7 +13,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
 from scipy.special import ndtr
 
 from pipeline.arm.chain import PlanarChain
@@ -33,6 +32,8 @@ def lagged_noise(
     equal lags of first order, as a drive behind its servo loops passes it on. Velocity and
     acceleration exist.
     """
+    from scipy.signal import lfilter
+
     denominator, response = _lags(steps_per_lag)
     noise = rng.standard_normal((*shape[:-1], len(response) + shape[-1]))
     passed_on = lfilter([1.0], denominator, noise, axis=-1)[..., len(response) :]
@@ -53,6 +54,8 @@ def lagged_correlation(steps: np.ndarray, steps_per_lag: float) -> np.ndarray:
 
 def _lags(steps_per_lag: float) -> tuple[np.ndarray, np.ndarray]:
     """The recursive filter's denominator, and its response to an impulse until that is settled."""
+    from scipy.signal import lfilter
+
     denominator = np.poly(np.full(LAGS, np.exp(-1.0 / steps_per_lag)))
     impulse = np.zeros(int(np.ceil(SETTLED * steps_per_lag)))
     impulse[0] = 1.0

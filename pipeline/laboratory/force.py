@@ -15,8 +15,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.signal import lfilter
 from scipy.special import dawsn, i0e, i1e
 
 from pipeline.core.errors import ConfigError
@@ -47,6 +45,8 @@ class RiggedForce(NamedTuple):
 
 def _autoregressive(innovation: np.ndarray, decay: float, start: np.ndarray) -> np.ndarray:
     """x_k = decay·x_{k−1} + innovation_k, from x_{−1} = ``start`` (m,); all (N, m)."""
+    from scipy.signal import lfilter
+
     return lfilter([1.0], [1.0, -decay], innovation, axis=0, zi=decay * start[None])[0]
 
 
@@ -127,6 +127,8 @@ def directions(
 
 def _angle_in_space(kappa: float) -> float:
     """s in rad of the two angles whose direction has the mean resultant length of ``kappa``."""
+
+    from scipy.optimize import brentq
 
     def excess(s: float) -> float:
         return 1 - np.sqrt(2) * s * dawsn(s / np.sqrt(2)) - (1 / np.tanh(kappa) - 1 / kappa)

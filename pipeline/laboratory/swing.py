@@ -4,12 +4,12 @@ any joint path, as the controller interpolates it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import pandas as pd
-from scipy.interpolate import PchipInterpolator
 
 from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.interface import Chain
@@ -37,7 +37,9 @@ class JointPath:
         return (len(self.joints) - 1) / self.rate
 
     @cached_property
-    def _interpolant(self) -> PchipInterpolator:
+    def _interpolant(self) -> Callable[..., np.ndarray]:
+        from scipy.interpolate import PchipInterpolator
+
         return PchipInterpolator(np.arange(len(self.joints)) / self.rate, self.joints)
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
