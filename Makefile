@@ -25,7 +25,7 @@ view: $(READY) $(VIEW)/.ready
 # The paper alone.
 repro: $(READY)
 	dvc repro
-	@echo "Results: report reports/report.md, page reports/index.html, model card reports/model_card.md"
+	@folder=reports/$$(cat data/dataset.txt); echo "Results: report $$folder/report.md, page $$folder/index.html, model card $$folder/model_card.md"
 
 # The paper, the studies and the page of results.
 all: $(READY)

@@ -7,6 +7,7 @@ system, is one message on standard error.
 
 from __future__ import annotations
 
+import argparse
 import ast
 import errno
 import gc
@@ -21,6 +22,7 @@ from pathlib import Path
 
 import pipeline.core.environment  # noqa: F401 - before numpy, whose arithmetic it settles
 from pipeline.core.errors import PipelineError
+from pipeline.core.typed_yaml import read_yaml
 
 HERE = Path(__file__).parent
 USAGE = """usage: python -m pipeline NAME [ITEM | OPTIONS]
@@ -105,8 +107,27 @@ def _refused(name: str, message: str, error: Exception) -> int:
         _discard_output()
     if os.environ.get(TRACE):
         traceback.print_exception(error)
-    print(f"error: {name}: {message}", file=sys.stderr)
+    print(f"error: {name}: {message}{_restoring()}", file=sys.stderr)
     return 1
+
+
+def _restoring() -> str:
+    """Return the commands that restore the outputs which DVC removed before it ran this stage."""
+    folder, _, stage = os.environ.get("DVC_STAGE", "").rpartition("dvc.yaml:")
+    lock = Path(os.environ.get("DVC_ROOT", "."), folder, "dvc.lock")
+    if not stage or not lock.is_file():
+        return ""
+    outs = read_yaml(lock).get("stages", {}).get(stage, {}).get("outs", [])
+    gone = [out["path"] for out in outs if not Path(out["path"]).exists()]
+    commands = {
+        "dvc checkout": [path for path in gone if not path.startswith("reports/")],
+        "git checkout --": [path for path in gone if path.startswith("reports/")],
+    }
+    named = [f"`{command} {' '.join(paths)}`" for command, paths in commands.items() if paths]
+    if not named:
+        return ""
+    restored = f"run {' and '.join(named)}, or undo the change and run `dvc repro`"
+    return f"; to restore the earlier results {restored}"
 
 
 def _stopped(name: str, stopped: SystemExit) -> int:
@@ -144,7 +165,7 @@ def _chosen(name: str, words: list[str]) -> Callable[[], None]:
     """
     folder = name.replace("-", "_")
     if folder in (tools := _named("tools/*/command.py")):
-        return partial(import_module(f"pipeline.tools.{folder}.command").run, words)
+        return tool_call(folder, words)
     stages, studies = _named("stages/[a-z]*.py"), _named("studies/*/stage.py")
     if name not in stages + studies:
         usage = USAGE.format(
@@ -165,6 +186,20 @@ def _chosen(name: str, words: list[str]) -> Callable[[], None]:
         takes = "takes one item" if signature(run).parameters else "takes no item"
         raise SystemExit(f"error: {name} {takes}, got {' '.join(words) or 'none'}")
     return partial(run, *words)
+
+
+def tool_call(folder: str, words: list[str]) -> Callable[[], None]:
+    """Return the call of the tool in ``folder`` with the ``words`` of a command line, which its
+    ARGUMENTS describe: name or flags → options of ``add_argument``.
+    """
+    tool = import_module(f"pipeline.tools.{folder}.command")
+    parser = argparse.ArgumentParser(
+        prog=f"python -m pipeline {folder.replace('_', '-')}",
+        description=tool.__doc__.partition(": ")[2],
+    )
+    for name, options in tool.ARGUMENTS.items():
+        parser.add_argument(name, **options)
+    return partial(tool.run, **vars(parser.parse_args(words)))
 
 
 def purpose(program: Path) -> str:

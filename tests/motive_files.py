@@ -21,6 +21,19 @@ MARKER = (
     ",Type,Marker,Marker,Marker\n,Name,A,A,A\n,ID,1,1,1\n,,Position,Position,Position\n"
     "Frame,Time (Seconds),X,Y,Z\n"
 )
+POSE = ("Rotation",) * 4 + ("Position",) * 3
+
+
+def columns(*assets: tuple[str, str, str], quantities: tuple[str, ...] = ("Position",) * 3) -> str:
+    """Rows of labels of assets of a type, name and ID, each with X, Y, Z (W) of the quantities."""
+    cells = [asset for asset in assets for _ in quantities]
+    rows = [
+        [f",{label}", *(cell[i] for cell in cells)]
+        for i, label in enumerate(("Type", "Name", "ID"))
+    ]
+    axes = "XYZ" if len(quantities) == 3 else "XYZWXYZ"
+    rows += [[",", *quantities * len(assets)], ["Frame,Time (Seconds)", *axes * len(assets)]]
+    return "".join(",".join(row) + "\n" for row in rows)
 
 
 def random_take(

@@ -23,12 +23,9 @@ from pipeline.formats.depth.index import read_index
 from pipeline.formats.depth.intrinsics import read_intrinsics
 from pipeline.formats.depth.messages import image_pixels
 from pipeline.formats.force.calibration import read_calibration
-from pipeline.formats.force.daqft import read_daqft
-from pipeline.formats.force.netft import read_netft
+from pipeline.formats.force.daqft import read_daqft, read_netft
+from pipeline.formats.joints.arrays import read_arrays
 from pipeline.formats.joints.log import LogOptions
-from pipeline.formats.joints.mat import read_mat
-from pipeline.formats.joints.npz import read_npz
-from pipeline.formats.joints.parquet import read_parquet
 from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.motion.c3d import read_c3d
 from pipeline.formats.motion.motive import read_motive
@@ -38,10 +35,14 @@ from pipeline.formats.trajectory import read_trajectory
 TABLE = LogOptions(joints=6, signals={"actual": None})
 
 
+def _pixels(message: object) -> tuple[float, np.ndarray]:
+    return seconds(message), image_pixels(message, shape=SHAPE)
+
+
 def _images(file: Path, bag: str = ".") -> dict[str, np.ndarray]:
-    held = list(messages((file.parent / bag) if bag else file, "/depth"))
-    pixels = [image_pixels(message, shape=SHAPE, file=file) for message in held]
-    return {"time": np.array([seconds(m, file=file) for m in held]), "pixels": np.array(pixels)}
+    held = [*messages((file.parent / bag) if bag else file, "/depth", _pixels)]
+    times, pixels = zip(*held, strict=True)
+    return {"time": np.array(times), "pixels": np.array(pixels)}
 
 
 def _chain(file: Path) -> object:
@@ -87,9 +88,9 @@ SAMPLES = {
     "cloud, compressed PCD": Sample("packed.pcd", read_cloud, text=False),
     "index of frames": Sample("indexed/depth.txt", read_index),
     "table of joints": Sample("q.csv", partial(read_joint_table, options=TABLE)),
-    "MATLAB": Sample("q.mat", partial(read_mat, options=LogOptions()), text=False),
-    "Parquet": Sample("q.parquet", partial(read_parquet, options=LogOptions()), text=False),
-    "NumPy archive": Sample("q.npz", partial(read_npz, options=LogOptions()), text=False),
+    "MATLAB": Sample("q.mat", partial(read_arrays, options=LogOptions()), text=False),
+    "Parquet": Sample("q.parquet", partial(read_arrays, options=LogOptions()), text=False),
+    "NumPy archive": Sample("q.npz", partial(read_arrays, options=LogOptions()), text=False),
     "trajectory": Sample("path.csv", read_trajectory),
     "ROS 1 bag": Sample("ros1/take.bag", partial(_images, bag=""), text=False),
     "ROS 2 bag, MCAP": Sample("mcap/take/take.mcap", _images, text=False),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -18,17 +18,21 @@ def unwrapped(
     names: Sequence[str] = (),
     *,
     signal: str = "actual",
+    sliding: Collection[str] = (),
     **evidence: object,
 ) -> tuple[np.ndarray, int]:
     """Return ``angles`` (N, joints) in rad without jumps of whole turns between rows, and the
     number of jumps that were removed.
 
     A step of more than half a turn is a jump; ``time`` (N,) in s and ``names`` (joints) say where
-    it is. Raises RecordingError with the ``evidence`` for a jump that differs from whole turns by
-    more than a quarter of one: no controller wraps an angle so, and no joint moves so.
+    it is; joints named in ``sliding`` have no turns. Raises RecordingError with the ``evidence``
+    for a jump that differs from whole turns by more than a quarter of one: no controller wraps an
+    angle so, and no joint moves so.
     """
     steps = np.diff(angles, axis=0)
     turns = np.rint(steps / TURN)
+    if sliding and len(names) == angles.shape[1]:
+        turns[:, [name in sliding for name in names]] = 0
     if not turns.any():
         return angles, 0
     wrong = (turns != 0) & (np.abs(steps - TURN * turns) > TURN / 4)

@@ -17,7 +17,6 @@ from pipeline.core.filters import MEMORY, NONE, closed
 from pipeline.figures import style
 
 TABLES = {"filter_error": "data/score"}
-METRICS = ("reports/metrics/filter.json", ("*_rms_error_rad",))
 NEEDS = "depth camera"
 
 

@@ -18,7 +18,6 @@ from pipeline.core.filters import NONE
 from pipeline.figures import style
 
 TABLES = {"filter_error": "data/score"}
-METRICS = ("reports/metrics/filter.json", ("*_rms_error_rad", "*_coverage_*", "*_correlation_*"))
 NEEDS = "depth camera"
 
 

@@ -16,7 +16,6 @@ from matplotlib.figure import Figure
 from pipeline.figures import style
 
 TABLES = {"deviation": "data/score"}
-METRICS = ("reports/metrics/motion.json", ("*_std_*_rms_rad", "*_correlation_with_recorded"))
 QUANTITIES = {
     "one_step": "std of the process noise (rad)",
     "free_running": "std of the joint angle (rad)",

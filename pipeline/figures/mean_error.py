@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from pipeline.figures import style
 
 TABLES = {"deviation": "data/score"}
-METRICS = ("reports/metrics/motion.json", ("*_greatest_mean_error_rad",))
 
 
 def draw(deviation: pd.DataFrame, models: list[str]) -> Figure:

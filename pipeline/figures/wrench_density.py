@@ -21,7 +21,6 @@ from matplotlib.figure import Figure
 from pipeline.figures import style
 
 TABLES = {"force_density": "data/wrench"}
-METRICS = ("reports/metrics/wrench.json", ("*_measured_*", "*_modelled_*"))
 NEEDS = "force record of cables in a plane that meet in one point"
 ROBOTS = 1.45  # distance of the robots' circles from the platform, in greatest tensions
 

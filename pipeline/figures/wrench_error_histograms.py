@@ -16,7 +16,6 @@ from matplotlib.figure import Figure
 from pipeline.figures import style
 
 TABLES = {"wrench_errors": "data/wrench"}
-METRICS = ("reports/metrics/wrench.json", ("study_*",))
 BINS = 60
 
 

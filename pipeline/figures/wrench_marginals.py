@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from pipeline.figures import style
 
 TABLES = {"wrench_marginals": "data/wrench"}
-METRICS = ("reports/metrics/wrench.json", ("*_measured_*", "*_modelled_*"))
 
 NEEDS = "six-axis record of cables that do not meet in one point"
 LINES = {

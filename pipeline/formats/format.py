@@ -1,40 +1,60 @@
-"""What a file format is to the rest: how a file of it begins, and what reads it.
+"""Formats of files: how a file of each begins, its reader, and the names that files have.
 
-A format is a module somewhere below this folder with a ``FORMAT``. Nothing lists them: they are
-found by their place, so a new module is recognised by ``python -m pipeline inspect``, proposed by
-``new-dataset`` and read by the stages.
+A format is a module below this folder with a ``FORMAT`` (or several, as a tuple). Formats are found
+by their place: ``python -m pipeline inspect`` recognises a new one, ``new-dataset`` proposes it and
+the stages read it.
 """
 
 from __future__ import annotations
 
+import codecs
+import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cache, cached_property
+from importlib import import_module
 from pathlib import Path
-from pkgutil import resolve_name, walk_packages
+from pkgutil import walk_packages
 from types import ModuleType
+from typing import Any
 
-from pipeline.core.errors import RecordingError
+from pipeline.core.bounds import call_alone, read_whole
+from pipeline.core.errors import ConfigError, RecordingError
 
 BYTES = 16_384  # of a file's head
+BAG_SUFFIXES = (".bag", ".mcap", ".db3")
 
 
 class Kind(StrEnum):
-    """What a file holds; ``read`` of every format of a kind takes and returns the same."""
+    """Content of a file; ``read`` of every format of a kind takes and returns the same."""
 
     MOTION = "motion"  # read(file, unit) → pipeline.formats.motion.take.MotionTake
     JOINTS = "joints"  # read(file, options) → pipeline.formats.joints.log.JointLog
     FORCE = "force"  # read(file, options) → pipeline.formats.force.record.ForceRecord
     CALIBRATION = "calibration"  # read(file) → pipeline.formats.force.calibration.Calibration
-    IMAGE = "image"  # read(content, file=) → pipeline.formats.depth.image.DepthImage
+    IMAGE = "image"  # read(content, file=) → pipeline.formats.depth.image.RawDepth
     CLOUD = "cloud"  # read(content, file=) → pipeline.formats.depth.cloud.PointCloud
     SEQUENCE = "sequence"  # read(file) → pipeline.formats.depth.index.DepthIndex
     INTRINSICS = "intrinsics"  # read(file, width=, height=) → …depth.intrinsics.Intrinsics
     TRAJECTORY = "trajectory"  # read(file) → table t, x:*, v:*
     BAG = "bag"  # read(file) → pipeline.formats.rosbag.Summary
     TABLE = "table"  # read(file, key=) → pipeline.formats.number_sheet.Sheet
+
+
+def decoded(content: bytes) -> str | None:
+    """Return the text in ``content``, up to the last whole character and with line feeds alone as
+    line ends; UTF-8, UTF-16 with its mark, else a PC's code page. None where it is no text.
+    """
+    wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    if b"\0" in content and not wide:
+        return None
+    try:
+        text = codecs.getincrementaldecoder("utf-16" if wide else "utf-8-sig")().decode(content)
+    except UnicodeDecodeError:
+        text = content.decode("latin-1")
+    return None if "\0" in text else text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 @dataclass(frozen=True)
@@ -46,7 +66,7 @@ class Head:
 
     @classmethod
     def read(cls, file: Path) -> Head:
-        """The first bytes of ``file``, none of a folder; OSError where it cannot be opened."""
+        """Return the first bytes of ``file``, none of a folder; OSError where it cannot be read."""
         if Path(file).is_dir():
             return cls(Path(file), b"")
         with Path(file).open("rb") as stream:
@@ -54,34 +74,23 @@ class Head:
 
     @property
     def suffix(self) -> str:
-        """The ending of its name in lower case, with the dot."""
+        """Ending of the file's name in lower case, with the dot."""
         return self.file.suffix.lower()
 
     @cached_property
     def text(self) -> str | None:
         """The beginning as text, None where it is not text."""
-        if b"\0" in self.content:
-            return None
-        try:
-            text = self.content.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = self.content.decode("latin-1")
-        return text.replace("\r\n", "\n").replace("\r", "\n")
+        return decoded(self.content)
 
     @cached_property
     def lines(self) -> list[str]:
-        """Its lines with content."""
+        """Lines with content."""
         return [line for line in (self.text or "").split("\n") if line.strip(' \t,;"')]
-
-    @property
-    def first_cell(self) -> str:
-        """What stands before the first comma, semicolon or tab; empty where there is no text."""
-        return re.split(r"[,;\t]", self.lines[0])[0].strip().strip('"') if self.lines else ""
 
 
 @dataclass(frozen=True)
 class Stated:
-    """What a file says of itself in its header, whether or not the rest of it can be read."""
+    """Statements in a file's header, even where the rest of the file cannot be read."""
 
     version: str | None = None
     units: dict[str, str] = field(default_factory=dict)  # quantity → unit as the file states it
@@ -99,29 +108,30 @@ class Format:
     recognises: Callable[[Head], bool] | None = None
     states: Callable[[Path], Stated] = lambda file: Stated()
     option: str | None = None  # the name by which an option of the dataset chooses it
-    endings: tuple[str, ...] = ()  # of the names of its files, where frames are told by them
-    fallback: bool = False  # recognises what more specific formats begin like too: asked last
+    endings: tuple[str, ...] = ()  # of the names of its files, where frames are found by them
+    fallback: bool = False  # recognises what more specific formats begin like too: tried last
 
 
 @cache
 def formats_in(package: ModuleType, *kinds: Kind) -> tuple[Format, ...]:
-    """The formats of the ``kinds`` (of all, where none is named) among the modules of ``package``
-    and of the packages in it, in the order of the modules' names, those of last resort last.
+    """Return the formats of the ``kinds`` (all by default) in ``package``, below it too, in the
+    order of their modules' names, the fallbacks last.
     """
     modules = walk_packages(package.__path__, f"{package.__name__}.")
-    declared = [getattr(resolve_name(module.name), "FORMAT", None) for module in modules]
-    chosen = [one for one in declared if one is not None and (not kinds or one.kind in kinds)]
+    declared = [getattr(import_module(module.name), "FORMAT", ()) for module in modules]
+    formats = [one for held in declared for one in (held if isinstance(held, tuple) else (held,))]
+    chosen = [one for one in formats if not kinds or one.kind in kinds]
     return tuple(sorted(chosen, key=lambda one: one.fallback))
 
 
 def recognised(head: Head, formats: Sequence[Format]) -> Format | None:
-    """The first of the ``formats`` that the file begins like."""
+    """Return the first of the ``formats`` that the file begins like."""
     return next((one for one in formats if one.recognises and one.recognises(head)), None)
 
 
 def format_of(file: Path, formats: Sequence[Format]) -> Format | None:
-    """The first of the ``formats`` that ``file`` begins like; RecordingError where it cannot be
-    opened.
+    """Return the first of the ``formats`` that ``file`` begins like; RecordingError where it cannot
+    be opened.
     """
     try:
         return recognised(Head.read(file), formats)
@@ -129,16 +139,67 @@ def format_of(file: Path, formats: Sequence[Format]) -> Format | None:
         raise RecordingError(f"the file cannot be read ({error.strerror})", file=file) from None
 
 
+def file_content(file: Path, what: str = "file", advice: str = "") -> bytes:
+    """Return all bytes of ``file``; RecordingError, which calls it ``what``, where it cannot be
+    read or is too large.
+    """
+    try:
+        return read_whole(file)
+    except OSError as error:
+        message = f"the {what} cannot be read ({error.strerror}){advice}"
+        raise RecordingError(message, file=file) from None
+
+
+def read_alone(function: Callable, *arguments: object, file: Path, advice: str) -> Any:
+    """Return ``function(*arguments)``, called in a process of its own, which bounds time and memory
+    and which a library may end; RecordingError with the ``advice`` where it fails on the ``file``.
+    """
+    try:
+        return call_alone(function, *arguments, file=file)
+    except RecordingError as error:
+        raise unread(error, advice) from None
+
+
+def unread(error: RecordingError, advice: str) -> RecordingError:
+    """Return the ``error`` of a sandbox, with the ``advice`` where a library failed."""
+    failed = any(words in error.message for words in ("its reader fails", "ends the process"))
+    message = f"the file is damaged ({error.message}); {advice}" if failed else error.message
+    return RecordingError(message, **error.evidence)
+
+
 def begins(*marks: bytes) -> Callable[[Head], bool]:
-    """A recogniser: the file begins with one of the ``marks``."""
+    """Return a recogniser of files that begin with one of the ``marks``."""
     return lambda head: head.content.startswith(marks)
 
 
 def is_xml(*names: str) -> Callable[[Head], bool]:
-    """A recogniser: the file is XML in which an element has one of the ``names``."""
-    elements = re.compile(rf"<({'|'.join(names)})[\s>]")
+    """Return a recogniser of XML in which an element has one of the ``names``."""
+    element = re.compile(rf"<({'|'.join(names)})[\s>]")
     return lambda head: (
-        bool(head.lines)
-        and head.lines[0].lstrip().startswith("<")
-        and elements.search(head.text) is not None
+        (head.text or "").lstrip().startswith("<") and element.search(head.text) is not None
     )
+
+
+def is_bag(path: Path) -> bool:
+    """Return whether ``path`` is called a ROS bag: a file with a bag's suffix, or a folder with the
+    metadata.yaml of ROS 2.
+    """
+    if os.path.isfile(path):  # False, as Path.is_file is not, where it may not be looked at
+        return path.suffix in BAG_SUFFIXES
+    return os.path.isfile(path / "metadata.yaml")
+
+
+def matching(folder: Path, pattern: str, *, key: str) -> list[Path]:
+    """Return what matches the glob ``pattern`` below ``folder``, in order; ConfigError with its
+    ``key`` where it is none, or not relative.
+    """
+    try:
+        return sorted(folder.glob(pattern))
+    except (ValueError, NotImplementedError, IndexError):
+        message = f"{pattern!r} must be a relative path below {folder.as_posix()}, with * as needed"
+        raise ConfigError(message, key=key) from None
+
+
+def is_literal(part: str) -> bool:
+    """Return whether one ``part`` of a pattern, a name between slashes, matches itself alone."""
+    return not any(mark in part.replace("[[]", "") for mark in "*?[")

@@ -16,26 +16,23 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.formats.cells import (
-    DATE,
-    SAMPLED,
-    SEPARATORS,
-    SPACE,
-    bare,
-    count_numbers,
-    counts_on,
+from pipeline.formats.delimited import (
+    MISSING,
+    NUMBER,
+    Text,
+    cells_of,
     foreign,
-    is_number,
-    is_row,
-    numeric_columns,
-    separator_of,
-    split_cells,
-    stripped,
-    unit_of,
+    numbers_of,
+    read_text,
 )
-from pipeline.formats.delimited import MISSING, Text, cells_of, numbers_of, read_text
 from pipeline.formats.format import Format, Head, Kind
-from pipeline.formats.units import is_unit
+from pipeline.formats.units import bare, is_unit, unit_of
+
+SPACE = " "  # as a separator: any number of blanks
+SEPARATORS = (",", ";", "\t", SPACE)
+SAMPLED = 40  # last lines that separate columns of numbers from others
+HALF = 0.5  # of these lines hold a number in a column of numbers
+DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
 
 
 @dataclass(frozen=True)
@@ -61,9 +58,7 @@ class Sheet:
     @property
     def width(self) -> int:
         """Cells of a row, without those that are empty behind the last one with a label."""
-        named = len(self._labels[0])
-        filled = max(self.numeric, default=-1) + 1
-        return max(named, filled) if named or filled else len(self.last)
+        return max(len(self.labels), max(self.numeric, default=-1) + 1) or len(self.last)
 
     @property
     def labels(self) -> list[str]:
@@ -87,29 +82,24 @@ class Sheet:
             if not units and index and len(cells) > 1 and all(map(is_unit, filter(None, cells))):
                 units = cells
                 continue
-            filled = len(stripped(cells))
-            enough = max(self.numeric, default=-1) < filled <= len(self.last)
-            labels = (cells + [""] * len(self.last))[: max(filled, self._filled)]
-            if enough and (filled > 1 or len(self.last) == 1):
-                return labels, self.header_lines[index], units
+            filled, width = _filled(cells), len(self.last)
+            if max(self.numeric, default=-1) < filled <= width and (filled > 1 or width == 1):
+                padded = cells + [""] * width
+                return padded[: max(filled, _filled(self.last))], self.header_lines[index], units
         return [], 0, units
-
-    @cached_property
-    def _filled(self) -> int:
-        return len(stripped(self.last))
 
     @property
     def settings(self) -> dict[str, str]:
-        """What the header states as ``name = value`` in a cell or ``name: value`` in a line."""
+        """Header statements ``name = value`` of a cell and ``name: value`` of a line."""
         cells = [cell for n in range(len(self.header)) for cell in self.header_cells(n)]
-        lines = [line.strip().strip('"') for line in self.header if ":" in line]
         stated = [cell.partition("=") for cell in cells if "=" in cell]
+        lines = [line.strip().strip('"') for line in self.header if ":" in line]
         stated += [line.partition(":") for line in lines if "=" not in line]
         return {name.strip(): value.strip() for name, _, value in stated}
 
     @property
     def angle_unit(self) -> str | None:
-        """The unit of all angles, where a setting of OpenSim states it."""
+        """Unit of all angles, where a setting of OpenSim states it."""
         return {"yes": "deg", "no": "rad"}.get(self.settings.get("inDegrees", "").lower())
 
     def words(self, column: int) -> list[str]:
@@ -125,20 +115,20 @@ class Sheet:
 
     @property
     def left_out(self) -> dict[str, str]:
-        """Columns that hold no numbers, by label or number, and what they hold instead."""
+        """Columns that hold no numbers, by label or number, and their content."""
         named = {}
-        for column in sorted(set(range(max(len(self.labels), self._filled))) - set(self.numeric)):
-            cell = self.last[column] if column < len(self.last) else ""
-            label = self.labels[column] if column < len(self.labels) else ""
-            empty = cell in MISSING
-            what = "dates or times" if DATE.search(cell) else "nothing" if empty else "words"
-            named[label or str(column)] = what
+        for column in range(max(len(self.labels), _filled(self.last))):
+            if column not in self.numeric:
+                cell, label = (
+                    "".join(row[column : column + 1]) for row in (self.last, self.labels)
+                )
+                what = "nothing" if cell in MISSING else "words"
+                named[label or str(column)] = "dates or times" if DATE.search(cell) else what
         return named
 
     def header_cells(self, index: int) -> list[str]:
         """Return the cells of a line of the header, without the mark of a comment before them."""
-        line = self.header[index].lstrip("#% ")
-        return self._cells(line, self.header_lines[index])
+        return self._cells(self.header[index].lstrip("#% "), self.header_lines[index])
 
     def _cells(self, line: str, number: int) -> list[str]:
         return cells_of(line, self.separator, file=self.file, number=number)
@@ -154,31 +144,16 @@ class Sheet:
         columns = {}
         for quantity, name in wanted.items():
             fits = [c for c, label in enumerate(self.labels) if name in (label, bare(label))]
+            there = ", ".join(self.labels) or "; ".join(self.header)[:300] or "nothing"
+            problem = f"{len(fits)} columns are labelled {name!r} for {quantity}; the labels above "
+            problem += f"the numbers are {there}. A number from 0 names a column too"
             if isinstance(name, int):
                 fits = [name] if 0 <= name < len(self.last) else []
                 problem = f"{quantity} is column {name} (from 0) of rows of {self.width} cells"
-            else:
-                self._require_labels(name)
-                there = ", ".join(self.labels) or "; ".join(self.header)[:300] or "nothing"
-                problem = (
-                    f"{len(fits)} columns are labelled {name!r} for {quantity}; the labels above "
-                    f"the numbers are {there}. A number from 0 names a column too"
-                )
             if len(fits) != 1:
                 raise RecordingError(problem, file=self.file, line=self.label_line, key=key)
             columns[quantity] = fits[0]
         return columns
-
-    def _require_labels(self, name: str) -> None:
-        """Raise RecordingError where the line that holds the label ``name`` has too few labels."""
-        for index in range(len(self.header) if not self.labels else 0):
-            cells = self.header_cells(index)
-            if name in (*cells, *map(bare, cells)):
-                raise RecordingError(
-                    f"the row has {len(self.last)} cells under {len(cells)} labels",
-                    file=self.file,
-                    line=self.lines[0],
-                )
 
     def require_cells(self) -> None:
         """Raise RecordingError where the last line of the header labels more columns than the rows
@@ -186,26 +161,17 @@ class Sheet:
         """
         cells = self.header_cells(len(self.header) - 1) if self.header else []
         labels = [cell for cell in cells if cell and "=" not in cell]  # settings have no column
-        if len(labels) > len(self.last):
-            raise RecordingError(
-                f"the row has {len(self.last)} cells under {len(labels)} labels, the last of which "
-                f"is {labels[-1]!r}: a column is missing; export the log again",
-                file=self.file,
-                line=self.lines[0],
-            )
+        if (held := len(self.last)) < len(labels):
+            message = f"the row has {held} cells under {len(labels)} labels, the last of which is "
+            message += f"{labels[-1]!r}: a column is missing; export the log again"
+            raise RecordingError(message, file=self.file, line=self.lines[0])
 
     def values(self, columns: list[int]) -> np.ndarray:
         """Return (N, len(columns)) the numbers of the columns, 0 being the first; RecordingError
         with the line for a cell that is none.
         """
-        return numbers_of(
-            self.rows,
-            self.lines,
-            columns,
-            file=self.file,
-            separator=self.separator,
-            decimal=self.decimal,
-        )
+        form = {"separator": self.separator, "decimal": self.decimal}
+        return numbers_of(self.rows, self.lines, columns, file=self.file, **form)
 
 
 def read_sheet(
@@ -219,16 +185,10 @@ def read_sheet(
     commas in one table, or whole numbers between commas under no header, which may be halves of
     decimal fractions. Raises ConfigError for options that are no separator or mark.
     """
-    if (
-        separator not in (None, *SEPARATORS)
-        or decimal not in (None, ".", ",")
-        or (decimal is not None and decimal == separator)
-    ):
-        message = (
-            f"separator {separator!r} and decimal {decimal!r}: one of comma, "
-            "semicolon, tab, blank, and another of point, comma"
-        )
-        raise ConfigError(message, key=key)
+    known = separator in (None, *SEPARATORS) and decimal in (None, ".", ",")
+    if not known or (decimal is not None and decimal == separator):
+        message = f"separator {separator!r} and decimal {decimal!r}: one of comma, semicolon, tab, "
+        raise ConfigError(f"{message}blank, and another of point, comma", key=key)
     return _sheet(read_text(file), Path(file), separator, decimal, key)
 
 
@@ -241,98 +201,138 @@ def _sheet(text: Text, file: Path, separator: str | None, decimal: str | None, k
         raise RecordingError("the log holds no whole line; record again", file=file)
     lines = [text.lines[place - 1] for place in places]
     # a last line without any number is a remark below the rows
-    whole = next((line for line in lines[:-4:-1] if re.search(r"\d", line)), lines[-1])
-    mark = separator or separator_of(whole)
+    rowlike = (line for line in lines[:-4:-1] if re.search(r"\d", line))
+    mark = separator or _separator_of(next(rowlike, lines[-1]))
     if mark == SPACE:
         mark, lines = "\t", ["\t".join(line.lstrip("#%").split()) for line in lines]
-    split = [split_cells(line, mark) for line in lines[-SAMPLED:]]
+    split = [_split(line, mark) for line in lines[-SAMPLED:]]
     before = [len(cells) for cells in split[-3:-1]]
-    if len({*before}) == 1 and len(split[-1]) < before[0] and count_numbers(split[-2]):
+    if len({*before}) == 1 and len(split[-1]) < before[0] and _numbers(split[-2]):
         lines, places, split = lines[:-1], places[:-1], split[:-1]
         counts["cut_rows"] += 1
-    width, numeric = len(split[-1]), numeric_columns(split)
-    top = next(
-        (i for i, line in enumerate(lines) if numeric and is_row(line, mark, width, numeric)),
-        len(lines),
-    )
-    if top + 1 < len(lines) and counts_on(split_cells(lines[top], mark)):
+    width, numeric, top = len(split[-1]), _numeric_columns(split), len(lines)
+    if numeric:
+        rows = (i for i, line in enumerate(lines) if _is_row(_split(line, mark), width, numeric))
+        top = next(rows, top)
+    if top + 1 < len(lines) and _counts_on(_split(lines[top], mark)):
         top += 1  # labels that are numbers, as pandas writes them
-    rows, header = lines[top:], lines[:top]
-    sheet = Sheet(file, header, places[:top], rows, places[top:], mark, ".", counts, numeric)
-    if not rows:
+    above, below = (lines[:top], places[:top]), (lines[top:], places[top:])
+    sheet = Sheet(file, *above, *below, mark, ".", counts, numeric)
+    if not sheet.rows:
         return sheet
     _require_header(sheet, key)
     chosen = decimal or _decimal(sheet, key)
     if chosen is None and mark == "," and separator is None and width > 1 and not sheet.labels:
         sheet.require_cells()
-        message = (
-            "whole numbers between commas, or decimal commas? Set separator and "
-            "decimal, or save it with semicolons"
-        )
+        message = "whole numbers between commas, or decimal commas? Set separator and decimal, or "
+        message += "save it with semicolons"
         raise RecordingError(message, file=file, line=places[top], key=key)
     return replace(sheet, decimal=chosen or ".")
 
 
-def _require_header(sheet: Sheet, key: str) -> None:
-    """Raise RecordingError for a line of the header that is a damaged row, or one of another
-    form.
+def _separator_of(line: str) -> str:
+    if mark := next((mark for mark in ";\t" if mark in line), ""):
+        return mark
+    pieces = line.split()
+    # commas that never touch a blank are decimal marks of cells that blanks keep apart
+    spaced = len(pieces) > 1 and not any("," in (piece[0], piece[-1]) for piece in pieces)
+    # a date and a time have a blank between them too
+    numbers = _numbers(pieces) >= HALF * len(pieces) or "," not in line
+    return SPACE if spaced and numbers and '"' not in line else ","
+
+
+def _split(line: str, mark: str) -> list[str]:
+    """Return the cells of a line, roughly: quotes that do not close are the reader's to refuse."""
+    if '"' in line:
+        try:
+            return cells_of(line, mark, file=Path(), number=0)
+        except RecordingError:
+            pass
+    return [cell.strip().strip('"') if '"' in line else cell.strip() for cell in line.split(mark)]
+
+
+def _filled(cells: list[str]) -> int:
+    """Return the number of cells up to the last one with content."""
+    return max((n for n, cell in enumerate(cells, start=1) if cell), default=0)
+
+
+def _is_number(cell: str) -> bool:
+    return NUMBER.fullmatch(cell.replace(",", ".")) is not None
+
+
+def _numbers(cells: list[str]) -> int:
+    return sum(map(_is_number, cells))
+
+
+def _numeric_columns(split: list[list[str]]) -> list[int]:
+    """Return the columns that hold numbers in at least half of the last lines that are as wide as
+    the last one, from the last line up to one that holds none.
     """
+    alike = []
+    for cells in reversed(split):
+        if len(cells) == len(split[-1]):
+            if not any(_is_number(cell) or cell in MISSING[1:] for cell in cells):
+                break
+            alike.append(cells)
+    shares = [_numbers([*column]) / len(alike) for column in zip(*alike, strict=True)]
+    return [column for column, share in enumerate(shares) if share >= HALF]
+
+
+def _is_row(cells: list[str], width: int, numeric: list[int]) -> bool:
+    held = [cells[column] for column in numeric] if len(cells) == width else []
+    return _numbers(held) > 0 and all(_is_number(cell) or cell in MISSING for cell in held)
+
+
+def _counts_on(cells: list[str]) -> bool:
+    """Return whether cells are labels that are numbers: nothing or a word, then 0, 1, 2 …"""
+    if len(cells) < 3 or _is_number(cells[0]):
+        return False
+    numbers = [int(cell) for cell in cells[1:] if re.fullmatch(r"\d{1,4}", cell)]
+    return bool(numbers) and numbers == [*range(numbers[0], numbers[0] + len(cells) - 1)]
+
+
+def _require_header(sheet: Sheet, key: str) -> None:
+    """Raise RecordingError for a line of the header that is a row, damaged or of another form."""
     for line, place in zip(sheet.header, sheet.header_lines, strict=True):
         for other in SEPARATORS:
-            cells = line.split() if other == SPACE else split_cells(line, other)
+            cells = line.split() if other == SPACE else _split(line, other)
             filled = [cell for cell in cells if cell]
-            if len(filled) > 2 and count_numbers(filled) == len(filled) and not counts_on(cells):
-                raise RecordingError(
-                    f"numbers in another form than below, or a row that is damaged: {line[:80]!r}",
-                    file=sheet.file,
-                    line=place,
-                    key=key,
-                )
+            if len(filled) > 2 and _numbers(filled) == len(filled) and not _counts_on(cells):
+                message = f"numbers in another form than below, or a damaged row: {line[:80]!r}"
+                raise RecordingError(message, file=sheet.file, line=place, key=key)
     if not sheet.header:
         return
-    cells = split_cells(sheet.header[-1].lstrip("#% "), sheet.separator)
-    numbers = sum(is_number(cells[column]) for column in sheet.numeric if column < len(cells))
-    if (
-        numbers
-        and (len(cells) == len(sheet.last) or numbers == len(cells))
-        and not counts_on(cells)
-    ):
-        raise RecordingError(
-            f"words and numbers in one line: a damaged row, or labels? {sheet.header[-1][:80]!r}",
-            file=sheet.file,
-            line=sheet.header_lines[-1],
-        )
+    cells = _split(sheet.header[-1].lstrip("#% "), sheet.separator)
+    numbers = _numbers([cells[column] for column in sheet.numeric if column < len(cells)])
+    whole = len(cells) == len(sheet.last) or numbers == len(cells)
+    if numbers and whole and not _counts_on(cells):
+        message = f"words and numbers in one line: a damaged row, or labels? {sheet.header[-1]!r}"
+        raise RecordingError(message[:160], file=sheet.file, line=sheet.header_lines[-1])
 
 
 def _decimal(sheet: Sheet, key: str) -> str | None:
-    """The decimal mark of the columns of numbers, None where they hold none; RecordingError at the
-    first row with the other one.
+    """Return the decimal mark of the columns of numbers, None where they hold none; RecordingError
+    at the first row with the other one.
     """
-    mark, rows = sheet.separator, sheet.rows
-    if mark == ",":
-        return "." if any("." in row for row in rows) else None
-    held = [sign for sign in ".," if any(sign in row for row in rows)]
+    rows = sheet.rows
+    held = [sign for sign in ".," if sign != sheet.separator and any(sign in row for row in rows)]
     if len(held) < 2:
         return held[0] if held else None
     proven = None
     for row, line in zip(rows, sheet.lines, strict=True):
-        cells = split_cells(row, mark)
+        cells = _split(row, sheet.separator)
         numbers = "".join(cells[column] for column in sheet.numeric if column < len(cells))
-        for sign in ".,":
-            if sign in numbers:
-                if proven not in (None, sign):
-                    message = (
-                        "decimal points and decimal commas in one table; mend it, or "
-                        "set decimal where one mark is not a decimal"
-                    )
-                    raise RecordingError(message, file=sheet.file, line=line, key=key)
-                proven = sign
+        for sign in filter(numbers.__contains__, ".,"):
+            if proven not in (None, sign):
+                message = "decimal points and decimal commas in one table; mend it, or set decimal"
+                raise RecordingError(message, file=sheet.file, line=line, key=key)
+            proven = sign
     return proven
 
 
 def _begins(head: Head) -> bool:
-    """Whether the reader finds rows in the whole lines of the beginning, or refuses them by an
-    option or a line.
+    """Return whether the reader finds rows in the whole lines of the beginning, or refuses them by
+    an option or a line.
     """
     if head.text is None or not head.lines or foreign(head.text):
         return False
@@ -342,7 +342,7 @@ def _begins(head: Head) -> bool:
     except RecordingError as error:
         return "key" in error.evidence or "line" in error.evidence
     if len(sheet.rows) < 2:
-        return bool(sheet.rows) and bool(sheet.labels) and len(sheet.numeric) == sheet.width
+        return bool(sheet.rows and sheet.labels) and len(sheet.numeric) == sheet.width
     return bool(sheet.labels) or len(sheet.numeric) >= min(2, len(sheet.last))
 
 

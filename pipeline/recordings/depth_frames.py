@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,7 @@ import numpy as np
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.instruments import Depth
 from pipeline.formats.depth.cloud import UNTURNED, PointCloud, is_cloud, read_cloud
-from pipeline.formats.depth.encoding import Encoding, metres
-from pipeline.formats.depth.image import RawDepth, read_depth
+from pipeline.formats.depth.image import Encoding, RawDepth, metres, read_depth
 from pipeline.formats.depth.index import numbered_frames, read_index
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics
 from pipeline.formats.depth.messages import (
@@ -96,10 +96,7 @@ class BagFrames:
     def __init__(self, path: Path, depth: Depth, raw: Path) -> None:
         self._bag, self._encoding = path, _encoding(depth)
         self._topic = choose_topic(path, (IMAGE, CLOUD), depth.topic)
-        stamps = [
-            seconds(message, **self._evidence(number))
-            for number, message in enumerate(messages(path, self._topic))
-        ]
+        stamps = [*messages(path, self._topic, seconds)]
         self.time, self.counts = np.array(stamps), {}
         if (late := np.flatnonzero(np.diff(self.time) <= 0)).size:
             raise RecordingError("the time does not increase", **self._evidence(int(late[0]) + 1))
@@ -113,30 +110,23 @@ class BagFrames:
             self._require_metres("PointCloud2")
 
     def read(self, frames: Iterable[int]) -> Iterator[Measured]:
-        wanted = iter(frames)
-        frame = next(wanted, None)
-        for number, message in enumerate(messages(self._bag, self._topic)):
-            if frame is None:
-                return
-            if number != frame:
+        clouds, wanted = self.camera is None, [*frames]
+        shape = None if clouds else (self.camera.height, self.camera.width)
+        pick = cloud_points if clouds else partial(image_pixels, shape=shape)
+        held = messages(self._bag, self._topic, pick, {*wanted})
+        for number, values in zip(sorted({*wanted}), held, strict=True):
+            if clouds:
+                yield _cloud(PointCloud.measured(values), self._encoding)
                 continue
-            evidence = self._evidence(number)
-            if self.camera is None:
-                yield _cloud(PointCloud.measured(cloud_points(message, **evidence)), self._encoding)
-            else:
-                pixels = image_pixels(
-                    message, shape=(self.camera.height, self.camera.width), **evidence
-                )
-                if pixels.dtype == np.float32:
-                    self._require_metres(message.encoding)
-                yield _image(RawDepth(pixels), self._encoding, **evidence)
-            frame = next(wanted, None)
+            if values.dtype == np.float32:
+                self._require_metres("Image in metres")
+            yield _image(RawDepth(values), self._encoding, **self._evidence(number))
 
     def _camera_info(self, depth: Depth) -> Intrinsics:
         topic = choose_topic(self._bag, (CAMERA_INFO,), depth.camera_info)
         width, height = _size(depth)
-        info = next(messages(self._bag, topic))
-        camera = camera_info(info, width=width, height=height, file=self._bag, topic=topic)
+        read = partial(camera_info, width=width, height=height)
+        camera = next(messages(self._bag, topic, read, {0}))
         if camera.distortion and "rect" in self._topic:
             raise RecordingError(
                 "the images are called rectified, and their camera distorted; give the "

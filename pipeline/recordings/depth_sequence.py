@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.arm.model import Arm
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.instruments import Depth
-from pipeline.formats.bag_path import is_bag
+from pipeline.formats.format import is_bag
 from pipeline.perception.segment import ArmSegmenter, CloudSegmenter, Crop
 from pipeline.recordings.depth_frames import BagFrames, FileFrames
 from pipeline.recordings.take_names import named_takes

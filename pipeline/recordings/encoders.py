@@ -10,7 +10,7 @@ from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.formats.joints.log import LogOptions
-from pipeline.recordings.movement import read_log, require_speeds, speed_limits
+from pipeline.recordings.movement import read_log, require_speeds, sliding_joints, speed_limits
 from pipeline.recordings.quality import quality_row
 from pipeline.recordings.take_names import named_takes
 
@@ -32,6 +32,8 @@ def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[d
         angle_unit=options.angle_unit,
         time_unit=options.time_unit,
         joints=len(joints),
+        names=joints,
+        sliding=sliding_joints(dataset.robot.urdf),
         signals={"actual": options.actual},
     )
     result, limits = [], speed_limits(dataset.robot.urdf)

@@ -11,8 +11,7 @@ from pipeline.core.errors import ConfigError
 from pipeline.core.options.instruments import Force
 from pipeline.formats import force as force_formats
 from pipeline.formats.force.calibration import read_calibration
-from pipeline.formats.force.faults import sound_samples
-from pipeline.formats.force.record import ForceLogOptions, full_scale
+from pipeline.formats.force.record import ForceLogOptions, full_scale, sound_samples
 from pipeline.formats.format import Format, Kind, formats_in
 from pipeline.recordings.quality import quality_row
 from pipeline.recordings.tare import remove_bias

@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.core.bounds import MIB
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
-from pipeline.formats.patterns import matching
+from pipeline.formats.format import matching
 
 PARTS = ("motion", "depth", "force")
 

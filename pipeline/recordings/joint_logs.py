@@ -14,7 +14,7 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.recordings.disturbances import disturbed_takes
 from pipeline.recordings.logged_movement import UNITS, Take, read_logged_movement
-from pipeline.recordings.movement import require_speeds, speed_limits
+from pipeline.recordings.movement import require_speeds, sliding_joints, speed_limits
 from pipeline.recordings.pairing import require_pair
 from pipeline.recordings.quality import LEFT_OUT, REPETITIONS, quality_row
 from pipeline.recordings.repetitions import (
@@ -125,14 +125,15 @@ def find_takes(
     takes, observed, quality = {}, [], []
     options, rest = dataset.joint_log, dataset.joint_log.rest_speed
     chain = [options.joints.index(name) for name in dataset.robot.joints]
-    limits = speed_limits(dataset.robot.urdf)
+    urdf = dataset.robot.urdf
+    limits, sliding = speed_limits(urdf), sliding_joints(urdf)
     movements = named_takes(raw, options.movements, key="dataset.joint_log.movements")
     if not movements:
         raise RecordingError(
             f"no folder or file of a movement matches {options.movements!r}", file=raw
         )
     for name, place in movements.items():
-        movement = read_logged_movement(name, place, options, dataset.motion.rate)
+        movement = read_logged_movement(name, place, options, dataset.motion.rate, sliding)
         clock = np.arange(len(movement.actual)) / dataset.motion.rate
         angles = {"actual": movement.actual, "target": movement.target}
         require_speeds(clock, angles, options.joints, limits, file=place)

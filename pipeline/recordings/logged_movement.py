@@ -4,7 +4,7 @@ have them: in rad, row by row, and a pair.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.core.angles import TURN, apart, turns_apart, whole_turns
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.instruments import SIGNALS, JointLog
-from pipeline.formats.bag_path import is_bag
+from pipeline.formats.format import is_bag
 from pipeline.formats.joints.log import LogOptions
 from pipeline.recordings.movement import read_movement
 from pipeline.recordings.pairing import delayed, require_pair
@@ -93,9 +93,14 @@ UNITS = {"clock_jitter": "s", "command_delay": "s"}  # of counts that are none
 
 
 def read_logged_movement(
-    name: str, movement: Path, options: JointLog, rate: float
+    name: str,
+    movement: Path,
+    options: JointLog,
+    rate: float,
+    sliding: Collection[str] = (),
 ) -> LoggedMovement:
-    """The ``movement`` of that name, a folder of logs or one file, at ``rate`` rows a second.
+    """The ``movement`` of that name, a folder of logs or one file, at ``rate`` rows a second;
+    joints named in ``sliding`` have coordinates in m.
 
     Raises RecordingError for logs that cannot be read or whose clock is not even, and for a command
     that is none of the measured angles; ConfigError where the options do not say where both stand.
@@ -124,6 +129,7 @@ def read_logged_movement(
         options.joints,
         {} if options.target_factor == 1 else dict.fromkeys(SIGNALS[1:], options.target_factor),
     )
+    common = replace(common, sliding=sliding)
     files = {file: replace(common, signals=signals) for file, signals in wanted.items()}
     signals, counts = read_movement(files, rate, options.clock) if files else ({}, {})
     if missing := [signal for signal in ("actual", "target") if signal not in signals]:

@@ -179,7 +179,12 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
     jumps = 0
     for name in filter(signals.__contains__, ANGLES):
         signals[name], removed = unwrapped(
-            signals[name], log.time, options.names or log.joints, signal=name, file=file
+            signals[name],
+            log.time,
+            options.names or log.joints,
+            signal=name,
+            sliding=options.sliding,
+            file=file,
         )
         jumps += removed
     counts = log.counts | ({UNWRAPPED: jumps} if jumps else {})
@@ -196,6 +201,14 @@ def speed_limits(urdf: str) -> dict[str, float]:
     joints = read_urdf(Path(urdf)).joints
     stated = {name: joint.limits or {} for name, joint in joints.items()}
     return {name: limits["velocity"] for name, limits in stated.items() if "velocity" in limits}
+
+
+def sliding_joints(urdf: str) -> frozenset[str]:
+    """Return the names of the prismatic joints in the file ``urdf``, whose coordinates are no
+    angles; errors as :func:`speed_limits`.
+    """
+    joints = {} if urdf == UNFILLED else read_urdf(Path(urdf)).joints
+    return frozenset(name for name, joint in joints.items() if joint.kind == "prismatic")
 
 
 def require_speeds(

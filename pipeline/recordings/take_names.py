@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.patterns import is_literal, matching
+from pipeline.formats.format import is_literal, matching
 from pipeline.recordings.quality import require_text
 
 

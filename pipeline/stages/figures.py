@@ -7,12 +7,12 @@ from pathlib import Path
 from pipeline.core import config, contracts
 from pipeline.figures.drawing import draw_all
 
-SCORE, OUT = Path("data/score"), Path("reports/figures")
+SCORE, REPORTS = Path("data/score"), Path("reports")
 DRAWN = 3  # models in the paper's figures: more lines than these cannot be told apart
 
 
 def run() -> None:
-    """Draw every figure whose tables the dataset has into ``reports/figures``."""
+    """Draw every figure whose tables the dataset has into ``reports/DATASET/figures``."""
     settings = config.sections("figures")
     robot, force = settings.dataset.robot, settings.dataset.force
     models = list(settings.models)
@@ -25,4 +25,5 @@ def run() -> None:
         "mode": settings.simulation.mode,
         "configurations": force.configurations if force else {},
     }
-    draw_all("pipeline.figures", OUT, options, settings.compute, "figures")
+    reports = REPORTS / settings.dataset.name
+    draw_all(reports / "figures", reports / "captions.json", options, settings.compute)

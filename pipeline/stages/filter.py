@@ -24,7 +24,6 @@ from pipeline.models.model import Commands, MotionModel, open_loop
 from pipeline.recordings.steps import training_steps
 
 FIT, OUT = Path("data/fit"), Path("data/filter")
-METRICS = Path("reports/metrics")
 OF_A_STEP = ("ess", "resampled", "measured", "clipped", "outside")
 
 
@@ -69,7 +68,7 @@ def run(model: str) -> None:
                 metrics |= {f"{prefix}{name}": n for name, n in _metrics(posterior, rows).items()}
         else:
             print("filter: no joint angles from a depth camera; nothing to filter")
-    contracts.write_metrics(metrics, METRICS / f"filter_{model}.json")
+        contracts.write_metrics(metrics, folder / "filter.json")
 
 
 def _metrics(

@@ -34,19 +34,18 @@ from pipeline.recordings.steps import training_steps
 from pipeline.statistics.takes import NORMAL_QUANTILE
 
 MOTION, TRACK, OUT = Path("data/ingest/motion"), Path("data/track"), Path("data/fit")
-METRICS, COVARIANCE = Path("reports/metrics"), "covariance.json"
+COVARIANCE = "covariance.json"
 OF_EACH = ("u_unbounded",)  # diagnostics that are written of every estimator
 
 
 def run(model: str) -> None:
-    """Fit ``model`` and realise it; tables to ``data/fit``, numbers to ``reports/metrics``."""
+    """Fit ``model`` and realise it; tables and numbers go to ``data/fit``."""
     settings = config.sections("fit", item=model)
     if settings.dataset.robot is None:
         print("fit: the dataset has no robot; nothing to fit")
-        with contracts.replacing(OUT / model):
-            pass
-        for stage in ("fit", "simulate"):
-            contracts.write_metrics({}, METRICS / f"{stage}_{model}.json")
+        with contracts.replacing(OUT / model) as folder:
+            for stage in ("fit", "simulate"):
+                contracts.write_metrics({}, folder / f"{stage}.json")
         return
     options, checks = vars(settings.models)[model], settings.scale.convex_checks
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
@@ -73,8 +72,8 @@ def run(model: str) -> None:
             _write_parameters(estimate.parameters, folder)
             metrics |= _write_closed_loop(model, recorded, options, estimate, settings, folder)
             realised = _realise(model, estimate.model, recorded, settings, folder)
-    contracts.write_metrics(metrics, METRICS / f"fit_{model}.json")
-    contracts.write_metrics(realised, METRICS / f"simulate_{model}.json")
+        contracts.write_metrics(metrics, folder / "fit.json")
+        contracts.write_metrics(realised, folder / "simulate.json")
 
 
 def _estimate(

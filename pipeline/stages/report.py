@@ -21,24 +21,24 @@ from pipeline.verdicts.readings import readings_part
 from pipeline.verdicts.run import read_runs
 
 REPORTS, DATASETS = Path("reports"), Path("reports/datasets")
-CAPTIONS = Path("reports/figures/captions.json")
 CLAIMS, ERRATA = Path("reports/claims.yaml"), Path("pipeline/verdicts/errata.yaml")
 PACKAGE, PAPER = Path("pipeline"), Path("pipeline/verdicts/paper.yaml")
 BEYOND = ("studies", "tools")  # what goes beyond the paper comes after its report
 
 
 def run() -> None:
-    """Decide the claims on every run's numbers, and write claims.json, report.md, datasets.md,
-    errata.md, equations.md and model_card.md.
+    """Decide the claims on every run's numbers, and write claims.json, report.md, errata.md,
+    equations.md and model_card.md of the dataset, and datasets.md.
     """
-    runs = read_runs(DATASETS, first=config.sections("report").dataset.name)
+    name = config.sections("report").dataset.name
+    runs, reports = read_runs(DATASETS, first=name), REPORTS / name
     here = runs[0]
     stated = validated(Stated, read_yaml(CLAIMS), file=CLAIMS)
     decided = decide_each(parse_claims(stated.claims), runs, stated.recordings_of_the_paper)
     errata = parse_errata(read_yaml(ERRATA).get("errata"))
     items = parse_items(read_yaml(PAPER).get("items"))
     sources = citations(PACKAGE, items, BEYOND)
-    captions = json.loads(CAPTIONS.read_text(encoding="utf-8"))
+    captions = json.loads((reports / "captions.json").read_text(encoding="utf-8"))
     datasets = [
         {"dataset": each.dataset, "scale": each.scale, "recordings": whose.recordings}
         for each, whose in zip(runs, decided, strict=False)  # the last needs no run
@@ -58,10 +58,13 @@ def run() -> None:
     pages = {
         "claims.json": json.dumps(claims, indent=2, ensure_ascii=False) + "\n",
         "report.md": report_page.report_page(here, decided, parts),
-        "datasets.md": report_page.datasets_page(here, decided),
         "errata.md": errata_page(correct(errata, here, decided)),
-        "equations.md": equations_page(items, sources),
         "model_card.md": model_card(here, runs[1:]),
+        "recordings.md": report_page.recordings_page(here),
     }
-    for name, text in pages.items():
-        contracts.write_text(text, REPORTS / name)
+    summary = report_page.summary_numbers(here, decided)
+    contracts.write_metrics(summary, reports / "summary.json")
+    for file, text in pages.items():
+        contracts.write_text(text, reports / file)
+    contracts.write_text(report_page.datasets_page(decided), REPORTS / "datasets.md")
+    contracts.write_text(equations_page(items, sources), REPORTS / "equations.md")

@@ -5,6 +5,7 @@ states; all numbers of the run in one file, so that datasets stand side by side.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -47,8 +48,7 @@ from pipeline.verdicts.run import Run
 FILES, INGEST, TRACK = Path("data/files"), Path("data/ingest"), Path("data/track")
 ARTICULATE, READINGS = Path("data/articulate"), Path("data/readings")
 FIT, FILTER, WRENCH = Path("data/fit"), Path("data/filter"), Path("data/wrench")
-OUT, METRICS, TABLES = Path("data/score"), Path("reports/metrics"), Path("reports/tables")
-DATASETS = Path("reports/datasets")
+OUT, REPORTS, DATASETS = Path("data/score"), Path("reports"), Path("reports/datasets")
 # tables that the report shows as they are
 SHOWN = dict.fromkeys(("sigma_s", "force_moments", "force_test"), WRENCH) | {"readings": READINGS}
 PREDICTED = (
@@ -62,34 +62,50 @@ LONG = ("deviation",)  # a table that no verdict is read from
 
 
 def run() -> None:
-    """Compare every model with the recordings, in mean, in spread and in the filter."""
+    """Compare every model with the recordings, in mean, in standard deviation and in the filter."""
     settings = config.sections("score")
-    with contracts.replacing(OUT) as folder, contracts.replacing(TABLES) as tables:
+    reports = REPORTS / settings.dataset.name
+    with (
+        contracts.replacing(OUT) as folder,
+        contracts.replacing(reports / "tables") as tables,
+        contracts.replacing(reports / "metrics") as written,
+    ):
         if settings.dataset.robot is None:
             print("score: the dataset has no robot; its forces alone are scored")
-            recordings = _quality(tables)
-            for name in ("motion", "filter"):
-                contracts.write_metrics({}, METRICS / f"{name}.json")
+            metrics = {"motion": {}, "filter": {}, "recordings": _quality(tables)}
         else:
-            recordings = _score_robot(settings, folder, tables)
-        contracts.write_metrics(recordings, METRICS / "recordings.json")
+            metrics = _score_robot(settings, folder, tables)
+        for stem, file in _metrics_of_stages(settings.models):
+            metrics[stem] = json.loads(file.read_text(encoding="utf-8"))
+        for stem, numbers in metrics.items():
+            contracts.write_metrics(numbers, written / f"{stem}.json")
         for name, place in SHOWN.items():
             if contracts.exists(name, place):
                 contracts.read(name, place).to_csv(tables / f"{name}.csv", index=False)
         study = [contracts.read(name, WRENCH) for name in ("wrench_errors", "wrench_spread")]
         wrench_summary(*study).to_csv(tables / "wrench_study.csv", index=False)
-    _write_evidence(settings)
+    _write_evidence(settings, list(metrics), reports)
 
 
-def _score_robot(settings, folder: Path, tables: Path) -> dict[str, float]:
-    """The motion, its models and filters; what was lost and repaired of the recordings."""
+def _metrics_of_stages(models: Iterable[str]) -> Iterator[tuple[str, Path]]:
+    """Yield the name and file of the numbers that the stages before this one wrote."""
+    yield "wrench", WRENCH / "wrench.json"
+    for stage, place in {"fit": FIT, "simulate": FIT, "filter": FILTER}.items():
+        for model in models:
+            yield f"{stage}_{model}", place / model / f"{stage}.json"
+
+
+def _score_robot(settings, folder: Path, tables: Path) -> dict[str, dict[str, float]]:
+    """Return the numbers of the motion, of the filters and of the recordings."""
     models, names = list(settings.models), settings.dataset.robot.joints
     models = [model for model in models if contracts.exists("moments", FIT / model)]
     for model in settings.models.keys() - {*models}:
         print(f"score: {model} is left out: the recordings give it no fit")
     joints = contracts.read("joints", TRACK)
-    _score_motion(models, names, joints, settings, folder, tables)
-    _score_filters(models, names, joints, settings, folder, tables)
+    metrics = {
+        "motion": _score_motion(models, names, joints, settings, folder, tables),
+        "filter": _score_filters(models, names, joints, settings, folder, tables),
+    }
     for name, together in (("ridge", "ridges"), ("sigma_b_weights", "sigma_b_weights")):
         tables_of = [
             contracts.read(name, FIT / model).assign(model=model)
@@ -102,10 +118,11 @@ def _score_robot(settings, folder: Path, tables: Path) -> dict[str, float]:
     quality.side_by_side(takes).to_csv(tables / "takes.csv", index=False)
     files, counts = sorted(FILES.glob("*.csv")), contracts.read("quality", INGEST / "motion")
     account(map(pd.read_csv, files), counts, takes).to_csv(tables / "kept.csv", index=False)
-    return _quality(tables) | _kinect(joints, names, settings) | _truth(joints, names, settings)
+    recordings = _quality(tables) | _kinect(joints, names, settings)
+    return metrics | {"recordings": recordings | _truth(joints, names, settings)}
 
 
-def _score_motion(models, names, joints, settings, folder: Path, tables: Path) -> None:
+def _score_motion(models, names, joints, settings, folder: Path, tables: Path) -> dict[str, float]:
     """Mean error and standard deviation over time of every model beside what was recorded; with
     one-step realisations their comparison at the recorded level of noise.
     """
@@ -143,8 +160,7 @@ def _score_motion(models, names, joints, settings, folder: Path, tables: Path) -
         std = {"recorded": std["recorded"]} | {name: each.std for name, each in modelled.items()}
         for name, table in spread_tables(modelled, following, noise, names).items():
             table.to_csv(tables / f"{name}.csv", index=False)
-    scores = std_scores(std, errors, names, steady)
-    contracts.write_metrics(scores | metrics, METRICS / "motion.json")
+    return std_scores(std, errors, names, steady) | metrics
 
 
 def _modelled(
@@ -167,7 +183,7 @@ def _modelled(
     return modelled, following
 
 
-def _score_filters(models, names, joints, settings, folder: Path, tables: Path) -> None:
+def _score_filters(models, names, joints, settings, folder: Path, tables: Path) -> dict[str, float]:
     """Errors and bounds of every filter, and its posterior as a law of the measured pose, beside
     those of no filter and of the linear one of the training takes.
     """
@@ -215,7 +231,7 @@ def _score_filters(models, names, joints, settings, folder: Path, tables: Path) 
             table.to_csv(tables / f"{name}.csv", index=False)
         metrics = filter_metrics(compared["filter_scores"])
         metrics["axes_of_training_steps_without_spread"] = without
-    contracts.write_metrics(metrics, METRICS / "filter.json")
+    return metrics
 
 
 def _pose_covariances(joints: pd.DataFrame, settings) -> tuple[np.ndarray, np.ndarray]:
@@ -275,13 +291,11 @@ def _truth(joints: pd.DataFrame, names: list[str], settings) -> dict[str, float]
     return bias | {f"tracking_std_{name}_rad": values.std() for name, values in error.items()}
 
 
-def _write_evidence(settings) -> None:
-    """Every metric and every short table of the run in one committed file."""
+def _write_evidence(settings, stems: Sequence[str], reports: Path) -> None:
+    """Write every metric and every short table of the run into one committed file."""
     models = {name: options.kind for name, options in settings.models.items()}
-    stems = ["motion", "filter", "recordings", "wrench"]
-    stems += [f"{stage}_{model}" for stage in ("fit", "simulate", "filter") for model in models]
-    metrics = {stem: json.loads((METRICS / f"{stem}.json").read_text()) for stem in stems}
-    csv = [file for file in sorted(TABLES.glob("*.csv")) if file.stem not in LONG]
+    metrics = {stem: json.loads((reports / f"metrics/{stem}.json").read_text()) for stem in stems}
+    csv = [file for file in sorted(reports.glob("tables/*.csv")) if file.stem not in LONG]
     tables = {file.stem: pd.read_csv(file) for file in csv}
     dataset = settings.dataset
     here = Run(

@@ -84,7 +84,7 @@ def run() -> None:
             for name, table in tables.items():
                 contracts.write(table, name, folder)
         contracts.write(sigma, "sigma_s", folder)
-    contracts.write_metrics(metrics, Path("reports/metrics/wrench.json"))
+        contracts.write_metrics(metrics, folder / "wrench.json")
 
 
 def _study_metrics(errors: pd.DataFrame, spread: pd.DataFrame) -> dict[str, float]:

@@ -63,7 +63,6 @@ class Claim:
     quantity: str
     rule: str
     reason: str
-    stage: str
     value: Reference
     where: str = ""
     source: str = PAPER

@@ -22,6 +22,7 @@ SYNTHETIC_CANNOT = "cannot be decided with synthetic data"
 NO_EVIDENCE = "no evidence in this dataset"
 FORCED = "forced by construction"
 NO_RECORDING = "decided without a recording"
+COMMAND = "dvc repro score"  # writes all evidence into the dataset's reports
 KINDS = (REPRODUCED, NOT_REPRODUCED, SYNTHETIC_CANNOT, NO_EVIDENCE, FORCED)
 WITHOUT_RECORDING = "no recording"  # name of the column of claims that need none
 
@@ -55,11 +56,6 @@ class Verdict:
     claim: Claim
     verdict: str
     cases: tuple[Case, ...]
-
-    @property
-    def command(self) -> str:
-        """Command that recomputes the numbers of the claim."""
-        return f"dvc repro {self.claim.stage}"
 
 
 @dataclass(frozen=True)
@@ -224,7 +220,7 @@ def verdict_data(decided: Sequence[Decided]) -> list[dict]:
         | {
             "test": row[0].claim.test,
             "reason": row[0].claim.reason,
-            "command": row[0].command,
+            "command": COMMAND,
             "evidence": [reference.address for reference in row[0].claim.references()],
             "datasets": {
                 whose.dataset: {

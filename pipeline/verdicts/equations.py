@@ -173,7 +173,7 @@ def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]
         "cites it. Equations and figures bear the numbers that the paper prints and its labels; "
         "labels with a hyphen are ours, where it "
         "numbers an equation without one. What in the paper is wrong or left open stands in "
-        "[errata.md](errata.md).\n\n"
+        "`errata.md` of a dataset's reports.\n\n"
     )
     return head + "\n".join(rows) + "\n"
 

@@ -110,13 +110,13 @@ def correct(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided]) -> 
 
 
 def errata_page(entries: Sequence[Corrected]) -> str:
-    """``reports/errata.md``."""
+    """``errata.md``."""
     sections = [
         "# Errata: where the paper contradicts itself, is wrong, or leaves open what decides a "
         "result",
         "Written by the stage `report` from `pipeline/verdicts/errata.yaml`. Numbers of the run "
-        "come from `reports/metrics` and "
-        "`reports/tables`, published ones from `reports/claims.yaml`. Each entry names the tests "
+        "come from [metrics](metrics) and "
+        "[tables](tables), published ones from `reports/claims.yaml`. Each entry names the tests "
         "that show it.",
     ]
     for place, entry in enumerate(entries, 1):

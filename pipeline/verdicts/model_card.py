@@ -88,7 +88,7 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
     sections.append(
         "## Export\n\n`python -m pipeline export MODEL` writes a model to one file and beside it "
         "`read_motion_model.py`, which reads it with NumPy alone: "
-        "[methods and examples](../pipeline/tools/export/README.md)."
+        "[methods and examples](../../pipeline/tools/export/README.md)."
     )
     if chosen := [f"- {each.dataset}: {_one_line(each)}" for each in others if each.joints]:
         sections.append("## Other datasets\n\n" + "\n".join(chosen))

@@ -63,11 +63,11 @@ class Reference:
 
     @property
     def address(self) -> str:
-        """File and place within it, for a reader."""
+        """File in the folder of the dataset's reports, and the place within it."""
         if self.key:
-            return f"reports/{self.file}.json: {self.key}"
+            return f"{self.file}.json: {self.key}"
         rows = ", ".join(f"{column} = {value}" for column, value in self.rows.items())
-        return f"reports/{self.file}.csv: {self.column}" + (f" where {rows}" if rows else "")
+        return f"{self.file}.csv: {self.column}" + (f" where {rows}" if rows else "")
 
     @property
     def numbers_joints(self) -> bool:

@@ -53,7 +53,6 @@ def claims():
             "rule": "below",
             "limit": 1.0,
             "reason": "so that it can fail",
-            "stage": "score",
         }
 
     return parse_claims([claim("small", "size"), claim("unheard", "colour")])

@@ -1,6 +1,5 @@
 """Figures are found by their places: every one is drawn with units, a complete legend and all its
-glyphs, or named with the reason why not; captions hold numbers of other stages, and the bytes are
-the same every time.
+glyphs, or named with the reason why not; the bytes are the same every time.
 """
 
 from __future__ import annotations
@@ -17,18 +16,12 @@ from matplotlib import rcParams
 from PIL import Image
 
 from pipeline.core import contracts
-from pipeline.core.errors import ContractError
 from pipeline.core.options.analysis import Compute
 from pipeline.figures.drawing import draw_all, figures_in
 from pipeline.figures.style import RECORDED, joint_lines, model_lines, panels, save
 
-OUT, MOTION = Path("reports/figures"), Path("reports/metrics/motion.json")
-METRICS = {
-    "motion": {"additive_greatest_mean_error_rad": 0.01, "recorded_std_arm_1_rms_rad": 0.02},
-    "filter": {"additive_arm_1_rms_error_rad": 0.03},
-    "wrench": {"study_m3_mean_error": 0.04, "C1_measured_fx": 3.0},
-}
-FIGURES = {name.rpartition(".")[2]: import_module(name) for name in figures_in("pipeline.figures")}
+OUT, CAPTIONS = Path("reports/figures"), Path("reports/captions.json")
+FIGURES = {name: import_module(f"pipeline.figures.{name}") for name in figures_in()}
 BARE = {"cable_robot"}  # a schematic without axes
 
 
@@ -73,15 +66,13 @@ def test_a_figure_has_units_a_complete_legend_all_glyphs_and_the_same_bytes(
 
 @pytest.fixture
 def draw(tmp_path, monkeypatch, tables, options):
-    """Draws the figures into a folder with the tables of all stages and the numbers of captions."""
+    """Draws the figures into a folder with the tables of all stages."""
     monkeypatch.chdir(tmp_path)
     for module in FIGURES.values():
         for table, folder in module.TABLES.items():
             Path(folder).mkdir(parents=True, exist_ok=True)
             contracts.write(tables[table], table, Path(folder))
-    for name, metrics in METRICS.items():
-        contracts.write_metrics(metrics, MOTION.with_name(f"{name}.json"))
-    return lambda: draw_all("pipeline.figures", OUT, options, Compute(workers=1), "figures")
+    return lambda: draw_all(OUT, CAPTIONS, options, Compute(workers=1))
 
 
 def remove(names: set[str]) -> None:
@@ -100,26 +91,21 @@ def test_figures_without_their_table_are_left_out_by_name_and_with_the_reason(dr
     assert len(lines) == len(FIGURES) - len(kept)
     assert "figures: filter_errors left out: the dataset has no depth camera" in lines
     assert "figures: recording_quality left out: the dataset has no table takes" in lines
-    assert {*json.loads((OUT / "captions.json").read_text())} == kept
-    assert {file.stem for file in OUT.iterdir()} == kept | {"captions"}
+    assert {*json.loads(CAPTIONS.read_text())} == kept == {file.stem for file in OUT.iterdir()}
 
 
 @pytest.mark.slow
-def test_captions_have_numbers_of_other_stages_and_a_failure_leaves_the_folder_as_it_was(draw):
+def test_a_figure_that_cannot_be_drawn_leaves_figures_and_captions_as_they_were(draw, monkeypatch):
     remove({*FIGURES} - {"mean_error", "joint_std", "cable_robot"})
     draw()
-    caption = json.loads((OUT / "captions.json").read_text())["mean_error"]
-    assert caption["numbers"] == {"additive_greatest_mean_error_rad": 0.01}
-    assert caption["sources"] == ["data/score/deviation.parquet", "reports/metrics/motion.json"]
+    before = {file: file.read_bytes() for file in (CAPTIONS, *OUT.iterdir())}
+    caption = json.loads(before[CAPTIONS])["mean_error"]
+    assert caption["sources"] == ["data/score/deviation.parquet"]
     assert caption["script"] == "pipeline/figures/mean_error.py"
-    before = {file.name: file.read_bytes() for file in OUT.iterdir()}
-    contracts.write_metrics({"something_else": 1.0}, MOTION)
-    with pytest.raises(ContractError, match="no number named like"):
+    monkeypatch.setattr(FIGURES["joint_std"], "draw", lambda deviation: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
         draw()
-    MOTION.unlink()
-    with pytest.raises(ContractError, match="no such metrics"):
-        draw()
-    assert {file.name: file.read_bytes() for file in OUT.iterdir()} == before
+    assert {file: file.read_bytes() for file in (CAPTIONS, *OUT.iterdir())} == before
     assert not list(OUT.parent.glob(".*.partial"))
 
 

@@ -18,7 +18,7 @@ from pipeline.formats.force.table import read_force_table
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.table import read_joint_table
 from pipeline.recordings.movement import UNWRAPPED, read_log, read_movement
-from pipeline.tools.inspect.examine import inspect
+from pipeline.tools.inspect.command import inspect
 from pipeline.tools.inspect.finding import Finding
 
 CASES = Path(__file__).parents[2].parent / "shared/cases"

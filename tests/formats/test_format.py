@@ -10,12 +10,12 @@ import pytest
 from motive_files import START, random_take
 
 from pipeline import formats
-from pipeline.core.errors import RecordingError
+from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.formats import force, motion
-from pipeline.formats.format import Head, Kind, formats_in, recognised
+from pipeline.formats.format import Head, Kind, formats_in, matching, recognised
 from pipeline.formats.motion.motive import write_motive
 from pipeline.recordings.motion_capture import read_take
-from pipeline.tools.inspect.examine import inspect
+from pipeline.tools.inspect.command import inspect
 from pipeline.tools.inspect.kinds import DESCRIBE
 from pipeline.tools.new_dataset.command import dataset_texts
 from pipeline.tools.new_dataset.layout import layout
@@ -25,15 +25,14 @@ MODULE = '''"""Takes of one marker as a program of our own writes them: x, y, z 
 import numpy as np
 
 from pipeline.formats.format import Format, Kind, begins
-from pipeline.formats.motion.take import MotionTake, clock_counts, sample_counts
+from pipeline.formats.motion.take import TakeBuilder
 
 
 def read_own(file, unit=None):
     positions = np.loadtxt(file, skiprows=1, ndmin=2)
-    frame = np.arange(len(positions))
-    markers = {"M": positions}
-    counts = clock_counts(frame, frame / 10, None) | sample_counts(markers, {}, len(frame))
-    return MotionTake(file.stem, "Own", 10.0, frame, frame / 10, markers, {}, counts)
+    take = TakeBuilder("m", np.arange(len(positions)), 10.0, None, {})
+    take.markers["M"] = positions
+    return take.take(file.stem, "Own", {})
 
 
 FORMAT = Format("Own", Kind.MOTION, read_own, begins(b"OWN"))
@@ -99,3 +98,21 @@ print([name for name in ("cv2", "PIL", "rosbags", "ezc3d") if name in sys.module
 """
     printed = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
     assert re.fullmatch(rb"\[\]\s*", printed.stdout)
+
+
+def test_what_matches_comes_in_order(tmp_path):
+    for name in ("b2.csv", "b10.csv", "a.csv", "c.txt"):
+        (tmp_path / name).touch()
+    assert [path.name for path in matching(tmp_path, "*.csv", key="k")] == [
+        "a.csv",
+        "b10.csv",
+        "b2.csv",
+    ]
+    assert matching(tmp_path, "absent/*", key="k") == []
+
+
+@pytest.mark.parametrize("pattern", ["/absolute/*.csv", ""])
+def test_a_pattern_that_is_none_is_refused_with_its_key(tmp_path, pattern):
+    with pytest.raises(ConfigError) as caught:
+        matching(tmp_path, pattern, key="dataset.depth.frames")
+    assert caught.value.evidence["key"] == "dataset.depth.frames"

@@ -11,14 +11,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ros_bags import image, write_bag
 
-from pipeline.core.bounds import Reading, call_alone, within
+from pipeline.core.bounds import Reading, within
 from pipeline.core.errors import RecordingError
-from pipeline.formats.bag_path import is_bag
+from pipeline.formats.format import is_bag
 from pipeline.formats.rosbag import choose_topic, messages, seconds, topics
 
 IMAGE, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 PIXELS = np.arange(12, dtype=np.uint16).reshape(3, 4)
 FORMS = ("ros1", "ros1_lz4", "sqlite3", "mcap", "zstd")
+
+
+def first(message: object) -> tuple[float, int]:
+    return seconds(message), int(message.data.view("<u2")[0])
+
+
+def content(message: object) -> bytes:
+    return bytes(message.data)
 
 
 def recorded(folder: Path, form: str, count: int = 5) -> Path:
@@ -36,14 +44,14 @@ def test_messages_come_in_order_with_the_time_of_their_headers(tmp_path, form):
     bag = recorded(tmp_path, form)
     assert is_bag(bag)
     assert topics(bag) == {"/depth": IMAGE, "/colour": IMAGE}
-    result = list(messages(bag, "/depth"))
+    result = list(messages(bag, "/depth", first))
     np.testing.assert_allclose(
-        [seconds(message) for message in result],
+        [stamp for stamp, _ in result],
         1700000000.0 + 0.04 * np.arange(5),
         rtol=0,
         atol=1e-6,
     )
-    assert [int(message.data.view("<u2")[0]) for message in result] == list(range(5))
+    assert [pixel for _, pixel in result] == list(range(5))
 
 
 def test_a_topic_is_the_only_one_or_the_chosen_one(tmp_path):
@@ -61,7 +69,7 @@ def test_a_topic_is_the_only_one_or_the_chosen_one(tmp_path):
             choose_topic(bag, kinds, chosen)
         assert refused.value.evidence["file"] == bag
     with pytest.raises(RecordingError, match="no topic '/else'"):
-        next(messages(bag, "/else"))
+        next(messages(bag, "/else", first))
 
 
 def test_messages_without_time_are_refused():
@@ -94,20 +102,20 @@ def test_files_that_are_no_bags_are_refused(tmp_path):
 
 
 def read_all(bag: Path) -> list[bytes]:
-    return [bytes(message.data) for message in messages(bag, "/depth")]
+    return [*messages(bag, "/depth", content)]
 
 
 @pytest.mark.parametrize("form", ["ros1_bz2", "ros1_lz4", "mcap_zstd", "zstd", "zstd_file"])
 def test_compressed_bags_are_read_as_others(tmp_path, form):
     bag = recorded(tmp_path, form)
-    assert [int(m.data.view("<u2")[0]) for m in messages(bag, "/depth")] == list(range(5))
+    assert [pixel for _, pixel in messages(bag, "/depth", first)] == list(range(5))
 
 
 def test_a_bag_that_takes_more_memory_than_the_bound_is_refused_in_the_sandbox(tmp_path):
     zeros = np.zeros((4000, 8000), np.uint16)
     bag = write_bag(tmp_path, "ros1_bz2", {"/depth": [(1.0, image(zeros, 1.0))]})
-    with pytest.raises(RecordingError, match=r"memory|cannot be read") as refused:
-        within(Reading(memory_mib=60), lambda: call_alone(read_all, bag, file=bag))
+    with pytest.raises(RecordingError, match=r"memory|damaged") as refused:
+        within(Reading(memory_mib=60), lambda: read_all(bag))
     assert refused.value.evidence["file"] == bag
 
 
@@ -118,7 +126,7 @@ def test_a_bag_that_lost_a_message_is_refused(tmp_path):
     assert text.count("message_count: 5") == 2
     metadata.write_text(text.replace("message_count: 5", "message_count: 6"))
     with pytest.raises(RecordingError, match="5 messages where the bag announces 6"):
-        list(messages(bag, "/depth"))
+        list(messages(bag, "/depth", first))
 
 
 @pytest.fixture(scope="module")
@@ -143,38 +151,14 @@ def whole(tmp_path_factory) -> dict[str, tuple[Path, Path, Path]]:
 @pytest.mark.parametrize("form", FORMS)
 def test_a_bag_cut_at_any_byte_is_refused_or_whole(whole, form, data):
     bag, file, copy = whole[form]
-    content = copy.read_bytes()
-    file.write_bytes(content)
+    whole_bytes = copy.read_bytes()
+    file.write_bytes(whole_bytes)
     before = read_all(bag)
-    file.write_bytes(content[: data.draw(st.integers(0, len(content) - 1))])
+    file.write_bytes(whole_bytes[: data.draw(st.integers(0, len(whole_bytes) - 1))])
     try:
         assert read_all(bag) == before
     except RecordingError as error:
         assert error.evidence["file"] == bag
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.data())
-@pytest.mark.parametrize("form", FORMS)
-def test_damaged_bytes_never_raise_anything_but_a_refusal(whole, form, data):
-    bag, file, copy = whole[form]
-    damaged = bytearray(copy.read_bytes())
-    for place in data.draw(st.lists(st.integers(0, len(damaged) - 1), min_size=1, max_size=4)):
-        damaged[place] = data.draw(st.integers(0, 255))
-    file.write_bytes(damaged)
-    try:
-        read_all(bag)
-    except RecordingError as error:
-        assert error.evidence["file"] == bag
-
-
-def test_a_database_that_is_cut_short_is_refused(tmp_path):
-    bag = recorded(tmp_path, "sqlite3")
-    (database,) = bag.glob("*.db3")
-    content = database.read_bytes()
-    database.write_bytes(content[:-4096])
-    with pytest.raises(RecordingError, match="is cut short"):
-        topics(bag)
 
 
 def test_a_bag_that_does_not_say_how_many_messages_it_holds_is_refused(tmp_path):

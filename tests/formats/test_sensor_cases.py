@@ -16,8 +16,7 @@ from pipeline.arm.model import chain_of
 from pipeline.core.errors import PipelineError
 from pipeline.core.options.dataset import Robot
 from pipeline.formats.motion.c3d import read_c3d
-from pipeline.tools.inspect.command import as_table
-from pipeline.tools.inspect.examine import inspect
+from pipeline.tools.inspect.command import as_table, inspect
 
 CASES = Path(__file__).parents[3] / "shared" / "cases"
 

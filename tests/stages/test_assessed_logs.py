@@ -18,8 +18,8 @@ from pipeline.core import config
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.stages import ingest, track
 from pipeline.tools.assess import command
-from pipeline.tools.assess.recording import new_takes
-from pipeline.tools.export.record import exported
+from pipeline.tools.assess.command import new_takes
+from pipeline.tools.export.command import exported
 
 MODEL = {"kind": "additive", "noise_covariance": (1e-9 * np.eye(3)).tolist()}
 COVARIANCE = {"estimates": [], "covariance": []}
@@ -41,7 +41,7 @@ def logs(log_project, tmp_path) -> Path:
     for file, values in (
         ("data/fit/additive/parameters.json", MODEL),
         ("data/fit/additive/covariance.json", COVARIANCE),
-        ("reports/metrics/fit_additive.json", {}),
+        ("data/fit/additive/fit.json", {}),
     ):
         Path(file).parent.mkdir(parents=True, exist_ok=True)
         Path(file).write_text(json.dumps(values))
@@ -69,12 +69,12 @@ def test_a_pushed_repetition_is_named_and_the_usual_ones_behave(logs, capsys):
     log.signals["actual"][60 + 320 + 40 : 60 + 320 + 60, 2] += 1e-3
     write_joint_log(logs / "new" / FILES[0], log)
     with pytest.raises(ConfigError, match="none of ur5_planar in data/export"):
-        command.run([str(logs / "new")])
+        command.run(logs / "new")
     settings = config.sections("export", Path("pipeline/tools/export/reads.yaml"))
     Path("data/export").mkdir()
     text = json.dumps(exported("additive", settings))
     Path("data/export/ur5_planar_additive.json").write_text(text)
-    command.run([str(logs / "new")])
+    command.run(logs / "new")
     said = capsys.readouterr().out
     heads = re.findall(r"(new_\d) (behaves|does NOT behave) as the 9 takes", said)
     assert heads == [("new_1", "behaves"), ("new_2", "does NOT behave")]

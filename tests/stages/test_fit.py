@@ -17,7 +17,7 @@ from pipeline.stages import fit, predict
 
 
 def metrics_of(model: str) -> dict[str, float]:
-    return json.loads(Path(f"reports/metrics/fit_{model}.json").read_text())
+    return json.loads(Path(f"data/fit/{model}/fit.json").read_text())
 
 
 def choose(**changes) -> None:
@@ -126,7 +126,7 @@ def test_along_the_ridge_the_level_stays_while_alpha_falls(project):
 def test_the_closed_loop_stands_beside_the_open_one_unless_the_options_say_no(project, capsys):
     fit.run("gaussian")
     model, share = fitted_closed_loop(fit.OUT / "gaussian")
-    metrics = json.loads(Path("reports/metrics/fit_gaussian.json").read_text())
+    metrics = json.loads(Path("data/fit/gaussian/fit.json").read_text())
     assert metrics["closed_loop_share"] == share
     assert metrics["closed_loop_gain_per_s"] == pytest.approx(100 * share)
     error = metrics["closed_loop_share_standard_error"]
@@ -137,9 +137,7 @@ def test_the_closed_loop_stands_beside_the_open_one_unless_the_options_say_no(pr
     choose(overrides={"models": {"gaussian": {"closed_loop": False}}})
     fit.run("gaussian")
     assert fitted_closed_loop(fit.OUT / "gaussian") is None
-    assert "closed_loop_share" not in json.loads(
-        Path("reports/metrics/fit_gaussian.json").read_text()
-    )
+    assert "closed_loop_share" not in json.loads(Path("data/fit/gaussian/fit.json").read_text())
 
 
 def test_a_motion_that_never_rests_has_no_closed_loop_and_says_so(project, capsys):

@@ -86,14 +86,14 @@ def test_recordings_that_are_not_there_are_refused_by_their_folder(log_project, 
     log_project("ur5_planar", tmp_path / "nowhere")
     for run in (
         files.run,
-        lambda: command.run([str(tmp_path / "nowhere"), str(tmp_path / "inventory.csv")]),
+        lambda: command.run(tmp_path / "nowhere", tmp_path / "inventory.csv"),
     ):
         with pytest.raises(RecordingError, match="exist") as caught:
             run()
         assert caught.value.evidence["file"] == tmp_path / "nowhere"
     # control: an inventory that is there stays
     (tmp_path / "inventory.csv").write_text("file\n")
-    command.run([str(tmp_path / "nowhere"), str(tmp_path / "inventory.csv")])
+    command.run(tmp_path / "nowhere", tmp_path / "inventory.csv")
     assert (tmp_path / "inventory.csv").read_text() == "file\n"
 
 
@@ -124,7 +124,7 @@ def test_the_inventory_tells_changed_recordings_apart(tmp_path):
     for byte in (b"", b" "):
         with (tmp_path / "logs/move_1" / FILES[0]).open("ab") as file:
             file.write(byte)
-        command.run([str(tmp_path / "logs"), str(tmp_path / "inventory.csv")])
+        command.run(tmp_path / "logs", tmp_path / "inventory.csv")
         tables.append(pd.read_csv(tmp_path / "inventory.csv", index_col="file"))
     before, after = tables
     assert list(before.index) == [f"move_1/{name}" for name in FILES]

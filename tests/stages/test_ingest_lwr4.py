@@ -15,7 +15,7 @@ from pipeline.core import contracts, datasheet
 from pipeline.core.columns import members, values
 from pipeline.core.errors import RecordingError
 from pipeline.stages import ingest, track
-from pipeline.tools.inspect.examine import inspect
+from pipeline.tools.inspect.command import inspect
 
 TAKES = [f"measurements_{file}_{number}" for file in (1, 2) for number in (1, 2)]
 

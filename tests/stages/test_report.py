@@ -18,14 +18,8 @@ from pipeline.stages import report
 from pipeline.verdicts.run import read_run
 
 ROOT = Path(__file__).parents[2]
-WRITTEN = (
-    "claims.json",
-    "report.md",
-    "errata.md",
-    "datasets.md",
-    "equations.md",
-    "model_card.md",
-)
+OWN = ("claims.json", "report.md", "errata.md", "model_card.md", "recordings.md", "summary.json")
+WRITTEN = (*(f"youbot/{name}" for name in OWN), "datasets.md", "equations.md")
 YOUBOT = Path("reports/datasets/youbot.json")
 
 
@@ -37,7 +31,7 @@ def project(tmp_path, monkeypatch):
     (tmp_path / "pipeline").symlink_to(ROOT / "pipeline")
     for name in (
         "reports/claims.yaml",
-        "reports/figures/captions.json",
+        "reports/youbot/captions.json",
         YOUBOT,
         "data/raw/youbot/dataset.yaml",
         "dvc.yaml",
@@ -56,13 +50,13 @@ def written(project: Path) -> list[bytes]:
 
 def test_every_claim_has_its_verdict_in_both_forms(project):
     report.run()
-    claims = json.loads((project / "reports/claims.json").read_text())
+    claims = json.loads((project / "reports/youbot/claims.json").read_text())
     assert [(run["dataset"], run["recordings"]) for run in claims["datasets"]] == [
         ("youbot", "synthetic"),
     ]
     stated = config.read_yaml(project / "reports/claims.yaml")["claims"]
     assert [claim["id"] for claim in claims["claims"]] == [claim["id"] for claim in stated]
-    page = (project / "reports/report.md").read_text()
+    page = (project / "reports/youbot/report.md").read_text()
     for claim in claims["claims"]:
         assert claim["statement"] in page and claim["evidence"]
         assert claim["command"].startswith("dvc repro ")
@@ -74,7 +68,7 @@ def test_every_claim_has_its_verdict_in_both_forms(project):
         if claim["about"] != "method" and "youbot" in claim["datasets"]
     }
     assert not decided & {"reproduced", "not reproduced"}
-    assert "# Errata" in (project / "reports/errata.md").read_text()
+    assert "# Errata" in (project / "reports/youbot/errata.md").read_text()
     assert "| Eq. 14 (NormStd) |" in (project / "reports/equations.md").read_text()
 
 
@@ -102,7 +96,7 @@ def test_a_dataset_named_as_the_papers_own_decides_what_is_said_of_its_robot(pro
     report.run()
     claims = {
         claim["id"]: claim["datasets"]
-        for claim in json.loads((project / "reports/claims.json").read_text())["claims"]
+        for claim in json.loads((project / "reports/youbot/claims.json").read_text())["claims"]
     }
     assert claims["sigma-omega"]["youbot"]["verdict"] in ("reproduced", "not reproduced")
 
@@ -135,7 +129,7 @@ def test_the_verdicts_of_another_dataset_stand_beside_those_of_the_run(project):
     )
     (project / "reports/datasets/ur5.json").write_text(other.to_json())
     report.run()
-    claims = json.loads((project / "reports/claims.json").read_text())
+    claims = json.loads((project / "reports/youbot/claims.json").read_text())
     assert [(run["dataset"], run["recordings"]) for run in claims["datasets"]] == [
         ("youbot", "synthetic"),
         ("ur5", "real"),
@@ -149,7 +143,7 @@ def test_the_verdicts_of_another_dataset_stand_beside_those_of_the_run(project):
         verdicts["u"] == "no evidence in this dataset"
         and verdicts["noise-is-dynamic"] == "reproduced"
     )
-    assert "| youBot, synthetic | UR5, real |" in (project / "reports/report.md").read_text()
+    assert "| youBot, synthetic | UR5, real |" in (project / "reports/youbot/report.md").read_text()
 
 
 def test_evidence_that_is_missing_or_damaged_is_refused_by_name(project):
@@ -164,12 +158,12 @@ def test_evidence_that_is_missing_or_damaged_is_refused_by_name(project):
 
 def test_every_link_of_the_report_leads_to_a_file_that_a_run_has(project):
     report.run()
-    page = (project / "reports/report.md").read_text()
+    page = (project / "reports/youbot/report.md").read_text()
     links = {link.partition("#")[0] for link in re.findall(r"\]\((.*?)\)", page)}
-    here = (ROOT / "reports", project / "reports")
+    here = (ROOT / "reports/youbot", project / "reports/youbot")
     missing = {link for link in links if not any((place / link).exists() for place in here)}
     # the pages of the studies are written by a pipeline of their own
-    assert {link for link in missing if not link.startswith("studies/")} == set()
+    assert {link for link in missing if not link.startswith("../studies/")} == set()
     anchors = set(re.findall(r"errata\.md#([\w-]+)", page))
-    errata = (project / "reports/errata.md").read_text()
+    errata = (project / "reports/youbot/errata.md").read_text()
     assert anchors and all(f'<a id="{anchor}">' in errata for anchor in anchors)

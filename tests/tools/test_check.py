@@ -12,11 +12,11 @@ from motive_files import random_take
 from source_code import ROOT
 from written_logs import write_joint_log
 
+from pipeline.__main__ import tool_call
 from pipeline.core import config, datasheet
 from pipeline.core.errors import ConfigError
 from pipeline.formats.joints.log import JointLog
 from pipeline.formats.motion.motive import write_motive
-from pipeline.tools.check.command import run
 
 START, END = [0.3, -1.2, 1.4, -1.0, -1.2, 0.2], [0.7, -0.9, 1.1, -0.8, -1.0, 0.7]
 SHEET = """\
@@ -54,6 +54,10 @@ joint_log:
   rest: 10
   tolerance: 1.0e-4
 """
+
+
+def run(words: list[str]) -> None:
+    tool_call("check", words)()
 
 
 @pytest.fixture

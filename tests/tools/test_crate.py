@@ -19,8 +19,7 @@ from project_copy import run
 from rocrate.rocrate import ROCrate
 from source_code import MODULES, ROOT, covers, needed, package
 
-from pipeline.tools.crate.command import QUALITY, card
-from pipeline.tools.crate.crate import PROFILE, describe
+from pipeline.tools.crate.command import PROFILE, QUALITY, card, describe
 from pipeline.tools.lock import command as lock
 
 CITATION = {
@@ -134,19 +133,18 @@ def test_the_card_states_the_numbers_of_its_dataset_and_nothing_of_another_kind(
 def test_a_run_is_described_file_by_file_and_stage_by_stage(reproduced, tmp_path):
     folder = tmp_path / "project"
     shutil.copytree(reproduced, folder, symlinks=True)
-    written = []
+    file, written = folder / "reports/ro-crate-metadata.json", []
     for _ in range(2):
         done = run("python", "-m", "pipeline", "crate", cwd=folder)
         assert done.returncode == 0, done.stderr
-        written.append((folder / "reports/ro-crate-metadata.json").read_bytes())
+        written.append(file.read_bytes())
     assert written[0] == written[1]
-    reports = folder / "reports"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        crate = ROCrate(reports)
+        crate = ROCrate(file.parent)
     read = {entity.id for entity in crate.data_entities if entity.type == "File"}
-    there = {file.relative_to(reports).as_posix() for file in reports.rglob("*") if file.is_file()}
-    assert read == there - {"ro-crate-metadata.json"}
+    below = [one for one in file.parent.rglob("*") if one.is_file() and one != file]
+    assert read == {one.relative_to(file.parent).as_posix() for one in below}
     locked = OmegaConf.to_container(OmegaConf.load(folder / "dvc.lock"))["stages"]
     assert {*locked, "page"} <= {entity["name"] for entity in crate.get_by_type("CreateAction")}
     require_whole(json.loads(written[0]))
@@ -188,7 +186,7 @@ def test_the_entries_of_a_lock_are_sorted_as_its_pipeline(tmp_path, monkeypatch,
     (tmp_path / "dvc.yaml").write_text(text)
     (tmp_path / "dvc.lock").write_text(LOCK)
     for printed in ("lock: dvc.lock put in order\n", ""):
-        lock.run([])
+        lock.run()
         assert capsys.readouterr().out == printed
         assert (tmp_path / "dvc.lock").read_text() == (
             "schema: '2.0'\nstages:\n  record:\n    cmd: record\n    outs:\n    - path: x\n"

@@ -4,8 +4,9 @@ suggested and asked answers, each checked at once; the motion by its number.
 
 from __future__ import annotations
 
+import builtins
+import os
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from omegaconf import OmegaConf
 from ros_bags import camera_info, image, write_bag
 from source_code import ROOT
 
-from pipeline.__main__ import main
+from pipeline.__main__ import tool_call
 from pipeline.core import config, datasheet
 from pipeline.core.datasheet import faults
 from pipeline.core.errors import ConfigError, PipelineError
@@ -24,7 +25,13 @@ from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
 from pipeline.formats.motion.motive import write_motive
-from pipeline.tools.new_dataset.command import run
+from pipeline.tools.new_dataset.command import open_dataset
+
+FROM, TO = [0.3, -1.2, 1.4, -1.0, -1.2, 0.2], [0.7, -0.9, 1.1, -0.8, -1.0, 0.7]  # rad
+
+
+def run(*words: object) -> None:
+    tool_call("new_dataset", [*map(str, words)])()
 
 
 @pytest.fixture
@@ -81,7 +88,7 @@ def contains(values: dict, part: dict) -> bool:
 
 def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(root, exports, capsys):
     shutil.copy(ROOT / "pipeline/arm/youbot.urdf", exports / "robot.urdf")
-    run(["lab", "--from", str(exports)])
+    run("lab", "--from", exports)
     sheet, option = written()
     assert sheet["recordings"] == "../exports"
     assert contains(sheet["mocap"], {"training": "mocap/fit_*.csv", "test": "mocap/hold_*.csv"})
@@ -94,8 +101,8 @@ def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(root, 
     assert sheet["force"]["log"] == {"format": "daqft"}
     assert option["motion"] == {"rate": 100, "steps": 20}
     robot = {"urdf": "../exports/robot.urdf", "tool": "arm_tool", "locked": "???"}
+    robot["joints"] = ["arm_joint_2", "arm_joint_3", "arm_joint_4"]
     assert contains(option["robot"], robot)
-    assert option["robot"]["joints"] == ["arm_joint_2", "arm_joint_3", "arm_joint_4"]
     asked = {"about.licence", "mocap.base.rpy", "depth.encoding", "depth.units_per_metre"}
     asked |= {"trajectory", "force.kappa_bounds", "force.configurations.C1.tension"}
     assert asked <= unfilled() and "mocap.unit" not in unfilled()
@@ -105,17 +112,15 @@ def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(root, 
     printed = capsys.readouterr().out.splitlines()
     assert printed[0] == "new-dataset: wrote data/raw/lab/dataset.yaml"
     assert printed[-2].startswith(f"new-dataset: {len(unfilled())} values are open: about.subject")
-    assert printed[-1].endswith("`dataset: lab` in params.yaml, and run `python -m pipeline check`")
     stage = OmegaConf.load(root / "data/raw/lab/dvc.yaml").stages.inventory
     assert stage.outs == [{"data/raw/lab/inventory.csv": {"cache": False, "persist": True}}]
 
 
 @pytest.mark.parametrize("folder", ["exports", "space_exports", "logs"])
 def test_every_key_is_one_that_a_dataset_has(root, folder, request):
-    run(["lab", "--from", str(request.getfixturevalue(folder))])
+    run("lab", "--from", request.getfixturevalue(folder))
     sheet, option = written()
     sheet.pop("about")
-    assert not list(datasheet._common(option, sheet, ""))
     values = OmegaConf.to_container(OmegaConf.merge(option, sheet))
     assert faults(values) == []
     assert faults(values | {"arm": 1})  # the control: a key that no dataset has
@@ -124,43 +129,37 @@ def test_every_key_is_one_that_a_dataset_has(root, folder, request):
 def test_rigid_bodies_follow_an_arm_in_space_and_logs_named_as_takes_are_its_encoders(
     root, space_exports
 ):
-    run(["lab", "--from", str(space_exports)])
+    run("lab", "--from", space_exports)
     sheet, option = written()
     (body,) = random_take(9).bodies
     mount = {"position": "???", "rpy": "???"}
     assert sheet["mocap"]["bodies"] == {body: {"name": body, "mount": mount}}
-    assert sheet["mocap"]["markers"] == {body: "???"}
-    encoders = {"time": "time", "actual": ["measured_a", "measured_b"]}
-    assert contains(sheet["encoders"], encoders)
+    assert contains(sheet["encoders"], {"time": "time", "actual": ["measured_a", "measured_b"]})
     assert "one of logs/hold_*.csv, logs/move_*.csv" in datasheet.path_of("lab").read_text()
     assert option["measurement"] == "encoders" and len(option["robot"]["joints"]) == 7
     assert "plane" not in option["robot"] and "joint_log" not in option
+    for part in ("mocap", "logs"):
+        (space_exports / part / "hold_1.csv").unlink()
+    run("one", "--from", space_exports)
+    sheet, _ = written("one")
+    assert (sheet["mocap"]["test"], sheet["encoders"]["test"]) == (None, "???")
     # control: a log of another name is a table of something else, and markers are a planar arm's
     for log in (space_exports / "logs").iterdir():
         log.rename(log.with_stem(f"other_{log.stem}"))
-    for name in ("move_1", "move_2", "hold_1"):
+    for name in ("move_1", "move_2"):
         write_motive(space_exports / f"mocap/{name}.csv", random_take(9, body=False), start=START)
-    run(["plane", "--from", str(space_exports)])
+    run("plane", "--from", space_exports)
     sheet, option = written("plane")
     assert "encoders" not in sheet and "bodies" not in sheet["mocap"]
     assert option["robot"]["plane"] and "measurement" not in option
 
 
-def test_one_part_of_encoders_leaves_the_other_open(root, space_exports):
-    for part in ("mocap", "logs"):
-        (space_exports / part / "hold_1.csv").unlink()
-    run(["lab", "--from", str(space_exports)])
-    sheet, _ = written()
-    assert (sheet["mocap"]["test"], sheet["encoders"]["test"]) == (None, "???")
-
-
 def test_numbered_frames_and_bags_are_takes_and_several_topics_a_choice(root, exports):
     for name in ("hold_1", "hold_2"):
         (exports / "kinect" / name / "depth.txt").unlink()
-    run(["lab", "--from", str(exports)])
-    depth = written()[0]["depth"]
+    run("lab", "--from", exports)
     numbered = {"takes": "kinect/hold_*", "frames": "depth/[0-9]*.png", "rate": "???"}
-    assert contains(depth, numbered) and "index" not in depth
+    assert contains(written()[0]["depth"], numbered)
     shutil.rmtree(exports / "kinect")
     info = camera_info([20, 0, 8, 0, 20, 6, 0, 0, 1], [0] * 5, (16, 12))
     frames = [(k / 10, image(np.full((12, 16), 900, np.uint16), 1 + k / 10)) for k in range(3)]
@@ -171,7 +170,7 @@ def test_numbered_frames_and_bags_are_takes_and_several_topics_a_choice(root, ex
             recorded = {topic: frames for topic in topics} | {"/info": [(0.0, info)]}
             bag = write_bag(exports / "bags", "ros1", recorded)
             bag.rename(bag.with_stem(name))
-        run([f"bags_{len(topics)}", "--from", str(exports)])
+        run(f"bags_{len(topics)}", "--from", exports)
         depth = written(f"bags_{len(topics)}")[0]["depth"]
         bags = {"takes": "bags/hold_*.bag", "topic": topic, "camera_info": "/info"}
         assert contains(depth, bags) and "index" not in depth
@@ -181,18 +180,16 @@ def test_units_groups_and_steps_that_nothing_settles_are_asked_for(root, exports
     (tmp_path / "old").mkdir()
     rows = [f"frame,{k},{k / 100:.6f},1,1,{k},0,1,0,0,0,1,0,0,0,0" for k in range(9)]
     rows_file(tmp_path / "old", "rigidbody,Hand,1,0", *rows)
-    run(["old", "--from", str(tmp_path / "old")])
+    run("old", "--from", tmp_path / "old")
     mocap = written("old")[0]["mocap"]
     assert contains(mocap, {"unit": "???", "training": "rows.csv", "test": None})
-    assert mocap["bodies"]["Hand"]["name"] == "Hand"
     (tmp_path / "takes").mkdir()
     for name in ("slow_1", "slow_2", "fast_1", "fast_2"):
         write_motive(tmp_path / f"takes/{name}.csv", random_take(9, body=False), start=START)
-    run(["two", "--from", str(tmp_path / "takes")])
+    run("two", "--from", tmp_path / "takes")
     assert contains(written("two")[0]["mocap"], {"training": "???", "test": "???"})
-    assert "one of fast_*.csv, slow_*.csv" in datasheet.path_of("two").read_text()
     write_motive(exports / "mocap/fit_4.csv", random_take(31, body=False), start=START)
-    run(["lab", "--from", str(exports)])
+    run("lab", "--from", exports)
     assert written()[1]["motion"] == {"rate": 100, "steps": "???"}
 
 
@@ -205,7 +202,7 @@ def test_names_that_yaml_or_a_pattern_would_read_otherwise_come_back_as_they_are
         take.markers.clear()
         take.markers.update(dict.fromkeys(("no", "a: b", "#1", "1e3", '"q"', "ü"), marker))
         write_motive(folder / f"a[b] {number}.csv", take, start=START)
-    run(["odd", "--from", str(folder)])
+    run("odd", "--from", folder)
     sheet, _ = written("odd")
     takes = sorted(file.name for file in folder.glob(sheet["mocap"]["training"]))
     assert (takes, sheet["recordings"]) == (["a[b] 1.csv", "a[b] 2.csv"], "../odd [1]")
@@ -219,12 +216,90 @@ def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_pa
         (tmp_path / place).mkdir()
         for number in (1, 2):
             (tmp_path / place / f"run_{number}.csv").write_text("\n".join([header, *rows, ""]))
-        run([place, "--from", str(tmp_path / place)])
+        run(place, "--from", tmp_path / place)
     log = written("runs")[0]["joint_log"]
     expected = {"movements": "run_*.csv", "time": "t (s)", "time_unit": "s", "angle_unit": "deg"}
     assert contains(log, expected)
     assert log["signals"] == {"actual": labels[1:3], "target": labels[3:]}
     assert "joint_log" not in written("others")[0]
+
+
+def urdf() -> str:
+    return os.path.relpath(ROOT / "pipeline/arm/ur5.urdf")
+
+
+@pytest.mark.slow
+def test_options_suggestions_and_a_number_leave_nothing_open(root, logs, capsys):
+    given = {"robot.tool": "flange", "joint_log.speed": "null"}
+    given |= {"about.subject": "UR5: its way", "about.source": "the lab"}
+    filling = open_dataset("lab", logs, given, Path(urdf()))
+    filling.fill(given, suggested=True, motion=1)
+    filling.write()
+    assert not filling.left and not unfilled()
+    sheet, option = written()
+    joints = [f"joint_{j}" for j in range(1, 7)]
+    about = {"subject": "UR5: its way", "source": "the lab", "licence": "MIT License, Copyright"}
+    assert sheet["about"] == about
+    tables = {"actual": "q_actual.csv", "target": "q_target.csv", "speed": None}
+    expected = {"movements": "No*_slow", "time_unit": "s", "angle_unit": "rad", "joints": joints}
+    assert contains(sheet["joint_log"], expected | tables)
+    assert "# not placed: LICENSE.txt, rest_3/force.csv" in datasheet.path_of("lab").read_text()
+    assert (option["robot"]["joints"], option["motion"]["rate"]) == (joints, 100)
+    log = option["joint_log"]
+    np.testing.assert_allclose(sorted([log["start"], log["end"]]), sorted([FROM, TO]), atol=1e-3)
+    assert option["motion"]["steps"] == 80 + 2 * log["rest"] and 0 < log["rest"] < 15
+    assert capsys.readouterr().out.count("No1_slow (3), No2_slow (3)") == 2
+
+
+@pytest.mark.slow
+def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(
+    root, logs, monkeypatch, capsys
+):
+    run("lab", "--from", logs, "--set", "about.subject=an arm")
+    text = datasheet.path_of("lab").read_text()
+    assert "time_unit: ???" in text and "→ suggested is s" in text
+    given = ["no.urdf", urdf(), "", "nowhere", "flange", "the laboratory", "MIT"]
+    answers = iter([*given, "[a, b]", "", "minutes", "s", "rad", "fast", "", "7", "2"])
+
+    def answer(prompt: str) -> str:
+        try:
+            return next(answers)
+        except StopIteration:
+            raise EOFError from None
+
+    monkeypatch.setattr(builtins, "input", answer)
+    run("lab", "--ask")
+    refused = [line for line in capsys.readouterr().out.splitlines() if line.startswith("! ")]
+    words = ["no.urdf", "nowhere", "not logged", "input should be", "fast", "no motion 7"]
+    assert all(word in line for line, word in zip(refused, words, strict=True)), refused
+    assert not unfilled(), [*answers]
+    assert "suggested" not in datasheet.path_of("lab").read_text()
+    assert written()[0]["joint_log"]["time_unit"] == "s" and written()[1]["motion"]["rate"] == 100
+
+
+@pytest.mark.slow
+def test_an_empty_answer_takes_the_suggestion_or_leaves_the_value_open(root, logs, monkeypatch):
+    monkeypatch.setattr(builtins, "input", lambda prompt: "")
+    run("lab", "--from", logs, "--set", f"robot.urdf={urdf()}", "--set", "robot.tool=flange")
+    run("lab", "--ask")
+    motion = {"motion.steps", "joint_log.start", "joint_log.end", "joint_log.rest"}
+    assert unfilled() == {"about.subject", "about.source"} | motion
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["lab", "--set", "robot.urdf"], "--set takes KEY=VALUE"),
+        (["lab", "--set", "robot.pace=1"], "no such value is still to be filled in; there are"),
+        (["lab", "--set", "robot.urdf=no.urdf"], "no.urdf"),
+        (["lab", "--motion", "1"], "the motions are found once these are filled in: joint_log"),
+        *((([name]), "cannot name a dataset") for name in ("", "1st", "../up", "a b", "ü")),
+    ],
+)
+def test_an_option_or_name_that_does_not_fit_writes_nothing(root, logs, words, said):
+    with pytest.raises(ConfigError, match=said):
+        run(*words, "--from", logs)
+    assert [file for file in root.rglob("*") if file.is_file()] == [root / "params.yaml"]
 
 
 @pytest.mark.parametrize(
@@ -234,29 +309,26 @@ def test_nothing_is_overwritten(root, logs, there):
     (root / there).parent.mkdir(parents=True, exist_ok=True)
     (root / there).write_text("mine\n")
     with pytest.raises(ConfigError, match="nothing is overwritten") as refused:
-        run(["lab", "--from", str(logs)])
+        run("lab", "--from", logs)
     assert refused.value.evidence["file"] == root / there
+    files = {file for file in root.rglob("*") if file.is_file()}
+    assert files == {root / there, root / "params.yaml"}
     assert (root / there).read_text() == "mine\n"
-    assert {file for file in root.rglob("*") if file.is_file()} == {
-        root / there,
-        root / "params.yaml",
-    }
 
 
 def test_places_that_are_none_are_refused_and_own_folders_need_no_inventory(
     root, logs, tmp_path, monkeypatch
 ):
     with pytest.raises(ConfigError, match="make it with --from FOLDER"):
-        run(["lab", "--ask"])
+        run("lab", "--ask")
     with pytest.raises(PipelineError, match="no such folder"):
-        run(["lab", "--from", str(tmp_path / "nothing")])
+        run("lab", "--from", tmp_path / "nothing")
     place = root / "data/raw/lab/recordings"
     place.parent.mkdir(parents=True)
     logs.rename(place)
-    monkeypatch.setattr(sys, "argv", ["pipeline", "new-dataset", "lab", "--from", str(place)])
-    assert main() == 0
+    run("lab", "--from", place)
     assert written()[0]["recordings"] == "data/raw/lab/recordings"
     assert not (place.parent / "dvc.yaml").exists()
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ConfigError, match="project's root"):
-        run(["lab", "--from", str(place)])
+        run("lab", "--from", place)

@@ -12,13 +12,17 @@ from PIL import Image
 from planned_arms import ARMS, LAWS, chain, joint_path
 from scipy.spatial.transform import Rotation
 
+from pipeline.__main__ import tool_call
 from pipeline.core import config
 from pipeline.core.errors import PipelineError
 from pipeline.formats.trajectory import read_trajectory
-from pipeline.tools.plan.command import run
-from pipeline.tools.plan.path_file import read_path
+from pipeline.tools.plan.command import read_path
 
 STEPS = 20
+
+
+def run(words: list[str]) -> None:
+    tool_call("plan", words)()
 
 
 @pytest.fixture

@@ -32,7 +32,7 @@ ENTRY = {
         "ours": {"file": "metrics/fit", "key": "sigma_b"},
     },
 }
-CLAIM = {key: key for key in ("where", "statement", "quantity", "reason", "stage")} | {
+CLAIM = {key: key for key in ("where", "statement", "quantity", "reason")} | {
     "id": "sigma",
     "about": "method",
     "rule": "within_relative",

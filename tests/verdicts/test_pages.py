@@ -20,7 +20,6 @@ from pipeline.verdicts.wording import case_text, number, statement, verdict_cell
 TEXTS = {key: f"the {key}" for key in ("where", "statement", "quantity", "reason")}
 STUDY = TEXTS | {
     "id": "study",
-    "stage": "score",
     "about": "method",
     "recording": "none",
     "rule": "below",
@@ -30,7 +29,6 @@ STUDY = TEXTS | {
 }
 STD = TEXTS | {
     "id": "std",
-    "stage": "score",
     "about": "method",
     "rule": "below",
     "limit": 0.5,
@@ -40,7 +38,6 @@ STD = TEXTS | {
 }
 SIGMA = TEXTS | {
     "id": "sigma-b",
-    "stage": "score",
     "about": "specimen",
     "rule": "within_relative",
     "tolerance": 0.2,
@@ -124,9 +121,9 @@ def test_three_estimators_stand_side_by_side_and_an_unbounded_one_has_no_number(
 
 
 def test_every_dataset_stands_on_the_second_page(decided):
-    page = report_page.datasets_page(RUNS[0], decided)
-    assert f"| claim | youbot | ur5 | mine | {WITHOUT_RECORDING} |" in page
-    assert "| std | ✗ | ✗ | ✓ |  |" in page and "| study |  |  |  | ✓ |" in page
+    page = report_page.datasets_page(decided)
+    assert f"| claim | mine | ur5 | youbot | {WITHOUT_RECORDING} |" in page
+    assert "| std | ✓ | ✗ | ✗ |  |" in page and "| study |  |  |  | ✓ |" in page
 
 
 def test_a_case_shows_why_it_is_not_decided():

@@ -67,11 +67,11 @@ def test_placeholders_take_the_values_of_a_case():
     assert template.in_case({"c": "C1", "column": "e"}).look_up(EVIDENCE, ARM) == 1.0
     assert (
         template.in_case({"c": "C1", "column": "e"}).address
-        == "reports/tables/sigma_s.csv: e where name = C1, form = diagonal, agents = 3"
+        == "tables/sigma_s.csv: e where name = C1, form = diagonal, agents = 3"
     )
     assert (
         Reference("metrics/motion", "{m}_std").in_case({"m": "wishart"}).address
-        == "reports/metrics/motion.json: wishart_std"
+        == "metrics/motion.json: wishart_std"
     )
     with pytest.raises(ConfigError, match="placeholder"):
         template.in_case({"c": "C1"})
@@ -99,7 +99,7 @@ def test_a_joint_by_its_number_has_the_name_that_the_run_gives_it():
     assert fixed.look_up(EVIDENCE, ARM) == 0.25
     assert fixed.look_up(EVIDENCE, ARM._replace(joints=JOINTS[::-1])) == 0.25
     assert fixed.look_up(EVIDENCE, ARM._replace(joints=("a", "b", "arm_joint_3"))) is None
-    assert fixed.address == "reports/metrics/motion.json: std_{joint 2}_rad"
+    assert fixed.address == "metrics/motion.json: std_{joint 2}_rad"
     table = {"tables/t": pd.DataFrame({"score": ["rms_arm_joint_2"], "mean": [1.5]})}
     row = Reference("tables/t", rows={"score": "rms_{joint 1}"}, column="mean")
     assert row.look_up(table, ARM) == 1.5

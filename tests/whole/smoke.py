@@ -22,7 +22,7 @@ def main(folder: Path) -> int:
     if done.returncode == 0:
         print(
             f"smoke: the whole pipeline ran in {folder}; its numbers mean nothing, its figures "
-            f"are in {folder / 'reports/figures'}"
+            f"are in {folder / 'reports' / 'DATASET' / 'figures'}"
         )
     return done.returncode
 

@@ -46,6 +46,6 @@ def test_a_new_take_is_told_from_one_of_another_arm(tmp_path):
     usual = take_of(recorded(tmp_path / "usual", SWAY, 5)).rename(tmp_path / "usual.csv")
     other = take_of(recorded(tmp_path / "other", MORE, 5)).rename(tmp_path / "other.csv")
     said = call(project, "assess", usual)
-    assert "usual behaves as the 16 takes it is held against, 12 of them" in said
+    assert "usual behaves as the 16 takes it is compared with, 12 of them" in said
     assert (project / "data/assess/usual.png").stat().st_size > 10_000
     assert "other does NOT behave as the 16 takes" in call(project, "assess", other)

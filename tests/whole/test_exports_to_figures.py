@@ -94,7 +94,7 @@ def test_exports_become_figures_and_a_changed_export_is_noticed(project):
     )
     done = run(*reproduce, "figures", cwd=project)
     assert done.returncode == 0, done.stdout + done.stderr
-    drawn = {file.stem for file in (project / "reports/figures").glob("*.svg")}
+    drawn = {file.stem for file in (project / "reports/lab/figures").glob("*.svg")}
     assert {
         "joint_std",
         "articulation",

@@ -196,7 +196,7 @@ def damage_parameters(model: str, **values: object) -> None:
 
 
 def test_a_bound_below_the_norm_of_the_inverse_jacobian_clips_the_noise_and_is_counted(project):
-    metrics = Path("reports/metrics/filter_gaussian.json")
+    metrics = Path("data/filter/gaussian/filter.json")
     before = json.loads(metrics.read_text())["particle_steps_with_clipped_noise"]
     damage_parameters("gaussian", u=5.0)
     import_module("pipeline.stages.filter").run("gaussian")

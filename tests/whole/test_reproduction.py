@@ -52,15 +52,17 @@ def in_one_process(folder: Path) -> list[str]:
     return list(stages)
 
 
-def metrics(folder: Path) -> dict[str, dict[str, float]]:
-    files = (folder / "reports/metrics").glob("*.json")
+def metrics(folder: Path, dataset: str = "youbot") -> dict[str, dict[str, float]]:
+    files = (folder / f"reports/{dataset}/metrics").glob("*.json")
     return {file.stem: json.loads(file.read_text()) for file in files}
 
 
 def test_one_command_gives_every_figure_and_number(reproduced):
-    drawn = {file.name: file.stat().st_size for file in (reproduced / "reports/figures").iterdir()}
+    drawn = {
+        file.name: file.stat().st_size for file in (reproduced / "reports/youbot/figures").iterdir()
+    }
     expected = {f"{name}.{kind}" for name in FIGURES - IN_SPACE for kind in ("svg", "png")}
-    assert {*drawn} - {"captions.json"} == expected
+    assert {*drawn} == expected
     for name in FIGURES - IN_SPACE:
         assert all(drawn[f"{name}.{kind}"] > 1000 for kind in ("svg", "png"))
     numbers = metrics(reproduced)
@@ -86,7 +88,7 @@ def test_one_command_gives_every_figure_and_number(reproduced):
     summed = {name: v for name, v in numbers["recordings"].items() if "_share" in name}
     summed |= {name: v for name, v in numbers["recordings"].items() if "_correlation" in name}
     assert summed and all(-1 <= value <= 1 for value in summed.values())
-    assert "dataset youbot" in (reproduced / "reports/report.md").read_text()
+    assert "dataset youbot" in (reproduced / "reports/youbot/report.md").read_text()
     # git has all that is not DVC's
     assert run("git", "status", "--porcelain", cwd=reproduced).stdout == ""
 
@@ -94,7 +96,7 @@ def test_one_command_gives_every_figure_and_number(reproduced):
 @pytest.mark.slow
 def test_metrics_and_plots_show_without_a_network(copy):
     shown = json.loads(succeeds("dvc", "metrics", "show", "--json", cwd=copy))
-    assert "reports/metrics/fit_wishart.json" in shown[""]["data"]
+    assert "reports/youbot/summary.json" in shown[""]["data"]
     succeeds("dvc", "plots", "show", "-o", "plots-page", cwd=copy)
     page = (copy / "plots-page/index.html").read_text()
     assert "http" not in re.sub(r"http://www\.w3\.org/\S+", "", page)
@@ -203,7 +205,7 @@ def test_a_bad_parameter_stops_with_one_message_and_leaves_what_stood(copy):
         assert done.returncode != 0
         assert len(message) == 1 and all(name in message[0] for name in names), done.stderr
         assert (copy / "data/config.yaml").read_text() == before
-        assert (copy / "reports/figures/joint_std.svg").exists()
+        assert (copy / "reports/youbot/figures/joint_std.svg").exists()
         assert (copy / "data/filter/additive/posterior.parquet").exists()
 
 
@@ -224,7 +226,7 @@ def test_the_motion_part_runs_on_a_real_robot_and_the_rest_says_what_it_lacks(co
         *(f"the dataset {dataset} has no {part}" for part in ("depth", "force")),
     ):
         assert lacking in said, said
-    drawn = {file.stem for file in (copy / "reports/figures").glob("*.svg")}
+    drawn = {file.stem for file in (copy / f"reports/{dataset}/figures").glob("*.svg")}
     assert drawn == FIGURES - IN_SPACE - {
         "articulation",
         "kinect_noise",
@@ -232,10 +234,10 @@ def test_the_motion_part_runs_on_a_real_robot_and_the_rest_says_what_it_lacks(co
         "filter_errors",
         "wrench_density",
     }
-    numbers = metrics(copy)
+    numbers = metrics(copy, dataset)
     # a position-controlled arm with encoders of micro-radians: the noise of a step is far below
     # that of the youBot
     assert 1e-12 < numbers["fit_additive"]["sigma_omega_22_rad2"] < 1e-7
     assert 0 < numbers["fit_wishart"]["sigma_b"] < 0.8 and numbers["fit_gaussian"]["alpha"] > 0
     assert numbers["filter"] == {}
-    assert f"dataset {dataset}" in (copy / "reports/report.md").read_text()
+    assert f"dataset {dataset}" in (copy / f"reports/{dataset}/report.md").read_text()

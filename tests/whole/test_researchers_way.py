@@ -47,5 +47,5 @@ def test_logs_become_a_model_card(robot, tmp_path):
         assert done.returncode == 0, done.stderr
     dataset = OmegaConf.load(folder / "data/config.yaml").dataset
     assert dataset.name == "lab" and len(dataset.joint_log.start) == len(dataset.robot.joints)
-    card = (folder / "reports/model_card.md").read_text()
+    card = (folder / "reports/lab/model_card.md").read_text()
     assert "lab" in card and "additive" in card

@@ -14,13 +14,14 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.core.bounds import MIB, read_whole, require
+from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import numbers_of
-from pipeline.formats.format import Format, Head, Kind, Stated
+from pipeline.formats.format import Format, Head, Kind, Stated, file_content
 
 PCD_FORMATS = ("ascii", "binary", "binary_compressed")
 PCD_TYPES = {"f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8"}
@@ -30,12 +31,13 @@ PLY_TYPES = {
     **{"ushort": "u2", "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4"},
     **{"float": "f4", "float32": "f4", "double": "f8", "float64": "f8"},
 }
-PLAIN_TYPES = {"f4": "float", "f8": "double"} | {
-    kind: name for name, kind in PLY_TYPES.items() if kind[0] in "iu" and "int" in name
-}
+FLOATS = {order + kind for order in "<>" for kind in ("f4", "f8")}
 UNTURNED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # x, y, z, and a quaternion w, x, y, z
 # as C++ prints it; nan itself is known to numbers_of
 NO_POSITION = ("-nan", "+nan", "inf", "-inf", "+inf")
+AGAIN = "copy the cloud again"
+# what Python raises for a header that is no sound one
+HEADER_DAMAGE = (KeyError, ValueError, IndexError, TypeError)
 
 
 @dataclass(frozen=True)
@@ -58,8 +60,7 @@ class PointCloud:
         return cls(measured, len(points) - len(measured), *beside)
 
 
-@dataclass(frozen=True)
-class Header:
+class CloudHeader(NamedTuple):
     """Numbers that a cloud's header states."""
 
     count: int  # points
@@ -77,16 +78,8 @@ def is_cloud(file: Path) -> bool:
 
 def read_cloud(file: Path) -> PointCloud:
     """Return the points of the cloud in ``file``; see :func:`decode_cloud`."""
-    file = Path(file)
-    try:
-        content = read_whole(file)
-    except OSError as error:
-        raise RecordingError(
-            f"the cloud cannot be read ({error.strerror}); copy it again, or take it out of the "
-            "take",
-            file=file,
-        ) from None
-    return decode_cloud(content, file=file)
+    advice = "; copy it again, or take it out of the take"
+    return decode_cloud(file_content(file, "cloud", advice), file=Path(file))
 
 
 def decode_cloud(content: bytes, *, file: Path) -> PointCloud:
@@ -98,13 +91,25 @@ def decode_cloud(content: bytes, *, file: Path) -> PointCloud:
     Raises RecordingError for content that is truncated, of another format, without x, y and z, or
     with data other than the header announces.
     """
-    if _is_ply(content):
-        header = _ply_header(content, file)
-    elif _is_pcd(content) or Path(file).suffix.lower() == ".pcd":
-        header = _pcd_header(content, file)
-    else:
+    parse = _ply_header if _is_ply(content) else _pcd_header
+    if parse is _pcd_header and not _is_pcd(content) and Path(file).suffix.lower() != ".pcd":
         raise RecordingError("this is no PCD or PLY point cloud; export it as one", file=file)
-    _require_coordinates(header, file)
+    try:
+        header = parse(content)
+    except HEADER_DAMAGE as error:
+        message = f"the header of the cloud is damaged ({error}); {AGAIN}, or export x, y, z alone"
+        raise RecordingError(message, file=file) from None
+    there, size = {*header.point.names}, header.count * header.point.itemsize
+    kinds = {header.point[axis].str for axis in "xyz" if axis in there}
+    require("part_mib", size / MIB, "MiB of points, which the header announces,", file)
+    message = ""
+    if not {*"xyz"} <= there or kinds.isdisjoint(FLOATS) or len(kinds) > 1:
+        message = "the cloud has no single x, y and z of one floating-point type; its fields are "
+        message += f"{', '.join(header.point.names)}: export it with them"
+    elif size <= 0:
+        message = f"the header announces {header.count} points; {AGAIN}, or take it out of the take"
+    if message:
+        raise RecordingError(message, file=file)
     read = _text_points if header.form == "ascii" else _binary_points
     points, surplus = read(content, header, file)
     counts = {"surplus_bytes": surplus} if surplus and not header.more else {}
@@ -119,128 +124,64 @@ def _is_pcd(content: bytes) -> bool:
     return re.match(rb"# \.PCD|VERSION +\S+\s+FIELDS ", content) is not None
 
 
-def _pcd_header(content: bytes, file: Path) -> Header:
-    entries: dict[str, list[str]] = {}
-    start = 0
-    while "DATA" not in entries:
-        end = content.find(b"\n", start, start + 10_000)
-        if end < 0:
-            raise RecordingError(
-                "this is no PCD point cloud, or it is truncated in its header; copy it again",
-                file=file,
-            )
-        words = content[start:end].decode("latin-1").split()
-        start = end + 1
-        if words and not words[0].startswith("#"):
-            entries[words[0]] = words[1:]
-    try:
-        names = entries["FIELDS"]
-        counts = [int(count) for count in entries.get("COUNT", ["1"] * len(names))]
-        types = [
-            kind.lower() + size for kind, size in zip(entries["TYPE"], entries["SIZE"], strict=True)
-        ]
-        if not set(types) <= PCD_TYPES or min(counts) < 1:
-            raise ValueError(f"TYPE, SIZE and COUNT give {', '.join(types)} of {counts}")
-        # padding has the name _ as often as there is some
-        unique = [name if names.count(name) == 1 else f"{name}{i}" for i, name in enumerate(names)]
-        fields = [
-            (name, "<" + kind, *([(count,)] if count != 1 else []))
-            for name, kind, count in zip(unique, types, counts, strict=True)
-        ]
-        point = np.dtype(fields)
-        width, height, count = (int(entries[name][0]) for name in ("WIDTH", "HEIGHT", "POINTS"))
-        (form,) = entries["DATA"]
-        viewpoint = tuple(map(float, entries.get("VIEWPOINT", UNTURNED)))
-    except (KeyError, ValueError, IndexError, TypeError) as error:
-        raise RecordingError(
-            f"the header of the PCD is damaged ({error}); copy it again", file=file
-        ) from None
+def _pcd_header(content: bytes) -> CloudHeader:
+    if (data := re.search(rb"(?m)^DATA[^\S\n].*\n", content[:100_000])) is None:
+        raise ValueError("no line DATA: truncated")
+    lines = [line.split() for line in content[: data.end()].decode("latin-1").split("\n")]
+    entries = {words[0]: words[1:] for words in lines if words}
+    names = entries["FIELDS"]
+    counts = [int(count) for count in entries.get("COUNT", ["1"] * len(names))]
+    types = [a.lower() + b for a, b in zip(entries["TYPE"], entries["SIZE"], strict=True)]
+    if not {*types} <= PCD_TYPES or min(counts) < 1:
+        raise ValueError(f"TYPE, SIZE and COUNT give {', '.join(types)} of {counts}")
+    # padding has the name _ as often as there is some
+    unique = [name if names.count(name) == 1 else f"{name}{i}" for i, name in enumerate(names)]
+    shapes = [() if count == 1 else (count,) for count in counts]
+    point = np.dtype([*zip(unique, [f"<{kind}" for kind in types], shapes, strict=True)])
+    width, height, count = (int(entries[name][0]) for name in ("WIDTH", "HEIGHT", "POINTS"))
+    (form,) = entries["DATA"]
     if form not in PCD_FORMATS:
-        raise RecordingError(f"DATA {form!r} is none of {', '.join(PCD_FORMATS)}", file=file)
+        raise ValueError(f"DATA {form!r} is none of {', '.join(PCD_FORMATS)}")
     if width * height != count:
-        raise RecordingError(
-            f"POINTS is {count}, and {height} rows of {width} are {width * height}: damaged; copy "
-            "the cloud again",
-            file=file,
-        )
-    turned = np.linalg.norm(viewpoint[3:])
-    if len(viewpoint) != 7 or not np.isfinite(viewpoint).all() or abs(turned - 1) >= 1e-3:
-        raise RecordingError(
-            f"VIEWPOINT is {viewpoint}, which must be a position and a unit quaternion (w, x, y, "
-            "z); write 0 0 0 1 0 0 0 for the sensor's own frame",
-            file=file,
-        )
-    return Header(count, point, form, start, viewpoint=viewpoint)
+        raise ValueError(f"POINTS is {count}, and {height} rows of {width} are another number")
+    viewpoint = tuple(map(float, entries.get("VIEWPOINT", UNTURNED)))
+    if len(viewpoint) != 7 or not abs(np.linalg.norm(viewpoint[3:]) - 1) < 1e-3:
+        need = "a position and a unit quaternion; 0 0 0 1 0 0 0 is the sensor's own frame"
+        raise ValueError(f"VIEWPOINT is {viewpoint}, which must be {need}")
+    return CloudHeader(count, point, form, data.end(), viewpoint=viewpoint)
 
 
-def _ply_header(content: bytes, file: Path) -> Header:
-    end = re.search(rb"\nend_header\r?\n", content[:100_000])
-    if end is None:
-        raise RecordingError("the PLY is truncated in its header; copy it again", file=file)
+def _ply_header(content: bytes) -> CloudHeader:
+    if (end := re.search(rb"\nend_header\r?\n", content[:100_000])) is None:
+        raise ValueError("no line end_header: truncated")
     lines = [line.split() for line in content[: end.start()].decode("latin-1").splitlines()[1:]]
     lines = [words for words in lines if words and words[0] not in ("comment", "obj_info")]
     elements = [number for number, words in enumerate(lines) if words[0] == "element"]
-    try:
-        _, form, _ = lines[0]
-        _, element, count = lines[elements[0]]
-        properties = lines[elements[0] + 1 : elements[1] if len(elements) > 1 else None]
-        point = np.dtype(
-            [(name, PLY_FORMATS[form] + PLY_TYPES[kind]) for _, kind, name in properties]
-        )
-        if lines[0][0] != "format" or element != "vertex":
-            raise ValueError("it does not begin with a format and the element vertex")
-        return Header(int(count), point, form, end.end(), more=len(elements) > 1)
-    except (KeyError, ValueError, IndexError, TypeError) as error:
-        raise RecordingError(
-            f"the header of the PLY is damaged, or a vertex has more than single numbers "
-            f"({error}); copy it again, or export the points alone",
-            file=file,
-        ) from None
+    (first, form, _), (_, element, count) = lines[0], lines[elements[0]]
+    if first != "format" or element != "vertex":
+        raise ValueError("it does not begin with a format and the element vertex")
+    properties = lines[elements[0] + 1 : [*elements, None][1]]
+    if any(len(words) != 3 for words in properties):
+        raise ValueError("a vertex has more than single numbers")
+    point = np.dtype([(name, PLY_FORMATS[form] + PLY_TYPES[kind]) for _, kind, name in properties])
+    return CloudHeader(int(count), point, form, end.end(), more=len(elements) > 1)
 
 
-def _require_coordinates(header: Header, file: Path) -> None:
-    """RecordingError where a point has no x, y, z of one floating-point type, or there is none, or
-    there are more than the bound.
-    """
-    names = header.point.names
-    there = [header.point[axis] for axis in "xyz" if axis in names]
-    if len(there) < 3 or any(each.shape or each.kind != "f" for each in there) or len({*there}) > 1:
-        raise RecordingError(
-            f"the cloud has no single x, y and z of one floating-point type; its fields are "
-            f"{', '.join(names)}: export it with them",
-            file=file,
-        )
-    size = header.count * header.point.itemsize
-    require("part_mib", size / MIB, "MiB of points, which the header announces,", file)
-    if size <= 0:
-        raise RecordingError(
-            f"the header announces {header.count} points; copy the cloud again, or take it out of "
-            "the take",
-            file=file,
-        )
-
-
-def _binary_points(content: bytes, header: Header, file: Path) -> tuple[np.ndarray, int]:
+def _binary_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.ndarray, int]:
     """Return (N, 3) the points, and the number of bytes behind them."""
     data, size = content[header.start :], header.count * header.point.itemsize
     if header.form == "binary_compressed":
         packed, unpacked = np.frombuffer(data[:8].ljust(8, b"\0"), "<u4").tolist()
         if unpacked != size:
-            raise RecordingError(
-                f"the compressed data unfold to {unpacked} bytes where the header announces "
-                f"{size}: truncated or damaged; copy the cloud again",
-                file=file,
-            )
+            message = f"the compressed data unfold to {unpacked} bytes where the header announces "
+            raise RecordingError(f"{message}{size}: truncated or damaged; {AGAIN}", file=file)
         size = 8 + packed
     if len(data) < size:
-        raise RecordingError(
-            f"{len(data)} bytes of data where {header.count} points have {size}: truncated; copy "
-            "the cloud again",
-            file=file,
-        )
+        message = f"{len(data)} bytes of data where {header.count} points have {size}: truncated"
+        raise RecordingError(f"{message}; {AGAIN}", file=file)
     points = _by_open3d(header, data[:size])
     if points is None:
-        raise RecordingError("the compressed data are damaged; copy the cloud again", file=file)
+        raise RecordingError(f"the compressed data are damaged; {AGAIN}", file=file)
     return points, len(data) - size
 
 
@@ -259,73 +200,56 @@ def load_open3d() -> ModuleType:
     return open3d
 
 
-def _by_open3d(header: Header, data: bytes) -> np.ndarray | None:
-    """Return (N, 3) float64 of ``data`` as ``header`` describes them, None where damaged."""
+def _by_open3d(header: CloudHeader, data: bytes) -> np.ndarray | None:
+    """Return (N, 3) float64 of ``data`` as ``header`` describes them, None where damaged; Open3D
+    is given them as PCD, a PLY's in the order of bytes that PCD has.
+    """
+    form, point = header.form, header.point
+    if form in PLY_FORMATS:
+        form, data = "binary", np.frombuffer(data, point).astype(point.newbyteorder("<")).tobytes()
     # under other names Open3D would make colours and normals of fields, or fail on two of one name
-    fields = [
-        (name if name in ("x", "y", "z") else f"f{i}", header.point[name])
-        for i, name in enumerate(header.point.names)
-    ]
-    ply = header.form in PLY_FORMATS
-    text = (_plain_ply if ply else _plain_pcd)(header, fields)
+    names = [name if name in ("x", "y", "z") else f"f{i}" for i, name in enumerate(point.names)]
+    kinds = [point[name] for name in point.names]
+    columns = {
+        "FIELDS": names,
+        "SIZE": [kind.base.itemsize for kind in kinds],
+        "TYPE": [kind.base.kind.upper() for kind in kinds],
+        "COUNT": [int(np.prod(kind.shape)) for kind in kinds],
+        "WIDTH": [header.count],
+        "HEIGHT": [1],
+        "VIEWPOINT": [*map(int, UNTURNED)],
+        "POINTS": [header.count],
+        "DATA": [form],
+    }
+    rows = "".join(f"{key} {' '.join(map(str, values))}\n" for key, values in columns.items())
     with os.fdopen(os.memfd_create("cloud"), "wb") as stream:
-        stream.write(text.encode() + data)
+        stream.write(f"# .PCD v0.7\nVERSION 0.7\n{rows}".encode() + data)
         stream.flush()
-        cloud = load_open3d().t.io.read_point_cloud(
-            f"/proc/self/fd/{stream.fileno()}", format="ply" if ply else "pcd"
-        )
+        path = f"/proc/self/fd/{stream.fileno()}"
+        cloud = load_open3d().t.io.read_point_cloud(path, format="pcd")
     if "positions" not in cloud.point or len(cloud.point.positions) != header.count:
         return None
     with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers are no positions
         return cloud.point.positions.numpy().astype(float)
 
 
-def _plain_pcd(header: Header, fields: list[tuple[str, np.dtype]]) -> str:
-    """Return a PCD header of the ``fields``."""
-    columns = {
-        "FIELDS": [name for name, _ in fields],
-        "SIZE": [kind.base.itemsize for _, kind in fields],
-        "TYPE": [kind.base.kind.upper() for _, kind in fields],
-        "COUNT": [int(np.prod(kind.shape)) for _, kind in fields],
-    }
-    rows = "".join(f"{key} {' '.join(map(str, values))}\n" for key, values in columns.items())
-    return (
-        f"# .PCD v0.7\nVERSION 0.7\n{rows}WIDTH {header.count}\nHEIGHT 1\n"
-        f"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {header.count}\nDATA {header.form}\n"
-    )
-
-
-def _plain_ply(header: Header, fields: list[tuple[str, np.dtype]]) -> str:
-    """Return a PLY header of the ``fields``."""
-    rows = "".join(f"property {PLAIN_TYPES[kind.str[1:]]} {name}\n" for name, kind in fields)
-    return f"ply\nformat {header.form} 1.0\nelement vertex {header.count}\n{rows}end_header\n"
-
-
-def _text_points(content: bytes, header: Header, file: Path) -> tuple[np.ndarray, int]:
+def _text_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.ndarray, int]:
     """Return (N, 3) the points, and the number of bytes behind them."""
     lines = content[header.start :].decode("latin-1").split("\n")
     first = content.count(b"\n", 0, header.start) + 1
-    filled = [
-        (number, line.lower().split()) for number, line in enumerate(lines, first) if line.strip()
-    ][: header.count]
+    numbered = [(number, line.lower().split()) for number, line in enumerate(lines, first)]
+    filled = [(number, row) for number, row in numbered if row][: header.count]
     widths = [int(np.prod(header.point[name].shape)) for name in header.point.names]
     cells = [sum(widths[: header.point.names.index(axis)]) for axis in "xyz"]
     for number, row in filled:
         if len(row) != sum(widths):
-            raise RecordingError(
-                f"the row has {len(row)} numbers where a point has {sum(widths)}: truncated or "
-                "damaged; copy the cloud again",
-                file=file,
-                line=number,
-            )
+            message = f"the row has {len(row)} numbers where a point has {sum(widths)}: truncated "
+            raise RecordingError(f"{message}or damaged; {AGAIN}", file=file, line=number)
         for cell in cells:
             row[cell] = "nan" if row[cell] in NO_POSITION else row[cell]
     if len(filled) < header.count:
-        raise RecordingError(
-            f"there are {len(filled)} rows where the header announces {header.count} points: "
-            "truncated or damaged; copy the cloud again",
-            file=file,
-        )
+        message = f"there are {len(filled)} rows where the header announces {header.count} points"
+        raise RecordingError(f"{message}: truncated or damaged; {AGAIN}", file=file)
     rows, numbers = [",".join(row) for _, row in filled], [number for number, _ in filled]
     behind = "\n".join(lines[numbers[-1] - first + 1 :])
     points = numbers_of(rows, numbers, cells, file=file, gaps=True)

@@ -1,4 +1,4 @@
-"""Depth images as PNG, TIFF or PGM, read as they are; what their values mean is :mod:`encoding`'s.
+"""Depth images as PNG, TIFF or PGM, and their pixels in m by the sensor's encoding.
 
 An image's header is read before its pixels, so a small file that unfolds into gigabytes is refused.
 OpenCV decodes the pixels: it keeps every type. It fills up what a damaged PNG or PGM lacks, so that
@@ -19,9 +19,9 @@ import numpy as np
 from PIL import Image
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
-from pipeline.core.bounds import MIB, read_whole, require
+from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
-from pipeline.formats.format import Format, Kind, begins
+from pipeline.formats.format import Format, Kind, begins, file_content
 
 PNG, TIFF, PGM = b"\x89PNG\r\n\x1a\n", (b"II*\0", b"MM\0*"), b"P5"
 MODES = {"I;16": 1, "LA": 2, "RGB": 3, "P": 3, "RGBA": 4}  # Pillow's modes of PNG: channels
@@ -30,11 +30,11 @@ GAP = rb"(?:\s|#[^\n\r]*[\n\r])+"  # blanks and comments of PGM
 # P5, width, height and greatest value, one blank, the pixels
 PGM_HEADER = re.compile(rb"P5" + GAP + rb"(\d+)" + GAP + rb"(\d+)" + GAP + rb"(\d{1,5})\s")
 PIXEL = 4  # bytes, the largest that is kept
-# what Pillow raises for a header whose bytes are not what they should be
-HEADER_DAMAGE = (
-    *(OSError, EOFError, ValueError, SyntaxError, TypeError, LookupError, OverflowError),
-    *(RuntimeError, struct.error),
-)
+NO_DISPARITY = 2047  # value of the Kinect's eleven bits where it sees nothing
+# exceptions of Pillow for a damaged header
+HEADER_DAMAGE = (OSError, EOFError, ValueError, SyntaxError, TypeError, LookupError, OverflowError)
+HEADER_DAMAGE += (RuntimeError, struct.error)
+AGAIN = "copy it again, or take its line out of the index"
 # Run lengths of each row's differences. Naming the filter halves the time: without it OpenCV tries
 # them all, row by row. Depth of 512 × 424 pixels: 77 kB either way, 2.1 ms instead of 4.2; level 6
 # takes 31 ms for 1 % less.
@@ -55,18 +55,72 @@ class RawDepth:
     description: str = ""
 
 
+@dataclass(frozen=True)
+class Encoding:
+    """Conversion of stored values to metres; nothing of it can be read off the values.
+
+    ``kind``: ``plain``, depth itself; ``rotated_bits``, depth rotated left by three bits (SUN
+    RGB-D); ``disparity``, the Kinect's 11-bit disparity δ with its two bytes swapped, depth = a/(b
+    − δ) with ``disparity`` = (a, b) (NYU Depth v2: 351.3, 1092.5). ``units_per_metre``: 1000 for
+    millimetres, 5000 for TUM RGB-D, 1 for metres. ``saturation``: the stored value from which on
+    there is no depth. ``scale_key``: name of the factor that every value is multiplied by, in the
+    description of a TIFF. The section ``dataset.depth`` checks them.
+    """
+
+    kind: str
+    units_per_metre: float
+    saturation: float | None = None
+    scale_key: str | None = None
+    disparity: tuple[float, float] | None = None
+
+
+def metres(raw: RawDepth, encoding: Encoding, **evidence: object) -> np.ndarray:
+    """Return depth along the optical axis in m, (H, W) float32, NaN where there is none: 0 or less,
+    NaN, saturated, or no disparity.
+
+    Raises RecordingError (with ``evidence``) for pixels that the encoding does not have and for a
+    description without its factor.
+    """
+    if encoding.kind != "plain" and raw.pixels.dtype != np.uint16:
+        message = f"pixels of {raw.pixels.dtype} in the encoding {encoding.kind}, which has 16 bits"
+        raise RecordingError(message, **evidence)
+    values, nothing = raw.pixels, ~(raw.pixels > 0)
+    if encoding.saturation is not None:
+        nothing |= raw.pixels >= encoding.saturation
+    if encoding.kind == "rotated_bits":
+        values = values >> 3 | values << 13
+    elif encoding.kind == "disparity":
+        disparity = values.byteswap()
+        if disparity.max() > NO_DISPARITY:
+            message = f"the value {disparity.max()} in 11-bit disparities with their bytes swapped"
+            raise RecordingError(message, **evidence)
+        a, b = encoding.disparity
+        nothing |= (disparity == NO_DISPARITY) | (disparity >= b)
+        with np.errstate(divide="ignore"):
+            values = (a / (b - disparity)).astype(np.float32)
+    key = encoding.scale_key
+    factor = 1.0 if key is None else _factor(raw.description, key, evidence)
+    depth = values / np.float32(encoding.units_per_metre / factor)
+    nothing |= ~np.isfinite(depth)
+    depth[nothing] = np.nan
+    return depth
+
+
+def _factor(description: str, key: str, evidence: dict[str, object]) -> float:
+    before, number = r"\"?(?:\s*[:=]\s*|\s+)\"?", r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+    pattern = rf"(?<![\w.]){re.escape(key)}{before}({number})(?![\w.])"
+    factors = re.findall(pattern, description)
+    if len(factors) != 1 or not 0 < float(factors[0]) < np.inf:
+        message = f"the image's description has no single positive number {key!r}: "
+        raise RecordingError(f"{message}{description[:120]!r}", **evidence)
+    return float(factors[0])
+
+
 def read_depth(file: Path, *, shape: tuple[int, int]) -> RawDepth:
     """Return the image in ``file``, whose size must be ``shape`` = (H, W); RecordingError where it
     is missing, else as :func:`decode_depth`.
     """
-    try:
-        content = read_whole(file)
-    except OSError as error:
-        raise RecordingError(
-            f"the depth frame cannot be read ({error.strerror}); copy it again, or take its line "
-            "out of the index",
-            file=file,
-        ) from None
+    content = file_content(file, "depth frame", f"; {AGAIN}")
     return decode_depth(content, shape=shape, file=file)
 
 
@@ -79,10 +133,8 @@ def decode_depth(content: bytes, *, shape: tuple[int, int], file: Path) -> RawDe
     stated, description = _header(content, file)
     if stated != tuple(shape):
         having, wanted = (f"{width} × {height}" for height, width in (stated, shape))
-        raise RecordingError(
-            f"the image has {having} pixels where the camera has {wanted}; check the intrinsics",
-            file=file,
-        )
+        message = f"the image has {having} pixels where the camera has {wanted}; check the "
+        raise RecordingError(f"{message}intrinsics", file=file)
     level = cv2.utils.logging.getLogLevel()
     # what it finds wrong is said by the refusal, not among the messages of a stage
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
@@ -114,62 +166,49 @@ def depth_size(content: bytes, *, file: Path) -> tuple[int, int]:
 
 def _header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
     """Return (H, W) of an image and its description."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Pillow's of odd tags and of sizes, which are bound here
-        if content.startswith(PNG):
-            shape, description = _png_shape(content, file), ""
-        elif content.startswith(TIFF):
-            shape, description = _tiff_header(content, file)
-        elif content.startswith(PGM):
-            shape, description = _pgm_shape(content, file), ""
-        else:
-            shape = None
-    if shape is None:
-        raise RecordingError(
-            "the depth frame is no PNG, TIFF or PGM image of 16 or 32 bits; convert it to 16-bit "
-            "PNG",
-            file=file,
-        )
+    if not content.startswith((PNG, *TIFF, PGM)):
+        message = "the depth frame is no PNG, TIFF or PGM image; convert it to 16-bit PNG"
+        raise RecordingError(message, file=file)
+    read = _png_header if content.startswith(PNG) else _tiff_header
+    read = _pgm_header if content.startswith(PGM) else read
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter(
+                "ignore"
+            )  # Pillow's of odd tags and of sizes, which are bound here
+            shape, description = read(content, file)
+    except Image.DecompressionBombError as error:
+        message = f"the image is larger than any depth camera's ({error}); export it again"
+        raise RecordingError(message, file=file) from None
+    except HEADER_DAMAGE:
+        raise _damaged(file) from None
     require("part_mib", shape[0] * shape[1] * PIXEL / MIB, "MiB of pixels", file)
     return shape, description
 
 
-def _png_shape(content: bytes, file: Path) -> tuple[int, int]:
-    try:
-        with Image.open(io.BytesIO(content), formats=("PNG",)) as image:
-            shape, mode = (image.height, image.width), image.mode
-            image.verify()  # the check sums of all chunks to the last
-    except Image.DecompressionBombError as error:
-        raise RecordingError(
-            f"the image is larger than any depth camera's ({error}); export it again", file=file
-        ) from None
-    except HEADER_DAMAGE:
-        raise _damaged(file) from None
+def _png_header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
+    with Image.open(io.BytesIO(content), formats=("PNG",)) as image:
+        shape, mode = (image.height, image.width), image.mode
+        image.verify()  # the check sums of all chunks to the last
     bits = content[len(PNG) + 16]
     if (mode, bits) != ("I;16", 16):
         raise _no_depth(MODES.get(mode, 1), f"channel(s) of {max(bits, 8)} bits", file)
-    return shape
+    return shape, ""
 
 
 def _tiff_header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
     # not by Pillow's images, which have no pixels of float64
     stream = io.BytesIO(content)
-    try:
-        tags = ImageFileDirectory_v2(stream.read(8))
-        stream.seek(tags.next)
-        tags.load(stream)
-        shape = int(tags[LENGTH]), int(tags[WIDTH])
-        several, description = bool(tags.next), str(tags.get(DESCRIPTION, ""))
-    except HEADER_DAMAGE:
-        raise _damaged(file) from None
-    if several:
-        raise RecordingError(
-            "the file holds several images; write one depth frame to a file", file=file
-        )
-    return shape, description
+    tags = ImageFileDirectory_v2(stream.read(8))
+    stream.seek(tags.next)
+    tags.load(stream)
+    if tags.next:
+        message = "the file holds several images; write one depth frame to a file"
+        raise RecordingError(message, file=file)
+    return (int(tags[LENGTH]), int(tags[WIDTH])), str(tags.get(DESCRIPTION, ""))
 
 
-def _pgm_shape(content: bytes, file: Path) -> tuple[int, int]:
+def _pgm_header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
     header = PGM_HEADER.match(content)
     if header is None:
         raise _damaged(file)
@@ -178,23 +217,17 @@ def _pgm_shape(content: bytes, file: Path) -> tuple[int, int]:
     if surplus := len(content) - header.end() - size:
         what = f"{abs(surplus)} bytes {'lack' if surplus < 0 else 'are left'}"
         raise _damaged(file, f" ({what} of the {size} of {width} × {height} pixels)")
-    return height, width
+    return (height, width), ""
 
 
 def _damaged(file: Path, reason: str = "") -> RecordingError:
-    return RecordingError(
-        f"the depth frame is truncated or damaged{reason}; copy it again, or take its line out of "
-        "the index",
-        file=file,
-    )
+    message = f"the depth frame is truncated or damaged{reason}; {AGAIN}"
+    return RecordingError(message, file=file)
 
 
 def _no_depth(channels: int, kind: str, file: Path) -> RecordingError:
-    return RecordingError(
-        f"the image has {channels} {kind}; depth is one of 16 bits or of floating point: export it "
-        "as that",
-        file=file,
-    )
+    message = f"the image has {channels} {kind}; depth is one of 16 bits or of floating point"
+    return RecordingError(f"{message}: export it as that", file=file)
 
 
 def encode_depth(raw: np.ndarray) -> bytes:
@@ -211,10 +244,5 @@ def write_depth(file: Path, raw: np.ndarray) -> None:
     Path(file).write_bytes(encode_depth(raw))
 
 
-FORMAT = Format(
-    "depth image",
-    Kind.IMAGE,
-    decode_depth,
-    begins(PNG, *TIFF, PGM),
-    endings=(".png", ".tif", ".tiff", ".pgm"),
-)
+ENDINGS = (".png", ".tif", ".tiff", ".pgm")
+FORMAT = Format("depth image", Kind.IMAGE, decode_depth, begins(PNG, *TIFF, PGM), endings=ENDINGS)

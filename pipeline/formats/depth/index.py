@@ -1,4 +1,4 @@
-"""Which frames a depth sequence has, and when: its index (TUM RGB-D layout), or numbers in the
+"""Frames of a depth sequence and their times: by its index (TUM RGB-D layout), or by numbers in the
 names of its files.
 """
 
@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats import depth
 from pipeline.formats.delimited import NUMBER, read_text
-from pipeline.formats.format import Format, Head, Kind, formats_in
-from pipeline.formats.patterns import matching
+from pipeline.formats.depth import cloud, image
+from pipeline.formats.format import Format, Head, Kind, matching
 
 # s between frames, at the median: between them lie the cameras, and not their stamps in ms, µs or
 # ns (30 Hz: 33 ms)
 SHORTEST_STEP, LONGEST_STEP = 1e-4, 10.0
+NUMBERED = re.compile(r"(.*?)(\d+)(\D*)", re.ASCII)  # the last number in a name
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class DepthIndex:
 
 
 def read_index(file: Path) -> DepthIndex:
-    """Index of a depth sequence: lines ``timestamp filename``, any number of blanks between and
-    after, comments from ``#``.
+    """Return the index of a depth sequence: lines ``timestamp filename``, any number of blanks
+    between and after, comments from ``#``.
 
     ``counts``: ``cut_rows``, a last line without line end, whose file name may be cut, so it is
     dropped. Raises RecordingError with the line for a line of another form, a time that does not
@@ -42,60 +42,50 @@ def read_index(file: Path) -> DepthIndex:
     """
     text = read_text(file)
     time, files = [], []
-    for number, line in enumerate(text.lines, start=1):
-        line = line.strip()
+    for number, line in enumerate(map(str.strip, text.lines), start=1):
         if not line or line.startswith("#"):
             continue
         stamp, *name = line.split(maxsplit=1)
-        if not NUMBER.fullmatch(stamp) or not name:
-            message = (
-                f"{line[:80]!r} is no time in s and, after a blank, the name of a "
-                "frame; comments start with #"
-            )
+        message = ""
+        if not NUMBER.fullmatch(stamp) or not name or not np.isfinite(float(stamp)):
+            message = f"{line[:80]!r} is no finite time in s and, after a blank, the name of a "
+            message += "frame; comments start with #"
+        elif time and float(stamp) <= time[-1]:
+            message = "the time does not increase"
+        if message:
             raise RecordingError(message, file=file, line=number)
         time.append(float(stamp))
-        if not np.isfinite(time[-1]):
-            raise RecordingError(f"the time {stamp[:80]} is no finite one", file=file, line=number)
         files += name
-        if len(time) > 1 and time[-1] <= time[-2]:
-            raise RecordingError("the time does not increase", file=file, line=number)
     if not files:
         raise RecordingError("the index names no frame in a whole line", file=file)
     step = float(np.median(np.diff(time))) if len(time) > 1 else SHORTEST_STEP
     if not SHORTEST_STEP <= step <= LONGEST_STEP:
-        message = (
-            f"frames {step:.6g} s apart come from no camera: write the times in s "
-            "(ms, µs and ns are divided by 1e3, 1e6 and 1e9)"
-        )
-        raise RecordingError(message, file=file)
+        message = f"frames {step:.6g} s apart come from no camera: write the times in s (ms, µs and"
+        raise RecordingError(f"{message} ns are divided by 1e3, 1e6 and 1e9)", file=file)
     return DepthIndex(np.array(time), tuple(files), {"cut_rows": int(text.cut is not None)})
 
 
 def dropped_frames(time: np.ndarray) -> int:
-    """Return how many frames lack between those of ``time`` (F,) in s, increasing: whole steps
-    beyond one, in steps of the median's length.
+    """Return the number of frames that lack between those of ``time`` (F,) in s, increasing: whole
+    steps beyond one, in steps of the median's length.
     """
     steps = np.diff(time)
-    if not len(steps):
-        return 0
-    return int(np.sum(np.maximum(np.rint(steps / np.median(steps)) - 1, 0)))
+    lost = np.rint(steps / np.median(steps)) - 1 if len(steps) else steps
+    return int(np.sum(np.maximum(lost, 0)))
 
 
 def write_index(file: Path, time: np.ndarray, files: tuple[str, ...]) -> None:
     """Write the index of N frames, ``time`` (N,) in s with the six decimals of TUM RGB-D, in the
     order given.
     """
-    lines = [
-        "# depth maps",
-        "# timestamp filename",
-        *(f"{stamp:.6f} {name}" for stamp, name in zip(time, files, strict=True)),
-    ]
+    rows = [f"{stamp:.6f} {name}" for stamp, name in zip(time, files, strict=True)]
+    lines = ["# depth maps", "# timestamp filename", *rows]
     Path(file).write_bytes(("\n".join(lines) + "\n").encode())
 
 
 def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
-    """Frames of ``folder`` whose paths match the glob ``pattern``, in the order of the last number
-    in their names.
+    """Return the frames of ``folder`` whose paths match the glob ``pattern``, in the order of the
+    last number in their names.
 
     Frame number n of a camera of ``rate`` frames a second is seen (n − first)/rate s after the
     first; a number that is not there is a frame that the sensor dropped. Raises RecordingError
@@ -104,28 +94,17 @@ def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
     """
     numbers: dict[int, Path] = {}
     forms = set()
-    for file in (
-        path for path in matching(folder, pattern, key="dataset.depth.frames") if path.is_file()
-    ):
-        parts = re.fullmatch(r"(.*?)(\d+)(\D*)", file.name.removesuffix(file.suffix), re.ASCII)
-        if parts is None:
-            raise RecordingError(
-                "the frame's name has no number; name the frames by number, or write an index",
-                file=file,
-            )
-        before, digits, after = parts.groups()
-        forms.add((str(file.parent), before, after, file.suffix))
+    for file in filter(Path.is_file, matching(folder, pattern, key="dataset.depth.frames")):
+        if (parts := NUMBERED.fullmatch(file.stem)) is None:
+            message = "the frame's name has no number; name the frames by number, or write an index"
+            raise RecordingError(message, file=file)
+        forms.add((file.parent, parts[1], parts[3], file.suffix))
         if len(forms) > 1:
-            raise RecordingError(
-                f"the names that match {pattern!r} differ in more than a number; write an index "
-                "of their times",
-                file=file,
-            )
-        if int(digits) in numbers:
-            raise RecordingError(
-                f"frame {int(digits)} is there twice, as {numbers[int(digits)].name} too", file=file
-            )
-        numbers[int(digits)] = file
+            message = f"the names that match {pattern!r} differ in more than a number; write an "
+            raise RecordingError(f"{message}index of their times", file=file)
+        if (other := numbers.setdefault(int(parts[2]), file)) != file:
+            message = f"frame {int(parts[2])} is there twice, as {other.name} too"
+            raise RecordingError(message, file=file)
     if not numbers:
         raise RecordingError(f"no depth frame matches {pattern!r}", file=folder)
     order = sorted(numbers)
@@ -134,20 +113,16 @@ def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
 
 
 def frame_endings() -> tuple[str, ...]:
-    """How the names of depth frames end, images and clouds: ``.png`` and others."""
-    frames = formats_in(depth, Kind.IMAGE, Kind.CLOUD)
-    return tuple(ending for one in frames for ending in one.endings)
+    """Return the endings of the names of depth frames, images and clouds: ``.png`` and others."""
+    return image.FORMAT.endings + cloud.FORMAT.endings
 
 
 def _begins(head: Head) -> bool:
-    line = next(
-        (line.split(maxsplit=1) for line in head.lines if not line.lstrip().startswith("#")), []
-    )
-    return (
-        len(line) == 2
-        and NUMBER.fullmatch(line[0]) is not None
-        and line[1].strip().lower().endswith(frame_endings())
-    )
+    held = [line.split(maxsplit=1) for line in head.lines if not line.lstrip().startswith("#")]
+    if not held or len(held[0]) != 2:
+        return False
+    stamp, name = held[0]
+    return bool(NUMBER.fullmatch(stamp)) and name.strip().lower().endswith(frame_endings())
 
 
 FORMAT = Format("depth sequence with index", Kind.SEQUENCE, read_index, _begins, option="index")

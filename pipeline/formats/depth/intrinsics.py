@@ -1,27 +1,28 @@
-"""Intrinsics of a depth camera, as calibration tools write them."""
+"""Intrinsics of a depth camera, as calibration tools write them: OpenCV's YAML or XML, plain YAML
+(as ROS calibrates), plain JSON and Open3D's JSON.
+"""
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
+from xml.etree import ElementTree
 
-import cv2
 import numpy as np
+import yaml
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.depth.calibration_file import is_json, read_values
+from pipeline.formats.delimited import read_text
 from pipeline.formats.format import Format, Head, Kind, Stated
 
-MATRIX = (
-    *("cameraMatrix", "camera_matrix", "Camera_Matrix", "CameraMatrix"),
-    *("K", "k", "intrinsic_matrix"),
-)
-DISTORTION = (
-    *("distortionCoefficients", "distortion_coefficients", "Distortion_Coefficients"),
-    *("DistCoeffs", "distCoeffs", "dist_coeffs", "D", "d"),
-)
+MATRIX = ("cameraMatrix", "camera_matrix", "Camera_Matrix", "CameraMatrix")
+MATRIX += ("K", "k", "intrinsic_matrix")
+DISTORTION = ("distortionCoefficients", "distortion_coefficients", "Distortion_Coefficients")
+DISTORTION += ("DistCoeffs", "distCoeffs", "dist_coeffs", "D", "d")
 BENT = re.compile(r"(?i)dist.*|.*coeff.*|[kp]1")  # a key that may be of distortion
 # distortion models, as tools name them, of OpenCV's coefficients
 MODELS = ("plumb_bob", "radtan", "rational_polynomial", "none")
@@ -29,6 +30,15 @@ FOCAL = ("fx", "fy", "cx", "cy")
 SIZE = (("width", "height"), ("image_width", "image_height"), ("image_Width", "image_Height"))
 NARROWEST = 100  # focal length over the longer side: a view of half a degree
 COEFFICIENTS = (0, 4, 5, 8, 12, 14)  # the numbers of coefficients that OpenCV's model has
+# a number of a calibration is decimal: YAML 1.1 takes 0525 for 341, yes for true, 5:25 for 325
+WHOLE = re.compile(r"[-+]?(0|[1-9][0-9]*)$")
+REAL = re.compile(
+    r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=[eE]))([eE][-+]?[0-9]+)?$|[-+]?\.(nan|inf)$"
+)
+NO_CALIBRATION = "this is no calibration in OpenCV's YAML or XML, YAML or JSON, or it is truncated"
+CALIBRATED = re.compile(
+    rf'(?:^|[{{,])[^\S\n]*["<]?(?:{"|".join((*MATRIX, *DISTORTION))})\b"?\s*[:>\s]', re.MULTILINE
+)
 
 
 @dataclass(frozen=True)
@@ -49,44 +59,50 @@ class Intrinsics:
 def pinhole(
     matrix: np.ndarray, distortion: np.ndarray, *, width: int, height: int, **evidence: object
 ) -> Intrinsics:
-    """Intrinsics of the camera ``matrix`` (3, 3) and OpenCV's ``distortion`` (k,) of an image of
-    ``width`` × ``height`` pixels.
+    """Return the camera ``matrix`` (3, 3) and OpenCV's ``distortion`` (k,) of an image of ``width``
+    × ``height`` pixels.
 
     Raises RecordingError (with ``evidence``) for a matrix that is none, a coefficient too many, a
     focal length of no camera and a principal point outside the image.
     """
     (fx, skew, cx), (low, fy, cy), bottom = matrix.tolist()
-    if (
-        not np.isfinite(matrix).all()
-        or fx <= 0
-        or fy <= 0
-        or (skew, low, *bottom) != (0, 0, 0, 0, 1)
-    ):
-        raise RecordingError("the camera matrix is not [fx 0 cx; 0 fy cy; 0 0 1]", **evidence)
-    if not np.isfinite(distortion).all() or distortion.size not in COEFFICIENTS:
-        raise RecordingError(
-            f"{distortion.size} distortion coefficients, or one that is not finite; OpenCV's "
-            f"model has {COEFFICIENTS}",
-            **evidence,
-        )
-    if max(fx, fy) > NARROWEST * max(width, height):
-        raise RecordingError(
-            f"a focal length of {max(fx, fy):.6g} px is of no camera of {width} × {height}",
-            **evidence,
-        )
-    if not (0 < cx < width and 0 < cy < height):
-        raise RecordingError(
-            f"the principal point {cx:.1f}, {cy:.1f} is outside {width} × {height} pixels",
-            **evidence,
-        )
+    finite, rest = np.isfinite(matrix).all(), (skew, low, *bottom)
+    message = ""
+    if not finite or min(fx, fy) <= 0 or rest != (0, 0, 0, 0, 1):
+        message = "the camera matrix is not [fx 0 cx; 0 fy cy; 0 0 1]"
+    elif not np.isfinite(distortion).all() or distortion.size not in COEFFICIENTS:
+        message = f"{distortion.size} distortion coefficients, or one that is not finite; OpenCV's "
+        message += f"model has {COEFFICIENTS}"
+    elif max(fx, fy) > NARROWEST * max(width, height):
+        message = f"a focal length of {max(fx, fy):.6g} px is of no camera of {width} × {height}"
+    elif not (0 < cx < width and 0 < cy < height):
+        message = f"the principal point {cx:.1f}, {cy:.1f} is outside {width} × {height} pixels"
+    if message:
+        raise RecordingError(message, **evidence)
     return Intrinsics(fx, fy, cx, cy, width, height, tuple(distortion.ravel().tolist()))
+
+
+def require_size(
+    stated: tuple[object, object], width: int, height: int, **evidence: object
+) -> None:
+    """Raise RecordingError where a calibration's ``stated`` size is not ``width`` × ``height``."""
+    if stated != (width, height):
+        message = f"calibrated at {stated[0]} × {stated[1]} pixels, not {width} × {height}"
+        raise RecordingError(message, **evidence)
+
+
+def require_model(model: object, distortion: np.ndarray, **evidence: object) -> None:
+    """Raise RecordingError where coefficients are of a ``model`` that is not OpenCV's."""
+    if distortion.any() and model not in (None, "", *MODELS):
+        message = f"the distortion {model!r} is none of {', '.join(MODELS)}; calibrate with one of "
+        raise RecordingError(f"{message}these", key="distortion_model", **evidence)
 
 
 def read_intrinsics(
     file: Path, *, width: int, height: int, matrix: str | None = None, distortion: str | None = None
 ) -> Intrinsics:
-    """Intrinsics of a camera of ``width`` × ``height`` pixels; a size that the file states must be
-    that.
+    """Return the intrinsics of a camera of ``width`` × ``height`` pixels; a size that the file
+    states must be that.
 
     ``matrix`` and ``distortion`` name the keys where they are not the usual ones, or where the file
     holds several. Focal lengths and principal point may stand as fx, fy, cx, cy instead of a
@@ -96,103 +112,129 @@ def read_intrinsics(
     (naming those that are), values that are no camera's, a distortion model that is not OpenCV's,
     and another size.
     """
-    values = read_values(file)
+    values, is_json = _values(file)
     for wide, high in SIZE:
-        stated = (values.get(wide, width), values.get(high, height))
-        if stated != (width, height):
-            raise RecordingError(
-                f"calibrated at {stated[0]} × {stated[1]} pixels, not {width} × {height}",
-                file=file,
-                key=wide,
-            )
-    key = _key(values, matrix, MATRIX, "camera matrix", file)
+        stated = values.get(wide, width), values.get(high, height)
+        require_size(stated, width, height, file=file, key=wide)
+    there = f"the file has {', '.join(map(str, values))}"
+
+    def choose(chosen: str | None, usual: tuple[str, ...], what: str) -> str | None:
+        present, message = [name for name in usual if name in values], ""
+        if chosen is not None:
+            message = "" if chosen in values else f"no {what} {chosen!r}; {there}"
+            present = [chosen]
+        elif len(present) > 1:
+            message = f"{' and '.join(present)} could each be the {what}; choose one by option"
+        if message:
+            raise RecordingError(message, file=file)
+        return present[0] if present else None
+
+    key = choose(matrix, MATRIX, "camera matrix")
+    bent = choose(distortion, DISTORTION, "distortion")
     if key is not None:
-        entries = _numbers(values[key], file, key)
-        if entries.size != 9:
-            raise RecordingError(
-                f"there is no 3 × 3 {key}; export the calibration again", file=file, key=key
-            )
-        camera = (
-            entries.reshape(3, 3).T
-            if key == "intrinsic_matrix" and entries.ndim == 1
-            else entries.reshape(3, 3)
-        )
-    elif set(FOCAL) <= set(values):
-        four = [_numbers(values[name], file, name) for name in FOCAL]
-        if any(number.size != 1 for number in four):
-            raise RecordingError("fx, fy, cx and cy are not four numbers", file=file)
-        fx, fy, cx, cy = (number.item() for number in four)
+        camera = _numbers(values[key], 9, file, key)
+        columns = key == "intrinsic_matrix" and camera.ndim == 1  # as Open3D writes it
+        camera = camera.reshape(3, 3).T if columns else camera.reshape(3, 3)
+    elif {*FOCAL} <= {*values}:
+        fx, fy, cx, cy = (_numbers(values[name], 1, file, name).item() for name in FOCAL)
         camera = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     else:
-        raise RecordingError(
-            f"no camera matrix under a usual name; the file has {', '.join(map(str, values))}: "
-            "name its key in camera_matrix",
-            file=file,
-        )
-    bent = _key(values, distortion, DISTORTION, "distortion", file)
-    if bent is None and (not is_json(file) or any(BENT.fullmatch(name) for name in values)):
-        raise RecordingError(
-            f"there are no distortionCoefficients; the file has {', '.join(map(str, values))}: "
-            "name their key in distortion, "
-            "or write zeros where there is no distortion",
-            file=file,
-        )
-    coefficients = np.zeros(0) if bent is None else _numbers(values[bent], file, bent).ravel()
-    model = values.get("distortion_model")
-    if coefficients.any() and model not in (None, "", *MODELS):
-        raise RecordingError(
-            f"the distortion {model!r} is none of {', '.join(MODELS)}; calibrate with one of these",
-            file=file,
-            key="distortion_model",
-        )
+        message = f"no camera matrix under a usual name; {there}: name its key in camera_matrix"
+        raise RecordingError(message, file=file)
+    if bent is None and (not is_json or any(BENT.fullmatch(name) for name in values)):
+        message = f"there are no distortionCoefficients; {there}: name their key in distortion, or "
+        raise RecordingError(f"{message}write zeros where there is no distortion", file=file)
+    coefficients = np.zeros(0) if bent is None else _numbers(values[bent], None, file, bent).ravel()
+    require_model(values.get("distortion_model"), coefficients, file=file)
     return pinhole(camera, coefficients, width=width, height=height, file=file, key=key)
 
 
-def _key(
-    values: Mapping, chosen: str | None, usual: tuple[str, ...], what: str, file: Path
-) -> str | None:
-    if chosen is not None:
-        if chosen not in values:
-            raise RecordingError(
-                f"no {what} {chosen!r}; the file has {', '.join(map(str, values))}", file=file
-            )
-        return chosen
-    present = [name for name in usual if name in values]
-    if len(present) > 1:
-        raise RecordingError(
-            f"{' and '.join(present)} could each be the {what}; choose one by option", file=file
-        )
-    return present[0] if present else None
-
-
-def _numbers(value: object, file: Path, key: str) -> np.ndarray:
-    # ROS writes a matrix as rows, cols, data
-    value = value.get("data", value) if isinstance(value, Mapping) else value
-    # NumPy would make numbers of words and of true
-    words = [str(each) for each in _flat(value) if isinstance(each, str | bool)]
+def _numbers(value: object, count: int | None, file: Path, key: str) -> np.ndarray:
+    """Return the numbers under ``key``, ``count`` in all; ROS and OpenCV write a matrix as rows,
+    cols and data.
+    """
+    wanted = {count} - {None}
+    if isinstance(value, Mapping):
+        shape = [value.get(name) for name in ("rows", "cols")]
+        value = value.get("data")
+        wanted |= {shape[0] * shape[1]} if all(type(n) is int for n in shape) else set()
+    numbers = np.array(0)
     try:
-        if words:
-            raise TypeError
-        return np.array(value, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        instead = f", but {words[0]}" if words else ""
-        raise RecordingError(
-            f"{key} holds no decimal numbers{instead}", file=file, key=key
-        ) from None
-
-
-def _flat(value: object) -> Iterator[object]:
-    if isinstance(value, list):
-        for each in value:
-            yield from _flat(each)
+        numbers = np.array(value)
+    except ValueError:  # lists of other lengths
+        pass
+    # words and true are no numbers, though NumPy would make some of them
+    if numbers.dtype.kind not in "fiu" or (numbers.ndim == 0) != (count == 1):
+        message = f"{key} holds no decimal numbers, but {str(value)[:80]}"
+    elif wanted - {numbers.size}:
+        message = f"{key} holds {numbers.size} numbers, not {max(wanted)}; export it again"
     else:
-        yield value
+        return numbers.astype(float)
+    raise RecordingError(message, file=file, key=key)
+
+
+def _values(file: Path) -> tuple[Mapping, bool]:
+    """Return the file's values by key, and whether it is JSON; from whole lines alone, since in
+    YAML nothing else shows that a number was cut.
+    """
+    text = read_text(file)
+    body, whole = "\n".join(text.lines), "\n".join([*text.lines, text.cut or ""])
+    is_json, message = whole.lstrip().startswith("{"), f"{NO_CALIBRATION}; export it again"
+    try:
+        if is_json:
+            held = [json.loads(whole)]
+        elif body.lstrip().startswith("<"):
+            held = [{one.tag: _element(one) for one in ElementTree.fromstring(body)}]
+        else:
+            # a directive of OpenCV, which is none of YAML
+            held = [*yaml.load_all(re.sub(r"^%YAML:1\.0.*\n", "", body), _Decimal)]
+    except (yaml.YAMLError, ElementTree.ParseError, ValueError, RecursionError):
+        raise RecordingError(message, file=file) from None
+    # Open3D puts the camera beside its pose, ROS prints messages again and again
+    held = [one.get("intrinsic", one) if isinstance(one, Mapping) else one for one in held if one]
+    if not held or not all(isinstance(one, Mapping) for one in held):
+        raise RecordingError(message, file=file)
+    plain = [{key: value for key, value in one.items() if key != "header"} for one in held]
+    if any(other != plain[0] for other in plain):
+        message = f"the file holds {len(held)} calibrations, not all of them equal; keep one"
+        raise RecordingError(message, file=file)
+    return plain[0], is_json
+
+
+class _Decimal(yaml.SafeLoader):
+    """YAML whose numbers are decimal; every other plain word is text."""
+
+    yaml_implicit_resolvers: ClassVar[dict] = {}
+
+
+_Decimal.add_implicit_resolver("tag:yaml.org,2002:null", re.compile(r"(~|null|)$"), None)
+_Decimal.add_implicit_resolver("tag:yaml.org,2002:int", WHOLE, None)
+_Decimal.add_implicit_resolver("tag:yaml.org,2002:float", REAL, None)
+_Decimal.add_constructor(
+    "tag:yaml.org,2002:opencv-matrix",
+    lambda loader, node: loader.construct_mapping(node, deep=True),
+)
+
+
+def _element(element: ElementTree.Element) -> object:
+    """Return the content of an element as OpenCV's XML has it."""
+    if len(element):
+        return {one.tag: _element(one) for one in element}
+    words = [_word(word) for word in (element.text or "").split()]
+    return words if element.tag == "data" else words[0] if len(words) == 1 else element.text
+
+
+def _word(word: str) -> float | str:
+    return int(word) if WHOLE.match(word) else float(word) if REAL.match(word) else word
 
 
 def write_intrinsics(file: Path, intrinsics: Intrinsics) -> None:
     """Write ``cameraMatrix`` and ``distortionCoefficients`` (zeros where there are none) as
     OpenCV's YAML; numbers read back exactly.
     """
+    # here, as few write a calibration
+    import cv2
+
     matrix = np.array(
         [[intrinsics.fx, 0, intrinsics.cx], [0, intrinsics.fy, intrinsics.cy], [0, 0, 1]]
     )
@@ -205,11 +247,6 @@ def write_intrinsics(file: Path, intrinsics: Intrinsics) -> None:
     Path(file).write_bytes(f"%YAML:1.0\n{body}".encode())
 
 
-CALIBRATED = re.compile(
-    rf'(?:^|[{{,])[^\S\n]*["<]?(?:{"|".join((*MATRIX, *DISTORTION))})\b"?\s*[:>\s]', re.MULTILINE
-)
-
-
 def _begins(head: Head) -> bool:
     if head.suffix not in (".yaml", ".yml", ".json", ".xml"):
         return False
@@ -220,10 +257,9 @@ def _begins(head: Head) -> bool:
 
 
 def _states(file: Path) -> Stated:
-    """Width and height in px as ``facts``, where the file states both."""
-    values = read_values(file)
-    sizes = [[values.get(wide), values.get(high)] for wide, high in SIZE]
-    for size in sizes:
+    """Return width and height in px as ``facts``, where the file states both."""
+    values, _ = _values(file)
+    for size in ([values.get(wide), values.get(high)] for wide, high in SIZE):
         if all(type(pixels) in (int, float) and 0 < pixels < 2**31 for pixels in size):
             return Stated(facts={"width": int(size[0]), "height": int(size[1])})
     return Stated()

@@ -1,16 +1,21 @@
-"""ATI DAQ F/T logs: six axes of force and torque as the sensor's own .NET program writes them, in
-the culture of its PC.
+"""Logs of ATI's programs: DAQ F/T, in the culture of its PC, and Net F/T.
 
-A first line may tell what was skipped; then one row of labels, whose last four are settings
+DAQ F/T: a first line may say what was skipped; then one row of labels, whose last four are settings
 (``Frequency = 1000``) and have no column under them, or several rows of labels, units and settings;
 then one quoted row a sample, as a rule without its time. Cultures with a decimal comma separate
 cells by semicolons. Instead of forces the program may have written the voltages of the gauges,
 ``G0`` to ``G5``.
+
+Net F/T: lines of ``key: value`` (start time, RDT sample rate, units, counts per unit), the labels,
+and one row a packet: status, RDT sequence, F/T sequence, Fx … Tz, the PC's time. Manuals and
+earlier versions have counts, which are whole; later versions have divided them already, and print
+every number with a decimal point.
 """
 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,25 +24,32 @@ from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import NUMBER
 from pipeline.formats.force.record import (
     FORCES,
+    NO_OPTIONS,
     OPTION,
     TORQUES,
     ForceLogOptions,
     ForceRecord,
     axis_of,
-    check_serial,
-    si_factors,
+    calibrated_factors,
 )
-from pipeline.formats.force.table import axis_values, force_sheet, timed_record
+from pipeline.formats.force.table import (
+    KEY,
+    axis_columns,
+    axis_values,
+    force_sheet,
+    timed_record,
+)
 from pipeline.formats.format import Format, Head, Kind, Stated
 from pipeline.formats.number_sheet import Sheet, read_sheet
 
 DELAY = re.compile(r'"?(Paused for|Skipped)\s+(\d{1,18})\b')
-GAUGE = re.compile(r"G([0-5])")
+GAUGES = [f"G{n}" for n in range(6)]
+STATUS = re.compile(r"(0x)?[0-9a-fA-F]{1,8}")
 HEADING = re.compile(
     r'^"?(Paused for|Skipped)\s+\d|Frequency\s*=|Averaging Level\s*=|F/T Serial Number\s*='
     r'|"?Force X\b'
 )
-NO_OPTIONS = ForceLogOptions()
+PLAIN = {"separator": ",", "decimal": "."}  # form of a Net F/T log in every culture
 
 
 def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord:
@@ -56,29 +68,24 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     and no frequency or averaging level.
     """
     sheet = force_sheet(file, options)
+    where = {"file": file, "key": f"{OPTION}.format"}
     if sheet.header and sheet.header[0].lstrip('"').startswith("Start Time"):
-        raise RecordingError(
-            "this is a log of a Net F/T: set format to netft",
-            file=file,
-            line=1,
-            key=f"{OPTION}.format",
-        )
+        raise RecordingError("this is a log of a Net F/T: set format to netft", line=1, **where)
     if not sheet.labels:
-        raise RecordingError(
-            f"no line above the rows of {len(sheet.last)} cells labels them all: it is missing or "
-            "cut; name the columns by number in a log of format table",
-            file=file,
-            line=sheet.lines[0],
-            key=f"{OPTION}.format",
-        )
+        message = f"no line above the rows of {len(sheet.last)} cells labels them all; name the "
+        message += "columns by number in a log of format table"
+        raise RecordingError(message, line=sheet.lines[0], **where)
     settings = sheet.settings
-    serial = settings.get("F/T Serial Number", "")
-    check_serial(serial, options, file=file)
-    gauges = [label for label in sheet.labels if GAUGE.fullmatch(label)]
-    if gauges and not options.columns and not any(map(axis_of, sheet.labels)):
-        values = _forces_of_gauges(sheet, options)
-    else:
-        values = axis_values(sheet, options)
+    serial, theirs = (
+        settings.get("F/T Serial Number", ""),
+        getattr(options.calibration, "serial", ""),
+    )
+    if serial and theirs and serial != theirs:
+        message = f"the log is of the transducer {serial}, the calibration of {theirs}"
+        raise RecordingError(message, file=file, key=f"{OPTION}.calibration")
+    forces = options.columns or any(map(axis_of, sheet.labels))
+    voltages = not forces and not {*GAUGES}.isdisjoint(sheet.labels)
+    values = (_forces_of_gauges if voltages else axis_values)(sheet, options)
     delay = DELAY.match(sheet.header[0])
     name = "paused_ms" if delay and delay[1] == "Paused for" else "skipped_samples"
     return timed_record(
@@ -93,55 +100,43 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
 
 
 def _forces_of_gauges(sheet: Sheet, options: ForceLogOptions) -> np.ndarray:
-    """(N, 6) N and N·m: the calibration's matrix times the voltages. A bias is linear too, so the
-    tare takes it out afterwards.
+    """Return (N, 6) N and N·m: the calibration's matrix times the voltages. A bias is linear too,
+    so the tare takes it out afterwards.
     """
-    where = {"file": sheet.file, "line": sheet.label_line}
+    found, message = [label for label in sheet.labels if label in GAUGES], ""
     if options.calibration is None:
-        message = (
-            "gauge voltages need the transducer's calibration; no column is labelled "
-            "Force X, Force Y, Force Z"
-        )
-        raise RecordingError(message, **where, key=f"{OPTION}.calibration")
-    found = [(GAUGE.fullmatch(label), column) for column, label in enumerate(sheet.labels)]
-    places = {int(gauge[1]): column for gauge, column in found if gauge}
-    if len(places) != 6:
-        raise RecordingError(
-            f"the log has the gauges {sorted(places)}, not 0 to 5 once each", **where
-        )
-    calibration = options.calibration
-    stated = dict.fromkeys(FORCES, calibration.force_unit)
-    stated |= dict.fromkeys(TORQUES, calibration.torque_unit)
-    factors = si_factors([*FORCES, *TORQUES], stated, options, **where)
-    return sheet.values([places[gauge] for gauge in range(6)]) @ calibration.matrix.T * factors
+        message = "gauge voltages need the transducer's calibration; no column is labelled "
+        message += "Force X, Force Y, Force Z"
+    elif sorted(found) != GAUGES:
+        message = f"the log has the gauges {', '.join(found)}, not 0 to 5 once each"
+    if message:
+        where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.calibration"}
+        raise RecordingError(message, **where)
+    factors = calibrated_factors(options.calibration, options)
+    volts = sheet.values([sheet.labels.index(label) for label in GAUGES])
+    return volts @ options.calibration.matrix.T * factors
 
 
 def _rate(settings: dict[str, str], options: ForceLogOptions, sheet: Sheet) -> float:
-    """Samples a second: sampling frequency over averaging level, else the option's."""
-    stated, where = [], {"file": sheet.file, "line": sheet.label_line}
+    """Return samples a second: sampling frequency over averaging level, else the option's."""
+    stated, where = [], {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.rate"}
     for key in ("Frequency", "Averaging Level"):
-        text = settings.get(key)
+        text = settings.get(key, "")
         # in a culture of decimal commas a point is of thousands, or of another culture
-        plain = text is not None and NUMBER.fullmatch(
-            text if sheet.decimal == "." else text.replace(".", "?").replace(",", ".")
-        )
-        if not plain and options.rate is not None:
-            return options.rate
-        if not plain:
-            problem = (
-                f"state no {key}"
-                if text is None
-                else f"state {key} = {text}, which can be read in two ways or none"
-            )
-            message = f"the labels {problem}, so samples have no time; state the rate"
-            raise RecordingError(message, **where, key=f"{OPTION}.rate")
-        stated.append(float(text.replace(sheet.decimal, ".")))
+        plain = text if sheet.decimal == "." else text.replace(".", "?").replace(",", ".")
+        if not NUMBER.fullmatch(plain):
+            if options.rate is not None:
+                return options.rate
+            problem = f"{key} = {text}, which is no plain number" if text else f"no {key}"
+            message = f"the labels state {problem}, so samples have no time; state the rate"
+            raise RecordingError(message, **where)
+        stated.append(float(plain))
         if not 0 < stated[-1] < np.inf:
-            raise RecordingError(f"{key} = {text} gives samples no time", **where, key=key)
+            raise RecordingError(f"{key} = {text} gives samples no time", **where | {"key": key})
     rate = stated[0] / stated[1]
     if options.rate is not None and not np.isclose(options.rate, rate):
         message = f"the log states {rate:g} samples a second, the option {options.rate:g}"
-        raise RecordingError(message, file=sheet.file, key=f"{OPTION}.rate")
+        raise RecordingError(message, **where)
     return rate
 
 
@@ -163,12 +158,68 @@ def write_daqft(file: Path, record: ForceRecord, *, decimal: str = ".") -> None:
     Path(file).write_bytes((header + rows.replace(".", decimal)).encode())
 
 
-def _begins(head: Head) -> bool:
-    return any(HEADING.search(line) for line in head.lines[:4])
+def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord:
+    """Return the record in ``file``, in N, N·m and s; the time is the RDT sequence over the sample
+    rate, so that lost packets leave a gap.
+
+    ``counts`` as of :func:`pipeline.formats.force.table.read_force_table`, ``missing_samples`` as
+    ``lost_packets``, and ``status_rows`` (the transducer reported a condition with them; kept).
+
+    Raises RecordingError as there, and for a header without rate, units or, where it has counts,
+    counts per unit; and for numbers that may be counts or not.
+    """
+    sheet = force_sheet(file, options, **PLAIN)
+    if not any("RDT Sequence" in line for line in sheet.header):
+        message = "no row of labels with 'RDT Sequence': no log of a Net F/T, or cut"
+        raise RecordingError(message, file=file, key=f"{OPTION}.format")
+    settings, columns = sheet.settings, axis_columns(sheet, options)
+
+    def positive(name: str, option: str) -> float:
+        text = settings.get(name, "")
+        if not NUMBER.fullmatch(text) or not 0 < float(text) < np.inf:
+            message = f"the header must state {name} above 0, not {text!r}"
+            raise RecordingError(message, file=file, key=f"{OPTION}.{option}")
+        return float(text)
+
+    status = sheet.words(sheet.columns({"status": "Status (hex)"}, KEY)["status"])
+    for word, line in zip(status, sheet.lines, strict=True):
+        if not STATUS.fullmatch(word):
+            message = f"the status {word!r} is no hexadecimal number"
+            raise RecordingError(message, file=file, line=line)
+    kinds = {axis: "Force" if axis in FORCES else "Torque" for axis in columns}
+    units = {axis: settings.get(f"{kind} Units") for axis, kind in kinds.items()}
+    per_unit: np.ndarray | float = 1.0
+    if _holds_counts(sheet, columns, options):
+        per_unit = np.array(
+            [positive(f"Counts per Unit {kind}", "counts") for kind in kinds.values()]
+        )
+    record = timed_record(
+        sheet,
+        axis_values(sheet, options, units, per_unit),
+        replace(options, columns=columns | {"t": "RDT Sequence"}),
+        lambda: options.rate or positive("RDT Sample Rate", "rate"),
+        started=settings.get("Start Time", ""),
+    )
+    counts = dict(record.counts)
+    counts["lost_packets"] = counts.pop("missing_samples")
+    counts["status_rows"] = sum(int(word, 16) != 0 for word in status)
+    return replace(record, counts=counts)
+
+
+def _holds_counts(sheet: Sheet, columns: dict[str, int], options: ForceLogOptions) -> bool:
+    if options.counts is not None:
+        return options.counts
+    cells = [cell for column in columns.values() for cell in sheet.words(column)]
+    pointed = any("." in cell or "e" in cell.lower() for cell in cells)
+    if pointed and all(float(cell).is_integer() for cell in cells):
+        message = "numbers with a decimal point that are all whole may be counts or not: set counts"
+        where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.counts"}
+        raise RecordingError(f"{message} to true or false", **where)
+    return not pointed
 
 
 def _states(file: Path) -> Stated:
-    """Separator and decimal mark, and the units of the labels."""
+    """Return separator and decimal mark, and the units of the labels."""
     sheet = read_sheet(file, key=OPTION)
     units = {}
     for quantity, axes in (("force", FORCES), ("torque", TORQUES)):
@@ -181,4 +232,21 @@ def _states(file: Path) -> Stated:
     return Stated(f"{separator} and decimal {mark}", units, facts)
 
 
-FORMAT = Format("ATI DAQ F/T log", Kind.FORCE, read_daqft, _begins, _states, option="daqft")
+def _netft_states(file: Path) -> Stated:
+    settings = read_sheet(file, key=OPTION, **PLAIN).settings
+    named = {name: unit for name, unit in settings.items() if name.endswith("Units")}
+    return Stated(units={name.split()[0].lower(): unit for name, unit in named.items()})
+
+
+def _begins(head: Head) -> bool:
+    return any(HEADING.search(line) for line in head.lines[:4])
+
+
+def _netft_begins(head: Head) -> bool:
+    return any("RDT Sequence" in line for line in head.lines[:30])
+
+
+FORMAT = (
+    Format("ATI Net F/T log", Kind.FORCE, read_netft, _netft_begins, _netft_states, "netft"),
+    Format("ATI DAQ F/T log", Kind.FORCE, read_daqft, _begins, _states, "daqft"),
+)

@@ -1,5 +1,5 @@
-"""A record of one force/torque transducer, what an option may say of its log, and the units such
-logs are written in.
+"""A record of one force/torque transducer, the options of its log, its units, and samples that the
+sensor did not measure.
 """
 
 from __future__ import annotations
@@ -7,7 +7,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -17,6 +16,8 @@ from pipeline.formats.units import FORCE_UNITS, TORQUE_UNITS, plain_unit
 
 FORCES, TORQUES = ("fx", "fy", "fz"), ("tx", "ty", "tz")
 OPTION = "dataset.force.log"
+FEWEST = 10  # samples of a record; what holds fewer may be settings that look like numbers
+AXIS = re.compile(r"(?:.*[./])?(f|force|t|torque|m|moment)[ _.]?([xyz])\s*(?:[(\[].*[)\]])?")
 
 
 @dataclass(frozen=True)
@@ -34,9 +35,7 @@ class ForceRecord:
 
 @dataclass(frozen=True)
 class ForceLogOptions:
-    """What settles a force log where it does not say so itself; None where it does (section
-    dataset.force.log).
-    """
+    """Options for what a force log does not say (section dataset.force.log); None where it does."""
 
     # t, fx … tz → label, or number from 0
     columns: Mapping[str, str | int] = field(default_factory=dict)
@@ -51,100 +50,117 @@ class ForceLogOptions:
     topic: str | None = None  # of a bag
 
 
-def si_factors(
-    axes: list[str],
-    stated: Mapping[str, str | None],
-    options: ForceLogOptions,
-    *,
-    file: Path,
-    line: int,
-) -> np.ndarray:
-    """(len(axes),) what turns each axis into N or N·m: as ``stated`` beside it in the log, else as
-    the option, else the calibration says.
+NO_OPTIONS = ForceLogOptions()
 
-    Raises RecordingError that names the options for a unit that nothing states or that is unknown,
+
+def si_factors(
+    stated: Mapping[str, str | None], options: ForceLogOptions, **where: object
+) -> np.ndarray:
+    """Return the factor to N or N·m of each axis of ``stated``, by the unit there, else by the
+    option, else by the calibration. RecordingError with the option for an unknown or missing unit,
     and where log and option differ.
     """
     factors = []
-    for axis in axes:
-        key, units = (
-            ("force_unit", FORCE_UNITS) if axis in FORCES else ("torque_unit", TORQUE_UNITS)
-        )
-        option = getattr(options, key)
-        calibrated = options.calibration and getattr(options.calibration, key)
-        unit = stated.get(axis) or option or calibrated
-        known = ", ".join(units)
+    for axis, own in stated.items():
+        kind, units = ("force", FORCE_UNITS) if axis in FORCES else ("torque", TORQUE_UNITS)
+        option = getattr(options, f"{kind}_unit")
+        unit = own or option or getattr(options.calibration, f"{kind}_unit", None)
+        message = ""
         if unit is None or plain_unit(unit) not in units:
             problem = f"{axis} has no known unit" + (f" ({unit!r})" if unit else "")
-            raise RecordingError(
-                f"{problem}: state one of {known} as {key}, or the calibration",
-                file=file,
-                line=line,
-                key=f"{OPTION}.{key}",
-            )
-        if stated.get(axis) and option and units.get(plain_unit(option)) != units[plain_unit(unit)]:
+            message = f"{problem}: state one of {', '.join(units)} as {kind}_unit"
+            message += ", or the calibration"
+        elif own and option and units.get(plain_unit(option)) != units[plain_unit(unit)]:
             message = f"{axis} is in {unit} by the log and in {option} by the option"
-            raise RecordingError(message, file=file, line=line, key=f"{OPTION}.{key}")
+        if message:
+            raise RecordingError(message, key=f"{OPTION}.{kind}_unit", **where)
         factors.append(units[plain_unit(unit)])
     return np.array(factors)
 
 
+def calibrated_factors(calibration: Calibration, options: ForceLogOptions) -> np.ndarray:
+    """Return (6,) the factors from the units of a calibration to N and N·m."""
+    units = dict.fromkeys(FORCES, calibration.force_unit)
+    units |= dict.fromkeys(TORQUES, calibration.torque_unit)
+    return si_factors(units, options, file=calibration.file, line=1)
+
+
 def full_scale(calibration: Calibration | None) -> np.ndarray | None:
-    """(6,) the ratings of a calibration in N and N·m, where there is one."""
-    if calibration is None:
-        return None
-    units = dict.fromkeys(FORCES, calibration.force_unit) | dict.fromkeys(
-        TORQUES, calibration.torque_unit
-    )
-    return calibration.full_scale * si_factors(
-        [*FORCES, *TORQUES], units, ForceLogOptions(), file=calibration.file, line=1
-    )
-
-
-def check_columns(columns: Mapping[str, str | int], *, file: Path) -> None:
-    """RecordingError where the option names an axis that does not exist, not every force, or some
-    of the torques.
-    """
-    key = f"{OPTION}.columns"
-    if unknown := sorted(set(columns) - {"t", *FORCES, *TORQUES}):
-        raise RecordingError(
-            f"no axis {', '.join(unknown)}; there are t, fx, fy, fz, tx, ty, tz", file=file, key=key
-        )
-    if missing := [axis for axis in FORCES if axis not in columns]:
-        raise RecordingError(f"no column is named for {', '.join(missing)}", file=file, key=key)
-    if 0 < len(set(TORQUES) & set(columns)) < 3:
-        raise RecordingError("of the torques tx, ty, tz name all or none", file=file, key=key)
-
-
-def check_serial(serial: str, options: ForceLogOptions, *, file: Path) -> None:
-    """RecordingError where log and calibration both name a transducer, and not the same."""
-    theirs = options.calibration.serial if options.calibration else ""
-    if serial and theirs and serial != theirs:
-        message = f"the log is of the transducer {serial}, the calibration of {theirs}"
-        raise RecordingError(message, file=file, key=f"{OPTION}.calibration")
+    """Return (6,) the ratings of a calibration in N and N·m, None without one."""
+    return calibration and calibration.full_scale * calibrated_factors(calibration, NO_OPTIONS)
 
 
 def repeats(values: np.ndarray) -> dict[str, int]:
-    """``repeated_rows`` (equal to the row before) and ``zero_rows`` of samples (N, axes)."""
-    return {
-        "repeated_rows": int((values[1:] == values[:-1]).all(axis=1).sum()),
-        "zero_rows": int((values == 0).all(axis=1).sum()),
-    }
+    """Return ``repeated_rows`` (equal to the row before) and ``zero_rows`` of ``values``
+    (N, axes).
+    """
+    repeated = (values[1:] == values[:-1]).all(axis=1).sum()
+    return {"repeated_rows": int(repeated), "zero_rows": int((values == 0).all(axis=1).sum())}
 
 
 def with_torque(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Forces and torques (N, 3) of samples (N, 3 or 6); torques that were not logged are NaN."""
-    return values[:, :3], values[:, 3:] if values.shape[1] == 6 else np.full(
-        (len(values), 3), np.nan
-    )
+    """Return forces and torques (N, 3) of ``values`` (N, 3 or 6); NaN where none were logged."""
+    missing = np.full((len(values), 3), np.nan)
+    return values[:, :3], values[:, 3:] if values.shape[1] == 6 else missing
 
 
 def axis_of(label: str) -> str | None:
-    """Which of fx … tz a label such as ``Force X (N)``, ``Fx`` or ``Mz [N-m]`` stands for; None for
-    any other.
-    """
-    match = re.fullmatch(
-        r"(?:.*[./])?(f|force|t|torque|m|moment)[ _.]?([xyz])\s*(?:[(\[].*[)\]])?",
-        label.strip().lower(),
-    )
+    """Return which of fx … tz a label such as ``Force X (N)``, ``Fx`` or ``Mz [N-m]`` names."""
+    match = AXIS.fullmatch(label.strip().lower())
     return ("f" if match[1].startswith("f") else "t") + match[2] if match else None
+
+
+def require_record(record: ForceRecord, file: object) -> None:
+    """Raise RecordingError where ``record`` holds too few samples to be one."""
+    if (held := len(record.time)) < FEWEST:
+        first = ", ".join(f"{force:g}" for force in record.force[0])
+        message = f"{held} sample(s), at least {FEWEST} are needed; the first is {first} N, "
+        message += "which may be a line of settings below a header: record again"
+        raise RecordingError(message, file=file)
+
+
+def saturated(record: ForceRecord, full_scale: np.ndarray) -> np.ndarray:
+    """Return (N,) whether any axis of a sample is at or beyond ``full_scale`` (3,) N or (6,) N and
+    N·m; torques that were not logged are not.
+    """
+    values = np.hstack([record.force, record.torque])[:, : len(full_scale)]
+    return np.any(np.abs(values) >= full_scale, axis=1)
+
+
+def frozen(record: ForceRecord, longest: float) -> np.ndarray:
+    """Return (N,) whether a sample is one of identical ones that last longer than ``longest`` (s).
+
+    Noise keeps a working sensor from repeating all its axes for long; a program that reads faster
+    than the sensor samples repeats a few.
+    """
+    values = np.hstack([record.force, np.nan_to_num(record.torque)])
+    starts = np.flatnonzero(np.append(True, (values[1:] != values[:-1]).any(axis=1)))
+    ends = np.append(starts[1:], len(values))
+    lasting = record.time[ends - 1] - record.time[starts]
+    return np.repeat(lasting > longest, ends - starts)
+
+
+def sound_samples(
+    record: ForceRecord,
+    full_scale: np.ndarray | None,
+    longest: float,
+    share: float,
+    *,
+    file: object,
+) -> tuple[np.ndarray, dict[str, int]]:
+    """Return (N,) whether a sample was measured, and the numbers of saturated (where ``full_scale``
+    is known) and frozen samples, if any. RecordingError where a fault is in more than the given
+    ``share`` of the samples, and for too few samples.
+    """
+    require_record(record, file)
+    faulty = {"frozen": (frozen(record, longest), "frozen_after")}
+    if full_scale is not None:
+        faulty["saturated"] = saturated(record, full_scale), "full_scale"
+    for name, (samples, option) in faulty.items():
+        if samples.mean() > share:
+            first = f"the first at {record.time[samples][0]:.6g} s; a share of {share:g} may be"
+            message = f"{samples.sum()} of {len(samples)} samples are {name}, {first}"
+            raise RecordingError(message, file=file, key=f"{OPTION}.{option}")
+    counts = {f"{name}_samples": int(found.sum()) for name, (found, _) in faulty.items()}
+    sound = ~np.any([samples for samples, _ in faulty.values()], axis=0)
+    return sound, {name: count for name, count in counts.items() if count}

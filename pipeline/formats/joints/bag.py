@@ -5,35 +5,37 @@ the type; one topic has the measured angles, another the commanded ones.
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.core.angles import unwrapped
 from pipeline.core.errors import RecordingError
-from pipeline.formats.bag_path import is_bag
-from pipeline.formats.format import Format, Head, Kind
+from pipeline.formats.format import Format, Head, Kind, is_bag
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
 from pipeline.formats.joints.names import named_like
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 ANGLES = ("actual", "target")
-# other signals → the field of a message that they are; every other signal is its effort
-FIELDS = {"speed": "velocity", "velocity": "velocity", "position": "position"}
+# signal → field of a message; every other signal is its effort
+FIELDS = {"speed": "velocity", "velocity": "velocity"}
+FIELDS |= dict.fromkeys((*ANGLES, "position"), "position")
 
 
 def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
     """Return the measured and the commanded angles in the bag ``file``, each of the topic that
     ``signals`` names or whose name says which it is; other signals are the efforts of their topic,
     ``speed`` and ``velocity`` its velocities. Joints are those of ``options``, else those of the
-    first measured message, each read by its name.
+    message with the most joints, each read by its name.
 
     Commands have their own times: at each time of the measured angles, those between two commands
     are interpolated on a straight line, counted as ``interpolated_rows``, and measured angles
     before the first command or after the last are left out, counted as ``rows_without_command``.
     Messages without any of the joints are passed over, counted as ``messages_of_other_joints``, and
     a message that repeats the one before is dropped, counted as ``doubled_rows``. Angles are
-    unwrapped before they are interpolated, counted as ``unwrapped_jumps``.
+    unwrapped before they are interpolated, counted as ``unwrapped_jumps``, but for joints that
+    slide.
 
     Raises RecordingError for a bag that cannot be read, no topic or several that could be meant,
     messages that have some of the joints or lack a value, and times that do not increase; messages
@@ -44,7 +46,8 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
     for signal, topic in sorted(_topics(file, options).items()):
         time, values, joints = _values(file, topic, signal, joints, counts)
         if signal in ANGLES:
-            values, removed = unwrapped(values, time, joints, signal=signal, file=file)
+            evidence = {"signal": signal, "file": file}
+            values, removed = unwrapped(values, time, joints, sliding=options.sliding, **evidence)
             counts["unwrapped_jumps"] += removed
         logs[signal] = time, values
     time, measured = logs.pop("actual")
@@ -64,7 +67,7 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
 
 
 def _topics(file: Path, options: LogOptions) -> dict[str, str]:
-    """Signal → topic, of those that are named or name themselves; the measured angles always."""
+    """Return signal → topic, of those that are named or name themselves; always ``actual``."""
     # here, as most logs are no bags
     from pipeline.formats.rosbag import topics
 
@@ -77,57 +80,54 @@ def _topics(file: Path, options: LogOptions) -> dict[str, str]:
         if len(named) == 1 and named[0] in held:
             place[signal] = named[0]
         elif named or signal == "actual":
-            raise RecordingError(
-                f"{len(named)} topics could hold the {signal} values: name one of the topics of "
-                f"JointState, {', '.join(held) or 'of which there are none'}",
-                file=file,
-                key=f"{OPTION}.signals",
-            )
+            message = f"{len(named)} topics could hold the {signal} values: name one of the topics "
+            message += f"of JointState, {', '.join(held) or 'of which there are none'}"
+            raise RecordingError(message, file=file, key=f"{OPTION}.signals")
     return place
+
+
+def _sample(message: object, name: str) -> tuple[float, dict[str, float]]:
+    from pipeline.formats.rosbag import seconds
+
+    values = np.asarray(getattr(message, name)).tolist()
+    held = dict(zip(message.name, values, strict=False))
+    return seconds(message), dict.fromkeys(message.name, np.nan) | held
 
 
 def _values(
     file: Path, topic: str, signal: str, joints: tuple[str, ...], counts: Counter
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Times (N,) in s and values (N, joints) of a ``signal``, and the joints: those given, or those
-    of the topic's first message.
+    """Return times (N,) in s and values (N, joints) of a ``signal``, and the joints: those given,
+    or the most that a message of the topic has.
     """
-    from pipeline.formats.rosbag import messages, seconds
+    from pipeline.formats.rosbag import messages
 
-    name = "position" if signal in ANGLES else FIELDS.get(signal, "effort")
-    held = []
-    for number, message in enumerate(messages(file, topic)):
-        where = {"file": file, "topic": topic, "number": number}
-        values = np.asarray(getattr(message, name)).tolist()
-        held.append((where, message.name, values, seconds(message, **where)))
-    there = [tuple(names) for _, names, _, _ in held]
-    joints = joints or max(there, key=len, default=())
+    name = FIELDS.get(signal, "effort")
+    held = [*messages(file, topic, partial(_sample, name=name))]
+    joints = joints or tuple(max((values for _, values in held), key=len, default=()))
     times, rows = [], []
-    for where, names, values, time in held:
-        if not {*joints} & {*names}:
+    for number, (time, values) in enumerate(held):
+        if not {*joints} & {*values}:
             counts["messages_of_other_joints"] += 1
             continue
-        value = dict(zip(names, values, strict=False))
-        if missing := [joint for joint in joints if not np.isfinite(value.get(joint, np.nan))]:
-            raise RecordingError(
-                f"the message has no {name} of {', '.join(missing)} ({signal})", **where
-            )
-        row = [value[joint] for joint in joints]
-        if times and (time, row) == (times[-1], rows[-1]):
+        row = [values.get(joint, np.nan) for joint in joints]
+        message = ""
+        if missing := [j for j, value in zip(joints, row, strict=True) if not np.isfinite(value)]:
+            message = f"the message has no {name} of {', '.join(missing)} ({signal})"
+        elif times and (time, row) == (times[-1], rows[-1]):
             counts["doubled_rows"] += 1
             continue
-        if times and time <= times[-1]:
-            raise RecordingError("the time does not increase", **where)
+        elif times and time <= times[-1]:
+            message = "the time does not increase"
+        if message:
+            raise RecordingError(message, file=file, topic=topic, number=number)
         times.append(time)
         rows.append(row)
     if not rows:
-        others = ", ".join(sorted({joint for names in there for joint in names})) or "none"
-        raise RecordingError(
-            f"no message has the joints {', '.join(joints) or 'of an arm'}; there are {others}",
-            file=file,
-            topic=topic,
-            key=f"{OPTION}.joints",
-        )
+        others = ", ".join(sorted({joint for _, values in held for joint in values})) or "none"
+        message = f"no message has the joints {', '.join(joints) or 'of an arm'}; there are "
+        where = {"file": file, "topic": topic, "key": f"{OPTION}.joints"}
+        raise RecordingError(message + others, **where)
     return np.array(times), np.array(rows), joints
 
 

@@ -1,10 +1,8 @@
-"""What is read from a robot controller's joint logs, of any format: signals of all joints on one
-clock.
-"""
+"""Joint logs of a robot's controller, of any format: signals of all joints on one clock."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -30,7 +28,7 @@ class JointLog:
 
 @dataclass(frozen=True)
 class LogOptions:
-    """What a log does not say itself (section dataset.joint_log); a format takes of it what it
+    """Options for what a log does not say (section dataset.joint_log); a format uses what it
     needs.
     """
 
@@ -43,28 +41,26 @@ class LogOptions:
     time_unit: str = "s"
     joints: int | None = None  # as many as the log holds
     names: Sequence[str] = ()  # of the joints; those that a log states have to be these
-    # signal → by what its values are multiplied, one number or one a joint; of no mention, by 1
+    # signal → factor of its values, one number or one a joint (default 1)
     factors: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
     # the signals to be read, each with the columns of its joints by label or by number from 0; None
     # for all columns behind the time
     signals: Mapping[str, Sequence[str | int] | None] = field(default_factory=dict)
+    sliding: Collection[str] = ()  # names of the joints whose values are no angles
 
 
 def increasing(log: JointLog, file: Path, place: Callable[[int], dict[str, object]]) -> JointLog:
-    """``log`` without the rows that repeat the one before, time and all, counted as
+    """Return ``log`` without the rows that repeat the one before, time and all, counted as
     ``doubled_rows``; RecordingError at the first row whose time does not increase otherwise,
-    ``place`` saying where in the ``file`` a row stands.
+    ``place`` giving the evidence of a row in the ``file``.
     """
-    steps, values = np.diff(log.time), np.hstack([log.time[:, None], *log.signals.values()])
+    values = np.hstack([log.time[:, None], *log.signals.values()])
     doubled = (values[1:] == values[:-1]).all(axis=1)
-    wrong = (steps <= 0) & ~doubled
+    wrong = (np.diff(log.time) <= 0) & ~doubled
     if wrong.any():
         at = place(int(np.argmax(wrong)) + 1)
         raise RecordingError("the time does not increase", file=file, **at)
     keep = np.append(True, ~doubled)
-    return replace(
-        log,
-        time=log.time[keep],
-        signals={name: rows[keep] for name, rows in log.signals.items()},
-        counts=log.counts | {"doubled_rows": int(doubled.sum())},
-    )
+    signals = {name: rows[keep] for name, rows in log.signals.items()}
+    counts = log.counts | {"doubled_rows": int(doubled.sum())}
+    return replace(log, time=log.time[keep], signals=signals, counts=counts)

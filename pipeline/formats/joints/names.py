@@ -1,5 +1,5 @@
-"""What the names of arrays and columns say of joint logs: which hold the time, which the measured
-and which the commanded angles, told by their words and, where these leave it open, by the values.
+"""Time, measured and commanded angles of a joint log by the names of its arrays and columns: by
+their words and, where these leave it open, by the values.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.formats.cells import bare
+from pipeline.formats.units import bare
 
 
 def _words(*lines: str) -> frozenset[str]:
@@ -40,9 +40,23 @@ INTEGRAL = 0.1  # of the motion, by which the integral of a speed may miss it
 UNIT_NORM = 1e-3  # by which four columns that are a quaternion may be off a length of 1
 
 
+SHORT = {"tq": "target q", "tqd": "target qd", "tqdd": "target qdd", "aq": "actual q"}
+SHORT |= {"qm": "actual q", "qcmd": "target q", "qdes": "target q", "qref": "target q"}
+SHORT |= {"jointstate": "state", "jointstates": "state", "jointpositions": "pos"}
+SHORT |= {"jointcommand": "target", "jointcommands": "target"}
+SHORT |= {"aipos": "actual pos", "aspos": "target pos"}
+SHORT |= {
+    word: f"{mark} {quantity}"
+    for mark in (*MEASURED, *COMMANDED)
+    for quantity in (*POSITION, *VELOCITY)
+    if len(mark) > 2
+    for word in (mark + quantity, quantity + mark)
+}
+
+
 @dataclass(frozen=True)
 class Meaning:
-    """What one name says."""
+    """Role and quantity that one name states."""
 
     role: str  # actual, target, or empty
     quantity: str  # position, velocity, other, or empty
@@ -51,7 +65,7 @@ class Meaning:
 
     @property
     def is_angle(self) -> bool:
-        """Whether it can be an angle of a joint."""
+        """Return whether it can be an angle of a joint."""
         return self.quantity in ("position", "") and not (
             len(self.rest) == 1 and {*self.rest} & PLACES
         )
@@ -64,15 +78,10 @@ def meaning(name: str) -> Meaning:
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", bare(name))
     words = [word.lower() for word in re.findall(r"[A-Za-z]+|\d+", text)]
     number = next((int(word) for word in reversed(words) if word.isdigit()), None)
-    for k in range(len(words) - 1, -1, -1):
-        if words[k].isdigit():
-            del words[k]
-            break
-    split: list[str] = []
-    for word in words:
-        split += _compound(word)
+    if number is not None:
+        del words[max(k for k, word in enumerate(words) if word.isdigit())]
     role, quantity, rest = "", "", []
-    for word in split:
+    for word in " ".join(SHORT.get(word, word) for word in words).split():
         if word in MEASURED:
             role = role or "actual"
         elif word in COMMANDED or (word == "d" and quantity):
@@ -88,22 +97,6 @@ def meaning(name: str) -> Meaning:
         elif word not in JOINT:
             rest.append(word)
     return Meaning("actual" if role == "state" else role, quantity, number, tuple(rest))
-
-
-def _compound(word: str) -> list[str]:
-    """A word, split where it begins or ends with one that is known: tq is a commanded q."""
-    known = {"tq": ["target", "q"], "tqd": ["target", "qd"], "tqdd": ["target", "qdd"]}
-    known |= {"aq": ["actual", "q"], "qm": ["actual", "q"], "qcmd": ["target", "q"]}
-    known |= {"qdes": ["target", "q"], "qref": ["target", "q"], "jointstate": ["state"]}
-    known |= {"jointstates": ["state"], "jointcommand": ["target"], "jointcommands": ["target"]}
-    known |= {"aipos": ["actual", "pos"], "aspos": ["target", "pos"], "jointpositions": ["pos"]}
-    if word in known:
-        return known[word]
-    for mark in (*MEASURED, *COMMANDED):
-        for quantity in (*POSITION, *VELOCITY):
-            if word in (mark + quantity, quantity + mark) and len(mark) > 2:
-                return [mark, quantity]
-    return [word]
 
 
 def named_like(quantity: str, names: Iterable[str]) -> list[str]:
@@ -198,7 +191,7 @@ def _signals(
 
 
 def possibly_speed(names: Iterable[str]) -> list[str]:
-    """Names that stand for a speed in most logs and for a command in some."""
+    """Return the names that stand for a speed in most logs and for a command in some."""
     return [name for name in names if re.sub(r"[^a-z]", "", bare(name).lower()) == "qd"]
 
 
@@ -209,14 +202,14 @@ def _is_quaternion(values: np.ndarray) -> bool:
 
 
 def _follows(commanded: np.ndarray, measured: np.ndarray) -> bool:
-    """Whether most rows of two signals (N, joints) are alike beside their motion."""
+    """Return whether most rows of two signals (N, joints) are alike beside their motion."""
     motion = np.ptp(measured, axis=0).max(initial=0.0)
     return bool(motion) and bool(np.quantile(np.abs(commanded - measured), 0.9) < FOLLOWS * motion)
 
 
 def is_derivative(speed: np.ndarray, angles: np.ndarray, time: np.ndarray) -> bool:
-    """Whether the integral of ``speed`` (N, joints) over ``time`` (N,), in any unit, is the motion
-    of the ``angles`` (N, joints).
+    """Return whether the integral of ``speed`` (N, joints) over ``time`` (N,), in any unit, is the
+    motion of the ``angles`` (N, joints).
     """
     steps = (speed[1:] + speed[:-1]) / 2 * np.diff(time)[:, None]
     gone, moved = np.cumsum(steps, axis=0), angles[1:] - angles[0]

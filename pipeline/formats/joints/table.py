@@ -15,6 +15,11 @@ from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
 from pipeline.formats.number_sheet import Sheet, read_sheet
 from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, spelled
 
+FLAT = (
+    "; one number a line is one column: signals: {actual: [0]} with time: null reads it as one "
+    "joint, else write the joints of one time in one line"
+)
+
 
 def read_joint_table(file: Path, options: LogOptions) -> JointLog:
     """Return the signals of ``options`` in ``file``.
@@ -27,11 +32,8 @@ def read_joint_table(file: Path, options: LogOptions) -> JointLog:
     """
     sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
     if not sheet.rows:
-        raise RecordingError(
-            "the header is followed by no whole line; record again",
-            file=file,
-            line=sheet.header_lines[-1],
-        )
+        message = "the header is followed by no whole line; record again"
+        raise RecordingError(message, file=file, line=sheet.header_lines[-1])
     wanted = {} if options.time is None else {"time": options.time}
     first, chosen = len(wanted), {}  # signal → its columns of the values
     for signal, columns in options.signals.items():
@@ -39,51 +41,38 @@ def read_joint_table(file: Path, options: LogOptions) -> JointLog:
         chosen[signal] = slice(len(wanted) - first, len(wanted) - first + len(named))
         wanted |= {f"joint {n} ({signal})": column for n, column in enumerate(named, start=1)}
     places = sheet.columns(wanted, f"{OPTION}.signals")
-    _require_units(sheet, places, options)
-    table = sheet.values(list(places.values()))
+    for quantity, column in places.items():
+        _require_unit(sheet, quantity, column, options)
+    table = sheet.values([*places.values()])
+    time = np.arange(len(table)) / options.rate
+    if first:
+        time = table[:, 0] * TIME_UNITS[options.time_unit]
     values = table[:, first:] * ANGLE_UNITS[options.angle_unit]
-    time = (
-        table[:, 0] * TIME_UNITS[options.time_unit]
-        if first
-        else np.arange(len(table)) / options.rate
-    )
     signals = {signal: values[:, columns] for signal, columns in chosen.items()}
     log = JointLog(time, signals, dict(sheet.counts))
     return increasing(log, file, lambda row: {"line": sheet.lines[row]})
 
 
-def _behind_the_time(sheet: Sheet, joints: int, first: int) -> list[int]:
-    """All columns from the ``first`` on; RecordingError where they are not one a joint."""
+def _behind_the_time(sheet: Sheet, joints: int, first: int) -> range:
+    """Return all columns from the ``first`` on; RecordingError where they are not one a joint."""
     if sheet.width != joints + first:
-        content = f"{'a time and ' if first else ''}{sheet.width - first} values"
-        flat = (
-            "; one number a line is one column: signals: {actual: [0]} with time: null reads it as "
-            "one joint, else write the joints of one time in one line"
-        )
-        message = (
-            f"the line has {content}, not {joints}; check the number of joints, or "
-            f"name their columns in signals{flat if sheet.width == 1 else ''}"
-        )
+        values = f"{'a time and ' if first else ''}{sheet.width - first} values"
+        message = f"the line has {values}, not {joints}; check the number of joints, or name their "
+        message += f"columns in signals{FLAT if sheet.width == 1 else ''}"
         raise RecordingError(message, file=sheet.file, line=sheet.lines[0])
-    return list(range(first, sheet.width))
+    return range(first, sheet.width)
 
 
-def _require_units(sheet: Sheet, places: Mapping[str, int], options: LogOptions) -> None:
+def _require_unit(sheet: Sheet, quantity: str, column: int, options: LogOptions) -> None:
     """Raise RecordingError where the header states another unit than the option."""
-    for quantity, column in places.items():
-        general = sheet.angle_unit if quantity != "time" else None
-        unit = spelled(sheet.unit(column) or general or "")
-        key, units = (
-            ("time_unit", TIME_UNITS) if quantity == "time" else ("angle_unit", ANGLE_UNITS)
-        )
-        if unit in units and unit != getattr(options, key):
-            message = (
-                f"the {quantity} is in {unit} by the header and in "
-                f"{getattr(options, key)} by the option"
-            )
-            raise RecordingError(
-                message, file=sheet.file, line=sheet.label_line, key=f"{OPTION}.{key}"
-            )
+    time = quantity == "time"
+    unit = spelled(sheet.unit(column) or (not time and sheet.angle_unit) or "")
+    key, units = ("time_unit", TIME_UNITS) if time else ("angle_unit", ANGLE_UNITS)
+    given = getattr(options, key)
+    if unit in units and unit != given:
+        message = f"the {quantity} is in {unit} by the header and in {given} by the option"
+        where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.{key}"}
+        raise RecordingError(message, **where)
 
 
 def joint_labels(signal: str, joints: Sequence[str]) -> list[str]:

@@ -11,22 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.core.bounds import call_alone, require
+from pipeline.core.bounds import require
 from pipeline.core.errors import RecordingError
-from pipeline.formats.format import Format, Head, Kind
-from pipeline.formats.motion.take import (
-    MotionTake,
-    checked_position,
-    clock_counts,
-    sample_counts,
-    settle_unit,
-)
+from pipeline.formats.format import Format, Head, Kind, read_alone
+from pipeline.formats.motion.take import MotionTake, TakeBuilder, settle_unit
 
 KEY = 0x50  # the second byte of every C3D file
 INTEL, DEC, MIPS = 84, 85, 86
 BLOCK = 512  # bytes
-LONGEST = 0xFFFF  # frames that the header's last word can tell
-
+LONGEST = 0xFFFF  # the greatest frame number that fits the header's last word
+AGAIN = "export or copy the take again"
 
 # groups of POINT whose entries name points that a model computed: angles in degrees, moments in
 # N·mm and others, of Vicon's Nexus and of Visual3D
@@ -52,71 +46,51 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     processor, is shorter than its header says, makes the library fail, or has no marker, no rate or
     no unit.
     """
-    header = _read_header(file)
+    header = _first_block(file)
     require("markers", header.points, "points", file)
-    contents = _contents(file)
+    contents = read_alone(read_contents, str(file), file=file, advice=AGAIN)
     position, residual = contents["points"], contents["residuals"]
-    if (
-        position.shape != (3, header.points, position.shape[2])
-        or residual.shape != position.shape[1:]
-    ):
-        raise RecordingError(
-            f"the header announces {header.points} points and the parameters "
-            f"{position.shape[1]}: damaged; export the take again",
-            file=file,
-            key="POINT:USED",
-        )
-    if header.frames not in (None, position.shape[2]):
-        raise RecordingError(
-            f"the header announces {header.frames} frames, the file holds {position.shape[2]}: "
-            "truncated; export or copy the take again",
-            file=file,
-        )
+    _, points, frames = position.shape
+    if (points, residual.shape) != (header.points, position.shape[1:]):
+        message = f"the header announces {header.points} points and the parameters {points}: "
+        raise RecordingError(f"{message}damaged; {AGAIN}", file=file, key="POINT:USED")
+    if header.frames not in (None, frames):
+        message = f"the header announces {header.frames} frames, the file holds {frames}: truncated"
+        raise RecordingError(f"{message}; {AGAIN}", file=file)
     rate = contents["rate"]
     if rate.shape != (1,) or not 0 < rate[0] < np.inf:
         raise RecordingError("the file gives no frame rate", file=file, key="POINT:RATE")
     stated = {text.strip().lower() for text in contents["units"]} - {""}
     unit = settle_unit(" and ".join(sorted(stated)), unit, file, key="POINT:UNITS")
-    frame = np.arange(position.shape[2]) + _first_frame(header.first, contents["start"])
-    time = np.arange(len(frame)) / rate[0]
+    frame = np.arange(frames) + _first_frame(header.first, contents["start"])
     labels = [label.strip() for label in contents["labels"].tolist()]
     outputs = {name.strip() for name in contents["outputs"].tolist()} - {""}
-    counts = {"announced_frames": header.frames or len(frame)}
-    counts |= clock_counts(frame, time, None) | {"zero_samples": 0, "partial_samples": 0}
-    counts["unlabelled_points"] = header.points - sum(map(bool, labels[: header.points]))
-    markers: dict[str, np.ndarray] = {}
+    counts = {"announced_frames": header.frames or frames}
+    counts["unlabelled_points"] = points - sum(map(bool, labels[:points]))
+    take = TakeBuilder(unit, frame, float(rate[0]), None, counts)
 
-    def place(k: int, _: int) -> dict[str, object]:
+    def place(k: int, *_: int) -> dict[str, object]:
         return {"file": file, "frame": int(frame[k])}
 
-    for number, name in enumerate(_names(labels, header.points)):
-        if labels[number : number + 1] and _is_output(labels[number], outputs):
+    for number, name in enumerate(_names(labels, points)):
+        # outputs name the label with its subject (Arm:HipAngles) or without
+        if {*labels[number : number + 1], name.rpartition(":")[2]} & outputs:
             continue
         samples = position[:, number].T.copy()
         samples[~np.isfinite(samples) | (residual[number] < 0)[:, None]] = np.nan
-        markers[name] = checked_position(samples, name, unit, place, counts)
-    if not markers:
-        raise RecordingError(
-            f"all {header.points} points are outputs of a model (angles, moments or others); "
-            "export the take with its markers",
-            file=file,
-        )
-    counts |= sample_counts(markers, {}, len(frame))
+        take.markers[name] = take.position(samples, name, place)
+    if not take.markers:
+        message = f"all {points} points are outputs of a model (angles, moments or others)"
+        raise RecordingError(f"{message}; export the take with its markers", file=file)
     beside = {
-        "skipped_model_outputs": header.points - len(markers),
-        "skipped_labels": max(len(labels) - header.points, 0),
+        "skipped_model_outputs": points - len(take.markers),
+        "skipped_labels": max(len(labels) - points, 0),
         "skipped_analog_channels": int(contents["analog"]),
         "skipped_force_plates": int(contents["plates"]),
     }
-    counts |= {name: count for name, count in beside.items() if count}
-    return MotionTake(
-        Path(file).stem, "C3D", float(rate[0]), frame, time, markers, {}, counts, unit
+    return take.take(
+        Path(file).stem, "C3D", {name: count for name, count in beside.items() if count}
     )
-
-
-def _is_output(label: str, outputs: set[str]) -> bool:
-    """Whether ``outputs`` name the label, with its subject (``Arm:HipAngles``) or without."""
-    return label in outputs or label.rpartition(":")[2] in outputs
 
 
 def _first_frame(header: int, start: np.ndarray) -> int:
@@ -131,10 +105,8 @@ def _first_frame(header: int, start: np.ndarray) -> int:
 
 def _names(labels: list[str], points: int) -> list[str]:
     """Return a name for each point; a label that several have names none of them."""
-    labels = [
-        label or f"Point {number}"
-        for number, label in enumerate((labels + [""] * points)[:points], start=1)
-    ]
+    labels = (labels + [""] * points)[:points]
+    labels = [label or f"Point {number}" for number, label in enumerate(labels, start=1)]
     times, numbered = Counter(labels), Counter()
     names = []
     for label in labels:
@@ -143,7 +115,7 @@ def _names(labels: list[str], points: int) -> list[str]:
     return names
 
 
-class Header(NamedTuple):
+class FirstBlock(NamedTuple):
     """Numbers of the file's first block."""
 
     points: int
@@ -151,60 +123,39 @@ class Header(NamedTuple):
     first: int  # frame
 
 
-def _read_header(file: Path) -> Header:
-    """Return what the file's header announces; RecordingError where it is none, or the file is too
-    short to hold it.
+def _first_block(file: Path) -> FirstBlock:
+    """Return the numbers in the file's header; RecordingError where it is none, or the file is too
+    short for them.
     """
     try:
-        size = Path(file).stat().st_size
         with Path(file).open("rb") as stream:
-            head = stream.read(BLOCK)
-            stream.seek(max(head[0] - 1, 0) * BLOCK if head else 0)
-            parameters = stream.read(4)
+            content, size = stream.read(256 * BLOCK), stream.seek(0, os.SEEK_END)
     except OSError as error:
         raise RecordingError(f"the file cannot be read ({error.strerror})", file=file) from None
-    if (
-        len(head) < BLOCK
-        or head[1] != KEY
-        or len(parameters) < 4
-        or parameters[3] not in (INTEL, DEC, MIPS)
-    ):
-        raise RecordingError(
-            "this is no C3D file, or its header is cut short; export or copy it again", file=file
-        )
-    if parameters[3] == MIPS:
-        raise RecordingError(
-            "the numbers are in the order of an SGI computer (big-endian MIPS), which is not read; "
-            "convert the file to Intel's order, as Mokka or C3Dserver do",
-            file=file,
-        )
-    points, analog, first, last = struct.unpack_from("<4H", head, 2)
-    start = struct.unpack_from("<H", head, 16)[0]
+    at = (content[0] - 1) * BLOCK + 3 if content and content[0] else len(content)
+    processor = content[at] if at < len(content) else 0
+    message = ""
+    if len(content) < BLOCK or content[1] != KEY or processor not in (INTEL, DEC, MIPS):
+        message = f"this is no C3D file, or its header is cut short; {AGAIN}"
+    elif processor == MIPS:
+        message = "the numbers are in the order of an SGI computer (big-endian MIPS), which is not "
+        message += "read; convert the file to Intel's order, as Mokka or C3Dserver do"
+    if message:
+        raise RecordingError(message, file=file)
+    points, analog, first, last = struct.unpack_from("<4H", content, 2)
+    start = struct.unpack_from("<H", content, 16)[0]
     # a negative scale means floating point; DEC has the word with its sign first
-    width = 4 if head[15 if parameters[3] == INTEL else 13] & 0x80 else 2
+    width = 4 if content[15 if processor == INTEL else 13] & 0x80 else 2
     frames = last - first + 1
-    if not points or frames < 1:
-        raise RecordingError(
-            "the take holds no point, or no frame; export it with markers", file=file
-        )
     needed = (max(start, 1) - 1) * BLOCK + frames * width * (4 * points + analog)
-    if last != LONGEST and size < needed:
-        raise RecordingError(
-            f"the file has {size} bytes of the {needed} that its header announces: truncated; "
-            "export or copy it again",
-            file=file,
-        )
-    return Header(points, None if last == LONGEST else frames, first)
-
-
-def _contents(file: Path) -> dict[str, np.ndarray]:
-    """Return what the library finds in the file, read in a process of its own."""
-    try:
-        return call_alone(read_contents, str(file), file=file)
-    except RecordingError as error:
-        raise RecordingError(
-            f"the file is no sound C3D ({error.message}); export or copy it again", **error.evidence
-        ) from None
+    if not points or frames < 1:
+        message = "the take holds no point, or no frame; export it with markers"
+    elif last != LONGEST and size < needed:
+        message = f"the file has {size} bytes of the {needed} that its header announces: "
+        message += f"truncated; {AGAIN}"
+    if message:
+        raise RecordingError(message, file=file)
+    return FirstBlock(points, None if last == LONGEST else frames, first)
 
 
 def read_contents(file: str) -> dict[str, np.ndarray]:

@@ -12,16 +12,14 @@ import numpy as np
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import cells_of, read_text
 from pipeline.formats.format import Format, Head, Kind, Stated
-from pipeline.formats.motion.motive_columns import BODY, KEYS, RAW, read_columns
+from pipeline.formats.motion.motive_columns import BODY, KEYS, RATES, RAW, read_columns
 from pipeline.formats.motion.motive_rows import ROW_TYPES, read_rows
 from pipeline.formats.motion.take import MotionTake
 
-RATES = ("Capture Frame Rate", "Export Frame Rate")
-
 
 def read_motive(file: Path, unit: str | None = None) -> MotionTake:
-    """Take in ``file``, in m and s; ``unit`` (m, cm or mm) is that of its lengths where it does not
-    say it (versions 1.0 and 1.1 never do).
+    """Return the take in ``file``, in m and s; ``unit`` (m, cm or mm) is that of its lengths where
+    it does not say it (versions 1.0 and 1.1 never do).
 
     A raw marker is preferred to the rigid body's solved marker of the same name: the solved one is
     drawn where the body model expects it, occluded or not. Markers or bodies of one name but
@@ -46,24 +44,17 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
     """
     text = read_text(file)
     first = cells_of(text.lines[0], ",", file=file, number=1)[:1] if text.lines else []
-    if mark := re.match(r"(?:Format Version|comment|info)([;\t])", "".join(first)):
-        separator = "semicolons" if mark[1] == ";" else "tabs"
-        raise RecordingError(
-            f"cells are separated by {separator}: another program saved the take; export it with "
-            "commas",
-            file=file,
-            line=1,
-        )
     if first == ["Format Version"]:
         return read_columns(text, file, unit)
     if first and first[0] in ROW_TYPES:
         return read_rows(text, file, unit)
-    raise RecordingError(
-        "no Motive export with a header: the file starts with neither 'Format Version' nor a row "
-        "type",
-        file=file,
-        line=1,
-    )
+    message = "no Motive export with a header: the file starts with neither 'Format Version' nor a "
+    message += "row type"
+    if mark := re.match(r"(?:Format Version|comment|info)([;\t])", "".join(first)):
+        separator = "semicolons" if mark[1] == ";" else "tabs"
+        message = f"cells are separated by {separator}: another program saved the take; export it "
+        message += "with commas"
+    raise RecordingError(message, file=file, line=1)
 
 
 def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
@@ -74,7 +65,6 @@ def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
     IDs count the assets. Frame, rate and the samples rounded to 1e-6 come back from
     :func:`read_motive`; ``take.version`` and ``take.counts`` are not written.
     """
-    span = int(take.frame[-1] - take.frame[0]) + 1
     rate = f"{take.rate:.6f}"
     values = dict.fromkeys(KEYS, "") | {
         "Format Version": "1.23",
@@ -82,7 +72,7 @@ def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
         "Capture Frame Rate": rate,
         "Export Frame Rate": rate,
         "Capture Start Time": start,
-        "Total Frames in Take": str(span),
+        "Total Frames in Take": str(int(take.frame[-1] - take.frame[0]) + 1),
         "Total Exported Frames": str(len(take.frame)),
         "Rotation Type": "Quaternion",
         "Length Units": "Meters",
@@ -92,10 +82,8 @@ def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
     pose = [("Rotation", axis) for axis in "XYZW"] + [("Position", axis) for axis in "XYZ"]
     labels = [(BODY, name, *label) for name in take.bodies for label in pose]
     labels += [(RAW, name, "Position", axis) for name in take.markers for axis in "XYZ"]
-    identities = {
-        key: f'"{number:X}"'
-        for number, key in enumerate(dict.fromkeys(label[:2] for label in labels), start=0xA10)
-    }
+    assets = dict.fromkeys(label[:2] for label in labels)
+    identities = {key: f'"{number:X}"' for number, key in enumerate(assets, start=0xA10)}
     header = [
         ",".join(f"{key},{value}" for key, value in values.items()),
         "",
@@ -105,10 +93,8 @@ def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
         ",".join([",", *(quantity for *_, quantity, _ in labels)]),
         ",".join(["Frame,Time (Seconds)", *(axis for *_, axis in labels)]),
     ]
-    blocks = [
-        block for body in take.bodies.values() for block in (body.quaternion, body.position)
-    ] + list(take.markers.values())
-    table = np.column_stack([take.frame, take.frame / take.rate, *blocks])
+    blocks = [block for body in take.bodies.values() for block in (body.quaternion, body.position)]
+    table = np.column_stack([take.frame, take.frame / take.rate, *blocks, *take.markers.values()])
     row = ",".join(["%d", *["%.6f"] * (table.shape[1] - 1)]) + "\r\n"
     rows = (row * len(table) % tuple(table.ravel().tolist())).replace("nan", "")
     Path(file).write_bytes(("\r\n".join(header) + "\r\n" + rows).encode())
@@ -120,18 +106,19 @@ def _quoted(name: str) -> str:
 
 def _begins(head: Head) -> bool:
     # another program may have saved it with other separators, which the reader then says
-    separated = any(re.search(r"[,;\t]", line) for line in head.lines[:2])
-    return head.first_cell == "Format Version" or (head.first_cell in ROW_TYPES and separated)
+    lines = [re.split(r"[,;\t]", line) for line in head.lines[:2]]
+    first = lines[0][0].strip().strip('"') if lines else ""
+    return first == "Format Version" or (first in ROW_TYPES and max(map(len, lines)) > 1)
 
 
 def _states(file: Path) -> Stated:
-    """Version, rates and unit by the first row of a columnar take."""
+    """Return version, rates and unit by the first row of a columnar take."""
     text = read_text(file)
     cells = cells_of(text.lines[0], ",", file=file, number=1) if text.lines else []
     columnar = cells[:1] == ["Format Version"]
     header = dict(zip(cells[::2], cells[1::2], strict=False)) if columnar else {}
     facts = {key: header[key] for key in (*RATES, "Length Units") if header.get(key)}
-    if not set(RATES) & set(facts):
+    if not {*RATES} & {*facts}:
         facts["rate_from"] = "the printed times: the file states none"
     return Stated(header.get("Format Version"), facts=facts)
 

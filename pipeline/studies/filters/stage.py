@@ -40,7 +40,7 @@ from pipeline.studies.simulated import Laboratory, PhysicsFactors, disturbed, ob
 from pipeline.verdicts.wording import table
 
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
-AGAINST_NONE = Path("reports/tables/filter_against_none.csv")
+AGAINST_NONE = "reports/{}/tables/filter_against_none.csv"
 YARDSTICK = "yardstick"  # best linear filter, which knows the law of the arm's deviations
 RMS, COVERAGE, LOG, ALL = "rms error", "coverage", "log score", "all"
 LABELS = {NONE: "training mean", MEMORY: "linear, autocorrelation", YARDSTICK: "yardstick"}
@@ -102,7 +102,7 @@ def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFr
     order, poses = contracts.stacked(joints[joints["take"].isin(takes)], "q")
     frames, dt = [takes[name] for name in order], 1 / settings.dataset.motion.rate
     own = score_rows(linear_filters(recorded, training, poses, frames, dt, law), recorded.joints)
-    run = long_scores(pd.read_csv(AGAINST_NONE), recorded.joints)
+    run = long_scores(pd.read_csv(AGAINST_NONE.format(settings.dataset.name)), recorded.joints)
     trial = partial(
         duration_rows,
         laboratory=laboratory,

@@ -1,58 +1,70 @@
-"""``python -m pipeline assess FILE [--model FILE]``: whether a new recording of the motion behaves
-as those did that a model was fitted to.
+"""``python -m pipeline assess FILE [--model FILE]``: comparison of a new recording of the motion
+with the recordings that a model was fitted to.
 """
 
 from __future__ import annotations
 
-import argparse
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from pipeline.core import config
-from pipeline.core.errors import ConfigError
-from pipeline.figures.style import save
+from pipeline.core import config, contracts
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.figures import style
 from pipeline.models import load
-from pipeline.tools.assess.judge import judge
-from pipeline.tools.assess.moment_filter import filtered
-from pipeline.tools.assess.picture import draw
-from pipeline.tools.assess.recording import commanded, new_takes, own_takes
-from pipeline.tools.assess.words import said
+from pipeline.models.closed_loop import MeanPath
+from pipeline.models.exported import ExportedModel
+from pipeline.models.model import Commands
+from pipeline.perception.markers import follower
+from pipeline.recordings.commands import commanded_steps
+from pipeline.recordings.joint_logs import find_takes
+from pipeline.recordings.motion_capture import marker_rows
+from pipeline.recordings.repetitions import align, in_phase, stretch
+from pipeline.statistics.takes import percentile_interval
+from pipeline.tools.assess.judge import FEWEST, Innovations, TakeVerdict, filtered, judge
 
 HERE, EXPORTS, OUT = Path(__file__).parent, Path("data/export"), Path("data/assess")
+MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
+ENOUGH = 20  # takes that were not fitted, from which on they are the reference alone
+GREATEST = 8.0  # standard deviations at which a part is darkest
+ARGUMENTS = {
+    "file": {"type": Path, "metavar": "FILE", "help": "recording, as the dataset's others are"},
+    "--model": {
+        "type": Path,
+        "metavar": "FILE",
+        "help": f"exported model (default: the only one of the dataset in {EXPORTS})",
+    },
+}
 
 
-def run(words: list[str]) -> None:
-    """Filter each take in the recording by the exported model, print what is to be said of it, and
-    draw it.
-    """
-    parser = argparse.ArgumentParser(
-        prog="python -m pipeline assess", description=__doc__.partition(": ")[2]
-    )
-    parser.add_argument("file", type=Path, metavar="FILE", help="as the dataset's others are")
-    parser.add_argument(
-        "--model", type=Path, metavar="FILE", help=f"that export wrote; else the one in {EXPORTS}"
-    )
-    arguments = parser.parse_args(words)
+def run(file: Path, model: Path | None = None) -> None:
+    """Filter each take in the recording by the exported model, print the verdict and draw it."""
     settings = config.sections("assess", HERE / "reads.yaml")
     dataset = settings.dataset
-    file = arguments.model or _only_export(dataset.name)
-    model = load(file)
-    if model.record["dataset"] != dataset.name:
-        message = f"the model is one of {model.record['dataset']}, not of the run's {dataset.name}"
-        raise ConfigError(message, file=file)
-    own, rate = own_takes(), dataset.motion.rate
-    takes = new_takes(arguments.file, dataset, own.mean)
-    poses = np.concatenate([own.poses, [*takes.values()]])
-    innovations = filtered(model, commanded(model, own, rate), poses)
+    export = model or _only_export(dataset.name)
+    law = load(export)
+    if law.record["dataset"] != dataset.name:
+        message = f"the model is one of {law.record['dataset']}, not of the run's {dataset.name}"
+        raise ConfigError(message, file=export)
+    names, q = contracts.stacked(joints := contracts.read("joints", TRACK), "q")
+    fitted = (joints.drop_duplicates("take")["part"] == "training").to_numpy()
+    chosen = ~fitted if np.sum(~fitted) >= ENOUGH else np.ones_like(fitted)
+    own = [name for name, keep in zip(names, chosen, strict=True) if keep]
+    mean, rate, joints = q[fitted].mean(axis=0), dataset.motion.rate, dataset.robot.joints
+    takes = new_takes(file, dataset, mean)
+    poses = np.concatenate([q[chosen], [*takes.values()]])
+    found = filtered(law, _commanded(law, mean, rate), poses)
     OUT.mkdir(parents=True, exist_ok=True)
-    for number, name in enumerate(takes, len(own.names)):
-        # a take of the dataset is held against the others
-        others = np.array([*(each != name for each in own.names), *[False] * len(takes)])
-        verdict = judge(innovations, number, others, dataset.robot.joints, rate)
-        fitted = int(np.sum(own.fitted & others[: len(own.names)]))
-        print(said(name, file.name, fitted, verdict))
-        save(draw(name, verdict, innovations, number), OUT, name)
+    for number, name in enumerate(takes, len(own)):
+        # a take of the dataset is compared with the others
+        others = np.array([*(each != name for each in own), *[False] * len(takes)])
+        verdict = judge(found, number, others, joints, rate)
+        among = int(np.sum(fitted[chosen] & others[: len(own)]))
+        print(assessment(name, export.name, among, verdict))
+        style.save(_draw(name, verdict, found, number), OUT, name)
         print(f"assess: drawn in {OUT / name}.png")
 
 
@@ -63,3 +75,96 @@ def _only_export(dataset: str) -> Path:
         message = f"name one exported model by --model; there is {there_are}; export writes one"
         raise ConfigError(message, key="--model")
     return files[0]
+
+
+def _commanded(model: ExportedModel, mean: np.ndarray, rate: float) -> Commands:
+    """Commands of the motion for the ``model``; ``mean`` (M+1, n) in rad of the fitted takes."""
+    path, share = MeanPath(model.chain, mean), model.record["closed_loop_share"]
+    if share > 0:
+        return path.commands(share)
+    return Commands(commanded_steps(contracts.read("trajectory", MOTION), rate), path.path, 0.0)
+
+
+def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[str, np.ndarray]:
+    """Return by name the angles (M+1, n) in rad of each repetition in ``file``: one of a motion
+    capture, of a joint log as many as it holds. ``mean`` (M+1, n) in rad is that of the dataset's
+    takes, which a log is brought in phase with.
+
+    Raises RecordingError for a file that the dataset's stages would refuse.
+    """
+    if not file.exists():
+        raise RecordingError("there is no such file", file=file)
+    if dataset.mocap is not None:
+        rows, _ = marker_rows(file.stem, file, "test", dataset)
+        return {file.stem: follower(dataset.robot, dataset.mocap)(rows, take=file.stem).q}
+    options, steps = dataset.joint_log, dataset.motion.steps
+    moving, rest = steps - 2 * options.rest, options.rest
+    alone = replace(options, movements=file.name)
+    single = SimpleNamespace(**vars(dataset) | {"joint_log": alone})
+    takes, observed, _ = find_takes(file.resolve().parent, single, moving)
+    if not takes:
+        held = "; ".join(sorted(set(observed))) or "no motion"
+        raise RecordingError(f"no repetition of the dataset's motion; it holds {held}", file=file)
+    path, place = mean[rest : rest + moving + 1], align if rest else in_phase
+    return {
+        name: stretch(take.actual, place(take.actual, take.first, path) - rest, steps + 1)
+        for name, take in takes.items()
+    }
+
+
+def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
+    """Return the verdict in a sentence, then a line of numbers for each joint; the ``model`` was
+    fitted to ``fitted`` of the takes it is compared with.
+    """
+    count = int(verdict.others.sum())
+    known = f", {fitted} of them those the model was fitted to" if fitted else ""
+    joint, span = np.unravel_index(np.argmax(np.abs(verdict.span_t)), verdict.span_t.shape)
+    t, begins, ends = verdict.span_t[joint, span], *verdict.ends[span : span + 2]
+    head = f"{take} does NOT behave as the {count} takes it is compared with"
+    if not verdict.shows:
+        head = f"no difference of {take} can be shown with {count} takes to compare with"
+        head += f": record {FEWEST} or more"
+    elif verdict.behaves:
+        head = head.replace("does NOT behave", "behaves")
+    lines = [
+        f"assess: {head}{known} ({model}).",
+        f"  largest difference: {verdict.names[1 + joint]} from {begins:.3g} to {ends:.3g} s, "
+        f"{'less' if t < 0 else 'more'} likely by {abs(t):.3g} of their standard deviations; "
+        f"{100 * verdict.p_spans:.0f} % of such takes differ as much somewhere",
+        f"  as a whole: {100 * verdict.p_whole:.0f} % of such takes differ as much; by chance up "
+        f"to {200 * verdict.limit:.0f} % of takes of the same kind are called different",
+        "  joint: log evidence of this take; mean ± standard deviation of the others (nats a step)",
+    ]
+    rows = zip(verdict.names, verdict.evidence, verdict.theirs, verdict.p, strict=True)
+    for name, own, (mean, std), p in rows:
+        lines.append(f"  {name}: {own:.4g}; {mean:.4g} ± {std:.2g}; {100 * p:.0f} % differ as much")
+    return "\n".join(lines)
+
+
+def _draw(take: str, verdict: TakeVerdict, found: Innovations, number: int) -> Figure:
+    """Innovations of take ``number`` by joint with ±2σ and the middle 95 % of the others; the parts
+    of the motion are the darker, the more the joint's evidence differs from theirs.
+    """
+    looks = style.joint_lines(list(verdict.names[1:])).values()
+    across = style.beside(len(looks))
+    figure, (grid,) = style.joint_panels(len(looks), across, (style.TWO_COLUMNS, 1.5, 0.85))
+    t = np.linspace(0, verdict.ends[-1], found.error.shape[1] + 1)[1:]
+    low, high = percentile_interval(found.error[verdict.others])
+    for j, (look, axes) in enumerate(zip(looks, grid, strict=True)):
+        for begin, end, off in zip(verdict.ends, verdict.ends[1:], verdict.span_t[j], strict=False):
+            shade = min(abs(off) / GREATEST, 1.0) / 2
+            axes.axvspan(begin, end, color=style.VERMILLION, alpha=shade, linewidth=0)
+        band = axes.fill_between(t, low[:, j], high[:, j], color=style.LIGHT_GREY, linewidth=0)
+        for sign in (2, -2):
+            (bound,) = axes.plot(
+                t, sign * found.std[number, :, j], color=style.BLACK, linewidth=0.6
+            )
+        (error,) = axes.plot(t, found.error[number, :, j], color=style.VERMILLION, linewidth=0.8)
+        axes.set(title=look["label"], xlim=(0, t[-1]))
+    grid[0].set_ylabel("innovation (rad)")
+    head = "behaves as" if verdict.behaves else "does NOT behave as"
+    head = head if verdict.shows else "beside"
+    figure.suptitle(f"{take} {head} the {int(verdict.others.sum())} other takes", fontsize=9)
+    labels = [take, "±2σ by the model", "95 % of the other takes"]
+    figure.legend([error, bound, band], labels, loc="outside lower center", ncols=3)
+    return figure

@@ -1,34 +1,58 @@
-"""Whether a take's log evidence is that of the takes a model was fitted to, as a whole, joint by
-joint and over time.
+"""Verdict on a take among others: its innovations in the filter of a motion model's first two
+moments, and their log evidence as a whole, joint by joint and over time.
 
-The evidence of a take is the mean over its steps of ln N(e; 0, S), of its innovations e, over the
-whole motion or a span of it. How far it is off that of N others is t = (x − x̄)/(s√(1 + 1/N)); it
-is not Student's, as log evidence is skew and heavy-tailed. So each of the others is held against
-the rest likewise, and p is the rank among these, exact for takes that may be exchanged (Vovk et
-al., Algorithmic Learning in a Random World, 2005). Of several quantities the greatest |t| counts.
+Between two measured poses the law of a step is taken for the normal one of its mean and covariance,
+the mean's slope F by differences (the extended Kalman filter; Anderson & Moore, Optimal Filtering,
+1979, Sec. 8.2):
+
+    x⁻ = E(q_{k+1} | x),   P⁻ = F P Fᵀ + Cov(q_{k+1} | x),   S = P⁻ + Σ,   G = P⁻S⁻¹,
+    x = x⁻ + G(y − x⁻),   P = (I − G)P⁻.
+
+The evidence of a take is the mean over its steps of ln N(e; 0, S), of its innovations e = y − x⁻.
+Its distance from N others is t = (x − x̄)/(s√(1 + 1/N)), not Student's, as log evidence is skew and
+heavy-tailed. So each of the others is compared with the rest likewise, and p is the rank among
+these, exact for takes that may be exchanged (Vovk et al., Algorithmic Learning in a Random World,
+2005). Of several quantities the greatest |t| counts.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from pipeline.core.errors import ModelDomainError
+from pipeline.models.exported import ExportedModel
+from pipeline.models.model import Commands
 from pipeline.statistics.scores import normal_log_score
-from pipeline.tools.assess.moment_filter import Innovations
 
-# how often a take of the same kind is called another, half of it as a whole and half by a span
+DIFFERENCE = 1e-5  # rad
+# share of takes of the same kind called different, half of it as a whole and half by a span
 LEVEL = 0.05
+MOST_CHANCE = 0.25  # the same share of few takes, above which nothing can be shown
+FEWEST = round(2 / MOST_CHANCE) - 1  # takes to compare with, so that a difference can be shown
 SPANS = 10  # parts of the motion that are looked at one by one
-ALL = "all joints"
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """How a take stands among N others."""
+class Innovations(NamedTuple):
+    """Measured minus predicted poses ``error`` (T, M, n) in rad of T takes, and the predicted
+    ``covariance`` S (T, M, n, n) in rad².
+    """
 
-    names: Sequence[str]  # all joints together, then each
+    error: np.ndarray
+    covariance: np.ndarray
+
+    @property
+    def std(self) -> np.ndarray:
+        """(T, M, n) rad, by joint."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
+
+
+class TakeVerdict(NamedTuple):
+    """Distance of a take from N others, of all joints together and of each."""
+
+    names: Sequence[str]  # "all joints", then each
     evidence: np.ndarray  # (1 + n,) nats a step
     theirs: np.ndarray  # (1 + n, 2) mean and standard deviation of the others' evidence
     p: np.ndarray  # (1 + n,) of each evidence
@@ -36,40 +60,78 @@ class Verdict:
     ends: np.ndarray  # (SPANS + 1,) s, of the spans
     span_t: np.ndarray  # (n, SPANS) t of each joint in each span
     p_spans: float  # of the farthest of these
-    others: np.ndarray  # (T,) which of the takes it was held against
+    others: np.ndarray  # (T,) True of the takes it was compared with
 
     @property
     def limit(self) -> float:
-        """The p from which down it is called unlike them: of few takes the least that there is."""
+        """Greatest p of a take that is called different: of few takes the least that there is."""
         return max(LEVEL / 2, 1 / (1 + self.others.sum()))
 
     @property
     def behaves(self) -> bool:
-        """Whether neither the whole nor a span is unlike the others'."""
+        """True where neither the whole nor a span is unlike the others'."""
         return bool(min(self.p_whole, self.p_spans) > self.limit)
+
+    @property
+    def shows(self) -> bool:
+        """True where there are enough takes to compare with for a difference to be shown."""
+        return bool(2 * self.limit <= MOST_CHANCE)
+
+
+def filtered(model: ExportedModel, commands: Commands, poses: np.ndarray) -> Innovations:
+    """Return the innovations of the measured ``poses`` (T, M+1, n) in rad under the ``commands``.
+
+    The noise Σ of a measured pose is the exported one; none where it is not known. Raises
+    ModelDomainError where the model has no moments, or no noise at a pose.
+    """
+    known, n = model.record["pose_covariance_rad2"], poses.shape[-1]
+    noise = np.zeros((n, n)) if known is None else np.array(known)
+    x, P = poses[:, 0], np.broadcast_to(noise, (len(poses), n, n))
+    error = np.empty_like(poses[:, 1:])
+    covariance = np.empty((*error.shape, n))
+    shifts = DIFFERENCE * np.concatenate([np.eye(n), -np.eye(n)])[:, None]
+    for k, v in enumerate(commands.v):
+
+        def mean(q: np.ndarray, v: np.ndarray = v, k: int = k) -> np.ndarray:
+            return model.mean(q, model.command(q, v, commands.path[k]))
+
+        beyond = mean(x + shifts)
+        F = np.moveaxis(beyond[:n] - beyond[n:], 0, -1) / (2 * DIFFERENCE)
+        step = model.covariance(x, model.command(x, v, commands.path[k]))
+        P = F @ P @ np.swapaxes(F, -1, -2) + step
+        predicted, S = mean(x), P + noise
+        error[:, k], covariance[:, k] = poses[:, k + 1] - predicted, S
+        try:
+            G = np.swapaxes(np.linalg.solve(S, P), -1, -2)
+        except np.linalg.LinAlgError:
+            raise ModelDomainError(
+                "the model has no noise at a pose, so no measurement can be compared with it; "
+                "state dataset.motion.pose_noise and export it again",
+                step=k,
+            ) from None
+        x, P = predicted + np.matvec(G, error[:, k]), P - G @ P
+        P = (P + np.swapaxes(P, -1, -2)) / 2
+    return Innovations(error, covariance)
 
 
 def judge(
     found: Innovations, number: int, others: np.ndarray, joints: Sequence[str], rate: float
-) -> Verdict:
-    """The verdict on take ``number`` of ``found``.
-
-    Args:
-        found: of T takes.
-        number: of the take that is judged.
-        others: (T,) which takes it is held against.
-        joints: names of the n joints.
-        rate: steps a second.
+) -> TakeVerdict:
+    """Return the verdict on take ``number`` of the T takes of ``found`` among the ``others`` (T,),
+    a mask; ``joints`` are the names of the n joints, ``rate`` is in steps a second.
     """
-    each = evidence(found)
+    z = found.error / found.std
+    alone = -0.5 * (z**2 + np.log(2 * np.pi)) - np.log(found.std)
+    together = normal_log_score(found.error, found.covariance)
+    each = np.concatenate([together[..., None], alone], axis=-1)  # (T, M, 1 + n)
     whole = each.mean(axis=1)
     steps = np.array_split(np.arange(each.shape[1]), SPANS)
     spans = np.stack([each[:, part, 1:].mean(axis=1) for part in steps], axis=-1)
     t, their_t = _distances(whole, others, number)
     span_t, their_span_t = _distances(spans, others, number)
     theirs = whole[others]
-    return Verdict(
-        [ALL, *joints],
+    return TakeVerdict(
+        ["all joints", *joints],
         whole[number],
         np.stack([theirs.mean(axis=0), theirs.std(axis=0, ddof=1)], axis=-1),
         np.array([_rank(one, rest) for one, rest in zip(t, their_t.T, strict=True)]),
@@ -81,28 +143,20 @@ def judge(
     )
 
 
-def evidence(found: Innovations) -> np.ndarray:
-    """(T, M, 1 + n) nats of every step: of all joints together, then of each alone."""
-    z = found.error / found.std
-    alone = -0.5 * (z**2 + np.log(2 * np.pi)) - np.log(found.std)
-    together = normal_log_score(found.error, found.covariance)
-    return np.concatenate([together[..., None], alone], axis=-1)
-
-
 def _distances(
     values: np.ndarray, others: np.ndarray, number: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """t (...) of ``values[number]`` among the N ``others`` of ``values`` (T, ...), and (N, ...) of
     each of these among the rest.
     """
+
+    def distance(one: np.ndarray, rest: np.ndarray) -> np.ndarray:
+        scale = rest.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(rest))
+        return (one - rest.mean(axis=0)) / scale
+
     theirs = values[others]
-    rest = [_distance(one, np.delete(theirs, i, axis=0)) for i, one in enumerate(theirs)]
-    return _distance(values[number], theirs), np.stack(rest)
-
-
-def _distance(one: np.ndarray, others: np.ndarray) -> np.ndarray:
-    scale = others.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(others))
-    return (one - others.mean(axis=0)) / scale
+    rest = [distance(one, np.delete(theirs, i, axis=0)) for i, one in enumerate(theirs)]
+    return distance(values[number], theirs), np.stack(rest)
 
 
 def _rank(t: np.ndarray, theirs: np.ndarray) -> float:

@@ -4,7 +4,6 @@ compares all committed files.
 
 from __future__ import annotations
 
-import argparse
 import os
 import shutil
 import subprocess
@@ -14,30 +13,28 @@ from pathlib import Path
 from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
 
+ARGUMENTS = {
+    "folder": {"type": Path, "metavar": "FOLDER", "help": "folder of the clone, which stays there"}
+}
 
-def run(words: list[str]) -> None:
-    """Clone the last commit to FOLDER, delete the outputs of its stages, run them and print what
-    git finds changed. Raises PipelineError for any difference.
+
+def run(folder: Path) -> None:
+    """Clone the last commit to ``folder``, delete the outputs of its stages, run them and print
+    what git finds changed. Raises PipelineError for any difference.
     """
-    parser = argparse.ArgumentParser(
-        prog="python -m pipeline audit", description=__doc__.partition(": ")[2]
-    )
-    parser.add_argument(
-        "folder", type=Path, metavar="FOLDER", help="folder of the clone, which stays there"
-    )
-    root, folder = Path.cwd(), parser.parse_args(words).folder.resolve()
+    root = Path.cwd()
     print(f"audit: commit {_git(root, 'rev-parse', 'HEAD').strip()}", flush=True)
     if edited := _git(root, "status", "--porcelain").splitlines():
         names = ", ".join(line[3:] for line in edited)
         print(f"audit: not committed, and left out: {names}", flush=True)
-    project = clone_commit(root, folder)
+    project = clone_commit(root, folder.resolve())
     stages = [s for f in project.rglob("dvc.lock") for s in read_yaml(f).get("stages", {}).values()]
     for out in (project / out["path"] for stage in stages for out in stage.get("outs", [])):
         shutil.rmtree(out) if out.is_dir() else out.unlink(missing_ok=True)
     environment = os.environ | {
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
         "DVC_NO_ANALYTICS": "1",
-        # what DVC remembers of files between runs lies outside its cache
+        # DVC's own records of files between runs lie outside its cache
         "DVC_SITE_CACHE_DIR": str(project / ".dvc/tmp/site"),
     }
     repro = [sys.executable, "-m", "dvc", "repro", "--all-pipelines", "--force"]
@@ -46,11 +43,8 @@ def run(words: list[str]) -> None:
     # hashes of the files that git does not hold are in the lock files
     if changed := _git(project, "status", "--porcelain"):
         print(changed + _git(project, "diff", "--stat"), end="")
-        raise PipelineError(
-            f"{len(changed.splitlines())} files differ from the commit after a run of its stages; "
-            f"see `git -C '{project}' diff`",
-            folder=project,
-        )
+        message = f"{len(changed.splitlines())} files differ from the commit after a run of its"
+        raise PipelineError(f"{message} stages; see `git -C '{project}' diff`", folder=project)
     print(f"audit: {len(stages)} stages run again, every file equal to the commit")
 
 

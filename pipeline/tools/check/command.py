@@ -4,9 +4,8 @@ its two files, its robot and its recordings.
 
 from __future__ import annotations
 
-import argparse
 import re
-from collections.abc import Iterator
+from collections.abc import Callable
 from copy import deepcopy
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,27 +25,27 @@ from pipeline.recordings.ingest import attempt, read_part
 PARAMS = Path("params.yaml")
 
 
-def run(words: list[str]) -> None:
+ARGUMENTS = {
+    "name": {
+        "nargs": "?",
+        "metavar": "DATASET",
+        "help": "name of the dataset (default params.yaml's)",
+    }
+}
+
+
+def run(name: str | None = None) -> None:
     """Print a line a fault; ConfigError where there are any."""
-    parser = argparse.ArgumentParser(
-        prog="python -m pipeline check", description=__doc__.partition(": ")[2]
-    )
-    parser.add_argument(
-        "name", nargs="?", metavar="DATASET", help="name of the dataset (default params.yaml's)"
-    )
-    name = parser.parse_args(words).name or read_yaml(PARAMS).get("dataset")
-    if name not in config.option_names("dataset"):
-        there_are = ", ".join(config.option_names("dataset"))
-        raise ConfigError(f"no dataset {name!r}; there are {there_are}")
+    name, names = name or read_yaml(PARAMS).get("dataset"), config.option_names("dataset")
+    if name not in names:
+        raise ConfigError(f"no dataset {name!r}; there are {', '.join(names)}")
     option_file = config.CONF / "dataset" / f"{name}.yaml"
     found = dataset_faults(option_file)
     for number, fault in enumerate(found, start=1):
         print(f"{number}. {fault}")
     if found:
-        raise ConfigError(
-            f"{len(found)} to be mended, in {datasheet.path_of(name)} or {option_file} where no "
-            "other file is named"
-        )
+        message = f"{len(found)} to be mended, in {datasheet.path_of(name)} or {option_file} where"
+        raise ConfigError(f"{message} no other file is named")
     print(f"check: nothing is wrong with {name}")
 
 
@@ -64,7 +63,7 @@ def dataset_faults(option_file: Path) -> list[str]:
     if not texts and not refused:
         refused = ingest_faults(filled(values))
     if not texts and not refused and read_yaml(PARAMS).get("dataset") == option_file.stem:
-        refused = _errors(attempt(config.compose_config, PARAMS))
+        refused = _errors(config.compose_config, PARAMS)
     # errors that differ in numbers or files are one line, with the number of the others
     groups: dict[tuple[str, Any], list[PipelineError]] = {}
     for error in refused:
@@ -82,39 +81,37 @@ def value_faults(values: dict[str, Any]) -> list[PipelineError]:
     and ranges, the robot, and the recordings' folder.
     """
     refused, sound = faults(values), deepcopy(values)
-    for fault in refused:
-        *above, name = str(fault.evidence["key"]).removeprefix("dataset.").split(".")
-        node: Any = sound
-        for part in above:
-            node = node.get(part) if isinstance(node, dict) else None
+    for fault in refused:  # the robot is read without them
+        above, _, name = str(fault.evidence["key"]).removeprefix("dataset.").rpartition(".")
+        node = _nested(sound, above)
         if isinstance(node, dict):
             node.pop(name, None)
-    return [*refused, *_robot(sound)]
+    recordings, robot = get_filled(sound, "recordings"), get_filled(sound, "robot")
+    if recordings and not Path(recordings).is_dir():
+        key = "dataset.recordings"
+        refused.append(RecordingError("no such folder", file=recordings, key=key))
+    if urdf := get_filled(sound, "robot.urdf"):
+        refused += _errors(read_urdf, Path(urdf)) or (
+            _errors(lambda: chain_of(Robot(**robot))) if robot else []
+        )
+    logged, joints = get_filled(sound, "joint_log.joints"), get_filled(sound, "robot.joints")
+    if logged and (missing := [joint for joint in joints or [] if joint not in logged]):
+        message = f"{', '.join(missing)} of robot.joints is not logged; the log holds"
+        key = "dataset.joint_log.joints"
+        refused.append(ConfigError(f"{message} {', '.join(logged)}", key=key))
+    return refused
 
 
 def get_filled(values: Any, key: str) -> Any:
     """Return the value of a nested ``key``, None where it is missing or still ???."""
-    node = values
-    for part in key.split("."):
-        node = node.get(part) if isinstance(node, dict) else None
+    node = _nested(values, key)
     return None if node is None or [*datasheet.unfilled_keys(node)] else node
 
 
-def _robot(values: dict[str, Any]) -> Iterator[PipelineError]:
-    recordings = get_filled(values, "recordings")
-    if recordings and not Path(recordings).is_dir():
-        yield RecordingError("no such folder", file=recordings, key="dataset.recordings")
-    try:
-        if urdf := get_filled(values, "robot.urdf"):
-            read_urdf(Path(urdf))
-        if robot := get_filled(values, "robot"):
-            chain_of(Robot(**robot))
-    except PipelineError as error:
-        yield error
-    logged, joints = get_filled(values, "joint_log.joints"), get_filled(values, "robot.joints")
-    if logged and (missing := [joint for joint in joints or [] if joint not in logged]):
-        message = f"{', '.join(missing)} of robot.joints is not logged; the log holds"
-        yield ConfigError(f"{message} {', '.join(logged)}", key="dataset.joint_log.joints")
+def _nested(node: Any, key: str) -> Any:
+    for part in filter(None, key.split(".")):
+        node = node.get(part) if isinstance(node, dict) else None
+    return node
 
 
 def ingest_faults(dataset: Dataset) -> list[PipelineError]:
@@ -125,13 +122,14 @@ def ingest_faults(dataset: Dataset) -> list[PipelineError]:
     for part in ("motion", "depth", "force"):
         with TemporaryDirectory() as name:
             folder = Path(name)
-            errors += _errors(attempt(read_part, part, dataset, Compute(), folder, errors))
+            errors += _errors(read_part, part, dataset, Compute(), folder, errors)
             if contracts.exists("joint_log", folder):
                 joints = contracts.read("joint_log", folder)
                 q = joints[columns("q", dataset.robot.joints)].to_numpy()
-                errors += _errors(attempt(lambda q=q: chain_of(dataset.robot).require_regular(q)))
+                errors += _errors(lambda q=q: chain_of(dataset.robot).require_regular(q))
     return errors
 
 
-def _errors(outcome: Any) -> list[PipelineError]:
+def _errors(function: Callable, *arguments: Any) -> list[PipelineError]:
+    outcome = attempt(function, *arguments)
     return [outcome] if isinstance(outcome, PipelineError) else []

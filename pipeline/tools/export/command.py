@@ -4,39 +4,63 @@ filters outside the pipeline, and beside it one Python file that reads it with N
 
 from __future__ import annotations
 
-import argparse
+import hashlib
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import pandas as pd
+
+from pipeline.arm.model import chain_of
 from pipeline.core import config, contracts
-from pipeline.models.joint_steps_fit import PLAIN
+from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
+from pipeline.core.filters import CLOSED
+from pipeline.models import kinds
+from pipeline.models.closed_loop import FOLDER, SHARE, mean_path
+from pipeline.models.closed_loop_fit import fit_closed_loop
+from pipeline.models.exported import FORMAT, chain_record
+from pipeline.models.joint_steps_fit import LEAST_SHARE, PLAIN, fit_joint_steps
+from pipeline.models.other_motions import MotionSteps, joint_ranges, motion_of, pooled
+from pipeline.models.steps import Recorded
+from pipeline.recordings.all_motions import logged_motions
+from pipeline.recordings.steps import fitted_ranges, training_steps
 from pipeline.tools.export.reader_file import NAME, reader_source
-from pipeline.tools.export.record import exported
 
-HERE, FOLDER = Path(__file__).parent, Path("data/export")
-
-
-def run(words: list[str]) -> None:
-    """Write the model, fitted here where the last run has no fit of it, and its reader."""
-    parser = argparse.ArgumentParser(
-        prog="python -m pipeline export", description=__doc__.partition(": ")[2]
-    )
-    parser.add_argument(
-        "model",
-        metavar="MODEL",
-        help=f"{', '.join(PLAIN)}: fitted to all motions; or an option of pipeline/conf/model, "
+HERE, EXPORTS = Path(__file__).parent, Path("data/export")
+FIT = Path("data/fit")
+# sources of a run's numbers, the fitted parameters beside
+SOURCES = [Path("data/config.yaml"), Path("data/track/joints.parquet")]
+UNITS = {
+    "joint angle": "rad, m of a prismatic joint",
+    "command": "step of the task's rows in 1/rate_per_s, m and rad (angular rows times the arm's "
+    "length where it has one), then of the joints where it is longer",
+    "joint step": "commanded step of each joint in 1/rate_per_s, rad",
+}
+ARGUMENTS = {
+    "model": {
+        "metavar": "MODEL",
+        "help": f"{', '.join(PLAIN)}: fitted to all motions; or an option of pipeline/conf/model, "
         "MODEL_closed for its closed-loop form",
-    )
-    parser.add_argument(
-        "--to", type=Path, metavar="FILE", help=f"output file (default {FOLDER}/DATASET_MODEL.json)"
-    )
-    arguments = parser.parse_args(words)
+    },
+    "--to": {
+        "type": Path,
+        "metavar": "FILE",
+        "help": f"output file (default {EXPORTS}/DATASET_MODEL.json)",
+    },
+}
+
+
+def run(model: str, to: Path | None = None) -> None:
+    """Write the model, fitted here where the last run has no fit of it, and its reader."""
     settings = config.sections("export", HERE / "reads.yaml")
-    file = arguments.to or FOLDER / f"{settings.dataset.name}_{arguments.model}.json"
-    write_export(exported(arguments.model, settings), file)
+    record = exported(model, settings)
+    write_export(record, to or EXPORTS / f"{settings.dataset.name}_{model}.json")
 
 
-def write_export(record: dict, file: Path) -> None:
+def write_export(record: dict[str, Any], file: Path) -> None:
     """Write ``record`` to ``file`` and the reader beside it, and say how it is loaded."""
     contracts.write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n", file)
     contracts.write_text(reader_source(), file.parent / NAME)
@@ -45,3 +69,180 @@ def write_export(record: dict, file: Path) -> None:
     for each in record["not_known"]:
         joint = f" of {each['joint']}" if "joint" in each else ""
         print(f"export: no number for {each['parameter']}{joint}: {each['found']}")
+
+
+def exported(
+    model: str, settings: Any, motions: Sequence[MotionSteps] | None = None
+) -> dict[str, Any]:
+    """Return the record of ``model``: a plain model, fitted here to all motions of the logs or to
+    ``motions``; a model of the run or its closed-loop form; or any other option of
+    pipeline/conf/model, fitted here to the training takes.
+
+    Raises ConfigError for an unknown model, and ModelDomainError where the recordings give none or
+    cannot tell a parameter that its predictions need.
+    """
+    dataset = settings.dataset
+    chain, motion = chain_of(dataset.robot), dataset.motion
+    record = {
+        "format": FORMAT,
+        "dataset": dataset.name,
+        "model": model,
+        "joints": list(dataset.robot.joints),
+        "task": list(chain.task),
+        "units": UNITS,
+        "rate_per_s": motion.rate,
+        "closed_loop_share": 0.0,
+        "covariance_of_estimates": None,
+        "pose_covariance_rad2": None,
+        "arm": chain_record(chain),
+    }
+    if motions is None or model not in PLAIN:
+        recorded = training_steps(dataset.robot, motion)
+        record["pose_covariance_rad2"] = _pose_covariance(recorded)
+    if model in PLAIN:
+        sources = SOURCES if motions is None else SOURCES[:1]
+        if motions is None:
+            motions = (dataset.joint_log and logged_motions(dataset)) or [motion_of(recorded)]
+        record |= _plain(model, motions, dataset)
+    else:
+        own, sources = _fitted(model, settings, recorded)
+        record |= own | {"takes": len(recorded.q)}
+    each = [hashlib.sha256(file.read_bytes()).digest() for file in sources]
+    record["run"] = {
+        "sha256": hashlib.sha256(b"".join(each)).hexdigest(),
+        "sources": [file.as_posix() for file in sources],
+        "seed": settings.seed,
+        "scale": settings.scale.name,
+        "takes": record["takes"],
+    }
+    return record
+
+
+def _plain(model: str, motions: Sequence[MotionSteps], dataset: Any) -> dict[str, Any]:
+    joints, motion = tuple(dataset.robot.joints), dataset.motion
+    fit = fit_joint_steps(model, *pooled(motions), joints, pose_noise=motion.pose_noise or 0.0)
+    untold = pd.DataFrame(fit.untold, columns=["parameter", "joint", "found", "required"])
+    return {
+        "parameters": fit.model.parameters(),
+        "estimates": {},
+        "not_known": untold.to_dict("records"),
+        "ranges": _ranges(joint_ranges(motions, joints, motion.rate)),
+        "motions": len(motions),
+        "takes": sum(len(one.q) for one in motions),
+    }
+
+
+def _ranges(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
+    """Ends and unit by name, for each quantity of a table of ranges that a model warns by."""
+    return {
+        quantity: own.set_index("name")[["unit", "least", "greatest"]].to_dict("index")
+        for quantity, own in rows.groupby("quantity", sort=False)
+        if quantity in ("pose", "speed", "joint speed")
+    }
+
+
+def _fitted(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str, Any], list[Path]]:
+    """Part of the record that the stage fit, or a fit here, decides; and its sources."""
+    name = model.removesuffix(CLOSED)
+    closed_form, not_known, covariance = model != name, [], None
+    file = FIT / name / (FOLDER if closed_form else "") / "parameters.json"
+    if name in settings.models and file.is_file():
+        parameters, estimates = _read(file), _estimates(name, closed_form=closed_form)
+        covariance = None if closed_form else _read(FIT / name / "covariance.json")
+        sources = [*SOURCES, file]
+    else:
+        parameters, estimates = _fit_here(name, recorded, closed_form=closed_form)
+        sources = SOURCES
+    if kinds.NO_MODEL in parameters:
+        raise ModelDomainError(f"no model to export: {parameters[kinds.NO_MODEL]}", model=model)
+    require_told(model, parameters, recorded)
+    share, level = parameters.get(SHARE, 0.0), {"kind": "gaussian"}
+    if parameters["kind"] == "gaussian" and estimates.get("u_unbounded"):
+        # the level alone is known: α and u apart have no number
+        level["level"] = parameters["alpha"] * parameters["u"]
+        parameters = level | {key: v for key, v in parameters.items() if key == SHARE}
+        unknown = [k for k in estimates if k.split("_")[0] in ("alpha", "u") or "_alpha" in k]
+        estimates = {key: value for key, value in estimates.items() if key not in unknown}
+        covariance, found = None, "u at the end of its search"
+        required = "a greatest likelihood or least error at a finite u"
+        not_known = [{"parameter": "alpha and u apart", "found": found, "required": required}]
+    if share > 0:  # the ranges of the commands that the closed loop has corrected
+        v = mean_path(recorded).corrected(recorded.q, share)
+        noise = recorded.q_next - recorded.q - recorded.chain.nominal_step(recorded.q, v)
+        recorded = replace(recorded, v=v, noise=noise)
+    return {
+        "parameters": parameters,
+        "estimates": estimates,
+        "not_known": not_known,
+        "covariance_of_estimates": covariance,
+        "closed_loop_share": share,
+        "ranges": _ranges(fitted_ranges(recorded, settings.dataset.motion.rate)),
+    }, sources
+
+
+def _fit_here(name: str, recorded: Recorded, *, closed_form: bool) -> tuple[dict, dict]:
+    if name not in config.option_names("model"):
+        there_are = ", ".join([*PLAIN, *config.option_names("model")])
+        raise ConfigError(f"no model {name!r}; there are {there_are}", key="MODEL")
+    options = config.model_options([name])[name]
+    found = kinds.estimate(recorded, options)
+    if not closed_form:
+        unbounded = {k: v for k, v in found.diagnostics.items() if k == "u_unbounded"}
+        return found.parameters, found.estimates | unbounded
+    closed = fit_closed_loop(recorded, options, found)
+    own = {f"closed_loop_{key}": value for key, value in closed.estimate.estimates.items()}
+    return closed.estimate.parameters | {SHARE: closed.share}, own
+
+
+def require_told(model: str, parameters: dict[str, Any], recorded: Recorded) -> None:
+    """Raise ModelDomainError where the steps of ``recorded`` cannot tell a gain that grows with the
+    speed of a joint, as the joint hardly moved, and for a Wishart model without a covariance.
+    """
+    m, sigma_b = len(recorded.chain.task), parameters.get("sigma_b", 0.0)
+    if parameters["kind"] == "scaled":
+        most = np.abs(recorded.chain.nominal_step(recorded.q, recorded.v)).max(axis=(0, 1))
+        least = LEAST_SHARE * most.max()
+        still = [
+            f"{joint} (at most {step:.2g} rad a step)"
+            for joint, step in zip(recorded.joints, most, strict=True)
+            if step < least
+        ]
+        if still:
+            raise ModelDomainError(
+                f"{model}: the recordings cannot tell how noise grows with the speed of "
+                f"{', '.join(still)}, where {least:.2g} rad is required; export scaled_all or "
+                "scaled_t, which all motions are fitted to, or record a motion in which they move"
+            )
+    elif parameters["kind"] == "wishart" and sigma_b >= (limit := np.sqrt((m + 1) / (m + 3))):
+        raise ModelDomainError(
+            f"{model}: sigma_b {sigma_b:.3g} is not below {limit:.3g}, where a step has a "
+            "covariance; the recordings give no Wishart model to predict with"
+        )
+
+
+def _estimates(name: str, *, closed_form: bool) -> dict[str, float]:
+    """Estimates of the fit with their standard errors and, where there are enough takes, 95 %
+    intervals, and ``u_unbounded`` of a Gaussian model; of a closed loop its own.
+    """
+    metrics = _read(FIT / name / "fit.json")
+    if closed_form:
+        return {key: value for key, value in metrics.items() if key.startswith("closed_loop_")}
+    ends = ("", "_standard_error", "_interval_low", "_interval_high")
+    known = _read(FIT / name / "covariance.json")["estimates"]
+    names = [f"{key}{end}" for key in known for end in ends] + ["u_unbounded"]
+    return {name: metrics[name] for name in names if name in metrics}
+
+
+def _pose_covariance(recorded: Recorded) -> list[list[float]] | None:
+    """(n, n) rad², of one measured pose, half that of a step; None where it is not known."""
+    try:
+        return (recorded.measurement / 2).tolist()
+    except ModelDomainError:
+        return None
+
+
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        return json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ContractError(f"cannot be read ({error}); run the stage fit", file=file) from None

@@ -64,15 +64,15 @@ class Finding:
         if option.startswith("dataset."):
             self.ask(error.message, option)
         else:
-            evidence = error.evidence.items()
-            where = ", ".join(f"{n} {value}" for n, value in evidence if n not in ("file", "key"))
+            left = {n: value for n, value in error.evidence.items() if n not in ("file", "key")}
+            where = ", ".join(f"{name} {value}" for name, value in left.items())
             self.stops.append(f"{error.message} [{where}]" if where else error.message)
         return self
 
     def plain(self) -> dict[str, object]:
-        """Return keys and values for a program."""
+        """Return keys and values for a program, without the thousands of frames."""
         values = asdict(self) | {"file": shown(self.file)}
-        del values["files"]  # thousands of frames
+        del values["files"]
         return values | {"open": [{"question": q, "option": option} for q, option in self.open]}
 
 

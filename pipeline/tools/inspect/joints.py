@@ -12,7 +12,6 @@ import numpy as np
 
 from pipeline.core.angles import TURN, unwrapped, whole_turns
 from pipeline.core.errors import PipelineError
-from pipeline.formats.cells import bare
 from pipeline.formats.force.record import repeats
 from pipeline.formats.format import Format, Kind
 from pipeline.formats.joints import bag
@@ -20,7 +19,7 @@ from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
 from pipeline.formats.joints.names import meaning, named_like, signals_of
 from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.number_sheet import Sheet
-from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, spelled
+from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, bare, spelled
 from pipeline.recordings.movement import (
     CLOCK_TOLERANCE,
     MOST_TURNS,
@@ -59,12 +58,11 @@ def joint_log(finding: Finding, form: Format) -> None:
     steps = np.diff(time)
     if len(steps) > 3 and (np.abs(steps * finding.rate - 1) > CLOCK_TOLERANCE).any():
         smoother = smoothness_by_rows(time, np.hstack([*signals.values()]), finding.rate)
-        finding.ask(
+        question = (
             f"the times jitter by {1e3 * float(steps.std()):.3g} ms, and row by row the angles are "
-            f"{smoother:.3g} times as smooth as over the times",
-            f"{OPTION}.clock",
-            "rows" if smoother > 1 else "times",
+            f"{smoother:.3g} times as smooth as over the times"
         )
+        finding.ask(question, f"{OPTION}.clock", "rows" if smoother > 1 else "times")
     if not stated:
         greatest = max(float(np.abs(values).max()) for values in signals.values())
         angle_unit = unit_of_angles(greatest)
@@ -72,7 +70,7 @@ def joint_log(finding: Finding, form: Format) -> None:
         finding.ask(question, f"{OPTION}.angle_unit", angle_unit)
     if {*ANGLES} <= {*signals} and finding.duration:
         angles = [signals[name] * ANGLE_UNITS[angle_unit] for name in ANGLES]
-        compare_angles(finding, time, *angles, record.joints)
+        _compare(finding, time, *angles, record.joints)
 
 
 def table(finding: Finding, form: Format) -> None:
@@ -135,7 +133,7 @@ def _labelled(
     if {*ANGLES} <= {*signals} and timed:
         angles = [np.column_stack([columns[n] for n in signals[name]]) for name in ANGLES]
         stated = sheet.unit(labels.index(signals["actual"][0])) or sheet.angle_unit
-        _compare(finding, time, *angles, signals["actual"], stated, sheet.unit(timed[0]))
+        _compare_columns(finding, time, *angles, signals["actual"], stated, sheet.unit(timed[0]))
 
 
 def time_unit(step: float) -> str | None:
@@ -150,7 +148,7 @@ def unit_of_angles(greatest: float) -> str:
     return "deg" if greatest > MOST_TURNS * TURN else "rad"
 
 
-def _compare(
+def _compare_columns(
     finding: Finding,
     time: np.ndarray,
     actual: np.ndarray,
@@ -164,19 +162,18 @@ def _compare(
     clock = clock if clock in TIME_UNITS else time_unit(float(np.median(np.diff(time))))
     greatest, unit = float(np.abs(actual).max()), spelled(angle_unit or "")
     if unit not in ANGLE_UNITS and (unit := unit_of_angles(greatest)) == "deg":
-        question = f"angles of {greatest:.4g} are no radians"
-        finding.ask(question, f"{OPTION}.angle_unit", unit)
+        finding.ask(f"angles of {greatest:.4g} are no radians", f"{OPTION}.angle_unit", unit)
     if clock is not None:
         angles = [values * ANGLE_UNITS[unit] for values in (actual, target)]
-        compare_angles(finding, time * TIME_UNITS[clock], *angles, joints)
+        _compare(finding, time * TIME_UNITS[clock], *angles, joints)
 
 
-def compare_angles(
+def _compare(
     finding: Finding,
     time: np.ndarray,
     actual: np.ndarray,
     target: np.ndarray,
-    joints: Sequence[str] = (),
+    joints: Sequence[str],
 ) -> None:
     """Add how the measured angles ``actual`` follow the command ``target``, both (N, joints) in rad
     at ``time`` (N,) in s, the motions in the command, and the options that make them a pair.
@@ -196,12 +193,8 @@ def compare_angles(
     rate = float(f"{(len(time) - 1) / time[-1]:.4g}")  # as it was meant
     pairing = pairing_of(actual, target, rate)
     for what, option, value, without in suspects(pairing, actual, target, rate):
-        finding.ask(
-            f"the command differs from the measured angles by its {what}: without that, "
-            f"{without:.2g} of the motion is left",
-            option,
-            value,
-        )
+        question = f"the command differs from the measured angles by its {what}: without that, "
+        finding.ask(f"{question}{without:.2g} of the motion is left", option, value)
     actual, target = pairing.apply(actual, target)
     missing, late = float(missed(actual, target).max()), lag(target, actual, rate)
     finding.facts["command"] = (
@@ -226,17 +219,16 @@ def compare_tables(findings: Sequence[Finding]) -> None:
     """Note in the tables of each folder which one their names say holds the measured angles, the
     commanded ones (fact ``role``) and their speed, and compare the first two.
     """
-    folders: dict[Path, list[Finding]] = {}
+    folders: dict[Path, dict[str, Finding]] = {}
     for finding in findings:
         if finding.kind == Kind.TABLE and finding.timed:
-            folders.setdefault(finding.file.parent, []).append(finding)
-    for tables in folders.values():
-        held = {one.file.stem: one for one in tables}
+            folders.setdefault(finding.file.parent, {})[finding.file.stem] = finding
+    for held in folders.values():
         named = {role: named_like(role, held) for role in ANGLES}
-        said = {name: meaning(name) for name in held}
-        named["speed"] = [n for n, m in said.items() if (m.role, m.quantity) == SPEED]
-        if [*map(len, named.values())][:2] != [1, 1]:
+        if [*map(len, named.values())] != [1, 1]:
             continue
+        meant = {name: meaning(name) for name in held}
+        named["speed"] = [n for n, m in meant.items() if (m.role, m.quantity) == SPEED]
         for role, names in named.items():
             if len(names) == 1:
                 held[names[0]].facts["role"] = role
@@ -248,6 +240,5 @@ def compare_tables(findings: Sequence[Finding]) -> None:
             continue  # a table of something else, whose own finding says why
         length = min(len(log.time) for log in logs)
         if length > 2:
-            _compare(
-                target, logs[0].time[:length], *(log.signals["angles"][:length] for log in logs)
-            )
+            angles = [log.signals["angles"][:length] for log in logs]
+            _compare_columns(target, logs[0].time[:length], *angles)

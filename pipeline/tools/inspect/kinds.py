@@ -11,37 +11,28 @@ from pathlib import Path
 import numpy as np
 
 from pipeline import formats
+from pipeline.arm.model import load_arm
+from pipeline.arm.urdf import SINGLE, read_urdf
 from pipeline.core.bounds import read_whole
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.formats import rosbag
-from pipeline.formats.bag_path import is_bag
-from pipeline.formats.cells import foreign
-from pipeline.formats.depth.cloud import FORMAT as CLOUD
-from pipeline.formats.depth.cloud import UNTURNED, is_cloud
-from pipeline.formats.depth.image import FORMAT as IMAGE
-from pipeline.formats.depth.image import depth_size, read_depth
+from pipeline.formats.delimited import foreign
+from pipeline.formats.depth import cloud, image, messages
 from pipeline.formats.depth.index import dropped_frames, numbered_frames
-from pipeline.formats.depth.messages import CAMERA_INFO
-from pipeline.formats.depth.messages import CLOUD as CLOUD_TYPE
-from pipeline.formats.depth.messages import IMAGE as IMAGE_TYPE
 from pipeline.formats.force.bag import WRENCH
-from pipeline.formats.force.faults import require_record
-from pipeline.formats.force.record import FORCES, TORQUES, ForceLogOptions
-from pipeline.formats.format import Format, Head, Kind, formats_in, is_xml, recognised
+from pipeline.formats.force.record import FORCES, TORQUES, ForceLogOptions, require_record
+from pipeline.formats.format import Format, Head, Kind, formats_in, is_bag, is_xml, recognised
 from pipeline.formats.joints import bag as joint_bag
 from pipeline.formats.motion.take import RATE_TOLERANCE, STRAY
 from pipeline.tools.inspect.finding import ROBOT, Finding
 from pipeline.tools.inspect.joints import joint_log, table
-from pipeline.tools.inspect.robot import urdf
 
 LENGTH, UNIT = "dataset.mocap.unit", "dataset.depth.units_per_metre"
 TOTALS = ("announced_frames", "found_frames", "marker_samples", "pose_samples")  # of counts
 ANY_SIZE = 10**6  # px, holds every principal point
-DEPTH_TYPES = (IMAGE_TYPE, CLOUD_TYPE)
+DEPTH_TYPES = (messages.IMAGE, messages.CLOUD)
 # beginnings of files that hold recordings in a form that no format reads
 MARKS = {
-    b"\xff\xfe": "text of two bytes a letter (UTF-16): export it as UTF-8",
-    b"\xfe\xff": "text of two bytes a letter (UTF-16): export it as UTF-8",
     b"\x89HDF": "an HDF5 file: save its arrays as CSV or .npz",
     b"\x93NUMPY": "a single array: save it with its times in one .npz",
     b"PK": "an archive without arrays of NumPy first: unpack it, or export a spreadsheet as CSV",
@@ -54,17 +45,14 @@ def described(file: Path) -> Finding:
     finding = Finding(file)
     try:
         if is_bag(file):
-            form = rosbag.FORMAT
-        elif not file.is_file():
+            return _read(finding, rosbag.FORMAT)
+        if not file.is_file():
             raise RecordingError("this is no regular file, or a link to nothing")
-        elif file.stat().st_size == 0:
+        if file.stat().st_size == 0:
             raise RecordingError("the file is empty")
-        else:
-            head = Head.read(file)
-            form = recognised(head, [URDF, *formats_in(formats)])
-        if form is None:
-            return _unrecognised(finding, head)
-        return _read(finding, form)
+        head = Head.read(file)
+        form = recognised(head, [URDF, *formats_in(formats)])
+        return _unrecognised(finding, head) if form is None else _read(finding, form)
     except OSError as error:
         return finding.refused(RecordingError(f"the file cannot be read ({error.strerror})"))
     except PipelineError as error:
@@ -74,8 +62,7 @@ def described(file: Path) -> Finding:
 def _read(finding: Finding, form: Format) -> Finding:
     finding.format, finding.kind, finding.option = form.name, form.kind, form.option
     stated = form.states(finding.file)
-    finding.version, finding.units = stated.version, stated.units
-    finding.facts = dict(stated.facts)
+    finding.version, finding.units, finding.facts = stated.version, stated.units, dict(stated.facts)
     (_robot if form is URDF else DESCRIBE[form.kind])(finding, form)
     return finding
 
@@ -94,10 +81,8 @@ def _motion(finding: Finding, form: Format) -> None:
     finding.rate, finding.units = take.rate, {"length": unit or take.unit}
     if take.printed_rate and abs(take.printed_rate / take.rate - 1) > RATE_TOLERANCE:
         finding.facts["rate_by_the_printed_times"] = f"{take.printed_rate:.4g} Hz"
-    frames = len(take.frame)
-    first, last = int(take.frame[0]), int(take.frame[-1])
-    finding.duration = (last - first) / take.rate
-    finding.bodies = list(take.bodies)
+    frames, first, last = len(take.frame), int(take.frame[0]), int(take.frame[-1])
+    finding.duration, finding.bodies = (last - first) / take.rate, list(take.bodies)
     finding.markers = [name for name in take.markers if not STRAY.fullmatch(name)]
     finding.facts["unlabelled_markers"] = len(take.markers) - len(finding.markers)
     if not (finding.markers or finding.bodies):
@@ -134,14 +119,13 @@ def _calibration(finding: Finding, form: Format) -> None:
 
 
 def _image(finding: Finding, form: Format) -> None:
-    height, width = depth_size(read_whole(finding.file), file=finding.file)
-    finding.facts = {"width": width, "height": height}
-    raw = read_depth(finding.file, shape=(height, width))
-    finding.version = f"{8 * raw.pixels.itemsize} bits"
-    measured = raw.pixels[raw.pixels > 0]
+    shape = image.depth_size(read_whole(finding.file), file=finding.file)
+    pixels = image.read_depth(finding.file, shape=shape).pixels
+    measured, span = pixels[pixels > 0], ""
     # the encoding says which values stand for no depth
-    finding.facts["share_not_above_zero"] = round(1 - measured.size / raw.pixels.size, 4)
-    span = ""
+    share = round(1 - measured.size / pixels.size, 4)
+    finding.facts = {"width": shape[1], "height": shape[0], "share_not_above_zero": share}
+    finding.version = f"{8 * pixels.itemsize} bits"
     if measured.size:
         low, high = finding.facts["values"] = [float(measured.min()), float(measured.max())]
         span = f", {low:g} to {high:g}"
@@ -154,22 +138,19 @@ def _image(finding: Finding, form: Format) -> None:
 def _cloud(finding: Finding, form: Format) -> None:
     from scipy.spatial.transform import Rotation
 
-    cloud = form.read(read_whole(finding.file), file=finding.file)
-    share = cloud.missing / max(len(cloud.points) + cloud.missing, 1)
-    finding.facts |= {"points": len(cloud.points), "share_without_position": round(share, 4)}
-    finding.count(cloud.counts)
-    if cloud.viewpoint != UNTURNED:
-        *position, w, x, y, z = cloud.viewpoint
+    read = form.read(read_whole(finding.file), file=finding.file)
+    share = round(read.missing / max(len(read.points) + read.missing, 1), 4)
+    finding.facts |= {"points": len(read.points), "share_without_position": share}
+    finding.count(read.counts)
+    if read.viewpoint != cloud.UNTURNED:
+        *place, w, x, y, z = read.viewpoint
         turn = np.degrees(Rotation.from_quat([x, y, z, w]).as_rotvec())
         angle = float(np.linalg.norm(turn))
-        place, axis = (" ".join(f"{v + 0.0:.3g}" for v in a) for a in (position, turn))
-        about = " ".join(f"{v + 0.0:.3g}" for v in turn / angle) if angle else axis
-        finding.facts["viewpoint"] = (
-            f"at {place} m, turned by {angle:.4g}° about {about}, not applied: points are in the "
-            "sensor's frame"
-        )
-    known = "1 for metres, 1000 for millimetres"
-    finding.ask(f"the unit of the coordinates is not stated ({known})", UNIT)
+        at, about = (" ".join(f"{v + 0.0:.3g}" for v in e) for e in (place, turn / (angle or 1.0)))
+        turned = f"at {at} m, turned by {angle:.4g}° about {about}"
+        finding.facts["viewpoint"] = f"{turned}, not applied: points are in the sensor's frame"
+    question = "the unit of the coordinates is not stated (1 for metres, 1000 for millimetres)"
+    finding.ask(question, UNIT)
 
 
 def _intrinsics(finding: Finding, form: Format) -> None:
@@ -216,15 +197,14 @@ def _frames(finding: Finding, frames: list[Path]) -> None:
     if (there := next((frame for frame in frames if frame.is_file()), None)) is None:
         return
     try:
-        first = _read(Finding(there), CLOUD if is_cloud(there) else IMAGE)
+        first = _read(Finding(there), cloud.FORMAT if cloud.is_cloud(there) else image.FORMAT)
     except RecordingError as error:
         finding.stops.append(f"{there.name}: {error.message}")
         return
     finding.version = ", ".join(filter(None, [first.format, first.version]))
-    finding.facts |= {"frames_are": str(first.kind)} | {
-        name if name in ("width", "height") else f"first_{name}": value
-        for name, value in first.facts.items()
-    }
+    finding.facts["frames_are"] = str(first.kind)
+    for name, value in first.facts.items():
+        finding.facts[name if name in ("width", "height") else f"first_{name}"] = value
     finding.open += first.open
 
 
@@ -237,13 +217,13 @@ def _bag(finding: Finding, form: Format) -> None:
     finding.version, finding.duration = f"ROS {summary.version}", summary.duration
     topics = sorted(summary.topics.items())
     finding.facts["topics"] = {n: {"type": kind, "messages": count} for n, (kind, count) in topics}
-    options = {"depth.topic": DEPTH_TYPES, "depth.camera_info": (CAMERA_INFO,)}
+    options = {"depth.topic": DEPTH_TYPES, "depth.camera_info": (messages.CAMERA_INFO,)}
     for option, kinds in (options | {"force.log.topic": WRENCH}).items():
         several = [name for name, (kind, count) in topics if kind in kinds and count]
         if len(several) > 1:
             question = f"several topics could be meant: {', '.join(several)}"
             finding.ask(question, f"dataset.{option}")
-    if IMAGE_TYPE in held:
+    if messages.IMAGE in held:
         known = "ROS drivers: 1000; images of 32 bits: 1"
         finding.ask(f"the unit of images of 16 bits is not stated ({known})", UNIT)
     if not held & {*DEPTH_TYPES, *WRENCH, joint_bag.JOINT_STATE}:
@@ -252,10 +232,44 @@ def _bag(finding: Finding, form: Format) -> None:
 
 
 def _robot(finding: Finding, form: Format) -> None:
+    """Add the joints, the last link that most joints of one coordinate move (``arms``, joints from
+    base to tip), and every three joints in a row that are a planar chain (``chains``).
+    """
     try:
-        urdf(finding)
+        tree = read_urdf(finding.file)
     except ConfigError as error:
         raise RecordingError(error.message, line=error.evidence.get("line")) from None
+    joints: dict[str, list[str]] = {}
+    for joint in tree.joints.values():
+        joints.setdefault(joint.kind, []).append(joint.name)
+    arms = []
+    for end in tree.ends:
+        moving = [joint for joint in tree.above(end) if joint.kind in SINGLE]
+        # a joint that follows another (mimic) has no coordinate of its own
+        arms.append({"joints": [j.name for j in moving if j.follows is None], "tip": end})
+    most = max((len(arm["joints"]) for arm in arms), default=0)
+    arms = [arm for arm in arms if most and len(arm["joints"]) == most]
+    turning, chains, refused = joints.get("revolute", []), [], []
+    for chain in (turning[first : first + 3] for first in range(len(turning) - 2)):
+        tools = []
+        for tool in tree.ends:
+            try:
+                load_arm(finding.file, chain, tool, {})
+                tools.append(tool)
+            except ConfigError as error:
+                refused += [error.message] * error.message.startswith("robot.urdf")
+        chains += [{"joints": chain, "tools": tools}] if tools else []
+    finding.facts |= {"robot": tree.name, "joints": joints, "arms": arms, "chains": chains}
+    if refused and chains:
+        finding.facts["chains_refused"] = refused[0]
+    elif refused:
+        finding.stops.append(refused[0])
+    if not (arms or chains):
+        finding.stops.append("no joint of one coordinate moves a last link: no arm")
+    elif len(chains) > 1:
+        finding.ask("which three parallel joints are the chain", "dataset.robot.joints")
+    elif len(chains[0]["tools"] if chains else arms) > 1:
+        finding.ask("which link is the end-effector", "dataset.robot.tool")
 
 
 URDF = Format("URDF", ROBOT, read_whole, is_xml("robot"))

@@ -6,7 +6,6 @@ DVC appends a stage when it first runs: after a run that was ended midway git wo
 
 from __future__ import annotations
 
-import argparse
 import re
 from itertools import product
 from pathlib import Path
@@ -14,29 +13,24 @@ from pathlib import Path
 from pipeline.core import contracts
 from pipeline.core.typed_yaml import read_yaml
 
+ARGUMENTS: dict = {}
 
-def run(words: list[str]) -> None:
+
+def run() -> None:
     """Sort all lock files below the project's root, and print the changed ones."""
-    argparse.ArgumentParser(
-        prog="python -m pipeline lock", description=__doc__.partition(": ")[2]
-    ).parse_args(words)
     for place in ("dvc.yaml", "data/raw/*/dvc.yaml", "pipeline/**/dvc.yaml"):
         for file in sorted(Path().glob(place)):
             lock = file.with_name("dvc.lock")
             text = lock.read_text(encoding="utf-8") if lock.is_file() else ""
-            if (ordered := in_order(text, _names(file))) != text:
+            head, *entries = re.split(r"(?m)^  (?=\S)", text)
+            by_name = {entry.partition(":")[0]: f"  {entry}" for entry in entries}
+            ordered = head + "".join(by_name.get(name, "") for name in _stages(file))
+            if ordered != text:
                 contracts.write_text(ordered, lock)
                 print(f"lock: {lock} put in order")
 
 
-def in_order(lock: str, stages: list[str]) -> str:
-    """Return the text of a lock file with the entries of ``stages`` alone, in their order."""
-    head, *entries = re.split(r"(?m)^  (?=\S)", lock)
-    by_name = {entry.partition(":")[0]: entry for entry in entries}
-    return head + "".join(f"  {by_name[name]}" for name in stages if name in by_name)
-
-
-def _names(file: Path) -> list[str]:
+def _stages(file: Path) -> list[str]:
     """Stages of a dvc.yaml as the lock names them, those of a matrix one by one; a list that a
     matrix names as ``${key}`` is in params.yaml.
     """

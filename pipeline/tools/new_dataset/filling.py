@@ -4,14 +4,17 @@ terminal, or those of one motion in the joint logs.
 
 from __future__ import annotations
 
+import os
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from pipeline.core import contracts
 from pipeline.core.datasheet import Draft, Question, unfilled_keys
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import Robot
@@ -27,16 +30,48 @@ from pipeline.tools.new_dataset.values import KEYS, suggested_values
 
 @dataclass
 class Filling:
-    """A ``draft`` beside the recordings of ``layout`` in ``folder``."""
+    """A ``draft`` beside the ``recorded`` files in ``folder``."""
 
     draft: Draft
-    layout: RecordingLayout
+    recorded: RecordingLayout
     folder: Path
+
+    beside: dict[Path, str] = field(default_factory=dict)  # other texts to write
 
     @property
     def left(self) -> list[str]:
         """Keys that are still ???."""
         return [question.key for question in self.draft.questions()]
+
+    def fill(
+        self,
+        answers: Mapping[str, str],
+        *,
+        suggested: bool = False,
+        motion: int | None = None,
+        ask: bool = False,
+    ) -> None:
+        """Fill in the ``answers``, YAML values by key as robot.tool; then every suggestion where
+        ``suggested``; the motion of that number in the printed table, from 1; and what is asked for
+        on the terminal. ConfigError for an answer that does not fit.
+        """
+        for key, value in answers.items():
+            self.answer(key, value)
+        if suggested:
+            self.take_suggested()
+        if motion is not None:
+            self.choose(self.show_motions(), motion)
+        if ask:
+            self.ask()
+
+    def write(self) -> None:
+        """Write the files, with remarks in the comments of the values that are open."""
+        _, remarks = self.suggested()
+        for key in [key for key in self.left if key in remarks]:
+            self.draft.note(key, remarks[key])
+        for file, text in (self.draft.texts | self.beside).items():
+            contracts.write_text(text, file)
+            print(f"new-dataset: wrote {os.path.relpath(file)}")
 
     def answer(self, key: str, value: str) -> None:
         """Put ``value``, as YAML has it; ConfigError as :meth:`Draft.answer`."""
@@ -44,7 +79,7 @@ class Filling:
 
     def suggested(self) -> tuple[dict[str, str], dict[str, str]]:
         """Suggestions and remarks beside the present values."""
-        return suggested_values(self.layout, self.folder, self.draft.values())
+        return suggested_values(self.recorded, self.folder, self.draft.values())
 
     def take_suggested(self) -> None:
         """Take every suggestion that nothing is wrong with; they may follow from each other."""
@@ -60,18 +95,25 @@ class Filling:
                 taken = True
                 print(f"taken as suggested: {key}: {get_filled(self.draft.values(), key)}")
 
-    def note(self) -> None:
-        """Put remarks into the comments of the values that are open."""
-        _, remarks = self.suggested()
-        for key in [key for key in self.left if key in remarks]:
-            self.draft.note(key, remarks[key])
-
     def show_motions(self) -> list[Motion]:
         """Print the motions in the logs, numbered from 1, and return them."""
         offered = found_motions(self.draft.values())
         if not offered:
             raise ConfigError("no motion is found that the logs hold from rest to rest, or repeat")
-        print(table(offered))
+        rows = []
+        for number, motion in enumerate(offered, start=1):
+            counts = Counter(name for name, _ in motion.places)
+            row = {"no.": number, "from (rad)": _rounded(motion.start, 2)}
+            row |= {"to (rad)": _rounded(motion.end, 2), "steps": motion.steps}
+            row["pause"] = "never rests" if motion.pause is None else motion.pause
+            row["times"] = len(motion.places)
+            disturbed = [f"{name} row {place}" for name, place in motion.disturbed]
+            row["disturbed"] = ", ".join(disturbed) or "none"
+            row["least singular value"] = f"{motion.least_singular:.2g}"
+            row["commands differ by (rad)"] = f"{motion.deviation:.2g}"
+            row["movements"] = ", ".join(f"{name} ({count})" for name, count in counts.items())
+            rows.append(row)
+        print(pd.DataFrame(rows).to_string(index=False))
         return offered
 
     def choose(self, offered: list[Motion], number: int) -> None:
@@ -103,8 +145,7 @@ class Filling:
             print("")
 
     def _ask(self, question: Question) -> None:
-        suggestions, remarks = self.suggested()
-        suggested, remark = (held.get(question.key) for held in (suggestions, remarks))
+        suggested, remark = (held.get(question.key) for held in self.suggested())
         print("; ".join(filter(None, [f"\n{question.key}: {question.hint}", remark])))
         while answer := input(f"[{suggested}] " if suggested else "? ").strip() or suggested:
             try:
@@ -154,28 +195,6 @@ def found_motions(values: dict[str, Any]) -> list[Motion]:
         return motion.least_singular < regular, int(still.sum())
 
     return sorted(offered, key=last)
-
-
-def table(offered: list[Motion]) -> str:
-    """Return a line a motion, numbered from 1."""
-    rows = []
-    for number, motion in enumerate(offered, start=1):
-        counts = Counter(name for name, _ in motion.places)
-        rows.append(
-            {
-                "no.": number,
-                "from (rad)": _rounded(motion.start, 2),
-                "to (rad)": _rounded(motion.end, 2),
-                "steps": motion.steps,
-                "pause": "never rests" if motion.pause is None else motion.pause,
-                "times": len(motion.places),
-                "disturbed": ", ".join(f"{n} row {row}" for n, row in motion.disturbed) or "none",
-                "least singular value": f"{motion.least_singular:.2g}",
-                "commands differ by (rad)": f"{motion.deviation:.2g}",
-                "movements": ", ".join(f"{name} ({count})" for name, count in counts.items()),
-            }
-        )
-    return pd.DataFrame(rows).to_string(index=False)
 
 
 def _rounded(angles: np.ndarray, digits: int) -> list[float]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import glob
 import re
 from collections import Counter
-from collections.abc import Iterable
-from dataclasses import dataclass
-from itertools import chain
+from collections.abc import Iterable, Sequence
+from itertools import chain, takewhile
 from pathlib import Path
+from typing import NamedTuple
 
 from pipeline.formats.format import Kind
 from pipeline.recordings.take_names import take_name
@@ -19,8 +19,7 @@ from pipeline.tools.inspect.kinds import DEPTH_TYPES
 SINGLE = (Kind.TRAJECTORY, Kind.INTRINSICS, Kind.CALIBRATION, ROBOT)
 
 
-@dataclass(frozen=True)
-class Group:
+class Group(NamedTuple):
     """Recordings whose paths differ in one number: their pattern below the ``folder``, and file or
     folder of each take.
     """
@@ -32,13 +31,10 @@ class Group:
     @property
     def named(self) -> dict[str, Finding]:
         """The takes by the names that the stages give them."""
-        return {
-            take_name(path, self.folder, self.pattern): take for path, take in self.takes.items()
-        }
+        return {take_name(path, self.folder, self.pattern): t for path, t in self.takes.items()}
 
 
-@dataclass(frozen=True)
-class RecordingLayout:
+class RecordingLayout(NamedTuple):
     """The recordings of one folder, by what they are."""
 
     training: list[Group]  # takes of motion capture that no depth sequence has the name of
@@ -51,18 +47,31 @@ class RecordingLayout:
     unplaced: list[Finding]
 
     @property
+    def takes(self) -> list[Finding]:
+        """All takes of motion capture."""
+        return in_groups([*self.training, *self.test])
+
+    @property
     def markers(self) -> list[str]:
         """Markers that all takes of motion capture have."""
-        return _in_all([take.markers for take in _takes([*self.training, *self.test])])
+        return _in_all([take.markers for take in self.takes])
 
     @property
     def bodies(self) -> list[str]:
         """Rigid bodies that all takes of motion capture have, where they are what follows the
         links: no markers are named by three links, and no depth camera looks at a planar arm.
         """
-        if self.depth or links_of(self.markers):
-            return []
-        return _in_all([take.bodies for take in _takes([*self.training, *self.test])])
+        followed = not (self.depth or links_of(self.markers))
+        return _in_all([take.bodies for take in self.takes]) if followed else []
+
+
+def in_groups(groups: Iterable[Group]) -> list[Finding]:
+    """Return the takes of all ``groups``."""
+    return [take for group in groups for take in group.takes.values()]
+
+
+def _in_all(held: list[list[str]]) -> list[str]:
+    return [name for name in held[0] if all(name in each for each in held)] if held else []
 
 
 def links_of(names: list[str]) -> dict[str, list[str]] | None:
@@ -78,65 +87,43 @@ def links_of(names: list[str]) -> dict[str, list[str]] | None:
 
 def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
     """Return the recordings in ``folder`` by what they are and how their names belong together."""
-    motion, force, joints = (
-        [one for one in findings if one.kind == kind]
-        for kind in (Kind.MOTION, Kind.FORCE, Kind.JOINTS)
+    of = {k: [one for one in findings if one.kind == k] for k in {one.kind for one in findings}}
+    motion, force, joints, tables = (
+        of.get(kind, []) for kind in (Kind.MOTION, Kind.FORCE, Kind.JOINTS, Kind.TABLE)
     )
     names = {finding.file.stem for finding in motion}
-    takes = {
-        _take_folder(one, names): one
-        for one in findings
-        if one.kind == Kind.SEQUENCE
-        or {topic["type"] for topic in one.facts.get("topics", {}).values()} & {*DEPTH_TYPES}
-    }
+    takes = {}
+    for one in findings:
+        types = {topic["type"] for topic in one.facts.get("topics", {}).values()}
+        if one.kind == Kind.SEQUENCE:
+            # the folder with the name of a take of motion capture, else where the index lies
+            parents = list(one.file.parents)[:3]
+            takes[next((each for each in parents if each.name in names), parents[0])] = one
+        elif types & {*DEPTH_TYPES}:
+            takes[one.file] = one
     depth, groups = _groups(takes, folder), _groups({one.file: one for one in motion}, folder)
     filmed = {name for group in depth for name in group.named}
     test = [group for group in groups if filmed & {*group.named}]
-    single = {kind: [one for one in findings if one.kind == kind] for kind in SINGLE}
-    tables = [one for one in findings if one.kind == Kind.TABLE]
+    single = {kind: of[kind] for kind in SINGLE if kind in of}
     logs = [*joints, *(one for one in tables if one.timed)]
     beside = {one.file: one for one in logs if one.file.stem in names}
     movements = {one.file: one for one in joints if one.file not in beside}
     if not (motion or joints):
         movements = _movements(tables, folder)
-    placed = [
-        *motion,
-        *takes.values(),
-        *force,
-        *beside.values(),
-        *chain.from_iterable(single.values()),
-    ]
-    for one in movements.values():
-        placed += [one, *one.facts.get("tables", {}).values()]
+    inside = [table for one in movements.values() for table in one.facts.get("tables", {}).values()]
+    placed = chain(motion, force, inside, *single.values())
+    placed = chain(placed, takes.values(), beside.values(), movements.values())
     taken = set(map(id, placed))
     return RecordingLayout(
-        [group for group in groups if group not in test],
-        test,
-        depth,
-        force,
-        _groups(beside, folder),
-        _groups(movements, folder),
-        {kind: held for kind, held in single.items() if held},
-        [finding for finding in findings if id(finding) not in taken],
+        training=[group for group in groups if group not in test],
+        test=test,
+        depth=depth,
+        force=force,
+        encoders=_groups(beside, folder),
+        movements=_groups(movements, folder),
+        single=single,
+        unplaced=[finding for finding in findings if id(finding) not in taken],
     )
-
-
-def _takes(groups: Iterable[Group]) -> list[Finding]:
-    return [take for group in groups for take in group.takes.values()]
-
-
-def _in_all(held: list[list[str]]) -> list[str]:
-    return [name for name in held[0] if all(name in each for each in held)] if held else []
-
-
-def _take_folder(finding: Finding, takes: set[str]) -> Path:
-    """The folder, or the bag, that is the take of a sequence: the one with the name of a take of
-    motion capture, else where its index lies.
-    """
-    if finding.kind != Kind.SEQUENCE:
-        return finding.file
-    parents = list(finding.file.parents)[:3]
-    return next((parent for parent in parents if parent.name in takes), parents[0])
 
 
 def _groups(recorded: dict[Path, Finding], folder: Path) -> list[Group]:
@@ -178,21 +165,33 @@ def _movements(tables: list[Finding], folder: Path) -> dict[Path, Finding]:
     none, the folders below ``folder`` that hold tables of the same names, two or more, as most such
     folders do.
     """
-    whole = {}
+    whole, held = {}, {}
     for one in tables:
         asked = {"target"} if "signals" in one.suggested else set()
         if {"actual", "target"} <= {*one.facts.get("signals", ())} | asked:
             whole[one.file] = one
-    if whole:
-        return whole
-    held: dict[Path, dict[str, Finding]] = {}
-    for one in tables:
         if one.file.parent != folder:
             held.setdefault(one.file.parent, {})[one.file.name] = one
+    if whole:
+        return whole
     alike = Counter(tuple(sorted(names)) for names in held.values() if len(names) > 1)
     names = alike.most_common(1)[0][0] if alike else ()
     return {
-        path: Finding(path, "movement", Kind.TABLE, facts={"tables": held[path]})
-        for path in held
-        if alike and tuple(sorted(held[path])) == names
+        path: Finding(path, "movement", Kind.TABLE, facts={"tables": inside})
+        for path, inside in held.items()
+        if alike and tuple(sorted(inside)) == names
     }
+
+
+def shared_pattern(names: Sequence[str]) -> str:
+    """Return the names as one pattern: of the parts between underscores those that all have, and a
+    star for the differing end of a part; all that follows where nothing of a part is shared.
+    """
+    parts = []
+    for alike in zip(*(name.split("_") for name in names), strict=False):
+        letters = takewhile(lambda each: len({*each}) == 1, zip(*alike, strict=False))
+        beginning = "".join(each[0] for each in letters)
+        parts.append(beginning if len({*alike}) == 1 else f"{beginning}*")
+        if not beginning:
+            return "_".join(parts)
+    return "_".join(parts) + ("*" if len({name.count("_") for name in names}) > 1 else "")

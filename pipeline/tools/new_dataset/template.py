@@ -28,8 +28,7 @@ def fill_template(name: str, known: Mapping[str, Any]) -> list[str]:
 
 
 def _filled(text: str, known: Mapping[str, Any]) -> Iterator[str]:
-    path: list[str] = []
-    left_out = 1000  # indentation of the key whose lines are left out
+    path, left_out = [], 1000  # left_out: indentation of the key whose lines are left out
     for line in text.splitlines():
         body = line.removeprefix("?")
         depth = len(body) - len(body.lstrip())
@@ -44,11 +43,12 @@ def _filled(text: str, known: Mapping[str, Any]) -> Iterator[str]:
         if line != body and not any(f"{one}.".startswith(f"{key}.") for one in known):
             left_out = depth
             continue
-        given = known.get(key, "")
-        value, _, note = ("", "", "") if isinstance(given, Mapping) else given.partition(" # ")
-        value = value or ("" if isinstance(given, Mapping) else parts["value"] or "")
+        given, value, note = known.get(key, ""), "", ""
+        if not isinstance(given, Mapping):
+            value, _, note = given.partition(" # ")
+            value = value or parts["value"] or ""
         hint = "; ".join(filter(None, [note, parts["hint"]]))
-        yield f"{parts['indent']}{parts['key']}:{value and ' '}{value}{hint and ' # '}{hint}"
+        yield f"{' ' * depth}{parts['key']}:{value and ' '}{value}{hint and ' # '}{hint}"
         if isinstance(given, Mapping):
             yield from _nested(given, depth + 2)
 

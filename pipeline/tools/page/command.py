@@ -1,37 +1,145 @@
 """``python -m pipeline page [studies]``: one HTML page of the report and the model card, or of the
-studies.
+studies, that needs no other file: styles and figures are in it.
 """
 
 from __future__ import annotations
 
-import argparse
+import io
+import os
+import re
+from base64 import b64encode
+from collections.abc import Iterator, Sequence
+from html import escape
 from pathlib import Path
+from string import Template
 
+from markdown_it import MarkdownIt
+from markdown_it.token import Token
+from PIL import Image
+
+from pipeline.core import config
 from pipeline.core.contracts import write_text
 from pipeline.core.errors import ContractError
-from pipeline.tools.page.document import page
 
-REPORTS = Path("reports")
-RESULTS = [REPORTS / "report.md", REPORTS / "model_card.md"]
-PAGE, STUDIES_PAGE = REPORTS / "index.html", REPORTS / "studies.html"
+REPORTS, RESULTS = Path("reports"), ("report.md", "model_card.md")
+TEMPLATE = Path(__file__).with_name("page.html")
+ARGUMENTS = {
+    "part": {
+        "nargs": "?",
+        "choices": ["results", "studies"],
+        "default": "results",
+        "help": "content of the page (default results)",
+    }
+}
+COLOURS = 64  # of a figure on the page, which the drawn lines and shades fit in
+WIDE = 1.4  # width by height of a figure that scrolls on a narrow screen
+# a frame that scrolls and that the keyboard reaches
+FRAME = {"role": "region", "aria-label": "wide content", "tabindex": 0}
+DEPTH = 2  # levels of headings in the table of contents
 
 
-def run(words: list[str]) -> None:
-    """Write reports/index.html, or reports/studies.html for the studies."""
-    parser = argparse.ArgumentParser(
-        prog="python -m pipeline page", description=__doc__.partition(": ")[2]
-    )
-    parser.add_argument(
-        "part",
-        nargs="?",
-        choices=["results", "studies"],
-        default="results",
-        help="content of the page (default results)",
-    )
-    if parser.parse_args(words).part == "results":
-        write_text(page("Results", RESULTS, REPORTS), PAGE)
+def run(part: str = "results") -> None:
+    """Write reports/DATASET/index.html, or reports/studies.html for the studies."""
+    if part == "results":
+        folder = REPORTS / config.sections("page").dataset.name
+        files = [folder / name for name in RESULTS]
+        write_text(page("Results", files, folder), folder / "index.html")
         return
     studies = sorted((REPORTS / "studies").glob("*.md"))
     if not studies:
         raise ContractError("no study has run; run `dvc repro -P`", folder=REPORTS / "studies")
-    write_text(page("Studies beyond the paper", studies, REPORTS), STUDIES_PAGE)
+    write_text(page("Studies beyond the paper", studies, REPORTS), REPORTS / "studies.html")
+
+
+def page(title: str, files: Sequence[Path], folder: Path) -> str:
+    """Return the page of Markdown ``files``, one section each, to be written into ``folder``.
+
+    Links between the files become links inside the page, others lead to files from ``folder``.
+    Raises ContractError for a file or a figure that is missing.
+    """
+    sections, contents = [], ["<ul>"]
+    for file in files:
+        html, headings = _section(file, files, folder)
+        sections.append(f'<section aria-label="{escape(file.stem)}">\n{html}</section>')
+        (_, anchor, first), *others = headings or [(1, "", file.stem)]
+        inner = [
+            f'<li><a href="#{name}">{escape(text)}</a></li>'
+            for level, name, text in others
+            if level <= DEPTH
+        ]
+        below = "\n".join(["", "<ul>", *inner, "</ul>"]) if inner else ""
+        contents.append(f'<li><a href="#{anchor}">{escape(first)}</a>{below}</li>')
+    return Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
+        title=escape(title),
+        contents="\n".join([*contents, "</ul>"]),
+        sections="\n".join(sections),
+    )
+
+
+def _section(
+    file: Path, files: Sequence[Path], folder: Path
+) -> tuple[str, list[tuple[int, str, str]]]:
+    """HTML of a Markdown file, and level (1 for the title), anchor and text of its headings."""
+    if not file.is_file():
+        message = "no such page; run `dvc repro` (`dvc repro -P` for the studies)"
+        raise ContractError(message, file=file)
+    parser = MarkdownIt("commonmark", {"html": False}).enable("table")
+    tokens = parser.parse(file.read_text(encoding="utf-8"))
+    headings: list[tuple[int, str, str]] = []
+    for place, token in enumerate(tokens):
+        if token.type == "heading_open":
+            text = "".join(child.content for child in tokens[place + 1].children or [])
+            # as GitHub names a heading
+            slug = re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-")
+            anchor = _anchor(file, slug if headings or token.tag != "h1" else "")
+            twins = [name for _, name, _ in headings if re.fullmatch(rf"{anchor}(-\d+)?", name)]
+            token.attrs["id"] = f"{anchor}-{len(twins) + 1}" if twins else anchor
+            headings.append((int(token.tag[1]), token.attrs["id"], text))
+        elif token.type == "inline" and {child.type for child in token.children} == {"image"}:
+            tokens[place - 1].attrs |= FRAME | {"class": "figure"}
+        for child in token.children or []:
+            if child.type == "image":
+                child.attrs |= _embedded(file.parent / str(child.attrs["src"]))
+            elif child.type == "link_open":
+                child.attrs["href"] = _address(str(child.attrs["href"]), file, files, folder)
+    html = parser.renderer.render(list(_framed(tokens)), parser.options, {})
+    return html.replace("&lt;br&gt;", "<br>"), headings  # line ends in the cells of a table
+
+
+def _anchor(file: Path, slug: str) -> str:
+    return "--".join(filter(None, (file.stem, slug)))
+
+
+def _address(href: str, file: Path, files: Sequence[Path], folder: Path) -> str:
+    """Target on the page of a link of ``file``."""
+    if re.match(r"[a-z]+:", href):
+        return href
+    path, mark, slug = href.partition("#")
+    target = Path(os.path.normpath(file.parent / path)) if path else file
+    if target in files:
+        return f"#{_anchor(target, slug)}"
+    return Path(os.path.relpath(target, folder)).as_posix() + mark + slug
+
+
+def _embedded(file: Path) -> dict[str, str]:
+    """Address of a figure that holds it whole, its PNG of few colours; and its shape."""
+    picture = file.with_suffix(".png")
+    if not picture.is_file():
+        raise ContractError("no such figure; run the stage that draws it", file=picture)
+    written = io.BytesIO()
+    with Image.open(picture) as image:
+        shape = "wide" if image.width > WIDE * image.height else "high"
+        few = image.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    few.save(written, "PNG", optimize=True)
+    address = f"data:image/png;base64,{b64encode(written.getvalue()).decode('ascii')}"
+    return {"src": address, "class": shape}
+
+
+def _framed(tokens: Sequence[Token]) -> Iterator[Token]:
+    """Put each table into a frame."""
+    for token in tokens:
+        if token.type == "table_open":
+            yield Token("frame_open", "div", 1, attrs=FRAME | {"class": "table"}, block=True)
+        yield token
+        if token.type == "table_close":
+            yield Token("frame_close", "div", -1, block=True)

@@ -9,80 +9,123 @@ joints as rows; an arm with more joints is refused.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.spatial.transform import Rotation
 
+from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
 from pipeline.core import config, contracts
-from pipeline.core.columns import spread
-from pipeline.core.errors import ConfigError
+from pipeline.core.columns import members, spread, values
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.dataset import PLANE, Robot
 from pipeline.figures.style import BLACK, GREY, PNG_RESOLUTION, TWO_COLUMNS, joint_lines, panels
-from pipeline.formats.trajectory import write_trajectory
+from pipeline.formats.format import format_of
+from pipeline.formats.trajectory import FORMAT, read_poses, read_trajectory, write_trajectory
 from pipeline.models.kinds import fitted_model
 from pipeline.planning.motions import POINTS, Planned, least_uncertain
 from pipeline.planning.problem import OBJECTIVES, Problem, uncertainty
-from pipeline.tools.plan.path_file import read_path
 
 FITS = Path("data/fit")
 JOINTS, PICTURE = "joints.csv", "plan.png"
 UNITS = {"trace": "tr Cov (rad²)", "log_det": "ln det Cov"}
 
 
-def run(words: list[str]) -> None:
+COLUMNS = (
+    "CSV with the columns t (s) and the rows of the task by name: x, y, z (m), rx, ry, rz (rad, "
+    "rotation vector of the tip in the base's axes), in a plane x, z, phi; or a commanded "
+    "trajectory of the joints, t and q:JOINT, whose poses are the path"
+)
+PLAN = "folder of the plan, new or of an earlier plan, which it replaces"
+SUM = "sum over the steps; ln det is in the row space of the Jacobian where it has its rank"
+MARGIN = "m, least singular value of the Jacobian, angular rows times the length"
+SMOOTH = "weight of the squared steps in the null space, objective per rad²"
+ARGUMENTS = {
+    "model": {"metavar": "MODEL", "help": f"model in {FITS}, or its folder"},
+    "path": {"metavar": "PATH", "type": Path, "help": COLUMNS},
+    "out": {"metavar": "OUT", "type": Path, "help": PLAN},
+    "--objective": {
+        "choices": OBJECTIVES,
+        "default": OBJECTIVES[0],
+        "help": f"{SUM} (default %(default)s)",
+    },
+} | {
+    name: {"type": type(default), "default": default, "help": f"{text} (default %(default)s)"}
+    for name, default, text in (
+        ("--margin", 0.01, MARGIN),
+        ("--smoothness", 0.0, SMOOTH),
+        ("--points", POINTS, "points of the grid, a step"),
+    )
+}
+
+
+def run(
+    model: str,
+    path: Path,
+    out: Path,
+    objective: str,
+    margin: float,
+    smoothness: float,
+    points: int,
+) -> None:
     """Plan, write, and print cost and least singular value."""
-    arguments = _parser().parse_args(words)
-    out, objective = arguments.out, arguments.objective
     if out.exists() and (
         not out.is_dir() or {file.name for file in out.iterdir()} - {JOINTS, PICTURE}
     ):
         raise ConfigError("OUT exists and is no plan; name another folder", file=out)
     robot = config.sections("track").dataset.robot
     chain = chain_of(robot)
-    path, rate = read_path(arguments.path, chain, robot)
-    problem = Problem(chain, path, rate, arguments.margin, arguments.smoothness)
-    folder = Path(arguments.model)
-    model = fitted_model(folder if folder.is_dir() else FITS / arguments.model)
-    planned = least_uncertain(problem, uncertainty(model, chain, objective), arguments.points)
-    t = np.arange(len(path)) / rate
+    poses, rate = read_path(path, chain, robot)
+    problem = Problem(chain, poses, rate, margin, smoothness)
+    fitted = fitted_model(Path(model) if Path(model).is_dir() else FITS / model)
+    planned = least_uncertain(problem, uncertainty(fitted, chain, objective), points)
+    t = np.arange(len(poses)) / rate
     with contracts.replacing(out) as place:
         table = pd.DataFrame({"t": t} | spread("q", robot.joints, planned.joints))
         write_trajectory(place / JOINTS, table)
         _draw(planned, problem, t, robot.joints, UNITS[objective], place / PICTURE)
     print(
-        f"{out}: {len(path) - 1} steps; summed {objective} of the covariance "
+        f"{out}: {len(poses) - 1} steps; summed {objective} of the covariance "
         f"{planned.cost.sum():.6g}; least singular value {planned.clearance.min():.4g} m"
     )
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m pipeline plan", description=__doc__.partition(": ")[2]
-    )
-    parser.add_argument("model", metavar="MODEL", help=f"model in {FITS}, or its folder")
-    columns = (
-        "CSV with the columns t (s) and the rows of the task by name: x, y, z (m), rx, ry, rz "
-        "(rad, the rotation vector of the tip in the base's axes), in a plane x, z, phi; or a "
-        "commanded trajectory of the joints, t and q:JOINT, whose poses are the path"
-    )
-    parser.add_argument("path", metavar="PATH", type=Path, help=columns)
-    folder = "folder of the plan, new or of an earlier plan, which it replaces"
-    parser.add_argument("out", metavar="OUT", type=Path, help=folder)
-    known = {"choices": OBJECTIVES, "default": OBJECTIVES[0]}
-    objective = (
-        "sum over the steps; ln det is in the row space of the Jacobian where it has its rank"
-    )
-    parser.add_argument("--objective", **known, help=f"{objective} (default %(default)s)")
-    for name, default, text in (
-        ("margin", 0.01, "m, least singular value of the Jacobian, angular rows times the length"),
-        ("smoothness", 0.0, "weight of the squared steps in the null space, objective per rad²"),
-        ("points", POINTS, "points of the grid, a step"),
-    ):
-        text = f"{text} (default %(default)s)"
-        parser.add_argument(f"--{name}", type=type(default), default=default, help=text)
-    return parser
+def read_path(file: Path, chain: Chain, robot: Robot) -> tuple[np.ndarray, float]:
+    """Return (M+1, p) the poses in ``file``, as ``chain`` has them, and their rate in 1/s.
+
+    A commanded trajectory of the joints gives its poses. Else the columns are t and the rows of the
+    task: in space positions and the rotation vector of the tip in the axes of the base, in a plane
+    φ as the arm counts it, zero where every joint is. Raises RecordingError as the formats do, and
+    for joints that are not the arm's.
+    """
+    if format_of(file, [FORMAT]) and (joints := members(table := read_trajectory(file), "q")):
+        if sorted(joints) != sorted(robot.joints):
+            named, own = (", ".join(names) for names in (joints, robot.joints))
+            message = f"the joints are {named}; those of the arm {own}"
+            raise RecordingError(message, file=file, line=1)
+        order = [joints.index(name) for name in robot.joints]
+        return chain.pose(values(table, "q")[:, order]), _rate(table["t"].to_numpy())
+    table = read_poses(file, chain.task)
+    rate, still = _rate(table["t"].to_numpy()), chain.pose(np.zeros(len(chain.lower)))
+    if len(still) == len(chain.task):
+        return table[[*chain.task]].to_numpy(), rate
+    poses, turn = np.zeros((len(table), len(still))), np.zeros((len(table), 3))
+    for name in chain.task:
+        if name in ("x", "y", "z"):
+            poses[:, "xyz".index(name)] = table[name]
+        else:
+            turn[:, 1 if name == PLANE[2] else "xyz".index(name[1])] = table[name]
+    rotation = Rotation.from_rotvec(turn).as_matrix()
+    if PLANE[2] in chain.task:
+        rotation = rotation @ still[3:].reshape(3, 3)
+    poses[:, 3:] = rotation.reshape(-1, 9)
+    return poses, rate
+
+
+def _rate(t: np.ndarray) -> float:
+    return float((len(t) - 1) / (t[-1] - t[0]))
 
 
 def _draw(

@@ -4,13 +4,11 @@ and filtered joint angles over time.
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import sys
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,15 +21,14 @@ from pipeline.core.options.dataset import Robot
 from pipeline.recordings.depth_points import arm_points
 
 HERE, FOLDER, ENVIRONMENT = Path(__file__).parent, Path("data/view"), Path(".venv-view")
-TRACK, FILTER, ARTICULATE, DEPTH = (
-    Path(f"data/{name}") for name in ("track", "filter", "articulate", "ingest/depth")
+TRACK, FILTER, ARTICULATE, DEPTH = map(
+    Path, ("data/track", "data/filter", "data/articulate", "data/ingest/depth")
 )
 MEASURED = (40, 40, 40)
 COLOURS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0))
 
 
-@dataclass(frozen=True)
-class Track:
+class Track(NamedTuple):
     """Joint angles over time: ``t`` (K,) s, ``q`` (K, n) rad or m, ``std`` (K, n) or None."""
 
     t: np.ndarray
@@ -39,8 +36,7 @@ class Track:
     std: np.ndarray | None = None
 
 
-@dataclass(frozen=True)
-class ViewedTake:
+class ViewedTake(NamedTuple):
     """Tracks of a take, measured and by model, and of every depth frame its time (s) and the points
     (I, 3), m in the base frame.
     """
@@ -50,30 +46,30 @@ class ViewedTake:
     joints: list[str]
     measured: Track
     filtered: dict[str, Track]
-    clouds: list[tuple[float, np.ndarray]] = field(default_factory=list)
+    clouds: list[tuple[float, np.ndarray]]
 
 
-def run(words: list[str]) -> None:
+ARGUMENTS = {
+    "take": {"nargs": "?", "metavar": "TAKE", "help": "take's name (default the first test take)"},
+    "--to": {
+        "type": Path,
+        "metavar": "FILE",
+        "help": f"output file (default {FOLDER}/DATASET_TAKE.rrd)",
+    },
+    "--open": {"action": "store_true", "help": "open the file in the viewer"},
+}
+
+
+def run(take: str | None = None, to: Path | None = None, open: bool = False) -> None:
     """Write the take to an .rrd file, and open it where that was asked for."""
-    parser = argparse.ArgumentParser(
-        prog="python -m pipeline view", description=__doc__.partition(": ")[2]
-    )
-    parser.add_argument(
-        "take", nargs="?", metavar="TAKE", help="name of the take (default the first test take)"
-    )
-    parser.add_argument(
-        "--to", type=Path, metavar="FILE", help=f"output file (default {FOLDER}/DATASET_TAKE.rrd)"
-    )
-    parser.add_argument("--open", action="store_true", help="open the file in the viewer")
-    arguments = parser.parse_args(words)
     rerun = _rerun()
     settings = config.sections("view", HERE / "reads.yaml")
-    take = read_viewed_take(settings, arguments.take)
-    file = arguments.to or FOLDER / f"{settings.dataset.name}_{take.name}.rrd"
+    viewed = read_viewed_take(settings, take)
+    file = to or FOLDER / f"{settings.dataset.name}_{viewed.name}.rrd"
     file.parent.mkdir(parents=True, exist_ok=True)
-    write_recording(rerun, take, file)
-    print(f"view: wrote {file}; `python -m pipeline view {take.name} --open` shows it")
-    if arguments.open:
+    write_recording(rerun, viewed, file)
+    print(f"view: wrote {file}; `python -m pipeline view {viewed.name} --open` shows it")
+    if open:
         viewer = rerun.RecordingStream(settings.dataset.name)
         viewer.spawn()
         viewer.log_file_from_path(file)

@@ -15,8 +15,12 @@ import pytest
 from depth_files import SHAPE, frame, refused
 from PIL import Image
 
-from pipeline.formats.depth.encoding import Encoding, metres
-from pipeline.formats.depth.image import PNG, RawDepth, read_depth, write_depth
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.instruments import Depth
+from pipeline.core.validation import validated
+from pipeline.formats.depth.image import PNG, Encoding, RawDepth, metres, read_depth, write_depth
+
+SMALL = frame(shape=(12, 16))
 
 
 @pytest.mark.parametrize(
@@ -31,8 +35,7 @@ def test_frames_of_real_sensors_keep_all_sixteen_bits(shared, name, largest, zer
     assert (raw.dtype, raw.shape, raw.max()) == (np.uint16, (480, 640), largest)
     assert abs((raw == 0).mean() - zeros) < 1e-4
     depth = metres(RawDepth(raw), Encoding("plain", units))
-    assert depth.dtype == np.float32
-    assert (np.isnan(depth) == (raw == 0)).all()
+    assert depth.dtype == np.float32 and (np.isnan(depth) == (raw == 0)).all()
     np.testing.assert_allclose(np.nanmax(depth), largest / units, rtol=1e-6)
 
 
@@ -43,6 +46,8 @@ def test_written_frames_read_back_without_loss_and_with_the_same_bytes(tmp_path)
         write_depth(file, extremes)
     np.testing.assert_array_equal(read_depth(tmp_path / "1.png", shape=SHAPE).pixels, extremes)
     assert (tmp_path / "1.png").read_bytes() == (tmp_path / "2.png").read_bytes()
+    with pytest.raises(TypeError):
+        write_depth(tmp_path / "d.png", SMALL.astype(np.int32))
 
 
 def tiff(image: np.ndarray, description: str = "", **options: object) -> bytes:
@@ -76,9 +81,6 @@ def test_an_image_that_would_unfold_into_gigabytes_is_refused_before_it_does(tmp
     tracemalloc.stop()
 
 
-SMALL = frame(shape=(12, 16))
-
-
 @pytest.mark.parametrize("compression", ["raw", "tiff_lzw", "tiff_adobe_deflate"])
 @pytest.mark.parametrize("kind", [np.uint16, np.float32])
 def test_tiffs_keep_their_values_and_their_description(tmp_path, kind, compression):
@@ -91,14 +93,7 @@ def test_tiffs_keep_their_values_and_their_description(tmp_path, kind, compressi
     np.testing.assert_allclose(depth[image > 0], image[image > 0] * 0.25e-3, rtol=1e-6)
 
 
-def test_a_tiff_of_float64_is_rounded_to_float32(tmp_path):
-    image = SMALL / 3.0
-    (tmp_path / "d.tif").write_bytes(encoded(".tif", image))
-    pixels = read_depth(tmp_path / "d.tif", shape=SMALL.shape).pixels
-    assert pixels.dtype == np.float32
-    np.testing.assert_array_equal(pixels, image.astype(np.float32))
-
-
+ROWS = zlib.compress(b"".join(b"\0" + row.astype(">u2").tobytes() for row in SMALL))
 CONTENTS = {
     "png": encoded(".png", SMALL),
     "lzw": tiff(SMALL, "scale=1", compression="tiff_lzw"),
@@ -106,14 +101,26 @@ CONTENTS = {
 }
 
 
-ROWS = zlib.compress(b"".join(b"\0" + row.astype(">u2").tobytes() for row in SMALL))
+@pytest.mark.parametrize(
+    ("content", "values"),
+    [
+        (png(ROWS, 16, 12), SMALL),
+        (CONTENTS["pgm"].replace(b"P5\n", b"P5\n# a comment\n"), SMALL),
+        (encoded(".tif", SMALL / 3.0), (SMALL / 3.0).astype(np.float32)),
+    ],
+)
+def test_a_whole_image_of_another_program_is_decoded(tmp_path, content, values):
+    (tmp_path / "d").write_bytes(content)
+    pixels = read_depth(tmp_path / "d", shape=(12, 16)).pixels
+    assert pixels.dtype == values.dtype
+    np.testing.assert_array_equal(pixels, values)
+
+
 DAMAGED = bytearray(CONTENTS["lzw"])
 DAMAGED[60:90] = b"\xff" * 30
+SEVERAL = tiff(frame(), save_all=True, append_images=[Image.fromarray(frame(2))])
 REFUSALS = {
-    "of several images": (
-        tiff(frame(), save_all=True, append_images=[Image.fromarray(frame(2))]),
-        "several images",
-    ),
+    "of several images": (SEVERAL, "several images"),
     "float64 of another size": (encoded(".tif", frame() / 3.0), "pixels where the camera has"),
     "of bytes": (encoded(".png", SMALL.astype(np.uint8)), "1 channel(s) of 8 bits"),
     "coloured": (encoded(".png", np.zeros((12, 16, 3), np.uint8)), "3 channel(s) of 8 bits"),
@@ -126,7 +133,6 @@ REFUSALS = {
     "PNG without data": (png(b"", 16, 12), "truncated or damaged"),
     "PNG cut": (CONTENTS["png"][:-60], "truncated or damaged; copy it again"),
     "PNG of no zlib": (png(b"no zlib at all", 16, 12), "truncated or damaged"),
-    "PGM short by one": (CONTENTS["pgm"][:-1], "1 bytes lack"),
     "PGM short by many": (CONTENTS["pgm"][:-300], "300 bytes lack"),
     "PGM too long": (CONTENTS["pgm"] + bytes(9), "9 bytes are left"),
     "TIFF damaged": (bytes(DAMAGED), "truncated or damaged"),
@@ -139,15 +145,61 @@ def test_what_is_no_depth_image_is_refused_and_no_library_prints_beside_it(tmp_p
     (tmp_path / "d").write_bytes(content)
     assert words in refused(read_depth, tmp_path / "d", shape=SMALL.shape).message
     assert name.startswith("PNG") or capfd.readouterr() == ("", "")
-
-
-def test_a_missing_file_and_pixels_of_another_type_are_refused(tmp_path):
     refused(read_depth, tmp_path / "absent.png", shape=SHAPE)
-    with pytest.raises(TypeError):
-        write_depth(tmp_path / "d.png", SMALL.astype(np.int32))
 
 
-@pytest.mark.parametrize("content", [png(ROWS, 16, 12), CONTENTS["pgm"]])
-def test_a_whole_png_or_pgm_of_another_program_is_decoded(tmp_path, content):
-    (tmp_path / "d").write_bytes(content.replace(b"P5\n", b"P5\n# a comment\n"))
-    np.testing.assert_array_equal(read_depth(tmp_path / "d", shape=(12, 16)).pixels, SMALL)
+def test_a_scale_of_a_description_is_one_positive_number():
+    encoding, raw = Encoding("plain", 1000, scale_key="scale"), np.full((2, 2), 500, np.uint16)
+    for text in ("scale=2", "scale: 2.0", '{"scale": 2}', "unit scale 2 (mm)"):
+        assert (metres(RawDepth(raw, text), encoding) == 1).all()
+    for text in ("", "scale=x", "rescale=2", "scale=1 scale=2", "scale=-1", "scale=1e999"):
+        with pytest.raises(RecordingError, match="'scale'"):
+            metres(RawDepth(raw, text), encoding)
+
+
+def test_rotated_bits_and_disparities_become_depth():
+    millimetres = np.array([[0, 1, 1234, 8191]], np.uint16)
+    stored = (millimetres << 3) | (millimetres >> 13)
+    depth = metres(RawDepth(stored), Encoding("rotated_bits", 1000))
+    np.testing.assert_allclose(depth[0], [np.nan, 0.001, 1.234, 8.191], rtol=1e-6)
+    with pytest.raises(RecordingError, match="float32"):
+        metres(RawDepth(np.ones((2, 2), np.float32)), Encoding("rotated_bits", 1000))
+    disparity = np.array([[0, 500, 1000, 1092, 1093, 2047]], np.uint16)
+    encoding = Encoding("disparity", 1, disparity=(351.3, 1092.5))
+    depth = metres(RawDepth(disparity.byteswap()), encoding)
+    np.testing.assert_allclose(depth[0, 1:4], 351.3 / (1092.5 - disparity[0, 1:4]), rtol=1e-6)
+    assert np.isnan(depth[0, [0, 4, 5]]).all()
+    # bytes that were not swapped are no disparities of eleven bits
+    with pytest.raises(RecordingError, match="11-bit"):
+        metres(RawDepth(disparity), encoding)
+
+
+def test_zero_nan_infinite_negative_and_saturated_values_are_no_depth():
+    floats = np.array([[0, np.nan, np.inf, -1, 0.5, 7.9, 8, 9]], np.float32)
+    depth = metres(RawDepth(floats), Encoding("plain", 1, saturation=8))
+    assert np.flatnonzero(np.isfinite(depth)).tolist() == [4, 5]
+    counts = np.array([[0, 1, 65534, 65535]], np.uint16)
+    for saturation, there in ((65535, [1, 2]), (None, [1, 2, 3])):
+        depth = metres(RawDepth(counts), Encoding("plain", 1000, saturation=saturation))
+        assert np.flatnonzero(np.isfinite(depth)).tolist() == there
+
+
+@pytest.mark.parametrize(
+    ("options", "key"),
+    [
+        ({"encoding": "mm"}, "encoding"),
+        ({"units_per_metre": 0}, "units_per_metre"),
+        ({"encoding": "disparity"}, "disparity"),
+        ({"disparity": [1.0, 2.0]}, "disparity"),
+    ],
+)
+def test_encodings_that_do_not_exist_or_lack_parameters_are_refused(options, key):
+    workspace = dict.fromkeys(("half_depth", "girth", "column_half_width", "column_top"), 0.1)
+    workspace |= {"floor": 0.0, "min_pixels": 1, "max_points": 9}
+    sound = {"takes": "*", "encoding": "plain", "units_per_metre": 1000.0, "rate": 30.0}
+    sound |= {"camera": {"position": [0.0] * 3, "rpy": [0.0] * 3}}
+    sound |= {"workspace": workspace, "search": 0.1}
+    assert validated(Depth, sound).disparity is None
+    with pytest.raises(ConfigError) as caught:
+        validated(Depth, sound | options, "dataset.depth")
+    assert caught.value.evidence["key"] == f"dataset.depth.{key}"

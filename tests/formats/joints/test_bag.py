@@ -12,7 +12,7 @@ from pipeline.core.errors import RecordingError
 from pipeline.formats.joints.bag import JOINT_STATE, read_joint_bag
 from pipeline.formats.joints.log import LogOptions
 from pipeline.recordings.movement import read_movement
-from pipeline.tools.inspect.examine import inspect
+from pipeline.tools.inspect.command import inspect
 
 NONE = np.zeros(0)
 AB = LogOptions(joints=2, names=("a", "b"))

@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.formats.cells import bare, unit_of
 from pipeline.formats.joints.names import signals_of
+from pipeline.formats.units import bare, unit_of
 
 
 def numbered(form: str, joints: int = 6, first: int = 0) -> list[str]:

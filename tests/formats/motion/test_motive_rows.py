@@ -1,8 +1,11 @@
+"""Row-typed takes of Motive 1.0 and 1.1: read, repaired with a count, and refused by their line."""
+
 from __future__ import annotations
 
 import time
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motive_files import refusal, rows_file
@@ -24,7 +27,6 @@ def test_version_1_1_gives_measured_markers_poses_and_strays_in_the_unit_that_is
     assert refusal(read_motive, file).evidence["key"] == "dataset.mocap.unit"  # it states none
     result = in_metres(file)
     assert (result.version, result.rate, result.unit, len(result.frame)) == ("1.1", 120.0, "m", 548)
-    assert list(result.bodies) == ["Rigid Body 1"]
     names = [f"Rigid Body 1-Marker {i}" for i in range(1, 6)]
     assert [name for name in result.markers if not name.startswith("Unl")] == names
     body = result.bodies["Rigid Body 1"]
@@ -76,63 +78,35 @@ def test_version_1_0_calls_bodies_trackables_and_has_markers_without_names(tmp_p
     np.testing.assert_array_equal(result.markers["Arm-Marker 1"], [[0, 0, 1], [1, 0, 1], [2, 0, 1]])
     assert np.isnan(result.markers["Arm-Marker 2"]).all()
     np.testing.assert_array_equal(result.markers["Unlabeled 1"], [[5, 5, 5]] * 3)
-    assert (
-        result.counts["announced_frames"],
-        result.counts["found_frames"],
-        result.counts["stray_samples"],
-    ) == (3, 3, 3)
+    names = ("announced_frames", "found_frames", "stray_samples")
+    assert [result.counts[name] for name in names] == [3, 3, 3]
 
 
-def test_a_stray_that_gets_a_new_id_at_every_occlusion_takes_no_more_room_than_one(tmp_path):
+def test_a_stray_that_gets_a_new_id_at_every_occlusion_takes_no_more_memory_than_one(tmp_path):
     rows = [frame_row(k, f"1,{k / 100},5,5,{k},Marker-{k}", tracked=False) for k in range(5000)]
     start = time.perf_counter()
     result = in_metres(rows_file(tmp_path, *rows))
     assert time.perf_counter() - start < 2.0
     assert list(result.markers) == ["Unlabeled 1"]
-    assert (
-        result.counts["stray_ids"],
-        result.counts["stray_samples"],
-        result.counts["missing_samples"],
-    ) == (5000, 5000, 0)
-
-
-def test_labelled_markers_without_a_body_keep_their_names(tmp_path):
-    result = in_metres(
-        rows_file(
-            tmp_path,
-            frame_row(0, '1,1,2,3,4,"Set:a, b"', tracked=False),
-            frame_row(1, "0", tracked=False),
-        )
-    )
-    np.testing.assert_array_equal(result.markers["Set:a, b"], [[1, 2, 3], [np.nan] * 3])
+    names = ("stray_ids", "stray_samples", "missing_samples")
+    assert [result.counts[name] for name in names] == [5000, 5000, 0]
 
 
 def test_trailing_and_blank_cells_and_repeated_rows_change_nothing_and_are_counted(tmp_path):
     lines = lines_of_take(3)
     plain = in_metres(rows_file(tmp_path, *lines))
-    padded = [
-        lines[0] + ",,",
-        "",
-        *lines[1:3],
-        ",,,,",
-        lines[3],
-        lines[3],
-        *(line + ",,," for line in lines[4:]),
-    ]
-    result = in_metres(
-        rows_file(tmp_path, *padded, head='\ufeffcomment,"== \'"\nrighthanded\ninfo,version,1.1\n')
-    )
-    assert all(
-        np.array_equal(result.markers[name], plain.markers[name], equal_nan=True)
-        for name in plain.markers
-    )
+    padded = [lines[0] + ",,", "", *lines[1:3], ",,,,", lines[3], lines[3]]
+    padded += [line + ",,," for line in lines[4:]]
+    head = '\ufeffcomment,"== \'"\nrighthanded\ninfo,version,1.1\n'
+    result = in_metres(rows_file(tmp_path, *padded, head=head))
+    for name in plain.markers:
+        np.testing.assert_array_equal(result.markers[name], plain.markers[name])
     assert (result.counts["blank_rows"], result.counts["repeated_rows"]) == (2, 1)
 
 
 def samples(take: MotionTake) -> set[tuple[float, ...]]:
-    return {
-        tuple(row) for points in take.markers.values() for row in points[np.isfinite(points[:, 0])]
-    }
+    held = [points[np.isfinite(points[:, 0])] for points in take.markers.values()]
+    return {tuple(row) for points in held for row in points}
 
 
 @settings(derandomize=True, max_examples=120, deadline=None)
@@ -160,16 +134,33 @@ def test_any_cut_and_any_dropped_doubled_or_swapped_line_is_refused_or_leaves_tr
         return
     assert samples(result) <= whole
     assert fault != "swapped" or first == second
-    counts = result.counts
-    missed = (
-        5
-        - counts["found_frames"]
-        + counts["lacking_body_rows"]
-        + counts["repeated_rows"]
-        + counts["cut_rows"]
-    )
-    assert (
-        missed
-        or fault == "swapped"
-        or (fault == "cut" and content.endswith(b"\n") and len(result.frame) == 5)
-    )
+    names = ("lacking_body_rows", "repeated_rows", "cut_rows")
+    missed = 5 - result.counts["found_frames"] + sum(result.counts[name] for name in names)
+    assert missed or fault == "swapped" or (fault == "cut" and len(result.frame) == 5)
+
+
+@pytest.mark.parametrize(
+    ("rows", "line", "words"),
+    [
+        ([DEFINITION], 3, "no frame"),
+        ([DEFINITION, frame_row(0)], 4, "no rate"),
+        ([DEFINITION, frame_row(0), frame_row(0, "1,1,1,1,3,Marker-3")], 5, "does not increase"),
+        ([frame_row(0)], 3, "not defined"),
+        ([DEFINITION, DEFINITION.replace("Arm", "Leg")], 4, "defined twice"),
+        ([DEFINITION, seen_row(0)[:-12]], 4, "counts ask for"),
+        ([DEFINITION, seen_row(0) + ",5"], 4, "goes on"),
+        ([DEFINITION, seen_row(0).replace(",0,1,2,Arm", ",0,x,2,Arm")], 4, "'x'"),
+        ([DEFINITION, seen_row(0).replace(",0,1,2,Arm", ",0,1e999,2,Arm")], 4, "too large"),
+        ([DEFINITION, frame_row(0, "-1")], 4, "'-1' where a count"),
+        ([DEFINITION, frame_row(0, "999999999999")], 4, "counts ask for"),
+        ([DEFINITION, frame_row(0), body_row(1, "1,1,1", "2,2,2")], 5, "not of the frame"),
+        ([DEFINITION, f"frame,0,0,2,{POSE.format(0)},{POSE.format(0)},0"], 4, "two poses"),
+        ([DEFINITION, frame_row(0, "2,1,1,1,2,A,5,5,5,4,A")], 4, "two markers are named 'A'"),
+        (["skeleton,1"], 3, "no row type 'skeleton'"),
+        (["lefthanded"], 3, "left-handed"),
+        ([frame_row(k, f"1,1,{k}000,3,4,a", tracked=False) for k in range(2)], 4, "a is at 1000 m"),
+    ],
+)
+def test_damaged_rows_of_version_1_1_are_refused_with_their_line(tmp_path, rows, line, words):
+    error = refusal(in_metres, rows_file(tmp_path, *rows))
+    assert words in error.message and error.evidence["line"] == line

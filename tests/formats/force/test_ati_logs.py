@@ -1,0 +1,265 @@
+"""Logs of ATI's programs, DAQ F/T in both cultures and Net F/T: values, units, axes, times, and
+what is refused by the line or the option that settles it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from written_logs import write_netft
+
+from pipeline.core.errors import RecordingError
+from pipeline.formats.force.daqft import read_daqft, read_netft, write_daqft
+from pipeline.formats.force.record import ForceLogOptions, ForceRecord
+from pipeline.formats.force.table import read_force_table
+
+KEY, STARTED = "dataset.force.log", "4/2/13 3:45 PM"
+PLAIN = ForceLogOptions()
+SETTINGS = "Frequency = 1000,Averaging Level = 16,F/T Serial Number = FT1"
+ROW = '"1.5","2","3","4","5","6"'
+NUMBERED = {axis: column for column, axis in enumerate(("fx", "fy", "fz", "tx", "ty", "tz"))}
+POUND = 0.45359237 * 9.80665
+
+
+def record(samples: int = 50, rate: float = 500.0) -> ForceRecord:
+    values = np.random.default_rng(1).normal(size=(samples, 6)) * [10, 10, 30, 0.1, 0.1, 0.1]
+    time = np.arange(samples) / rate
+    return ForceRecord(time, values[:, :3], values[:, 3:], rate, "FT7", STARTED, {})
+
+
+def log(folder: Path, *rows: str, force: str = "N", torque: str = "N-m", top: str = "") -> Path:
+    labels = [f'"Force {axis} ({force})"' for axis in "XYZ"]
+    labels += [f'"Torque {axis} ({torque})"' for axis in "XYZ"]
+    (folder / "log.csv").write_text("\n".join([top + ",".join([*labels, SETTINGS]), *rows, ""]))
+    return folder / "log.csv"
+
+
+def refusal(file: Path, options: ForceLogOptions = PLAIN, read=read_daqft) -> RecordingError:
+    with pytest.raises(RecordingError) as caught:
+        read(file, options)
+    assert caught.value.evidence["file"] == file
+    return caught.value
+
+
+def change(file: Path, old: str, new: str, count: int = -1) -> None:
+    text = file.read_bytes().decode()
+    assert old in text
+    file.write_bytes(text.replace(old, new, count).encode())
+
+
+def test_a_real_log_of_a_decimal_comma_culture_is_read_and_rewritten_to_its_own_rows(
+    shared, tmp_path
+):
+    source = shared / "samples/ati/daqft_dotnet_semicolon.csv"
+    result = read_daqft(source)
+    assert (len(result.time), result.rate, result.time[-1]) == (858, 62.5, 857 / 62.5)
+    assert result.force[0].tolist() == [
+        0.00877152755856514,
+        0.00518989656120539,
+        -0.00133696524426341,
+    ]
+    assert result.torque[-1][2] == -0.000581596628762782
+    assert (result.serial, result.started) == ("FT38684", "20.12.2023 13:59:33")
+    assert result.counts == {"repeated_rows": 0, "zero_rows": 0, "blank_rows": 0, "cut_rows": 0}
+    write_daqft(tmp_path / "log.csv", result, decimal=",")
+    rows = [file.read_bytes().splitlines()[1:] for file in (tmp_path / "log.csv", source)]
+    assert rows[0] == rows[1]
+
+
+@pytest.mark.parametrize(
+    ("force", "torque", "newton", "newton_metre"),
+    [
+        ("N", "N-m", 1, 1),
+        ("kN", "N-mm", 1e3, 1e-3),
+        ("lbf", "lbf-in", POUND, POUND * 0.0254),
+        ("lbf", "lbf-ft", POUND, POUND * 0.3048),
+        ("N", "N·m", 1, 1),
+    ],
+)
+def test_units_become_newton_and_newton_metre(tmp_path, force, torque, newton, newton_metre):
+    result = read_daqft(log(tmp_path, ROW, force=force, torque=torque))
+    np.testing.assert_allclose(result.force, [np.array([1.5, 2, 3]) * newton], rtol=1e-14)
+    np.testing.assert_allclose(result.torque, [np.array([4, 5, 6]) * newton_metre], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        f"{SETTINGS}\nFx,Fy,Fz,Tx,Ty,Tz\nN,N,N,N-mm,N-mm,N-mm",
+        "Paused for 500 milliseconds before saving data.\nForce X,Force Y,Force Z,Torque X,"
+        f"Torque Y,Torque Z\n(N),(N),(N),(N-mm),(N-mm),(N-mm),{SETTINGS}",
+        f"Fx [N],Fy [N],Fz [N],Mx [N-mm],My [N-mm],Mz [N-mm],{SETTINGS}",
+    ],
+)
+def test_labels_units_and_settings_may_have_rows_of_their_own(tmp_path, header):
+    (tmp_path / "log.csv").write_text(f"{header}\n{ROW}\n{ROW}\n")
+    result = read_daqft(tmp_path / "log.csv")
+    np.testing.assert_array_equal(result.force, [[1.5, 2, 3]] * 2)
+    np.testing.assert_allclose(result.torque, [[0.004, 0.005, 0.006]] * 2)
+    assert (result.rate, result.serial) == (62.5, "FT1")
+
+
+def test_labels_or_numbers_say_which_column_is_which_axis(tmp_path):
+    file = log(tmp_path, ROW)
+    for old, new in (("Force X", "?"), ("Force Z", "Force X"), ("?", "Force Z")):
+        change(file, old, new)
+    np.testing.assert_array_equal(read_daqft(file).force, [[3, 2, 1.5]])
+    change(file, "Torque X", "Torque Z")
+    error = refusal(file)
+    assert "two columns are labelled Torque Z" in error.message
+    assert error.evidence["key"] == f"{KEY}.columns"
+    options = ForceLogOptions(columns=NUMBERED)
+    np.testing.assert_array_equal(read_daqft(file, options).torque, [[4, 5, 6]])
+    # only what is named is read
+    forces = ForceLogOptions(columns={axis: NUMBERED[axis] for axis in ("fx", "fy", "fz")})
+    assert np.isnan(read_daqft(file, forces).torque).all()
+    some = ForceLogOptions(columns={"fx": 0, "fy": 1, "fz": 2, "tx": 3})
+    assert "all torques or none" in refusal(file, some).message
+
+
+REFUSED = {  # of a DAQ F/T log: what is changed in it → line, words
+    (" (N)", ""): (1, "no known unit"),
+    ("(N-m)", "(furlong)"): (1, "no known unit"),
+    ("Force Y (N)", "G1"): (1, "labelled fy"),
+    ("Frequency = 1000", "Frequency = x"): (1, "Frequency"),
+    ("Averaging Level = 16", "Averaging Level = 0"): (1, "Averaging Level"),
+    ('"2"', '"two"'): (2, "'two'"),
+    ('"2"', '""'): (2, "no number"),
+    ('"2"', '"inf"'): (2, "'inf'"),
+    ('"2"', '"2,5"'): (2, "'2,5', not a finite number"),
+    ('"2",', ""): (2, "5 cells under 6 labels"),
+}
+
+
+@pytest.mark.parametrize("change_of", REFUSED)
+def test_a_daqft_log_that_leaves_something_open_is_refused_with_its_line(tmp_path, change_of):
+    line, words = REFUSED[change_of]
+    file = log(tmp_path, ROW)
+    change(file, *change_of, 1 if "Start" in change_of[1] else -1)
+    error = refusal(file)
+    assert words in error.message and error.evidence["line"] == line
+
+
+def test_a_log_without_labels_or_samples_and_other_files_are_refused(tmp_path):
+    assert "no whole sample" in refusal(log(tmp_path)).message
+    file = tmp_path / "log.csv"
+    file.write_text(f"{ROW}\n{ROW}\n".replace('"', ""))
+    assert refusal(file).evidence["key"] == f"{KEY}.format"
+    options = ForceLogOptions(NUMBERED, rate=62.5, force_unit="N", torque_unit="N-m")
+    assert read_force_table(file, options).torque.tolist() == [[4, 5, 6]] * 2
+    for content in (b"", b"0.1,0.2,0.3\n", b"Paused for 5 milliseconds\n", b"\x89PNG\r\n\x1a\n\0"):
+        file.write_bytes(content)
+        refusal(file)
+
+
+@pytest.mark.parametrize("top", ["Paused for 500 milliseconds", "Skipped 20 samples"])
+def test_a_first_line_about_a_delay_is_counted(tmp_path, top):
+    result = read_daqft(log(tmp_path, ROW, top=f'{top} before "Time Started".\r\n'))
+    counts = {"paused_ms": 500} if "Paused" in top else {"skipped_samples": 20}
+    assert result.counts.items() >= counts.items() and result.rate == 62.5
+
+
+def test_a_rate_is_the_labels_or_the_options_and_thousands_are_no_fraction(tmp_path):
+    file = log(tmp_path, ROW, ROW)
+    assert (
+        "62.5 samples a second, the option 64" in refusal(file, ForceLogOptions(rate=64.0)).message
+    )
+    change(file, "Frequency = 1000,Averaging Level = 16,", "")
+    assert refusal(file).evidence["key"] == f"{KEY}.rate"
+    assert read_daqft(file, ForceLogOptions(rate=250.0)).time.tolist() == [0, 0.004]
+    write_daqft(file, record(5, 62.5), decimal=",")
+    change(file, "Frequency = 62,5", "Frequency = 1.000")
+    assert refusal(file).evidence["key"] == f"{KEY}.rate"
+
+
+@pytest.mark.parametrize(
+    ("label", "tick", "options"),
+    [
+        ("Time (s)", 0.016, PLAIN),
+        ("Time Stamp [ms]", 16, PLAIN),
+        ("Time", 0.016, ForceLogOptions(time_unit="s")),
+        ("Sample Number", 1, PLAIN),
+        ("Clock (ms)", 16, ForceLogOptions(columns={"t": 0, "fx": 1, "fy": 2, "fz": 3})),
+    ],
+)
+def test_rows_that_were_lost_leave_a_gap_where_the_log_has_times_or_numbers(
+    tmp_path, label, tick, options
+):
+    kept = np.array([k for k in range(20) if k not in (7, 8)])
+    file = log(tmp_path, *(f'"{k * tick:g}","{k}.5","2","3","4","5","6"' for k in kept))
+    file.write_text(f'"{label}",' + file.read_text())
+    result = read_daqft(file, options)
+    assert result.counts["missing_samples"] == 2 and result.rate == pytest.approx(62.5)
+    np.testing.assert_allclose(result.time, kept * 0.016, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(result.force[:, 0], kept + 0.5)
+    if label == "Time":
+        assert refusal(file).evidence["key"] == f"{KEY}.time_unit"
+
+
+@pytest.fixture
+def netft(tmp_path) -> Path:
+    write_netft(tmp_path / "log.csv", record())
+    return tmp_path / "log.csv"
+
+
+def test_a_netft_log_reads_back_to_the_bit_whatever_is_beside_its_numbers(netft):
+    change(netft, f'"{STARTED}"', '"Apr 2, 2013 3:45:12 PM"')
+    change(netft, "Force Units", '"PLEASE NOTE: The rate, as it was."\r\nForce Units')
+    change(netft, '"0x0"', '"0x80020000"', 3)
+    result = read_netft(netft)
+    np.testing.assert_array_equal(result.force, record().force)
+    np.testing.assert_array_equal(result.torque, record().torque)
+    np.testing.assert_allclose(result.time, record().time, rtol=0, atol=1e-12)
+    assert (result.rate, result.started) == (500.0, STARTED)
+    assert {name for name, count in result.counts.items() if count} == {"status_rows"}
+    assert result.counts["status_rows"] == 3
+
+
+def test_counts_are_divided_as_the_header_says_and_what_may_be_counts_is_asked(tmp_path):
+    file = tmp_path / "log.csv"
+    write_netft(file, record(), counts_per_unit=1_000_000)
+    change(file, "Torque Units: N-m", "Torque Units: N-mm")
+    change(file, "Force Units: N", "Force Units: lbf")
+    result = read_netft(file)
+    np.testing.assert_allclose(result.force, record().force * POUND, atol=2.3e-6)
+    np.testing.assert_allclose(result.torque, record().torque * 1e-3, atol=0.51e-9)
+    whole = ForceRecord(np.arange(3) / 500, np.full((3, 3), 7.0), np.ones((3, 3)), 500, "", "", {})
+    write_netft(file, whole)
+    assert refusal(file, read=read_netft).evidence["key"] == f"{KEY}.counts"
+    for counts, value in ((False, 7), (True, 7e-6)):
+        force = read_netft(file, ForceLogOptions(counts=counts)).force
+        np.testing.assert_allclose(force, value)
+
+
+NETFT_REFUSED = {
+    ("Force Units: N\r\n", ""): "fx has no known unit",
+    ("Torque Units: N-m", "Torque Units: furlong"): "furlong",
+    ("RDT Sample Rate: 500", "RDT Sample Rate: fast"): "RDT Sample Rate above 0, not 'fast'",
+    ("RDT Sample Rate: 500", "RDT Sample Rate: 0"): "RDT Sample Rate above 0, not '0'",
+    ("RDT Sequence", "Sequence"): "no log of a Net F/T",
+    (" Fy,", " Fx,"): "two columns are labelled Fx",
+    (" Ty,", " ,"): "labelled ty",
+    ('"0x0","7"', '"0x0","5"'): "goes back",
+    ('"0x0","7"', '"0xZ","7"'): "0xZ",
+    ('"0x0","7"', '"0x0"'): "9 cells",
+    ('"0x0","7"', '"0x0",""'): "no number",
+    ('"0x0","7"', '"0x0","1e999"'): "beyond",
+}
+
+
+@pytest.mark.parametrize("change_of", NETFT_REFUSED)
+def test_a_netft_log_that_leaves_something_open_is_refused(netft, change_of):
+    change(netft, *change_of)
+    assert NETFT_REFUSED[change_of] in refusal(netft, read=read_netft).message
+
+
+def test_units_rate_and_axes_of_a_netft_log_may_come_from_the_options(netft):
+    change(netft, "Force Units: N\r\n", "")
+    change(netft, "Fx, Fy, Fz", "Fx, Fx, Fz")
+    options = ForceLogOptions({"fx": 3, "fy": 4, "fz": 5}, force_unit="kN", rate=250.0)
+    result = read_netft(netft, options)
+    np.testing.assert_allclose(result.force, 1e3 * record().force)
+    np.testing.assert_allclose(result.time, 2 * record().time)
+    assert np.isnan(result.torque).all()

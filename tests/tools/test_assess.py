@@ -1,0 +1,99 @@
+"""Innovations of takes of a known model are as large as predicted, and white; takes of one kind are
+called different as seldom as is said; a push is found, in its joint and at its time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from exported_models import PARAMETERS, write_model
+
+from pipeline.models import load
+from pipeline.models.model import Commands
+from pipeline.tools.assess.command import assessment
+from pipeline.tools.assess.judge import LEVEL, Innovations, TakeVerdict, filtered, judge
+
+JOINTS, POSE = ["a", "b", "c"], np.diag([1.0, 2.0, 1.5]) * 1e-6
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2])
+@pytest.mark.parametrize("kind", PARAMETERS)
+def test_innovations_are_as_large_as_predicted_and_white(kind, share, chain, tmp_path):
+    model = load(write_model(tmp_path / "model.json", kind, chain, share=share))
+    v = np.sin(np.linspace(0, 3, 40))[:, None] * np.array([0.0005, -0.0005, 0.01])
+    rng, start = np.random.default_rng(1), np.array([0.3, 1.5, -0.4])
+    path, q = [start], np.tile(start, (60, 1))
+    for each in v:
+        path.append(path[-1] + model.chain.nominal_step(path[-1], each))
+    targets, true = model.chain.pose(np.array(path)), [q]
+    for each, target in zip(v, targets, strict=False):
+        q = model.step(q, model.command(q, each, target), rng)
+        true.append(q)
+    poses = np.stack(true, axis=1) + rng.multivariate_normal(np.zeros(3), POSE, (60, 41))
+
+    def summary(pose: np.ndarray) -> tuple[float, float]:
+        """Mean normalised square and correlation of neighbours, for the noise ``pose``."""
+        model.record["pose_covariance_rad2"] = pose.tolist()
+        found = filtered(model, Commands(v, targets[:-1], share), poses)
+        white = np.linalg.solve(found.covariance, found.error[..., None])[..., 0]
+        z = found.error / found.std
+        return float(np.vecdot(found.error, white).mean()), float(np.mean(z[:, 1:] * z[:, :-1]))
+
+    square, correlation = summary(POSE)
+    # 3 on average; 2400 steps of heavy tails vary by a few per cent
+    assert square == pytest.approx(3.0, rel=0.08) and abs(correlation) < 0.06
+    # the control: to a filter that holds the measured poses for exact they are correlated
+    square, correlation = summary(np.eye(3) * 1e-12)
+    assert square > 3.5 or correlation < -0.06
+
+
+def innovations(seed: int, takes: int = 51) -> Innovations:
+    """Of heavy-tailed steps, whose scale differs from take to take, and which are predicted normal;
+    the evidence is then far from normal.
+    """
+    rng = np.random.default_rng(seed)
+    error = rng.gamma(4, 1 / 4, (takes, 1, 1)) * rng.standard_t(4, (takes, 100, 3))
+    return Innovations(error, np.broadcast_to(np.eye(3), (takes, 100, 3, 3)))
+
+
+def verdict(drawn: Innovations) -> TakeVerdict:
+    """On the last of the takes, compared with all before it."""
+    others = np.arange(len(drawn.error)) < len(drawn.error) - 1
+    return judge(drawn, len(drawn.error) - 1, others, JOINTS, 100.0)
+
+
+def test_a_take_of_the_same_kind_is_called_another_as_seldom_as_the_level_says():
+    called = [not verdict(innovations(seed)).behaves for seed in range(150)]
+    # at most LEVEL: 7.5 of 150 on average, and not beyond five standard deviations of that
+    assert 0 < sum(called) < 7.5 + 5 * np.sqrt(7.5)
+    assert verdict(innovations(0)).limit == LEVEL / 2
+    assert verdict(innovations(0, takes=5)).limit == 1 / 5
+
+
+@pytest.mark.parametrize(("joint", "first"), [(1, 0), (2, 60)])
+def test_a_push_is_found_in_its_joint_and_span(joint, first):
+    drawn = innovations(3)
+    assert verdict(drawn).behaves
+    drawn.error[-1, first : first + 8, joint] += 12.0
+    pushed = verdict(drawn)
+    assert not pushed.behaves and pushed.p_spans <= pushed.limit
+    text = assessment("new", "model.json", 0, pushed)
+    assert "new does NOT behave as the 50 takes it is compared with (model.json)." in text
+    begins = f"{JOINTS[joint]} from {first / 100:.3g} to {(first + 10) / 100:.3g} s, less likely"
+    assert f"largest difference: {begins}" in text
+
+
+def test_a_take_that_is_wider_throughout_is_found_as_a_whole_and_one_that_rests_as_more_likely():
+    drawn = innovations(3)
+    drawn.error[-1] *= 6
+    assert verdict(drawn).p_whole <= verdict(drawn).limit
+    drawn.error[-1] = 0.0
+    assert (verdict(drawn).span_t > 0).all()
+
+
+def test_with_three_takes_to_compare_with_no_difference_can_be_shown():
+    text = assessment("new", "model.json", 3, verdict(innovations(3, takes=4)))
+    shown = "no difference of new can be shown with 3 takes to compare with: record 7 or more"
+    assert shown in text and "behave" not in text.splitlines()[0]
+    text = assessment("new", "model.json", 0, verdict(innovations(3, takes=8)))
+    assert "can be shown" not in text
