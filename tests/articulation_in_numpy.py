@@ -45,7 +45,7 @@ def plain_halved(
 def _distances(
     points: np.ndarray, nodes: np.ndarray
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-    """Of every point the distance to the nearest segment; of every segment the distances of its own
+    """Distance of every point to the nearest segment; of every segment the distances of its own
     points, and of the others 0, and on which side all are.
     """
     distance, side = [], []

@@ -1,4 +1,4 @@
-"""How long the tests take, a row a module, in the file that ``--durations-file`` names."""
+"""Durations of the tests, a row a module, in the file that ``--durations-file`` names."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def kalman(
         noise: (3, 3) covariance of the motion noise of a step.
         measurements: of the poses, at times of their own.
     """
-    due, _ = measurements.schedule(len(steps), dt)
+    frames, due, shares = measurements.schedule(len(steps), dt)
     mean, covariance = np.tile(start.mean, 2), np.tile(start.covariance, (2, 2))
     means, covariances, evidence = [], [], 0.0
     for k in range(len(steps) + 1):
@@ -38,7 +38,7 @@ def kalman(
             last = covariance[3:, 3:]
             mean = np.concatenate([mean[3:], mean[3:] + inverse @ steps[k - 1]])
             covariance = np.block([[last, last], [last, last + noise]])
-        for frame, share in due.get(k, ()):
+        for frame, share in zip(frames[due == k], shares[due == k], strict=True):
             looks = np.hstack([(1 - share) * np.eye(3), share * np.eye(3)])
             spread = looks @ covariance @ looks.T + measurements.covariance[frame]
             surprise = measurements.y[frame] - measurements.bias[frame] - looks @ mean

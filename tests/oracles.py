@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from pipeline.models.wishart.decomposition import Decomposition
-from pipeline.models.wishart.factors import factors
+from pipeline.models.wishart.decomposition import Decomposition, factors
 from pipeline.randommatrix import wishart
 
 # every decomposition

@@ -1,6 +1,4 @@
-"""The particle filter in plain NumPy, drawing from the same stream: what the compiled filter is
-held against.
-"""
+"""The particle filter in plain NumPy, drawing from the same stream: an oracle."""
 
 from __future__ import annotations
 
@@ -9,8 +7,7 @@ from plain_laws import plain_steps
 
 from pipeline.core.errors import DegenerateFilterError
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.particle_filter import Posterior
-from pipeline.filtering.start import initial_particles
+from pipeline.filtering.particle_filter import Posterior, initial_particles
 
 BELOW_ONE = np.nextafter(1.0, 0.0)
 
@@ -18,7 +15,8 @@ BELOW_ONE = np.nextafter(1.0, 0.0)
 def plain_filter(model, chain, commands, dt, start, measurements, options, rng) -> Posterior:
     """Arguments and result of :func:`pipeline.filtering.particle_filter.particle_filter`."""
     grid, count = len(commands.v) + 1, options.particles
-    due, left_out = measurements.schedule(len(commands.v), dt)
+    frame, step, share = measurements.schedule(len(commands.v), dt)
+    left_out = len(measurements.t) - len(frame)
     mean, covariance, ess = np.empty((grid, 3)), np.empty((grid, 3, 3)), np.empty(grid)
     resampled, measured = np.zeros((2, grid), dtype=bool)
     clipped, outside = np.zeros((2, grid), dtype=int)
@@ -27,7 +25,7 @@ def plain_filter(model, chain, commands, dt, start, measurements, options, rng) 
     uniform = np.full(count, 1.0 / count)
     log_uniform = np.log(uniform)
     weights, log_weights = uniform, log_uniform
-    q, outside[0] = initial_particles(start, chain, count, rng, take=measurements.take)
+    q, outside[0] = initial_particles(start, chain, count, rng, measurements.take)
     before = q
     for k in range(grid):
         if k > 0:
@@ -40,13 +38,11 @@ def plain_filter(model, chain, commands, dt, start, measurements, options, rng) 
             log_weights = np.where(gone, -np.inf, log_weights)
             q = np.where(gone[:, None], before, q)
 
-        frames = due.get(k, ())
-        measured[k] = len(frames) > 0
-        for frame, share in frames:
-            log_weights = log_weights + log_likelihood(
-                measurements, frame, before + share * (q - before)
-            )
-        if frames or outside[k]:
+        measured[k] = np.any(step == k)
+        for j in np.flatnonzero(step == k):
+            pose = before + share[j] * (q - before)
+            log_weights = log_weights + log_likelihood(measurements, frame[j], pose)
+        if measured[k] or outside[k]:
             peak = log_weights.max()
             if not np.isfinite(peak):
                 raise DegenerateFilterError("all weights vanished", step=k)
@@ -63,7 +59,7 @@ def plain_filter(model, chain, commands, dt, start, measurements, options, rng) 
             weights, log_weights = uniform, log_uniform
             resampled[k] = True
     return Posterior(
-        mean, covariance, ess, resampled, measured, clipped, outside, left_out, log_evidence
+        mean, covariance, ess, resampled, clipped, outside, measured, left_out, log_evidence
     )
 
 

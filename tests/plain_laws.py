@@ -11,7 +11,7 @@ from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import frobenius
 from pipeline.models.normal import root
 from pipeline.models.scaled.law import ScaledModel
-from pipeline.models.wishart.factors import split
+from pipeline.models.wishart.decomposition import split
 from pipeline.models.wishart.law import WishartModel
 from pipeline.randommatrix.wishart import degrees_of_freedom
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.cases.case import Case
-from pipeline.cases.recordings import Takes
+from pipeline.cases.case import Case, Takes
 from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.models.kinds import options_type
 from pipeline.models.noise import process_noise

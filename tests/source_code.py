@@ -75,5 +75,5 @@ def needed(module: str, harmless: set[str]) -> set[str]:
 
 
 def covers(path: str, other: str) -> bool:
-    """Whether ``path``, in which * stands for any one name, is ``other`` or a folder it lies in."""
+    """True where ``path``, with * for any one name, is ``other`` or a folder it lies in."""
     return re.match(re.escape(path).replace(r"\*", r"[^/]+") + "(/|$)", other) is not None

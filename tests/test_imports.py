@@ -15,7 +15,7 @@ UPPER = {"stages", "studies", "tools", "__main__"}  # what the paper's packages 
 
 
 def within(module: str, entries: list[str]) -> bool:
-    """Whether a module of the pipeline is, or lies in, one of ``entries`` of the table."""
+    """True where a module of the pipeline is, or lies in, one of ``entries`` of the table."""
     return any(f"{module}.".startswith(f"pipeline.{entry}.") for entry in entries)
 
 
@@ -29,7 +29,7 @@ def allowed(module: str) -> list[str]:
 
 
 def at_the_top(module: str) -> set[str]:
-    """What ``module`` imports when it is imported itself."""
+    """Modules that ``module`` imports when it is imported itself."""
     names: set[str] = set()
     for node in tree(module).body:
         if isinstance(node, ast.Import):

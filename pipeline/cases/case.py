@@ -1,34 +1,34 @@
-"""A case: one way to decide everything that the paper or a user leaves open."""
+"""A case, one way to decide everything that the paper or a user leaves open; and the recordings
+that cases are evaluated on.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
 from typing import NamedTuple
 
-from pipeline.filtering.particle_filter import FilterOptions
+import numpy as np
+import pandas as pd
+
+from pipeline.core import contracts
+from pipeline.core.columns import columns
+from pipeline.core.options.dataset import Motion, Robot
+from pipeline.core.rng import stream
+from pipeline.filtering.measurement import Measurements, measurements
+from pipeline.filtering.particle_filter import FilterOptions, Start
 from pipeline.models.options import Options
+from pipeline.models.steps import Recorded
+from pipeline.perception.depth_noise import errors_of, leave_one_out
+from pipeline.recordings.steps import training_steps
+from pipeline.statistics.curves import constant_noise_variation
+from pipeline.verdicts.reference import ArmNames
 
 # the paper's models, the first being the one that the others are compared with
 KINDS = ("additive", "wishart", "gaussian")
-
-
-class ModelCase(NamedTuple):
-    """Part of a case that fit, realisations and predictions of one model depend on."""
-
-    options: Options
-    mode: str
-    measurement: float
-    draw: int
-    closed: bool  # in a closed loop too or, of a filter, at all
-
-
-class FilterCase(NamedTuple):
-    """Part of a case that the filter of one model on one take depends on."""
-
-    take: str
-    model: ModelCase
-    clock: str
-    options: FilterOptions
+CONSTANT_SEED = 20_171
 
 
 @dataclass(frozen=True)
@@ -38,22 +38,29 @@ class Case:
     models: dict[str, Options]  # by name; those of the paper by their kind
     filter: FilterOptions
     mode: str  # of the realisations: one_step or free_running
-    clock: str = "aligned"  # which camera of the recordings, by its name there
-    # factor on the measurement noise that scores add to every step; 0 for none
-    measurement: float = 1.0
-    batch: int = 0  # which test takes the filter runs on
-    draw: int = 0  # which random numbers
+    clock: str = "aligned"  # name of the camera in the recordings
+    measurement: float = 1.0  # factor on the measurement noise that scores add to every step, or 0
+    batch: int = 0  # number of the batch of test takes for the filter
+    draw: int = 0  # number of the random stream
     closed: bool = False  # filters the paper's models in a closed loop too
 
-    def model_case(self, name: str) -> ModelCase:
-        """The part for the model ``name``."""
-        closed = self.closed and name in KINDS
-        return ModelCase(self.models[name], self.mode, self.measurement, self.draw, closed)
+    @property
+    def options(self) -> Options:
+        """Options of the only model."""
+        (options,) = self.models.values()
+        return options
 
-    def filter_case(self, name: str, take: str, closed: bool) -> FilterCase:
-        """The part for the filter of the model ``name`` on ``take``."""
-        model = ModelCase(self.models[name], "", 1.0, self.draw, closed)
-        return FilterCase(take, model, self.clock, self.filter)
+    def model_case(self, name: str) -> Case:
+        """This case with the model ``name`` alone and defaults for the filter's decisions."""
+        models, closed = {name: self.models[name]}, self.closed and name in KINDS
+        return Case(models, FilterOptions(), self.mode, "", self.measurement, 0, self.draw, closed)
+
+    def filter_case(self, name: str, closed: bool) -> Case:
+        """This case with the filter of the model ``name`` alone, in one loop, and defaults for the
+        decisions that it does not depend on.
+        """
+        models = {name: self.models[name]}
+        return Case(models, self.filter, "", self.clock, 1.0, 0, self.draw, closed)
 
     def batch_of(self, takes: list[str], count: int) -> list[str]:
         """The ``count`` of the test ``takes`` that the filter runs on; none of too few."""
@@ -70,3 +77,69 @@ def paper_models(options: dict[str, Options]) -> dict[str, Options]:
     """The first of the options of models of each of the paper's kinds, by kind in their order."""
     by_kind = {model.kind: model for model in reversed(list(options.values()))}
     return {kind: by_kind[kind] for kind in KINDS if kind in by_kind}
+
+
+@dataclass(frozen=True)
+class Takes:
+    """Takes to fit to and, where there are any, those kept for testing."""
+
+    training: Recorded
+    poses: np.ndarray  # (takes, M+1, n) rad, of the training takes
+    test: dict[str, np.ndarray]  # take → (M+1, n) rad
+
+    @cached_property
+    def variation_of_constant_noise(self) -> np.ndarray:
+        """(n,) of the training takes, with the same draws in every case."""
+        rng = stream(CONSTANT_SEED, "cases.constant_noise")
+        return constant_noise_variation(self.training.noise, rng)
+
+    @property
+    def arm(self) -> ArmNames:
+        """Names of joints and rows in claims."""
+        return ArmNames(tuple(self.training.joints), tuple(self.training.chain.task))
+
+    @property
+    def start(self) -> Start:
+        """The law of the first pose."""
+        first = self.poses[:, 0]
+        return Start(first.mean(axis=0), np.cov(first.T))
+
+
+class Camera(NamedTuple):
+    """The depth camera, its frames on one clock and articulated in one way."""
+
+    noise: pd.DataFrame  # as of leave_one_out
+    takes: dict[str, Measurements]
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """Takes, cameras, sizes and random numbers of the evaluation of every case."""
+
+    takes: Takes
+    cameras: Mapping[str, Camera]  # by clock or name; none where there is no depth camera
+    rate: float  # 1/s, of the motion
+    filtered: int  # takes that the filter runs on
+    realizations: int
+    stream: tuple[int, str]  # seed and name of the random numbers
+
+
+def recorded_takes(robot: Robot, motion: Motion) -> Takes:
+    """Training and test takes of ``motion`` as ``track`` wrote them."""
+    joints = contracts.read("joints", Path("data/track"))
+    _, poses = contracts.stacked(joints[joints.part == "training"], "q")
+    test = {
+        take: np.array(rows[columns("q", robot.joints)], order="C")
+        for take, rows in joints[joints.part == "test"].groupby("take")
+    }
+    return Takes(training_steps(robot, motion), poses, test)
+
+
+def camera_of(angles: pd.DataFrame, joints: pd.DataFrame, *, window: int) -> Camera:
+    """The camera that measured ``angles``, its noise estimated over ``window`` frames on either
+    side; ``angles`` and ``joints`` are tables of depth camera and motion capture.
+
+    Raises RecordingError where the takes are too few to estimate the noise from.
+    """
+    noise = leave_one_out(errors_of(angles, joints), window=window)
+    return Camera(noise, {take.take: take for take in measurements(angles, noise)})

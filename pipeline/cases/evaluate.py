@@ -1,95 +1,74 @@
-"""Cases worked out: the models fitted, realised and scored, the filters run, and the evidence of
-each case; what several cases have in common is worked out once.
+"""Evaluation of cases: the models fitted, realised and scored, the filters run, and the evidence of
+each case; parts that several cases have in common are evaluated once.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 
-import numpy as np
-
-from pipeline.cases.case import KINDS, Case, FilterCase, ModelCase
+from pipeline.cases.case import KINDS, Case, Recordings
 from pipeline.cases.evidence import Evidence, case_evidence
 from pipeline.cases.fits import Outcome, outcome
-from pipeline.cases.recordings import Camera, Takes
 from pipeline.core import filters as names
 from pipeline.core import rng
 from pipeline.core.errors import DegenerateFilterError, ModelDomainError, SingularJacobianError
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.particle_filter import Posterior, Start, particle_filter
+from pipeline.filtering.particle_filter import Posterior, particle_filter
 from pipeline.models.closed_loop import mean_path
 from pipeline.models.model import Commands, MotionModel, open_loop
 
-Loop = tuple[MotionModel, Commands]  # a fitted model and what it is commanded
-# number of the take, what bears on its filter, the loop, the take's measurements
-Trial = tuple[int, FilterCase, Loop, Measurements]
+Loop = tuple[MotionModel, Commands]  # a fitted model and its commands
+# number of the take, its part of the case, the loop, the take's measurements
+Trial = tuple[int, Case, Loop, Measurements]
 Run = Callable[[Callable, Sequence], Iterable]  # as the built-in map: trials, in order
-
-
-@dataclass(frozen=True)
-class Recordings:
-    """What every case is worked out from, and how large and with which random numbers."""
-
-    takes: Takes
-    cameras: Mapping[str, Camera]  # by clock or name; none where there is no depth camera
-    rate: float  # 1/s, of the motion
-    filtered: int  # takes that the filter runs on
-    realizations: int
-    stream: tuple[int, str]  # seed and name of the random numbers
-
-    @property
-    def start(self) -> Start:
-        """The law of the first pose."""
-        first = self.takes.poses[:, 0]
-        return Start(first.mean(axis=0), np.cov(first.T))
 
 
 def evaluate(
     cases: Sequence[Case], recordings: Recordings, run: Run
 ) -> list[tuple[Evidence, list[str]]]:
-    """The evidence of every case, and what its models and filters refused; ``run`` maps a function
-    over trials. Filters run with the paper's models alone.
+    """Return the evidence of every case, and the refusals of its models and filters; ``run`` maps a
+    function over trials. Filters run with the paper's models alone.
     """
-    cameras = recordings.cameras
+    cameras, dt = recordings.cameras, 1 / recordings.rate
     takes = list(next(iter(cameras.values())).takes) if cameras else []
-    parts = [case.model_case(name) for case in cases for name in case.models]
-    # options are no keys of a dict; what is written like another is equal to it
-    models = {repr(part): part for part in parts}
-    function = partial(_outcome, recordings=recordings)
-    outcomes = dict(zip(models, run(function, list(models.values())), strict=True))
+    # options are no keys of a dict; equal ones have equal representations
+    models = {repr(part): part for case in cases for part in map(case.model_case, case.models)}
+    outcomes = _mapped(run, _outcome, models, recordings)
+    loops = {key: _loops(fared, recordings) for key, fared in outcomes.items()}
     trials: dict[str, Trial] = {}
+    filters: list[dict[str, dict[str, str]]] = []  # of each case: filter → take → key of its trial
     for case in cases:
-        for name in filter(case.models.__contains__, KINDS):
-            loops = _loops(outcomes[repr(case.model_case(name))], recordings)
-            for take in case.batch_of(takes, recordings.filtered):
-                measured = cameras[case.clock].takes[take]
-                for closed, loop in loops.items():
-                    part = case.filter_case(name, take, closed)
-                    trials[repr(part)] = (takes.index(take), part, loop, measured)
-    function = partial(_posterior, recordings=recordings)
-    posteriors = dict(zip(trials, run(function, list(trials.values())), strict=True))
+        filters.append({})
+        for name in filter(KINDS.__contains__, case.models):
+            for closed, loop in loops[repr(case.model_case(name))].items():
+                own = filters[-1].setdefault(names.closed(name) if closed else name, {})
+                for take in case.batch_of(takes, recordings.filtered):
+                    part = case.filter_case(name, closed)
+                    own[take] = f"{take} {part!r}"
+                    measured = cameras[case.clock].takes[take]
+                    trials[own[take]] = (takes.index(take), part, loop, measured)
+    posteriors = _mapped(run, _posterior, trials, recordings)
     results = []
-    for case in cases:
-        batch = case.batch_of(takes, recordings.filtered)
+    for case, by_filter in zip(cases, filters, strict=True):
         fared = {name: outcomes[repr(case.model_case(name))] for name in case.models}
         filtered = {
-            names.closed(name) if closed else name: {
-                take: posteriors[repr(case.filter_case(name, take, closed))] for take in batch
-            }
-            for name in fared
-            if name in KINDS
-            for closed in _loops(fared[name], recordings)
+            name: {take: posteriors[key] for take, key in own.items()}
+            for name, own in by_filter.items()
         }
         camera = cameras.get(case.clock)
-        dt = 1 / recordings.rate
         results.append(case_evidence(case, recordings.takes, fared, camera, filtered, dt))
     return results
 
 
-def _outcome(case: ModelCase, recordings: Recordings) -> Outcome:
-    # equal numbers in every case, so that what differs is the case's
+def _mapped(run: Run, function: Callable, trials: Mapping[str, object], recordings: Recordings):
+    """Return ``function`` of every trial, by the trial's key."""
+    results = run(partial(function, recordings=recordings), list(trials.values()))
+    return dict(zip(trials, results, strict=True))
+
+
+def _outcome(case: Case, recordings: Recordings) -> Outcome:
+    # equal numbers in every case, so that a difference is the case's
     seed, name = recordings.stream
     stream = rng.stream(seed, f"{name}.{case.options.kind}", case.draw)
     return outcome(case, recordings.takes, recordings.realizations, stream)
@@ -109,11 +88,11 @@ def _loops(fared: Outcome, recordings: Recordings) -> dict[bool, Loop]:
 def _posterior(trial: Trial, recordings: Recordings) -> Posterior | str:
     """The filter's posterior on one take, or the reason why there is none."""
     (number, case, (model, commands), measured), (seed, name) = trial, recordings.stream
-    kind, dt = case.model.options.kind, 1 / recordings.rate
-    filtered = names.closed(kind) if case.model.closed else kind
-    stream = rng.stream(seed, f"{name}.filter.{filtered}", case.model.draw, number)
+    kind, takes = case.options.kind, recordings.takes
+    filtered = names.closed(kind) if case.closed else kind
+    stream = rng.stream(seed, f"{name}.filter.{filtered}", case.draw, number)
+    loop = (model, takes.training.chain, commands, 1 / recordings.rate)
     try:
-        loop = (model, recordings.takes.training.chain, commands, dt)
-        return particle_filter(*loop, recordings.start, measured, case.options, stream)
+        return particle_filter(*loop, takes.start, measured, case.filter, stream)
     except (DegenerateFilterError, ModelDomainError, SingularJacobianError) as error:
         return str(error)

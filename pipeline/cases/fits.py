@@ -1,6 +1,4 @@
-"""A model in one case: its parameters, its realisations, and its predictions of takes that its fit
-has not seen.
-"""
+"""A model in one case: its parameters, its realisations, and its predictions of unseen takes."""
 
 from __future__ import annotations
 
@@ -9,14 +7,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pandas as pd
 
-from pipeline.cases.case import ModelCase
-from pipeline.cases.recordings import Takes
+from pipeline.cases.case import Case, Takes
 from pipeline.core.errors import ModelDomainError, SingularJacobianError, SolverError
 from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
 from pipeline.models.kinds import compared, estimate
 from pipeline.models.model import MotionModel
-from pipeline.models.modelled_noise import modelled_noise
 from pipeline.models.options import Options
+from pipeline.models.prediction import modelled_noise
 from pipeline.models.realizations import realize, realized_moments
 from pipeline.models.steps import Estimate, Recorded
 from pipeline.recordings.commands import constant_speed
@@ -41,7 +38,7 @@ class Outcome:
     refusals: list[str] = field(default_factory=list)
 
 
-def outcome(case: ModelCase, takes: Takes, realizations: int, rng: np.random.Generator) -> Outcome:
+def outcome(case: Case, takes: Takes, realizations: int, rng: np.random.Generator) -> Outcome:
     """Fit, realise ``realizations`` times and score a model; a refusal is an outcome too."""
     fared = Outcome()
     try:
@@ -74,8 +71,7 @@ def outcome(case: ModelCase, takes: Takes, realizations: int, rng: np.random.Gen
 
 def _papers_estimates(recorded: Recorded, options: Options, fit: Estimate) -> dict[str, float]:
     """Estimates by the paper's estimator, which its published parameters are compared with."""
-    requested = compared(options).get(PAPER)
-    if requested is None:
+    if (requested := compared(options).get(PAPER)) is None:
         return {}
     try:
         own = fit if requested == options else estimate(recorded, requested)
@@ -87,7 +83,7 @@ def _papers_estimates(recorded: Recorded, options: Options, fit: Estimate) -> di
     return estimates
 
 
-def _log_scores(case: ModelCase, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:
+def _log_scores(case: Case, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:
     """Mean log density over the steps of each held-out take; without test takes each training take,
     predicted by a fit to the others.
     """

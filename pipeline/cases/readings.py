@@ -1,4 +1,4 @@
-"""What the claims' rules say of the evidence of a case; and the readings of "LU or QR"
+"""The verdicts of the claims' rules on the evidence of a case; and the readings of "LU or QR"
 (Eq. LUDecom), a case under each decomposition of the Wishart model.
 """
 
@@ -66,9 +66,7 @@ def readings(
 
 
 def readings_table(
-    claims: Sequence[Claim],
-    evidence: Mapping[str, tuple[Evidence, Sequence[str]]],
-    arm: ArmNames,
+    claims: Sequence[Claim], evidence: Mapping[str, tuple[Evidence, Sequence[str]]], arm: ArmNames
 ) -> pd.DataFrame:
     """The table ``readings``: a row for each reading and each of the ``claims`` on which there is
     evidence under any.

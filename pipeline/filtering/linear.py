@@ -1,19 +1,16 @@
-"""The linear filter of minimum variance of deviations whose second moments over time are known:
-each pose given the frames so far. Where deviations and the camera's noise are normal it is the
-exact posterior, and of a Markov law the Kalman filter (Anderson & Moore, Optimal Filtering, 1979);
-in this form, all frames at once, the regression of a Gaussian process (Rasmussen & Williams,
-Gaussian Processes for Machine Learning, 2006, Sec. 2.2).
+"""The linear filter of minimum variance of deviations whose second moments over time are known.
 
-Of the whole path a priori N(q̄, P). Frame j shows of the deviation at its point between the two
-poses of its step (:mod:`pipeline.filtering.measurement`) the response A: of the point p_j,
+Where deviations and measurement noise are normal it is the exact posterior, and of a Markov law the
+Kalman filter (Anderson & Moore, Optimal Filtering, 1979); all frames at once, it is the regression
+of a Gaussian process (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, Sec.
+2.2).
 
-    y_j − b_j = p̄_j + A(p_j − p̄_j) + N(0, R_j),
-
-so that H_j is A times the two poses' weights. A pose of the tip is displaced from that at p̄_j by
-J(p̄_j)A(p_j − p̄_j) + b_j + N(0, R_j), to first order in a deviation, J being the whole Jacobian of
-an arm in space. With the frames in the order of time and S =
-H P Hᵀ + R = L Lᵀ the leading block of L is the factor of the frames up to any time, and one
-factorisation holds the posterior of every step,
+The path has the prior N(q̄, P). Frame j shows the deviation at its point p between the two poses
+of its step times the response A: y_j − b_j = p̄_j + A(p_j − p̄_j) + N(0, R_j), so that H_j is A times
+the weights of the two poses. A pose of the tip is displaced from the pose at p̄_j by
+J(p̄_j)A(p_j − p̄_j) + b_j + N(0, R_j), to first order, J the whole Jacobian of an arm in space. With
+the frames in the order of time and S = H P Hᵀ + R = L Lᵀ the leading block of L is the factor of
+the frames up to any time, and one factorisation holds the posterior of every step,
 
     E q_k = q̄_k + G_kᵀ w,   Cov q_k = P_kk − G_kᵀ G_k,   G = L⁻¹ H P,   w = L⁻¹(y − b − p̄),
 
@@ -30,9 +27,7 @@ import numpy as np
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.options.dataset import SPACE
-from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.particle_filter import due_frames
-from pipeline.filtering.state import Frames
+from pipeline.filtering.measurement import Frames, Measurements
 
 
 def linear_filter(
@@ -43,53 +38,37 @@ def linear_filter(
     chain: Chain,
     response: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Means (T, M+1, n) and covariances (T, M+1, n, n) of the T ``takes``, each as by
-    :func:`best_linear`.
+    """Return means (T, M+1, n) in rad and covariances (T, M+1, n, n) in rad² of the pose of each of
+    the T ``takes`` at each step given the frames up to it.
+
+    Frames before the start or after the end of the motion are left out. Raises ModelDomainError for
+    a ``covariance`` or R that is none.
+    ``path`` (M+1, n) rad is the prior mean q̄ on the motion grid of step ``dt`` (s), ``covariance``
+    (M+1, n, M+1, n) rad² is P, ``chain`` the arm, and ``response`` (n, n) A, by default the
+    identity: an error independent of the pose.
     """
-    known = [best_linear(path, covariance, take, dt, chain, response) for take in takes]
-    means, covariances = zip(*known, strict=True)
+    posteriors = [_posterior(path, covariance, take, dt, chain, response) for take in takes]
+    means, covariances = zip(*posteriors, strict=True)
     return np.stack(means), np.stack(covariances)
 
 
-def best_linear(
-    path: np.ndarray,
-    covariance: np.ndarray,
-    measurements: Measurements,
-    dt: float,
-    chain: Chain,
-    response: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (M+1, n) in rad and covariance (M+1, n, n) in rad² of the pose at each step given the
-    frames up to it.
-
-    Frames before the start or after the end of the motion are left out. Raises ModelDomainError for
-    an R that is no covariance.
-
-    Args:
-        path: (M+1, n) rad, prior mean q̄ on the motion grid.
-        covariance: (M+1, n, M+1, n) rad², P.
-        measurements: of the take.
-        dt: step of the grid in s.
-        chain: the arm, whose tip may be what was measured.
-        response: (n, n) A; the identity, where none is given: an error independent of the pose.
-    """
+def _posterior(path, covariance, measurements, dt, chain, response):
     from scipy.linalg import cho_factor, solve_triangular
 
     grid, n = path.shape
-    frames, _ = due_frames(measurements, grid - 1, dt)
+    frames = measurements.frames(grid - 1, dt)
     after = np.repeat(np.arange(grid), np.diff(frames.first))
     before, share = np.maximum(after - 1, 0), frames.share[:, None]
     point = (1 - share) * path[before] + share * path[after]
     share = share[:, :, None, None]
-    # (F, d, M+1, n), of what each frame shows with each pose
+    # (F, d, M+1, n) covariances of each frame with each pose
     across = (1 - share) * covariance[before] + share * covariance[after]
-    shown, residual = _seen(frames, point, chain)
+    shown, residual = _sensitivity(frames, point, chain)
     shown = shown if response is None else shown @ response
     d = residual.shape[-1]
     across = (shown @ across.reshape(-1, n, grid * n)).reshape(-1, d, grid, n)
-    share = share[:, 0]
     among = np.moveaxis(across, 2, 0)
-    among = (1 - share[..., None]) * among[before] + share[..., None] * among[after]
+    among = (1 - share) * among[before] + share * among[after]
     total = np.moveaxis(among @ shown.swapaxes(1, 2)[:, None], 0, 2)  # (F, d, F, d)
     each = np.arange(len(after))
     root = np.linalg.inv(frames.whitening)
@@ -99,21 +78,18 @@ def best_linear(
         factor, _ = cho_factor(total.reshape(rows, rows), lower=True)
     except np.linalg.LinAlgError:
         raise ModelDomainError(
-            "the prior covariance of the path is none", take=measurements.take
+            "the prior covariance of the path has a negative eigenvalue", take=measurements.take
         ) from None
     white = solve_triangular(factor, residual.reshape(rows), lower=True)
     gain = solve_triangular(factor, across.reshape(rows, grid * n), lower=True)
     so_far = np.arange(rows)[:, None] < d * frames.first[1:]
     gain = np.moveaxis(gain.reshape(rows, grid, n) * so_far[..., None], 0, 2)  # (M+1, n, dF)
     steps = np.arange(grid)
-    known = covariance[steps, :, steps] - gain @ gain.swapaxes(1, 2)
-    return path + gain @ white, known
+    return path + gain @ white, covariance[steps, :, steps] - gain @ gain.swapaxes(1, 2)
 
 
-def _seen(frames: Frames, point: np.ndarray, chain: Chain) -> tuple[np.ndarray, np.ndarray]:
-    """Of F frames (F, d, n) what each shows of a deviation from its ``point`` (F, n) in rad, and
-    (F, d) what it shows beyond that point.
-    """
+def _sensitivity(frames: Frames, point: np.ndarray, chain: Chain) -> tuple[np.ndarray, np.ndarray]:
+    """Return (F, d, n) derivatives of the frames by the pose at ``point`` (F, n), and residuals."""
     if not frames.tip:
         n = point.shape[-1]
         return np.broadcast_to(np.eye(n), (len(point), n, n)), frames.unbiased - point

@@ -1,19 +1,18 @@
-"""What instruments say of the arm during one take, with a bias and a covariance per frame: of the
-joints, y_j = q(t_j) + b_j + N(0, R_j), or of the pose of the tip, whose displacement from where the
-joints carry it is b_j + N(0, R_j).
+"""Measurements of an arm during one take, with a bias and a covariance per frame: of the joints,
+y_j = q(t_j) + b_j + N(0, R_j), or of the pose of the tip, whose displacement from the pose at
+q(t_j) is b_j + N(0, R_j).
 
 The paper does not say how frames at 30 Hz meet a motion grid of 100 Hz. The models step from q_k to
-q_{k+1} under a velocity that is constant in between, and say nothing about a part of a step; the
-path they define is the polygon through the q_k. A frame inside the step is therefore compared with
-the point of the particle's own polygon at the frame's time, when the step is done: the exact
-likelihood of that path, to which no process noise has to be invented or rescaled.
+q_{k+1} under a velocity that is constant in between; the path they define is the polygon through
+the q_k. A frame inside the step is compared with the point of the particle's own polygon at the
+frame's time, when the step is done: the exact likelihood of that path.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,12 +20,26 @@ import pandas as pd
 from pipeline.core.columns import matrices, members, values
 from pipeline.core.errors import ContractError, ModelDomainError
 
-# shares of a step are rounded to this many digits, so that 0.03 s / 0.01 s is step 3 and not just
-# past it
+# shares of a step are rounded, so that 0.03 s / 0.01 s is step 3 and not just past it
 SHARE_DIGITS = 6
-# ratio of the least to the greatest variance of R below which rounding decides whether R is
-# positive definite
+# ratio of the least to the greatest variance of R below which rounding decides its sign
 SINGULAR_VARIANCE = 1e-12
+
+
+class Frames(NamedTuple):
+    """The F measurements in the order in which they enter: frames first[k] to first[k+1] when step
+    k is done.
+
+    The density of y at the pose q is exp(log_norm − ‖whitening·e‖²/2), e being y − bias − q or the
+    displacement of the tip from its pose at q, and q the pose at ``share`` of the step.
+    """
+
+    first: np.ndarray  # (M+2,)
+    share: np.ndarray  # (F,)
+    unbiased: np.ndarray  # (F, n) joint angles, rad, or (F, 12) poses of the tip, without bias
+    whitening: np.ndarray  # (F, d, d) lower triangular, 1/rad or 1/m
+    log_norm: np.ndarray  # (F,)
+    tip: bool  # true for poses of the tip
 
 
 @dataclass(frozen=True)
@@ -34,8 +47,8 @@ class Measurements:
     """The F frames of one take; ContractError where shapes disagree or a value is not finite, F = 0
     is allowed.
 
-    A pose of the tip is its position and its rotation, row by row; d = 6 numbers displace it, a way
-    and a rotation vector, in m and rad in the base's axes. Of n joint angles d is n.
+    A pose of the tip is its position and its rotation, row by row, displaced by d = 6 numbers, a
+    way and a rotation vector, in m and rad in the base's axes. Of n joint angles d is n.
     """
 
     take: str
@@ -43,44 +56,46 @@ class Measurements:
     y: np.ndarray  # (F, n) measured joint angles, rad, or (F, 12) poses of the tip
     bias: np.ndarray  # (F, d) mean of the noise
     covariance: np.ndarray  # (F, d, d) covariance R of the noise
-    tip: bool = False  # whether the poses of the tip are what was measured
+    tip: bool = False  # true for poses of the tip
 
     def __post_init__(self) -> None:
-        frames, d = len(self.t), 6 if self.tip else self.y.shape[-1]
-        for name, shape in (
-            ("t", (frames,)),
-            ("y", (frames, 12 if self.tip else d)),
-            ("bias", (frames, d)),
-            ("covariance", (frames, d, d)),
-        ):
-            values = getattr(self, name)
-            if values.shape != shape:
+        frames, width = len(self.t), 12 if self.tip else self.y.shape[-1]
+        d = 6 if self.tip else width
+        shapes = {"t": (), "y": (width,), "bias": (d,), "covariance": (d, d)}
+        for name, shape in shapes.items():
+            found = getattr(self, name)
+            if found.shape != (frames, *shape):
                 raise ContractError(
-                    f"measurements: {name} has shape {values.shape}, not {shape}", take=self.take
+                    f"measurements: {name} has shape {found.shape}, not {(frames, *shape)}",
+                    take=self.take,
                 )
-            broken = np.argwhere(~np.isfinite(values))
-            if len(broken):
+            if len(broken := np.argwhere(~np.isfinite(found))):
                 raise ContractError(
                     f"measurements: {name} is not finite; drop the frame before filtering",
                     take=self.take,
                     frame=int(broken[0, 0]),
                 )
 
-    def schedule(self, steps: int, dt: float) -> tuple[dict[int, list[tuple[int, float]]], int]:
-        """Which frames enter when step k of ``steps`` steps of ``dt`` (s) is done: {k: [(frame,
-        share of the step), …]}.
+    def schedule(self, steps: int, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return frames, steps k and shares of the step (F',) of the frames within ``steps`` steps
+        of ``dt`` (s), in the order in which they enter.
 
         A frame at t_k has share 1 of the step that ends there, one at the start of the motion share
-        1 of k = 0. Also the number of frames before the start or after the end of the motion, which
-        are left out.
+        1 of k = 0; frames before the start or after the end are left out.
         """
         position = np.round(self.t / dt, SHARE_DIGITS)
-        inside = (position >= 0) & (position <= steps)
-        due = defaultdict(list)
-        for frame in np.flatnonzero(inside):
-            k = int(np.ceil(position[frame]))
-            due[k].append((int(frame), float(position[frame]) - k + 1))
-        return dict(due), int(np.sum(~inside))
+        frame = np.flatnonzero((position >= 0) & (position <= steps))
+        frame = frame[np.argsort(np.ceil(position[frame]), kind="stable")]
+        step = np.ceil(position[frame]).astype(int)
+        return frame, step, position[frame] - step + 1
+
+    def frames(self, steps: int, dt: float) -> Frames:
+        """Return the frames of :meth:`schedule`; raises ModelDomainError like :attr:`whitening`."""
+        chosen, step, share = self.schedule(steps, dt)
+        whitening, log_norm = self.whitening
+        first = np.searchsorted(step, np.arange(steps + 2))
+        unbiased = self.unbiased[chosen]
+        return Frames(first, share, unbiased, whitening[chosen], log_norm[chosen], self.tip)
 
     @cached_property
     def unbiased(self) -> np.ndarray:
@@ -95,12 +110,8 @@ class Measurements:
 
     @cached_property
     def whitening(self) -> tuple[np.ndarray, np.ndarray]:
-        """(F, d, d) lower triangular inverses W of the Cholesky factors of R, and (F,) logarithms c
-        of the normal density's constant.
-
-        So ln p(y_j | q) = c_j − ‖W_j(y_j − b_j − q)‖²/2 for a pose q at the time of frame j, or
-        with the displacement of the tip in the place of y_j − b_j − q. Raises ModelDomainError for
-        an R that is no covariance.
+        """(F, d, d) lower triangular inverses of the Cholesky factors of R, and (F,) logarithms of
+        the normal density's constant. Raises ModelDomainError where R is not positive definite.
         """
         variances = np.linalg.eigvalsh(self.covariance)
         singular = variances[:, 0] <= SINGULAR_VARIANCE * variances[:, -1]
@@ -117,16 +128,15 @@ class Measurements:
 
 
 def measurements(angles: pd.DataFrame, noise: pd.DataFrame) -> list[Measurements]:
-    """The depth camera's measurements of every take, each with the noise estimated without that
-    take, from the tables ``angles`` and ``kinect_noise``.
+    """Return the depth camera's measurements of every take, each with the noise estimated without
+    that take, from the tables ``angles`` and ``kinect_noise``.
     """
     names, takes = members(angles, "q"), []
     for take, rows in angles.groupby("take"):
         others = noise[noise["take"] == take].set_index("frame")
-        # a frame at which no other take has one has no noise estimate to go with
+        # a frame at which no other take has one has no noise estimate
         rows = rows[rows["frame"].isin(others.index)]
         others = others.loc[rows["frame"]]
-        covariance = matrices(others, "r", names)
-        time, q, bias = rows["t"].to_numpy(), values(rows, "q"), values(others, "b")
-        takes.append(Measurements(str(take), time, q, bias, covariance))
+        t, q, bias = rows["t"].to_numpy(), values(rows, "q"), values(others, "b")
+        takes.append(Measurements(str(take), t, q, bias, matrices(others, "r", names)))
     return takes

@@ -1,11 +1,11 @@
 """Sequential importance sampling of the joint angles under a stochastic motion model (section
-"RMT-based particle filtering").
+"RMT-based particle filtering"), for any arm and any measurement.
 
-Particles are moved by the motion model itself (the prior as proposal), weighted by the depth
-sensor's likelihood and resampled when few of them carry the weight (Doucet, de Freitas & Gordon
-2001). The state lives in D_q, the set within the joint limits and clear of singular poses, where no
-motion model is defined: a particle that leaves it has weight zero, so that the posterior is that of
-the paths that stay inside.
+Particles are moved by the motion model itself (the prior as proposal), weighted by the
+likelihood of the measurements and resampled when few of them carry the weight (Doucet, de Freitas
+& Gordon 2001). The state lives in D_q, the set within the joint limits and clear of singular poses,
+where no motion model is defined: a particle that leaves it has weight zero, so that the posterior
+is the one of the paths that stay inside.
 """
 
 from __future__ import annotations
@@ -14,60 +14,56 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
+from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ConfigError, DegenerateFilterError, ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.resampling import SCHEMES
-from pipeline.filtering.sampling import sequential_importance_sampling
-from pipeline.filtering.start import Start, domain_of, initial_particles
-from pipeline.filtering.state import Frames, Particles, Record
-from pipeline.filtering.weights import NEAR
+from pipeline.filtering.sampling import Domain, sequential_importance_sampling
 from pipeline.models.draws import block_for, space_of
 from pipeline.models.model import Commands, MotionModel
 
 
 @dataclass(frozen=True)
 class FilterOptions:
-    """How many particles, and when and how they are resampled; ConfigError for a value that does
-    not exist.
-    """
+    """Number and resampling of particles; ConfigError for a value that does not exist."""
 
     particles: int = 1000
     resampling: str = "systematic"
-    # share of the particles below which the effective sample size calls for resampling
-    threshold: float = 0.5
+    threshold: float = 0.5  # share of the particles below which the effective sample size resamples
 
     def __post_init__(self) -> None:
-        if self.particles < 1:
-            raise ConfigError(
-                "filter.particles: at least one particle is needed", value=self.particles
-            )
-        if self.resampling not in SCHEMES:
-            raise ConfigError(
-                f"filter.resampling: no scheme {self.resampling!r}; there are {sorted(SCHEMES)}"
-            )
-        if not 0.0 <= self.threshold <= 1.0:
-            raise ConfigError(
-                "filter.threshold: a share of the particles, between 0 and 1", value=self.threshold
-            )
+        for key, valid, required in (
+            ("particles", self.particles >= 1, "at least one particle is needed"),
+            ("resampling", self.resampling in SCHEMES, f"choose one of {sorted(SCHEMES)}"),
+            ("threshold", 0.0 <= self.threshold <= 1.0, "a share of the particles, 0 to 1"),
+        ):
+            if not valid:
+                raise ConfigError(f"filter.{key}: {required}", value=getattr(self, key))
+
+
+@dataclass(frozen=True)
+class Start:
+    """The normal law of the first pose, as the training takes have it; it is restricted to D_q."""
+
+    mean: np.ndarray  # (n,) rad
+    covariance: np.ndarray  # (n, n) rad², singular allowed
 
 
 @dataclass(frozen=True)
 class Posterior:
     """Moments of p(q_k | y up to t_k), Eq. (posterior-expectation), on the grid k = 0 … M, before
-    resampling; how the filter fared.
+    resampling; and the course of the filter.
     """
 
     mean: np.ndarray  # (M+1, n) rad
     covariance: np.ndarray  # (M+1, n, n) rad², about the posterior mean
     ess: np.ndarray  # (M+1,) effective sample size
     resampled: np.ndarray  # (M+1,) bool: the step ended in resampling
-    measured: np.ndarray  # (M+1,) bool: at least one measurement entered
     clipped: np.ndarray  # (M+1,) int: particles whose noise covariance the model clipped
-    # (M+1,) int: particles that left D_q in the step, and at k = 0 draws rejected because they lay
-    # outside
+    # (M+1,) int: particles that left D_q in the step; at k = 0 rejected draws of the first pose
     outside: np.ndarray
+    measured: np.ndarray  # (M+1,) bool: at least one measurement entered
     left_out: int  # measurements before the start or after the end of the motion
     # logarithm of the unbiased estimate of p(all measurements, path inside D_q)
     log_evidence: float
@@ -83,104 +79,86 @@ def particle_filter(
     options: FilterOptions,
     rng: np.random.Generator,
 ) -> Posterior:
-    """Posterior of the joint angles of one take: Eq. (posterior-expectation) of q_k and of its
-    square about the mean.
+    """Return the posterior of the joint angles of one take: Eq. (posterior-expectation) of q_k and
+    of its square about the mean.
 
-    Raises DegenerateFilterError where all weights vanish and ModelDomainError for a covariance that
-    is none, with take and step. No singular pose meets the model: it is outside D_q. The loop over
-    the steps is compiled and lets other threads run; everything random comes from ``rng``, in the
-    order of the particles.
-
-    Args:
-        model: the motion model that moves the particles.
-        chain: the arm, of n joints.
-        commands: of M steps, in an open or in a closed loop.
-        dt: Δt in s.
-        start: law of the first pose.
-        measurements: of the take.
-        options: how many particles, and how they are resampled.
-        rng: of everything random.
+    ``commands`` are of M steps of ``dt`` (s), in an open or in a closed loop. The loop over the
+    steps is compiled and lets other threads run; everything random comes from ``rng``, in the order
+    of the particles. Raises DegenerateFilterError where all weights vanish and ModelDomainError for
+    a covariance that is none, with take and step.
     """
     if measurements.tip and isinstance(chain, PlanarChain):
-        raise ModelDomainError(
-            "a pose of the tip weighs particles of an arm in space, not of one in a plane",
-            take=measurements.take,
-        )
-    frames, left_out = due_frames(measurements, len(commands.v), dt)
-    start_poses, rejected = initial_particles(
-        start, chain, options.particles, rng, take=measurements.take
-    )
-    record = empty_record(len(commands.v) + 1, start_poses.shape[-1])
-    log_evidence, vanished = sequential_importance_sampling(
+        message = "a pose of the tip weighs particles of an arm in space, not of one in a plane"
+        raise ModelDomainError(message, take=measurements.take)
+    frames = measurements.frames(len(commands.v), dt)
+    poses, rejected = initial_particles(start, chain, options.particles, rng, measurements.take)
+    rows = [np.array(each, dtype=float, order="C") for each in commands[:2]]
+    record, log_evidence, vanished = sequential_importance_sampling(
         model.law(chain),
         chain.numbers(),
         space_of(chain),
         block_for(chain),
         domain_of(chain),
-        Commands(
-            *(np.array(rows, dtype=float, order="C") for rows in commands[:2]),
-            float(commands.share),
-        ),
+        Commands(*rows, float(commands.share)),
         frames,
         SCHEMES.index(options.resampling),
         # no effective sample size is below a threshold of 0
         float(options.threshold) if options.resampling != "none" else 0.0,
-        particles_at(start_poses),
-        record,
+        np.array(poses.T, order="C"),
         rng,
     )
     if vanished >= 0:
         raise DegenerateFilterError(
             f"all {options.particles} weights vanished: every particle has left the joint limits "
-            "or is not finite; "
-            "use more particles, resample, or compare the model's noise and the start pose with "
-            "the recording",
+            "or is not finite; use more particles, or compare the model's noise and the start pose "
+            "with the recording",
             take=measurements.take,
             step=vanished,
             time=round(vanished * dt, 6),
         )
-    record.outside[0] = rejected
-    measured = np.diff(frames.first) > 0
-    return Posterior(
-        **record._asdict(), measured=measured, left_out=left_out, log_evidence=log_evidence
-    )
+    record[-1][0] = rejected
+    left_out = len(measurements.t) - len(frames.share)
+    return Posterior(*record, np.diff(frames.first) > 0, left_out, log_evidence)
 
 
-def particles_at(poses: np.ndarray) -> Particles:
-    """The particles at their first ``poses`` (P, n) in rad, where they were before, too."""
-    count, n = poses.shape
-    q = np.array(poses.T, order="C")
-    weights, log_weights = np.empty((2, count))
-    chosen, scratch = np.empty(count, dtype=np.int64), np.empty((n + 2, max(count, NEAR)))
-    return Particles(q, q.copy(), weights, log_weights, chosen, scratch)
+def domain_of(chain: Chain) -> Domain:
+    """D_q of ``chain``."""
+    planar = isinstance(chain, PlanarChain)
+    straight, clearance = (chain.straight, np.arcsin(SINGULAR_SINE)) if planar else (0.0, 0.0)
+    lower, upper = (np.array(each, dtype=float) for each in (chain.lower, chain.upper))
+    return Domain(lower, upper, straight, float(clearance))
 
 
-def empty_record(grid: int, n: int) -> Record:
-    """For ``grid`` times and n joints: nothing has happened in any of them."""
-    clipped, outside = np.zeros((2, grid), dtype=int)
-    return Record(
-        np.empty((grid, n)),
-        np.empty((grid, n, n)),
-        np.empty(grid),
-        np.zeros(grid, dtype=bool),
-        clipped,
-        outside,
-    )
+def initial_particles(
+    start: Start, chain: Chain, count: int, rng: np.random.Generator, take: str
+) -> tuple[np.ndarray, int]:
+    """Draw (count, n) poses of the start's normal law within D_q; return them and the number of
+    rejected draws.
 
-
-def due_frames(measurements: Measurements, steps: int, dt: float) -> tuple[Frames, int]:
-    """The measurements in the order in which they enter over ``steps`` steps of ``dt`` (s), and how
-    many are left out.
-
-    Raises ModelDomainError for an R that is no covariance.
+    Raises ModelDomainError for moments that no normal law has, and DegenerateFilterError where
+    ``count`` draws in a row lie outside.
     """
-    due, left_out = measurements.schedule(steps, dt)
-    order = [(frame, share) for k in sorted(due) for frame, share in due[k]]
-    chosen = np.array([frame for frame, _ in order], dtype=int)
-    empty = np.empty((0, *measurements.covariance.shape[1:]))
-    whitening, log_norm = measurements.whitening if order else (empty, np.empty(0))
-    first = np.cumsum([0, *(len(due.get(k, ())) for k in range(steps + 1))])
-    share = np.array([share for _, share in order], dtype=float)
-    unbiased = measurements.unbiased[chosen]
-    frames = Frames(first, share, unbiased, whitening[chosen], log_norm[chosen], measurements.tip)
-    return frames, left_out
+    if not (np.isfinite(start.mean).all() and np.isfinite(start.covariance).all()):
+        message = "the mean or covariance of the start poses is not finite; give two training takes"
+        raise ModelDomainError(message, take=take)
+    variances, axes = np.linalg.eigh(start.covariance)
+    # rounding leaves the zero eigenvalues of a singular covariance slightly negative
+    if variances[0] < -1e-9 * variances[-1]:
+        message = "the covariance of the start poses has a negative eigenvalue"
+        raise ModelDomainError(message, take=take, eigenvalue=float(variances[0]))
+    root, poses, rejected = axes * np.sqrt(np.maximum(variances, 0.0)), start.mean[None][:0], 0
+    while len(poses) < count:
+        normals = rng.standard_normal((count, len(variances)))
+        draws = start.mean + (root * normals[:, None]).sum(axis=-1)
+        inside = draws[chain.within_limits(draws) & ~chain.singular(draws)]
+        if len(inside) == 0:
+            raise DegenerateFilterError(
+                f"none of {count} start poses lies within the joint limits; compare the training "
+                "takes' start with the URDF's limits",
+                take=take,
+                step=0,
+                mean=start.mean.round(4).tolist(),
+            )
+        rejected += count - len(inside)
+        poses = np.concatenate([poses, inside])[:count]
+    return poses, rejected

@@ -6,55 +6,70 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.arm.interface import Arm
+from pipeline.arm.kinematics import WIDTH, add_displacement, tip
+from pipeline.arm.rows import JOINTS
 from pipeline.core.compiled import inlined, inner
 from pipeline.core.elementary import exponential, greatest, inner_product, total
-from pipeline.filtering.state import Frames
 
 NEAR = 256  # particles whose scratch stays in the processor's nearest cache
+ROWS = 6  # of a displacement of the tip
 
 
 @inner
-def weigh(
-    frames: Frames,
-    frame: int,
-    before: np.ndarray,
-    q: np.ndarray,
-    log_weights: np.ndarray,
-    scratch: np.ndarray,
-) -> None:
+def weigh(arm, space, frames, frame, before, q, log_weights, scratch):
     """Add to ``log_weights`` (P,) the log-likelihood of ``frame`` at its share of the way from
-    ``before`` to ``q`` (n, P); ``scratch`` has (n + 2, NEAR) floats.
+    ``before`` to ``q`` (n, P); ``scratch`` has (n + ROWS + 2, WIDTH) floats or more.
+
+    Poses of the tip need an arm in space, ``space`` not None.
     """
     n, share, log_norm = len(q), frames.share[frame], frames.log_norm[frame]
-    white, square, whitened = frames.whitening[frame], scratch[n], scratch[n + 1]
-    for start in range(0, len(log_weights), NEAR):
-        count = NEAR if start + NEAR < len(log_weights) else len(log_weights) - start
-        # slices: the compiler knows of their indices that none is negative
+    white, measured = frames.whitening[frame], frames.unbiased[frame]
+    whitened, square = scratch[n + ROWS], scratch[n + ROWS + 1]
+    rest = scratch[n : n + ROWS] if frames.tip else scratch[:n]
+    for start in range(0, len(log_weights), WIDTH):
+        count = min(WIDTH, len(log_weights) - start)
+        # slices: the compiler knows that none of their indices is negative
         stop = start + count
-        for i in range(count):
-            square[i] = 0.0
         for j in range(n):
-            y, rest = frames.unbiased[frame, j], scratch[j]
-            here, there = before[j, start:stop], q[j, start:stop]
+            here, there, pose = before[j, start:stop], q[j, start:stop], scratch[j]
             for i in range(count):
-                rest[i] = y - (here[i] + share * (there[i] - here[i]))
-            add_square(white, j, scratch, whitened, square, count)
-        total = log_weights[start:stop]
+                pose[i] = here[i] + share * (there[i] - here[i])
+        if not frames.tip:
+            for j in range(n):
+                y, pose = measured[j], scratch[j]
+                for i in range(count):
+                    pose[i] = y - pose[i]
+        if space is not None:  # else its kinematics are not compiled
+            if frames.tip:
+                displacement(arm, measured, scratch, rest, count)
+        square[:count] = 0.0
+        for j in range(len(white)):
+            add_square(white, j, rest, whitened, square, count)
+        own = log_weights[start:stop]
         for i in range(count):
-            total[i] += log_norm - 0.5 * square[i]
+            own[i] += log_norm - 0.5 * square[i]
+
+
+@inner
+def displacement(arm, measured, poses, rest, count):
+    """Fill ``rest`` (6, count) with the displacements of the ``measured`` tip of ``arm`` from its
+    pose at ``poses`` (n, count).
+    """
+    # the whole pose, in metres and radians, whatever the task
+    whole = Arm(arm.plane, arm.frames, arm.sliding, np.arange(ROWS), np.ones(ROWS), arm.least)
+    first = JOINTS + 6 * len(arm.sliding)
+    block = np.empty((first + ROWS, WIDTH))
+    tip(whole, poses, 0, count, block)
+    block[first:] = 0.0
+    add_displacement(whole, measured, block, first, 1.0, count)
+    rest[:, :count] = block[first:, :count]
 
 
 @inlined
-def add_square(
-    white: np.ndarray,
-    j: int,
-    rest: np.ndarray,
-    whitened: np.ndarray,
-    square: np.ndarray,
-    count: int,
-) -> None:
-    """Add to ``square`` that of row ``j`` of the lower triangular ``white`` times ``rest`` (j + 1
-    or more, count), ``whitened``.
+def add_square(white, j, rest, whitened, square, count):
+    """Add to ``square`` the square of row ``j`` of the lower triangular ``white`` times ``rest``
+    (j + 1 or more, count), by way of ``whitened``.
     """
     for i in range(count):
         whitened[i] = 0.0
@@ -67,10 +82,10 @@ def add_square(
 
 
 @inner
-def normalise(log_weights: np.ndarray, weights: np.ndarray) -> tuple[float, float]:
-    """Normalise ``log_weights`` (P,) and fill ``weights``; the effective sample size 1/Σw² (Kong,
-    Liu & Wong 1994), from 1, one particle carrying all, to P, all alike, and the logarithm of the
-    sum of the weights as they were, which is not finite where all have vanished.
+def normalise(log_weights, weights):
+    """Normalise ``log_weights`` (P,) and fill ``weights``; return the effective sample size 1/Σw²
+    (Kong, Liu & Wong 1994) and the logarithm of the former sum of the weights, which is not finite
+    where all have vanished.
     """
     peak = greatest(log_weights)
     if not np.isfinite(peak):
@@ -86,25 +101,9 @@ def normalise(log_weights: np.ndarray, weights: np.ndarray) -> tuple[float, floa
 
 
 @inner
-def make_equal(weights: np.ndarray, log_weights: np.ndarray) -> float:
-    """Give all P particles the weight 1/P; the effective sample size, P."""
-    count = float(len(weights))
-    each, log_each = 1.0 / count, -np.log(count)
-    for i in range(len(weights)):
-        weights[i], log_weights[i] = each, log_each
-    return count
-
-
-@inner
-def weighted_moments(
-    weights: np.ndarray,
-    q: np.ndarray,
-    mean: np.ndarray,
-    covariance: np.ndarray,
-    scratch: np.ndarray,
-) -> None:
+def weighted_moments(weights, q, mean, covariance, scratch):
     """Fill ``mean`` (n,) and, about that mean, ``covariance`` (n, n) of particles ``q`` (n, P)
-    under normalised ``weights`` (P,); ``scratch`` has (n + 2, NEAR) floats.
+    under normalised ``weights`` (P,); ``scratch`` has (n + 1, NEAR) floats or more.
     """
     n = len(q)
     for j in range(n):
@@ -112,7 +111,7 @@ def weighted_moments(
         for k in range(n):
             covariance[j, k] = 0.0
     for start in range(0, len(weights), NEAR):
-        count = NEAR if start + NEAR < len(weights) else len(weights) - start
+        count = min(NEAR, len(weights) - start)
         weight, weighted = weights[start : start + count], scratch[n, :count]
         for j in range(n):
             angle, middle, deviation = q[j, start : start + count], mean[j], scratch[j, :count]

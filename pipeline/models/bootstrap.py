@@ -1,19 +1,18 @@
 """Standard errors and intervals of an estimator by the bootstrap over takes (Efron and Tibshirani,
 1993, Sec. 6 and 13).
 
-The takes are independent of each other, the steps of a take are not: noise lasts from one step to
-the next, and each measured pose is in two of them. So whole takes are drawn with replacement, and
-the estimator is applied to each such resampling. Estimates by moments are computed anew from sums
-over the takes. Under a likelihood the likelihoods of the takes are resampled, and under the convex
-problem the perturbations of their steps: the measurement noise and the weights that follow from it
-are then held fixed at those of all takes. Every other estimator is applied anew.
+Takes are independent of each other, the steps of a take are not. So whole takes are drawn with
+replacement, and the estimator is applied to each such resampling: by sums over the takes for
+estimates by moments, by the likelihoods of the takes under a likelihood, by the perturbations of
+their steps under the convex problem (the measurement noise and the weights that follow from it are
+then those of all takes), anew for every other estimator.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,11 +27,8 @@ LEAST_TAKES = 10  # for a 95 % interval: resamplings of fewer repeat each other
 Estimator = Callable[[np.ndarray], dict[str, float]]  # numbers of the takes → estimates by name
 
 
-@dataclass(frozen=True)
-class Spread:
-    """How far an estimate would vary over recordings of as many takes, and the ends of its 95 %
-    percentile interval.
-    """
+class Spread(NamedTuple):
+    """Standard error of an estimate, and the ends of its 95 % percentile interval."""
 
     standard_error: float
     low: float
@@ -83,12 +79,7 @@ def joint_covariance(
 
 
 def _together(replicates: list[dict[str, float] | None]) -> dict[str, np.ndarray]:
-    """Of every estimate that all replicates have its values; nothing for fewer than two."""
+    """Values of every estimate that all replicates have; nothing for fewer than two."""
     solved = [estimates for estimates in replicates if estimates is not None]
-    if len(solved) < 2:
-        return {}
-    return {
-        name: np.array([estimates[name] for estimates in solved])
-        for name in solved[0]
-        if all(name in other for other in solved)
-    }
+    names = [name for name in solved[0] if all(name in each for each in solved)] if solved else []
+    return {name: np.array([each[name] for each in solved]) for name in names if len(solved) > 1}

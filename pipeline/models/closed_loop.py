@@ -57,7 +57,7 @@ class MeanPath:
         return v
 
     def commands(self, share: float) -> Commands:
-        """Of the closed loop of this ``share`` κ."""
+        """Commands of the closed loop of this ``share`` κ."""
         return Commands(self.v, self.path, share)
 
 
@@ -67,7 +67,7 @@ def measured_poses(recorded: Recorded) -> np.ndarray:
 
 
 def mean_path(recorded: Recorded) -> MeanPath:
-    """Of the takes of ``recorded``."""
+    """Mean path of the takes of ``recorded``."""
     return MeanPath(recorded.chain, measured_poses(recorded).mean(axis=0))
 
 

@@ -7,15 +7,10 @@ The deviation from the mean path goes to first order by
 
 with D_k = ∂E[q_{k+1}]/∂q at (q̄_k, v_k) and G_k = ∂E[q_{k+1}]/∂v·J(q̄_k) of the model's own mean
 (G_k = J⁺J where that is the nominal step, I for as many joints as task rows). Cov w_k is the
-model's own at the measured poses and commands, averaged over the takes: exact for every model but
-for what the measurement adds to the poses, and for the Wishart model the normal law of the same two
-moments. κ enters F_k alone.
-
-An estimator that leaves the measurement's noise in the model's, as those of the paper do, leaves it
-in here too, as the loop leaves it (:func:`.closed_loop.closed_measurement`).
-
-Regressing the noise of a step on the deviation before it is no way to κ: both hold the noise of
-the same measured pose.
+model's own at the measured poses and commands, averaged over the takes; for the Wishart model that
+is the normal law of the same two moments. κ enters F_k alone. An estimator that leaves the
+measurement's noise in the model's, as the paper's do, leaves it in here too. Regressing the noise
+of a step on the deviation before it gives no κ: both hold the noise of the same measured pose.
 """
 
 from __future__ import annotations
@@ -124,10 +119,9 @@ def most_likely_share(space: StateSpace, deviation: np.ndarray) -> tuple[float, 
     """κ̂ in [0, 1] for ``deviation`` (takes, M+1, n) in rad from the takes' mean, and its standard
     error.
 
-    Newton's steps from the best of a grid, kept within [0, 1]. The standard error is that of the
-    sandwich over takes, which are independent, and so holds where the law is not quite that of the
-    recordings; of a handful of takes it is itself a rough estimate. Raises SolverError where the
-    likelihood has no maximum near the best of the grid.
+    Newton's steps from the best of a grid, kept within [0, 1]. The standard error is the sandwich's
+    over takes, so it holds where the law is not quite that of the recordings; of a handful of takes
+    it is rough. Raises SolverError where the likelihood has no maximum near the best of the grid.
     """
     takes = len(deviation)
     share = float(GRID[take_log_likelihoods(space, deviation, GRID).sum(axis=1).argmax()])
@@ -153,10 +147,9 @@ def take_log_likelihoods(
     each stretch, for each κ of ``shares`` (K,), but for a constant; −inf for a κ at which the
     determinant of an innovation's covariance is not positive.
 
-    By the Kalman filter of (e, e + b), whose gains all takes share; of b nothing is assumed, of e
-    at the beginning of a stretch that it spreads as the takes do there.
-    Deviations from the takes' own mean are what N − 1 contrasts of the takes are, whatever drift
-    they have in common: so their covariance counts (N − 1)/N times for each take (restricted
+    By the Kalman filter of (e, e + b), whose gains all takes share; nothing is assumed of b, and e
+    has the takes' covariance at the beginning of a stretch. Deviations from the takes' own mean are
+    N − 1 contrasts of the takes: their covariance counts (N − 1)/N times for each take (restricted
     likelihood, Patterson and Thompson 1971).
     """
     (takes, _, n), grid = deviation.shape, len(shares)

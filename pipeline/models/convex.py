@@ -1,5 +1,5 @@
 """The paper's two convex problems as printed, in CVXPY: the independent route to what the motion
-models have in closed form.
+models have in closed form, and the gaps between the two.
 """
 
 from __future__ import annotations
@@ -8,8 +8,11 @@ import warnings
 
 import cvxpy as cp
 import numpy as np
+from scipy.linalg import lu, qr
 
 from pipeline.core.errors import SolverError
+from pipeline.models.gaussian.law import noise_scale
+from pipeline.models.wishart.decomposition import Decomposition
 
 TOLERANCES = (1e-10, 1e-9, 1e-8)  # of gap and feasibility, in the problem's own unit
 
@@ -22,8 +25,7 @@ def _solve(problem: cp.Problem, **evidence: object) -> float:
         tolerances = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
         try:
             with warnings.catch_warnings():
-                # of an inaccurate solution the status says so
-                warnings.simplefilter("ignore", UserWarning)
+                warnings.simplefilter("ignore", UserWarning)  # the status names an inaccuracy
                 value = problem.solve(solver=cp.CLARABEL, **tolerances)
         # a ValueError is CVXPY's answer to data that are not numbers
         except (cp.SolverError, ValueError) as error:
@@ -43,15 +45,9 @@ def solve_perturbation(
 ) -> tuple[np.ndarray, float]:
     """B⁻¹ (m, m) and the objective F of (BsampOpt) under (const10) as B⁻¹ ⪰ εI.
 
-    Solved in units of ‖ω‖, as the solver's tolerances are absolute. Raises SolverError.
-
-    Args:
-        noise: (n,) ω in rad, measured minus nominal.
-        v: (m,) ẋᵈΔt.
-        j1: (m, m) first factor of the Jacobian.
-        j2: (m, n) the second.
-        weights: (α₁, α₂).
-        floor: ε.
+    ``noise`` ω (n,) in rad, measured minus nominal; ``v`` (m,) ẋᵈΔt; J = J₁J₂ of ``j1`` (m, m) and
+    ``j2`` (m, n); ``weights`` (α₁, α₂); ``floor`` ε. Solved in units of ‖ω‖, as the solver's
+    tolerances are absolute. Raises SolverError.
     """
     m, size = len(v), float(np.linalg.norm(noise))
     unit = size if 0 < size < np.inf else 1.0
@@ -60,11 +56,8 @@ def solve_perturbation(
     a, step, back = np.linalg.inv(j1) @ v, np.linalg.pinv(j1 @ j2) @ v, np.linalg.pinv(j2)
     rest = (noise + step) / unit - (back / unit) @ (b_inv @ a)
     objective = alpha1 * cp.norm(rest) + alpha2 / unit * cp.norm(b_inv - np.eye(m), "fro")
-    value = _solve(
-        cp.Problem(cp.Minimize(objective), [b_inv >> floor * np.eye(m)]),
-        noise=noise.tolist(),
-        floor=floor,
-    )
+    problem = cp.Problem(cp.Minimize(objective), [b_inv >> floor * np.eye(m)])
+    value = _solve(problem, noise=noise.tolist(), floor=floor)
     return b_inv.value, unit * value
 
 
@@ -75,19 +68,62 @@ def solve_noise_covariance(norm: float, alpha: float, u: float, n: int, m: int) 
     Σ is solved for in units of the bound, as the solver's tolerances are absolute: that adds a
     constant to ln|Σ|.
     """
-    bound = alpha**2 * (u**2 - norm**2)
+    bound, evidence = alpha**2 * (u**2 - norm**2), {"norm": norm, "alpha": alpha, "u": u}
     if not bound > 0:
         raise SolverError(
             "the problem has no feasible point with a logarithm: u is not above the norm",
-            norm=norm,
-            alpha=alpha,
-            u=u,
+            **evidence,
         )
     sigma = cp.Variable((m, m), symmetric=True)
-    _solve(
-        cp.Problem(cp.Maximize(cp.log_det(sigma)), [cp.trace(n * sigma) <= 1, sigma >> 0]),
-        norm=norm,
-        alpha=alpha,
-        u=u,
-    )
+    constraints = [cp.trace(n * sigma) <= 1, sigma >> 0]
+    _solve(cp.Problem(cp.Maximize(cp.log_det(sigma)), constraints), **evidence)
     return bound * sigma.value
+
+
+def perturbation_gap(
+    objectives: np.ndarray,
+    jacobians: np.ndarray,
+    v: np.ndarray,
+    noise: np.ndarray,
+    decomposition: Decomposition,
+    weights: tuple[float, float],
+    floor: float,
+) -> float:
+    """Greatest relative distance of the ``objectives`` (K,) of (BsampOpt) in closed form from the
+    solver's.
+
+    ``jacobians`` (K, m, n), task steps ``v`` (K, m) and ``noise`` ω (K, n) in rad are of each
+    problem. J₁ comes from SciPy here, not from the closed form. Objectives are compared and not
+    matrices, as the optimum is flat. Raises SolverError.
+    """
+    gaps = []
+    for closed, jacobian, step, omega in zip(objectives, jacobians, v, noise, strict=True):
+        j1 = _first_factor(jacobian, decomposition)
+        j2 = np.linalg.solve(j1, jacobian)
+        _, objective = solve_perturbation(omega, step, j1, j2, weights, floor)
+        gaps.append(abs(closed - objective) / objective)
+    return float(max(gaps))
+
+
+def _first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndarray:
+    """J₁ (m, m) of ``jacobian`` (m, n) by SciPy."""
+    match decomposition:
+        case Decomposition("pivoted_lu"):
+            return lu(jacobian, permute_l=True)[0]
+        case Decomposition("qr"):
+            return qr(jacobian)[0]
+        case Decomposition("qr_transposed"):
+            return qr(jacobian.T, mode="economic")[1].T
+        case Decomposition(left=left):
+            return np.array(left)
+
+
+def noise_covariance_gap(norms: np.ndarray, alpha: float, u: float, n: int, m: int) -> float:
+    """Greatest relative distance of Σ_k of (cost)–(const2) in closed form from the solver's, at
+    ``norms`` (K,) ‖J̲_k⁺‖_F of matrices (n, m). Raises SolverError.
+    """
+    gaps = []
+    for norm, scale in zip(norms, noise_scale(norms, alpha, u, n, m), strict=True):
+        closed, solved = scale * np.eye(m), solve_noise_covariance(float(norm), alpha, u, n, m)
+        gaps.append(np.linalg.norm(solved - closed) / np.linalg.norm(closed))
+    return float(max(gaps))

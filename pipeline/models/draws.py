@@ -26,11 +26,7 @@ def space_of(chain: Chain) -> int | None:
 
 
 def draw_steps(
-    model: MotionModel,
-    chain: Chain,
-    q: np.ndarray,
-    v: np.ndarray,
-    rng: np.random.Generator,
+    model: MotionModel, chain: Chain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, int]:
     """One draw of q_{k+1} for each of the poses ``q`` (..., n) in rad, of the same shape, and for
     how many of them the noise was clipped at zero.

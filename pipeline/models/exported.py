@@ -46,7 +46,7 @@ class ExportedModel:
 
     law: MotionModel | JointStepModel
     chain: Chain
-    record: Mapping[str, Any]  # what the file holds
+    record: Mapping[str, Any]  # contents of the file
     _warned: set[str] = field(default_factory=set, compare=False)
 
     def __repr__(self) -> str:
@@ -110,8 +110,8 @@ class ExportedModel:
         return self.law.log_density(self.chain, q, v, np.asarray(q_next, float), measurement)
 
     def command(self, q: np.ndarray, v: np.ndarray, target: np.ndarray) -> np.ndarray:
-        """``v`` and what the closed loop corrects of it at ``q``, a share of the way to ``target``,
-        the pose of the tip that it is held to; ``v`` itself for an open loop.
+        """``v`` and the closed loop's correction at ``q``, a share of the way to ``target``, the
+        pose of the tip that it is held to; ``v`` itself for an open loop.
         """
         q, v, m = np.asarray(q, float), np.asarray(v, float), len(self.chain.task)
         off = self.chain.displacement(self.chain.pose(q), target)
@@ -120,9 +120,7 @@ class ExportedModel:
         return command
 
     def _checked(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Both as arrays of the arm's sizes, after a warning where they are beyond what was
-        fitted.
-        """
+        """Both as arrays of the arm's sizes, after a warning beyond the ranges of the fit."""
         n, m = len(self.chain.lower), len(self.chain.task)
         q = self._shaped("q", q, (n,), "rad")
         v = self._shaped("v", v, (m, m + n) if n > m else (m,), f"steps of {self.chain.task}")
@@ -143,23 +141,21 @@ class ExportedModel:
         """Warn once of each joint or row of ``values`` beyond the ranges of ``what``."""
         ranges = self.record["ranges"].get(what, {})
         for (name, ends), each in zip(ranges.items(), np.moveaxis(values, -1, 0), strict=False):
-            slack = SLACK + MARGIN * (ends["greatest"] - ends["least"])
-            beyond = (each < ends["least"] - slack) | (each > ends["greatest"] + slack)
-            if f"{what} {name}" in self._warned or not np.any(beyond):
-                continue
-            self._warned.add(f"{what} {name}")
-            warnings.warn(
-                f"{what} of {name}: {each[beyond].flat[0]:.4g} {ends['unit']} is outside "
-                f"{ends['least']:.4g} to {ends['greatest']:.4g}, where the model "
-                f"{self.record['model']} was fitted",
-                OutsideRanges,
-                stacklevel=4,
-            )
+            low, high = ends["least"], ends["greatest"]
+            slack = SLACK + MARGIN * (high - low)
+            beyond = each[(each < low - slack) | (each > high + slack)]
+            if f"{what} {name}" not in self._warned and beyond.size:
+                self._warned.add(f"{what} {name}")
+                warnings.warn(
+                    f"{what} of {name}: {beyond.flat[0]:.4g} {ends['unit']} is outside {low:.4g} "
+                    f"to {high:.4g}, where the model {self.record['model']} was fitted",
+                    OutsideRanges,
+                    stacklevel=4,
+                )
 
 
 def chain_record(chain: Chain) -> dict[str, Any]:
     """The numbers of ``chain`` in plain values, without any robot's description."""
-    planar = isinstance(chain, PlanarChain)
     values = {each.name: getattr(chain, each.name) for each in fields(chain)}
     plain = {
         name: value.tolist() if isinstance(value, np.ndarray) else value
@@ -167,17 +163,17 @@ def chain_record(chain: Chain) -> dict[str, Any]:
     }
     for name in UNLIMITED:
         plain[name] = [limit if np.isfinite(limit) else None for limit in plain[name]]
-    return {"kind": "planar" if planar else "serial"} | plain
+    return {"kind": "planar" if isinstance(chain, PlanarChain) else "serial"} | plain
 
 
 def _chain(record: Mapping[str, Any]) -> Chain:
-    values = {}
-    for name, value in record.items():
-        if name in UNLIMITED:
-            value = [UNLIMITED[name] if limit is None else limit for limit in value]
-        values[name] = np.array(value) if isinstance(value, list) and name != "task" else value
-    if "task" in values:
-        values["task"] = tuple(values["task"])
+    values = dict(record)
+    for name, absent in UNLIMITED.items():
+        if name in values:
+            values[name] = [absent if limit is None else limit for limit in values[name]]
+    for name, value in values.items():
+        if isinstance(value, list):
+            values[name] = tuple(value) if name == "task" else np.array(value)
     return ARMS[values.pop("kind")](**values)
 
 

@@ -11,7 +11,7 @@ steps count as independent.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,7 +36,6 @@ class JointStepFit:
     """A fitted model; ``untold`` are (parameter, joint, found, required) without a number."""
 
     model: JointStepModel
-    errors: Mapping[str, np.ndarray]  # (n,) relative standard errors of the variance, by speed
     untold: Sequence[tuple[str, str, str, str]]
 
 
@@ -49,17 +48,12 @@ def fit_joint_steps(
     pose_noise: float = 0.0,
     start: JointStepModel | None = None,
 ) -> JointStepFit:
-    """Fit the model ``name`` of :data:`PLAIN`.
+    """Fit the model ``name`` of :data:`PLAIN` to commanded steps ``dq`` and ``noise`` ω (N, n) in
+    rad, the measured minus the commanded step, of n ``joints``.
 
-    Args:
-        name: model.
-        dq: (N, n) commanded steps in rad.
-        noise: (N, n) ω in rad, the measured minus the commanded step.
-        joints: names of the n joints.
-        pose_noise: rad, stated standard deviation of a measured angle.
-        start: a fit of the same model to begin the search at.
-
-    Raises ModelDomainError where there is no noise at all or no step.
+    ``pose_noise`` is the stated standard deviation of a measured angle in rad, ``start`` a fit of
+    the same model at which the search begins. Raises ModelDomainError where there is no noise at
+    all or no step.
     """
     scaled, student = PLAIN[name]
     rms = np.sqrt(np.mean(noise**2, axis=0)) if len(noise) else np.zeros(len(joints))
@@ -69,25 +63,24 @@ def fit_joint_steps(
         UNRESOLVED**2 * np.maximum(rms, UNRESOLVED * rms.max()) ** 2 + 2 * pose_noise**2
     )
     reach, reference = np.abs(dq).max(axis=0), float(np.abs(dq).max())
-    rows, relative, untold = [], np.full(len(joints), np.nan), []
+    rows, untold = [], []
     for j, joint in enumerate(joints):
         w, x = noise[:, j], dq[:, j]
         first = None if start is None else (start.floor[j], start.gain[j], start.degrees[j])
         a, b, nu = _fit_joint(w, x, least[j], scaled=scaled, student=student, start=first)
         if scaled:
             moved = int(np.sum(np.abs(x) >= LEAST_SHARE * reference))
-            relative[j] = _relative_error(w, x, a, b, nu, least[j], reference)
-            if moved < LEAST_STEPS or not relative[j] <= BOUND:
+            relative = _relative_error(w, x, a, b, nu, least[j], reference)
+            if moved < LEAST_STEPS or not relative <= BOUND:
                 a, _, nu = _fit_joint(w, x, least[j], scaled=False, student=student)
                 b = np.nan
                 found = (
                     f"{moved} steps of at least {LEAST_SHARE * reference:.2g} rad"
                     if moved < LEAST_STEPS
-                    else f"standard error {relative[j]:.2g} of the variance at {reference:.2g} rad"
+                    else f"standard error {relative:.2g} of the variance at {reference:.2g} rad"
                 )
-                untold.append(
-                    ("gain", joint, found, f"{LEAST_STEPS} steps, standard error ≤ {BOUND}")
-                )
+                required = f"{LEAST_STEPS} steps, standard error ≤ {BOUND}"
+                untold.append(("gain", joint, found, required))
         if student and nu <= DEGREES[0] * 1.001:
             found = f"the likelihood is highest at the least value, {DEGREES[0]:g}"
             untold.append(("degrees of freedom", joint, found, f"above {DEGREES[0]:g}"))
@@ -102,7 +95,7 @@ def fit_joint_steps(
             correlation = moment / np.outer(std, std)
             # a hundredth of the identity keeps joints that move as one from a singular law
             model = replace(model, correlation=0.99 * correlation + 0.01 * np.eye(len(std)))
-    return JointStepFit(model, {"variance at the reference step": relative}, untold)
+    return JointStepFit(model, untold)
 
 
 def _fit_joint(
@@ -120,28 +113,21 @@ def _fit_joint(
     unit, pace = max(float(np.mean(w**2)), least**2), max(float(np.mean(x**2)), 1e-300)
     w2, x2, floor = w**2 / unit, x**2 / pace, least**2 / unit
     scaled = scaled and pace > 1e-300
-    begin, bounds = [np.log(0.5)], [(np.log(1e-3 * floor), 9.0)]
-    if scaled:
-        begin.append(np.log(0.5))
-        bounds.append((np.log(1e-6), 14.0))
-    if student:
-        begin.append(np.log(5.0))
-        bounds.append(tuple(np.log(DEGREES)))
+    used = np.array([True, scaled, student])
+    begin = np.log([0.5, 0.5, 5.0])
+    bounds = np.array([(np.log(1e-3 * floor), 9.0), (np.log(1e-6), 14.0), np.log(DEGREES)])
     if start is not None:
-        a, b, nu = start
-        known = [a / unit] + ([b * pace / unit] if scaled else []) + ([nu] if student else [])
-        usable = [np.isfinite(value) and value > 0 for value in known]
-        begin = [
-            float(np.clip(np.log(value), *ends)) if use else first
-            for value, use, first, ends in zip(known, usable, begin, bounds, strict=True)
-        ]
+        known = np.array(start) * (1 / unit, pace / unit, 1)
+        usable = np.isfinite(known) & (known > 0)
+        logarithms = np.log(np.where(usable, known, 1.0))
+        begin = np.where(usable, np.clip(logarithms, *bounds.T), begin)
     found = minimize(
         _negative_log_likelihood,
-        begin,
+        begin[used],
         args=(w2, x2, floor, scaled, student),
         jac=True,
         method="L-BFGS-B",
-        bounds=bounds,
+        bounds=bounds[used],
     )
     values = np.exp(found.x)
     a, b = values[0] * unit, values[1] * unit / pace if scaled else 0.0

@@ -1,10 +1,9 @@
 """The kinds of motion models: each is a folder of this package, found by its place.
 
-A folder holds ``options.py`` with ``Options``, the type of its option file; ``law.py`` with
-``build(parameters)``, which makes a :class:`pipeline.models.model.MotionModel`; and ``fit.py`` with
-``estimate(recorded, options)`` and ``truths(recorded, options, dispersions)``, and optionally
-``compared(options)``. ``examination.py``, where there is one, adds tables and numbers that are no
-parameters. Nothing of a kind is imported before it is needed.
+A folder holds ``law.py`` with ``build(parameters)``, which makes a
+:class:`pipeline.models.model.MotionModel`, and ``fit.py`` with ``Options``, the type of its option
+file, ``estimate(recorded, options)``, ``truths(recorded, options, dispersions)`` and optionally
+``compared(options)`` and ``examined(…)``. Nothing of a kind is imported before it is needed.
 """
 
 from __future__ import annotations
@@ -12,7 +11,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Sequence
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -36,7 +34,7 @@ def kinds() -> list[str]:
     return sorted(
         file.parent.name
         for place in pipeline.models.__path__
-        for file in Path(place).glob("*/options.py")
+        for file in Path(place).glob("*/law.py")
     )
 
 
@@ -48,7 +46,7 @@ def options_type(kind: object) -> type[Options]:
     """Type of the options of a model of ``kind``; raises ConfigError for an unknown kind."""
     if kind not in kinds():
         raise ConfigError(f"kind: no kind {kind!r}; there are {', '.join(kinds())}", key="kind")
-    return _part(kind, "options").Options
+    return _part(kind, "fit").Options
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
@@ -123,10 +121,8 @@ def examined(
     checks: int,
     rng: np.random.Generator,
 ) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
-    """Numbers and tables beside an ``estimate`` (None where the takes give none), by the kind's
-    ``examination.py``; ``rng`` chooses ``checks`` convex problems to solve as printed.
+    """Numbers and tables beside an ``estimate`` (None where the takes give none); ``rng`` chooses
+    ``checks`` convex problems to solve as printed.
     """
-    if find_spec(f"pipeline.models.{options.kind}.examination") is None:
-        return {}, {}
-    examination = _part(options.kind, "examination")
-    return examination.examined(recorded, options, estimate, checks, rng)
+    hook = getattr(_part(options.kind, "fit"), "examined", None)
+    return ({}, {}) if hook is None else hook(recorded, options, estimate, checks, rng)

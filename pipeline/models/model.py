@@ -10,6 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy import ndarray
+from numpy.random import Generator
 
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
@@ -77,34 +79,25 @@ class MotionModel(Protocol):
     def law(self, chain: Chain) -> Law:
         """Law of a compiled step of the arm ``chain``."""
 
-    def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def mean(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         """(..., n) E[q_{k+1} | q_k = q] in rad."""
 
-    def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         """(..., n, n) Cov(q_{k+1} | q_k = q) in rad²."""
 
-    def with_trace(
-        self, chain: Mechanism, q: np.ndarray, v: np.ndarray, trace: float
-    ) -> MotionModel:
+    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> MotionModel:
         """The model whose own level (σ_B, α, a factor on a covariance) gives the covariances of the
         steps a mean trace of ``trace`` > 0 in rad²; raises ModelDomainError where no level does.
         """
 
-    def sample(
-        self, chain: Chain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
-    ) -> np.ndarray:
+    def sample(self, chain: Chain, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
         """(..., n) a draw of q_{k+1} for each pose, by NumPy alone; the compiled
         :func:`pipeline.models.draws.draw_steps` is many times as fast.
         """
 
     def log_density(
-        self,
-        chain: Mechanism,
-        q: np.ndarray,
-        v: np.ndarray,
-        q_next: np.ndarray,
-        measurement: np.ndarray | None = None,
-    ) -> np.ndarray:
+        self, chain: Mechanism, q: ndarray, v: ndarray, q_next: ndarray, measurement=None
+    ) -> ndarray:
         """(...,) ln p(q_{k+1} = q_next | q_k = q) in rad⁻ⁿ for ``q_next`` (..., n) in rad.
 
         With ``measurement`` (n, n) in rad² the density is that of the step plus N(0, measurement),

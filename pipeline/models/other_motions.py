@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,6 @@ import pandas as pd
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError, PipelineError
 from pipeline.models import kinds
-from pipeline.models.joint_steps import JointStepModel
 from pipeline.models.joint_steps_fit import LEAST_SHARE, PLAIN, JointStepFit, fit_joint_steps
 from pipeline.models.options import Options
 from pipeline.models.steps import Recorded
@@ -21,6 +21,7 @@ from pipeline.models.steps import Recorded
 MOST_TAKES = 10  # held out one by one where there is a single motion
 QUANTILES = np.concatenate([[0.001, 0.005], np.linspace(0.01, 0.99, 49), [0.995, 0.999]])
 SIGMAS = {"one": 1, "two": 2, "three": 3}
+UNTOLD = ["parameter", "joint", "found", "required"]  # of a parameter without a number
 EACH = "each"  # row of the mean over the held-out motions
 
 
@@ -101,46 +102,41 @@ def other_motions(
     (kurtosis and coverage of the held-out noise), ``noise_quantiles``, ``plain_parameters``,
     ``untold`` and ``motions``. Raises ModelDomainError without noise.
     """
-    stated = pose_noise or 0.0
+    stated, parts = pose_noise or 0.0, _parts(motions)
     fits = {
         name: fit_joint_steps(name, *pooled(motions), joints, pose_noise=stated) for name in PLAIN
     }
-    parts = _parts(motions)
     scores, spreads, standard = [], [], {}
-    for name in PLAIN:
-        for part in parts:
-            rest = pooled([other for other in parts if other is not part] or parts)
-            try:
-                start = fits[name].model
-                model = fit_joint_steps(name, *rest, joints, pose_noise=stated, start=start).model
-                dq, noise = part.flat
-                score = float(model.noise_log_density(dq, noise).mean())
-            except ModelDomainError as error:
-                scores.append((name, part.name, np.nan, error.message))
-                continue
-            scores.append((name, part.name, score, ""))
-            std = _std(model, dq)
-            standard.setdefault(name, []).append(noise / std)
-            rms = np.sqrt(np.mean(std**2, axis=0)), np.sqrt(np.mean(noise**2, axis=0))
-            spreads += [
-                (part.name, joint, name, *pair) for joint, *pair in zip(joints, *rms, strict=True)
-            ]
+    for name, part in product(PLAIN, parts):
+        rest = pooled([other for other in parts if other is not part] or parts)
+        try:
+            start = fits[name].model
+            model = fit_joint_steps(name, *rest, joints, pose_noise=stated, start=start).model
+            dq, noise = part.flat
+            score = float(model.noise_log_density(dq, noise).mean())
+        except ModelDomainError as error:
+            scores.append((name, part.name, np.nan, error.message))
+            continue
+        scores.append((name, part.name, score, ""))
+        std = np.sqrt(np.diagonal(model.covariance_of_joint_step(dq), axis1=-2, axis2=-1))
+        standard.setdefault(name, []).append(noise / std)
+        rms = np.sqrt(np.mean(std**2, axis=0)), np.sqrt(np.mean(noise**2, axis=0))
+        spreads += [(part.name, *row[:1], name, *row[1:]) for row in zip(joints, *rms, strict=True)]
     if chain is not None and len(motions) > 1:
         scores += _matrix_scores(motions, joints, pose_noise, chain, matrix or {})
     rows = pd.DataFrame(scores, columns=["model", "motion", "score", "reason"])
     means = rows.groupby("model", sort=False)["score"].agg(lambda each: each.mean(skipna=False))
-    together = pd.DataFrame({"model": means.index, "motion": EACH, "score": means.to_numpy()})
-    rows = pd.concat([rows, together.assign(reason="")], ignore_index=True)
+    together = means.reset_index().assign(motion=EACH, reason="")
+    untold = [(name, *row) for name, fit in fits.items() for row in fit.untold]
     tables = {
-        "other_motions": rows,
+        "other_motions": pd.concat([rows, together[rows.columns]], ignore_index=True),
         "motion_spread": pd.DataFrame(
             spreads, columns=["motion", "joint", "model", "predicted_rad", "measured_rad"]
         ),
         **_tails({name: np.concatenate(z) for name, z in standard.items()}, joints),
         "plain_parameters": _parameters(fits),
         "untold": pd.DataFrame(
-            [(name, *row) for name, fit in fits.items() for row in fit.untold],
-            columns=["model", "parameter", "joint", "found", "required"],
+            untold, columns=["model", "parameter", "joint", "found", "required"]
         ),
         "motions": _listed(motions, joints),
         "motion_ranges": joint_ranges(motions, joints, rate),
@@ -160,25 +156,19 @@ def _parts(motions: Sequence[MotionSteps]) -> list[MotionSteps]:
     ]
 
 
-def _std(model: JointStepModel, dq: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.diagonal(model.covariance_of_joint_step(dq), axis1=-2, axis2=-1))
-
-
 def _matrix_scores(motions, joints, pose_noise, chain, matrix) -> list[tuple]:
     rows = []
-    for name, options in matrix.items():
-        for part in motions:
-            rest = [other for other in motions if other is not part]
-            try:
-                fitted = recorded_motions(chain, rest, joints, pose_noise)
-                model = kinds.estimate(fitted, replace(options, closed_loop=False)).model
-                scored = recorded_motions(chain, [part], joints, pose_noise)
-                density = model.log_density(
-                    chain, scored.q, scored.v, scored.q_next, fitted.measurement
-                )
-                rows.append((name, part.name, float(density.mean()), ""))
-            except PipelineError as error:
-                rows.append((name, part.name, np.nan, error.message))
+    for (name, options), part in product(matrix.items(), motions):
+        rest = [other for other in motions if other is not part]
+        try:
+            fitted = recorded_motions(chain, rest, joints, pose_noise)
+            model = kinds.estimate(fitted, replace(options, closed_loop=False)).model
+            scored = recorded_motions(chain, [part], joints, pose_noise)
+            steps = chain, scored.q, scored.v, scored.q_next
+            score, reason = float(model.log_density(*steps, fitted.measurement).mean()), ""
+        except PipelineError as error:
+            score, reason = np.nan, error.message
+        rows.append((name, part.name, score, reason))
     return rows
 
 
@@ -194,25 +184,24 @@ def _tails(standard: Mapping[str, np.ndarray], joints: Sequence[str]) -> dict[st
             tails.append((name, joint, float(kurtosis[j]), *inside))
             drawn = zip(ndtri(QUANTILES), np.quantile(z[:, j], QUANTILES), strict=True)
             quantiles += [(name, joint, *map(float, pair)) for pair in drawn]
+    columns = ["model", "joint", "kurtosis", *(f"{each}_sigma" for each in SIGMAS)]
     return {
-        "tails": pd.DataFrame(
-            tails, columns=["model", "joint", "kurtosis", *(f"{each}_sigma" for each in SIGMAS)]
-        ),
+        "tails": pd.DataFrame(tails, columns=columns),
         "noise_quantiles": pd.DataFrame(quantiles, columns=["model", "joint", "normal", "noise"]),
     }
 
 
 def _parameters(fits: Mapping[str, JointStepFit]) -> pd.DataFrame:
+    """Parameters of the plain models; gaps where the steps cannot tell them."""
     rows = []
     for name, fit in fits.items():
         own, (scaled, student) = fit.model, PLAIN[name]
-        # the parameters that the steps cannot tell are gaps
-        untold = {(row[0], row[1]) for row in fit.untold}
+        unknown = {joint for what, joint, *_ in fit.untold if what == "degrees of freedom"}
         for j, joint in enumerate(own.joints):
-            nu = own.degrees[j] if student else np.nan
-            nu = np.nan if ("degrees of freedom", joint) in untold or np.isinf(nu) else nu
+            known = student and joint not in unknown and np.isfinite(own.degrees[j])
             rest = float(np.sqrt(own.resolution[j] ** 2 + own.floor[j]))
             share = float(np.sqrt(own.gain[j])) if scaled else np.nan
+            nu = own.degrees[j] if known else np.nan
             rows.append((name, joint, rest, share, nu, float(own.reach[j])))
     columns = ["model", "joint", "at_rest_rad", "share_of_step", "degrees", "greatest_step_rad"]
     return pd.DataFrame(rows, columns=columns)

@@ -1,5 +1,5 @@
-"""One-step predictions of a motion model, scored by the poses that were measured, the measurement
-noise added to the model's step.
+"""One-step predictions of a motion model, scored by the poses that were measured, and its process
+noise at the recorded poses; the measurement noise is added to the model's step.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from pipeline.models.draws import draw_steps
 from pipeline.models.kinds import estimate
 from pipeline.models.model import MotionModel
 from pipeline.models.options import Options
-from pipeline.models.steps import Recorded
+from pipeline.models.steps import Recorded, at_recorded_level
+from pipeline.statistics.curves import ModelledNoise
 from pipeline.statistics.scores import (
     energy_score,
     log_determinant,
@@ -24,6 +25,7 @@ from pipeline.statistics.scores import (
 )
 
 Steps = dict[str, np.ndarray]  # score → its values at the steps of a take
+DRAWS = 1000  # of a step's process noise, over the poses of all takes
 ENSEMBLE = 50  # draws per step for the energy score, whose estimate is unbiased for any number
 
 
@@ -34,15 +36,12 @@ def score_take(
     models: Mapping[str, MotionModel | Options],
     seed: int,
 ) -> tuple[Steps, dict[str, str]]:
-    """The scores of the steps of one take under a fitted model, or, where there are options of one,
-    under their fit to the other takes, and why some are missing; no scores without such a fit.
+    """Scores of the steps of one take, ``trial`` the name of a model and the number of the take,
+    under a fitted model or, where ``models`` has options of one, under their fit to the other
+    takes; why some scores are missing. There are no scores without such a fit.
 
-    Args:
-        trial: name of the model, number of the take.
-        takes: names and poses (M+1, n) in rad by number.
-        recorded: what the models are fitted to; where one is fitted here, the ``takes``.
-        models: by name.
-        seed: of the draws.
+    ``takes`` has names and poses (M+1, n) in rad by number; ``recorded`` is what the models are
+    fitted to, the ``takes`` where one is fitted here; ``seed`` is of the draws.
     """
     name, number = trial
     model, (take, poses) = models[name], takes[number]
@@ -81,29 +80,29 @@ def score_steps(
             reasons[what] = str(error)
             return np.full(shape, np.nan)
 
+    exact, where = (lambda: model.log_density(chain, q, v, q_next, measurement)), moving.shape
+    free = np.full(moving.shape, np.nan)
     scores = {
-        "log_density": existing(
-            "log density",
-            moving.shape,
-            lambda: model.log_density(chain, q, v, q_next, measurement),
-        ),
-        "log_density_noiseless": np.full(moving.shape, np.nan),
+        "log_density": existing("log density", where, exact),
+        "log_density_noiseless": free,
         "energy": _energy(model, recorded, q, q_next, rng),
     }
-    scores["log_density_noiseless"][moving] = existing(
+    free[moving] = existing(
         "log density without measurement noise",
         (moving.sum(),),
         lambda: model.log_density(chain, q[moving], v[moving], q_next[moving]),
     )
+    moments = "mean and covariance"
     covariance = existing(
-        "mean and covariance",
-        (*q.shape, q.shape[-1]),
-        lambda: model.covariance(chain, q, v) + measurement,
+        moments, (*q.shape, q.shape[-1]), lambda: model.covariance(chain, q, v) + measurement
     )
-    if "mean and covariance" in reasons:
-        scores["z"] = np.full(q.shape, np.nan)
-        scores["nees"] = scores["log_determinant"] = np.full(moving.shape, np.nan)
-        return scores, reasons
+    if moments in reasons:
+        gaps = np.full(moving.shape, np.nan)
+        return scores | {
+            "z": np.full(q.shape, np.nan),
+            "nees": gaps,
+            "log_determinant": gaps,
+        }, reasons
     return scores | _moments_scores(q_next - model.mean(chain, q, v), covariance), reasons
 
 
@@ -165,3 +164,23 @@ def groups_by_speed(recorded: Recorded, rate: float) -> Mapping[str, np.ndarray]
         third = moving & (low <= speeds) & ((speeds < high) | (high == ends[-1]))
         groups[f"{name}, {low:.3g} to {high:.3g} rad/s"] = third
     return groups
+
+
+def modelled_noise(
+    model: MotionModel, recorded: Recorded, rng: np.random.Generator, draws: int = DRAWS
+) -> ModelledNoise:
+    """Process noise of ``model`` at the poses of ``recorded``, its level solved again for the
+    recorded total variance; raises what :func:`pipeline.models.steps.at_recorded_level` raises.
+    """
+    own, chain, q, v = at_recorded_level(model, recorded), recorded.chain, recorded.q, recorded.v
+    covariance = own.covariance(chain, q, v)
+    takes = np.resize(np.arange(len(q)), draws)
+    noise = draw_steps(own, chain, q[takes], v, rng)[0] - (q + chain.nominal_step(q, v))[takes]
+    root = np.linalg.cholesky(recorded.measurement + 1e-30 * np.eye(q.shape[-1]))
+    noise += rng.standard_normal(noise.shape) @ root.T
+    return ModelledNoise(
+        motion=np.diagonal(covariance, axis1=-2, axis2=-1).mean(axis=0),
+        measurement=np.diagonal(recorded.measurement),
+        error=own.mean(chain, q, v) - recorded.q_next,
+        draws=noise,
+    )

@@ -46,12 +46,7 @@ def realize(
 
 
 def realized_moments(
-    model: MotionModel,
-    chain: Chain,
-    q: np.ndarray,
-    v: np.ndarray,
-    mode: str,
-    realized: np.ndarray,
+    model: MotionModel, chain: Chain, q: np.ndarray, v: np.ndarray, mode: str, realized: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, str | None]:
     """Mean and standard deviation (M+1, n) in rad of the realisations ``realized`` (N, M+1, n) of
     :func:`realize`; why there is no standard deviation.

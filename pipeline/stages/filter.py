@@ -15,7 +15,7 @@ from pipeline.arm.interface import Chain
 from pipeline.core import config, contracts, rng
 from pipeline.core.columns import spread, triangle
 from pipeline.core.compute.trials import run_trials
-from pipeline.filtering.measured import measured_takes
+from pipeline.filtering.instruments import measured_takes
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.models.closed_loop import FOLDER, fitted_closed_loop, mean_path
@@ -67,7 +67,7 @@ def run(model: str) -> None:
                 prefix = "closed_loop_" if loop else ""
                 metrics |= {f"{prefix}{name}": n for name, n in _metrics(posterior, rows).items()}
         else:
-            print("filter: no joint angles from a depth camera; nothing to filter")
+            print("filter: the dataset has no measurements of its test takes; nothing to filter")
         contracts.write_metrics(metrics, folder / "filter.json")
 
 

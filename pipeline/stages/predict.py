@@ -17,7 +17,7 @@ from pipeline.core import config, contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE
-from pipeline.filtering.alone import predicted_alone
+from pipeline.filtering.baselines import baseline_predictions
 from pipeline.models.closed_loop import measured_poses
 from pipeline.models.kinds import estimate, fitted_models
 from pipeline.models.options import Options
@@ -131,7 +131,7 @@ def _scored(settings, recorded: Recorded, pose: np.ndarray) -> dict[str, Steps]:
             if name in fitted or name not in settings.models
         }
         alone = [
-            predicted_alone(np.delete(training, number, axis=0), poses, pose)
+            baseline_predictions(np.delete(training, number, axis=0), poses, pose)
             for number, poses in enumerate(q)
         ]
     else:
@@ -142,7 +142,7 @@ def _scored(settings, recorded: Recorded, pose: np.ndarray) -> dict[str, Steps]:
             except ModelDomainError as error:
                 print(f"predict: {name} is left out: {error.message}")
         chosen = {name: chosen[name] for name in models if name in chosen}
-        together = predicted_alone(training, q, pose)
+        together = baseline_predictions(training, q, pose)
         alone = [
             {name: (error[number], covariance) for name, (error, covariance) in together.items()}
             for number in range(len(q))

@@ -7,10 +7,9 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from pipeline.cases.case import Case, paper_models
-from pipeline.cases.evaluate import Recordings, evaluate
+from pipeline.cases.case import Case, Recordings, camera_of, paper_models, recorded_takes
+from pipeline.cases.evaluate import evaluate
 from pipeline.cases.readings import read_claims, readings, readings_table
-from pipeline.cases.recordings import camera_of, recorded_takes
 from pipeline.core import config, contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.filtering.particle_filter import FilterOptions

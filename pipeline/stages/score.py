@@ -16,12 +16,12 @@ from pipeline.core import config, contracts, rng
 from pipeline.core.columns import columns, matrices, members, spread, values
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE, closed
-from pipeline.filtering.measured import measured_takes
-from pipeline.filtering.memory import memory_filter
+from pipeline.filtering.baselines import autocorrelated_filter
+from pipeline.filtering.instruments import measured_takes
 from pipeline.models.closed_loop import FOLDER
 from pipeline.models.kinds import fitted_model
-from pipeline.models.modelled_noise import modelled_noise
 from pipeline.models.noise import measurement_covariance, recorded_deviation, rest_covariance
+from pipeline.models.prediction import modelled_noise
 from pipeline.perception.depth_noise import deviations, error_slopes, errors_of, slope_scores
 from pipeline.recordings import quality
 from pipeline.recordings.commands import commanded_steps, constant_speed
@@ -204,7 +204,8 @@ def _score_filters(models, names, joints, settings, folder: Path, tables: Path) 
         pose, held = _pose_covariances(joints, settings)
         frames = {take.take: take for take in measured_takes(settings.dataset)}
         dt, own = 1 / settings.dataset.motion.rate, [frames[take] for take in takes]
-        filtered = memory_filter(training, pose, own, dt, chain_of(settings.dataset.robot))
+        chain = chain_of(settings.dataset.robot)
+        filtered = autocorrelated_filter(training, pose, own, dt, chain)
         means, covariances, without = filtered
         # what is true has no noise that a bound would have to hold
         pose, held = (0 * pose, 0 * held) if true else (pose, held)

@@ -16,24 +16,27 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
 from pipeline.core.options.instruments import Force
-from pipeline.wrench.bounds import configuration_bounds, nominal_system, study_bounds
-from pipeline.wrench.matrix import FORMS
+from pipeline.wrench.bounds import (
+    configuration_bounds,
+    draw_systems,
+    nominal_system,
+    study_bounds,
+)
+from pipeline.wrench.matrix import FORMS, matrix_model, sample_wrenches
 from pipeline.wrench.measured_force import (
     force_density,
     force_moments,
     force_test,
     measured_wrenches,
-    modelled_wrenches,
     rows_of,
     wrench_marginals,
     wrench_planes,
 )
 from pipeline.wrench.study import (
-    estimate_sigma_s,
+    averaged_sigma_s,
     expected_sigma_s,
+    run_study,
     sigma_s_rows,
-    study_repeat,
-    study_tables,
 )
 
 INGEST, OUT = Path("data/ingest/force"), Path("data/wrench")
@@ -46,16 +49,14 @@ def run() -> None:
     """Tables of the study, and of the configurations where the dataset has a force transducer."""
     settings = config.sections("wrench")
     options, force = settings.wrench, settings.dataset.force
-    repeats = list(enumerate(rng.stream(settings.seed, "wrench.study").spawn(options.repeats)))
-    repeat = partial(
-        study_repeat,
-        bounds=study_bounds(options),
-        agents=options.agents,
-        systems=options.systems,
-        tests=options.test_systems,
-    )
-    sigma, errors, spread = study_tables(
-        run_trials(repeat, repeats, compute=settings.compute, label="wrench: study")
+    sigma, errors, spread = run_study(
+        study_bounds(options),
+        options.agents,
+        options.systems,
+        options.test_systems,
+        options.repeats,
+        rng.stream(settings.seed, "wrench.study"),
+        partial(run_trials, compute=settings.compute, label="wrench: study"),
     )
     metrics = _study_metrics(errors, spread)
     with contracts.replacing(OUT) as folder:
@@ -152,7 +153,7 @@ def _configuration(
         nominal_system(force, configuration),
     )
     agents, rows = len(configuration.direction), rows_of(nominal)
-    estimates = estimate_sigma_s(bounds, options.systems, agents, stream)
+    estimates = averaged_sigma_s(draw_systems(bounds, options.systems, agents, stream))
     expected = expected_sigma_s(bounds, agents, stream.spawn(1)[0])
     record = contracts.read("force", INGEST)
     record = record[record["configuration"] == name]
@@ -162,7 +163,8 @@ def _configuration(
             key=f"dataset.force.configurations.{name}.attachment",
         )
     measured = measured_wrenches(record, nominal, force.length)
-    modelled = modelled_wrenches(nominal, estimates["diagonal"].mean, len(measured), stream)
+    sigma_s = estimates["diagonal"].mean
+    modelled = sample_wrenches(matrix_model(nominal), sigma_s, len(measured), stream)
     wrenches = {"measured": measured, "modelled": modelled}
     # the actuation alone, without a random matrix, is what the model has to be better than
     tested = {form: estimate.mean for form, estimate in estimates.items()} | {

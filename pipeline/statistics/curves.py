@@ -1,5 +1,5 @@
-"""Modelled and recorded standard deviations over time, joint by joint: their agreement, tests
-and differences between models.
+"""Modelled and recorded standard deviations over time, joint by joint: their agreement, tests and
+differences between models.
 
 A test of one joint compares the correlation over time of the modelled and the recorded standard
 deviation with a limit. Few takes make the recorded one uncertain, so that even a true model reaches
@@ -9,7 +9,6 @@ if that is lower. The power is the share of draws of constant noise that the lim
 
 Draws have the model's own law at each step, and consecutive steps of a take are correlated as the
 recorded ones are on average: their ranks follow a first-order autoregression (a Gaussian copula).
-Correlations that last otherwise, and any dependence between joints, are not modelled.
 """
 
 from __future__ import annotations
@@ -78,10 +77,8 @@ def relative_error(curve: np.ndarray, recorded: np.ndarray) -> float:
     """
     size = np.linalg.norm(recorded)
     if size == 0:
-        raise ModelDomainError(
-            "an error relative to a curve that is zero throughout does not exist",
-            values=recorded.size,
-        )
+        message = "an error relative to a curve that is zero throughout does not exist"
+        raise ModelDomainError(message, values=recorded.size)
     return float(np.linalg.norm(curve - recorded) / size)
 
 
@@ -94,29 +91,26 @@ def std_scores(
     """Agreement of each model's mean and standard deviation over time with the recorded ones, by
     names with model, joint and unit.
 
-    ``std`` (M, n) in rad by model, and under ``recorded`` what was recorded; ``error`` (M,) in rad
+    ``std`` (M, n) in rad by model, and under ``recorded`` the recorded one; ``error`` (M,) in rad
     by model, ‖mean − recorded mean‖; ``joints`` the n names; ``steady`` (M,) the steps at constant
-    speed, where what follows the recorded curve follows the pose and not the speed. A standard
-    deviation that is not finite has no scores.
+    speed, where a curve follows the pose and not the speed. A standard deviation that is not finite
+    has no scores.
     """
-    scores = {f"{model}_greatest_mean_error_rad": values.max() for model, values in error.items()}
-    scores |= {
-        f"{model}_std_of_mean_error_over_time_rad": values.std() for model, values in error.items()
-    }
+    scores = {f"{model}_greatest_mean_error_rad": e.max() for model, e in error.items()}
+    scores |= {f"{model}_std_of_mean_error_over_time_rad": e.std() for model, e in error.items()}
     for j, joint in enumerate(joints):
         recorded = std["recorded"][:, j]
         for model, values in std.items():
-            modelled, name = values[:, j], f"{model}_std_{joint}"
-            if not np.all(np.isfinite(modelled)):
+            own, name = values[:, j], f"{model}_std_{joint}"
+            if not np.all(np.isfinite(own)):
                 continue
-            scores[f"{name}_rms_rad"] = root_mean_square(modelled)
-            scores[f"{name}_variation"] = variation(modelled)
+            scores[f"{name}_rms_rad"] = root_mean_square(own)
+            scores[f"{name}_variation"] = variation(own)
             if model != "recorded":
-                with_recorded = f"{name}_correlation_with_recorded"
-                scores[with_recorded] = correlation(modelled, recorded)
-                at_speed = correlation(modelled[steady], recorded[steady])
-                scores[f"{with_recorded}_at_constant_speed"] = at_speed
-                scores[f"{name}_relative_error"] = relative_error(modelled, recorded)
+                follows, at_speed = f"{name}_correlation_with_recorded", "_at_constant_speed"
+                scores[follows] = correlation(own, recorded)
+                scores[follows + at_speed] = correlation(own[steady], recorded[steady])
+                scores[f"{name}_relative_error"] = relative_error(own, recorded)
     return scores
 
 
@@ -127,16 +121,15 @@ def following_tests(
     joints: Sequence[str],
     rng: np.random.Generator,
 ) -> pd.DataFrame:
-    """A row for each joint over all steps, and over the ``steady`` ones (M,) at constant speed,
-    where what follows is the pose and not the speed: ``correlation`` of the modelled and the
-    recorded standard deviation, its ``limit`` and the ``power`` at that limit.
+    """Tabulate for each joint over all steps, and over the ``steady`` ones (M,) at constant speed,
+    the ``correlation`` of the modelled and the recorded standard deviation, its ``limit`` and the
+    ``power`` at that limit.
 
     A true model passes in all joints at once in at least RECOGNISED of the draws; the quantiles are
     normal ones of Fisher's transform of the drawn correlations. A constant standard deviation has
     no row. ``noise`` (takes, M, n) rad is the recorded one of at least two takes.
     """
     rows, recorded, std = [], noise.std(axis=0, ddof=1), modelled.std
-    steps = {"all": np.ones(len(steady), dtype=bool), "constant_speed": steady}
     quantile = ndtri(1 - RECOGNISED ** (1 / len(joints)))
     for j, joint in enumerate(joints):
         variates = _autoregression(noise[..., j], rng)
@@ -144,7 +137,7 @@ def following_tests(
         ranks = (ndtr(variates) * ordered.shape[1]).astype(np.intp).reshape(len(ordered), -1)
         taken = np.take_along_axis(ordered, ranks, axis=1).reshape(variates.shape)
         own, constant = taken.std(axis=-1, ddof=1), variates.std(axis=-1, ddof=1)
-        for name, chosen in steps.items():
+        for name, chosen in {"all": np.full(len(steady), True), "constant_speed": steady}.items():
             curve = std[chosen, j]
             if chosen.sum() < 3 or np.ptp(curve) == 0:
                 continue
@@ -160,15 +153,14 @@ def constant_noise_variation(noise: np.ndarray, rng: np.random.Generator) -> np.
     """(n,) coefficient of variation over time of the standard deviation of so many takes that noise
     of one law at all steps stays below in RECOGNISED of the draws, in all joints at once.
 
-    The law is that of all steps of ``noise`` (takes, M, n) in rad together, correlated from step to
-    step as ``noise`` is.
+    The law is the one of all steps of ``noise`` (takes, M, n) in rad together, correlated from step
+    to step as ``noise`` is.
     """
     share, result = RECOGNISED ** (1 / noise.shape[-1]), []
-    for j in range(noise.shape[-1]):
-        variates = _autoregression(noise[..., j], rng)
-        ordered = np.sort((noise[..., j] - noise[..., j].mean(axis=0)).ravel())
-        taken = ordered[(ndtr(variates) * len(ordered)).astype(np.intp)]
-        curves = taken.std(axis=-1, ddof=1)
+    for own in np.moveaxis(noise, -1, 0):
+        variates = _autoregression(own, rng)
+        ordered = np.sort((own - own.mean(axis=0)).ravel())
+        curves = ordered[(ndtr(variates) * len(ordered)).astype(np.intp)].std(axis=-1, ddof=1)
         result.append(np.quantile(curves.std(axis=0) / curves.mean(axis=0), share))
     return np.array(result)
 
@@ -198,14 +190,11 @@ def spread_tables(
     noise: np.ndarray,
     joints: Sequence[str],
 ) -> dict[str, pd.DataFrame]:
-    """The tables ``spread_following``, ``spread_comparison`` and ``mean_error_comparison``, by
-    name; none without a model.
+    """Return the tables ``spread_following``, ``spread_comparison`` and ``mean_error_comparison``,
+    by name; none without a model.
 
-    Args:
-        modelled: noise by model, the model to compare with first.
-        following: rows of :func:`following_tests` by model.
-        noise: (takes, M, n) rad, recorded noise of at least two takes.
-        joints: names of the n joints.
+    ``modelled`` noise by model, the model to compare with first; ``following`` the rows of
+    :func:`following_tests` by model; ``noise`` (takes, M, n) rad, recorded, of at least two takes.
     """
     if not modelled:
         return {}
@@ -225,9 +214,10 @@ def spread_comparison(
     noise: np.ndarray,
     joints: Sequence[str],
 ) -> pd.DataFrame:
-    """Relative error of each model's standard deviation over time in each joint, and its difference
-    to three others, with 95 % intervals of the jackknife over takes: to the first model in the same
-    joint, to no noise at all (NO_NOISE, whose error is 1), and to the same model in the last joint.
+    """Tabulate the relative error of each model's standard deviation over time in each joint, and
+    its difference to three others, with 95 % intervals of the jackknife over takes: to the first
+    model in the same joint, to no noise at all (NO_NOISE, whose error is 1), and to the same model
+    in the last joint.
 
     All models have one level: in every set of takes each model's variances have the factor by which
     their sum over joints and steps, with the measurement noise, is the one of the takes. For the
@@ -258,17 +248,16 @@ def spread_comparison(
 
 
 def mean_error_comparison(error: Mapping[str, np.ndarray]) -> pd.DataFrame:
-    """Standard deviation over time of the error of each model's mean, ‖mean − recorded mean‖ in
-    rad, and its difference to every other model's with the 95 % interval of the jackknife over
-    takes.
+    """Tabulate the standard deviation over time of the error of each model's mean, ‖mean − recorded
+    mean‖ in rad, and its difference to every other model's with the 95 % interval of the jackknife
+    over takes.
 
     ``error`` (takes, M, n) in rad by model: exact mean of a step minus the measured pose.
     """
-    takes = len(next(iter(error.values())))
-    counts = jackknife_counts(takes)
-    weights, varies = counts / counts.sum(axis=1, keepdims=True), {}
+    counts, varies = jackknife_counts(len(next(iter(error.values())))), {}
+    weights = counts / counts.sum(axis=1, keepdims=True)
     for model, own in error.items():
-        means = (weights @ own.reshape(takes, -1)).reshape(-1, *own.shape[1:])
+        means = (weights @ own.reshape(len(own), -1)).reshape(-1, *own.shape[1:])
         varies[model] = np.linalg.norm(means, axis=-1).std(axis=1)
     rows = [
         (model, rival, own[0], other[0], *jackknife_difference(own - other))

@@ -1,5 +1,5 @@
-"""Kernel densities of one and two variables with the kernel and bandwidth of MATLAB's ksdensity,
-which drew the paper's force densities; and the energy test of one law (Székely and Rizzo 2004).
+"""Kernel densities with the kernel and bandwidth of MATLAB's ksdensity, which drew the paper's
+force densities; and the energy test of one law (Székely and Rizzo 2004).
 
 Permutations need exchangeable samples, which a record that is correlated in time does not have: it
 is thinned first, to samples that are nearly independent.
@@ -31,8 +31,7 @@ def normal_reference_bandwidth(samples: np.ndarray) -> np.ndarray:
     scale = np.median(np.abs(samples - np.median(samples, axis=0)), axis=0) / 0.6745
     if not np.all(scale > 0):
         raise ModelDomainError(
-            "a variable without spread has no density: its median absolute deviation is 0 or "
-            "missing",
+            "a variable whose median absolute deviation is 0 or missing has no density",
             samples=count,
         )
     return scale * (4 / ((p + 2) * count)) ** (1 / (p + 4))
@@ -66,18 +65,13 @@ def kernel_density(
     masses = np.zeros((rows, columns))
     _add_to_nodes(np.ascontiguousarray(samples, dtype=float), low, step, masses)
     smoothed = _smoothed(masses, x, low[0] + step[0] * np.arange(rows), width[0])
-    return _smoothed(smoothed.T, y, low[1] + step[1] * np.arange(columns), width[1]).T / (
-        2 * np.pi * np.prod(width) * len(samples)
-    )
+    smoothed = _smoothed(smoothed.T, y, low[1] + step[1] * np.arange(columns), width[1]).T
+    return smoothed / (2 * np.pi * np.prod(width) * len(samples))
 
 
 @compiled
-def _add_to_nodes(
-    samples: np.ndarray, low: np.ndarray, step: np.ndarray, masses: np.ndarray
-) -> None:
-    """Add ``samples`` (N, 2) to ``masses`` on nodes from ``low`` (2,) on, ``step`` (2,) apart,
-    those outside left out.
-    """
+def _add_to_nodes(samples, low, step, masses):
+    """Add ``samples`` (N, 2) to ``masses`` on nodes from ``low`` (2,) on, ``step`` (2,) apart."""
     rows, columns = masses.shape
     flat = masses.reshape(-1)
     start0, start1, per0, per1 = low[0], low[1], 1 / step[0], 1 / step[1]
@@ -95,25 +89,21 @@ def _add_to_nodes(
 
 
 @inlined
-def _shares(t: float) -> tuple[float, float, float]:
-    """Shares of three nodes, ``t`` in [0, 1) from halfway between the first two to halfway between
-    the last two.
-    """
+def _shares(t):
+    """Shares of three nodes, ``t`` in [0, 1) between the middles of the first and last two."""
     return 0.5 - t + 0.5 * t * t, 0.5 + t - t * t, 0.5 * t * t
 
 
 def _smoothed(masses: np.ndarray, grid: np.ndarray, nodes: np.ndarray, width: float) -> np.ndarray:
-    """(g, k) sums of ``masses`` (n, k) over ``nodes`` (n,), weighted by a Gaussian of deviation
-    ``width`` about each of ``grid`` (g,), block by block with the nodes in reach.
+    """(g, k) sums of ``masses`` (n, k) over the sorted ``nodes`` (n,) in reach, weighted by a
+    Gaussian of deviation ``width`` about each of ``grid`` (g,).
     """
-    result = np.empty((len(grid), masses.shape[1]))
-    reach = REACH * width
+    result, reach = np.empty((len(grid), masses.shape[1])), REACH * width
     for start in range(0, len(grid), BLOCK):
         block = grid[start : start + BLOCK]
         near = slice(*np.searchsorted(nodes, [block.min() - reach, block.max() + reach]))
-        result[start : start + BLOCK] = (
-            np.exp(-0.5 * ((block[:, None] - nodes[near]) / width) ** 2) @ masses[near]
-        )
+        weights = np.exp(-0.5 * ((block[:, None] - nodes[near]) / width) ** 2)
+        result[start : start + BLOCK] = weights @ masses[near]
     return result
 
 
@@ -138,9 +128,8 @@ def autocorrelation_time(record: np.ndarray) -> float:
 
 
 def thinned(record: np.ndarray) -> np.ndarray:
-    """Every ⌈2τ⌉-th sample of ``record`` (N, p), at most ``MOST``, (K, p).
-
-    Raises ModelDomainError where fewer than two are left.
+    """Every ⌈2τ⌉-th sample of ``record`` (N, p), at most ``MOST``, (K, p); raises ModelDomainError
+    where fewer than two are left.
     """
     step = max(int(np.ceil(SPACING * autocorrelation_time(record))), -(-len(record) // MOST))
     if len(record) <= step:

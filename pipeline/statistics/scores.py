@@ -1,5 +1,5 @@
-"""Scores of stated laws by what was observed: proper scores (Gneiting & Raftery 2007), calibration
-and sharpness.
+"""Scores of stated laws by the outcomes: proper scores (Gneiting & Raftery 2007), calibration and
+sharpness.
 
 A logarithmic score is a log density at the outcome and best when great, an energy score a distance
 and best when small. The last axis holds the n components of an outcome, those before it are cases.
@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import gammaincinv
 
-from pipeline.core.compiled import compiled
+from pipeline.core.compiled import compiled, inlined
 from pipeline.core.errors import ModelDomainError
 from pipeline.statistics.takes import Difference, paired_difference
 
@@ -32,34 +32,34 @@ def energy_score(samples: np.ndarray, outcome: np.ndarray) -> np.ndarray:
     second mean runs over pairs of different samples, so that the estimate is unbiased whatever S
     (Ferro 2014); it may be negative. Raises ModelDomainError for a single sample.
     """
-    count = len(samples)
+    count, *cases, size = samples.shape
     if count < 2:
         raise ModelDomainError("an energy score needs at least two samples", samples=count)
-    cases, size = samples.shape[1:-1], samples.shape[-1]
     by_case = np.ascontiguousarray(np.moveaxis(samples.reshape(count, -1, size), 0, 1))
     outcomes = np.array(np.broadcast_to(outcome, samples.shape[1:])).reshape(-1, size)
-    to_outcome, between = np.zeros((2, len(by_case)))
-    _add_distances(by_case, outcomes, to_outcome, between)
+    to_outcome, between = _sums_of_distances(by_case, outcomes)
     return (to_outcome / count - between / (count * (count - 1))).reshape(cases)
 
 
 @compiled
-def _add_distances(
-    samples: np.ndarray, outcome: np.ndarray, to_outcome: np.ndarray, between: np.ndarray
-) -> None:
-    """Add up the distances of ``samples`` (C, S, n) to ``outcome`` (C, n), and to each other."""
+def _sums_of_distances(samples, outcome):
+    """(C,) sums of the distances of ``samples`` (C, S, n) to ``outcome`` (C, n), and of pairs."""
+    to_outcome, between = np.zeros(len(samples)), np.zeros(len(samples))
     for case in range(len(samples)):
         members = samples[case]
         for i in range(len(members)):
-            squared = 0.0
-            for axis in range(outcome.shape[1]):
-                squared += (members[i, axis] - outcome[case, axis]) ** 2
-            to_outcome[case] += np.sqrt(squared)
+            to_outcome[case] += _distance(members[i], outcome[case])
             for j in range(i):
-                squared = 0.0
-                for axis in range(outcome.shape[1]):
-                    squared += (members[i, axis] - members[j, axis]) ** 2
-                between[case] += np.sqrt(squared)
+                between[case] += _distance(members[i], members[j])
+    return to_outcome, between
+
+
+@inlined
+def _distance(a, b):
+    squared = 0.0
+    for axis in range(len(a)):
+        squared += (a[axis] - b[axis]) ** 2
+    return np.sqrt(squared)
 
 
 def normal_energy_score(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -109,26 +109,17 @@ def nees(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return np.vecdot(white, white)
 
 
-def nees_band(cases: int, dimension: int, level: float = LEVEL) -> tuple[float, float]:
-    """Ends of the band that the mean NEES of ``cases`` independent errors of ``dimension``
-    components lies in with probability ``level``, tails alike.
-    """
-    low, high = (
-        _chi_squared(tail, cases * dimension) / cases for tail in ((1 - level) / 2, (1 + level) / 2)
-    )
-    return low, high
-
-
 def _chi_squared(probability: float, degrees: int) -> float:
     """Quantile of χ²."""
     return float(2 * gammaincinv(degrees / 2, probability))
 
 
-def in_region(squared: np.ndarray, dimension: int) -> np.ndarray:
-    """(...,) bool, true where an error of the NEES ``squared`` (...,) lies in the ellipsoid that
-    holds 95 % of a normal law.
+def nees_band(cases: int, dimension: int, level: float = LEVEL) -> tuple[float, float]:
+    """Ends of the band that the mean NEES of ``cases`` independent errors of ``dimension``
+    components lies in with probability ``level``, tails alike.
     """
-    return squared <= _chi_squared(LEVEL, dimension)
+    low, high = (_chi_squared(p, cases * dimension) for p in ((1 - level) / 2, (1 + level) / 2))
+    return low / cases, high / cases
 
 
 def log_determinant(covariance: np.ndarray) -> np.ndarray:
@@ -136,11 +127,8 @@ def log_determinant(covariance: np.ndarray) -> np.ndarray:
     ModelDomainError where the determinant is not positive.
     """
     sign, logarithm = np.linalg.slogdet(covariance)
-    if np.any(sign <= 0):
-        raise ModelDomainError(
-            "the determinant of a covariance is not positive",
-            cases=int(np.count_nonzero(sign <= 0)),
-        )
+    if wrong := int(np.count_nonzero(sign <= 0)):
+        raise ModelDomainError("the determinant of a covariance is not positive", cases=wrong)
     return logarithm
 
 
@@ -168,8 +156,7 @@ def prediction_scores(
         ruled_out = _where_known(noiseless, np.isneginf(noiseless))
         scores["ruled_out_without_measurement_noise"] = ruled_out
     scores["energy_score_rad"] = steps["energy"]
-    for j, joint in enumerate(joints):
-        z = steps["z"][..., j]
+    for joint, z in zip(joints, np.moveaxis(steps["z"], -1, 0), strict=True):
         scores[f"coverage_of_one_sigma_{joint}"] = _where_known(z, np.abs(z) <= 1)
     consistency = _consistency(steps["nees"], steps["log_determinant"], len(joints))
     return {name: values.mean(axis=1) for name, values in scores.items()} | consistency
@@ -184,21 +171,19 @@ def posterior_scores(
     ``error`` (takes, K, n) posterior mean minus measured pose in rad, ``covariance`` (takes, K, n,
     n) in rad² of the posterior and the measurement together, ``joints`` the n names.
     """
-    refused = None
+    refused, functions = None, (normal_log_score, nees, normal_energy_score)
     try:
-        log, squared = normal_log_score(error, covariance), nees(error, covariance)
+        log, squared, energy = (score(error, covariance) for score in functions)
         sharpness = log_determinant(covariance)
-        energy = normal_energy_score(error, covariance)
     except ModelDomainError as missing:
         refused = str(missing)
         log = squared = sharpness = energy = np.full(error.shape[:2], np.nan)
     inside = np.abs(error) <= np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
-    rms, covered = {}, {}
-    for j, joint in enumerate(joints):
-        rms[f"rms_error_{joint}_rad"] = np.sqrt(np.mean(error[..., j] ** 2, axis=1))
-        covered[f"coverage_of_one_sigma_{joint}"] = inside[..., j].mean(axis=1)
-    proper = {"log_score": log.mean(axis=1), "energy_score_rad": energy.mean(axis=1)}
-    return rms | proper | covered | _consistency(squared, sharpness, len(joints)), refused
+    rms, share = np.sqrt(np.mean(error**2, axis=1)).T, inside.mean(axis=1).T
+    scores = {f"rms_error_{joint}_rad": own for joint, own in zip(joints, rms, strict=True)}
+    scores |= {"log_score": log.mean(axis=1), "energy_score_rad": energy.mean(axis=1)}
+    scores |= {f"coverage_of_one_sigma_{j}": own for j, own in zip(joints, share, strict=True)}
+    return scores | _consistency(squared, sharpness, len(joints)), refused
 
 
 def _consistency(squared: np.ndarray, sharpness: np.ndarray, dimension: int) -> Scores:
@@ -207,7 +192,7 @@ def _consistency(squared: np.ndarray, sharpness: np.ndarray, dimension: int) -> 
     """
     low, high = nees_band(len(squared), dimension)
     by_step = squared.mean(axis=0)
-    region = _where_known(squared, in_region(squared, dimension))
+    region = _where_known(squared, squared <= _chi_squared(LEVEL, dimension))
     band = _where_known(by_step, (low <= by_step) & (by_step <= high))
     return {
         "coverage_of_the_95_percent_region": region.mean(axis=1),
@@ -223,8 +208,8 @@ def _where_known(values: np.ndarray, holds: np.ndarray) -> np.ndarray:
 
 
 def compared(scores: Mapping[str, Scores], rival: str) -> pd.DataFrame:
-    """Every score of every model, and its paired difference over the takes to the model ``rival``
-    with the 95 % interval.
+    """Tabulate every score of every model, and its paired difference over the takes to the model
+    ``rival`` with the 95 % interval.
     """
     rows = []
     for model, own in scores.items():
@@ -237,11 +222,10 @@ def compared(scores: Mapping[str, Scores], rival: str) -> pd.DataFrame:
 
 
 def log_score_differences(scores: Mapping[str, Scores]) -> pd.DataFrame:
-    """Paired difference in log score over the takes between any two models, ``model`` minus
-    ``rival``, in nats, with its 95 % interval.
+    """Tabulate the paired difference in log score over the takes between any two models, ``model``
+    minus ``rival``, in nats, with its 95 % interval.
     """
-    rows = []
-    for model, rival in permutations(scores, 2):
-        difference = paired_difference(scores[model]["log_score"], scores[rival]["log_score"])
-        rows.append({"model": model, "rival": rival} | difference._asdict())
+    log = {model: own["log_score"] for model, own in scores.items()}
+    pairs = list(permutations(log, 2))
+    rows = [(*pair, *paired_difference(*map(log.get, pair))) for pair in pairs]
     return pd.DataFrame(rows, columns=["model", "rival", *Difference._fields])

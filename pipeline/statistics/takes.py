@@ -27,10 +27,8 @@ class Difference(NamedTuple):
 
 
 def takes_moments(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (M, n) and sample covariance (M, n, n) over the takes of ``samples`` (takes, M, n).
-
-    The covariance is about the mean at its own step and divides by takes − 1. Raises
-    ModelDomainError for a single take.
+    """Return mean (M, n) and sample covariance (M, n, n) over the takes of ``samples`` (takes, M,
+    n); raises ModelDomainError for a single take.
     """
     takes = len(samples)
     if takes < 2:
@@ -59,23 +57,25 @@ def share_between(noise: np.ndarray, groups: Sequence[str]) -> float:
     member = np.array([[group == name for group in groups] for name in names], dtype=float)
     centred = (noise - noise.mean(axis=0)).reshape(len(noise), -1)
     means = member @ centred / member.sum(axis=1, keepdims=True)
-    between = member.sum(axis=1) @ np.sum(means**2, axis=1)
-    return float(between / np.sum(centred**2))
+    return float(member.sum(axis=1) @ np.sum(means**2, axis=1) / np.sum(centred**2))
 
 
 def percentile_interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of the interval of ``values`` (N, ...) over the first axis that one further value would
-    lie in with a probability of 95 %; least and greatest of them for N < 40.
+    """Ends of the interval of ``values`` (N, ...) over the first axis that holds one further value
+    with a probability of 95 %; least and greatest of them for N < 40.
     """
     low, high = np.quantile(values, TAILS, axis=0, method="weibull")
     return low, high
 
 
-def student_quantile(degrees: int) -> float:
-    """0.975 quantile of Student's law of ``degrees`` degrees of freedom."""
+def _student(difference: float, error: float, degrees: int) -> Difference:
+    """Student's interval of a ``difference`` with the standard ``error``; none without degrees."""
+    if degrees < 1:
+        return Difference(float(difference))
     from scipy.special import stdtrit  # here, as what loads a model does without SciPy
 
-    return float(stdtrit(degrees, TAILS[1]))
+    half = float(stdtrit(degrees, TAILS[1]) * error)
+    return Difference(float(difference), difference - half, difference + half)
 
 
 def paired_difference(scores: np.ndarray, reference: np.ndarray) -> Difference:
@@ -84,12 +84,9 @@ def paired_difference(scores: np.ndarray, reference: np.ndarray) -> Difference:
     """
     if not (np.all(np.isfinite(scores)) and np.all(np.isfinite(reference))):
         return Difference(np.nan)
-    difference = scores - reference
-    mean, takes = float(difference.mean()), len(difference)
-    if takes < 2:
-        return Difference(mean)
-    half = float(student_quantile(takes - 1) * difference.std(ddof=1) / np.sqrt(takes))
-    return Difference(mean, mean - half, mean + half)
+    difference, takes = scores - reference, len(scores)
+    error = difference.std(ddof=min(1, takes - 1)) / np.sqrt(takes)
+    return _student(float(difference.mean()), error, takes - 1)
 
 
 def jackknife_counts(takes: int) -> np.ndarray:
@@ -102,15 +99,13 @@ def jackknife_difference(values: np.ndarray) -> Difference:
     interval from the others; none below three takes.
     """
     takes = len(values) - 1
-    if takes < 3:
-        return Difference(float(values[0]))
-    half = student_quantile(takes - 1) * np.sqrt((takes - 1) * np.var(values[1:]))
-    return Difference(float(values[0]), values[0] - half, values[0] + half)
+    error = np.sqrt((takes - 1) * np.var(values[1:]))
+    return _student(values[0], error, takes - 1 if takes > 2 else 0)
 
 
 def drawn_takes(takes: int, rng: np.random.Generator) -> list[np.ndarray]:
-    """Numbers of the takes of each of REPLICATES resamplings; without those that hold one take
-    alone, in which nothing varies.
+    """Numbers of the takes of each of REPLICATES resamplings, without those of one take alone, in
+    which nothing varies.
     """
     drawn = [rng.integers(takes, size=takes) for _ in range(REPLICATES if takes > 1 else 0)]
     return [numbers for numbers in drawn if np.ptp(numbers) > 0]
@@ -119,25 +114,24 @@ def drawn_takes(takes: int, rng: np.random.Generator) -> list[np.ndarray]:
 def resampled_differences(
     quantities: Quantities, models: Sequence[str], takes: int, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """Every quantity of every model, and its difference to the first model with the 95 % percentile
-    interval of the bootstrap over takes, the same takes for all models.
-
-    A model without a quantity has no row of it; there is no interval for a single take.
+    """Tabulate every quantity of every model, and its difference to the first model with the 95 %
+    percentile interval of the bootstrap over takes, the same takes for all models; no interval for
+    a single take.
     """
-    everything = [quantities(model, np.arange(takes)) for model in models]
-    drawn = drawn_takes(takes, rng)
-    resampled = [[quantities(model, numbers) for numbers in drawn] for model in models]
-    rows = []
-    for model, values, replicates in zip(models, everything, resampled, strict=True):
-        for name, value in values.items():
-            row = {"model": model, "quantity": name, "value": value}
-            if model != models[0] and name in everything[0]:
-                row["difference"] = value - everything[0][name]
-                pairs = zip(replicates, resampled[0], strict=True)
-                if differences := [own[name] - first[name] for own, first in pairs]:
-                    row["low"], row["high"] = percentile_interval(differences)
-            rows.append(row)
-    return pd.DataFrame(rows, columns=["model", "quantity", "value", *Difference._fields])
+    drawn, rows = [np.arange(takes), *drawn_takes(takes, rng)], []
+    values = {
+        model: pd.DataFrame([quantities(model, numbers) for numbers in drawn]) for model in models
+    }
+    for model, own in values.items():
+        table = pd.DataFrame({"model": model, "quantity": own.columns, "value": own.iloc[0].array})
+        table = table.assign(**dict.fromkeys(Difference._fields, np.nan))
+        if model != models[0]:
+            difference = (own - values[models[0]])[own.columns]
+            table["difference"] = difference.iloc[0].array
+            if len(drawn) > 1:
+                table["low"], table["high"] = percentile_interval(difference.iloc[1:])
+        rows.append(table)
+    return pd.concat(rows, ignore_index=True)
 
 
 def wrench_summary(errors: pd.DataFrame, spread: pd.DataFrame) -> pd.DataFrame:

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.interface import Chain
-from pipeline.cases.recordings import Camera, Takes
+from pipeline.cases.case import Camera, Takes
 from pipeline.core import rng
 from pipeline.core.columns import matrices, spread, values
 from pipeline.filtering.measurement import measurements

@@ -11,20 +11,11 @@ from typing import Literal
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
 from pipeline.verdicts.reference import Number, Reference, parsed_entries
-from pipeline.verdicts.rules import ORDERS, RULES
+from pipeline.verdicts.rules import ENDS, ORDERS, RULES
 
-# a claim's subject, which says whose recordings decide it: any; a real robot's; the paper's own
-ABOUT = ("method", "robots", "specimen")
 CONSTRUCTION, LEVEL = "construction", "level"  # what forces a claim, and what decides it
 NONE = "none"  # a claim that needs no recording
 PAPER, PROJECT = "paper", "project"
-CHOICES = {
-    "about": ABOUT,
-    "rule": tuple(RULES),
-    "by": ("", CONSTRUCTION, LEVEL),
-    "recording": ("", NONE),
-    "source": (PAPER, PROJECT),
-}
 COMPARED = ("value", "than", "low", "high", "threshold", "power")
 EVERY = "every"  # joint of a dataset's arm
 
@@ -38,36 +29,31 @@ class Unless:
     limit: Number
     reason: str
 
-    @property
-    def reference(self) -> Reference:
-        """Place of the quantity."""
-        return Reference(self.file, self.key)
-
 
 @options(frozen=True)
 class Claim:
     """One claim: its place, statement, evidence, rule and tolerance.
 
-    ``each`` maps names to lists of values, or the name ``joint`` to ``every``; the claim has one
-    case per combination, and its references hold the names as placeholders. ``published`` is one
-    number for all cases or one for each, and ``parameter`` the paper's name of it.
-    ``standard_error`` holds one reference or several, which add in squares. ``by`` marks a claim
-    that the construction of the models forces (no verdict) or their level decides, for the reason
-    ``because``. ``why`` maps names of datasets to the reasons why the claim fails there. Raises
-    ConfigError with the key.
+    ``about`` says whose recordings decide it: any, a real robot's, or the paper's own. ``each``
+    maps names to lists of values, or the name ``joint`` to ``every``; the claim has one case per
+    combination, and its references hold the names as placeholders. ``published`` is one number for
+    all cases or one for each, and ``parameter`` the paper's name of it. ``standard_error`` holds
+    one reference or several, which add in squares. ``by`` marks a claim that the construction of
+    the models forces (no verdict) or their level decides, for the reason ``because``. ``why`` maps
+    names of datasets to the reasons why the claim fails there. Raises ConfigError with the key.
     """
 
     id: str
     statement: str
-    about: str
+    about: Literal["method", "robots", "specimen"]
     quantity: str
-    rule: str
+    rule: Literal[*RULES]
     reason: str
     value: Reference
     where: str = ""
-    source: str = PAPER
-    recording: str = ""
-    by: str = ""
+    source: Literal[PAPER, PROJECT] = PAPER
+    recording: Literal["", NONE] = ""
+    by: Literal["", CONSTRUCTION, LEVEL] = ""
     because: str = ""
     unit: str = ""
     each: dict[str, list | Literal["every"]] = field(default_factory=dict)
@@ -85,67 +71,62 @@ class Claim:
     why: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for key, allowed in CHOICES.items():
-            if getattr(self, key) not in allowed:
-                choices = ", ".join(filter(None, allowed))
-                raise ConfigError(
-                    f"must be one of {choices}, found {getattr(self, key)!r}", key=key
-                )
-        cases = 1 if EVERY in self.each.values() else len(self.cases())
+        every = EVERY in self.each.values()
+        cases = 1 if every else len(self.cases())
         published = self.published if isinstance(self.published, list) else [self.published]
-        faults = {
-            "where": bool(self.where) == (self.source == PROJECT)
-            and "a claim of the paper cites a section, a claim of the project none",
-            "because": bool(self.because) != bool(self.by)
-            and "must say why, and only where `by` is given",
-            "each": not all(
-                (values and isinstance(values, list)) or (name, values) == ("joint", EVERY)
-                for name, values in self.each.items()
-            )
-            and f"must map names to lists of values, or joint to {EVERY}",
-            "published": self.published is not None
-            and len(published) not in (1, cases)
-            and f"must be one number, or one for each of the {cases} cases",
-            "parameter": bool(self.parameter)
-            and (self.published is None or EVERY in self.each.values())
-            and "a parameter needs a published value and the same cases on every arm",
-        }
-        for key, fault in faults.items():
-            if fault:
-                raise ConfigError(fault, key=key)
-        self._require_keys_of_the_rule()
+        for key, wrong, message in (
+            ("where", bool(self.where) == (self.source == PROJECT), "is for the paper's claims"),
+            ("because", bool(self.because) != bool(self.by), "must say why if `by` is given"),
+            (
+                "each",
+                not all(
+                    (values and isinstance(values, list)) or (name, values) == ("joint", EVERY)
+                    for name, values in self.each.items()
+                ),
+                f"must map names to lists of values, or joint to {EVERY}",
+            ),
+            (
+                "published",
+                self.published is not None and len(published) not in (1, cases),
+                f"must be one number, or one for each of the {cases} cases",
+            ),
+            (
+                "parameter",
+                bool(self.parameter) and (self.published is None or every),
+                "needs a published value and the same cases on every arm",
+            ),
+            *self._keys_of_the_rule(),
+        ):
+            if wrong:
+                raise ConfigError(message, key=key)
         self.references()
 
-    def _require_keys_of_the_rule(self) -> None:
-        needs = set(RULES[self.rule].needs)
-        if self.rule in ORDERS and self.by != CONSTRUCTION:
-            needs |= {"low", "high"}  # an order without an interval is no verdict
-        if "yardstick" in needs:
-            needs.remove("yardstick")
-            if (self.published is None) == (self.limit is None):
-                raise ConfigError(
-                    f"the rule {self.rule} needs a published value or a limit of ours, not both",
-                    key="limit",
-                )
-        elif self.limit is not None and "limit" not in needs:
-            raise ConfigError(f"the rule {self.rule} has no limit", key="limit")
-        for key in ("tolerance", "threshold", "power"):
-            if getattr(self, key) is not None and key not in needs:
-                raise ConfigError(f"the rule {self.rule} has no {key}", key=key)
-        for key in sorted(needs):
-            if getattr(self, key) is None:
-                raise ConfigError(f"the rule {self.rule} needs the key {key!r}", key=key)
+    def _keys_of_the_rule(self) -> list[tuple[str, bool, str]]:
+        needs = RULES[self.rule].needs | (
+            # an order without an interval is no verdict
+            ENDS if self.rule in ORDERS and self.by != CONSTRUCTION else set()
+        )
+        both = (self.published is None) == (self.limit is None)
+        message = f"the rule {self.rule} needs a published value or a limit of ours, not both"
+        faults = [("limit", "yardstick" in needs and both, message)]
+        allowed = needs | ({"limit"} if "yardstick" in needs else set())
+        for key in ("limit", "tolerance", "threshold", "power"):
+            stated = getattr(self, key) is not None
+            faults.append((key, stated and key not in allowed, f"the rule {self.rule} has none"))
+        for key in sorted(needs - {"yardstick"}):
+            faults.append((key, getattr(self, key) is None, f"the rule {self.rule} needs it"))
+        return faults
 
     def cases(self, joints: Sequence[str] = ("{joint}",)) -> list[dict]:
-        """Every combination of the values of ``each``, in the order of the lists, on an arm with
-        these ``joints``.
+        """Return every combination of the values of ``each``, in the order of the lists, on an arm
+        with these ``joints``.
         """
         values = [joints if listed == EVERY else listed for listed in self.each.values()]
         return [dict(zip(self.each, each, strict=True)) for each in product(*values)]
 
     @property
     def numbers_joints(self) -> bool:
-        """True where it numbers joints or is about the paper's specimen, and so is about an arm
+        """True if the claim numbers joints or is about the paper's specimen, and so is about an arm
         like the paper's alone.
         """
         return self.about == "specimen" or any(ref.numbers_joints for ref in self.references())
@@ -160,12 +141,11 @@ class Claim:
     def test(self) -> str:
         """The rule in words, with its numbers."""
         yardstick = "the published value" if self.limit is None else f"{self.limit:g}"
-        return RULES[self.rule].words.format(
-            tolerance=self.tolerance, limit=self.limit, yardstick=yardstick
-        )
+        numbers = {"tolerance": self.tolerance, "limit": self.limit, "yardstick": yardstick}
+        return RULES[self.rule].words.format(**numbers)
 
     def references(self, joints: Sequence[str] = ("{joint}",)) -> list[Reference]:
-        """Every reference of every case on an arm with these ``joints``."""
+        """Return every reference of every case on an arm with these ``joints``."""
         named = [getattr(self, key) for key in COMPARED if getattr(self, key) is not None]
         named += self.standard_errors
         return [reference.in_case(case) for case in self.cases(joints) for reference in named]
@@ -182,7 +162,7 @@ class Stated:
 
 
 def parse_claims(entries: object) -> list[Claim]:
-    """The claims of a YAML list. Raises ConfigError with the claim and the key."""
+    """Return the claims of a YAML list. Raises ConfigError with the claim and the key."""
     claims = parsed_entries(Claim, entries, "claim")
     for name, count in Counter(claim.id for claim in claims).items():
         if count > 1:

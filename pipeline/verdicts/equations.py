@@ -1,9 +1,9 @@
 """Every equation, definition, theorem, algorithm and figure of the paper: what it says, what
 implements it, which tests show it.
 
-What implements an item is what cites it: the public functions, classes and methods whose docstrings
-name it, equations and figures by their label in parentheses, as (NormStd) or (cost)–(const2), all
-others by kind and number, as Theorem 3.
+An item is implemented by the public functions, classes and methods whose docstrings name it,
+equations and figures by their label in parentheses, as (NormStd) or (cost)–(const2), all others by
+kind and number, as Theorem 3.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ import ast
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
 from pipeline.verdicts.reference import TestName, parsed_entries
+from pipeline.verdicts.wording import table
 
 LABELLED = {"equation": "Eq.", "figure": "Fig."}
 NUMBERED = {"definition": "Definition", "theorem": "Theorem", "algorithm": "Algorithm"}
@@ -26,6 +27,15 @@ LABEL = r"\(([A-Za-z][\w-]*)\)"
 CITED = re.compile(rf"((?:Eqs?|Figs?)\. )?{LABEL}(?:–{LABEL})?")
 TESTS_ALONE = "serves tests alone"  # what the docstring of such a function says
 CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
+HEAD = (
+    "# Every equation, definition, theorem, algorithm and figure of the paper\n\n"
+    "Written by the stage `report` from `pipeline/verdicts/paper.yaml` and the docstrings of the "
+    "code: what implements an item is what cites it. Equations and figures bear the numbers that "
+    "the paper prints and its labels; labels with a hyphen are ours, where it numbers an equation "
+    "without one. What in the paper is wrong or left open stands in `errata.md` of a dataset's "
+    "reports.\n\n"
+)
+COLUMNS = ("of the paper", "place", "what it says", "implemented by", "shown by")
 
 
 @options(frozen=True)
@@ -48,29 +58,24 @@ class Item:
 
     def __post_init__(self) -> None:
         if bool(self.label) != (self.kind in LABELLED):
-            raise ConfigError(
-                "equations and figures have a label, and nothing else has", key="label"
-            )
+            raise ConfigError("equations and figures alone have a label", key="label")
         if bool(self.tests) == bool(self.without_code):
-            raise ConfigError(
-                "needs tests, or a reason why it is without code, and not both", key="tests"
-            )
+            message = "needs tests, or a reason why it is without code, and not both"
+            raise ConfigError(message, key="tests")
 
     @property
     def cited_as(self) -> str:
-        """What a docstring says to cite it, but for the parentheses of a label."""
+        """Words by which a docstring cites it, but for the parentheses of a label."""
         return self.label or f"{NUMBERED[self.kind]} {self.number}"
 
     @property
     def title(self) -> str:
-        """How the page names it."""
-        return (
-            f"{LABELLED[self.kind]} {self.number} ({self.label})" if self.label else self.cited_as
-        )
+        """Name on the page."""
+        labelled = LABELLED.get(self.kind)
+        return f"{labelled} {self.number} ({self.label})" if self.label else self.cited_as
 
 
-@dataclass(frozen=True)
-class Source:
+class Source(NamedTuple):
     """A function, class or method by its dotted ``name``, its ``file``, and whether it says that it
     serves tests alone.
     """
@@ -81,8 +86,8 @@ class Source:
 
 
 def parse_items(entries: object) -> list[Item]:
-    """The items of a YAML list, numbered in its order, which is the paper's. Raises ConfigError
-    with the item and the key.
+    """Return the items of a YAML list, numbered in its order, which is the paper's. Raises
+    ConfigError with the item and the key.
     """
     items, counted = [], Counter()
     for item in parsed_entries(Item, entries, "item"):
@@ -95,7 +100,7 @@ def parse_items(entries: object) -> list[Item]:
 
 
 def cited(docstring: str, items: Sequence[Item]) -> set[str]:
-    """What ``docstring`` cites, by :attr:`Item.cited_as`.
+    """Return what ``docstring`` cites, by :attr:`Item.cited_as`.
 
     Words in parentheses that are no label cite nothing. Raises ConfigError for a theorem,
     definition or algorithm that the paper does not have, and for what follows "Eq." or "Fig."
@@ -104,10 +109,11 @@ def cited(docstring: str, items: Sequence[Item]) -> set[str]:
     known = [item.cited_as for item in items]
     names = set(CITED_BY_NUMBER.findall(docstring))
     for said, first, last in CITED.findall(docstring):
-        if first in known and (last or first) in known:
-            names |= set(known[known.index(first) : known.index(last or first) + 1])
+        last = last or first
+        if first in known and last in known:
+            names |= set(known[known.index(first) : known.index(last) + 1])
         elif said:
-            names |= {first, last or first}
+            names |= {first, last}
     for name in sorted(names - set(known)):
         raise ConfigError(f"a docstring cites {name}, which the paper does not have", key=name)
     return names
@@ -116,10 +122,9 @@ def cited(docstring: str, items: Sequence[Item]) -> set[str]:
 def citations(
     package: Path, items: Sequence[Item], without: Sequence[str] = ()
 ) -> dict[str, list[Source]]:
-    """Of each item, by :attr:`Item.cited_as`, what in the modules of ``package`` cites it, its
-    folders ``without`` left out.
-
-    Raises what :func:`cited` does, with the file and the name.
+    """Return the sources that cite each item, by :attr:`Item.cited_as`, in the modules of
+    ``package``, its folders ``without`` left out. Raises what :func:`cited` does, with file and
+    name.
     """
     sources: dict[str, list[Source]] = {item.cited_as: [] for item in items}
     for file in sorted(package.rglob("*.py")):
@@ -137,7 +142,7 @@ def citations(
 
 
 def _documented(tree: ast.Module | ast.ClassDef, owner: str) -> Iterator[tuple[str, str]]:
-    """Dotted name and docstring of every public function, class and method of a module or class."""
+    """Yield dotted name and docstring of every public function, class and method."""
     for node in tree.body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
             name = f"{owner}.{node.name}"
@@ -147,36 +152,18 @@ def _documented(tree: ast.Module | ast.ClassDef, owner: str) -> Iterator[tuple[s
 
 
 def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]]) -> str:
-    """``reports/equations.md``: a row for each of ``items``, with the ``sources`` of
+    """Return ``reports/equations.md``: a row for each of ``items``, with the ``sources`` of
     :func:`citations`.
     """
-    rows = [
-        _row("of the paper", "place", "what it says", "implemented by", "shown by"),
-        _row(*["---"] * 5),
-    ]
+    rows = []
     for item in items:
         by = [
             f"[`{source.name}`](../{source.file.as_posix()})"
             + (f" ({TESTS_ALONE})" if source.tests_alone else "")
             for source in sources[item.cited_as]
-        ]
-        shown = [
-            f"[`{name}`](../{file})"
-            for file, _, name in (test.partition("::") for test in item.tests)
-        ]
-        by = by or [f"no code: {item.without_code}"]
-        rows.append(_row(item.title, item.place, item.says, "<br>".join(by), "<br>".join(shown)))
-    head = (
-        "# Every equation, definition, theorem, algorithm and figure of the paper\n\n"
-        "Written by the stage `report` from `pipeline/verdicts/paper.yaml` and the docstrings of "
-        "the code: what implements an item is what "
-        "cites it. Equations and figures bear the numbers that the paper prints and its labels; "
-        "labels with a hyphen are ours, where it "
-        "numbers an equation without one. What in the paper is wrong or left open stands in "
-        "`errata.md` of a dataset's reports.\n\n"
-    )
-    return head + "\n".join(rows) + "\n"
-
-
-def _row(*cells: str) -> str:
-    return "| " + " | ".join(" ".join(cell.replace("|", "\\|").split()) for cell in cells) + " |"
+        ] or [f"no code: {item.without_code}"]
+        tests = (test.partition("::") for test in item.tests)
+        shown = "<br>".join(f"[`{name}`](../{file})" for file, _, name in tests)
+        cells = (item.title, item.place, item.says, "<br>".join(by), shown)
+        rows.append([" ".join(cell.replace("|", "\\|").split()) for cell in cells])
+    return f"{HEAD}{table(COLUMNS, rows)}\n"

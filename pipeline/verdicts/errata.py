@@ -1,11 +1,9 @@
-"""Contradictions and gaps of the paper, each with the fact, what is done here, and the test that
-shows it.
-"""
+"""Contradictions and gaps of the paper, each with the fact, what is done here, and its tests."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import field
 from math import sqrt
 from typing import Literal
 
@@ -19,6 +17,12 @@ from pipeline.verdicts.run import Run
 from pipeline.verdicts.wording import number
 
 MISSING = "(not in this dataset)"
+HEAD = (
+    "# Errata: where the paper contradicts itself, is wrong, or leaves open what decides a result",
+    "Written by the stage `report` from `pipeline/verdicts/errata.yaml`. Numbers of the run come "
+    "from [metrics](metrics) and [tables](tables), published ones from `reports/claims.yaml`. Each "
+    "entry names the tests that show it.",
+)
 
 
 @options(frozen=True)
@@ -34,8 +38,8 @@ class ClaimNumber:
     steps: int = 0
 
     def look_up(self, decided: Sequence[Decided]) -> float | None:
-        """The number, or None where the run has none. Raises ConfigError for a claim or case that
-        does not exist.
+        """Return the number, or None if the run has none. Raises ConfigError for a claim or case
+        that does not exist.
         """
         cases = {
             case.case: case
@@ -54,7 +58,7 @@ class Erratum:
     """One entry: ``place`` in the paper and what the ``paper`` says there, the ``fact``, what is
     ``done`` here, the ``tests`` that show it.
 
-    ``{name}`` in the prose stands for the number of that name in ``values``.
+    ``{name}`` in the prose is the number of that name in ``values``.
     """
 
     id: str
@@ -67,72 +71,38 @@ class Erratum:
     values: dict[str, ClaimNumber | Reference] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _filled(self, dict.fromkeys(self.values, ""))
+        try:
+            self.prose(dict.fromkeys(self.values, ""))
+        except (KeyError, IndexError, ValueError):
+            message = "a placeholder in the prose that is not among the values"
+            raise ConfigError(message, key="values") from None
+
+    def prose(self, numbers: dict[str, str]) -> list[str]:
+        """Return what the paper says, the fact and what is done, with ``numbers`` by name."""
+        texts = (self.paper, self.fact, self.done)
+        return [" ".join(text.format(**numbers).split()) for text in texts]
 
 
 def parse_errata(entries: object) -> list[Erratum]:
-    """The entries of a YAML list. Raises ConfigError with the entry and the key."""
+    """Return the entries of a YAML list. Raises ConfigError with the entry and the key."""
     return parsed_entries(Erratum, entries, "erratum")
 
 
-def _filled(erratum: Erratum, numbers: Mapping[str, str]) -> dict[str, str]:
-    try:
-        return {
-            part: getattr(erratum, part).format(**numbers) for part in ("paper", "fact", "done")
-        }
-    except (KeyError, IndexError, ValueError):
-        raise ConfigError(
-            "a placeholder in the prose that is not among the values", key="values"
-        ) from None
-
-
-@dataclass(frozen=True)
-class Corrected:
-    """An entry with the numbers of a run and of the claims in its prose."""
-
-    erratum: Erratum
-    paper: str
-    fact: str
-    done: str
-
-
-def correct(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided]) -> list[Corrected]:
-    """Every entry with the numbers of ``run``, the first that is ``decided``."""
-
-    def corrected(erratum: Erratum) -> Corrected:
-        prose = _filled(
-            erratum,
-            {name: _number(source, run, decided) for name, source in erratum.values.items()},
-        )
-        return Corrected(erratum, **{part: " ".join(text.split()) for part, text in prose.items()})
-
-    return [corrected(erratum) for erratum in errata]
-
-
-def errata_page(entries: Sequence[Corrected]) -> str:
-    """``errata.md``."""
-    sections = [
-        "# Errata: where the paper contradicts itself, is wrong, or leaves open what decides a "
-        "result",
-        "Written by the stage `report` from `pipeline/verdicts/errata.yaml`. Numbers of the run "
-        "come from [metrics](metrics) and "
-        "[tables](tables), published ones from `reports/claims.yaml`. Each entry names the tests "
-        "that show it.",
-    ]
-    for place, entry in enumerate(entries, 1):
+def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided]) -> str:
+    """Return ``errata.md`` with the numbers of ``run``, the first that is ``decided``."""
+    sections = [*HEAD]
+    for place, erratum in enumerate(errata, 1):
+        numbers = {}
+        for name, source in erratum.values.items():
+            own = isinstance(source, Reference)
+            value = source.look_up(*((run.evidence, run.arm) if own else (decided,)))
+            numbers[name] = MISSING if value is None else number(value)
+        paper, fact, done = erratum.prose(numbers)
         sections += [
-            f'<a id="{entry.erratum.id}"></a>\n\n## {place}. {entry.erratum.title}',
-            f"**The paper** ({entry.erratum.place}): {entry.paper}",
-            f"**In fact**: {entry.fact}",
-            f"**Here**: {entry.done}",
-            "\n".join(f"- `{test}`" for test in entry.erratum.tests),
+            f'<a id="{erratum.id}"></a>\n\n## {place}. {erratum.title}',
+            f"**The paper** ({erratum.place}): {paper}",
+            f"**In fact**: {fact}",
+            f"**Here**: {done}",
+            "\n".join(f"- `{test}`" for test in erratum.tests),
         ]
     return "\n\n".join(sections) + "\n"
-
-
-def _number(source: ClaimNumber | Reference, run: Run, decided: Sequence[Decided]) -> str:
-    if isinstance(source, ClaimNumber):
-        value = source.look_up(decided)
-    else:
-        value = source.look_up(run.evidence, run.arm)
-    return MISSING if value is None else number(value)

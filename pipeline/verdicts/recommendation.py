@@ -34,12 +34,21 @@ RULE = (
     "not recommended. No model is recommended from a single motion, nor where more than half of "
     f"the predicted spreads are off by more than a factor of {OFF:g}."
 )
+NOT_HELD_OUT = (
+    "**No model for another motion**: no motion was held out; run the stage `predict` with these "
+    "recordings."
+)
+
+
+def plain_name(model: str) -> str:
+    """Return the name of ``model`` for a reader."""
+    return NAMES.get(model, model)
 
 
 def recommended(
     scores: pd.DataFrame, spread: pd.DataFrame, motions: pd.DataFrame
 ) -> tuple[str | None, str]:
-    """Name of the model for another motion by :data:`RULE`, or None, and the reason.
+    """Return the name of the model for another motion by :data:`RULE`, or None, and the reason.
 
     ``scores``, ``spread`` and ``motions`` are the tables other_motions, motion_spread and motions.
     """
@@ -66,31 +75,29 @@ def recommended(
     return best, f"highest mean log score over {len(motions)} held-out motions, {score}"
 
 
-def plain_name(model: str) -> str:
-    """Name of ``model`` for a reader."""
-    return NAMES.get(model, model)
-
-
 def answer(run: Run) -> str:
-    """The first paragraphs of the card: model, formula, takes and motions, unknowns and tails."""
-    if "other_motions" not in run.tables:
-        return (
-            "**No model for another motion**: no motion was held out; run the stage `predict` with "
-            "these recordings."
-        )
-    tables = run.tables
-    model, why = recommended(tables["other_motions"], tables["motion_spread"], tables["motions"])
-    motions = tables["motions"]
-    counted = f"{motions['takes'].sum()} takes of {len(motions)} motion(s)"
+    """Return the card's first paragraphs: model, formula, takes and motions, unknowns and tails."""
+    t = run.tables
+    if "other_motions" not in t:
+        return NOT_HELD_OUT
+    model, why = recommended(t["other_motions"], t["motion_spread"], t["motions"])
+    counted = f"{t['motions']['takes'].sum()} takes of {len(t['motions'])} motion(s)"
     if model is None:
         return f"**No model for another motion**: {why}.\n\nRecorded: {counted}."
+    known, tails = (t[name][t[name]["model"] == model] for name in ("plain_parameters", "tails"))
     parts = [f"**Model for another motion: {plain_name(model)}** (`{model}`): {why}."]
-    known = tables["plain_parameters"]
-    if model in set(known["model"]):
-        parts.append(_formula(model, known[known["model"] == model]))
+    parts += [_formula(model, known)] if len(known) else []
     parts.append(f"Fitted to {counted}. {_untold(run, model)}")
-    if model in set(tables["tails"]["model"]):
-        parts.append(_tail_sentence(tables["tails"], model))
+    if len(tails):
+        low, high = (f"{tails['kurtosis'].agg(end):.3g}" for end in ("min", "max"))
+        heavy = tails["kurtosis"].max() > 4
+        parts.append(
+            f"**Tails:** held-out noise has "
+            f"{'heavier tails than' if heavy else 'tails like'} normal noise (kurtosis "
+            f"{number(float(low))} to {number(float(high))}, normal 3); within three predicted "
+            f"standard deviations lie at least {100 * tails['three_sigma'].min():.1f} % of the "
+            "steps of every joint (normal 99.7 %)."
+        )
     parts.append(f"To have it: `python -m pipeline export {model}`.")
     return "\n\n".join(parts)
 
@@ -98,112 +105,79 @@ def answer(run: Run) -> str:
 def _formula(model: str, known: pd.DataFrame) -> str:
     scaled, student = model in SCALED, model in STUDENT
     std = "√(a_j² + b_j²·Δq_j²)" if scaled else "a_j"
-    law = (
-        "Student's t with ν_j degrees of freedom"
-        if student
-        else "normal with the joints' correlation"
-    )
+    law = "normal with the joints' correlation"
+    law = "Student's t with ν_j degrees of freedom" if student else law
     text = (
         f"Measured step of joint j = commanded step Δq_j + {std}·e_j, e_j {law}; angles in rad, "
         "steps of one period of the recordings."
     )
-    rows = []
-    for row in known.itertuples():
-        cells = [row.joint, f"{1e6 * row.at_rest_rad:.3g} µrad"]
-        cells += [
-            f"{100 * row.share_of_step:.3g} %" if pd.notna(row.share_of_step) else "not known"
-        ] * scaled
-        cells += [number(row.degrees) if pd.notna(row.degrees) else "–"] * student
-        rows.append(cells)
-    header = ["joint", "a_j", *["b_j"] * scaled, *["ν_j"] * student]
-    return f"{text}\n\n{table(header, rows)}"
+    cells = {"joint": known["joint"]}
+    cells["a_j"] = [f"{1e6 * value:.3g} µrad" for value in known["at_rest_rad"]]
+    if scaled:
+        share = known["share_of_step"]
+        cells["b_j"] = [f"{100 * b:.3g} %" if pd.notna(b) else "not known" for b in share]
+    if student:
+        cells["ν_j"] = known["degrees"]
+    return f"{text}\n\n{table([*cells], zip(*cells.values(), strict=True))}"
+
+
+def fastest_speeds(ranges: pd.DataFrame) -> pd.Series:
+    """Return the greatest recorded |q̇| of each joint in rad/s from a table of ranges."""
+    speeds = ranges[ranges["quantity"] == "joint speed"].set_index("name")
+    return speeds[["least", "greatest"]].abs().max(axis=1)
 
 
 def _untold(run: Run, model: str) -> str:
     """The parameters of ``model`` without a number, and the poses and speeds that were not seen."""
-    rows = run.tables["untold"]
-    rows = rows[rows["model"] == model]
+    rows = run.tables["untold"].query("model == @model")
     text = "".join(
         f" No number for the {parameter} of {', '.join(own['joint'])} ({own['found'].iloc[0]})."
         for parameter, own in rows.groupby("parameter", sort=False)
     )
-    ranges = run.tables["motion_ranges"]
-    speeds = ranges[ranges["quantity"] == "joint speed"].set_index("name")
-    fastest = speeds[["least", "greatest"]].abs().max(axis=1)
-    still = [joint for joint, speed in fastest.items() if speed < STILL * fastest.max()]
-    text += f" These joints stood still: {', '.join(still)}." if still else ""
+    fastest = fastest_speeds(run.tables["motion_ranges"])
+    still = fastest.index[fastest < STILL * fastest.max()]
+    text += f" These joints stood still: {', '.join(still)}." if len(still) else ""
     seen = ", ".join(f"{joint} {number(float(f'{speed:.3g}'))}" for joint, speed in fastest.items())
     text += f" Speeds above (rad/s): {seen}; poses outside the ranges below."
     return f"**What the recordings cannot tell:**{text}"
 
 
-def _tail_sentence(tails: pd.DataFrame, model: str) -> str:
-    own = tails[tails["model"] == model]
-    low, high = own["kurtosis"].min(), own["kurtosis"].max()
-    within = own["three_sigma"].min()
-    kind = "heavier tails than normal noise" if high > 4 else "tails like normal noise"
-    return (
-        f"**Tails:** held-out noise has {kind} (kurtosis {number(float(f'{low:.3g}'))} to "
-        f"{number(float(f'{high:.3g}'))}, normal 3); within three predicted standard deviations "
-        f"lie at least {100 * within:.1f} % of the steps of every joint (normal 99.7 %)."
-    )
-
-
 def held_out(run: Run) -> str:
-    """Log scores of every model on every held-out motion, the highest mean first."""
+    """Return log scores of every model on every held-out motion, the highest mean first."""
     scores = run.tables["other_motions"]
-    wide = scores.pivot(index="model", columns="motion", values="score")
-    means = wide[EACH] if EACH in wide else wide.iloc[:, 0]
     motions = [name for name in dict.fromkeys(scores["motion"]) if name != EACH]
-    order = means.sort_values(ascending=False, na_position="last").index
-    rows = [
-        [
-            plain_name(str(name)),
-            number(means[name]),
-            *(number(wide.loc[name].get(m)) for m in motions),
-        ]
-        for name in order
-    ]
-    text = table(["log score (nats a step)", "mean", *(f"motion {name}" for name in motions)], rows)
+    wide = scores.pivot(index="model", columns="motion", values="score")
+    wide = wide.reindex(columns=[EACH, *motions]) if EACH in wide else wide
+    wide = wide.sort_values(wide.columns[0], ascending=False, na_position="last")
+    header = ["log score (nats a step)", "mean", *(f"motion {name}" for name in motions)]
+    text = table(header, [[plain_name(str(row[0])), *row[1:]] for row in wide.itertuples()])
     missing = scores[scores["reason"].fillna("") != ""].drop_duplicates("model")
     reasons = "".join(
         f"\n- {plain_name(row.model)}: no score on motion {row.motion}: {row.reason}"
         for row in missing.itertuples()
     )
-    moves = table(
-        ["motion", "takes", "steps", "joints that move"],
-        [
-            [str(r.motion), str(r.takes), str(r.steps), r.moving]
-            for r in run.tables["motions"].itertuples()
-        ],
-    )
-    return f"{text}\n{reasons}\n\n{moves}"
+    moves = run.tables["motions"][["motion", "takes", "steps", "moving"]].astype(str)
+    header = ["motion", "takes", "steps", "joints that move"]
+    return f"{text}\n{reasons}\n\n{table(header, moves.to_numpy())}"
 
 
 def held_out_spread(run: Run) -> str:
-    """Predicted and measured rms of a step in µrad by held-out motion and joint."""
+    """Return predicted and measured rms of a step in µrad by held-out motion and joint."""
     spread = run.tables["motion_spread"]
-    models = list(dict.fromkeys(spread["model"]))
-    wide = spread.pivot(index=["motion", "joint"], columns="model", values="predicted_rad")
-    measured = spread.drop_duplicates(["motion", "joint"]).set_index(["motion", "joint"])
-    rows = [
-        [str(motion), joint, f"{1e6 * measured.loc[(motion, joint), 'measured_rad']:.3g}"]
-        + [f"{1e6 * wide.loc[(motion, joint), name]:.3g}" for name in models]
-        for motion, joint in measured.index
-    ]
-    return "Rms of a step in µrad.\n\n" + table(
-        ["motion", "joint", "measured", *map(plain_name, models)], rows
-    )
+    place = ["motion", "joint"]
+    wide = spread.pivot(index=place, columns="model", values="predicted_rad")
+    measured = spread.drop_duplicates(place).set_index(place)["measured_rad"]
+    wide = wide.loc[measured.index, list(dict.fromkeys(spread["model"]))]
+    wide.insert(0, "measured", measured)
+    rows = ([*map(str, row[0]), *(f"{1e6 * v:.3g}" for v in row[1:])] for row in wide.itertuples())
+    header = [*place, *map(plain_name, wide.columns)]
+    return f"Rms of a step in µrad.\n\n{table(header, rows)}"
 
 
 def held_out_tails(run: Run) -> str:
-    """Kurtosis and coverage of the held-out noise by model and joint."""
-    rows = [
-        [plain_name(row.model), row.joint]
-        + [
-            f"{value:.3g}"
-            for value in (row.kurtosis, row.one_sigma, row.two_sigma, row.three_sigma)
-        ]
-        for row in run.tables["tails"].itertuples()
-    ]
+    """Return kurtosis and coverage of the held-out noise by model and joint."""
+    tails = run.tables["tails"]
+    numbers = tails[["kurtosis", "one_sigma", "two_sigma", "three_sigma"]].map("{:.3g}".format)
+    names = tails["model"].map(plain_name), tails["joint"]
+    rows = zip(*names, *(numbers[column] for column in numbers), strict=True)
     return table(["model", "joint", "kurtosis", "1σ", "2σ", "3σ"], rows)

@@ -1,5 +1,5 @@
 """The report: which claims hold and which do not, the paper's numbers beside ours, its figures and
-gravest errata, on one page; and the other datasets on a second one.
+gravest errata, on one page.
 """
 
 from __future__ import annotations
@@ -7,32 +7,17 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
-from pipeline.verdicts.claims import PROJECT
-from pipeline.verdicts.decision import (
-    FORCED,
-    NO_RECORDING,
-    NOT_REPRODUCED,
-    REPRODUCED,
-    WITHOUT_RECORDING,
-    Case,
-    Decided,
-    Verdict,
-)
+import pandas as pd
+
+from pipeline.verdicts import decision as d
+from pipeline.verdicts import scores
+from pipeline.verdicts.claims import CONSTRUCTION, LEVEL, PROJECT, Claim
+from pipeline.verdicts.decision import Case, Decided, Verdict
 from pipeline.verdicts.equations import Item, Source
 from pipeline.verdicts.errata import Erratum
-from pipeline.verdicts.filters import verdict as filter_verdict
-from pipeline.verdicts.model_card import choice
+from pipeline.verdicts.model_card import FEW_TAKES
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.wording import (
-    KEY,
-    MARKS,
-    case_text,
-    interval,
-    number,
-    statement,
-    table,
-    verdict_cell,
-)
+from pipeline.verdicts.wording import case_text, interval, number, table
 
 # datasets that have a column, one a robot, and the robot; a dataset that is tried out has none
 ROBOTS = {"youbot": "youBot, synthetic", "ur5": "UR5, real", "lwr4": "LWR4+, real"}
@@ -45,18 +30,20 @@ GRAVEST = (
     "isotropic",
 )
 SMOKE = "smoke"  # the scale of a trial run, whose numbers decide nothing
-FEW_TAKES = 10  # below it an interval from resampled takes is not printed
-WHOSE = {
-    "none": "computations without a recording",
-    "synthetic": "synthetic recordings",
-    "real": "recordings of a real robot, not the paper's",
-    "paper": "the paper's own recordings",
-}
+TRIAL = "# A trial run on the scale smoke, whose numbers decide nothing: dataset {}"
 LIMITS = (
     "Nobody has published the paper's recordings: the youBot's come from a synthetic laboratory "
     "whose physics is none of the models. The UR5's and the LWR4+'s are logs of real robots, which "
     "decide nothing about the paper's own arm."
 )
+MARKS = {d.REPRODUCED: "✓", d.NOT_REPRODUCED: "✗", d.SYNTHETIC_CANNOT: "?"}
+MARKS |= {d.NO_EVIDENCE: "–", d.FORCED: "=", d.NO_RECORDING: ""}
+KEY = (
+    "✓ holds, ✗ fails, ? synthetic recordings cannot decide it, – no evidence, = forced by the "
+    "construction of the models (no verdict). After the sign: the value of a claim with one case, "
+    "else how many of the decided cases hold."
+)
+NOTES = {CONSTRUCTION: "by construction", LEVEL: "decided by the level"}
 # parameters: name, file and key; each estimator has the key with its own name behind it
 ESTIMATORS = {"paper": "the paper's estimator", "moments": "moments", "likelihood": "likelihood"}
 PARAMETERS = (
@@ -68,45 +55,67 @@ PARAMETERS = (
 )
 # numbers of summary.json by model and name of its estimate
 SUMMARY = {"sigma_b": ("wishart", "sigma_b"), "alpha_u": ("gaussian", "noise_level")}
-# counts of what was not solved, lost, clipped or left out
-LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
+HOLDS, FAILS, UNKNOWN = "holds", "fails", "no evidence"
+SIGNS = {HOLDS: "✓", FAILS: "✗", UNKNOWN: "–"}
+DEFAULT = (
+    'The paper says "LU or QR depending on the redundancy" and computes in MATLAB, whose `lu` '
+    "pivots: pivoted LU of a square Jacobian and QR of J of a redundant arm are the default. The "
+    "printed numbers do not determine the decomposition "
+    "([which-decomposition](errata.md#which-decomposition)). QR of Jᵀ is the control: it depends "
+    "on no unit."
+)
+AGAIN = "Claims whose rule comes out otherwise on the same takes with equal random numbers:"
 LINKS = """\
 - [model_card.md](model_card.md): which model to use for this arm, where and how surely.
 - [claims.yaml](../claims.yaml): each claim with its test and reason; [claims.json](claims.json):
   numbers, verdicts and commands that recompute them; [datasets.md](../datasets.md): every dataset.
 - [equations.md](../equations.md): each item of the paper in code and tests; [errata.md](errata.md).
-- [recordings.md](recordings.md), [metrics](metrics), [tables](tables): this run.
-- [studies](../studies): beyond the paper."""
+- [recordings.md](recordings.md), [metrics](metrics), [tables](tables), [figures](figures): this
+  run; [studies](../studies): beyond the paper."""
 
 
-def report_page(here: Run, decided: Sequence[Decided], parts: Sequence[tuple[str, str]]) -> str:
-    """``report.md`` of the run ``here``: the result, a row a claim, then ``parts``, each a
-    heading and its text; a part without text is left out.
+def report_page(
+    here: Run, runs: Sequence[Run], decided: Sequence[Decided], parts: Mapping[str, str]
+) -> str:
+    """Return ``report.md`` of the run ``here``, one of ``runs``: the result, a row a claim, and all
+    else that a reader asks; ``parts`` are headings and texts behind these. A run on the scale smoke
+    says so first and has no verdict.
     """
-    sections = [f"# Results: dataset {here.dataset}, scale {here.scale}"]
+    title = f"# Results: dataset {here.dataset}, scale {here.scale}"
+    shown = [run for run in runs if run is here or run.dataset in ROBOTS]
+    own = {}
     if here.scale == SMOKE:
-        sections.append("**A trial run on the scale smoke: its numbers decide nothing.**")
+        sections = [TRIAL.format(here.dataset)]
     else:
-        sections += [f"{LIMITS} {summary(here, decided)}", claims_table(here, decided)]
-    sections += [f"## {title}\n\n{text}" for title, text in parts if text]
+        sections = [title, f"{LIMITS} {summary(here, decided)}", claims_table(here, decided)]
+        own = {
+            "Claims that fail": failures(here, decided),
+            "Readings of LU or QR": readings(shown),
+            "Published against ours": published_and_ours(here, decided),
+            "Predictors": scores.predictors(here),
+            "Filters": scores.filters(here),
+        }
+    own |= {**parts, "More": LINKS}
+    sections += [f"## {heading}\n\n{text}" for heading, text in own.items() if text]
     return "\n\n".join(sections) + "\n"
 
 
 def summary(here: Run, decided: Sequence[Decided]) -> str:
-    """Counts of verdicts and what predicts and filters the motion of ``here``, a sentence each."""
+    """Return counts of verdicts and what predicts and filters the motion of ``here``."""
     counts = [
-        f"{ROBOTS.get(whose.dataset, whose.dataset)}: {_counted(whose.verdicts)}"
+        f"{ROBOTS.get(whose.dataset, whose.dataset)}: {counted(whose.verdicts)}"
         for whose in _columns(here, decided)
     ]
     sentences = [f"Claims of the paper that hold / fail: {'; '.join(counts)}."]
     if "predictions" in here.tables:
-        sentences.append(choice(here))
-    return " ".join(filter(None, [*sentences, filter_verdict(here)]))
+        sentences.append(scores.choice(here))
+    return " ".join(filter(None, [*sentences, scores.filter_verdict(here)]))
 
 
-def _counted(verdicts: Sequence[Verdict]) -> str:
+def counted(verdicts: Sequence[Verdict]) -> str:
+    """Return how many claims of the paper hold and fail."""
     verdict = [each.verdict for each in verdicts if each.claim.source != PROJECT]
-    return f"{verdict.count(REPRODUCED)} / {verdict.count(NOT_REPRODUCED)}"
+    return f"{verdict.count(d.REPRODUCED)} / {verdict.count(d.NOT_REPRODUCED)}"
 
 
 def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
@@ -118,27 +127,23 @@ def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
     numbers = {}
     if here.scale != SMOKE:
         own = next(whose for whose in decided if whose.dataset == here.dataset)
-        hold, fail = _counted(own.verdicts).split(" / ")
-        numbers |= {"hold": int(hold), "fail": int(fail)}
+        numbers |= zip(("hold", "fail"), map(int, counted(own.verdicts).split(" / ")), strict=True)
     for name, (model, key) in SUMMARY.items():
         if key in here.metrics.get(f"fit_{model}", {}):
             numbers[name] = here.metrics[f"fit_{model}"][key]
-    if "predictions" in here.tables:
-        rows = here.tables["predictions"].query("steps == 'all' and score == 'log_score'")
-        means = rows.set_index("model")["mean"].dropna()
-        numbers |= {f"log_{name}": means[name] for name in [*here.models][:3] if name in means}
-    return numbers
+    means = scores.log_scores(here)["mean"] if "predictions" in here.tables else {}
+    return numbers | {f"log_{name}": means[name] for name in [*here.models][:3] if name in means}
 
 
 def _columns(here: Run, decided: Sequence[Decided]) -> list[Decided]:
     """The verdicts without a recording, those of ``here``, then those of the other robots."""
     by_name = {whose.dataset: whose for whose in decided}
-    names = dict.fromkeys([WITHOUT_RECORDING, here.dataset, *ROBOTS])
+    names = dict.fromkeys([d.WITHOUT_RECORDING, here.dataset, *ROBOTS])
     return [by_name[name] for name in names if name in by_name]
 
 
 def claims_table(here: Run, decided: Sequence[Decided]) -> str:
-    """A row for each claim, of the paper first, with its verdict in every column."""
+    """Return a row for each claim, of the paper first, with its verdict in every column."""
     columns = _columns(here, decided)
     rows = list(zip(*(whose.verdicts for whose in columns), strict=True))
     rows.sort(key=lambda row: row[0].claim.source == PROJECT)
@@ -147,59 +152,109 @@ def claims_table(here: Run, decided: Sequence[Decided]) -> str:
     return f"{table(header, body)}\n\n{KEY}"
 
 
+def statement(claim: Claim) -> str:
+    """Return the statement of ``claim`` with notes: forced or decided by the level, of the project
+    and not of the paper, about an arm like the paper's alone.
+    """
+    notes = [NOTES[claim.by]] if claim.by else []
+    notes += ["the project's own claim"] if claim.source == PROJECT else []
+    notes += ["the paper's own arm"] if claim.about == "specimen" else []
+    return f"{claim.statement} *({'; '.join(notes)})*" if notes else claim.statement
+
+
+def verdict_cell(verdict: Verdict) -> str:
+    """Return the sign of a verdict and one number: the value of a claim with one case, else in how
+    many of the decided cases the test holds.
+    """
+    sign = MARKS[verdict.verdict]
+    decided = [case for case in verdict.cases if case.holds is not None]
+    if verdict.verdict in (d.NO_RECORDING, d.FORCED, d.NO_EVIDENCE) or not decided:
+        return sign
+    if len(verdict.cases) == 1:
+        return f"{sign} {number(decided[0].value)}"
+    return f"{sign} {sum(case.holds for case in decided)}/{len(decided)}"
+
+
 def failures(here: Run, decided: Sequence[Decided]) -> str:
-    """A line for each claim that fails in a column: the test, the first failing case, how many fail
-    and the reason where one is written.
+    """Return a line for each claim that fails in a column: the quantity, the first failing case,
+    how many fail and the reason where one is written.
     """
     lines = []
     columns = _columns(here, decided)
     for row in zip(*(whose.verdicts for whose in columns), strict=True):
         for whose, verdict in zip(columns, row, strict=True):
-            if verdict.verdict != NOT_REPRODUCED:
+            if verdict.verdict != d.NOT_REPRODUCED:
                 continue
             claim = verdict.claim
             failing = [case for case in verdict.cases if case.holds is False]
             more = f" and {len(failing) - 1} more cases" if len(failing) > 1 else ""
             reason = f" Reason: {claim.why[whose.dataset]}." if whose.dataset in claim.why else ""
+            case = case_text(failing[0]).removesuffix(" ✗")
             lines.append(
-                f"- **{claim.id}** on {whose.dataset}: {claim.quantity}, "
-                f"{case_text(failing[0]).removesuffix(' ✗')}{more}; test: {claim.test}.{reason}"
+                f"- **{claim.id}** on {whose.dataset}: {claim.quantity}, {case}{more}.{reason}"
             )
     return "\n".join(lines)
 
 
+def readings(runs: Sequence[Run]) -> str:
+    """Return a row for each claim and run whose rule comes out otherwise under another reading of
+    "LU or QR" (Eq. LUDecom), the run's own in bold, and how many claims have no evidence.
+    """
+    rows, notes = [], []
+    for run in runs:
+        if "readings" not in run.tables:
+            continue
+        own = run.tables["readings"]
+        ruled = own.pivot(index="claim", columns="reading", values="holds")
+        ruled = ruled[own["reading"].unique()]  # the run's own first
+        first = ruled.iloc[:, 0]
+        changes = (ruled.ne(first, axis=0) & ruled.ne(UNKNOWN)).any(axis=1) & first.ne(UNKNOWN)
+        for claim, words in ruled[changes].iterrows():
+            signs = words.map(SIGNS)
+            signs.iloc[0] = f"**{signs.iloc[0]}**"
+            rows.append({"claim": claim, "dataset": run.dataset, **signs})
+        lacking = own[own["holds"].eq(UNKNOWN) & own["refused"].astype(object).fillna("").ne("")]
+        for reading, claims in lacking.groupby("reading", sort=False)["refused"]:
+            reason = claims.iloc[0].partition(" [")[0].partition(";")[0]
+            notes.append(
+                f"- {run.dataset}, {reading}: {len(claims)} claims lack numbers ({reason})."
+            )
+    if not rows:
+        return DEFAULT
+    changed = pd.DataFrame(rows).fillna("")
+    header = ["claim (the run's own reading in bold)", *changed.columns[1:]]
+    parts = [f"{DEFAULT} {AGAIN}", table(header, changed.to_numpy()), "\n".join(notes)]
+    return "\n\n".join(filter(None, parts))
+
+
 def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
-    """The fitted parameters by every estimator, then each other number that the paper publishes
-    beside that of ``here``.
+    """Return the fitted parameters by every estimator, then each other number that the paper
+    publishes beside that of ``here``.
     """
     few = here.metrics.get("motion", {}).get("recorded_takes", FEW_TAKES) < FEW_TAKES
     own = next(whose for whose in decided if whose.dataset == here.dataset)
+    without = next(whose for whose in decided if whose.dataset == d.WITHOUT_RECORDING)
     claims = {verdict.claim.id: verdict.claim for verdict in own.verdicts}
-    rows = []
+    rows, others = [], []
     for name, file, key, claim in PARAMETERS:
         fitted = here.metrics.get(file, {})
         cells = [_estimate(fitted, key, estimator, few) for estimator in ESTIMATORS]
         if any(cell != "–" for cell in cells):
-            printed = number(claims[claim].published) if claim in claims else "–"
-            rows.append([name, printed, *cells])
-    fitted = table(["parameter", "published", *ESTIMATORS.values()], rows) if rows else ""
-    others, without = [], next(w for w in decided if w.dataset == WITHOUT_RECORDING)
-    estimated = {claim for *_, claim in PARAMETERS}
-    for verdicts in zip(own.verdicts, without.verdicts, strict=True):
-        verdict = next(v for v in verdicts if v.verdict != NO_RECORDING)
+            rows.append([name, claims[claim].published if claim in claims else "–", *cells])
+    for pair in zip(own.verdicts, without.verdicts, strict=True):
+        verdict = next(each for each in pair if each.verdict != d.NO_RECORDING)
         claim = verdict.claim
-        if not claim.parameter or claim.id in estimated:
-            continue
         cases = [case for case in verdict.cases if case.value is not None]
-        if cases:
+        if claim.parameter and cases and claim.id not in {each for *_, each in PARAMETERS}:
             unit = f" ({claim.unit})" if claim.unit else ""
             names = " / ".join(filter(None, (case.case for case in cases)))
             name = ", ".join(filter(None, [claim.parameter, names])) + unit
             printed = " / ".join(number(case.published) for case in cases)
             others.append([name, printed, " / ".join(_ours(case, few) for case in cases)])
-    numbers = table(["number", "published", here.dataset], others) if others else ""
-    words = "No interval: fewer than ten takes." if few else "In brackets 95 % intervals."
-    return "\n\n".join(filter(None, [words, fitted, numbers]))
+    parts = ["No interval: fewer than ten takes." if few else "In brackets 95 % intervals."]
+    parts += [table(["parameter", "published", *ESTIMATORS.values()], rows)] if rows else []
+    parts += [table(["number", "published", here.dataset], others)] if others else []
+    return "\n\n".join(parts)
 
 
 def _ours(case: Case, few: bool) -> str:
@@ -223,74 +278,12 @@ def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) 
     return f"{text}, no covariance" if "sigma_b" in key and fitted[name] >= limit else text
 
 
-def datasets_page(decided: Sequence[Decided]) -> str:
-    """Return ``reports/datasets.md``: the verdict on every claim from every dataset as a sign."""
-    decided = sorted(decided, key=lambda whose: (whose.recordings == "none", whose.dataset))
-    rows = [
-        [row[0].claim.id, *(MARKS[verdict.verdict] for verdict in row)]
-        for row in zip(*(whose.verdicts for whose in decided), strict=True)
-    ]
-    forced = [str(sum(v.verdict == FORCED for v in whose.verdicts)) for whose in decided]
-    tally = [
-        [whose.dataset, WHOSE[whose.recordings], _counted(whose.verdicts), count]
-        for whose, count in zip(decided, forced, strict=True)
-    ]
-    sections = [
-        "# Every claim in every dataset",
-        "Written by the stage `report` from [claims.yaml](claims.yaml); all numbers are in the "
-        "file `claims.json` of a dataset's reports. Claims of the project are not counted.",
-        table(["dataset", "recordings", "hold / fail", "by construction"], tally),
-        table(["claim", *(whose.dataset for whose in decided)], rows),
-        KEY.partition(" After")[0],
-    ]
-    return "\n\n".join(sections) + "\n"
-
-
-def recordings_page(here: Run) -> str:
-    """Return ``recordings.md``: found, kept, lost and repaired parts of the recordings."""
-    parts = {"Kept and left out": kept(here), "Lost and repaired": counts(here)}
-    sections = [f"# Recordings of dataset {here.dataset}"]
-    sections += [f"## {title}\n\n{text}" for title, text in parts.items() if text]
-    return "\n\n".join(sections) + "\n"
-
-
-def kept(run: Run) -> str:
-    """Recordings found, kept and left out in ``run``, step by step."""
-    if "kept" not in run.tables:
-        return ""
-    rows = run.tables["kept"].astype(object).fillna("").astype(str).to_numpy().tolist()
-    return table(["step", "recording", "found", "kept", "left out"], rows)
-
-
-def counts(run: Run) -> str:
-    """Totals of what was not solved, lost, clipped or repaired in ``run``, where not zero."""
-    rows = []
-    if "recording_quality" in run.tables:
-        counted = run.tables["recording_quality"].dropna(subset="total")
-        for instrument, quantities in counted[counted["total"] > 0].groupby("instrument"):
-            texts = zip(quantities["quantity"], quantities["total"], strict=True)
-            rows.append([instrument, ", ".join(_count(name, total) for name, total in texts)])
-    for stem, values in run.metrics.items():
-        lost = [
-            _count(name, value)
-            for name, value in values.items()
-            if value and LOST.search(name) and float(value).is_integer()
-        ]
-        if lost and stem != "recordings":
-            rows.append([stem.replace("_", " of ", 1), ", ".join(lost)])
-    text = "Totals over all takes that were lost, clipped or repaired; all others were zero."
-    return f"{text}\n\n{table(['', 'counted'], rows)}" if rows else ""
-
-
-def _count(name: str, value: float) -> str:
-    return f"{name.replace('_', ' ')} {number(value)}"
-
-
 def figures(
     captions: Mapping[str, Mapping], items: Sequence[Item], sources: Mapping[str, Sequence[Source]]
 ) -> str:
-    """The figures of ``captions`` (``captions.json``), a sentence each: those of the paper in its
-    order, then ours; ``sources`` of :func:`pipeline.verdicts.equations.citations` tell them apart.
+    """Return the paper's figures in its order, a sentence each (the one that says what to look at,
+    else the first), and links to ours; ``sources`` of
+    :func:`pipeline.verdicts.equations.citations` say which draw one of the paper's.
     """
     drawn = {
         source.file.as_posix(): item.title
@@ -298,30 +291,22 @@ def figures(
         if item.kind == "figure"
         for source in sources[item.cited_as]
     }
-    order = list(drawn)
-    scripts = {name: caption["script"] for name, caption in captions.items()}
-    ordered = sorted(
-        captions,
-        key=lambda name: order.index(scripts[name]) if scripts[name] in drawn else len(order),
-    )
+    by_script = {caption["script"]: name for name, caption in captions.items()}
     lines = []
-    for name in ordered:
-        place = drawn.get(scripts[name], "Not in the paper")
-        lines.append(f"- **{place}.** {short(captions[name]['caption'])}")
-        lines.append(f"  ![{captions[name]['title']}](figures/{name}.png)")
+    for script, place in drawn.items():
+        if name := by_script.pop(script, None):
+            sentences = re.split(r"(?<=[.!?]) (?=[A-Z(])", captions[name]["caption"])
+            look = (text for text in sentences if text.startswith("To look at"))
+            sentence = next(look, sentences[0])
+            picture = f"![{captions[name]['title']}](figures/{name}.png)"
+            lines += [f"- **{place}.** {sentence}", f"  {picture}"]
+    ours = [f"[{captions[name]['title']}](figures/{name}.png)" for name in by_script.values()]
+    lines += [f"- Not in the paper: {'; '.join(ours)}."] if ours else []
     return "\n".join(lines)
 
 
-def short(caption: str) -> str:
-    """The first sentence of a caption, and the one that says what to look at."""
-    sentences = re.split(r"(?<=[.!?]) (?=[A-Z(])", caption)
-    return " ".join(
-        [sentences[0], *(text for text in sentences[1:] if text.startswith("To look at"))]
-    )
-
-
 def gravest_errata(errata: Sequence[Erratum]) -> str:
-    """The titles of the errata of GRAVEST as links, and how many there are in all."""
+    """Return the titles of the errata of GRAVEST as links, and how many there are in all."""
     titles = {erratum.id: erratum.title for erratum in errata}
     lines = [f"- [{titles[name]}](errata.md#{name})" for name in GRAVEST if name in titles]
     return "\n".join([*lines, f"\nAll {len(errata)}: [errata.md](errata.md)."])

@@ -1,6 +1,4 @@
-"""What one run leaves for comparison with others: its numbers, in a file whose changes git shows
-line by line.
-"""
+"""Evidence of one run for comparison with others, in a file whose changes git shows by line."""
 
 from __future__ import annotations
 
@@ -35,7 +33,7 @@ class Run:
 
     @property
     def arm(self) -> ArmNames:
-        """What its joints and rows are called."""
+        """Names of its joints and rows."""
         return ArmNames(tuple(self.joints), tuple(self.task))
 
     @property
@@ -49,32 +47,17 @@ class Run:
         """Names of the models that hold a random matrix."""
         return [name for name, kind in self.models.items() if kind in MATRIX_KINDS]
 
-    @property
-    def rivals(self) -> list[str]:
-        """Names of the models that do not."""
-        return [name for name in self.models if name not in self.matrix_models]
-
     def to_json(self) -> str:
-        """JSON in full precision; a table is a list of the lines of its CSV."""
-        tables = {stem: rows.to_csv(index=False).splitlines() for stem, rows in self.tables.items()}
-        values = {
-            "dataset": self.dataset,
-            "scale": self.scale,
-            "synthetic": self.synthetic,
-            "joints": list(self.joints),
-            "task": list(self.task),
-            "models": self.models,
+        """Return JSON in full precision; a table is a list of the lines of its CSV."""
+        values = {**vars(self), "joints": list(self.joints), "task": list(self.task)}
+        values["tables"] = {
+            stem: rows.to_csv(index=False).splitlines() for stem, rows in self.tables.items()
         }
-        return (
-            json.dumps(
-                values | {"metrics": self.metrics, "tables": tables}, indent=1, ensure_ascii=False
-            )
-            + "\n"
-        )
+        return json.dumps(values, indent=1, ensure_ascii=False) + "\n"
 
 
 def read_run(file: Path) -> Run:
-    """The run in a file that ``Run.to_json`` wrote. Raises ContractError for any other."""
+    """Read a file that ``Run.to_json`` wrote. Raises ContractError for any other."""
     try:
         values = json.loads(file.read_text(encoding="utf-8"))
         tables = {
@@ -83,19 +66,16 @@ def read_run(file: Path) -> Run:
         }
         return Run(**values, tables=tables)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        raise ContractError(
-            f"no evidence of a run ({error}); run the stage score with that dataset", file=file
-        ) from None
+        message = f"no evidence of a run ({error}); run the stage score with that dataset"
+        raise ContractError(message, file=file) from None
 
 
 def read_runs(folder: Path, first: str) -> list[Run]:
-    """The runs of a folder by the names of their datasets, ``first`` before all others. Raises
-    ContractError where that one is missing.
+    """Read the runs of a folder by the names of their datasets, ``first`` before all others. Raises
+    ContractError if that one is missing.
     """
     runs = {run.dataset: run for run in map(read_run, sorted(folder.glob("*.json")))}
     if first not in runs:
-        raise ContractError(
-            f"there is no evidence of the dataset {first}; run the stage score with it",
-            file=folder / f"{first}.json",
-        )
+        message = f"there is no evidence of the dataset {first}; run the stage score with it"
+        raise ContractError(message, file=folder / f"{first}.json")
     return [runs.pop(first), *runs.values()]

@@ -13,14 +13,17 @@ from pipeline.core.options.analysis import Wrench
 from pipeline.core.options.instruments import Configuration, Force
 from pipeline.wrench.parametric import CableSystem
 
+TINY = np.nextafter(0, 1)
+LOWEST = {"tension": TINY, "concentration": TINY, "tension_sd": 0.0, "elevation": -np.pi / 2}
+
 
 @dataclass(frozen=True)
 class Bounds:
-    """(low, high) of the values of a cable, which a system draws uniformly for each cable: in space
-    the directions uniformly on the sphere.
+    """(low, high) of the values of a cable, uniform for each cable: in space the directions are
+    uniform on the sphere.
 
-    Systems are planar unless there is an ``elevation``, and their cables meet in one point unless
-    there is an ``attachment``. Raises ConfigError for bounds that bound no system.
+    Systems are planar without an ``elevation``, and their cables meet in one point without an
+    ``attachment``. Raises ConfigError for bounds that bound no system.
     """
 
     tension: tuple[float, float]  # T̲, N
@@ -31,18 +34,16 @@ class Bounds:
     attachment: tuple[float, float] | None = None  # m, each coordinate of r
 
     def __post_init__(self) -> None:
-        lowest = {"tension": np.nextafter(0, 1), "concentration": np.nextafter(0, 1)}
-        lowest |= {"tension_sd": 0.0, "elevation": -np.pi / 2}
         for name, bounds in vars(self).items():
-            least, most = lowest.get(name, -np.inf), np.pi / 2 if name == "elevation" else np.inf
-            if bounds is not None and not least <= bounds[0] <= bounds[1] <= most:
+            least, most = LOWEST.get(name, -np.inf), np.pi / 2 if name == "elevation" else np.inf
+            if bounds is None:
+                continue
+            if not (np.isfinite(bounds).all() and least <= bounds[0] <= bounds[1] <= most):
                 raise ConfigError(
-                    f"wrench bounds: {name} must be {least:.3g} ≤ low ≤ high ≤ {most:.3g}, got "
-                    f"{bounds[0]}, {bounds[1]}",
+                    f"wrench bounds: {name} must be finite and {least:.3g} ≤ low ≤ high ≤ "
+                    f"{most:.3g}, got {bounds[0]}, {bounds[1]}",
                     key=name,
                 )
-            if bounds is not None and not np.all(np.isfinite(bounds)):
-                raise ConfigError(f"wrench bounds: {name} must be finite, got {bounds}", key=name)
 
     @property
     def dimension(self) -> int:
@@ -51,24 +52,24 @@ class Bounds:
 
     @property
     def coordinates(self) -> int:
-        """Numbers that a cable is drawn by."""
+        """Number of values of a cable."""
         return self.dimension + 2 + (0 if self.attachment is None else self.dimension)
 
     def directions(self, angle: np.ndarray, height: np.ndarray | None = None) -> np.ndarray:
-        """Unit vectors (..., p) at the shares ``angle`` and ``height``, in space, of the bounds:
+        """Unit vectors (..., p) at the shares ``angle`` and, in space, ``height`` of the bounds:
         equal shares are equal arcs or areas.
         """
         theta = within(self.direction, angle)
         plane = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
         if self.elevation is None:
             return plane
-        up = within(tuple(np.sin(self.elevation)), height)
-        return np.concatenate([np.sqrt(1 - up**2)[..., None] * plane, up[..., None]], axis=-1)
+        up = within(np.sin(self.elevation), height)[..., None]
+        return np.concatenate([np.sqrt(1 - up**2) * plane, up], axis=-1)
 
 
-def within(range_: tuple[float, float], share: np.ndarray) -> np.ndarray:
-    """Values at ``share`` of a range (low, high), any shape."""
-    low, high = range_
+def within(bounds: tuple[float, float], share: np.ndarray) -> np.ndarray:
+    """Values at ``share`` of the range ``bounds``, any shape."""
+    low, high = bounds
     return low + (high - low) * share
 
 
@@ -90,7 +91,7 @@ def systems_at(bounds: Bounds, points: np.ndarray) -> CableSystem:
 def draw_systems(
     bounds: Bounds, systems: int, agents: int, rng: np.random.Generator
 ) -> CableSystem:
-    """``systems`` cable systems of ``agents`` cables within ``bounds``."""
+    """Draw ``systems`` cable systems of ``agents`` cables within ``bounds``."""
     return systems_at(bounds, rng.random((bounds.coordinates, systems, agents)))
 
 
@@ -101,18 +102,14 @@ def study_bounds(options: Wrench) -> Bounds:
 
 
 def configuration_bounds(force: Force, configuration: Configuration) -> Bounds:
-    """Bounds of the class that ``configuration`` belongs to; attachments as multiples of the
-    characteristic length.
+    """Bounds of the class of ``configuration``; attachments as multiples of the characteristic
+    length.
     """
     elevation, attachment = configuration.elevation_bounds, configuration.attachment_bounds
-    return Bounds(
-        tuple(force.tension_bounds),
-        tuple(configuration.direction_bounds),
-        tuple(force.tension_std_bounds),
-        tuple(force.kappa_bounds),
-        None if elevation is None else tuple(elevation),
-        None if attachment is None else tuple(np.divide(attachment, force.length)),
-    )
+    ranges = [force.tension_bounds, configuration.direction_bounds]
+    ranges += [force.tension_std_bounds, force.kappa_bounds]
+    attachment = None if attachment is None else tuple(np.divide(attachment, force.length))
+    return Bounds(*map(tuple, ranges), elevation and tuple(elevation), attachment)
 
 
 def nominal_system(force: Force, configuration: Configuration) -> CableSystem:
@@ -132,10 +129,8 @@ def nominal_system(force: Force, configuration: Configuration) -> CableSystem:
     direction = [np.cos(azimuth), np.sin(azimuth)]
     if (elevation := configuration.elevation) is not None:
         direction = [*(np.cos(elevation) * part for part in direction), np.sin(elevation)]
-    return CableSystem(
-        configuration.tension,
-        np.stack(direction, axis=-1),
-        force.tension_std[:agents],
-        np.full(agents, force.kappa_bounds[0]),
-        configuration.attachment,
-    ).in_units_of(force.length)
+    direction, spread = np.stack(direction, axis=-1), force.tension_std[:agents]
+    kappa = np.full(agents, force.kappa_bounds[0])
+    attachment = configuration.attachment
+    system = CableSystem(configuration.tension, direction, spread, kappa, attachment)
+    return system.in_units_of(force.length)

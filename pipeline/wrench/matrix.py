@@ -8,6 +8,7 @@ only, times Σ_S. Recorded S determine both but for a factor, and so do wrenches
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -58,9 +59,8 @@ def matrix_model(system: CableSystem) -> MatrixModel:
     Ψ_S = I, as the directions are independent; :func:`moment_fit` estimates Ψ_S.
     """
     identity = np.eye(system.tension.shape[-1])
-    return MatrixModel(
-        system.jacobian(), system.tension, system.tension_sd[..., None] ** 2 * identity, identity
-    )
+    covariance = system.tension_sd[..., None] ** 2 * identity
+    return MatrixModel(system.jacobian(), system.tension, covariance, identity)
 
 
 def unbounded_sigma_s(model: MatrixModel, covariance: np.ndarray) -> np.ndarray:
@@ -80,8 +80,8 @@ def unbounded_sigma_s(model: MatrixModel, covariance: np.ndarray) -> np.ndarray:
 
 
 def optimal_sigma_s(unbounded: np.ndarray, form: str) -> tuple[np.ndarray, np.ndarray]:
-    """The optimal Σ_S ≥ 0 (..., n, n), and the number of its eigenvalues that the bound holds at 0
-    (...); ``unbounded`` M (..., n, n).
+    """Return the optimal Σ_S ≥ 0 (..., n, n), and the number of its eigenvalues that the bound sets
+    to 0 (...); ``unbounded`` M (..., n, n).
 
     ``form`` "diagonal" is Eq. (SigSOptim), which compares variances alone: with ‖diag Cov(W) −
     Var(F)‖ = c·‖diag Σ_S − diag M‖, c = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, each entry is max(0, Mᵢᵢ). "full" is
@@ -100,7 +100,7 @@ def optimal_sigma_s(unbounded: np.ndarray, form: str) -> tuple[np.ndarray, np.nd
 def sample_wrenches(
     model: MatrixModel, sigma_s: np.ndarray, samples: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """``samples`` independent wrenches W = S·T, Eq. (wrench), of one system, (samples, n);
+    """Draw ``samples`` independent wrenches W = S·T, Eq. (wrench), of one system, (samples, n);
     ``sigma_s`` Σ_S (n, n).
 
     Given T the product S·T is exactly N(S̲T, (TᵀΨ_ST)·Σ_S), so n normals stand for the n·m of the
@@ -113,16 +113,14 @@ def sample_wrenches(
                 f"{name} is no covariance: it must be symmetric without negative eigenvalues",
                 eigenvalues=values.tolist(),
             )
-    actuation = rng.multivariate_normal(
-        model.actuation, model.actuation_cov, samples, method="eigh"
-    )
-    noise = rng.multivariate_normal(np.zeros(len(sigma_s)), sigma_s, samples, method="eigh")
+    normal = rng.multivariate_normal
+    actuation = normal(model.actuation, model.actuation_cov, samples, method="eigh")
+    noise = normal(np.zeros(len(sigma_s)), sigma_s, samples, method="eigh")
     scale = np.sqrt(np.einsum("ki,ij,kj->k", actuation, model.psi, actuation))
     return actuation @ model.jacobian.T + scale[:, None] * noise
 
 
-@dataclass(frozen=True)
-class KroneckerFit:
+class KroneckerFit(NamedTuple):
     """S ~ N(mean, Σ_S ⊗ Ψ_S) with tr Ψ_S = m."""
 
     mean: np.ndarray  # (n, m)
@@ -131,18 +129,17 @@ class KroneckerFit:
 
 
 def moment_fit(jacobians: np.ndarray) -> KroneckerFit:
-    """The law of recorded ``jacobians`` (N, n, m) by two of its moments, with X = S − E[S]: E[XXᵀ]
-    = tr(Ψ_S)·Σ_S and E[XᵀX] = tr(Σ_S)·Ψ_S (Theorem 5).
+    """Fit the law of recorded ``jacobians`` (N, n, m) by two of its moments, with X = S − E[S]:
+    E[XXᵀ] = tr(Ψ_S)·Σ_S and E[XᵀX] = tr(Σ_S)·Ψ_S (Theorem 5).
 
     Where columns and tensions are independent the trace of the modelled Cov(W) is then exact,
     whatever the law of S; a matrix-variate normal likelihood would not keep it. The rows need one
     unit. Raises ModelDomainError for samples without any variance.
     """
-    mean = jacobians.mean(axis=0)
+    mean, m = jacobians.mean(axis=0), jacobians.shape[-1]
     x = jacobians - mean
     covariance = np.einsum("kia,kjb->iajb", x, x) / len(x)
     psi = np.einsum("iaib->ab", covariance)
     if not np.trace(psi) > 0:
         raise ModelDomainError("the recorded Jacobians are all alike; Σ_S and Ψ_S need variance")
-    m = len(psi)
     return KroneckerFit(mean, np.einsum("iaja->ij", covariance) / m, psi * m / np.trace(psi))

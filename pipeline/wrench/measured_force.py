@@ -3,7 +3,8 @@ grids, and a test of one law.
 
 Rows of a wrench are named as in the table ``force``; with attachments as multiples of a
 characteristic length, rows of moments are in N like those of forces. ``wrenches`` map a source to
-its samples (N, n) in N of the ``rows``.
+its samples (N, n) in N of the ``rows``. Functions named after a table return its rows of one
+``configuration``.
 """
 
 from __future__ import annotations
@@ -47,17 +48,10 @@ def measured_wrenches(record: pd.DataFrame, system: CableSystem, length: float) 
     return record[list(rows)].to_numpy() / [1.0 if row[0] == "f" else length for row in rows]
 
 
-def modelled_wrenches(
-    system: CableSystem, sigma_s: np.ndarray, samples: int, rng: np.random.Generator
-) -> np.ndarray:
-    """``samples`` wrenches (samples, n) of the matrix model at the nominal ``system`` (m,)."""
-    return sample_wrenches(matrix_model(system), sigma_s, samples, rng)
-
-
 def force_moments(
     configuration: str, wrenches: Mapping[str, np.ndarray], rows: Sequence[str]
 ) -> pd.DataFrame:
-    """Rows of the table ``force_moments`` of one configuration."""
+    """Table ``force_moments``."""
     table = []
     for source, sample in wrenches.items():
         covariance = np.cov(sample, rowvar=False)
@@ -80,26 +74,21 @@ def common_grid(samples: Sequence[np.ndarray], points: int) -> np.ndarray:
 def force_density(
     configuration: str, wrenches: Mapping[str, np.ndarray], points: int
 ) -> pd.DataFrame:
-    """Rows of the table ``force_density`` of one planar configuration, whose samples are (N, 2):
-    every source on one grid of ``points`` × ``points``.
-    """
+    """Table ``force_density`` of samples (N, 2): every source on ``points`` × ``points``."""
     x, y = common_grid([*wrenches.values()], points).T
-    fx, fy = np.meshgrid(x, y, indexing="ij")
+    fx, fy = (axis.ravel() for axis in np.meshgrid(x, y, indexing="ij"))
     tables = []
     for source, sample in wrenches.items():
-        density = kernel_density(sample, x, y, normal_reference_bandwidth(sample))
-        table = {"configuration": configuration, "source": source}
-        table |= {"fx": fx.ravel(), "fy": fy.ravel(), "density": density.ravel()}
-        tables.append(pd.DataFrame(table))
+        density = kernel_density(sample, x, y, normal_reference_bandwidth(sample)).ravel()
+        table = {"configuration": configuration, "source": source, "fx": fx, "fy": fy}
+        tables.append(pd.DataFrame(table | {"density": density}))
     return pd.concat(tables, ignore_index=True)
 
 
 def wrench_planes(
     configuration: str, wrenches: Mapping[str, np.ndarray], rows: Sequence[str], points: int
 ) -> pd.DataFrame:
-    """Rows of the table ``wrench_planes`` of one configuration: :func:`force_density` in each plane
-    of two forces or of two moments.
-    """
+    """Table ``wrench_planes``: :func:`force_density` in each plane of two forces or moments."""
     tables = []
     for i, j in combinations(range(len(rows)), 2):
         if rows[i][0] == rows[j][0]:
@@ -113,10 +102,9 @@ def wrench_planes(
 def wrench_marginals(
     configuration: str, wrenches: Mapping[str, np.ndarray], rows: Sequence[str], points: int
 ) -> pd.DataFrame:
-    """Rows of the table ``wrench_marginals`` of one configuration: density of each row of the
-    wrench, every source at the same ``points`` values.
-    """
-    tables, grid = [], common_grid([*wrenches.values()], points)
+    """Table ``wrench_marginals``: density of each row, every source at the same ``points``."""
+    tables = []
+    grid = common_grid([*wrenches.values()], points)
     for i, row in enumerate(rows):
         for source, sample in wrenches.items():
             table = {"configuration": configuration, "source": source, "row": row}
@@ -128,18 +116,18 @@ def wrench_marginals(
 def force_test(
     measured: np.ndarray, system: CableSystem, sigma_s: np.ndarray, rng: np.random.Generator
 ) -> dict[str, float]:
-    """Test of the record ``measured`` (N, n) in N for the law of the matrix model at the nominal
+    """Test the record ``measured`` (N, n) in N for the law of the matrix model at the nominal
     ``system`` (m,) with ``sigma_s`` (n, n), all rows together.
 
     The energy distance (N) and its permutation p-value of the record, thinned to samples that count
     as independent, against ten times as many of the model; the record's effective samples N/τ, τ
     its integrated autocorrelation time, and the samples tested. Where the share of the modelled
-    variances that Σ_S causes is small, the test says little of Σ_S.
+    variances that Σ_S causes is small, the test tells little of Σ_S.
     """
     model = matrix_model(system)
     shares = 1 - np.diag(model.actuation_part()) / np.diag(model.covariance(sigma_s))
     independent = thinned(measured)
-    modelled = modelled_wrenches(system, sigma_s, DRAWS * len(independent), rng)
+    modelled = sample_wrenches(model, sigma_s, DRAWS * len(independent), rng)
     distance, p_value = energy_test(independent, modelled, rng)
     return {
         "energy_distance": distance,

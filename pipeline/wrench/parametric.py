@@ -63,8 +63,8 @@ class CableSystem:
         return self.direction.shape[-1]
 
     def in_units_of(self, length: float) -> CableSystem:
-        """The system with its attachments as multiples of the characteristic ``length`` in m: rows
-        of moments are then in N and compare with those of forces.
+        """Return the system with its attachments as multiples of ``length`` in m: rows of moments
+        are then in N like those of forces.
         """
         if self.attachment is None:
             return self

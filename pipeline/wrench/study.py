@@ -8,9 +8,10 @@ quasi-Monte Carlo of it alone leaves a small error, which the scrambles state.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -34,18 +35,16 @@ LOG2_POINTS = 12  # of each scramble of the Sobol sequence
 Repeat = tuple[list[dict[str, object]], list[pd.DataFrame], list[dict[str, float]]]
 
 
-@dataclass(frozen=True)
-class SigmaS:
+class SigmaS(NamedTuple):
     """Σ_S averaged over drawn systems."""
 
     systems: int
     mean: np.ndarray  # (n, n)
     standard_error: np.ndarray  # (n, n) of the mean
-    clipped: int  # eigenvalues of single systems' Σ_S that the bound Σ_S ≥ 0 held
+    clipped: int  # eigenvalues of single systems' Σ_S that the bound Σ_S ≥ 0 sets to 0
 
 
-@dataclass(frozen=True)
-class ExpectedSigmaS:
+class ExpectedSigmaS(NamedTuple):
     """E[Σ_S] over the systems within bounds, and the deviation of single systems from it."""
 
     mean: np.ndarray  # (n, n)
@@ -53,24 +52,12 @@ class ExpectedSigmaS:
     deviation: np.ndarray  # (n, n) standard deviation of each entry over the systems
 
 
-def estimate_sigma_s(
-    bounds: Bounds, systems: int, agents: int, rng: np.random.Generator
-) -> dict[str, SigmaS]:
-    """Average of the optimal Σ_S, in each of its forms, of the same ``systems`` systems of
-    ``agents`` cables drawn within ``bounds``.
-
-    Raises ConfigError for fewer than two systems (no standard error) or no cable.
-    """
-    if systems < 2 or agents < 1:
-        raise ConfigError(
-            f"wrench study: {systems} systems of {agents} cables; at least 2 systems of at least "
-            "1 cable are needed"
-        )
-    return averaged_sigma_s(draw_systems(bounds, systems, agents, rng))
-
-
 def averaged_sigma_s(systems: CableSystem) -> dict[str, SigmaS]:
-    """Average of the optimal Σ_S, in each of its forms, of an array of ``systems`` (s, m)."""
+    """Average the optimal Σ_S, in each of its forms, of an array of ``systems`` (s, m); raises
+    ConfigError for fewer than two, whose mean has no standard error.
+    """
+    if (count := len(systems.tension)) < 2:
+        raise ConfigError("the average of Σ_S needs at least 2 systems", systems=count)
     unbounded = unbounded_sigma_s(matrix_model(systems), wrench_covariance(systems))
     estimates = {}
     for form in FORMS:
@@ -83,9 +70,7 @@ def averaged_sigma_s(systems: CableSystem) -> dict[str, SigmaS]:
 def _uniform_mean(
     function: Callable[[np.ndarray], np.ndarray], bounds: tuple[float, float]
 ) -> np.ndarray:
-    """E[f(X)] of X uniform within ``bounds`` by Gauss–Legendre quadrature; f maps nodes (...,
-    nodes) to values of the same shape.
-    """
+    """E[f(X)] of X uniform within ``bounds`` by Gauss–Legendre quadrature over the last axis."""
     return function(within(bounds, (NODES + 1) / 2)) @ WEIGHTS / 2
 
 
@@ -128,10 +113,8 @@ def expected_unbounded_sigma_s(bounds: Bounds, agents: int) -> np.ndarray:
     along = _direction_moment(bounds)
     v = _at_attachments(ratio * (np.eye(p) - p * along), bounds)
     u = v + _at_attachments((1 - squared_length) * along, bounds)
-    second_moments = [
-        float(_uniform_mean(np.square, range_)) for range_ in (bounds.tension, bounds.tension_sd)
-    ]
-    scale = agents * sum(second_moments)
+    ranges = (bounds.tension, bounds.tension_sd)
+    scale = agents * sum(float(_uniform_mean(np.square, each)) for each in ranges)
 
     def integrand(r: float) -> float:
         s = r / scale
@@ -140,9 +123,8 @@ def expected_unbounded_sigma_s(bounds: Bounds, agents: int) -> np.ndarray:
         weighted = _uniform_mean(lambda t: t**2 * np.exp(-s * t**2), bounds.tension)
         return float(agents * weighted * tension ** (agents - 1) * noise**agents / scale)
 
-    share, error, _, *warning = quad(
-        integrand, 0, np.inf, epsabs=SHARE_TOLERANCE, epsrel=0.0, full_output=True
-    )
+    tolerance = {"epsabs": SHARE_TOLERANCE, "epsrel": 0.0}
+    share, error, _, *warning = quad(integrand, 0, np.inf, **tolerance, full_output=True)
     if warning or error > SHARE_TOLERANCE:
         raise SolverError(
             "the integral for E[Σ_S] did not converge: narrow the bounds of the tensions",
@@ -160,24 +142,23 @@ def expected_sigma_s(
     from scipy.stats import qmc
 
     exact = expected_unbounded_sigma_s(bounds, agents)
-    diagonal = np.eye(len(exact))
-    corrections: dict[str, list[np.ndarray]] = {form: [] for form in FORMS}
-    squares: dict[str, list[np.ndarray]] = {form: [] for form in FORMS}
+    masks = {"diagonal": np.eye(len(exact)), "full": np.ones_like(exact)}
+    parts: dict[str, list[tuple]] = {form: [] for form in FORMS}
     for scramble in rng.spawn(SCRAMBLES):
         points = qmc.Sobol(bounds.coordinates * agents, rng=scramble).random_base2(LOG2_POINTS)
         shares = points.reshape(len(points), bounds.coordinates, agents)
         systems = systems_at(bounds, np.moveaxis(shares, 1, 0))
         unbounded = unbounded_sigma_s(matrix_model(systems), wrench_covariance(systems))
-        for form in FORMS:
+        for form, mask in masks.items():
             sigma_s, _ = optimal_sigma_s(unbounded, form)
-            target = unbounded if form == "full" else unbounded * diagonal
-            corrections[form].append(np.mean(sigma_s - target, axis=0))
-            squares[form].append(np.mean(sigma_s**2, axis=0))
+            correction = np.mean(sigma_s - unbounded * mask, axis=0)
+            parts[form].append((correction, np.mean(sigma_s**2, axis=0)))
     by_form = {}
-    for form, values in corrections.items():
-        mean = (exact if form == "full" else exact * diagonal) + np.mean(values, axis=0)
-        deviation = np.sqrt(np.maximum(np.mean(squares[form], axis=0) - mean**2, 0.0))
-        error = np.std(values, axis=0, ddof=1) / np.sqrt(SCRAMBLES)
+    for form, mask in masks.items():
+        corrections, squares = map(np.array, zip(*parts[form], strict=True))
+        mean = exact * mask + corrections.mean(axis=0)
+        deviation = np.sqrt(np.maximum(squares.mean(axis=0) - mean**2, 0.0))
+        error = corrections.std(axis=0, ddof=1) / np.sqrt(SCRAMBLES)
         by_form[form] = ExpectedSigmaS(mean, error, deviation)
     return by_form
 
@@ -186,9 +167,8 @@ def variance_errors(modelled: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """‖diag Cov(W) − Var‖/‖Var‖, (...): the paper's error of the matrix model, whose covariance is
     ``modelled`` (..., n, n), against the variances of the parametric ``covariance`` (..., n, n).
     """
-    variances = np.einsum("...ii->...i", covariance)
-    difference = np.einsum("...ii->...i", modelled) - variances
-    return np.linalg.norm(difference, axis=-1) / np.linalg.norm(variances, axis=-1)
+    due, own = (np.diagonal(each, axis1=-2, axis2=-1) for each in (covariance, modelled))
+    return np.linalg.norm(own - due, axis=-1) / np.linalg.norm(due, axis=-1)
 
 
 def covariance_errors(modelled: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -205,22 +185,15 @@ def sigma_s_rows(
 ) -> list[dict[str, object]]:
     """Rows of the table ``sigma_s`` of one class of systems, one for each form of Σ_S."""
     rows = []
-    for form, estimate in estimates.items():
-        columns = {
-            "s": estimate.mean,
-            "se": estimate.standard_error,
-            "e": expected[form].mean,
-            "ee": expected[form].standard_error,
-            # what the standard error tends to
-            "de": expected[form].deviation / np.sqrt(estimate.systems),
-        }
-        entries = {
-            f"{name}{i + 1}{j + 1}": values[i, j]
-            for name, values in columns.items()
-            for i, j in zip(*np.triu_indices(len(values)), strict=True)
-        }
+    for form, own in estimates.items():
         row = {"system_class": system_class, "agents": agents, "form": form}
-        rows.append(row | entries | {"clipped": estimate.clipped})
+        due, entries = expected[form], list(zip(*np.triu_indices(len(own.mean)), strict=True))
+        columns = {"s": own.mean, "se": own.standard_error, "e": due.mean}
+        # the last is what the standard error tends to
+        columns |= {"ee": due.standard_error, "de": due.deviation / np.sqrt(own.systems)}
+        for name, values in columns.items():
+            row |= {f"{name}{i + 1}{j + 1}": values[i, j] for i, j in entries}
+        rows.append(row | {"clipped": own.clipped})
     return rows
 
 
@@ -231,15 +204,15 @@ def study_repeat(
     systems: int,
     tests: int,
 ) -> Repeat:
-    """One repeat of the study, by its number and its own generator: for each number of cables in
-    ``agents`` Σ_S from ``systems`` systems, and its error on ``tests`` fresh ones.
+    """Evaluate one repeat of the study, by its number and its own generator: for each number of
+    cables in ``agents`` Σ_S from ``systems`` systems, and its error on ``tests`` fresh ones.
 
     The first repeat has rows of all three tables, the others of the spread alone.
     """
     repeat, rng = trial
     sigma_rows, errors, spread = [], [], []
     for m, m_rng in zip(agents, rng.spawn(len(agents)), strict=True):
-        estimates = estimate_sigma_s(bounds, systems, m, m_rng)
+        estimates = averaged_sigma_s(draw_systems(bounds, systems, m, m_rng))
         fresh = draw_systems(bounds, tests, m, m_rng)
         model, covariance = matrix_model(fresh), wrench_covariance(fresh)
         error = variance_errors(model.covariance(estimates["diagonal"].mean), covariance)
@@ -255,20 +228,6 @@ def study_repeat(
     return sigma_rows, errors, spread
 
 
-def study_tables(repeats: Iterable[Repeat]) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """The tables ``sigma_s``, ``wrench_errors`` and ``wrench_spread`` of the study, whose errors
-    are those of Fig. (ErrWrnRMT).
-
-    The first two hold the first repeat; the third holds the mean and the maximum error of each, as
-    one run's maximum is a random number. The errors are the paper's, of the diagonal Σ_S; the
-    second table also has those of the whole covariance, for both forms.
-    """
-    sigma_rows, errors, spread = (
-        list(chain.from_iterable(parts)) for parts in zip(*repeats, strict=True)
-    )
-    return pd.DataFrame(sigma_rows), pd.concat(errors, ignore_index=True), pd.DataFrame(spread)
-
-
 def run_study(
     bounds: Bounds,
     agents: Sequence[int],
@@ -276,9 +235,16 @@ def run_study(
     tests: int,
     repeats: int,
     rng: np.random.Generator,
+    run: Callable = map,
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """The tables of Fig. (ErrWrnRMT), as :func:`study_tables` has them, by repeats."""
-    return study_tables(
-        study_repeat(trial, bounds, agents, systems, tests)
-        for trial in enumerate(rng.spawn(repeats))
-    )
+    """Return the tables ``sigma_s``, ``wrench_errors`` and ``wrench_spread`` of the study, whose
+    errors are those of Fig. (ErrWrnRMT); ``run`` maps a function over the repeats.
+
+    The first two hold the first repeat; the third holds the mean and the maximum error of each, as
+    one run's maximum is a random number. The errors are the paper's, of the diagonal Σ_S; the
+    second table also has those of the whole covariance, for both forms.
+    """
+    repeat = partial(study_repeat, bounds=bounds, agents=agents, systems=systems, tests=tests)
+    parts = zip(*run(repeat, list(enumerate(rng.spawn(repeats)))), strict=True)
+    sigma_rows, errors, spread = (list(chain.from_iterable(part)) for part in parts)
+    return pd.DataFrame(sigma_rows), pd.concat(errors, ignore_index=True), pd.DataFrame(spread)

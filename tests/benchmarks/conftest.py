@@ -1,5 +1,5 @@
-"""Contests of ours with a peer, which runs in a process of its own interpreter; sizes for measuring
-or for trying.
+"""Contests with a peer, which runs in a process of its own interpreter; sizes for measuring or for
+trying.
 
 A contest is one group of pytest-benchmark, named by a sentence. Each of its tests states in
 ``benchmark.extra_info`` its ``role`` ("ours" or "peer"), the ``items`` that one call treats, and,
@@ -24,20 +24,16 @@ from peer_process import INTERPRETER, PeerProcess
 
 @pytest.fixture
 def size(benchmark: BenchmarkFixture) -> Callable[[int, int], int]:
-    """``size(measured, tried)``: the size of a problem, as it is measured by `make bench` or tried
-    once by `make test`.
+    """``size(measured, tried)``: the size of a problem for `make bench`, or for `make test`, which
+    runs ours once and small, unmeasured (--benchmark-disable in pyproject.toml).
     """
-    # `make test` runs ours once and small, unmeasured (--benchmark-disable in pyproject.toml): a
-    # benchmark that nobody runs breaks unseen, and one that is measured beside the other tests on
-    # all cores says nothing
     return lambda measured, tried: tried if benchmark.disabled else measured
 
 
 @pytest.fixture
 def peer(benchmark: BenchmarkFixture) -> Iterator[Callable[..., Callable[[], object]]]:
     """``peer(NAME, **options)`` starts peers/NAME.py in the peers' interpreter, calls its
-    ``setup(**options)`` there, and returns a function of no arguments that calls over there what
-    ``setup`` returned. The benchmark states the peer's configuration.
+    ``setup(**options)`` there, and returns a function that calls there what ``setup`` returned.
     """
     if benchmark.disabled:
         pytest.skip("importing the peers takes seconds each; `make bench` runs them")

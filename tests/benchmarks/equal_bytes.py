@@ -1,4 +1,4 @@
-"""Whether results have the same bytes on processors of other levels and on other numbers of
+"""Comparison of the bytes of results on processors of other levels and on other numbers of
 threads, as reports/benchmarks/equal_bytes.json: ``python tests/benchmarks/equal_bytes.py FOLDER``.
 
 Each setting is a process of its own, each level a copy of the project in which everything is
@@ -17,7 +17,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from machine import machine
+from contests import machine
 
 sys.path.append(str(Path(__file__).parents[1]))
 from project_copy import ROOT, copy_project
@@ -27,7 +27,7 @@ HERE = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Setting:
-    """Where results are computed: an environment, and so many threads or processes."""
+    """Environment of a computation, and its number of threads or processes."""
 
     name: str
     level: str

@@ -51,12 +51,10 @@ def call_of(over: str, size: int) -> Callable[[], object]:
             return partial(take(size).filtered, 1000, rng)
         case "joints":
             return partial(take(40, many_joints(size)).filtered, 10_000, rng)
-        case "takes":
-            trials = partial(_filtered, motion=take(40)), range(size)
-            return lambda: list(run_trials(*trials, compute=Compute(1), label=f"takes: {size}"))
         case "agents":
             return partial(run_study, CABLES, [size], 1000, 1000, 1, rng)
-    raise ValueError(over)
+    trials = partial(_filtered, motion=take(40)), range(size)
+    return lambda: list(run_trials(*trials, compute=Compute(1), label=f"{over}: {size}"))
 
 
 def _filtered(number: int, motion: Take) -> np.ndarray:
@@ -98,7 +96,7 @@ def megabytes(name: str) -> float:
 
 
 def slope(sizes: Sequence[float], costs: np.ndarray) -> float:
-    """Of log cost over log size, by least squares over the larger half of the sizes."""
+    """Slope of log cost over log size, by least squares over the larger half of the sizes."""
     half = len(sizes) // 2
     return float(np.polyfit(np.log(sizes[half:]), np.log(costs[half:]), 1)[0])
 
@@ -110,17 +108,9 @@ def main() -> None:
         runs = [[in_a_process(cost, over, size) for _ in range(REPEATS)] for size in sizes]
         seconds, memory = np.min(runs, axis=1).T
         grows = np.all(memory[len(sizes) // 2 :] > LEAST_MEMORY)
-        rows.append(
-            {
-                "over": over,
-                "from": sizes[0],
-                "to": sizes[-1],
-                "seconds_at_most": seconds[-1],
-                "time_slope": slope(sizes, seconds),
-                "memory_slope": slope(sizes, memory) if grows else np.nan,
-                "time_limit": LIMITS.get(over, np.nan),
-            }
-        )
+        row = {"over": over, "from": sizes[0], "to": sizes[-1], "seconds_at_most": seconds[-1]}
+        row |= {"time_slope": slope(sizes, seconds), "time_limit": LIMITS.get(over, np.nan)}
+        rows.append(row | {"memory_slope": slope(sizes, memory) if grows else np.nan})
     pd.DataFrame(rows).round(4).to_csv(OUT, index=False)
 
 

@@ -1,5 +1,5 @@
 """Calls into a library of the peers' environment, which cannot be imported here: a process, and a
-line of JSON there and back a call.
+line of JSON in each direction a call.
 """
 
 from __future__ import annotations
@@ -13,45 +13,37 @@ import numpy as np
 
 INTERPRETER = Path(__file__).parents[2] / ".venv-peers/bin/python"
 SERVER = Path(__file__).parent / "peers/serve.py"
-# what our own arithmetic is held to for the sake of equal bits, and a peer is free of
-HELD_TO_OUR_BITS = ("OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES")
-
-
-class PeerError(Exception):
-    """A call in the peer's process failed; the message ends with the traceback over there."""
+# settings of our own arithmetic for the sake of equal bits, from which a peer is free
+OURS = ("OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES")
 
 
 class PeerProcess:
-    """peers/NAME.py, set up with ``options``; each call calls over there what its
-    ``setup(**options)`` returned. ``configuration`` says in words how the peer is used.
+    """peers/NAME.py, set up with ``options``; each call calls there what its ``setup(**options)``
+    returned. ``configuration`` states in words how the peer is used.
 
-    Options and values are what JSON holds, arrays go over as lists. Raises PeerError where either
-    raises or the process ends. To be used in a with statement, at whose end the process ends.
+    Arrays are sent as lists. Raises RuntimeError with the peer's traceback where a call fails. To
+    be used in a with statement, at whose end the process ends.
     """
 
     def __init__(self, name: str, options: dict) -> None:
-        environment = {
-            name: value for name, value in os.environ.items() if name not in HELD_TO_OUR_BITS
-        }
+        environment = {key: value for key, value in os.environ.items() if key not in OURS}
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
         self._name = name
-        self._process = subprocess.Popen(
-            [INTERPRETER, SERVER, name],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env=environment,
-        )
+        self._process = subprocess.Popen([INTERPRETER, SERVER, name], env=environment, **pipes)
         try:
             self.configuration = self._ask(json.dumps(options, default=np.ndarray.tolist))
         except BaseException:
-            self._end()
+            self.__exit__()
             raise
 
     def __enter__(self) -> PeerProcess:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self._end()
+        self._process.kill()
+        self._process.wait()
+        self._process.stdout.close()
+        self._process.stdin.detach()  # a broken pipe cannot be flushed
 
     def __call__(self) -> object:
         return self._ask("")
@@ -63,19 +55,7 @@ class PeerProcess:
             answer = self._process.stdout.readline()
         except BrokenPipeError:
             answer = ""
-        if not answer:
-            raise PeerError(
-                f"the process of the peer {self._name} ended with code {self._process.wait()}; "
-                "its own words are above"
-            )
-        answer = json.loads(answer)
+        answer = json.loads(answer or '{"error": "its process ended"}')
         if "error" in answer:
-            raise PeerError(f"the peer {self._name} failed:\n{answer['error']}")
+            raise RuntimeError(f"the peer {self._name} failed:\n{answer['error']}")
         return answer["value"]
-
-    def _end(self) -> None:
-        self._process.kill()
-        self._process.wait()
-        self._process.stdout.close()
-        # what a broken pipe left unwritten cannot be written any more
-        self._process.stdin.detach()

@@ -1,15 +1,19 @@
 """All contests, run after run, as reports/benchmarks/contests.json: ``python
-tests/benchmarks/repeats.py FOLDER``, where FOLDER is for what lies between.
+tests/benchmarks/repeats.py FOLDER``, where FOLDER is for intermediate files.
 """
 
 from __future__ import annotations
 
 import json
+import platform
+import re
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
-from machine import machine, versions
+from contests import machine
+from peer_process import INTERPRETER
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -18,6 +22,20 @@ RUNS = 3
 SECONDS, CALLS = 0.4, 9
 MEASURED = (f"--benchmark-max-time={SECONDS}", f"--benchmark-min-rounds={CALLS}")
 KEPT = ("group", "name", "param", "extra_info")
+OURS = ("numpy", "scipy", "numba", "cvxpy", "clarabel")
+PEERS = re.findall(r"^[\w-]+", (HERE / "peers.in").read_text(), re.MULTILINE)
+ASK_VERSIONS = (
+    "import json, sys; from importlib.metadata import version; "
+    "print(json.dumps({name: version(name) for name in sys.argv[1:]}))"
+)
+
+
+def versions() -> dict[str, str]:
+    """Libraries here and, as ``peers' NAME``, in the peers' environment, with their versions."""
+    command = [INTERPRETER, "-c", ASK_VERSIONS, *PEERS]
+    answer = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    ours = {"python": platform.python_version()} | {name: version(name) for name in OURS}
+    return ours | {f"peers' {name}": number for name, number in json.loads(answer).items()}
 
 
 def run(file: Path) -> list[dict]:
@@ -30,10 +48,8 @@ def run(file: Path) -> list[dict]:
 
 
 def together(runs: list[list[dict]]) -> list[dict]:
-    """Of each benchmark what the report needs: no dates, no names of machines, no single rounds,
-    but the least time of each of the ``runs``, in s.
-
-    Raises ValueError where one run has another benchmark than the first.
+    """Part of each benchmark that the report needs, without dates and names of machines, and the
+    least time in s of each of the ``runs``; raises ValueError where runs have other benchmarks.
     """
     result = []
     for same in zip(*runs, strict=True):
@@ -49,10 +65,9 @@ def main(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     benchmarks = together([run(folder / f"contests_{number}.json") for number in range(RUNS)])
     info = {"machine": machine(), "versions": versions()}
-    written = json.dumps({"machine_info": info, "benchmarks": benchmarks}, indent=1)
     file = ROOT / "reports/benchmarks/contests.json"
     file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(written + "\n")
+    file.write_text(json.dumps({"machine_info": info, "benchmarks": benchmarks}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What the pipeline's parts give, as hashes of its bytes: ``python result_bytes.py ANSWER THREADS``
+"""Hashes of the bytes of the pipeline's results: ``python result_bytes.py ANSWER THREADS``
 in a copy of the project, takes filtered on so many threads, trials run by so many processes.
 """
 
@@ -47,7 +47,7 @@ def recorded() -> Recorded:
 
 
 def fits(data: Recorded) -> Iterator[tuple[str, object, list[np.ndarray]]]:
-    """Of every option file its name, the fitted model and its numbers."""
+    """Name of every option file, the fitted model and its numbers."""
     for file in sorted((CONF / "model").glob("*.yaml")):
         options = OmegaConf.to_container(OmegaConf.load(file), resolve=True)
         fit = estimate(data, options_type(options["kind"])(**options))

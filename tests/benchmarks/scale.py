@@ -16,15 +16,15 @@ from pathlib import Path
 from growth import ROOT, cost, in_a_process, megabytes  # first, as it fixes the arithmetic
 
 import numpy as np  # isort: skip
+from contests import machine
 from distributed import Client, LocalCluster
-from machine import machine
 from scenario import Take, swing, take, youbot
 
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.options.analysis import Compute, Dask
 from pipeline.models.draws import draw_steps
 from pipeline.models.noise import process_noise
-from pipeline.models.wishart.dispersion import Problems
+from pipeline.models.wishart.estimators import Problems
 from pipeline.models.wishart.perturbation import objective_weights
 
 STEPS, BLOCK = 40, 100  # of a take; takes in memory at once
@@ -42,13 +42,9 @@ def many_particles(count: int) -> dict[str, float]:
         runs = [in_a_process(cost, "particles", size) for _ in range(2)]
         seconds[size] = min(each[0] for each in runs) / (size * STEPS)
         memory[size] = 1e6 * min(each[1] for each in runs)
-    return {
-        "few": few,
-        "many": many,
-        "seconds_few": seconds[few],
-        "seconds_many": seconds[many],
-        "bytes_of_a_particle": (memory[many] - memory[few]) / (many - few),
-    }
+    each = (memory[many] - memory[few]) / (many - few)
+    times = {"seconds_few": seconds[few], "seconds_many": seconds[many]}
+    return {"few": few, "many": many} | times | {"bytes_of_a_particle": each}
 
 
 def many_takes(count: int) -> dict[str, float]:
@@ -87,7 +83,7 @@ def posterior_hash(number: int, motion: Take) -> str:
 
 
 def lost_worker(trials: int) -> dict[str, int]:
-    """How many of the ``trials`` have the same bytes in one process and on a cluster of which a
+    """Number of the ``trials`` that have the same bytes in one process and on a cluster of which a
     worker is killed while they run.
     """
     function, label = partial(posterior_hash, motion=take(STEPS)), "posteriors"

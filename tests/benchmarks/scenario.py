@@ -1,7 +1,7 @@
-"""What the filter's contests and the growth of its cost are measured on: an arm moved under the
-Wishart model, and its joint angles measured. The youBot's planar arm is seen by the depth camera at
-every third step; a UR5 of six joints, an LWR4+ of seven and arms of any number of joints have the
-whole pose of the tip as their task and an encoder at every joint, read after every step.
+"""Scenes of the filter's contests and of the growth of its cost: an arm moved under the Wishart
+model, and its joint angles measured. The youBot's planar arm is measured at every third step; a
+UR5, an LWR4+ and arms of any number of joints have the whole pose of the tip as their task and are
+measured after every step.
 """
 
 from __future__ import annotations
@@ -36,10 +36,7 @@ SENSOR = np.diag([0.01, 0.015, 0.02]) ** 2  # rad²
 START = Start(np.array([1.1, -1.0, 1.8]), 1e-5 * np.eye(3))
 ENCODER = 0.005  # rad
 # rad, far from the limits and from singular poses
-SPATIAL = {
-    "ur5": [-0.4, -1.2, 1.5, -1.1, 0.9, 0.4],
-    "lwr4": [0.2, 0.8, 0.3, 1.2, 0.3, 0.9, 0.2],
-}
+SPATIAL = {"ur5": [-0.4, -1.2, 1.5, -1.1, 0.9, 0.4], "lwr4": [0.2, 0.8, 0.3, 1.2, 0.3, 0.9, 0.2]}
 
 
 @cache
@@ -62,7 +59,7 @@ class Scene:
 
 @cache
 def scene(arm: str) -> Scene:
-    """That of the youBot or of one of :data:`SPATIAL`."""
+    """Scene of the youBot or of one of :data:`SPATIAL`."""
     if arm == "youbot":
         model = WishartModel(SIGMA_B, Decomposition("pivoted_lu"))
         return Scene(youbot(), model, START, SENSOR, FRAME_EVERY)
@@ -76,14 +73,14 @@ def robot(arm: str) -> Robot:
 
 
 def in_space(chain: Chain, pose: np.ndarray) -> Scene:
-    """Of a ``chain`` from ``pose`` (n,) on."""
+    """Scene of a ``chain`` from ``pose`` (n,) on."""
     one = np.eye(len(pose))
     model = WishartModel(SIGMA_B, Decomposition("qr_transposed"))
     return Scene(chain, model, Start(pose, 1e-5 * one), ENCODER**2 * one, 1)
 
 
 def many_joints(n: int) -> Scene:
-    """That of an arm of ``n`` revolute joints, each turned and 0.2 m away from the one before, with
+    """Scene of an arm of ``n`` revolute joints, each turned and 0.2 m from the one before, with
     as many rows of the tip's pose as it can hold, from far of singular poses on.
     """
     rng = np.random.default_rng(n)
@@ -114,7 +111,7 @@ class Take:
         return particle_filter(model, chain, commands, DT, start, self.measurements, options, rng)
 
     def unseen(self) -> Take:
-        """The same motion in the dark."""
+        """The same motion without measurements."""
         n = len(self.scene.start.mean)
         none = np.empty((0, n)), np.empty((0, n)), np.empty((0, n, n))
         return replace(self, measurements=Measurements("unseen", np.empty(0), *none))
@@ -122,11 +119,8 @@ class Take:
     def told(self) -> dict:
         """The same in plain values, as arguments of the takes in peers/."""
         chain, start = self.scene.chain, self.scene.start
-        if isinstance(chain, PlanarChain):
-            arm = {"links": chain.links, "signs": chain.signs}
-        else:
-            arm = {"placements": chain.placements}
-        return arm | {
+        names = ("links", "signs") if isinstance(chain, PlanarChain) else ("placements",)
+        return {name: getattr(chain, name) for name in names} | {
             "sigma_b": SIGMA_B,
             "steps": self.steps,
             "start_mean": start.mean,

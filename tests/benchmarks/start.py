@@ -11,7 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from machine import machine
+from contests import machine
 
 ROOT = Path(__file__).parents[2]
 ROUNDS = 3
@@ -33,7 +33,6 @@ import pipeline.models.draws, pipeline.filtering.particle_filter
 import pipeline.models.wishart.samples, pipeline.models.wishart.quadrature
 imported = time.process_time() - begin
 import numpy as np
-from plain_step import plain_steps
 from scenario import scene, take
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.draws import draw_steps
@@ -73,9 +72,6 @@ for arm in ("youbot", "ur5", "lwr4"):
     v = chain.jacobian(stage.start.mean) @ np.full(n, 1e-3)
     for law, model in (LAWS | {"additive": ScaledModel(1e-6 * np.eye(n))}).items():
         measure(f"{arm}, {law}", draw_steps, model, chain, q, v)
-    if arm == "youbot":
-        measure("youbot, additive, plain", plain_steps, chain.links, chain.signs, q, v,
-                1e-3 * np.eye(n))
 print(json.dumps(result))
 """
 
@@ -96,15 +92,13 @@ def main(folder: Path) -> None:
     speeds = answer(SPEED, folder)
     # constants of the loops are compiled in: another folder, removed before
     other = answer(SPEED, folder / "c_library", C_LIBRARY)
-    plain = {"youbot, additive": speeds.pop("youbot, additive, plain")}
     measured = {
         "machine": machine(),
         "imports_seconds": min(each["imports"] for each in cached),
         "cached_seconds": min(each["first use"] for each in cached),
         "compiled_seconds": compiled["first use"],
         "nanoseconds": {
-            name: {"kernel": ns, "C library": other[name], "plain loop": plain.get(name)}
-            for name, ns in speeds.items()
+            name: {"kernel": ns, "C library": other[name]} for name, ns in speeds.items()
         },
     }
     file = ROOT / "reports/benchmarks/start.json"

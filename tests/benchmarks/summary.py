@@ -8,10 +8,9 @@ import json
 from pathlib import Path
 
 import pandas as pd
-from contests import lines, name_of
+from contests import duration, lines, name_of, table, verdict
 from equal_bytes import CONTROL
 from repeats import CALLS, SECONDS
-from writing import duration, table, verdict
 
 REPORTS = Path(__file__).parents[2] / "reports"
 STARTS = {  # what, and its limit in s
@@ -32,24 +31,15 @@ def contests(folder: Path) -> str:
     measured = read(folder, "contests")
     benchmarks, info = measured["benchmarks"], measured["machine_info"]
     versions = ", ".join(f"{name} {number}" for name, number in info["versions"].items())
-    header = [
-        "contest",
-        "against",
-        "ratio (range over the runs), times an item",
-        "target",
-        "",
-        "quality (less is better)",
-    ]
-    stated = [
-        f"- {name_of(one)}: {one['extra_info']['configuration']}"
-        for one in benchmarks
-        if "configuration" in one["extra_info"]
-    ]
+    header = ["contest", "against", "ratio (range over the runs), times an item", "target", ""]
+    header.append("quality (less is better)")
+    peers = [one for one in benchmarks if "configuration" in one["extra_info"]]
+    stated = [f"- {name_of(one)}: {one['extra_info']['configuration']}" for one in peers]
     return (
         f"{len(benchmarks[0]['least'])} runs of all contests. A time is the least of at least "
         f"{CALLS} calls and {SECONDS} s; a ratio is one of two times of the same run, with its "
         "median over the runs and its range. Met is what every run meets.\n\n"
-        f"{table(header, [one.cells() for one in lines(benchmarks)])}\n\n"
+        f"{table(header, list(lines(benchmarks)))}\n\n"
         "The configuration of each peer:\n\n" + "\n".join(dict.fromkeys(stated)) + "\n\n"
         f"Versions: {versions}."
     )
@@ -59,20 +49,14 @@ def start(folder: Path) -> str:
     """First use, and the speed of a step of every law."""
     measured = read(folder, "start")
     rows = [
-        [
-            what,
-            duration(measured[key]),
-            f"≤ {limit:g} s",
-            verdict(measured[key] <= limit),
-        ]
+        [what, duration(measured[key]), f"≤ {limit:g} s", verdict(measured[key] <= limit)]
         for key, (what, limit) in STARTS.items()
     ]
     speeds = [
-        [name, *("–" if ns is None else f"{ns:.0f}" for ns in each.values())]
+        [name, *(f"{ns:.0f}" for kind, ns in each.items() if kind != "plain loop")]
         for name, each in measured["nanoseconds"].items()
     ]
-    header = ["draws of a step, ns a particle", "kernel", "with the C library's sine and "
-              "exponential", "one pose after the other"]  # fmt: skip
+    header = ["draws of a step, ns a particle", "kernel", "with the C library's functions"]
     return f"{table(['processor time', '', 'limit', ''], rows)}\n\n{table(header, speeds)}"
 
 
@@ -97,7 +81,7 @@ def growth(folder: Path) -> str:
 
 
 def scale(folder: Path) -> str:
-    """What was run at scale."""
+    """Runs at scale."""
     if (measured := read(folder, "scale")) is None:
         return "Not measured: `make bench-scale`."
     some, takes, lost = (measured[name] for name in ("particles", "takes", "cluster"))
@@ -120,15 +104,12 @@ def equal_bytes(folder: Path) -> str:
     measured = read(folder, "equal_bytes")
     names = [name for name in measured["hashes"] if name != CONTROL.name]
     reference, *others = names
-    rows = [
-        [piece]
-        + [
-            "equal" if measured["hashes"][name].get(piece) == value else "**other**"
-            for name in others
-        ]
-        + ["equal" if measured["hashes"][CONTROL.name][piece] == value else "other"]
-        for piece, value in measured["hashes"][reference].items()
-    ]
+    rows = []
+    for piece, value in measured["hashes"][reference].items():
+        equal = [measured["hashes"][name].get(piece) == value for name in others]
+        control = measured["hashes"][CONTROL.name][piece] == value
+        words = ["equal" if same else "**other**" for same in equal]
+        rows.append([piece, *words, "equal" if control else "other"])
     skipped = "; ".join(measured["skipped"]) or "none"
     return (
         f"Compared with `{reference}` on {measured['machine']}; the control has another arithmetic "
@@ -140,7 +121,7 @@ def equal_bytes(folder: Path) -> str:
 SECTIONS = {
     "Contests": contests,
     "First use and the kernel": start,
-    "How cost grows": growth,
+    "Growth of cost": growth,
     "At scale": scale,
     "Equal bytes": equal_bytes,
 }

@@ -22,17 +22,14 @@ class Density:
     bandwidth: np.ndarray
 
     def error(self, shown: np.ndarray) -> float:
-        """Greatest distance of the density at the ``shown`` points from the exact sum, as a share
-        of its greatest value.
-        """
+        """Greatest relative distance of the density at the ``shown`` points from the exact sum."""
         x, y = (g[::SHOWN] for g in self.grid)
         kernels = [
             np.exp(-0.5 * ((g[:, None] - self.samples[:, i]) / self.bandwidth[i]) ** 2)
             for i, g in enumerate((x, y))
         ]
-        exact = (
-            kernels[0] @ kernels[1].T / (2 * np.pi * np.prod(self.bandwidth) * len(self.samples))
-        )
+        exact = kernels[0] @ kernels[1].T
+        exact /= 2 * np.pi * np.prod(self.bandwidth) * len(self.samples)
         return float(np.abs(shown - exact).max() / exact.max())
 
 
@@ -59,14 +56,8 @@ def test_kdepy(benchmark, peer, problem, tmp_path):
     benchmark.extra_info["against"] = "KDEpy"
     np.save(tmp_path / "samples.npy", problem.samples)
     x, y = problem.grid
-    call = peer(
-        "densities",
-        samples=str(tmp_path / "samples.npy"),
-        x=x,
-        y=y,
-        bandwidth=problem.bandwidth,
-        shown=SHOWN,
-    )
+    grid = {"x": x, "y": y, "bandwidth": problem.bandwidth, "shown": SHOWN}
+    call = peer("densities", samples=str(tmp_path / "samples.npy"), **grid)
     density = benchmark(call)
     benchmark.extra_info["error"] = problem.error(np.array(density))
     assert benchmark.extra_info["error"] < 1e-2

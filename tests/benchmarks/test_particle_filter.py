@@ -4,6 +4,7 @@ for it: the youBot's planar arm by LU with partial pivoting, UR5 and LWR4+ by QR
 
 from __future__ import annotations
 
+import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -11,7 +12,6 @@ from functools import partial
 import numba
 import numpy as np
 import pytest
-from plain_step import plain_steps
 from scenario import Take, apart, scene, take
 
 from pipeline.filtering.particle_filter import Posterior
@@ -100,6 +100,28 @@ def test_threads(benchmark, size, threads):
         posteriors = benchmark(lambda: list(pool.map(one, range(takes))))
     for seed, posterior in enumerate(posteriors):
         assert np.array_equal(posterior.mean, one(seed).mean)
+
+
+@numba.njit
+def plain_steps(links, signs, q, v, root, rng):
+    """(P, 3) draws of q + J⁻¹v + Lε, L = ``root``."""
+    moved, jacobian, point, epsilon = q.copy(), np.ones((3, 3)), np.empty((4, 2)), np.empty(3)
+    for i in range(len(q)):
+        for k in range(3):
+            epsilon[k] = rng.standard_normal()
+        heading = 0.0
+        point[0] = 0.0
+        for j in range(3):
+            heading += signs[j] * q[i, j]
+            sine, cosine = math.sin(heading), math.cos(heading)
+            point[j + 1, 0] = point[j, 0] + cosine * links[j, 0] + sine * links[j, 1]
+            point[j + 1, 1] = point[j, 1] + cosine * links[j, 1] - sine * links[j, 0]
+        for j in range(3):
+            jacobian[0, j] = signs[j] * (point[3, 1] - point[j, 1])
+            jacobian[1, j] = -signs[j] * (point[3, 0] - point[j, 0])
+            jacobian[2, j] = signs[j]
+        moved[i] += np.linalg.solve(jacobian, v) + root @ epsilon
+    return moved
 
 
 @pytest.fixture

@@ -15,9 +15,7 @@ from wishart_take import take_of
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 
-# standard errors that a sample's mean or covariance may be off: the greatest of seventy is beyond
-# it once in a thousand
-BAND = 4.5
+BAND = 4.5  # standard errors: the greatest of seventy is beyond it once in a thousand
 CASES = [
     ("youbot", "closed form", 100_000),
     ("youbot", "Algorithm 1", 20_000),

@@ -10,7 +10,7 @@ import pytest
 from scenario import scene, swing
 
 from pipeline.models.draws import draw_steps
-from pipeline.models.wishart.factors import factors
+from pipeline.models.wishart.decomposition import factors
 from pipeline.models.wishart.law import WishartModel
 from pipeline.models.wishart.perturbation import fit_perturbations, objective_weights
 
@@ -46,12 +46,8 @@ class Problems:
         bound = self.fits().bound
         binding = round(count * bound.mean() + 0.5)
         parts = ((bound, binding), (~bound, count - binding))
-        return np.concatenate(
-            [
-                np.flatnonzero(these)[:: max(these.sum() // number, 1)][:number]
-                for these, number in parts
-            ]
-        )
+        strides = [(these, number, max(these.sum() // number, 1)) for these, number in parts]
+        return np.concatenate([np.flatnonzero(of)[::step][:n] for of, n, step in strides])
 
 
 @pytest.fixture(params=GROUPS)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from pipeline.cases.case import Takes
 from pipeline.cases.fits import outcome
-from pipeline.cases.recordings import Takes
 from pipeline.models.noise import mean_covariance
 
 REALIZATIONS = 12
@@ -63,14 +63,6 @@ def test_equal_random_numbers_make_the_same_outcome_and_the_fit_is_the_cases_own
     np.testing.assert_array_equal(once.mean, again.mean)
     otherwise = fared(base.with_wishart(ratio_factor=100.0), "wishart", takes)
     assert otherwise.estimates["sigma_b"] < once.estimates["sigma_b"]
-
-
-def test_realisations_spread_more_when_they_run_freely(base, takes):
-    step, free = (
-        fared(replace(base, mode=mode), "additive", takes).deviation
-        for mode in ("one_step", "free_running")
-    )
-    assert np.all(free[-1] > 2 * step[-1])
 
 
 def test_a_model_that_refuses_is_an_outcome_with_its_reason(base, takes):

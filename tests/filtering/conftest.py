@@ -19,14 +19,7 @@ def free() -> SerialChain:
 
 @pytest.fixture(scope="session")
 def elbow() -> PlanarChain:
-    """A planar chain whose elbow is bent at a right angle where the joints are at zero, its limits
-    out of the way.
-    """
-    return PlanarChain(
-        origin=np.zeros(2),
-        links=np.array([[0.0, 0.155], [0.135, 0.0], [0.0, 0.17]]),
-        signs=np.ones(3),
-        lower=np.full(3, -50.0),
-        upper=np.full(3, 50.0),
-        max_speed=np.ones(3),
-    )
+    """A chain with its elbow at a right angle where the joints are at zero, without limits."""
+    links = np.array([[0.0, 0.155], [0.135, 0.0], [0.0, 0.17]])
+    limit = np.full(3, 50.0)
+    return PlanarChain(np.zeros(2), links, np.ones(3), -limit, limit, np.ones(3))

@@ -1,5 +1,5 @@
-"""The particle filter against exact posteriors: the Kalman filter's, and a direct integration over
-the joint's range.
+"""The particle filter against exact posteriors: the Kalman filter's, a direct integration over the
+joint's range, and Pinocchio's displacement of the tip; its worth in a closed loop.
 """
 
 from __future__ import annotations
@@ -7,154 +7,118 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from exact_posterior import distance, kalman
 from scipy.spatial.transform import Rotation
-from scipy.stats import norm
+from scipy.stats import multivariate_normal, norm
 from sliding_arm import sliding_arm
+from space_arms import LWR4, link_poses
 
+from pipeline.arm.model import chain_of
 from pipeline.arm.serial import SerialChain
+from pipeline.core.errors import ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
 from pipeline.filtering.resampling import SCHEMES
-from pipeline.models.model import open_loop
+from pipeline.models.closed_loop import MeanPath
+from pipeline.models.draws import draw_steps
+from pipeline.models.model import Commands, open_loop
 from pipeline.models.scaled.law import ScaledModel
 
 DT = 0.01
-
-
 # rows are the joints' directions: what a step of the task moves the joints by is constant
 AXES = np.array([[1.0, 0.2, 0.1], [-0.4, 1.0, 0.3], [0.3, -0.5, 1.0]])
 AXES /= np.linalg.norm(AXES, axis=1, keepdims=True)
 INVERSE = np.linalg.inv(AXES.T)
-
-
+LINEAR = sliding_arm(AXES, np.full(3, -50.0), np.full(3, 50.0))
 NOISE = 1e-5 * np.array([[3.3, -2.0, 1.0], [-2.0, 5.5, -3.0], [1.0, -3.0, 9.0]])
-
-
 START = Start(
     np.array([0.3, -0.2, 0.5]),
     1e-4 * np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, 2.0]]),
 )
+_K = np.arange(60)
+STEPS = 0.02 * np.stack([np.sin(0.1 * _K), np.cos(0.07 * _K), np.ones(60)], axis=1)
 
 
-@pytest.fixture(scope="module")
-def linear() -> SerialChain:
-    return sliding_arm(AXES, np.full(3, -50.0), np.full(3, 50.0))
-
-
-def steps_of(count: int) -> np.ndarray:
-    return 0.02 * np.stack(
-        [np.sin(0.1 * np.arange(count)), np.cos(0.07 * np.arange(count)), np.ones(count)], axis=1
-    )
-
-
-def measured_path(steps: np.ndarray, t: np.ndarray, seed: int) -> Measurements:
-    """Measurements of one path of the linear model, with a bias and a covariance of each frame's
-    own.
-    """
-    rng = np.random.default_rng(seed)
-    path = START.mean + np.cumsum(
-        steps @ INVERSE.T + rng.multivariate_normal(np.zeros(3), NOISE, len(steps)), axis=0
-    )
-    grid = DT * np.arange(1, len(steps) + 1)
+def measured_path(t: np.ndarray) -> Measurements:
+    """Measurements of one path of the linear model, each frame with its own bias and covariance."""
+    rng = np.random.default_rng(11)
+    moves = STEPS @ INVERSE.T + rng.multivariate_normal(np.zeros(3), NOISE, len(STEPS))
+    path, grid = START.mean + np.cumsum(moves, axis=0), DT * np.arange(1, len(STEPS) + 1)
     truth = np.stack([np.interp(t, grid, path[:, j]) for j in range(3)], axis=1)
     bias = 0.05 * np.sin(np.outer(t, [3.0, 5.0, 7.0]))
     root = 0.02 * (np.eye(3) + 0.3 * rng.standard_normal((len(t), 3, 3)))
-    noise = np.einsum("fij,fj->fi", root, rng.standard_normal((len(t), 3)))
+    noise = np.matvec(root, rng.standard_normal((len(t), 3)))
     return Measurements("test01", t, truth + bias + noise, bias, root @ np.swapaxes(root, 1, 2))
 
 
-STEPS = steps_of(60)
-
-
-FRAMES = measured_path(STEPS, np.arange(18) / 30 + 0.004, seed=11)
-
-
+FRAMES = measured_path(np.arange(18) / 30 + 0.004)
 # root mean squares over some hundred correlated deviations for the moments, a single deviation for
 # the evidence
 BAND = np.array([2.0, 2.0, 4.0])
 
 
-def independent_runs(
-    model, chain, steps, start, measurements, options, seeds=range(16)
-) -> list[Posterior]:
+def runs_of(model, chain, steps, start, measurements, options, seeds=range(16)) -> list[Posterior]:
     problem = model, chain, open_loop(steps), DT, start, measurements, options
     return [particle_filter(*problem, np.random.default_rng(seed)) for seed in seeds]
 
 
 @pytest.mark.parametrize("scheme", [name for name in SCHEMES if name != "none"])
-def test_with_a_linear_model_and_normal_noise_the_posterior_is_the_kalman_filters(scheme, linear):
-    runs = independent_runs(
-        ScaledModel(NOISE), linear, STEPS, START, FRAMES, FilterOptions(2000, scheme)
-    )
+def test_with_a_linear_model_and_normal_noise_the_posterior_is_the_kalman_filters(scheme):
+    options = FilterOptions(2000, scheme)
+    runs = runs_of(ScaledModel(NOISE), LINEAR, STEPS, START, FRAMES, options)
     assert all(run.resampled.any() for run in runs)
     assert np.all(distance(runs, *kalman(STEPS, DT, INVERSE, START, NOISE, FRAMES)) < BAND)
 
 
-def test_a_motion_noise_half_as_large_again_is_told_from_the_kalman_filters(linear):
-    runs = independent_runs(
-        ScaledModel(1.5 * NOISE), linear, STEPS, START, FRAMES, FilterOptions(2000)
-    )
+def test_a_motion_noise_half_as_large_again_is_told_from_the_kalman_filters():
+    runs = runs_of(ScaledModel(1.5 * NOISE), LINEAR, STEPS, START, FRAMES, FilterOptions(2000))
     assert np.all(distance(runs, *kalman(STEPS, DT, INVERSE, START, NOISE, FRAMES)) > 2 * BAND)
+
+
+def test_without_measurements_the_prior_propagates():
+    unseen, model = measured_path(np.empty(0)), ScaledModel(NOISE)
+    (posterior,) = runs_of(model, LINEAR, STEPS, START, unseen, FilterOptions(4000), seeds=(5,))
+    mean, covariance, _ = kalman(STEPS, DT, INVERSE, START, NOISE, unseen)
+    exact, own = (np.diagonal(c, axis1=1, axis2=2) for c in (covariance, posterior.covariance))
+    assert np.max(np.abs(posterior.mean - mean) / np.sqrt(exact / 4000)) < 4.5
+    # the standard error of a normal sample's variance is √(2/P) of it
+    assert np.max(np.abs(own / exact - 1)) < 4.5 * np.sqrt(2 / 4000)
+    assert posterior.ess == pytest.approx(4000) and posterior.log_evidence == 0.0
+    assert not posterior.measured.any() and not posterior.resampled.any()
 
 
 # one joint that turns the tip about the base, from PHASE on, and the tip's height as the task: its
 # step v/cos is nonlinear, and so is the noise that grows with it
 PHASE, FLOOR, GAIN = 0.6, 0.006**2, 0.3**2
-
-
-def turning_arm(lower: float, upper: float) -> SerialChain:
-    phase = Rotation.from_euler("z", PHASE).as_matrix().ravel()
-    placements = np.array([[*phase, 0, 0, 0], [*np.eye(3).ravel(), 1.0, 0, 0]])
-    ends = np.array([lower]), np.array([upper]), np.ones(1)
-    return SerialChain(("y",), 1.0, placements, np.zeros(1, dtype=bool), *ends)
-
-
-def step_of(q: np.ndarray, v: float) -> np.ndarray:
-    return v / np.cos(q + PHASE)
-
-
-WALLS = (-0.03, 0.6)  # limits of the first joint, rad
-
-
+WALLS = (-0.03, 0.6)  # limits of the joint, rad
 FAST = np.full((10, 1), 0.035)
-
-
 AT_WALL = Start(np.zeros(1), np.array([[0.03**2]]))
-
-
-def frames_of(t, y) -> Measurements:
-    y = np.array(y)[:, None]
-    return Measurements(
-        "test01", np.array(t), y, np.zeros_like(y), np.full((len(y), 1, 1), 0.02**2)
-    )
-
-
-WALL_FRAMES = frames_of(
-    [0.0, 0.013, 0.016, 0.0333, 0.06, 0.0734, 0.1, 0.2],
-    [-0.02, 0.05, 0.06, 0.15, 0.27, 0.37, 0.56, 9.0],
+WALL_FRAMES = Measurements(
+    "test01",
+    np.array([0.0, 0.013, 0.016, 0.0333, 0.06, 0.0734, 0.1, 0.2]),
+    np.array([[-0.02, 0.05, 0.06, 0.15, 0.27, 0.37, 0.56, 9.0]]).T,
+    np.zeros((8, 1)),
+    np.full((8, 1, 1), 0.02**2),
 )
 
 
 def integrated(measurements: Measurements) -> tuple[np.ndarray, np.ndarray, float]:
-    """Posterior mean, variance and log-evidence of the first joint by integration over a grid of
-    the joint's range.
-    """
+    """Posterior mean, variance and log-evidence by integration over a grid of the joint's range."""
     edges = np.linspace(*WALLS, 1401)
     cell, q = edges[1] - edges[0], (edges[1:] + edges[:-1]) / 2
-    due, _ = measurements.schedule(len(FAST), DT)
+    frames, due, shares = measurements.schedule(len(FAST), DT)
     density = norm.pdf(q, AT_WALL.mean[0], 0.03)
     density /= density.sum() * cell
-    step = step_of(q, FAST[0, 0])[:, None]
+    step = (FAST[0, 0] / np.cos(q + PHASE))[:, None]
     kernel = norm.pdf(q[None, :], q[:, None] + step, np.sqrt(FLOOR + GAIN * step**2))
     means, variances, evidence = [], [], 0.0
     for k in range(len(FAST) + 1):
         joint = np.diag(density / cell) if k == 0 else density[:, None] * kernel
-        for frame, share in due.get(k, ()):
-            joint *= norm.pdf(
-                measurements.y[frame, 0], (1 - share) * q[:, None] + share * q[None, :], 0.02
-            )
+        for frame, share in zip(frames[due == k], shares[due == k], strict=True):
+            pose = (1 - share) * q[:, None] + share * q[None, :]
+            joint *= norm.pdf(measurements.y[frame, 0], pose, 0.02)
         density = joint.sum(axis=0) * cell
         total = density.sum() * cell
         evidence += np.log(total)
@@ -167,43 +131,146 @@ def integrated(measurements: Measurements) -> tuple[np.ndarray, np.ndarray, floa
 @pytest.fixture(scope="module")
 def walled_runs() -> list[Posterior]:
     model = ScaledModel(np.array([[FLOOR]]), np.array([[GAIN]]))
-    arm = turning_arm(*WALLS)
-    return independent_runs(model, arm, FAST, AT_WALL, WALL_FRAMES, FilterOptions(8000))
-
-
-def distance_from_integral(runs: list[Posterior], measurements: Measurements) -> np.ndarray:
-    mean, variance, evidence = integrated(measurements)
-    first = [replace(run, mean=run.mean[:, 0], covariance=run.covariance[:, 0, 0]) for run in runs]
-    return distance(first, mean, variance, evidence)
+    phase = Rotation.from_euler("z", PHASE).as_matrix().ravel()
+    placements = np.array([[*phase, 0, 0, 0], [*np.eye(3).ravel(), 1.0, 0, 0]])
+    ends = *np.array(WALLS)[:, None], np.ones(1)
+    arm = SerialChain(("y",), 1.0, placements, np.zeros(1, dtype=bool), *ends)
+    runs = runs_of(model, arm, FAST, AT_WALL, WALL_FRAMES, FilterOptions(8000))
+    assert all(run.outside[0] > 0 and run.outside[1:].any() and run.left_out == 1 for run in runs)
+    return [replace(run, mean=run.mean[:, 0], covariance=run.covariance[:, 0, 0]) for run in runs]
 
 
 def test_a_nonlinear_model_within_joint_limits_has_the_posterior_of_a_direct_integration(
     walled_runs,
 ):
-    assert all(
-        run.outside[0] > 0 and run.outside[1:].any() and run.left_out == 1 for run in walled_runs
-    )
-    assert np.all(distance_from_integral(walled_runs, WALL_FRAMES) < BAND)
+    assert np.all(distance(walled_runs, *integrated(WALL_FRAMES)) < BAND)
 
 
 def test_the_integration_tells_frames_within_a_step_from_frames_moved_to_its_end(walled_runs):
     rounded = replace(WALL_FRAMES, t=np.ceil(np.round(WALL_FRAMES.t / DT, 6)) * DT)
-    assert np.all(distance_from_integral(walled_runs, rounded) > 2 * BAND)
+    assert np.all(distance(walled_runs, *integrated(rounded)) > 2 * BAND)
 
 
-def test_without_measurements_the_prior_propagates(linear):
-    unseen = measured_path(STEPS, np.empty(0), seed=11)
-    (posterior,) = independent_runs(
-        ScaledModel(NOISE), linear, STEPS, START, unseen, FilterOptions(4000), seeds=(5,)
-    )
-    mean, covariance, _ = kalman(STEPS, DT, INVERSE, START, NOISE, unseen)
-    deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2) / 4000)
-    assert np.max(np.abs(posterior.mean - mean) / deviation) < 4.5
-    # the standard error of a normal sample's variance is √(2/P) of it
-    growth = np.diagonal(posterior.covariance, axis1=1, axis2=2) / np.diagonal(
-        covariance, axis1=1, axis2=2
-    )
-    assert np.max(np.abs(growth - 1)) < 4.5 * np.sqrt(2 / 4000)
-    assert posterior.ess == pytest.approx(4000)
-    assert not posterior.measured.any() and not posterior.resampled.any()
-    assert posterior.log_evidence == 0.0
+LWR = chain_of(LWR4)
+POSE = np.array([0.3, 0.9, -0.3, -1.6, 0.4, 1.0, 0.2])
+
+
+def correlated(scale: float, seed: int = 1, d: int = 6) -> np.ndarray:
+    """(d, d) a covariance of about ``scale``² with every correlation."""
+    root = np.random.default_rng(seed).normal(size=(d, d)) / np.sqrt(d) + np.eye(d)
+    return scale**2 * root @ root.T
+
+
+def displaced(q: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """(12,) Pinocchio's pose of the flange at ``q``, displaced ``by`` (6,) m and rad."""
+    (rotation,), (position,) = link_poses(LWR4, "flange", q[None])
+    return np.concatenate([position + by[:3], (pin.exp3(by[3:]) @ rotation).ravel()])
+
+
+def by_tip(t, y, noise, command=None, prior=None, bias=None, count: int = 100) -> Posterior:
+    """From ``POSE``, by default exactly and without a motion, by one pose of the tip."""
+    command = np.zeros((1, 13)) if command is None else command
+    start = Start(POSE, np.zeros((7, 7)) if prior is None else prior)
+    bias = np.zeros(6) if bias is None else bias
+    take = Measurements("t", np.array([t]), y[None], bias[None], noise[None], tip=True)
+    still, options = ScaledModel(1e-20 * np.eye(7)), FilterOptions(count, "none")
+    rng = np.random.default_rng(5)
+    return particle_filter(still, LWR, open_loop(command), DT, start, take, options, rng)
+
+
+def displacement(q: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """(6,) displacement of ``y`` from the flange at ``q``, by Pinocchio."""
+    (rotation,), (position,) = link_poses(LWR4, "flange", q[None])
+    return np.concatenate([y[:3] - position, pin.log3(y[3:].reshape(3, 3) @ rotation.T)])
+
+
+def log_density(q: np.ndarray, y: np.ndarray, covariance: np.ndarray) -> float:
+    return multivariate_normal.logpdf(displacement(q, y), np.zeros(6), covariance)
+
+
+@pytest.mark.parametrize("size", [1e-3, 0.1, 1.0])
+def test_the_likelihood_of_the_tip_is_of_its_displacement_from_the_pose_at_the_frame(size):
+    noise, w = correlated(size), np.full(7, 0.02)
+    command = np.concatenate([LWR.jacobian(POSE) @ w, w])[None]
+    by = size * np.random.default_rng(2).normal(size=6)
+    for share in (0.0, 0.3):
+        pose = POSE + share * w
+        y = displaced(pose, by)
+        evidence = by_tip(share * DT, y, noise, command).log_evidence
+        assert evidence == pytest.approx(log_density(pose, y, noise), abs=2e-5, rel=1e-6)
+        # control: at another posture it is another
+        assert abs(evidence - log_density(pose + 0.3 * size, y, noise)) > 1e-3
+
+
+def test_a_bias_displaces_the_expected_tip():
+    bias, noise = 0.02 * np.random.default_rng(3).normal(size=6), correlated(0.01)
+    y, shifted = displaced(POSE, np.zeros(6)), displaced(POSE, bias)
+    exact = by_tip(0.0, y, noise).log_evidence
+    assert by_tip(0.0, shifted, noise, bias=bias).log_evidence == pytest.approx(exact, abs=1e-9)
+    assert by_tip(0.0, shifted, noise).log_evidence < exact - 0.1
+
+
+def test_by_the_tip_the_posterior_of_a_nearly_linear_arm_is_the_kalman_updates():
+    before, noise = correlated(1.5e-3, 4, 7), correlated(4e-3, 5)
+    y = displaced(POSE, np.array([2e-3, -3e-3, 1e-3, 2e-3, 4e-3, -3e-3]))
+    posterior = by_tip(0.0, y, noise, prior=before, count=200_000)
+    model, axes = pin.buildModelFromUrdf(LWR4.urdf), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    frame = model.getFrameId("flange", pin.FrameType.BODY)
+    jacobian = pin.computeFrameJacobian(model, model.createData(), POSE, frame, axes)
+    gain = before @ jacobian.T @ np.linalg.inv(jacobian @ before @ jacobian.T + noise)
+    moved, covariance = gain @ displacement(POSE, y), before - gain @ jacobian @ before
+    std, band = np.sqrt(np.diag(covariance)), 5 / np.sqrt(posterior.ess[0])
+    assert np.all(np.abs(posterior.mean[0] - POSE - moved) < band * std + 2e-5)
+    scaled = (posterior.covariance[0] - covariance) / np.outer(std, std)
+    assert np.abs(scaled).max() < 2 * band + 0.02
+    # control: the prior is neither
+    assert np.abs(moved / std).max() > 10 * band
+    assert np.abs((before - covariance) / np.outer(std, std)).max() > 0.2
+
+
+def test_a_planar_arm_is_not_filtered_by_poses_of_the_tip(chain):
+    y, zero = displaced(POSE, np.zeros(6))[None], np.zeros((1, 6))
+    take = Measurements("t", np.zeros(1), y, zero, np.eye(6)[None], tip=True)
+    with pytest.raises(ModelDomainError, match="an arm in space"):
+        runs_of(ScaledModel(np.eye(3)), chain, STEPS, START, take, FilterOptions(10), (1,))
+
+
+DEVIATION = np.array([0.004, 0.006, 0.009])  # rad, that a loop of any share leaves
+
+
+@pytest.mark.parametrize(
+    "share, rms, coverage, wandering", [(0.03, 0.9, 0.08, 0.0), (0.9, 1.02, 0.03, 1.2)]
+)
+def test_the_filter_of_a_closed_loop_is_calibrated_and_the_open_loops_wanders(
+    chain, share, rms, coverage, wandering
+):
+    """Rms errors in units of the training mean's; a deviation outlasts a frame with share 0.03, and
+    decays within a step with 0.9.
+    """
+    rng, steps, count, sensor = np.random.default_rng(3), 90, 30, 0.01
+    progress = np.linspace(0.0, 1.0, steps + 1)[:, None]
+    poses = np.array([0.4, 1.7, -0.3]) + progress * np.array([0.5, 0.4, -0.6])
+    path, start = MeanPath(chain, poses), Start(poses[0], np.diag(DEVIATION**2))
+    model = ScaledModel(np.diag((1 - (1 - share) ** 2) * DEVIATION**2))
+    takes = np.empty((count, steps + 1, 3))
+    takes[:, 0] = poses[0] + DEVIATION * rng.standard_normal((count, 3))
+    for k in range(steps):  # corrected by NumPy
+        v = path.v[k] + share * (chain.pose(poses[k]) - chain.pose(takes[:, k]))
+        takes[:, k + 1] = draw_steps(model, chain, takes[:, k], v, rng)[0]
+    k = np.arange(3, steps + 1, 3)
+    noise, zero = np.tile(sensor**2 * np.eye(3), (len(k), 1, 1)), np.zeros((len(k), 3))
+    y = takes[:, k] + sensor * rng.standard_normal((count, len(k), 3))
+    measured = [Measurements("take", DT * k, each, zero, noise) for each in y]
+
+    def filtered(commands: Commands) -> tuple[np.ndarray, np.ndarray]:
+        options, arguments = FilterOptions(400), (model, chain, commands, DT, start)
+        posteriors = [particle_filter(*arguments, each, options, rng) for each in measured]
+        error = np.stack([each.mean for each in posteriors]) - takes
+        std = np.sqrt([np.diagonal(each.covariance, axis1=1, axis2=2) for each in posteriors])
+        of_mean = np.mean((takes - poses) ** 2, axis=(0, 1))
+        return np.sqrt(np.mean(error**2, axis=(0, 1)) / of_mean), np.mean(np.abs(error) <= std)
+
+    closed, covered = filtered(path.commands(share))
+    assert np.all(closed < rms) and covered == pytest.approx(0.683, abs=coverage)
+    opened, _ = filtered(open_loop(path.v))
+    assert np.all(opened > np.maximum(closed, wandering))

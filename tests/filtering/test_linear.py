@@ -1,15 +1,24 @@
-"""The linear filter, against a direct solution of the joint normal law and a Kalman filter; of the
-pose of the tip against the joints that it is the pose of."""
+"""The linear filter against the joint normal law and a Kalman filter; the baselines that know the
+training takes alone.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import toeplitz
 from space_arms import LWR4
 
 from pipeline.arm.model import chain_of
 from pipeline.core.errors import ModelDomainError
-from pipeline.filtering.linear import best_linear
+from pipeline.filtering.baselines import (
+    autocorrelated_filter,
+    autocorrelation,
+    baseline_predictions,
+    deviation_roots,
+    path_covariance,
+)
+from pipeline.filtering.linear import linear_filter
 from pipeline.filtering.measurement import Measurements
 
 DT = 0.01
@@ -22,13 +31,9 @@ def drawn(grid: int, n: int, times: list[float], seed: int):
     root = rng.standard_normal((grid * n, grid * n)) * 0.01
     prior = (root @ root.T).reshape(grid, n, grid, n)
     noise = rng.standard_normal((len(times), n, n)) * 0.02
-    frames = Measurements(
-        "a",
-        np.array(times),
-        rng.standard_normal((len(times), n)),
-        rng.standard_normal((len(times), n)),
-        noise @ noise.swapaxes(1, 2) + 1e-4 * np.eye(n),
-    )
+    y, bias = rng.standard_normal((2, len(times), n))
+    covariance = noise @ noise.swapaxes(1, 2) + 1e-4 * np.eye(n)
+    frames = Measurements("a", np.array(times), y, bias, covariance)
     response = np.eye(n) + 0.3 * rng.standard_normal((n, n))
     return rng.standard_normal((grid, n)), prior, frames, response
 
@@ -36,50 +41,42 @@ def drawn(grid: int, n: int, times: list[float], seed: int):
 def direct(path, prior, frames, response, k: int) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of the pose at step k from the joint law of poses and frames."""
     grid, n = path.shape
-    looks, residual, noise = [], [], []
+    here, full = slice(k * n, (k + 1) * n), prior.reshape(grid * n, grid * n)
+    looks, residual, noise = np.empty((0, grid * n)), np.empty(0), np.empty((0, 0))
     for j in np.flatnonzero((frames.t >= 0) & (frames.t <= k * DT + 1e-12)):
-        weights = np.interp(np.arange(grid), [0], [0.0])
         at = frames.t[j] / DT
-        low = min(int(np.floor(at + 1e-9)), grid - 2)
-        weights[low], weights[low + 1] = 1 - (at - low), at - low
-        looks.append(np.kron(weights, response))
-        residual.append(frames.y[j] - frames.bias[j] - weights @ path)
-        noise.append(frames.covariance[j])
-    full = prior.reshape(grid * n, grid * n)
-    here = slice(k * n, (k + 1) * n)
-    if not looks:
-        return path[k], full[here, here]
-    looks = np.concatenate(looks)
-    total = looks @ full @ looks.T
-    for j, each in enumerate(noise):
-        total[j * n : (j + 1) * n, j * n : (j + 1) * n] += each
-    gain = np.linalg.solve(total, looks @ full[:, here]).T
-    moved = gain @ np.concatenate(residual)
-    return path[k] + moved, full[here, here] - gain @ looks @ full[:, here]
+        weights = np.maximum(0, 1 - np.abs(np.arange(grid) - at))  # of a polygon
+        looks = np.vstack([looks, np.kron(weights, response)])
+        residual = np.append(residual, frames.y[j] - frames.bias[j] - weights @ path)
+        corner = np.zeros((len(noise), n))
+        noise = np.block([[noise, corner], [corner.T, frames.covariance[j]]])
+    gain = np.linalg.solve(looks @ full @ looks.T + noise, looks @ full[:, here]).T
+    return path[k] + gain @ residual, full[here, here] - gain @ looks @ full[:, here]
 
 
 @pytest.mark.parametrize("n", [2, 3])
 def test_every_step_has_the_moments_of_the_joint_law_given_the_frames_so_far(n):
     times = [-0.004, 0.0, 0.0125, 0.03, 0.031, 0.0475, 0.09, 0.2]
     path, prior, frames, response = drawn(10, n, times, seed=n)
-    mean, covariance = best_linear(path, prior, frames, DT, CHAIN, response)
+    (mean,), (covariance,) = linear_filter(path, prior, [frames], DT, CHAIN, response)
     for k in range(10):
         expected, spread = direct(path, prior, frames, response, k)
         np.testing.assert_allclose(mean[k], expected, rtol=1e-8)
         np.testing.assert_allclose(covariance[k], spread, rtol=1e-6, atol=1e-12)
-    # control: a camera without the response is another
-    other, _ = best_linear(path, prior, frames, DT, CHAIN)
+    # control: measurements without the response
+    (other,), _ = linear_filter(path, prior, [frames], DT, CHAIN)
     assert np.abs(other - mean)[1:].max() > 1e-3
+    with pytest.raises(ModelDomainError, match="prior covariance"):
+        linear_filter(path, -prior, [frames], DT, CHAIN)
 
 
 def test_of_a_first_order_law_it_is_the_kalman_filter():
     grid, n, keep = 40, 3, 0.9
     spread = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, 2.0]]) * 1e-4
-    steps = np.arange(grid)
-    prior = np.einsum("kl,ij->kilj", keep ** np.abs(steps[:, None] - steps), spread)
+    prior = np.einsum("kl,ij->kilj", toeplitz(keep ** np.arange(grid)), spread)
     path, _, frames, _ = drawn(grid, n, [0.033, 0.066, 0.1, 0.133, 0.3], seed=7)
-    mean, covariance = best_linear(path, prior, frames, DT, CHAIN)
-    due, _ = frames.schedule(grid - 1, DT)
+    (mean,), (covariance,) = linear_filter(path, prior, [frames], DT, CHAIN)
+    frame, step, shares = frames.schedule(grid - 1, DT)
     # the poses before and after a step
     state, known = np.zeros(2 * n), np.tile(spread, (2, 2))
     move = np.block([[np.zeros((n, n)), np.eye(n)], [np.zeros((n, n)), keep * np.eye(n)]])
@@ -88,7 +85,7 @@ def test_of_a_first_order_law_it_is_the_kalman_filter():
     for k in range(grid):
         if k > 0:
             state, known = move @ state, move @ known @ move.T + added
-        for j, share in due.get(k, ()):
+        for j, share in zip(frame[step == k], shares[step == k], strict=True):
             looks = np.hstack([(1 - share) * np.eye(n), share * np.eye(n)])
             point = (1 - share) * path[k - 1] + share * path[k]
             gain = np.linalg.solve(looks @ known @ looks.T + frames.covariance[j], looks @ known).T
@@ -98,37 +95,108 @@ def test_of_a_first_order_law_it_is_the_kalman_filter():
         np.testing.assert_allclose(covariance[k], known[n:, n:], rtol=1e-7, atol=1e-14)
 
 
-def test_a_prior_that_is_no_covariance_is_refused():
-    path, prior, frames, response = drawn(6, 2, [0.01, 0.03], seed=1)
-    with pytest.raises(ModelDomainError, match="prior covariance"):
-        best_linear(path, -prior, frames, DT, CHAIN, response)
-
-
 def test_by_the_pose_of_the_tip_it_is_the_filter_of_the_joints_seen_through_the_jacobian():
-    """Six rows of the six joints before the last say of small deviations what the joints would."""
+    """Six rows tell of small deviations of the joints before the last what the joints would."""
     rng, q = np.random.default_rng(5), np.array([0.3, 0.9, -0.3, -1.6, 0.4, 1.0, 0.2])
     grid, n, size = 12, 7, 1e-4
     path = q + np.linspace(0, 0.3, grid)[:, None] * np.ones(n)
     spread = np.diag([1.0] * 6 + [0.0]) * size**2  # the last joint is known
-    apart = np.abs(np.arange(grid)[:, None] - np.arange(grid))
-    prior = np.einsum("kl,ij->kilj", 0.95**apart, spread)
-    true = path + np.linalg.cholesky(0.95**apart) @ rng.standard_normal((grid, n)) @ (spread**0.5)
-    t = DT * np.arange(grid)
-    whole = CHAIN.jacobian(path)[..., :6]
-    noise = (0.3 * size) ** 2 * np.eye(6)
-    measured = CHAIN.pose(true)
-    tip = Measurements(
-        "a", t, measured, np.zeros((grid, 6)), np.tile(noise, (grid, 1, 1)), tip=True
-    )
-    inverse = np.linalg.inv(whole)
+    apart = toeplitz(0.95 ** np.arange(grid))
+    prior = np.einsum("kl,ij->kilj", apart, spread)
+    true = path + np.linalg.cholesky(apart) @ rng.standard_normal((grid, n)) @ (spread**0.5)
+    t, noise = DT * np.arange(grid), (0.3 * size) ** 2 * np.eye(6)
+    noises = np.tile(noise, (grid, 1, 1))
+    tip = Measurements("a", t, CHAIN.pose(true), np.zeros((grid, 6)), noises, tip=True)
+    inverse = np.linalg.inv(CHAIN.jacobian(path)[..., :6])
     known = np.zeros((grid, n, n))
     known[:, :6, :6] = inverse @ noise @ inverse.swapaxes(1, 2)
     known[:, 6, 6] = 1.0
     joints = Measurements("a", t, true, np.zeros((grid, n)), known)
-    mean, covariance = best_linear(path, prior, tip, DT, CHAIN)
-    expected, spread = best_linear(path, prior, joints, DT, CHAIN)
-    # what is left of second order
+    (mean, expected), (covariance, spread) = linear_filter(path, prior, [tip, joints], DT, CHAIN)
+    # the rest is of second order
     np.testing.assert_allclose(mean, expected, atol=2e-3 * size)
     np.testing.assert_allclose(covariance, spread, atol=1e-6 * size**2)
     # control: the prior alone is far off
     assert np.abs(path - expected)[:, :6].max() > 0.3 * size
+
+
+KEEP, STEPS = 0.8, 120
+SPREAD = np.array([[4.0, 1.0], [1.0, 3.0]]) * 1e-4
+NOISE = np.array([[2.0, -0.5], [-0.5, 1.0]]) * 1e-5
+
+
+def measured(takes: int, seed: int, noise=NOISE, keep: float = KEEP) -> np.ndarray:
+    """(takes, STEPS, 2) rad of a first-order law about a path, measured with ``noise``."""
+    rng = np.random.default_rng(seed)
+    fresh = rng.standard_normal((takes, STEPS, 2)) @ np.linalg.cholesky(SPREAD).T
+    off = fresh.copy()
+    for k in range(1, STEPS):
+        off[:, k] = keep * off[:, k - 1] + np.sqrt(1 - keep**2) * fresh[:, k]
+    seen = rng.multivariate_normal(np.zeros(2), noise, (takes, STEPS))
+    return np.linspace(0, 1, STEPS)[:, None] + off + seen
+
+
+@pytest.fixture(scope="module")
+def poses() -> np.ndarray:
+    return measured(400, 8)
+
+
+def test_the_autocorrelated_law_is_the_one_that_takes_were_drawn_with(poses):
+    (roots, without), lags = deviation_roots(poses, NOISE), np.arange(1, 8)
+    correlation = autocorrelation(poses, NOISE)
+    law = path_covariance(roots, correlation)
+    assert without == 0
+    for k in (0, 50, 119):
+        np.testing.assert_allclose(law[k, :, k], np.cov(poses[:, k].T) - NOISE, rtol=1e-9)
+    expected = KEEP**lags * (1 - lags / STEPS)
+    np.testing.assert_allclose(correlation[lags], expected, atol=0.02)
+    # control: the measurement taken for deviation
+    assert np.all(autocorrelation(poses, 0 * NOISE)[lags] < correlation[lags] - 0.005)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0, 30.0])
+def test_the_law_is_a_covariance_however_much_is_measurement(poses, share):
+    few, noise = poses[:5], share * NOISE
+    law = path_covariance(deviation_roots(few, noise)[0], autocorrelation(few, noise))
+    assert np.linalg.eigvalsh(law.reshape(2 * STEPS, 2 * STEPS)).min() > -1e-12
+
+
+def test_takes_of_measurement_alone_have_no_deviation_and_no_autocorrelation():
+    noise = np.random.default_rng(4).multivariate_normal(np.zeros(2), NOISE, (50, STEPS))
+    roots, without = deviation_roots(noise, 3 * NOISE)
+    assert without == 2 * STEPS and not roots.any()
+    assert autocorrelation(noise, 300 * NOISE).tolist() == [1.0] + [0.0] * (STEPS - 1)
+
+
+def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_training_mean(poses):
+    true, k, rng = measured(100, 6, 0 * NOISE), np.arange(0, STEPS, 3), np.random.default_rng(5)
+
+    def filtered(noise):
+        y = true[:, k] + rng.multivariate_normal(np.zeros(2), noise, (len(true), len(k)))
+        zero, covariance = np.zeros((len(k), 2)), np.tile(noise, (len(k), 1, 1))
+        frames = [Measurements("take", DT * k, each, zero, covariance) for each in y]
+        return autocorrelated_filter(poses, NOISE, frames, DT, CHAIN)
+
+    means, covariances, without = filtered(NOISE)
+    assert without == 0 and covariances.shape == (*true.shape, 2)
+    error, variances = means - true, np.diagonal(covariances, axis1=2, axis2=3)
+    assert np.mean(np.abs(error) <= np.sqrt(variances)) == pytest.approx(0.683, abs=0.02)
+    assert np.mean(error**2) == pytest.approx(variances.mean(), rel=0.06)
+    assert np.mean(error**2) < 0.4 * np.mean((poses.mean(axis=0) - true) ** 2)
+    # control: frames of no information leave the training mean and covariance
+    blind, spread, _ = filtered(1e6 * NOISE)
+    np.testing.assert_allclose(blind[0], poses.mean(axis=0), atol=1e-3)
+    np.testing.assert_allclose(spread[0, 50] + NOISE, np.cov(poses[:, 50].T), rtol=1e-3)
+
+
+@pytest.mark.parametrize("keep", [0.0, 0.95])
+def test_baselines_predict_as_well_as_the_law_allows(keep):
+    noise = 4e-6 * np.eye(2)
+    predicted = baseline_predictions(*(measured(300, s, noise, keep) for s in (1, 2)), noise)
+    # variance less the part that the measured pose before tells
+    gain = keep**2 * SPREAD @ np.linalg.solve(SPREAD + noise, SPREAD)
+    for name, expected in (("none", SPREAD + noise), ("memory", SPREAD + noise - gain)):
+        errors, covariances = predicted[name]
+        assert np.mean(errors**2) == pytest.approx(np.trace(expected) / 2, rel=0.12)
+        told = np.trace(covariances.mean(axis=0))
+        assert told == pytest.approx(np.trace(expected), rel=0.12)

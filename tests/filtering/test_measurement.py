@@ -1,79 +1,66 @@
-"""The depth sensor's measurements: their likelihood, and the step at which each of them enters."""
+"""Measurements: their likelihood, the step at which each enters, and their noise from the tables of
+each instrument.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from plain_filter import log_likelihood
+from scipy.spatial.transform import Rotation
 from scipy.stats import multivariate_normal
+from space_arms import LWR4, link_poses, points
 
-from pipeline.core.columns import pairs
-from pipeline.core.errors import ContractError, ModelDomainError
+from pipeline.core import contracts
+from pipeline.core.columns import pairs, spread
+from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
+from pipeline.core.options.dataset import Dataset, Motion
+from pipeline.core.options.instruments import Encoders, Mocap, Pose
+from pipeline.filtering.instruments import MOTION, TRACK, encoder_noise, measured_takes, tip_poses
 from pipeline.filtering.measurement import Measurements, measurements
 
 
 def measurements_at(t, **changed) -> Measurements:
     rng = np.random.default_rng(3)
-    frames = len(t)
-    root = 0.05 * rng.standard_normal((frames, 3, 3))
-    known = {
-        "y": rng.standard_normal((frames, 3)),
-        "bias": 0.1 * rng.standard_normal((frames, 3)),
-        "covariance": root @ np.swapaxes(root, 1, 2) + 1e-4 * np.eye(3),
-    }
+    root = 0.05 * rng.standard_normal((len(t), 3, 3))
+    y, bias = rng.standard_normal((len(t), 3)), 0.1 * rng.standard_normal((len(t), 3))
+    covariance = root @ np.swapaxes(root, 1, 2) + 1e-4 * np.eye(3)
+    known = {"y": y, "bias": bias, "covariance": covariance}
     return Measurements("test07", np.asarray(t, dtype=float), **(known | changed))
 
 
 def test_the_likelihood_is_the_normal_density_about_pose_and_bias():
     measured = measurements_at([0.0, 0.1, 0.2])
     q = measured.y[1] + 0.1 * np.random.default_rng(4).standard_normal((20, 3))
-    expected = [
-        multivariate_normal.logpdf(measured.y[1], pose + measured.bias[1], measured.covariance[1])
-        for pose in q
-    ]
+    noise = measured.bias[1], measured.covariance[1]
+    expected = [multivariate_normal.logpdf(measured.y[1] - pose, *noise) for pose in q]
     np.testing.assert_allclose(log_likelihood(measured, 1, q), expected, rtol=1e-9)
     # the neighbouring frame has a law of its own
     assert not np.allclose(log_likelihood(measured, 2, q), expected, rtol=0.1)
 
 
 def test_a_frame_enters_at_the_step_during_which_it_was_taken():
-    due, left_out = measurements_at([0.004, 0.0151, 0.019, 0.0]).schedule(5, 0.01)
-    assert left_out == 0
-    assert due == {
-        1: [(0, pytest.approx(0.4))],
-        2: [(1, pytest.approx(0.51)), (2, pytest.approx(0.9))],
-        0: [(3, 1.0)],
-    }
+    frame, step, share = measurements_at([0.004, 0.0151, 0.019, 0.0]).schedule(5, 0.01)
+    assert (frame.tolist(), step.tolist()) == ([3, 0, 1, 2], [0, 1, 2, 2])
+    np.testing.assert_allclose(share, [1.0, 0.4, 0.51, 0.9])
+    # those before the start and after the end of the motion do not enter
+    frame, step, share = measurements_at([-0.02, -1e-4, 0.0, 0.05, 0.0501]).schedule(5, 0.01)
+    assert (frame.tolist(), step.tolist(), share.tolist()) == ([2, 3], [0, 5], [1.0, 1.0])
+    assert measurements_at([]).frames(5, 0.01).first.tolist() == [0] * 7
 
 
 def test_a_frame_on_the_grid_enters_at_that_very_step_whatever_the_rounding_of_its_time():
-    steps = np.arange(321)
-    for t in (
-        steps / 100,
-        steps * 0.01,
-        np.nextafter(steps / 100, 9.0),
-        np.nextafter(steps / 100, -9.0),
-    ):
-        due, left_out = measurements_at(t).schedule(320, 0.01)
-        assert left_out == 0
-        assert due == {k: [(k, 1.0)] for k in range(321)}
-
-
-def test_frames_before_the_start_and_after_the_end_are_left_out_and_counted():
-    due, left_out = measurements_at([-0.02, -0.0001, 0.0, 0.05, 0.0501, 7.0]).schedule(5, 0.01)
-    assert left_out == 4
-    assert due == {0: [(2, 1.0)], 5: [(3, 1.0)]}
-
-
-def test_a_take_without_frames_has_nothing_due():
-    assert measurements_at([]).schedule(5, 0.01) == ({}, 0)
+    t, steps = np.arange(321) / 100, np.arange(321)
+    for times in (t, steps * 0.01, np.nextafter(t, 9.0), np.nextafter(t, -9.0)):
+        frame, step, share = measurements_at(times).schedule(320, 0.01)
+        assert np.array_equal(frame, steps) and np.array_equal(step, steps) and np.all(share == 1)
 
 
 @pytest.mark.parametrize(
-    "covariance",
-    [np.diag([1.0, 1.0, 0.0]), np.diag([1.0, -1.0, 1.0]), np.ones((3, 3))],
-    ids=["flat", "negative", "one direction"],
+    "covariance", [np.diag([1.0, 1.0, 0.0]), np.diag([1.0, -1.0, 1.0]), np.ones((3, 3))]
 )
 def test_a_covariance_that_is_not_positive_definite_is_refused_with_its_frame(covariance):
     covariances = np.stack([np.eye(3), covariance])
@@ -83,33 +70,181 @@ def test_a_covariance_that_is_not_positive_definite_is_refused_with_its_frame(co
 
 
 def test_values_that_are_not_finite_and_shapes_that_disagree_are_refused():
-    with pytest.raises(ContractError, match=r"y is not finite.*frame 1"):
-        measurements_at([0.0, 0.1], y=np.array([[0.0, 0.0, 0.0], [0.0, np.nan, 0.0]]))
-    with pytest.raises(ContractError, match="bias has shape"):
-        measurements_at([0.0, 0.1], bias=np.zeros(3))
+    broken = np.array([[0.0, 0.0, 0.0], [0.0, np.nan, 0.0]])
+    for changed, words in (
+        ({"y": broken}, r"y is not finite.*frame 1"),
+        ({"bias": np.zeros(3)}, "bias has shape"),
+        ({"y": np.zeros((2, 12)), "bias": np.zeros((2, 6)), "tip": True}, "covariance has shape"),
+    ):
+        with pytest.raises(ContractError, match=words):
+            measurements_at([0.0, 0.1], **changed)
 
 
-def test_every_take_goes_with_the_noise_that_was_estimated_without_it():
-    angles = pd.DataFrame(
-        {"take": ["b", "b", "a", "a"], "frame": [1, 2, 1, 2], "t": [0.1, 0.2, 0.1, 0.2]}
-    ).assign(**{"q:a": 1.0, "q:b": 2.0, "q:c": 3.0})
-    noise = pd.DataFrame(
-        {
-            "take": ["a", "a", "b", "none"],
-            "frame": [1, 2, 1, 1],
-            "t": 0.1,
-            "b:a": [0.1, 0.2, 0.3, 0.4],
-            "b:b": 0.0,
-            "b:c": 0.0,
-        }
-    )
+def test_every_take_of_the_camera_goes_with_the_noise_that_was_estimated_without_it():
+    angles = pd.DataFrame({"take": ["b", "b", "a", "a"], "frame": [1, 2, 1, 2], "t": [1, 2, 1, 2]})
+    angles = angles.assign(**{"q:a": 1.0, "q:b": 2.0, "q:c": 3.0})
+    noise = pd.DataFrame({"take": ["a", "a", "b", "none"], "frame": [1, 2, 1, 1], "t": 0.1})
+    noise = noise.assign(**{"b:a": [0.1, 0.2, 0.3, 0.4], "b:b": 0.0, "b:c": 0.0})
     entries = [[1.0, 2.0, 3.0, 4.0], 0.1, 0.2, 5.0, 0.3, 6.0]
     noise = noise.assign(**dict(zip(pairs("r", ("a", "b", "c")), entries, strict=True)))
     first, second = measurements(angles, noise)
     assert (first.take, second.take) == ("a", "b")
     np.testing.assert_array_equal(first.bias[:, 0], [0.1, 0.2])
-    np.testing.assert_array_equal(
-        first.covariance[1], [[2.0, 0.1, 0.2], [0.1, 5.0, 0.3], [0.2, 0.3, 6.0]]
-    )
+    expected = [[2.0, 0.1, 0.2], [0.1, 5.0, 0.3], [0.2, 0.3, 6.0]]
+    np.testing.assert_array_equal(first.covariance[1], expected)
     # the frame of b that no other take has is left out
-    assert second.t.tolist() == [0.1] and second.bias[0, 0] == 0.3
+    assert second.t.tolist() == [1] and second.bias[0, 0] == 0.3
+
+
+TAKES, STEPS, DT = 400, 300, 0.01
+SPREAD = np.array([[4.0, 1.0], [1.0, 3.0]]) * 1e-6
+BIAS = 1e-2 * np.linspace(-1, 1, STEPS)
+
+
+def encoder_errors(keep: float) -> np.ndarray:
+    """(TAKES, STEPS, 2) rad errors of which a share ``keep`` is left after a step, about a bias."""
+    fresh = np.random.default_rng(1).standard_normal((TAKES, STEPS, 2))
+    fresh = fresh @ np.linalg.cholesky(SPREAD).T
+    errors = np.empty_like(fresh)
+    errors[:, 0] = fresh[:, 0]
+    for k in range(1, STEPS):
+        errors[:, k] = keep * errors[:, k - 1] + np.sqrt(1 - keep**2) * fresh[:, k]
+    return errors + BIAS[:, None]
+
+
+@pytest.mark.parametrize("keep", [0.0, 0.8])
+def test_bias_covariance_and_duration_of_encoder_errors_are_those_drawn(keep):
+    errors = encoder_errors(keep)
+    noise = encoder_noise(errors, DT)
+    np.testing.assert_allclose(noise.bias[:, 0], BIAS, atol=5e-4)
+    np.testing.assert_allclose(noise.covariance, np.tile(SPREAD, (STEPS, 1, 1)), atol=6e-7)
+    # the correlations of both signs of lag; a sum over 800 sequences has a standard error of 5 %
+    assert noise.lasts / DT == pytest.approx((1 + keep) / (1 - keep), rel=0.15)
+    # readings taken for independent tell as much of a constant as they know, however dense
+    for places in (np.arange(STEPS), 4 * np.arange(STEPS // 4)):
+        bias, covariance = noise.of_readings(DT * places)
+        told = np.linalg.inv(np.linalg.inv(covariance).sum(axis=0))
+        weights = told @ np.linalg.inv(covariance)
+        means = np.einsum("kij,tkj->ti", weights, errors[:, places] - bias)
+        np.testing.assert_allclose(np.cov(means.T), told, atol=0.25 * told.max())
+    _, apart = noise.of_readings(np.array([0.0, 1.0, 2.0]))
+    np.testing.assert_array_equal(apart, noise.covariance[[0, 100, 200]])
+
+
+HAND = {"a": [0.08, 0, 0.01], "b": [-0.01, 0.085, 0.015], "c": [-0.075, -0.035, 0.01]}
+HAND["d"] = [0.01, -0.08, 0.035]
+MOCAP = Mocap(
+    training="*",
+    base=Pose([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]),
+    markers={"link_5": {"x": [0.0, 0.1, 0.1]}, "flange": HAND},
+    gate=0.01,
+    deviation=1e-3,
+    max_gap=20,
+)
+DATASET = Dataset(
+    name="t",
+    recordings=".",
+    robot=LWR4,
+    mocap=MOCAP,
+    encoders=Encoders(training="*", test="*", actual=[]),
+    motion=Motion(rate=100.0, steps=4),
+    measurement="tip",
+)
+
+
+def rows(q: np.ndarray, take: str = "test_1", noise: np.ndarray | float = 0.0) -> pd.DataFrame:
+    """Rows of the table ``markers``."""
+    places, k = points(LWR4, MOCAP.markers, q) + noise, np.arange(len(q))
+    each = [
+        pd.DataFrame({"take": take, "part": "test", "k": k, "t": k / 100}).assign(
+            link=link, marker=marker, **dict(zip("xyz", places[:, i].T, strict=True))
+        )
+        for i, (link, marker) in enumerate([(1, 1), (2, 1), (2, 2), (2, 3), (2, 4)])
+    ]
+    return pd.concat(each, ignore_index=True)
+
+
+def test_exact_points_give_pinocchios_poses_and_noisy_ones_the_stated_covariance():
+    q, rng = np.random.default_rng(1).uniform(-1.5, 1.5, (20, 7)), np.random.default_rng(2)
+    take = tip_poses("t", rows(q), MOCAP, "flange")
+    rotation, position = link_poses(LWR4, "flange", q)
+    np.testing.assert_allclose(take.y[:, :3], position, atol=1e-12)
+    np.testing.assert_allclose(take.y[:, 3:].reshape(-1, 3, 3), rotation, atol=1e-12)
+    assert take.tip and not take.bias.any()
+    same = np.repeat(q[:1], 20_000, axis=0)
+    noisy = tip_poses(
+        "t", rows(same, noise=1e-3 * rng.normal(size=(len(same), 5, 3))), MOCAP, "flange"
+    )
+    turn = Rotation.from_matrix(noisy.y[:, 3:].reshape(-1, 3, 3) @ rotation[0].T).as_rotvec()
+    errors = np.hstack([noisy.y[:, :3] - position[0], turn])
+    white = np.linalg.solve(np.linalg.cholesky(take.covariance[0]), errors.T)
+    np.testing.assert_allclose(np.cov(white), np.eye(6), atol=5 * np.sqrt(2 / len(same)))
+
+
+def test_frames_that_show_fewer_than_three_points_are_left_out_and_three_are_noisier():
+    table = rows(np.zeros((10, 7)) + 0.3)
+    table.loc[(table.link == 2) & (table.marker < 3) & (table.k == 4), ["x", "y", "z"]] = np.nan
+    table.loc[(table.link == 2) & (table.marker == 1) & (table.k == 6), ["x", "y", "z"]] = np.nan
+    take = tip_poses("t", table, MOCAP, "flange")
+    np.testing.assert_allclose(take.t * 100, [0, 1, 2, 3, 5, 6, 7, 8, 9])
+    trace = np.trace(take.covariance, axis1=1, axis2=2)
+    assert np.flatnonzero(trace > 1.05 * trace[0]).tolist() == [5]
+
+
+@pytest.fixture
+def tables(tmp_path, monkeypatch):
+    """Two test takes, a third that track left out, and thirty training ones."""
+    monkeypatch.chdir(tmp_path)
+    MOTION.mkdir(parents=True), TRACK.mkdir(parents=True)
+    tests = ("test_1", "test_2", "test_3")
+    parts = {f"train_{number}": "training" for number in range(1, 31)} | dict.fromkeys(
+        tests, "test"
+    )
+    k, t, rng = np.arange(5), np.arange(9) / 200, np.random.default_rng(1)
+    joints, read = [], []
+    for take, part in parts.items():
+        frame = pd.DataFrame({"take": take, "part": part, "k": k, "t": k / 100})
+        q = spread("q", LWR4.joints, np.full((5, 7), 0.3))
+        joints += [] if take == "test_3" else [frame.assign(**q, residual=0.0)]
+        # errors of which the first joint's is off by 0.02 rad all the same
+        y = 0.3 + 2e-3 * rng.standard_normal((9, 7)) + [0.02, 0, 0, 0, 0, 0, 0]
+        y = np.full((9, 7), float(take[-1])) if part == "test" else y
+        frame = pd.DataFrame({"take": take, "part": part, "t": t})
+        read.append(frame.assign(**spread("q", LWR4.joints, y)))
+    markers = [rows(np.full((5, 7), 0.3), take) for take in tests]
+    for name, each, folder in (
+        ("joints", joints, TRACK), ("markers", markers, MOTION), ("encoders", read, MOTION)
+    ):  # fmt: skip
+        contracts.write(pd.concat(each, ignore_index=True), name, folder)
+
+
+def test_the_takes_that_stay_are_measured_by_the_chosen_instrument(tables):
+    by_tip = measured_takes(DATASET)
+    assert [take.take for take in by_tip] == ["test_1", "test_2"]
+    assert by_tip[0].y.shape == (5, 12)
+    by_encoders = measured_takes(replace(DATASET, measurement="encoders"))
+    assert [take.take for take in by_encoders] == ["test_1", "test_2"]
+    second = by_encoders[1]
+    # every second reading: one a step of the motion
+    assert (second.y == 2.0).all() and second.y.shape == (5, 7) and not second.tip
+    np.testing.assert_allclose(second.t, np.arange(5) / 100)
+    np.testing.assert_allclose(second.bias.mean(axis=0), [0.02] + [0.0] * 6, atol=8e-4)
+    np.testing.assert_allclose(second.covariance[2], 4e-6 * np.eye(7), atol=2e-6)
+    assert measured_takes(replace(DATASET, measurement="depth")) == []
+
+
+def test_an_instrument_that_the_dataset_does_not_have_is_refused(tables):
+    for changed, words in (
+        ({"measurement": "encoders", "encoders": None}, "what the dataset does not have"),
+        ({"mocap": None}, "what the dataset does not have"),
+        ({"mocap": replace(MOCAP, deviation=None)}, "needs its markers or body"),
+        ({"mocap": replace(MOCAP, markers={"link_5": HAND})}, "'flange' needs its markers"),
+        ({"robot": replace(LWR4, plane=True)}, "not of one in a plane"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            measured_takes(replace(DATASET, **changed))
+    table = contracts.read("encoders", MOTION)
+    for take in ("test_2", "train_7"):
+        contracts.write(table[table["take"] != take], "encoders", MOTION)
+        with pytest.raises(ConfigError, match=f"nothing is measured of the takes {take}"):
+            measured_takes(replace(DATASET, measurement="encoders"))

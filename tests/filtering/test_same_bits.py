@@ -45,7 +45,7 @@ print(hashlib.sha256(b"".join(results)).hexdigest(), len({*results}))
 
 
 def has_avx512() -> bool:
-    """Whether this processor can run what is compiled for the newest level."""
+    """True where this processor can run code compiled for the newest level."""
     return " avx512vl" in Path("/proc/cpuinfo").read_text(encoding="utf-8")
 
 

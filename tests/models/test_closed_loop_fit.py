@@ -11,7 +11,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.additive.options import Options as Additive
+from pipeline.models.additive.fit import Options as Additive
 from pipeline.models.closed_loop import MeanPath, mean_path
 from pipeline.models.closed_loop_fit import (
     ClosedLoopFit,
@@ -21,17 +21,17 @@ from pipeline.models.closed_loop_fit import (
     take_log_likelihoods,
 )
 from pipeline.models.draws import draw_steps
+from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.gaussian.options import Options as Gaussian
 from pipeline.models.kinds import estimate
 from pipeline.models.noise import process_noise
 from pipeline.models.normal import without_measurement
+from pipeline.models.scaled.fit import Options as Scaled
 from pipeline.models.scaled.law import ScaledModel
-from pipeline.models.scaled.options import Options as Scaled
 from pipeline.models.steps import Estimate, Recorded
 from pipeline.models.wishart.decomposition import Decomposition
+from pipeline.models.wishart.fit import Options as Wishart
 from pipeline.models.wishart.law import WishartModel
-from pipeline.models.wishart.options import Options as Wishart
 
 TAKES, STEPS, REST = 30, 60, 10
 POSE = np.array([3e-3, 3e-3, 4e-3])  # rad, standard deviation of a measured pose
@@ -126,7 +126,7 @@ def test_of_takes_in_an_open_loop_the_interval_holds_zero(kind, path):
 
 
 def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
-    """Of y_k − y_0, in which no constant of a take is left, without a recursion."""
+    """The vector is y_k − y_0, in which no constant of a take is left, without a recursion."""
     rng, n, steps, takes = np.random.default_rng(4), 2, 5, 6
 
     def covariance(scale: float) -> np.ndarray:
@@ -180,7 +180,7 @@ def test_a_share_without_a_covariance_has_no_likelihood_and_leaves_the_others_th
 
 
 def test_deviations_go_as_the_linear_law_says(path):
-    """Of the mean of every model; the Wishart model's answers a correction by more than it."""
+    """The mean of every model does; the Wishart model's answers a correction by more than it."""
     recorded, share, off = takes_of("additive", path, 0.4, seed=5), 0.3, 1e-5
     mean, chain = mean_path(recorded), path.chain
     for kind, (model, _, _) in MODELS.items():

@@ -4,19 +4,14 @@ past u, beyond the joint limits.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from oracles import READINGS
 from scipy import stats
 
 from pipeline.core.errors import ModelDomainError, SingularJacobianError
-from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.model import frobenius, open_loop
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.law import WishartModel
 
@@ -81,62 +76,3 @@ def test_close_to_a_singular_pose_everything_is_finite(kind, sine, chain, step):
     )
     assert np.all(np.isfinite(model.mean(chain, q, step)))
     assert np.all(np.linalg.eigvalsh(model.covariance(chain, q, step))[:, 1:] >= 0)
-
-
-def test_past_the_bound_the_noise_is_clipped_and_counted(chain, poses, step):
-    norms = frobenius(chain.inverse_jacobian(poses))
-    bounded = GaussianModel(0.1, float(np.quantile(norms, 0.7)))
-    drawn, clipped = draw_steps(bounded, chain, poses, step, np.random.default_rng(4))
-    nominal = poses + np.matvec(chain.inverse_jacobian(poses), step)
-    assert clipped == np.count_nonzero(norms > bounded.u) == 60
-    unmoved = np.all(np.abs(drawn - nominal) < 1e-13, axis=1)
-    assert np.array_equal(unmoved, norms > bounded.u)
-    with pytest.raises(ModelDomainError, match="60 of 200"):
-        bounded.log_density(chain, poses, step, drawn)
-    assert np.all(np.isfinite(bounded.log_density(chain, poses, step, drawn, MEASUREMENT)))
-
-
-@pytest.mark.parametrize("kind", [kind for kind in MODELS if kind != "gaussian"])
-def test_models_without_a_bound_clip_nothing(kind, chain, poses, step):
-    assert draw_steps(MODELS[kind], chain, poses, step, np.random.default_rng(5))[1] == 0
-
-
-@pytest.mark.parametrize("kind", MODELS)
-def test_beyond_the_joint_limits_the_model_goes_on_and_the_filter_counts(kind, chain, step):
-    """The models know of no limits; the filter loses the particles that leave them, and says how
-    many.
-    """
-    start = np.array([0.4, 1.7, -0.3])
-    nominal = np.linalg.solve(chain.jacobian(start), step)
-    axis = int(np.argmax(np.abs(nominal)))
-    lower, upper = start - 2.0, start + 2.0
-    # one limit lies where the nominal step leads, so that about half of the steps leave it
-    (upper if nominal[axis] > 0 else lower)[axis] = start[axis] + nominal[axis]
-    tight = replace(chain, lower=lower, upper=upper)
-    drawn, _ = draw_steps(
-        MODELS[kind], tight, np.tile(start, (2000, 1)), step, np.random.default_rng(11)
-    )
-    outside = np.mean(~tight.within_limits(drawn))
-    assert np.all(np.isfinite(drawn)) and 0.2 < outside < 0.8
-
-    def lost(arm) -> int:
-        nothing = Measurements(
-            "take", np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3))
-        )
-        begin, options = Start(start, np.zeros((3, 3))), FilterOptions(particles=2000)
-        return int(
-            particle_filter(
-                MODELS[kind],
-                arm,
-                open_loop(step[None]),
-                0.01,
-                begin,
-                nothing,
-                options,
-                np.random.default_rng(11),
-            ).outside[1]
-        )
-
-    assert abs(lost(tight) / 2000 - outside) < 0.05
-    # control: with the limits far away next to none is lost
-    assert lost(replace(chain, lower=start - 2.0, upper=start + 2.0)) < 0.05 * 2000

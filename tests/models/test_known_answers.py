@@ -7,26 +7,26 @@ the pseudo-inverse of J₁BJ₂.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from oracles import algorithm_1_steps
 from random_arm import RandomArm, motion, random_arm
 
-from pipeline.models.additive.options import Options as Additive
+from pipeline.models.additive.fit import Options as Additive
 from pipeline.models.closed_loop import MeanPath
 from pipeline.models.closed_loop_fit import fit_closed_loop
+from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.gaussian.options import Options as Gaussian
 from pipeline.models.kinds import estimate, truths
 from pipeline.models.noise import process_noise
+from pipeline.models.scaled.fit import Options as Scaled
 from pipeline.models.scaled.law import ScaledModel
-from pipeline.models.scaled.options import Options as Scaled
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.decomposition import Decomposition
+from pipeline.models.wishart.fit import Options as Wishart
 from pipeline.models.wishart.law import WishartModel
-from pipeline.models.wishart.options import Options as Wishart
 
 TAKES, STEPS, REST = 40, 80, 20
 every_arm = pytest.mark.parametrize(
@@ -121,26 +121,6 @@ def test_the_wishart_dispersion_comes_back_by_likelihood(n, m, name):
 
 
 @every_arm
-def test_the_papers_estimator_returns_the_share_of_the_dispersion_that_one_direction_shows(n, m):
-    """2m of the m(m + 1) parts of ‖B − I‖², of moving steps, within a tenth: its error, not one of
-    its solution.
-    """
-    case = scene(n, m)
-    case = replace(case, covariance=1e-4 * case.covariance)
-    options = Wishart("wishart", "", estimator="paper", decomposition="qr_transposed", floor=0.01)
-
-    def result(sigma_b: float) -> float:
-        data = recorded(case, WishartModel(sigma_b, Decomposition("qr_transposed")))
-        return estimate(data, options).diagnostics["sigma_b_mean_over_moving_steps"]
-
-    share = np.sqrt(2 / (m + 1))
-    assert result(0.15) == pytest.approx(0.15 * share, rel=0.1)
-    # controls: all of it, and another dispersion
-    assert result(0.15) != pytest.approx(0.15, rel=0.1)
-    assert result(0.2) != pytest.approx(0.15 * share, rel=0.1)
-
-
-@every_arm
 @pytest.mark.parametrize("estimator", ["paper", "likelihood"])
 def test_the_gaussian_level_of_noise_comes_back(n, m, estimator):
     """α·sqrt(u² − ⟨‖J⁺‖²⟩) within 4 %: α and u themselves are hardly told apart."""
@@ -185,10 +165,7 @@ def test_the_share_of_the_closed_loop_comes_back(n, m, kind):
     case = scene(n, m)
     arm, path = case.arm, MeanPath(case.arm, case.q)
     model, options = {
-        "additive": (
-            ScaledModel(case.covariance),
-            Additive("additive", "", estimator="shrinkage"),
-        ),
+        "additive": (ScaledModel(case.covariance), Additive("additive", "", estimator="shrinkage")),
         "wishart": (WishartModel(0.2, Decomposition("qr_transposed")), likelihood("qr_transposed")),
     }[kind]
 

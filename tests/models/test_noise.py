@@ -26,19 +26,6 @@ def test_the_noise_put_into_a_motion_comes_out_measured_minus_nominal(chain):
     np.testing.assert_allclose(process_noise(chain, q, v), noise, atol=1e-15)
 
 
-def test_the_covariance_of_each_step_is_about_its_own_mean():
-    samples = np.random.default_rng(3).standard_normal((10, 5, 3)) + np.arange(5)[:, None]
-    mean, covariance = takes_moments(samples)
-    for k in range(5):
-        np.testing.assert_allclose(mean[k], samples[:, k].mean(axis=0))
-        np.testing.assert_allclose(covariance[k], np.cov(samples[:, k].T), rtol=1e-12)
-
-
-def test_one_take_has_no_covariance():
-    with pytest.raises(ModelDomainError, match="at least two takes"):
-        takes_moments(np.zeros((1, 5, 3)))
-
-
 def test_the_measurement_noise_is_what_moves_at_rest():
     rng = np.random.default_rng(4)
     noise = rng.multivariate_normal(np.zeros(3), np.diag([1.0, 4.0, 9.0]), (400, 8))

@@ -7,7 +7,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.core.errors import ModelDomainError
 from pipeline.statistics.curves import (
     HALF_EXPLAINED,
     NO_NOISE,
@@ -18,8 +17,6 @@ from pipeline.statistics.curves import (
     correlation,
     following_tests,
     mean_error_comparison,
-    relative_error,
-    root_mean_square,
     spread_comparison,
     std_scores,
 )
@@ -113,16 +110,6 @@ def test_constant_noise_varies_less_than_its_limit_and_noise_that_comes_and_goes
     curves = takes_of(curve(0.6), "normal", 0.3, 100, rng)
     found = curves.std(axis=0).std(axis=0) / curves.std(axis=0).mean(axis=0)
     assert (found > constant_noise_variation(curves, rng)).all()
-
-
-def test_curves_are_compared_in_size_and_in_course():
-    a = np.random.default_rng(2).normal(size=50)
-    assert correlation(a, 3 * a + 7) == pytest.approx(1) == -correlation(a, -a)
-    assert correlation(a, np.full(50, 0.1)) == 0.0
-    assert root_mean_square(np.array([[3.0, 4.0], [0.0, 0.0]])) == 2.5
-    assert relative_error(10 * a, a) == pytest.approx(9)
-    with pytest.raises(ModelDomainError, match="zero throughout"):
-        relative_error(a, np.zeros(50))
 
 
 def test_what_follows_the_ramps_alone_does_not_follow_at_constant_speed():

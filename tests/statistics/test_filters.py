@@ -8,7 +8,6 @@ import pytest
 from pipeline.core.filters import MEMORY, NONE, closed, models_of
 from pipeline.statistics.filters import (
     Filtered,
-    bound_quantities,
     bound_scores,
     filter_metrics,
     filter_scores,
@@ -16,11 +15,15 @@ from pipeline.statistics.filters import (
     no_filter,
     sensor_scores,
 )
-from pipeline.statistics.takes import resampled_differences
 
 JOINTS = ("hip", "knee")
 STEPS = 100
 STEADY = np.ones(STEPS - 1, dtype=bool)
+
+
+def filtered(error: np.ndarray, bound: np.ndarray) -> Filtered:
+    covariance = bound[..., None] ** 2 * np.eye(bound.shape[-1])
+    return Filtered(error, covariance, np.zeros(covariance.shape[-2:]))
 
 
 @pytest.fixture
@@ -76,18 +79,6 @@ def test_too_few_training_takes_for_a_density_are_said(takes):
     assert np.isnan(scores[(NONE, "log_score")]) and np.isfinite(scores[("lag", "log_score")])
 
 
-def test_every_filter_and_joint_has_the_scores_of_its_own_errors_and_bounds():
-    rng = np.random.default_rng(7)
-    error = {model: rng.normal(0.0, 0.01, (6, 20, 2)) for model in ("additive", "wishart")}
-    bound = {model: rng.uniform(0.005, 0.02, (6, 20, 2)) for model in error}
-    metrics = filter_metrics(filter_scores(error, bound, JOINTS, np.ones(19, dtype=bool)))
-    expected = bound_scores(error["wishart"][..., 0], bound["wishart"][..., 0])
-    assert {name: metrics[f"wishart_hip_{name}"] for name in expected} == expected
-    assert len(metrics) == 2 * 2 * (len(expected) + 1)
-    # control: another joint has others
-    assert metrics["wishart_knee_rms_error_rad"] != expected["rms_error_rad"]
-
-
 def test_a_bias_that_is_nothing_is_about_one_standard_error_and_a_real_one_is_many():
     rng = np.random.default_rng(8)
     takes, frames = 50, 400
@@ -102,27 +93,29 @@ def test_a_bias_that_is_nothing_is_about_one_standard_error_and_a_real_one_is_ma
     assert scores["kinect_std_knee_variation"] == 0
 
 
-def test_a_bound_that_collapses_in_every_take_varies_infinitely():
-    error = np.full((3, 5), 0.01)
-    assert bound_scores(error, error)["bound_greatest_over_least"] == 1
-    assert bound_scores(error, error * [1, 1, 0, 1, 1])["bound_greatest_over_least"] == np.inf
-
-
 def test_a_bound_that_follows_the_error_is_told_from_one_that_does_not():
     rng, shape = np.random.default_rng(1), (40, STEPS, 2)
     width = np.linspace(0.5, 2.0, STEPS)[:, None] * np.ones(2)
     error = {model: width * rng.normal(size=shape) for model in ("constant", "following")}
     bound = {"constant": 1.3 + 0.01 * rng.random(shape), "following": np.tile(width, (40, 1, 1))}
-    rows = resampled_differences(bound_quantities(error, bound, JOINTS), list(error), 40, rng)
-    rows = rows.set_index(["model", "quantity"])
+    filters = {name: filtered(error[name], bound[name]) for name in error}
+    filters[NONE] = filters["constant"]
+    tables, _ = filter_tables(filters, JOINTS, STEADY, rng)
+    rows = tables["bound_comparison"].set_index(["model", "quantity"])
     assert rows.loc[("following", "correlation_of_bound_with_error_knee"), "low"] > 0.5
     assert rows.loc[("following", "relative_error_of_bound_knee"), "high"] < 0
+    # every filter and joint has the scores of its own errors and bounds
+    expected = bound_scores(error["following"], filters["following"].bound, JOINTS)
+    metrics = filter_metrics(tables["filter_scores"])
+    for joint, own in expected.items():
+        assert {name: metrics[f"following_{joint}_{name}"] for name in own} == own
+    assert expected["hip"] != expected["knee"]
 
 
 def test_a_bound_that_follows_the_ramps_alone_does_not_follow_at_constant_speed():
     steps = np.arange(61)
     ramp, steady = np.minimum(steps, 20.0), steps[1:] > 20
     error, bound = ((1 + ramp + sign * np.sin(steps))[None, :, None] for sign in (1, -1))
-    (row,) = filter_scores({"m": error}, {"m": bound}, ["hip"], steady).to_dict("records")
+    (row,) = filter_scores({"m": filtered(error, bound)}, ["hip"], steady).to_dict("records")
     assert row["correlation_of_bound_with_error"] > 0.9
     assert row["correlation_of_bound_with_error_at_constant_speed"] < -0.9

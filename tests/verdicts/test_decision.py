@@ -19,7 +19,6 @@ from pipeline.verdicts.decision import (
     decide,
     decide_each,
     verdict_data,
-    verdict_table,
 )
 from pipeline.verdicts.reference import ArmNames
 from pipeline.verdicts.run import Run
@@ -127,36 +126,18 @@ def test_standard_errors_add_in_squares_and_give_distance_and_interval():
     assert verdict(evidence, **changes | {"limit": 1.5}).verdict == NOT_REPRODUCED
 
 
-def test_the_same_claims_judge_the_numbers_of_any_variation():
-    claims = parse_claims([CLAIM])
-    variations = {
-        share: {"metrics/motion": {"additive_error": 0.01, "wishart_error": 0.015 * share}}
-        for share in (1.0, 2.0)
-    }
-    tables = {
-        share: verdict_table(decide(claims, evidence, "synthetic", ARM))
-        for share, evidence in variations.items()
-    }
-    assert tables[1.0]["verdict"].tolist() == [REPRODUCED] * 2
-    assert tables[2.0]["verdict"].tolist() == [NOT_REPRODUCED] * 2
-    assert tables[2.0]["holds"].tolist() == [True, False]
-
-
-@pytest.mark.parametrize("joints", [("slide",), JOINTS, tuple("abcdef"), tuple("abcdefg")])
+@pytest.mark.parametrize("joints", [("slide",), JOINTS, tuple("abcdefg")])
 def test_every_joint_of_an_arm_of_any_size_is_a_case_by_its_own_name(joints):
-    evidence = {"metrics/motion": {f"{name}_error": 0.01 for name in joints[:-1]}}
-    evidence["metrics/motion"][f"{joints[-1]}_error"] = 0.03
+    evidence = {f"{name}_error": 0.01 for name in joints[:-1]} | {f"{joints[-1]}_error": 0.03}
     value = {"file": "metrics/motion", "key": "{joint}_error"}
-    claims = parse_claims([CLAIM | {"each": {"joint": "every"}, "value": value}])
-    (result,) = decide(claims, evidence, "real", ArmNames(joints, ("x",)))
-    assert [(case.case, case.value) for case in result.cases] == [
-        *((name, 0.01) for name in joints[:-1]),
-        (joints[-1], 0.03),
-    ]
+    claims, arm = parse_claims([CLAIM | {"each": {"joint": "every"}, "value": value}]), ARM
+    arm = arm._replace(joints=joints, task=("x",))
+    (result,) = decide(claims, {"metrics/motion": evidence}, "real", arm)
+    assert [case.case for case in result.cases] == list(joints)
     assert [case.holds for case in result.cases] == [True] * (len(joints) - 1) + [False]
     assert result.verdict == NOT_REPRODUCED
-    missing = {"metrics/motion": {f"{name}_error": 0.01 for name in joints[:-1]}}
-    (result,) = decide(claims, missing, "real", ArmNames(joints, ("x",)))
+    del evidence[f"{joints[-1]}_error"]
+    (result,) = decide(claims, {"metrics/motion": evidence}, "real", arm)
     assert result.verdict == NO_EVIDENCE
 
 
@@ -208,7 +189,7 @@ def test_runs_are_decided_by_whose_recordings_they_are_and_by_their_own_joints()
     decided = decide_each(claims, runs, ["lab"])
     assert [whose.recordings for whose in decided] == ["synthetic", "real", "paper", "none"]
     assert [whose.verdicts[0].cases[0].value for whose in decided[:3]] == [0.01, 0.02, 0.01]
-    assert decided[0].summary == "1 reproduced" and decided[1].summary == "1 not reproduced"
+    assert [w.verdicts[0].verdict for w in decided[:2]] == [REPRODUCED, NOT_REPRODUCED]
 
 
 def test_a_claim_that_needs_no_recording_is_decided_once_in_a_column_of_its_own():

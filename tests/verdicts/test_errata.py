@@ -15,7 +15,7 @@ from pipeline.core import config
 from pipeline.core.errors import ConfigError
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import decide_each
-from pipeline.verdicts.errata import MISSING, correct, errata_page, parse_errata
+from pipeline.verdicts.errata import MISSING, errata_page, parse_errata
 from pipeline.verdicts.run import Run, read_run
 
 ROOT = Path(__file__).parents[2]
@@ -54,7 +54,7 @@ def page(evidence, **changes) -> str:
         {},
     )
     decided = decide_each(parse_claims([CLAIM]), [run], [])
-    return errata_page(correct(parse_errata([ENTRY | changes]), run, decided))
+    return errata_page(parse_errata([ENTRY | changes]), run, decided)
 
 
 def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose():
@@ -126,7 +126,7 @@ def test_every_number_of_the_errata_is_in_the_run():
     run = read_run(ROOT / "reports/datasets/youbot.json")
     claims = parse_claims(config.read_yaml(ROOT / "reports/claims.yaml")["claims"])
     decided = decide_each(claims, [run], [])
-    assert MISSING not in errata_page(correct(ERRATA, run, decided))
+    assert MISSING not in errata_page(ERRATA, run, decided)
     assert len({erratum.id for erratum in ERRATA}) == len(ERRATA)
 
 

@@ -10,16 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.verdicts.model_card import (
-    BETWEEN,
-    NO_ROBOT,
-    NO_SPREAD,
-    UNKNOWN,
-    choice,
-    model_card,
-)
+from pipeline.verdicts.model_card import NO_ROBOT, UNKNOWN, model_card
 from pipeline.verdicts.recommendation import answer
 from pipeline.verdicts.run import Run
+from pipeline.verdicts.scores import BETWEEN, NO_SPREAD, choice
 
 BASELINES = {"none": 10.0, "memory": 11.0, "additive": 9.0, "scaled_full": 10.5}
 PARAMETER = {"s": 0.5, "s_standard_error": 0.0125, "s_interval_low": 0.48, "s_interval_high": 0.53}

@@ -12,10 +12,11 @@ from pipeline.verdicts import report_page
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import WITHOUT_RECORDING, decide_each
 from pipeline.verdicts.equations import Source, parse_items
-from pipeline.verdicts.filters import filters_part, verdict
-from pipeline.verdicts.readings import DEFAULT, readings_part
+from pipeline.verdicts.further_pages import datasets_page, recordings_page
+from pipeline.verdicts.report_page import DEFAULT, readings, statement, verdict_cell
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.wording import case_text, number, statement, verdict_cell
+from pipeline.verdicts.scores import filter_verdict, filters
+from pipeline.verdicts.wording import case_text, number
 
 TEXTS = {key: f"the {key}" for key in ("where", "statement", "quantity", "reason")}
 STUDY = TEXTS | {
@@ -73,7 +74,7 @@ def decided():
 
 
 def test_the_first_table_has_a_column_a_robot_and_no_tried_out_dataset(decided):
-    page = report_page.report_page(RUNS[0], decided, [("Empty", ""), ("More", report_page.LINKS)])
+    page = report_page.report_page(RUNS[0], RUNS, decided, {"Empty": "", "Ours": "x"})
     assert page.startswith("# Results: dataset youbot, scale paper\n")
     assert f"| claim | {WITHOUT_RECORDING} | youBot, synthetic | UR5, real |" in page
     assert "| the statement | ✓ 0.2 |  |  |" in page
@@ -83,15 +84,17 @@ def test_the_first_table_has_a_column_a_robot_and_no_tried_out_dataset(decided):
     )
     assert page.index("the project's own claim") > page.index("the paper's own arm")
     assert "no recording: 1 / 0; youBot, synthetic: 0 / 1; UR5, real: 0 / 1" in page
-    assert "mine" not in page and "## Empty" not in page and "## More" in page
-    own = report_page.report_page(RUNS[2], decided, [])
+    assert "| mine" not in page and "## Empty" not in page and "## Ours" in page
+    own = report_page.report_page(RUNS[2], RUNS, decided, {})
     assert f"| claim | {WITHOUT_RECORDING} | mine | youBot, synthetic | UR5, real |" in own
 
 
 def test_a_trial_run_says_so_and_prints_no_verdict():
     runs = [a_run("youbot", 0.75, scale="smoke")]
-    page = report_page.report_page(runs[0], decide_each(CLAIMS, runs, []), [])
-    assert "its numbers decide nothing" in page and "✗" not in page
+    page = report_page.report_page(runs[0], runs, decide_each(CLAIMS, runs, []), {})
+    assert page.startswith("# A trial run on the scale smoke, whose numbers decide nothing")
+    assert not {"✓", "✗", "Claims", "hold"} & {*page.replace(":", " ").split()}
+    assert {"hold", "fail"} & {*report_page.summary_numbers(runs[0], [])} == set()
 
 
 def test_every_failure_has_its_test_first_case_and_reason(decided):
@@ -102,7 +105,7 @@ def test_every_failure_has_its_test_first_case_and_reason(decided):
         "- **own** on youbot",
         "- **own** on ur5",
     ]
-    assert lines[0].endswith("b: 0.75; test: below 0.5. Reason: it mixes units.")
+    assert lines[0].endswith("b: 0.75. Reason: it mixes units.")
     assert "a: 0.6 and 1 more cases" in lines[1]
 
 
@@ -121,7 +124,7 @@ def test_three_estimators_stand_side_by_side_and_an_unbounded_one_has_no_number(
 
 
 def test_every_dataset_stands_on_the_second_page(decided):
-    page = report_page.datasets_page(decided)
+    page = datasets_page(decided)
     assert f"| claim | mine | ur5 | youbot | {WITHOUT_RECORDING} |" in page
     assert "| std | ✓ | ✗ | ✗ |  |" in page and "| study |  |  |  | ✓ |" in page
 
@@ -158,11 +161,13 @@ def test_figures_come_in_the_papers_order_and_then_ours():
         name: {"title": name, "caption": caption, "script": f"pipeline/figures/{name}.py"}
         for name in ("a", "b", "z")
     }
-    text = report_page.figures(captions, items, sources)
-    images = [line.strip() for line in text.splitlines() if "![" in line]
-    assert images == [f"![{name}](figures/{name}.png)" for name in ("z", "b", "a")]
-    assert "**Fig. 1 (First).** A line. To look at: its height.\n" in text
-    assert "**Not in the paper.**" in text
+    assert report_page.figures(captions, items, sources).splitlines() == [
+        "- **Fig. 1 (First).** To look at: its height.",
+        "  ![z](figures/z.png)",
+        "- **Fig. 2 (Second).** To look at: its height.",
+        "  ![b](figures/b.png)",
+        "- Not in the paper: [a](figures/a.png).",
+    ]
 
 
 def test_counts_are_totals_and_no_mean_share_or_row_number_is_among_them():
@@ -181,12 +186,13 @@ def test_counts_are_totals_and_no_mean_share_or_row_number_is_among_them():
     )
     tables = {"recording_quality": quality, "kept": kept}
     run = Run("lab", "paper", False, ["a"], PLANE, {}, metrics, tables)
-    assert report_page.counts(run).splitlines()[4:] == [
-        "| camera | cut rows 3 |",
-        "| filter of wishart | particle steps outside the domain 19,194 |",
-    ]
-    assert report_page.kept(run).splitlines()[3] == "| motions | b | 1 | 0 |  |"
-    assert report_page.kept(RUNS[1]) == report_page.counts(RUNS[1]) == ""
+    page = recordings_page(run)
+    assert page.endswith(
+        "| camera | cut rows 3 |\n"
+        "| filter of wishart | particle steps outside the domain 19,194 |\n"
+    )
+    assert "| motions | b | 1 | 0 |  |" in page
+    assert recordings_page(RUNS[1]) == "# Recordings of dataset ur5\n"
 
 
 SCORES = {"rms_error_a_rad": 0.01, "coverage_of_one_sigma_a": 0.7, "log_score": 5.0}
@@ -207,17 +213,17 @@ def filtered(**differences: tuple[float, float]) -> Run:
 
 def test_the_filters_with_a_higher_log_score_are_named_and_the_rows_have_an_order():
     run = filtered(memory=(-0.5, 0.5), wishart=(-0.5, -1.0), additive_closed=(0.05, 0.05))
-    text = verdict(run)
+    text = filter_verdict(run)
     assert text.startswith("On lab no particle filter has a higher log score than the mean and")
     assert "smaller rms error in every joint: wishart, open loop." in text
     assert text.endswith("The linear autoregressive filter has a higher log score.")
-    assert "has not a higher" in verdict(filtered(memory=(0.0, 0.0), wishart=(0.0, -1.0)))
-    higher = verdict(filtered(wishart_closed=(0.0, 0.5), additive=(0.5, -1.0)))
+    assert "has not a higher" in filter_verdict(filtered(memory=(0.0, 0.0), wishart=(0.0, -1.0)))
+    higher = filter_verdict(filtered(wishart_closed=(0.0, 0.5), additive=(0.5, -1.0)))
     assert higher == (
         "On lab these particle filters have a higher log score than the mean and standard "
         "deviation of the training takes: wishart, closed loop."
     )
-    rows = filters_part(run).splitlines()[-4:]
+    rows = filters(run).splitlines()[-4:]
     assert [row.split(" | ")[0] for row in rows] == [
         "| training mean",
         "| autoregressive, linear filter",
@@ -225,7 +231,7 @@ def test_the_filters_with_a_higher_log_score_are_named_and_the_rows_have_an_orde
         "| additive, closed loop",
     ]
     assert rows[2] == "| wishart, open loop | -0.49 | 0.7 | 4 (-1 [-1.1, -0.9]) |"
-    assert filters_part(RUNS[0]) == verdict(RUNS[0]) == ""
+    assert filters(RUNS[0]) == filter_verdict(RUNS[0]) == ""
 
 
 def read_under(**holds: tuple[str, str]) -> str:
@@ -236,7 +242,7 @@ def read_under(**holds: tuple[str, str]) -> str:
         for refused in ["no noise; try another [q 1]" if word == "no evidence" else ""]
     ]
     tables = {"readings": pd.DataFrame(rows)} if rows else {}
-    return readings_part([Run("lab", "paper", True, ["a"], PLANE, {}, {}, tables)])
+    return readings([Run("lab", "paper", True, ["a"], PLANE, {}, {}, tables)])
 
 
 def test_a_claim_that_another_reading_changes_has_a_row_and_missing_numbers_a_note():

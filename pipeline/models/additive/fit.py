@@ -6,14 +6,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
 
-from pipeline.models.additive.options import Options
+from pipeline.core import validation
+from pipeline.models import options as base
 from pipeline.models.noise import mean_covariance
 from pipeline.models.normal import without_measurement
 from pipeline.models.steps import Estimate, Recorded, Truth
 from pipeline.statistics.takes import takes_moments
+
+
+@validation.options(kw_only=True)
+class Options(base.Options):
+    """``estimator``: ``paper`` or ``shrinkage``."""
+
+    estimator: Literal["paper", "shrinkage"]
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
@@ -22,11 +31,8 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
         return _estimate(mean_covariance(recorded.noise), {})
     shrunk, intensity = shrunk_covariance(recorded.noise)
     covariance, quiet = without_measurement(shrunk, recorded.measurement)
-    diagnostics = {
-        "shrinkage_intensity": intensity,
-        "axes_without_noise_beyond_the_measurement": quiet,
-    }
-    return _estimate(covariance, diagnostics)
+    names = "shrinkage_intensity", "axes_without_noise_beyond_the_measurement"
+    return _estimate(covariance, dict(zip(names, (intensity, quiet), strict=True)))
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:

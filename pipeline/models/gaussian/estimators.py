@@ -35,7 +35,7 @@ class GaussianFit:
     alpha: float
     u: float  # û = max_k ‖J̲_k⁺‖_F + ũ
     extension: float  # ũ > 0
-    objective: float  # what was minimised: rad⁴, rad and rad² mixed as in the paper, or −Σ ln p
+    objective: float  # least value: rad⁴, rad and rad² mixed as in the paper, or −Σ ln p
     at_end: bool  # whether ũ stopped at an end of its interval, so that nothing determines it
     unbounded: bool  # whether at the upper end: a greater u would do as well or better
     extensions: np.ndarray
@@ -89,8 +89,8 @@ class StepMeans:
 
     @classmethod
     def of(cls, recorded: Recorded) -> StepMeans:
-        """Of the steps of ``recorded``; raises SingularJacobianError, and ModelDomainError for a
-        motion at rest throughout and where the measurement noise is not known.
+        """Means over the steps of ``recorded``; raises SingularJacobianError, and ModelDomainError
+        for a motion at rest throughout and where the measurement noise is not known.
         """
         squares = frobenius(recorded.chain.inverse_jacobian(recorded.q)) ** 2
         v = task_step(recorded.chain, recorded.v)
@@ -145,26 +145,24 @@ def weighted_medians(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 def fit_distance(
-    recorded_mean: np.ndarray,
-    recorded_covariance: np.ndarray,
-    nominal_mean: np.ndarray,
-    step_norm: np.ndarray,
-    inverse_norm: np.ndarray,
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    speeds: np.ndarray,
+    norms: np.ndarray,
     *,
     rows: int,
     beta1: float,
     extensions: np.ndarray,
 ) -> GaussianFit:
     """Minimise F = Σ_k β₁‖q̲_k − q̲̃_k‖ + β₂|tr{Cov(q_k) − Cov(q̃_k)}| over ũ in the range of
-    ``extensions`` and all α ≥ 0, β₂ = 1 − β₁.
+    ``extensions`` and all α ≥ 0, β₂ = 1 − β₁: Eqs. (bound-u) and (objective-u-alpha).
 
-    Eqs. (bound-u) and (objective-u-alpha). The moments are of one step. The model's mean is the
-    nominal one for every (ũ, α), so the first term, from ``nominal_mean`` and ``recorded_mean`` (M,
-    n) in rad, is a constant. ``step_norm`` is ‖v_k‖ and ``inverse_norm`` ‖J̲_k⁺‖_F (M,), ``rows`` m
-    of the task, ``recorded_covariance`` (M, n, n) in rad². The absolute value, step by step, mends
-    the printed objective, which falls without bound as the model's noise vanishes. In α² it is a
-    weighted sum of distances: its minimum is the median of tr Cov(q̃_k)/g_k under the weights g_k.
-    The paper's ũ > 0 has no upper end; here the interval is the caller's to state.
+    The moments are of one step, ``mean`` (M, n) in rad about the nominal one, which is the model's
+    for every (ũ, α), so that the first term is a constant, and ``covariance`` (M, n, n) in rad².
+    ``speeds`` is ‖v_k‖ and ``norms`` ‖J̲_k⁺‖_F (M,), ``rows`` m of the task. The absolute value,
+    step by step, mends the printed objective, which falls without bound as the model's noise
+    vanishes. In α² it is a weighted sum of distances: its minimum is the median of tr Cov(q̃_k)/g_k
+    under the weights g_k. The paper's ũ > 0 has no upper end; here the caller states the interval.
 
     Raises ModelDomainError for β₁ outside [0, 1), bad extensions, or a motion at rest throughout.
     """
@@ -173,14 +171,13 @@ def fit_distance(
             "beta1 must lie in [0, 1): with beta1 = 1 the objective does not depend on the noise",
             beta1=beta1,
         )
-    require_motion(step_norm)
-    moving = step_norm > 0
-    traces = np.trace(recorded_covariance, axis1=-2, axis2=-1)
-    largest = float(inverse_norm.max())
-    constant = beta1 * np.linalg.norm(nominal_mean - recorded_mean, axis=-1).sum()
+    require_motion(speeds)
+    moving, largest = speeds > 0, float(norms.max())
+    traces = np.trace(covariance, axis1=-2, axis2=-1)
+    constant = beta1 * np.linalg.norm(mean, axis=-1).sum()
 
     def best(extensions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        gain = ((largest + extensions[:, None]) ** 2 - inverse_norm**2) * step_norm**2 / rows
+        gain = ((largest + extensions[:, None]) ** 2 - norms**2) * speeds**2 / rows
         squared = weighted_medians(traces[moving] / gain[:, moving], gain[:, moving])
         distance = np.abs(squared[:, None] * gain - traces).sum(axis=1)
         return constant + (1 - beta1) * distance, np.sqrt(squared)
@@ -198,9 +195,7 @@ class GaussianLikelihood:
 
     def from_takes(self, takes: np.ndarray) -> tuple[float, float]:
         """(α̂, û) of the takes with these numbers, as often as each is named, by parabolas through
-        the nodes.
-
-        Raises ModelDomainError where they are beyond the nodes.
+        the nodes; raises ModelDomainError where they are beyond the nodes.
         """
         costs = np.tensordot(np.bincount(takes, minlength=len(self.costs)), self.costs, axes=1)
         log_alphas, least = np.array(
@@ -212,18 +207,17 @@ class GaussianLikelihood:
                 "the likelihood of these takes is greatest beyond where it was evaluated",
                 takes=takes.tolist(),
             )
-        largest = self.fit.u - self.fit.extension
         extension = self.fit.extensions[i]
         if 0 < i < last:
             near = slice(i - 1, i + 2)
             extension = _vertex(self.fit.extensions[near], least[near])[0]
         alpha = np.exp(np.interp(extension, self.fit.extensions, log_alphas))
-        return float(alpha), float(largest + extension)
+        return float(alpha), float(self.fit.u - self.fit.extension + extension)
 
 
 def _vertex(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Place and height of the least of the parabola through ``y`` (N,) at the least of ``x`` (N,)
-    and its neighbours; no place where that is an end of ``x``.
+    """Argument and value at the vertex of the parabola through the least of ``y`` (N,) at ``x``
+    (N,) and its neighbours; NaN for the argument where the least is at an end.
     """
     i = int(y.argmin())
     if i in (0, len(y) - 1):
@@ -237,10 +231,10 @@ def fit_likelihood(recorded: Recorded, extensions: np.ndarray) -> GaussianLikeli
     extension), and the best of these, refined.
 
     The maximum is over all recorded poses with a command, so that no recorded step is beyond the
-    bound. ``objective`` of the fit is −Σ ln p over the steps with a command, where p is the exact
-    density of a step plus the measurement noise, without which the slowest steps would decide
-    everything. ``extensions`` (G ≥ 3,) are shares of the maximum, ascending and positive. Raises
-    SingularJacobianError and ModelDomainError.
+    bound. ``objective`` of the fit is −Σ ln p over the steps with a command, p the exact density of
+    a step plus the measurement noise, without which the slowest steps would decide. ``extensions``
+    (G ≥ 3,) are shares of the maximum, ascending and positive. Raises SingularJacobianError and
+    ModelDomainError.
     """
     from scipy.optimize import minimize_scalar
 
@@ -261,10 +255,9 @@ def fit_likelihood(recorded: Recorded, extensions: np.ndarray) -> GaussianLikeli
     def best_at(extension: float) -> tuple[float, float]:
         gain = gain_at(extension)
         middle = 0.5 * np.log(squared / gain.mean())
-        bounds = (middle - np.log(ALPHA_RANGE), middle + np.log(ALPHA_RANGE))
         result = minimize_scalar(
             lambda log_alpha: -float(densities(log_alpha, gain).sum()),
-            bounds=bounds,
+            bounds=(middle - np.log(ALPHA_RANGE), middle + np.log(ALPHA_RANGE)),
             method="bounded",
             options={"xatol": TOLERANCE},
         )
@@ -281,10 +274,5 @@ def fit_likelihood(recorded: Recorded, extensions: np.ndarray) -> GaussianLikeli
         gain = gain_at(float(extension))
         for j, log_alpha in enumerate(log_alphas[i]):
             costs[:, i, j] = -densities(log_alpha, gain).reshape(takes, -1).sum(axis=1)
-    fit = replace(
-        fit,
-        u=largest * fit.u,
-        extension=largest * fit.extension,
-        extensions=largest * fit.extensions,
-    )
-    return GaussianLikelihood(fit, log_alphas, costs)
+    scaled = {name: largest * getattr(fit, name) for name in ("u", "extension", "extensions")}
+    return GaussianLikelihood(replace(fit, **scaled), log_alphas, costs)

@@ -1,5 +1,5 @@
-"""(α, u) of the Gaussian matrix model: by moments, by the paper's distance of moments, or most
-likely.
+"""(α, u) of the Gaussian matrix model: options, estimate, and what is looked at beside it: the
+ridge that (α, u) lie on, and the gap of Σ_k to the problem as printed.
 """
 
 from __future__ import annotations
@@ -7,9 +7,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Annotated, Literal, get_args
 
 import numpy as np
+import pandas as pd
+from pydantic import Field
 
+from pipeline.core import validation
+from pipeline.models import options as base
 from pipeline.models.gaussian.estimators import (
     GaussianFit,
     GaussianLikelihood,
@@ -17,7 +22,6 @@ from pipeline.models.gaussian.estimators import (
     fit_distance,
     fit_likelihood,
 )
-from pipeline.models.gaussian.options import ESTIMATORS, Options
 from pipeline.models.model import frobenius, task_step
 from pipeline.models.noise import mean_covariance
 from pipeline.models.steps import Estimate, Recorded, Truth
@@ -30,21 +34,29 @@ LIKELY_EXTENSIONS = np.geomspace(0.005, 1.0, 25)
 # u of known parameters over the greatest norm of the poses: near enough to bend the noise, and
 # within what is searched
 BOUND = 1.1
+Estimator = Literal["moments", "paper", "likelihood"]
+
+
+@validation.options(kw_only=True)
+class Options(base.Options):
+    """``estimator``: ``moments`` (the recorded total variance, then its course over time),
+    ``paper`` (the distance of one-step moments, step by step) or ``likelihood``.
+    """
+
+    estimator: Estimator = "moments"
+    # of the paper's estimator alone: β₁, weight of the mean's error
+    beta: Annotated[float, Field(ge=0, lt=1)] = 0.5
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
     """(α, u) by the estimator that ``options`` name; raises what that estimator raises."""
     if options.estimator == "paper":
-        mean, covariance = takes_moments(recorded.noise)
-        poses = recorded.q.mean(axis=0)
+        poses, squares = recorded.q.mean(axis=0), _square_speeds(recorded)
         norms = frobenius(recorded.chain.inverse_jacobian(poses, what="mean pose"))
-        squares = _square_speeds(recorded)
         # of the commands (takes, M, m) of a closed loop the root mean square
         speeds = np.sqrt(squares.reshape(-1, squares.shape[-1]).mean(axis=0))
         fit = fit_distance(
-            mean,
-            covariance,
-            np.zeros_like(mean),
+            *takes_moments(recorded.noise),
             speeds,
             norms,
             rows=len(recorded.chain.task),
@@ -74,16 +86,15 @@ def _most_likely_of(
 
 def compared(options: Options) -> dict[str, Options]:
     """Every estimator."""
-    return {f"{{}}_{estimator}": replace(options, estimator=estimator) for estimator in ESTIMATORS}
+    return {f"{{}}_{each}": replace(options, estimator=each) for each in get_args(Estimator)}
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
     """(α, u) of the recorded mean variance; ``options`` and ``dispersions`` do not matter."""
     squares = frobenius(recorded.chain.inverse_jacobian(recorded.q)) ** 2
-    speeds = _square_speeds(recorded)
+    speeds, m = _square_speeds(recorded), len(recorded.chain.task)
     total_variance = np.trace(mean_covariance(recorded.noise))
     u = BOUND * float(np.sqrt(squares.max()))
-    m = len(recorded.chain.task)
     alpha = float(np.sqrt(m * total_variance / np.mean((u**2 - squares) * speeds)))
     values = _values(alpha, u, _mean_square(squares, speeds))
     return [Truth("gaussian", {"kind": "gaussian", "alpha": alpha, "u": u}, values)]
@@ -118,11 +129,37 @@ def _estimate(fit: GaussianFit, mean_square: float, from_takes=None) -> Estimate
         "extension_at_the_end_of_its_interval": fit.at_end,
     }
     parameters = {"kind": "gaussian", "alpha": fit.alpha, "u": fit.u, "u_unbounded": fit.unbounded}
-    return Estimate(
-        parameters,
-        _values(fit.alpha, fit.u, mean_square),
-        diagnostics,
-        fit,
-        from_takes,
-        ("u", "alpha") if fit.at_end else (),
-    )
+    values, unsure = _values(fit.alpha, fit.u, mean_square), ("u", "alpha") if fit.at_end else ()
+    return Estimate(parameters, values, diagnostics, fit, from_takes, unsure)
+
+
+def examined(
+    recorded: Recorded,
+    options: Options,
+    estimate: Estimate | None,
+    checks: int,
+    rng: np.random.Generator,
+) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
+    """The table ``ridge``, and the greatest gap between Σ_k and the solution of the log-det problem
+    as printed, at ``checks`` of the steps, evenly spread.
+    """
+    if estimate is None:
+        return {}, {}
+    # imported here: CVXPY takes longer to import than the model to fit
+    from pipeline.models.convex import noise_covariance_gap
+
+    fit = estimate.details
+    inverse = recorded.chain.inverse_jacobian(recorded.q.mean(axis=0))
+    norms = frobenius(inverse)
+    checked = norms[np.linspace(0, len(norms) - 1, min(checks, len(norms))).astype(int)]
+    gap = noise_covariance_gap(checked, fit.alpha, fit.u, *inverse.shape[-2:])
+    metrics = {"convex_problems_checked": len(checked), "convex_check_greatest_relative_gap": gap}
+    u = fit.u - fit.extension + fit.extensions
+    mean_square = estimate.diagnostics["rms_norm_of_the_inverse_jacobian"] ** 2
+    ridge = {
+        "u": u,
+        "alpha": fit.alphas,
+        "level": fit.alphas * np.sqrt(u**2 - mean_square),
+        "excess": fit.objectives - min(fit.objective, fit.objectives.min()),
+    }
+    return metrics, {"ridge": pd.DataFrame(ridge)}

@@ -2,27 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from typing import Literal
 
 import numpy as np
 
-from pipeline.core.compiled import compiled
-from pipeline.core.errors import ModelDomainError
+from pipeline.core import validation
+from pipeline.core.errors import ModelDomainError, SolverError
+from pipeline.models import options as base
 from pipeline.models.noise import mean_covariance
-from pipeline.models.normal import principal_axes
-from pipeline.models.scaled.options import Options, Structure
-from pipeline.models.semidefinite import minimise
+from pipeline.models.normal import principal_axes, root
 from pipeline.models.steps import Estimate, Recorded, Truth
 
-SUMMED = 256  # steps
+FLAT = 1e-5  # greatest slope, in L and along any X + tN of unit size, at a minimum
+SEARCHES = 20
+Structure = Literal["diagonal", "full"]
+# f and its slopes by each matrix, symmetric
+Objective = Callable[[list[np.ndarray]], tuple[float, list[np.ndarray]]]
+
+
+@validation.options(kw_only=True)
+class Options(base.Options):
+    """``structure``: ``diagonal`` or ``full`` covariances A and B."""
+
+    structure: Structure
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
     """Estimate A and B; raises ModelDomainError and SolverError as :func:`fit_scaled`."""
     steps = recorded.chain.nominal_step(recorded.q, recorded.v)
-    fit = fit_scaled(recorded.noise, steps, recorded.measurement, options.structure)
-    return _estimate(fit.floor, fit.gain, recorded.joints)
+    floor, gain, _ = fit_scaled(recorded.noise, steps, recorded.measurement, options.structure)
+    return _estimate(floor, gain, recorded.joints)
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
@@ -36,46 +46,30 @@ def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -
 
 
 def _estimate(floor: np.ndarray, gain: np.ndarray, joints: tuple[str, ...]) -> Estimate:
+    named = ("std_at_rest", "_rad", floor), ("std_share_of_the_step", "", gain)
     values = {
         f"{name}_{joint}{unit}": std
-        for name, unit, matrix in (
-            ("std_at_rest", "_rad", floor),
-            ("std_share_of_the_step", "", gain),
-        )
+        for name, unit, matrix in named
         for joint, std in zip(joints, np.sqrt(np.diag(matrix)), strict=True)
     }
     parameters = {"kind": "scaled", "floor": floor.tolist(), "gain": gain.tolist()}
     return Estimate(parameters, values, {})
 
 
-@dataclass(frozen=True)
-class ScaledFit:
-    """Maximum of the likelihood; log likelihoods are means per step in nats, of densities in
-    rad⁻ⁿ.
-    """
-
-    floor: np.ndarray  # (n, n) A, rad²
-    gain: np.ndarray  # (n, n) B, 1
-    log_likelihood: float
-
-
 def fit_scaled(
     noise: np.ndarray, dq: np.ndarray, measurement: np.ndarray, structure: Structure
-) -> ScaledFit:
-    """A ⪰ 0 and B ⪰ 0 of greatest likelihood for ω ~ N(0, Σ_m + A + D(q̇)BD(q̇)) at every step.
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """A ⪰ 0 in rad² and B ⪰ 0 (n, n) of greatest likelihood for ω ~ N(0, Σ_m + A + D(q̇)BD(q̇)) at
+    every step, and the mean log likelihood of a step in nats, of a density in rad⁻ⁿ.
 
     With G = ½(Σ⁻¹ − Σ⁻¹ωωᵀΣ⁻¹) and A a sum of PXPᵀ, X ⪰ 0, the slope by X is Pᵀ·mean(G)·P in A
-    and Pᵀ·mean(D(q̇)GD(q̇))·P in B. A and B may be singular or zero at the maximum.
+    and Pᵀ·mean(D(q̇)GD(q̇))·P in B. A and B may be singular or zero at the maximum. ``noise`` ω and
+    ``dq``, nominal steps of the joints, are (takes, M, n) in rad, ``measurement`` Σ_m (n, n) in
+    rad².
 
     Raises ModelDomainError where the likelihood has no bound (no measurement noise, and noise at
     rest that is zero or lies in a plane) or where a joint never moves, SolverError where the search
     does not end at an optimum.
-
-    Args:
-        noise: (takes, M, n) ω in rad.
-        dq: (takes, M, n) nominal steps q̇ of the joints in rad.
-        measurement: (n, n) Σ_m in rad².
-        structure: ``diagonal`` or ``full`` A and B.
     """
     _ = principal_axes(measurement)  # raises where it is no covariance
     n = noise.shape[-1]
@@ -94,12 +88,7 @@ def fit_scaled(
     outer = np.outer(scale, scale)
     each = [np.eye(n)[:, [j]] for j in range(n)] if structure == "diagonal" else [np.eye(n)]
     directions, half = 2 * each, len(each)  # P of A, then those of B
-    # in one order in memory, so that one form of the sums is compiled
-    unit_noise, unit_speed, added = (
-        np.divide(w, scale, order="C"),
-        np.divide(x, speed, order="C"),
-        measurement / outer,
-    )
+    unit_noise, unit_speed, added = (w / scale).T.copy(), (x / speed).T.copy(), measurement / outer
 
     def covariances(matrices: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         parts = [p @ matrix @ p.T for p, matrix in zip(directions, matrices, strict=True)]
@@ -111,10 +100,10 @@ def fit_scaled(
         return value, [p.T @ slope @ p for slope in slopes for p in directions[:half]]
 
     # half of the noise's variances at rest, half at the joints' usual speeds
-    result = minimise(loss, [0.5 * np.eye(p.shape[1]) for p in directions])
-    floor, gain = covariances(result.matrices)
-    log_likelihood = -result.value - 0.5 * n * np.log(2 * np.pi) - np.log(scale).sum()
-    return ScaledFit(floor * outer, gain * outer / np.outer(speed, speed), float(log_likelihood))
+    matrices, value = minimise(loss, [0.5 * np.eye(p.shape[1]) for p in directions])
+    floor, gain = covariances(matrices)
+    log_likelihood = -value - 0.5 * n * np.log(2 * np.pi) - np.log(scale).sum()
+    return floor * outer, gain * outer / np.outer(speed, speed), float(log_likelihood)
 
 
 def second_moment(noise: np.ndarray, measurement: np.ndarray) -> np.ndarray:
@@ -127,11 +116,8 @@ def second_moment(noise: np.ndarray, measurement: np.ndarray) -> np.ndarray:
     second = flat.T @ flat / len(flat)
     total = second + measurement
     scale = np.sqrt(np.diag(total))
-    if not (
-        np.all(np.isfinite(scale))
-        and np.all(scale > 0)
-        and np.linalg.eigvalsh(total / np.outer(scale, scale))[0] > 1e-12
-    ):
+    regular = np.all(np.isfinite(scale)) and np.all(scale > 0)
+    if not (regular and np.linalg.eigvalsh(total / np.outer(scale, scale))[0] > 1e-12):
         raise ModelDomainError(
             "the recorded noise lies in a plane or is not finite: its density has no "
             "maximum-likelihood estimate",
@@ -146,81 +132,98 @@ def negative_log_likelihood(
     """−mean ln N(w; 0, Σ) but for its constant, Σ = F + D(x)BD(x), and its slopes (n, n) by F and
     by B; infinite where a Σ is singular.
 
-    ``w`` (N, n) the steps' noise, ``x`` (N, n) their speeds, ``floor`` F (n, n) the measurement's
-    covariance included, ``gain`` B (n, n).
+    ``w`` and ``x`` (n, N) are noise and speeds of the steps, ``floor`` F (n, n) includes the
+    covariance of the measurement, ``gain`` B is (n, n). With Σ = LLᵀ the slope by Σ is Σ⁻¹ −
+    (Σ⁻¹w)(Σ⁻¹w)ᵀ, Σ⁻¹ = L⁻ᵀL⁻¹, entry by entry over all steps at once.
     """
-    n = len(floor)
-    by_floor, by_gain = np.zeros((2, n, n))
-    buffers = *np.empty((4, n, n)), np.empty((2, n))
-    total = _add_up((0.0,) * n, w, x, floor, gain, by_floor, by_gain, *buffers)
-    return 0.5 * total / len(w), 0.5 * by_floor / len(w), 0.5 * by_gain / len(w)
+    n, count = w.shape
+    lower, inverse = np.zeros((2, n, n, count))
+    value, by_floor, by_gain = 0.0, np.zeros((n, n)), np.zeros((n, n))
+    for i in range(n):
+        for j in range(i + 1):
+            entry = floor[i, j] + gain[i, j] * x[i] * x[j]
+            for k in range(j):
+                entry -= lower[i, k] * lower[j, k]
+            if j < i:
+                lower[i, j] = entry * inverse[j, j]
+        if not np.all(entry > 0):
+            return np.inf, by_floor, by_gain
+        value += np.log(entry).sum()
+        inverse[i, i] = 1 / np.sqrt(entry)
+        for j in range(i):
+            entry = -sum(lower[i, k] * inverse[k, j] for k in range(j, i))
+            inverse[i, j] = entry * inverse[i, i]
+    white = [sum(inverse[i, j] * w[j] for j in range(i + 1)) for i in range(n)]
+    value += sum((each * each).sum() for each in white)
+    whitened = [sum(inverse[k, i] * white[k] for k in range(i, n)) for i in range(n)]
+    for i in range(n):
+        for j in range(i + 1):
+            slope = sum(inverse[k, i] * inverse[k, j] for k in range(i, n))
+            slope = slope - whitened[i] * whitened[j]
+            by_floor[i, j] = by_floor[j, i] = slope.sum()
+            by_gain[i, j] = by_gain[j, i] = (slope * x[i] * x[j]).sum()
+    return 0.5 * value / count, 0.5 * by_floor / count, 0.5 * by_gain / count
 
 
-@compiled
-def _add_up(
-    joints: tuple,
-    w: np.ndarray,
-    x: np.ndarray,
-    floor: np.ndarray,
-    gain: np.ndarray,
-    by_floor: np.ndarray,
-    by_gain: np.ndarray,
-    lower: np.ndarray,
-    inverse: np.ndarray,
-    floor_sum: np.ndarray,
-    gain_sum: np.ndarray,
-    white: np.ndarray,
-) -> float:
-    """Sum of ln|Σ| + wᵀΣ⁻¹w over the steps; its slopes are added to ``by_floor`` and ``by_gain``.
-    ``joints`` has an entry for each; the other arrays are buffers of (n, n) and (2, n).
+def minimise(
+    objective: Objective, matrices: Sequence[np.ndarray]
+) -> tuple[list[np.ndarray], float]:
+    """Positive semidefinite matrices at a local minimum of ``objective`` f, and f there; the search
+    begins at ``matrices`` (k, k), where f is finite, of a scale near one.
 
-    With Σ = LLᵀ the slope by Σ is Σ⁻¹ − (Σ⁻¹w)(Σ⁻¹w)ᵀ, Σ⁻¹ = L⁻ᵀL⁻¹. Loops over joints stand for
-    array expressions, which take longer to compile than all the rest.
+    With X = LLᵀ, L square, every L stands for some X ⪰ 0, and a quasi-Newton search in L needs no
+    constraint (Burer and Monteiro 2003): ∂f/∂L = 2GL for G = ∂f/∂X. But a singular L may be
+    stationary without being a minimum, which has GX = 0 and G ⪰ 0: where G has a negative part −N,
+    f falls along X + tN, and the search goes on from there. Raises SolverError where the search
+    does not end at a minimum.
     """
-    # the compiler knows the length of a tuple, and unrolls the loops over joints
-    total, size = 0.0, len(joints)
-    # sums of SUMMED steps are added up, so that rounding does not grow with the number of steps
-    for start in range(0, len(w), SUMMED):
-        value = 0.0
-        floor_sum[:], gain_sum[:] = 0.0, 0.0
-        stop = start + SUMMED if start + SUMMED < len(w) else len(w)
-        for n in range(start, stop):
-            for i in range(size):
-                for j in range(i + 1):
-                    entry = floor[i, j] + gain[i, j] * x[n, i] * x[n, j]
-                    for k in range(j):
-                        entry -= lower[i, k] * lower[j, k]
-                    if i > j:
-                        lower[i, j] = entry * inverse[j, j]
-                if not entry > 0:
-                    return np.inf
-                value += np.log(entry)
-                inverse[i, i] = 1 / np.sqrt(entry)
-                for j in range(i):
-                    entry = 0.0
-                    for k in range(j, i):
-                        entry -= lower[i, k] * inverse[k, j]
-                    inverse[i, j] = entry * inverse[i, i]
-                entry = 0.0
-                for j in range(i + 1):
-                    entry += inverse[i, j] * w[n, j]
-                white[0, i] = entry
-                value += entry * entry
-            for i in range(size):
-                entry = 0.0
-                for k in range(i, size):
-                    entry += inverse[k, i] * white[0, k]
-                white[1, i] = entry
-                for j in range(i + 1):
-                    slope = -white[1, i] * white[1, j]
-                    for k in range(i, size):
-                        slope += inverse[k, i] * inverse[k, j]
-                    floor_sum[i, j] += slope
-                    gain_sum[i, j] += slope * x[n, i] * x[n, j]
-        total += value
-        for i in range(size):
-            for j in range(size):
-                p, q = (i, j) if i >= j else (j, i)
-                by_floor[i, j] += floor_sum[p, q]
-                by_gain[i, j] += gain_sum[p, q]
-    return total
+    from scipy.optimize import minimize
+
+    sizes = [len(matrix) for matrix in matrices]
+    ends = np.cumsum([size**2 for size in sizes])[:-1]
+
+    def split(theta: np.ndarray) -> list[np.ndarray]:
+        parts = zip(np.split(theta, ends), sizes, strict=True)
+        return [entries.reshape(size, size) for entries, size in parts]
+
+    def in_factors(theta: np.ndarray) -> tuple[float, np.ndarray]:
+        factors = split(theta)
+        value, slopes = objective([factor @ factor.T for factor in factors])
+        parts = zip(slopes, factors, strict=True)
+        return value, np.concatenate([2 * (slope @ factor).ravel() for slope, factor in parts])
+
+    matrices, options = list(matrices), {"maxiter": 2000, "maxfun": 4000, "maxcor": 20}
+    for _ in range(SEARCHES):
+        result = minimize(
+            in_factors,
+            np.concatenate([root(matrix).ravel() for matrix in matrices]),
+            jac=True,
+            method="L-BFGS-B",
+            options=options | {"ftol": 1e-14, "gtol": 1e-7},
+        )
+        steepest = float(np.abs(result.jac).max())
+        # its own word is not taken: its line search may stop where values cannot be told apart
+        if not (steepest < FLAT and np.isfinite(result.fun)):
+            raise SolverError(
+                "the search over positive semidefinite matrices did not end at a minimum: "
+                f"{result.message}",
+                slope=steepest,
+            )
+        matrices = [factor @ factor.T for factor in split(result.x)]
+        falls = [_negative_part(slope) for slope in objective(matrices)[1]]
+        size = max(np.linalg.norm(fall, 2) for fall in falls)
+        for step in 0.5 ** np.arange(50) / size if size >= FLAT else ():
+            tried = [matrix + step * fall for matrix, fall in zip(matrices, falls, strict=True)]
+            if objective(tried)[0] < result.fun:
+                matrices = tried
+                break
+        else:  # f falls in no direction, or by no more than rounding
+            return matrices, float(result.fun)
+    raise SolverError(
+        f"the search over positive semidefinite matrices found no minimum in {SEARCHES} attempts"
+    )
+
+
+def _negative_part(slope: np.ndarray) -> np.ndarray:
+    values, axes = np.linalg.eigh((slope + slope.T) / 2)
+    return (axes * np.maximum(-values, 0.0)) @ axes.T

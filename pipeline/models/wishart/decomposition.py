@@ -1,8 +1,8 @@
-"""Decompositions J = J₁J₂ of the mean Jacobian (Eq. LUDecom).
+"""Decompositions J = J₁J₂ of the mean Jacobian (Eq. LUDecom), and their factors for whole batches.
 
-J has m task rows and n ≥ m joints, J₁ is (m, m) and J₂ (m, n). The paper names "LU or QR
-depending on the redundancy" and computes in MATLAB, whose ``lu`` pivots: :data:`BY_SHAPE` follows
-these words. Each decomposition is another law:
+J has m task rows and n ≥ m joints, J₁ is (m, m) and J₂ (m, n). The paper names "LU or QR depending
+on the redundancy" and computes in MATLAB, whose ``lu`` pivots: :data:`BY_SHAPE` follows these
+words. Each decomposition is another law:
 
 - ``pivoted_lu``: with partial pivoting, J₁ = PᵀL and J₂ = U (MATLAB's two-output form). It depends
   on the units of the task rows, on the axes of the task and on the order of the joints; the order
@@ -24,12 +24,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.arm.interface import Mechanism
 from pipeline.core.errors import ModelDomainError
+from pipeline.models.model import task_step
 
 if TYPE_CHECKING:
-    from pipeline.models.wishart.options import Options
+    from pipeline.models.wishart.fit import Options
 
-PARTS = ("left",)  # of a decomposition, beside its name
 COMPUTED = ("pivoted_lu", "qr", "qr_transposed")
 BY_SHAPE = "by_shape"  # option: pivoted LU of a square Jacobian, QR of one with more joints
 # least singular value of a given J₁ as a share of its greatest: below it the units of the task rows
@@ -39,11 +40,9 @@ LEAST_CONDITION = 1e-9
 
 @dataclass(frozen=True)
 class Decomposition:
-    """One decomposition; raises ModelDomainError for an unknown name or a J₁ that is not regular.
+    """One decomposition: ``name`` of :data:`COMPUTED`, or ``given`` with its ``left`` J₁ (m, m).
 
-    Args:
-        name: of :data:`COMPUTED`, or ``given``.
-        left: (m, m) J₁, row by row, of ``given`` alone.
+    Raises ModelDomainError for an unknown name or a J₁ that is not regular.
     """
 
     name: str
@@ -98,3 +97,75 @@ def _regular(left: Sequence[Sequence[float]] | np.ndarray) -> tuple[tuple[float,
         "the given first factor of the Jacobian must be a finite, regular, square matrix",
         left=np.shape(matrix) and matrix.tolist(),
     )
+
+
+def factors(
+    chain: Mechanism, q: np.ndarray, v: np.ndarray, decomposition: Decomposition
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """a = J₁⁻¹v (..., m), J₂⁺ (..., n, m) and ½ ln det J₂J₂ᵀ (...,) of J = J₁J₂, Eq. (LUDecom), at
+    joint angles ``q`` (..., n) in rad for the command ``v`` (m,) or (..., m) or longer.
+
+    Raises SingularJacobianError.
+    """
+    chain.require_regular(q)
+    return split(chain.jacobian(q), task_step(chain, v), decomposition)
+
+
+def split(
+    jacobian: np.ndarray, v: np.ndarray, decomposition: Decomposition
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The :func:`factors`, Eq. (LUDecom), of ``jacobian`` J (..., m, n) for the task step ``v``
+    (..., m), whose leading axes broadcast; meaningless where J has not full row rank.
+    """
+    m, n = jacobian.shape[-2:]
+    decomposition.require_size(m)
+    batch = np.broadcast_shapes(jacobian.shape[:-2], v.shape[:-1])
+    # [J | v] with the batch last: several times as fast for matrices this small
+    rows = np.empty((m, n + 1, *batch))
+    rows[:, :n] = np.moveaxis(np.broadcast_to(jacobian, (*batch, m, n)), (-2, -1), (0, 1))
+    rows[:, n] = np.moveaxis(np.broadcast_to(v, (*batch, m)), -1, 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # J₁⁻¹[J | v] = [J₂ | a]
+        if decomposition.name == "given":
+            rows = np.tensordot(np.linalg.inv(np.array(decomposition.left)), rows, axes=1)
+        elif decomposition.name == "qr_transposed":
+            orthonormalize(rows, n)
+        elif decomposition.name == "pivoted_lu":
+            eliminate(rows)
+        second = np.zeros((m, n + m, *batch))
+        second[:, :n] = rows[:, :n]
+        second[np.arange(m), n + np.arange(m)] = 1.0
+        log_determinant = orthonormalize(second, n)
+        # J₂ = R'ᵀQ'ᵀ, so that J₂⁺ = Q'R'⁻ᵀ
+        back = np.zeros((n, m, *batch))
+        for row in second:
+            back += row[:n, None] * row[None, n:]
+    return np.moveaxis(rows[:, n], 0, -1), np.moveaxis(back, (0, 1), (-2, -1)), log_determinant
+
+
+def eliminate(rows: np.ndarray) -> None:
+    """Make of ``rows`` [J | X] (m, n + k, ...), in place, L⁻¹P[J | X] of PJ = LU by Gaussian
+    elimination with partial pivoting.
+    """
+    for k in range(len(rows)):
+        greatest = k + np.abs(rows[k:, k]).argmax(axis=0)
+        for i in range(k + 1, len(rows)):
+            here = greatest == i
+            rows[k], rows[i] = np.where(here, rows[i], rows[k]), np.where(here, rows[k], rows[i])
+        multiples = rows[k + 1 :, k] / rows[k, k]
+        rows[k + 1 :] -= multiples[:, None] * rows[k]
+        rows[k + 1 :, k] = 0.0  # zero but for rounding
+
+
+def orthonormalize(rows: np.ndarray, n: int) -> np.ndarray:
+    """Make of ``rows`` [J | X] (m, n + k, ...), in place, R⁻ᵀ[J | X] of J = RᵀQᵀ by modified
+    Gram–Schmidt of the first ``n`` columns, the diagonal of R positive; return ln det R (...,).
+    """
+    log_determinant = np.zeros(rows.shape[2:])
+    for k in range(len(rows)):
+        length = np.sqrt((rows[k, :n] ** 2).sum(axis=0))
+        rows[k] /= length
+        along = (rows[k + 1 :, :n] * rows[k, :n]).sum(axis=1)
+        rows[k + 1 :] -= along[:, None] * rows[k]
+        log_determinant += np.log(length)
+    return log_determinant

@@ -1,16 +1,20 @@
-"""The law of a step of the Wishart model: draws and density of w = B⁻¹a for B ~ W_m(d, I/d) in
-closed form, and the density of J₂⁺w with normal noise by quadrature.
+"""The law of w = B⁻¹a for B ~ W_m(d, I/d): draws, its density in closed form, and the density of
+J₂⁺w with normal noise by quadrature.
 
-With r = ‖a‖, e = a/r the law is w = r·R·[z, z·T]ᵀ (see :mod:`.law`), so with u₁
-= eᵀw/r > 0 and u⊥ the rest of w/r
+With r = ‖a‖, e = a/r the law is w = r·R·[z, z·T]ᵀ (:mod:`.law`), so with u₁ = eᵀw/r > 0 and u⊥ the
+rest of w/r
 
     p(w) = r⁻ᵐ · p_z(u₁) · p_T(‖u⊥‖/u₁) · u₁^{−(m−1)},
 
-z inverse-gamma of shape (d−m+1)/2 and scale d/2, T of density ∝ (1 + ‖t‖²)^{−(d+1)/2}; there is
-none where u₁ ≤ 0.
+z inverse-gamma of shape (d−m+1)/2 and scale d/2, T of density ∝ (1 + ‖t‖²)^{−(d+1)/2}.
 
-With measurement noise a step is a mixture of normals over z and g of T = N(0, I)/√g, g ~
-χ²(d−m+2): both are taken out by quadrature (:mod:`.mixture`, :mod:`.quadrature`), whatever m.
+T = N(0, I)/√g, g ~ χ²(d−m+2), so given z and g a step with measurement noise Σ_m is normal of mean
+z·b, b = J₂⁺a, and covariance Σ_m + (z²/g)MMᵀ, M = r·J₂⁺(I − eeᵀ) of rank m − 1. In units in which
+Σ_m = I, with u_i and √λ_i the left singular vectors and values of M, c_i = u_iᵀy and k_i = u_iᵀb,
+
+    −2 ln N = ‖y⊥ − z·b⊥‖² + Σ_i [(c_i − z·k_i)²/(1 + λ_i z²/g) + ln(1 + λ_i z²/g)] + constant,
+
+to be integrated over z and g (:mod:`.quadrature`).
 """
 
 from __future__ import annotations
@@ -35,12 +39,8 @@ def action_log_density(w: np.ndarray, a: np.ndarray, d: float) -> np.ndarray:
     t = (u - along[..., None] * e) / z[..., None]
     shape = (d - m + 1) / 2
     z_term = shape * np.log(d / 2) - lgamma(shape) - (shape + 1) * np.log(z) - d / (2 * z)
-    t_term = (
-        lgamma((d + 1) / 2)
-        - lgamma((d - m + 2) / 2)
-        - (m - 1) / 2 * np.log(np.pi)
-        - (d + 1) / 2 * np.log1p(np.vecdot(t, t))
-    )
+    t_term = lgamma((d + 1) / 2) - lgamma((d - m + 2) / 2) - (m - 1) / 2 * np.log(np.pi)
+    t_term = t_term - (d + 1) / 2 * np.log1p(np.vecdot(t, t))
     return np.where(inside, z_term + t_term - m * np.log(r) - (m - 1) * np.log(z), -np.inf)
 
 
@@ -55,17 +55,15 @@ def draw_action(a: np.ndarray, d: float, rng: np.random.Generator) -> np.ndarray
 
 
 def frames(a: np.ndarray) -> np.ndarray:
-    """(..., m, m) orthonormal matrices R of first column a/‖a‖, for ``a`` (..., m) not zero:
-    Householder's reflection, its sign turned.
+    """(..., m, m) orthonormal matrices of first column a/‖a‖, for ``a`` (..., m) not zero:
+    Householder's reflection with its sign changed.
     """
     r = np.sqrt(np.vecdot(a, a))
     sign = np.where(a[..., 0] < 0, -1.0, 1.0)
     mirror = a.copy()
     mirror[..., 0] += sign * r
-    reach = r * (r + np.abs(a[..., 0]))
-    reflection = (
-        np.eye(a.shape[-1]) - mirror[..., :, None] * mirror[..., None, :] / reach[..., None, None]
-    )
+    reach = (r * (r + np.abs(a[..., 0])))[..., None, None]
+    reflection = np.eye(a.shape[-1]) - mirror[..., :, None] * mirror[..., None, :] / reach
     return -sign[..., None, None] * reflection
 
 
@@ -80,21 +78,35 @@ def blurred_log_density(
     """(N,) log density of J₂⁺B⁻¹a + ε at ``step`` (N, n) in rad, for ``a`` (N, m) not zero and
     ``back`` J₂⁺ (N, n, m).
 
-    Args:
-        step: q_{k+1} − q_k without its part in the null space of J.
-        a: J₁⁻¹v.
-        back: J₂⁺, of full column rank.
-        measurement: (n, n) covariance of ε in rad², positive definite.
-        d: degrees of freedom of B.
-        nodes: for each of the two integrals; the default leaves a relative error of the density
-            below 1e-4 for the arm's steps.
+    ``step`` is q_{k+1} − q_k without its part in the null space of J, ``measurement`` (n, n) the
+    covariance of ε in rad², positive definite, ``d`` the degrees of freedom of B. With the default
+    ``nodes`` for each integral the relative error of the density is below 1e-4.
     """
-    # here, as they load the compiler
-    from pipeline.models.wishart.mixture import mixture
-    from pipeline.models.wishart.quadrature import log_integrals
+    from pipeline.models.wishart.quadrature import log_integrals  # here, as it loads the compiler
 
     lower = np.linalg.cholesky(measurement)
     white = np.linalg.inv(lower)
     numbers = mixture(step @ white.T, a, white @ back)
     constant = np.log(np.diag(lower)).sum() + 0.5 * len(lower) * np.log(2 * np.pi)
     return log_integrals(numbers, a.shape[-1], d, nodes) - constant
+
+
+def mixture(y: np.ndarray, a: np.ndarray, back: np.ndarray) -> np.ndarray:
+    """(N, 3 + 3(m − 1)) z₀ = b⊥ᵀy⊥/‖b⊥‖², ‖b⊥‖² and ‖y⊥ − z₀b⊥‖² of N steps, then c_i, k_i and
+    λ_i of each direction.
+
+    ``y`` L⁻¹(q_{k+1} − q_k) (N, n), ``a`` J₁⁻¹v (N, m) not zero, ``back`` L⁻¹J₂⁺ (N, n, m), Σ_m =
+    LLᵀ.
+    """
+    n, m = back.shape[1:]
+    r = np.sqrt(np.vecdot(a, a))[:, None, None]
+    left, singular, _ = np.linalg.svd(r * (back @ frames(a)[..., 1:]), full_matrices=False)
+    b = np.matvec(back, a)
+    c, k = np.vecmat(y, left), np.vecmat(b, left)
+    y, b = y - np.matvec(left, c), b - np.matvec(left, k)
+    precision = np.vecdot(b, b)
+    z0 = np.vecdot(y, b) / precision
+    rest = y - z0[:, None] * b
+    rest = np.vecdot(rest, rest) if n > m else np.zeros(len(a))
+    directions = np.stack([c, k, singular**2], axis=-1).reshape(len(a), 3 * (m - 1))
+    return np.concatenate([np.stack([z0, precision, rest], axis=1), directions], axis=1)

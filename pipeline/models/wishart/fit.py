@@ -1,45 +1,76 @@
-"""σ_B of the Wishart model: by moments, by the paper's convex problem, or most likely."""
+"""σ_B of the Wishart model: options, estimate, and what is looked at beside it: the gap to the
+convex problem as printed, and σ̂_B over the weight that the paper leaves open.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any, Literal, Self, get_args
 
 import numpy as np
+import pandas as pd
+from pydantic import Field, model_validator
 
+from pipeline.core import validation
+from pipeline.core.errors import ModelDomainError
+from pipeline.models import options as base
+from pipeline.models.model import task_step
 from pipeline.models.steps import Estimate, Recorded, Truth
-from pipeline.models.wishart.decomposition import CONTROL, PARTS, Decomposition, chosen
-from pipeline.models.wishart.dispersion import WishartFit, fit_wishart
-from pipeline.models.wishart.likelihood import fit_sigma_b
-from pipeline.models.wishart.moments import fit_moments
-from pipeline.models.wishart.options import ESTIMATORS, Options
+from pipeline.models.wishart.decomposition import CONTROL, Decomposition, chosen
+from pipeline.models.wishart.estimators import (
+    PaperFit,
+    Problems,
+    fit_likelihood,
+    fit_moments,
+    fit_paper,
+    problems_of,
+)
+from pipeline.models.wishart.law import WishartModel
 from pipeline.randommatrix.wishart import largest_dispersion
+
+RATIOS = np.geomspace(1e-5, 1e-1, 25)  # α₂/α₁ tried, in rad
+TOLERANCE = 1e-3  # of ln of the ratio at which σ̂_B meets the moment estimate
+Estimator = Literal["moments", "paper", "likelihood"]
+
+
+@validation.options(kw_only=True)
+class Options(base.Options):
+    """``estimator``: ``moments`` (the recorded total variance), ``paper`` (the convex problem on
+    every step) or ``likelihood``.
+    """
+
+    estimator: Estimator = "moments"
+    decomposition: Literal["by_shape", "pivoted_lu", "qr", "qr_transposed", "given"] = "by_shape"
+    left: list[list[float]] | None = None  # rows of J₁, of the decomposition given alone
+    # of the paper's estimator alone: ε of B⁻¹ ⪰ εI, and the factor on α₂/α₁, which follows from
+    # the noise at rest
+    floor: Annotated[float, Field(gt=0, lt=1)] = 0.2
+    ratio_factor: Annotated[float, Field(gt=0)] = 1.0
+
+    @model_validator(mode="after")
+    def _values_that_go_together(self) -> Self:
+        if (self.decomposition == "given") != (self.left is not None):
+            raise validation.Fault("left", "the decomposition given, and no other, needs left")
+        if self.left is not None and any(len(row) != len(self.left) for row in self.left):
+            raise validation.Fault("left", "must be square: the rows of J1")
+        return self
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
     """σ_B by the estimator that ``options`` name; raises what that estimator raises."""
     decomposition = chosen(options, recorded.chain.task, recorded.joints)
-    data = recorded.chain, recorded.q, recorded.v, recorded.noise
     if options.estimator == "moments":
-        fit, diagnostics = fit_moments(recorded, decomposition), {}
+        fit = fit_moments(recorded, decomposition)
     elif options.estimator == "likelihood":
-        fit = fit_sigma_b(*data, recorded.measurement, decomposition)
-        diagnostics = {"sigma_b_at_the_end_of_its_interval": fit.at_end}
+        fit = fit_likelihood(recorded, decomposition)
     else:
-        fit = fit_wishart(
-            *data,
-            decomposition,
-            options.floor,
-            options.ratio_factor,
-            recorded.known_measurement,
-        )
-        diagnostics = _problems(fit, recorded.v)
+        fit = fit_paper(recorded, decomposition, options.floor, options.ratio_factor)
     limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
     return Estimate(
         _parameters(fit.sigma_b, decomposition),
         {"sigma_b": fit.sigma_b},
-        diagnostics | {"sigma_b_limit_of_the_covariance": limit},
+        fit.diagnostics | {"sigma_b_limit_of_the_covariance": limit},
         fit,
         fit.from_takes,
     )
@@ -54,24 +85,7 @@ def compared(options: Options) -> dict[str, Options]:
     return {
         f"{prefix}{{}}_{estimator}": replace(each, estimator=estimator)
         for prefix, each in cases.items()
-        for estimator in ESTIMATORS
-    }
-
-
-def _problems(fit: WishartFit, v: np.ndarray) -> dict[str, float]:
-    """Numbers of the convex problems of ``fit``; ``v`` (M, m) or (takes, M, m) are commands."""
-    moving = np.any(v, axis=-1)
-    moving = moving.any(axis=0) if moving.ndim > 1 else moving
-    unperturbed = ~fit.perturbations.s.any(axis=(1, 2))
-    return {
-        "sigma_b_greatest_over_time": fit.dispersions.max(),
-        "sigma_b_mean_over_moving_steps": fit.dispersions[moving].sum() / max(moving.sum(), 1),
-        "share_of_steps_at_rest": 1 - moving.mean(),
-        "weights_ratio_alpha2_over_alpha1_rad": fit.weights[1] / fit.weights[0],
-        "noise_at_rest_rms_rad": fit.rest_noise,
-        "problems": len(fit.perturbations.bound),
-        "problems_without_perturbation": int(np.count_nonzero(unperturbed)),
-        "problems_on_the_bound_of_definiteness": int(np.count_nonzero(fit.perturbations.bound)),
+        for estimator in get_args(Estimator)
     }
 
 
@@ -85,7 +99,97 @@ def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -
 
 
 def _parameters(sigma_b: float, decomposition: Decomposition) -> dict[str, Any]:
-    parts = {part: np.array(getattr(decomposition, part)) for part in PARTS}
-    return {"kind": "wishart", "sigma_b": sigma_b, "decomposition": decomposition.name} | {
-        part: numbers.tolist() for part, numbers in parts.items() if numbers.ndim
-    }
+    values = {"kind": "wishart", "sigma_b": sigma_b, "decomposition": decomposition.name}
+    left = decomposition.left
+    return values if left is None else values | {"left": np.array(left).tolist()}
+
+
+def examined(
+    recorded: Recorded,
+    options: Options,
+    estimate: Estimate | None,
+    checks: int,
+    rng: np.random.Generator,
+) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
+    """The greatest gap between the closed form and (BsampOpt) at ``checks`` of the steps that move,
+    and the table ``sigma_b_weights``, of the recorded takes and of as many that are drawn from the
+    model of the ``estimate``, where there is one.
+    """
+    decomposition = chosen(options, recorded.chain.task, recorded.joints)
+    try:
+        fit = fit_paper(recorded, decomposition, options.floor, options.ratio_factor)
+    except ModelDomainError as error:
+        print(f"fit: no convex problem is solved: {error}")
+        return {}, {}
+    metrics = _check(recorded, decomposition, fit, options.floor, checks, rng)
+    try:
+        moments = fit_moments(recorded, decomposition).sigma_b
+    except ModelDomainError:
+        return metrics, {}
+    takes = {"recorded": recorded}
+    if estimate is not None:
+        takes["drawn"] = drawn_from(estimate.model, recorded, rng)
+    rows = []
+    for source, steps in takes.items():
+        problems = problems_of(steps, decomposition, options.floor)
+        curve = np.array([problems.sigma_b(ratio) for ratio in RATIOS])
+        rows += [(*pair, "curve", source) for pair in zip(RATIOS, curve, strict=True)]
+        meeting = meeting_ratio(problems, RATIOS, curve, moments)
+        if meeting is not None:
+            metrics[f"weights_ratio_meeting_the_moments_{source}_rad"] = meeting
+            rows.append((meeting, moments, "moments", source))
+    rows.append((fit.weights[1] / fit.weights[0], fit.sigma_b, "used", "recorded"))
+    table = pd.DataFrame(rows, columns=["ratio", "sigma_b", "point", "source"])
+    return metrics, {"sigma_b_weights": table}
+
+
+def _check(
+    recorded: Recorded,
+    decomposition: Decomposition,
+    fit: PaperFit,
+    floor: float,
+    checks: int,
+    rng: np.random.Generator,
+) -> dict[str, float]:
+    # imported here: CVXPY takes longer to import than most models to fit
+    from pipeline.models.convex import perturbation_gap
+
+    n = recorded.q.shape[-1]
+    v = np.broadcast_to(recorded.v, (*recorded.q.shape[:2], recorded.v.shape[-1]))
+    v = task_step(recorded.chain, v.reshape(-1, v.shape[-1]))
+    moving = np.flatnonzero(np.any(v, axis=1))
+    checked = np.sort(rng.choice(moving, min(checks, len(moving)), replace=False))
+    jacobians = recorded.chain.jacobian(recorded.q.reshape(-1, n)[checked])
+    steps = v[checked], recorded.noise.reshape(-1, n)[checked]
+    objectives = fit.perturbations.objective[checked]
+    gap = perturbation_gap(objectives, jacobians, *steps, decomposition, fit.weights, floor)
+    return {"convex_problems_checked": len(checked), "convex_check_greatest_relative_gap": gap}
+
+
+def drawn_from(model: WishartModel, recorded: Recorded, rng: np.random.Generator) -> Recorded:
+    """Steps of the ``model`` from the recorded poses under the recorded commands, with measurement
+    noise added.
+    """
+    from pipeline.models.draws import draw_steps  # here, as it loads the compiler
+
+    q, v = recorded.q, recorded.v
+    drawn, _ = draw_steps(model, recorded.chain, q, v, rng)
+    measured = rng.multivariate_normal(np.zeros(q.shape[-1]), recorded.measurement, q.shape[:-1])
+    return replace(recorded, noise=drawn - q - recorded.chain.nominal_step(q, v) + measured)
+
+
+def meeting_ratio(
+    problems: Problems, ratios: np.ndarray, curve: np.ndarray, sigma_b: float
+) -> float | None:
+    """α₂/α₁ in rad at which the printed problem returns ``sigma_b``, between two of ``ratios`` (K,)
+    whose ``curve`` σ̂_B (K,) falls through it; None where it does nowhere.
+    """
+    from scipy.optimize import brentq
+
+    above = curve > sigma_b
+    crossings = np.flatnonzero(above[:-1] & ~above[1:])
+    if not len(crossings):
+        return None
+    low, high = np.log(ratios[crossings[0] : crossings[0] + 2])
+    crossing = brentq(lambda x: problems.sigma_b(np.exp(x)) - sigma_b, low, high, xtol=TOLERANCE)
+    return float(np.exp(crossing))

@@ -6,13 +6,16 @@ column a/r,
 
     B⁻¹a = r·R·[z, z·T]ᵀ,   z = d/χ²(d − m + 1),   T = N(0, I_{m−1})/sqrt(χ²(d − m + 2)),
 
-z and T independent. So no matrix is drawn or inverted.
+z and T independent. So no matrix is drawn or inverted. The covariance of a step is Var z along a
+and c = E z²/(d − m) across it, so that its trace is linear in two numbers that no σ_B changes:
+
+    tr Cov = c·‖a‖²‖J₂⁺‖_F² + (Var z − c)·‖J₂⁺a‖².
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,19 +31,8 @@ from pipeline.models.model import (
     task_step,
 )
 from pipeline.models.normal import normal_log_density, principal_axes
-from pipeline.models.wishart.decomposition import PARTS, PIVOTED_LU, Decomposition
-from pipeline.models.wishart.density import (
-    action_log_density,
-    blurred_log_density,
-    draw_action,
-)
-from pipeline.models.wishart.factors import factors
-from pipeline.models.wishart.moments import (
-    StepSquares,
-    dispersion_of_trace,
-    step_squares,
-    step_variances,
-)
+from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors
+from pipeline.models.wishart.density import action_log_density, blurred_log_density, draw_action
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion
 
 KINDS = {
@@ -49,6 +41,8 @@ KINDS = {
     "qr_transposed": QR_TRANSPOSED_LAW,
     "given": GIVEN_LAW,
 }
+# of ln(d − m − 3): from dispersions at the limit of the covariance to a step without noise
+LOG_EXCESS = (-12.0, 60.0)
 
 
 @dataclass(frozen=True)
@@ -102,9 +96,7 @@ class WishartModel:
     def with_trace(
         self, chain: Mechanism, q: np.ndarray, v: np.ndarray, trace: float
     ) -> WishartModel:
-        """The model of another σ_B, by :func:`.moments.dispersion_of_trace`; raises what it
-        raises.
-        """
+        """The model of another σ_B, by :func:`dispersion_of_trace`; raises what it raises."""
         a, back, _ = factors(chain, q, v, self.decomposition)
         squares = StepSquares(*(each.mean() for each in step_squares(a, back)))
         return replace(self, sigma_b=dispersion_of_trace(squares, trace, a.shape[-1]))
@@ -161,21 +153,18 @@ class WishartModel:
 
 def build(parameters: dict[str, Any]) -> WishartModel:
     """The model with these parameters."""
-    decomposition = Decomposition(
-        parameters["decomposition"], *(parameters.get(part) for part in PARTS)
-    )
+    decomposition = Decomposition(parameters["decomposition"], parameters.get("left"))
     return WishartModel(parameters["sigma_b"], decomposition)
 
 
 def step_covariance(a: np.ndarray, back: np.ndarray, sigma_b: float) -> np.ndarray:
-    """(..., n, n) Cov(J₂⁺B⁻¹a) = r²c·J₂⁺J₂⁺ᵀ + (Var z − c)·(J₂⁺a)(J₂⁺a)ᵀ, c = E z²/(d−m), for ``a``
-    (..., m), ``back`` J₂⁺ (..., n, m) and σ_B ``sigma_b``.
+    """(..., n, n) Cov(J₂⁺B⁻¹a) = r²c·J₂⁺J₂⁺ᵀ + (Var z − c)·(J₂⁺a)(J₂⁺a)ᵀ for ``a`` (..., m),
+    ``back`` J₂⁺ (..., n, m) and σ_B ``sigma_b``.
 
     Raises ModelDomainError for σ_B ≥ sqrt((m+1)/(m+3)), where it does not exist.
     """
     m = a.shape[-1]
-    d = _degrees_with_moments(sigma_b, 2, m)
-    variance, across = step_variances(d, m)
+    variance, across = step_variances(_degrees_with_moments(sigma_b, 2, m), m)
     mean = np.matvec(back, a)
     size = across * np.vecdot(a, a)[..., None, None]
     along = (variance - across) * mean[..., :, None] * mean[..., None, :]
@@ -193,3 +182,57 @@ def _degrees_with_moments(sigma_b: float, moments: int, m: int) -> float:
             sigma_B=sigma_b,
         )
     return degrees_of_freedom(sigma_b, m)
+
+
+def step_variances(d: float, m: int) -> tuple[float, float]:
+    """Var z and c = E z²/(d − m), the variances of B⁻¹a along and across a unit a, B (m, m)."""
+    square = d**2 / ((d - m - 1) * (d - m - 3))
+    return 2 * d**2 / ((d - m - 1) ** 2 * (d - m - 3)), square / (d - m)
+
+
+class StepSquares(NamedTuple):
+    """Squared lengths in rad² of steps, or their means."""
+
+    every: np.ndarray  # ‖a‖²‖J₂⁺‖_F², as if the noise had every direction of a
+    nominal: np.ndarray  # ‖J₂⁺a‖², of the nominal step
+
+
+def step_squares(a: np.ndarray, back: np.ndarray) -> StepSquares:
+    """Squared lengths (...,) of the steps of ``a`` J₁⁻¹v (..., m) and ``back`` J₂⁺ (..., n, m)."""
+    mean, every = np.matvec(back, a), np.einsum("...ij,...ij->...", back, back)
+    return StepSquares(np.vecdot(a, a) * every, np.vecdot(mean, mean))
+
+
+def dispersion_of_trace(squares: StepSquares, trace: float, m: int) -> float:
+    """σ_B at which steps of these mean ``squares`` have the mean ``trace`` in rad² of their
+    covariance, B (m, m).
+
+    The trace grows with σ_B, from zero to infinity at the limit sqrt((m + 1)/(m + 3)), so that each
+    positive trace has one σ_B, found by bracketing. Raises ModelDomainError for a trace that is not
+    positive, for steps at rest throughout, and where σ_B would be at its limit to rounding.
+    """
+    from scipy.optimize import brentq  # here, as what loads a model does without SciPy
+
+    if not trace > 0:
+        raise ModelDomainError(
+            "a Wishart step needs a positive variance to have a sigma_B", trace_rad2=trace
+        )
+    if not squares.every > 0:
+        raise ModelDomainError(
+            "the motion is at rest at every step, where no sigma_B gives a Wishart step a variance"
+        )
+
+    def excess(x: float) -> float:
+        along, across = step_variances(m + 3 + np.exp(x), m)
+        own = across * squares.every + (along - across) * squares.nominal
+        return float(np.log(own / trace))
+
+    low, high = LOG_EXCESS
+    if not excess(low) > 0:
+        raise ModelDomainError(
+            "the variance of a Wishart step needs a sigma_B at the limit of its covariance, "
+            f"{largest_dispersion(m, inverse_moments=2):.4g}",
+            trace_rad2=trace,
+        )
+    d = m + 3 + np.exp(brentq(excess, low, high, xtol=1e-12, rtol=1e-14))
+    return float(np.sqrt((m + 1) / d))

@@ -2,16 +2,12 @@
 (BsampOpt)–(const10), in bulk.
 
 With B⁻¹ = I + S, S (m, m), a = J₁⁻¹v, r = ‖a‖, e = a/r the problem is: minimise α₁‖ω − J₂⁺Sa‖ +
-α₂‖S‖_F over symmetric S with I + S > 0.
-
-1. Among all symmetric S with Sa = s the one of least norm is S = (saᵀ + asᵀ)/r² − (aᵀs)aaᵀ/r⁴, and
-   ‖S‖_F = ‖Ws‖ with W = (eeᵀ + √2(I − eeᵀ))/r. In y = Ws what is left is: minimise ‖ω − Ay‖ +
-   λ‖y‖, A = J₂⁺W⁻¹ (n, m), λ = α₂/α₁. Of more joints than task rows the part of ω across the range
-   of J₂⁺ is explained by no S.
-2. S has rank two and the least eigenvalue (x − sqrt(x² + 2‖d‖²))/2, with x and d the parts of y
-   along and across e. Where it would break I + S ⪰ εI, S has a part across a too. B⁻¹ > 0 alone
-   would have no minimum there: B would grow without end.
-3. The optimum, held back or not, is the root of one scalar equation whatever m is (:mod:`.bound`).
+α₂‖S‖_F over symmetric S with I + S > 0. Among all symmetric S with Sa = s the one of least norm is
+S = (saᵀ + asᵀ)/r² − (aᵀs)aaᵀ/r⁴, and ‖S‖_F = ‖Ws‖ with W = (eeᵀ + √2(I − eeᵀ))/r. In y = Ws what
+is left is: minimise ‖ω − Ay‖ + λ‖y‖, A = J₂⁺W⁻¹ (n, m), λ = α₂/α₁. With n > m the part of ω across
+the range of J₂⁺ is explained by no S. Where that S would break I + S ⪰ εI, it has a part across a
+too; B⁻¹ > 0 alone would have no minimum there, as B would grow without end. The optimum is the root
+of one scalar equation for any m (:mod:`.samples`).
 """
 
 from __future__ import annotations
@@ -22,7 +18,10 @@ import numpy as np
 
 from pipeline.core.errors import ModelDomainError, SolverError
 
-STEPS = 200  # towards the root, halvings with them; six are usual
+STEPS = 300  # places tried on the way to a root
+LEAST_REST = 1e-28  # share of ‖ω‖² below which the part of ω across the range of A is rounding
+HALF = float(np.sqrt(0.5))
+APEX = 1e-9  # share of δ below which δ + x is at its bound, where there is no d
 
 
 @dataclass(frozen=True)
@@ -40,18 +39,14 @@ def objective_weights(rest_noise: float, m: int, factor: float = 1.0) -> tuple[f
 
     The paper leaves them open, and the two terms differ in unit (rad and 1). Here a residual of the
     size of the measurement noise costs as much as a perturbation of B⁻¹ by its own norm: α₂/α₁ =
-    rest_noise/‖I_m‖_F. The residual is of all n joints, as the noise is, S of the m task rows.
-    ``factor`` multiplies that ratio. Raises ModelDomainError where either is not positive.
+    ``factor``·rest_noise/‖I_m‖_F. Raises ModelDomainError where either is not positive.
     """
-    if not 0 < rest_noise < np.inf:
+    if not (0 < rest_noise < np.inf and 0 < factor < np.inf):
         raise ModelDomainError(
-            "the noise recorded at rest must be positive and finite to weigh the perturbation "
-            "against it",
+            "the weights of a perturbation need noise recorded at rest, and a factor on "
+            "alpha2/alpha1, that are positive and finite",
             rest_noise=rest_noise,
-        )
-    if not 0 < factor < np.inf:
-        raise ModelDomainError(
-            "the factor on alpha2/alpha1 must be positive and finite", factor=factor
+            factor=factor,
         )
     ratio = factor * rest_noise / np.sqrt(m)
     return 1 / (1 + ratio), ratio / (1 + ratio)
@@ -63,12 +58,13 @@ def fit_perturbations(
     """Solve (BsampOpt) for N steps, with (const10) in the form B⁻¹ ⪰ εI; where the first term
     vanishes, Eq. (Omegki) holds.
 
-    ``noise`` ω (N, n) in rad, measured minus nominal; ``a`` = J₁⁻¹v (N, m) and ``back`` = J₂⁺ (N,
-    n, m) from :func:`.factors.factors`; ``weights`` (α₁, α₂); ``floor`` ε in
-    (0, 1). At rest (a = 0) nothing can be explained and S = 0. Raises ModelDomainError for weights
-    or a floor outside their range and for noise that is not finite, SolverError where the bounded
-    problem did not reach its optimum.
+    ``noise`` ω (N, n) in rad, measured minus nominal; ``a`` J₁⁻¹v (N, m) and ``back`` J₂⁺ (N, n, m)
+    of :func:`.decomposition.factors`; ``weights`` (α₁, α₂); ``floor`` ε in (0, 1). At rest (a = 0)
+    S = 0. Raises ModelDomainError for weights or a floor outside their range and for noise that is
+    not finite, SolverError where the optimum was not reached or J₂ is all but singular.
     """
+    from pipeline.models.wishart.samples import perturb  # here, as it loads the compiler
+
     alpha1, alpha2 = weights
     if not (alpha1 > 0 and alpha2 >= 0 and 0 < floor < 1):
         raise ModelDomainError(
@@ -84,15 +80,20 @@ def fit_perturbations(
             index=int(finite.argmin()),
             not_finite=int((~finite).sum()),
         )
-    from pipeline.models.wishart.bound import ROWS  # here, as they load the compiler
-    from pipeline.models.wishart.samples import perturb
-
-    count, n, m = back.shape
-    s, norms, bound = np.zeros((count, m, m)), np.zeros((count, 2)), np.zeros(count, dtype=bool)
-    inputs = [np.ascontiguousarray(each, dtype=float) for each in (noise, a, back)]
-    room = np.empty((n, m + 1)), np.empty((3, m, m)), np.empty((ROWS, m))
-    ratio = alpha2 / alpha1
-    unsolved = perturb(*inputs, ratio, 1 - floor, STEPS, s, norms, bound, *room)
+    (count, n, m), ratio, delta = back.shape, alpha2 / alpha1, 1 - floor
+    r = np.sqrt(np.vecdot(a, a))[:, None]
+    e = a / np.where(r > 0, r, 1.0)
+    along = np.matvec(back, e)[..., None] * e[:, None]
+    matrix = r[..., None] * (HALF * back + (1 - HALF) * along)
+    gram, pull = np.swapaxes(matrix, 1, 2) @ matrix, np.vecmat(noise, matrix)
+    size, rest = np.vecdot(noise, noise), np.zeros(count)
+    if n > m:
+        axes = np.linalg.qr(back)[0]
+        across = noise - np.matvec(axes, np.vecmat(noise, axes))
+        rest = np.vecdot(across, across)
+        rest[rest < LEAST_REST * size] = 0.0
+    y, c, buffers = np.zeros((count, m)), np.zeros(count), (np.empty((3, m, m)), np.empty((3, m)))
+    unsolved = perturb(gram, pull, e, size, rest, ratio, delta, STEPS, y, c, *buffers)
     if unsolved >= 0:
         raise SolverError(
             "the perturbation of a step was not solved to optimality",
@@ -101,4 +102,18 @@ def fit_perturbations(
             ratio=ratio,
             floor=floor,
         )
-    return Perturbations(s, norms @ (alpha1, alpha2), bound)
+    x = np.vecdot(e, y)
+    d = y - x[:, None] * e
+    across = np.vecdot(d, d)
+    # at the bound x follows from d and c, which does not cancel
+    x = np.where(c > 0, across / (2 * (delta + c)) - delta, x)
+    block = np.divide(c, across, out=np.zeros(count), where=across > 0)
+    beside = HALF * e[:, :, None] * d[:, None]
+    s = x[:, None, None] * e[:, :, None] * e[:, None] + block[:, None, None] * (
+        d[:, :, None] * d[:, None]
+    )
+    s += beside + np.swapaxes(beside, 1, 2)
+    left = noise - np.matvec(matrix, y)
+    norms = np.sqrt(np.vecdot(left, left)), np.sqrt(x * x + across + c * c)
+    bound = (c > 0) | (delta + x < APEX * delta)
+    return Perturbations(s, alpha1 * norms[0] + alpha2 * norms[1], bound)

@@ -15,15 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.rows import (
-    Rows,
-    add_combination,
-    add_dot,
-    add_product,
-    copy,
-    dot,
-    fill,
-)
+from pipeline.arm.rows import Rows, add_combination, add_dot, add_product, copy, dot, fill
 from pipeline.core.compiled import inner
 from pipeline.core.elementary import expm1
 from pipeline.models.model import GIVEN_LAW, PIVOTED_LU_LAW, Law

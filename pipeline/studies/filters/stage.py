@@ -22,9 +22,9 @@ from pipeline.core.filters import CLOSED, MEMORY, NONE, closed
 from pipeline.core.options.analysis import Positive
 from pipeline.core.validation import options
 from pipeline.figures import style
+from pipeline.filtering.baselines import autocorrelated_filter
 from pipeline.filtering.linear import linear_filter
 from pipeline.filtering.measurement import Measurements, measurements
-from pipeline.filtering.memory import memory_filter
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.models import kinds
 from pipeline.models.closed_loop import mean_path, measured_poses
@@ -131,7 +131,7 @@ def linear_filters(
     ``dt`` s and the ``frames`` of the test takes, in their order.
     """
     pose, arguments = recorded.measurement / 2, (frames, dt, recorded.chain)
-    own, spread, _ = memory_filter(training, pose, *arguments)
+    own, spread, _ = autocorrelated_filter(training, pose, *arguments)
     best, least = linear_filter(training.mean(axis=0), law.covariance, *arguments)
     return {
         NONE: no_filter(training, test),

@@ -10,8 +10,8 @@ from itertools import product
 
 import pandas as pd
 
-from pipeline.cases.case import Case
-from pipeline.cases.evaluate import Recordings, evaluate
+from pipeline.cases.case import Case, Recordings
+from pipeline.cases.evaluate import evaluate
 from pipeline.cases.evidence import Evidence
 from pipeline.cases.readings import decided
 from pipeline.core import rng

@@ -10,9 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from pipeline.cases.case import Case
+from pipeline.cases.case import Camera, Case, camera_of
 from pipeline.cases.readings import readings
-from pipeline.cases.recordings import Camera, camera_of
 from pipeline.filtering.resampling import SCHEMES
 
 CHANCE = "random numbers"

@@ -16,10 +16,9 @@ import joblib
 import pandas as pd
 from pydantic import Field
 
-from pipeline.cases.case import Case, paper_models
-from pipeline.cases.evaluate import Recordings, evaluate
+from pipeline.cases.case import Case, Recordings, paper_models, recorded_takes
+from pipeline.cases.evaluate import evaluate
 from pipeline.cases.readings import FAILS, HOLDS, decided, read_claims
-from pipeline.cases.recordings import recorded_takes
 from pipeline.core import config, contracts
 from pipeline.core.compiled import sources_hash
 from pipeline.core.compute.trials import run_trials

@@ -12,8 +12,8 @@ from itertools import permutations
 
 import numpy as np
 
-from pipeline.models.wishart.factors import orthonormalize
-from pipeline.models.wishart.moments import step_variances
+from pipeline.models.wishart.decomposition import orthonormalize
+from pipeline.models.wishart.law import step_variances
 
 PIVOTED, QR, QR_TRANSPOSED, GAUSSIAN = "pivoted_lu", "qr", "qr_transposed", "gaussian"
 PLAIN = {
@@ -65,7 +65,7 @@ def wishart_parts(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the (n, ...) parts A and C of the variances of a step's joints, which are
     across·(A − C) + along·C with the factors of
-    :func:`pipeline.models.wishart.moments.step_variances`.
+    :func:`pipeline.models.wishart.law.step_variances`.
 
     A_j = r²·(J₂⁺J₂⁺ᵀ)_jj and C_j = (J⁺v)_j², of the arguments of :func:`factors_of`.
     """

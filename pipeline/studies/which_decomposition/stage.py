@@ -23,7 +23,7 @@ from pipeline.core.options.dataset import Robot
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import options, validated
 from pipeline.models.steps import Recorded
-from pipeline.models.wishart.moments import StepSquares, dispersion_of_trace
+from pipeline.models.wishart.law import StepSquares, dispersion_of_trace
 from pipeline.recordings.steps import training_steps
 from pipeline.studies.frame import Study
 from pipeline.studies.which_decomposition import evidence, laws

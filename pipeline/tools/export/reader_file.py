@@ -21,7 +21,6 @@ LEFT_OUT = (
     "pipeline.models.kinds",
     "pipeline.models.options",
     "pipeline.models.steps",
-    "pipeline.models.wishart.options",
 )
 HEAD = '''"""Reader of the motion models of `python -m pipeline export`; NumPy 2.2 is all it needs.
 

@@ -1,5 +1,5 @@
-"""How the Wishart model by QR of Jᵀ moves the particles of an arm of n revolute joints whose task
-is the whole pose of its tip: kinematics, factors and the exact law of a step, each number of all
+"""Steps of the Wishart model by QR of Jᵀ of an arm of n revolute joints whose task is the whole
+pose of its tip: kinematics, factors and the exact law of a step, each number of all
 particles at once.
 """
 

@@ -1,20 +1,64 @@
 """The perturbations held back by the bound: feasible, each certified by a dual point, and refused
-where the equation is not solved; the curve on which they lie.
+where the equation is not solved; elsewhere they are the free optimum by LAPACK.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from compiled_calls import from_python
-from perturbation_problems import fit, free_optimum, parts
 
 from pipeline.core.errors import SolverError
 from pipeline.models.wishart import perturbation
-from pipeline.models.wishart.bound import ALONG, PULL, ROWS, Y, place
-from pipeline.models.wishart.triangles import factorize
+from pipeline.models.wishart.perturbation import Perturbations, fit_perturbations
 
 COUNT = 3000
+
+
+def fit(
+    noise: np.ndarray, e: np.ndarray, matrix: np.ndarray, ratio: float, floor: float
+) -> Perturbations:
+    """Fit ω (N, n), e (N, m), A (N, n, m), λ and ε; objective (‖ω − Ay‖ + λ‖S‖)/(1 + λ)."""
+    root = np.sqrt(2)
+    back = root * matrix + (1 - root) * np.matvec(matrix, e)[:, :, None] * e[:, None, :]
+    return fit_perturbations(noise, e, back, (1 / (1 + ratio), ratio / (1 + ratio)), floor)
+
+
+def parts(s: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """y (N, m) and c (N,) of S (N, m, m)."""
+    image = np.matvec(s, e)
+    along = np.vecdot(e, image)
+    y = np.sqrt(2) * image + (1 - np.sqrt(2)) * along[:, None] * e
+    return y, np.trace(s, axis1=1, axis2=2) - along
+
+
+def free_optimum(noise: np.ndarray, matrix: np.ndarray, ratio: float) -> np.ndarray:
+    """(N, m) argmin over y of ‖ω − Ay‖ + λ‖y‖ for A (N, n, m): by LAPACK's singular values and
+    halvings of its secular equation.
+    """
+    left, singular, right = np.linalg.svd(matrix, full_matrices=False)
+    c, square = np.vecmat(noise, left), singular**2
+    rest = noise - np.matvec(left, c)
+    n, m = matrix.shape[-2:]
+    outside = np.vecdot(rest, rest)[:, None] * (n > m)
+    # μ = scale·t/(1 − t): t = 0 is the exact fit, t = 1 is y = 0
+    scale = square[:, :1]
+    low, high = np.zeros_like(scale), np.ones_like(scale)
+
+    def beyond(t: np.ndarray) -> np.ndarray:
+        weights = (c / ((1 - t) * square + t * scale)) ** 2
+        inside = (weights * (square - ratio**2)).sum(axis=-1, keepdims=True)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            across = np.where(outside > 0, ratio**2 * outside / (t * scale) ** 2, 0.0)
+        return inside >= across
+
+    exact, zero = beyond(low), ~beyond(high)
+    for _ in range(80):
+        middle = (low + high) / 2
+        above = beyond(middle)
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    t = np.where(exact, 0.0, np.where(zero, 1.0, high))
+    shares = (1 - t) * singular * c / ((1 - t) * square + t * scale)
+    return np.vecmat(shares, right)
 
 
 def violators(
@@ -131,59 +175,6 @@ def test_the_bound_holds_those_perturbations_back_whose_free_optimum_breaks_it(n
     np.testing.assert_allclose(parts(fits.s, e)[0][~broken], y[~broken], rtol=1e-7, atol=1e-9)
 
 
-@pytest.mark.parametrize(("n", "m"), [(2, 2), (6, 6), (3, 2), (8, 3)])
-def test_the_places_of_the_curve_are_stationary_for_a_weight_that_grows(n, m):
-    """With the slope that its values have, and with what A leaves of the noise."""
-    rng, delta, kinds = np.random.default_rng(7), 0.8, set()
-    for _ in range(20):
-        noise, e, matrix = rng.standard_normal(n), rng.standard_normal(m), np.empty((n, m))
-        matrix[:] = rng.standard_normal((n, m))
-        e /= np.linalg.norm(e)
-        squares, room = np.empty((3, m, m)), np.empty((ROWS, m))
-        squares[0], room[ALONG], room[PULL] = matrix.T @ matrix, e, noise @ matrix
-        from_python(factorize)(squares[0], 0.0, squares[1])
-        outside = noise - matrix @ np.linalg.lstsq(matrix, noise)[0]
-        rest = outside @ outside if n > m else 0.0
-
-        def at(s, rest=rest, squares=squares, room=room):
-            return *from_python(place)(s, delta, rest, squares, room), room[Y].copy()
-
-        before = 0.0
-        for s in (1e-3, 0.1, 1.0, 10.0):
-            c, weight, growth, y = at(s)
-            right = room[PULL] + s * c * e
-            np.testing.assert_allclose((squares[0] + s * np.eye(m)) @ y, right, atol=1e-9)
-            x = e @ y
-            across = np.sum((y - x * e) ** 2)
-            if c > 0:
-                assert across == pytest.approx(2 * (delta + x) * (delta + c), rel=1e-6)
-            else:
-                assert across <= 2 * (delta + x) * delta
-            share = (delta + x) / (delta + x + c)
-            length = np.linalg.norm(noise - matrix @ y)
-            expected = share * np.sqrt(y @ y + c * c) * s / length
-            assert weight == pytest.approx(expected, rel=1e-6)
-            assert weight > before
-            ends = [at(s * (1 + sign * 1e-6)) for sign in (1, -1)]
-            if (ends[0][0] > 0) == (ends[1][0] > 0):
-                slope = (ends[0][1] - ends[1][1]) / (2e-6 * s)
-                assert growth == pytest.approx(slope, rel=1e-4, abs=1e-7)
-            before = weight
-            kinds.add(c > 0)
-    assert kinds == {True, False}
-
-
-def test_an_optimum_at_the_exact_fit_is_found_where_it_satisfies_the_bound():
-    """With a weight that hardly counts every fit that B⁻¹ ⪰ εI allows is exact: aᵀ(a + J₂ω) > 0."""
-    noise, e, matrix, free = violators(2, 1e-6, 0.1, 1.0)
-    s = fit(noise, e, matrix, 1e-6, 0.1).s
-    residual = np.linalg.norm(noise - np.matvec(matrix, parts(s, e)[0]), axis=1)
-    inside = np.vecdot(e, free) > -0.8
-    assert inside.sum() > 100 and (~inside).sum() > 100
-    assert np.mean(residual[inside] < 1e-9) > 0.99  # but where A is all but singular
-    assert residual[np.vecdot(e, free) < -1].min() > 1e-9
-
-
 def test_along_its_own_direction_the_perturbation_stops_at_the_bound():
     """With A = −I and ω along e the free optimum is x = −2 < ε − 1; the bounded one is x = ε − 1,
     no cross term and no block.
@@ -206,7 +197,7 @@ def test_a_minimum_that_was_not_reached_raises_with_its_evidence(monkeypatch):
 
 
 def test_an_arm_that_is_all_but_singular_is_refused():
-    """Where rounding would decide the fit; a thousand times as far from it it is solved."""
+    """Rounding would decide the fit there; a thousand times as far from it it is solved."""
     e, noise = np.array([[0.6, 0.8]]), np.array([[1.0, 2.0]])
     for far, refused in ((1e-5, False), (1e-8, True)):
         matrix = np.array([[[1.0, 1.0], [1.0, 1.0 + far]]])

@@ -13,9 +13,8 @@ from scipy import stats
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.draws import draw_steps
-from pipeline.models.wishart.decomposition import PIVOTED_LU
-from pipeline.models.wishart.density import blurred_log_density, frames
-from pipeline.models.wishart.factors import factors
+from pipeline.models.wishart.decomposition import PIVOTED_LU, factors
+from pipeline.models.wishart.density import blurred_log_density
 from pipeline.models.wishart.law import WishartModel
 from pipeline.randommatrix import wishart
 
@@ -60,24 +59,6 @@ def test_the_density_is_that_of_algorithm_1_box_by_box(
     assert max(excesses(WishartModel(sigma_b, decomposition))) < 3.5
     # control: a dispersion 30 % off
     assert max(excesses(WishartModel(1.3 * sigma_b, decomposition))) > 5
-
-
-@pytest.mark.parametrize("measurement", [None, MEASUREMENT, 1e4 * MEASUREMENT])
-def test_the_density_integrates_to_one(chain, step, measurement):
-    """By importance sampling from a wider law, whose draws leave no part of this one out."""
-    rng = np.random.default_rng(2)
-    model = WishartModel(0.25)
-    spread = model.covariance(chain, POSE, step) * 4 + (
-        0 if measurement is None else 2 * measurement
-    )
-    wider = stats.multivariate_t(model.mean(chain, POSE, step), spread, df=3, seed=rng)
-    q_next = wider.rvs(20_000)
-    ratio = np.exp(model.log_density(chain, POSE, step, q_next, measurement) - wider.logpdf(q_next))
-    error = ratio.std() / np.sqrt(len(ratio))
-    assert error < 0.015
-    assert abs(ratio.mean() - 1) < 4 * error
-    # control: a share of 8 % less is seen
-    assert abs(0.92 * ratio.mean() - 1) > 4 * error
 
 
 def test_no_step_goes_against_the_command(chain, step):
@@ -148,42 +129,3 @@ def test_the_quadrature_converges(chain, poses, step, sigma_b, error):
         assert np.quantile(np.abs(blurred_log_density(*problem) - fine), 0.99) < error
         # control: too few nodes
         assert np.abs(blurred_log_density(*problem, nodes=5) - fine).max() > 10 * error
-
-
-@pytest.mark.parametrize("share", [-1e-3, 1e-3])
-def test_far_outliers_have_the_density_of_the_nearest_of_two_explanations(
-    chain, poses, step, share
-):
-    """100 times the nominal step away, on either side, the value is finite, negative and steady in
-    the number of nodes.
-    """
-    a, back, _ = factors(chain, poses, step, PIVOTED_LU)
-    problem = np.matvec(back, 1e5 * share * a), a, back, MEASUREMENT, 64.0
-    coarse, fine = (blurred_log_density(*problem, nodes=nodes) for nodes in (17, 81))
-    assert np.all(coarse < -50)
-    np.testing.assert_allclose(coarse, fine, rtol=1e-4)
-
-
-def test_one_step_is_as_one_of_many(chain, poses, step):
-    model = WishartModel(0.3)
-    q_next, _ = draw_steps(model, chain, poses, step, np.random.default_rng(6))
-    many = model.log_density(chain, poses, step, q_next, MEASUREMENT)
-    assert many.shape == (200,)
-    np.testing.assert_allclose(
-        model.log_density(chain, poses[5], step, q_next[5], MEASUREMENT), many[5], rtol=1e-9
-    )
-    grid = model.log_density(
-        chain, poses.reshape(20, 10, 3), step, q_next.reshape(20, 10, 3), MEASUREMENT
-    )
-    np.testing.assert_allclose(grid.ravel(), many, rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    "direction", [[1.0, 0, 0], [-1.0, 0, 0], [0, 0, 2.0], [-0.6, 0.8, 0], [1e-9, -1.0, 1e-12]]
-)
-def test_a_frame_has_its_direction_first(direction):
-    frame = frames(np.array(direction))
-    np.testing.assert_allclose(
-        frame[:, 0], np.array(direction) / np.linalg.norm(direction), atol=1e-15
-    )
-    np.testing.assert_allclose(frame.T @ frame, np.eye(3), atol=1e-15)

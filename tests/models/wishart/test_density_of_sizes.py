@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from oracles import algorithm_1, inverse_action_steps
+from oracles import inverse_action_steps
 from random_arm import SIZES, motion, random_arm
 from scipy import stats
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.wishart.decomposition import Decomposition
-from pipeline.models.wishart.factors import factors
+from pipeline.models.wishart.decomposition import Decomposition, factors
 from pipeline.models.wishart.law import WishartModel
 from pipeline.randommatrix.wishart import degrees_of_freedom
 
@@ -58,28 +57,6 @@ def test_it_is_the_mean_of_normals_over_the_law_of_z_and_g(n, m):
     assert np.abs(other.log_density(arm, q, v, q_next, noise) - exact).max() > 1.5e-3
 
 
-@every_size
-@pytest.mark.parametrize("name", ["pivoted_lu", "qr", "qr_transposed", "given"])
-def test_it_is_the_mean_of_the_measurements_normals_over_algorithm_1(n, m, name):
-    """Over matrices B by Bartlett and the pseudo-inverse of J₁BJ₂."""
-    arm, q, v, model, noise = scene(n, m, name, share=0.7)
-    rng = np.random.default_rng(12)
-    drawn = algorithm_1(arm, q, v, SIGMA_B, model.decomposition, 20_000, rng)
-    measured = drawn[:6] + rng.multivariate_normal(np.zeros(n), noise, 6)
-    law = stats.multivariate_normal(cov=noise)
-    densities = np.array([law.pdf(after - drawn[6:]) for after in measured])
-    error = densities.std(axis=1) / np.sqrt(densities.shape[1])
-
-    def excess(sigma_b: float) -> float:
-        other = WishartModel(sigma_b, model.decomposition)
-        result = np.exp(other.log_density(arm, q, v, measured, noise))
-        return float(np.abs((result - densities.mean(axis=1)) / error).max())
-
-    assert excess(SIGMA_B) < 4
-    # control: a dispersion half as large again
-    assert excess(1.5 * SIGMA_B) > 6
-
-
 @pytest.mark.parametrize(
     ("n", "m", "measured"),
     [(n, m, True) for n, m in SIZES] + [(n, m, False) for n, m in SIZES if m == n],
@@ -104,14 +81,3 @@ def test_without_measurement_a_step_of_more_joints_than_rows_lies_on_a_plane():
     arm, q, v, model, _ = scene(3, 2)
     with pytest.raises(ModelDomainError, match="3 joints and 2 task rows lies on a plane"):
         model.log_density(arm, q, v, q)
-
-
-def test_the_commanded_null_step_is_made_without_noise():
-    arm, q, v, model, noise = scene(7, 6)
-    still = np.concatenate([np.zeros(6), v[6:]])
-    assert np.linalg.norm(arm.null_step(q, v)) > 1e-4
-    assert not np.any(model.covariance(arm, q, still))
-    np.testing.assert_allclose(model.mean(arm, q, still), q + arm.null_step(q, v))
-    at_rest = stats.multivariate_normal(mean=q + arm.null_step(q, v), cov=noise)
-    after = q + 1e-3
-    assert model.log_density(arm, q, still, after, noise) == pytest.approx(at_rest.logpdf(after))

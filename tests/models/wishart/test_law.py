@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from oracles import algorithm_1, every_reading, sample_inverse_action
-from scipy import linalg, stats
+from oracles import algorithm_1, every_reading
+from scipy import stats
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.draws import draw_steps
-from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition
+from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.randommatrix import wishart
 
@@ -49,50 +49,6 @@ def test_the_reduced_law_is_that_of_algorithm_1(chain, step, decomposition, sigm
     assert least_p_value(wrong, matrices) < 1e-4
 
 
-def test_wrong_degrees_of_freedom_of_the_tangent_are_rejected():
-    """The tangent's χ² has d − n + 2 degrees of freedom: with d − n + 1, as those of z, the product
-    is another law.
-    """
-    rng = np.random.default_rng(10)
-    d, n, size = 5.0, 3, DRAWS
-    a = np.array([1.0, 0.0, 0.0])
-    exact = np.linalg.inv(wishart.sample(d, np.eye(n) / d, (size,), rng))[:, 1, 0]
-    assert (
-        stats.ks_2samp(sample_inverse_action(np.tile(a, (size, 1)), d, rng)[:, 1], exact).pvalue
-        > 0.01
-    )
-    z = d / rng.chisquare(d - n + 1, size)
-    wrong = z * rng.standard_normal(size) / np.sqrt(rng.chisquare(d - n + 1, size))
-    assert stats.ks_2samp(wrong, exact).pvalue < 1e-6
-
-
-@pytest.mark.parametrize(
-    "direction",
-    [
-        [1.0, 0, 0],
-        [-1.0, 0, 0],
-        [0, 0, 1.0],
-        [-0.6, 0.8, 0],
-        [1e-9, -1.0, 1e-12],
-        [-1e-160, 1e-160, 0],
-    ],
-)
-def test_the_action_turns_and_scales_with_its_argument(direction):
-    """B⁻¹a along a is ‖a‖z and across it isotropic, whatever the direction."""
-    rng = np.random.default_rng(11)
-    d, size = 12.0, 20_000
-    a = np.array(direction)
-    r = np.sqrt((a / np.abs(a).max()) @ (a / np.abs(a).max())) * np.abs(a).max()
-    drawn = sample_inverse_action(np.tile(a, (size, 1)), d, rng) / r
-    e = a / r
-    along = drawn @ e
-    across = drawn - along[:, None] * e
-    assert stats.kstest(d / along, stats.chi2(d - 2).cdf).pvalue > 0.01
-    plane = linalg.null_space(e[None])
-    covariance = np.cov((across @ plane).T) / np.mean(along**2) * (d - 3)
-    np.testing.assert_allclose(covariance, np.eye(2), atol=0.06)
-
-
 @every_reading
 def test_the_exact_moments_are_those_of_algorithm_1(chain, step, decomposition):
     model = WishartModel(0.25, decomposition)
@@ -118,12 +74,6 @@ def test_at_rest_the_step_is_exactly_nothing(chain, poses, decomposition):
     assert not np.any(model.covariance(chain, poses, rest))
 
 
-def test_without_dispersion_the_step_tends_to_the_nominal_one(chain, poses, step):
-    nominal = np.matvec(chain.inverse_jacobian(poses), step)
-    drawn, _ = draw_steps(WishartModel(1e-7), chain, poses, step, np.random.default_rng(14))
-    assert np.abs(drawn - poses - nominal).max() < 1e-5 * np.abs(nominal).max()
-
-
 def test_moments_end_where_the_theory_says(chain, step):
     assert np.all(np.isfinite(WishartModel(0.81).covariance(chain, POSE, step)))
     with pytest.raises(ModelDomainError, match=r"covariance .* only for sigma_B below 0.8165"):
@@ -131,48 +81,6 @@ def test_moments_end_where_the_theory_says(chain, step):
     assert np.all(np.isfinite(WishartModel(0.99).mean(chain, POSE, step)))
     with pytest.raises(ModelDomainError, match=r"mean .* only for sigma_B below 1"):
         WishartModel(1.0).mean(chain, POSE, step)
-
-
-def test_parameters_outside_the_model_are_refused(chain):
-    with pytest.raises(ModelDomainError, match="sigma_B"):
-        WishartModel(1.5).law(chain)
-    with pytest.raises(ModelDomainError, match="sigma_B"):
-        WishartModel(-0.1)
-    with pytest.raises(ModelDomainError, match="as many rows as the task"):
-        WishartModel(0.2, Decomposition("given", left=np.eye(2))).law(chain)
-
-
-def rotation(seed: int) -> np.ndarray:
-    return np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
-
-
-def test_a_rotation_as_first_factor_changes_nothing_of_the_law_and_lu_does(chain, poses, step):
-    """W_n(d, I/d) is invariant to rotations: moments, densities and draws are those of QR, the same
-    as J₁ = I.
-    """
-    given = Decomposition("given", left=rotation(20))
-    turned, plain, lu = (
-        WishartModel(0.25, reading) for reading in (given, Decomposition("qr"), PIVOTED_LU)
-    )
-    measurement = np.diag([1e-6, 2e-6, 3e-6])
-    covariances = [model.covariance(chain, poses, step) for model in (turned, plain, lu)]
-    np.testing.assert_allclose(covariances[0], covariances[1], rtol=1e-8, atol=1e-12)
-    assert np.abs(covariances[2] - covariances[1]).max() > 0.05 * np.abs(covariances[1]).max()
-    q_next, _ = draw_steps(plain, chain, poses, step, np.random.default_rng(21))
-    for noise, tolerance in ((None, 1e-8), (measurement, 1e-3)):
-        densities = [
-            model.log_density(chain, poses, step, q_next, noise) for model in (turned, plain, lu)
-        ]
-        np.testing.assert_allclose(densities[0], densities[1], atol=tolerance)
-        assert np.abs(densities[2] - densities[1]).max() > 0.1
-    rng = np.random.default_rng(22)
-    draws = [
-        draw_steps(model, chain, np.tile(POSE, (DRAWS, 1)), step, rng)[0]
-        for model in (turned, plain, lu)
-    ]
-    for j in range(3):
-        assert stats.ks_2samp(draws[0][:, j], draws[1][:, j]).pvalue > 0.005
-    assert min(stats.ks_2samp(draws[2][:, j], draws[1][:, j]).pvalue for j in range(3)) < 1e-4
 
 
 @pytest.mark.parametrize("length", [0.15, 0.5])

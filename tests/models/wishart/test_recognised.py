@@ -9,8 +9,9 @@ import pytest
 from oracles import READINGS as NAMED
 
 from pipeline.models.draws import draw_steps
+from pipeline.models.steps import Recorded
+from pipeline.models.wishart.estimators import fit_likelihood
 from pipeline.models.wishart.law import WishartModel
-from pipeline.models.wishart.likelihood import fit_sigma_b
 
 READINGS = list(NAMED.values())
 SIGMA_B, TAKES = 0.25, 10
@@ -18,11 +19,12 @@ MEASUREMENT = 1e-7 * np.eye(3)
 
 
 def log_likelihoods(chain, q, v, noise) -> np.ndarray:
-    """Of the steps by reading, at its own most likely dispersion."""
+    """Likelihoods of the steps by reading, at its own most likely dispersion."""
     q_next = q + np.matvec(chain.inverse_jacobian(q), v) + noise
+    data = Recorded(chain, q, v, noise, ("a", "b", "c"), MEASUREMENT)
     return np.array(
         [
-            WishartModel(fit_sigma_b(chain, q, v, noise, MEASUREMENT, reading).sigma_b, reading)
+            WishartModel(fit_likelihood(data, reading).sigma_b, reading)
             .log_density(chain, q, v, q_next, MEASUREMENT)
             .mean()
             for reading in READINGS

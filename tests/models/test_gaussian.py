@@ -1,4 +1,6 @@
-"""The Gaussian matrix model of the inverse Jacobian against Algorithm 2 and the conic solver."""
+"""The Gaussian matrix model of the inverse Jacobian against Algorithm 2 and the conic solver, and
+the fit of (ũ, α): exact in α, recovery from the model's own moments, and the ridge.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +11,17 @@ from scipy import stats
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.convex import solve_noise_covariance
 from pipeline.models.draws import draw_steps
+from pipeline.models.gaussian.estimators import fit_distance
 from pipeline.models.gaussian.law import GaussianModel, noise_scale
 from pipeline.models.model import frobenius
 from pipeline.randommatrix import normal
 
 POSE = np.array([0.4, 1.7, -0.3])
 DRAWS = 20_000
+STEPS = 320
+INVERSE_NORM = 15.25 + 1.75 * np.cos(np.linspace(0, 4 * np.pi, STEPS))  # 13.5 … 17
+STEP_NORM = 0.03 * np.abs(np.sin(np.linspace(0, 2 * np.pi, STEPS)))
+EXTENSIONS = np.geomspace(0.02, 17.0, 200)
 
 
 @pytest.mark.parametrize(
@@ -102,3 +109,81 @@ def test_a_bound_below_the_norm_has_no_solution():
 def test_parameters_outside_the_model_are_refused(alpha, u):
     with pytest.raises(ModelDomainError, match="alpha must be"):
         GaussianModel(alpha, u)
+
+
+def model_covariance(alpha: float, extension: float) -> np.ndarray:
+    u = INVERSE_NORM.max() + extension
+    return (alpha**2 * (u**2 - INVERSE_NORM**2) / 9 * STEP_NORM**2)[:, None, None] * np.eye(3)
+
+
+def fit(covariance: np.ndarray, **options):
+    options = {"beta1": 0.5, "extensions": EXTENSIONS} | options
+    return fit_distance(
+        np.full((STEPS, 3), 0.01), covariance, STEP_NORM, INVERSE_NORM, rows=3, **options
+    )
+
+
+@pytest.mark.parametrize(("alpha", "extension"), [(0.1, 1.0), (0.3, 5.0)])
+def test_the_models_own_moments_return_its_parameters(alpha, extension):
+    result = fit(model_covariance(alpha, extension))
+    assert result.alpha == pytest.approx(alpha, rel=1e-3)
+    assert result.u == pytest.approx(INVERSE_NORM.max() + extension, rel=1e-3)
+    assert not result.at_end and not result.unbounded
+    # β₁ weighs a constant: the mean of one step is the nominal one whatever the parameters
+    assert result.objective == pytest.approx(0.5 * STEPS * np.sqrt(3) * 0.01, rel=1e-5)
+    assert fit(model_covariance(alpha, extension), beta1=0.9).alpha == pytest.approx(
+        result.alpha, rel=1e-3
+    )
+
+
+def test_alpha_is_the_best_for_each_extension():
+    rng = np.random.default_rng(3)
+    covariance = model_covariance(0.1, 1.0) * rng.uniform(0.5, 2, (STEPS, 1, 1))
+    result = fit(covariance)
+    for i in (0, 80, 199):
+        alphas = np.linspace(0.5, 2, 301) * result.alphas[i]
+        traces = np.trace(model_covariance(1.0, EXTENSIONS[i]), axis1=1, axis2=2)
+        target = np.trace(covariance, axis1=1, axis2=2)
+        rivals = (
+            0.5 * np.abs(alphas[:, None] ** 2 * traces - target).sum(axis=1)
+            + 0.5 * STEPS * np.sqrt(3) * 0.01
+        )
+        assert result.objectives[i] <= rivals.min() * (1 + 1e-12)
+    assert result.objective <= result.objectives.min()
+
+
+def test_noise_that_follows_the_speed_alone_runs_to_the_end_of_the_interval_along_the_ridge():
+    """u → ∞ with αu fixed is one model: such data do not determine u, and the fit says so."""
+    result = fit((1e-3 * STEP_NORM**2)[:, None, None] * np.eye(3))
+    assert result.at_end and result.unbounded
+    assert result.extension == EXTENSIONS[-1]
+    u = INVERSE_NORM.max() + EXTENSIONS
+    product = result.alphas * u
+    assert (
+        np.ptp(product[-50:]) / product[-1] < 0.5 * np.ptp(result.alphas[-50:]) / result.alphas[-1]
+    )
+
+
+def test_the_printed_objective_without_the_absolute_value_rewards_no_noise_at_all():
+    """tr{Cov(q) − Cov(q̃)} as printed falls all the way to α = 0; its absolute value does not."""
+    recorded = np.trace(model_covariance(0.1, 1.0), axis1=1, axis2=2)
+    alphas = np.linspace(0, 0.3, 61)
+    difference = np.array(
+        [np.trace(model_covariance(alpha, 1.0), axis1=1, axis2=2) - recorded for alpha in alphas]
+    )
+    assert alphas[difference.sum(axis=1).argmin()] == 0
+    assert alphas[np.abs(difference).sum(axis=1).argmin()] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"beta1": 1.0},
+        {"beta1": -0.1},
+        {"extensions": np.array([1.0, 2.0])},
+        {"extensions": np.array([0.0, 1, 2])},
+    ],
+)
+def test_bad_options_are_refused(options):
+    with pytest.raises(ModelDomainError):
+        fit(model_covariance(0.1, 1.0), **options)

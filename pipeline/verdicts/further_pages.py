@@ -1,0 +1,67 @@
+"""Pages beside the report: every claim in every dataset, and the recordings of one."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+from pipeline.verdicts.decision import FORCED, Decided
+from pipeline.verdicts.report_page import KEY, MARKS, counted
+from pipeline.verdicts.run import Run
+from pipeline.verdicts.wording import number, table
+
+WHOSE = {
+    "none": "computations without a recording",
+    "synthetic": "synthetic recordings",
+    "real": "recordings of a real robot, not the paper's",
+    "paper": "the paper's own recordings",
+}
+# counts of what was not solved, lost, clipped or left out
+LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
+
+
+def datasets_page(decided: Sequence[Decided]) -> str:
+    """Return ``reports/datasets.md``: the verdict on every claim from every dataset as a sign."""
+    decided = sorted(decided, key=lambda whose: (whose.recordings == "none", whose.dataset))
+    claims = zip(*(whose.verdicts for whose in decided), strict=True)
+    rows = [[row[0].claim.id, *(MARKS[each.verdict] for each in row)] for row in claims]
+    tally = []
+    for name, recordings, verdicts in decided:
+        forced = sum(each.verdict == FORCED for each in verdicts)
+        tally.append([name, WHOSE[recordings], counted(verdicts), forced])
+    sections = [
+        "# Every claim in every dataset",
+        "Written by the stage `report` from [claims.yaml](claims.yaml); all numbers are in the "
+        "file `claims.json` of a dataset's reports. Claims of the project are not counted.",
+        table(["dataset", "recordings", "hold / fail", "by construction"], tally),
+        table(["claim", *(whose.dataset for whose in decided)], rows),
+        KEY.partition(" After")[0],
+    ]
+    return "\n\n".join(sections) + "\n"
+
+
+def recordings_page(run: Run) -> str:
+    """Return ``recordings.md``: recordings found, kept and left out step by step, and totals of
+    what was not solved, lost, clipped or repaired, if not zero.
+    """
+    sections, rows = [f"# Recordings of dataset {run.dataset}"], []
+    if "kept" in run.tables:
+        kept = run.tables["kept"].astype(object).fillna("").astype(str).to_numpy()
+        header = ["step", "recording", "found", "kept", "left out"]
+        sections.append(f"## Kept and left out\n\n{table(header, kept)}")
+    if "recording_quality" in run.tables:
+        lossy = run.tables["recording_quality"].query("total > 0").set_index("quantity")
+        for instrument, own in lossy.groupby("instrument"):
+            rows.append([instrument, _counts(own["total"])])
+    for stem, values in run.metrics.items():
+        lost = {n: v for n, v in values.items() if v and LOST.search(n) and float(v).is_integer()}
+        if lost and stem != "recordings":
+            rows.append([stem.replace("_", " of ", 1), _counts(lost)])
+    if rows:
+        text = "Totals over all takes that were lost, clipped or repaired; all others were zero."
+        sections.append(f"## Lost and repaired\n\n{text}\n\n{table(['', 'counted'], rows)}")
+    return "\n\n".join(sections) + "\n"
+
+
+def _counts(totals: Mapping[str, float]) -> str:
+    return ", ".join(f"{n.replace('_', ' ')} {number(total)}" for n, total in totals.items())
