@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pipeline.perception.articulation_end import INFEASIBLE
+from pipeline.perception.articulation_objective import INFEASIBLE
 
 
 def plain_objective(points: np.ndarray, nodes: np.ndarray, gamma1: float, gamma2: float) -> float:

@@ -18,11 +18,11 @@ from pipeline.core.options.dataset import Dataset
 from pipeline.core.options.instruments import Force
 from pipeline.perception.articulation import ArticulationOptions, articulate_rows
 from pipeline.perception.markers import follower
-from pipeline.recordings import depth_camera, motion_capture
-from pipeline.recordings.depth_clock import on_motion_clock
-from pipeline.recordings.depth_points import arm_points
-from pipeline.recordings.depth_sequence import take_paths
-from pipeline.recordings.force_transducer import force_rows
+from pipeline.recordings import depth, motion_capture
+from pipeline.recordings.clocks import on_motion_clock
+from pipeline.recordings.depth import take_paths
+from pipeline.recordings.depth_angles import arm_points
+from pipeline.recordings.force import force_rows
 from pipeline.recordings.joint_logs import joint_log_rows
 
 SAME = 1e-9  # rad or N: above the rounding of a sum, below the resolution of any instrument
@@ -105,7 +105,7 @@ def angles_of_depth(
     """Joint angles of the one take of the depth camera, its clock set by the ``markers``."""
     trajectory = motion_capture.trajectory_rows(raw / dataset.trajectory, dataset)
     take = next(iter(take_paths(raw, dataset.depth).items()))
-    frames, quality = depth_camera.frame_rows(take, dataset.depth, arm, raw, raw)
+    frames, quality = depth.frame_rows(take, dataset.depth, arm, raw, raw)
     clouds = arm_points(frames, raw)
     frames, clock = on_motion_clock((frames, markers), dataset.depth, arm)
     joints = dataset.robot.joints

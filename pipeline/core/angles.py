@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -17,22 +17,20 @@ def unwrapped(
     time: np.ndarray,
     names: Sequence[str] = (),
     *,
+    circular: np.ndarray | bool = True,
     signal: str = "actual",
-    sliding: Collection[str] = (),
     **evidence: object,
 ) -> tuple[np.ndarray, int]:
     """Return ``angles`` (N, joints) in rad without jumps of whole turns between rows, and the
     number of jumps that were removed.
 
-    A step of more than half a turn is a jump; ``time`` (N,) in s and ``names`` (joints) say where
-    it is; joints named in ``sliding`` have no turns. Raises RecordingError with the ``evidence``
-    for a jump that differs from whole turns by more than a quarter of one: no controller wraps an
-    angle so, and no joint moves so.
+    A step of more than half a turn is a jump, except of a joint that is not ``circular`` (joints,),
+    as a prismatic one; ``time`` (N,) in s and ``names`` (joints) say where it is. Raises
+    RecordingError with the ``evidence`` for a jump that differs from whole turns by more than a
+    quarter of one: no controller wraps an angle so, and no joint moves so.
     """
     steps = np.diff(angles, axis=0)
-    turns = np.rint(steps / TURN)
-    if sliding and len(names) == angles.shape[1]:
-        turns[:, [name in sliding for name in names]] = 0
+    turns = np.where(circular, np.rint(steps / TURN), 0.0)
     if not turns.any():
         return angles, 0
     wrong = (turns != 0) & (np.abs(steps - TURN * turns) > TURN / 4)
@@ -49,20 +47,23 @@ def unwrapped(
     return angles - TURN * np.vstack([np.zeros_like(removed[:1]), removed]), int((turns != 0).sum())
 
 
-def turns_apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the whole turns (any shape) that take the angles ``b`` in rad nearest to ``a``."""
-    return np.rint((a - b) / TURN)
+def turns_apart(a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True) -> np.ndarray:
+    """Return the whole turns (any shape) that take the angles ``b`` in rad nearest to ``a``; 0
+    where not ``circular`` (broadcast over the joints), as for the position of a prismatic joint.
+    """
+    return np.where(circular, np.rint((a - b) / TURN), 0.0)
 
 
-def apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the distance ``a`` − ``b`` of angles in rad on the circle, from −π to π."""
-    return a - b - TURN * turns_apart(a, b)
+def apart(a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True) -> np.ndarray:
+    """Return the distance ``a`` − ``b``: of angles in rad on the circle, from −π to π."""
+    return a - b - TURN * turns_apart(a, b, circular)
 
 
-def whole_turns(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def whole_turns(a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True) -> np.ndarray:
     """Return the whole turns (joints,) by which angles ``a`` are beside ``b`` (N, joints) in rad; 0
-    of a joint whose angles are not within a tenth of a radian of each other on the circle.
+    of a joint that is not ``circular`` or whose angles are not within a tenth of a radian of each
+    other on the circle.
     """
     turns = np.rint(np.median(a - b, axis=0) / TURN)
     turns[np.median(np.abs(a - b - TURN * turns), axis=0) > ALIKE] = 0
-    return turns
+    return turns * circular

@@ -1,24 +1,38 @@
-"""The paper's objective of an articulation, Eq. (KinObj), of one point cloud; compiled.
+"""The paper's objective of an articulation, Eq. (KinObj), of one point cloud, and the two ends of
+the last segment; compiled.
 
-What a search varies, and how it keeps to the bounds on the lengths of the segments, is said in
-:mod:`pipeline.perception.articulation_end`.
+The tool ends at the commanded end-effector, as in the paper, or where the points say (fitted). With
+the commanded end the last segment of an arm that deviates from its command starts on the arm and
+ends off it. With the fitted end the tool has its nominal length and a heading of its own: a free
+length would grow to its bound, since an end beyond the points costs nothing. One asymmetry of all
+points of the tool says how far aside it lies, not where it points, so each of its halves has its
+own: Eq. (KinObj) has a fourth term there, of the weight γ2.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.core.compiled import inner
+from pipeline.core.elementary import sine_cosine
+
+# m; above every value of the objective that points within reach of an arm can give
+INFEASIBLE = 1e3
+STEP = 0.02  # m; first extent of the simplex: how far a node moves between frames at 30 Hz
+# 1/m; a variable that moves by STEP takes a length from its nominal value to its bound
+STRETCH = np.pi / 2 / STEP
+Node = tuple[float, float]
 
 
 class Frame(NamedTuple):
-    """The I points of one frame, what is given of its pose, and buffers of an evaluation."""
+    """The I points of one frame, its known nodes, and buffers of an evaluation."""
 
     points: np.ndarray  # (2, I) x and z, m
     o1: np.ndarray  # (2,) m
-    ee: np.ndarray  # (2,) m, where it is commanded to be
+    ee: np.ndarray  # (2,) m, as commanded
     bounds: np.ndarray  # (3, 2) of the segments' lengths, m
     gamma1: float
     gamma2: float
@@ -36,44 +50,62 @@ def frame_of(
     length_range: float,
     gammas: tuple[float, float],
 ) -> Frame:
-    """A frame.
-
-    Args:
-        points: (2, I) x and z, m.
-        o1: (2,) first joint, m.
-        ee: (2,) commanded end-effector, m.
-        lengths: (3,) nominal lengths of the segments, m.
-        length_range: each length lies within ± this share of the nominal one.
-        gammas: γ1 and γ2.
+    """Return a frame of ``points`` (2, I), first joint ``o1`` (2,) and commanded end ``ee`` (2,),
+    m; each of the nominal ``lengths`` (3,) m is free within ± the share ``length_range``.
     """
-    signed = np.empty((4, points.shape[1]))
-    distance = np.empty(points.shape[1])
+    signed, distance = np.empty((4, points.shape[1])), np.empty(points.shape[1])
     bounds = lengths[:, None] * np.array([1 - length_range, 1 + length_range])
-    points, o1, ee, bounds = (np.array(array, order="C") for array in (points, o1, ee, bounds))
-    return Frame(
-        points,
-        o1,
-        ee,
-        bounds,
-        *gammas,
-        distance,
-        signed,
-        signed.view(np.int64),
-        signed.view(np.uint64),
-    )
+    arrays = (np.array(array, order="C") for array in (points, o1, ee, bounds))
+    return Frame(*arrays, *gammas, distance, signed, signed.view(np.int64), signed.view(np.uint64))
 
 
 @inner
-def excess(frame: Frame, nodes: tuple) -> float:
-    """How far the segments between ``nodes`` overstep the bounds on their lengths, summed, m."""
-    total = 0.0
+def at_commanded(frame: Frame, v: np.ndarray) -> float:
+    """Eq. (KinObj) at v = (O2, O3), m; outside the bounds on the lengths INFEASIBLE and the excess.
+
+    So any pose within the bounds ranks before any outside, and of two outside the one that violates
+    them less (feasibility rules, Deb 2000): no weight has to be chosen.
+    """
+    o1, ee = (frame.o1[0], frame.o1[1]), (frame.ee[0], frame.ee[1])
+    nodes, violation = (o1, (v[0], v[1]), (v[2], v[3]), ee), 0.0
     for j in range(3):
-        length = np.sqrt(
-            (nodes[j + 1][0] - nodes[j][0]) ** 2 + (nodes[j + 1][1] - nodes[j][1]) ** 2
-        )
+        start, end = nodes[j], nodes[j + 1]
+        length = np.sqrt((end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2)
         short, long = frame.bounds[j, 0] - length, length - frame.bounds[j, 1]
-        total += short if short > 0.0 else (long if long > 0.0 else 0.0)
-    return total
+        violation += short if short > 0.0 else (long if long > 0.0 else 0.0)
+    if not violation == 0.0:
+        return INFEASIBLE + violation
+    return value(frame, nodes, 3)
+
+
+@inner
+def at_fitted(frame: Frame, v: np.ndarray) -> float:
+    """The value, m, at v = (λ1, λ2, l1ψ1, l2ψ2, l3ψ3), l the nominal lengths and ψ the headings.
+
+    The first two lengths are l(1 + r·sin(STRETCH·λ)), r the range of lengths: within their bounds
+    at any λ (James and Roos 1975).
+    """
+    o1 = (frame.o1[0], frame.o1[1])
+    o2 = _beyond(o1, frame.bounds[0, 0], frame.bounds[0, 1], v[0], v[2])
+    o3 = _beyond(o2, frame.bounds[1, 0], frame.bounds[1, 1], v[1], v[3])
+    ee = _beyond(o3, frame.bounds[2, 0], frame.bounds[2, 1], 0.0, v[4])
+    return value(frame, (o1, o2, o3, ee), 4)
+
+
+@inner
+def _beyond(start: Node, short: float, long: float, stretch: float, arc: float) -> Node:
+    """End of a segment from ``start``, its length between ``short`` and ``long``."""
+    middle, half = 0.5 * (short + long), 0.5 * (long - short)
+    stretched, _ = sine_cosine(STRETCH * stretch)
+    sine, cosine = sine_cosine(arc / middle)
+    length = middle + half * stretched
+    return start[0] + length * sine, start[1] + length * cosine
+
+
+@inner
+def rank(frame: Frame, v: np.ndarray) -> float:
+    """Value, m, of the pose ``v``: five variables of the fitted end, four of the commanded one."""
+    return at_fitted(frame, v) if v.size == 5 else at_commanded(frame, v)
 
 
 @inner
@@ -84,12 +116,10 @@ def value(frame: Frame, nodes: tuple, pieces: int) -> float:
     are the greatest distances of a segment's points on either side of its line, 0 where there are
     none. The three ``pieces`` that have both are the segments; of four, the last segment is two.
     """
-    signed = frame.signed
-    _assign(
-        frame.points[0], frame.points[1], nodes, frame.distance, signed[0], signed[1], signed[2]
-    )
+    x, z, signed = frame.points[0], frame.points[1], frame.signed
+    _assign(x, z, nodes, frame.distance, signed[0], signed[1], signed[2])
     if pieces == 4:
-        _halve(frame.points[0], frame.points[1], nodes[2], nodes[3], signed[2], signed[3])
+        _halve(x, z, nodes[2], nodes[3], signed[2], signed[3])
     asymmetry = 0.0
     for j in range(pieces):
         above, under = _greatest(signed[j], frame.bits[j], frame.unsigned[j])
@@ -98,15 +128,7 @@ def value(frame: Frame, nodes: tuple, pieces: int) -> float:
 
 
 @inner
-def _assign(
-    x: np.ndarray,
-    z: np.ndarray,
-    nodes: tuple,
-    distance: np.ndarray,
-    first: np.ndarray,
-    second: np.ndarray,
-    third: np.ndarray,
-) -> None:
+def _assign(x, z, nodes, distance, first, second, third):
     """Distance of every point to its segment, and by segment its square: positive above the line,
     negative below, 0 for others' points.
 
@@ -126,15 +148,8 @@ def _assign(
 
 
 @inner
-def _halve(
-    x: np.ndarray,
-    z: np.ndarray,
-    start: tuple[float, float],
-    end: tuple[float, float],
-    near: np.ndarray,
-    far: np.ndarray,
-) -> None:
-    """What ``near`` holds of points beyond the middle of the segment moves to ``far``."""
+def _halve(x: np.ndarray, z: np.ndarray, start: Node, end: Node, near: np.ndarray, far: np.ndarray):
+    """Move the values in ``near`` of points beyond the middle of the segment to ``far``."""
     ux, uz = end[0] - start[0], end[1] - start[1]
     mx, mz = 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])
     for i in range(x.size):
@@ -144,24 +159,16 @@ def _halve(
 
 
 @inner
-def _to_segment(
-    x: float, z: float, start: tuple[float, float], end: tuple[float, float]
-) -> tuple[float, float]:
-    """Squared distance to the segment, and the side of its line.
-
-    That to the node itself beyond an end, so that both of the node's segments find the very same
-    number.
+def _to_segment(x: float, z: float, start: Node, end: Node) -> tuple[float, float]:
+    """Squared distance to the segment, and the side of its line; beyond an end to the node itself,
+    so that both of the node's segments find the very same number.
     """
     ux, uz = end[0] - start[0], end[1] - start[1]
-    wx, wz = x - start[0], z - start[1]
+    wx, wz, ex, ez = x - start[0], z - start[1], x - end[0], z - end[1]
     squared, along, side = ux * ux + uz * uz, wx * ux + wz * uz, wx * uz - wz * ux
-    from_start, from_end = (
-        wx * wx + wz * wz,
-        (x - end[0]) * (x - end[0]) + (z - end[1]) * (z - end[1]),
-    )
-    return from_start if along <= 0.0 else (
-        from_end if along >= squared else side * side * (1.0 / squared)
-    ), side
+    from_start, from_end = wx * wx + wz * wz, ex * ex + ez * ez
+    inside = from_end if along >= squared else side * side * (1.0 / squared)
+    return from_start if along <= 0.0 else inside, side
 
 
 @inner
@@ -176,7 +183,7 @@ def _greatest(signed: np.ndarray, bits: np.ndarray, unsigned: np.ndarray) -> tup
 
     Read as integers, with a sign (``bits``) the positive doubles and without one (``unsigned``) the
     negative ones are greatest, and by size. Unlike a maximum of doubles, which has to look out for
-    NaN, that of integers is taken of several at once. The first place turns them back into doubles.
+    NaN, the maximum of integers is taken of several at once. The first place turns them back.
     """
     above, under = np.int64(0), np.uint64(0)
     for i in range(signed.size):
@@ -190,16 +197,57 @@ def _greatest(signed: np.ndarray, bits: np.ndarray, unsigned: np.ndarray) -> tup
 
 @inner
 def _sum(values: np.ndarray) -> float:
-    """In four parts: none waits for the one before."""
-    part = (0.0, 0.0, 0.0, 0.0)
+    """Sum in four parts: none waits for the one before."""
+    a = b = c = d = 0.0
     whole = values.size - values.size % 4
     for i in range(0, whole, 4):
-        part = (
-            part[0] + values[i],
-            part[1] + values[i + 1],
-            part[2] + values[i + 2],
-            part[3] + values[i + 3],
-        )
+        a, b, c, d = a + values[i], b + values[i + 1], c + values[i + 2], d + values[i + 3]
     for i in range(whole, values.size):
-        part = part[0] + values[i], part[1], part[2], part[3]
-    return (part[0] + part[1]) + (part[2] + part[3])
+        a += values[i]
+    return (a + b) + (c + d)
+
+
+class End(NamedTuple):
+    """One end of the last segment: variables v (n,) of a search, all in m, of O2, O3 and EE."""
+
+    variables: Callable[[Frame, np.ndarray], np.ndarray]  # frame, nodes (3, 2) → v
+    nodes: Callable[[Frame, np.ndarray], np.ndarray]  # frame, v → nodes (3, 2)
+    # the first extent of each run of the simplex, and the extent at which it has ended, m
+    runs: tuple[tuple[float, float], ...]
+
+
+def _middle_and_half(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+    """(3,) middle and half the width of the range of every length, m."""
+    short, long = frame.bounds.T
+    return (short + long) / 2, (long - short) / 2
+
+
+def _fitted_variables(frame: Frame, nodes: np.ndarray) -> np.ndarray:
+    x, z = np.diff(np.vstack([frame.o1, nodes]), axis=0).T
+    middle, half = _middle_and_half(frame)
+    share = np.clip((np.hypot(x, z) - middle)[:-1] / half[:-1], -1.0, 1.0)
+    return np.concatenate([np.arcsin(share) / STRETCH, middle * np.arctan2(x, z)])
+
+
+def _fitted_nodes(frame: Frame, v: np.ndarray) -> np.ndarray:
+    middle, half = _middle_and_half(frame)
+    lengths = middle + half * np.append(np.sin(STRETCH * v[:2]), 0.0)
+    psi = v[2:] / middle
+    steps = lengths[:, None] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
+    return frame.o1 + np.cumsum(steps, axis=0)
+
+
+# 1e-5 m are 1e-4 rad on a link, a hundredth of the errors of the sensor. The fitted end has one
+# unknown more, and minima beside the least: a wider simplex leaves the one of the frame before,
+# which would take back a share of the arm's motion since. Its angles scatter too widely for the
+# last digit to be worth its evaluations.
+ENDS = {
+    "commanded": End(
+        lambda frame, nodes: nodes[:2].ravel(),
+        lambda frame, v: np.vstack([v.reshape(2, 2), frame.ee]),
+        ((STEP, 1e-3), (-STEP / 2, 1e-5)),
+    ),
+    "fitted": End(
+        _fitted_variables, _fitted_nodes, ((2 * STEP, 4e-3), (-2 * STEP, 4e-3), (STEP, 1e-4))
+    ),
+}

@@ -1,5 +1,5 @@
-"""The depth camera's noise in the joint angles: its mean and covariance over the time of the
-motion, as other takes show it, and its slope on the state.
+"""Noise of the depth camera in the joint angles: mean and covariance over the time of the motion,
+from other takes, and slope on the state.
 
 A measurement y = q* + (I + S)(q − q*) + noise errs by S(q − q*), with q* where the arm is on
 average. The motion capture gives q at its samples; where a deviation does not last as long as the
@@ -20,33 +20,32 @@ NEAR_A_SAMPLE, ALL = "near a sample", "all"
 
 
 def errors_of(angles: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
-    """Depth camera minus motion capture at every depth frame during the motion, the motion capture
-    interpolated linearly at its time.
-
-    ``angles``: the table of the depth camera's joint angles; ``joints``: that of the motion
-    capture's, in the order of time. Returns take, frame, t (s) and the family e (rad).
+    """Return depth camera minus motion capture, interpolated linearly, at every depth frame during
+    the motion, from the tables ``angles`` and ``joints``: take, frame, t (s), family e (rad).
     """
     names, errors = members(angles, "q"), []
     for take, rows in angles.groupby("take"):
         truth = joints[joints["take"] == take]
         inside = rows[(rows["t"] >= 0) & (rows["t"] <= truth["t"].iloc[-1])]
-        at_frames = [
-            np.interp(inside["t"], truth["t"], truth[column]) for column in columns("q", names)
-        ]
-        error = values(inside, "q") - np.stack(at_frames, axis=-1)
+        error = values(inside, "q") - _interpolated(inside["t"], truth, names)
         errors.append(inside[["take", "frame", "t"]].assign(**spread("e", names, error)))
     return pd.concat(errors, ignore_index=True)
 
 
-def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
-    """Mean and covariance of the noise at each frame without the take that they will be used on,
-    and ('none') of all takes.
+def _interpolated(times: pd.Series, joints: pd.DataFrame, names: tuple[str, ...]) -> np.ndarray:
+    """Angles (times, n) of the rows ``joints`` at ``times`` (s), linear in between."""
+    angles = [np.interp(times, joints["t"], joints[name]) for name in columns("q", names)]
+    return np.stack(angles, axis=-1)
 
-    ``errors`` are those of :func:`errors_of`. The mean of a frame is that over the other takes; the
-    covariance is that of their deviations from the means, pooled over ``window`` frames on either
-    side, so that it varies with time as smoothly as a moving arm looks. Returns the table
-    ``kinect_noise``. Raises RecordingError where the other takes are too few, or have no such
-    frame.
+
+def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
+    """Return the table ``kinect_noise``: mean and covariance of the noise at each frame without the
+    take that they will be used on, and ('none') of all takes.
+
+    ``errors`` as of :func:`errors_of`. The mean of a frame is over the other takes; the covariance
+    is of their deviations from the means, pooled over ``window`` frames on either side, so that it
+    varies with time as smoothly as a moving arm looks. Raises RecordingError where the other takes
+    are too few, or have no such frame.
     """
     names, rows = members(errors, "e"), []
     components, n = columns("e", names), len(names)
@@ -64,12 +63,12 @@ def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
         freedom = near @ (count.to_numpy() - 1)
         # a covariance of fewer samples than this is singular
         if len(frames) == 0 or freedom.min() < n + 1:
-            raise RecordingError(
+            message = (
                 "too few test takes to estimate the depth camera's noise from the others; record "
-                "more, or widen articulation.noise_window",
-                take=left_out,
-                samples=int(freedom.min()) if len(frames) else 0,
+                "more, or widen articulation.noise_window"
             )
+            samples = int(freedom.min()) if len(frames) else 0
+            raise RecordingError(message, take=left_out, samples=samples)
         covariance = np.tensordot(near, scatter, axes=1) / freedom[:, None, None]
         table = {"take": left_out, "frame": frames, "t": time.to_numpy()}
         table |= spread("b", names, mean.to_numpy()) | triangle("r", names, covariance)
@@ -78,23 +77,19 @@ def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
 
 
 def deviations(errors: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
-    """Return each frame's deviation of the arm (family d, rad) and error (family e), both about
-    their means over the takes at that frame, which are the bias that a filter knows of.
+    """Return each frame's deviation of the arm (family d, rad), its measured angle minus the mean
+    of the training takes, and error (family e), both about their means over the takes at that
+    frame, the bias that a filter knows: take, frame, t in s and the two families.
 
-    ``errors``: as :func:`errors_of` gives them; ``joints``: the table. A deviation is the motion
-    capture's angle minus the mean of the training takes, both interpolated linearly at the frame's
-    time. Columns take, frame, t in s and the two families.
+    ``errors`` as of :func:`errors_of`; ``joints``: the table.
     """
     names = members(errors, "e")
     mean = joints[joints["part"] == "training"].groupby("k")[["t", *columns("q", names)]].mean()
     parts = []
     for take, rows in errors.groupby("take", sort=False):
         own = joints[joints["take"] == take]
-        d = [
-            np.interp(rows["t"], own["t"], own[name]) - np.interp(rows["t"], mean["t"], mean[name])
-            for name in columns("q", names)
-        ]
-        parts.append(rows.assign(**spread("d", names, np.stack(d, axis=-1))))
+        d = _interpolated(rows["t"], own, names) - _interpolated(rows["t"], mean, names)
+        parts.append(rows.assign(**spread("d", names, d)))
     table = pd.concat(parts)
     families = columns("d", names) + columns("e", names)
     table[families] -= table.groupby("frame")[families].transform("mean")

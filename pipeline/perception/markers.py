@@ -1,18 +1,18 @@
-"""Joint angles of one take from its motion-capture markers or bodies.
+"""Joint angles of one take from its motion-capture markers or bodies, by least squares
+(:mod:`pipeline.perception.posture`).
 
-Every posture is that of least squares (:mod:`pipeline.perception.posture`). On a planar arm a
-search starts from the headings of the segments, and wrong labels are corrected by the places that
-the arm predicts; in space it starts from the frame before. One distance, the gate, decides
-everywhere whether a sample can be the marker that its label says. It has to exceed the error of the
+On a planar arm a search starts from the headings of the segments, and wrong labels are corrected by
+the places that the arm predicts; in space it starts from the frame before. One distance, the gate,
+decides whether a sample can be the marker that its label says. It has to exceed the error of the
 registration of the base frame and stay below half the distance between markers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import permutations
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -30,26 +30,19 @@ BLOCK = 16  # frames of an arm in space that are solved at once, from the one be
 OPEN = 0.1  # share of a joint's turn that lies among the motions that no point shows
 
 
-@dataclass(frozen=True)
-class JointTrack:
-    """Joint angles of one take.
+class JointTrack(NamedTuple):
+    """Joint angles of one take."""
 
-    ``q`` (N, n) rad, m of prismatic joints, continuous in time. ``residual`` (N,) rms distance of
-    the markers to the arm in m, NaN where the frame was filled in. ``counts`` of what was lost and
-    repaired, which the tracker names; ``samples``: of markers, of which some are ``missing``.
-    ``errors``: by joint the standard error of its angle in a frame, as far as the residuals tell.
-    """
-
-    q: np.ndarray
-    residual: np.ndarray
-    counts: dict[str, int]
-    samples: int
-    errors: dict[str, float] = field(default_factory=dict)
+    q: np.ndarray  # (N, n) rad, m of prismatic joints, continuous in time
+    residual: np.ndarray  # (N,) m, rms distance of the markers to the arm; NaN where filled in
+    counts: dict[str, int]  # losses and repairs, as the tracker names them
+    samples: int  # of markers, of which some are missing
+    errors: Mapping[str, float] = {}  # standard error of each joint's angle in a frame
 
 
 def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
-    """Return the function that makes joint angles of a take's rows of the table ``markers`` and its
-    name ``take``.
+    """Return the function of a take's rows of the table ``markers`` and its name ``take`` that
+    gives its joint angles.
     """
     options = {"gate": mocap.gate, "max_gap": mocap.max_gap}
     if robot.plane:
@@ -82,19 +75,19 @@ def track_plane(
     stray: np.ndarray | None = None,
     take: str = "",
 ) -> JointTrack:
-    """Joint angles of one take of a planar arm.
+    """Return the joint angles of one take of a planar arm.
 
-    Its counts: samples ``missing`` (label without a position), ``relabelled`` (moved to another
-    label), ``adopted`` (taken from the unlabelled markers), ``rejected`` (labelled, but no marker
-    of the arm); ``two_marker_fits`` (links with two of their markers); frames ``interpolated`` and
-    ``held``. Raises RecordingError (take and frames) for longer gaps than ``max_gap`` or markers
-    that never fit the arm.
+    Counts: samples ``missing`` (label without a position), ``relabelled`` (moved to another label),
+    ``adopted`` (from the unlabelled markers), ``rejected`` (labelled, but no marker of the arm);
+    ``two_marker_fits`` (links with two of their markers); frames ``interpolated`` and ``held``.
+    Raises RecordingError (take and frames) for longer gaps than ``max_gap`` or markers that never
+    fit the arm.
 
     Args:
         positions: (N, P, 3) of the points in the base frame, m, NaN where missing.
         arm: the robot.
-        points: where the arm carries them.
-        gate: m; samples farther from where the arm puts their label are relabelled, or left out.
+        points: its markers.
+        gate: m; samples farther from the place of their label are relabelled, or left out.
         max_gap: frames; shorter runs of frames that are not solved are filled.
         stray: (N, U, 3) further positions, likewise.
         take: name of the take, for messages.
@@ -148,18 +141,14 @@ def _correct_labels(
     """
     from scipy.optimize import linear_sum_assignment
 
-    links, labels, frames = len(points.chains), len(points.owner), np.arange(len(positions))
-    psi = [
-        _headings(arm, positions[:, points.owner == j], points.places[points.owner == j])
-        for j in range(links)
-    ]
+    labels, frames = len(points.owner), np.arange(len(positions))
+    psi = [_headings(arm, positions[:, mine], points.places[mine]) for mine in points.of_links()]
     for heading in psi:
         known = np.isfinite(heading)
         turned = np.unwrap(heading[known])
         heading[~known] = np.interp(frames[~known], frames[known], turned) if known.any() else 0.0
-    q, residual = _solve(
-        points, positions, arm.chain.joints_from_segments(np.stack(psi, axis=-1)), gate
-    )
+    q = arm.chain.joints_from_segments(np.stack(psi, axis=-1))
+    q, residual = _solve(points, positions, q, gate)
     moved = {"relabelled": 0, "adopted": 0, "rejected": 0}
     strays = np.isfinite(extra).all(axis=-1)
     incomplete = np.isnan(positions[..., 0]).any(axis=-1) & strays.any(axis=-1)
@@ -167,11 +156,9 @@ def _correct_labels(
     if not doubtful.any():
         return positions, q, residual, moved
     markers = positions.copy()
-    start, pose = (
-        _first_pose(positions, extra, arm, points, gate, take)
-        if np.isnan(residual).all()
-        else (int(np.argmax(np.isfinite(residual))), None)
-    )
+    start, pose = int(np.argmax(np.isfinite(residual))), None
+    if np.isnan(residual).all():
+        start, pose = _first_pose(positions, extra, arm, points, gate, take)
     # outwards from the first pose that is sure, so that each frame has a solved neighbour
     for k in [*np.flatnonzero(doubtful[start:]) + start, *np.flatnonzero(doubtful[:start])[::-1]]:
         solved = np.flatnonzero(np.isfinite(residual))
@@ -218,8 +205,7 @@ def _first_pose(
             continue
         ordered = found[list(permutations(range(len(found)), 3))]
         q = np.zeros(links)
-        for j in range(links):
-            mine = points.owner == j
+        for j, mine in enumerate(points.of_links()):
             # two markers that lie within the gate of their places are as far apart as these, but
             # for twice the gate
             off = np.abs(_sides(ordered) - _sides(points.places[mine]))
@@ -235,11 +221,8 @@ def _first_pose(
                 break
         else:
             return k, q
-    raise RecordingError(
-        "no frame has markers that fit the arm: check the template, the base frame, the units "
-        "and the gate",
-        take=take,
-    )
+    message = "no frame has markers that fit the arm: check the template, the base frame, the units"
+    raise RecordingError(f"{message} and the gate", take=take)
 
 
 def _sides(triangles: np.ndarray) -> np.ndarray:
@@ -257,7 +240,7 @@ def track_space(
     stray: np.ndarray | None = None,
     take: str = "",
 ) -> JointTrack:
-    """Joint angles of one take of an arm in space; markers without a label stay unused.
+    """Return the joint angles of one take of an arm in space; unlabelled markers stay unused.
 
     The first frame that one posture alone fits is the start, the others follow from it in blocks. A
     frame with a point beyond the gate goes without the link whose absence lets it fit best; one
@@ -336,8 +319,8 @@ def _first(
 def fill_gaps(
     q: np.ndarray, solved: np.ndarray, sliding: np.ndarray, max_gap: int, take: str
 ) -> tuple[np.ndarray, dict[str, int]]:
-    """Angles ``q`` (N, n), but for ``sliding`` (n,) joints without leaps of whole turns, linear in
-    time across gaps and held at the ends of the take, and the frames ``interpolated`` and ``held``.
+    """Return ``q`` (N, n) without whole turns, but for ``sliding`` (n,) joints, linear in time
+    across gaps and held at the ends of the take, and the frames ``interpolated`` and ``held``.
 
     Raises RecordingError where no frame is ``solved`` (N,), or more than ``max_gap`` in a row are
     not.
@@ -348,12 +331,12 @@ def fill_gaps(
     edges = np.concatenate([[-1], frames, [len(q)]])
     longest = int(np.argmax(np.diff(edges)))
     if edges[longest + 1] - edges[longest] - 1 > max_gap:
-        raise RecordingError(
+        message = (
             f"markers give no joint angles for longer than {max_gap} frames: repair the labels, "
-            "or leave the take out",
-            take=take,
-            frames=f"{edges[longest] + 1} to {edges[longest + 1] - 1}",
+            "or leave the take out"
         )
+        frames = f"{edges[longest] + 1} to {edges[longest + 1] - 1}"
+        raise RecordingError(message, take=take, frames=frames)
     known = np.where(sliding, q[frames], np.unwrap(q[frames], axis=0))
     q = np.stack([np.interp(np.arange(len(q)), frames, joint) for joint in known.T], axis=1)
     held = int(frames[0] + len(q) - 1 - frames[-1])

@@ -1,10 +1,8 @@
 """Least-squares posture of any chain: the joint angles at which the points that its links carry lie
-nearest to where they are measured.
+nearest to their measured places.
 
-Rigid bodies, markers in space and markers on a planar arm are points on links: one law serves all,
-in metres alone. A rigid body comes as points that it carries
-(:mod:`pipeline.recordings.motion_capture`); its own markers as these points give its turn the
-weight that they have.
+Markers on a planar arm, markers in space and the points that a rigid body carries
+(:mod:`pipeline.recordings.motion_capture`) are points on links: one law, in metres.
 """
 
 from __future__ import annotations
@@ -67,21 +65,24 @@ class Carried:
     bodies: np.ndarray  # (L,) whether a link's points are those that a rigid body carries
     posture: np.ndarray | None  # (n,) about where a take starts
 
+    def of_links(self) -> list[np.ndarray]:
+        """Return the mask (P,) of the points of each link."""
+        return [self.owner == link for link in range(len(self.chains))]
+
     def carry(self, q: np.ndarray) -> np.ndarray:
         """Return where the arm at ``q`` (S, n) carries the points, (S, P, 3) m in the base."""
         result = np.empty((len(q), *self.places.shape))
-        for link, chain in enumerate(self.chains):
-            position, lever = self._levers(link, chain, q)
-            result[:, self.owner == link] = position[:, None] + lever
+        for mine, chain in zip(self.of_links(), self.chains, strict=True):
+            position, lever = self._levers(mine, chain, q)
+            result[:, mine] = position[:, None] + lever
         return result
 
     def _levers(
-        self, link: int, chain: SerialChain, q: np.ndarray
+        self, mine: np.ndarray, chain: SerialChain, q: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Position (S, 3) of a link and its points relative to it (S, points, 3), m."""
         pose = chain.pose(q[:, : len(chain.lower)])
-        turned = np.swapaxes(pose[:, 3:].reshape(-1, 3, 3), -1, -2)
-        return pose[:, :3], self.places[self.owner == link] @ turned
+        return pose[:, :3], self.places[mine] @ np.swapaxes(pose[:, 3:].reshape(-1, 3, 3), -1, -2)
 
     def solve(self, measured: np.ndarray, start: np.ndarray) -> Solution:
         """Return the joint angles near ``start`` (n,) for the points ``measured`` (P, 3) in m in
@@ -128,9 +129,9 @@ class Carried:
         starts, n = q.shape
         normal, gradient = np.zeros((starts, n, n)), np.zeros((starts, n))
         distances = np.zeros(measured.shape[:2])
-        for link, chain in enumerate(self.chains):
-            mine, m = self.owner == link, len(chain.lower)
-            position, lever = self._levers(link, chain, q)
+        for mine, chain in zip(self.of_links(), self.chains, strict=True):
+            m = len(chain.lower)
+            position, lever = self._levers(mine, chain, q)
             jacobian = chain.jacobian(q[:, :m])
             way = measured[:, mine] - position[:, None] - lever
             seen = ~np.isnan(way[..., :1])
@@ -150,11 +151,8 @@ class Carried:
 
     def postures(self, measured: np.ndarray, gate: float) -> list[Solution]:
         """Return the postures within the joint limits at which every point of ``measured`` (P, 3)
-        lies within ``gate`` (m) of where the arm carries it: as far as starts all over the limits
-        find them, or the one about the posture that is asked for.
-
-        Of angles that differ by whole turns, those nearest to the posture asked for, or to the
-        middle of the limits.
+        lies within ``gate`` (m) of its place: as far as starts all over the limits find them, or
+        the one about the stated posture; of whole turns, the nearest to it or to mid-range.
         """
         from scipy.stats import qmc
 
@@ -239,21 +237,20 @@ def points_in_plane(arm: Arm, template: np.ndarray) -> Carried:
     raises ConfigError unless the three of each link span a triangle, along the plane's normal too.
     """
     if np.shape(template) != (3, 3, 3) or not np.isfinite(template).all():
-        raise ConfigError(
+        message = (
             "a planar arm needs three markers, each with its place x, y, z, on each of its three "
-            "segments",
-            key="dataset.mocap.markers",
-            shape=np.shape(template),
+            "segments"
         )
+        raise ConfigError(message, key="dataset.mocap.markers", shape=np.shape(template))
     for link, corners in enumerate(template, start=1):
         spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[1]
         sides = np.linalg.norm((corners - np.roll(corners, 1, axis=0))[:, [0, 2]], axis=1)
         if spread < MIN_LEVER / 2 or sides.min() < MIN_LEVER:
-            raise ConfigError(
+            message = (
                 "the markers of a link are in line, or two of them are too close in the plane of "
-                "the arm",
-                link=link,
+                "the arm"
             )
+            raise ConfigError(message, link=link)
     chain, links = arm.chain, len(template)
     # the frame of a joint that turns about ± the plane's normal y: z along its axis, x the plane's
     frames = np.array([[[1.0, 0, 0], [0, 0, sign], [0, -sign, 0]] for sign in chain.signs])

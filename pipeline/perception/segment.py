@@ -20,7 +20,7 @@ NEIGHBOURS = 4  # points within LINK that a point on a surface has at least, its
 
 @dataclass(frozen=True)
 class Crop:
-    """What of the scene is the arm: distances in m, in the frame of the arm's plane."""
+    """Part of the scene that is the arm: distances in m, in the frame of the arm's plane."""
 
     half_depth: float = 0.05  # |y| of the arm's surface at most, the sensor's noise included
     girth: float = 0.05  # how far the arm's surface may lie beyond the reach of its nodes
@@ -52,29 +52,16 @@ class ArmSegmenter:
         shape: tuple[int, int],
         crop: Crop,
     ) -> None:
-        self.crop, self.shape = crop, tuple(shape)
-        self.origin = arm.chain.origin
+        self.crop, self.shape, self.origin = crop, tuple(shape), arm.chain.origin
         self.reach = float(arm.chain.lengths.sum()) + crop.girth
         self.camera = arm.to_plane(np.asarray(translation, dtype=float))
-        columns, rows = np.meshgrid(
-            np.arange(shape[1], dtype=float), np.arange(shape[0], dtype=float)
-        )
-        pixels = np.stack([columns.ravel(), rows.ravel()], axis=-1)[:, None]
-        ideal = cv2.undistortPoints(
-            pixels,
-            np.asarray(camera_matrix, dtype=float),
-            # where there is none, OpenCV would still search for the pixel that it leads to
-            np.asarray(distortion, dtype=float) if np.any(distortion) else None,
-            None,
-            None,
-            None,
-            UNDISTORTION,
-        )
-        rays = (
-            np.concatenate([ideal[:, 0], np.ones((len(ideal), 1))], axis=1)
-            @ rotation.T
-            @ arm.rotation
-        )
+        grid = np.meshgrid(*(np.arange(size, dtype=float) for size in shape[::-1]))
+        pixels = np.stack([each.ravel() for each in grid], axis=-1)[:, None]
+        # where there is no distortion, OpenCV would still search for the pixel that it leads to
+        bend = np.asarray(distortion, dtype=float) if np.any(distortion) else None
+        matrix = np.asarray(camera_matrix, dtype=float)
+        ideal = cv2.undistortPoints(pixels, matrix, bend, None, None, None, UNDISTORTION)[:, 0]
+        rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1) @ rotation.T @ arm.rotation
         rays = np.ascontiguousarray(rays.T).reshape(3, *shape)
         sees = np.zeros(shape, dtype=bool)
         # the slab is thin against the reach: a ray that passes the arm's space is in reach at one
@@ -82,24 +69,23 @@ class ArmSegmenter:
         for face in (-crop.half_depth, crop.half_depth):
             with np.errstate(divide="ignore", invalid="ignore"):
                 depth = (face - self.camera[1]) / rays[1]
-                distance = np.hypot(
-                    *(self.camera[i] + depth * rays[i] - self.origin[i // 2] for i in (0, 2))
-                )
+                away = (self.camera[i] + depth * rays[i] - self.origin[i // 2] for i in (0, 2))
+                distance = np.hypot(*away)
             sees |= (depth > 0) & (distance <= self.reach)
         if not sees.any():
-            raise ConfigError(
+            message = (
                 "no pixel of the depth camera sees the arm: check the camera's pose, its "
-                "intrinsics and the crop",
-                shape=shape,
+                "intrinsics and the crop"
             )
+            raise ConfigError(message, shape=shape)
         across, down = np.flatnonzero(sees.any(axis=0)), np.flatnonzero(sees.any(axis=1))
         self.window = (slice(down[0], down[-1] + 1), slice(across[0], across[-1] + 1))
         self.across_plane = rays[1][self.window].copy()
         self.in_plane = [rays[i][self.window].ravel() for i in (0, 2)]
 
     def __call__(self, depth: np.ndarray, **evidence: object) -> tuple[np.ndarray, dict[str, int]]:
-        """Points (I, 2) of the arm (x, z in the plane, m), row by row, and the pixels of the window
-        left out, by reason.
+        """Return points (I, 2) of the arm (x, z in the plane, m), row by row, and the pixels of the
+        window that are left out, by reason.
 
         ``depth`` (rows, columns) in m along the camera's axis, 0 or NaN without a measurement.
         Reasons: ``no_depth``; ``off_plane`` beyond the arm's depth; ``out_of_reach``; ``base``
@@ -107,9 +93,8 @@ class ArmSegmenter:
         ``max_points``). Raises RecordingError (with ``evidence``) for an image of another shape.
         """
         if depth.shape != self.shape:
-            raise RecordingError(
-                f"a depth image of {depth.shape} pixels from a camera of {self.shape}", **evidence
-            )
+            message = f"a depth image of {depth.shape} pixels from a camera of {self.shape}"
+            raise RecordingError(message, **evidence)
         crop, depth = self.crop, depth[self.window]
         measured = depth > 0
         with np.errstate(invalid="ignore"):
@@ -119,17 +104,16 @@ class ArmSegmenter:
         on_plane &= measured
         pixels, depths = np.flatnonzero(on_plane), depth[on_plane]
         number = np.count_nonzero(measured)
-        dropped = {"no_depth": depth.size - number, "off_plane": number - len(pixels)}
-        x = self.camera[0] + depths * self.in_plane[0][pixels]
-        z = self.camera[2] + depths * self.in_plane[1][pixels]
+        x, z = (self.camera[2 * i] + depths * self.in_plane[i][pixels] for i in (0, 1))
         in_reach = _in_reach(x, z, self.origin, self.reach)
         arm = in_reach & _above_base(x, z, self.origin, crop)
-        dropped["out_of_reach"] = len(pixels) - np.count_nonzero(in_reach)
-        dropped["base"] = np.count_nonzero(in_reach) - np.count_nonzero(arm)
+        reached, own = np.count_nonzero(in_reach), np.count_nonzero(arm)
+        dropped = {"no_depth": depth.size - number, "off_plane": number - len(pixels)}
+        dropped |= {"out_of_reach": len(pixels) - reached, "base": reached - own}
         pixels, x, z = pixels[arm], x[arm], z[arm]
         patch = _patches(pixels, depth.shape[1])
         kept = np.flatnonzero(np.bincount(patch)[patch] >= crop.min_pixels)
-        dropped["isolated"] = len(pixels) - len(kept)
+        dropped["isolated"] = own - len(kept)
         dropped["thinned"] = max(0, len(kept) - crop.max_points)
         kept = _thinned(kept, crop)
         return np.stack([x[kept], z[kept]], axis=-1), dropped
@@ -140,50 +124,44 @@ class CloudSegmenter:
     pixels, by Open3D.
 
     ``rotation`` (3, 3) and ``translation`` (3,) m: pose of the clouds' frame in the arm's base
-    frame. Of Open3D only what decides by comparing distances is used (crop, radius outliers,
-    DBSCAN): its sums over many points, as in the statistical outliers, depend on their order.
+    frame. Open3D is used where it decides by comparing distances (crop, radius outliers, DBSCAN):
+    its sums over many points, as in the statistical outliers, depend on their order.
     """
 
     def __init__(self, arm: Arm, rotation: np.ndarray, translation: np.ndarray, crop: Crop) -> None:
         self.arm, self.crop = arm, crop
-        self.rotation, self.translation = (
-            np.asarray(rotation, dtype=float),
-            np.asarray(translation, dtype=float),
-        )
+        self.pose = np.asarray(rotation, dtype=float), np.asarray(translation, dtype=float)
         self.reach = float(arm.chain.lengths.sum()) + crop.girth
 
     def __call__(self, cloud: np.ndarray) -> tuple[np.ndarray, dict[str, int]]:
-        """Points (I, 2) of the arm (x, z in the plane, m) in the order of the ``cloud`` (N, 3) m,
-        and those left out, by reason.
+        """Return points (I, 2) of the arm (x, z in the plane, m) in the order of the ``cloud``
+        (N, 3) m, and the numbers of those left out, by reason.
 
         Reasons as of :class:`ArmSegmenter`, but ``isolated`` are points with fewer than
         ``NEIGHBOURS`` others within ``LINK``, and clusters of too few points, linked within it.
         """
         open3d = load_open3d()
-        crop, origin, dropped = self.crop, self.arm.chain.origin, {}
-        plane = self.arm.to_plane(cloud @ self.rotation.T + self.translation)
+        crop, origin, (rotation, translation) = self.crop, self.arm.chain.origin, self.pose
+        plane = self.arm.to_plane(cloud @ rotation.T + translation)
         points = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(plane))
+        slab, dropped = np.array([np.inf, crop.half_depth, np.inf]), {}
 
-        def keep(chosen: open3d.geometry.PointCloud, reason: str) -> None:
+        def keep(chosen: open3d.geometry.PointCloud, reason: str) -> np.ndarray:
             nonlocal points
             lost = len(points.points) - len(chosen.points)
             dropped[reason] = dropped.get(reason, 0) + lost
             points = chosen
+            return np.asarray(points.points)[:, [0, 2]]
 
         def among(mask: np.ndarray) -> open3d.geometry.PointCloud:
             return points.select_by_index(np.flatnonzero(mask))
 
-        def in_plane() -> np.ndarray:
-            return np.asarray(points.points)[:, [0, 2]]
-
-        slab = np.array([np.inf, crop.half_depth, np.inf])
-        keep(points.crop(open3d.geometry.AxisAlignedBoundingBox(-slab, slab)), "off_plane")
-        keep(among(_in_reach(*in_plane().T, origin, self.reach)), "out_of_reach")
-        keep(among(_above_base(*in_plane().T, origin, crop)), "base")
+        found = keep(points.crop(open3d.geometry.AxisAlignedBoundingBox(-slab, slab)), "off_plane")
+        found = keep(among(_in_reach(*found.T, origin, self.reach)), "out_of_reach")
+        keep(among(_above_base(*found.T, origin, crop)), "base")
         keep(points.remove_radius_outlier(NEIGHBOURS, LINK)[0], "isolated")
         cluster = np.asarray(points.cluster_dbscan(LINK, 1), dtype=int)
-        keep(among(np.bincount(cluster)[cluster] >= crop.min_pixels), "isolated")
-        found = in_plane()
+        found = keep(among(np.bincount(cluster)[cluster] >= crop.min_pixels), "isolated")
         dropped["thinned"] = max(0, len(found) - crop.max_points)
         return _thinned(found, crop), dropped
 

@@ -1,24 +1,27 @@
-"""Offset between the clocks of two instruments that saw the same motion."""
+"""Clock offset between two instruments that saw the same motion, and depth takes on the motion
+clock: by the stated offset, else by the seen arm that moves as its markers do.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
+from pipeline.arm.model import Arm
 from pipeline.core.errors import RecordingError
+from pipeline.core.options.instruments import Depth
+from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
 
 GRID = 0.005  # s, step of the coarse search: fine against any motion of an arm
 MIN_OVERLAP = 0.5  # share of the first signal that has to fall inside the second
 
 
-@dataclass(frozen=True)
-class Offset:
-    """``value`` s to add to the first clock to read the second; its standard error in s; multiple
-    correlation at the optimum.
-
-    ``drift`` s/s by which the second clock gains on the first, estimated beside the offset to first
-    order, and its standard error; the value is that of the middle of the take.
+class Offset(NamedTuple):
+    """``value`` s to add to the first clock to read the second, in the middle of the take; its
+    standard error in s; multiple correlation at the optimum; ``drift`` s/s by which the second
+    clock gains on the first, to first order, and its standard error.
     """
 
     value: float
@@ -38,14 +41,14 @@ def find_offset(
     min_correlation: float = 0.9,
     take: str = "",
 ) -> Offset:
-    """Offset τ of the least squares ‖a(t) − B·b(t + τ) − c‖² over τ, the matrix B and the vector c.
+    """Return the offset τ of the least squares ‖a(t) − B·b(t + τ) − c‖² over τ, matrix B, vector c.
 
     ``t_a`` (F,) and ``t_b`` (K,) are times in s on their own clocks, increasing; ``a`` (F, d) and
     ``b`` (K, e) the signals in any units, b the one sampled faster (it is interpolated by a cubic
     spline). B and c are free because two instruments see different points of the moving body; they
     are eliminated for every τ (variable projection, Golub and Pereyra 1973). The standard error is
-    that of the linearised problem, with the residuals' own variance in each component and their
-    lag-one correlation.
+    of the linearised problem, with the residuals' own variance in each component and their lag-one
+    correlation.
 
     Raises RecordingError (take) for signals that are too short, do not move, are not alike
     (correlation below ``min_correlation``) or fit best at the edge of ``search`` (s).
@@ -56,7 +59,6 @@ def find_offset(
     t_a, a = _clean(t_a, a, take)
     t_b, b = _clean(t_b, b, take)
     spline = CubicSpline(t_b, b)
-    velocity = spline.derivative()
 
     def inside(tau: float) -> np.ndarray:
         return (t_a + tau >= t_b[0]) & (t_a + tau <= t_b[-1])
@@ -68,73 +70,53 @@ def find_offset(
         return a[use] - regressors @ affine, regressors, affine
 
     def unexplained(tau: float) -> float:
-        """Share of the variance of ``a`` that is left; a share, since the number of samples inside
-        changes with τ.
-        """
-        residual = residuals(tau)[0]
-        return float(
-            (residual**2).sum() / ((a[inside(tau)] - a[inside(tau)].mean(axis=0)) ** 2).sum()
-        )
+        """Share of the variance of ``a`` that is left: the samples inside change with τ."""
+        left, use = residuals(tau)[0], inside(tau)
+        return float((left**2).sum() / ((a[use] - a[use].mean(axis=0)) ** 2).sum())
+
+    def refusal(message: str, **evidence: object) -> RecordingError:
+        return RecordingError(message, take=take, **evidence)
 
     if not (np.ptp(a, axis=0).any() and np.ptp(b, axis=0).any()):
-        raise RecordingError(
-            "no motion to compare the clocks by: one of the signals is constant", take=take
-        )
+        raise refusal("no motion to compare the clocks by: one of the signals is constant")
     grid = np.linspace(*search, max(3, round((search[1] - search[0]) / GRID) + 1))
-    grid = grid[
-        [inside(tau).sum() >= max(MIN_OVERLAP * len(t_a), 2 * b.shape[1] + 4) for tau in grid]
-    ]
+    least = max(MIN_OVERLAP * len(t_a), 2 * b.shape[1] + 4)
+    grid = grid[[inside(tau).sum() >= least for tau in grid]]
     if len(grid) < 3:
-        raise RecordingError(
-            "the two signals do not overlap anywhere in the search range of the clock offset",
-            take=take,
-            search=search,
-        )
+        message = "the two signals do not overlap anywhere in the search range of the clock offset"
+        raise refusal(message, search=search)
     best = int(np.argmin([unexplained(tau) for tau in grid]))
     if best in (0, len(grid) - 1):
-        raise RecordingError(
-            "the clock offset lies at the edge of the search range, or beyond",
-            take=take,
-            offset=round(float(grid[best]), 4),
-        )
-    tau = float(
-        minimize_scalar(
-            unexplained,
-            bounds=(grid[best - 1], grid[best + 1]),
-            method="bounded",
-            options={"xatol": 1e-7},
-        ).x
-    )
+        message = "the clock offset lies at the edge of the search range, or beyond"
+        raise refusal(message, offset=round(float(grid[best]), 4))
+    bounds, options = (grid[best - 1], grid[best + 1]), {"xatol": 1e-7}
+    tau = float(minimize_scalar(unexplained, bounds=bounds, method="bounded", options=options).x)
     correlation = float(np.sqrt(max(0.0, 1.0 - unexplained(tau))))
     if correlation < min_correlation:
-        raise RecordingError(
+        message = (
             "the signals of the two instruments are not alike at any clock offset: no motion, or "
-            "not the same take",
-            take=take,
-            correlation=round(correlation, 3),
+            "not the same take"
         )
+        raise refusal(message, correlation=round(correlation, 3))
     residual, regressors, affine = residuals(tau)
     time = t_a[inside(tau)]
-    slope = velocity(time + tau) @ affine[:-1]
+    slope = spline.derivative()(time + tau) @ affine[:-1]
 
     def beyond(sensitivity: np.ndarray) -> np.ndarray:
-        """What of it B and c do not take up."""
+        """Part of a derivative that B and c do not take up."""
         return sensitivity - regressors @ np.linalg.lstsq(regressors, sensitivity, rcond=None)[0]
 
     late = beyond(slope)
     drifting = beyond((time - time.mean())[:, None] * slope)
     drifting -= late * ((drifting * late).sum() / (late**2).sum())
     drift = float((drifting * residual).sum() / (drifting**2).sum())
-    parameters = regressors.shape[1]
-    errors = [
-        _standard_error(residual, sensitivity, parameters) for sensitivity in (late, drifting)
-    ]
+    errors = [_standard_error(residual, each, regressors.shape[1]) for each in (late, drifting)]
     return Offset(tau, errors[0], correlation, drift, errors[1])
 
 
 def _standard_error(residual: np.ndarray, slope: np.ndarray, parameters: int) -> float:
     """Standard error of a parameter from residuals (F, d) and their derivative by it (F, d), less
-    what other parameters take up of it.
+    the part that other parameters take up.
     """
     freedom = len(residual) - parameters - 1 / residual.shape[1]
     information = (slope**2).sum(axis=0)
@@ -155,9 +137,69 @@ def _clean(t: np.ndarray, signal: np.ndarray, take: str) -> tuple[np.ndarray, np
     finite = np.isfinite(t) & np.isfinite(signal).all(axis=1)
     t, signal = t[finite], signal[finite]
     if len(t) < 10 or np.any(np.diff(t) <= 0):
-        raise RecordingError(
+        message = (
             "a signal with fewer than 10 samples, or whose times do not increase, gives no clock "
-            "offset",
-            take=take,
+            "offset"
         )
+        raise RecordingError(message, take=take)
     return t, signal
+
+
+def _marker_centroid(rows: pd.DataFrame, arm: Arm) -> tuple[np.ndarray, np.ndarray]:
+    """Times (K,) s and centroid (K, 2) m in the plane of the labelled markers, at the frames that
+    show all of them.
+    """
+    labelled = rows[rows.link > 0]
+    plane = arm.to_plane(labelled[["x", "y", "z"]].to_numpy())
+    table = pd.DataFrame({"t": labelled["t"].to_numpy(), "x": plane[:, 0], "z": plane[:, 2]})
+    centroid = table.groupby("t").mean(skipna=False).dropna()
+    return centroid.index.to_numpy(), centroid.to_numpy()
+
+
+def with_markers(
+    frames: pd.DataFrame, markers: pd.DataFrame
+) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
+    """Return the rows of the tables ``frames`` and ``markers`` of every take of the frames;
+    RecordingError for a take without motion capture to set its clock by.
+    """
+    by_take = dict(list(markers.groupby("take")))
+    takes = list(frames.groupby("take", sort=False))
+    for take, rows in takes:
+        if take not in by_take:
+            message = "no motion-capture take of this name to set the clock by"
+            raise RecordingError(message, file=rows["file"].iloc[0], take=take)
+    return [(rows, by_take[take]) for take, rows in takes]
+
+
+def on_motion_clock(
+    take: tuple[pd.DataFrame, pd.DataFrame], depth: Depth, arm: Arm
+) -> tuple[pd.DataFrame, list[dict]]:
+    """Return the rows of the table ``frames`` of one take on the motion's clock, and the quality of
+    the clocks' offset; ``take`` as of :func:`with_markers`.
+
+    Raises RecordingError where no offset is stated and none can be found.
+    """
+    rows, markers = take
+    name, offset, quality = rows["take"].iloc[0], depth.clock_offset, []
+    if offset is None:
+        observed = rows[rows["points"] > 0]
+        if observed.empty:
+            message = (
+                "no frame shows the arm: check the unit of depth, the camera's pose and the "
+                "workspace"
+            )
+            raise RecordingError(message, file=rows["file"].iloc[0], take=name)
+        centroid = np.ascontiguousarray(observed[["x", "z"]].to_numpy())
+        search = -depth.search, depth.search
+        signals = observed["t"].to_numpy(), centroid, *_marker_centroid(markers, arm)
+        found = find_offset(*signals, search=search, take=name)
+        offset = found.value
+        quality = [
+            ("clock_offset_standard_error", found.standard_error, "s"),
+            ("clock_drift", found.drift, "s/s"),
+            ("clock_drift_standard_error", found.drift_standard_error, "s/s"),
+            ("clock_correlation", found.correlation, "1"),
+        ]
+    quality = [("clock_offset", offset, "s"), *quality]
+    rows = rows.assign(t=rows["t"] + offset)
+    return rows, [quality_row(name, "test", DEPTH_CAMERA, *row) for row in quality]

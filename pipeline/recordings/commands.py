@@ -1,28 +1,134 @@
-"""The commanded motion of the end-effector: the table ``trajectory``, and the steps that it asks
-for.
+"""The commanded motion: its steps, and the checks of what is known of one motion twice: commanded
+path and velocities, tracked arm, encoders. Another unit, order or clock is no uncertainty.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 
-from pipeline.core.columns import values
+from pipeline.arm.commanded import task_coordinates
+from pipeline.arm.interface import Chain
+from pipeline.arm.urdf import Joint, read_urdf
+from pipeline.core.angles import whole_turns
+from pipeline.core.columns import columns, members, values
+from pipeline.core.errors import RecordingError
+from pipeline.recordings.pairing import missed
 
+UNFILLED = "???"  # name of a file that is still to be filled in
 STEADY = 0.9  # of the speed, so that noise of the mean path leaves no gap
+MOST = 0.25  # of the motion, by which either may be missed: far above any arm's uncertainty
+VELOCITY = 0.05  # of the motion, by which commanded velocities may miss the commanded positions
+LEAST_TIMES = 3  # readings within the take; fewer decide nothing
 
 
 def commanded_steps(trajectory: pd.DataFrame, rate: float) -> np.ndarray:
-    """(M, m) v = ẋᵈΔt of the steps that start at k = 0 … M − 1 of the table ``trajectory``, in m
-    and rad; ``rate`` of the motion in 1/s. Of a redundant arm (M, m + n): v, and the commanded
-    joint steps that it leaves a choice of.
+    """Return v = ẋᵈΔt (M, m), m and rad, of the steps k = 0 … M − 1 of the table ``trajectory`` at
+    ``rate`` (1/s); of a redundant arm (M, m + n): v and the commanded joint steps.
     """
     return np.hstack([values(trajectory, family) for family in ("v", "u")])[:-1] / rate
 
 
 def constant_speed(q: np.ndarray) -> np.ndarray:
-    """(M,) which steps of the mean of ``q`` (takes, M+1, n) in rad go at the motion's constant
+    """Return which (M,) steps of the mean of ``q`` (takes, M+1, n) rad have the motion's constant
     speed: at least STEADY of the speed that only a tenth of them exceed.
     """
     pace = np.linalg.norm(np.diff(q.mean(axis=0), axis=0), axis=-1)
     return pace >= STEADY * np.quantile(pace, 0.9)
+
+
+def named_joints(urdf: str, names: Sequence[str]) -> list[Joint | None]:
+    """Return the joints ``names`` of the file ``urdf``, None for one that it lacks or where the
+    file is still to be filled in; ConfigError as :func:`pipeline.arm.urdf.read_urdf`.
+    """
+    joints = {} if urdf == UNFILLED else read_urdf(Path(urdf)).joints
+    return [joints.get(name) for name in names]
+
+
+def circular_joints(urdf: str, names: Sequence[str]) -> np.ndarray:
+    """Return which of the joints ``names`` turn, so that their angles may wrap: all but the
+    prismatic ones of the file ``urdf``.
+    """
+    return np.array([(joint and joint.kind) != "prismatic" for joint in named_joints(urdf, names)])
+
+
+def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> None:
+    """Raise RecordingError where the velocities of the table ``trajectory``, from ``file`` at
+    ``rate`` rows a second, do not lead along its positions.
+    """
+    x, v = values(trajectory, "x"), values(trajectory, "v")
+    # a velocity may be that of the instant, or the mean over the step before or behind it
+    gone = np.cumsum((v[:-1] + v[1:]) / 2, axis=0) / rate
+    fault = "the commanded velocities do not lead along the commanded positions"
+    suspects, shares = "their unit, the order of their columns, and t", missed(x[1:] - x[0], gone)
+    _require(shares, members(trajectory, "x"), fault, suspects, VELOCITY, file=file)
+
+
+def require_commanded(q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, take: str) -> None:
+    """Raise RecordingError where the tip at the tracked angles ``q`` (M+1, n) rad is not on the
+    commanded path of the table ``trajectory``, in a row of the task.
+    """
+    shares = missed(task_coordinates(chain, chain.pose(q)), values(trajectory, "x"))
+    fault = "the tip that the motion capture tracked is not on the commanded path"
+    suspects = (
+        "the path's unit and columns, when it starts (dataset.trajectory), and the arm's base "
+        "(dataset.mocap.base)"
+    )
+    _require(shares, chain.task, fault, suspects, MOST, take=take, key="dataset.trajectory")
+
+
+def require_encoders(
+    q: pd.DataFrame,
+    readings: pd.DataFrame,
+    joints: list[str],
+    take: str,
+    circular: np.ndarray | bool = True,
+) -> None:
+    """Raise RecordingError where the encoders' readings, rows of the table ``encoders``, are not
+    the angles tracked at those times, rows of the table ``joints``; ``circular``: of each joint, as
+    of :func:`pipeline.core.angles.whole_turns`.
+    """
+    during = readings[readings["t"].between(q["t"].min(), q["t"].max())]
+    if len(during) < LEAST_TIMES:
+        message = (
+            f"{len(during)} of {len(readings)} readings of the encoders are within the take: when "
+            "does their log start?"
+        )
+        raise RecordingError(message, take=take, key="dataset.encoders.start")
+    names = columns("q", joints)
+    tracked = np.stack([np.interp(during["t"], q["t"], q[name]) for name in names], axis=1)
+    read = during[names].to_numpy()
+    for joint, turns in zip(joints, whole_turns(read, tracked, circular), strict=True):
+        if turns:
+            message = (
+                f"the encoders read {joint} {turns:+g} turns (2π = 6.283 rad each) beside the "
+                "angle that the motion capture tracked: log the angle that the arm's URDF has"
+            )
+            raise RecordingError(message, take=take, key="dataset.encoders")
+    fault = "the encoders do not read what the motion capture tracked"
+    suspects = (
+        "their angle_unit, the order of their columns (actual), and when their log starts (start)"
+    )
+    _require(
+        missed(read, tracked), joints, fault, suspects, MOST, take=take, key="dataset.encoders"
+    )
+
+
+def _require(
+    shares: np.ndarray,
+    names: Sequence[str],
+    fault: str,
+    suspects: str,
+    most: float,
+    **where: object,
+) -> None:
+    worst = int(shares.argmax())
+    if shares[worst] > most:
+        message = (
+            f"{fault}: {names[worst]} is off by {shares[worst]:.2g} of the motion, more than "
+            f"{most:g}; suspected are {suspects}"
+        )
+        raise RecordingError(message, **where)

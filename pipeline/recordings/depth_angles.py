@@ -1,10 +1,13 @@
-"""Joint angles of the recorded depth takes, from the tables of the stages before."""
+"""The arm's points in the frames of the depth takes, in files beside the table ``frames``, and the
+joint angles that they give.
+"""
 
 from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from pipeline.arm.model import arm_of
@@ -14,13 +17,20 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.options.analysis import Compute
 from pipeline.core.options.dataset import Robot
 from pipeline.perception.articulation import ArticulationOptions, articulate_rows
-from pipeline.recordings.depth_points import arm_points
 
 MOTION, DEPTH, TRACK = Path("data/ingest/motion"), Path("data/ingest/depth"), Path("data/track")
 
 
+def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:
+    """Read the points (I, 2) of the arm, m in its plane, of a take's ``rows`` of the table
+    ``frames``, all of them in their order, from the file that ingest wrote into ``folder``.
+    """
+    take = rows["take"].iloc[0]
+    return np.split(np.load(folder / f"{take}.npy"), np.cumsum(rows["points"])[:-1])
+
+
 def depth_takes() -> list[pd.DataFrame]:
-    """The rows of the table ``frames`` of every take that ``track`` has not left out."""
+    """Return the rows of the table ``frames`` of every take that ``track`` has not left out."""
     frames, joints = contracts.read("frames", TRACK), contracts.read("joints", TRACK)
     return [rows for _, rows in frames[frames["take"].isin(joints["take"])].groupby("take")]
 
@@ -32,14 +42,8 @@ def articulated(
     compute: Compute,
     label: str,
 ) -> pd.DataFrame:
-    """The table ``angles`` of ``takes``.
-
-    Args:
-        takes: as of :func:`depth_takes`.
-        robot: of the dataset.
-        options: of the articulation.
-        compute: where the takes are fitted.
-        label: of the progress that is printed.
+    """Return the table ``angles`` of the ``takes`` of :func:`depth_takes`, fitted where ``compute``
+    says; ``label`` of the progress that is printed.
     """
     joints = contracts.read("joints", TRACK)
     first = joints[(joints.part == "training") & (joints.k == 0)]

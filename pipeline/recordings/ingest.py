@@ -6,7 +6,7 @@ names them all. Without, the first one is raised.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,6 @@ from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import Dataset
 
 Errors = list[PipelineError] | None
-Rows = tuple[pd.DataFrame, list[dict]]  # of a take, and its quality
 
 
 def read_part(
@@ -36,15 +35,16 @@ def read_part(
 
 
 def attempt(function: Callable, *arguments: Any) -> Any:
-    """Return what ``function(*arguments)`` returns, or the PipelineError that it raises."""
+    """Return ``function(*arguments)``, or the PipelineError that it raises."""
     try:
         return function(*arguments)
     except PipelineError as error:
         return error
 
 
-def _kept(results: Sequence[Any], errors: Errors) -> list[Any]:
+def _kept(results: Iterable[Any], errors: Errors) -> list[Any]:
     """The ``results`` without their errors, which are appended or, of the first, raised."""
+    results = list(results)
     refused = [result for result in results if isinstance(result, PipelineError)]
     if refused and errors is None:
         raise refused[0]
@@ -68,54 +68,42 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: Errors) -> list[d
             contracts.write(table, "trajectory", folder)
     if dataset.mocap is not None:
         for takes in _kept([attempt(motion_capture.find_takes, raw, dataset.mocap)], errors):
-            read = [attempt(motion_capture.marker_rows, *take, dataset) for take in takes]
-            quality = quality + _written(_kept(read, errors), "markers", folder)
+            read = (attempt(motion_capture.marker_rows, *take, dataset) for take in takes)
+            quality += _write(read, "markers", folder, errors)
     if dataset.encoders is not None:
-        from pipeline.recordings.encoders import encoder_rows
+        from pipeline.recordings.joint_logs import encoder_rows
 
         for takes in _kept([attempt(encoder_rows, raw, dataset)], errors):
-            quality = quality + _written(takes, "encoders", folder)
+            quality += _write(takes, "encoders", folder, errors)
     return quality
 
 
 def _joint_log(dataset: Dataset, raw: Path, folder: Path, errors: Errors) -> list[dict]:
     from pipeline.arm.model import chain_of
-    from pipeline.recordings.joint_logs import joint_log_rows
+    from pipeline.recordings import joint_logs
     from pipeline.recordings.quality import REPETITIONS
 
-    if errors is not None and (unread := _unread_movements(dataset, raw)):
-        errors += unread
-        return []
-    chain = chain_of(dataset.robot)
-    for trajectory, joints, quality in _kept(
-        [attempt(joint_log_rows, raw, dataset, chain)], errors
-    ):
+    if errors is not None:  # every movement's refusals, not the first alone
+        known = len(errors)
+        for movements in _kept([attempt(joint_logs.find_movements, raw, dataset)], errors):
+            read = joint_logs.read_dataset_movement
+            _kept((attempt(read, *one, dataset) for one in movements.items()), errors)
+        if len(errors) > known:
+            return []
+    rows = attempt(joint_logs.joint_log_rows, raw, dataset, chain_of(dataset.robot))
+    for trajectory, joints, quality in _kept([rows], errors):
         contracts.write(trajectory, "trajectory", folder)
         contracts.write(joints, "joint_log", folder)
         for row in quality if errors is None else []:
             if row["quantity"] == REPETITIONS or row["unit"] == "row":
-                what = row["quantity"].replace("_", " ")
-                print(f"ingest: {row['take']}: {what} {row['value']:.0f}")
+                quantity = row["quantity"].replace("_", " ")
+                print(f"ingest: {row['take']}: {quantity} {row['value']:.0f}")
         return quality
     return []
 
 
-def _unread_movements(dataset: Dataset, raw: Path) -> list[PipelineError]:
-    """The refusals of every movement's log, or of their pattern."""
-    from pipeline.recordings.logged_movement import read_logged_movement
-    from pipeline.recordings.take_names import named_takes
-
-    log = dataset.joint_log
-    try:
-        places = named_takes(raw, log.movements, key="dataset.joint_log.movements")
-    except PipelineError as error:
-        return [error]
-    read = [attempt(read_logged_movement, *one, log, dataset.motion.rate) for one in places.items()]
-    return [result for result in read if isinstance(result, PipelineError)]
-
-
 def _depth(dataset: Dataset, raw: Path, folder: Path, errors: Errors, compute: Any) -> list[dict]:
-    """Of every depth frame its time on the camera's clock and the arm's points."""
+    """The time of every depth frame on the camera's clock, and the arm's points."""
     if dataset.depth is None:
         return []
     if dataset.mocap is None:
@@ -123,8 +111,7 @@ def _depth(dataset: Dataset, raw: Path, folder: Path, errors: Errors, compute: A
         _kept([ConfigError(message, key="dataset.depth")], errors)
         return []
     from pipeline.arm.model import arm_of
-    from pipeline.recordings.depth_camera import frame_rows
-    from pipeline.recordings.depth_sequence import take_paths
+    from pipeline.recordings.depth import frame_rows, take_paths
 
     arm = arm_of(dataset.robot)
     read = partial(frame_rows, depth=dataset.depth, arm=arm, raw=raw, folder=folder.resolve())
@@ -133,23 +120,24 @@ def _depth(dataset: Dataset, raw: Path, folder: Path, errors: Errors, compute: A
     for takes in _kept([attempt(take_paths, raw, dataset.depth)], errors):
         label = "ingest: depth takes"
         rows = run_trials(bounded, list(takes.items()), compute=compute, label=label)
-        return _written(_kept(list(rows), errors), "frames", folder)
+        return _write(rows, "frames", folder, errors)
     return []
 
 
 def _force(dataset: Dataset, raw: Path, folder: Path, errors: Errors) -> list[dict]:
     """Force records without their bias."""
-    from pipeline.recordings.force_transducer import force_rows
+    from pipeline.recordings.force import force_rows
 
     if dataset.force is None:
         return []
     names = dataset.force.configurations
-    read = [attempt(force_rows, raw, name, dataset.force) for name in names]
-    return _written(_kept(read, errors), "force", folder)
+    read = (attempt(force_rows, raw, name, dataset.force) for name in names)
+    return _write(read, "force", folder, errors)
 
 
-def _written(takes: Sequence[Rows], name: str, folder: Path) -> list[dict]:
+def _write(results: Iterable[Any], name: str, folder: Path, errors: Errors) -> list[dict]:
+    """Write the table ``name`` of the takes' rows; the rows of their quality."""
+    takes = _kept(results, errors)
     if takes:
-        table = pd.concat([rows for rows, _ in takes], ignore_index=True)
-        contracts.write(table, name, folder)
+        contracts.write(pd.concat([rows for rows, _ in takes], ignore_index=True), name, folder)
     return [row for _, rows in takes for row in rows]

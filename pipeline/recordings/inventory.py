@@ -1,9 +1,10 @@
-"""The raw files of a dataset, and which instrument's part of the analysis reads each."""
+"""Raw files of a dataset: recordings that a pattern names, and the part that reads each file."""
 
 from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 
 import pandas as pd
@@ -11,25 +12,64 @@ import pandas as pd
 from pipeline.core.bounds import MIB
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
-from pipeline.formats.format import matching
+from pipeline.formats.format import is_literal, matching
 
 PARTS = ("motion", "depth", "force")
 
 
-def listing(folder: Path) -> pd.DataFrame:
-    """Every file below ``folder``: path from there, bytes, SHA-256; RecordingError where there is
-    none.
+def take_name(path: Path, raw: Path, pattern: str) -> str:
+    """Name the recording at ``path`` that ``pattern`` matches below ``raw``: its path from the
+    first to the last part that the pattern leaves open, without the ending of a file; the last part
+    where the pattern leaves none open.
     """
+    parts = list(path.relative_to(raw).parts)
+    if not path.is_dir():
+        parts[-1] = path.stem
+    is_open = [not is_literal(part) for part in Path(pattern).parts]
+    if not any(is_open):
+        return parts[-1]
+    return "_".join(parts[is_open.index(True) : len(parts) - is_open[::-1].index(True)])
+
+
+def named_takes(
+    raw: Path, pattern: str, *, key: str, wanted: Callable[[Path], bool] = lambda path: True
+) -> dict[str, Path]:
+    """Return name → path of the ``wanted`` matches of ``pattern`` below ``raw``, in path order.
+
+    Raises RecordingError for two of one name and a name that is not UTF-8, which no table could
+    hold; ConfigError with the ``key`` for a text that is no pattern.
+    """
+    named: dict[str, Path] = {}
+    for path in filter(wanted, matching(raw, pattern, key=key)):
+        try:
+            str(path).encode()
+        except UnicodeEncodeError:
+            message = "the name holds letters that are no UTF-8; rename it"
+            raise RecordingError(message, file=Path(repr(str(path))[1:-1])) from None
+        name = take_name(path, raw, pattern)
+        if name in named:
+            other = named[name].relative_to(raw).as_posix()
+            message = (
+                f"two recordings are named {name!r}, the other is {other}: rename one of them, or "
+                "narrow the pattern"
+            )
+            raise RecordingError(message, file=path, key=key)
+        named[name] = path
+    return named
+
+
+def listing(folder: Path) -> pd.DataFrame:
+    """Return path, bytes and SHA-256 of every file below ``folder``; RecordingError if none."""
     files = []
     for place, _, names in os.walk(folder):
         above = Path(place).relative_to(folder).parts
         files += [(*above, name) for name in names if Path(place, name).is_file()]
     if not files:
-        raise RecordingError(
+        message = (
             "there are no recordings in this folder, or it does not exist; see the dataset's "
-            "datasheet for how to get them",
-            file=folder,
+            "datasheet for how to get them"
         )
+        raise RecordingError(message, file=folder)
     rows, part = [], memoryview(bytearray(MIB))
     for parts in sorted(files):  # as paths are sorted: folder by folder
         name, digest, size = "/".join(parts), hashlib.sha256(), 0
@@ -42,57 +82,43 @@ def listing(folder: Path) -> pd.DataFrame:
 
 
 def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
-    """The rows of a :func:`listing` that each of :data:`PARTS` may read.
+    """Return the rows of a :func:`listing` that each of :data:`PARTS` may read.
 
     A file that the patterns of one part match belongs to it; one that none matches might be read
     with any of them, so that it belongs to all.
     """
-    raw, names = Path(dataset.recordings), files["file"].tolist()
-    folders = [name.rpartition("/")[0] for name in names]
-    above = {folder: _with_parents(folder) for folder in {*folders}}
-    reads = {}
+    raw, claims = Path(dataset.recordings), {}
     for part, patterns in _patterns(dataset).items():
-        places = _claimed(raw, patterns)
-        inside = {folder for folder in above if not places.isdisjoint(above[folder])}
-        reads[part] = [
-            name in places or folder in inside for name, folder in zip(names, folders, strict=True)
+        places = {
+            place.relative_to(raw).as_posix()
+            for key, pattern in patterns
+            if pattern
+            for place in matching(raw, pattern, key=f"dataset.{key}")
+        }
+        claims[part] = [
+            not places.isdisjoint([name, *map(str, PurePosixPath(name).parents)])
+            for name in files["file"]
         ]
-    unclaimed = ~pd.DataFrame(reads).any(axis=1).to_numpy()
-    return {part: files[mine | unclaimed] for part, mine in pd.DataFrame(reads).items()}
+    claimed = pd.DataFrame(claims, index=files.index)
+    return {part: files[claimed[part] | ~claimed.any(axis=1)] for part in PARTS}
 
 
-def _with_parents(folder: str) -> list[str]:
-    """``folder`` and what it lies in, as :func:`_claimed` writes them."""
-    place = PurePosixPath(folder)
-    return [str(place), *map(str, place.parents)]
-
-
-def _patterns(dataset: Dataset) -> dict[str, list[tuple[str, str]]]:
-    """Key and glob of what each part names."""
-    mocap, log, depth, force = dataset.mocap, dataset.joint_log, dataset.depth, dataset.force
-    named = {part: [] for part in PARTS}
-    if dataset.trajectory is not None:
-        named["motion"].append(("trajectory", dataset.trajectory))
-    if mocap is not None:
-        named["motion"] += [("mocap.training", mocap.training), ("mocap.test", mocap.test)]
-    if log is not None:
-        named["motion"].append(("joint_log.movements", log.movements))
-    if dataset.encoders is not None:
-        named["motion"] += [
-            (f"encoders.{part}", getattr(dataset.encoders, part)) for part in ("training", "test")
-        ]
-    if depth is not None:
-        named["depth"] += [("depth.takes", depth.takes), ("depth.intrinsics", depth.intrinsics)]
-    if force is not None:
-        files = [("force.configurations", c.file) for c in force.configurations.values()]
-        named["force"] += [*files, ("force.log.calibration", force.log.calibration)]
-    return {part: [pair for pair in pairs if pair[1]] for part, pairs in named.items()}
-
-
-def _claimed(raw: Path, patterns: list[tuple[str, str]]) -> set[str]:
-    """Paths below ``raw`` that the ``patterns`` match, relative to it."""
-    return {
-        place.relative_to(raw).as_posix()
-        for key, pattern in patterns
-        for place in matching(raw, pattern, key=f"dataset.{key}")
+def _patterns(dataset: Dataset) -> dict[str, list[tuple[str, str | None]]]:
+    """Key and glob of the files that each part names."""
+    keys = {
+        "motion": "trajectory mocap.training mocap.test joint_log.movements encoders.training "
+        "encoders.test",
+        "depth": "depth.takes depth.intrinsics",
+        "force": "force.log.calibration",
     }
+    named = {part: [(key, _option(dataset, key)) for key in keys[part].split()] for part in PARTS}
+    if dataset.force is not None:
+        files = dataset.force.configurations.values()
+        named["force"] += [("force.configurations", each.file) for each in files]
+    return named
+
+
+def _option(section: object, key: str) -> str | None:
+    for name in key.split("."):
+        section = None if section is None else getattr(section, name)
+    return section

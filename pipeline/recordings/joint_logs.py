@@ -1,7 +1,11 @@
-"""Repetitions of one commanded motion, cut out of a controller's own logs, as tables."""
+"""Repetitions of one commanded motion, cut out of a controller's own logs, and the encoders' logs
+of takes, as tables.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +14,26 @@ import pandas as pd
 from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.interface import Chain
 from pipeline.core.columns import spread
-from pipeline.core.errors import RecordingError
+from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset
-from pipeline.recordings.disturbances import disturbed_takes
-from pipeline.recordings.logged_movement import UNITS, Take, read_logged_movement
-from pipeline.recordings.movement import require_speeds, sliding_joints, speed_limits
+from pipeline.core.options.instruments import JointLog
+from pipeline.formats.joints.log import LogOptions
+from pipeline.recordings.commands import circular_joints
+from pipeline.recordings.disturbances import beside_others, disturbances, smallest_push
+from pipeline.recordings.inventory import named_takes
+from pipeline.recordings.logged_movement import (
+    RESIDUALS,
+    UNITS,
+    LoggedMovement,
+    LoggedTake,
+    beside,
+    read_logged_movement,
+)
+from pipeline.recordings.movement import read_log, require_speeds
 from pipeline.recordings.pairing import require_pair
 from pipeline.recordings.quality import LEFT_OUT, REPETITIONS, quality_row
 from pipeline.recordings.repetitions import (
+    Repetitions,
     align,
     excursions,
     find_passes,
@@ -26,150 +42,218 @@ from pipeline.recordings.repetitions import (
     lag,
     stretch,
 )
-from pipeline.recordings.take_names import named_takes
+
+KEY = "dataset.joint_log"
 
 
 def joint_log_rows(
     raw: Path, dataset: Dataset, chain: Chain
 ) -> tuple[pd.DataFrame, pd.DataFrame, list[dict]]:
-    """Desired trajectory and measured angles of every undisturbed repetition of the motion that the
-    dataset asks for.
+    """Return the tables ``trajectory`` and ``joint_log`` of every undisturbed repetition of the
+    motion that the dataset asks for, and their quality.
 
-    The desired pose is that of the mean command over the repetitions. Before and after the motion
-    it is held: a controller at rest logs the measured angle for the commanded one. Repetitions that
-    follow each other without rest are brought in phase with the first, between the rows.
+    The desired pose is that of the mean command over the repetitions, held before and after the
+    motion: a controller at rest logs the measured angle for the commanded one. Repetitions without
+    rest between them are brought in phase with the first, between the rows.
     """
-    options, motion = dataset.joint_log, dataset.motion
-    steps, length = motion.steps - 2 * options.rest, motion.steps + 1
+    options, rate, joints = dataset.joint_log, dataset.motion.rate, dataset.robot.joints
+    rest, length = options.rest, dataset.motion.steps + 1
+    steps = dataset.motion.steps - 2 * rest
     takes, observed, quality = find_takes(raw, dataset, steps)
+    note = partial(_note, quality)
+    actual, target, signals = {}, {}, {}
     if takes:
         first = next(iter(takes.values()))
-        reference = first.target[first.first : first.first + steps + 1]
-        takes = {name: take.beside(reference[0]) for name, take in takes.items()}
-        place = align if options.rest else in_phase
-        starts = {
-            name: place(take.target, take.first, reference) - options.rest
-            for name, take in takes.items()
-        }
-        actual, target = (
-            {
-                name: stretch(getattr(take, angles), starts[name], length)
-                for name, take in takes.items()
-            }
-            for angles in ("actual", "target")
+        reference, place = first.target[first.first :][: steps + 1], align if rest else in_phase
+        circular = circular_joints(dataset.robot.urdf, joints)
+        for name, take in takes.items():
+            rows = beside(take.actual, take.target, take.first, reference[0], circular)
+            start = place(rows[1], take.first, reference) - rest
+            actual[name], target[name] = (stretch(angles, start, length) for angles in rows)
+            logged = {key: stretch(each, start, length) for key, each in take.signals.items()}
+            signals[name] = logged
+            if start != round(start):
+                note(name, "resampled_rows", length)
+        for name in _disturbed(takes, signals, options, rate, raw, quality):
+            del actual[name], target[name]
+        for name, angles in actual.items():
+            pair = {"limit": options.mismatch, "joints": joints, "file": raw, "take": name}
+            require_pair(angles, target[name], rate, **pair)
+    if len(actual) < 2:
+        message = (
+            f"{len(actual)} repetition(s) of a motion of {steps} steps from {list(options.start)} "
+            f"to {list(options.end)} rad between {rest} at rest, where the fits need two; the "
+            f"movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
         )
-        quality += [
-            quality_row(name, "training", "joint log", "resampled_rows", length)
-            for name, start in starts.items()
-            if start != round(start)
-        ]
-        logged = [take.logged(starts[name], length) for name, take in takes.items()]
-        signals = {key: np.stack([held[key] for held in logged]) for key in logged[0]}
-        left_out, result = disturbed_takes(takes, signals, options, motion.rate, raw)
-        quality += result
-        takes = {name: take for name, take in takes.items() if name not in left_out}
-        for name in takes:
-            require_pair(
-                actual[name],
-                target[name],
-                motion.rate,
-                limit=options.mismatch,
-                joints=dataset.robot.joints,
-                file=raw,
-                take=name,
-            )
-    if len(takes) < 2:
-        raise RecordingError(
-            f"{len(takes)} repetition(s) of a motion of {steps} steps from {list(options.start)} "
-            f"to {list(options.end)} rad between "
-            f"{options.rest} at rest, where the fits need two; the movements hold "
-            f"{'; '.join(sorted(set(observed))) or 'no motion'}",
-            file=raw,
-            key="dataset.joint_log",
-        )
-    measured, commanded = (np.stack([rows[name] for name in takes]) for rows in (actual, target))
-    command = commanded.mean(axis=0)
-    moving = slice(options.rest, options.rest + steps + 1)
+        raise RecordingError(message, file=raw, key=KEY)
+    measured, commanded = (np.stack([*rows.values()]) for rows in (actual, target))
+    command, moving = commanded.mean(axis=0), slice(rest, rest + steps + 1)
     deviations = np.abs(commanded - command)[:, moving].max(axis=(1, 2))
     if np.any(deviations > options.tolerance):
-        raise RecordingError(
+        message = (
             f"the command is {deviations.max():.2g} rad off its mean over the takes, more than "
-            f"{options.tolerance:g}: another motion?",
-            file=raw,
-            take=list(takes)[int(deviations.argmax())],
-            key="dataset.joint_log.tolerance",
+            f"{options.tolerance:g}: another motion?"
         )
-    for take, q, deviation in zip(takes, measured, deviations, strict=True):
-        behind = lag(command[moving], q[moving], motion.rate)
-        quality.append(
-            quality_row(take, "training", "joint log", "command_deviation", deviation, "rad")
-        )
-        quality.append(
-            quality_row(take, "training", "joint log", "lag_behind_command", behind, "s")
-        )
+        take = [*actual][int(deviations.argmax())]
+        raise RecordingError(message, file=raw, take=take, key=f"{KEY}.tolerance")
+    for take, q, deviation in zip(actual, measured, deviations, strict=True):
+        note(take, "command_deviation", deviation, "rad")
+        note(take, "lag_behind_command", lag(command[moving], q[moving], rate), "s")
     # the commanded angle takes its first step one sample before the commanded speed is first logged
-    moving_rows = max(options.rest - 1, 0), options.rest + steps
-    held = command[np.clip(np.arange(length), *moving_rows)]
-    k = np.tile(np.arange(length), len(takes))
-    joints = pd.DataFrame(
-        {"take": np.repeat(list(takes), length), "part": "training", "k": k, "t": k / motion.rate}
-    )
-    joints = joints.assign(**spread("q", dataset.robot.joints, measured))
-    return trajectory_table(chain, held, motion.rate, dataset.robot.joints), joints, quality
+    held = command[np.clip(np.arange(length), max(rest - 1, 0), rest + steps)]
+    k = np.tile(np.arange(length), len(actual))
+    rows = {"take": np.repeat([*actual], length), "part": "training", "k": k, "t": k / rate}
+    table = pd.DataFrame(rows | spread("q", joints, measured))
+    return trajectory_table(chain, held, rate, joints), table, quality
+
+
+def _note(quality: list[dict], take: str, quantity: str, value: float, unit: str = "count") -> None:
+    quality.append(quality_row(take, "training", "joint log", quantity, value, unit))
+
+
+def find_movements(raw: Path, dataset: Dataset) -> dict[str, Path]:
+    """Return name → path of the movements' logs; RecordingError where there are none."""
+    pattern = dataset.joint_log.movements
+    if movements := named_takes(raw, pattern, key=f"{KEY}.movements"):
+        return movements
+    raise RecordingError(f"no folder or file of a movement matches {pattern!r}", file=raw)
+
+
+def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> LoggedMovement:
+    """Read one of :func:`find_movements`; RecordingError as of
+    :func:`pipeline.recordings.logged_movement.read_logged_movement`, and of steps that are too
+    fast.
+    """
+    options, urdf, rate = dataset.joint_log, dataset.robot.urdf, dataset.motion.rate
+    circular = circular_joints(urdf, options.joints)
+    movement = read_logged_movement(name, place, options, rate, circular)
+    angles = {"actual": movement.actual, "target": movement.target}
+    clock = np.arange(len(movement.actual)) / rate
+    require_speeds(clock, angles, options.joints, urdf, file=place)
+    return movement
 
 
 def find_takes(
     raw: Path, dataset: Dataset, steps: int
-) -> tuple[dict[str, Take], list[str], list[dict]]:
-    """The repetitions by name; all motions in words; quality."""
-    takes, observed, quality = {}, [], []
-    options, rest = dataset.joint_log, dataset.joint_log.rest_speed
-    chain = [options.joints.index(name) for name in dataset.robot.joints]
-    urdf = dataset.robot.urdf
-    limits, sliding = speed_limits(urdf), sliding_joints(urdf)
-    movements = named_takes(raw, options.movements, key="dataset.joint_log.movements")
-    if not movements:
-        raise RecordingError(
-            f"no folder or file of a movement matches {options.movements!r}", file=raw
-        )
-    for name, place in movements.items():
-        movement = read_logged_movement(name, place, options, dataset.motion.rate, sliding)
-        clock = np.arange(len(movement.actual)) / dataset.motion.rate
-        angles = {"actual": movement.actual, "target": movement.target}
-        require_speeds(clock, angles, options.joints, limits, file=place)
-        target = movement.target
-        if options.rest:
-            repetitions = find_repetitions(
-                target,
-                movement.speed,
-                chain,
-                options.start,
-                options.end,
-                steps=steps,
-                rest=options.rest,
-                rest_speed=rest,
-            )
-        else:
-            repetitions = find_passes(target[:, chain], options.start, options.end, steps)
-        for number, run in enumerate(repetitions.runs, 1):
+) -> tuple[dict[str, LoggedTake], list[str], list[dict]]:
+    """Return the repetitions by name, all motions in words, and the quality of the movements."""
+    takes, observed, quality, options = {}, [], [], dataset.joint_log
+    columns = [options.joints.index(name) for name in dataset.robot.joints]
+    for name, place in find_movements(raw, dataset).items():
+        movement = read_dataset_movement(name, place, dataset)
+        target, residuals = movement.target, movement.actual - movement.target
+        found = _repetitions(movement, columns, options, steps)
+        for number, run in enumerate(found.runs, 1):
             take = f"{name}_{number}"
             rows = slice(max(run.first - options.rest, 0), run.last + options.rest + 1)
             movement.require_held(rows, dataset.robot.locked, file=place, take=take)
-            takes[take] = Take(movement, name, chain, run.first)
-        motions = excursions(target, movement.speed, rest)
-        observed += [run.lack(len(target)) or run.describe(target[:, chain]) for run in motions]
-        counts = dict(movement.counts) | {REPETITIONS: len(repetitions.runs)}
-        counts |= {
-            f"{LEFT_OUT}{reason}": len(rows) for reason, rows in repetitions.left_out.items()
-        }
-        quality += [
-            quality_row(name, "training", "joint log", key, value, UNITS.get(key, "count"))
-            for key, value in counts.items()
-        ]
+            angles = movement.actual[:, columns], target[:, columns]
+            signals = {RESIDUALS: residuals} | movement.others
+            takes[take] = LoggedTake(name, run.first, *angles, signals)
+        for run in excursions(target, movement.speed, options.rest_speed):
+            observed.append(run.lack(len(target)) or _described(run, target[:, columns]))
+        counts = dict(movement.counts) | {REPETITIONS: len(found.runs)}
+        counts |= {f"{LEFT_OUT}{reason}": len(rows) for reason, rows in found.left_out.items()}
+        for key, value in counts.items():
+            _note(quality, name, key, value, UNITS.get(key, "count"))
         # a motion that was left out is named by the row it starts at
-        named = [(reason, row) for reason, rows in repetitions.left_out.items() for row in rows]
-        quality += [
-            quality_row(name, "training", "joint log", f"{reason}_from_row", row, "row")
-            for reason, row in named
-        ]
+        for reason, rows in found.left_out.items():
+            for row in rows:
+                _note(quality, name, f"{reason}_from_row", row, "row")
     return takes, observed, quality
+
+
+def _repetitions(
+    movement: LoggedMovement, columns: list[int], options: JointLog, steps: int
+) -> Repetitions:
+    start, end = options.start, options.end
+    circular = np.broadcast_to(movement.circular, len(movement.joints))[columns]
+    if not options.rest:
+        return find_passes(movement.target[:, columns], start, end, steps, circular)
+    ends = movement.target, movement.speed, columns, start, end
+    rest, speed = options.rest, options.rest_speed
+    return find_repetitions(*ends, steps=steps, rest=rest, rest_speed=speed, circular=circular)
+
+
+def _described(run, angles: np.ndarray) -> str:
+    start, end = angles[[run.first - 1, run.last]].round(2).tolist()
+    return f"{start} to {end} in {run.steps} steps"
+
+
+def _disturbed(
+    takes: Mapping[str, LoggedTake],
+    signals: Mapping[str, Mapping[str, np.ndarray]],
+    options: JointLog,
+    rate: float,
+    raw: Path,
+    quality: list[dict],
+) -> set[str]:
+    """Names of the disturbed takes by their ``signals`` (K, joints); their distances from the
+    others go to ``quality``. RecordingError where the option refuses disturbed ones.
+    """
+    first = next(iter(signals.values()))
+    stacked = {key: np.stack([each[key] for each in signals.values()]) for key in first}
+    residuals = stacked.pop(RESIDUALS)
+    limit = np.inf if options.residual_limit is None else options.residual_limit
+    note, result = partial(_note, quality), set()
+    scores = disturbances(residuals, [*stacked.values()], rate)
+    distances, greatest = beside_others(residuals), np.abs(residuals).max(axis=(1, 2))
+    for name, *numbers in zip(takes, distances, scores, greatest, strict=True):
+        distance, score, largest = numbers
+        note(name, "residual_beside_others", distance, "rad")
+        note(name, "disturbance", score, "robust standard deviations")
+        note(name, "greatest_residual", largest, "rad")
+        if score <= options.disturbed_beyond and largest <= limit:
+            continue
+        row = takes[name].first
+        if options.disturbed == "refuse":
+            message = (
+                f"the repetition from row {row} was disturbed: its residual, or another "
+                f"signal, is {score:.3g} robust standard deviations from the median over the "
+                f"repetitions; the residual is at most {largest:.3g} rad"
+            )
+            raise RecordingError(message, file=raw, take=name, key=f"{KEY}.disturbed")
+        result.add(name)
+        note(takes[name].movement, "disturbed_from_row", row, "row")
+    sound = [name not in result for name in takes]
+    push = smallest_push(residuals[sound], options.disturbed_beyond, rate)
+    for name in dict.fromkeys(take.movement for take in takes.values()):
+        if np.isfinite(push):
+            note(name, "smallest_push_found", push, "rad")
+    return result
+
+
+def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[dict]]]:
+    """Return the rows of the table ``encoders`` and the quality of every log of encoders below
+    ``raw``, each at its own rate.
+
+    Raises RecordingError where no file matches, and for logs that cannot be read, ConfigError for
+    columns of another number of joints.
+    """
+    options, joints, result = dataset.encoders, dataset.robot.joints, []
+    if len(options.actual) != len(joints):
+        message = f"{len(options.actual)} columns for the {len(joints)} joints {', '.join(joints)}"
+        raise ConfigError(message, key="dataset.encoders.actual")
+    read = LogOptions(
+        time=options.time,
+        angle_unit=options.angle_unit,
+        time_unit=options.time_unit,
+        joints=len(joints),
+        names=joints,
+        signals={"actual": options.actual},
+        circular=circular_joints(dataset.robot.urdf, joints),
+    )
+    for part in ("training", "test"):
+        pattern, key = getattr(options, part), f"dataset.encoders.{part}"
+        files = named_takes(raw, pattern, key=key)
+        if not files:
+            raise RecordingError(f"no log matches {pattern!r}", file=raw, key=key)
+        for name, file in files.items():
+            log = read_log(file, read)
+            require_speeds(log.time, log.signals, joints, dataset.robot.urdf, file=file)
+            identity = {"take": name, "part": part, "t": log.time - options.start}
+            rows = pd.DataFrame(identity | spread("q", joints, log.signals["actual"]))
+            counts = {"rows": len(rows)} | log.counts
+            quality = [quality_row(name, part, "encoders", *row) for row in counts.items()]
+            result.append((rows, quality))
+    return result

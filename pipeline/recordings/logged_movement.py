@@ -4,9 +4,10 @@ have them: in rad, row by row, and a pair.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,12 +18,14 @@ from pipeline.formats.format import is_bag
 from pipeline.formats.joints.log import LogOptions
 from pipeline.recordings.movement import read_movement
 from pipeline.recordings.pairing import delayed, require_pair
-from pipeline.recordings.repetitions import REACH, commanded_speeds, stretch
+from pipeline.recordings.repetitions import REACH, commanded_speeds
+
+RESIDUALS = "residuals"
+UNITS = {"clock_jitter": "s", "command_delay": "s"}  # of counts that are none
 
 
-@dataclass(frozen=True)
-class LoggedMovement:
-    """The rows of a movement, of all its logged joints."""
+class LoggedMovement(NamedTuple):
+    """Rows of a movement, of all its logged joints."""
 
     joints: Sequence[str]
     actual: np.ndarray  # (N, joints) rad, measured
@@ -30,66 +33,49 @@ class LoggedMovement:
     speed: np.ndarray  # (N, joints) rad/s, commanded
     others: Mapping[str, np.ndarray]  # (N, joints) each, other signals in any unit
     counts: Mapping[str, float]  # of rows, but for those of UNITS
+    circular: np.ndarray | bool = True  # (joints,) whether a joint turns
 
     def require_held(self, rows: slice, locked: Mapping[str, float], **evidence: object) -> None:
-        """RecordingError with ``evidence`` where a logged joint is not within 0.01 rad of where it
-        is ``locked`` (rad) during the ``rows``.
+        """Raise RecordingError with ``evidence`` where a logged joint is not within 0.01 rad of its
+        ``locked`` angle (rad) during the ``rows``.
         """
+        circular = np.broadcast_to(self.circular, len(self.joints))
         for joint in sorted({*locked} & {*self.joints}):
-            angle, measured = locked[joint], self.actual[rows, self.joints.index(joint)]
-            if np.abs(apart(measured, angle)).max() > REACH:
-                raise RecordingError(
+            angle, column = locked[joint], self.joints.index(joint)
+            measured = self.actual[rows, column]
+            if np.abs(apart(measured, angle, circular[column])).max() > REACH:
+                message = (
                     f"{joint} is held at {angle:.4g} rad, and was logged from "
                     f"{measured.min():.4g} to {measured.max():.4g} rad: lock it where it stood, or "
-                    "choose a motion in which it does not move",
-                    **evidence,
-                    key=f"dataset.robot.locked.{joint}",
+                    "choose a motion in which it does not move"
                 )
+                raise RecordingError(message, **evidence, key=f"dataset.robot.locked.{joint}")
 
 
-@dataclass(frozen=True)
-class Take:
-    """A repetition, and the movement that it was found in."""
+class LoggedTake(NamedTuple):
+    """A repetition in the rows of its movement, whose name is ``movement``; it starts at the row
+    ``first``.
+    """
 
-    movement: LoggedMovement
-    name: str  # of the movement
-    chain: list[int]  # columns of the chain's joints
-    first: int  # row at which the repetition starts
-
-    def beside(self, angles: np.ndarray) -> Take:
-        """The take with its chain's joints moved by the whole turns that take the command of its
-        first row nearest to ``angles`` (n,) in rad.
-        """
-        turns = TURN * turns_apart(angles, self.target[self.first])
-        if not turns.any():
-            return self
-        moved = np.zeros(self.movement.actual.shape[1])
-        moved[self.chain] = turns
-        rows = self.movement
-        return replace(
-            self, movement=replace(rows, actual=rows.actual + moved, target=rows.target + moved)
-        )
-
-    @property
-    def actual(self) -> np.ndarray:
-        """(N, n) rad, measured angles of the chain."""
-        return self.movement.actual[:, self.chain]
-
-    @property
-    def target(self) -> np.ndarray:
-        """(N, n) rad, commanded angles of the chain."""
-        return self.movement.target[:, self.chain]
-
-    def logged(self, start: float, length: int) -> dict[str, np.ndarray]:
-        """(length, joints) residuals in rad of all logged joints, as RESIDUALS, and the other
-        logged signals, from ``start`` on.
-        """
-        held = {RESIDUALS: self.movement.actual - self.movement.target} | self.movement.others
-        return {name: stretch(rows, start, length) for name, rows in held.items()}
+    movement: str
+    first: int
+    actual: np.ndarray  # (N, n) rad, measured angles of the chain
+    target: np.ndarray  # (N, n) rad, commanded
+    signals: Mapping[str, np.ndarray]  # (N, joints) RESIDUALS of all joints in rad, and others
 
 
-RESIDUALS = "residuals"
-UNITS = {"clock_jitter": "s", "command_delay": "s"}  # of counts that are none
+def beside(
+    actual: np.ndarray,
+    target: np.ndarray,
+    row: int,
+    angles: np.ndarray,
+    circular: np.ndarray | bool = True,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return ``actual`` and ``target`` (N, n) moved by the whole turns of ``circular`` joints that
+    take the command of the ``row`` nearest to ``angles`` (n,), all in rad.
+    """
+    turns = TURN * turns_apart(angles, target[row], circular)
+    return actual + turns, target + turns
 
 
 def read_logged_movement(
@@ -97,52 +83,56 @@ def read_logged_movement(
     movement: Path,
     options: JointLog,
     rate: float,
-    sliding: Collection[str] = (),
+    circular: np.ndarray | bool = True,
 ) -> LoggedMovement:
-    """The ``movement`` of that name, a folder of logs or one file, at ``rate`` rows a second;
-    joints named in ``sliding`` have coordinates in m.
+    """Read the ``movement`` of that name, a folder of logs or one file, at ``rate`` rows a second;
+    ``circular``: which of its joints turn.
 
     Raises RecordingError for logs that cannot be read or whose clock is not even, and for a command
     that is none of the measured angles; ConfigError where the options do not say where both stand.
     """
     single = movement.is_file() or is_bag(movement)
     wanted: dict[Path, dict] = {movement: {**options.signals}} if single else {}
-    if not single:
-        for signal in SIGNALS:
-            if file := getattr(options, signal):
-                columns = wanted.setdefault(movement / file, {})
-                columns[signal] = options.signals.get(signal)
+    for signal in () if single else SIGNALS:
+        if file := getattr(options, signal):
+            columns = wanted.setdefault(movement / file, {})
+            columns[signal] = options.signals.get(signal)
     for signal, place in options.others.items():
         file = movement / place if isinstance(place, str) else movement
         columns = None if isinstance(place, str) else place
         # beside angles that the file names itself
         angles = dict.fromkeys(SIGNALS[:2]) if file == movement else {}
         wanted[file] = (wanted.get(file) or angles) | {signal: columns}
+    factor = options.target_factor
     common = LogOptions(
-        options.time,
-        rate,
-        options.separator,
-        options.decimal,
-        options.angle_unit,
-        options.time_unit,
-        len(options.joints),
-        options.joints,
-        {} if options.target_factor == 1 else dict.fromkeys(SIGNALS[1:], options.target_factor),
+        time=options.time,
+        rate=rate,
+        separator=options.separator,
+        decimal=options.decimal,
+        angle_unit=options.angle_unit,
+        time_unit=options.time_unit,
+        joints=len(options.joints),
+        names=options.joints,
+        factors={} if factor == 1 else dict.fromkeys(SIGNALS[1:], factor),
+        circular=circular,
     )
-    common = replace(common, sliding=sliding)
     files = {file: replace(common, signals=signals) for file, signals in wanted.items()}
     signals, counts = read_movement(files, rate, options.clock) if files else ({}, {})
     if missing := [signal for signal in ("actual", "target") if signal not in signals]:
         where = "signals" if single else " and ".join(missing)
-        raise ConfigError(
-            f"nothing says where {name} holds the {' and '.join(missing)} angles",
-            key=f"dataset.joint_log.{where}",
-        )
-    early = round(_delay(options.target_delay, name) * rate)
+        message = f"nothing says where {name} holds the {' and '.join(missing)} angles"
+        raise ConfigError(message, key=f"dataset.joint_log.{where}")
+    delay = options.target_delay
+    if isinstance(delay, Mapping):
+        if name not in delay:
+            message = f"no delay for the movement {name}; there are {', '.join(delay)}"
+            raise ConfigError(message, key="dataset.joint_log.target_delay")
+        delay = delay[name]
+    early = round(delay * rate)
     actual, target = delayed(signals["actual"], signals["target"], early)
     if early:
         counts |= {"command_delay": early / rate, "rows_beside_the_delay": abs(early)}
-    turns = whole_turns(target, actual)
+    turns = whole_turns(target, actual, circular)
     if turns.any():
         actual = actual + TURN * turns
         counts |= {"joints_moved_by_whole_turns": np.count_nonzero(turns)}
@@ -153,18 +143,4 @@ def read_logged_movement(
         speed = commanded_speeds(target, rate, options.rest_speed)
         counts |= {"speed_from_angles": 1}
     others = {name: delayed(signals[name], signals["target"], early)[0] for name in options.others}
-    return LoggedMovement(options.joints, actual, target, speed, others, counts)
-
-
-def _delay(option: float | Mapping[str, float], movement: str) -> float:
-    """s by which the command of a ``movement`` is early; ConfigError where the option names others
-    alone.
-    """
-    if not isinstance(option, Mapping):
-        return option
-    if movement not in option:
-        raise ConfigError(
-            f"no delay for the movement {movement}; there are {', '.join(option)}",
-            key="dataset.joint_log.target_delay",
-        )
-    return option[movement]
+    return LoggedMovement(options.joints, actual, target, speed, others, counts, circular)

@@ -1,25 +1,26 @@
-"""The motions in a controller's logs, each with its ends, steps, pauses and repetitions, of which
-one is chosen.
-"""
+"""Motions in a controller's logs: ends, steps, pauses and repetitions, and the steps of each."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
-from pipeline.core.angles import TURN, apart, turns_apart
-from pipeline.core.options.dataset import Robot
+from pipeline.core.angles import apart
+from pipeline.core.options.dataset import Dataset, Robot
+from pipeline.models.other_motions import MotionSteps
+from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.disturbances import disturbances
-from pipeline.recordings.logged_movement import LoggedMovement
+from pipeline.recordings.inventory import named_takes
+from pipeline.recordings.logged_movement import LoggedMovement, beside, read_logged_movement
 from pipeline.recordings.repetitions import (
     REACH,
     SLACK,
-    Excursion,
     align,
     excursions,
     find_passes,
@@ -31,12 +32,15 @@ BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyon
 KEPT = 0.25  # s at rest that are kept on either side of a motion, where its pauses are long enough
 NEARLY = 0.1  # of the greatest least singular value of J: below, it is nearly singular
 LEAST_TURN = 0.5  # of the farthest turn of a joint: turns less far cut no motion
+SAME = 0.02  # rad: motions whose ends are this near and as long are repetitions of one
+
+Paths = Mapping[str, tuple[np.ndarray, np.ndarray]]  # actual, target (N, n) rad of the robot
 
 
 @dataclass
-class Motion:
-    """One commanded motion of n joints and where it was found: of every repetition the movement and
-    the row that it starts at.
+class FoundMotion:
+    """One commanded motion of n joints and where it was found: the movement and the first row of
+    every repetition.
     """
 
     start: np.ndarray  # (n,) rad
@@ -49,93 +53,84 @@ class Motion:
     deviation: float = np.nan  # rad, the greatest of a command from the first one's
 
     def rest(self, rate: float) -> int:
-        """Steps at rest that are kept on either side, at ``rate`` steps a second: KEPT, or what
-        half of the shortest pause leaves beside the rows that ends may be off.
+        """Steps at rest to keep on either side, at ``rate`` steps a second: KEPT, or half of the
+        shortest pause without the rows that ends may be off.
         """
         if self.pause is None:
             return 0
         return max(min(round(KEPT * rate), (self.pause - 2 * SLACK - 2) // 2), 1)
 
-
-@dataclass(frozen=True)
-class _Path:
-    """The joints of the robot in one movement."""
-
-    actual: np.ndarray  # (N, n) rad
-    target: np.ndarray  # (N, n) rad
-
-    def beside(self, row: int, angles: np.ndarray) -> _Path:
-        """The same, moved by the whole turns that take the command at ``row`` to ``angles``."""
-        turns = TURN * turns_apart(angles, self.target[row])
-        return replace(self, actual=self.actual + turns, target=self.target + turns)
+    def repeats(self, start: np.ndarray, end: np.ndarray, steps: int, circular: np.ndarray) -> bool:
+        """Return whether ``start`` to ``end`` (n,) in ``steps`` is a repetition of this motion."""
+        ends = apart(np.stack([self.start, self.end]), np.stack([start, end]), circular)
+        return bool(np.abs(ends).max() <= REACH and abs(self.steps - steps) <= SLACK)
 
 
-def motions(movements: Mapping[str, LoggedMovement], robot: Robot, rate: float) -> list[Motion]:
-    """The motions of the ``robot``'s joints in the ``movements``, at ``rate`` rows a second,
+def motions(
+    movements: Mapping[str, LoggedMovement], robot: Robot, rate: float
+) -> list[FoundMotion]:
+    """Find the motions of the ``robot``'s joints in the ``movements``, at ``rate`` rows a second,
     those of most repetitions first.
 
     Where no command ever rests, they are the stretches that repeat between the rows at which J is
     nearly singular, or, where it never is, between the turns of the joint that moves farthest.
     Raises ConfigError as :func:`pipeline.arm.model.chain_of` does.
     """
-    chain, paths = chain_of(robot), {}
+    chain, paths, listed = chain_of(robot), {}, []
+    circular = circular_joints(robot.urdf, robot.joints)
     for name, movement in movements.items():
         columns = [movement.joints.index(joint) for joint in robot.joints]
-        paths[name] = _Path(movement.actual[:, columns], movement.target[:, columns])
-    listed: list[Motion] = []
+        paths[name] = movement.actual[:, columns], movement.target[:, columns]
     for name, movement in movements.items():
-        runs = excursions(movement.target, movement.speed)
-        for before, run, after in zip([None, *runs], runs, [*runs[1:], None], strict=False):
-            if run.whole:
-                _gather(listed, name, paths[name].target, run, before, after)
-    listed = listed or _passing(paths, chain)
+        target, runs = paths[name][1], excursions(movement.target, movement.speed)
+        befores, afters = (
+            [0, *(run.last for run in runs)],
+            [*(run.first for run in runs), len(target)],
+        )
+        for run, before, after in zip(runs, befores, afters[1:], strict=False):
+            rows = target[max(run.first - 1, 0) : run.last + 1]
+            # other motions are of joints alone that the robot does not have
+            if run.whole and np.ptp(rows, axis=0).max() > REACH:
+                pause = min(run.first - before, after - run.last)
+                motion = _listed(listed, rows[0], rows[-1], run.steps, circular, pause)
+                motion.pause = min(motion.pause, pause)
+                motion.places.append((name, run.first))
+    listed = listed or _passing(paths, chain, circular)
     for motion in listed:
-        _compare(motion, paths, chain, rate)
+        _compare(motion, paths, chain, rate, circular)
     return sorted(listed, key=lambda motion: -len(motion.places))
 
 
-def _gather(
-    listed: list[Motion],
-    name: str,
-    angles: np.ndarray,
-    run: Excursion,
-    before: Excursion | None,
-    after: Excursion | None,
-) -> None:
-    """Put a ``run`` of commanded ``angles`` to the motion that it repeats, or to the others."""
-    start, end = angles[run.first - 1], angles[run.last]
-    if np.ptp(angles[run.first - 1 : run.last + 1], axis=0).max() <= REACH:
-        return  # joints alone move that the robot does not have
-    pause = min(
-        run.first - (before.last if before else 0),
-        (after.first if after else len(angles)) - run.last,
-    )
-    motion = next((one for one in listed if _is(one, start, end, run.steps)), None)
-    if motion is None:
-        listed.append(motion := Motion(start, end, run.steps, pause))
-    motion.pause = min(motion.pause, pause)
-    motion.places.append((name, run.first))
+def _listed(
+    listed: list[FoundMotion],
+    start: np.ndarray,
+    end: np.ndarray,
+    steps: int,
+    circular: np.ndarray,
+    pause: int,
+) -> FoundMotion:
+    """The motion among those ``listed`` that repeats, or a new one there."""
+    for motion in listed:
+        if motion.repeats(start, end, steps, circular):
+            return motion
+    listed.append(FoundMotion(start, end, steps, pause))
+    return listed[-1]
 
 
-def _is(motion: Motion, start: np.ndarray, end: np.ndarray, steps: int) -> bool:
-    away = np.abs(np.concatenate([apart(motion.start, start), apart(motion.end, end)])).max()
-    return bool(away <= REACH and abs(motion.steps - steps) <= SLACK)
-
-
-def _passing(paths: Mapping[str, _Path], chain: Chain) -> list[Motion]:
-    listed: list[Motion] = []
-    for path in paths.values():
-        for first, last in _stretches(path.target, chain):
-            start, end, steps = path.target[first], path.target[last], last - first
-            if any(_is(motion, start, end, steps) for motion in listed):
+def _passing(paths: Paths, chain: Chain, circular: np.ndarray) -> list[FoundMotion]:
+    listed: list[FoundMotion] = []
+    for _, target in paths.values():
+        for first, last in _stretches(target, chain):
+            start, end, steps = target[first], target[last], last - first
+            if any(motion.repeats(start, end, steps, circular) for motion in listed):
                 continue
             passes = [
                 (name, run.first)
-                for name, other in paths.items()
-                for run in find_passes(other.target, start, end, steps).runs
+                for name, (_, other) in paths.items()
+                for run in find_passes(other, start, end, steps, circular).runs
             ]
             if len(passes) > 1:
-                listed.append(Motion(start, end, steps, None, passes))
+                listed.append(FoundMotion(start, end, steps, None, passes))
     return listed
 
 
@@ -157,19 +152,21 @@ def _least_singular(chain: Chain, angles: np.ndarray) -> np.ndarray:
     return np.linalg.svd(chain.jacobian(angles), compute_uv=False)[:, -1]
 
 
-def _compare(motion: Motion, paths: Mapping[str, _Path], chain: Chain, rate: float) -> None:
-    """Hold the repetitions of a ``motion`` against the first."""
+def _compare(
+    motion: FoundMotion, paths: Paths, chain: Chain, rate: float, circular: np.ndarray
+) -> None:
+    """Compare the repetitions of a ``motion`` with the first."""
     name, row = motion.places[0]
-    reference = paths[name].target[row : row + motion.steps + 1]
+    reference = paths[name][1][row : row + motion.steps + 1]
     motion.least_singular = float(_least_singular(chain, reference).min())
     place = in_phase if motion.pause is None else align
     residuals, deviations, whole = [], [], []
     for name, row in motion.places:
-        path = paths[name].beside(row, reference[0])
-        if not SLACK <= row < len(path.target) - motion.steps - SLACK:
+        if not SLACK <= row < len(paths[name][1]) - motion.steps - SLACK:
             continue
-        start = place(path.target, row, reference)
-        actual, target = (stretch(q, start, len(reference)) for q in (path.actual, path.target))
+        path = beside(*paths[name], row, reference[0], circular)
+        start = place(path[1], row, reference)
+        actual, target = (stretch(q, start, len(reference)) for q in path)
         residuals.append(actual - target)
         deviations.append(np.abs(target - reference).max())
         whole.append((name, row))
@@ -177,5 +174,43 @@ def _compare(motion: Motion, paths: Mapping[str, _Path], chain: Chain, rate: flo
         scores = disturbances(np.stack(residuals), [], rate)
         motion.deviation = float(np.max(deviations))
         motion.disturbed = [
-            place for place, score in zip(whole, scores, strict=True) if score > BEYOND
+            each for each, score in zip(whole, scores, strict=True) if score > BEYOND
         ]
+
+
+def logged_motions(dataset: Dataset) -> list[MotionSteps]:
+    """Return the steps of every motion in the controller's logs of ``dataset``, each against its
+    command, repeated or not, most repetitions first; repetitions that differ are left out.
+
+    Raises what reading the logs raises; empty for a command that neither rests nor repeats.
+    """
+    log, rate, robot = dataset.joint_log, dataset.motion.rate, dataset.robot
+    places = named_takes(Path(dataset.recordings), log.movements, key="dataset.joint_log.movements")
+    circular = circular_joints(robot.urdf, log.joints)
+    movements = {
+        name: read_logged_movement(name, place, log, rate, circular)
+        for name, place in places.items()
+    }
+    columns = [log.joints.index(joint) for joint in robot.joints]
+    found, listed = [], []
+    for motion in motions(movements, robot, rate):
+        rest, kept = motion.rest(rate), []
+        for name, row in motion.places:
+            rows = movements[name]
+            first, last = max(row - 1 - rest, 0), row + motion.steps + rest
+            if (name, row) not in motion.disturbed and last < len(rows.actual):
+                kept.append([q[first : last + 1, columns] for q in (rows.actual, rows.target)])
+        ends = np.concatenate([motion.start, motion.end])
+        known = [
+            size == motion.steps
+            and np.abs(apart(other, ends, np.tile(circular[columns], 2))).max() < SAME
+            for other, size in listed
+        ]
+        if not kept or any(known):
+            continue
+        listed.append((ends, motion.steps))
+        length = min(len(actual) for actual, _ in kept)
+        actual = np.stack([each[:length] for each, _ in kept])
+        dq = np.stack([np.diff(each[:length], axis=0) for _, each in kept])
+        found.append(MotionSteps("", actual[:, :-1], dq, np.diff(actual, axis=1) - dq))
+    return [replace(each, name=str(number)) for number, each in enumerate(found, 1)]

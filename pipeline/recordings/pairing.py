@@ -1,5 +1,5 @@
-"""Measured angles held against commanded ones: whether they are a pair, and if not, whether another
-unit, order or clock of the command makes them one.
+"""Pairs of measured and commanded angles, and the unit, order or clock of the command that makes
+them one.
 
 How fast the arm as a whole moves depends neither on the order nor on the signs of its joints, and
 how far they turn in all shows the unit; so each of the three is found without the others.
@@ -26,20 +26,13 @@ PEAKS, NEAR = 8, 0.8  # delays that are tried: those of the highest correlations
 SAME = 0.02  # of a factor, up to which it is one of those that unit conversions have
 ORDER_GAIN = 0.5  # of what is left: another order or sign has to leave less than this of it
 TURN = 180 / np.pi
-FACTORS = {
-    "1": 1.0,
-    "180/π": TURN,
-    "π/180": 1 / TURN,
-    "(180/π)²": TURN**2,
-    "(π/180)²": TURN**-2,
-    "2π": 2 * np.pi,
-    "1/2π": 1 / (2 * np.pi),
-}
+FACTORS = {"1": 1.0, "180/π": TURN, "π/180": 1 / TURN, "(180/π)²": TURN**2, "(π/180)²": TURN**-2}
+FACTORS |= {"2π": 2 * np.pi, "1/2π": 1 / (2 * np.pi)}
 
 
 @dataclass(frozen=True)
 class Pairing:
-    """What makes a pair of measured and commanded angles: the command of joint i is that in column
+    """Change that makes a pair of measured and commanded angles: the command of joint i is column
     ``order[i]``, times ``factor[i]``, ``delay`` rows later.
     """
 
@@ -54,18 +47,16 @@ class Pairing:
 
 
 def delayed(actual: np.ndarray, target: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Measured rows and the commanded ones ``rows`` before them, without those that have no
-    partner.
-    """
+    """Return measured rows and the commanded ones ``rows`` before them, without the unpaired."""
     length = len(actual) - abs(rows)
     return actual[max(rows, 0) :][:length], target[max(-rows, 0) :][:length]
 
 
 def missed(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """(n,) tracking error of each joint divided by its motion: the 0.9 quantile over the rows of
-    ``actual`` and ``target`` (N, n) in rad, of those at which the command moves or of
-    those at which it rests, whichever is more. A joint that hardly moves is held against a tenth of
-    the farthest one's motion, and any against STILL at least.
+    """Return (n,) the tracking error of each joint divided by its motion: the 0.9 quantile over the
+    rows of ``actual`` and ``target`` (N, n) in rad at which the command moves, or at which it
+    rests, whichever is more. The motion counts as a tenth of the farthest joint's and STILL at
+    least.
     """
     residual = np.abs(actual - target)
     motion = np.ptp(actual, axis=0)
@@ -77,10 +68,10 @@ def missed(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def pairing_of(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
-    """The pairing of ``actual`` and ``target`` (N, n) in rad, at ``rate`` rows a second, that
-    leaves the least; the one without any change where no other leaves clearly less.
+    """Return the pairing of ``actual`` and ``target`` (N, n) in rad, at ``rate`` rows a second,
+    that leaves the least error; the plain one where no other leaves clearly less.
     """
-    plain = Pairing(np.ones(actual.shape[1]), np.arange(actual.shape[1]), 0)
+    plain = _plain(actual.shape[1])
     if not (np.ptp(actual, axis=0).max() > REACH and np.ptp(target, axis=0).any()):
         return plain
     best, least = plain, _left(plain, actual, target)
@@ -100,17 +91,11 @@ def require_pair(
     joints: Sequence[str],
     **evidence: object,
 ) -> None:
-    """RecordingError where measured angles are no pair with the commanded ones: it names unit,
-    order and clock, each with the option that settles it and with what is left without it.
+    """Raise RecordingError where measured angles ``actual`` (N, n) in rad are no pair with the
+    commanded ones ``target`` at ``rate`` rows a second; it names unit, order and clock, each with
+    the option that settles it and the error that is left without it.
 
-    Args:
-        actual: (N, n) measured angles in rad.
-        target: (N, n) commanded ones.
-        rate: Rows a second.
-        limit: What share of its motion a joint may miss its command by; beside, the arm may lag by
-            LATEST.
-        joints: Their names.
-        evidence: Where the angles stand.
+    A joint may miss its command by the share ``limit`` of its motion, the arm lag by LATEST.
     """
     missing = missed(actual, target)
     worst = int(missing.argmax())
@@ -130,39 +115,42 @@ def require_pair(
         f"the {what} ({option.rpartition('.')[2]}: {value}, without which {without:.2g} is left)"
         for what, option, value, without in suspects(pairing, actual, target, rate)
     ]
-    cause = (
-        f"suspected {'are' if len(words) > 1 else 'is'} {', '.join(words)}; that leaves {left:.2g}"
-        if words and left <= limit
-        else "no other unit, order or clock makes them one: are they of one movement?"
-    )
-    raise RecordingError(
-        f"measured and commanded angles are no pair: {fault}; {cause}", **evidence, key=OPTION
-    )
+    cause = "no other unit, order or clock makes them one: are they of one movement?"
+    if words and left <= limit:
+        are = "are" if len(words) > 1 else "is"
+        cause = f"suspected {are} {', '.join(words)}; that leaves {left:.2g}"
+    message = f"measured and commanded angles are no pair: {fault}; {cause}"
+    raise RecordingError(message, **evidence, key=OPTION)
 
 
 def suspects(
     pairing: Pairing, actual: np.ndarray, target: np.ndarray, rate: float
 ) -> Iterator[tuple[str, str, str, float]]:
-    """What of a ``pairing`` is not plain: in words, its option, the option's value, and what share
-    of the motion would be left without it.
+    """Yield each change in a ``pairing``: in words, its option, the option's value, and the share
+    of the motion that is left without it.
     """
     n = len(pairing.order)
-    plain = Pairing(np.ones(n), np.arange(n), 0)
+    plain, without = _plain(n), {}
+    for name in ("factor", "order", "delay"):
+        other = replace(pairing, **{name: getattr(plain, name)})
+        without[name] = _left(other, actual, target)
     if (pairing.factor != 1).any():
         factors = [f"{factor:.16g}" for factor in pairing.factor]
         value = factors[0] if len(set(factors)) == 1 else f"[{', '.join(factors)}]"
         named = [name for name, known in FACTORS.items() if known == abs(pairing.factor[0])]
         what = f"unit, {named[0]}" if named else "unit"
         what = "sign" if (np.abs(pairing.factor) == 1).all() else what
-        without = _left(replace(pairing, factor=plain.factor), actual, target)
-        yield what, f"{OPTION}.target_factor", value, without
+        yield what, f"{OPTION}.target_factor", value, without["factor"]
     if (pairing.order != plain.order).any():
         value = f"the commanded columns in the order {[int(j) + 1 for j in pairing.order]}"
-        without = _left(replace(pairing, order=plain.order), actual, target)
-        yield "order", f"{OPTION}.signals", value, without
+        yield "order", f"{OPTION}.signals", value, without["order"]
     if pairing.delay:
-        without = _left(replace(pairing, delay=0), actual, target)
-        yield "clock", f"{OPTION}.target_delay", f"{pairing.delay / rate:.6g}", without
+        delay = f"{pairing.delay / rate:.6g}"
+        yield "clock", f"{OPTION}.target_delay", delay, without["delay"]
+
+
+def _plain(n: int, factor: float = 1.0, delay: int = 0) -> Pairing:
+    return Pairing(np.full(n, factor), np.arange(n), delay)
 
 
 def _left(pairing: Pairing, actual: np.ndarray, target: np.ndarray) -> float:
@@ -195,21 +183,17 @@ def _settled(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairing:
 
     n, motion = actual.shape[1], np.ptp(target, axis=0).sum()
     if not motion:  # the command moves in none of these rows
-        return Pairing(np.ones(n), np.arange(n), delay)
+        return _plain(n, delay=delay)
     size = np.ptp(actual, axis=0).sum() / motion
     size = next((known for known in FACTORS.values() if abs(size / known - 1) < SAME), size)
     scaled = size * target
     # (2, n, n) root mean square residual of joint i from column j, and from its opposite
-    costs = np.array(
-        [
-            [[np.sqrt(np.mean((a - sign * t) ** 2)) for t in scaled.T] for a in actual.T]
-            for sign in (1, -1)
-        ]
-    )
+    pairs = ((actual.T[:, None] - sign * scaled.T) for sign in (1, -1))
+    costs = np.array([np.sqrt(np.mean(pair**2, axis=-1)) for pair in pairs])
     cost, same = costs.min(axis=0), np.arange(n)
     rows, order = linear_sum_assignment(cost)
     if cost[rows, order].sum() > ORDER_GAIN * costs[0, same, same].sum():
-        return Pairing(np.full(n, size), same, delay)
+        return _plain(n, size, delay)
     sign = np.where(costs[1, rows, order] < ORDER_GAIN * costs[0, rows, order], -1.0, 1.0)
     # columns that are alike stay where they are
     stay = costs[0, same, same] <= cost[rows, order] / ORDER_GAIN

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,15 +17,14 @@ PHASE_ROUNDS = 4  # each squares what is left of the phase
 SLACK = 2  # rows by which the logger may see the same command start early or late, or last longer
 
 
-@dataclass(frozen=True)
-class Excursion:
+class Excursion(NamedTuple):
     """A commanded motion: the speed is commanded from row ``first`` up to, but not on, row ``last``
-    of its log.
+    of its log; ``whole``: from rest to rest.
     """
 
     first: int
     last: int
-    whole: bool  # whether the log holds it from rest to rest
+    whole: bool
 
     @property
     def steps(self) -> int:
@@ -33,9 +32,7 @@ class Excursion:
         return self.last - self.first
 
     def lack(self, rows: int) -> str:
-        """What keeps it from being whole, in words, in a log of so many ``rows``; empty of a whole
-        one.
-        """
+        """Name what keeps the motion from being whole in a log of so many ``rows``; "" if whole."""
         if self.whole:
             return ""
         # the first row has no step before it
@@ -45,22 +42,13 @@ class Excursion:
         edge = "start" if at_start else "end"
         return f"a motion from row {self.first}, cut off by the {edge} of the log"
 
-    def describe(self, angles: np.ndarray) -> str:
-        """The motion in words, its ends read from the commanded ``angles`` (N, joints): for a
-        message to choose from.
-        """
-        start, end = angles[self.first - 1], angles[self.last]
-        return f"{np.round(start, 2).tolist()} to {np.round(end, 2).tolist()} in {self.steps} steps"
 
-
-@dataclass(frozen=True)
-class Repetitions:
-    """The whole repetitions of one motion in a log, and the rows at which each other excursion
-    starts, by why it was left out.
+class Repetitions(NamedTuple):
+    """Whole repetitions of one motion in a log, and the rows at which other excursions start, by
+    the reason that leaves them out: cut_off, other_motion, too_little_rest; overlapping in passing.
     """
 
     runs: list[Excursion]
-    # cut_off, other_motion, too_little_rest; of motions in passing overlapping
     left_out: dict[str, list[int]]
 
 
@@ -68,32 +56,34 @@ def _moving(speeds: np.ndarray, rest_speed: float) -> np.ndarray:
     return np.any(np.abs(speeds) > rest_speed, axis=1)
 
 
+def _runs(inside: np.ndarray) -> list[tuple[int, int]]:
+    """First row of each run of true rows, and the row behind it."""
+    edges = np.flatnonzero(np.diff(inside, prepend=False, append=False)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
 def excursions(
     angles: np.ndarray, speeds: np.ndarray, rest_speed: float = REST_SPEED
 ) -> list[Excursion]:
-    """Every motion in a log of commanded ``angles`` (N, joints) in rad and commanded ``speeds`` (N,
+    """Find every motion in a log of commanded ``angles`` (N, joints) in rad and ``speeds`` (N,
     joints) in rad/s, in order of time.
 
-    The speed tells motion from rest: it is zero, or at most ``rest_speed``, while a controller
-    holds its position, where the commanded angle may creep.
+    The speed separates motion from rest: it is at most ``rest_speed`` while a controller holds its
+    position, where the commanded angle may creep.
     """
-    edges = np.flatnonzero(np.diff(_moving(speeds, rest_speed), prepend=False, append=False))
-    bounds = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-    runs = [Excursion(first, last, 0 < first and last < len(speeds)) for first, last in bounds]
     return [
-        run
-        for run in runs
-        if np.ptp(angles[max(run.first - 1, 0) : run.last + 1], axis=0).max() > REACH
+        Excursion(first, last, 0 < first and last < len(speeds))
+        for first, last in _runs(_moving(speeds, rest_speed))
+        if np.ptp(angles[max(first - 1, 0) : last + 1], axis=0).max() > REACH
     ]
 
 
 def commanded_speeds(angles: np.ndarray, rate: float, rest_speed: float = REST_SPEED) -> np.ndarray:
-    """(N, joints) in rad/s: the step to each commanded angle (N, joints) from the one before at
-    ``rate`` (1/s), 0 for the first.
+    """Return speeds (N, joints) in rad/s for a controller that logs none: the step to each
+    commanded angle (N, joints) from the one before at ``rate`` (1/s), 0 for the first.
 
-    For controllers that log no commanded speed. It is 0 outside :func:`excursions`: an angle that
-    creeps at rest, or settles after a motion, goes nowhere. Creeping next to a motion is told from
-    it by ``rest_speed`` alone, which must lie above its steps.
+    They are 0 outside :func:`excursions`: an angle that creeps at rest goes nowhere. Creeping next
+    to a motion is separated from it by ``rest_speed`` alone, which must lie above its steps.
     """
     steps = np.diff(angles, axis=0, prepend=angles[:1]) * rate
     speeds = np.zeros_like(steps)
@@ -112,13 +102,14 @@ def find_repetitions(
     steps: int,
     rest: int,
     rest_speed: float = REST_SPEED,
+    circular: np.ndarray | bool = True,
 ) -> Repetitions:
-    """The whole excursions that take the joints ``columns`` from ``start`` to ``end`` (rad) in
-    ``steps`` steps.
+    """Find the whole excursions that take the joints ``columns`` from ``start`` to ``end`` (rad; m
+    of joints that are not ``circular``) in ``steps`` steps, with ``rest`` rows at rest on either
+    side.
 
-    ``angles``, ``speeds`` (N, joints) and ``rest_speed`` as for :func:`excursions`. Each repetition
-    has ``rest`` rows at rest on either side; ends agree within 0.01 rad and durations within two
-    steps.
+    ``angles``, ``speeds`` and ``rest_speed`` as for :func:`excursions`. Ends agree within 0.01 rad
+    and durations within two steps.
     """
     moving = _moving(speeds, rest_speed)
     runs, left_out = [], {"cut_off": [], "other_motion": [], "too_little_rest": []}
@@ -126,16 +117,13 @@ def find_repetitions(
         if not run.whole:
             left_out["cut_off"].append(run.first)
             continue
-        ends = apart(angles[[run.first - 1, run.last]][:, list(columns)], np.stack([start, end]))
+        ends = angles[[run.first - 1, run.last]][:, list(columns)]
         before, after = run.first - rest - SLACK, run.last + rest + 2 * SLACK + 1
-        if np.abs(ends).max() > REACH or abs(run.steps - steps) > SLACK:
+        away = np.abs(apart(ends, np.stack([start, end]), circular)).max()
+        near = moving[max(before, 0) : run.first].any() or moving[run.last : after].any()
+        if away > REACH or abs(run.steps - steps) > SLACK:
             left_out["other_motion"].append(run.first)
-        elif (
-            before < 0
-            or after > len(moving)
-            or moving[before : run.first].any()
-            or moving[run.last : after].any()
-        ):
+        elif before < 0 or after > len(moving) or near:
             left_out["too_little_rest"].append(run.first)
         else:
             runs.append(run)
@@ -143,21 +131,25 @@ def find_repetitions(
 
 
 def find_passes(
-    angles: np.ndarray, start: Sequence[float], end: Sequence[float], steps: int
+    angles: np.ndarray,
+    start: Sequence[float],
+    end: Sequence[float],
+    steps: int,
+    circular: np.ndarray | bool = True,
 ) -> Repetitions:
-    """The stretches of ``steps`` steps in which commanded ``angles`` (N, joints) in rad pass
-    ``start`` and then ``end``, of a command that repeats without rest.
+    """Find the stretches of ``steps`` steps in which commanded ``angles`` (N, joints), as of
+    :func:`find_repetitions`, pass ``start`` and then ``end``, of a command that never rests.
 
     Both are passed within 0.01 rad; of the rows around, the one nearest to both counts. A stretch
-    that begins before the one before has ended is left out.
+    that begins before the end of the stretch before it is left out.
     """
     runs, left_out = [], {"overlapping": []}
     if len(angles) <= steps:
         return Repetitions(runs, left_out)
-    ends = [apart(angles[:-steps], np.array(start)), apart(angles[steps:], np.array(end))]
-    away = np.abs(np.hstack(ends)).max(axis=1)
-    edges = np.flatnonzero(np.diff(away <= REACH, prepend=False, append=False)).tolist()
-    for begin, stop in zip(edges[::2], edges[1::2], strict=True):
+    ends = (angles[:-steps], start), (angles[steps:], end)
+    distances = [apart(rows, np.array(place), circular) for rows, place in ends]
+    away = np.abs(np.hstack(distances)).max(axis=1)
+    for begin, stop in _runs(away <= REACH):
         first = begin + int(away[begin:stop].argmin())
         if runs and first < runs[-1].last:
             left_out["overlapping"].append(first)
@@ -167,8 +159,8 @@ def find_passes(
 
 
 def in_phase(angles: np.ndarray, first: int, reference: np.ndarray) -> float:
-    """The place between rows near ``first`` from which ``angles`` (N, joints) follow ``reference``
-    (K, joints), both in rad, best by least squares: a period is seldom a whole number of rows.
+    """Return the place between rows near ``first`` from which ``angles`` (N, joints) follow
+    ``reference`` (K, joints), both in rad, by least squares: a period is seldom whole rows.
     """
     place = float(first)
     for _ in range(PHASE_ROUNDS):
@@ -179,8 +171,8 @@ def in_phase(angles: np.ndarray, first: int, reference: np.ndarray) -> float:
 
 
 def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
-    """(length, joints) of ``angles`` (N, joints) from ``place`` on, a row or a place between two:
-    there by cubic splines through the rows.
+    """Return (length, joints) of ``angles`` (N, joints) from ``place`` on, a row, or a place
+    between two rows, then by cubic splines through the rows.
     """
     from scipy.interpolate import CubicSpline
 
@@ -190,22 +182,18 @@ def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
 
 
 def align(angles: np.ndarray, first: int, reference: np.ndarray) -> int:
-    """The row within two of ``first`` from which ``angles`` (N, joints) follow ``reference`` (K,
-    joints) best, in rad.
-
-    A motion starts anywhere between two samples, so that equal commands can differ by a row at one
-    of their ends.
+    """Return the row within two of ``first`` from which ``angles`` (N, joints) in rad follow
+    ``reference`` (K, joints) best: equal commands can differ by a row at one of their ends.
     """
     rows = range(first - SLACK, first + SLACK + 1)
     return min(rows, key=lambda row: np.abs(angles[row : row + len(reference)] - reference).max())
 
 
 def lag(commanded: np.ndarray, measured: np.ndarray, rate: float) -> float:
-    """Time in s by which ``measured`` angles (K, joints) trail the ``commanded`` ones, at ``rate``
-    samples per second.
+    """Return the time in s by which ``measured`` angles (K, joints) trail the ``commanded`` ones,
+    at ``rate`` samples per second; NaN of a command that moves no joint farther than REACH.
 
-    Least squares of measured(t) = commanded(t − lag) to first order in the lag, over all joints
-    together. NaN of a command at rest, which moves no joint farther than REACH: nothing trails it.
+    Least squares of measured(t) = commanded(t − lag) to first order in the lag, over all joints.
     """
     if not np.ptp(commanded, axis=0).max() > REACH:
         return np.nan

@@ -1,4 +1,6 @@
-"""Recorded steps that the motion models are fitted to, and the ranges of their poses and speeds."""
+"""Recorded steps that the motion models are fitted to, the ranges of their poses and speeds, and
+the angles that a filter is compared with.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,7 @@ import pandas as pd
 
 from pipeline.arm.model import chain_of
 from pipeline.core import contracts
-from pipeline.core.options.dataset import Motion, Robot
+from pipeline.core.options.dataset import Dataset, Motion, Robot
 from pipeline.models.model import frobenius
 from pipeline.models.steps import Recorded
 from pipeline.recordings.commands import commanded_steps
@@ -19,7 +21,7 @@ MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
 
 
 def training_steps(robot: Robot, motion: Motion) -> Recorded:
-    """Poses before each step, commanded steps and process noise of the training takes of
+    """Return poses before each step, commanded steps and process noise of the training takes of
     ``motion``.
     """
     joints = contracts.read("joints", TRACK)
@@ -32,9 +34,10 @@ def training_steps(robot: Robot, motion: Motion) -> Recorded:
 
 
 def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
-    """A row each with its ends over the steps of ``recorded``, of ``rate`` a second: the measured
-    ``pose`` and the commanded ``joint speed`` of every joint, the commanded ``speed`` of every row
-    of the command, and the ``condition`` ‖J⁺‖, greater the nearer a pose is to a singular one.
+    """Return the least and the greatest over the steps of ``recorded``, ``rate`` a second, of the
+    measured ``pose`` and the commanded ``joint speed`` of every joint, the commanded ``speed`` of
+    every row of the command, and the ``condition`` ‖J⁺‖, greater the nearer a pose is to a singular
+    one.
     """
     chain, joints, v = recorded.chain, recorded.joints, recorded.v
     poses = np.concatenate([recorded.q, recorded.q_next[:, -1:]], axis=1)
@@ -60,3 +63,18 @@ def _ends(
         (quantity, name, unit, float(each.min()), float(each.max()))
         for name, unit, each in zip(names, units, columns, strict=True)
     ]
+
+
+def truth_of(dataset: Dataset) -> Path:
+    """Return the folder where a synthetic dataset has the truth; the stage score alone reads it."""
+    return Path(dataset.recordings).parent / "truth"
+
+
+def held_against(joints: pd.DataFrame, dataset: Dataset) -> tuple[pd.DataFrame, bool]:
+    """Return the joint angles that a filter is compared with, and whether they are true: the
+    measured ``joints``, unless the filter weighs by the cameras that measured them and there is a
+    truth.
+    """
+    if dataset.measurement == "tip" and contracts.exists("true_joints", truth_of(dataset)):
+        return contracts.read("true_joints", truth_of(dataset)), True
+    return joints, False

@@ -13,8 +13,7 @@ from pipeline.arm.model import Arm, arm_of
 from pipeline.core import config, contracts
 from pipeline.perception.articulation import ArticulationOptions
 from pipeline.perception.depth_noise import errors_of, leave_one_out
-from pipeline.recordings.depth_angles import DEPTH, TRACK, articulated, depth_takes
-from pipeline.recordings.depth_points import arm_points
+from pipeline.recordings.depth_angles import DEPTH, TRACK, arm_points, articulated, depth_takes
 
 OUT = Path("data/articulate")
 

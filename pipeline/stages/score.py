@@ -26,8 +26,7 @@ from pipeline.perception.depth_noise import deviations, error_slopes, errors_of,
 from pipeline.recordings import quality
 from pipeline.recordings.commands import commanded_steps, constant_speed
 from pipeline.recordings.quality import account
-from pipeline.recordings.steps import training_steps
-from pipeline.recordings.truth import held_against, truth_of
+from pipeline.recordings.steps import held_against, training_steps, truth_of
 from pipeline.statistics.curves import (
     ModelledNoise,
     constant_noise_variation,

@@ -18,9 +18,13 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError, SingularJacobianError
 from pipeline.models.noise import process_noise
 from pipeline.perception.markers import JointTrack, follower
-from pipeline.recordings.commands import commanded_steps
-from pipeline.recordings.cross_check import require_commanded, require_encoders
-from pipeline.recordings.depth_clock import on_motion_clock, with_markers
+from pipeline.recordings.clocks import on_motion_clock, with_markers
+from pipeline.recordings.commands import (
+    circular_joints,
+    commanded_steps,
+    require_commanded,
+    require_encoders,
+)
 from pipeline.recordings.quality import beside_limits, quality_row, reasons, require_enough
 
 INGEST, OUT = Path("data/ingest"), Path("data/track")
@@ -141,7 +145,8 @@ def _cross_check(joints: pd.DataFrame, dataset) -> None:
         tracked = dict(list(joints.groupby("take")))
         for take, rows in contracts.read("encoders", motion).groupby("take"):
             if take in tracked:
-                require_encoders(tracked[take], rows, names, take)
+                circular = circular_joints(dataset.robot.urdf, names)
+                require_encoders(tracked[take], rows, names, take, circular)
 
 
 def _process_noise(joints: pd.DataFrame, dataset) -> pd.DataFrame:

@@ -85,7 +85,7 @@ def test_a_table_is_one_only_where_nothing_more_specific_begins_like_it(tmp_path
     assert recognised(Head.read(file), formats_in(formats)).name == "Motive CSV"
 
 
-@pytest.mark.parametrize("room", ["motion_capture", "force_transducer"])
+@pytest.mark.parametrize("room", ["motion_capture", "force"])
 def test_a_stage_of_one_instrument_loads_no_library_of_another(room):
     script = f"""
 import sys
@@ -93,7 +93,7 @@ import pipeline.recordings.{room}
 from pipeline import formats
 from pipeline.formats.format import formats_in
 from pipeline.formats import force, motion
-formats_in({"force" if room == "force_transducer" else "motion"})
+formats_in({"force" if room == "force" else "motion"})
 print([name for name in ("cv2", "PIL", "rosbags", "ezc3d") if name in sys.modules])
 """
     printed = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)

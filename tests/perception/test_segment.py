@@ -80,7 +80,7 @@ def rays(arm: Arm) -> np.ndarray:
 
 
 def on_arm(arm: Arm, points: np.ndarray) -> np.ndarray:
-    """Which of the points (..., 2) lie on the rectangles of the links."""
+    """Mask of the points (..., 2) that lie on the rectangles of the links."""
     nodes = arm.chain.points(Q)
     inside = np.zeros(points.shape[:-1], dtype=bool)
     for a, b in pairwise(nodes):

@@ -136,23 +136,17 @@ def test_one_component_is_enough_and_missing_samples_are_left_out() -> None:
     assert find_offset(t_a, a[:, 0], t_b, b[:, 0]).value == pytest.approx(OFFSET, abs=0.003)
 
 
-def test_no_motion_is_refused() -> None:
-    t_a, a, t_b, b = recording()
-    with pytest.raises(RecordingError, match="take-2"):
-        find_offset(t_a, np.zeros_like(a), t_b, b, take="take-2")
-    rng = np.random.default_rng(6)
-    with pytest.raises(RecordingError, match=r"not alike|edge"):
-        find_offset(t_a, rng.normal(scale=0.002, size=a.shape), t_b, b)
-
-
-def test_an_offset_beyond_the_search_is_refused() -> None:
-    with pytest.raises(RecordingError, match="edge"):
-        find_offset(*recording(0.001), search=(-0.5, 0.05))
-
-
-def test_signals_that_never_overlap_or_run_backwards_are_refused() -> None:
-    t_a, a, t_b, b = recording()
-    with pytest.raises(RecordingError, match="overlap"):
-        find_offset(t_a + 100, a, t_b, b)
-    with pytest.raises(RecordingError, match="increase"):
-        find_offset(t_a[::-1], a, t_b, b)
+@pytest.mark.parametrize(
+    ("spoil", "search", "words"),
+    [
+        (lambda t, a: (t, np.zeros_like(a)), 0.5, r"no motion.*take-2"),
+        (lambda t, a: (t, np.random.default_rng(6).normal(size=a.shape)), 0.5, "not alike|edge"),
+        (lambda t, a: (t, a), 0.05, "edge"),
+        (lambda t, a: (t + 100, a), 0.5, "overlap"),
+        (lambda t, a: (t[::-1], a), 0.5, "increase"),
+    ],
+)
+def test_signals_that_tell_no_offset_are_refused_with_the_take(spoil, search, words) -> None:
+    t_a, a, t_b, b = recording(0.001)
+    with pytest.raises(RecordingError, match=words):
+        find_offset(*spoil(t_a, a), t_b, b, search=(-0.5, search), take="take-2")

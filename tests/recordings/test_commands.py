@@ -1,44 +1,57 @@
-"""The commanded steps: velocity over the rate, one a step, in the order of the task's rows, and of
-a redundant arm the joints' own.
+"""Commanded steps and ranges; quantities that are known of one motion twice agree, or are refused
+with the suspects.
 """
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.core.columns import spread
-from pipeline.recordings.commands import commanded_steps, constant_speed
+from pipeline.arm.commanded import trajectory_table
+from pipeline.arm.model import load_arm
+from pipeline.core.columns import columns, spread
+from pipeline.core.errors import RecordingError
+from pipeline.models.steps import Recorded
+from pipeline.recordings.commands import (
+    commanded_steps,
+    constant_speed,
+    require_commanded,
+    require_encoders,
+    require_velocities,
+)
+from pipeline.recordings.steps import fitted_ranges
 
-RATE = 50.0
+STEP_RATE = 50.0
 TASK = ("x", "rz")
 
 
 @pytest.fixture
-def trajectory() -> pd.DataFrame:
+def growing() -> pd.DataFrame:
     """A motion that grows by what the velocity says."""
     k = np.arange(6)
     speed = np.random.default_rng(2).normal(size=(6, 2))
-    x = np.concatenate([np.zeros((1, 2)), np.cumsum(speed[:-1] / RATE, axis=0)])
+    x = np.concatenate([np.zeros((1, 2)), np.cumsum(speed[:-1] / STEP_RATE, axis=0)])
     families = spread("x", TASK, x) | spread("v", TASK, speed)
-    return pd.DataFrame({"k": k, "t": k / RATE} | families)
+    return pd.DataFrame({"k": k, "t": k / STEP_RATE} | families)
 
 
-def test_a_step_leads_from_one_commanded_place_to_the_next(trajectory):
-    steps = commanded_steps(trajectory, RATE)
+def test_a_step_leads_from_one_commanded_place_to_the_next(growing):
+    steps = commanded_steps(growing, STEP_RATE)
     assert steps.shape == (5, 2)
-    np.testing.assert_allclose(steps, np.diff(trajectory[["x:x", "x:rz"]], axis=0), atol=1e-15)
+    np.testing.assert_allclose(steps, np.diff(growing[["x:x", "x:rz"]], axis=0), atol=1e-15)
     # the control: without the rate they are velocities
-    assert np.abs(commanded_steps(trajectory, 1.0) - steps).max() > 0.5
+    assert np.abs(commanded_steps(growing, 1.0) - steps).max() > 0.5
 
 
-def test_the_commanded_joint_steps_of_a_redundant_arm_stand_behind_them(trajectory):
+def test_the_commanded_joint_steps_of_a_redundant_arm_stand_behind_them(growing):
     speeds = np.random.default_rng(3).normal(size=(6, 3))
-    redundant = trajectory.assign(**spread("u", ("a", "b", "c"), speeds))
-    steps = commanded_steps(redundant, RATE)
-    np.testing.assert_array_equal(steps[:, :2], commanded_steps(trajectory, RATE))
-    np.testing.assert_allclose(steps[:, 2:], speeds[:-1] / RATE, atol=1e-15)
+    redundant = growing.assign(**spread("u", ("a", "b", "c"), speeds))
+    steps = commanded_steps(redundant, STEP_RATE)
+    np.testing.assert_array_equal(steps[:, :2], commanded_steps(growing, STEP_RATE))
+    np.testing.assert_allclose(steps[:, 2:], speeds[:-1] / STEP_RATE, atol=1e-15)
 
 
 def test_the_steps_of_constant_speed_are_those_between_the_ramps_in_spite_of_noise():
@@ -49,3 +62,100 @@ def test_the_steps_of_constant_speed_are_those_between_the_ramps_in_spite_of_noi
     assert steady[20:60].all()
     # of the ramp its last steps alone
     assert not steady[:17].any() and not steady[60:].any()
+
+
+RATE, JOINTS = 100.0, ["joint_2", "joint_3", "joint_4"]
+TIME = np.arange(301) / RATE
+POSITIONS, VELOCITIES = (columns(family, ("x", "z", "phi")) for family in "xv")
+
+
+@pytest.fixture(scope="module")
+def chain():
+    return load_arm("pipeline/arm/ur5.urdf", JOINTS, "wrist_centre", {}).chain
+
+
+@pytest.fixture
+def q() -> np.ndarray:
+    """(301, 3) rad: there and back, from rest to rest."""
+    share = (1 - np.cos(2 * np.pi * TIME / TIME[-1])) / 2
+    return np.array([-0.2, 1.0, -2.6]) + share[:, None] * [-1.4, 0.5, 1.4]
+
+
+@pytest.fixture
+def trajectory(chain, q) -> pd.DataFrame:
+    return trajectory_table(chain, q, RATE)
+
+
+def later(table: pd.DataFrame, names: list[str], rows: int) -> pd.DataFrame:
+    shifted = table[names].shift(rows).bfill()
+    return table.assign(**dict(shifted.items()))
+
+
+def exchanged(table: pd.DataFrame, names: list[str]) -> pd.DataFrame:
+    first, second, *_ = names
+    return table.assign(**{first: table[second], second: table[first]})
+
+
+def scaled(table: pd.DataFrame, names: list[str], factor: float) -> pd.DataFrame:
+    return table.assign(**{name: factor * table[name] for name in names})
+
+
+WRONG = {
+    "millimetres": lambda table, names: scaled(table, names[:2], 1000),
+    "degrees": lambda table, names: scaled(table, names[2:], 180 / np.pi),
+    "exchanged": exchanged,
+    "a second late": lambda table, names: later(table, names, 100),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_a_command_in_another_unit_order_or_clock_than_the_arm_went_is_refused(
+    chain, q, trajectory, wrong
+):
+    tracked = q + np.random.default_rng(1).normal(0, 5e-3, q.shape)
+    require_commanded(tracked, trajectory, chain, "a")
+    with pytest.raises(RecordingError, match=r"not on the commanded path.*suspected") as refused:
+        require_commanded(tracked, WRONG[wrong](trajectory, POSITIONS), chain, "a")
+    assert refused.value.evidence["take"] == "a"
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_velocities_that_do_not_lead_along_the_positions_are_refused(trajectory, wrong):
+    require_velocities(trajectory, RATE, Path("t.csv"))
+    with pytest.raises(RecordingError, match="do not lead along") as refused:
+        require_velocities(WRONG[wrong](trajectory, VELOCITIES), RATE, Path("t.csv"))
+    assert refused.value.evidence["file"] == Path("t.csv")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (lambda table, names: scaled(table, names, 180 / np.pi), "angle_unit"),
+        (exchanged, "order of their columns"),
+        (lambda table, names: table.assign(t=table["t"] + 1), "when their log starts"),
+        (lambda table, names: table.assign(t=table["t"] + 10), "0 of 250 readings"),
+    ],
+)
+def test_encoders_in_another_unit_order_or_clock_than_what_was_tracked_are_refused(q, wrong, words):
+    tracked = pd.DataFrame({"t": TIME} | spread("q", JOINTS, q))
+    times = np.arange(250) / 83.3
+    held = np.stack([np.interp(times, TIME, angle) for angle in q.T], axis=1)
+    readings = pd.DataFrame({"t": times} | spread("q", JOINTS, held + 2e-3))
+    require_encoders(tracked, readings, JOINTS, "a")
+    with pytest.raises(RecordingError, match=words):
+        require_encoders(tracked, wrong(readings, columns("q", JOINTS)), JOINTS, "a")
+
+
+def test_every_quantity_has_the_ends_of_its_values(chain):
+    q = np.array([[[0.1, 1.2, 0.3], [0.2, 1.6, 0.3]], [[0.0, 1.4, 0.5], [0.2, 1.5, 0.4]]])
+    v = np.array([[0.001, 0.0, 0.01], [-0.002, 0.0, 0.02]])
+    recorded = Recorded(chain, q, v, np.zeros_like(q), ("a", "b", "c"))
+    rows = fitted_ranges(recorded, 100.0).set_index(["quantity", "name"])
+    assert rows.loc[("speed", "x"), ["least", "greatest", "unit"]].tolist() == [-0.2, 0.1, "m/s"]
+    # the pose after the last step counts, as it was measured too
+    last = q[:, -1] + np.matvec(np.linalg.inv(chain.jacobian(q[:, -1])), v[-1])
+    both = np.concatenate([q.reshape(-1, 3), last])
+    assert rows.loc[("pose", "b"), "greatest"] == both[:, 1].max()
+    assert rows.loc[("pose", "b"), "least"] == both[:, 1].min()
+    norms = np.linalg.norm(np.linalg.inv(chain.jacobian(q)), axis=(-2, -1))
+    np.testing.assert_allclose(rows.loc[("condition", "‖J⁺‖"), "greatest"], norms.max())

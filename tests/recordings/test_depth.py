@@ -16,9 +16,8 @@ from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.core.options.instruments import Depth
 from pipeline.formats.depth.image import write_depth
 from pipeline.formats.depth.index import write_index
-from pipeline.recordings.depth_clock import on_motion_clock, with_markers
-from pipeline.recordings.depth_points import arm_points, write_points
-from pipeline.recordings.depth_sequence import DepthSequence, take_paths
+from pipeline.recordings.clocks import on_motion_clock, with_markers
+from pipeline.recordings.depth import DepthSequence, take_paths
 
 
 @pytest.mark.parametrize("units", [1000.0, 5000.0])
@@ -34,15 +33,6 @@ def test_a_patch_of_the_arm_is_found_where_it_is(tmp_path, units):
         assert np.abs(points.mean(axis=0) - place).max() < 0.5 * 1.2 / CAMERA.fx + 0.5 / units
         np.testing.assert_allclose(np.ptp(points, axis=0), 2 * PATCH * 1.15 / CAMERA.fx, rtol=0.1)
         assert valid == (2 * PATCH + 1) ** 2 / (WIDTH * HEIGHT)
-
-
-def test_a_camera_that_stands_elsewhere_sees_the_arm_elsewhere(tmp_path):
-    take, depth = record(tmp_path, ARM)
-    depth.camera.position = (
-        np.array(depth.camera.position) + ARM.rotation @ [0.03, 0.0, 0.0]
-    ).tolist()
-    points, _ = next(DepthSequence(take, depth, ARM, tmp_path).points([0]))
-    np.testing.assert_allclose(points.mean(axis=0), PLACES[0] + [0.03, 0.0], atol=0.007)
 
 
 def test_frames_are_read_when_they_are_asked_for(tmp_path):
@@ -214,7 +204,7 @@ def planar() -> Arm:
 
 
 def path(time: np.ndarray) -> np.ndarray:
-    """Where the middle of the arm is: a smooth path in its plane."""
+    """The middle of the arm: a smooth path in its plane."""
     return np.column_stack([np.sin(2 * time), np.cos(3 * time)])
 
 
@@ -279,12 +269,3 @@ def test_a_take_without_motion_capture_is_refused_by_its_name(markers):
     assert refused.value.evidence["take"] == "test_002"
     ((rows, of_take),) = with_markers(frames(path(TIME)), markers)
     assert len(rows) == len(TIME) and of_take["take"].unique().tolist() == ["test_001"]
-
-
-def test_the_points_of_each_frame_are_read_back_as_they_were_written(tmp_path):
-    rng = np.random.default_rng(4)
-    clouds = [rng.random((count, 2)) for count in (3, 0, 5)]
-    write_points(clouds, "test_001", tmp_path)
-    rows = pd.DataFrame({"take": "test_001", "points": [3, 0, 5]})
-    for points, written in zip(arm_points(rows, tmp_path), clouds, strict=True):
-        np.testing.assert_array_equal(points, written)

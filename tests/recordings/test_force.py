@@ -15,8 +15,7 @@ from pipeline.core.options.instruments import Force
 from pipeline.core.validation import validated
 from pipeline.formats.force.daqft import write_daqft
 from pipeline.formats.force.record import ForceRecord
-from pipeline.recordings.force_transducer import force_rows
-from pipeline.recordings.tare import remove_bias
+from pipeline.recordings.force import force_rows, remove_bias
 
 RATE, TARE = 250.0, 2.0
 
@@ -136,23 +135,6 @@ def test_moments_are_about_the_stated_point_whatever_the_bias(tmp_path):
     np.testing.assert_allclose(moments["origin"].mean(axis=0), np.cross(point, LOAD), atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    "log",
-    [
-        {"full_scale": [1.0, 2.0]},
-        {"full_scale": [1.0, 2.0, -3.0]},
-        {"rate": 0.0},
-        {"max_faulty": 1.0},
-        {"frozen_after": 0.0},
-        {"columns": {"force": 1}},
-        {"columns": {"fx": [1]}},
-    ],
-)
-def test_options_that_mean_nothing_are_refused(log):
-    with pytest.raises(ConfigError, match=r"dataset\.force\.log"):
-        options(**log)
-
-
 def test_the_loaded_force_comes_back_without_the_bias():
     time, force = forces(20)
     tared = remove_bias(time, force, TARE)
@@ -169,13 +151,6 @@ def test_the_loaded_force_comes_back_without_the_bias():
     )
     np.testing.assert_array_equal(
         tared.wrench + tared.bias, (force[samples:] - tared.bias) + tared.bias
-    )
-
-
-def test_a_clock_that_does_not_start_at_zero_moves_the_interval_with_it():
-    time, force = forces(21)
-    np.testing.assert_array_equal(
-        remove_bias(time + 1000.0, force, TARE).wrench, remove_bias(time, force, TARE).wrench
     )
 
 

@@ -1,9 +1,14 @@
+"""Takes of motion capture and the commanded trajectory as tables, in every form, or refused."""
+
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from made_options import made
 from marker_takes import (
     MOUNT,
     STEPS,
@@ -15,11 +20,17 @@ from marker_takes import (
     tracked,
     written,
 )
+from space_arms import LWR4, UR5, motion
 
-from pipeline.arm.model import load_arm
+from pipeline.arm.commanded import trajectory_table
+from pipeline.arm.model import chain_of, load_arm
+from pipeline.core.columns import columns, members, spread, values
 from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.dataset import Dataset, Motion, Robot
 from pipeline.core.options.instruments import Body, Pose
-from pipeline.recordings.motion_capture import find_takes, marker_rows, read_take
+from pipeline.core.task import PLANE
+from pipeline.formats.trajectory import write_trajectory
+from pipeline.recordings.motion_capture import find_takes, marker_rows, trajectory_rows
 
 
 @pytest.fixture(scope="module")
@@ -144,14 +155,6 @@ def test_a_c3d_take_gives_the_rows_of_the_csv_take(tmp_path, arm, joints):
     ).all(axis=None)
 
 
-def test_a_file_with_the_wrong_ending_is_refused_and_not_read_as_the_other_format(
-    tmp_path, arm, joints
-):
-    file = written(tmp_path, markers_of(arm, joints)).rename(tmp_path / "t.c3d")
-    with pytest.raises(RecordingError, match="no C3D file"):
-        read_take(file, None)
-
-
 def test_takes_are_found_by_part_and_two_of_one_name_are_refused(tmp_path):
     for name in ("train_1.csv", "train_2.c3d", "test_1.csv"):
         (tmp_path / name).touch()
@@ -166,7 +169,7 @@ def test_takes_are_found_by_part_and_two_of_one_name_are_refused(tmp_path):
         find_takes(tmp_path, dataset(training="train_*").mocap)
     with pytest.raises(RecordingError, match="no test take matches"):
         find_takes(tmp_path, dataset(training="train_2*", test="none_*").mocap)
-    with pytest.raises(ConfigError, match="no pattern of files"):
+    with pytest.raises(ConfigError, match="must be a relative path"):
         find_takes(tmp_path, dataset(training="/takes/*").mocap)
 
 
@@ -188,3 +191,73 @@ def test_a_file_whose_name_is_no_text_is_refused(tmp_path, arm, joints):
     with pytest.raises(RecordingError, match="no UTF-8") as caught:
         find_takes(tmp_path, dataset().mocap)
     str(caught.value).encode()
+
+
+GRID = 30
+PLANAR = Robot(
+    "pipeline/arm/ur5.urdf", ["joint_2", "joint_3", "joint_4"], "wrist_centre", plane=True
+)
+
+
+@pytest.fixture
+def file(tmp_path):
+    t = {"t": np.arange(GRID + 1) / 100}
+    write_trajectory(
+        tmp_path / "t.csv", pd.DataFrame(t | spread("q", UR5.joints, motion(GRID + 1)))
+    )
+    return tmp_path / "t.csv"
+
+
+def commanded(robot=UR5, rate: float = 100.0) -> Dataset:
+    return made(Dataset, robot=robot, motion=Motion(rate, GRID))
+
+
+def test_the_steps_take_the_arm_from_each_commanded_pose_to_the_next(file):
+    table, chain, q = trajectory_rows(file, commanded()), chain_of(UR5), motion(GRID + 1)
+    steps = chain.displacement(chain.pose(q[:-1]), chain.pose(q[1:]))
+    np.testing.assert_allclose(values(table, "v")[:-1] / 100, steps, atol=1e-12)
+    assert members(table, "x") == chain.task and members(table, "u") == ()
+
+
+def test_an_arm_of_more_joints_than_rows_is_told_its_joints_too(file):
+    table = trajectory_rows(file, commanded(replace(UR5, task=["x", "y", "z"])))
+    assert values(table, "v").shape == (GRID + 1, 3)
+    np.testing.assert_allclose(
+        values(table, "u")[:-1] / 100, np.diff(motion(GRID + 1), axis=0), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("robot", "rate", "words"),
+    [(LWR4, 100.0, "the trajectory has the joints joint_1"), (UR5, 50.0, "asks for 31 at 50")],
+)
+def test_another_arms_or_another_grids_trajectory_is_refused(file, robot, rate, words):
+    with pytest.raises(RecordingError, match=words):
+        trajectory_rows(file, commanded(robot, rate))
+
+
+def test_a_trajectory_of_the_plane_leaves_open_what_joints_do_beside_a_smaller_task(tmp_path):
+    names = [*columns("x", PLANE), *columns("v", PLANE)]
+    rows = pd.DataFrame(dict.fromkeys(names, 0.0), index=range(GRID + 1))
+    write_trajectory(tmp_path / "t.csv", rows.assign(t=np.arange(GRID + 1) / 100))
+    whole = trajectory_rows(tmp_path / "t.csv", commanded(PLANAR))
+    assert len(whole) == GRID + 1
+    with pytest.raises(RecordingError, match="export the commanded joints") as refused:
+        trajectory_rows(tmp_path / "t.csv", commanded(replace(PLANAR, task=["x", "z"])))
+    assert refused.value.evidence["key"] == "dataset.robot.task"
+
+
+def test_of_pose_and_joints_the_pose_is_the_whole_tasks_and_the_joints_are_a_smaller_ones(tmp_path):
+    names, q = PLANAR.joints, motion(GRID + 1)[:, 1:4]
+    chain = chain_of(PLANAR)
+    pose = trajectory_table(chain, q, 100.0)
+    write_trajectory(tmp_path / "t.csv", pose)
+    alone = trajectory_rows(tmp_path / "t.csv", commanded(PLANAR))
+    write_trajectory(tmp_path / "t.csv", pose.assign(**spread("q", names, q)))
+    beside = trajectory_rows(tmp_path / "t.csv", commanded(PLANAR))
+    pd.testing.assert_frame_equal(beside, alone, check_exact=True)
+    redundant = trajectory_rows(tmp_path / "t.csv", commanded(replace(PLANAR, task=["x", "z"])))
+    assert members(redundant, "v") == ("x", "z")
+    np.testing.assert_allclose(values(redundant, "x"), values(alone, "x")[:, :2], atol=1e-9)
+    np.testing.assert_allclose(values(redundant, "v"), values(alone, "v")[:, :2], atol=1e-9)
+    np.testing.assert_allclose(values(redundant, "u")[:-1] / 100, np.diff(q, axis=0), atol=1e-12)

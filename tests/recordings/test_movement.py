@@ -1,4 +1,4 @@
-"""Logs of one movement, of whichever format."""
+"""Logs of one movement and of encoders, of whichever format: paired, unwrapped, or refused."""
 
 from __future__ import annotations
 
@@ -8,13 +8,18 @@ from joint_files import log, read_movement, table
 from made_options import made
 from written_logs import write_joint_log
 
-from pipeline.core.errors import RecordingError
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.dataset import Dataset, Robot
+from pipeline.core.options.instruments import Encoders
 from pipeline.core.options.instruments import JointLog as Log
 from pipeline.formats.format import Format, Kind, begins
 from pipeline.formats.joints.log import JointLog, LogOptions
-from pipeline.formats.joints.table import write_joint_table
+from pipeline.formats.joints.table import joint_labels, write_joint_table
 from pipeline.recordings import movement
+from pipeline.recordings.commands import circular_joints
+from pipeline.recordings.joint_logs import encoder_rows
 from pipeline.recordings.logged_movement import read_logged_movement
+from pipeline.recordings.repetitions import find_passes
 
 
 def test_logs_of_one_movement_are_paired_row_by_row_as_far_as_the_shortest_goes(tmp_path):
@@ -163,3 +168,116 @@ def test_a_jump_that_is_neither_a_motion_nor_whole_turns_is_refused_by_joint_and
     options = LogOptions(joints=2, names=("a", "b"), signals={"actual": None})
     with pytest.raises(RecordingError, match=r"b \(actual\) jumps by 4.4\d* rad at 0.2 s .*2π"):
         movement.read_log(tmp_path / "run.npz", options)
+
+
+RAIL = """<robot name="rail"><link name="base"/><link name="cart"/><link name="arm"/>
+<joint name="slide" type="prismatic"><parent link="base"/><child link="cart"/>
+<limit velocity="900" effort="1" lower="0" upper="20"/></joint>
+<joint name="turn" type="continuous"><parent link="cart"/><child link="arm"/></joint></robot>
+"""
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_positions_of_a_prismatic_joint_are_metres_and_never_unwrapped(tmp_path, unit):
+    (tmp_path / "rail.urdf").write_text(RAIL)
+    circular = circular_joints(str(tmp_path / "rail.urdf"), ["slide", "turn"])
+    assert circular.tolist() == [False, True]
+    slide, turn = np.linspace(0, 12, 60), WRAP["to ±π"](TURNING[:, 0])
+    slide[30:] += 3.5
+    scale = np.array([1.0, np.degrees(1.0) if unit == "deg" else 1.0])
+    rows = np.column_stack([slide, turn])
+    archive = {"time": np.arange(60) / 100, "q": rows * scale}
+    np.savez(tmp_path / "run.npz", **archive, d=rows * scale + [2 * np.pi, 0])
+    options = {"joints": 2, "angle_unit": unit, "time": "time", "signals": {"actual": ["q"]}}
+    log = movement.read_log(tmp_path / "run.npz", LogOptions(**options, circular=circular))
+    np.testing.assert_allclose(log.signals["actual"], np.c_[slide, TURNING[:, 0]], atol=1e-12)
+    assert log.counts[movement.UNWRAPPED] == 1
+    # the controls: as angles they jump, and a turn beside the command would be taken out
+    if unit == "rad":
+        with pytest.raises(RecordingError, match=r"joint 1 .* jumps by"):
+            movement.read_log(tmp_path / "run.npz", LogOptions(**options))
+    signals = {"actual": ["q"], "target": ["d"]}
+    names = ["slide", "turn"]
+    of_log = made(Log, joints=names, signals=signals, time="time", angle_unit=unit)
+    with pytest.raises(RecordingError, match="slide misses its command"):
+        read_logged_movement("run", tmp_path / "run.npz", of_log, 100.0, circular)
+    ends = np.array([[0.0], [np.pi], [2 * np.pi]])
+    assert len(find_passes(ends, [0.0], [np.pi], 1, np.array([False])).runs) == 1
+    assert not find_passes(ends + 2 * np.pi, [0.0], [np.pi], 1, np.array([False])).runs
+    assert find_passes(ends + 2 * np.pi, [0.0], [np.pi], 1).runs
+
+
+NAMES = ["shoulder", "elbow"]
+
+
+def encoder_dataset(**options) -> Dataset:
+    stated = {
+        "training": "logs/train_*.csv",
+        "test": "logs/test_*.csv",
+        "time": "time",
+        "actual": joint_labels("actual", NAMES),
+    }
+    robot = Robot("arm.urdf", NAMES, task=["x"])
+    return made(Dataset, robot=robot, encoders=Encoders(**stated | options))
+
+
+ELBOW = """<robot name="arm"><link name="base"/><link name="upper"/><link name="lower"/>
+<joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/></joint>
+<joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/>
+<limit velocity="2" effort="1" lower="-9" upper="9"/></joint></robot>
+"""
+
+
+@pytest.fixture
+def raw(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.urdf").write_text(ELBOW)
+    (tmp_path / "logs").mkdir()
+    q = np.random.default_rng(1).normal(0, 1e-3, (40, 2)).round(4)
+    for take in ("test_b", "test_a", "train_a"):
+        signals = {"target": np.zeros((40, 2)), "actual": q}
+        write_joint_table(tmp_path / f"logs/{take}.csv", 7 + np.arange(40) / 250, signals, NAMES)
+    return tmp_path, q
+
+
+def test_every_log_of_a_take_is_read_at_its_own_rate(raw):
+    folder, q = raw
+    (trained, _), (rows, quality), (other, _) = encoder_rows(folder, encoder_dataset(start=6.9))
+    takes = [(each["take"].iloc[0], each["part"].iloc[0]) for each in (trained, rows, other)]
+    assert takes == [("train_a", "training"), ("test_a", "test"), ("test_b", "test")]
+    np.testing.assert_allclose(rows["t"], 0.1 + np.arange(40) / 250, atol=1e-9)
+    np.testing.assert_allclose(rows[["q:shoulder", "q:elbow"]], q, atol=1e-9)
+    assert {row["quantity"]: row["value"] for row in quality}["rows"] == 40
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"training": "logs/run_*.csv"}, RecordingError, "no log matches 'logs/run_"),
+        ({"actual": ["actual_shoulder"]}, ConfigError, "1 columns for the 2 joints"),
+        ({"actual": ["actual_shoulder", "actual_wrist"]}, RecordingError, "actual_wrist"),
+    ],
+)
+def test_logs_of_other_joints_are_refused(raw, options, error, words):
+    with pytest.raises(error, match=words):
+        encoder_rows(raw[0], encoder_dataset(**options))
+
+
+def test_a_wrapped_reading_is_unwrapped_and_counted_and_a_step_no_joint_makes_refused(raw):
+    folder, q = raw
+    turning = q + np.linspace(3.0, 3.4, 40)[:, None] * [1, 0]
+    wrapped = (turning + np.pi) % (2 * np.pi) - np.pi
+    time, file = 7 + np.arange(40) / 250, folder / "logs/train_a.csv"
+    write_joint_table(file, time, {"actual": wrapped}, NAMES)
+    (rows, quality), *_ = encoder_rows(folder, encoder_dataset())
+    np.testing.assert_allclose(rows[["q:shoulder", "q:elbow"]], turning, atol=1e-7)
+    assert [r["value"] for r in quality if r["quantity"] == "unwrapped_jumps"] == [
+        np.sum(np.abs(np.diff(wrapped[:, 0])) > np.pi)
+    ]
+    q[20, 1] += 0.05
+    write_joint_table(file, time, {"actual": q}, NAMES)
+    with pytest.raises(
+        RecordingError, match=r"elbow \(actual\) steps .* allows 2 rad/s"
+    ) as refused:
+        encoder_rows(folder, encoder_dataset())
+    assert refused.value.evidence["time"] == 0.08

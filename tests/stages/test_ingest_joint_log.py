@@ -118,20 +118,6 @@ def test_options_that_name_no_chain_are_refused(log_project, tmp_path, choice, w
         log_project("ur5_planar", tmp_path, joint_log=choice)
 
 
-def test_the_inventory_tells_changed_recordings_apart(tmp_path):
-    write_movement(tmp_path / "logs/move_1", 1)
-    tables = []
-    for byte in (b"", b" "):
-        with (tmp_path / "logs/move_1" / FILES[0]).open("ab") as file:
-            file.write(byte)
-        command.run(tmp_path / "logs", tmp_path / "inventory.csv")
-        tables.append(pd.read_csv(tmp_path / "inventory.csv", index_col="file"))
-    before, after = tables
-    assert list(before.index) == [f"move_1/{name}" for name in FILES]
-    assert list(before.index[(before != after).any(axis=1)]) == [f"move_1/{FILES[0]}"]
-    assert (after["bytes"] - before["bytes"]).tolist() == [1, 0, 0]
-
-
 def test_files_in_a_folder_below_each_movement_give_every_take_and_a_disturbed_one_by_name(
     log_project, tmp_path
 ):

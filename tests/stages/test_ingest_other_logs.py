@@ -135,27 +135,6 @@ def test_a_limit_on_the_residual_finds_what_two_repetitions_cannot_show(log_proj
     assert ingested()[0] == ["move_1_1", "move_1_3"]
 
 
-@pytest.mark.parametrize(
-    "choice",
-    [
-        {"signals": {"actual": ["a", "b"]}},
-        {"clock": "cells"},
-        {"mismatch": 0.0},
-        {"target_factor": "deg"},
-        {"target_factor": [1.0, 2.0]},
-        {"target_delay": [1.0] * 6},
-        {"target_delay": {"move_1": "late"}},
-        {"signals": {"force": list(range(6))}},
-        {"angle_unit": "grad"},
-        {"time_unit": "min"},
-        {"disturbed": "keep"},
-    ],
-)
-def test_options_of_logs_that_mean_nothing_are_refused(log_project, tmp_path, choice):
-    with pytest.raises(ConfigError, match=r"dataset\.joint_log"):
-        log_project("ur5_planar", tmp_path, joint_log=choice)
-
-
 def test_a_table_without_the_places_of_its_angles_is_refused(log_project, tmp_path):
     write_movement(tmp_path / "logs/move_1", 5)
     write_table(tmp_path / "tables", tmp_path / "logs/move_1", speed=True)

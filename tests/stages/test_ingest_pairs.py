@@ -105,47 +105,6 @@ def test_joints_that_are_locked_elsewhere_than_logged_are_refused(log_project, t
         ingest.run("motion")
 
 
-def written_as(kind: str, folder: Path) -> tuple[Path, dict]:
-    """The logs below ``folder`` once more, each movement as one table or one archive, with what the
-    options say of them.
-    """
-    names = dict(zip(("actual", "target", "speed"), FILES, strict=True))
-    place = folder.with_name(kind)
-    place.mkdir()
-    for movement in sorted(folder.iterdir()):
-        logs = {signal: read_joint_log(movement / file, joints=6) for signal, file in names.items()}
-        rows = {signal: log.signals["actual"] for signal, log in logs.items()}
-        time = logs["actual"].time
-        if kind == "archives":
-            np.savez(place / f"{movement.name}.npz", time=time, **rows)
-        else:
-            table = np.column_stack([time, *rows.values()])
-            np.savetxt(place / f"{movement.name}.csv", table, "%.9f", ",")
-    signals = {
-        signal: [signal] if kind == "archives" else list(range(6 * i + 1, 6 * i + 7))
-        for i, signal in enumerate(names)
-    }
-    time = {"archives": "time", "tables": 0, "tables without times": None}[kind]
-    return place, MADE_UP | dict.fromkeys(names) | {"signals": signals, "time": time}
-
-
-@pytest.mark.parametrize("kind", ["archives", "tables", "tables without times"])
-@pytest.mark.parametrize(
-    "wrong", [{"factor": np.pi / 180}, {"order": True}, {"early": ROWS}, {}], ids=str
-)
-def test_every_way_in_holds_the_command_against_the_measured_angles(log_project, logs, kind, wrong):
-    for number in (1, 2) if wrong else ():
-        spoil(logs / f"move_{number}", **wrong)
-    place, choice = written_as(kind, logs)
-    log_project("ur5_planar", place, joint_log=choice, motion={"steps": 140})
-    if wrong:
-        with pytest.raises(RecordingError, match="are no pair"):
-            ingest.run("motion")
-    else:  # the control
-        ingest.run("motion")
-        assert len(ingested()[0]) == 4
-
-
 def test_a_movement_at_rest_is_held_against_its_command_and_is_no_take(log_project, logs):
     write_movement(logs / "move_3", 0, noise=1e-5)
     log_project("ur5_planar", logs, joint_log=MADE_UP, motion={"steps": 140})

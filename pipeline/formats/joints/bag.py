@@ -34,8 +34,8 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
     before the first command or after the last are left out, counted as ``rows_without_command``.
     Messages without any of the joints are passed over, counted as ``messages_of_other_joints``, and
     a message that repeats the one before is dropped, counted as ``doubled_rows``. Angles are
-    unwrapped before they are interpolated, counted as ``unwrapped_jumps``, but for joints that
-    slide.
+    unwrapped before they are interpolated, counted as ``unwrapped_jumps``, but for joints that are
+    not circular.
 
     Raises RecordingError for a bag that cannot be read, no topic or several that could be meant,
     messages that have some of the joints or lack a value, and times that do not increase; messages
@@ -46,8 +46,8 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
     for signal, topic in sorted(_topics(file, options).items()):
         time, values, joints = _values(file, topic, signal, joints, counts)
         if signal in ANGLES:
-            evidence = {"signal": signal, "file": file}
-            values, removed = unwrapped(values, time, joints, sliding=options.sliding, **evidence)
+            evidence = {"signal": signal, "file": file, "circular": options.circular}
+            values, removed = unwrapped(values, time, joints, **evidence)
             counts["unwrapped_jumps"] += removed
         logs[signal] = time, values
     time, measured = logs.pop("actual")

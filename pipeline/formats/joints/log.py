@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -46,7 +46,7 @@ class LogOptions:
     # the signals to be read, each with the columns of its joints by label or by number from 0; None
     # for all columns behind the time
     signals: Mapping[str, Sequence[str | int] | None] = field(default_factory=dict)
-    sliding: Collection[str] = ()  # names of the joints whose values are no angles
+    circular: np.ndarray | bool = True  # (joints,) which turn; others' values are no angles
 
 
 def increasing(log: JointLog, file: Path, place: Callable[[int], dict[str, object]]) -> JointLog:

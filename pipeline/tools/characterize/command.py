@@ -26,8 +26,7 @@ from pipeline.figures import noise_quantiles
 from pipeline.figures.style import save
 from pipeline.models.joint_steps_fit import LEAST_SHARE
 from pipeline.models.other_motions import other_motions
-from pipeline.recordings.all_motions import logged_motions
-from pipeline.recordings.motions import Motion
+from pipeline.recordings.motions import FoundMotion, logged_motions
 from pipeline.stages import fit, ingest, predict, track
 from pipeline.tools.export.command import exported, write_export
 from pipeline.tools.new_dataset.command import open_dataset
@@ -144,7 +143,7 @@ def _taken(values: dict[str, str], given: Collection[str] = ()) -> dict[str, str
     return taken
 
 
-def _regular_motion(offered: Sequence[Motion]) -> int:
+def _regular_motion(offered: Sequence[FoundMotion]) -> int:
     """Number of the motion of most repetitions that stays clear of singular poses, among equals of
     most moving joints, then the longest; 1 where there is none.
     """

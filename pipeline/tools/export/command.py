@@ -25,7 +25,7 @@ from pipeline.models.exported import FORMAT, chain_record
 from pipeline.models.joint_steps_fit import LEAST_SHARE, PLAIN, fit_joint_steps
 from pipeline.models.other_motions import MotionSteps, joint_ranges, motion_of, pooled
 from pipeline.models.steps import Recorded
-from pipeline.recordings.all_motions import logged_motions
+from pipeline.recordings.motions import logged_motions
 from pipeline.recordings.steps import fitted_ranges, training_steps
 from pipeline.tools.export.reader_file import NAME, reader_source
 

@@ -19,10 +19,11 @@ from pipeline.core.datasheet import Draft, Question, unfilled_keys
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.options.instruments import JointLog
+from pipeline.recordings.commands import circular_joints
+from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.logged_movement import read_logged_movement
-from pipeline.recordings.motions import NEARLY, Motion, motions
+from pipeline.recordings.motions import NEARLY, FoundMotion, motions
 from pipeline.recordings.repetitions import REACH
-from pipeline.recordings.take_names import named_takes
 from pipeline.tools.check.command import get_filled, value_faults
 from pipeline.tools.new_dataset.layout import RecordingLayout
 from pipeline.tools.new_dataset.values import KEYS, suggested_values
@@ -95,7 +96,7 @@ class Filling:
                 taken = True
                 print(f"taken as suggested: {key}: {get_filled(self.draft.values(), key)}")
 
-    def show_motions(self) -> list[Motion]:
+    def show_motions(self) -> list[FoundMotion]:
         """Print the motions in the logs, numbered from 1, and return them."""
         offered = found_motions(self.draft.values())
         if not offered:
@@ -116,7 +117,7 @@ class Filling:
         print(pd.DataFrame(rows).to_string(index=False))
         return offered
 
-    def choose(self, offered: list[Motion], number: int) -> None:
+    def choose(self, offered: list[FoundMotion], number: int) -> None:
         """Fill in the motion of that ``number``."""
         if not 1 <= number <= len(offered):
             raise ConfigError(f"there is no motion {number}; there are 1 to {len(offered)}")
@@ -171,7 +172,7 @@ class Filling:
                 print(f"! {error}")
 
 
-def found_motions(values: dict[str, Any]) -> list[Motion]:
+def found_motions(values: dict[str, Any]) -> list[FoundMotion]:
     """Return the motions in the logs that the ``values`` of a dataset name, those that move most
     joints first, those through a singular pose last; ConfigError where a needed value is still ???,
     and as the logs' reader.
@@ -183,14 +184,15 @@ def found_motions(values: dict[str, Any]) -> list[Motion]:
         raise ConfigError(f"the motions are found once these are filled in: {keys}")
     options, folder = JointLog(**log), Path(values["recordings"])
     places = named_takes(folder, options.movements, key="dataset.joint_log.movements")
+    circular = circular_joints(values["robot"]["urdf"], options.joints)
     movements = {
-        name: read_logged_movement(name, place, options, float(rate))
+        name: read_logged_movement(name, place, options, float(rate), circular)
         for name, place in places.items()
     }
     offered = motions(movements, Robot(**values["robot"]), rate)
     regular = NEARLY * max((motion.least_singular for motion in offered), default=0.0)
 
-    def last(motion: Motion) -> tuple[bool, int]:
+    def last(motion: FoundMotion) -> tuple[bool, int]:
         still = np.abs(motion.end - motion.start) <= REACH
         return motion.least_singular < regular, int(still.sum())
 

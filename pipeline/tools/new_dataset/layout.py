@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pipeline.formats.format import Kind
-from pipeline.recordings.take_names import take_name
+from pipeline.recordings.inventory import take_name
 from pipeline.tools.inspect.finding import ROBOT, Finding
 from pipeline.tools.inspect.kinds import DEPTH_TYPES
 

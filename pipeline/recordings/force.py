@@ -1,0 +1,92 @@
+"""Force records without their bias, as tables: all axes that were logged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.instruments import Force
+from pipeline.formats import force as force_formats
+from pipeline.formats.force.calibration import read_calibration
+from pipeline.formats.force.record import ForceLogOptions, full_scale, sound_samples
+from pipeline.formats.format import Kind, formats_in
+from pipeline.recordings.quality import quality_row
+
+WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")  # N, N·m
+SHARED = ("columns", "separator", "decimal", "force_unit", "torque_unit", "time_unit", "rate")
+MIN_SAMPLES = 10  # fewer leave the bias less certain than a third of the noise of one sample
+# s; a clock rebuilt from its rate rounds, and one loaded sample would spoil the mean
+CLOCK_ROUNDING = 1e-6
+
+
+def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[dict]]:
+    """Return the rows of the table ``force`` of the configuration ``name``, from the end of its
+    tare on, and their quality. Moments, where torques were logged, are about the option ``point``.
+
+    Samples that are saturated or frozen are left out before the bias is subtracted: a sensor
+    measures the whole load. Raises ConfigError for a format that does not exist.
+    """
+    log, file = force.log, raw / force.configurations[name].file
+    calibration = read_calibration(raw / log.calibration) if log.calibration is not None else None
+    stated = {key: getattr(log, key) for key in (*SHARED, "counts", "topic")}
+    formats = {one.option: one for one in formats_in(force_formats, Kind.FORCE)}
+    if log.format not in formats:
+        message = f"no format {log.format!r}; there are {', '.join(sorted(formats))}"
+        raise ConfigError(message, key="dataset.force.log.format")
+    record = formats[log.format].read(file, ForceLogOptions(**stated, calibration=calibration))
+    ratings = np.array(log.full_scale) if log.full_scale is not None else full_scale(calibration)
+    sound, faults = sound_samples(record, ratings, log.frozen_after, log.max_faulty, file=file)
+    wrench = record.force
+    if np.isfinite(record.torque).any():
+        moment = record.torque - np.cross(force.point, record.force)
+        wrench = np.hstack([record.force, moment])
+    tared = remove_bias(record.time[sound], wrench[sound], force.tare)
+    axes = dict(zip(WRENCH, tared.wrench.T, strict=False))
+    quality = [(key, value) for key, value in (record.counts | faults).items()]
+    for axis, bias in zip(axes, tared.bias, strict=True):
+        quality.append((f"bias_{axis}", bias, "N" if axis[0] == "f" else "N·m"))
+    rows = pd.DataFrame({"configuration": name, "t": tared.time} | axes)
+    return rows, [quality_row(name, "test", "force transducer", *row) for row in quality]
+
+
+class TaredWrench(NamedTuple):
+    """A force record without its bias, from the end of the tare interval on."""
+
+    time: np.ndarray  # (N,) s, on the clock of the record
+    wrench: np.ndarray  # (N, c) N, N·m
+    bias: np.ndarray  # (c,) that was subtracted
+    noise: np.ndarray  # (c,) standard deviation within the tare interval
+    tare_samples: int
+
+
+def remove_bias(time: np.ndarray, wrench: np.ndarray, tare_seconds: float) -> TaredWrench:
+    """Subtract the mean of the first ``tare_seconds`` of a record ``time`` (N,) in s, ``wrench``
+    (N, c) in N and N·m, and drop that interval.
+
+    With ``tare_seconds`` = 0 the record counts as tared by its instrument: nothing is subtracted or
+    dropped, the noise is 0. Raises RecordingError for values that are not finite, a tare interval
+    too short for a mean, or a record that ends with it.
+    """
+    if not (finite := np.isfinite(wrench)).all():
+        message, step = (
+            "the force record has values that are not finite",
+            np.argwhere(~finite)[0, 0],
+        )
+        raise RecordingError(message, step=int(step))
+    if tare_seconds == 0:
+        return TaredWrench(time, wrench, *np.zeros((2, wrench.shape[1])), 0)
+    unloaded = time - time[0] < tare_seconds - CLOCK_ROUNDING
+    count = int(unloaded.sum())
+    if count < MIN_SAMPLES or count == len(time):
+        message = (
+            f"{count} of {len(time)} samples lie in the tare interval of {tare_seconds} s; it "
+            f"needs at least {MIN_SAMPLES}, and a rest"
+        )
+        raise RecordingError(message)
+    rest, loaded = wrench[unloaded], wrench[~unloaded]
+    bias = rest.mean(axis=0)
+    return TaredWrench(time[~unloaded], loaded - bias, bias, rest.std(axis=0, ddof=1), count)
