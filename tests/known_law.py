@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 from omegaconf import OmegaConf
 
-from pipeline.arm.chain import TASK, PlanarChain
+from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import load_arm
 from pipeline.core import config, contracts
-from pipeline.core.columns import spread
+from pipeline.core.columns import PLANE, spread
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.noise import process_noise
@@ -59,7 +59,7 @@ def write_project(folder: Path) -> tuple[PlanarChain, np.ndarray, np.ndarray]:
     task[:-1] = v * rate
     for stage in ("ingest/motion", "track"):
         Path("data", stage).mkdir(parents=True)
-    trajectory = {"k": k, "t": k / rate} | spread("x", TASK, 0 * task) | spread("v", TASK, task)
+    trajectory = {"k": k, "t": k / rate} | spread("x", PLANE, 0 * task) | spread("v", PLANE, task)
     contracts.write(pd.DataFrame(trajectory), "trajectory", Path("data/ingest/motion"))
     contracts.write(rows(q, "q").assign(residual=0.0), "joints", Path("data/track"))
     noise = rows(np.pad(process_noise(chain, q, v), ((0, 0), (1, 0), (0, 0))), "w")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pipeline.core.options.dataset import Dataset, Motion, Robot
-from pipeline.core.options.instruments import Depth, JointLog, Pose, Workspace
+from pipeline.core.options.instruments import Depth, JointLogSection, Pose, Workspace
 
 ORIGIN = Pose([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
 SAMPLES: dict[type, dict[str, Any]] = {
@@ -24,7 +24,7 @@ SAMPLES: dict[type, dict[str, Any]] = {
         "workspace": Workspace(0.06, 0.05, 0.06, -0.015, 0.0, 30, 1500),
         "search": 0.3,
     },
-    JointLog: {"movements": "*", "start": [], "end": [], "rest": 0, "tolerance": 1e-3},
+    JointLogSection: {"movements": "*", "start": [], "end": [], "rest": 0, "tolerance": 1e-3},
 }
 
 

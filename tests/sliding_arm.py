@@ -6,22 +6,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.layout import Layout
 from pipeline.arm.serial import SerialChain
 
 
 def sliding_arm(axes: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> SerialChain:
     """Three joints that slide along the unit vectors ``axes`` (3, 3), a row a joint."""
-    layout = Layout(
-        names=("a", "b", "c"),
-        sliding=np.ones(3, dtype=bool),
-        axes=np.asarray(axes, dtype=float),
-        points=np.zeros((3, 3)),
-        rotation=np.eye(3),
-        position=np.zeros(3),
-        lower=lower,
-        upper=upper,
-        max_speed=np.ones(3),
-    )
-    ends = layout.lower, layout.upper, layout.max_speed
-    return SerialChain(("x", "y", "z"), 1.0, layout.placements(), layout.sliding, *ends)
+    placements, before = [], np.eye(3)
+    for axis in np.asarray(axes, dtype=float):
+        frame = np.linalg.svd(axis[None])[2].T[:, [1, 2, 0]]  # its third column along the axis
+        frame[:, 2] = axis
+        frame[:, 0] *= np.sign(np.linalg.det(frame))
+        placements.append([*(before.T @ frame).ravel(), 0.0, 0.0, 0.0])
+        before = frame
+    placements.append([*before.T.ravel(), 0.0, 0.0, 0.0])
+    limits = lower, upper, np.ones(3)
+    return SerialChain(("x", "y", "z"), 1.0, np.array(placements), np.ones(3, bool), *limits)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.cases.case import Case, Takes
+from pipeline.cases.case import Choices, Takes
 from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.models.kinds import options_type
 from pipeline.models.noise import process_noise
@@ -47,7 +47,7 @@ def takes(chain) -> Takes:
 
 
 @pytest.fixture
-def base() -> Case:
+def base() -> Choices:
     models = {
         "additive": options_type("additive")("additive", estimator="paper"),
         "wishart": options_type("wishart")(
@@ -55,4 +55,4 @@ def base() -> Case:
         ),
         "gaussian": options_type("gaussian")("gaussian", estimator="paper", beta=0.5),
     }
-    return Case(models, FilterOptions(60), "one_step")
+    return Choices(models, FilterOptions(60), "one_step")

@@ -12,7 +12,7 @@ from motive_files import START, random_take, rows_file
 from ros_bags import camera_info, image, write_bag
 from written_logs import write_joint_log, write_netft
 
-from pipeline.core.task import PLANE
+from pipeline.core.columns import PLANE
 from pipeline.formats.depth.image import write_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics

@@ -13,21 +13,19 @@ from typing import ClassVar
 
 import numpy as np
 
-from pipeline.arm.interface import Arm, Chain
-from pipeline.core.task import PLANE
+from pipeline.arm.interface import ArmConstants, Chain
+from pipeline.core.columns import PLANE
 
 # |det J| = l1 l2 |sin q2|; below this fraction of l1 l2 (about 0.06 degrees) the inverse is not to
 # be trusted
 SINGULAR_SINE = 1e-3
-JOINTS = 3  # of a planar chain
-TASK = PLANE  # rows of its task: m, m, rad
 
 
 @dataclass(frozen=True)
 class PlanarChain(Chain):
     """Geometry of a planar 3R chain; built from a URDF by :func:`pipeline.arm.model.load_arm`."""
 
-    task: ClassVar[tuple[str, ...]] = TASK
+    task: ClassVar[tuple[str, ...]] = PLANE
     origin: np.ndarray  # (2,) O1 in the plane, m
     links: np.ndarray  # (3, 2) link vectors at q = 0, m
     signs: np.ndarray  # (3,) +1 or -1: sense of each joint about the plane's normal
@@ -38,48 +36,39 @@ class PlanarChain(Chain):
     @property
     def lengths(self) -> np.ndarray:
         """(3,) lengths of the three segments O1O2, O2O3, O3EE in m."""
-        return np.hypot(self.links[:, 0], self.links[:, 1])
+        return np.hypot(*self.links.T)
 
     @property
     def straight(self) -> float:
         """Angle of the second joint at which the first two links are in line, rad, up to half
         turns.
         """
-        first, second = np.arctan2(self.links[:2, 0], self.links[:2, 1])
+        first, second = np.arctan2(*self.links[:2].T)
         return float(self.signs[1] * (first - second))
-
-    def headings(self, q: np.ndarray) -> np.ndarray:
-        """(..., 3) cumulative angles φ_j in rad of joint angles ``q`` (..., 3)."""
-        return np.cumsum(self.signs * q, axis=-1)
 
     def segment_headings(self, q: np.ndarray) -> np.ndarray:
         """(..., 3) angles ψ_j in rad from the plane's z axis to the segments O_jO_{j+1}, positive
         about y.
         """
-        return self.headings(q) + np.arctan2(self.links[:, 0], self.links[:, 1])
+        return np.cumsum(self.signs * q, axis=-1) + np.arctan2(*self.links.T)
 
     def joints_from_segments(self, psi: np.ndarray) -> np.ndarray:
         """(..., 3) joint angles in rad of segments at angles ``psi`` (..., 3), the inverse of
-        :meth:`segment_headings`.
-
-        Of all angles that differ by whole turns, those nearest to the middle of the joint limits.
+        :meth:`segment_headings`: of all that differ by whole turns those nearest to the middle of
+        the joint limits.
         """
-        phi = np.asarray(psi, dtype=float) - np.arctan2(self.links[:, 0], self.links[:, 1])
+        phi = np.asarray(psi, dtype=float) - np.arctan2(*self.links.T)
         q = self.signs * np.diff(phi, axis=-1, prepend=0.0)
         middle = (self.lower + self.upper) / 2
         return q - 2 * np.pi * np.round((q - middle) / (2 * np.pi))
 
     def _segments(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """x and z (3, ...) of the segments O1O2, O2O3, O3EE in m; the batch last, so that each
-        component is contiguous over it.
-        """
-        heading = np.cumsum(
-            np.moveaxis(np.asarray(q, dtype=float), -1, 0)
-            * self.signs.reshape(-1, *[1] * (np.ndim(q) - 1)),
-            axis=0,
-        )
+        """x and z (3, ...) in m of the segments, the batch last: contiguous in memory."""
+        over = (3, *[1] * (np.ndim(q) - 1))
+        turns = np.moveaxis(np.asarray(q, dtype=float), -1, 0) * self.signs.reshape(over)
+        heading = np.cumsum(turns, axis=0)
         sine, cosine = np.sin(heading), np.cos(heading)
-        x, z = self.links.T.reshape(2, -1, *[1] * (np.ndim(q) - 1))
+        x, z = (column.reshape(over) for column in self.links.T)
         return cosine * x + sine * z, cosine * z - sine * x
 
     def points(self, q: np.ndarray) -> np.ndarray:
@@ -90,20 +79,19 @@ class PlanarChain(Chain):
 
     def pose(self, q: np.ndarray) -> np.ndarray:
         """(..., 3) end-effector pose (x, z, φ) in m, m, rad."""
-        return np.concatenate(
-            [self.points(q)[..., -1, :], self.headings(np.asarray(q, dtype=float))[..., -1:]],
-            axis=-1,
-        )
+        phi = np.cumsum(self.signs * np.asarray(q, dtype=float), axis=-1)[..., -1:]
+        return np.concatenate([self.points(q)[..., -1, :], phi], axis=-1)
+
+    def displacement(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """(..., 3) from the poses ``start`` (..., 3) to ``end`` (..., 3); φ in whole turns too."""
+        return end - start
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """(..., 3, 3) Jacobian J(q) of the pose: rows x, z, φ, columns the joints (m/rad, m/rad,
-        1).
-        """
+        """(..., 3, 3) Jacobian J(q): rows x, z, φ, columns the joints (m/rad, m/rad, 1)."""
         x, z = self._segments(q)
-        result = np.empty((*np.shape(q)[:-1], 3, len(self.links)))
-        for j in range(len(self.links)):
-            result[..., 0, j] = self.signs[j] * z[j:].sum(axis=0)
-            result[..., 1, j] = -self.signs[j] * x[j:].sum(axis=0)
+        result = np.empty((*np.shape(q), 3))
+        for j, sign in enumerate(self.signs):
+            result[..., 0, j], result[..., 1, j] = sign * z[j:].sum(0), -sign * x[j:].sum(0)
         result[..., 2, :] = self.signs
         return result
 
@@ -113,9 +101,7 @@ class PlanarChain(Chain):
         return np.prod(self.signs) * (ax * bz - az * bx)
 
     def singular(self, q: np.ndarray) -> np.ndarray:
-        """(...,) whether J(q) has no inverse to be trusted: the first two links in line, or a pose
-        that is not a number.
-        """
+        """(...,) True where the first two links are in line, or ``q`` is not finite."""
         bent = np.abs(np.sin(np.asarray(q)[..., 1] - self.straight)) >= SINGULAR_SINE
         return ~(bent & np.isfinite(q).all(axis=-1))
 
@@ -130,28 +116,19 @@ class PlanarChain(Chain):
         (ax, bx, tx), (az, bz, tz) = self._segments(q)
         cross = az * bx - ax * bz
         wx, wz = ax + bx, az + bz
-        first = (bx / cross, bz / cross, (bz * tx - bx * tz) / cross)
-        second = (-wx / cross, -wz / cross, (wx * tz - wz * tx) / cross)
+        first = bx / cross, bz / cross, (bz * tx - bx * tz) / cross
+        second = -wx / cross, -wz / cross, (wx * tz - wz * tx) / cross
         result = np.empty((*np.shape(q), 3))
         for column, unit_of_phi in enumerate((0.0, 0.0, 1.0)):
-            result[..., 0, column] = self.signs[0] * first[column]
-            result[..., 1, column] = self.signs[1] * second[column]
-            result[..., 2, column] = self.signs[2] * (unit_of_phi - first[column] - second[column])
+            one, two = first[column], second[column]
+            for row, step in enumerate((one, two, unit_of_phi - one - two)):
+                result[..., row, column] = self.signs[row] * step
         return result
 
-    def displacement(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """(..., 3) from the poses ``start`` (..., 3) to ``end`` (..., 3); φ in whole turns too."""
-        return end - start
-
-    def numbers(self) -> Arm:
-        """What compiled code needs of the chain; its least singular value is the least sine of the
-        angle between the first two links.
+    def numbers(self) -> ArmConstants:
+        """Constants of the chain for compiled code; its least singular value is the least sine of
+        the angle between the first two links.
         """
-        return Arm(
-            plane=np.concatenate([self.links.ravel(), self.signs, self.origin]),
-            frames=np.empty((0, 6)),
-            sliding=np.zeros(JOINTS),
-            rows=np.array([0, 2, 4]),
-            units=np.ones(len(TASK)),
-            least=SINGULAR_SINE,
-        )
+        plane = np.concatenate([self.links.ravel(), self.signs, self.origin])
+        rows = np.array([0, 2, 4])
+        return ArmConstants(plane, np.empty((0, 6)), np.zeros(3), rows, np.ones(3), SINGULAR_SINE)

@@ -21,14 +21,15 @@ def trajectory_table(
 
     The velocity of step k is the mean velocity that takes the pose at t_k to the pose at t_{k+1},
     so that v_kΔt is their displacement; it is exactly zero where the command rests. x are
-    :func:`task_coordinates`.
+    :func:`task_coordinates`. No step follows the last row: its velocity is zero.
     """
-    pose = chain.pose(q)
-    k, x = np.arange(len(q)), task_coordinates(chain, pose)
-    v = _speeds(chain.displacement(pose[:-1], pose[1:]), rate)
+    pose, k = chain.pose(q), np.arange(len(q))
+    steps = chain.displacement(pose[:-1], pose[1:]), np.diff(q, axis=0)
+    v, u = (np.vstack([each * rate, np.zeros((1, each.shape[1]))]) for each in steps)
+    x = task_coordinates(chain, pose)
     table = {"k": k, "t": k / rate} | spread("x", chain.task, x) | spread("v", chain.task, v)
     if len(chain.task) < q.shape[1]:
-        table |= spread("u", joints, _speeds(np.diff(q, axis=0), rate))
+        table |= spread("u", joints, u)
     return pd.DataFrame(table)
 
 
@@ -39,13 +40,5 @@ def task_coordinates(chain: Chain, pose: np.ndarray) -> np.ndarray:
     """
     if not isinstance(chain, SerialChain):
         return pose
-    x = chain.displacement(pose[:1], pose)
-    for row, name in enumerate(chain.task):
-        if ROWS[name] < 3:
-            x[:, row] = pose[:, ROWS[name]]
-    return x
-
-
-def _speeds(steps: np.ndarray, rate: float) -> np.ndarray:
-    """(M+1, …) per second; none follows the last row."""
-    return np.vstack([steps * rate, np.zeros((1, steps.shape[1]))])
+    x, rows = chain.displacement(pose[:1], pose), np.array([ROWS[name] for name in chain.task])
+    return np.where(rows < 3, pose[:, np.minimum(rows, 2)], x)

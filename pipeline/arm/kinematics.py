@@ -1,21 +1,12 @@
-"""Kinematics in compiled code, of any serial chain, a block of poses at a time
-(:mod:`pipeline.arm.rows`); last the functions that Python calls, for whole batches.
+"""Kinematics of any serial chain in compiled code, a block of poses at a time
+(:mod:`pipeline.arm.rows`).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.interface import (
-    FRAME_COSINE,
-    FRAME_SHIFT,
-    FRAME_SINE,
-    FRAME_TURN,
-    INVERSE,
-    POSE,
-    SINGULAR,
-    Arm,
-)
+from pipeline.arm.interface import ArmConstants
 from pipeline.arm.rows import (
     COSINE,
     JOINTS,
@@ -23,15 +14,13 @@ from pipeline.arm.rows import (
     ROTATION,
     SINE,
     TURN,
-    add_column_dot,
     add_dot,
-    copy,
     dot,
     fill,
-    rows_of,
     scale,
 )
-from pipeline.core.compiled import compiled, inlined, inner
+from pipeline.arm.serial import FRAME_COSINE, FRAME_SHIFT, FRAME_SINE, FRAME_TURN
+from pipeline.core.compiled import inlined, inner
 from pipeline.core.elementary import sine_cosine
 
 WIDTH = 64  # poses of a block: more would leave the processor's nearest cache
@@ -40,30 +29,27 @@ ARC = tuple((-1.0) ** k / (2 * k + 1) for k in range(12))
 
 
 @inner
-def tip(arm: Arm, q: np.ndarray, start: int, count: int, block: np.ndarray) -> None:
+def tip(arm: ArmConstants, q: np.ndarray, start: int, count: int, block: np.ndarray) -> None:
     """Fill rotation and position of the tip, and axis and a point of every joint, all in the base's
     axes, of ``count`` poses of ``q`` (n, P) from ``start`` on, in rad, m of prismatic joints;
     ``block`` has WIDTH poses.
 
     Each frame is turned by the joint before, shifted and tilted
-    (:func:`pipeline.arm.interface.joint_frames`).
+    (:func:`pipeline.arm.serial.joint_frames`).
     """
     flat, n = block.reshape(-1), len(arm.sliding)
     for k in range(12):
         fill(block, k, 1.0 if k in (3, 7, 11) else 0.0, count)
     for frame in range(n + 2):
         turn, joint = arm.frames[frame, FRAME_TURN], frame - 1
+        fill(block, SINE, turn, count)
         if 0 <= joint < n and arm.sliding[joint] == 0.0:
             angle = q[joint, start : start + count]
             for i in range(count):
-                sine, cosine = sine_cosine(angle[i] + turn)
-                flat[SINE * WIDTH + i] = sine
-                flat[COSINE * WIDTH + i] = cosine
-        else:
-            sine, cosine = sine_cosine(turn)
-            for i in range(count):
-                flat[SINE * WIDTH + i] = sine
-                flat[COSINE * WIDTH + i] = cosine
+                flat[SINE * WIDTH + i] += angle[i]
+        for i in range(count):
+            sine, cosine = sine_cosine(flat[SINE * WIDTH + i])
+            flat[SINE * WIDTH + i], flat[COSINE * WIDTH + i] = sine, cosine
         _follow(0, arm.frames[frame], flat, count)
         _follow(1, arm.frames[frame], flat, count)
         _follow(2, arm.frames[frame], flat, count)
@@ -100,7 +86,7 @@ def _follow(k: int, frame: np.ndarray, flat: np.ndarray, count: int) -> None:
 
 
 @inner
-def task_jacobian(arm: Arm, block: np.ndarray, first: int, count: int) -> None:
+def task_jacobian(arm: ArmConstants, block: np.ndarray, first: int, count: int) -> None:
     """Fill the m·n rows of J, row by row, from ``first`` on, of poses whose :func:`tip` the
     ``block`` holds.
 
@@ -158,7 +144,13 @@ def cholesky(
 
 @inner
 def mark_singular(
-    block: np.ndarray, arm: Arm, jacobian: int, lower: int, spare: int, out: int, count: int
+    block: np.ndarray,
+    arm: ArmConstants,
+    jacobian: int,
+    lower: int,
+    spare: int,
+    out: int,
+    count: int,
 ) -> None:
     """Row ``out`` = 1 where the least singular value of J is below the arm's, else 0; L of J from
     ``lower`` on, m·m + m rows of scratch from ``spare`` on.
@@ -201,18 +193,17 @@ def solve_lower(block: np.ndarray, lower: int, inverse: int, m: int, x: int, cou
 def solve_upper(block: np.ndarray, lower: int, inverse: int, m: int, x: int, count: int) -> None:
     """The m rows x = L⁻ᵀx, likewise."""
     for r in range(m - 1, -1, -1):
-        below = r + 1
-        at = lower + below * m + r
-        add_column_dot(block, x + r, -1.0, at, m, x + below, m - below, count)
+        at = lower + (r + 1) * m + r
+        add_dot(block, x + r, -1.0, at, x + r + 1, m - r - 1, count, m)
         scale(block, x + r, inverse + r, count)
 
 
 @inner
 def add_displacement(
-    arm: Arm, target: np.ndarray, block: np.ndarray, out: int, share: float, count: int
+    arm: ArmConstants, target: np.ndarray, block: np.ndarray, out: int, share: float, count: int
 ) -> None:
-    """Add to the m rows from ``out`` on ``share`` times the task's rows of the displacement from
-    the poses whose :func:`tip` the ``block`` holds to ``target`` (12,).
+    """Add to the m rows from ``out`` on ``share`` times the task's rows of the displacement
+    from the poses whose :func:`tip` the ``block`` holds to ``target`` (12,).
 
     The way in m and the rotation vector of R_target·Rᵀ, times the unit of angular rows, in the
     base's axes; exact to rounding up to angles of π. ``block`` has WIDTH poses.
@@ -229,40 +220,26 @@ def add_displacement(
 
 @inlined
 def _rotation_vectors(target: np.ndarray, flat: np.ndarray, count: int) -> None:
-    """Fill the rows TURN with the rotation vector of R_target·Rᵀ.
+    """Fill the rows TURN with the rotation vector of R = R_target·Rᵀ, exact to 1e-12 up to 3.1 rad.
 
-    By the unit quaternion, from the greatest column of 4qqᵀ, whose entries are sums of entries of
-    the rotation; its angle by half angles and a series, as the C library takes one pose at a time.
+    By the unit quaternion, whose real part is (1 + tr R)/4 by its square; its angle by half angles
+    and a series, as the C library takes one pose at a time.
     """
-    axx, axy, axz = target[3], target[4], target[5]
-    ayx, ayy, ayz = target[6], target[7], target[8]
-    azx, azy, azz = target[9], target[10], target[11]
+    ax, ay, az = target[3:6], target[6:9], target[9:12]
     for i in range(count):
         at = ROTATION * WIDTH + i
         bxx, bxy, bxz = flat[at], flat[at + WIDTH], flat[at + 2 * WIDTH]
         byx, byy, byz = flat[at + 3 * WIDTH], flat[at + 4 * WIDTH], flat[at + 5 * WIDTH]
         bzx, bzy, bzz = flat[at + 6 * WIDTH], flat[at + 7 * WIDTH], flat[at + 8 * WIDTH]
-        xx = axx * bxx + axy * bxy + axz * bxz
-        xy = axx * byx + axy * byy + axz * byz
-        xz = axx * bzx + axy * bzy + axz * bzz
-        yx = ayx * bxx + ayy * bxy + ayz * bxz
-        yy = ayx * byx + ayy * byy + ayz * byz
-        yz = ayx * bzx + ayy * bzy + ayz * bzz
-        zx = azx * bxx + azy * bxy + azz * bxz
-        zy = azx * byx + azy * byy + azz * byz
-        zz = azx * bzx + azy * bzy + azz * bzz
-        ww, vx = 1.0 + xx + yy + zz, 1.0 + xx - yy - zz
-        vy, vz = 1.0 - xx + yy - zz, 1.0 - xx - yy + zz
-        # the greater of the first two columns, and of the last two
-        by_w, by_y = ww >= vx, vy >= vz
-        w1, x1 = ww if by_w else zy - yz, zy - yz if by_w else vx
-        y1, z1 = xz - zx if by_w else xy + yx, yx - xy if by_w else xz + zx
-        w2, x2 = xz - zx if by_y else yx - xy, xy + yx if by_y else xz + zx
-        y2, z2 = vy if by_y else yz + zy, yz + zy if by_y else vz
-        first = max(ww, vx) >= max(vy, vz)
-        w, x = w1 if first else w2, x1 if first else x2
-        y, z = y1 if first else y2, z1 if first else z2
-        over = np.copysign(1.0 / np.sqrt(w * w + x * x + y * y + z * z), w)
+        xx = ax[0] * bxx + ax[1] * bxy + ax[2] * bxz
+        yy = ay[0] * byx + ay[1] * byy + ay[2] * byz
+        zz = az[0] * bzx + az[1] * bzy + az[2] * bzz
+        # 4w(w, x, y, z)
+        w = max(1.0 + xx + yy + zz, 1e-300)
+        x = az[0] * byx + az[1] * byy + az[2] * byz - (ay[0] * bzx + ay[1] * bzy + ay[2] * bzz)
+        y = ax[0] * bzx + ax[1] * bzy + ax[2] * bzz - (az[0] * bxx + az[1] * bxy + az[2] * bxz)
+        z = ay[0] * bxx + ay[1] * bxy + ay[2] * bxz - (ax[0] * byx + ax[1] * byy + ax[2] * byz)
+        over = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
         w, x, y, z = over * w, over * x, over * y, over * z
         # tan of a quarter, an eighth and a sixteenth of the angle over sin of its half
         quarter = 1.0 / (1.0 + w)
@@ -277,56 +254,3 @@ def _rotation_vectors(target: np.ndarray, flat: np.ndarray, count: int) -> None:
         flat[TURN * WIDTH + i] = length * x
         flat[(TURN + 1) * WIDTH + i] = length * y
         flat[(TURN + 2) * WIDTH + i] = length * z
-
-
-@compiled
-def kinematics(arm: Arm, q: np.ndarray, part: int, out: np.ndarray) -> None:
-    """Fill ``out`` (rows, P) for the poses ``q`` (n, P) in rad, m of prismatic joints.
-
-    Its rows are the tip's pose (12) for POSE, the Jacobian (m·n, row by row) for JACOBIAN, the
-    transpose of J⁺ (m·n, likewise) for INVERSE; for SINGULAR the one is 1 where the least singular
-    value is below the arm's.
-    """
-    n, m = len(arm.sliding), len(arm.rows)
-    rows = rows_of(n, m)
-    block = np.empty((rows.size, WIDTH))
-    for start in range(0, q.shape[1], WIDTH):
-        count = min(WIDTH, q.shape[1] - start)
-        tip(arm, q, start, count, block)
-        first = POSITION if part == POSE else rows.jacobian
-        if part != POSE:
-            task_jacobian(arm, block, rows.jacobian, count)
-        if part == SINGULAR or part == INVERSE:
-            cholesky(block, rows.jacobian, rows.lower, rows.inverse, m, n, 0.0, count)
-        if part == SINGULAR:
-            first = rows.singular
-            mark_singular(block, arm, rows.jacobian, rows.lower, rows.spare, first, count)
-        if part == INVERSE:
-            for j in range(n):
-                for r in range(m):
-                    copy(block, rows.task + r, first + r * n + j, count)
-                solve_lower(block, rows.lower, rows.inverse, m, rows.task, count)
-                solve_upper(block, rows.lower, rows.inverse, m, rows.task, count)
-                for r in range(m):
-                    copy(block, first + r * n + j, rows.task + r, count)
-        for k in range(len(out)):
-            for i in range(count):
-                out[k, start + i] = block[first + k, i]
-
-
-@compiled
-def displacements(arm: Arm, start: np.ndarray, end: np.ndarray, out: np.ndarray) -> None:
-    """Fill ``out`` (P, m) with the task's rows of the displacements from the poses ``start`` (P,
-    12) to ``end`` (P, 12).
-    """
-    m = len(arm.rows)
-    block = np.empty((rows_of(len(arm.sliding), m).size, WIDTH))
-    first = rows_of(len(arm.sliding), m).task
-    for p in range(len(start)):
-        for k in range(12):
-            block[k, 0] = start[p, k]
-        for r in range(m):
-            block[first + r, 0] = 0.0
-        add_displacement(arm, end[p], block, first, 1.0, 1)
-        for r in range(m):
-            out[p, r] = block[first + r, 0]

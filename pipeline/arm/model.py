@@ -1,4 +1,4 @@
-"""Arms from their URDF; the one module that imports Pinocchio."""
+"""Arms from their URDF, planar or in space; the one module that imports Pinocchio."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from pipeline.arm.chain import TASK, PlanarChain
+from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
-from pipeline.arm.layout import Layout, planar_chain, plane_of, unlike_three
 from pipeline.arm.serial import SerialChain
 from pipeline.arm.urdf import Description, Tree, describe, read_urdf
+from pipeline.core.columns import PLANE, SPACE
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
-from pipeline.core.task import SPACE
 
 SAMPLES = 64  # poses at which the arm shows what it can move
+PLANAR_TOLERANCE = 1e-6  # sine of the angle by which an axis may lean out of the common normal
+SHORTEST_LINK = 1e-3  # m; joints nearer than this do not span a chain
 
 
 @dataclass(frozen=True)
@@ -48,23 +49,22 @@ def chain_of(robot: Robot) -> Chain:
     """The chain of the section ``dataset.robot`` and its task.
 
     Three parallel revolute joints with the whole pose in their plane as the task have closed forms;
-    every other arm is a serial chain. Raises ConfigError for what :func:`describe` and
-    :func:`plane_of` refuse, and for a task with rows that the arm cannot move.
+    every other arm is a serial chain. Raises ConfigError for what :func:`describe` refuses, joints
+    that are no plane's where one is asked for, and a task with rows that the arm cannot move.
     """
-    described = describe(robot)
-    layout = _layout(described)
-    task = tuple(robot.task or (TASK if robot.plane else SPACE))
+    layout = _layout(describe(robot))
+    task = tuple(robot.task or (PLANE if robot.plane else SPACE))
     if robot.plane:
-        layout = layout.seen_from(*plane_of(layout, described.file))
-        if task == TASK and robot.length == 1.0 and unlike_three(layout) is None:
-            return planar_chain(layout, described.file)
-    chain = _serial(layout, task, float(robot.length))
-    _require_movable(chain, described.file)
+        layout = layout.seen_from(*_plane_of(layout))
+        if task == PLANE and robot.length == 1.0 and _unlike_three(layout) is None:
+            return _planar(layout)
+    chain = layout.serial(task, float(robot.length))
+    _require_movable(chain, layout.file)
     return chain
 
 
 def link_chains(robot: Robot, links: Iterable[str], key: str) -> dict[str, SerialChain]:
-    """Of each of the ``links`` that the option ``key`` names the chain of those joints of the arm
+    """For each of the ``links`` that the option ``key`` names the chain of those joints of the arm
     that move it: its tip is the link's frame, its task the whole pose, in metres and radians, in
     the axes of the arm's base.
 
@@ -77,36 +77,22 @@ def link_chains(robot: Robot, links: Iterable[str], key: str) -> dict[str, Seria
         joints = [name for name in robot.joints if name in above]
         if not joints:
             raise ConfigError(f"{key}: no joint of the arm moves {link!r}", file=tree.file)
-        described = describe(replace(robot, joints=joints, tool=link, plane=False, task=["x"]))
-        chains[link] = _serial(_layout(described), SPACE, 1.0)
+        own = replace(robot, joints=joints, tool=link, plane=False, task=["x"])
+        chains[link] = _layout(describe(own)).serial(SPACE, 1.0)
     return chains
-
-
-def _serial(layout: Layout, task: tuple[str, ...], length: float) -> SerialChain:
-    return SerialChain(
-        task=task,
-        length=length,
-        placements=layout.placements(),
-        sliding=layout.sliding,
-        lower=layout.lower,
-        upper=layout.upper,
-        max_speed=layout.max_speed,
-    )
 
 
 def arm_of(robot: Robot) -> Arm:
     """The planar chain of the section ``dataset.robot`` and its plane, whatever its task.
 
-    Raises ConfigError for what :func:`describe` and :func:`plane_of` refuse, and for joints that
+    Raises ConfigError for what :func:`describe` refuses, joints of no common plane, and joints that
     are not three revolute ones with limits.
     """
-    described = describe(robot)
-    layout = _layout(described)
-    if why := unlike_three(layout):
-        raise ConfigError(f"robot.joints: {why}", file=described.file)
-    rotation, translation = plane_of(layout, described.file)
-    chain = planar_chain(layout.seen_from(rotation, translation), described.file)
-    return Arm(chain, rotation, translation)
+    layout = _layout(describe(robot))
+    if why := _unlike_three(layout):
+        raise ConfigError(f"robot.joints: {why}", file=layout.file)
+    place = _plane_of(layout)
+    return Arm(_planar(layout.seen_from(*place)), *place)
 
 
 def load_arm(
@@ -116,6 +102,48 @@ def load_arm(
     0 where not named); raises what :func:`arm_of` does.
     """
     return arm_of(Robot(str(urdf), list(joints), tool, locked=dict(locked), plane=True))
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The n joints of an arm at zero, one behind the other, and its tip, in some frame."""
+
+    file: Path  # URDF
+    names: Sequence[str]  # of the joints
+    sliding: np.ndarray  # (n,) True of a prismatic joint
+    axes: np.ndarray  # (n, 3) unit vectors that the joints turn about or slide along
+    points: np.ndarray  # (n, 3) one of each axis, m
+    rotation: np.ndarray  # (3, 3) of the tip
+    position: np.ndarray  # (3,) of the tip, m
+    limits: np.ndarray  # (3, n) lower, upper (rad or m), speed (per s); infinite without one
+
+    def seen_from(self, rotation: np.ndarray, translation: np.ndarray) -> Layout:
+        """The same in the frame whose axes are the columns of ``rotation`` (3, 3), and whose origin
+        is ``translation`` (3,) in m.
+        """
+        return replace(
+            self,
+            axes=self.axes @ rotation,
+            points=(self.points - translation) @ rotation,
+            rotation=rotation.T @ self.rotation,
+            position=(self.position - translation) @ rotation,
+        )
+
+    def serial(self, task: tuple[str, ...], length: float) -> SerialChain:
+        """The chain with the ``task``; each joint's frame has its z axis along the joint, and the x
+        axis of the frame before as far as it is across, so that parallel joints have parallel
+        frames.
+        """
+        placements, before, origin = [], np.eye(3), np.zeros(3)
+        for axis, point in zip(self.axes, self.points, strict=True):
+            across = before[:, 0] if abs(before[:, 0] @ axis) < 0.9 else before[:, 1]
+            x = across - axis * (axis @ across)
+            x /= np.linalg.norm(x)
+            frame = np.stack([x, np.cross(axis, x), axis], axis=1)
+            placements.append([*(before.T @ frame).ravel(), *((point - origin) @ before)])
+            before, origin = frame, point
+        tip = [*(before.T @ self.rotation).ravel(), *((self.position - origin) @ before)]
+        return SerialChain(task, length, np.array([*placements, tip]), self.sliding, *self.limits)
 
 
 def _model(described: Description) -> pin.Model:
@@ -133,7 +161,7 @@ def _model(described: Description) -> pin.Model:
     except (ValueError, RuntimeError, IndexError) as error:
         reason = " ".join(str(error).split())[:200]
         message = f"robot.urdf: Pinocchio does not read it ({reason}); check it with check_urdf"
-        raise ConfigError(message, file=described.file) from None
+        raise ConfigError(message, file=described.tree.file) from None
 
 
 def _renamed(tree: Tree) -> str:
@@ -148,11 +176,15 @@ def _renamed(tree: Tree) -> str:
 
 def _layout(described: Description) -> Layout:
     """The arm in the axes of its base."""
-    model, joints = _model(described), described.joints
+    model, tree, joints = _model(described), described.tree, described.joints
     data, zero = model.createData(), pin.neutral(model)
     # one column comes as a vector
     jacobian = pin.computeJointJacobians(model, data, zero).reshape(6, -1)
     pin.updateFramePlacements(model, data)
+
+    def placement(link: str) -> pin.SE3:
+        return data.oMf[model.getFrameId(tree.model_name(link), pin.FrameType.BODY)]
+
     sliding = np.array([joint.kind == "prismatic" for joint in joints])
     # a joint's column of the Jacobian is the axis it turns about or slides along, in the root's
     # axes
@@ -160,24 +192,69 @@ def _layout(described: Description) -> Layout:
     for joint, length in zip(joints, np.linalg.norm(axes, axis=1), strict=True):
         if not abs(length - 1.0) < 1e-6:
             message = f"robot.urdf: the axis of {joint.name} has length {length:.3g}; make it 1"
-            raise ConfigError(message, file=described.file)
-    tip = data.oMf[model.getFrameId(described.tree.model_name(described.tip), pin.FrameType.BODY)]
-    lower, upper = np.array([joint.range for joint in joints]).T
-    layout = Layout(
-        names=tuple(joint.name for joint in joints),
-        sliding=sliding,
-        axes=axes,
-        points=np.array([data.oMi[i].translation for i in range(1, model.njoints)]),
-        rotation=tip.rotation.copy(),
-        position=tip.translation.copy(),
-        lower=lower.copy(),
-        upper=upper.copy(),
-        max_speed=model.upperVelocityLimit.copy(),
-    )
+            raise ConfigError(message, file=tree.file)
+    points = np.array([data.oMi[i].translation for i in range(1, model.njoints)])
+    tip, ranges = placement(described.tip), np.array([joint.range for joint in joints]).T
+    limits = np.array([*ranges, model.upperVelocityLimit])
+    names = [joint.name for joint in joints]
+    ends = tip.rotation.copy(), tip.translation.copy(), limits
+    layout = Layout(tree.file, names, sliding, axes, points, *ends)
     if described.base is None:
         return layout
-    base = data.oMf[model.getFrameId(described.tree.model_name(described.base), pin.FrameType.BODY)]
+    base = placement(described.base)
     return layout.seen_from(base.rotation, base.translation)
+
+
+def _plane_of(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation (3, 3), whose columns are the plane's x, normal y and z, and origin (3,) in m of the
+    plane in which the tip of ``layout`` moves.
+
+    The y axis is the axis of the first revolute joint, the z axis the frame's z as far as it lies
+    in the plane (the frame's y where the plane is horizontal); the first of the joints lies in y =
+    0. Raises ConfigError where a joint turns about another direction or slides out of the plane.
+    """
+    if layout.sliding.all():
+        message = "robot.plane: no joint turns, and there is no plane to turn in; set it to false"
+        raise ConfigError(message, file=layout.file)
+    normal = layout.axes[~layout.sliding][0]
+    normal = normal / np.linalg.norm(normal)
+    out_of_line = np.linalg.norm(np.cross(normal, layout.axes), axis=1)
+    leaning = np.where(layout.sliding, np.abs(layout.axes @ normal), out_of_line)
+    if np.any(leaning > PLANAR_TOLERANCE):
+        wrong = np.array(layout.names)[leaning > PLANAR_TOLERANCE]
+        message = (
+            "robot.joints: the axes are not parallel, so they form no planar chain: "
+            f"not to that of {layout.names[int(np.argmin(layout.sliding))]} is {', '.join(wrong)}"
+        )
+        raise ConfigError(message, file=layout.file, axes=layout.axes.round(4).tolist())
+    up = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.99 else np.array([0.0, 1.0, 0.0])
+    up = up - normal * (up @ normal)
+    up /= np.linalg.norm(up)
+    rotation = np.stack([np.cross(normal, up), normal, up], axis=1)
+    return rotation, normal * (normal @ layout.points[0])
+
+
+def _unlike_three(layout: Layout) -> str | None:
+    """Message for joints that are not three revolute ones with limits; None for those."""
+    unlike = layout.sliding | ~np.isfinite(layout.limits[:2]).all(axis=0)
+    if not unlike.any() and len(unlike) == len(PLANE):
+        return None
+    wrong = ", ".join(np.array(layout.names)[unlike])
+    which = f", which {wrong} is not" if wrong else ""
+    return f"{list(layout.names)} must be three revolute joints with limits{which}"
+
+
+def _planar(layout: Layout) -> PlanarChain:
+    """The chain of three revolute joints seen in its plane; ConfigError where joints or tip lie on
+    one axis.
+    """
+    places = np.vstack([layout.points, layout.position])[:, [0, 2]]
+    links = np.diff(places, axis=0)
+    lengths = np.hypot(*links.T)
+    if np.any(lengths < SHORTEST_LINK):
+        message = "robot: joints or tool of the chain lie on one axis"
+        raise ConfigError(message, file=layout.file, lengths=lengths.round(4).tolist())
+    return PlanarChain(places[0], links, np.sign(layout.axes[:, 1]), *layout.limits)
 
 
 def _require_movable(chain: SerialChain, file: Path) -> None:
@@ -190,7 +267,7 @@ def _require_movable(chain: SerialChain, file: Path) -> None:
     q = low + (high - low) * spread
     still = np.abs(chain.jacobian(q)).max(axis=(0, 2)) <= 1e-9 * chain.scale
     if np.any(still):
-        rows = ", ".join(name for name, rests in zip(chain.task, still, strict=True) if rests)
+        rows = ", ".join(np.array(chain.task)[still])
         raise ConfigError(f"robot.task: the arm cannot move {rows}; leave it out", file=file)
     if chain.singular(q).all():
         raise ConfigError(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.interface import Arm
+from pipeline.arm.interface import ArmConstants
 from pipeline.arm.rows import block_rows
 from pipeline.core.compiled import inlined, inner
 from pipeline.core.elementary import sine_cosine
@@ -26,7 +26,9 @@ def turned(x: float, z: float, heading: float) -> tuple[float, float]:
 
 
 @inner
-def planar_jacobian(arm: Arm, q: np.ndarray, start: int, count: int, block: np.ndarray) -> None:
+def planar_jacobian(
+    arm: ArmConstants, q: np.ndarray, start: int, count: int, block: np.ndarray
+) -> None:
     """Fill J, without the signs of the joints, of ``count`` poses of ``q`` (3, P) in rad from
     ``start`` on; ``block`` has BLOCK poses.
 
@@ -76,7 +78,7 @@ def joint_step(flat: np.ndarray, i: int, vx: float, vz: float, phi: float) -> tu
 
 
 @inner
-def planar_steps(arm: Arm, block: np.ndarray, count: int) -> None:
+def planar_steps(arm: ArmConstants, block: np.ndarray, count: int) -> None:
     """The joints' step = J⁻¹x of the task step x."""
     flat, x, y = block.reshape(-1), PLANAR.task * BLOCK, PLANAR.joints * BLOCK
     s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
@@ -103,7 +105,7 @@ def planar_inverse_square(block: np.ndarray, count: int) -> None:
 
 @inner
 def add_planar_displacement(
-    arm: Arm,
+    arm: ArmConstants,
     target: np.ndarray,
     q: np.ndarray,
     start: int,

@@ -45,20 +45,9 @@ def block_rows(n: int, m: int) -> Rows:
     normal = joints + n + 2
     chi_square = normal + 2 * n + m
     spare = chi_square + 2
-    size = spare + m * n + m * m + 2 * m + 4
-    return Rows(
-        jacobian,
-        lower,
-        inverse,
-        task,
-        joints,
-        joints + n,
-        joints + n + 1,
-        normal,
-        chi_square,
-        spare,
-        size,
-    )
+    singular, speed = joints + n, joints + n + 1
+    places = jacobian, lower, inverse, task, joints, singular, speed, normal, chi_square, spare
+    return Rows(*places, spare + m * n + m * m + 2 * m + 4)
 
 
 rows_of = inner(block_rows)
@@ -93,23 +82,23 @@ def add_product(block: np.ndarray, out: int, sign: float, x: int, y: int, count:
 
 
 @inner
-def add_dot(block: np.ndarray, out: int, sign: float, x: int, y: int, n: int, count: int) -> None:
-    """Row ``out`` + ``sign``·Σ_j row (``x`` + j)·row (``y`` + j) over ``n`` rows, three at a time,
-    which saves two of three loads and stores of the sum.
+def add_dot(
+    block: np.ndarray, out: int, sign: float, x: int, y: int, n: int, count: int, by: int = 1
+) -> None:
+    """Row ``out`` + ``sign``·Σ_j row (``x`` + ``by``·j)·row (``y`` + j) over ``n`` rows, three at a
+    time, which saves two of three loads and stores of the sum.
     """
-    j = 0
-    while j + 2 < n:
-        x0, x1, x2, y0, y1, y2 = x + j, x + j + 1, x + j + 2, y + j, y + j + 1, y + j + 2
+    for j in range(0, n - 2, 3):
+        x0, y0 = x + by * j, y + j
+        x1, x2, y1, y2 = x0 + by, x0 + 2 * by, y0 + 1, y0 + 2
         for i in range(count):
             block[out, i] += sign * (
                 block[x0, i] * block[y0, i]
                 + block[x1, i] * block[y1, i]
                 + block[x2, i] * block[y2, i]
             )
-        j += 3
-    while j < n:
-        add_product(block, out, sign, x + j, y + j, count)
-        j += 1
+    for j in range(n - n % 3, n):
+        add_product(block, out, sign, x + by * j, y + j, count)
 
 
 @inner
@@ -117,28 +106,6 @@ def dot(block: np.ndarray, out: int, x: int, y: int, n: int, count: int) -> None
     """Row ``out`` = Σ_j row (``x`` + j)·row (``y`` + j) over ``n`` rows."""
     fill(block, out, 0.0, count)
     add_dot(block, out, 1.0, x, y, n, count)
-
-
-@inner
-def add_column_dot(
-    block: np.ndarray, out: int, sign: float, x: int, by: int, y: int, n: int, count: int
-) -> None:
-    """Row ``out`` + ``sign``·Σ_j row (``x`` + ``by``·j)·row (``y`` + j) over ``n`` rows."""
-    j = 0
-    while j + 2 < n:
-        x0, x1, x2, y0, y1, y2 = x, x + by, x + by + by, y + j, y + j + 1, y + j + 2
-        for i in range(count):
-            block[out, i] += sign * (
-                block[x0, i] * block[y0, i]
-                + block[x1, i] * block[y1, i]
-                + block[x2, i] * block[y2, i]
-            )
-        j += 3
-        x += 3 * by
-    while j < n:
-        add_product(block, out, sign, x, y + j, count)
-        j += 1
-        x += by
 
 
 @inner

@@ -1,5 +1,5 @@
 """The serial chain of any revolute and prismatic joints: pose, Jacobian and its inverse, for whole
-batches, by :mod:`pipeline.arm.kinematics`, or by NumPy alone where there is no compiler.
+batches, by NumPy alone; :mod:`pipeline.arm.kinematics` does the same within compiled loops.
 
 A pose is the tip's position (3, m) and rotation (9, row by row), in the base's axes. The Jacobian
 is the geometric one: rows of the tip's velocity and angular velocity in the base's axes, the
@@ -13,12 +13,12 @@ from functools import cached_property
 
 import numpy as np
 
-from pipeline.arm.interface import INVERSE, JACOBIAN, POSE, SINGULAR, Arm, Chain, joint_frames
+from pipeline.arm.interface import ArmConstants, Chain
 
 # The least singular value of the Jacobian at a pose whose inverse is trusted, as a share of the
 # greatest entry that the Jacobian can have (see :meth:`SerialChain.scale`). Below it a step of a
 # thousandth of the arm's size asks for a radian of some joint: no step that the linear model
-# describes. Above it J⁺ is exact to 1e-12 of its size.
+# describes.
 LEAST_SINGULAR = 1e-3
 # rows of the velocity, then of the angular velocity, by their names; phi is the angle about the
 # normal of a task in a plane, which is the y axis of the plane's frame
@@ -36,7 +36,7 @@ class SerialChain(Chain):
     # (n + 1, 12) rotation (9, row by row) and translation (3, m) of each joint's frame, whose z
     # axis is the joint's, in the frame before it, the first in the base's; last the tip's
     placements: np.ndarray
-    sliding: np.ndarray  # (n,) whether a joint is prismatic
+    sliding: np.ndarray  # (n,) True of a prismatic joint
     lower: np.ndarray  # (n,) joint limits, rad or m; infinite where a joint has none
     upper: np.ndarray  # (n,)
     max_speed: np.ndarray  # (n,) rad/s or m/s, likewise
@@ -48,87 +48,13 @@ class SerialChain(Chain):
 
     @property
     def scale(self) -> float:
-        """What no entry of the Jacobian is beyond while sliding joints are at zero, m: the reach
+        """Bound in m of the entries of the Jacobian while sliding joints are at zero: the reach
         from the first joint on for a velocity (1 at least where a joint slides), the characteristic
         length for an angular velocity.
         """
-        rows = self._rows()
-        reach = self.lengths.sum()
+        rows, reach = self._numbers.rows, self.lengths.sum()
         reach = max(reach, 1.0) if self.sliding.any() else reach
         return float(max(reach * np.any(rows < 3), self.length * np.any(rows >= 3)))
-
-    def pose(self, q: np.ndarray) -> np.ndarray:
-        """(..., 12) pose of the tip."""
-        return np.moveaxis(self._computed(q, POSE, 12), 0, -1)
-
-    def displacement(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """(..., m) from the poses ``start`` (..., 12) to ``end`` (..., 12): the way between their
-        positions, and the rotation vector of R_end·R_startᵀ times the length.
-        """
-        from pipeline.arm.kinematics import displacements  # here, as it loads the compiler
-
-        start, end = np.broadcast_arrays(np.asarray(start, float), np.asarray(end, float))
-        result = np.zeros((start.size // 12, len(self.task)))
-        pairs = (np.array(poses.reshape(-1, 12), order="C") for poses in (start, end))
-        displacements(self.numbers(), *pairs, result)
-        return result.reshape(*start.shape[:-1], len(self.task))
-
-    def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """(..., m, n) J(q): m/rad (1 for a prismatic joint), angular rows times the length."""
-        return self._matrices(q, JACOBIAN)
-
-    def singular(self, q: np.ndarray) -> np.ndarray:
-        """(...,) whether the least singular value of J(q) is below :data:`LEAST_SINGULAR` of its
-        scale, or ``q`` is not finite.
-        """
-        return self._computed(q, SINGULAR, 1)[0] > 0
-
-    def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
-        """(..., n, m) J⁺; raises :class:`SingularJacobianError` naming the first singular
-        ``what``.
-        """
-        self.require_regular(q, what=what)
-        return np.swapaxes(self._matrices(q, INVERSE), -1, -2)
-
-    def numbers(self) -> Arm:
-        """What compiled code needs of the chain."""
-        return self._numbers
-
-    @cached_property
-    def _numbers(self) -> Arm:
-        rows = self._rows()
-        return Arm(
-            plane=np.empty(0),
-            frames=joint_frames(self.placements),
-            sliding=self.sliding.astype(float),
-            rows=rows,
-            units=np.where(rows < 3, 1.0, self.length),
-            least=LEAST_SINGULAR * self.scale,
-        )
-
-    def _rows(self) -> np.ndarray:
-        return np.array([ROWS[name] for name in self.task])
-
-    def _matrices(self, q: np.ndarray, part: int) -> np.ndarray:
-        """(..., m, n) what :func:`kinematics` says of ``part``."""
-        m, n = len(self.task), len(self.sliding)
-        entries = self._computed(q, part, m * n)
-        return np.moveaxis(entries.reshape(m, n, *np.shape(q)[:-1]), (0, 1), (-2, -1))
-
-    def _computed(self, q: np.ndarray, part: int, rows: int) -> np.ndarray:
-        """(rows, ...) of ``part`` of :func:`kinematics`; the batch last, as it computes."""
-        from pipeline.arm.kinematics import kinematics  # here, as it loads the compiler
-
-        q = np.asarray(q, dtype=float)
-        result = np.empty((rows, q.size // len(self.sliding)))
-        columns = np.array(q.reshape(-1, len(self.sliding)).T, order="C")
-        kinematics(self.numbers(), columns, part, result)
-        return result.reshape(rows, *q.shape[:-1])
-
-
-@dataclass(frozen=True)
-class PlainChain(SerialChain):
-    """A serial chain whose kinematics needs no compiler."""
 
     def pose(self, q: np.ndarray) -> np.ndarray:
         """(..., 12) pose of the tip."""
@@ -136,74 +62,132 @@ class PlainChain(SerialChain):
         return np.concatenate([tip, turn.reshape(*turn.shape[:-2], 9)], axis=-1)
 
     def displacement(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """(..., m) from the poses ``start`` (..., 12) to ``end`` (..., 12)."""
+        """(..., m) from the poses ``start`` (..., 12) to ``end`` (..., 12): the way between their
+        positions, and the rotation vector of R_end·R_startᵀ times the length.
+        """
         start, end = np.broadcast_arrays(np.asarray(start, float), np.asarray(end, float))
         before, after = (x[..., 3:].reshape(*x.shape[:-1], 3, 3) for x in (start, end))
-        way = np.concatenate([end - start, _rotation_vector(after @ before.swapaxes(-1, -2))], -1)
-        rows = self._rows()
-        return way[..., np.where(rows < 3, rows, rows + 9)] * self.numbers().units
+        turned = rotation_vector(after @ before.swapaxes(-1, -2))
+        way = np.concatenate([end[..., :3] - start[..., :3], turned], axis=-1)
+        return way[..., self._numbers.rows] * self._numbers.units
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """(..., m, n) J(q): the velocity e × (tip − p) and angular velocity e of a joint that turns
-        about the axis e through p, the velocity e of one that slides along it.
+        """(..., m, n) J(q): m/rad (1 for a prismatic joint), angular rows times the length.
+
+        A joint that turns about the axis e through p gives the tip the velocity e × (tip − p) and
+        the angular velocity e; one that slides along e the velocity e.
         """
         axes, points, _, tip = self._frames(q)
         sliding = self.sliding[:, None]
-        turning = np.cross(axes, tip[..., None, :] - points)
-        velocity = np.where(sliding, axes, turning)
+        velocity = np.where(sliding, axes, np.cross(axes, tip[..., None, :] - points))
         columns = np.concatenate([velocity, np.where(sliding, 0.0, axes)], axis=-1)
-        return columns[..., self._rows()].swapaxes(-1, -2) * self.numbers().units[:, None]
+        return columns[..., self._numbers.rows].swapaxes(-1, -2) * self._numbers.units[:, None]
 
     def singular(self, q: np.ndarray) -> np.ndarray:
-        """(...,) whether J(q) has no inverse to be trusted, or ``q`` is not finite."""
+        """(...,) True where the least singular value of J(q) is below :data:`LEAST_SINGULAR` of its
+        scale, or ``q`` is not finite.
+        """
         finite = np.isfinite(q).all(axis=-1)
-        known = self.jacobian(np.where(finite[..., None], q, 0.0))
-        least = np.linalg.svd(known, compute_uv=False)[..., -1]
+        least = self.least_singular_value(np.where(finite[..., None], q, 0.0))
         return ~(finite & (least >= LEAST_SINGULAR * self.scale))
 
+    @np.errstate(invalid="ignore")  # a pose may be infinite
     def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
-        """(..., n, m) J⁺; raises :class:`SingularJacobianError` naming the first singular
-        ``what``.
+        """(..., n, m) J⁺ = Jᵀ(JJᵀ)⁻¹; raises :class:`SingularJacobianError` naming the first
+        singular ``what``.
         """
-        self.require_regular(q, what=what)
-        return np.linalg.pinv(self.jacobian(q))
+        jacobian = self.jacobian(q)
+        across = jacobian.swapaxes(-1, -2)
+        square = len(self.task) == len(self.sliding)
+        try:
+            inverse = np.linalg.inv(jacobian if square else jacobian @ across)
+        except np.linalg.LinAlgError:
+            self.require_regular(q, what=what)
+            raise
+        inverse = inverse if square else across @ inverse
+        # the least singular value is at least 1/‖J⁺‖_F
+        if not np.all(np.linalg.norm(inverse, axis=(-2, -1)) * LEAST_SINGULAR * self.scale <= 1):
+            self.require_regular(q, what=what)
+        return inverse
 
+    def numbers(self) -> ArmConstants:
+        """Constants of the chain for compiled code."""
+        return self._numbers._replace(least=LEAST_SINGULAR * self.scale)
+
+    @cached_property
+    def _numbers(self) -> ArmConstants:
+        rows = np.array([ROWS[name] for name in self.task])
+        frames, units = joint_frames(self.placements), np.where(rows < 3, 1.0, self.length)
+        return ArmConstants(np.empty(0), frames, self.sliding.astype(float), rows, units, 0.0)
+
+    @np.errstate(invalid="ignore")
     def _frames(self, q: np.ndarray) -> tuple[np.ndarray, ...]:
         """Axes (..., n, 3) and points (..., n, 3) of the joints, rotation (..., 3, 3) and position
         (..., 3) of the tip, in the base's axes.
         """
         q = np.asarray(q, dtype=float)
-        turn, point = (
-            np.broadcast_to(np.eye(3), (*q.shape[:-1], 3, 3)),
-            np.zeros((*q.shape[:-1], 3)),
-        )
-        axes, points = [], []
-        for j, placement in enumerate(self.placements):
+        turn = np.broadcast_to(np.eye(3), (*q.shape[:-1], 3, 3))
+        point, axes, points = np.zeros((*q.shape[:-1], 3)), [], []
+        for j, placement in enumerate(self.placements[:-1]):
             point = point + turn @ placement[9:]
             turn = turn @ placement[:9].reshape(3, 3)
-            if j == q.shape[-1]:
-                break
             axes.append(turn[..., 2])
             points.append(point)
-            angle = q[..., j]
+            angle = q[..., j, None]
             if self.sliding[j]:
-                point = point + angle[..., None] * turn[..., 2]
+                point = point + angle * turn[..., 2]
             else:
-                turn = turn @ _about_z(angle)
-        return np.stack(axes, axis=-2), np.stack(points, axis=-2), turn, point
+                x, y, sine, cosine = turn[..., 0], turn[..., 1], np.sin(angle), np.cos(angle)
+                turned = (x * cosine + y * sine, y * cosine - x * sine, turn[..., 2])
+                turn = np.stack(turned, axis=-1)
+        tip, rotation = self.placements[-1, 9:], self.placements[-1, :9].reshape(3, 3)
+        ends = turn @ rotation, point + turn @ tip
+        return np.stack(axes, axis=-2), np.stack(points, axis=-2), *ends
 
 
-def _about_z(angle: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) rotations by ``angle`` (...) in rad."""
-    sine, cosine, zero = np.sin(angle), np.cos(angle), np.zeros_like(angle)
-    rows = [[cosine, -sine, zero], [sine, cosine, zero], [zero, zero, zero + 1.0]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+def rotation_vector(rotation: np.ndarray) -> np.ndarray:
+    """(..., 3) axis times angle in rad, up to half a turn, of ``rotation`` (..., 3, 3).
+
+    By the unit quaternion (w, v): its greatest column of 4qqᵀ loses no digits at any angle.
+    """
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.moveaxis(rotation, (-2, -1), (0, 1))
+    columns = [
+        [1 + xx + yy + zz, zy - yz, xz - zx, yx - xy],
+        [zy - yz, 1 + xx - yy - zz, xy + yx, xz + zx],
+        [xz - zx, xy + yx, 1 - xx + yy - zz, yz + zy],
+        [yx - xy, xz + zx, yz + zy, 1 - xx - yy + zz],
+    ]
+    square = np.moveaxis(np.array(columns), (0, 1), (-2, -1))
+    greatest = np.diagonal(square, axis1=-2, axis2=-1).argmax(axis=-1)[..., None, None]
+    w, *v = np.moveaxis(np.take_along_axis(square, greatest, axis=-2)[..., 0, :], -1, 0)
+    v = np.where(w < 0, -1.0, 1.0)[..., None] * np.stack(v, axis=-1)
+    sine = np.linalg.norm(v, axis=-1)
+    angle = 2 * np.arctan2(sine, np.abs(w))
+    return v * np.divide(angle, sine, out=np.zeros_like(sine), where=sine > 0)[..., None]
 
 
-def _rotation_vector(rotation: np.ndarray) -> np.ndarray:
-    """(..., 3) axis times angle in rad, of less than half a turn, of ``rotation`` (..., 3, 3)."""
-    skew = (rotation - rotation.swapaxes(-1, -2)) / 2
-    vector = np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1)
-    sine = np.linalg.norm(vector, axis=-1, keepdims=True)
-    angle = np.arctan2(sine, (np.trace(rotation, axis1=-2, axis2=-1)[..., None] - 1) / 2)
-    return vector * np.where(sine > 0, angle / np.where(sine > 0, sine, 1.0), 1.0)
+# columns of a frame: the turn about z (rad), cosine and sine of the tilt about x, the shift before
+# the tilt (3, m)
+FRAME_TURN, FRAME_COSINE, FRAME_SINE, FRAME_SHIFT = 0, 1, 2, 3
+
+
+def joint_frames(placements: np.ndarray) -> np.ndarray:
+    """(n + 2, 6) turn, tilt and shift of the ``placements`` (n + 1, 12) of a serial chain.
+
+    A rotation is R_z(β)R_x(α)R_z(γ), and a revolute joint a turn about the z axis: β is added to
+    the turn of the joint before and γ to the joint's own turn, so that four products with the
+    entries of a rotation remain of nine. The last row is the turn after the tip's tilt.
+    """
+    result, own = np.zeros((len(placements) + 1, 6)), 0.0
+    for row, placement in zip(result, placements, strict=False):
+        rotation, shift = placement[:9].reshape(3, 3).copy(), placement[9:].copy()
+        x, y = rotation[:2, 2]
+        # of the two turns that leave the z axis tilted about x alone the one of at most a right
+        # angle
+        turn = np.arctan2(-x if y >= 0 else x, abs(y))
+        back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        rotation[:2], shift[:2] = back @ rotation[:2], back @ shift[:2]
+        row[:] = own + turn, rotation[2, 2], -rotation[1, 2], *shift
+        own = np.arctan2(-rotation[0, 1], rotation[0, 0])
+    result[-1, [FRAME_TURN, FRAME_COSINE]] = own, 1.0
+    return result

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-from xml.parsers import expat
+from typing import NamedTuple
+from xml.etree import ElementTree
 
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
@@ -18,26 +20,31 @@ LIMITED = ("revolute", "prismatic")  # kinds of joints with one coordinate and l
 SINGLE = (*LIMITED, "continuous")  # with one coordinate
 KINDS = (*SINGLE, "fixed", "floating", "planar")
 ROOT = "universe"  # how Pinocchio names what the robot stands on
+XACRO = "a xacro: expand it with xacro {} > arm.urdf"
+NO_LIMITS = (
+    "the joint {} has no limits; give it <limit lower upper velocity effort>, or the type "
+    "continuous"
+)
 
 
-@dataclass
-class Joint:
+class Joint(NamedTuple):
+    """A joint between the links ``parent`` and ``child``."""
+
     name: str
     kind: str
-    parent: str = ""  # links
-    child: str = ""
+    parent: str
+    child: str
+    limits: dict[str, float]  # lower, upper (rad or m), velocity, effort
     follows: str | None = None  # the joint that it is coupled to (mimic): multiplier·q + offset
     multiplier: float = 1.0
     offset: float = 0.0
-    limits: dict[str, float] | None = None  # lower, upper (rad or m), velocity, effort
 
     @property
     def range(self) -> tuple[float, float]:
-        """The least and the greatest coordinate, rad or m: none of a continuous joint."""
+        """The least and the greatest coordinate, rad or m: infinite of a continuous joint."""
         if self.kind == "continuous":
             return -math.inf, math.inf
-        limits = self.limits or {}
-        return limits.get("lower", 0.0), limits.get("upper", 0.0)
+        return self.limits.get("lower", 0.0), self.limits.get("upper", 0.0)
 
 
 @dataclass
@@ -45,21 +52,17 @@ class Tree:
     """Links of a robot, and its joints by name, in the order of the file."""
 
     file: Path
-    name: str = ""  # of the robot
-    links: list[str] = field(default_factory=list)
-    joints: dict[str, Joint] = field(default_factory=dict)
+    name: str  # of the robot
+    links: list[str]
+    joints: dict[str, Joint]
 
     def model_name(self, link: str) -> str:
-        """Name of ``link`` in Pinocchio's model, whose links and joints share one set of names; a
-        URDF lets a link and a joint share theirs.
-        """
-        taken = {*self.joints, ROOT}
-        if link not in taken:
-            return link
-        free = f"link {link}"
-        while free in taken or free in self.links:
-            free = f"link {free}"
-        return free
+        """Name of ``link`` in Pinocchio's model, where links and joints share one set of names."""
+        while link in self.joints or link == ROOT:
+            link = f"link {link}"
+            while link in self.links:
+                link = f"link {link}"
+        return link
 
     @property
     def ends(self) -> list[str]:
@@ -68,7 +71,7 @@ class Tree:
         return [link for link in self.links if link not in followed]
 
     def above(self, link: str) -> list[Joint]:
-        """The joints from the root to ``link``."""
+        """The joints from the root to ``link``; one more than there are where they form a loop."""
         by_child = {joint.child: joint for joint in self.joints.values()}
         result: list[Joint] = []
         while link in by_child and len(result) <= len(self.joints):
@@ -80,164 +83,110 @@ class Tree:
         """The link ``name``, or the one that the joint of this name moves; raises ConfigError for
         the option ``key`` where there is neither.
         """
-        if name in self.links:
-            return name
-        if name in self.joints:
-            return self.joints[name].child
-        raise ConfigError(f"{key}: no frame {name!r} in the URDF", file=self.file)
+        if name not in self.links and name not in self.joints:
+            raise ConfigError(f"{key}: no frame {name!r} in the URDF", file=self.file)
+        return name if name in self.links else self.joints[name].child
 
 
 def read_urdf(file: Path) -> Tree:
     """Return the tree that ``file`` describes; ConfigError for a file that is no URDF, and for
     links and joints that are no tree.
     """
-    if not file.is_file():
-        raise ConfigError("robot.urdf: no such file; name one from the project's root", file=file)
-    tree, reader = Tree(file), expat.ParserCreate()
-    path: list[str] = []
-
-    def start(element: str, values: dict[str, str]) -> None:
-        path.append(element)
-        _take(tree, path, values)
-
-    def refuse(*_: object) -> None:
-        raise ValueError("it declares a document type or entities, which no robot needs")
-
-    reader.StartElementHandler, reader.EndElementHandler = start, lambda _: path.pop()
-    reader.StartDoctypeDeclHandler = refuse
+    line = None
     try:
-        with file.open("rb") as stream:
-            reader.ParseFile(stream)
-    except expat.ExpatError as error:
-        reason = expat.ErrorString(error.code)
-        raise ConfigError(
-            f"robot.urdf: this is no URDF ({reason})", file=file, line=error.lineno
-        ) from None
+        root = ElementTree.parse(file).getroot()
+        words = [part.tag for part in root.iter()]
+        words += [word for part in root.findall("joint/*") for word in part.attrib.values()]
+        if any("xacro" in word or "$" in word for word in words):
+            message = XACRO.format(file.name)
+        elif words.count("joint") > MOST_JOINTS:
+            message = f"more than {MOST_JOINTS} joints; take out what does not belong to the arm"
+        else:
+            tree = _tree(file, root)
+            if (message := next(_tree_faults(tree, root), None)) is None:
+                return tree
+    except FileNotFoundError:
+        message = "no such file; name one from the project's root"
     except OSError as error:
-        message = f"robot.urdf: the file cannot be read ({error.strerror})"
-        raise ConfigError(message, file=file) from None
-    except (LookupError, ValueError) as error:
-        raise ConfigError(
-            f"robot.urdf: this is no URDF ({error}); is it XML in UTF-8?", file=file
-        ) from None
-    _require_tree(tree)
-    return tree
+        message = f"the file cannot be read ({error.strerror})"
+    except ElementTree.ParseError as error:
+        message, line = f"this is no URDF ({error.msg})", error.position[0]
+        message = XACRO.format(file.name) if "unbound prefix" in error.msg else message
+    except (LookupError, ValueError) as error:  # an encoding; a number
+        message = f"this is no URDF ({error}); is it XML in UTF-8?"
+    raise ConfigError(f"robot.urdf: {message}", file=file, line=line) from None
 
 
-def _take(tree: Tree, path: list[str], values: dict[str, str]) -> None:
-    """Note the element that ``path`` leads to."""
-    if path[-1].startswith("xacro:") or (
-        len(path) <= 3 and any("${" in value or "$(" in value for value in values.values())
-    ):
-        name = tree.file.name
-        raise ConfigError(
-            f"robot.urdf: a xacro: expand it with xacro {name} > arm.urdf", file=tree.file
+def _tree(file: Path, root: ElementTree.Element) -> Tree:
+    joints = {}
+    for element in root.findall("joint"):
+        name, kind = element.get("name", ""), element.get("type", "")
+        parts = {part.tag: part.attrib for part in element}
+
+        def number(part: str, key: str, text: str, name: str = name) -> float:
+            try:
+                value = float(text)
+            except ValueError:
+                found = f"the joint {name} has {text[:80]!r} as {key} of its {part}"
+                raise ValueError(f"{found}, which must be a number") from None
+            if key in ("xyz", "rpy") and not abs(value) <= FARTHEST:
+                raise ValueError(f"{name} has {text[:80]} m or rad in its {part}")
+            return value
+
+        for part, values in parts.items():
+            for key in {"xyz", "rpy"} & {*values}:
+                for word in values[key].split():
+                    number(part, key, word)
+        known = {"lower", "upper", "velocity", "effort"} & {*parts.get("limit", {})}
+        limits = {key: number("limit", key, parts["limit"][key]) for key in known}
+        ends = [parts.get(end, {}).get("link", "") for end in ("parent", "child")]
+        coupling = ()
+        if (
+            kind in SINGLE and (mimic := parts.get("mimic")) is not None
+        ):  # some fixed joints have it
+            numbers = (("multiplier", "1"), ("offset", "0"))
+            values = [number("mimic", key, mimic.get(key, usual)) for key, usual in numbers]
+            coupling = (mimic.get("joint", ""), *values)
+        joints[name] = Joint(name, kind, *ends, limits, *coupling)
+    links = [element.get("name", "") for element in root.findall("link")]
+    return Tree(file, root.get("name", ""), links, joints)
+
+
+def _tree_faults(tree: Tree, root: ElementTree.Element) -> Iterator[str]:
+    """Faults of the links and joints, the most telling first."""
+    joints, links = tree.joints.values(), Counter(tree.links)
+    names = Counter(element.get("name", "") for element in root.findall("joint"))
+    for what, counted in (("links", links), ("joints", names)):
+        yield from (f"two {what} are named {name!r}" for name, n in counted.items() if n > 1)
+    for name, kind, *ends in (joint[:4] for joint in joints):
+        if kind not in KINDS:
+            yield f"the joint {name} is of the type {kind!r}; there are {', '.join(KINDS)}"
+        if name == ROOT:
+            yield f"the joint {name} has a name that Pinocchio needs for {ROOT}"
+        missing = [link for link in ends if link not in links]
+        yield from (
+            f"{name} joins the link {link!r}, which the URDF does not have" for link in missing
         )
-    match path:
-        case ["robot"]:
-            tree.name = values.get("name", "")
-        case ["robot", "link"]:
-            tree.links.append(values.get("name", ""))
-        case ["robot", "joint"]:
-            if len(tree.joints) == MOST_JOINTS:
-                raise ConfigError(
-                    f"robot.urdf: more than {MOST_JOINTS} joints; take out what does not belong to "
-                    "the arm",
-                    file=tree.file,
-                )
-            name, kind = values.get("name", ""), values.get("type", "")
-            if name in tree.joints:
-                raise ConfigError(f"robot.urdf: two joints are named {name!r}", file=tree.file)
-            if kind not in KINDS or name == ROOT:
-                wrong = f"is of the type {kind!r}; there are {', '.join(KINDS)}"
-                wrong = f"has a name that Pinocchio needs for {ROOT}" if name == ROOT else wrong
-                raise ConfigError(f"robot.urdf: the joint {name} {wrong}", file=tree.file)
-            tree.joints[name] = Joint(name, kind)
-        case ["robot", "joint", part]:
-            _take_part(tree, part, values)
-
-
-def _take_part(tree: Tree, part: str, values: dict[str, str]) -> None:
-    """Note the element ``part`` of the last joint."""
-    joint: Any = tree.joints[[*tree.joints][-1]]
-
-    def number(name: str, text: str) -> float:
-        try:
-            return float(text)
-        except ValueError:
-            raise ConfigError(
-                f"robot.urdf: the joint {joint.name} has {text[:80]!r} as {name} of its {part}, "
-                "which must be a number",
-                file=tree.file,
-            ) from None
-
-    for name in ("xyz", "rpy"):
-        for word in values.get(name, "").split():
-            if not abs(number(name, word)) <= FARTHEST:
-                raise ValueError(f"{joint.name} has {word[:80]} m or rad in its {part}")
-    if part in ("parent", "child"):
-        setattr(joint, part, values.get("link", ""))
-    elif part == "limit":
-        known = {"lower", "upper", "velocity", "effort"} & {*values}
-        joint.limits = {name: number(name, values[name]) for name in known}
-    elif part == "mimic" and joint.kind in SINGLE:  # some fixed joints say so too
-        joint.follows = values.get("joint", "")
-        joint.multiplier = number("multiplier", values.get("multiplier", "1"))
-        joint.offset = number("offset", values.get("offset", "0"))
-
-
-def _require_tree(tree: Tree) -> None:
-    """Raise ConfigError where the links are no tree or a joint lacks the limits of its kind."""
-    if twice := [name for name in tree.links if tree.links.count(name) > 1]:
-        raise ConfigError(f"robot.urdf: two links are named {twice[0]!r}", file=tree.file)
-    for joint in tree.joints.values():
-        for link in (joint.parent, joint.child):
-            if link not in tree.links:
-                raise ConfigError(
-                    f"robot.urdf: {joint.name} joins the link {link!r}, which the URDF does not "
-                    "have",
-                    file=tree.file,
-                )
-        if joint.kind in LIMITED and not {"velocity", "effort"} <= {*(joint.limits or {})}:
-            raise _without_limits(joint, tree.file)
-    children = [joint.child for joint in tree.joints.values()]
-    closing = {
+    for joint in joints:
+        if joint.kind in LIMITED and not {"velocity", "effort"} <= {*joint.limits}:
+            yield NO_LIMITS.format(joint.name)
+    children = Counter(joint.child for joint in joints)
+    closing = [
         joint.name
-        for joint in tree.joints.values()
-        if children.count(joint.child) > 1 or len(tree.above(joint.child)) > len(tree.joints)
-    }
+        for joint in joints
+        if children[joint.child] > 1 or len(tree.above(joint.child)) > len(joints)
+    ]
     if closing:
-        raise ConfigError(
-            "robot.urdf: links form a loop, which a URDF cannot hold; leave out one of the joints "
-            f"{', '.join(sorted(closing))}",
-            file=tree.file,
+        yield (
+            "links form a loop, which a URDF cannot hold; leave out one of the joints "
+            + ", ".join(sorted(closing))
         )
-    roots = [link for link in tree.links if link not in children]
-    if len(roots) != 1:
-        raise ConfigError(
-            "robot.urdf: a robot has one link that no joint holds, and this one "
-            f"{', '.join(roots[:5]) or 'none'}",
-            file=tree.file,
-        )
+    if len(roots := [link for link in tree.links if link not in children]) != 1:
+        found = ", ".join(roots[:5]) or "none"
+        yield f"a robot has one link that no joint holds, and this one {found}"
 
 
-def require_range(joint: Joint, file: Path) -> None:
-    """Raise ConfigError for a joint whose limits leave it no way, or an endless one."""
-    lower, upper = joint.range
-    if joint.kind in LIMITED and not 0 < upper - lower < math.inf:
-        raise _without_limits(joint, file)
-
-
-def _without_limits(joint: Joint, file: Path) -> ConfigError:
-    return ConfigError(
-        f"robot.urdf: the joint {joint.name} has no limits; give it <limit lower upper velocity "
-        "effort>, or the type continuous",
-        file=file,
-    )
-
-
-@dataclass(frozen=True)
-class Description:
+class Description(NamedTuple):
     """An arm in the tree of a URDF."""
 
     tree: Tree
@@ -246,53 +195,27 @@ class Description:
     tip: str  # link
     held: dict[str, float]  # rad or m, of the other joints; 0 where not named
 
-    @property
-    def file(self) -> Path:
-        """The URDF."""
-        return self.tree.file
-
 
 def describe(robot: Robot) -> Description:
     """Return the arm of the section ``dataset.robot``; coupled joints (mimic) that are not of the
-    arm are held where those that they follow hold them.
+    arm are held where the joints that they follow hold them.
 
     Raises ConfigError for names that the URDF does not have, and for joints, tip and base that are
     no chain of joints of one coordinate each.
     """
-    tree = read_urdf(Path(robot.urdf))
-    joints, locked, file = list(robot.joints), dict(robot.locked), tree.file
-    names = sorted(name for name, joint in tree.joints.items() if joint.kind != "fixed")
-    for key, wanted in (("robot.joints", joints), ("robot.locked", locked)):
-        for name in wanted:
-            if name not in names:
-                message = f"{key}: no joint {name!r} in the URDF; it has {names}"
-                raise ConfigError(message, file=file)
-            if (kind := tree.joints[name].kind) not in SINGLE:
-                raise ConfigError(
-                    f"{key}: {name} is {kind}; a joint must be one of {', '.join(SINGLE)}",
-                    file=file,
-                )
-    if both := sorted(set(joints) & set(locked)):
-        raise ConfigError(
-            f"robot.locked: {', '.join(both)} cannot be locked, being of robot.joints", file=file
-        )
-    tip = _tip(tree, joints[-1], robot.tool)
-    above = tree.above(tip)
-    _require_row(joints, [joint.name for joint in above if joint.name in joints], tip, file)
-    base = None if robot.base is None else tree.link(robot.base, "robot.base")
-    below_base = tree.above(base) if base else []
-    if moving := [joint.name for joint in below_base if joint.name in joints]:
-        message = f"robot.base: {robot.base!r} moves with {moving[-1]}; name a link before the arm"
-        raise ConfigError(message, file=file)
-    for joint in above:
-        if joint not in below_base:
-            _require_single(joint, joints, file)
-    held = {
-        name: joint.multiplier * locked.get(joint.follows, 0.0) + joint.offset
-        for name, joint in tree.joints.items()
-        if joint.follows is not None
-    }
-    return Description(tree, [tree.joints[name] for name in joints], base, tip, held | locked)
+    tree, locked = read_urdf(Path(robot.urdf)), dict(robot.locked)
+    if (fault := next(_name_faults(tree, robot), None)) is None:
+        tip = _tip(tree, robot.joints[-1], robot.tool)
+        base = None if robot.base is None else tree.link(robot.base, "robot.base")
+        if (fault := next(_chain_faults(tree, robot, tip, base), None)) is None:
+            held = {
+                name: joint.multiplier * locked.get(joint.follows, 0.0) + joint.offset
+                for name, joint in tree.joints.items()
+                if joint.follows is not None
+            }
+            joints = [tree.joints[name] for name in robot.joints]
+            return Description(tree, joints, base, tip, held | locked)
+    raise ConfigError(f"robot.{fault}", file=tree.file)
 
 
 def _tip(tree: Tree, last: str, tool: str | None) -> str:
@@ -303,44 +226,50 @@ def _tip(tree: Tree, last: str, tool: str | None) -> str:
         return tree.link(tool, "robot.tool")
     ends = [link for link in tree.ends if last in [joint.name for joint in tree.above(link)]]
     if len(ends) != 1:
-        raise ConfigError(
-            f"robot.tool: the URDF ends in more than one link beyond {last}; name one of {ends}",
-            file=tree.file,
+        message = (
+            f"robot.tool: the URDF ends in more than one link beyond {last}; name one of {ends}"
         )
+        raise ConfigError(message, file=tree.file)
     return ends[0]
 
 
-def _require_row(joints: list[str], on: list[str], tip: str, file: Path) -> None:
-    """Raise ConfigError where the ``joints`` are not those ``on`` the way to the ``tip``."""
+def _name_faults(tree: Tree, robot: Robot) -> Iterator[str]:
+    """Names of the options that are no joints of one coordinate."""
+    movable = sorted(name for name, joint in tree.joints.items() if joint.kind != "fixed")
+    for key, wanted in (("joints", robot.joints), ("locked", robot.locked)):
+        for name in wanted:
+            if name not in movable:
+                yield f"{key}: no joint {name!r} in the URDF; it has {movable}"
+            elif (kind := tree.joints[name].kind) not in SINGLE:
+                yield f"{key}: {name} is {kind}; a joint must be one of {', '.join(SINGLE)}"
+    if both := sorted({*robot.joints} & {*robot.locked}):
+        yield f"locked: {', '.join(both)} cannot be locked, being of robot.joints"
+
+
+def _chain_faults(tree: Tree, robot: Robot, tip: str, base: str | None) -> Iterator[str]:
+    """Faults of the way from the base to the tip."""
+    joints, above = robot.joints, tree.above(tip)
+    on = [joint.name for joint in above if joint.name in joints]
     if joints[-1] not in on:
-        raise ConfigError(
-            f"robot.tool: {tip!r} does not move with the last joint of the chain, {joints[-1]}",
-            file=file,
-        )
+        yield f"tool: {tip!r} does not move with the last joint of the chain, {joints[-1]}"
     if apart := [name for name in joints if name not in on]:
-        raise ConfigError(
-            f"robot.joints: {', '.join(apart)} does not move {tip!r}; name joints of one chain",
-            file=file,
-        )
+        yield f"joints: {', '.join(apart)} does not move {tip!r}; name joints of one chain"
     if joints != on:
-        raise ConfigError(
-            f"robot.joints: {joints} must stand in the order of the chain {on}", file=file
-        )
-
-
-def _require_single(joint: Joint, joints: list[str], file: Path) -> None:
-    """Raise ConfigError for a ``joint`` between base and tip that the arm cannot have."""
-    if joint.kind not in (*SINGLE, "fixed"):
-        raise ConfigError(
-            f"robot.joints: the joint {joint.name} before the tip is {joint.kind}; name a link "
-            "beyond it as robot.base, or put joints of one coordinate in its place",
-            file=file,
-        )
-    if joint.follows is not None and (joint.name in joints or joint.follows in joints):
-        raise ConfigError(
-            f"robot.joints: {joint.name} is coupled to {joint.follows} (mimic), and the tip moves "
-            "with it; an arm of joints that move by themselves is needed",
-            file=file,
-        )
-    if joint.name in joints:
-        require_range(joint, file)
+        yield f"joints: {joints} must stand in the order of the chain {on}"
+    below_base = tree.above(base) if base else []
+    if moving := [joint.name for joint in below_base if joint.name in joints]:
+        yield f"base: {robot.base!r} moves with {moving[-1]}; name a link before the arm"
+    for joint in (joint for joint in above if joint not in below_base):
+        if joint.kind not in (*SINGLE, "fixed"):
+            yield (
+                f"joints: the joint {joint.name} before the tip is {joint.kind}; name a link "
+                "beyond it as robot.base, or put joints of one coordinate in its place"
+            )
+        if joint.follows is not None and {joint.name, joint.follows} & {*joints}:
+            yield (
+                f"joints: {joint.name} is coupled to {joint.follows} (mimic), and the tip moves "
+                "with it; an arm of joints that move by themselves is needed"
+            )
+        lower, upper = joint.range
+        if joint.name in joints and joint.kind in LIMITED and not 0 < upper - lower < math.inf:
+            yield "urdf: " + NO_LIMITS.format(joint.name)

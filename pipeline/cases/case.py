@@ -32,7 +32,7 @@ CONSTANT_SEED = 20_171
 
 
 @dataclass(frozen=True)
-class Case:
+class Choices:
     """One way to decide everything."""
 
     models: dict[str, Options]  # by name; those of the paper by their kind
@@ -50,24 +50,26 @@ class Case:
         (options,) = self.models.values()
         return options
 
-    def model_case(self, name: str) -> Case:
+    def model_case(self, name: str) -> Choices:
         """This case with the model ``name`` alone and defaults for the filter's decisions."""
         models, closed = {name: self.models[name]}, self.closed and name in KINDS
-        return Case(models, FilterOptions(), self.mode, "", self.measurement, 0, self.draw, closed)
+        return Choices(
+            models, FilterOptions(), self.mode, "", self.measurement, 0, self.draw, closed
+        )
 
-    def filter_case(self, name: str, closed: bool) -> Case:
+    def filter_case(self, name: str, closed: bool) -> Choices:
         """This case with the filter of the model ``name`` alone, in one loop, and defaults for the
         decisions that it does not depend on.
         """
         models = {name: self.models[name]}
-        return Case(models, self.filter, "", self.clock, 1.0, 0, self.draw, closed)
+        return Choices(models, self.filter, "", self.clock, 1.0, 0, self.draw, closed)
 
     def batch_of(self, takes: list[str], count: int) -> list[str]:
         """The ``count`` of the test ``takes`` that the filter runs on; none of too few."""
         batch = takes[self.batch * count : (self.batch + 1) * count]
         return batch if len(batch) == count else []
 
-    def with_wishart(self, **changes: object) -> Case:
+    def with_wishart(self, **changes: object) -> Choices:
         """This case with other options of the Wishart model."""
         wishart = replace(self.models["wishart"], **changes)
         return replace(self, models=self.models | {"wishart": wishart})

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 
-from pipeline.cases.case import KINDS, Case, Recordings
+from pipeline.cases.case import KINDS, Choices, Recordings
 from pipeline.cases.evidence import Evidence, case_evidence
 from pipeline.cases.fits import Outcome, outcome
 from pipeline.core import filters as names
@@ -20,12 +20,12 @@ from pipeline.models.model import Commands, MotionModel, open_loop
 
 Loop = tuple[MotionModel, Commands]  # a fitted model and its commands
 # number of the take, its part of the case, the loop, the take's measurements
-Trial = tuple[int, Case, Loop, Measurements]
+Trial = tuple[int, Choices, Loop, Measurements]
 Run = Callable[[Callable, Sequence], Iterable]  # as the built-in map: trials, in order
 
 
 def evaluate(
-    cases: Sequence[Case], recordings: Recordings, run: Run
+    cases: Sequence[Choices], recordings: Recordings, run: Run
 ) -> list[tuple[Evidence, list[str]]]:
     """Return the evidence of every case, and the refusals of its models and filters; ``run`` maps a
     function over trials. Filters run with the paper's models alone.
@@ -67,7 +67,7 @@ def _mapped(run: Run, function: Callable, trials: Mapping[str, object], recordin
     return dict(zip(trials, results, strict=True))
 
 
-def _outcome(case: Case, recordings: Recordings) -> Outcome:
+def _outcome(case: Choices, recordings: Recordings) -> Outcome:
     # equal numbers in every case, so that a difference is the case's
     seed, name = recordings.stream
     stream = rng.stream(seed, f"{name}.{case.options.kind}", case.draw)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from pipeline.cases.case import Camera, Case, Takes
+from pipeline.cases.case import Camera, Choices, Takes
 from pipeline.cases.fits import Outcome
 from pipeline.core.columns import matrices, members, values
 from pipeline.core.errors import ModelDomainError
@@ -34,7 +34,7 @@ RESAMPLING_SEED = 20_170  # the same resamplings in every case
 
 
 def case_evidence(
-    case: Case,
+    case: Choices,
     takes: Takes,
     outcomes: Mapping[str, Outcome],
     camera: Camera | None,

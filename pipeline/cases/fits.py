@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pandas as pd
 
-from pipeline.cases.case import Case, Takes
+from pipeline.cases.case import Choices, Takes
 from pipeline.core.errors import ModelDomainError, SingularJacobianError, SolverError
 from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
 from pipeline.models.kinds import compared, estimate
@@ -38,7 +38,7 @@ class Outcome:
     refusals: list[str] = field(default_factory=list)
 
 
-def outcome(case: Case, takes: Takes, realizations: int, rng: np.random.Generator) -> Outcome:
+def outcome(case: Choices, takes: Takes, realizations: int, rng: np.random.Generator) -> Outcome:
     """Fit, realise ``realizations`` times and score a model; a refusal is an outcome too."""
     fared = Outcome()
     try:
@@ -83,7 +83,7 @@ def _papers_estimates(recorded: Recorded, options: Options, fit: Estimate) -> di
     return estimates
 
 
-def _log_scores(case: Case, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:
+def _log_scores(case: Choices, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:
     """Mean log density over the steps of each held-out take; without test takes each training take,
     predicted by a fit to the others.
     """

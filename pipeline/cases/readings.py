@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.arm.chain import TASK
-from pipeline.cases.case import Case
+from pipeline.cases.case import Choices
 from pipeline.cases.evidence import Evidence
+from pipeline.core.columns import PLANE
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.models.wishart.decomposition import COMPUTED, chosen
 from pipeline.verdicts.claims import Claim, parse_claims
@@ -50,8 +50,8 @@ def decided(claims: Sequence[Claim], evidence: Evidence, arm: ArmNames) -> pd.Da
 
 
 def readings(
-    base: Case, task: Sequence[str] = TASK, joints: Sequence[str] = TASK
-) -> dict[str, Case]:
+    base: Choices, task: Sequence[str] = PLANE, joints: Sequence[str] = PLANE
+) -> dict[str, Choices]:
     """The case ``base`` of a ``task`` of these rows and these ``joints``, and after it the same
     with every other computed decomposition, by name; none where it has no Wishart model.
     """

@@ -58,14 +58,10 @@ def require(bound: str, amount: float, what: str, file: Path) -> None:
     """Raise RecordingError, with the option that raises the ``bound``, where ``file`` has a greater
     ``amount`` of ``what``.
     """
-    most = getattr(bounds(), bound)
-    if amount > most:
-        raise RecordingError(
-            f"{amount:.6g} {what} are more than the {most} that are read: damaged, or raise the "
-            "bound",
-            file=file,
-            bound=f"dataset.reading.{bound}",
-        )
+    if amount > (most := getattr(bounds(), bound)):
+        found = f"{amount:.6g} {what} are more than the {most} that are read"
+        option = f"dataset.reading.{bound}"
+        raise RecordingError(f"{found}: damaged, or raise the bound", file=file, bound=option)
 
 
 def read_whole(file: Path) -> bytes:
@@ -73,8 +69,7 @@ def read_whole(file: Path) -> bytes:
     where it cannot be read.
     """
     with Path(file).open("rb") as stream:
-        size = stream.seek(0, 2)
-        require("file_mib", size / MIB, "MiB", file)
+        require("file_mib", stream.seek(0, 2) / MIB, "MiB", file)
         stream.seek(0)
         return stream.read()
 
@@ -85,8 +80,7 @@ def call_alone(function: Callable, *arguments: object, file: Path) -> Any:
         try:
             return sandbox.call(function, *arguments)
         except RecordingError as error:
-            evidence = {"file": file} | error.evidence
-            raise RecordingError(error.message, **evidence) from None
+            raise RecordingError(error.message, **{"file": file} | error.evidence) from None
 
 
 class Sandbox:
@@ -110,16 +104,15 @@ class Sandbox:
     def call(self, function: Callable, *arguments: object) -> Any:
         """Return ``function(*arguments)``, all of which is pickled.
 
-        Raises what the function raises of the pipeline's errors; RecordingError for any other
+        Raises the pipeline's errors of the function as they are; RecordingError for any other
         exception of it, and where it takes longer than the bound ``seconds``, more memory than
         ``memory_mib`` beside what the process has, or ends the process.
         """
         if self._process is None:
             self._connection, other = Pipe()
             # a fork has at once all that is imported; nothing that has threads has run here
-            self._process = get_context("fork").Process(
-                target=_serve, args=(other, self._connection, bounds().memory_mib)
-            )
+            ends = other, self._connection, bounds().memory_mib
+            self._process = get_context("fork").Process(target=_serve, args=ends)
             self._process.start()
             other.close()
         self._connection.send_bytes(pickle.dumps((function, arguments)))
@@ -156,21 +149,22 @@ def _serve(connection: Connection, other: Connection, memory_mib: int) -> None:
             # a process of this one ends before it, as its caller has the better message
             half = replace(bounds(), seconds=bounds().seconds / 2)
             outcome = pickle.dumps(within(half, function, *arguments))
-        except MemoryError:
-            refused = _refusal(f"it takes more than {memory_mib} MiB of memory", "memory_mib")
-            outcome = pickle.dumps(refused)
-        except RecursionError:
-            outcome = pickle.dumps(RecordingError("it nests too deeply to be read"))
-        except PipelineError as error:
-            outcome = pickle.dumps(error)
         except Exception as error:
-            words = " ".join(str(error).split())[:200]
-            refused = RecordingError(f"its reader fails on it ({type(error).__name__}: {words})")
-            outcome = pickle.dumps(refused)
+            outcome = pickle.dumps(_as_refusal(error, memory_mib))
         connection.send_bytes(outcome)
 
 
+def _as_refusal(error: Exception, memory_mib: int) -> PipelineError:
+    if isinstance(error, PipelineError):
+        return error
+    if isinstance(error, MemoryError):
+        return _refusal(f"it takes more than {memory_mib} MiB of memory", "memory_mib")
+    if isinstance(error, RecursionError):
+        return RecordingError("it nests too deeply to be read")
+    words = " ".join(str(error).split())[:200]
+    return RecordingError(f"its reader fails on it ({type(error).__name__}: {words})")
+
+
 def _refusal(message: str, bound: str) -> RecordingError:
-    return RecordingError(
-        f"{message}: damaged, or larger than any recording", bound=f"dataset.reading.{bound}"
-    )
+    option = f"dataset.reading.{bound}"
+    return RecordingError(f"{message}: damaged, or larger than any recording", bound=option)

@@ -2,32 +2,46 @@
 
 A column ``q:arm_joint_2`` belongs to family ``q`` and joint ``arm_joint_2``;
 ``c:arm_joint_2:arm_joint_3`` is an entry of a symmetric matrix. The rows of the task are named
-alike: ``v:x``.
+alike: ``v:x``. A colon within a name is written %3A, and a per cent sign before 3A or 25 as %25.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from itertools import combinations_with_replacement
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
+
+if TYPE_CHECKING:  # an exported model is loaded with NumPy alone
+    import pandas as pd
+
+# rows that a task may have, in m and rad: of the plane of parallel joints, and of space
+PLANE, SPACE = ("x", "z", "phi"), ("x", "y", "z", "rx", "ry", "rz")
+
+
+def column(family: str, *names: str) -> str:
+    """The column of ``family`` for a name, or for a pair of names."""
+    written = (re.sub("%(?=3A|25)", "%25", name).replace(":", "%3A") for name in names)
+    return ":".join([family, *written])
 
 
 def columns(family: str, names: Sequence[str]) -> list[str]:
     """The columns of ``family`` for each of ``names``."""
-    return [f"{family}:{name}" for name in names]
+    return [column(family, name) for name in names]
 
 
 def pairs(family: str, names: Sequence[str]) -> list[str]:
     """The columns of the upper triangle of a symmetric matrix over ``names``, row by row."""
-    return [f"{family}:{a}:{b}" for a, b in combinations_with_replacement(names, 2)]
+    return [column(family, *pair) for pair in combinations_with_replacement(names, 2)]
 
 
 def members(table: pd.DataFrame, family: str) -> tuple[str, ...]:
     """The names that ``table`` has a column of ``family`` for, in its order."""
     split = (str(column).split(":") for column in table.columns)
-    return tuple(parts[1] for parts in split if len(parts) == 2 and parts[0] == family)
+    found = [parts[1] for parts in split if len(parts) == 2 and parts[0] == family]
+    return tuple(name.replace("%3A", ":").replace("%25", "%") for name in found)
 
 
 def values(table: pd.DataFrame, family: str) -> np.ndarray:

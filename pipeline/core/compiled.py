@@ -13,6 +13,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numba
@@ -47,9 +48,8 @@ def cache_folder() -> Path:
         try:
             if not folder.is_dir():
                 folder.mkdir(parents=True)
-                others = sorted(set(base.glob("pipeline-*")) - {folder}, key=_changed)
-                for other in others[:-KEPT]:
-                    shutil.rmtree(other, ignore_errors=True)
+                with suppress(OSError):  # another process may remove them meanwhile
+                    _remove_all_but_newest(set(base.glob("pipeline-*")) - {folder})
             with tempfile.TemporaryFile(dir=folder):
                 return folder
         except OSError:
@@ -57,22 +57,17 @@ def cache_folder() -> Path:
     return Path(tempfile.mkdtemp(prefix=f"{name}-"))
 
 
-def _changed(folder: Path) -> float:
-    """Time of the last change; 0 where another process has removed the folder."""
-    try:
-        return folder.stat().st_mtime
-    except OSError:
-        return 0.0
+def _remove_all_but_newest(folders: set[Path]) -> None:
+    for folder in sorted(folders, key=lambda one: one.stat().st_mtime)[:-KEPT]:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 # numba reads the variable when it is imported, and again whenever it sees a changed environment
 os.environ[VARIABLE] = numba.config.CACHE_DIR = str(cache_folder())
 
-# other threads run meanwhile, and a division by zero gives what IEEE 754 says; no fastmath, with
-# which the bits would differ between processors
+# other threads run meanwhile, and a division by zero gives the result of IEEE 754; no fastmath,
+# with which the bits would differ between processors
 OPTIONS = {"nogil": True, "error_model": "numpy"}
-
-
 # without the entries from Python and C, which take a third of the time to compile
 INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, **OPTIONS}
 

@@ -17,14 +17,7 @@ from pydantic import Field
 from pipeline.core import datasheet
 from pipeline.core.contracts import write_text
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.analysis import (
-    Articulation,
-    Compute,
-    Filter,
-    Scale,
-    Simulation,
-    Wrench,
-)
+from pipeline.core.options import analysis
 from pipeline.core.options.dataset import Dataset
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import all_faults, joined_faults, options, validated
@@ -36,17 +29,9 @@ CONF = Path(__file__).parents[1] / "conf"
 COMPOSED = Path("data/config.yaml")
 GROUPS = ("dataset", "filter", "articulation", "simulation", "wrench", "scale", "compute")
 # sections of the synthetic laboratory and their types in pipeline.laboratory.options
-LABORATORY = {
-    "trajectory": "TrajectoryOptions",
-    "dynamics": "DynamicsOptions",
-    "mocap": "MocapOptions",
-    "kinect": "KinectOptions",
-    "clock": "ClockOptions",
-    "encoders": "EncoderOptions",
-    "robots": "Robots",
-    "transducer": "Transducer",
-}
-ABSENT = object()
+LABORATORY = {part: f"{part.capitalize()}Options" for part in ("trajectory", "dynamics", "mocap")}
+LABORATORY |= {"kinect": "KinectOptions", "clock": "ClockOptions", "encoders": "EncoderOptions"}
+LABORATORY |= {"robots": "Robots", "transducer": "Transducer"}
 
 
 @options()
@@ -72,12 +57,12 @@ class Config:
     seed: Annotated[int, Field(ge=0)]
     dataset: Dataset
     models: dict[str, Any]
-    filter: Filter
-    articulation: Articulation
-    wrench: Wrench
-    simulation: Simulation
-    scale: Scale
-    compute: Compute
+    filter: analysis.Filter
+    articulation: analysis.ArticulationSection
+    wrench: analysis.Wrench
+    simulation: analysis.Simulation
+    scale: analysis.Scale
+    compute: analysis.Compute
 
 
 def option_names(group: str) -> list[str]:
@@ -93,71 +78,52 @@ def compose_config(params_file: Path) -> Config:
     params = _params(params_file)
     sheet = datasheet.read(datasheet.path_of(params.dataset))
     option_file = CONF / "dataset" / f"{params.dataset}.yaml"
-    overrides = [f"{group}={getattr(params, group)}" for group in GROUPS] + [
-        f"+model@models.{model}={model}" for model in params.models
-    ]
-    changes = params.overrides or {}
+    overrides = [f"{group}={getattr(params, group)}" for group in GROUPS]
+    overrides += [f"+model@models.{model}={model}" for model in params.models]
+    changes = {"seed": params.seed}, params.overrides or {}
     try:
-        values = compose(overrides, sheet, option_file, {"seed": params.seed}, changes)
+        values = compose(overrides, sheet, option_file, *changes)
     except ConfigError as error:
         raise ConfigError(error.message, **({"file": params_file} | error.evidence)) from None
     datasheet.require_filled(values, sheet, option_file)
     found, faults = _checked(values)
     if unknown := sorted(set(values["models"] or {}) - set(params.models)):
-        there_are = ", ".join(params.models)
-        faults.append(
-            ConfigError(
-                f"no model {', '.join(unknown)} is chosen; there are {there_are}",
-                key="overrides.models",
-            )
-        )
+        message = f"no model {', '.join(unknown)} is chosen; there are {', '.join(params.models)}"
+        faults.append(ConfigError(message, key="overrides.models"))
     if faults:
-        raise joined_faults(faults, _file_of(faults[0], sheet, params_file))
+        # the datasheet where the faulty key stands in it, else params.yaml
+        section, _, key = str(faults[0].evidence.get("key")).partition(".")
+        in_sheet = section == "dataset" and sheet.holds(key)
+        raise joined_faults(faults, sheet.file if in_sheet else params_file)
     return found
 
 
 def _params(file: Path) -> Params:
     """The keys of params.yaml, each option checked against the files of pipeline/conf."""
-    params = validated(Params, read_yaml(file), file=file)
-    faults = [
-        ConfigError(
-            f"{group}: no option {option!r}; there are {', '.join(option_names(group))}", key=key
-        )
-        for key, group, option in [
-            *((group, group, getattr(params, group)) for group in GROUPS),
-            *(("models", "model", model) for model in params.models),
-        ]
-        if option not in option_names(group)
-    ]
+    params, wrong = validated(Params, read_yaml(file), file=file), []
+    chosen = [(group, group, getattr(params, group)) for group in GROUPS]
+    for key, group, option in chosen + [("models", "model", model) for model in params.models]:
+        if option not in (names := option_names(group)):
+            wrong.append((key, f"{group}: no option {option!r}; there are {', '.join(names)}"))
     if twice := sorted({name for name in params.models if params.models.count(name) > 1}):
-        faults.append(ConfigError(f"models: {', '.join(twice)} stands twice", key="models"))
-    if faults:
-        raise joined_faults(faults, file)
+        wrong.append(("models", f"models: {', '.join(twice)} stands twice"))
+    if wrong:
+        raise joined_faults([ConfigError(message, key=key) for key, message in wrong], file)
     return params
-
-
-def _file_of(fault: ConfigError, sheet: datasheet.Datasheet, params_file: Path) -> Path:
-    """The datasheet where the faulty key stands in it, else params.yaml."""
-    section, _, key = str(fault.evidence.get("key")).partition(".")
-    return sheet.file if section == "dataset" and sheet.holds(key) else params_file
 
 
 def _checked(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]:
     """The typed configuration, None where there are faults, and all faults of ``values``."""
     found, faults = all_faults(Config, values)
     typed_models: dict[str, Any] = {}
-    models, dataset = values.get("models"), values.get("dataset")
-    for name, model in (models if isinstance(models, dict) else {}).items():
+    for name, model in _keys(values.get("models")).items():
         key = f"models.{name}"
         try:
-            structure = _model_type(model.get("kind") if isinstance(model, dict) else None)
+            typed_models[name], more = all_faults(_model_type(_keys(model).get("kind")), model, key)
+            faults += more
         except ConfigError as error:
             faults.append(ConfigError(f"{key}.{error.message}", key=f"{key}.kind"))
-            continue
-        typed_models[name], more = all_faults(structure, model, key)
-        faults += more
-    laboratory = dataset.get("laboratory") if isinstance(dataset, dict) else None
-    if laboratory is not None:
+    if (laboratory := _keys(values.get("dataset")).get("laboratory")) is not None:
         typed, more = all_faults(_laboratory_type(), laboratory, "dataset.laboratory")
         faults += more
         if typed is not None:
@@ -166,6 +132,10 @@ def _checked(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]:
         return None, faults
     found.models, found.dataset.laboratory = typed_models, laboratory
     return found, []
+
+
+def _keys(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}
 
 
 def _model_type(kind: object) -> type:
@@ -244,12 +214,8 @@ def declared_sections(stage: str, dvc_file: Path) -> list[str]:
     stages = read_yaml(dvc_file).get("stages", {})
     if stage not in stages:
         raise ConfigError(f"no stage {stage!r}; there are {', '.join(stages)}", file=dvc_file)
-    return [
-        section
-        for entry in stages[stage].get("params", [])
-        if isinstance(entry, dict)
-        for section in entry.get(str(COMPOSED), [])
-    ]
+    entries = [entry for entry in stages[stage].get("params", []) if isinstance(entry, dict)]
+    return [section for entry in entries for section in entry.get(str(COMPOSED), [])]
 
 
 def sections(
@@ -272,25 +238,17 @@ def sections(
             key="dataset.robot",
         )
     for section in declared:
-        *above, last = [
-            item if key.startswith("${") else key
-            for key in section.replace("${item.model}", "${item}").split(".")
-        ]
-        place: Any = given
-        value: Any = config
+        name = section.replace("${item.model}", str(item))
+        *above, last = name.split(".")
+        place, value = given, config
         for key in above:
-            if key not in vars(place):
-                setattr(place, key, SimpleNamespace())
-            place, value = getattr(place, key), _part(value, key)
-        if (value := _part(value, last)) is ABSENT:
-            name = ".".join(map(str, [*above, last]))
+            place = vars(place).setdefault(key, SimpleNamespace())
+            value = value[key] if isinstance(value, dict) else getattr(value, key)
+        parts = value if isinstance(value, dict) else vars(value)
+        if last not in parts:
             raise ConfigError(f"there is no {name} for the stage {stage}", file=COMPOSED)
-        setattr(place, last, value)
+        setattr(place, last, parts[last])
     return given
-
-
-def _part(value: Any, key: str) -> Any:
-    return (value if isinstance(value, dict) else vars(value)).get(key, ABSENT)
 
 
 def study_options(folder: Path, structure: type) -> Any:
@@ -306,12 +264,12 @@ def study_options(folder: Path, structure: type) -> Any:
 
 def model_options(names: Iterable[str]) -> dict[str, Any]:
     """Typed options of models by the names of their option files, chosen by the run or not."""
-    typed_options = {}
+    result, known = {}, option_names("model")
     for name in names:
-        if name not in option_names("model"):
-            message = f"no model {name!r}; there are {', '.join(option_names('model'))}"
-            raise ConfigError(message, file=CONF / "model" / f"{name}.yaml")
         file = CONF / "model" / f"{name}.yaml"
+        if name not in known:
+            message = f"no model {name!r}; there are {', '.join(known)}"
+            raise ConfigError(message, file=file)
         values = read_yaml(file)
-        typed_options[name] = validated(_model_type(values.get("kind")), values, name, file)
-    return typed_options
+        result[name] = validated(_model_type(values.get("kind")), values, name, file)
+    return result

@@ -10,9 +10,9 @@ import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -31,10 +31,9 @@ DECLARATION = re.compile(
 TYPES = {"real": "float64", "log": "float64", "count": "int64", "flag": "bool"}
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(NamedTuple):
     """Declaration of a column: its kind, its least and greatest value, the texts that it may hold
-    (any, where there are none), whether a value and whether the column may be missing.
+    (any, where there are none), and True where a value, or the column, may be missing.
     """
 
     kind: str
@@ -49,14 +48,10 @@ class Column:
         """Return the column that ``text`` declares."""
         if (parts := DECLARATION.fullmatch(text)) is None:
             raise ValueError(f"not the declaration of a column: {text!r}")
-        return cls(
-            parts["kind"],
-            low=float(parts["low"] or (0 if parts["kind"] == "count" else -np.inf)),
-            high=float(parts["high"] or np.inf),
-            among=tuple(name.strip() for name in (parts["among"] or "").split(",") if name),
-            gaps=parts["gaps"] is not None or parts["kind"] == "log",
-            optional=parts["optional"] is not None,
-        )
+        kind, among = parts["kind"], tuple(re.findall("[^, ][^,]*", parts["among"] or ""))
+        low = float(parts["low"] or (0 if kind == "count" else -np.inf))
+        gaps, optional = kind == "log" or bool(parts["gaps"]), bool(parts["optional"])
+        return cls(kind, low, float(parts["high"] or np.inf), among, gaps, optional)
 
     def fault(self, values: pd.Series) -> str | None:
         """Return the first rule that ``values`` break, with the first value that breaks it."""
@@ -79,10 +74,8 @@ class Column:
                 f"must be at least {self.low:g}": numbers < self.low,
                 f"must be at most {self.high:g}": numbers > self.high,
             }
-        for rule, broken in rules.items():
-            if np.any(broken):
-                return f"{rule}, not {values.to_numpy()[np.argmax(broken)]}"
-        return None
+        broken = next((rule for rule, bad in rules.items() if np.any(bad)), None)
+        return broken and f"{broken}, not {values.to_numpy()[np.argmax(rules[broken])]}"
 
 
 @cache
@@ -146,11 +139,8 @@ def read(name: str, folder: Path, declarations: Path = PAPER) -> pd.DataFrame:
     """Read and check ``folder/name.parquet``; ContractError names the file where it is missing."""
     file = Path(folder) / f"{name}.parquet"
     if not file.is_file():
-        raise ContractError(
-            f"there is no table {name!r}: the dataset lacks the instrument for it, or its stage "
-            "has not run",
-            file=file,
-        )
+        absent = "the dataset lacks the instrument for it, or its stage has not run"
+        raise ContractError(f"there is no table {name!r}: {absent}", file=file)
     from pyarrow.parquet import ParquetFile
 
     try:
@@ -174,13 +164,9 @@ def write_metrics(metrics: dict, file: Path) -> None:
     """Write numbers for ``dvc metrics`` as JSON, in full precision; ContractError for one that is
     not finite.
     """
-    plain = {
-        name: value.item() if isinstance(value, np.generic) else value
-        for name, value in metrics.items()
-    }
-    if broken := [name for name, value in plain.items() if not math.isfinite(value)]:
+    if broken := [name for name, value in metrics.items() if not math.isfinite(value)]:
         raise ContractError(f"{', '.join(broken)} not finite", file=file)
-    write_text(json.dumps(plain, indent=2) + "\n", file)
+    write_text(json.dumps(metrics, indent=2, default=lambda number: number.item()) + "\n", file)
 
 
 def write_text(text: str, file: Path) -> None:
@@ -219,14 +205,10 @@ def stacked(
     if isinstance(columns, str):
         columns = family_columns(columns, members(table, columns))
     codes, names = pd.factorize(table[by])
-    values = table[columns].to_numpy()
-    if (
-        not len(names)
-        or len(values) % len(names)
-        or np.any(codes.reshape(len(names), -1) != np.arange(len(names))[:, None])
-    ):
+    count = len(names)
+    if not count or not np.array_equal(codes, np.repeat(np.arange(count), len(table) // count)):
         raise ContractError(
             f"not every {by} has the same number of rows, one after the other",
             lengths=table[by].value_counts().to_dict(),
         )
-    return list(names), values.reshape(len(names), -1, len(columns))
+    return list(names), table[columns].to_numpy().reshape(count, -1, len(columns))

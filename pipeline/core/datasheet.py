@@ -8,7 +8,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import About, Dataset
@@ -20,8 +20,7 @@ OPEN = "???"  # a value that a person has yet to fill in
 REMARK = " # → "  # begins a remark on such a value
 
 
-@dataclass(frozen=True)
-class Datasheet:
+class Datasheet(NamedTuple):
     """Keys that the datasheet in ``file`` adds to the section ``dataset``, without ``about``."""
 
     file: Path
@@ -105,20 +104,11 @@ def unfilled_keys(values: Any, key: str = "") -> Iterator[str]:
 
 def _refuse(keys: Iterable[str], file: Path) -> None:
     if names := list(keys):
-        raise ConfigError(
-            f"fill in {', '.join(names)}: there is ??? for a value", key=names[0], file=file
-        )
+        message = f"fill in {', '.join(names)}: there is ??? for a value"
+        raise ConfigError(message, key=names[0], file=file)
 
 
-@options()
-class Described(Dataset):
-    """A dataset with the text of its datasheet."""
-
-    about: About | None = None
-
-
-@dataclass(frozen=True)
-class Question:
+class Question(NamedTuple):
     """A value that is still ???: its key, the comment beside it, and its line of ``file``, from
     0.
     """
@@ -146,32 +136,30 @@ class Draft:
         """Return the values that are still ???, in the order of the files."""
         result = []
         for file, text in self.texts.items():
-            lines = []
+            places = []
             for number, line in enumerate(text.splitlines()):
                 code, _, hint = line.partition(REMARK)[0].partition(" # ")
                 if not code.lstrip().startswith("#"):
-                    lines += [(number, hint)] * code.count(OPEN)
+                    places += [(hint, file, number)] * code.count(OPEN)
             keys = list(unfilled_keys(parsed(text, file=file)))
-            if len(keys) != len(lines):
+            if len(keys) != len(places):
                 raise ConfigError(f"{OPEN} stands where no value does; fill in by hand", file=file)
-            result += [
-                Question(key, hint, file, number)
-                for key, (number, hint) in zip(keys, lines, strict=True)
-            ]
+            result += [Question(key, *place) for key, place in zip(keys, places, strict=True)]
         return result
 
     def answer(self, key: str, value: str, wrong: Callable[[dict], list[PipelineError]]) -> None:
         """Put ``value``, as YAML has it, in the place of a ???.
 
-        ConfigError where the key is none that is still open; the first that is ``wrong`` with the
-        values now and was not before. The draft is then as it was.
+        ConfigError where the key is none that is still open; the first fault that ``wrong`` finds
+        in the values now and did not before. The draft is then as it was.
         """
-        question = next((question for question in self.questions() if question.key == key), None)
-        if question is None:
-            there_are = ", ".join(question.key for question in self.questions()) or "none"
+        questions = {question.key: question for question in self.questions()}
+        if key not in questions:
+            there_are = ", ".join(questions) or "none"
             message = f"no such value is still to be filled in; there are {there_are}"
             raise ConfigError(message, key=key)
-        changed = self._with(question, lambda line: line.replace(OPEN, _written(value, key), 1))
+        edit = _written(value, key)
+        changed = self._with(questions[key], lambda line: line.replace(OPEN, edit, 1))
         before = {str(fault) for fault in wrong(self.values())}
         if new := [fault for fault in wrong(changed.values()) if str(fault) not in before]:
             raise new[0]
@@ -204,11 +192,19 @@ def _written(value: str, key: str) -> str:
     value = " ".join(value.split())
     if value in ("", OPEN):
         raise ConfigError("a value has to stand here", key=key)
+    plain = " #" not in value and value[0] != "#"
     try:
         parsed(f"key: {value}")
     except ConfigError:
-        return json.dumps(value, ensure_ascii=False)
-    return json.dumps(value, ensure_ascii=False) if " #" in value or value[0] == "#" else value
+        plain = False
+    return value if plain else json.dumps(value, ensure_ascii=False)
+
+
+@options()
+class Described(Dataset):
+    """A dataset with the text of its datasheet."""
+
+    about: About | None = None
 
 
 def faults(values: dict[str, Any]) -> list[ConfigError]:
@@ -231,10 +227,7 @@ def absent(values: dict[str, Any]) -> list[str]:
 
 
 def _without_open(values: Any) -> Any:
-    if isinstance(values, dict):
-        return {
-            name: _without_open(value)
-            for name, value in values.items()
-            if not [*unfilled_keys(value)] or isinstance(value, dict)
-        }
-    return values
+    if not isinstance(values, dict):
+        return values
+    kept = {n: v for n, v in values.items() if isinstance(v, dict) or not [*unfilled_keys(v)]}
+    return {name: _without_open(value) for name, value in kept.items()}

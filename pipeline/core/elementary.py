@@ -22,22 +22,10 @@ MAGIC = 1.5 * 2.0**52
 QUARTER = 1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21
 LOG_2 = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 # within π/4 of zero, r = x²: sin x = x + x³·S(r), cos x = 1 − r/2 + r²·C(r) (fdlibm)
-SINE = (
-    -1.66666666666666324348e-01,
-    8.33333333332248946124e-03,
-    -1.98412698298579493134e-04,
-    2.75573137070700676789e-06,
-    -2.50507602534068634195e-08,
-    1.58969099521155010221e-10,
-)
-COSINE = (
-    4.16666666666666019037e-02,
-    -1.38888888888741095749e-03,
-    2.48015872894767294178e-05,
-    -2.75573143513906633035e-07,
-    2.08757232129817482790e-09,
-    -1.13596475577881948265e-11,
-)
+SINE = -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04
+SINE += 2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10
+COSINE = 4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05
+COSINE += -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11
 # Taylor series of exp(x) = 1 + x + x²·E(x): within (ln 2)/2 of zero the first omitted term is
 # below half a unit in the last place
 EXPONENTIAL = tuple(1 / factorial(k + 2) for k in range(12))
@@ -95,14 +83,10 @@ def inner_product(x: np.ndarray, y: np.ndarray) -> float:
     a = b = c = d = e = f = g = h = 0.0
     whole = len(x) // LANES * LANES
     for i in range(0, whole, LANES):
-        a += x[i] * y[i]
-        b += x[i + 1] * y[i + 1]
-        c += x[i + 2] * y[i + 2]
-        d += x[i + 3] * y[i + 3]
-        e += x[i + 4] * y[i + 4]
-        f += x[i + 5] * y[i + 5]
-        g += x[i + 6] * y[i + 6]
-        h += x[i + 7] * y[i + 7]
+        a, b = a + x[i] * y[i], b + x[i + 1] * y[i + 1]
+        c, d = c + x[i + 2] * y[i + 2], d + x[i + 3] * y[i + 3]
+        e, f = e + x[i + 4] * y[i + 4], f + x[i + 5] * y[i + 5]
+        g, h = g + x[i + 6] * y[i + 6], h + x[i + 7] * y[i + 7]
     for i in range(whole, len(x)):
         a += x[i] * y[i]
     return ((a + e) + (c + g)) + ((b + f) + (d + h))
@@ -114,14 +98,8 @@ def total(x: np.ndarray) -> float:
     a = b = c = d = e = f = g = h = 0.0
     whole = len(x) // LANES * LANES
     for i in range(0, whole, LANES):
-        a += x[i]
-        b += x[i + 1]
-        c += x[i + 2]
-        d += x[i + 3]
-        e += x[i + 4]
-        f += x[i + 5]
-        g += x[i + 6]
-        h += x[i + 7]
+        a, b, c, d = a + x[i], b + x[i + 1], c + x[i + 2], d + x[i + 3]
+        e, f, g, h = e + x[i + 4], f + x[i + 5], g + x[i + 6], h + x[i + 7]
     for i in range(whole, len(x)):
         a += x[i]
     return ((a + e) + (c + g)) + ((b + f) + (d + h))
@@ -133,10 +111,8 @@ def greatest(x: np.ndarray) -> float:
     a = b = c = d = -np.inf
     whole = len(x) // 4 * 4
     for i in range(0, whole, 4):
-        a = x[i] if x[i] > a else a
-        b = x[i + 1] if x[i + 1] > b else b
-        c = x[i + 2] if x[i + 2] > c else c
-        d = x[i + 3] if x[i + 3] > d else d
+        a, b = (x[i] if x[i] > a else a), (x[i + 1] if x[i + 1] > b else b)
+        c, d = (x[i + 2] if x[i + 2] > c else c), (x[i + 3] if x[i + 3] > d else d)
     for i in range(whole, len(x)):
         a = x[i] if x[i] > a else a
     a, b = (a if a > b else b), (c if c > d else d)

@@ -29,24 +29,20 @@ Loader.yaml_implicit_resolvers = {
     first: [(tag, pattern) for tag, pattern in resolvers if not tag.endswith(":timestamp")]
     for first, resolvers in yaml.CSafeLoader.yaml_implicit_resolvers.items()
 }
-Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"[-+]?\d[\d_]*(\.[\d_]*)?[eE][-+]?\d+$"),
-    list("-+0123456789"),
-)
+FLOAT = re.compile(r"[-+]?\d[\d_]*(\.[\d_]*)?[eE][-+]?\d+$")
+Loader.add_implicit_resolver("tag:yaml.org,2002:float", FLOAT, list("-+0123456789"))
 
 
 def read_yaml(file: Path) -> dict[str, Any]:
-    """Return what ``file`` holds, {} where it is empty; ConfigError where it cannot be read or
-    holds no keys and values.
+    """Return the keys and values of ``file``, {} where it is empty; ConfigError where it cannot be
+    read or holds none.
     """
     try:
         with Path(file).open("rb") as stream:
             content = stream.read(MOST_BYTES + 1)
     except FileNotFoundError:
-        raise ConfigError(
-            "no such file; run the pipeline from the project's root", file=file
-        ) from None
+        message = "no such file; run the pipeline from the project's root"
+        raise ConfigError(message, file=file) from None
     except OSError as error:
         raise ConfigError(f"cannot be read ({error.strerror})", file=file) from None
     if len(content) > MOST_BYTES:
@@ -58,7 +54,7 @@ def read_yaml(file: Path) -> dict[str, Any]:
 
 
 def parsed(text: str | bytes, **evidence: object) -> Any:
-    """Return what ``text`` holds as YAML; ConfigError with ``evidence`` where it is no YAML."""
+    """Return the value of ``text`` as YAML; ConfigError with ``evidence`` where it is no YAML."""
     try:
         return yaml.load(text, Loader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from difflib import get_close_matches
 from functools import cache, wraps
 from pathlib import Path
-from types import NoneType
 from typing import Any, TypeVar, dataclass_transform, get_args, get_origin, get_type_hints
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
@@ -17,7 +16,6 @@ from pipeline.core.errors import ConfigError
 
 T = TypeVar("T")
 RULES = ConfigDict(extra="forbid", allow_inf_nan=False)
-UNKNOWN = ("unexpected_keyword_argument", "extra_forbidden")
 MISSING = "no value for "  # begins the message of a missing value
 # keys of earlier versions → the replacement that their refusal names
 REPLACED = {
@@ -89,15 +87,14 @@ def all_faults(
 
 def joined_faults(faults: list[ConfigError], file: Path | None = None) -> ConfigError:
     """Return one ConfigError that says all ``faults``, a line each."""
-    message = faults[0].message
+    first, message = faults[0], faults[0].message
     if len(faults) > 1:
         message = f"{len(faults)} faults:"
         for fault in faults:
             key = str(fault.evidence.get("key"))
-            said = fault.message.removeprefix(key.rpartition(".")[2] + ": ")
-            message += f"\n  {key}: {said}"
+            message += f"\n  {key}: {fault.message.removeprefix(key.rpartition('.')[2] + ': ')}"
         message += "\n "
-    return ConfigError(message, **{"file": file} | faults[0].evidence)
+    return ConfigError(message, **{"file": file} | first.evidence)
 
 
 @cache
@@ -106,53 +103,49 @@ def _adapter(structure: type) -> TypeAdapter:
 
 
 def _faults(error: ValidationError, structure: type, section: str) -> list[ConfigError]:
-    found = []
-    for fault in error.errors(include_url=False):
-        if fault["loc"] and isinstance(fault["loc"][0], int) and is_dataclass(structure):
-            names = [one.name for one in fields(structure)]  # a value given by position
-            if fault["loc"][0] < len(names):
-                fault["loc"] = (names[fault["loc"][0]], *fault["loc"][1:])
-        place, kind = [str(part) for part in fault["loc"]], fault["type"]
-        cause = fault.get("ctx", {}).get("error")
-        known: list[str] = []
-        if isinstance(cause, Fault):
-            place.append(cause.key)
-        key = ".".join(filter(None, [section, *place]))
-        if isinstance(cause, Fault):
-            message = str(cause)
-        elif kind in UNKNOWN:
-            known = _keys_at(structure, place[:-1])
-            message = REPLACED.get(key, f"unknown key '{place[-1]}'; there are {', '.join(known)}")
-        elif kind == "missing":
-            message = f"{MISSING}{key}"
-        elif kind in ("dataclass_type", "dict_type"):
-            message = "must hold keys and values"
-        else:
-            message = f"{fault['msg'][0].lower()}{fault['msg'][1:]}, got {fault['input']!r}"
-            expected = str(fault.get("ctx", {}).get("expected", ""))
-            known = expected.replace(" or ", ", ").replace("'", "").split(", ")
-        wrong = place[-1] if kind in UNKNOWN else fault["input"]
-        if isinstance(wrong, str) and (near := get_close_matches(wrong, known, n=1)):
-            message += f"; did you mean {near[0]}?"
-        if kind != "missing" and place and place[-1] not in message:
-            message = f"{place[-1]}: {message}"
-        found.append(ConfigError(message, key=key))
-    return found
+    return [_fault(one, structure, section) for one in error.errors(include_url=False)]
+
+
+def _fault(error: Any, structure: type, section: str) -> ConfigError:
+    """Fault of one of pydantic's ``error``s: key, value, what is allowed and the nearest of it."""
+    place, kind, given = [*error["loc"]], error["type"], error["input"]
+    if place and isinstance(place[0], int) and is_dataclass(structure):  # given by position
+        place[0] = fields(structure)[place[0]].name
+    place, context = [str(part) for part in place], error.get("ctx", {})
+    cause, known = context.get("error"), []
+    if isinstance(cause, Fault):
+        place.append(cause.key)
+    key = ".".join(filter(None, [section, *place]))
+    if isinstance(cause, Fault):
+        message = str(cause)
+    elif kind in ("unexpected_keyword_argument", "extra_forbidden"):
+        given, known = place[-1], _keys_at(structure, place[:-1])
+        message = REPLACED.get(key, f"unknown key '{given}'; there are {', '.join(known)}")
+    elif kind == "missing":
+        return ConfigError(f"{MISSING}{key}", key=key)
+    elif kind in ("dataclass_type", "dict_type"):
+        message = "must hold keys and values"
+    else:
+        message = f"{error['msg'][0].lower()}{error['msg'][1:]}, got {given!r}"
+        known = str(context.get("expected", "")).replace(" or ", ", ").replace("'", "").split(", ")
+    if isinstance(given, str) and (near := get_close_matches(given, known, n=1)):
+        message += f"; did you mean {near[0]}?"
+    if place and place[-1] not in message:
+        message = f"{place[-1]}: {message}"
+    return ConfigError(message, key=key)
 
 
 def _keys_at(structure: type, place: list[str]) -> list[str]:
     """Names of the fields of the dataclass at ``place`` below ``structure``."""
+
+    def section(hint: Any) -> Any:
+        return next((one for one in (hint, *get_args(hint)) if is_dataclass(one)), None)
+
     current: Any = structure
     for part in place:
-        if (section := next(_dataclasses(current), None)) is not None:
-            current = get_type_hints(section).get(part)
+        if (here := section(current)) is not None:
+            current = get_type_hints(here).get(part)
         elif get_origin(current) in (dict, list, tuple):
             current = get_args(current)[-1]
-    section = next(_dataclasses(current), None)
-    return [] if section is None else [one.name for one in fields(section)]
-
-
-def _dataclasses(hint: Any) -> Iterator[type]:
-    for one in (hint, *get_args(hint)):
-        if isinstance(one, type) and one is not NoneType and is_dataclass(one):
-            yield one
+    here = section(current)
+    return [] if here is None else [one.name for one in fields(here)]

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from pipeline.core.columns import column, columns
 from pipeline.core.filters import MEMORY, NONE, closed
 from pipeline.figures import style
 
@@ -25,7 +26,7 @@ def draw(filter_error: pd.DataFrame, models: list[str], joints: list[str]) -> Fi
     without a closed loop lacks its line.
     """
     figure, grid = style.model_panels(models, joints, "rms error (rad)")
-    squares = filter_error[[f"e:{joint}" for joint in joints]] ** 2
+    squares = filter_error[columns("e", joints)] ** 2
     running = np.sqrt(squares.groupby([filter_error["model"], filter_error["t"]]).mean())
     for row, model in zip(grid, models, strict=True):
         shown = {
@@ -37,7 +38,7 @@ def draw(filter_error: pd.DataFrame, models: list[str], joints: list[str]) -> Fi
         for joint, axes in zip(joints, row, strict=True):
             for label, (name, look) in shown.items():
                 if name in running.index:
-                    axes.plot(running.loc[name, f"e:{joint}"], label=label, **look)
+                    axes.plot(running.loc[name, column("e", joint)], label=label, **look)
     grid[0, 0].set(xlim=(0, filter_error["t"].max()), ylim=(0, None))
     style.legend(figure)
     return figure

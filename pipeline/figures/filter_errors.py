@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from pipeline.core.columns import column
 from pipeline.core.filters import NONE
 from pipeline.figures import style
 
@@ -31,12 +32,12 @@ def draw(filter_error: pd.DataFrame, models: list[str], joints: list[str]) -> Fi
         rows = filter_error[filter_error["model"] == model]
         take, others = rows[rows["take"] == shown].set_index("t"), rows[rows["take"] != shown]
         for joint, axes in zip(joints, row, strict=True):
-            errors = others.pivot(index="t", columns="take", values=f"e:{joint}")
+            errors = others.pivot(index="t", columns="take", values=column("e", joint))
             grey = axes.plot(errors.index, errors.to_numpy(), **thin)
-            (error,) = axes.plot(take[f"e:{joint}"], color=style.BLUE, linewidth=0.8)
-            rms = np.sqrt(unfiltered[f"e:{joint}"].agg(lambda errors: np.mean(errors**2)))
+            (error,) = axes.plot(take[column("e", joint)], color=style.BLUE, linewidth=0.8)
+            rms = np.sqrt(unfiltered[column("e", joint)].agg(lambda errors: np.mean(errors**2)))
             for sign in (1, -1):
-                std = sign * take[f"s:{joint}"]
+                std = sign * take[column("s", joint)]
                 (bound,) = axes.plot(std, color=style.VERMILLION, linewidth=0.8)
                 (none,) = axes.plot(sign * rms, color=style.BLACK, linewidth=0.5)
     grid[0, 0].set_xlim(0, filter_error["t"].max())

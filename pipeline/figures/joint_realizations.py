@@ -12,7 +12,7 @@ from __future__ import annotations
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pipeline.core.columns import columns, members
+from pipeline.core.columns import column, columns, members
 from pipeline.figures import style
 
 TABLES = {"joints": "data/track", "process_noise": "data/track"}
@@ -30,14 +30,14 @@ def draw(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Figure:
     # pixels, not paths: a hundred lines on top of each other would weigh megabytes
     thin = {"color": style.RECORDED["color"], "linewidth": 0.4, "rasterized": True}
     for (joint, line), axes in zip(style.joint_lines(names).items(), row, strict=True):
-        angles = training.pivot(index="t", columns="take", values=f"q:{joint}")
+        angles = training.pivot(index="t", columns="take", values=column("q", joint))
         lines = axes.plot(angles.index, angles.to_numpy(), **thin)
         (mean,) = axes.plot(angles.mean(axis=1), color=style.BLACK, linestyle="--", linewidth=0.7)
         middle = (angles.min().min() + angles.max().max()) / 2
         axes.set(ylabel=f"{line['label']} (rad)", ylim=(middle - span, middle + span))
         axes.set_xlim(0, angles.index[-1])
         right, green = axes.twinx(), {"color": style.GREEN, "linestyle": "-.", "linewidth": 0.8}
-        (noise,) = right.plot(std[f"w:{joint}"], **green)
+        (noise,) = right.plot(std[column("w", joint)], **green)
         right.set(ylabel="std of its noise (rad)", ylim=(0, 1.6 * std.max().max()))
         right.spines["right"].set_visible(True)
         for part in (right.yaxis.label, right.spines["right"]):

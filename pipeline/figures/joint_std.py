@@ -13,6 +13,7 @@ from __future__ import annotations
 import pandas as pd
 from matplotlib.figure import Figure
 
+from pipeline.core.columns import column, columns
 from pipeline.figures import style
 
 TABLES = {"deviation": "data/score"}
@@ -29,14 +30,14 @@ def draw(deviation: pd.DataFrame, models: list[str], joints: list[str], mode: st
     lines = {"recorded": style.RECORDED} | style.model_lines(models)
     figure, (row,) = style.joint_panels(len(joints), across, size, sharey=True)
     shown = deviation[deviation["source"].isin(lines)]
-    tops = shown.groupby("source")[[f"s:{joint}" for joint in joints]].max().max(axis=1)
+    tops = shown.groupby("source")[columns("s", joints)].max().max(axis=1)
     tops = tops.sort_values().to_list()
     while len(tops) > 1 and tops[-1] > OUTLYING * tops[-2]:
         tops.pop()
     for (joint, name), axes in zip(style.joint_lines(joints).items(), row, strict=True):
         for source, line in lines.items():
             rows = deviation[deviation["source"] == source]
-            axes.plot(rows["t"], rows[f"s:{joint}"], **line)
+            axes.plot(rows["t"], rows[column("s", joint)], **line)
         axes.set(title=name["label"], xlim=(0, deviation["t"].max()))
     row[0].set_ylim(0, 1.05 * tops[-1])
     for first in row[::across]:

@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
-from pipeline.core.columns import members
+from pipeline.core.columns import column, members
 from pipeline.figures import style
 
 TABLES = {"kinect_noise": "data/articulate"}
@@ -24,8 +24,8 @@ def draw(kinect_noise: pd.DataFrame) -> Figure:
     rows = kinect_noise[kinect_noise["take"] == "none"].set_index("t")
     figure, (row,) = style.panels(style.ONE_COLUMN, 2.1, columns=2, sharex=True)
     for joint, line in style.joint_lines(members(kinect_noise, "b")).items():
-        row[0].plot(rows[f"b:{joint}"], **line)
-        row[1].plot(np.sqrt(rows[f"r:{joint}:{joint}"]), **line)
+        row[0].plot(rows[column("b", joint)], **line)
+        row[1].plot(np.sqrt(rows[column("r", joint, joint)]), **line)
     row[0].axhline(0, color=style.GREY, linewidth=0.5, zorder=0)
     labels = ("mean (rad)", "standard deviation (rad)")
     for axes, name, label in zip(row, "ab", labels, strict=True):

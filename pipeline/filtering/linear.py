@@ -6,11 +6,11 @@ of a Gaussian process (Rasmussen & Williams, Gaussian Processes for Machine Lear
 2.2).
 
 The path has the prior N(q̄, P). Frame j shows the deviation at its point p between the two poses
-of its step times the response A: y_j − b_j = p̄_j + A(p_j − p̄_j) + N(0, R_j), so that H_j is A times
-the weights of the two poses. A pose of the tip is displaced from the pose at p̄_j by
-J(p̄_j)A(p_j − p̄_j) + b_j + N(0, R_j), to first order, J the whole Jacobian of an arm in space. With
-the frames in the order of time and S = H P Hᵀ + R = L Lᵀ the leading block of L is the factor of
-the frames up to any time, and one factorisation holds the posterior of every step,
+of its step times the response A: y_j − b_j = p̄_j + A(p_j − p̄_j) + N(0, R_j), so that H_j is A
+times the weights of the two poses. A pose of the tip is displaced from the pose at p̄_j by
+J(p̄_j)A(p_j − p̄_j) + b_j + N(0, R_j), to first order, J the whole Jacobian of an arm in space.
+With the frames in the order of time and S = H P Hᵀ + R = L Lᵀ the leading block of L is the factor
+of the frames up to any time, and one factorisation holds the posterior of every step,
 
     E q_k = q̄_k + G_kᵀ w,   Cov q_k = P_kk − G_kᵀ G_k,   G = L⁻¹ H P,   w = L⁻¹(y − b − p̄),
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.interface import Arm
+from pipeline.arm.interface import ArmConstants
 from pipeline.arm.kinematics import WIDTH, add_displacement, tip
 from pipeline.arm.rows import JOINTS
 from pipeline.core.compiled import inlined, inner
@@ -57,7 +57,9 @@ def displacement(arm, measured, poses, rest, count):
     pose at ``poses`` (n, count).
     """
     # the whole pose, in metres and radians, whatever the task
-    whole = Arm(arm.plane, arm.frames, arm.sliding, np.arange(ROWS), np.ones(ROWS), arm.least)
+    whole = ArmConstants(
+        arm.plane, arm.frames, arm.sliding, np.arange(ROWS), np.ones(ROWS), arm.least
+    )
     first = JOINTS + 6 * len(arm.sliding)
     block = np.empty((first + ROWS, WIDTH))
     tip(whole, poses, 0, count, block)

@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.core.columns import columns, members
+from pipeline.core.columns import PLANE, columns, members
 from pipeline.core.errors import RecordingError
-from pipeline.core.task import PLANE
 from pipeline.formats.delimited import cells_of, is_blank, numbers_of, read_text
 from pipeline.formats.format import Format, Head, Kind
 

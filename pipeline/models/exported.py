@@ -15,14 +15,14 @@ import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
-from pipeline.arm.serial import PlainChain
+from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ContractError, ModelDomainError
 from pipeline.models.joint_steps import KIND, JointStepModel, build_joint_steps
 from pipeline.models.kinds import build_model
 from pipeline.models.model import MotionModel
 
 FORMAT = "motion model 1"
-ARMS = {"planar": PlanarChain, "serial": PlainChain}
+ARMS = {"planar": PlanarChain, "serial": SerialChain}
 UNLIMITED = {"lower": -np.inf, "upper": np.inf, "max_speed": np.inf}  # null in the file
 # of a range's width, and beside it in its own unit, that a pose or a command may be beyond it
 # before it is warned of

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.interface import Arm
+from pipeline.arm.interface import ArmConstants
 from pipeline.arm.kinematics import (
     add_displacement,
     cholesky,
@@ -27,7 +27,6 @@ from pipeline.arm.planar import (
 )
 from pipeline.arm.rows import (
     Rows,
-    add_column_dot,
     add_combination,
     add_dot,
     add_product,
@@ -45,7 +44,7 @@ from pipeline.randommatrix.variates import draw_variates
 @compiled
 def move(
     law: Law,
-    arm: Arm,
+    arm: ArmConstants,
     space: int | None,
     block: np.ndarray,
     command: np.ndarray,
@@ -150,7 +149,7 @@ def _to_joints(
     solve_upper(block, lower, inverse, m, task, count)
     for j in range(n):
         step = rows.joints + j
-        add_column_dot(block, step, 1.0, rows.jacobian + j, n, task, m, count)
+        add_dot(block, step, 1.0, rows.jacobian + j, task, m, count, n)
         for i in range(count):
             singular = block[rows.singular, i] > 0.0
             block[step, i] = np.nan if singular else block[step, i]

@@ -20,7 +20,7 @@ from pipeline.arm.model import Arm
 from pipeline.core.columns import spread
 from pipeline.core.compiled import compiled
 from pipeline.core.errors import RecordingError, SolverError
-from pipeline.core.options.analysis import Articulation as Chosen
+from pipeline.core.options.analysis import ArticulationSection as Chosen
 from pipeline.core.validation import options
 from pipeline.perception.articulation_objective import ENDS, INFEASIBLE, End, Frame, frame_of, rank
 

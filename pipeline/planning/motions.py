@@ -10,9 +10,9 @@ import numpy as np
 
 from pipeline.core.compiled import compiled
 from pipeline.core.errors import ConfigError
-from pipeline.planning.problem import Cost, InfeasibleError, Problem, settle, where_defined
+from pipeline.planning.problem import TURN, Cost, InfeasibleError, Problem, settle, where_defined
 from pipeline.planning.refine import objective, refined
-from pipeline.planning.self_motion import ROUNDS, Grid, grid, spacing_of, stages
+from pipeline.planning.self_motion import ROUNDS, grid, spacing_of, stages
 
 POINTS = 200  # of the grid, at a step
 SPACINGS = 1.5  # that the slowest joint can move from one stage of the search to the next
@@ -56,11 +56,11 @@ def least_uncertain(problem: Problem, cost: Cost, points: int = POINTS) -> Plann
         )
     spacing = spacing_of(problem, points)
     steps = stages(problem, spacing, SPACINGS)
-    ways = on_stages(problem, cost, grid(problem, steps, spacing))
+    ways = on_stages(problem, cost, steps, grid(problem, steps, spacing))
     planned, failed = [], []
     for way, _ in ways if problem.spare > 0 else ways[:1]:
         try:
-            planned.append(_filled_in(problem, cost, _unwound(problem, way), steps, ways[0][1]))
+            planned.append(_filled_in(problem, cost, way, steps, ways[0][1]))
         except InfeasibleError as error:
             failed.append(error)
     if not planned:
@@ -81,8 +81,8 @@ def best_conditioned(problem: Problem, points: int = POINTS) -> Planned:
 
 
 def minimum_norm(problem: Problem, start: np.ndarray) -> Planned:
-    """The motion from ``start`` (n,) in rad by J⁺v alone, brought back to the path at every step:
-    what resolved-rate control does (Whitney, 1969). Its cost is the square of each step in rad².
+    """The motion from ``start`` (n,) in rad by J⁺v alone, brought back to the path at every step,
+    as resolved-rate control does (Whitney, 1969). Its cost is the square of each step in rad².
 
     Raises InfeasibleError with the first step at which it leaves the limits or the margin.
     """
@@ -95,25 +95,28 @@ def minimum_norm(problem: Problem, start: np.ndarray) -> Planned:
         joints[k] = q[0]
         if k < len(problem.steps):
             guess = q + np.matvec(chain.inverse_jacobian(q), problem.steps[k])
-    _require_kept(problem, joints)
+    problem.require_kept(joints)
     cost = np.sum(np.diff(joints, axis=0) ** 2, axis=-1)
     return Planned(joints, cost, cost.sum(), cost.sum(), problem.clearance(joints))
 
 
-def on_stages(problem: Problem, cost: Cost, chosen: Grid) -> list[tuple[np.ndarray, float]]:
-    """The cheapest way through the grid ``chosen``, (S, n) in rad, and what it costs; behind it the
-    cheapest others that end apart from each other. Eq. (least-uncertain-path) to the grid.
+def on_stages(
+    problem: Problem, cost: Cost, steps: np.ndarray, grid: list[np.ndarray]
+) -> list[tuple[np.ndarray, float]]:
+    """The cheapest way through the ``grid`` of poses (G, n) at each of ``steps`` (S,), (S, n) in
+    rad, and what it costs; behind it the cheapest others that end apart from each other. Eq.
+    (least-uncertain-path) to the grid.
 
     Raises InfeasibleError with the first step to which none leads, and what ``cost`` does.
     """
-    chain, steps, counts = problem.chain, chosen.steps, np.array([len(q) for q in chosen.poses])
+    chain, counts = problem.chain, np.array([len(q) for q in grid])
     stage = np.searchsorted((steps[1:] + steps[:-1]) / 2, np.arange(len(problem.steps)), "right")
-    q = np.concatenate([chosen.poses[s] for s in stage])
+    q = np.concatenate([grid[s] for s in stage])
     each = where_defined(cost, q, np.repeat(problem.steps, counts[stage], axis=0))
     own = np.full((len(steps), counts.max()), np.inf)
     poses = np.zeros((*own.shape, len(chain.lower)))
     nominal = np.zeros((len(steps) - 1, *poses.shape[1:]))
-    for s, solutions in enumerate(chosen.poses):
+    for s, solutions in enumerate(grid):
         poses[s, : len(solutions)], own[s, : len(solutions)] = solutions, 0.0
         if s + 1 < len(steps):
             v = chain.displacement(problem.path[steps[s]], problem.path[steps[s + 1]])
@@ -122,19 +125,18 @@ def on_stages(problem: Problem, cost: Cost, chosen: Grid) -> list[tuple[np.ndarr
         own[s, : len(part)] += part
     wide = np.diff(steps)
     before, total = np.zeros(own.shape, dtype=np.int64), np.full_like(own, np.inf)
-    reached = cheapest(
-        poses,
-        counts,
-        own,
-        nominal,
-        wide[:, None] * problem.reach,
-        problem.smoothness / wide,
-        _more_than_a_turn(problem),
-        before,
-        total,
-    )
+    reach, weight = wide[:, None] * problem.reach, problem.smoothness / wide
+    reached = cheapest(poses, counts, own, nominal, reach, weight, problem.turning, before, total)
     if reached < len(steps):
-        _raise_unreached(problem, chosen, own, reached)
+        if not np.isfinite(own[reached]).any():
+            why = "the model has no covariance at any pose of the path"
+            raise InfeasibleError(why, step=int(steps[reached]))
+        raise InfeasibleError(
+            "no pose of the path can be reached from those before within the joints' speeds; give "
+            "the path more time",
+            step=int(steps[reached]),
+            after=int(steps[reached - 1]) if reached else None,
+        )
     ways: list[tuple[np.ndarray, float]] = []
     for last in np.argsort(total[-1], kind="stable"):
         if len(ways) == WAYS or not np.isfinite(total[-1, last]):
@@ -151,7 +153,8 @@ def _filled_in(
 ) -> Planned:
     """The motion through ``way`` (S, n) in rad at the ``steps`` (S,), refined."""
     every = np.arange(len(problem.path))
-    between = np.stack([np.interp(every, steps, column) for column in way.T], axis=-1)
+    unwound = _unwound(problem, way)
+    between = np.stack([np.interp(every, steps, column) for column in unwound.T], axis=-1)
     joints, reached = settle(problem.chain, between, problem.path, ROUNDS)
     if not reached.all():
         raise InfeasibleError(
@@ -160,48 +163,20 @@ def _filled_in(
         )
     if problem.spare > 0:
         joints = refined(problem, cost, joints)
-    _require_kept(problem, joints)
-    each = cost(joints[:-1], problem.steps)
-    clearance = problem.clearance(joints)
+    problem.require_kept(joints)
+    each, clearance = cost(joints[:-1], problem.steps), problem.clearance(joints)
     return Planned(joints, each, objective(problem, each, joints), grid_cost, clearance)
-
-
-def _more_than_a_turn(problem: Problem) -> np.ndarray:
-    """(n,) joints that come round within their limits."""
-    chain = problem.chain
-    return problem.comes_round & (chain.upper - chain.lower > 2 * np.pi)
 
 
 def _unwound(problem: Problem, poses: np.ndarray) -> np.ndarray:
     """``poses`` (S, n) without jumps of whole turns, within the limits where some turns fit."""
-    chain, turn = problem.chain, 2 * np.pi * _more_than_a_turn(problem)
+    chain, turning = problem.chain, problem.turning
     steps = np.diff(poses, axis=0, prepend=0.0)
-    steps[1:] -= turn * np.round(steps[1:] / (2 * np.pi))
+    steps[1:] -= TURN * np.round(steps[1:] / TURN) * turning
     poses = np.cumsum(steps, axis=0)
-    over = np.where(turn > 0, np.maximum(poses.max(axis=0) - chain.upper, 0.0), 0.0)
-    under = np.where(turn > 0, np.maximum(chain.lower - poses.min(axis=0), 0.0), 0.0)
-    return poses + 2 * np.pi * (np.ceil(under / (2 * np.pi)) - np.ceil(over / (2 * np.pi)))
-
-
-def _require_kept(problem: Problem, joints: np.ndarray) -> None:
-    if failure := problem.failure(joints):
-        raise InfeasibleError(failure[1], step=failure[0])
-
-
-def _raise_unreached(problem: Problem, chosen: Grid, own: np.ndarray, stage: int) -> None:
-    """Why no way leads to ``stage``."""
-    step = int(chosen.steps[stage])
-    if not np.isfinite(own[stage]).any():
-        raise InfeasibleError("the model has no covariance at any pose of the path", step=step)
-    raise InfeasibleError(
-        "no pose of the path can be reached from those before within the joints' speeds; give "
-        "the path more time",
-        step=step,
-        after=int(chosen.steps[stage - 1]) if stage else None,
-    )
-
-
-TURN = 2 * np.pi
+    over = np.where(turning, np.maximum(poses.max(axis=0) - chain.upper, 0.0), 0.0)
+    under = np.where(turning, np.maximum(chain.lower - poses.min(axis=0), 0.0), 0.0)
+    return poses + TURN * (np.ceil(under / TURN) - np.ceil(over / TURN))
 
 
 @compiled

@@ -12,16 +12,23 @@ import numpy as np
 
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ConfigError, ModelDomainError, PipelineError, SingularJacobianError
-from pipeline.models.model import MotionModel, frobenius
+from pipeline.models.model import MotionModel
 
 REACHED = 1e-9  # of a displacement from the path, in m: beyond it a pose is not on it
+CLOSE = REACHED / 100  # likewise, at which Newton's method ends
 ROUND = 1e-9  # of the poses a turn apart, in m and rad: within it they are one
+STRIDE = 0.5  # rad, of the longest step of Newton's method
+OBJECTIVES = ("trace", "log_det")
+BLOCK = 1024  # poses whose matrices stay in the processor's cache
+NONE = 1e-12  # of the greatest variance: below it a covariance has none along an axis
+TURN = 2 * np.pi
+
+# the cost (N,) of the steps ``v`` (N, m) of the task at the poses ``q`` (N, n) in rad
+Cost = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 class InfeasibleError(PipelineError):
-    """A path that no motion follows within what was asked; ``step`` is the first at which it
-    fails.
-    """
+    """A path that no motion follows within the limits; ``step`` is the first at which it fails."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +42,8 @@ class Problem:
     chain: Chain
     path: np.ndarray  # (M+1, p) poses x_k, as ``chain.pose`` gives them
     rate: float  # steps a second
-    # that the least singular value of J stays at or above, in m: that of ``chain.jacobian``, whose
-    # angular rows are multiplied by the task's characteristic length (1 m in a plane)
+    # least value in m of the least singular value of ``chain.jacobian``, whose angular rows are
+    # multiplied by the task's characteristic length (1 m in a plane)
     margin: float
     smoothness: float  # weight of a squared null-space step, in units of the cost for a rad²
 
@@ -54,6 +61,10 @@ class Problem:
         """(M, m) the task steps v_k from x_k to x_{k+1}."""
         return self.chain.displacement(self.path[:-1], self.path[1:])
 
+    def nominal(self, q: np.ndarray) -> np.ndarray:
+        """(M, n) J⁺v_k in rad at the poses ``q`` (M, n)."""
+        return np.matvec(self.chain.inverse_jacobian(q), self.steps)
+
     @property
     def reach(self) -> np.ndarray:
         """(n,) greatest step of each joint in rad, by its greatest speed."""
@@ -66,9 +77,14 @@ class Problem:
 
     @cached_property
     def comes_round(self) -> np.ndarray:
-        """(n,) whether a whole turn of a joint leaves the pose of the tip as it is."""
-        pose, turns = self.chain.pose, 2 * np.pi * np.eye(len(self.chain.lower))
+        """(n,) True of a joint whose whole turn leaves the pose of the tip as it is."""
+        pose, turns = self.chain.pose, TURN * np.eye(len(self.chain.lower))
         return np.all(np.abs(pose(turns) - pose(0 * turns)) < ROUND, axis=-1)
+
+    @property
+    def turning(self) -> np.ndarray:
+        """(n,) True of a joint that comes round within its limits."""
+        return self.comes_round & (self.chain.upper - self.chain.lower > TURN)
 
     def nearest_turns(self, q: np.ndarray) -> np.ndarray:
         """``q`` (..., n) in rad with whole turns taken off the joints that may have them, so that
@@ -82,24 +98,15 @@ class Problem:
         """The ``step`` (..., n) between two poses in rad, of half a turn at most where a joint
         comes round.
         """
-        return step - 2 * np.pi * np.round(step / (2 * np.pi)) * self.comes_round
+        return step - TURN * np.round(step / TURN) * self.comes_round
 
     def clearance(self, q: np.ndarray) -> np.ndarray:
         """(...,) least singular value of J at ``q`` (..., n) in m."""
-        return np.linalg.svd(self.chain.jacobian(q), compute_uv=False)[..., -1]
+        return self.chain.least_singular_value(q)
 
     def clear(self, q: np.ndarray) -> np.ndarray:
-        """(P,) whether ``q`` (P, n) keeps the margin.
-
-        The least singular value is between 1 and sqrt(m) times 1/‖J⁺‖_F, which decides most poses.
-        """
-        result = ~self.chain.singular(q)
-        regular = np.flatnonzero(result)
-        bound = 1 / frobenius(self.chain.inverse_jacobian(q[regular]))
-        result[regular] = bound * np.sqrt(len(self.chain.task)) >= self.margin
-        open_ = regular[result[regular] & (bound < self.margin)]
-        result[open_] = self.clearance(q[open_]) >= self.margin
-        return result
+        """(P,) True of those of ``q`` (P, n) that keep the margin."""
+        return ~self.chain.singular(q) & (self.clearance(q) >= self.margin)
 
     def failure(self, joints: np.ndarray) -> tuple[int, str] | None:
         """The first step at which the motion ``joints`` (M+1, n) in rad fails, and how; None where
@@ -109,24 +116,25 @@ class Problem:
         off = chain.displacement(chain.pose(joints), self.path)
         speeding = np.any(np.abs(np.diff(joints, axis=0)) > self.reach * (1 + 1e-9), axis=-1)
         faults = {
-            "the motion leaves the path": np.linalg.norm(off, axis=-1) > REACHED,
+            "the motion leaves the path": length_of(off) > REACHED,
             "the motion leaves the joint limits": ~chain.within_limits(joints),
             "the motion comes nearer to a singular pose than the margin": ~self.clear(joints),
             "the motion is faster than the joints can be": np.r_[speeding, False],
         }
-        first = {why: int(bad.argmax()) for why, bad in faults.items() if bad.any()}
-        return min(((k, why) for why, k in first.items()), default=None)
+        first = [(int(bad.argmax()), why) for why, bad in faults.items() if bad.any()]
+        return min(first, default=None)
 
-
-STRIDE = 0.5  # rad, of the longest step of Newton's method
-CLOSE = REACHED / 100
+    def require_kept(self, joints: np.ndarray) -> None:
+        """Raise InfeasibleError with the :meth:`failure` of ``joints``."""
+        if failure := self.failure(joints):
+            raise InfeasibleError(failure[1], step=failure[0])
 
 
 def settle(
     chain: Chain, q: np.ndarray, target: np.ndarray, rounds: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """(P, n) in rad the poses that the steps J⁺(target − x) lead to from ``q`` (P, n), and (P,)
-    whether they reach the poses ``target`` (P, p); a lane that meets a singular pose does not.
+    True where they reach the poses ``target`` (P, p); a lane that meets a singular pose does not.
     """
     q, reached = np.array(q, dtype=float), np.zeros(len(q), dtype=bool)
     lanes = np.arange(len(q))
@@ -158,14 +166,6 @@ def length_of(steps: np.ndarray) -> np.ndarray:
     return np.sqrt(np.vecdot(steps, steps))
 
 
-OBJECTIVES = ("trace", "log_det")
-BLOCK = 1024  # poses whose matrices stay in the processor's cache
-NONE = 1e-12  # of the greatest variance: below it a covariance has none along an axis
-
-# the cost (N,) of the steps ``v`` (N, m) of the task at the poses ``q`` (N, n) in rad
-Cost = Callable[[np.ndarray, np.ndarray], np.ndarray]
-
-
 def uncertainty(model: MotionModel, chain: Chain, objective: str) -> Cost:
     """tr Cov(q_{k+1} | q_k) in rad², or its ln det, of a step under ``model``.
 
@@ -173,64 +173,54 @@ def uncertainty(model: MotionModel, chain: Chain, objective: str) -> Cost:
     Where the covariance has the rank m of the task, as that of a matrix model with more joints than
     rows, ln det is that in the row space of J, of the m variances there; else that of all n. A step
     that commands nothing and has no noise costs nothing. The cost is that of the task step: no
-    model of the paper gives noise to a step in the null space of J, and what the scaled model
-    gives to one is left out.
+    model of the paper gives noise to a step in the null space of J, and the noise that the scaled
+    model gives to one is left out.
 
     The cost raises what ``model.covariance`` does, and ModelDomainError where a step that moves has
     no variance along an axis, so that there is no ln det. Raises ConfigError for another objective.
     """
     if objective not in OBJECTIVES:
-        raise ConfigError(
-            f"no objective {objective!r}; there are {', '.join(OBJECTIVES)}", key="objective"
-        )
+        message = f"no objective {objective!r}; there are {', '.join(OBJECTIVES)}"
+        raise ConfigError(message, key="objective")
 
-    def trace(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return np.trace(model.covariance(chain, q, v), axis1=-2, axis2=-1)
+    def cost(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        covariance = model.covariance(chain, q, v)
+        if objective == "trace":
+            return np.trace(covariance, axis1=-2, axis2=-1)
+        variances, n = np.linalg.eigvalsh(covariance), covariance.shape[-1]
+        present = variances > NONE * variances[:, -1:]
+        rank = np.where(present.all(axis=-1), n, len(chain.task))
+        counted = np.arange(n) >= n - rank[:, None]
+        still = ~np.any(v, axis=-1) & ~present[:, -1]
+        lost = np.any(counted & ~present, axis=-1) & ~still
+        if lost.any():
+            raise ModelDomainError(
+                "a step has no variance along some axis of the row space, and so no ln det; plan "
+                "with the objective trace",
+                index=(int(lost.argmax()),),
+            )
+        counted &= ~still[:, None]
+        return np.log(variances, out=np.zeros_like(variances), where=counted).sum(axis=-1)
 
-    def log_det(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return _log_det(model.covariance(chain, q, v), np.any(v, axis=-1), len(chain.task))
-
-    return trace if objective == "trace" else log_det
-
-
-def _log_det(covariance: np.ndarray, moving: np.ndarray, m: int) -> np.ndarray:
-    """(N,) of ``covariance`` (N, n, n), zero where it is zero and nothing is ``moving`` (N,)."""
-    variances = np.linalg.eigvalsh(covariance)
-    n = variances.shape[-1]
-    present = variances > NONE * variances[:, -1:]
-    rank = np.where(present.all(axis=-1), n, m)
-    counted = np.arange(n) >= n - rank[:, None]
-    still = ~moving & ~present[:, -1]
-    lost = np.any(counted & ~present, axis=-1) & ~still
-    if lost.any():
-        raise ModelDomainError(
-            "a step has no variance along some axis of the row space, and so no ln det; plan with "
-            "the objective trace",
-            index=(int(lost.argmax()),),
-        )
-    logs = np.log(variances, out=np.zeros_like(variances), where=counted & ~still[:, None])
-    return logs.sum(axis=-1)
+    return cost
 
 
 def where_defined(cost: Cost, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(N,) the ``cost``, infinite at the poses where it is refused, in blocks.
+    """(N,) the ``cost``, infinite at the poses where it is refused, in blocks that are halved where
+    a part is refused.
 
     Raises ModelDomainError where the model has no covariance at any pose.
     """
-    blocks = range(0, len(q), BLOCK)
-    parts = [_defined(cost, q[k : k + BLOCK], v[k : k + BLOCK]) for k in blocks]
-    return np.concatenate([np.empty(0), *parts])
-
-
-def _defined(cost: Cost, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(N,) of one block, which is halved where a part of it is refused."""
-    try:
-        return cost(q, v)
-    except (ModelDomainError, SingularJacobianError) as error:
-        if "index" not in error.evidence:
-            raise
+    if len(q) > BLOCK:
+        size = BLOCK
+    else:
+        try:
+            return cost(q, v) if len(q) else np.empty(0)
+        except (ModelDomainError, SingularJacobianError) as error:
+            if "index" not in error.evidence:
+                raise
         if len(q) == 1:
             return np.array([np.inf])
-        half = len(q) // 2
-        parts = ((q[:half], v[:half]), (q[half:], v[half:]))
-        return np.concatenate([_defined(cost, *part) for part in parts])
+        size = (len(q) + 1) // 2
+    parts = (slice(k, k + size) for k in range(0, len(q), size))
+    return np.concatenate([where_defined(cost, q[part], v[part]) for part in parts])

@@ -1,18 +1,15 @@
-"""A motion made better locally, within the limits.
+"""A motion with one joint to spare made better locally, within the limits.
 
 The motion moves by ζ_k in the null space of J at each step k: q_k is the pose on the path with
-N_kᵀ(q_k − q⁰_k) = ζ_k, N_k (n, n−m) an orthonormal basis at the motion q⁰ begun with, turned as
-little as can be from one step to the next. ζ is a cubic spline over the steps. Its coefficients are
-SciPy's L-BFGS-B's to find; limits of angle, speed and margin are relaxed logarithmic barriers
-(Feller and Ebenbauer, IEEE Trans. Automatic Control 62, 2017), which lose their weight round by
-round. A round's motion, or a share of the way to it, is taken where it is better and keeps every
-limit exactly.
+n_k·(q_k − q⁰_k) = ζ_k, n_k (n,) the unit vector of the null space at the motion q⁰ begun with. ζ is
+a cubic spline over the steps. Its coefficients are SciPy's L-BFGS-B's to find; limits of angle,
+speed and margin are relaxed logarithmic barriers (Feller and Ebenbauer, IEEE Trans. Automatic
+Control 62, 2017), which lose their weight round by round. A round's motion, or a share of the way
+to it, is taken where it is better and keeps every limit exactly.
 
 A cost or a limit of one step depends on few coefficients, so that a gradient is a few batches
 whatever their number. Solvers that carry each limit as a constraint (SLSQP, trust-constr, IPOPT)
-would carry thousands of them through every iteration. Of SciPy's methods for a smooth objective
-L-BFGS-B ends lowest or as low as any on most arms and models; SLSQP, BFGS and TNC, on the same
-barriers, stop early on some.
+would carry thousands of them through every iteration.
 """
 
 from __future__ import annotations
@@ -38,7 +35,7 @@ def objective(problem: Problem, each: np.ndarray, joints: np.ndarray) -> float:
     """Σ cost + smoothness·Σ‖w_k‖² of the motion ``joints`` (M+1, n) whose steps cost ``each``
     (M,).
     """
-    w = np.diff(joints, axis=0) - _nominal(problem, joints[:-1])
+    w = np.diff(joints, axis=0) - problem.nominal(joints[:-1])
     return float(each.sum() + problem.smoothness * np.sum(w**2))
 
 
@@ -46,7 +43,6 @@ def refined(problem: Problem, cost: Cost, joints: np.ndarray) -> np.ndarray:
     """(M+1, n) in rad a motion no worse than ``joints`` (M+1, n); one that keeps the limits where
     the rounds find any. Raises what ``cost`` raises of ``joints``.
     """
-
     from scipy.optimize import minimize
 
     def value(motion: np.ndarray) -> float:
@@ -57,14 +53,9 @@ def refined(problem: Problem, cost: Cost, joints: np.ndarray) -> np.ndarray:
     for number in range(MOST):
         if number >= len(WEIGHTS) and np.isfinite(least):
             break
-        tube = Tube.around(problem, cost, best, WEIGHTS[number % len(WEIGHTS)])
-        minimum = minimize(
-            tube.value_and_gradient,
-            np.zeros(tube.size),
-            jac=True,
-            method="L-BFGS-B",
-            options={"maxiter": ITERATIONS},
-        )
+        tube = _Tube.around(problem, cost, best, WEIGHTS[number % len(WEIGHTS)])
+        options = {"jac": True, "method": "L-BFGS-B", "options": {"maxiter": ITERATIONS}}
+        minimum = minimize(tube.value_and_gradient, np.zeros(tube.spline.shape[1]), **options)
         for share in SHARES:
             motion, inverse = tube.motion(share * minimum.x)
             if inverse is None:
@@ -78,139 +69,92 @@ def refined(problem: Problem, cost: Cost, joints: np.ndarray) -> np.ndarray:
 
 
 @dataclass
-class Tube:
+class _Tube:
     """The motions around one, and what they cost with the barriers of a ``weight``."""
 
     problem: Problem
     cost: Cost
     middle: np.ndarray  # (M+1, n) q⁰
-    basis: np.ndarray  # (M+1, n, r) N
+    normal: np.ndarray  # (M+1, n) n_k, each nearest to the one before
     spline: np.ndarray  # (M+1, K) its functions at the steps
     weight: float
     scale: float  # of the objective
 
     @classmethod
-    def around(cls, problem: Problem, cost: Cost, middle: np.ndarray, weight: float) -> Tube:
+    def around(cls, problem: Problem, cost: Cost, middle: np.ndarray, weight: float) -> _Tube:
         """The tube around ``middle`` (M+1, n); its objective is measured by its slopes along the
         self-motion there, for a radian, and by its smoothness.
         """
-        basis, steps, scale = _transported(problem, middle), problem.steps, 0.0
-        for r in range(problem.spare):
-            h = NUDGE * basis[:-1, :, r]
-            up, down = (where_defined(cost, middle[:-1] + sign * h, steps) for sign in (1.0, -1.0))
-            both = np.isfinite(up) & np.isfinite(down)
-            scale += np.abs(up[both] - down[both]).sum() / (2 * NUDGE)
+        normal, steps = np.linalg.svd(problem.chain.jacobian(middle))[2][:, -1], problem.steps
+        normal[1:] *= np.sign(np.cumprod(np.vecdot(normal[1:], normal[:-1])))[:, None]
+        h = NUDGE * normal[:-1]
+        up, down = (where_defined(cost, middle[:-1] + sign * h, steps) for sign in (1.0, -1.0))
+        both = np.isfinite(up) & np.isfinite(down)
+        scale = np.abs(up[both] - down[both]).sum() / (2 * NUDGE)
         scale += objective(problem, np.zeros(len(steps)), middle)
-        return cls(problem, cost, middle, basis, _spline(len(middle)), weight, scale or 1.0)
-
-    @property
-    def size(self) -> int:
-        """How many coefficients there are."""
-        return self.spline.shape[1] * self.problem.spare
+        return cls(problem, cost, middle, normal, _spline(len(middle)), weight, scale or 1.0)
 
     def motion(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-        """(M+1, n) q, and the inverses (M+1, n, n) of [J; Nᵀ] there; None where it leaves the
+        """(M+1, n) q, and the inverses (M+1, n, n) of [J; nᵀ] there; None where it leaves the
         path.
         """
-        chain, path = self.problem.chain, self.problem.path
-        zeta = self.spline @ coefficients.reshape(-1, self.problem.spare)
-        rows = np.swapaxes(self.basis, -1, -2)
-        q = self.middle + np.matvec(self.basis, zeta)
+        chain, zeta = self.problem.chain, self.spline @ coefficients
+        q = self.middle + self.normal * zeta[:, None]
         for _ in range(CORRECTIONS):
-            whole = np.concatenate([chain.jacobian(q), rows], axis=-2)
+            whole = np.concatenate([chain.jacobian(q), self.normal[:, None]], axis=-2)
             try:
                 inverse = np.linalg.inv(whole)
             except np.linalg.LinAlgError:
-                return q, None
-            off = chain.displacement(chain.pose(q), path)
+                break
+            off = chain.displacement(chain.pose(q), self.problem.path)
             if np.abs(off).max() < CLOSE:
                 return q, inverse
-            beside = zeta - np.matvec(rows, q - self.middle)
-            q = q + np.matvec(inverse, np.concatenate([off, beside], axis=-1))
+            beside = zeta - np.vecdot(self.normal, q - self.middle)
+            q = q + np.matvec(inverse, np.concatenate([off, beside[:, None]], axis=-1))
             if not np.abs(q).max() < 1e3:
-                return q, None
+                break
         return q, None
 
     def value_and_gradient(self, coefficients: np.ndarray) -> tuple[float, np.ndarray]:
         """The objective over its scale, with the barriers, and its slopes."""
-        problem, nothing = self.problem, np.zeros_like(coefficients)
-        q, inverse = self.motion(coefficients)
-        if inverse is None:
-            return LOST, nothing
-        each = where_defined(self.cost, q[:-1], problem.steps)
-        if not np.isfinite(each).all():
-            return LOST, nothing
-        directions = inverse[..., len(problem.chain.task) :]
-        step, w = np.diff(q, axis=0), np.diff(q, axis=0) - _nominal(problem, q[:-1])
-        barrier, by_pose, by_step = _barriers(problem, q, step)
-        clearance, least = _margin(problem, q)
-        value = (each.sum() + problem.smoothness * np.sum(w**2)) / self.scale
-        value += self.weight * (barrier + clearance)
-        # slopes by each pose along its own directions, then by each step's two ends
-        joint = self.weight * by_pose
-        across = 2 * problem.smoothness / self.scale * w
-        moved = across + self.weight * by_step
-        joint[1:] += moved
-        joint[:-1] -= moved
-        slopes = np.einsum("kj,kjr->kr", joint, directions)
-        for r in range(problem.spare):
-            h = NUDGE * directions[..., r]
-            up, down = (self._local(q + sign * h, least) for sign in (1.0, -1.0))
-            slope = [(one - other) / (2 * NUDGE) for one, other in zip(up, down, strict=True)]
-            slopes[:-1, r] += slope[0] / self.scale - np.vecdot(across, slope[1])
-            slopes[:, r] += self.weight * slope[2]
-        return float(value), (self.spline.T @ slopes).ravel()
+        problem, (q, inverse) = self.problem, self.motion(coefficients)
+        if inverse is None or not np.isfinite((here := self._by_pose(q))[0]).all():
+            return LOST, np.zeros_like(coefficients)
+        step = np.diff(q, axis=0)
+        share, across = step / problem.reach, 2 * problem.smoothness / self.scale
+        w = step - here[1]
+        speed, slope = _barrier(1 - share**2)
+        value = here[0].sum() + across / 2 * np.sum(w**2) + self.weight * speed.mean()
+        # slopes by each step's two ends, then by each pose along its own direction
+        moved = across * w - self.weight * 2 * slope * share / problem.reach / share.size
+        direction, none = inverse[..., -1], np.zeros_like(q[:1])
+        slopes = np.vecdot(np.vstack([none, moved]) - np.vstack([moved, none]), direction)
+        up, down = (self._by_pose(q + sign * NUDGE * direction) for sign in (1.0, -1.0))
+        by_pose = (up[0] - down[0]) / (2 * NUDGE)
+        slopes += np.where(np.isfinite(by_pose), by_pose, 0.0)
+        slopes[:-1] -= across * np.vecdot(w, up[1] - down[1]) / (2 * NUDGE)
+        return float(value), self.spline.T @ slopes
 
-    def _local(self, q: np.ndarray, least: tuple) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """At the poses ``q`` (M+1, n) what each contributes by itself: cost (M,), nominal step (M,
-        n), and the barrier of the margin (M+1,) to first order by the vectors ``least``.
+    def _by_pose(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(M+1,) cost over the scale and barriers of angles and margin of each of the poses ``q``
+        (M+1, n), and (M, n) nominal steps there.
         """
-        problem = self.problem
-        each = where_defined(self.cost, q[:-1], problem.steps)
-        left, right, force = least
-        singular = np.vecdot(left, np.matvec(problem.chain.jacobian(q), right))
-        return np.where(np.isfinite(each), each, 0.0), _nominal(problem, q[:-1]), force * singular
-
-
-def _nominal(problem: Problem, q: np.ndarray) -> np.ndarray:
-    """(M, n) J⁺v_k at the poses ``q`` (M, n)."""
-    return np.matvec(problem.chain.inverse_jacobian(q), problem.steps)
+        problem, chain = self.problem, self.problem.chain
+        bounded = np.isfinite(wide := chain.upper - chain.lower)
+        sides = np.stack([chain.upper - q, q - chain.lower])[..., bounded] / wide[bounded]
+        barrier = _barrier(problem.clearance(q) / problem.margin - 1)[0]
+        if bounded.any():
+            barrier = barrier + _barrier(sides)[0].mean(axis=-1).sum(axis=0)
+        result = self.weight * barrier / len(q)
+        result[:-1] += where_defined(self.cost, q[:-1], problem.steps) / self.scale
+        return result, problem.nominal(q[:-1])
 
 
 def _barrier(slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """−ln of ``slack``, a parabola below :data:`RELAXED`, and its slope."""
     bounded = np.maximum(slack, RELAXED)
     short = (bounded - slack) / RELAXED
-    value = -np.log(bounded) + short + short**2 / 2
-    return value, -(1 + short) / bounded
-
-
-def _barriers(
-    problem: Problem, q: np.ndarray, step: np.ndarray
-) -> tuple[float, np.ndarray, np.ndarray]:
-    """The mean barrier of angles and speeds, its slopes by ``q`` (M+1, n) and by ``step`` (M,
-    n).
-    """
-    chain, by_pose = problem.chain, np.zeros_like(q)
-    wide, value = chain.upper - chain.lower, 0.0
-    bounded = np.isfinite(wide)
-    for sign, limit in ((1.0, chain.upper), (-1.0, chain.lower)):
-        slack = sign * (limit - q)[:, bounded] / wide[bounded]
-        each, slope = _barrier(slack)
-        value += each.mean() if bounded.any() else 0.0
-        by_pose[:, bounded] -= sign * slope / wide[bounded] / max(each.size, 1)
-    share = step / problem.reach
-    each, slope = _barrier(1 - share**2)
-    return value + each.mean(), by_pose, -2 * slope * share / problem.reach / each.size
-
-
-def _margin(problem: Problem, q: np.ndarray) -> tuple[float, tuple]:
-    """The mean barrier of the margin at ``q`` (M+1, n); the vectors (M+1, m) and (M+1, n) of the
-    least singular value, and (M+1,) the slope by it.
-    """
-    left, values, right = np.linalg.svd(problem.chain.jacobian(q), full_matrices=False)
-    each, slope = _barrier(values[:, -1] / problem.margin - 1)
-    return each.mean(), (left[..., -1], right[:, -1], slope / problem.margin / len(q))
+    return -np.log(bounded) + short + short**2 / 2, -(1 + short) / bounded
 
 
 def _spline(count: int) -> np.ndarray:
@@ -221,15 +165,3 @@ def _spline(count: int) -> np.ndarray:
     inner = np.linspace(0.0, count - 1.0, pieces + 1)
     knots = np.concatenate([inner[:1].repeat(3), inner, inner[-1:].repeat(3)])
     return BSpline.design_matrix(np.arange(float(count)), knots, 3).toarray()
-
-
-def _transported(problem: Problem, q: np.ndarray) -> np.ndarray:
-    """(M+1, n, r) orthonormal bases of the null space of J at ``q`` (M+1, n), each nearest to the
-    one before.
-    """
-    m = len(problem.chain.task)
-    bases = np.swapaxes(np.linalg.svd(problem.chain.jacobian(q))[2][:, m:], -1, -2)
-    for k in range(1, len(q)):
-        turn, _, back = np.linalg.svd(bases[k].T @ bases[k - 1])
-        bases[k] = bases[k] @ (turn @ back)
-    return bases

@@ -14,11 +14,8 @@ dropped and does not part a branch.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from pipeline.arm.interface import Chain
 from pipeline.planning.problem import InfeasibleError, Problem, inverses, length_of, settle
 
 STARTS, ALL = 32, 256  # poses at which Newton's method begins, a step; where those find nothing
@@ -26,25 +23,6 @@ ROUNDS, CORRECTIONS = 40, 6  # of Newton's method, from a start and along a curv
 COARSE = 0.25  # rad, the spacing at which the length of the curves is taken
 SAME = 1e-4  # rad, between two solutions that are one
 LONGEST, PILOTS = 4000, 5  # points of a curve; steps at which its length is taken
-
-
-@dataclass(frozen=True)
-class Grid:
-    """At each of ``steps`` (S,), of the path, the poses (G, n) in rad of its grid."""
-
-    steps: np.ndarray
-    poses: list[np.ndarray]
-
-
-def starts(chain: Chain, count: int) -> np.ndarray:
-    """(count, n) poses spread within the joint limits, a turn where a joint has none."""
-    from scipy.stats.qmc import Halton
-
-    unbounded = ~np.isfinite(chain.upper - chain.lower)
-    low = np.where(unbounded, -np.pi, chain.lower)
-    high = np.where(unbounded, np.pi, chain.upper)
-    sequence = Halton(len(low), scramble=False).fast_forward(1)
-    return low + (high - low) * sequence.random(count)
 
 
 def stages(problem: Problem, spacing: float, spacings: float) -> np.ndarray:
@@ -70,58 +48,61 @@ def spacing_of(problem: Problem, points: int) -> float:
     return COARSE * max(most, 1) / points
 
 
-def grid(problem: Problem, steps: np.ndarray, spacing: float) -> Grid:
-    """Return the grid at the ``steps`` (S,), of the whole curves at the ``spacing`` in rad.
+def grid(problem: Problem, steps: np.ndarray, spacing: float) -> list[np.ndarray]:
+    """Return the poses (G, n) in rad of the whole curves at the ``spacing`` in rad, at each of the
+    ``steps`` (S,).
 
     Raises InfeasibleError with the first step of the path that has no pose, and why.
     """
     poses = curves(problem, steps, spacing)
-    for s, solutions in enumerate(poses):
-        if len(solutions) == 0:
-            poses[s] = _sought(problem, np.arange(steps[max(s - 1, 0)], steps[s] + 1), spacing)
-    return Grid(steps, poses)
-
-
-def _sought(problem: Problem, steps: np.ndarray, spacing: float) -> np.ndarray:
-    """(G, n) of the last of ``steps``, from all starts; raises InfeasibleError with the first of
-    them that has no pose.
-    """
-    solutions = curves(problem, steps, spacing, ALL)
-    for step, poses in zip(steps, solutions, strict=True):
-        if len(poses) == 0:
-            raise _no_pose(problem, int(step))
-    return solutions[-1]
+    for s in [s for s, solutions in enumerate(poses) if len(solutions) == 0]:
+        between = np.arange(steps[max(s - 1, 0)], steps[s] + 1)
+        sought = curves(problem, between, spacing, ALL)
+        for step, solutions in zip(between, sought, strict=True):
+            if len(solutions) == 0:
+                raise _no_pose(problem, int(step))
+        poses[s] = sought[-1]
+    return poses
 
 
 def curves(
     problem: Problem, steps: np.ndarray, spacing: float, count: int = STARTS
 ) -> list[np.ndarray]:
     """For each of ``steps`` (S,) the points (G, n) in rad, ``spacing`` apart, of the curves that
-    ``count`` starts lead to.
+    ``count`` starts lead to, within limits and margin, whole turns taken off.
     """
     targets = problem.path[steps]
     solutions, waiting = _solutions(problem, steps, count)
-    passed: list[list[np.ndarray]] = [[] for _ in steps]
+    passed = [solutions[s, :0] for s in range(len(steps))]
     while waiting.any():
         lanes = np.flatnonzero(waiting.any(axis=1))
         begun = solutions[lanes, waiting[lanes].argmax(axis=1)]
         followed = _follow(problem, begun, targets[lanes], spacing)
         for lane, points in zip(lanes, followed, strict=True):
-            passed[lane].append(points)
+            passed[lane] = np.concatenate([passed[lane], points])
             open_ = np.flatnonzero(waiting[lane])
-            distance = _apart(problem, solutions[lane, open_, None], points).min(axis=1)
-            waiting[lane, open_] = distance > max(1.5 * spacing, SAME)
-    return _kept(
-        problem, [np.concatenate([solutions[s, :0], *each]) for s, each in enumerate(passed)]
-    )
+            apart = problem.less_turns(solutions[lane, open_, None] - points)
+            waiting[lane, open_] = length_of(apart).min(axis=1) > max(1.5 * spacing, SAME)
+    q = problem.nearest_turns(np.concatenate(passed))
+    kept = problem.chain.within_limits(q)
+    kept[kept] = problem.clear(q[kept])
+    ends = np.cumsum([len(each) for each in passed])[:-1]
+    parts = zip(np.split(q, ends), np.split(kept, ends), strict=True)
+    return [part[good] for part, good in parts]
 
 
 def _solutions(problem: Problem, steps: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """(S, count, n) what Newton's method makes of the starts at each of ``steps`` (S,), and (S,
-    count) whether they are solutions.
+    """(S, count, n) results of Newton's method from spread poses within the limits, or within a
+    turn where a joint has none, at each of ``steps`` (S,), and (S, count) True of a solution.
     """
+    from scipy.stats.qmc import Halton
+
     chain = problem.chain
-    begin = np.tile(starts(chain, count), (len(steps), 1))
+    unbounded = ~np.isfinite(chain.upper - chain.lower)
+    low = np.where(unbounded, -np.pi, chain.lower)
+    high = np.where(unbounded, np.pi, chain.upper)
+    sequence = Halton(len(low), scramble=False).fast_forward(1)
+    begin = np.tile(low + (high - low) * sequence.random(count), (len(steps), 1))
     targets = np.repeat(problem.path[steps], count, axis=0)
     solutions, reached = settle(chain, begin, targets, ROUNDS)
     return solutions.reshape(len(steps), count, -1), reached.reshape(len(steps), count)
@@ -134,19 +115,19 @@ def _follow(
     if problem.spare == 0:
         return [q[None] for q in begun]
     tangent = np.linalg.svd(problem.chain.jacobian(begun))[2][:, -1]
-    forward, closed = _one_way(problem, begun, targets, tangent, spacing)
+    points, closed = _one_way(problem, begun, targets, tangent, spacing)
     ended = np.flatnonzero(~closed)
     backward, _ = _one_way(problem, begun[ended], targets[ended], -tangent[ended], spacing)
-    for lane, points in zip(ended, backward, strict=True):
-        forward[lane] = np.concatenate([forward[lane], points])
-    return [np.concatenate([q[None], points]) for q, points in zip(begun, forward, strict=True)]
+    for lane, more in zip(ended, backward, strict=True):
+        points[lane] += more
+    return [np.stack([q, *each]) for q, each in zip(begun, points, strict=True)]
 
 
 def _one_way(
     problem: Problem, begun: np.ndarray, targets: np.ndarray, tangent: np.ndarray, spacing: float
-) -> tuple[list[np.ndarray], np.ndarray]:
-    """For each lane the points (·, n) behind ``begun`` (L, n) in the direction of ``tangent`` (L,
-    n), and (L,) whether the curve came back.
+) -> tuple[list[list[np.ndarray]], np.ndarray]:
+    """For each lane the points (n,) behind ``begun`` (L, n) in the direction of ``tangent`` (L,
+    n), and (L,) True where the curve came back.
     """
     chain = problem.chain
     q, tangent, closed = begun.copy(), tangent.copy(), np.zeros(len(begun), dtype=bool)
@@ -155,7 +136,8 @@ def _one_way(
         if len(lanes) == 0:
             break
         new, good = settle(chain, q[lanes] + spacing * tangent[lanes], targets[lanes], CORRECTIONS)
-        good &= _inside(problem, new)
+        within = (new >= chain.lower) & (new <= chain.upper)
+        good &= np.all(within | problem.comes_round, axis=-1)
         inverse, regular = inverses(chain, new[good])
         lanes, new = lanes[good][regular], new[good][regular]
         along = tangent[lanes]
@@ -163,34 +145,15 @@ def _one_way(
         length = length_of(along)
         # a turn of more than a right angle or a long jump is another curve's
         same = (length > 0.5) & (length_of(new - q[lanes]) < 2 * spacing)
-        back = (count > 1) & (_apart(problem, new, begun[lanes]) < 0.75 * spacing)
+        away = length_of(problem.less_turns(new - begun[lanes]))
+        back = (count > 1) & (away < 0.75 * spacing)
         closed[lanes[same & back]] = True
-        lanes, new = lanes[same & ~back], new[same & ~back]
-        q[lanes], tangent[lanes] = new, (along / length[:, None])[same & ~back]
+        on = same & ~back
+        lanes, new = lanes[on], new[on]
+        q[lanes], tangent[lanes] = new, (along / length[:, None])[on]
         for lane, point in zip(lanes, new, strict=True):
             points[lane].append(point)
-    return [np.reshape(each, (-1, begun.shape[1])) for each in points], closed
-
-
-def _inside(problem: Problem, q: np.ndarray) -> np.ndarray:
-    """(P,) whether ``q`` (P, n) is within the limits of the joints that do not come round."""
-    chain = problem.chain
-    return np.all(((q >= chain.lower) & (q <= chain.upper)) | problem.comes_round, axis=-1)
-
-
-def _apart(problem: Problem, q: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """(...,) distance in rad of ``q`` (..., n) from ``other`` (..., n), whole turns apart."""
-    return length_of(problem.less_turns(q - other))
-
-
-def _kept(problem: Problem, points: list[np.ndarray]) -> list[np.ndarray]:
-    """Of each of ``points`` (·, n) those within limits and margin, whole turns taken off."""
-    q = problem.nearest_turns(np.concatenate(points))
-    kept = problem.chain.within_limits(q)
-    kept[kept] = problem.clear(q[kept])
-    ends = np.cumsum([len(each) for each in points])[:-1]
-    parts = zip(np.split(q, ends), np.split(kept, ends), strict=True)
-    return [part[good] for part, good in parts]
+    return points, closed
 
 
 def _no_pose(problem: Problem, step: int) -> InfeasibleError:

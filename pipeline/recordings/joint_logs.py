@@ -16,7 +16,7 @@ from pipeline.arm.interface import Chain
 from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset
-from pipeline.core.options.instruments import JointLog
+from pipeline.core.options.instruments import JointLogSection
 from pipeline.formats.joints.log import LogOptions
 from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.disturbances import beside_others, disturbances, smallest_push
@@ -164,7 +164,7 @@ def find_takes(
 
 
 def _repetitions(
-    movement: LoggedMovement, columns: list[int], options: JointLog, steps: int
+    movement: LoggedMovement, columns: list[int], options: JointLogSection, steps: int
 ) -> Repetitions:
     start, end = options.start, options.end
     circular = np.broadcast_to(movement.circular, len(movement.joints))[columns]
@@ -183,7 +183,7 @@ def _described(run, angles: np.ndarray) -> str:
 def _disturbed(
     takes: Mapping[str, LoggedTake],
     signals: Mapping[str, Mapping[str, np.ndarray]],
-    options: JointLog,
+    options: JointLogSection,
     rate: float,
     raw: Path,
     quality: list[dict],

@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.core.angles import TURN, apart, turns_apart, whole_turns
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.instruments import SIGNALS, JointLog
+from pipeline.core.options.instruments import SIGNALS, JointLogSection
 from pipeline.formats.format import is_bag
 from pipeline.formats.joints.log import LogOptions
 from pipeline.recordings.movement import read_movement
@@ -81,7 +81,7 @@ def beside(
 def read_logged_movement(
     name: str,
     movement: Path,
-    options: JointLog,
+    options: JointLogSection,
     rate: float,
     circular: np.ndarray | bool = True,
 ) -> LoggedMovement:

@@ -7,7 +7,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from pipeline.cases.case import Case, Recordings, camera_of, paper_models, recorded_takes
+from pipeline.cases.case import Choices, Recordings, camera_of, paper_models, recorded_takes
 from pipeline.cases.evaluate import evaluate
 from pipeline.cases.readings import read_claims, readings, readings_table
 from pipeline.core import config, contracts
@@ -28,7 +28,7 @@ def run() -> None:
             return
     chosen, robot, rate = settings.filter, settings.dataset.robot, settings.dataset.motion.rate
     options = FilterOptions(chosen.particles, chosen.scheme, chosen.threshold)
-    base = Case(paper_models(settings.models), options, settings.simulation.mode)
+    base = Choices(paper_models(settings.models), options, settings.simulation.mode)
     takes, cameras = recorded_takes(robot, settings.dataset.motion), {}
     cases = readings(base, takes.training.chain.task, takes.training.joints)
     if contracts.exists("angles", ARTICULATE):

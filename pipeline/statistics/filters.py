@@ -122,9 +122,9 @@ def filter_scores(
 
 def filter_metrics(scores: pd.DataFrame) -> dict[str, float]:
     """The rows of :func:`filter_scores` by names with model, joint, quantity and unit."""
-    table = scores.set_index(["model", "joint"])
+    table = scores.set_index(["model", "joint"]).T
     return {
-        "_".join((*row, name)): value for name, own in table.items() for row, value in own.items()
+        "_".join((*row, name)): value for row, own in table.items() for name, value in own.items()
     }
 
 

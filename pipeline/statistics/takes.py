@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from pipeline.core.errors import ModelDomainError
+
+if TYPE_CHECKING:  # an exported model is loaded with NumPy alone
+    import pandas as pd
 
 TAILS = (0.025, 0.975)
 NORMAL_QUANTILE = 1.959964  # standard errors from a normal estimate to the end of its interval
@@ -118,6 +120,8 @@ def resampled_differences(
     percentile interval of the bootstrap over takes, the same takes for all models; no interval for
     a single take.
     """
+    import pandas as pd
+
     drawn, rows = [np.arange(takes), *drawn_takes(takes, rng)], []
     values = {
         model: pd.DataFrame([quantities(model, numbers) for numbers in drawn]) for model in models

@@ -10,8 +10,8 @@ from typing import Annotated, NamedTuple, TypeVar
 import pandas as pd
 from pydantic import Field
 
+from pipeline.core.columns import PLANE
 from pipeline.core.errors import ConfigError
-from pipeline.core.task import PLANE
 from pipeline.core.validation import options, validated
 
 # file of a dataset's reports without its suffix (metrics/motion, tables/sigma_s) → name → value, or

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
-from pipeline.core.options.instruments import Configuration, Force
+from pipeline.core.options.instruments import Arrangement, Force
 from pipeline.wrench.parametric import CableSystem
 
 TINY = np.nextafter(0, 1)
@@ -101,7 +101,7 @@ def study_bounds(options: Wrench) -> Bounds:
     return Bounds(*map(tuple, ranges))
 
 
-def configuration_bounds(force: Force, configuration: Configuration) -> Bounds:
+def configuration_bounds(force: Force, configuration: Arrangement) -> Bounds:
     """Bounds of the class of ``configuration``; attachments as multiples of the characteristic
     length.
     """
@@ -112,7 +112,7 @@ def configuration_bounds(force: Force, configuration: Configuration) -> Bounds:
     return Bounds(*map(tuple, ranges), elevation and tuple(elevation), attachment)
 
 
-def nominal_system(force: Force, configuration: Configuration) -> CableSystem:
+def nominal_system(force: Force, configuration: Arrangement) -> CableSystem:
     """The system of ``configuration`` at its means, its attachments as multiples of the
     characteristic length.
 

@@ -2,9 +2,9 @@
 independent.
 
 Cable i pulls with fᵢ = Tᵢ·eᵢ at rᵢ, Tᵢ ~ N(T̲ᵢ, σ_Tᵢ²), eᵢ ~ vMF(e̲ᵢ, κᵢ) on the unit sphere of
-R^p, of density ∝ exp(κ·eᵀe̲) (Mardia & Jupp, Directional Statistics, 2000, ch. 9); for p = 2 that is
-the von Mises law of an angle. The wrench is W = Σᵢ Gᵢfᵢ, Gᵢ = [I; (rᵢ)×]: n = 3 rows in the plane,
-p = 2, and six in space, p = 3. Cables that meet in one point have no moment: G = I, n = p. The
+R^p, of density ∝ exp(κ·eᵀe̲) (Mardia & Jupp, Directional Statistics, 2000, ch. 9); for p = 2 this
+is the von Mises law of an angle. The wrench is W = Σᵢ Gᵢfᵢ, Gᵢ = [I; (rᵢ)×]: n = 3 rows in the
+plane, p = 2, and six in space, p = 3. Cables that meet in one point have no moment: G = I, n = p. The
 concentration κ is what the paper writes σ_θ: the larger, the narrower.
 """
 
@@ -17,7 +17,7 @@ from scipy.special import ive
 
 from pipeline.core.errors import ModelDomainError
 
-UNIT = 1e-9  # that a direction's length may be off 1
+UNIT = 1e-9  # greatest deviation of a direction's length from 1
 # beyond it the series in 1/κ is exact in double precision, and the Bessel functions fail at 1e9
 LARGE = 1e6
 

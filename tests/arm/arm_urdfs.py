@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from pipeline.core.columns import SPACE
 from pipeline.core.options.dataset import Robot
-from pipeline.core.task import SPACE
 
 LWR4 = Path(__file__).parents[3] / "shared/recordings/lwr4/kuka_lwr4.urdf"
 UR5 = Path("pipeline/arm/ur5.urdf")
@@ -120,48 +120,34 @@ def by_pinocchio(robot: Robot, tip: str, poses: np.ndarray) -> tuple[np.ndarray,
     return np.array(places), np.array(jacobians)
 
 
-def urdf(
-    axes: tuple[str, str, str],
-    *,
-    base: str = "0 0 0",
-    kinds: tuple[str, str, str] = ("revolute",) * 3,
-) -> str:
+def stack(*joints: tuple[str, str, str, str, str, str, str]) -> str:
+    """A URDF of joints: name, kind, parent, child, xyz, rpy and axis of each."""
+    texts = []
+    for name, kind, parent, child, xyz, rpy, axis in joints:
+        inside = f'<origin xyz="{xyz}" rpy="{rpy}"/>' + (f'<axis xyz="{axis}"/>' if axis else "")
+        limited = kind in ("revolute", "prismatic")
+        texts.append(joint(name, kind, parent, child, inside + LIMIT * limited))
+    return robot_text(*texts)
+
+
+def urdf(axes: tuple[str, str, str], base: str) -> str:
     """A chain a, b, c of three joints about ``axes`` on a base turned by ``base`` (roll, pitch,
     yaw), with a tool beyond.
     """
-    lines = ['<robot name="test"><link name="root"/><link name="base"/>']
-    lines += [
-        '<joint name="foot" type="fixed"><parent link="root"/><child link="base"/><origin '
-        f'xyz="0.1 -0.2 0.3" rpy="{base}"/></joint>'
-    ]
-    below = "base"
-    for name, axis, kind, place in zip(
-        "abc", axes, kinds, ("0.02 0.05 0.1", "0.1 0.03 0.2", "-0.05 0.02 0.15"), strict=True
-    ):
-        limit = (
-            '<limit lower="-2" upper="1.5" velocity="1.2" effort="1"/>'
-            if kind != "continuous"
-            else ""
-        )
-        lines.append(
-            f'<link name="link_{name}"/><joint name="{name}" type="{kind}"><parent '
-            f'link="{below}"/><child link="link_{name}"/>'
-            f'<origin xyz="{place}" rpy="0 0 0"/><axis xyz="{axis}"/>{limit}</joint>'
-        )
-        below = f"link_{name}"
-    lines.append(
-        '<link name="tool"/><joint name="grip" type="fixed"><parent link="link_c"/><child '
-        'link="tool"/>'
+    return stack(
+        ("foot", "fixed", "l0", "base", "0.1 -0.2 0.3", base, ""),
+        ("a", "revolute", "base", "link_a", "0.02 0.05 0.1", "0 0 0", axes[0]),
+        ("b", "revolute", "link_a", "link_b", "0.1 0.03 0.2", "0 0 0", axes[1]),
+        ("c", "revolute", "link_b", "link_c", "-0.05 0.02 0.15", "0 0 0", axes[2]),
+        ("grip", "fixed", "link_c", "tool", "0.1 -0.04 0.12", "0.3 0 0", ""),
     )
-    lines.append('<origin xyz="0.1 -0.04 0.12" rpy="0.3 0 0"/></joint></robot>')
-    return "\n".join(lines)
 
 
 def gantry() -> str:
     """A URDF of a carriage (slides), turret (about z), shoulder (−x), telescope (slides), elbow
     (+x), plate (fixed), wrist (+x), gripper (slides) and mount (fixed).
     """
-    joints = [
+    return stack(
         ("carriage", "prismatic", "l0", "slide", "0 0 0.2", "0 0 0", "0 1 0"),
         ("turret", "revolute", "slide", "tower", "0.1 0 0.3", "0 0 0", "0 0 1"),
         ("shoulder", "revolute", "tower", "upper", "0.05 0 0.1", "0.3 0 0", "-1 0 0"),
@@ -171,11 +157,4 @@ def gantry() -> str:
         ("wrist", "revolute", "bracket", "hand", "0 0 0.1", "-0.2 0 0", "1 0 0"),
         ("gripper", "prismatic", "hand", "finger", "0 0.02 0.1", "0 0 0", "0 1 0"),
         ("mount", "fixed", "hand", "flange", "0.04 0.03 0.12", "0 0.4 0", ""),
-    ]
-    texts = []
-    for name, kind, parent, child, xyz, rpy, axis in joints:
-        inside = f'<origin xyz="{xyz}" rpy="{rpy}"/>' + (
-            f'<axis xyz="{axis}"/>{LIMIT}' if axis else ""
-        )
-        texts.append(joint(name, kind, parent, child, inside))
-    return robot_text(*texts)
+    )

@@ -1,8 +1,10 @@
-"""The arm that the options ask for: base and tip named or found; joints held, coupled, endless."""
+"""The arm that the options ask for: base and tip named or found; joints held, coupled, endless; and
+one message that says what to do for what is no arm, or no task of it.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -12,13 +14,15 @@ from space_arms import UR5 as ARM
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import chain_of, link_chains
+from pipeline.arm.urdf import MOST_JOINTS
+from pipeline.core.columns import SPACE
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
-from pipeline.core.task import SPACE
 from tests.arm.arm_urdfs import LIMIT, UR5, YOUBOT, by_pinocchio, jn, joint, origin, robot_text
 
 PLACE = origin(pin.SE3(pin.rpy.rpyToMatrix(0.3, -0.5, 0.8), np.array([0.1, 0.2, 0.3])))
 MIMIC = '<mimic joint="j1" multiplier="-2" offset="0.1"/>'
+FINGER = MIMIC.replace("j1", "right")
 
 
 def moving(name: str, kind: str, parent: str, child: str, axis: str = "0 0.6 0.8", more: str = ""):
@@ -85,47 +89,6 @@ def test_the_tip_is_the_only_last_link_beyond_the_joints_or_the_one_that_is_name
     assert agrees(Robot(**two, tool="hand"), "palm")  # by the joint that holds it
 
 
-def test_a_continuous_joint_has_no_limits_and_counts_its_turns(file):
-    urdf = file(
-        moving("j1", "continuous", "l0", "l1"), moving("j2", "revolute", "l1", "l2", "1 0 0")
-    )
-    robot = Robot(urdf, jn(2), task=["x", "rz"])
-    chain = chain_of(robot)
-    assert agrees(robot, "l2")
-    assert (chain.lower[0], chain.upper[0], chain.max_speed[0]) == (-np.inf, np.inf, np.inf)
-    far = np.array([[200.0, 1.0], [np.nan, 1.0]])
-    assert chain.within_limits(far).tolist() == [True, False]
-
-
-def test_coupled_joints_are_held_where_those_that_they_follow_are_held(file):
-    urdf = file(
-        moving("j1", "revolute", "l0", "l1"),
-        moving("j2", "revolute", "l1", "l2", "1 0 0"),
-        moving("coupled", "revolute", "l2", "l3", "0 1 0", MIMIC),
-        moving("j3", "revolute", "l3", "l4", "1 0 0"),
-    )
-    held = chain_of(Robot(urdf, ["j2", "j3"], locked={"j1": 0.4}, task=["x", "rz"]))
-    expected = Robot(urdf, ["j2", "j3"], locked={"j1": 0.4, "coupled": 0.1 - 0.8}, task=["x", "rz"])
-    q = np.random.default_rng(1).uniform(-1, 1, (5, 2))
-    np.testing.assert_allclose(held.pose(q), by_pinocchio(expected, "l4", q)[0], atol=1e-12)
-
-
-def test_a_finger_that_follows_another_does_not_matter_behind_the_tip(file):
-    urdf = file(
-        moving("j1", "revolute", "l0", "l1"),
-        moving("right", "prismatic", "l1", "r"),
-        moving("left", "prismatic", "l1", "l", more=MIMIC.replace("j1", "right")),
-    )
-    assert agrees(Robot(urdf, ["j1"], tool="l1", task=["ry"]), "l1")
-
-
-def test_a_fixed_joint_follows_no_other_whatever_its_description_says(file):
-    urdf = file(
-        moving("j1", "revolute", "l0", "l1"), joint("hand", "fixed", "l1", "l2", PLACE + MIMIC)
-    )
-    assert agrees(Robot(urdf, ["j1"], task=["x"]), "l2")
-
-
 def test_the_rows_of_a_task_come_in_their_order_and_default_to_all():
     joints = [f"joint_{j}" for j in range(1, 7)]
     whole, part = (
@@ -145,17 +108,6 @@ def test_closed_forms_serve_the_whole_pose_in_a_plane_of_three_joints_alone():
     assert chain_of(two).jacobian(np.zeros(2)).shape == (2, 2)
 
 
-def test_joints_that_slide_in_the_plane_are_of_it(file):
-    urdf = file(
-        moving("j1", "revolute", "l0", "l1", "0 0 1"),
-        moving("j2", "prismatic", "l1", "l2", "1 0 0").replace(PLACE, origin(pin.SE3.Identity())),
-        joint("grip", "fixed", "l2", "tip", PLACE),
-    )
-    chain = chain_of(Robot(urdf, jn(2), plane=True, task=["x", "z"]))
-    q = np.array([[0.2, 0.5], [-0.3, 0.9]])
-    assert np.ptp(chain.pose(q)[:, 1]) < 1e-12
-
-
 @pytest.mark.parametrize(
     ("robot", "links"),
     [(ARM, ["shoulder", "forearm", "wrist_2", "flange"]), (LWR4, ["link_2", "link_5", "flange"])],
@@ -169,14 +121,165 @@ def test_a_links_frame_lies_where_pinocchio_has_it(robot, links):
         np.testing.assert_allclose(pose[:, 3:].reshape(-1, 3, 3), rotation, atol=1e-12)
 
 
-def test_held_joints_are_no_joints_of_the_chain():
-    held = replace(ARM, joints=ARM.joints[2:], locked={"joint_2": -0.7}, task=["x", "z"])
-    (chain,) = link_chains(held, ["wrist_1"], "key").values()
-    q = np.random.default_rng(1).uniform(-2, 2, (5, 2))
-    whole = np.hstack([np.tile([0.0, -0.7], (5, 1)), q, np.zeros((5, 2))])
-    np.testing.assert_allclose(
-        chain.pose(q)[:, :3], link_poses(ARM, "wrist_1", whole)[1], atol=1e-12
+@pytest.mark.parametrize(
+    ("joints", "options", "tip"),
+    [
+        # a finger that follows another, behind the tip
+        (
+            [("right", "prismatic", "l1", "r"), ("left", "prismatic", "l1", "l", FINGER)],
+            {"joints": ["j1"], "tool": "l1", "task": ["ry"]},
+            "l1",
+        ),
+        # a fixed joint whose description says that it follows another
+        ([("hand", "fixed", "l1", "l2", MIMIC)], {"joints": ["j1"], "task": ["x"]}, "l2"),
+        # a tool whose name a joint has too
+        ([("l2", "revolute", "l1", "l2")], {"joints": ["j1", "l2"], "tool": "l2"}, "l2"),
+        # a continuous joint that is held
+        (
+            [("turn", "continuous", "l1", "l2"), ("j2", "revolute", "l2", "l3")],
+            {"joints": ["j1", "j2"], "locked": {"turn": 0.7}},
+            "l3",
+        ),
+        # a continuous joint of the arm
+        ([("turn", "continuous", "l1", "l2")], {"joints": ["j1", "turn"]}, "l2"),
+    ],
+)
+def test_joints_beside_and_within_the_arm_are_as_in_pinocchio(file, joints, options, tip):
+    urdf = file(
+        moving("j1", "revolute", "l0", "l1"),
+        *(moving(*one[:4], "1 0 0", "".join(one[4:])) for one in joints),
     )
+    robot = Robot(**({"urdf": urdf, "task": ["x", "rz"]} | options))
+    assert agrees(robot, tip)
+    chain = chain_of(robot)
+    endless = [name == "turn" for name in robot.joints]
+    for limit in (-chain.lower, chain.upper, chain.max_speed):
+        assert np.isinf(limit).tolist() == endless
+
+
+def test_coupled_joints_are_held_where_those_that_they_follow_are_held(file):
+    urdf = file(
+        moving("j1", "revolute", "l0", "l1"),
+        moving("j2", "revolute", "l1", "l2", "1 0 0"),
+        moving("coupled", "revolute", "l2", "l3", "0 1 0", MIMIC),
+        moving("j3", "revolute", "l3", "l4", "1 0 0"),
+    )
+    held = chain_of(Robot(urdf, ["j2", "j3"], locked={"j1": 0.4}, task=["x", "rz"]))
+    expected = Robot(urdf, ["j2", "j3"], locked={"j1": 0.4, "coupled": 0.1 - 0.8}, task=["x", "rz"])
+    q = np.random.default_rng(1).uniform(-1, 1, (5, 2))
+    np.testing.assert_allclose(held.pose(q), by_pinocchio(expected, "l4", q)[0], atol=1e-12)
+
+
+# refusals
+
+
+def chain(count: int, *, kind: str = "revolute", inside: str = LIMIT) -> list[str]:
+    """Joints j1 to j``count`` one behind the other, about z and x in turn."""
+    axes = ('<axis xyz="0 0 1"/>', '<axis xyz="1 0 0"/>')
+    place = '<origin xyz="0.1 0.2 0.3" rpy="0 0 0"/>'
+    return [
+        joint(f"j{i + 1}", kind, f"l{i}", f"l{i + 1}", place + axes[i % 2] + inside)
+        for i in range(count)
+    ]
+
+
+def fixed(name: str, parent: str, child: str) -> str:
+    """A joint between links that there are."""
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="fixed">{ends}</joint>'
+
+
+TWO = chain(2)
+HANDS = joint("a", "fixed", "l2", "left"), joint("b", "fixed", "l2", "right")
+LEANING = "".join(chain(2, kind="prismatic")).replace("0 0 1", "0.6 0.8 0")
+FILES = {  # URDF → words of its refusal
+    "<robot": r"robot\.urdf: this is no URDF",
+    "<robot name='a'/>": "one link that no joint holds, and this one none",
+    "<?xml version='1.0' encoding='klingon'?><robot/>": "no URDF .unknown encoding",
+    "<robot><xacro:arm/></robot>": "a xacro: expand it with xacro robot.urdf > arm.urdf",
+    robot_text(*TWO).replace("0.1 0.2", "${x} 0.2"): "a xacro: expand it",
+    robot_text(*TWO, TWO[0]): "two links are named 'l1'",
+    robot_text(*TWO, fixed("j1", "l2", "l0")): "two joints are named 'j1'",
+    robot_text(*TWO, fixed("back", "l2", "l0")): "links form a loop.*back, j1, j2",
+    robot_text(*TWO, fixed("again", "l0", "l2")): "links form a loop.*again, j2 .file",
+    robot_text(*TWO, '<link name="lone"/>'): r"this one l0, lone .file",
+    robot_text(*TWO, fixed("far", "l2", "moon")): "far joins the link 'moon'",
+    robot_text(*chain(2, inside="")): "joint j1 has no limits.*or the type continuous",
+    robot_text(*chain(2, inside='<limit lower="-1" upper="1"/>')): "j1 has no limits",
+    robot_text(*chain(2, inside='<limit velocity="1" effort="1"/>')): "j1 has no limits",
+    robot_text(*chain(2, inside=LIMIT.replace("-2.5", "x"))): "joint j1 has .x. as lower of its",
+    robot_text(*TWO).replace("0 0 1", "0 0 0"): "the axis of j1 has length 0",
+    robot_text(*chain(30_000)): f"more than {MOST_JOINTS} joints",
+    robot_text(*TWO, *HANDS): r"name one of \['left', 'right'\]",
+    robot_text(TWO[0], *chain(2, inside=LIMIT + '<mimic joint="j1"/>')[1:]): "j2 is coupled to j1",
+    robot_text(*TWO, joint("j3", "floating", "l2", "l3")): "j3 before the tip is floating",
+}
+CHOICES = [  # options of an arm of four joints, and words of its refusal
+    ({"joints": ["j1", "elbow"]}, r"no joint 'elbow'.*it has \['j1', 'j2', 'j3', 'j4'\]"),
+    ({"joints": ["j2", "j1"]}, "in the order of the chain"),
+    ({"joints": ["j1", "j2"], "tool": "l1"}, "'l1' does not move with the last joint"),
+    ({"tool": "hand"}, "robot.tool: no frame 'hand'"),
+    ({"base": "floor"}, "robot.base: no frame 'floor'"),
+    ({"base": "l1"}, "robot.base: 'l1' moves with j1"),
+    ({"locked": {"j1": 0.0}}, "j1 cannot be locked"),
+    ({"locked": {"elbow": 0.0}}, "robot.locked: no joint 'elbow'"),
+    ({"plane": True}, "axes are not parallel.*j1 is j2"),
+    ({"urdf": "absent.urdf"}, "no such file; name one from the project's root"),
+]
+
+
+@pytest.mark.parametrize("text", FILES, ids=range(len(FILES)))
+def test_a_urdf_that_is_no_arm_is_refused(file, text):
+    urdf = Path(file())
+    urdf.write_text(text)
+    with pytest.raises(ConfigError, match=FILES[text]) as refused:
+        chain_of(Robot(str(urdf), jn(2), task=["x", "z"]))
+    assert refused.value.evidence["file"] == urdf
+
+
+@pytest.mark.parametrize(("options", "words"), CHOICES)
+def test_names_that_are_no_arm_are_refused(file, options, words):
+    arm = {"urdf": file(*chain(4)), "joints": jn(4), "task": ["x", "z"]}
+    with pytest.raises(ConfigError, match=words):
+        chain_of(Robot(**(arm | options)))
+
+
+def test_the_longest_urdf_that_is_not_refused_is_read(file):
+    arm = Robot(file(*chain(MOST_JOINTS)), [f"j{MOST_JOINTS}"], task=["rx"])
+    assert chain_of(arm).jacobian(np.zeros(1)).shape == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "task", "words"),
+    [
+        (robot_text(*chain(3)).replace("1 0 0", "0 0 1"), ["z", "x", "rx"], "cannot move z, rx;"),
+        (robot_text(LEANING.replace("1 0 0", "0.8 0.6 0")), ["z", "x"], "cannot move z"),
+        (robot_text(LEANING.replace("1 0 0", "-0.6 -0.8 0")), ["x", "y"], "none of x, y without"),
+    ],
+)
+def test_rows_that_the_arm_cannot_move_are_named(file, text, task, words):
+    urdf = Path(file())
+    urdf.write_text(text)
+    with pytest.raises(ConfigError, match=words):
+        chain_of(Robot(str(urdf), jn(len(task)), task=task))
+
+
+@pytest.mark.parametrize(
+    ("options", "key", "words"),
+    [
+        ({"task": ["x", "yaw"]}, "task", "must name rows of x, y, z, rx, ry, rz, each once"),
+        ({"task": ["x", "x"]}, "task", "each once"),
+        ({"task": ["x", "y"], "plane": True}, "task", "must name rows of x, z, phi"),
+        ({"joints": jn(5)}, "task", "6 rows are more than 5 joints"),
+        ({"joints": []}, "joints", "should have at least 1 item"),
+        ({"joints": ["j1"] * 6}, "joints", "must name each joint once"),
+        ({"length": float("nan")}, "length", "should be a finite number, got nan"),
+    ],
+)
+def test_options_that_no_arm_has_are_refused_by_their_key(options, key, words):
+    with pytest.raises(ConfigError, match=words) as refused:
+        Robot(**({"urdf": "robot.urdf", "joints": jn(6)} | options))
+    assert refused.value.evidence["key"] == key
 
 
 @pytest.mark.parametrize(

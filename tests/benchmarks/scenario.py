@@ -17,9 +17,9 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of, load_arm
 from pipeline.arm.serial import SerialChain
+from pipeline.core.columns import SPACE
 from pipeline.core.config import CONF
 from pipeline.core.options.dataset import Robot
-from pipeline.core.task import SPACE
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
 from pipeline.models.draws import draw_steps

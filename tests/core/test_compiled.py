@@ -1,4 +1,7 @@
-"""Cached machine code is loaded again, and never after an edit of a source that it was made of."""
+"""Compiled code: elementary functions and sums right to a few units in the last place, and the same
+bits where the processor has no instruction that multiplies and adds; cached machine code loaded
+again, and never after an edit of a source that it was made of.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,99 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from compiled_calls import from_python
 from project_copy import ROOT
 
-from pipeline.core.compiled import sources_hash
+from pipeline.core.elementary import (
+    LANES,
+    expm1,
+    exponential,
+    greatest,
+    inner_product,
+    sine_cosine,
+    total,
+)
+
+BITS = """
+import numpy as np
+from numba import njit
+from pipeline.core.elementary import expm1, exponential, sine_cosine
+@njit
+def fill(x, out):
+    for i in range(len(x)):
+        out[0, i], out[1, i] = sine_cosine(50 * x[i])
+        out[2, i], out[3, i] = exponential(-x[i]), expm1(x[i])
+x = np.random.default_rng(1).uniform(0, 80, 2003)
+out = np.empty((4, len(x)))
+fill(x, out)
+print(out.tobytes().hex())
+"""
+
+
+def units(function, exact, x: np.ndarray) -> float:
+    """Greatest error in units in the last place, against the library's in extended precision."""
+    result = np.array([function(each) for each in x])
+    right = exact(x.astype(np.longdouble))
+    return float(np.max(np.abs(result - right) / np.spacing(np.maximum(np.abs(result), 1e-300))))
+
+
+def test_sine_and_cosine_are_right_to_two_units_in_the_last_place_of_one():
+    rng, both = np.random.default_rng(1), from_python(sine_cosine)
+    near, far = np.linspace(-7, 7, 20_001), rng.uniform(-6000, 6000, 20_000)
+    angles = np.concatenate([near, far, np.arange(-8, 9) * np.pi / 4])
+    right = np.stack([np.sin(angles), np.cos(angles)], axis=1)
+    assert np.abs(np.array([both(angle) for angle in angles]) - right).max() < 3e-16
+    assert both(0.0) == (0.0, 1.0)
+    # of a small angle to two of its own
+    assert units(lambda x: both(x)[0], np.sin, np.geomspace(1e-300, 1.5, 2000)) < 2
+
+
+def test_the_exponential_is_right_to_two_units_in_the_last_place_and_ends_in_zero():
+    run = from_python(exponential)
+    assert units(run, np.exp, np.linspace(-707.9, 0, 20_001)) < 2
+    assert (run(0.0), run(-709.0), run(-np.inf)) == (1.0, 0.0, 0.0)
+    assert np.isnan(run(np.nan))
+
+
+def test_the_exponential_less_one_is_right_to_three_units_in_the_last_place():
+    x = np.concatenate([np.geomspace(1e-290, 699, 20_000), np.linspace(0.3, 1.2, 5000)])
+    assert units(from_python(expm1), np.expm1, x) < 3
+    assert from_python(expm1)(0.0) == 0.0
+
+
+@pytest.mark.slow
+def test_the_bits_are_those_of_a_processor_that_multiplies_and_adds_in_two_instructions():
+    def bits(**environment: str) -> str:
+        return subprocess.run(
+            [sys.executable, "-c", BITS],
+            cwd=ROOT,
+            env=os.environ | environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+
+    assert len({bits(NUMBA_CPU_NAME=name) for name in ("x86-64-v2", "x86-64-v3", "host")}) == 1
+
+
+@pytest.mark.parametrize("count", [0, 1, LANES - 1, LANES, LANES + 1, 10 * LANES + 3])
+def test_sums_and_the_greatest_are_numpys(count):
+    rng = np.random.default_rng(count)
+    x, y = rng.standard_normal((2, count))
+    assert from_python(inner_product)(x, y) == pytest.approx(x @ y, abs=1e-13)
+    assert from_python(total)(x) == pytest.approx(x.sum(), abs=1e-13)
+    assert from_python(greatest)(x) == x.max(initial=-np.inf)
+
+
+def test_the_greatest_is_not_taken_of_what_is_no_number():
+    x = np.full(40, -np.inf)
+    assert from_python(greatest)(x) == -np.inf
+    x[[3, 39]] = np.nan
+    x[20] = -2.0
+    assert from_python(greatest)(x) == -2.0
+
 
 INNER = """
 from pipeline.core.compiled import inner
@@ -111,15 +203,3 @@ def test_a_read_only_project_is_cached_in_the_users_folder(package, tmp_path):
         assert run(package, HOME="/nowhere")[:2] == (2.0, 0)
     finally:
         (package / "pipeline").chmod(0o755)
-
-
-def test_the_hash_depends_on_every_source_and_on_its_path(package):
-    folder = package / "pipeline"
-    before = sources_hash(folder)
-    (folder / "inner.py").write_text(INNER.format(constant=4.0))
-    changed = sources_hash(folder)
-    (folder / "inner.py").rename(folder / "other.py")
-    assert len({before, changed, sources_hash(folder)}) == 3
-    before = sources_hash(folder)
-    (folder / "note.txt").write_text("no source")
-    assert sources_hash(folder) == before

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 import yaml
-from params_file import CHOICES, parameters
+from params_file import parameters
 
 from pipeline.core import config
 from pipeline.core.errors import ConfigError
@@ -40,13 +40,6 @@ def test_every_option_composes(compose, number):
     composed = compose(**chosen, models=f"[{models[number % len(models)]}]")
     assert composed.dataset.name == chosen["dataset"] and composed.scale.name == chosen["scale"]
     assert list(composed.models) == [models[number % len(models)]]
-
-
-def test_models_keep_their_order_and_groups_are_those_of_params_yaml(compose):
-    assert list(compose(models="[wishart, additive]").models) == ["wishart", "additive"]
-    groups = {folder.name for folder in config.CONF.iterdir() if folder.is_dir()}
-    assert groups == {*config.GROUPS, "model"}
-    assert set(yaml.safe_load((ROOT / "params.yaml").read_text())) == set(CHOICES)
 
 
 @pytest.mark.parametrize(
@@ -148,21 +141,6 @@ def test_comments_leave_the_written_configuration_as_it_is_and_a_refusal_too(tmp
     assert file.read_bytes() == texts[2] and not list(tmp_path.glob("*.partial"))
 
 
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: Robot("a.urdf", ["a", "a"], task=["x"]), "each joint once"),
-        (lambda: Robot("a.urdf", ["a"], task=["x", "z"]), "2 rows are more than 1 joints"),
-        (lambda: Robot("a.urdf", ["a"], task=["x"], lenght=2.0), "did you mean length"),
-        (lambda: Compute(-1), "workers"),
-        (lambda: Compute(dask={"timeout": float("nan")}), "timeout"),
-    ],
-)
-def test_an_object_made_in_code_is_checked_like_a_file(make, words):
-    with pytest.raises(ConfigError, match=words):
-        make()
-
-
 @cache
 def written(**choices: str) -> bytes:
     """The composed configuration as the stage configure writes it."""
@@ -232,14 +210,6 @@ def test_models_and_the_laboratory_have_their_own_types(sections):
     for item in ("student", None):
         with pytest.raises(ConfigError, match=f"there is no models.{item}"):
             sections("models.${item.model}", item=item)
-
-
-def test_an_instrument_that_a_dataset_lacks_is_none(sections):
-    instruments = ["mocap", "depth", "force", "joint_log", "laboratory", "trajectory"]
-    lacking = ", ".join(f"{instrument}: null" for instrument in instruments)
-    names = [f"dataset.{instrument}" for instrument in instruments]
-    dataset = sections(*names, overrides=f"{{dataset: {{{lacking}}}}}").dataset
-    assert vars(dataset) == dict.fromkeys(instruments)
 
 
 def test_a_stage_or_a_version_that_there_is_not_is_refused(sections):

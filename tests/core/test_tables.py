@@ -96,19 +96,6 @@ def test_a_column_refuses_values_that_do_not_fit(text, bad, tmp_path, monkeypatc
         assert refused.value.evidence == {"file": file, "column": "it"} and not file.exists()
 
 
-@pytest.mark.parametrize(
-    ("column", "value"),
-    [("k", -1), ("q:tip", np.inf), ("take", None), ("part", "rehearsal"), ("t", "0.1")],
-)
-def test_a_table_of_another_program_is_checked_on_reading(column, value, tmp_path):
-    good = some(declaration("core", "joints")[column])
-    values = [value] * ROWS if column == "t" else [*good[:-1], value]
-    table("joints").assign(**{column: values}).to_parquet(tmp_path / "joints.parquet")
-    with pytest.raises(ContractError, match="breaks its contract") as refused:
-        contracts.read("joints", tmp_path)
-    assert refused.value.evidence["column"] == column
-
-
 def test_minus_infinity_and_optional_columns_are_let_through_where_they_are_declared(tmp_path):
     contracts.write(table("predictions").assign(mean=-np.inf), "predictions", tmp_path)
     assert np.isneginf(contracts.read("predictions", tmp_path)["mean"]).all()
@@ -172,6 +159,10 @@ def test_takes_are_stacked_in_the_order_of_the_table_where_all_have_the_same_row
 
 
 def test_values_and_symmetric_matrices_are_spread_over_columns_and_read_back():
+    # a colon in a joint's name, as namespaces have it, does not hide its columns
+    odd = ("arm:base", "5%3A%2", "tip%25:%")
+    spread = pd.DataFrame(columns.spread("q", odd, np.arange(24.0).reshape(2, 4, 3)))
+    assert columns.members(spread, "q") == odd and "q:arm%3Abase" in spread
     names, array = ("base", "elbow", "tip"), np.arange(24.0).reshape(2, 4, 3)
     spread = pd.DataFrame(columns.spread("q", names, array))
     assert list(spread) == ["q:base", "q:elbow", "q:tip"]

@@ -26,7 +26,7 @@ from written_logs import write_joint_log
 from pipeline.arm.model import Arm, load_arm
 from pipeline.core.config import compose_config
 from pipeline.core.options.dataset import Dataset, Motion
-from pipeline.core.options.instruments import JointLog as JointLogOptions
+from pipeline.core.options.instruments import JointLogSection as JointLogOptions
 from pipeline.formats.depth.image import encode_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics

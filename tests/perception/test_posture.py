@@ -15,10 +15,10 @@ from space_arms import HERE, LWR4, MARKERS, START, UR5, mocap, motion, points
 
 from pipeline.arm.model import arm_of
 from pipeline.arm.serial import SerialChain
+from pipeline.core.columns import SPACE
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.options.instruments import Body
-from pipeline.core.task import SPACE
 from pipeline.perception.markers import track_space
 from pipeline.perception.posture import Carried, points_in_plane, points_in_space
 

@@ -1,16 +1,23 @@
-"""What a step costs is its covariance's trace or ln det, where there is one."""
+"""Cost of a step: trace or ln det of its covariance, where there is one; and the search for the
+cheapest way through a grid of costs.
+"""
 
 from __future__ import annotations
+
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
 from planned_arms import LAWS, chain, joint_path, law_cost
 
-from pipeline.core.errors import ConfigError, ModelDomainError, SingularJacobianError
+from pipeline.core.errors import PipelineError, SingularJacobianError
 from pipeline.models.draws import draw_steps
 from pipeline.models.kinds import build_model
+from pipeline.planning.motions import cheapest, way_to
 from pipeline.planning.problem import uncertainty, where_defined
 
+WIDE = {"kind": "wishart", "sigma_b": 0.9, "decomposition": "qr_transposed"}
+BEYOND = {"kind": "gaussian", "alpha": 0.1, "u": 1e-3}  # no noise at any pose
 STEP = np.array([2e-3, 1e-3])
 
 
@@ -54,31 +61,83 @@ def test_singular_poses_cost_infinitely_much_and_no_others():
     assert np.isinf(costs).sum() >= 10
 
 
-def test_blocks_leave_the_costs_as_they_are(monkeypatch):
-    arm, q = chain("planar"), joint_path("planar", 99)
-    cost, v = law_cost("pivoted_lu", arm), np.random.default_rng(6).uniform(0, 0.01, (100, 2))
-    monkeypatch.setattr("pipeline.planning.problem.BLOCK", 7)
-    np.testing.assert_array_equal(where_defined(cost, q, v), cost(q, v))
-    assert where_defined(cost, q[:0], v[:0]).shape == (0,)
+@pytest.mark.parametrize(
+    ("model", "objective", "words"),
+    [
+        (WIDE, "trace", "Wishart step exists only for sigma_B below"),
+        (BEYOND, "log_det", "no ln det"),
+        (LAWS["additive"], "sum", "no objective 'sum'; there are trace, log_det"),
+    ],
+)
+def test_a_model_without_a_cost_is_refused(model, objective, words):
+    arm, q, v = chain("planar"), joint_path("planar", 1), np.tile(STEP, (2, 1))
+    assert uncertainty(build_model(BEYOND), arm, "trace")(q, v).tolist() == [0, 0]
+    with pytest.raises(PipelineError, match=words):
+        uncertainty(build_model(model), arm, objective)(q, v)
 
 
-def test_a_model_without_a_covariance_is_refused():
-    wide = {"kind": "wishart", "sigma_b": 0.9, "decomposition": "qr_transposed"}
-    arm, q = chain("planar"), joint_path("planar", 1)
-    cost = uncertainty(build_model(wide), arm, "trace")
-    with pytest.raises(ModelDomainError, match="Wishart step exists only for sigma_B below"):
-        where_defined(cost, q, np.tile(STEP, (2, 1)))
+STAGES, POSES, JOINTS = 5, 4, 2
 
 
-def test_a_moving_step_without_noise_has_no_ln_det():
-    arm, q = chain("planar"), joint_path("planar", 1)
-    beyond = build_model({"kind": "gaussian", "alpha": 0.1, "u": 1e-3})
-    v = np.tile(STEP, (2, 1))
-    assert uncertainty(beyond, arm, "trace")(q, v).tolist() == [0, 0]
-    with pytest.raises(ModelDomainError, match="no ln det"):
-        uncertainty(beyond, arm, "log_det")(q, v)
+def grids(seed: int, reach: float, weight: float) -> dict:
+    rng = np.random.default_rng(seed)
+    cost = rng.uniform(size=(STAGES, POSES))
+    cost[rng.uniform(size=cost.shape) < 0.1] = np.inf
+    return {
+        "poses": rng.uniform(-1, 1, (STAGES, POSES, JOINTS)),
+        "counts": rng.integers(2, POSES + 1, STAGES),
+        "cost": cost,
+        "nominal": rng.uniform(-0.2, 0.2, (STAGES - 1, POSES, JOINTS)),
+        "reach": np.full((STAGES - 1, JOINTS), reach),
+        "weight": np.full(STAGES - 1, weight),
+        "turning": np.array([False, True]),
+    }
 
 
-def test_another_objective_is_refused():
-    with pytest.raises(ConfigError, match="no objective 'sum'; there are trace, log_det"):
-        uncertainty(build_model(LAWS["additive"]), chain("planar"), "sum")
+def searched(grid: dict) -> tuple[int, list[int], float]:
+    before, total = np.zeros((STAGES, POSES), dtype=np.int64), np.full((STAGES, POSES), np.inf)
+    reached = cheapest(*grid.values(), before, total)
+    last = int(total[-1].argmin())
+    return reached, way_to(last, before).tolist(), total[-1, last]
+
+
+def every_way(grid: dict, stages: int = STAGES) -> dict[tuple[int, ...], float]:
+    """What each way to the last of ``stages`` costs."""
+    costs = {}
+    for way in product(*(range(count) for count in grid["counts"][:stages])):
+        total = sum(grid["cost"][s, i] for s, i in enumerate(way))
+        for s, (i, j) in enumerate(pairwise(way)):
+            step = grid["poses"][s + 1, j] - grid["poses"][s, i]
+            step[1] -= 2 * np.pi * np.round(step[1] / (2 * np.pi))
+            if np.any(np.abs(step) > grid["reach"][s]):
+                total = np.inf
+            total += grid["weight"][s] * np.sum((step - grid["nominal"][s, i]) ** 2)
+        costs[way] = total
+    return costs
+
+
+@pytest.mark.parametrize("reach", [0.9, np.inf])
+@pytest.mark.parametrize("weight", [0.0, 0.5])
+def test_the_optimum_is_that_of_trying_every_way(reach, weight):
+    solved = 0
+    for seed in range(20):
+        grid = grids(seed, reach, weight)
+        costs, (reached, chosen, total) = every_way(grid), searched(grid)
+        best = min(costs, key=costs.get)
+        assert (reached == STAGES) == np.isfinite(costs[best])
+        if reached == STAGES:
+            assert (tuple(chosen), total) == (best, pytest.approx(costs[best], rel=1e-12))
+            solved += 1
+        else:  # the stage is the first that no way reaches
+            assert not np.isfinite(list(every_way(grid, reached + 1).values())).any()
+            assert reached == 0 or np.isfinite(list(every_way(grid, reached).values())).any()
+    assert solved > 5
+
+
+def test_a_turn_is_short_for_a_joint_that_comes_round_alone():
+    grid = grids(1, 0.9, 0.0)
+    grid["poses"][:], grid["cost"][:], grid["counts"][:] = 0.0, 1.0, POSES
+    grid["poses"][1::2, :, 1] = 2 * np.pi
+    assert searched(grid)[0] == STAGES
+    grid["turning"][1] = False
+    assert searched(grid)[0] == 1

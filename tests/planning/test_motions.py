@@ -9,12 +9,11 @@ from itertools import product
 
 import numpy as np
 import pytest
-from planned_arms import LAWS, chain, joint_path, law_cost, path_problem
+from planned_arms import LAWS, joint_path, law_cost, path_problem
 
-from pipeline.core.errors import ConfigError, ModelDomainError
-from pipeline.models.wishart.law import WishartModel
+from pipeline.core.errors import ConfigError
 from pipeline.planning.motions import best_conditioned, least_uncertain, minimum_norm, on_stages
-from pipeline.planning.problem import Cost, InfeasibleError, Problem, settle, uncertainty
+from pipeline.planning.problem import Cost, InfeasibleError, Problem, settle
 from pipeline.planning.refine import objective, refined
 from pipeline.planning.self_motion import grid, spacing_of
 
@@ -39,14 +38,14 @@ def test_on_a_small_grid_the_optimum_is_that_of_trying_every_motion(law, smoothn
     problem = path_problem("planar", 4, smoothness=smoothness)
     cost, every = law_cost(law, problem.chain), np.arange(5)
     small = grid(problem, every, spacing_of(problem, 7))
-    assert min(len(poses) for poses in small.poses) > 3
-    way, least = on_stages(problem, cost, small)[0]
-    assert least == pytest.approx(trying_every_motion(problem, cost, small.poses), rel=1e-12)
+    assert min(len(poses) for poses in small) > 3
+    way, least = on_stages(problem, cost, every, small)[0]
+    assert least == pytest.approx(trying_every_motion(problem, cost, small), rel=1e-12)
     assert value(problem, cost, way) == pytest.approx(least, rel=1e-12)
     # the control: the cheapest pose of each step alone is another motion, or too fast a one
     single = [
         q[cost(q, np.tile(v, (len(q), 1))).argmin()]
-        for q, v in zip(small.poses, problem.steps, strict=False)
+        for q, v in zip(small, problem.steps, strict=False)
     ]
     assert not np.array_equal(single, way[:-1])
 
@@ -74,17 +73,6 @@ def test_under_every_model_a_motion_is_refined_beyond_its_grid_and_keeps_everyth
         assert change > -1e-4 * abs(driven - planned.objective) or problem.failure(near)
 
 
-def test_refining_takes_nothing_that_is_worse_and_keeps_what_cannot_be_better():
-    problem = path_problem("planar", 32)
-    cost = law_cost("qr_transposed", problem.chain)
-    begun = joint_path("planar", 32)
-    better = refined(problem, cost, begun)
-    assert value(problem, cost, better) < value(problem, cost, begun)
-    assert problem.failure(better) is None
-    flat = replace(problem, smoothness=0.0)
-    np.testing.assert_array_equal(refined(flat, law_cost("additive", flat.chain), begun), begun)
-
-
 def test_the_weight_of_smoothness_makes_the_null_space_still():
     def null_speed(smoothness: float) -> float:
         problem = path_problem("planar", 48, smoothness=smoothness)
@@ -101,7 +89,7 @@ def test_of_the_branches_of_a_square_arm_the_cheaper_is_taken():
     cost = law_cost("qr_transposed", problem.chain)
     planned = least_uncertain(problem, cost)
     costs = []
-    for start in grid(problem, np.array([0, 40]), 0.0).poses[0]:
+    for start in grid(problem, np.array([0, 40]), 0.0)[0]:
         motion = [start]
         for pose in problem.path[1:]:
             motion.append(settle(problem.chain, motion[-1][None], pose[None], 30)[0][0])
@@ -147,27 +135,28 @@ def test_an_arm_in_space_moves_with_less_uncertainty_than_it_was_driven():
     assert planned.objective < value(problem, cost, joint_path("seven", 60))
 
 
-def test_too_fast_a_path_is_refused_with_the_first_step_that_fails():
-    slow, cost = path_problem("planar", 20), law_cost("gaussian", chain("planar"))
-    least_uncertain(slow, cost, 40)
-    with pytest.raises(InfeasibleError, match=r"joints' speeds; .* \[step 20, after 0\]"):
-        least_uncertain(replace(slow, rate=2e3), cost, 40)
-
-
-def test_an_arm_with_two_joints_to_spare_is_refused():
-    problem = path_problem("two spare", 10)
-    with pytest.raises(ConfigError, match="2 joints more than the task has rows"):
-        least_uncertain(problem, law_cost("gaussian", problem.chain), 40)
-
-
-def test_a_model_without_a_covariance_is_refused():
-    problem = path_problem("planar", 10)
-    with pytest.raises(ModelDomainError, match="Wishart step exists only for sigma_B below"):
-        least_uncertain(problem, uncertainty(WishartModel(0.9), problem.chain, "trace"), 40)
-
-
 def test_the_least_norm_motion_names_the_step_at_which_it_leaves_the_limits():
     problem = path_problem("planar", 40)
     object.__setattr__(problem.chain, "upper", joint_path("planar", 40)[20] + [9, 9, 0])
     with pytest.raises(InfeasibleError, match=r"leaves the joint limits \[step \d+\]"):
         minimum_norm(problem, joint_path("planar", 1)[0])
+
+
+def test_refining_keeps_a_motion_that_cannot_be_better():
+    problem, begun = path_problem("planar", 32, smoothness=0.0), joint_path("planar", 32)
+    cost = law_cost("additive", problem.chain)
+    np.testing.assert_array_equal(refined(problem, cost, begun), begun)
+
+
+@pytest.mark.parametrize(
+    ("arm", "changes", "error", "words"),
+    [
+        ("planar", {"rate": 2e3}, InfeasibleError, r"joints' speeds; .* \[step 20, after 0\]"),
+        ("two spare", {}, ConfigError, "2 joints more than the task has rows"),
+        ("planar", {"margin": 0.0}, ConfigError, "margin must be finite and positive, not 0.0"),
+    ],
+)
+def test_a_problem_without_a_plan_is_refused(arm, changes, error, words):
+    with pytest.raises(error, match=words):
+        problem = path_problem(arm, 20, **changes)
+        least_uncertain(problem, law_cost("gaussian", problem.chain), 40)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from planned_arms import path_problem
+from planned_arms import chain, joint_path, path_problem
 
-from pipeline.core.errors import PipelineError
-from pipeline.planning.problem import InfeasibleError, Problem, settle
-from pipeline.planning.self_motion import curves, grid, spacing_of, stages
+from pipeline.planning.problem import CLOSE, InfeasibleError, Problem, settle
+from pipeline.planning.self_motion import curves, grid, stages
 
 SPACING = 0.2
 
@@ -39,15 +40,6 @@ def test_every_solution_lies_between_two_neighbours_of_the_grid(arm):
     assert (task.clearance(poses) >= task.margin).all()
 
 
-def test_a_curve_from_one_start_alone_would_miss_branches():
-    # the control
-    task = path_problem("seven", 4)
-    (poses,) = curves(task, np.array([2]), SPACING, 1)
-    held = solutions(task, 2, 400)
-    apart = np.linalg.norm(task.less_turns(held[:, None] - poses), axis=-1).min(axis=1)
-    assert np.mean(apart < SPACING) < 0.7
-
-
 def test_an_arm_without_joints_to_spare_has_its_branches():
     task = path_problem("square", 4)
     (poses,) = curves(task, np.array([2]), 0.0)
@@ -59,12 +51,6 @@ def test_an_arm_without_joints_to_spare_has_its_branches():
     assert {*apart.argmin(axis=1)} == {0, 1}
 
 
-def test_the_spacing_gives_about_as_many_points_as_were_asked_for():
-    task = path_problem("seven", 4)
-    left = grid(task, np.array([0, 2, 4]), spacing_of(task, 300))
-    assert 240 < max(len(poses) for poses in left.poses) < 360
-
-
 def test_stages_lie_as_far_apart_as_a_wide_grid_needs():
     task = path_problem("seven", 100)
     slowest = task.reach.min()
@@ -74,20 +60,38 @@ def test_stages_lie_as_far_apart_as_a_wide_grid_needs():
     assert stages(task, 1e9 * slowest, 1.0).tolist() == [0, 100]
 
 
-def test_where_the_path_cannot_be_followed_its_first_step_is_named_and_why():
-    task, steps = path_problem("planar", 6), np.array([0, 6])
+@pytest.mark.parametrize(
+    ("changes", "upper", "words"),
+    [
+        ({}, 9.0, r"does not reach the pose .*\[step 4\]"),
+        ({"margin": 5.0}, 9.0, r"least singular value of .* margin of 5 m \[step 0"),
+        ({}, 1e-3, r"beyond its joint limits alone \[step 0"),
+    ],
+)
+def test_where_the_path_cannot_be_followed_its_first_step_is_named_and_why(changes, upper, words):
+    task = path_problem("planar", 6, **changes)
+    chain = replace(task.chain, upper=np.minimum(task.chain.upper, task.chain.lower + upper))
     path = task.path.copy()
     path[4:, 0] += 5.0
-    far = Problem(task.chain, path, task.rate, task.margin, 0.0)
-    with pytest.raises(InfeasibleError, match=r"does not reach the pose .*\[step 4\]") as refused:
-        grid(far, steps, SPACING)
-    assert isinstance(refused.value, PipelineError)
-    with pytest.raises(InfeasibleError, match=r"least singular value of .* margin of 5 m \[step 0"):
-        grid(path_problem("planar", 6, margin=5.0), steps, SPACING)
+    with pytest.raises(InfeasibleError, match=words):
+        grid(replace(task, chain=chain, path=path), np.array([0, 6]), SPACING)
 
 
-def test_a_path_beyond_the_joint_limits_alone_is_named_so():
-    task = path_problem("planar", 4)
-    object.__setattr__(task.chain, "upper", task.chain.lower + 1e-3)
-    with pytest.raises(InfeasibleError, match=r"beyond its joint limits alone \[step 0"):
-        grid(task, np.array([0, 4]), SPACING)
+LOST = np.nan  # an angle at which no Jacobian has an inverse
+
+
+def test_the_poses_are_reached_and_a_lane_without_an_inverse_stays_where_it_is():
+    arm, q = chain("planar"), joint_path("planar", 20)
+    begun, target = q + 0.05, arm.pose(q)
+    begun[7] = LOST
+    assert arm.singular(begun).tolist() == [lane == 7 for lane in range(21)]
+    settled, reached = settle(arm, begun, target, 20)
+    assert reached.tolist() == [lane != 7 for lane in range(21)]
+    off = np.linalg.norm(arm.displacement(arm.pose(settled), target), axis=-1)
+    assert off[reached].max() <= CLOSE
+    np.testing.assert_array_equal(settled[7], begun[7])
+    # a lane is settled as it would be alone
+    alone, _ = settle(arm, begun[3:4], target[3:4], 20)
+    np.testing.assert_array_equal(settled[3:4], alone)
+    # control: without a round nothing is reached
+    assert not settle(arm, begun, target, 0)[1].any()

@@ -43,9 +43,3 @@ def test_normals_are_numpys_set_by_set_and_particle_by_particle(sets):
     sets_of_other = [other.standard_normal((PARTICLES, 7)).T for _ in range(sets)]
     np.testing.assert_array_equal(normal, np.concatenate(sets_of_other))
     assert one.random() == other.random()
-
-
-def test_another_generator_draws_too():
-    one, other = (np.random.Generator(np.random.MT19937(3)) for _ in range(2))
-    _, normal = drawn(one, 50, 1, 2)
-    np.testing.assert_array_equal(normal, other.standard_normal((50, 2)).T)

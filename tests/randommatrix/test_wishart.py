@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from pipeline.core.errors import ModelDomainError
+from pipeline.models.wishart.law import step_covariance
 from pipeline.randommatrix import normal, wishart
 
 SIGMA = np.array([[1.0, 0.3, 0.0], [0.3, 0.8, -0.2], [0.0, -0.2, 0.5]])
@@ -78,6 +79,20 @@ def test_the_maxent_law_has_the_mean_and_the_dispersion_it_was_asked_for(sigma_b
     np.testing.assert_allclose(
         wishart.normalized_std(draws, np.eye(n)), np.sqrt(squared.mean()), rtol=1e-12
     )
+
+
+@pytest.mark.parametrize("n", [2, 3, 8])
+def test_the_inverse_of_the_maxent_law_moves_a_vector_as_the_closed_form_says(n):
+    """B⁻¹a has the mean d/(d − n − 1)·a and the covariance of a step with J₂ = I."""
+    sigma_b, a, draws = 0.2, np.arange(1.0, n + 1), 20_000
+    d = wishart.degrees_of_freedom(sigma_b, n)
+    b = wishart.sample(d, np.eye(n) / d, (draws,), np.random.default_rng(n))
+    moved = np.linalg.solve(b, np.tile(a, (draws, 1))[..., None])[..., 0]
+    assert largest_score(moved, d / (d - n - 1) * a) < 5
+    centred = moved - moved.mean(axis=0)
+    products = centred[:, :, None] * centred[:, None, :]
+    assert largest_score(products, step_covariance(a, np.eye(n), sigma_b)) < 5
+    assert largest_score(products, step_covariance(a, np.eye(n), 1.1 * sigma_b)) > 5
 
 
 def test_theta_follows_the_papers_equation_for_any_size():

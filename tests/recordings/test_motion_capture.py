@@ -24,11 +24,10 @@ from space_arms import LWR4, UR5, motion
 
 from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.model import chain_of, load_arm
-from pipeline.core.columns import columns, members, spread, values
+from pipeline.core.columns import PLANE, columns, members, spread, values
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Motion, Robot
 from pipeline.core.options.instruments import Body, Pose
-from pipeline.core.task import PLANE
 from pipeline.formats.trajectory import write_trajectory
 from pipeline.recordings.motion_capture import find_takes, marker_rows, trajectory_rows
 

@@ -11,7 +11,7 @@ from written_logs import write_joint_log
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.core.options.instruments import Encoders
-from pipeline.core.options.instruments import JointLog as Log
+from pipeline.core.options.instruments import JointLogSection as Log
 from pipeline.formats.format import Format, Kind, begins
 from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.formats.joints.table import joint_labels, write_joint_table

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from known_law import ROOT
 
-from pipeline.cases.case import KINDS, Case
+from pipeline.cases.case import KINDS, Choices
 from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError
 from pipeline.core.typed_yaml import read_yaml
@@ -39,7 +39,7 @@ MODELS = {
     "gaussian": options_type("gaussian")("gaussian", estimator="paper", beta=0.5),
     "scaled_full": options_type("scaled")("scaled", structure="full"),
 }
-CASE = Case(MODELS, FilterOptions(60, "systematic", 0.5), "one_step", closed=True)
+CASE = Choices(MODELS, FilterOptions(60, "systematic", 0.5), "one_step", closed=True)
 # sway of one size at any speed, and no other disturbance: the additive model is true
 ADDITIVE = tuple(
     (name, 0.0)

@@ -45,7 +45,7 @@ def test_the_least_uncertain_motion_of_the_gaussian_model_goes_where_the_arm_is_
     gaussian = law_cost("gaussian", problem.chain)
     steps = np.arange(0, 25, 3)
     poses = grid(problem, steps, spacing_of(problem, 50))
-    ways = [on_stages(problem, cost, poses)[0][0] for cost in (gaussian, worst_conditioned)]
+    ways = [on_stages(problem, cost, steps, poses)[0][0] for cost in (gaussian, worst_conditioned)]
     np.testing.assert_array_equal(*ways)
     uncertain = least_uncertain(problem, gaussian, 50)
     dexterous = best_conditioned(problem, 50)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from pipeline.core.task import PLANE
+from pipeline.core.columns import PLANE
 from pipeline.verdicts import report_page
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import WITHOUT_RECORDING, decide_each

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import kstest
 
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.instruments import Configuration, Force
+from pipeline.core.options.instruments import Arrangement, Force
 from pipeline.wrench.bounds import Bounds, configuration_bounds, draw_systems, nominal_system
 
 RANGES = {
@@ -85,7 +85,7 @@ SPATIAL = PLANAR | {
 }
 
 
-def force(configuration: Configuration, **changes) -> Force:
+def force(configuration: Arrangement, **changes) -> Force:
     return Force(
         tare=1.0,
         tension_std=[0.5, 0.6, 0.7],
@@ -98,14 +98,14 @@ def force(configuration: Configuration, **changes) -> Force:
 
 
 def test_a_configuration_in_space_has_elevations_and_attachments_over_the_length():
-    configuration = Configuration(**SPATIAL)
+    configuration = Arrangement(**SPATIAL)
     options = force(configuration, length=0.2)
     system = nominal_system(options, configuration)
     np.testing.assert_allclose(np.linalg.norm(system.direction, axis=1), 1)
     np.testing.assert_allclose(np.arcsin(system.direction[:, 2]), SPATIAL["elevation"])
     np.testing.assert_allclose(np.arctan2(*system.direction[:, 1::-1].T), SPATIAL["direction"])
     np.testing.assert_allclose(0.2 * system.attachment, SPATIAL["attachment"])
-    planar = Configuration(**PLANAR)
+    planar = Arrangement(**PLANAR)
     met = nominal_system(force(planar), planar)
     np.testing.assert_allclose(np.arctan2(*met.direction.T[::-1]), PLANAR["direction"])
     assert met.tension_sd.tolist() == [0.5, 0.6] and met.attachment is None
@@ -118,7 +118,7 @@ def test_a_configuration_in_space_has_elevations_and_attachments_over_the_length
 
 def test_more_cables_than_robots_and_a_length_that_is_none_are_refused():
     four = {name: PLANAR[name] * 2 for name in ("direction", "tension")}
-    configuration = Configuration(**(PLANAR | four))
+    configuration = Arrangement(**(PLANAR | four))
     with pytest.raises(ConfigError, match="3 values for the 4 robots"):
         nominal_system(force(configuration), configuration)
     with pytest.raises(ConfigError, match=r"length: .* greater than 0, got 0\.0"):

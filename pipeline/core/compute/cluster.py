@@ -18,7 +18,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
-from functools import cache, partial
+from functools import cache
 from importlib.metadata import distributions
 from itertools import islice
 from pathlib import Path
@@ -29,7 +29,7 @@ from distributed import Client, Future, LocalCluster, get_worker
 from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 
-import pipeline
+from pipeline.core.compiled import sources_hash
 from pipeline.core.compute.trials import call_pickled
 from pipeline.core.environment import BOUNDS
 from pipeline.core.errors import ComputeError
@@ -42,62 +42,32 @@ SILENT = {
     "distributed.admin.low-level-log-length": 0,
     "distributed.admin.large-graph-warning-threshold": "1TB",
 }
-
-
-# s of trials that a worker is given at a time, compared with which handing them over is short
-BLOCK = 0.2
+BLOCK = 0.2  # s of trials that a worker is given at a time, long beside the submission
 AHEAD = 16  # blocks per worker that are submitted before the first of them is taken back
-
-Block = list[bytes]  # of trials, each pickled
-BlockResults = tuple[float, list[bytes]]  # s that the block took, and the results, each pickled
 
 
 def results_of_cluster(function: bytes, trials: Iterator, compute: Compute, label: str) -> Iterator:
     """Yield the results of ``trials`` in order, submitted in blocks of about BLOCK s.
 
-    ComputeError as :func:`cluster` says.
-    """
-    with cluster(function, compute, label) as running:
-        waiting: deque[Callable[[], BlockResults]] = deque()
-        size = 1
-        while True:
-            while len(waiting) < AHEAD * running.workers():
-                if not (block := [pickle.dumps(trial) for trial in islice(trials, size)]):
-                    break
-                waiting.append(running.submit(block))
-            if not waiting:
-                return
-            for _ in range(1 + len(waiting) // 2):
-                seconds, results = waiting.popleft()()
-                yield from map(pickle.loads, results)
-            size = max(1, math.floor(BLOCK * len(results) / seconds))
-
-
-@contextmanager
-def cluster(function: bytes, compute: Compute, label: str) -> Iterator[Cluster]:
-    """The cluster that ``compute`` names, or starts, for blocks of trials of ``function``.
-
     ComputeError where there is no scheduler or no worker for the timeout of ``compute``, where the
     scheduler is lost, where trials end their workers, and for a worker that might not give the same
     bytes.
     """
-    for logger in ("distributed", "distributed.client"):
-        # what they say of lost connections ComputeError says
-        logging.getLogger(logger).setLevel(logging.CRITICAL)
-    with ExitStack() as stack:
-        stack.enter_context(dask.config.set(SILENT))
-        address = compute.dask.address
-        if address is None:
-            number = compute.workers or len(os.sched_getaffinity(0))
-            own = LocalCluster(
-                n_workers=number,
-                threads_per_worker=1,
-                host="127.0.0.1",
-                dashboard_address="127.0.0.1:0",
-            )
-            address = stack.enter_context(own).scheduler_address
-        client = stack.enter_context(_connected(address, compute.dask.timeout))
-        yield Cluster(client, function, compute.dask.timeout, label)
+    with connected(compute) as client:
+        cluster = TrialCluster(client, function, compute.dask.timeout, label)
+        waiting: deque[Future] = deque()
+        size = 1
+        while True:
+            while len(waiting) < AHEAD * cluster.workers():
+                if not (block := [pickle.dumps(trial) for trial in islice(trials, size)]):
+                    break
+                waiting.append(cluster.submit(block))
+            if not waiting:
+                return
+            for _ in range(1 + len(waiting) // 2):
+                seconds, results = cluster.result(waiting.popleft())
+                yield from map(pickle.loads, results)
+            size = max(1, math.floor(BLOCK * len(results) / seconds))
 
 
 class _Client(Client):
@@ -119,72 +89,75 @@ class _Client(Client):
 
 
 @contextmanager
-def _connected(address: str, timeout: float) -> Iterator[Client]:
-    try:
-        client = _Client(address, timeout)
-    # an AssertionError is Dask's own where its thread has not begun within 10 s, as on a machine
-    # that is busy
-    except (OSError, ValueError, AssertionError) as error:
-        raise ComputeError(
-            f"no Dask scheduler answers within {timeout:g} s ({error}); start one as {OPTION} "
-            "says, or name the address of one that runs",
-            address=address,
-        ) from None
-    try:
-        yield client
-    finally:
-        # one that no longer answers cannot take leave
-        with suppress(TimeoutError):
-            client.close()
+def connected(compute: Compute) -> Iterator[Client]:
+    """A client of the cluster that ``compute`` names, or that is started for it; ComputeError where
+    no scheduler answers.
+    """
+    for logger in ("distributed", "distributed.client"):
+        # what they say of lost connections ComputeError says
+        logging.getLogger(logger).setLevel(logging.CRITICAL)
+    address, timeout = compute.dask.address, compute.dask.timeout
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set(SILENT))
+        if address is None:
+            number = compute.workers or len(os.sched_getaffinity(0))
+            here = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
+            own = LocalCluster(n_workers=number, threads_per_worker=1, **here)
+            address = stack.enter_context(own).scheduler_address
+        try:
+            client = _Client(address, timeout)
+        # an AssertionError is Dask's own where its thread has not begun within 10 s, as on a
+        # machine that is busy
+        except (OSError, ValueError, AssertionError) as error:
+            raise ComputeError(
+                f"no Dask scheduler answers within {timeout:g} s ({error}); start one as {OPTION} "
+                "says, or name the address of one that runs",
+                address=address,
+            ) from None
+        try:
+            yield client
+        finally:
+            # one that no longer answers cannot take leave
+            with suppress(TimeoutError):
+                client.close()
 
 
-class Cluster:
-    """A running cluster.
+class TrialCluster:
+    """A running cluster for blocks of trials of ``function``.
 
     On its dashboard a block is a task with the name of the trials and the number of the first. A
     block whose worker is lost runs again on another.
     """
 
     def __init__(self, client: Client, function: bytes, timeout: float, label: str) -> None:
-        self._client, self._timeout, self._label = client, timeout, label
-        self._address = client.scheduler.address
+        self._client, self._timeout, self._label, self._begun = client, timeout, label, 0
+        self._address = address = client.scheduler.address
         self._require_workers()
-        print(
-            f"{label}: {self.workers()} worker(s) of {self._address}, dashboard "
-            f"{client.dashboard_link}",
-            flush=True,
-        )
+        workers = f"{self.workers()} worker(s) of {address}"
+        print(f"{label}: {workers}, dashboard {client.dashboard_link}", flush=True)
         # a task and not scattered data, which would be lost with the worker that holds it
-        self._shared = client.submit(
-            bytes,
-            pickle.dumps((fingerprint(), function)),
-            key=f"{label}, what they share-0-{client.id}",
-        )
-        self._begun = 0
+        shared, key = pickle.dumps((fingerprint(), function)), f"{label}, what they share-0"
+        self._shared = client.submit(bytes, shared, key=f"{key}-{client.id}")
 
-    def submit(self, block: Block) -> Callable[[], BlockResults]:
-        """Hand out a block; what is returned waits for its results."""
+    def workers(self) -> int:
+        """Number of workers now."""
+        call = self._client.sync
+        try:
+            return len(call(self._client.scheduler.ncores, callback_timeout=self._timeout))
+        except (OSError, AttributeError):  # a client that has given up has no scheduler
+            raise self._lost() from None
+
+    def submit(self, block: list[bytes]) -> Future:
+        """Submit a block of pickled trials."""
         key = f"{self._label}-{self._begun}-{self._client.id}"
         self._begun += len(block)
         # not by Client.get_executor, whose futures never end where the scheduler is lost while it
-        # hands over a result
-        return partial(
-            self._results, self._client.submit(_by_value(), self._shared, block, key=key)
-        )
+        # sends a result
+        return self._client.submit(_by_value(), self._shared, block, key=key)
 
-    def workers(self) -> int:
-        """How many there are now."""
-        try:
-            return len(
-                self._client.sync(self._client.scheduler.ncores, callback_timeout=self._timeout)
-            )
-        except (OSError, AttributeError):
-            # a client that has given up has no scheduler
-            raise self._lost() from None
-
-    def _results(self, future: Future) -> BlockResults:
-        """Of a block, once they are there; the errors of its trials as they are, those of the
-        cluster as ComputeError.
+    def result(self, future: Future) -> tuple[float, list[bytes]]:
+        """Time in s and pickled results of a block, once they are there; the errors of its trials
+        as they are, those of the cluster as ComputeError.
         """
         try:
             while True:
@@ -201,15 +174,13 @@ class Cluster:
         except KilledWorker as error:
             raise ComputeError(
                 f"trials have ended {error.allowed_failures + 1} workers, one after the other, "
-                "as happens where memory runs out; "
-                "give the workers more of it, or have fewer on a machine",
+                "as happens where memory runs out; give the workers more of it, or have fewer on a "
+                "machine",
                 trials=error.task.removesuffix(f"-{self._client.id}"),
             ) from None
         except ImportError as error:
-            raise ComputeError(
-                f"a worker cannot import what it needs: {error}; start it as {OPTION} says",
-                address=self._address,
-            ) from None
+            message = f"a worker cannot import what it needs: {error}; start it as {OPTION} says"
+            raise ComputeError(message, address=self._address) from None
 
     def _require_workers(self) -> None:
         if self.workers():
@@ -217,11 +188,9 @@ class Cluster:
         try:
             self._client.wait_for_workers(1, timeout=self._timeout)
         except TimeoutError:
-            raise ComputeError(
-                f"the Dask cluster has been without workers for {self._timeout:g} s; start some "
-                f"as {OPTION} says",
-                address=self._address,
-            ) from None
+            without = f"the Dask cluster has been without workers for {self._timeout:g} s"
+            message = f"{without}; start some as {OPTION} says"
+            raise ComputeError(message, address=self._address) from None
 
     def _lost(self) -> ComputeError:
         return ComputeError(
@@ -231,12 +200,12 @@ class Cluster:
         )
 
 
-def _by_value() -> Callable[[bytes, Block], BlockResults]:
-    """What a worker is given to run: being no module's function it goes there as code, and says
-    itself that the project is not there.
+def _by_value() -> Callable:
+    """The task of a worker: being no module's function it goes there as code, and says itself that
+    the project is not there.
     """
 
-    def run(shared: bytes, block: Block) -> BlockResults:
+    def run(shared: bytes, block: list[bytes]) -> tuple[float, list[bytes]]:
         from pipeline.core.compute.cluster import run_on_worker
 
         return run_on_worker(shared, block)
@@ -244,15 +213,13 @@ def _by_value() -> Callable[[bytes, Block], BlockResults]:
     return run
 
 
-def run_on_worker(shared: bytes, block: Block) -> BlockResults:
+def run_on_worker(shared: bytes, block: list[bytes]) -> tuple[float, list[bytes]]:
     """Refuse the worker where it might not give the same bytes, else run the block."""
     expected, function = pickle.loads(shared)
-    worker = get_worker()
+    worker, threads = get_worker(), "the number of a worker's threads"
     # threads of one process would share what libraries keep between calls
-    threads = "the number of a worker's threads"
-    here = expected | {threads: "1"}
     there = fingerprint() | {threads: str(worker.state.nthreads)}
-    for name, state in here.items():
+    for name, state in (expected | {threads: "1"}).items():
         # a library that only one side has is left to its import
         if there.get(name, state) != state:
             raise ComputeError(
@@ -272,19 +239,15 @@ def fingerprint() -> dict[str, str]:
 
     Once per process: a worker that imported modules before an edit of the code keeps saying so.
     """
-    folder, digest = Path(pipeline.__file__).parent, hashlib.sha256()
-    for file in sorted(folder.rglob("*.py")):
-        digest.update(f"{file.relative_to(folder)}\0".encode() + file.read_bytes())
     project = Path("dvc.yaml")
+    changed = str(project.stat().st_mtime_ns) if project.exists() else "none"
     return {
-        "the code of pipeline": digest.hexdigest()[:12],
+        "the code of pipeline": sources_hash(),
         "python": platform.python_version(),
         **{name: os.environ.get(name, "unset") for name in BOUNDS},
         **{distribution.name.lower(): distribution.version for distribution in distributions()},
         "numpy's arithmetic": _arithmetic(),
-        "the project's folder (time of its dvc.yaml)": (
-            str(project.stat().st_mtime_ns) if project.exists() else "none"
-        ),
+        "the project's folder (time of its dvc.yaml)": changed,
     }
 
 
@@ -294,5 +257,4 @@ def _arithmetic() -> str:
     positive = x @ x.T + 200 * np.eye(200)
     values = [function(x) for function in (np.exp, np.log, np.sin, np.tan, np.sqrt)]
     values += [x**1.7, x.sum(axis=0), positive, np.linalg.inv(positive), np.linalg.svd(x)[0]]
-    content = b"".join(np.ascontiguousarray(value).tobytes() for value in values)
-    return hashlib.sha256(content).hexdigest()[:12]
+    return hashlib.sha256(b"".join(value.tobytes() for value in values)).hexdigest()[:12]

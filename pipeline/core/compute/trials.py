@@ -1,5 +1,5 @@
-"""Trials in this process, in worker processes or on a Dask cluster, by joblib, with the same
-results in the same order.
+"""Trials in this process, in worker processes or on a Dask cluster, with the same results in the
+same order.
 """
 
 from __future__ import annotations
@@ -12,13 +12,11 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain, islice
 from operator import length_hint
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pipeline.core.errors import ComputeError
 
 if TYPE_CHECKING:
-    from joblib import Parallel
-
     from pipeline.core.options.analysis import Compute
 
 # s of processor time until workers compute (imports and compiled code); the time that they save has
@@ -71,43 +69,36 @@ def _results(function: bytes, trials: Iterable, compute: Compute, label: str) ->
         yield from results_of_cluster(function, trials, compute, label)
         return
     workers = compute.workers or len(os.sched_getaffinity(0))
-    taken, pace = 0, 0.0  # s a trial
+    pace = 0.0  # s a trial
     # the first trials run here, until workers would save more time than they take to start
-    for trial in trials:
+    for taken, trial in enumerate(trials):
         begin = time.perf_counter()
         result = call_pickled(function, pickle.dumps(trial))
         took = time.perf_counter() - begin
         yield pickle.loads(result)
         # of the first trial the time beyond loading, then the mean of the others
         pace = pace + (took - pace) / taken if taken else max(took - LOADING, 0.0)
-        left, taken = left - 1, taken + 1
+        left -= 1
         workers = min(workers, left)
         if workers > 1 and pace * left * (1 - 1 / workers) > START:
             yield from _by_processes(function, trials, int(workers), label)
 
 
 def _by_processes(function: bytes, trials: Iterator, workers: int, label: str) -> Iterator:
-    from joblib import Parallel
+    """Results in order, of trials that are submitted a window at a time."""
+    from joblib import Parallel, delayed
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
+    call = delayed(call_pickled)
     try:
         with Parallel(workers, backend="loky", return_as="generator") as parallel:
-            yield from in_windows(parallel, call_pickled, function, trials, workers)
+            for first in trials:
+                window = chain([first], islice(trials, WINDOW * workers - 1))
+                results = parallel(call(function, pickle.dumps(trial)) for trial in window)
+                yield from map(pickle.loads, results)
     except TerminatedWorkerError:
         raise ComputeError(
             "a worker process has been ended from outside, as happens where memory runs out; "
             "choose fewer workers, or compute: serial",
             trials=label,
         ) from None
-
-
-def in_windows(
-    parallel: Parallel, call: Callable, function: Any, trials: Iterator, workers: int
-) -> Iterator:
-    """Yield the results of ``call(function, trial)`` in order, submitted a window at a time."""
-    from joblib import delayed
-
-    for first in trials:
-        window = chain([first], islice(trials, WINDOW * workers - 1))
-        for result in parallel(delayed(call)(function, pickle.dumps(trial)) for trial in window):
-            yield pickle.loads(result)

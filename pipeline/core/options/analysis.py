@@ -23,7 +23,7 @@ class Filter:
 
 
 @options()
-class Articulation:
+class ArticulationSection:
     gamma1: NotNegative
     gamma2: NotNegative
     length_range: Annotated[float, Field(ge=0, lt=1)]  # share of the nominal length
@@ -81,7 +81,7 @@ class Dask:
 
 @options()
 class Compute:
-    """Where trials run. Results do not depend on it."""
+    """Place of the trials. Results do not depend on it."""
 
     workers: Whole = 0  # processes on this machine, 0: one per core
     dask: Dask | None = None  # null: no cluster

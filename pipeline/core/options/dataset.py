@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from pipeline.core.bounds import Reading
+from pipeline.core.columns import PLANE, SPACE
 from pipeline.core.options.analysis import Count, NotNegative, Positive, Whole
-from pipeline.core.options.instruments import Depth, Encoders, Force, JointLog, Mocap
-from pipeline.core.task import PLANE, SPACE
+from pipeline.core.options.instruments import Depth, Encoders, Force, JointLogSection, Mocap
 from pipeline.core.validation import Fault, options
 
 Limit = NotNegative | None
@@ -89,7 +89,7 @@ class Dataset:
     motion: Motion | None  # likewise
     trajectory: str | None = None  # file of the commanded trajectory, where there is one
     mocap: Mocap | None = None
-    joint_log: JointLog | None = None
+    joint_log: JointLogSection | None = None
     encoders: Encoders | None = None
     depth: Depth | None = None
     force: Force | None = None

@@ -114,7 +114,7 @@ class Depth:
 
 
 @options(kw_only=True)
-class JointLog:
+class JointLogSection:
     """The controller's own logs: a folder or a file a movement, and which of the commanded motions
     in them is analysed.
     """
@@ -226,7 +226,7 @@ class ForceLog:
 
 
 @options()
-class Configuration:
+class Arrangement:
     """One arrangement of the cooperating robots: the known quantities of each cable, and the
     model's bounds.
     """
@@ -265,7 +265,7 @@ class Force:
     kappa_bounds: Bounds  # 1, the paper's σ_θ
     tension_std_bounds: Bounds  # N
     tension_bounds: Bounds  # N
-    configurations: dict[str, Configuration]
+    configurations: dict[str, Arrangement]
     # m, the point that moments are taken about, in the transducer's axes from its origin
     point: Triple = field(default_factory=lambda: [0.0, 0.0, 0.0])
     length: Positive = 1.0  # m by which moments are divided where they stand beside forces

@@ -18,8 +18,8 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.interface import Mechanism
+from pipeline.core.columns import SPACE
 from pipeline.core.errors import ConfigError
-from pipeline.core.task import SPACE
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import MotionModel, frobenius
 from pipeline.models.scaled.law import ScaledModel

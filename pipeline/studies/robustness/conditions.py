@@ -10,7 +10,7 @@ from itertools import product
 
 import pandas as pd
 
-from pipeline.cases.case import Case, Recordings
+from pipeline.cases.case import Choices, Recordings
 from pipeline.cases.evaluate import evaluate
 from pipeline.cases.evidence import Evidence
 from pipeline.cases.readings import decided
@@ -44,7 +44,7 @@ class Common:
 
     laboratory: Laboratory
     ways: Mapping[str, Mapping[str, object]]  # trajectories by name: changes of the dataset's own
-    case: Case
+    case: Choices
     takes: tuple[int, int]  # of training and test
     realizations: int
     bounds: Bounds  # of the wrench study

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from pipeline.cases.case import Camera, Case, camera_of
+from pipeline.cases.case import Camera, Choices, camera_of
 from pipeline.cases.readings import readings
 from pipeline.filtering.resampling import SCHEMES
 
@@ -18,13 +18,13 @@ CHANCE = "random numbers"
 # the estimator of each of the paper's models that returns known parameters
 CONSISTENT = {"additive": "shrinkage", "wishart": "likelihood", "gaussian": "likelihood"}
 BASE = ""  # decision and level of the base case
-Named = tuple[str, str, Case]  # decision, level, case
+Named = tuple[str, str, Choices]  # decision, level, case
 LINEAR = ("x", "y", "z")  # rows of a task in m
 CLOCKS = ("aligned", "not aligned", "a frame late", "a frame early", "nearest step")
 
 
 def decision_cases(
-    base: Case, lever: float, task: Sequence[str], joints: Sequence[str], others: int
+    base: Choices, lever: float, task: Sequence[str], joints: Sequence[str], others: int
 ) -> list[Named]:
     """Return the base case, and after it every case in which one decision changes its options.
 
@@ -39,7 +39,7 @@ def decision_cases(
 
 
 def _decisions(
-    base: Case, lever: float, task: Sequence[str], joints: Sequence[str]
+    base: Choices, lever: float, task: Sequence[str], joints: Sequence[str]
 ) -> Iterator[Named]:
     models = {
         kind: replace(model, estimator=CONSISTENT.get(kind, model.estimator))
@@ -74,7 +74,7 @@ def _decisions(
         yield "particles", f"{count}", replace(base, filter=replace(chosen, particles=count))
 
 
-def without_camera(case: Case, base: Case) -> bool:
+def without_camera(case: Choices, base: Choices) -> bool:
     """Return whether ``case`` decides nothing otherwise of camera and filter."""
     return (case.filter, case.clock, case.batch) == (base.filter, base.clock, base.batch)
 

@@ -16,7 +16,7 @@ import joblib
 import pandas as pd
 from pydantic import Field
 
-from pipeline.cases.case import Case, Recordings, paper_models, recorded_takes
+from pipeline.cases.case import Choices, Recordings, paper_models, recorded_takes
 from pipeline.cases.evaluate import evaluate
 from pipeline.cases.readings import FAILS, HOLDS, decided, read_claims
 from pipeline.core import config, contracts
@@ -82,7 +82,7 @@ def decision_verdicts(
     takes = recorded_takes(dataset.robot, dataset.motion)
     chain, joints = takes.training.chain, takes.training.joints
     chosen = FilterOptions(f.particles, f.scheme, f.threshold)
-    base = Case(paper_models(settings.models), chosen, settings.simulation.mode)
+    base = Choices(paper_models(settings.models), chosen, settings.simulation.mode)
     lever = float(chain.lengths.mean()) if hasattr(chain, "lengths") else 1.0
     cases = decision_cases(base, lever, chain.task, joints, options.others)
     seen = {}
@@ -151,7 +151,7 @@ def laboratory_grid(
     common = Common(
         laboratory=Laboratory.of_run(settings, recorded, noise),
         ways=options.trajectories,
-        case=Case(models, chosen, settings.simulation.mode, closed=True),
+        case=Choices(models, chosen, settings.simulation.mode, closed=True),
         takes=(options.training_takes, options.test_takes),
         realizations=options.realizations,
         bounds=study_bounds(study),

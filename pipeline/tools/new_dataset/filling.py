@@ -18,7 +18,7 @@ from pipeline.core import contracts
 from pipeline.core.datasheet import Draft, Question, unfilled_keys
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import Robot
-from pipeline.core.options.instruments import JointLog
+from pipeline.core.options.instruments import JointLogSection
 from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.logged_movement import read_logged_movement
@@ -182,7 +182,7 @@ def found_motions(values: dict[str, Any]) -> list[FoundMotion]:
     needed = {"joint_log": log, "robot": values["robot"], "motion": {"rate": rate}}
     if keys := ", ".join(unfilled_keys(needed)):
         raise ConfigError(f"the motions are found once these are filled in: {keys}")
-    options, folder = JointLog(**log), Path(values["recordings"])
+    options, folder = JointLogSection(**log), Path(values["recordings"])
     places = named_takes(folder, options.movements, key="dataset.joint_log.movements")
     circular = circular_joints(values["robot"]["urdf"], options.joints)
     movements = {

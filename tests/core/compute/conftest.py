@@ -25,16 +25,10 @@ def process(*words: str, **variables: str) -> Iterator[subprocess.Popen]:
     """A Dask process in the project's folder, with these environment variables; killed in the end,
     as its children then end too.
     """
-    command = [
-        str(Path(sys.executable).parent / "dask"),
-        *words,
-        "--host",
-        "127.0.0.1",
-        "--no-dashboard",
-    ]
-    with subprocess.Popen(
-        command, cwd=ROOT, env=variables, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    ) as started:
+    dask = str(Path(sys.executable).parent / "dask")
+    command = [dask, *words, "--host", "127.0.0.1", "--no-dashboard"]
+    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen(command, cwd=ROOT, env=variables, **silent) as started:
         try:
             yield started
         finally:
@@ -48,9 +42,7 @@ class Running:
         end = time.monotonic() + WAIT
         # the file is there before it is written to its end
         while not (file.exists() and file.read_text().endswith("}")):
-            assert scheduler.poll() is None and time.monotonic() < end, (
-                "the scheduler does not start"
-            )
+            assert scheduler.poll() is None and time.monotonic() < end, "no scheduler starts"
             time.sleep(0.05)
         self.scheduler, self.address = scheduler, json.loads(file.read_text())["address"]
 
@@ -61,17 +53,9 @@ class Running:
         """Two as pipeline/conf/compute/dask.yaml says, of a person who has set none of our
         environment variables.
         """
-        words = [
-            "worker",
-            self.address,
-            "--nthreads",
-            "1",
-            "--nworkers",
-            "2",
-            "--preload",
-            "pipeline.core.environment",
-        ]
-        return process(*words, PATH=os.environ["PATH"], PYTHONPATH=".")
+        options = "--nthreads 1 --nworkers 2 --preload pipeline.core.environment"
+        path = {"PATH": os.environ["PATH"], "PYTHONPATH": "."}
+        return process("worker", self.address, *options.split(), **path)
 
     def worker(
         self, threads: int = 1, **variables: str
@@ -79,22 +63,15 @@ class Running:
         """One that starts sooner, for nothing watches over it; our environment variables are set,
         but for those given.
         """
-        return process(
-            "worker",
-            self.address,
-            "--nthreads",
-            str(threads),
-            "--no-nanny",
-            **os.environ | variables,
-        )
+        words = "worker", self.address, "--nthreads", str(threads), "--no-nanny"
+        return process(*words, **os.environ | variables)
 
 
 @contextmanager
 def scheduler(folder: Path) -> Iterator[Running]:
     file = folder / "scheduler.json"
-    with process(
-        "scheduler", "--port", "0", "--scheduler-file", str(file), PATH=os.environ["PATH"]
-    ) as started:
+    words = "scheduler", "--port", "0", "--scheduler-file", str(file)
+    with process(*words, PATH=os.environ["PATH"]) as started:
         yield Running(started, file)
 
 

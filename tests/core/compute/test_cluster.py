@@ -1,103 +1,77 @@
-"""Trials on a Dask cluster: a real scheduler and worker processes, over loopback."""
+"""Trials on a Dask cluster: a real scheduler and worker processes, over loopback. A cluster that is
+lost, absent or unfit is named, with what to do about it.
+"""
 
 from __future__ import annotations
 
 import operator
 import os
+import pickle
 import signal
+import time
 from collections.abc import Iterator
 from functools import partial
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 import pytest
 from distributed import Client
 
 from pipeline.core.compute import cluster as module
+from pipeline.core.compute.cluster import TrialCluster, connected
 from pipeline.core.compute.trials import run_trials
-from pipeline.core.errors import RecordingError
-from pipeline.core.options.analysis import Compute
-from pipeline.formats.delimited import read_text
+from pipeline.core.errors import ComputeError, ConfigError
+from pipeline.core.options.analysis import Compute, Dask
 from tests.core.compute.example_trials import (
-    articulated,
+    begin,
     filtered,
+    give_up,
     late,
     pause,
     peak,
+    time_out,
 )
-
-SERIAL = Compute(1)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "function", [partial(filtered, steps=np.full((30, 3), 1e-3)), partial(articulated, width=0.004)]
-)
-def test_the_bytes_are_those_of_this_process(function, running):
-    tables = [
+def test_the_bytes_are_those_of_this_process(running):
+    function = partial(filtered, steps=np.full((30, 3), 1e-3))
+    here, there = (
         list(run_trials(function, range(6), compute=compute, label="takes"))
-        for compute in (SERIAL, running.compute())
-    ]
-    # of the numbers: a pickle also tells apart arrays whose types are equal but not one object, as
-    # those of cached machine code may be
-    of_this_process, of_the_cluster = [
-        [table.to_numpy().tobytes() for table in parts] for parts in tables
-    ]
-    assert len(set(of_this_process)) == 6
-    assert of_the_cluster == of_this_process
-
-
-def tasks_of(address: str) -> set[str]:
-    """The names by which the dashboard groups the tasks that the scheduler has now."""
-    with Client(address, set_as_default=False) as client:
-        return client.run_on_scheduler(
-            lambda dask_scheduler: {task.prefix.name for task in dask_scheduler.tasks.values()}
-        )
-
-
-def test_the_dashboard_shows_the_trials_by_their_name(running):
-    results = run_trials(
-        pause, [0.3] * 12, compute=running.compute(), label="filter wishart: takes"
+        for compute in (Compute(1), running.compute())
     )
-    next(results)
-    assert tasks_of(running.address) == {
-        "filter wishart: takes",
-        "filter wishart: takes, what they share",
-    }
-    assert len(list(results)) == 11
-    assert tasks_of(running.address) == set()
+    assert len({*here}) == 6 and there == here
 
 
-def test_short_trials_go_out_in_blocks(running, monkeypatch):
-    blocks = []
+def test_trials_go_out_in_blocks_that_the_dashboard_shows_by_name(running, monkeypatch):
+    blocks, submitted = [], Client.submit
 
     def submit(client: Client, *arguments, **options):
         blocks.append(options["key"])
         return submitted(client, *arguments, **options)
 
-    submitted = Client.submit
+    def tasks(dask_scheduler) -> set[str]:
+        return {task.prefix.name for task in dask_scheduler.tasks.values()}
+
     monkeypatch.setattr(Client, "submit", submit)
-    trials = (number for number in range(3000))
-    assert list(run_trials(operator.neg, trials, compute=running.compute(), label="trials")) == [
-        -number for number in range(3000)
-    ]
+    trials, label = (number for number in range(3000)), "filter wishart: takes"
+    results = run_trials(operator.neg, trials, compute=running.compute(), label=label)
+    first = next(results)
+    with Client(running.address, set_as_default=False) as client:
+        assert client.run_on_scheduler(tasks) >= {label, f"{label}, what they share"}
+        assert [first, *results] == [-number for number in range(3000)]
+        assert not client.run_on_scheduler(tasks)
     assert len(blocks) == len(set(blocks)) < 300
 
 
 def test_an_error_of_a_trial_arrives_with_its_evidence_and_stops_the_rest(running, tmp_path):
-    taken = []
-
-    def files() -> Iterator[Path]:
-        (tmp_path / "good.txt").write_text("1\n")
-        for number in range(2000):
-            taken.append(number)
-            yield tmp_path / ("absent.txt" if number == 5 else "good.txt")
-
-    with pytest.raises(RecordingError, match="absent") as raised:
-        list(run_trials(read_text, files(), compute=running.compute(), label="trials"))
-    assert raised.value.evidence["file"] == tmp_path / "absent.txt"
-    assert len(taken) < 100
+    taken = (number for number in range(2000))
+    with pytest.raises(ConfigError, match="refused") as raised:
+        list(
+            run_trials(partial(begin, folder=tmp_path), taken, compute=running.compute(), label="")
+        )
+    assert raised.value.evidence == {"key": "a"}
+    assert next(taken) < 100 and len([*tmp_path.iterdir()]) < 100
 
 
 @pytest.mark.slow
@@ -117,14 +91,83 @@ def test_memory_of_this_process_does_not_grow_with_the_number_of_trials(running,
     monkeypatch.setattr(module, "BLOCK", 0.0)
 
     def trials(number: int) -> Iterator[np.ndarray]:
-        return run_trials(
-            np.negative,
-            (np.full(100_000, n) for n in range(number)),
-            compute=running.compute(),
-            label="trials",
-        )
+        arrays = (np.full(100_000, n) for n in range(number))
+        return run_trials(np.negative, arrays, compute=running.compute(), label="trials")
 
     few, many = peak(trials(15)), peak(trials(60))
     assert many < 1.5 * few
     # who keeps the results has them all in memory
     assert peak(list(trials(60)) for _ in range(1)) > 2 * many
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_scheduler_that_is_lost_or_silent_is_named(start, end):
+    started = start()
+    compute = started.compute(timeout=5.0)
+    results = run_trials(pause, [0.05] * 400, compute=compute, label="trials")
+    next(results)
+    started.scheduler.send_signal(end)
+    before = time.monotonic()
+    with pytest.raises(ComputeError, match="has been lost; start it anew") as raised:
+        list(results)
+    assert raised.value.evidence["address"] == started.address
+    # the trials alone would take 20 s; a killed one is missed at once
+    assert time.monotonic() - before < 18
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_no_longer_answers_when_a_result_is_there_is_named_too(start):
+    started = start()
+    with connected(started.compute(timeout=3.0)) as client:
+        running = TrialCluster(client, pickle.dumps(operator.neg), 3.0, "trials")
+        future = running.submit([pickle.dumps(1)])
+        # the client knows now that it is done, and has not asked for it
+        time.sleep(3)
+        started.scheduler.send_signal(signal.SIGSTOP)
+        with pytest.raises(ComputeError, match="has been lost"):
+            running.result(future)
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere", "http://127.0.0.1:9", ""])
+def test_what_is_no_address_of_a_scheduler_is_refused(address):
+    compute = Compute(dask=Dask(address, 1.0))
+    with pytest.raises(ComputeError, match="no Dask scheduler answers"):
+        list(run_trials(operator.neg, [1], compute=compute, label="trials"))
+
+
+def test_a_scheduler_without_workers_is_waited_for_and_then_named(idle):
+    with pytest.raises(ComputeError, match="without workers for 1 s"):
+        list(run_trials(operator.neg, [1], compute=idle.compute(timeout=1.0), label="trials"))
+
+
+PROJECT = {"PYTHONPATH": "."}
+
+
+@pytest.mark.parametrize(
+    ("threads", "variables", "reason"),
+    [
+        (2, PROJECT, "threads is 2 there and 1 here"),
+        (1, PROJECT | {"OPENBLAS_CORETYPE": "Prescott"}, "(CORETYPE|arithmetic) is .* there and"),
+        (1, {}, "cannot import what it needs: No module named 'pipeline'"),
+    ],
+)
+def test_a_worker_that_might_not_give_the_same_bytes_is_refused_with_the_reason(
+    threads, variables, reason, idle
+):
+    with idle.worker(threads, **variables), pytest.raises(ComputeError, match=reason):
+        list(run_trials(operator.neg, [1], compute=idle.compute(), label="trials"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("function", "error", "words"),
+    [
+        (give_up, ComputeError, r"ended 4 workers.*memory runs out.*trials wishart: takes-0"),
+        (time_out, TimeoutError, "of the trial itself"),
+    ],
+)
+def test_trials_that_end_their_workers_or_time_out_by_themselves(running, function, error, words):
+    trials = run_trials(function, [1], compute=running.compute(), label="wishart: takes")
+    with pytest.raises(error, match=words.replace("trials wishart", "wishart")):
+        list(trials)

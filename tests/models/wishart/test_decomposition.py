@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from oracles import READINGS, every_reading, first_factor
 
-from pipeline.arm.chain import TASK
+from pipeline.core.columns import PLANE
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, chosen, factors, split
 from pipeline.models.wishart.fit import Options
@@ -117,12 +117,12 @@ def options(decomposition: str, **values: object) -> Options:
 
 def test_options_name_a_decomposition_and_by_default_the_papers():
     default = Options("wishart", "label", estimator="likelihood")
-    assert chosen(default, TASK, JOINTS) == PIVOTED_LU
-    assert chosen(default, TASK[:2], JOINTS) == Decomposition("qr")
-    assert chosen(options("qr_transposed"), TASK, JOINTS) == Decomposition("qr_transposed")
+    assert chosen(default, PLANE, JOINTS) == PIVOTED_LU
+    assert chosen(default, PLANE[:2], JOINTS) == Decomposition("qr")
+    assert chosen(options("qr_transposed"), PLANE, JOINTS) == Decomposition("qr_transposed")
     left = np.diag([0.15, 0.15, 1.0])
     given = options("given", left=left.tolist())
-    assert chosen(given, TASK, JOINTS) == Decomposition("given", left=left)
+    assert chosen(given, PLANE, JOINTS) == Decomposition("given", left=left)
 
 
 @pytest.mark.parametrize("name", ["lu", "svd", "pivoted-lu"])
