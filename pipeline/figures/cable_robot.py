@@ -13,10 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Polygon
 
-from pipeline.figures.style import BLACK, BLUE, GREY, ONE_COLUMN, VERMILLION, panels
+from pipeline.figures import style
 
 TABLES = {}
-
 # lengths without a scale: chosen so that no label meets a line
 CORNERS = np.array([[2.0, 1.1], [-2.0, 1.1], [-2.0, -1.1], [2.0, -1.1]])
 TILT = np.radians(10)
@@ -27,99 +26,52 @@ CABLES = (
     (CORNERS[1], (142, 2.7), (124, 2.3)),
     (CORNERS[3], (292, 2.3), (274, 2.8)),
 )
-GLOBAL_ORIGIN = np.array([-4.3, -3.7])
-ARCS = (0.65, 1.25)  # radii of the angles' arcs, nominal and perturbed
+STATES = (  # symbol, radius of the angle's arc, line
+    (r"\underline{{{}}}_{}", 0.65, {"color": style.BLUE, "linestyle": "-"}),
+    (r"\boldsymbol{{{}}}_{}", 1.25, {"color": style.VERMILLION, "linestyle": "--"}),
+)
+CENTRED = {"ha": "center", "va": "center"}
 
 
 def draw() -> Figure:
     """One drawing in the paper's notation: Fig. (MotivFig)."""
-    figure, ((axes,),) = panels(ONE_COLUMN, 3.0)
+    figure, ((axes,),) = style.panels(style.ONE_COLUMN, 3.0)
     turn = np.array([[np.cos(TILT), -np.sin(TILT)], [np.sin(TILT), np.cos(TILT)]])
-    axes.add_patch(Polygon(CORNERS @ turn.T, facecolor="#EEEEEE", edgecolor=BLACK, linewidth=0.8))
-    _frame(axes, GLOBAL_ORIGIN, np.eye(2), "xy")
-    _frame(axes, np.zeros(2), turn, "uv")
-    for i, (local, nominal, perturbed) in enumerate(CABLES, start=1):
+    outline = {"facecolor": "#EEEEEE", "edgecolor": style.BLACK, "linewidth": 0.8}
+    axes.add_patch(Polygon(CORNERS @ turn.T, **outline))
+    for origin, frame, names in (([-4.3, -3.7], np.eye(2), "xy"), ([0.0, 0.0], turn, "uv")):
+        for direction, name in zip(frame.T, names, strict=True):
+            style.arrow(axes, origin, origin + 0.75 * direction, style.BLACK, arrowstyle="->")
+            axes.text(*(origin + 0.92 * direction), f"${name}$", **CENTRED)
+    for i, (local, *states) in enumerate(CABLES, start=1):
         point = turn @ local
-        axes.annotate(
-            "",
-            point,
-            (0, 0),
-            arrowprops={
-                "arrowstyle": "-|>",
-                "color": GREY,
-                "linewidth": 0.8,
-                "shrinkA": 0,
-                "shrinkB": 0,
-            },
-        )
+        style.arrow(axes, (0, 0), point, style.GREY)
         aside = np.array([-abs(point[1]), np.sign(point[1]) * point[0]]) / np.hypot(*point)
-        axes.text(*(0.36 * point + 0.28 * aside), f"$r_{i}$", ha="center", va="center")
-        axes.plot(
-            *np.column_stack([point, point + np.array([1.6, 0])]),
-            color=GREY,
-            linestyle=":",
-            linewidth=0.7,
-        )
-        _cable(
-            axes,
-            point,
-            nominal,
-            ARCS[0],
-            {"color": BLUE, "linestyle": "-"},
-            rf"\underline{{{{{{}}}}}}_{i}",
-        )
-        _cable(
-            axes,
-            point,
-            perturbed,
-            ARCS[1],
-            {"color": VERMILLION, "linestyle": "--"},
-            rf"\boldsymbol{{{{{{}}}}}}_{i}",
-        )
-        axes.plot(*point, "o", color=BLACK, markersize=3)
+        axes.text(*(0.36 * point + 0.28 * aside), f"$r_{i}$", **CENTRED)
+        level = np.column_stack([point, point + np.array([1.6, 0])])
+        axes.plot(*level, color=style.GREY, linestyle=":", linewidth=0.7)
+        for state, (symbol, radius, line) in zip(states, STATES, strict=True):
+            _cable(axes, point, *state, radius, line, symbol, i)
+        axes.plot(*point, "o", color=style.BLACK, markersize=3)
     axes.set(aspect="equal", xlim=(-4.9, 4.7), ylim=(-4.1, 4.6))
     axes.set_axis_off()
     return figure
 
 
-def _frame(axes: Axes, origin: np.ndarray, turn: np.ndarray, names: str) -> None:
-    arrow = {"arrowstyle": "->", "color": BLACK, "linewidth": 0.8, "shrinkA": 0}
-    for direction, name in zip(turn.T, names, strict=True):
-        axes.annotate("", origin + 0.75 * direction, origin, arrowprops=arrow)
-        axes.text(*(origin + 0.92 * direction), f"${name}$", ha="center", va="center")
-
-
 def _cable(
-    axes: Axes,
-    point: np.ndarray,
-    state: tuple[float, float],
-    radius: float,
-    line: dict,
-    symbol: str,
+    axes: Axes, point: np.ndarray, degrees, tension, radius, line: dict, symbol: str, number: int
 ) -> None:
-    """Tension as an arrow from the attachment point, and its angle from the x axis as an arc;
-    ``symbol`` marks both in the notation.
-    """
-    degrees, tension = state
-    tip = point + tension * _unit(degrees)
+    """Tension as an arrow from the attachment point, and its angle from the x axis as an arc."""
+    along, color = _unit(degrees), line["color"]
+    tip = point + tension * along
     axes.plot(*np.column_stack([point, tip]), **line)
-    head = {
-        "arrowstyle": "-|>",
-        "color": line["color"],
-        "linewidth": 0.8,
-        "shrinkA": 0,
-        "shrinkB": 0,
-    }
-    axes.annotate("", tip + 0.12 * _unit(degrees), tip, arrowprops=head)
-    axes.add_patch(
-        Arc(point, 2 * radius, 2 * radius, theta2=degrees, color=line["color"], linewidth=0.7)
-    )
+    style.arrow(axes, tip, tip + 0.12 * along, color)
+    size = {"width": 2 * radius, "height": 2 * radius, "theta2": degrees}
+    axes.add_patch(Arc(point, **size, color=color, linewidth=0.7))
     # the label of a long arc stays clear of the platform
     middle = point + (radius + 0.3) * _unit(min(degrees / 2, 70))
-    for place, letter in ((tip + 0.45 * _unit(degrees), "T"), (middle, r"\theta")):
-        axes.text(
-            *place, f"${symbol.format(letter)}$", color=line["color"], ha="center", va="center"
-        )
+    for place, name in ((tip + 0.45 * along, "T"), (middle, r"\theta")):
+        axes.text(*place, f"${symbol.format(name, number)}$", color=color, **CENTRED)
 
 
 def _unit(degrees: float) -> np.ndarray:

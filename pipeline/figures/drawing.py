@@ -23,7 +23,7 @@ PACKAGE = "pipeline.figures"
 
 
 def figures_in(folder: Path = Path(__file__).parent) -> list[str]:
-    """Names of the modules of ``folder`` that draw a figure, in order."""
+    """Return the names of the modules of ``folder`` that draw a figure, in order."""
     names = sorted(file.stem for file in folder.glob("[a-z]*.py"))
     return [name for name in names if hasattr(import_module(f"{PACKAGE}.{name}"), "TABLES")]
 

@@ -13,19 +13,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pipeline.core.columns import columns as family_columns
+from pipeline.core.columns import column, columns
 from pipeline.core.filters import MEMORY, NONE, closed
-from pipeline.figures.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    TWO_COLUMNS,
-    beside,
-    joint_lines,
-    joint_panels,
-    model_lines,
-)
+from pipeline.figures import style
 
 TABLES = {"filter_error": "data/score"}
 NEEDS = "depth camera"
@@ -35,35 +25,20 @@ def draw(filter_error: pd.DataFrame, models: list[str], joints: list[str]) -> Fi
     """Rows of panels in the order of ``models``, the panels of a joint on one scale; a model
     without a closed loop lacks its line.
     """
-    across = beside(len(joints))
-    size = TWO_COLUMNS, 1.25, 0.55
-    figure, grid = joint_panels(len(joints), across, size, groups=len(models), sharey=True)
-    columns = family_columns("e", joints)
-    squares = filter_error[columns] ** 2
-    mean = squares.groupby([filter_error["model"], filter_error["t"]]).mean()
-    running = np.sqrt(mean)
-    for row, (model, line) in zip(grid, model_lines(models).items(), strict=True):
+    figure, grid = style.model_panels(models, joints, "rms error (rad)")
+    squares = filter_error[columns("e", joints)] ** 2
+    running = np.sqrt(squares.groupby([filter_error["model"], filter_error["t"]]).mean())
+    for row, model in zip(grid, models, strict=True):
         shown = {
-            "no filter": (NONE, {"color": GREY, "linewidth": 1.6}),
-            "open loop": (model, {"color": BLUE, "linewidth": 0.8}),
-            "closed loop": (closed(model), {"color": GREEN, "linewidth": 0.8, "linestyle": "--"}),
-            "linear, takes' memory": (MEMORY, {"color": BLACK, "linewidth": 0.8}),
+            "no filter": (NONE, {"color": style.GREY, "linewidth": 1.6}),
+            "open loop": (model, {"color": style.BLUE, "linewidth": 0.8}),
+            "closed loop": (closed(model), {"color": style.GREEN, "lw": 0.8, "ls": "--"}),
+            "linear, takes' memory": (MEMORY, {"color": style.BLACK, "linewidth": 0.8}),
         }
-        for column, axes in zip(columns, row, strict=True):
+        for joint, axes in zip(joints, row, strict=True):
             for label, (name, look) in shown.items():
                 if name in running.index:
-                    rms = running.loc[name, column]
-                    axes.plot(rms.index, rms, label=label, **look)
-        for first in row[::across]:
-            first.set_ylabel(f"{line['label']}\nrms error (rad)")
-    # where a model has a second line, the joints of the first are not those of the one above
-    for row in grid if across < len(joints) else grid[:1]:
-        for line, axes in zip(joint_lines(joints).values(), row, strict=True):
-            axes.set_title(line["label"])
-    grid[0, 0].set_xlim(0, filter_error["t"].max())
-    grid[0, 0].set_ylim(bottom=0)
-    handles = {}
-    for axes in grid.flat:
-        handles |= dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
-    figure.legend(handles.values(), handles.keys(), loc="outside upper center", ncols=4)
+                    axes.plot(running.loc[name, column("e", joint)], label=label, **look)
+    grid[0, 0].set(xlim=(0, filter_error["t"].max()), ylim=(0, None))
+    style.legend(figure)
     return figure

@@ -10,18 +10,18 @@ from __future__ import annotations
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pipeline.figures.style import ONE_COLUMN, model_lines, panels
+from pipeline.figures import style
 
 TABLES = {"deviation": "data/score"}
 
 
 def draw(deviation: pd.DataFrame, models: list[str]) -> Figure:
-    """Fig. (MeanError): one line per model of table ``deviation``."""
-    figure, ((axes,),) = panels(ONE_COLUMN, 2.4)
-    for model, line in model_lines(models).items():
+    """Fig. (MeanError): one line per model."""
+    figure, ((axes,),) = style.panels(style.ONE_COLUMN, 2.4)
+    for model, line in style.model_lines(models).items():
         rows = deviation[deviation["source"] == model]
         axes.plot(rows["t"], rows["error"], linewidth=0.8, **line)
     axes.set(xlabel="time (s)", ylabel="error of the mean (rad)", xlim=(0, deviation["t"].max()))
     axes.set_ylim(bottom=0)
-    figure.legend(loc="outside upper center", ncols=2)
+    style.legend(figure, ncols=2)
     return figure

@@ -1,4 +1,4 @@
-"""How good every take is.
+"""Quality of every take.
 
 A strip is a measure, a mark in it a take, training takes before test takes. Dashed line: the limit,
 where the dataset states one; takes beyond any limit are left out of all that follows, and marked by
@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pipeline.figures.style import BLACK, BLUE, GREY, LIGHT_GREY, TWO_COLUMNS, VERMILLION, panels
+from pipeline.figures import style
 
 TABLES = {"takes": "data/track"}
 
@@ -35,70 +35,49 @@ STRIPS = {
     "disturbance": ("disturbance\n(robust std)", 1),
 }
 SIGNED = ("clock_drift", "lag_behind_command")  # with a limit on either side
-HEIGHT = 0.62  # in, of a strip
-KEPT = {"marker": ".", "markersize": 3, "color": BLUE, "linestyle": "none"}
-LEFT_OUT = {"marker": "x", "markersize": 4, "color": VERMILLION, "linestyle": "none"}
+KEPT = {"marker": ".", "markersize": 3, "color": style.BLUE, "linestyle": "none"}
+LEFT_OUT = {"marker": "x", "markersize": 4, "color": style.VERMILLION, "linestyle": "none"}
 
 
 def draw(takes: pd.DataFrame) -> Figure:
     """Table ``takes``, of whichever measures the dataset has."""
     known = takes.drop_duplicates("take").reset_index(drop=True)
     place = pd.Series(np.arange(1, len(known) + 1), known["take"])
-    shown = [measure for measure in STRIPS if (takes["measure"] == measure).any()]
-    figure, grid = panels(TWO_COLUMNS, HEIGHT * len(shown) + 0.7, rows=len(shown), sharex=True)
-    drift_errors = takes[takes["measure"] == "clock_drift_standard_error"].set_index("take")[
-        "value"
-    ]
-    boundaries = np.flatnonzero(known["part"] != known["part"].shift())[1:] + 0.5
+    by_measure = dict(list(takes.groupby("measure")))
+    shown = [measure for measure in STRIPS if measure in by_measure]
+    height = 0.62 * len(shown) + 0.7
+    figure, grid = style.panels(style.TWO_COLUMNS, height, rows=len(shown), sharex=True)
     for axes, measure in zip(grid[:, 0], shown, strict=True):
-        label, unit = STRIPS[measure]
-        rows = takes[takes["measure"] == measure]
+        (label, unit), rows = STRIPS[measure], by_measure[measure].set_index("take")
         for mark, of in ((KEPT, rows[~rows["left_out"]]), (LEFT_OUT, rows[rows["left_out"]])):
-            axes.plot(place[of["take"]], unit * of["value"], **mark, zorder=3)
+            axes.plot(place[of.index], unit * of["value"], **mark, zorder=3)
         if measure == "clock_drift":
-            error = 2 * unit * drift_errors[rows["take"]]
-            axes.errorbar(
-                place[rows["take"]],
-                unit * rows["value"],
-                yerr=error,
-                fmt="none",
-                ecolor=GREY,
-                elinewidth=0.5,
-            )
-        _limit(
-            axes,
-            unit * rows["limit"].iloc[0],
-            signed=measure in SIGNED,
-            low=unit * rows["value"].min(),
-        )
-        for boundary in boundaries:
-            axes.axvline(boundary, color=LIGHT_GREY, linewidth=0.8, zorder=0)
+            errors = by_measure["clock_drift_standard_error"].set_index("take")["value"]
+            bars = {"fmt": "none", "ecolor": style.GREY, "elinewidth": 0.5}
+            error = 2 * unit * errors[rows.index]
+            axes.errorbar(place[rows.index], unit * rows["value"], yerr=error, **bars)
+        _limit(axes, unit * rows["limit"].iloc[0], measure in SIGNED, unit * rows["value"].min())
+        for boundary in np.flatnonzero(known["part"] != known["part"].shift())[1:] + 0.5:
+            axes.axvline(boundary, color=style.LIGHT_GREY, linewidth=0.8, zorder=0)
         axes.set_ylabel(label, rotation=0, ha="right", va="center", fontsize=7)
         axes.locator_params(axis="y", nbins=3)
     figure.align_ylabels(grid[:, 0])
-    grid[-1, 0].set(xlabel=_parts(known["part"]), xlim=(0, len(known) + 1))
+    groups = place.groupby(known["part"].to_numpy(), sort=False).agg(["min", "max"])
+    parts = (f"{part} {low} to {high}" for part, (low, high) in groups.iterrows())
+    grid[-1, 0].set(xlabel="take: " + ", ".join(parts), xlim=(0, len(known) + 1))
     for take in known.loc[known["left_out"], "take"]:
         above = {"xycoords": ("data", "axes fraction"), "rotation": 30, "fontsize": 7}
-        grid[0, 0].annotate(take, (place[take], 1.1), **above, color=VERMILLION)
+        grid[0, 0].annotate(take, (place[take], 1.1), **above, color=style.VERMILLION)
     return figure
 
 
-def _limit(axes: Axes, limit: float, *, signed: bool, low: float) -> None:
-    """The limit as a line, on either side where the measure has a sign; what is never below zero
-    starts there.
-    """
+def _limit(axes: Axes, limit: float, signed: bool, low: float) -> None:
+    """Draw the limit, on either side of a measure with a sign; other measures start at zero."""
     for side in () if np.isnan(limit) else (-1, 1) if signed else (1,):
-        axes.axhline(side * limit, color=BLACK, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
+        dashed = {"color": style.BLACK, "linewidth": 0.8, "linestyle": (0, (4, 3))}
+        axes.axhline(side * limit, **dashed, zorder=1)
     axes.margins(y=0.12)
     if low >= 0:
         # marks at either end stay whole
         top = axes.get_ylim()[1]
         axes.set_ylim(-0.08 * top, 1.08 * top)
-
-
-def _parts(parts: pd.Series) -> str:
-    """Numbers of the takes of each part."""
-    groups = parts.index.to_series().groupby(parts, sort=False).agg(["min", "max"]) + 1
-    return "take: " + ", ".join(
-        f"{part} {low} to {high}" for part, (low, high) in groups.iterrows()
-    )

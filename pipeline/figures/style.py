@@ -9,6 +9,7 @@ columns of a journal page; no letter is smaller than 7 pt at that size.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import cycle
 from pathlib import Path
 
 import matplotlib as mpl
@@ -17,6 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 
 ONE_COLUMN, TWO_COLUMNS = 3.5, 7.16  # in
 PNG_RESOLUTION = 200  # dots per inch
@@ -27,33 +29,23 @@ LIGHT_GREY = "#CCCCCC"
 
 RECORDED = {"label": "recorded", "color": VERMILLION, "linestyle": "-"}
 MODELS = {
-    "additive": {"label": "additive Gaussian noise", "color": SKY, "linestyle": ":"},
-    "wishart": {"label": "Wishart perturbation", "color": BLUE, "linestyle": "--"},
-    "gaussian": {"label": "Gaussian noise matrix", "color": BLACK, "linestyle": "-."},
-    "scaled": {
-        "label": "scaled with speed, by joint",
-        "color": GREEN,
-        "linestyle": (0, (6, 1.5, 1, 1.5, 1, 1.5)),
-    },
-    "none": {"label": "no filter", "color": GREY, "linestyle": "-"},
-    "scaled_full": {"label": "scaled with speed, full", "color": PURPLE, "linestyle": (0, (8, 2))},
+    name: {"label": label, "color": color, "linestyle": dashes}
+    for name, label, color, dashes in (
+        ("additive", "additive Gaussian noise", SKY, ":"),
+        ("wishart", "Wishart perturbation", BLUE, "--"),
+        ("gaussian", "Gaussian noise matrix", BLACK, "-."),
+        ("scaled", "scaled with speed, by joint", GREEN, (0, (6, 1.5, 1, 1.5, 1, 1.5))),
+        ("none", "no filter", GREY, "-"),
+        ("scaled_full", "scaled with speed, full", PURPLE, (0, (8, 2))),
+    )
 }
-# models of other names take these in turn
-FURTHER = [
+FURTHER = (  # models of other names take these in turn
     {"color": GREEN, "linestyle": (0, (4, 3))},
     {"color": PURPLE, "linestyle": (0, (2, 2, 6, 2))},
     {"color": ORANGE, "linestyle": (0, (10, 1.5, 2, 1.5))},
-]
-JOINTS = [
-    {"color": BLUE, "linestyle": "-"},
-    {"color": VERMILLION, "linestyle": "--"},
-    {"color": GREEN, "linestyle": "-."},
-    {"color": PURPLE, "linestyle": ":"},
-    {"color": SKY, "linestyle": (0, (6, 2))},
-    {"color": ORANGE, "linestyle": (0, (3, 1, 1, 1))},
-    {"color": BLACK, "linestyle": (0, (1, 1))},
-    {"color": GREY, "linestyle": (0, (8, 1.5, 1, 1.5))},
-]
+)
+COLORS = (BLUE, VERMILLION, GREEN, PURPLE, SKY, ORANGE, BLACK, GREY)  # of joints
+DASHES = "-", "--", "-.", ":", (0, (6, 2)), (0, (3, 1, 1, 1)), (0, (1, 1)), (0, (8, 1.5, 1, 1.5))
 BESIDE = 4  # joints at most whose panels stand in one line
 
 # from the defaults, so that a matplotlibrc of the user's changes no byte
@@ -62,21 +54,12 @@ mpl.rcParams.update(
     {
         "font.family": "STIXGeneral",  # comes with matplotlib: the same letters on every machine
         "mathtext.fontset": "stix",
-        "font.size": 8,
-        "axes.titlesize": 8,
-        "axes.labelsize": 8,
-        "xtick.labelsize": 7.5,
-        "ytick.labelsize": 7.5,
-        "legend.fontsize": 7.5,
-        "legend.frameon": False,
+        **dict.fromkeys(["font.size", "axes.titlesize", "axes.labelsize"], 8),
+        **dict.fromkeys(["xtick.labelsize", "ytick.labelsize", "legend.fontsize"], 7.5),
+        **dict.fromkeys(["legend.frameon", "axes.spines.top", "axes.spines.right"], False),
+        **dict.fromkeys(["axes.linewidth", "xtick.major.width", "ytick.major.width"], 0.5),
+        **dict.fromkeys(["xtick.major.size", "ytick.major.size"], 2.5),
         "legend.handlelength": 2.6,
-        "axes.linewidth": 0.5,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "xtick.major.width": 0.5,
-        "ytick.major.width": 0.5,
-        "xtick.major.size": 2.5,
-        "ytick.major.size": 2.5,
         "lines.linewidth": 1.0,
         "figure.dpi": 300,  # of what is rasterised in the SVG
         "svg.hashsalt": "manipulator-uncertainty",
@@ -86,32 +69,32 @@ mpl.rcParams.update(
 
 
 def model_lines(models: Iterable[str]) -> dict[str, dict]:
-    """Label, colour and dashes of every model by its option's name; other names get the next style
-    of a cycle.
+    """Return label, colour and dashes of every model by its option's name; other names get the next
+    style of a cycle.
     """
-    further = [model for model in models if model not in MODELS]
-    return {
-        model: MODELS[model]
-        if model in MODELS
-        else {"label": model} | FURTHER[further.index(model) % len(FURTHER)]
-        for model in models
-    }
+    further = cycle(FURTHER)
+    return {model: MODELS.get(model) or {"label": model} | next(further) for model in models}
 
 
 def joint_lines(joints: Sequence[str]) -> dict[str, dict]:
-    """Label, colour and dashes of every joint by its name."""
-    looks = [JOINTS[j % len(JOINTS)] for j in range(len(joints))]
+    """Return label, colour and dashes of every joint by its name."""
+    looks = zip(joints, cycle(COLORS), cycle(DASHES), strict=False)
     return {
-        joint: {"label": joint.replace("_", " ")} | look
-        for joint, look in zip(joints, looks, strict=True)
+        joint: {"label": joint.replace("_", " "), "color": color, "linestyle": dashes}
+        for joint, color, dashes in looks
     }
+
+
+def wrench_label(row: str) -> str:
+    """Return the axis label of a row of the wrench."""
+    return f"$F_{row[1]}$ (N)" if row[0] == "f" else rf"$M_{row[1]}/\ell$ (N)"
 
 
 def panels(
     width: float, height: float, rows: int = 1, columns: int = 1, **layout: object
 ) -> tuple[Figure, np.ndarray]:
-    """A figure of ``width`` × ``height`` in inches and its axes (rows, columns); ``layout`` goes to
-    ``Figure.subplots``.
+    """Return a figure of ``width`` × ``height`` in inches and its axes (rows, columns); ``layout``
+    goes to ``Figure.subplots``.
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **layout)
@@ -120,21 +103,16 @@ def panels(
 def joint_panels(
     joints: int, across: int, size: tuple[float, float, float], groups: int = 1, **layout: object
 ) -> tuple[Figure, np.ndarray]:
-    """A figure over time and its axes (``groups``, ``joints``): of each group a panel for each
-    joint, ``across`` of them in a line, the last line of a group as short as it comes.
+    """Return a figure over time and its axes (``groups``, ``joints``): of each group a panel for
+    each joint, ``across`` of them in a line, the last line of a group as short as it comes.
 
-    Args:
-        joints: how many.
-        across: panels in a line.
-        size: inches: the width of the figure, the height of a line, and what is above and below.
-        groups: lines of panels of the same joints, one group below the other.
-        layout: goes to ``Figure.subplots``.
+    ``size`` in inches is the width of the figure, the height of a line, and what is above and
+    below; ``layout`` goes to ``Figure.subplots``.
     """
     width, line, rest = size
     lines = -(-joints // across)
-    figure, grid = panels(
-        width, rest + line * groups * lines, groups * lines, across, sharex=True, **layout
-    )
+    height = rest + line * groups * lines
+    figure, grid = panels(width, height, groups * lines, across, sharex=True, **layout)
     axes = grid.reshape(groups, lines * across)
     for empty in axes[:, joints:].flat:
         empty.remove()
@@ -144,8 +122,27 @@ def joint_panels(
     return figure, axes[:, :joints]
 
 
+def model_panels(
+    models: Sequence[str], joints: Sequence[str], quantity: str
+) -> tuple[Figure, np.ndarray]:
+    """Return a figure over time and its axes (models, joints) on one scale: a group of panels for
+    each model, named with the ``quantity`` at its left.
+    """
+    across = beside(len(joints))
+    size = TWO_COLUMNS, 1.25, 0.55
+    figure, grid = joint_panels(len(joints), across, size, groups=len(models), sharey=True)
+    for row, line in zip(grid, model_lines(models).values(), strict=True):
+        for first in row[::across]:
+            first.set_ylabel(f"{line['label']}\n{quantity}")
+    # where a model has a second line, the joints of the first are not those of the one above
+    for row in grid if across < len(joints) else grid[:1]:
+        for line, axes in zip(joint_lines(joints).values(), row, strict=True):
+            axes.set_title(line["label"])
+    return figure, grid
+
+
 def beside(joints: int) -> int:
-    """Number of panels of ``joints`` in a line over two columns: all, or half of more than
+    """Return the number of panels in a line over two columns: all, or half of more than
     ``BESIDE``.
     """
     return joints if joints <= BESIDE else -(-joints // 2)
@@ -154,6 +151,20 @@ def beside(joints: int) -> int:
 def letter(axes: Axes, name: str) -> None:
     """Name a panel (a), (b), … above its upper left corner, as the paper's captions do."""
     axes.set_title(f"({name})", loc="left", fontweight="bold")
+
+
+def legend(figure: Figure, ncols: int = 4) -> Legend:
+    """Draw and return one legend above all panels, with each label of any of them once."""
+    entries = {}
+    for axes in figure.axes:
+        entries |= dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
+    return figure.legend(entries.values(), entries, loc="outside upper center", ncols=ncols)
+
+
+def arrow(axes: Axes, start, end, color: str, arrowstyle: str = "-|>", linewidth: float = 0.8):
+    """Draw an arrow from ``start`` (2,) to ``end`` (2,)."""
+    look = {"arrowstyle": arrowstyle, "color": color, "linewidth": linewidth}
+    axes.annotate("", end, start, arrowprops=look | {"shrinkA": 0, "shrinkB": 0})
 
 
 def save(figure: Figure, folder: Path, name: str) -> None:

@@ -13,40 +13,24 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pipeline.figures.style import ONE_COLUMN, panels
+from pipeline.figures import style
 
 TABLES = {"wrench_errors": "data/wrench"}
-
 BINS = 60
 
 
 def draw(wrench_errors: pd.DataFrame) -> Figure:
-    """Fig. (ErrWrnRMT) of table ``wrench_errors``: one histogram per number of cables, all on the
-    same bins.
-    """
-    percent = wrench_errors.assign(error=100 * wrench_errors["error"])
-    edges = np.linspace(0, percent["error"].max(), BINS + 1)
-    groups = percent.groupby("agents")["error"]
-    figure, ((axes,),) = panels(ONE_COLUMN, 2.5)
-    for color, (agents, errors) in zip(
-        mpl.colormaps["viridis"](np.linspace(0, 0.9, len(groups))), groups, strict=True
-    ):
-        look = {
-            "histtype": "stepfilled",
-            "facecolor": (*color[:3], 0.15),
-            "edgecolor": color,
-            "linewidth": 0.9,
-        }
-        axes.hist(
-            errors,
-            edges,
-            **look,
-            label=f"$m$ = {agents}: mean {errors.mean():.1f}, greatest {errors.max():.1f} %",
-        )
-    axes.set(
-        xlabel="relative error of the variances (%)",
-        ylabel="number of systems",
-        xlim=(0, edges[-1]),
-    )
+    """Fig. (ErrWrnRMT): one histogram per number of cables, all on the same bins."""
+    percent = 100 * wrench_errors["error"]
+    edges = np.linspace(0, percent.max(), BINS + 1)
+    groups = percent.groupby(wrench_errors["agents"])
+    colors = mpl.colormaps["viridis"](np.linspace(0, 0.9, len(groups)))
+    figure, ((axes,),) = style.panels(style.ONE_COLUMN, 2.5)
+    for color, (agents, errors) in zip(colors, groups, strict=True):
+        look = {"histtype": "stepfilled", "facecolor": (*color[:3], 0.15), "edgecolor": color}
+        label = f"$m$ = {agents}: mean {errors.mean():.1f}, greatest {errors.max():.1f} %"
+        axes.hist(errors, edges, **look, linewidth=0.9, label=label)
+    axes.set(xlabel="relative error of the variances (%)", ylabel="number of systems")
+    axes.set_xlim(0, edges[-1])
     axes.legend(loc="upper right")
     return figure

@@ -1,10 +1,10 @@
 """Wrench of cooperating robots plane by plane, measured and modelled.
 
 One row per configuration of robots whose cables do not meet in one point; a panel for each plane of
-two forces and of two moments. Shades: kernel density of the measured wrench. Lines: kernel density
-of as many samples of the matrix model. Both are over the greatest measured density in the plane,
-the lines at the shades' edges. Moments are over the characteristic length. To look at: whether
-lines lie where shades end.
+two forces and of two moments. Grey shades: kernel density of the measured wrench. Orange lines:
+kernel density of as many samples of the matrix model. Both are over the greatest measured density
+in the plane, the lines at the shades' edges. Moments are over the characteristic length. To look
+at: whether lines lie where shades end.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pipeline.figures.style import TWO_COLUMNS, VERMILLION, panels
+from pipeline.figures import style
 
 TABLES = {"wrench_planes": "data/wrench"}
 NEEDS = "six-axis record of cables that do not meet in one point"
@@ -23,35 +23,17 @@ LEVELS = (0.05, 0.2, 0.4, 0.6, 0.8)  # of the greatest measured density in a pla
 
 
 def draw(wrench_planes: pd.DataFrame) -> Figure:
-    """Table ``wrench_planes``: planes across, in their order, and configurations below each
-    other.
-    """
+    """Table ``wrench_planes``: planes across, configurations below each other."""
     planes = list(dict.fromkeys(zip(wrench_planes["row_x"], wrench_planes["row_y"], strict=True)))
-    configurations = list(wrench_planes["configuration"].unique())
-    figure, grid = panels(
-        TWO_COLUMNS,
-        0.3 + 1.3 * len(configurations),
-        rows=len(configurations),
-        columns=len(planes),
-    )
-    for row, name in zip(grid, configurations, strict=True):
-        for axes, (row_x, row_y) in zip(row, planes, strict=True):
-            _plane(
-                axes,
-                wrench_planes[
-                    (wrench_planes["configuration"] == name)
-                    & (wrench_planes["row_x"] == row_x)
-                    & (wrench_planes["row_y"] == row_y)
-                ],
-            )
-            axes.set(xlabel=label(row_x), ylabel=label(row_y))
+    by_name = list(wrench_planes.groupby("configuration", sort=False))
+    layout = {"rows": len(by_name), "columns": len(planes)}
+    figure, grid = style.panels(style.TWO_COLUMNS, 0.3 + 1.3 * len(by_name), **layout)
+    for row, (name, table) in zip(grid, by_name, strict=True):
+        for axes, (x, y) in zip(row, planes, strict=True):
+            _plane(axes, table[(table["row_x"] == x) & (table["row_y"] == y)])
+            axes.set(xlabel=style.wrench_label(x), ylabel=style.wrench_label(y))
         row[0].set_title(name, loc="left", fontweight="bold")
     return figure
-
-
-def label(row: str) -> str:
-    """Label of a row of the wrench at an axis."""
-    return f"$F_{row[1]}$ (N)" if row[0] == "f" else rf"$M_{row[1]}/\ell$ (N)"
 
 
 def _plane(axes: Axes, table: pd.DataFrame) -> None:
@@ -66,7 +48,9 @@ def _plane(axes: Axes, table: pd.DataFrame) -> None:
     levels = greatest * np.array(LEVELS)
     cells = (measured.columns, measured.index)
     shades = axes.contourf(*cells, measured.to_numpy(), [*levels, greatest], cmap="Greys", vmin=0)
-    lines = axes.contour(*cells, modelled.to_numpy(), levels, colors=VERMILLION, linewidths=0.7)
+    lines = axes.contour(
+        *cells, modelled.to_numpy(), levels, colors=style.VERMILLION, linewidths=0.7
+    )
     for drawn in (shades, lines):
         drawn.set_rasterized(True)
     # as far as either density is

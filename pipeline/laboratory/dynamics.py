@@ -18,8 +18,8 @@ from scipy.special import ndtr
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ConfigError
-from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
-from pipeline.laboratory.swing import JointPath, desired_joints
+from pipeline.laboratory.options import DynamicsOptions
+from pipeline.laboratory.swing import Commanded, desired_joints
 
 LAGS = 4  # of a drive: position loop, velocity loop, current loop and the gear's elasticity
 SETTLED = 30  # lags after which nothing is left of a start: four lags pass on 1e-9 of it
@@ -28,9 +28,9 @@ SETTLED = 30  # lags after which nothing is left of a start: four lags pass on 1
 def lagged_noise(
     shape: tuple[int, ...], steps_per_lag: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Stationary normal paths of variance 1 along the last axis: white noise through LAGS equal
-    lags of first order, as a drive behind its servo loops passes it on. Velocity and acceleration
-    exist.
+    """Draw stationary normal paths of variance 1 along the last axis: white noise through LAGS
+    equal lags of first order, as a drive behind its servo loops passes it on. Velocity and
+    acceleration exist.
     """
     from scipy.signal import lfilter
 
@@ -41,8 +41,8 @@ def lagged_noise(
 
 
 def lagged_correlation(steps: np.ndarray, steps_per_lag: float) -> np.ndarray:
-    """(...) correlation of :func:`lagged_noise` with itself so many ``steps`` (...) later, whole
-    and not negative.
+    """Return the correlation (...) of :func:`lagged_noise` with itself so many ``steps`` (...)
+    later, whole and not negative.
     """
     _, response = _lags(steps_per_lag)
     size = 2 * len(response)
@@ -62,30 +62,31 @@ def _lags(steps_per_lag: float) -> tuple[np.ndarray, np.ndarray]:
     return denominator, lfilter([1.0], denominator, impulse)
 
 
-def servo_times(motion: TrajectoryOptions | JointPath, options: DynamicsOptions) -> np.ndarray:
-    """(N,) times of the servo's steps in s on the motion clock: a little before and after the
-    motion, so that early and late exposures see it too.
+def servo_times(motion: Commanded, options: DynamicsOptions) -> np.ndarray:
+    """Return the times (N,) of the servo's steps in s on the motion clock: a little before and
+    after the motion, so that early and late exposures see it too.
     """
     dt = 1.0 / options.rate
     return np.arange(-50, round(motion.duration * options.rate) + 51) * dt
 
 
 def sway_share(chain: Chain, speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
-    """(N,) share of the sway that there is at joint speeds ``speed`` (N, n) in rad/s."""
-    pace = (
-        np.linalg.norm(speed, axis=1) / np.linalg.norm(chain.max_speed)
-    ) ** options.speed_exponent
+    """Return the share (N,) of the sway at joint speeds ``speed`` (N, n) in rad/s."""
+    pace = np.linalg.norm(speed, axis=1) / np.linalg.norm(chain.max_speed)
+    pace **= options.speed_exponent
     return options.sway_rest + (1 - options.sway_rest) * pace
 
 
 def play_share(speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
-    """(N,) share of the play that its joint fills at joint speeds ``speed`` (N, n) in rad/s."""
+    """Return the share (N,) of the play that its joint fills at joint speeds ``speed`` (N, n) in
+    rad/s.
+    """
     pace = np.abs(speed[:, options.play_joint - 1] / options.rattle_speed)
     return np.minimum(1.0, pace**options.speed_exponent)
 
 
 def require_fitting(chain: Chain, options: DynamicsOptions) -> None:
-    """ConfigError where ``options`` are those of another arm."""
+    """Raise ConfigError where ``options`` are those of another arm."""
     if len(options.sway_std) != len(chain.task):
         raise ConfigError(
             f"laboratory.dynamics.sway_std: must have an entry for each of {', '.join(chain.task)}",
@@ -99,8 +100,8 @@ def require_fitting(chain: Chain, options: DynamicsOptions) -> None:
 
 
 def true_chain(nominal: Chain, options: DynamicsOptions, rng: np.random.Generator) -> Chain:
-    """The arm as it was built: the nominal chain with its session's errors of link length, along
-    the way from each joint to the next and from the last to the tip.
+    """Return the arm as it was built: the nominal chain with its session's errors of link length,
+    along the way from each joint to the next and from the last to the tip.
     """
     planar = isinstance(nominal, PlanarChain)
     links = nominal.links if planar else nominal.placements[1:, 9:]
@@ -116,7 +117,7 @@ def true_chain(nominal: Chain, options: DynamicsOptions, rng: np.random.Generato
 
 
 def session_offset(options: DynamicsOptions, joints: int, rng: np.random.Generator) -> np.ndarray:
-    """(joints,) zero errors of the encoders in rad, constant through a session."""
+    """Draw the encoders' zero errors (joints,) in rad, constant through a session."""
     return options.encoder_offset_std * rng.standard_normal(joints)
 
 
@@ -133,12 +134,9 @@ class Chance(NamedTuple):
 
 
 def draw(
-    chain: Chain,
-    motion: TrajectoryOptions | JointPath,
-    options: DynamicsOptions,
-    rng: np.random.Generator,
+    chain: Chain, motion: Commanded, options: DynamicsOptions, rng: np.random.Generator
 ) -> Chance:
-    """The numbers of one take; they hang on how long ``motion`` is and on nothing else of it."""
+    """Draw the numbers of one take; of ``motion`` they depend on its duration alone."""
     n, steps = len(chain.lower), len(servo_times(motion, options))
     rate = options.rate
     return Chance(
@@ -161,11 +159,11 @@ class Swing(NamedTuple):
 def swing(
     chain: Chain,
     offset: np.ndarray,
-    motion: TrajectoryOptions | JointPath,
+    motion: Commanded,
     options: DynamicsOptions,
     chance: Chance,
 ) -> Swing:
-    """The takes that ``chance`` makes of the commanded ``motion``, at ``options.rate``.
+    """Return the takes that ``chance`` makes of the commanded ``motion``, at ``options.rate``.
 
     ``chain`` is the true chain, ``offset`` (n,) the session's encoder zeros in rad. Takes that are
     simulated together are those simulated one by one. Raises SingularJacobianError.
@@ -194,24 +192,26 @@ def swing(
 def simulate_take(
     chain: Chain,
     offset: np.ndarray,
-    motion: TrajectoryOptions | JointPath,
+    motion: Commanded,
     options: DynamicsOptions,
     rng: np.random.Generator,
 ) -> Swing:
-    """One take with numbers of ``rng``, see :func:`swing`."""
+    """Return one take with numbers of ``rng``, see :func:`swing`."""
     return swing(chain, offset, motion, options, draw(chain, motion, options, rng))
 
 
 def expose(
     t: np.ndarray, q: np.ndarray, at: np.ndarray, options: DynamicsOptions, rng: np.random.Generator
 ) -> np.ndarray:
-    """(K, n) true joint angles in rad at the instants ``at`` (K,) in s, each missed by the jitter
-    of its exposure.
+    """Return true joint angles (K, n) in rad at the instants ``at`` (K,) in s, each missed by the
+    jitter of its exposure.
     """
     instants = np.clip(at + options.jitter_std * rng.standard_normal(at.shape), t[0], t[-1])
     return joints_at(instants, t, q)
 
 
 def joints_at(instants: np.ndarray, t: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(K, n) ``q`` (N, n) in rad of the times ``t`` (N,) at the ``instants`` (K,), both in s."""
+    """Return (K, n) ``q`` (N, n) in rad of the times ``t`` (N,) at the ``instants`` (K,), both in
+    s.
+    """
     return np.stack([np.interp(instants, t, joint) for joint in q.T], axis=-1)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import dawsn, i0e, i1e
@@ -31,9 +32,8 @@ class Cables:
     attachment: Sequence[Sequence[float]] | None = None
 
 
-@dataclass(frozen=True)
-class ForceRecord:
-    """One record as the transducer gave it, and what it stood for."""
+class RiggedForce(NamedTuple):
+    """One record as the transducer gave it, and its truth."""
 
     time: np.ndarray  # (N,) s
     force: np.ndarray  # (N, 3) N, with bias, drift and noise
@@ -53,8 +53,8 @@ def _autoregressive(innovation: np.ndarray, decay: float, start: np.ndarray) -> 
 def wander(
     sd: np.ndarray, correlation_time: float, samples: int, rate: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Stationary Ornstein–Uhlenbeck paths of standard deviation ``sd`` (m,), exact at the sampling
-    instants, (samples, m).
+    """Draw stationary Ornstein–Uhlenbeck paths of standard deviation ``sd`` (m,), exact at the
+    sampling instants, (samples, m).
 
     ``correlation_time`` in s, ``rate`` in Hz; the result has the unit of ``sd``.
     """
@@ -71,8 +71,8 @@ def slipping(
     rate: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Tension lost and regained by wheel slip about its mean, N, (samples, m): of zero mean and
-    standard deviation ``sd`` (m,) in N.
+    """Draw the tension lost and regained by wheel slip about its mean, N, (samples, m): of zero
+    mean and standard deviation ``sd`` (m,) in N.
 
     Slips of exponential size (mean d) arrive at ``slip_rate`` (1/s) and decay with ``recovery``
     (s): shot noise whose stationary law is Gamma(ν, d) with ν = slip_rate·recovery, so d = sd/√ν,
@@ -100,7 +100,7 @@ def directions(
     rate: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """(samples, m, 3) unit vectors that wander about the means of ``cables``, with the mean
+    """Draw unit vectors (samples, m, 3) that wander about the means of ``cables``, with the mean
     resultant length of the von Mises–Fisher law of ``concentration`` κ (m,).
 
     In a plane the angle is an Ornstein–Uhlenbeck process: of variance s² it has the mean resultant
@@ -143,43 +143,29 @@ def record_force(
     tare: float,
     duration: float,
     rng: np.random.Generator,
-) -> ForceRecord:
-    """A record of ``tare`` seconds without load and ``duration`` seconds in which the robots pull.
+) -> RiggedForce:
+    """Return a record of ``tare`` seconds without load and ``duration`` seconds in which the robots
+    pull, one at each of the ``cables``, in the axes of the ``transducer``.
 
-    Args:
-        cables: mean of each.
-        robots: how they err, one for each cable.
-        transducer: what feels them, in whose axes all is.
-        tare: s.
-        duration: s.
-        rng: of all that is random.
-
-    Raises:
-        ConfigError: where robots, tensions and directions differ in number, or for times that make
-            no record.
+    Raises ConfigError where robots, tensions and directions differ in number, or for times that
+    make no record.
     """
     tension = np.asarray(cables.tension, dtype=float)
-    if not len(tension) == len(cables.direction) == len(robots.tension_sd):
-        raise ConfigError(
-            f"laboratory.force: {len(robots.tension_sd)} robots, {len(tension)} tensions and "
-            f"{len(cables.direction)} directions; one each is needed"
-        )
+    counts = len(robots.tension_sd), len(tension), len(cables.direction)
+    if len({*counts}) > 1:
+        message = "{} robots, {} tensions and {} directions; one each is needed".format(*counts)
+        raise ConfigError(f"laboratory.force: {message}")
     if tare < 0 or duration <= 0:
-        raise ConfigError(
-            f"laboratory.force: a tare interval of {tare} s and a load of {duration} s make no "
-            "record",
-            key="duration",
-        )
-    samples = round((tare + duration) * transducer.rate)
-    time = np.arange(samples) / transducer.rate
-    unloaded = time < tare
-    concentration = np.asarray(robots.concentration)
+        message = f"a tare interval of {tare} s and a load of {duration} s make no record"
+        raise ConfigError(f"laboratory.force: {message}", key="duration")
     rate = transducer.rate
-    e = directions(cables, concentration, robots.wander_time, samples, rate, rng)
-    pull = tension + slipping(
-        np.asarray(robots.tension_sd), robots.slip_rate, robots.slip_recovery, samples, rate, rng
-    )
-    pull[unloaded] = 0.0
+    samples = round((tare + duration) * rate)
+    time = np.arange(samples) / rate
+    kappa, sd = np.asarray(robots.concentration), np.asarray(robots.tension_sd)
+    e = directions(cables, kappa, robots.wander_time, samples, rate, rng)
+    slips = (robots.slip_rate, robots.slip_recovery)
+    pull = tension + slipping(sd, *slips, samples, rate, rng)
+    pull[time < tare] = 0.0
     slack = int(np.sum(pull < 0))
     pull = np.maximum(pull, 0.0)
     pulls = pull[..., None] * e
@@ -196,4 +182,4 @@ def record_force(
         + rng.normal(0.0, transducer.noise[i], true.shape)
         for i, true in enumerate((force, torque))
     ]
-    return ForceRecord(time, *measured, pull, e, slack)
+    return RiggedForce(time, *measured, pull, e, slack)

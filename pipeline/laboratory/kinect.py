@@ -13,7 +13,9 @@ from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import KinectOptions
 from pipeline.laboratory.scene import ArmPrisms, Prism, cast, room_prisms
-from pipeline.laboratory.sensor import Sensor, Window
+from pipeline.laboratory.sensor import read_depth
+
+Window = tuple[slice, slice]  # rows and columns of an image
 
 
 def _about(axis: int, angle: float) -> np.ndarray:
@@ -34,17 +36,14 @@ class DepthCamera:
         """``bias``: the session's systematic error, from
         :func:`pipeline.laboratory.sensor.draw_bias`.
         """
-        self.options = options
+        self.options, self._bias = options, bias
         # columns: the camera's axes in the plane's frame, x along x, y down, z along the normal,
         # then yaw, pitch and roll
         facing = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-        self._rotation = (
-            facing @ _about(1, options.yaw) @ _about(0, options.pitch) @ _about(2, options.roll)
-        )
-        self._position = (
-            np.array([options.aim[0], 0.0, options.aim[1]])
-            - options.distance * self._rotation[:, 2]
-        )
+        turn = _about(1, options.yaw) @ _about(0, options.pitch) @ _about(2, options.roll)
+        self._rotation = facing @ turn
+        aim = np.array([options.aim[0], 0.0, options.aim[1]])
+        self._position = aim - options.distance * self._rotation[:, 2]
         #: pose of the camera in the arm's base frame: a point p of the camera's frame (m) is at
         #: ``rotation @ p + translation``
         self.rotation = arm.rotation @ self._rotation
@@ -55,86 +54,53 @@ class DepthCamera:
         # what a ray sees where it meets nothing of the arm; infinite depth where it meets nothing
         depth = np.full((options.height, options.width), np.inf, dtype=np.float32)
         self._room = depth, np.zeros_like(depth)
-        whole = slice(0, options.height), slice(0, options.width)
         for solid in room_prisms(arm.chain, options.scene):
-            self._draw(self._in_camera(solid), whole, whole, *self._room)
-        self._rest = np.where(np.isfinite(depth), depth, np.float32(0)), self._room[1]
-        self._sensor = Sensor(options, bias, *self._rest)
+            self._draw(self._in_camera(solid), (slice(None), slice(None)), *self._room)
 
     def _in_camera(self, solid: Prism) -> Prism:
         return solid.moved(self._rotation.T, -self._rotation.T @ self._position)
 
-    def _draw(
-        self, solid: Prism, window: Window, around: Window, depth: np.ndarray, grazing: np.ndarray
-    ) -> None:
+    def _draw(self, solid: Prism, window: Window, depth: np.ndarray, grazing: np.ndarray) -> None:
         """Draw a solid of the camera's frame, in the rows and columns ``window``, into ``depth``,
-        infinite where nothing is, and ``grazing`` angle of the rows and columns ``around``.
+        infinite where nothing is, and ``grazing`` angle.
         """
-        rows, columns = window
-        part = tuple(
-            slice(a.start - b.start, a.stop - b.start) for a, b in zip(window, around, strict=True)
-        )
-        solid_depth, solid_grazing = cast(solid, self._x[columns], self._y[rows])
-        nearer = solid_depth < depth[part]
-        np.copyto(depth[part], solid_depth, where=nearer, casting="same_kind")
-        np.copyto(grazing[part], solid_grazing, where=nearer, casting="same_kind")
+        images = cast(solid, self._x[window[1]], self._y[window[0]])
+        nearer = images[0] < depth[window]
+        for image, new in zip((depth, grazing), images, strict=True):
+            np.copyto(image[window], new, where=nearer, casting="same_kind")
 
     def _window(self, solid: Prism) -> Window:
         """Rows and columns of the image that a solid of the camera's frame covers; ConfigError
         where it is not wholly in view.
         """
-        x, y, z = np.moveaxis(solid.ends, -1, 0)
-        sizes = (self.options.height, self.options.width)
+        o, (x, y, z) = self.options, np.moveaxis(solid.ends, -1, 0)
         if np.all(z > 0):
-            rows, columns = (
-                self.options.fy * y / z + self.options.cy,
-                self.options.fx * x / z + self.options.cx,
-            )
-            if all(
-                p.min() >= 0 and p.max() <= size - 1
-                for p, size in zip((rows, columns), sizes, strict=True)
-            ):
+            sides = (o.fy * y / z + o.cy, o.height), (o.fx * x / z + o.cx, o.width)
+            if all(p.min() >= 0 and p.max() <= size - 1 for p, size in sides):
                 return tuple(
-                    slice(int(np.floor(p.min())), int(np.ceil(p.max())) + 1)
-                    for p in (rows, columns)
+                    slice(int(np.floor(p.min())), int(np.ceil(p.max())) + 1) for p, _ in sides
                 )
         raise ConfigError(
             "laboratory.kinect: the arm is not wholly in the image; put the camera further away or "
             "aim it anew",
-            distance=self.options.distance,
-            aim=self.options.aim,
+            distance=o.distance,
+            aim=o.aim,
         )
-
-    def _sight(self, q: np.ndarray) -> tuple[Window, np.ndarray, np.ndarray]:
-        """The rows and columns that hold the arm at angles ``q`` (3,) in rad, and what
-        :meth:`render` has there; outside of them is the room.
-        """
-        solids = [self._in_camera(solid) for solid in self._arm.at(q)]
-        windows = [self._window(solid) for solid in solids]
-        around = tuple(
-            slice(min(side.start for side in sides), max(side.stop for side in sides))
-            for sides in zip(*windows, strict=True)
-        )
-        depth, grazing = (image[around].copy() for image in self._room)
-        for solid, window in zip(solids, windows, strict=True):
-            self._draw(solid, window, around, depth, grazing)
-        depth[np.isinf(depth)] = 0.0
-        return around, depth, grazing
 
     def render(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Exact depth (height, width) in m, 0 where nothing is, and grazing angle in rad, both
-        float32, at angles ``q`` (3,) in rad.
+        """Return the exact depth (height, width) in m, 0 where nothing is, and grazing angle in
+        rad, both float32, at angles ``q`` (3,) in rad.
 
         Raises ConfigError where the arm is not wholly in view.
         """
-        window, *parts = self._sight(q)
-        images = tuple(image.copy() for image in self._rest)
-        for image, part in zip(images, parts, strict=True):
-            image[window] = part
-        return images
+        depth, grazing = (image.copy() for image in self._room)
+        for solid in map(self._in_camera, self._arm.at(q)):
+            self._draw(solid, self._window(solid), depth, grazing)
+        depth[np.isinf(depth)] = 0.0
+        return depth, grazing
 
     def observe(self, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """The sensor's depth image (height, width) in mm, uint16, 0 where it has none, at joint
-        angles ``q`` (3,) in rad.
+        """Return the sensor's depth image (height, width) in mm, uint16, 0 where it has none, at
+        joint angles ``q`` (3,) in rad.
         """
-        return self._sensor.read(*self._sight(q), rng)
+        return read_depth(*self.render(q), self._bias, self.options, rng)

@@ -1,5 +1,5 @@
-"""What OptiTrack would report of the arm: three markers on each link, with the faults that optical
-motion capture has.
+"""The arm as OptiTrack would report it: three markers on each link of a planar arm, or rigid bodies
+on the links of an arm in space, with the faults that optical motion capture has.
 
 World frame: Motive's, y up, in m. A marker's place is known to the tracker from a template in the
 segment frames; where it really sits differs by what a hand with a ruler misses.
@@ -7,12 +7,16 @@ segment frames; where it really sits differs by what a hand with a ruler misses.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from pipeline.arm.frames import segment_frames
+from pipeline.arm.frames import rigid_motion, segment_frames
 from pipeline.arm.model import Arm
+from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import MocapOptions
 
@@ -21,8 +25,7 @@ PAIRS = np.array([[0, 1], [0, 2], [1, 2]])
 FIRST_UNLABELED = 1000
 
 
-@dataclass(frozen=True)
-class MocapFaults:
+class MocapFaults(NamedTuple):
     """The truth about the faults of one capture."""
 
     occluded: int  # marker-frames not seen at all
@@ -30,8 +33,7 @@ class MocapFaults:
     unlabeled: int  # marker-frames whose position stands in an unlabeled column
 
 
-@dataclass(frozen=True)
-class Capture:
+class Capture(NamedTuple):
     """``markers``: name → positions (N, 3) in m in the world frame, NaN where missing; labelled
     first, then unlabeled.
     """
@@ -43,8 +45,8 @@ class Capture:
 def place_markers(
     template: np.ndarray, options: MocapOptions, rng: np.random.Generator
 ) -> np.ndarray:
-    """(..., 3) where the markers of a session really sit whose places are known as ``template``
-    (..., 3), both in m in the frame of their link; one call a session.
+    """Draw the places (..., 3) where the markers of a session really sit whose places are known as
+    ``template`` (..., 3), both in m in the frame of their link; one call a session.
     """
     return template + options.placement_std * rng.standard_normal(template.shape)
 
@@ -52,18 +54,15 @@ def place_markers(
 def bursts(
     frames: int, shape: tuple[int, ...], rate: float, mean: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where bursts start and where one is under way, both (frames, *shape); overlapping bursts
-    merge.
+    """Draw starts of bursts and frames in which one is under way, both (frames, *shape);
+    overlapping bursts merge.
     """
     starts = rng.random((frames, *shape)) < rate
     at = np.nonzero(starts)
     change = np.zeros((frames + 1, *shape), dtype=int)
     np.add.at(change, at, 1)
-    np.add.at(
-        change,
-        (np.minimum(at[0] + rng.geometric(1.0 / mean, size=at[0].size), frames), *at[1:]),
-        -1,
-    )
+    ends = np.minimum(at[0] + rng.geometric(1.0 / mean, size=at[0].size), frames)
+    np.add.at(change, (ends, *at[1:]), -1)
     return starts, np.cumsum(change[:-1], axis=0) > 0
 
 
@@ -93,13 +92,9 @@ def _lose_labels(
     Each uninterrupted stretch is a column of its own, since Motive numbers a stray marker anew at
     every appearance.
     """
-    _, lost = bursts(
-        *observed.shape[:1],
-        observed.shape[1:2],
-        options.lost_label_rate,
-        options.lost_label_frames,
-        rng,
-    )
+    frames, count = observed.shape[:2]
+    rate, mean = options.lost_label_rate, options.lost_label_frames
+    _, lost = bursts(frames, (count,), rate, mean, rng)
     lost &= ~np.isnan(observed[..., 0])
     edges = np.diff(lost.astype(np.int8), axis=0, prepend=0, append=0)
     # transposed, so that starts and ends come out marker by marker and pair up
@@ -129,11 +124,8 @@ def capture(
     onwards in the order of their appearance.
     """
     if q.shape[1:] != (3,) or markers.shape != (3, 3, 3):
-        raise ConfigError(
-            "laboratory.mocap: joint angles must be (N, 3) and marker places (3, 3, 3)",
-            q=q.shape,
-            markers=markers.shape,
-        )
+        message = "laboratory.mocap: joint angles must be (N, 3) and marker places (3, 3, 3)"
+        raise ConfigError(message, q=q.shape, markers=markers.shape)
     axes, origin = segment_frames(arm.chain, q)
     plane = np.einsum("njab,jmb->njma", axes, markers) + origin[:, :, None, :]
     world = arm.to_base(plane) @ rotation.T + translation
@@ -144,7 +136,68 @@ def capture(
     labelled, unlabeled, lost = _lose_labels(observed.reshape(-1, 9, 3), options, rng)
     names = [f"link{link}_{label}" for link in (1, 2, 3) for label in LABELS]
     columns = {name: labelled[:, i] for i, name in enumerate(names)}
-    return Capture(
-        columns | unlabeled,
-        MocapFaults(occluded=int(hidden.sum()), swapped=swapped, unlabeled=lost),
-    )
+    return Capture(columns | unlabeled, MocapFaults(int(hidden.sum()), swapped, lost))
+
+
+@dataclass(frozen=True)
+class MarkerCluster:
+    """The markers of one rigid body on a link of an arm in space.
+
+    The tracker knows a cluster by its shape, that of the drawing, so that no label is exchanged. It
+    fits the shape to the markers that its cameras see; with fewer than three of them the body is
+    lost.
+    """
+
+    chain: SerialChain  # the true one that carries the link; its tip is the link's frame
+    places: np.ndarray  # (K, 3) m, where the markers really sit in the link's frame
+    shape: np.ndarray  # (K, 3) m, where the tracker has them in the body's frame
+
+
+def as_built(link: SerialChain, arm: SerialChain) -> SerialChain:
+    """Return the nominal chain to a ``link`` with the placements of the true ``arm``'s joints; what
+    is beyond the last of them is the link's own.
+    """
+    placements = link.placements.copy()
+    placements[:-1] = arm.placements[: len(placements) - 1]
+    return replace(link, placements=placements)
+
+
+def in_body(places: np.ndarray, position: np.ndarray, rpy: np.ndarray) -> np.ndarray:
+    """Return (K, 3) ``places`` of a link's frame in the frame of a body that is mounted on the link
+    at ``position`` (3,), both in m, turned by ``rpy`` (rad, about the fixed axes x, y, z).
+    """
+    return (places - np.asarray(position)) @ Rotation.from_euler("xyz", rpy).as_matrix()
+
+
+def capture_bodies(
+    clusters: Mapping[str, MarkerCluster],
+    q: np.ndarray,
+    base: tuple[np.ndarray, np.ndarray],
+    options: MocapOptions,
+    rng: np.random.Generator,
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return by name the poses in the world frame of the bodies on an arm at true angles ``q`` (N,
+    n) in rad: position (N, 3) in m and quaternion (N, 4) as x, y, z, w, NaN where the body is lost.
+
+    The arm's base is turned by ``base[0]`` (3, 3) and stands at ``base[1]`` (3,) in m. White noise
+    of s m in each coordinate of K markers about their centre makes s/√K m of the position there,
+    and s over the root of the sum of their squared distances from an axis, in rad, of the turn
+    about it.
+    """
+    result = {}
+    for name, cluster in clusters.items():
+        pose = cluster.chain.pose(q[:, : len(cluster.chain.lower)])
+        turn = pose[:, 3:].reshape(-1, 3, 3)
+        places = pose[:, None, :3] + cluster.places @ np.swapaxes(turn, -1, -2)
+        world = places @ base[0].T + base[1]
+        observed = world + options.noise_std * rng.standard_normal(world.shape)
+        rate, mean = options.occlusion_rate, options.occlusion_frames
+        _, hidden = bursts(len(q), world.shape[1:2], rate, mean, rng)
+        observed[hidden] = np.nan
+        rotation, position = rigid_motion(cluster.shape, observed)
+        quaternion = np.full((len(q), 4), np.nan)
+        tracked = np.isfinite(position).all(axis=-1)
+        if tracked.any():
+            quaternion[tracked] = Rotation.from_matrix(rotation[tracked]).as_quat()
+        result[name] = (position, quaternion)
+    return result

@@ -207,7 +207,7 @@ class KinectOptions:
 
 @options(frozen=True)
 class Robots:
-    """What characterises the robots, one value each."""
+    """Laws of the robots that pull, one value each."""
 
     tension_sd: tuple[NotNegative, ...]  # N, σ_T of the tension's stationary law
     # κ of the von Mises law with the direction's mean resultant length

@@ -34,14 +34,14 @@ class Prism:
     ends: np.ndarray  # (2, n, 3) m, corners of both ends, turning left seen from outside the first
 
     def moved(self, rotation: np.ndarray, translation: np.ndarray) -> Prism:
-        """Every point p of it at ``rotation @ p + translation``; no library's product, whose last
-        bits follow the instruction set.
+        """Return it with every point p at ``rotation @ p + translation``; no library's product,
+        whose last bits follow the instruction set.
         """
         return Prism((self.ends[..., None, :] * rotation).sum(axis=-1) + translation)
 
     def faces(self) -> tuple[np.ndarray, np.ndarray]:
-        """Outward unit normals n (n + 2, 3) and distances d (n + 2,) in m of the planes n · p = d
-        of sides and ends.
+        """Return outward unit normals n (n + 2, 3) and distances d (n + 2,) in m of the planes n ·
+        p = d of sides and ends.
         """
         first, second = self.ends
         n = len(first)
@@ -59,8 +59,8 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def prism(outline: np.ndarray, low: float, high: float) -> Prism:
-    """The polygon ``outline`` (n, 2) in x and z, convex and turning from x to z, extruded along y
-    from ``low`` to ``high`` (m); ConfigError for any other outline.
+    """Return the polygon ``outline`` (n, 2) in x and z, convex and turning from x to z, extruded
+    along y from ``low`` to ``high`` (m); ConfigError for any other outline.
     """
     edge = np.roll(outline, -1, axis=0) - outline
     after = np.roll(edge, -1, axis=0)
@@ -86,24 +86,19 @@ def _rounded(bottom: float, top: float, width: float) -> np.ndarray:
 
 
 def room_prisms(chain: PlanarChain, options: SceneOptions) -> list[Prism]:
-    """Everything that stands still, in the plane's frame: turntable, stand, floor and wall."""
-    x, z = chain.origin
-    half, stand, far = options.base_width / 2, options.stand_width / 2, 20.0
+    """Return everything that stands still, in the plane's frame: turntable, neck, stand, floor and
+    wall.
+    """
+    (x, z), far, wall = chain.origin, 20.0, options.wall_distance
+    half, stand, floor = options.base_width / 2, options.stand_width / 2, options.floor_height
+    gap = z - options.base_gap
     return [
-        prism(_rectangle(x - half, x + half, 0.0, z - options.base_gap), -half, half),
+        prism(_rectangle(x - half, x + half, 0.0, gap), -half, half),
         # the neck that carries joint O1, hidden behind the first link
-        prism(_rectangle(x - half / 2, x + half / 2, z - options.base_gap, z), -half / 2, half / 2),
-        prism(_rectangle(x - stand, x + stand, options.floor_height, 0.0), -stand, stand),
-        prism(
-            _rectangle(-far, far, options.floor_height - 0.1, options.floor_height),
-            -far,
-            options.wall_distance,
-        ),
-        prism(
-            _rectangle(-far, far, options.floor_height, far),
-            options.wall_distance,
-            options.wall_distance + 0.1,
-        ),
+        prism(_rectangle(x - half / 2, x + half / 2, gap, z), -half / 2, half / 2),
+        prism(_rectangle(x - stand, x + stand, floor, 0.0), -stand, stand),
+        prism(_rectangle(-far, far, floor - 0.1, floor), -far, wall),
+        prism(_rectangle(-far, far, floor, far), wall, wall + 0.1),
     ]
 
 
@@ -111,41 +106,31 @@ class ArmPrisms:
     """The solids of the three links, which move with their segment frames."""
 
     def __init__(self, chain: PlanarChain, options: SceneOptions) -> None:
-        first, second, third = chain.lengths
+        (first, second, third), width = chain.lengths, options.link_width
         hand, finger = options.hand_share * third, options.finger_width / 2
-        half = [depth / 2 for depth in options.link_depths]
+        depths = (*options.link_depths, options.finger_depth)
+        outlines = (
+            _rounded(0.0, first, width),
+            _rounded(0.0, second, width),
+            _rounded(0.0, hand - options.tool_width / 2, options.tool_width),
+            _rectangle(-finger, finger, 0.0, third),
+        )
         self.chain = chain
         #: index of the link and solid in its segment frame
         self.at_rest = [
-            (0, prism(_rounded(0.0, first, options.link_width), -half[0], half[0])),
-            (1, prism(_rounded(0.0, second, options.link_width), -half[1], half[1])),
-            (
-                2,
-                prism(
-                    _rounded(0.0, hand - options.tool_width / 2, options.tool_width),
-                    -half[2],
-                    half[2],
-                ),
-            ),
-            (
-                2,
-                prism(
-                    _rectangle(-finger, finger, 0.0, third),
-                    -options.finger_depth / 2,
-                    options.finger_depth / 2,
-                ),
-            ),
+            (link, prism(outline, -depth / 2, depth / 2))
+            for link, outline, depth in zip((0, 1, 2, 2), outlines, depths, strict=True)
         ]
 
     def at(self, q: np.ndarray) -> list[Prism]:
-        """The arm at joint angles ``q`` (3,) in rad, in the plane's frame."""
+        """Return the arm at joint angles ``q`` (3,) in rad, in the plane's frame."""
         rotation, origin = segment_frames(self.chain, q)
         return [solid.moved(rotation[link], origin[link]) for link, solid in self.at_rest]
 
 
 def arccos(cosine: np.ndarray) -> np.ndarray:
-    """The angle in rad, from 0 to π/2, of ``cosine`` from 0 to 1, of its shape, by exactly rounded
-    operations: the last bit of the C library's follows the instruction set.
+    """Return the angle in rad, from 0 to π/2, of ``cosine`` from 0 to 1, of its shape, by exactly
+    rounded operations: the last bit of the C library's follows the instruction set.
     """
     tangent = np.sqrt((1 - cosine) / (1 + cosine))
     for _ in range(3):  # of a half, a quarter, an eighth and a sixteenth of the angle
@@ -157,8 +142,8 @@ def arccos(cosine: np.ndarray) -> np.ndarray:
 
 
 def cast(solid: Prism, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Depth (h, w) along the camera's z axis in m, infinite where nothing is met, and grazing angle
-    (h, w) in rad; both float64.
+    """Return depth (h, w) along the camera's z axis in m, infinite where nothing is met, and
+    grazing angle (h, w) in rad; both float64.
 
     ``solid`` in the camera's frame, the camera outside of it; ``x`` (w,) and ``y`` (h,) of the
     rays (x, y, 1) through the camera's origin. The grazing angle is the one between ray and surface

@@ -29,9 +29,7 @@ from pipeline.laboratory.swing import desired_joints
 
 @dataclass(frozen=True)
 class Session:
-    """What of the arm stays the same through a session: how it was built, and its encoders'
-    zeros.
-    """
+    """The arm as it was built and its encoders' zeros, the same through a session."""
 
     nominal: Chain
     chain: Chain  # the true one
@@ -46,7 +44,7 @@ def open_session(nominal: Chain, dynamics: DynamicsOptions, rng: np.random.Gener
 
 
 @dataclass(frozen=True)
-class Motion:
+class PerformedMotion:
     """One take: what moved, and where it was when the motion capture looked."""
 
     swing: Swing
@@ -59,18 +57,19 @@ def perform(
     trajectory: TrajectoryOptions,
     dynamics: DynamicsOptions,
     rng: np.random.Generator,
-) -> Motion:
+) -> PerformedMotion:
     """Let the arm track the trajectory once, watched by the motion capture."""
     swing = simulate_take(session.chain, session.encoder, trajectory, dynamics, rng)
     grid = np.arange(round(trajectory.duration * trajectory.rate) + 1) / trajectory.rate
     watched = expose(swing.t, swing.q, grid, dynamics, rng)
-    return Motion(swing, watched, joints_at(grid, swing.t, swing.q))
+    return PerformedMotion(swing, watched, joints_at(grid, swing.t, swing.q))
 
 
 @dataclass(frozen=True)
 class DepthFrames:
-    """When a depth camera looked during a take, and where the arm was then."""
+    """Exposures of a depth camera during a take, and the arm's angles at them."""
 
+    exposed: np.ndarray  # (F,) s on the motion clock
     times: np.ndarray  # (F,) s on the camera's own clock
     joints: np.ndarray  # (F, n) rad, at the exposures
     clock_offset: float  # s, camera's clock minus motion clock at the start
@@ -79,19 +78,19 @@ class DepthFrames:
 def depth_frames(
     swing: Swing, duration: float, clock: ClockOptions, rng: np.random.Generator
 ) -> DepthFrames:
-    """The frames of a take of ``duration`` s."""
+    """Draw the frames of a take of ``duration`` s."""
     frames = np.arange(int(duration * clock.rate) + 1) / clock.rate
     exposed = np.clip(frames + clock.jitter_std * rng.standard_normal(frames.shape), 0.0, duration)
     offset = clock.offset + clock.offset_std * rng.standard_normal()
     times = exposed * (1 + clock.drift) + offset
-    return DepthFrames(times, joints_at(exposed, swing.t, swing.q), offset)
+    return DepthFrames(exposed, times, joints_at(exposed, swing.t, swing.q), offset)
 
 
 def log_joints(
     swing: Swing, trajectory: TrajectoryOptions, options: EncoderOptions
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Times (N,) in s on the motion clock, from its start to its end, and the signals ``target``
-    and ``actual``, each (N, n) in rad.
+    """Return times (N,) in s on the motion clock, from its start to its end, and the signals
+    ``target`` and ``actual``, each (N, n) in rad.
 
     The encoders sit at the motors: they read what the servo makes of the command, to their
     resolution, and know nothing of the zeros' errors and of what happens behind the gears.

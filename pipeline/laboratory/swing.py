@@ -43,7 +43,7 @@ class JointPath:
         return PchipInterpolator(np.arange(len(self.joints)) / self.rate, self.joints)
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Angles (..., n) in rad and speeds (..., n) in rad/s at times ``t`` (...) in s."""
+        """Return angles (..., n) in rad and speeds (..., n) in rad/s at times ``t`` (...) in s."""
         return self._interpolant(t), self._interpolant(t, 1)
 
     def require_followable(self, chain: Chain) -> None:
@@ -52,26 +52,24 @@ class JointPath:
         """
         path = np.asarray(self.joints)
         if path.ndim != 2 or path.shape[1] != len(chain.lower) or len(path) < 2:
-            raise ConfigError(
-                f"a joint path has {len(chain.lower)} angles a pose, and two poses or more",
-                shape=path.shape,
-            )
+            message = f"a joint path has {len(chain.lower)} angles a pose, and two poses or more"
+            raise ConfigError(message, shape=path.shape)
         inside = chain.within_limits(path)
-        if not np.all(inside):
-            step = int(np.argmin(inside))
-            raise ConfigError(
-                "the joint path leaves the joint limits", step=step, q=path[step].tolist()
-            )
         speed = np.abs(np.diff(path, axis=0)) * self.rate
         slow = np.all(speed <= (1 + ROUNDING) * chain.max_speed, axis=1)
+        if not np.all(inside):
+            step = int(np.argmin(inside))
+            message = "the joint path leaves the joint limits"
+            raise ConfigError(message, step=step, q=path[step].tolist())
         if not np.all(slow):
             step = int(np.argmin(slow))
-            raise ConfigError(
-                "the joint path is faster than the joints; give it more time",
-                step=step,
-                speed=speed[step].round(3).tolist(),
-                limit=chain.max_speed.round(3).tolist(),
-            )
+            rates = {"speed": speed[step].round(3).tolist()}
+            rates["limit"] = chain.max_speed.round(3).tolist()
+            message = "the joint path is faster than the joints; give it more time"
+            raise ConfigError(message, step=step, **rates)
+
+
+Commanded = TrajectoryOptions | JointPath
 
 
 def _progress(t: np.ndarray, options: TrajectoryOptions) -> tuple[np.ndarray, np.ndarray]:
@@ -91,11 +89,9 @@ def _progress(t: np.ndarray, options: TrajectoryOptions) -> tuple[np.ndarray, np
     return np.where(s <= moving / 2, way, 1.0 - way), np.where(t <= half, speed, -speed)
 
 
-def desired_joints(
-    t: np.ndarray, motion: TrajectoryOptions | JointPath
-) -> tuple[np.ndarray, np.ndarray]:
-    """Commanded joint angles (..., n) in rad and speeds (..., n) in rad/s at times ``t`` (...) in
-    s, of the out-and-back motion or of any joint path.
+def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.ndarray]:
+    """Return commanded joint angles (..., n) in rad and speeds (..., n) in rad/s at times ``t``
+    (...) in s, of the out-and-back motion or of any joint path.
     """
     if isinstance(motion, JointPath):
         return motion.at(t)
@@ -105,25 +101,19 @@ def desired_joints(
 
 
 def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:
-    """(M+1, n) commanded joint angles in rad on the motion grid.
+    """Return commanded joint angles (M+1, n) in rad on the motion grid.
 
     Raises ConfigError for a motion of another number of joints, or beyond their limits of angle or
     speed.
     """
     if len(options.folded) != len(chain.lower):
-        raise ConfigError(
-            f"laboratory.trajectory: folded and extended must have {len(chain.lower)} angles each",
-            folded=options.folded,
-        )
-    q, speed = desired_joints(
-        np.arange(round(options.duration * options.rate) + 1) / options.rate, options
-    )
+        message = f"folded and extended must have {len(chain.lower)} angles each"
+        raise ConfigError(f"laboratory.trajectory: {message}", folded=options.folded)
+    grid = np.arange(round(options.duration * options.rate) + 1) / options.rate
+    q, speed = desired_joints(grid, options)
     if not np.all(chain.within_limits(q)):
-        raise ConfigError(
-            "laboratory.trajectory: the motion leaves the joint limits",
-            lower=chain.lower,
-            upper=chain.upper,
-        )
+        message = "laboratory.trajectory: the motion leaves the joint limits"
+        raise ConfigError(message, lower=chain.lower, upper=chain.upper)
     if np.any(np.abs(speed) > chain.max_speed):
         raise ConfigError(
             "laboratory.trajectory: the motion is faster than the joints; lengthen it or bring its "
@@ -135,7 +125,7 @@ def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:
 
 
 def desired_trajectory(chain: Chain, options: TrajectoryOptions) -> pd.DataFrame:
-    """The commanded end-effector trajectory xᵈ, ẋᵈ on the motion grid: columns k, t and the
+    """Return the commanded end-effector trajectory xᵈ, ẋᵈ on the motion grid: columns k, t and the
     families x and v (SI); raises what :func:`desired_path` does.
     """
     return trajectory_table(chain, desired_path(chain, options), options.rate)

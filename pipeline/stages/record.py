@@ -26,13 +26,19 @@ from pipeline.formats.joints.table import write_joint_table
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
 from pipeline.formats.trajectory import write_trajectory
-from pipeline.laboratory.bodies import Cluster, as_built, capture_bodies, in_body
 from pipeline.laboratory.force import Cables, record_force
 from pipeline.laboratory.kinect import DepthCamera
-from pipeline.laboratory.mocap import capture, place_markers
+from pipeline.laboratory.mocap import (
+    MarkerCluster,
+    as_built,
+    capture,
+    capture_bodies,
+    in_body,
+    place_markers,
+)
 from pipeline.laboratory.sensor import draw_bias
 from pipeline.laboratory.session import (
-    Motion,
+    PerformedMotion,
     Session,
     depth_frames,
     log_joints,
@@ -46,7 +52,7 @@ RAW = Path("data/raw")
 STARTED = "2017-05-02 10.00.00.000 AM"
 # writes the files of a take: of its name and part, motion and stream; its depth camera's clock
 # offset in s, where it has one
-Instruments = Callable[[str, str, Motion, np.random.Generator], float | None]
+Instruments = Callable[[str, str, PerformedMotion, np.random.Generator], float | None]
 
 
 def run(name: str) -> None:
@@ -133,7 +139,7 @@ def _in_plane(session: Session, dataset, stream: np.random.Generator, folder: Pa
 
 
 def _write_in_plane(
-    name: str, part: str, motion: Motion, stream, *, arm, markers, bias, dataset, folder
+    name: str, part: str, motion: PerformedMotion, stream, *, arm, markers, bias, dataset, folder
 ) -> float | None:
     laboratory = dataset.laboratory
     duration = laboratory["trajectory"].duration
@@ -162,7 +168,7 @@ def _in_space(session: Session, dataset, stream: np.random.Generator, folder: Pa
     chains, clusters = link_chains(dataset.robot, mocap.markers, "dataset.mocap.markers"), {}
     for link, body in mocap.bodies.items():
         drawn = np.array(list(mocap.markers[link].values()))
-        clusters[body.name] = Cluster(
+        clusters[body.name] = MarkerCluster(
             chain=as_built(chains[link], session.chain),
             places=place_markers(drawn, laboratory["mocap"], stream),
             shape=in_body(drawn, body.mount.position, body.mount.rpy),
@@ -177,7 +183,7 @@ def _in_space(session: Session, dataset, stream: np.random.Generator, folder: Pa
 
 
 def _write_in_space(
-    name: str, part: str, motion: Motion, stream, *, clusters, dataset, folder
+    name: str, part: str, motion: PerformedMotion, stream, *, clusters, dataset, folder
 ) -> None:
     laboratory = dataset.laboratory
     poses = capture_bodies(

@@ -1,17 +1,17 @@
 """Recordings of the laboratory's arm in memory, without cameras or files.
 
-The arm moves as in :mod:`pipeline.laboratory`, with the session and the takes that the stage
-`record` draws from the same seed. Each measured pose gets the white noise of the recorded poses at
-rest, each depth frame the noise of the recorded depth camera at an equal share of the motion. The
-simulation has no faults and offsets of markers, no articulation of depth images and no estimate of
-clocks. A depth camera here shows the whole deviation of a pose from its command.
+Session and takes are those that the stage `record` draws from the same seed. Each measured pose
+gets the white noise of the recorded poses at rest, each depth frame the noise of the recorded depth
+camera at an equal share of the motion. The simulation has no faults and offsets of markers, no
+articulation of depth images and no estimate of clocks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,7 +21,7 @@ from pipeline.cases.case import Camera, Takes
 from pipeline.core import rng
 from pipeline.core.columns import matrices, spread, values
 from pipeline.filtering.measurement import measurements
-from pipeline.laboratory.dynamics import expose, session_offset, simulate_take, true_chain
+from pipeline.laboratory import session
 from pipeline.laboratory.options import ClockOptions, DynamicsOptions, TrajectoryOptions
 from pipeline.laboratory.swing import desired_trajectory
 from pipeline.models.noise import process_noise
@@ -33,7 +33,7 @@ RESTING = 40  # takes from which the noise of the arm alone at rest is estimated
 
 
 @dataclass(frozen=True)
-class Factors:
+class PhysicsFactors:
     """Factors on the disturbances of :class:`pipeline.laboratory.options.DynamicsOptions` and on
     the standard deviations of the instruments.
     """
@@ -53,11 +53,11 @@ class Factors:
     depth_camera: float = 1.0
 
 
-FACTORS = tuple(each.name for each in fields(Factors))
+FACTORS = tuple(each.name for each in fields(PhysicsFactors))
 SIZES = FACTORS[1:9]  # disturbances that have a size
 
 
-def disturbed(dynamics: DynamicsOptions, factors: Factors) -> DynamicsOptions:
+def disturbed(dynamics: DynamicsOptions, factors: PhysicsFactors) -> DynamicsOptions:
     """Return ``dynamics`` with each disturbance, and its duration, times its factor."""
     scaled = {
         name: np.multiply(
@@ -120,15 +120,14 @@ class Laboratory:
         window = settings.articulation.noise_window
         parts = (own["dynamics"], own["trajectory"], own["clock"])
         alone = cls(recorded.chain, joints, *parts, none, law, window)
-        takes = perform(alone, Factors(), settings.seed, "train", RESTING)
+        takes = perform(alone, PhysicsFactors(), settings.seed, "train", RESTING)
         at_rest = steps(alone, np.stack([take.poses for take in takes])).measurement
         # a step holds the noise of two poses; a negative estimate of few takes is zero
         variances, axes = np.linalg.eigh((recorded.measurement - at_rest) / 2)
         return replace(alone, pose_noise=(axes * np.maximum(variances, 0.0)) @ axes.T)
 
 
-@dataclass(frozen=True)
-class SimulatedTake:
+class SimulatedTake(NamedTuple):
     """Motion of the arm in one take at the exposures of the instruments."""
 
     poses: np.ndarray  # (M+1, n) rad, of the motion capture
@@ -137,26 +136,19 @@ class SimulatedTake:
 
 
 def perform(
-    laboratory: Laboratory, factors: Factors, seed: int, part: str, count: int
+    laboratory: Laboratory, factors: PhysicsFactors, seed: int, part: str, count: int
 ) -> list[SimulatedTake]:
     """Simulate the first ``count`` takes of a ``part`` (train or test), those that the stage
     `record` draws from ``seed``.
     """
     dynamics, motion = disturbed(laboratory.dynamics, factors), laboratory.motion
-    clock, session = laboratory.clock, rng.stream(seed, "record.session")
-    built = true_chain(laboratory.chain, dynamics, session)
-    offset = session_offset(dynamics, len(laboratory.joints), session)
-    grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
-    nominal = np.arange(int(motion.duration * clock.rate) + 1) / clock.rate
+    opened = session.open_session(laboratory.chain, dynamics, rng.stream(seed, "record.session"))
     takes = []
     for number in range(count):
         stream = rng.stream(seed, f"record.{part}", number)
-        t, q, _ = simulate_take(built, offset, motion, dynamics, stream)
-        poses = expose(t, q, grid, dynamics, stream)
-        jitter = clock.jitter_std * stream.standard_normal(nominal.shape)
-        frames = np.clip(nominal + jitter, 0.0, motion.duration)
-        seen = np.stack([np.interp(frames, t, column) for column in q.T], axis=-1)
-        takes.append(SimulatedTake(poses, frames, seen))
+        take = session.perform(opened, motion, dynamics, stream)
+        frames = session.depth_frames(take.swing, motion.duration, laboratory.clock, stream)
+        takes.append(SimulatedTake(take.motion_capture, frames.exposed, frames.joints))
     return takes
 
 
@@ -173,7 +165,7 @@ def steps(laboratory: Laboratory, poses: np.ndarray) -> Recorded:
 def measured(
     takes: Sequence[SimulatedTake], covariance: np.ndarray, factor: float, stream
 ) -> np.ndarray:
-    """(takes, M+1, n) poses in rad with noise of ``factor`` times the root of ``covariance``."""
+    """Return (takes, M+1, n) poses in rad, noise of ``factor`` times the root of ``covariance``."""
     poses = np.stack([take.poses for take in takes])
     variances, axes = np.linalg.eigh(covariance)
     root = axes * np.sqrt(np.maximum(variances, 0.0))  # an eigenvalue may round to below zero
@@ -181,7 +173,7 @@ def measured(
 
 
 def observe(
-    laboratory: Laboratory, factors: Factors, seed: int, training: int, test: int
+    laboratory: Laboratory, factors: PhysicsFactors, seed: int, training: int, test: int
 ) -> tuple[Takes, Camera]:
     """Simulate ``training`` and ``test`` takes and the depth camera of the latter, its noise
     estimated as by the stages.
@@ -190,30 +182,25 @@ def observe(
     """
     fitted = perform(laboratory, factors, seed, "train", training)
     kept = perform(laboratory, factors, seed, "test", test)
-    white = (laboratory.pose_noise, factors.motion_capture)
-    poses = measured(fitted, *white, rng.stream(seed, "simulated.capture", 0))
-    others = measured(kept, *white, rng.stream(seed, "simulated.capture", 1))
-    names, motion = [f"test_{number + 1:03d}" for number in range(test)], laboratory.motion
-    test_poses = dict(zip(names, others, strict=True))
-    t, stream = np.arange(others.shape[1]) / motion.rate, rng.stream(seed, "simulated.camera")
-    seen = {}
-    for name, take in zip(names, kept, strict=True):
+    poses, others = (
+        measured(
+            takes,
+            laboratory.pose_noise,
+            factors.motion_capture,
+            rng.stream(seed, "simulated.capture", number),
+        )
+        for number, takes in enumerate((fitted, kept))
+    )
+    motion, stream = laboratory.motion, rng.stream(seed, "simulated.camera")
+    t, joints, angles = np.arange(others.shape[1]) / motion.rate, [], []
+    for number, (take, q) in enumerate(zip(kept, others, strict=True)):
         noise = laboratory.depth_noise.sample(take.frames / motion.duration, stream)
-        seen[name] = take.seen + factors.depth_camera * noise
-    joints = _table(dict.fromkeys(names, t), test_poses, laboratory.joints)
-    times = {name: take.frames for name, take in zip(names, kept, strict=True)}
-    angles = _table(times, seen, laboratory.joints)
-    angles = angles.assign(frame=angles.groupby("take").cumcount())
+        seen, name = take.seen + factors.depth_camera * noise, f"test_{number + 1:03d}"
+        joints.append(pd.DataFrame({"take": name, "t": t} | spread("q", laboratory.joints, q)))
+        place = {"take": name, "t": take.frames, "frame": range(len(seen))}
+        angles.append(pd.DataFrame(place | spread("q", laboratory.joints, seen)))
+    angles, joints = (pd.concat(parts, ignore_index=True) for parts in (angles, joints))
     noise = leave_one_out(errors_of(angles, joints), window=laboratory.window)
     camera = Camera(noise, {take.take: take for take in measurements(angles, noise)})
-    return Takes(steps(laboratory, poses), poses, test_poses), camera
-
-
-def _table(
-    times: Mapping[str, np.ndarray], poses: Mapping[str, np.ndarray], joints: Sequence[str]
-) -> pd.DataFrame:
-    parts = [
-        pd.DataFrame({"take": take, "t": times[take]} | spread("q", joints, q))
-        for take, q in poses.items()
-    ]
-    return pd.concat(parts, ignore_index=True)
+    names = joints["take"].unique()
+    return Takes(steps(laboratory, poses), poses, dict(zip(names, others, strict=True))), camera

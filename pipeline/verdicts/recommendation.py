@@ -143,8 +143,8 @@ def _untold(run: Run, model: str) -> str:
 
 
 def held_out(run: Run) -> str:
-    """Return log scores of every model on every held-out motion, the highest mean first; of a single
-    motion the mean over its held-out takes alone.
+    """Return log scores of every model on every held-out motion, the highest mean first; of a
+    single motion the mean over its held-out takes alone.
     """
     scores = run.tables["other_motions"]
     motions = [name for name in dict.fromkeys(scores["motion"]) if name != EACH]

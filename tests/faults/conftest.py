@@ -60,11 +60,8 @@ def dataset() -> Dataset:
     options.mocap.training, options.mocap.test = "optitrack/*.csv", None
     options.depth.height, options.depth.width = SIZE
     options.depth.rate, options.depth.workspace.min_pixels = FRAME_RATE, 5
-    options.force.tare, options.force.log.full_scale, options.force.log.rate = (
-        2.0,
-        [FULL_SCALE] * 3,
-        50.0,
-    )
+    options.force.tare, log = 2.0, options.force.log
+    log.full_scale, log.rate = [FULL_SCALE] * 3, 50.0
     return options
 
 
@@ -122,16 +119,9 @@ def depth_bench(dataset, arm, motion, tmp_path_factory) -> Bench:
     kinect = dataset.laboratory["kinect"]
     coarse = {name: getattr(kinect, name) / COARSER for name in ("fx", "fy", "cx", "cy")}
     # few pixels, so quiet ones
-    quiet = {
-        "axial": (5e-4, 0.0, 0.0, 0.0),
-        "lateral": (0.0, 0.0),
-        "edge_lost": 0.0,
-        "edge_mixed": 0.0,
-        "bias_offset_std": 0.0,
-    }
-    options = KinectOptions(
-        **{**vars(kinect), **coarse, **quiet, "height": SIZE[0], "width": SIZE[1]}
-    )
+    quiet = {"axial": (5e-4, 0.0, 0.0, 0.0), "lateral": (0.0, 0.0), "edge_lost": 0.0}
+    quiet |= {"edge_mixed": 0.0, "bias_offset_std": 0.0, "height": SIZE[0], "width": SIZE[1]}
+    options = KinectOptions(**{**vars(kinect), **coarse, **quiet})
     camera = DepthCamera(arm, options, draw_bias(options, rng))
     time = np.arange(FRAMES) / FRAME_RATE
     take = folder / "kinect/test_001"
@@ -140,9 +130,8 @@ def depth_bench(dataset, arm, motion, tmp_path_factory) -> Bench:
     for name, q in zip(names, motion(time), strict=True):
         (take / name).write_bytes(encode_depth(camera.observe(q, rng)))
     write_index(take / "depth.txt", time + 0.1, names)
-    write_intrinsics(
-        folder / "kinect/intrinsics.yaml", Intrinsics(*coarse.values(), SIZE[1], SIZE[0])
-    )
+    intrinsics = Intrinsics(*coarse.values(), SIZE[1], SIZE[0])
+    write_intrinsics(folder / "kinect/intrinsics.yaml", intrinsics)
     grid = np.arange(STEPS + 1) / RATE
     table = desired_trajectory(arm.chain, dataset.laboratory["trajectory"])
     shifted = table.iloc[round(START * RATE) :][: STEPS + 1].assign(t=grid)
@@ -152,14 +141,8 @@ def depth_bench(dataset, arm, motion, tmp_path_factory) -> Bench:
     k = np.repeat(np.arange(len(grid)), nodes.shape[1])
     markers = pd.DataFrame({"take": "test_001", "part": "test", "k": k, "t": grid[k], "link": 1})
     markers[["x", "y", "z"]] = places.reshape(-1, 3)
-    recover = partial(
-        angles_of_depth,
-        dataset=dataset,
-        arm=arm,
-        markers=markers,
-        start=motion(0.0),
-        options=ArticulationOptions(min_points=80),
-    )
+    known = {"dataset": dataset, "arm": arm, "markers": markers, "start": motion(0.0)}
+    recover = partial(angles_of_depth, **known, options=ArticulationOptions(min_points=80))
     return _bench(_files(folder), recover, grid, motion(grid))
 
 
@@ -168,15 +151,8 @@ def force_bench(dataset, tmp_path_factory) -> Bench:
     folder, rng = tmp_path_factory.mktemp("force"), np.random.default_rng(3)
     time = np.arange(600) / 50.0
     load = np.where(time[:, None] < 2.0, 0.0, [3.0, 5.0, 0.0])
-    record = ForceRecord(
-        time,
-        load + rng.normal(0.2, 0.01, load.shape),
-        rng.normal(0, 1e-3, load.shape),
-        50.0,
-        "FT1",
-        "now",
-        {},
-    )
+    felt = load + rng.normal(0.2, 0.01, load.shape), rng.normal(0, 1e-3, load.shape)
+    record = ForceRecord(time, *felt, 50.0, "FT1", "now", {})
     (folder / "force").mkdir()
     write_daqft(folder / "force/C1.csv", record)
     recover = partial(moments_of_force, name="C1", force=dataset.force)
@@ -199,17 +175,9 @@ def log_bench(dataset, arm, tmp_path_factory) -> Bench:
     (folder / "joints/run").mkdir(parents=True)
     for name, angles in {"actual": actual, "target": target, "speed": speed}.items():
         write_joint_log(folder / f"joints/run/{name}.csv", JointLog(time, {"actual": angles}, {}))
-    options = JointLogOptions(
-        movements="joints/*",
-        actual="actual.csv",
-        target="target.csv",
-        speed="speed.csv",
-        joints=["a", "b", "c"],
-        rest=5,
-        start=start.tolist(),
-        end=end.tolist(),
-        tolerance=1e-3,
-    )
+    names = {name: f"{name}.csv" for name in ("actual", "target", "speed")}
+    ends = {"start": start.tolist(), "end": end.tolist(), "tolerance": 1e-3, "rest": 5}
+    options = JointLogOptions(movements="joints/*", joints=["a", "b", "c"], **names, **ends)
     robot = SimpleNamespace(**vars(dataset.robot) | {"joints": options.joints})
     changes = {"robot": robot, "motion": Motion(RATE, 40 + 10), "joint_log": options}
     logged = SimpleNamespace(**vars(dataset) | changes)

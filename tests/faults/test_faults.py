@@ -98,60 +98,60 @@ FAULTS = {
 }
 TAKE, LOG, INDEX = "optitrack/*.csv", "force/*.csv", "kinect/*/depth.txt"
 MATRIX, PNG, CLOCK = "kinect/intrinsics.yaml", "kinect/*.png", ("clock_offset", "clock_drift")
-ANY, FIXED = (REPAIRED, REFUSED), (REFUSED,)
-TOLD = (REPAIRED, REFUSED, UNNOTICED)  # within three standard errors a change is not seen
+ANY, FIXED, COUNTED, HEAD = (REPAIRED, REFUSED), (REFUSED,), (REPAIRED,), (REFUSED, UNHARMED)
+SEEN = (REPAIRED, REFUSED, UNNOTICED)  # within three standard errors a change is not seen
+d, number, word = damage, header_number, header_word
+offset = retimed(lambda t, share, s: t + s)
+drift = retimed(lambda t, share, s: t * (1 + s))
+jump = retimed(lambda t, share, s: t + s * (share > 0.5))
+# by pattern and name: damage, mild, grave, outcomes, and the counts of which a repair changes one
+GRID = {
+    ("take", TAKE): {
+        "header bytes": (d.foreign_bytes, 1, 10, HEAD),
+        "frame count": (number(b"Total Exported Frames"), 0.5, 1e3, COUNTED, "announced_frames"),
+        "rate": (number(b"Export Frame Rate"), 1.2, 2.4, FIXED),
+        "no unit": (word(b"Meters", b""), 1, 1, FIXED),
+        "other unit": (word(b"Meters", b"Millimeters"), 1, 1, FIXED),
+        "other lengths": (d.other_lengths, 39.37, 1000.0, FIXED),
+        "link hidden": (d.hidden_link, 5, 60, ANY, "interpolated"),
+        "samples hidden": (d.hidden_samples, 0.01, 0.3, COUNTED, "missing"),
+        "labels swapped": (d.swapped_labels, 5, 60, COUNTED, "relabelled"),
+        "links swapped": (d.swapped_links, 5, 60, COUNTED, "relabelled"),
+        "label lost": (d.lost_label, 5, 60, COUNTED, "adopted"),
+        "frozen": (d.frozen_tracker, 5, 60, ANY, "frozen_frames"),
+    },
+    ("depth", PNG): {
+        "bits": (d.flipped_bits, 1, 10, FIXED),
+        "truncated": (d.truncated, 1e-3, 0.9, FIXED),
+    },
+    ("depth", ""): {
+        "missing": (d.all_lost, 1, 10, FIXED),
+        "frozen": (d.all_frozen, 1, 10, ANY, "frozen_frames"),
+        "pixels lost": (d.all_lost_pixels, 0.1, 0.95, ANY, "valid", "frames_without_fit"),
+        "other unit": (d.all_other_unit, 0.2, 0.5, FIXED),
+    },
+    ("depth", INDEX): {
+        "clock offset": (offset, 0.02, 5.0, SEEN, *CLOCK),
+        "clock drift": (drift, 0.01, 0.1, SEEN, *CLOCK),
+        "clock jump": (jump, 0.02, 5.0, SEEN, *CLOCK, "dropped_frames"),
+    },
+    ("depth", MATRIX): {
+        "calibration truncated": (d.truncated, 1e-3, 0.9, HEAD),
+        "calibration rows": (number(b"rows"), 2, 1e8, FIXED),
+        "calibration type": (word(b"dt: d", b"dt: u"), 1, 1, FIXED),
+    },
+    ("force", LOG): {
+        "log header bytes": (d.foreign_bytes, 1, 10, HEAD),
+        "log rate": (number(b"Frequency"), 2, 10, FIXED),
+        "log unit": (word(b"(N)", b"(lbf)"), 1, 1, FIXED),
+        "log saturated": (d.saturated, 2e-3, 0.1, ANY, "saturated_samples"),
+        "log frozen": (d.frozen_sensor, 2e-3, 0.1, ANY, "repeated_rows", "frozen_samples"),
+    },
+}
 FAULTS |= {
-    "take: header bytes": Fault("take", TAKE, damage.foreign_bytes, 1, 10, (REFUSED, UNHARMED)),
-    "take: frame count": Fault(
-        *("take", TAKE, header_number(b"Total Exported Frames"), 0.5, 1000.0, (REPAIRED,)),
-        ("announced_frames",),
-    ),
-    "take: rate": Fault("take", TAKE, header_number(b"Export Frame Rate"), 1.2, 2.4, FIXED),
-    "take: no unit": Fault("take", TAKE, header_word(b"Meters", b""), 1, 1, FIXED),
-    "take: other unit": Fault("take", TAKE, header_word(b"Meters", b"Millimeters"), 1, 1, FIXED),
-    "take: other lengths": Fault("take", TAKE, damage.other_lengths, 39.37, 1000.0, FIXED),
-    "take: link hidden": Fault("take", TAKE, damage.hidden_link, 5, 60, ANY, ("interpolated",)),
-    "take: samples hidden": Fault(
-        "take", TAKE, damage.hidden_samples, 0.01, 0.3, (REPAIRED,), ("missing",)
-    ),
-    "take: labels swapped": Fault(
-        "take", TAKE, damage.swapped_labels, 5, 60, (REPAIRED,), ("relabelled",)
-    ),
-    "take: links swapped": Fault(
-        "take", TAKE, damage.swapped_links, 5, 60, (REPAIRED,), ("relabelled",)
-    ),
-    "take: label lost": Fault("take", TAKE, damage.lost_label, 5, 60, (REPAIRED,), ("adopted",)),
-    "take: frozen": Fault("take", TAKE, damage.frozen_tracker, 5, 60, ANY, ("frozen_frames",)),
-    "frames: missing": Fault("depth", "", damage.all_lost, 1, 10, FIXED),
-    "frames: bits": Fault("depth", PNG, damage.flipped_bits, 1, 10, FIXED),
-    "frames: truncated": Fault("depth", PNG, damage.truncated, 1e-3, 0.9, FIXED),
-    "frames: frozen": Fault("depth", "", damage.all_frozen, 1, 10, ANY, ("frozen_frames",)),
-    "frames: pixels lost": Fault(
-        "depth", "", damage.all_lost_pixels, 0.1, 0.95, ANY, ("valid", "frames_without_fit")
-    ),
-    "frames: other unit": Fault("depth", "", damage.all_other_unit, 0.2, 0.5, FIXED),
-    "frames: clock offset": Fault(
-        "depth", INDEX, retimed(lambda t, share, s: t + s), 0.02, 5.0, TOLD, CLOCK
-    ),
-    "frames: clock drift": Fault(
-        "depth", INDEX, retimed(lambda t, share, s: t * (1 + s)), 0.01, 0.1, TOLD, CLOCK
-    ),
-    "frames: clock jump": Fault(
-        *("depth", INDEX, retimed(lambda t, share, s: t + s * (share > 0.5)), 0.02, 5.0, TOLD),
-        (*CLOCK, "dropped_frames"),
-    ),
-    "calibration: truncated": Fault(
-        "depth", MATRIX, damage.truncated, 1e-3, 0.9, (REFUSED, UNHARMED)
-    ),
-    "calibration: rows": Fault("depth", MATRIX, header_number(b"rows"), 2, 1e8, FIXED),
-    "calibration: type": Fault("depth", MATRIX, header_word(b"dt: d", b"dt: u"), 1, 1, FIXED),
-    "log: header bytes": Fault("force", LOG, damage.foreign_bytes, 1, 10, (REFUSED, UNHARMED)),
-    "log: rate": Fault("force", LOG, header_number(b"Frequency"), 2, 10, FIXED),
-    "log: unit": Fault("force", LOG, header_word(b"(N)", b"(lbf)"), 1, 1, FIXED),
-    "log: saturated": Fault("force", LOG, damage.saturated, 2e-3, 0.1, ANY, ("saturated_samples",)),
-    "log: frozen": Fault(
-        "force", LOG, damage.frozen_sensor, 2e-3, 0.1, ANY, ("repeated_rows", "frozen_samples")
-    ),
+    f"{instrument}: {name}": Fault(instrument, pattern, *row[:4], row[4:])
+    for (instrument, pattern), rows in GRID.items()
+    for name, row in rows.items()
 }
 
 
@@ -216,9 +216,9 @@ def test_a_file_cut_at_any_byte_never_gives_a_number_that_was_not_there(benches,
         ("take: label lost", 60, 1.05),
         ("optitrack/*.csv: doubled_rows", 10, 1.0001),
         ("take: frozen", 10, 6.0),
-        ("frames: frozen", 5, 1.5),
+        ("depth: frozen", 5, 1.5),
         ("kinect/*/depth.txt: dropped_rows", 5, 1.5),
-        ("frames: clock offset", 0.1, 1.5),
+        ("depth: clock offset", 0.1, 1.5),
     ],
 )
 def test_a_repaired_recording_has_the_error_of_a_clean_one(benches, name, severity, times):

@@ -1,44 +1,79 @@
-"""Figures are found by their places, drawn or named with the reason why not, in equal bytes."""
+"""Figures are found by their places: every one is drawn with units, a complete legend and all its
+glyphs, or named with the reason why not; the bytes are the same every time.
+"""
 
 from __future__ import annotations
 
 import json
+import warnings
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib import rcParams
+from PIL import Image
 
 from pipeline.core import contracts
-from pipeline.core.contracts import PAPER
 from pipeline.core.options.analysis import Compute
 from pipeline.figures.drawing import draw_all, figures_in
+from pipeline.figures.style import RECORDED, joint_lines, model_lines, panels, save
 
 OUT = Path("data/figures")
 CAPTIONS = OUT / "captions.json"
 DEPTH = {"articulation", "kinect_noise", "filter_closed_loop", "filter_errors"}
 FIGURES = {name: import_module(f"pipeline.figures.{name}") for name in figures_in()}
+BARE = {"cable_robot"}  # a schematic without axes
+
+
+def drawn(name: str, tables, options):
+    """The figure of this name."""
+    module = FIGURES[name]
+    named = signature(module.draw).parameters
+    chosen = {key: value for key, value in options.items() if key in named}
+    return module.draw(**chosen | {table: tables[table] for table in module.TABLES})
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_a_figure_has_units_a_complete_legend_all_glyphs_and_the_same_bytes(
+    name, tables, options, tmp_path
+):
+    figure = drawn(name, tables, options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # matplotlib warns of glyphs that its font lacks
+        save(figure, tmp_path, "one")
+        save(drawn(name, tables, options), tmp_path, "two")
+    for kind in ("svg", "png"):
+        assert (tmp_path / f"one.{kind}").read_bytes() == (tmp_path / f"two.{kind}").read_bytes()
+    text = (tmp_path / "one.svg").read_text()
+    assert "dc:date" not in text and "Matplotlib v" not in text
+    image = Image.open(tmp_path / "one.png")
+    assert not {"Software", "Creation Time"} & set(image.info)
+    assert (np.asarray(image.convert("L"))[:, :2] == 255).all()  # no label is cut at the edge
+    shown = [axes for axes in figure.axes if axes.axison]
+    assert bool(shown) == (name not in BARE)
+    for axes in shown:
+        # a strip's or a panel's quantity with its unit, but for counts
+        for label in (axes.get_xlabel(), axes.get_ylabel()):
+            assert not label or any(mark in label for mark in ("(", "number of", "frames", "take:"))
+    legends = [*figure.legends, *(axes.get_legend() for axes in shown if axes.get_legend())]
+    entries = [text.get_text() for each in legends for text in each.get_texts()]
+    assert len(entries) == len({*entries})
+    labels = [line.get_label() for axes in shown for line in axes.lines]
+    assert {label for label in labels if not label.startswith("_")} <= {*entries}
+    title, _, caption = " ".join(FIGURES[name].__doc__.split()).partition(". ")
+    assert 10 < len(title) < 110 and len(caption) > 100
 
 
 @pytest.fixture
-def project(tmp_path, monkeypatch, tables):
-    """A folder with the tables of all stages."""
+def draw(tmp_path, monkeypatch, tables, options):
+    """Draws the figures into a folder with the tables of all stages."""
     monkeypatch.chdir(tmp_path)
     for module in FIGURES.values():
         for table, folder in module.TABLES.items():
             Path(folder).mkdir(parents=True, exist_ok=True)
             contracts.write(tables[table], table, Path(folder))
-    return tmp_path
-
-
-@pytest.fixture
-def draw(configurations):
-    """Draws the figures on one process."""
-    options = {
-        "models": ["additive", "wishart", "gaussian"],
-        "joints": ["arm_1", "arm_2", "arm_3"],
-        "mode": "one_step",
-        "configurations": configurations,
-    }
     return lambda: draw_all(OUT, options, Compute(workers=1))
 
 
@@ -49,65 +84,48 @@ def remove(names: set[str]) -> None:
             (Path(folder) / f"{table}.parquet").unlink(missing_ok=True)
 
 
-def written() -> dict[str, bytes]:
-    return {file.name: file.read_bytes() for file in OUT.iterdir()}
-
-
-def test_every_module_with_tables_is_a_figure_and_no_other():
-    assert {"joint_std", "ridge", "cable_robot", "wrench_density"} < {*FIGURES}
-    assert not {"style", "drawing"} & {*FIGURES}
-    files = {file.stem for file in (PAPER.parents[1] / "figures").glob("[a-z]*.py")}
-    assert {*FIGURES} == files - {"style", "drawing"}
-
-
 @pytest.mark.slow
-def test_every_figure_is_written_in_both_formats_and_the_same_every_time(project, draw):
-    draw()
-    first = written()
-    assert {*first} == {f"{name}.{kind}" for name in FIGURES for kind in ("svg", "png")} | {
-        CAPTIONS.name
-    }
-    draw()
-    assert written() == first
-
-
-@pytest.mark.slow
-def test_figures_without_their_table_are_left_out_by_name_and_with_the_reason(
-    project, draw, capsys
-):
-    drawn = {"wrench_error_histograms", "cable_robot"}  # of which one needs no table at all
-    remove({*FIGURES} - drawn)
+def test_figures_without_their_table_are_left_out_by_name_and_with_the_reason(draw, capsys):
+    kept = {"wrench_error_histograms", "cable_robot"}  # one needs no table at all
+    remove({*FIGURES} - kept)
     draw()
     lines = {line for line in capsys.readouterr().out.splitlines() if "left out" in line}
-    assert len(lines) == len(FIGURES) - len(drawn)
-    for name in DEPTH:
-        assert f"figures: {name} left out: the dataset has no depth camera" in lines
-    lack = "force record of cables in a plane that meet in one point"
-    assert f"figures: wrench_density left out: the dataset has no {lack}" in lines
+    assert len(lines) == len(FIGURES) - len(kept)
+    assert "figures: filter_errors left out: the dataset has no depth camera" in lines
     assert "figures: recording_quality left out: the dataset has no table takes" in lines
-    names = {name.partition(".")[0] for name in written()} - {"captions"}
-    assert names == drawn == {*json.loads(CAPTIONS.read_text())}
+    assert {*json.loads(CAPTIONS.read_text())} == kept
+    assert {file.stem for file in OUT.iterdir()} == kept | {"captions"}
 
 
 @pytest.mark.slow
-def test_a_figure_that_cannot_be_drawn_leaves_figures_and_captions_as_they_were(
-    project, draw, monkeypatch
-):
+def test_a_figure_that_cannot_be_drawn_leaves_figures_and_captions_as_they_were(draw, monkeypatch):
     remove({*FIGURES} - {"mean_error", "joint_std", "cable_robot"})
     draw()
-    before = written(), CAPTIONS.read_bytes()
-    caption = json.loads(before[1])["mean_error"]
+    before = {file: file.read_bytes() for file in OUT.iterdir()}
+    caption = json.loads(before[CAPTIONS])["mean_error"]
     assert caption["sources"] == ["data/score/deviation.parquet"]
     assert caption["script"] == "pipeline/figures/mean_error.py"
-    assert caption["title"] == "Error of the mean of each model's realisations"
     monkeypatch.setattr(FIGURES["joint_std"], "draw", lambda deviation: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         draw()
-    assert (written(), CAPTIONS.read_bytes()) == before
+    assert {file: file.read_bytes() for file in OUT.iterdir()} == before
     assert not list(OUT.parent.glob(".*.partial"))
 
 
-@pytest.mark.parametrize("name", FIGURES)
-def test_every_figure_has_a_title_and_a_caption(name):
-    title, _, text = " ".join(FIGURES[name].__doc__.split()).partition(". ")
-    assert 10 < len(title) < 110 and len(text) > 100
+def test_models_and_joints_differ_in_their_lines_and_the_papers_have_its_dashes():
+    names = ["wishart", "gaussian", "additive", "scaled", "scaled_full"]
+    lines = model_lines(["wishart_qr", "new", *names, "other"])
+    dashes = [lines[name]["linestyle"] for name in ("additive", "wishart", "gaussian")]
+    assert dashes == [":", "--", "-."] and RECORDED["linestyle"] == "-"
+    assert [lines[name]["label"] for name in ("new", "other")] == ["new", "other"]
+    joints = joint_lines([f"axis_{number}" for number in range(8)]).values()
+    for looks in ([*lines.values(), RECORDED], joints):
+        assert len({(line["color"], line["linestyle"]) for line in looks}) == len(looks)
+    sizes = ("font.size", "axes.titlesize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize")
+    assert min(rcParams[size] for size in sizes) >= 7
+
+
+@pytest.mark.parametrize("height", [1.5, 3.0])
+def test_a_figure_has_the_size_it_was_asked_for(tmp_path, height):
+    save(panels(3.5, height)[0], tmp_path, "figure")
+    assert Image.open(tmp_path / "figure.png").size == (700, round(200 * height))

@@ -32,13 +32,13 @@ def test_histograms_count_every_system_and_state_mean_and_greatest_error(tables)
 
 
 def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colour_scale(
-    tables, configurations
+    tables, options
 ):
-    figure = wrench_density.draw(tables["force_density"], configurations)
+    figure = wrench_density.draw(tables["force_density"], options["configurations"])
     *panels, colorbar = figure.axes
     grid = np.reshape(panels, (2, 3))
     images = []
-    for row, name in zip(grid, configurations, strict=True):
+    for row, name in zip(grid, options["configurations"], strict=True):
         for axes, source in zip(row[1:], ("measured", "modelled"), strict=True):
             (image,) = (c for c in axes.collections if isinstance(c, QuadMesh))
             table = (
@@ -55,20 +55,20 @@ def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colou
 
 
 def test_the_robots_are_where_the_configuration_says_and_the_cross_is_their_resultant(
-    tables, configurations
+    tables, options
 ):
-    figure = wrench_density.draw(tables["force_density"], configurations)
-    drawing, density = figure.axes[:2]
+    figure = wrench_density.draw(tables["force_density"], options["configurations"])
+    (drawing, density), first = figure.axes[:2], options["configurations"]["C1"]
     circles = np.array([line.get_xydata()[0] for line in drawing.lines if line.get_marker() == "o"])
     np.testing.assert_allclose(
-        np.arctan2(circles[:, 1], circles[:, 0]), configurations["C1"].direction, atol=1e-12
+        np.arctan2(circles[:, 1], circles[:, 0]), first.direction, atol=1e-12
     )
     # two cables pull against each other with 5 and 2 N, one across with 4
     (cross,) = density.lines
     np.testing.assert_allclose(cross.get_xydata()[0], [3.0, 4.0])
     arrows = [text.xy for text in drawing.texts if not text.get_text()]
     np.testing.assert_allclose(arrows[-1], [3.0, 4.0])
-    np.testing.assert_allclose(np.linalg.norm(arrows[:-1], axis=1), configurations["C1"].tension)
+    np.testing.assert_allclose(np.linalg.norm(arrows[:-1], axis=1), first.tension)
     assert any(
         "5.00 N" in text.get_text() and "0.00 rad" in text.get_text() for text in drawing.texts
     )

@@ -90,18 +90,6 @@ def test_its_steps_know_of_each_other_and_the_models_steps_do_not(recorded, mode
             assert band < least
 
 
-def test_it_does_not_wander_off_and_the_models_do(recorded, modelled):
-    _, _, noise = recorded
-
-    def wandering(noise: np.ndarray) -> np.ndarray:
-        x = centred(noise)
-        return x.sum(axis=1).var(axis=0) / x.var(axis=0).sum(axis=0)
-
-    assert np.all(wandering(noise) < 0.05)
-    for _, drawn in modelled.values():
-        assert np.all(np.abs(wandering(drawn) - 1) < 4 * np.sqrt(2 / len(noise)))
-
-
 def test_it_grows_with_the_speed_neither_not_at_all_nor_in_proportion(
     arm, trajectory, dynamics, recorded, modelled
 ):

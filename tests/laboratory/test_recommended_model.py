@@ -1,7 +1,5 @@
 """The recommended model on motions that served neither fit nor choice: ten physics of the simulated
 LWR4+, each with other sizes of its disturbances.
-
-``python tests/laboratory/test_recommended_model.py`` prints the table.
 """
 
 from __future__ import annotations
@@ -19,23 +17,23 @@ from pipeline.laboratory.swing import JointPath
 from pipeline.models import kinds
 from pipeline.models.joint_steps_fit import PLAIN, fit_joint_steps
 from pipeline.models.other_motions import MotionSteps, other_motions, pooled, recorded_motions
-from pipeline.studies.simulated import Factors, disturbed
+from pipeline.studies.simulated import PhysicsFactors, disturbed
 from pipeline.verdicts.recommendation import recommended
 
 RATE, STEPS, REST, TAKES = 100.0, 160, 20, 6
 POSE_NOISE = 3e-5  # rad, of a joint angle from the motion capture
 JOINTS = [f"joint_{number}" for number in range(1, 8)]
 PHYSICS = {
-    "as it is": Factors(),
-    "twice all": Factors(disturbances=2.0),
-    "half of all": Factors(disturbances=0.5),
-    "little sway": Factors(sway_std=0.1),
-    "much sway": Factors(sway_std=3.0),
-    "much play": Factors(clearance=4.0),
-    "no play": Factors(clearance=0.01),
-    "speed errors": Factors(sway_std=0.1, clearance=0.1, speed_error_std=5.0),
-    "any speed alike": Factors(speed_exponent=0.0),
-    "lasting": Factors(lasting=4.0),
+    "as it is": PhysicsFactors(),
+    "twice all": PhysicsFactors(disturbances=2.0),
+    "half of all": PhysicsFactors(disturbances=0.5),
+    "little sway": PhysicsFactors(sway_std=0.1),
+    "much sway": PhysicsFactors(sway_std=3.0),
+    "much play": PhysicsFactors(clearance=4.0),
+    "no play": PhysicsFactors(clearance=0.01),
+    "speed errors": PhysicsFactors(sway_std=0.1, clearance=0.1, speed_error_std=5.0),
+    "any speed alike": PhysicsFactors(speed_exponent=0.0),
+    "lasting": PhysicsFactors(lasting=4.0),
 }
 KNOWN, FRESH, WIDTH = 10, 8, 0.3  # motions to fit and choose by, to score on; rad between poses
 MATRIX = ("wishart", "gaussian")
@@ -48,7 +46,7 @@ def options() -> DynamicsOptions:
     return DynamicsOptions(**values)
 
 
-def recorded(physics: Factors, seed: int) -> tuple[list[MotionSteps], object]:
+def recorded(physics: PhysicsFactors, seed: int) -> tuple[list[MotionSteps], object]:
     """Motions of the arm between random poses, by a motion capture of white noise."""
     rng = np.random.default_rng(seed)
     nominal = chain_of(Robot(urdf="pipeline/arm/lwr4.urdf", joints=JOINTS, tool="flange"))
@@ -75,7 +73,7 @@ def recorded(physics: Factors, seed: int) -> tuple[list[MotionSteps], object]:
     return found, nominal
 
 
-def judged(physics: Factors, seed: int) -> dict[str, object]:
+def judged(physics: PhysicsFactors, seed: int) -> dict[str, object]:
     """Fit and choose on the known motions, score all models on the fresh ones."""
     motions, chain = recorded(physics, seed)
     known, fresh = motions[:KNOWN], motions[KNOWN:]
@@ -121,10 +119,3 @@ def test_the_recommended_model_is_among_the_best_on_fresh_motions_in_nine_of_ten
         if all(name in each["scores"] for each in results)
     }
     assert all(count < 9 for count in lost.values())
-
-
-if __name__ == "__main__":
-    for seed, (label, physics) in enumerate(PHYSICS.items(), 1):
-        found = judged(physics, seed)
-        shown = {name: round(score, 2) for name, score in found["scores"].items()}
-        print(label, found["chosen"], found["best"], round(found["lost"], 4), shown, flush=True)

@@ -5,20 +5,32 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
-from known_law import ROOT, write_project
+from known_law import JOINTS, ROOT, write_project
 
 from pipeline.arm.model import load_arm
 from pipeline.core import contracts
+from pipeline.core.columns import spread, triangle
 from pipeline.laboratory.options import ClockOptions, DynamicsOptions, TrajectoryOptions
 from pipeline.studies.simulated import Laboratory, NoiseLaw
 
 
 @pytest.fixture
 def project(tmp_path, monkeypatch):
-    """The chain, joint angles and commanded steps of the recordings in the current directory."""
+    """The recordings in the current directory, with a depth camera's noise and the claims."""
     monkeypatch.chdir(tmp_path)
-    return write_project(tmp_path)
+    recordings = write_project(tmp_path)
+    frames = {"take": "none", "frame": range(4), "t": np.linspace(0.0, 3.2, 4)}
+    noise = spread("b", JOINTS, np.full((4, 3), 0.01))
+    noise |= triangle("r", JOINTS, np.tile(4e-4 * np.eye(3), (4, 1, 1)))
+    Path("data/articulate").mkdir()
+    contracts.write(pd.DataFrame(frames | noise), "kinect_noise", Path("data/articulate"))
+    Path("data/raw").symlink_to(ROOT / "data/raw")
+    Path("reports").mkdir()
+    for name in ("claims.yaml", "datasets"):
+        Path("reports", name).symlink_to(ROOT / "reports" / name)
+    return recordings
 
 
 @pytest.fixture

@@ -1,50 +1,58 @@
 """The outlook's laws against draws of literal matrices through Newton's method, its errors against
-their definitions, refusals by key, and its page.
+their definitions, and refusals by key.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.spatial.transform import Rotation
 from scipy.stats import wishart
+from study_runs import options_of
 
-from pipeline.core.errors import ConfigError, SingularJacobianError
-from pipeline.core.typed_yaml import read_yaml
-from pipeline.core.validation import validated
-from pipeline.studies.outlook import stage
-from pipeline.studies.outlook.hexapod import equal_models, platform_covariance, straight
-from pipeline.studies.outlook.platform import LEGS, Hexapod, pose_of
+from pipeline.core.errors import ConfigError
+from pipeline.studies.outlook.hexapod import equal_models, pose_of, straight
+from pipeline.studies.outlook.stage import motion_of
 from pipeline.studies.outlook.towing import error_rows, lever, recorded_rows, slope_rows
 from pipeline.wrench.bounds import Bounds, draw_systems
 from pipeline.wrench.matrix import matrix_model
 from pipeline.wrench.parametric import wrench_covariance
 from pipeline.wrench.study import averaged_sigma_s, variance_errors
 
-SECTION = read_yaml(Path(stage.__file__).with_name("params.yaml"))["paper"]
-OPTIONS = validated(stage.Options, SECTION)
-START, END = (
-    pose_of(np.array(p), np.array(t)) for p, t in zip(OPTIONS.position, OPTIONS.turn, strict=True)
-)
-ROBOT = Hexapod(
-    base=np.array(OPTIONS.base),
-    platform=np.array(OPTIONS.platform),
-    home=START,
-    lower=np.full(LEGS, 0.7),
-    upper=np.full(LEGS, 1.2),
-    max_speed=np.full(LEGS, np.inf),
-    length=OPTIONS.length,
-)
-MOTION = straight(ROBOT, START, END, 101)
+OPTIONS = options_of("outlook", "paper")
+MOTION = motion_of(OPTIONS)
+ROBOT = MOTION.robot
 LAWS = equal_models(MOTION, OPTIONS.noise, OPTIONS.bound)
+POSES = [
+    pose_of(np.array(p), np.array(t)) for p, t in zip(OPTIONS.position, OPTIONS.turn, strict=True)
+]
 BOUNDS = Bounds(
     *((3.0, 5.0), (np.pi / 4, np.pi), (0.5, 1.0), (100.0, 800.0)),
     elevation=(0.26, 1.3),
     attachment=(-0.25, 0.25),
 )
+
+
+def moved(pose: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """The poses (N, 12) after steps (N, 6) in m, angular ones times the length."""
+    turn = Rotation.from_rotvec(step[:, 3:] / ROBOT.length)
+    turned = (turn * Rotation.from_matrix(pose[:, 3:].reshape(-1, 3, 3))).as_matrix()
+    return np.hstack([pose[:, :3] + step[:, :3], turned.reshape(-1, 9)])
+
+
+def displacement(start: np.ndarray, legs: np.ndarray) -> np.ndarray:
+    """(N, 6) way and turn times the length from the pose ``start`` (12,) to those of ``legs``, by
+    Newton's method.
+    """
+    poses = np.broadcast_to(start, (len(legs), 12))
+    for _ in range(30):
+        lengths, inverse = ROBOT.legs(poses)
+        poses = moved(poses, np.linalg.solve(inverse, (legs - lengths)[..., None])[..., 0])
+    np.testing.assert_allclose(ROBOT.legs(poses)[0], legs, atol=1e-10)
+    after, before = poses[:, 3:].reshape(-1, 3, 3), start[3:].reshape(3, 3)
+    turn = Rotation.from_matrix(after @ before.T).as_rotvec()
+    return np.hstack([poses[:, :3] - start[:3], ROBOT.length * turn])
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -66,53 +74,56 @@ def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name
         d = 7 / law.sigma_b**2
         b = wishart(d, np.eye(6) / d, seed=rng).rvs(draws)
         steps = np.linalg.solve(left @ b @ right, np.tile(v, (draws, 1))[..., None])[..., 0]
-    pose = ROBOT.pose(q)
-    moved = ROBOT.displacement(pose, ROBOT.pose(q + steps, np.broadcast_to(pose, (draws, 12))))
-    covariances = platform_covariance(law, MOTION)
+    share = k / (len(MOTION.q) - 1)
+    turn = Rotation.from_rotvec(share * np.array(OPTIONS.turn[1])).as_matrix().ravel()
+    pose = np.concatenate([POSES[0][:3] + share * (POSES[1] - POSES[0])[:3], turn])
+    np.testing.assert_allclose(ROBOT.legs(pose)[0], q, atol=1e-12)
+    covariances = MOTION.platform_covariance(law)
+    drawn = displacement(pose, q + steps).var(axis=0)
     # a variance has a relative standard error of 0.026; the second order is a few percent
-    np.testing.assert_allclose(moved.var(axis=0), np.diag(covariances[k]), rtol=0.15)
+    np.testing.assert_allclose(drawn, np.diag(covariances[k]), rtol=0.15)
     # the control: the noise of the legs is not that of the pose
-    legs = np.diag(law.covariance(ROBOT, q, v))
+    legs = np.diag(MOTION.covariance(law)[k])
     assert not np.allclose(legs, np.diag(covariances[k]), rtol=0.15)
     # under QR of J alone it is the same everywhere
     constant = np.allclose(covariances, covariances[0], rtol=1e-6, atol=1e-15)
     assert constant == (name == "qr")
 
 
-def test_the_motion_goes_from_start_to_end_in_equal_steps():
-    poses = ROBOT.pose(MOTION.q)
-    np.testing.assert_allclose(ROBOT.displacement(poses[-1], END), np.zeros(6), atol=1e-9)
-    steps = ROBOT.displacement(poses[:-1], poses[1:])
-    np.testing.assert_allclose(steps, MOTION.v[1:] * 101 / 100, atol=1e-9)
+def test_the_inverse_jacobian_is_that_of_finite_differences_of_the_legs():
+    pose, h = POSES[0] + 0, 1e-6
+    columns = [
+        (
+            ROBOT.legs(moved(pose[None], step[None]))[0]
+            - ROBOT.legs(moved(pose[None], -step[None]))[0]
+        )
+        for step in h * np.eye(6)
+    ]
+    np.testing.assert_allclose(ROBOT.legs(pose)[1], np.vstack(columns).T / (2 * h), atol=1e-9)
 
 
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
-        ({"base": [[0.0, 0.0, 0.0]] * 6}, None),
+        ({"platform": (0.5 * ROBOT.base).tolist(), "legs": [0.3, 2.0]}, "turn"),
         ({"legs": [0.7, 0.9]}, "legs"),
         ({"noise": 1e-6}, "noise"),
+        # Fichter (1986): at a quarter turn above the base's centre the legs do not hold the yaw
         ({"turn": [[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]], "legs": [0.3, 2.0]}, "turn"),
     ],
 )
 def test_what_is_no_robot_or_motion_is_refused_by_its_key(changes, key):
+    options = options_of("outlook", "smoke", **changes)
     with pytest.raises(ConfigError) as refused:
-        hexapod_of(replace(OPTIONS, **changes))
-    assert refused.value.evidence.get("key") == key
-    with pytest.raises(SingularJacobianError, match="1 place"):
-        straight(ROBOT, START, pose_of(START[:3], np.array([0.0, 0.0, np.pi / 2])), 5)
+        equal_models(motion_of(options), options.noise, options.bound)
+    assert refused.value.evidence["key"] == key
 
 
-def hexapod_of(options):
-    """The models of the robot and motion of ``options``."""
-    ends = [
-        pose_of(np.array(p), np.array(t))
-        for p, t in zip(options.position, options.turn, strict=True)
-    ]
-    lower, upper = (np.full(LEGS, length) for length in options.legs)
-    base, platform = np.array(options.base), np.array(options.platform)
-    robot = replace(ROBOT, base=base, platform=platform, home=ends[0], lower=lower, upper=upper)
-    return equal_models(straight(robot, *ends, 9), options.noise, options.bound)
+def test_a_motion_goes_from_start_to_end_in_equal_steps():
+    motion = straight(ROBOT, *POSES, OPTIONS.legs, 5)
+    np.testing.assert_allclose(motion.q[[0, -1]], [ROBOT.legs(pose)[0] for pose in POSES])
+    whole = displacement(POSES[0], motion.q[-1:])[0]
+    np.testing.assert_allclose(5 * motion.v[0], whole, atol=1e-9)
 
 
 def test_an_error_is_the_papers_over_the_rows_of_its_part():
@@ -127,17 +138,12 @@ def test_an_error_is_the_papers_over_the_rows_of_its_part():
         assert rows.set_index("part").loc[part, "variance"] == pytest.approx(expected)
 
 
-def test_the_slope_of_a_power_law_is_its_power():
+def test_errors_fall_with_the_cables_and_recorded_directions_reduce_them():
     agents, repeat = (grid.ravel() for grid in np.meshgrid([3, 6, 12], range(3)))
     law = pd.DataFrame({"part": "forces", "agents": agents, "repeat": repeat})
     law = law.assign(variance=(1 + repeat) * agents**-0.5, covariance=agents**-0.25)
-    rows = slope_rows(law)
-    np.testing.assert_allclose(
-        rows[["slope", "low", "high"]], [[-0.5] * 3, [-0.25] * 3], atol=1e-12
-    )
-
-
-def test_errors_fall_with_the_cables_and_recorded_directions_reduce_them():
+    slopes = slope_rows(law)[["slope", "low", "high"]]
+    np.testing.assert_allclose(slopes, [[-0.5] * 3, [-0.25] * 3], atol=1e-12)
     rows = [
         row | {"repeat": repeat}
         for repeat in range(2)
@@ -148,12 +154,3 @@ def test_errors_fall_with_the_cables_and_recorded_directions_reduce_them():
     known = pd.DataFrame(recorded_rows(BOUNDS, 6, (200, 8, 400), np.random.default_rng(3)))
     errors = known.pivot(index="part", columns="known", values="error")
     assert np.all(errors["directions"] < 0.7 * errors["bounds"])
-
-
-def test_the_study_writes_its_page(project):
-    stage.run()
-    page = Path("reports/studies/outlook.md").read_text()
-    motion = pd.read_csv("reports/studies/outlook/hexapod.csv").groupby("model")["rotation"]
-    growth = (motion.last() / motion.first())["qr_transposed"]
-    assert f"{growth:.3g} with the Wishart model under QR of Jᵀ" in page
-    assert "nan" not in page and Path("reports/studies/outlook/outlook.svg").is_file()

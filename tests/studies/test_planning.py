@@ -5,16 +5,14 @@ motion; a plan is the least by its model.
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from study_runs import options_of
 
 from pipeline.core.config import CONF
 from pipeline.core.errors import ConfigError, ModelDomainError
-from pipeline.core.typed_yaml import read_yaml
-from pipeline.core.validation import validated
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.noise import process_noise
 from pipeline.models.scaled.law import ScaledModel
@@ -22,7 +20,6 @@ from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.studies.planning import stage
 from pipeline.studies.planning.bench import Bench, Rig, bench_of
-from pipeline.studies.planning.figures import planning as figure
 
 
 @pytest.fixture(scope="session")
@@ -37,8 +34,7 @@ def rig(bench) -> Rig:
     return Rig(bench, bench.dynamics, takes=6, seed=1)
 
 
-SECTION = read_yaml(Path(stage.__file__).with_name("params.yaml"))["smoke"]
-OPTIONS = validated(stage.Options, SECTION)
+OPTIONS = options_of("planning")
 WISHART = WishartModel(0.2, Decomposition("qr_transposed"))
 
 
@@ -102,45 +98,6 @@ def test_orders_agree_or_are_opposite_and_equal_predictions_have_no_order():
     assert np.isnan(stage.agreement({"a": 1.0, "b": 2.0}, sums))
 
 
-def test_the_page_and_the_figure_follow_the_tables():
-    motions = ["recorded", "minimum_norm", "best_conditioned", "gaussian"]
-    sums = {
-        name: np.array([x, x, x]) for name, x in zip(motions, (2.0, 1.0, 3.0, 0.5), strict=True)
-    }
-    place = {"arm": "youbot", "physics": "base condition"}
-    rows = stage.sum_rows(sums).assign(**place)
-    assert rows["least"].tolist() == [0, 0, 0, 1] and rows["ratio"].tolist() == [2, 1, 3, 0.5]
-    predictions = pd.DataFrame({"model": "gaussian", "motion": motions, "sum": [2.0, 1, 3, 1]})
-    taus = pd.DataFrame({"model": ["gaussian"], "tau": [0.5]})
-    tables = {
-        "planning": rows,
-        "planning_predictions": predictions.assign(**place),
-        "planning_agreements": taus.assign(**place),
-    }
-    drawn = {"planning": "the figure"}
-    page = "\n".join(stage.page(stage.Results(None, OPTIONS, tables, drawn)))
-    assert "In 1 of 1 pairs" in page and "0.5 (gaussian)" in page and "the figure" in page
-    points = [
-        (line.get_xdata()[0], line.get_ydata()[0])
-        for line in figure.draw(rows, tables["planning_predictions"]).axes[0].lines[:4]
-    ]
-    assert points == [(2, 2), (1, 1), (3, 3), (1, 0.5)]
-    tables["planning"] = rows.assign(least=[1.0, 0, 0, 0], ratio=[0.1, 1, 3, 0.5])
-    page = "\n".join(stage.page(stage.Results(None, OPTIONS, tables, drawn)))
-    assert "In 0 of 1 pairs" in page
-
-
-def test_the_task_that_is_planned_changes_nothing_of_the_arm_that_moves(bench, rig):
-    whole = bench_of(CONF / "dataset/youbot.yaml", [], 0.64)
-    assert (bench.chain.task, whole.chain.task) == (("x", "z"), ("x", "z", "phi"))
-    assert bench.built.task == whole.chain.task
-    other = replace(rig, bench=whole)
-    assert np.array_equal(rig.poses(bench.recorded, "take"), other.poses(whole.recorded, "take"))
-    # three joints for two rows: a step of the joints stands beside that of the task
-    assert bench.command(bench.recorded).shape == (500, 5)
-    assert whole.command(whole.recorded).shape == (500, 3)
-
-
 def test_the_takes_of_two_motions_err_alike_and_those_of_training_are_others(bench, rig):
     moved = bench.recorded + np.array([0.0, 0.0, 0.01])
     first, second = (rig.poses(path, "take") - path for path in (bench.recorded, moved))
@@ -155,3 +112,22 @@ def test_the_takes_of_two_motions_err_alike_and_those_of_training_are_others(ben
 def test_a_motion_that_the_arm_cannot_follow_is_refused(bench, rig):
     with pytest.raises(ConfigError, match="joint limits"):
         rig.poses(bench.recorded + 3.0, "take")
+
+
+def test_the_page_counts_plans_of_least_sum_and_the_figure_has_ratios_to_the_minimum_norm():
+    motions = ["recorded", "minimum_norm", "best_conditioned", "gaussian"]
+    sums = {name: np.full(3, x) for name, x in zip(motions, (2.0, 1.0, 3.0, 0.5), strict=True)}
+    place = {"arm": "youbot", "physics": "base condition"}
+    rows = stage.sum_rows(sums).assign(**place)
+    assert rows["least"].tolist() == [0, 0, 0, 1] and rows["ratio"].tolist() == [2, 1, 3, 0.5]
+    predictions = pd.DataFrame({"model": "gaussian", "motion": motions, "sum": [2.0, 1, 3, 1]})
+    predictions, taus = (
+        predictions.assign(**place),
+        pd.DataFrame({"model": ["gaussian"], "tau": 0.5}),
+    )
+    for least, share in ((rows, 1), (rows.assign(least=0.0), 0)):
+        tables = {"planning": least, "planning_agreements": taus.assign(**place)}
+        (page,) = stage.page(stage.Results(OPTIONS, tables, "the figure"))
+        assert f"In {share} of 1 pairs" in page and "0.5 (gaussian)" in page
+    points = [line.get_xydata()[0].tolist() for line in stage.draw(rows, predictions).axes[0].lines]
+    assert points[:4] == [[2, 2], [1, 1], [3, 3], [1, 0.5]]

@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pipeline.core import config, contracts
+from pipeline.core import config
 from pipeline.models.kinds import build_model, estimate
 from pipeline.models.noise import mean_covariance
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.recordings.steps import training_steps
 from pipeline.studies.recovery import stage
-from pipeline.studies.recovery.stage import (
-    LABELS,
-    bias_sentences,
-    drawn,
-    recovery_row,
-    thinned_steps,
-)
+from pipeline.studies.recovery.stage import drawn, recovery_row
 
 HERE = Path(stage.__file__).parent
-DATA, PAGE = Path("data/studies/recovery"), Path("reports/studies/recovery.md")
 
 
 @pytest.fixture
@@ -34,7 +28,8 @@ def recorded(project):
 
 
 def test_drawn_noise_has_the_covariance_of_its_law_and_of_the_measurement(recorded):
-    part = thinned_steps(recorded, 12, 20)
+    parts = {"q": recorded.q[:, ::20], "v": recorded.v[::20], "noise": recorded.noise[:, ::20]}
+    part = replace(recorded, **parts, known_measurement=recorded.measurement)
     model = WishartModel(0.25, Decomposition("pivoted_lu"))
     rng = np.random.default_rng(4)
     noise = np.stack([drawn(model, part, rng).noise for _ in range(1500)])
@@ -45,13 +40,6 @@ def test_drawn_noise_has_the_covariance_of_its_law_and_of_the_measurement(record
     nominal = part.chain.nominal_step(part.q, part.v)
     bias = noise.mean(axis=0) - nominal / 15  # d/(d − n − 1) − 1 at σ_B = .25
     assert np.abs(bias).max() < 5 * np.sqrt(np.max(expected) / 1500)
-
-
-def test_thinning_keeps_the_measurement_noise_of_all(recorded):
-    part = thinned_steps(recorded, 3, 8)
-    assert part.q.shape[:2] == (3, -(-recorded.q.shape[1] // 8))
-    np.testing.assert_array_equal(part.measurement, recorded.measurement)
-    np.testing.assert_array_equal(part.v[1], recorded.v[8])
 
 
 def test_a_row_has_bias_error_and_coverage_of_the_estimates():
@@ -76,31 +64,6 @@ def test_fewer_than_two_estimates_have_no_row_of_numbers():
     assert recovery_row("a", 0.25, pairs) == {"truth": 0.25, "datasets": 1, "lost": 2}
 
 
-def test_the_study_is_the_same_for_any_number_of_workers(project):
-    stage.run()
-    first = {file.name: file.read_bytes() for file in DATA.iterdir()}
-    rows = contracts.read("recovery", DATA, HERE / "tables.yaml")
-    options = config.study_options(HERE, stage.Options)
-    wishart = rows[rows["parameter"] == "sigma_b"]
-    assert list(wishart["estimator"]) == list(LABELS) * len(options.dispersions)
-    assert np.all(rows["datasets"] + rows["lost"] == options.datasets)
-    assert set(rows["model"]) == set(options.estimators)
-    moments = wishart[wishart["estimator"] == "moments"]
-    np.testing.assert_allclose(moments["mean"], moments["truth"], rtol=0.1)
-    text = PAGE.read_text()
-    assert all(sentence in text for sentence in bias_sentences(wishart))
-    assert "(recovery/recovery.png)" in text and len(text.split()) < 1000
-    config.COMPOSED.write_text(config.COMPOSED.read_text().replace("workers: 1", "workers: 2"))
-    stage.run()
-    assert {file.name: file.read_bytes() for file in DATA.iterdir()} == first
-
-
-def test_a_motion_that_never_rests_has_no_answer(never_resting, capsys):
-    stage.run()
-    assert "never rests" in capsys.readouterr().out
-    assert "No answer for this dataset" in PAGE.read_text() and not list(DATA.iterdir())
-
-
 @pytest.mark.parametrize("name", ["additive", "gaussian", "scaled", "scaled_full"])
 def test_a_known_law_has_the_recorded_variance_and_the_names_of_the_estimates(recorded, name):
     options = stage.Options({name: []}, [0.25], takes=12, stride=2, datasets=2)
@@ -113,7 +76,7 @@ def test_a_known_law_has_the_recorded_variance_and_the_names_of_the_estimates(re
 
 def test_the_papers_covariance_is_off_by_the_measurement_noise_and_the_shrunk_one_is_not(recorded):
     options = stage.Options({"additive": ["paper", "shrinkage"]}, [0.25], 12, 1, datasets=40)
-    part = thinned_steps(recorded, 12, 1)
+    part = replace(recorded, known_measurement=recorded.measurement)
     (case,) = stage.known_laws(part, options)
     pairs = [stage.recover((case, i), part, 7) for i in range(options.datasets)]
     for j in range(3):

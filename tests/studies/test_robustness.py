@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from known_law import JOINTS, ROOT, write_project
+from known_law import ROOT
 
 from pipeline.cases.case import KINDS, Choices
-from pipeline.cases.readings import UNKNOWN
-from pipeline.core import contracts
-from pipeline.core.columns import spread, triangle
+from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError
 from pipeline.core.typed_yaml import read_yaml
-from pipeline.core.validation import validated
 from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.models.kinds import options_type
 from pipeline.studies.robustness import stage
@@ -29,9 +25,8 @@ from pipeline.studies.robustness.conditions import (
     verdicts,
 )
 from pipeline.studies.robustness.decisions import CHANCE, cameras, decision_cases, without_camera
-from pipeline.studies.robustness.figures import robustness as figure
+from pipeline.studies.robustness.page import changes, draw
 from pipeline.verdicts.claims import parse_claims
-from pipeline.verdicts.rules import ORDERS, RULES
 from pipeline.wrench.bounds import Bounds
 
 FILES = ("reports/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
@@ -79,23 +74,6 @@ def test_verdicts_are_those_of_the_law_that_is_true(decided_in):
     assert verdict["base"][claims[:2]].tolist() == ["holds", "holds"]
     assert verdict["additive"][claims].tolist() == ["fails", "fails", "holds"]
     assert verdict["still"][["noise-is-dynamic", "mean-error"]].tolist() == ["fails", "holds"]
-
-
-@pytest.mark.slow
-def test_a_case_without_a_verdict_is_one_that_its_rule_leaves_open(decided_in):
-    rules = {claim.id: claim.rule for claim in CLAIMS}
-    about_motion = [
-        claim for claim in rules if not claim.startswith(("wrench", "sigma-s", "force"))
-    ]
-    rows = decided_in["base"].loc[about_motion]
-    rule, undecided = rows.index.map(rules), rows["holds"] == UNKNOWN
-    assert rows["value"].notna().all()
-    always = RULES["below"].decides
-    assert not undecided[[RULES[name].decides is always for name in rule]].any()
-    # an order has a verdict where its interval lies on one side of zero, and nowhere else
-    orders = rows[rule.isin(ORDERS)]
-    apart = (orders["low"] > 0) | (orders["high"] < 0)
-    assert apart.any() and not apart.all() and (apart != undecided[rule.isin(ORDERS)]).all()
 
 
 @pytest.mark.slow
@@ -200,22 +178,6 @@ def test_a_clock_that_is_off_alike_goes_into_the_bias_and_one_that_is_not_widens
     np.testing.assert_allclose(widened, speed**2 * offsets.var(), rtol=0.1)
 
 
-def write_surveyed_project(folder: Path) -> None:
-    """Where the experiment has run up to the noise of its instruments, in ``folder``, where the
-    process must stand.
-    """
-    write_project(folder)
-    frames = {"take": "none", "frame": range(4), "t": np.linspace(0.0, 3.2, 4)}
-    noise = spread("b", JOINTS, np.full((4, 3), 0.01))
-    noise |= triangle("r", JOINTS, np.tile(4e-4 * np.eye(3), (4, 1, 1)))
-    Path("data/articulate").mkdir()
-    contracts.write(pd.DataFrame(frames | noise), "kinect_noise", Path("data/articulate"))
-    Path("data/raw").symlink_to(ROOT / "data/raw")
-    Path("reports/studies").mkdir(parents=True)
-    for name in ("claims.yaml", "datasets"):
-        Path("reports", name).symlink_to(ROOT / "reports" / name)
-
-
 def table() -> pd.DataFrame:
     """Three claims: one that a decision changes, one that chance changes, one that is steady."""
     rows = []
@@ -232,31 +194,9 @@ def table() -> pd.DataFrame:
 
 
 def test_changes_tell_decisions_from_chance_and_count_other_seeds_as_chance():
-    changed = stage.changes(table()).set_index(["grid", "claim", "factor"])["changed"]
+    changed = changes(table()).set_index(["grid", "claim", "factor"])["changed"]
     assert changed["decisions", "turns", "floor"] and not changed["decisions", "turns", CHANCE]
     assert changed["decisions", "lucky", CHANCE] and not changed["decisions", "lucky", "floor"]
     assert not changed["decisions", "steady"].any() and changed["motion", "steady", CHANCE]
-    axes = figure.draw(table()).axes
+    axes = draw(table()).axes
     assert [each.get_text() for each in axes[0].get_yticklabels()] == ["turns", "lucky", "steady"]
-
-
-@pytest.mark.slow
-def test_the_study_writes_the_verdicts_and_marks_what_chance_changes(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_surveyed_project(tmp_path)
-    stage.run()
-    rows = pd.read_csv("reports/studies/robustness/robustness.csv", keep_default_na=False)
-    assert set(rows["grid"]) == {"decisions", "motion", "wrench"}
-    page = Path("reports/studies/robustness.md").read_text()
-    changed = stage.changes(rows)
-    lucky = changed[(changed["factor"] == CHANCE) & changed["changed"]]["claim"]
-    for claim in lucky:
-        assert f"{claim} †" in page
-    assert len(page.split()) < 1000
-
-
-def test_a_factor_that_does_not_exist_is_refused_by_its_name(project):
-    section = read_yaml(Path(stage.__file__).with_name("params.yaml"))["smoke"]
-    options = validated(stage.Options, section | {"factors": {"swing": [1.0]}})
-    with pytest.raises(ConfigError, match="no factor swing; there are disturbances"):
-        stage.require_factors(options)

@@ -14,7 +14,7 @@ With d_k = q(t_k) − E q(t_k) in rad
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import fftconvolve, lfilter
@@ -27,8 +27,7 @@ from pipeline.laboratory.swing import desired_joints
 PLAY = -1  # the joint that has it
 
 
-@dataclass(frozen=True)
-class Deviations:
+class Deviations(NamedTuple):
     """Second moments of the deviation on the motion grid k = 0 … M."""
 
     covariance: np.ndarray  # (M+1, n, M+1, n) rad², of the poses at t_k
@@ -42,7 +41,7 @@ def deviations(
     dynamics: DynamicsOptions,
     path: np.ndarray,
 ) -> Deviations:
-    """The moments about the mean ``path`` (M+1, n) in rad, where J is taken; raises
+    """Return the moments about the mean ``path`` (M+1, n) in rad, where J is taken; raises
     SingularJacobianError.
     """
     t, n = servo_times(trajectory, dynamics), path.shape[-1]

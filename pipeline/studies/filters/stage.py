@@ -5,7 +5,7 @@ knows the laboratory's law; and both over the duration of the arm's deviations.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,14 +13,15 @@ from typing import Annotated
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 from pydantic import Field
 
-from pipeline.arm.interface import Chain
 from pipeline.core import config, contracts, rng
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.filters import CLOSED, MEMORY, NONE, closed
 from pipeline.core.options.analysis import Positive
 from pipeline.core.validation import options
+from pipeline.figures import style
 from pipeline.filtering.baselines import autocorrelated_filter
 from pipeline.filtering.linear import linear_filter
 from pipeline.filtering.measurement import Measurements, measurements
@@ -29,12 +30,13 @@ from pipeline.models import kinds
 from pipeline.models.closed_loop import mean_path, measured_poses
 from pipeline.models.closed_loop_fit import fit_closed_loop
 from pipeline.models.options import Options as Model
+from pipeline.models.steps import Recorded
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.filters import Filtered, no_filter
 from pipeline.statistics.scores import compared, posterior_scores
 from pipeline.studies.filters.deviations import Deviations, deviations
 from pipeline.studies.frame import NoAnswerError, Results, Study, interval, listed, number
-from pipeline.studies.simulated import Factors, Laboratory, disturbed, observe
+from pipeline.studies.simulated import Laboratory, PhysicsFactors, disturbed, observe
 from pipeline.verdicts.wording import table
 
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
@@ -43,6 +45,34 @@ YARDSTICK = "yardstick"  # best linear filter, which knows the law of the arm's 
 RMS, COVERAGE, LOG, ALL = "rms error", "coverage", "log score", "all"
 LABELS = {NONE: "training mean", MEMORY: "linear, autocorrelation", YARDSTICK: "yardstick"}
 LASTS = float(np.exp(-1))  # correlation after a frame, from which a deviation outlasts it
+COLUMNS = ["filter", "score", "joint", "mean", "difference", "low", "high"]
+PAGE = """Has any particle filter a lower rms error or a higher log score than the mean and
+covariance of the training takes, which need no depth camera? How far are the filters from the
+yardstick, the best linear filter, which knows the laboratory's law?
+
+**Particle filters** with a lower rms error or a higher log score than the training mean in one
+score at least and the opposite in none, beyond 95 % intervals: {particle}. Of the linear filters:
+{linear}.
+
+{table}
+
+Differences are paired over the test takes; brackets hold 95 % intervals. An open loop adds up the
+noise of all steps, a closed loop corrects a share of the deviation from the mean path. The linear
+filter knows the covariance of the training takes at each step and one autocorrelation over time.
+The yardstick knows the covariance of the arm's deviations over time, to first order in the
+disturbances; it does not know that the play is bounded, nor that the camera's error depends on the
+pose.
+
+{figure}
+
+**Duration of a deviation.** On simulated takes, every lag of sway and play times a factor of
+{least:g} to {greatest:g}; equal random numbers, white noise of both instruments. Where the
+autocorrelation after a frame of the camera is at least {lasts:.2f}, the filter has the lower rms
+error or the higher log score, beyond the interval, in {sweep}.
+
+**What would change it.** A camera with a higher rate or less noise; a law of the motion noise that
+is correlated over time, as the linear filter's, instead of independent steps. Which duration real
+deviations have is not published."""
 
 
 @options()
@@ -55,31 +85,6 @@ class Options:
     factors: Annotated[list[Positive], Field(min_length=1)]
 
 
-@dataclass(frozen=True)
-class Filmed:
-    """Test takes of motion capture and depth camera, and the training takes before them."""
-
-    training: np.ndarray  # (N, M+1, n) rad
-    test: np.ndarray  # (T, M+1, n) rad
-    frames: Sequence[Measurements]  # of the test takes, in their order
-    pose: np.ndarray  # (n, n) rad², noise of a measured pose
-    dt: float  # s, step of the motion
-    chain: Chain
-
-    def linear_filters(self, law: Deviations) -> dict[str, Filtered]:
-        """Return the training mean, the linear filter of the takes' autocorrelation and the
-        yardstick of ``law``.
-        """
-        path, arguments = self.training.mean(axis=0), (self.frames, self.dt, self.chain)
-        own, spread, _ = autocorrelated_filter(self.training, self.pose, *arguments)
-        best, least = linear_filter(path, law.covariance, *arguments)
-        return {
-            NONE: no_filter(self.training, self.test),
-            MEMORY: Filtered(own - self.test, spread, self.pose),
-            YARDSTICK: Filtered(best - self.test, least + law.exposure, self.pose),
-        }
-
-
 def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFrame]:
     """Return the study's tables."""
     if settings.dataset.laboratory is None:
@@ -87,21 +92,17 @@ def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFr
     if not contracts.exists("angles", ARTICULATE):
         raise NoAnswerError("it has no depth camera")
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-    noise = contracts.read("kinect_noise", ARTICULATE)
+    noise, f = contracts.read("kinect_noise", ARTICULATE), settings.filter
     laboratory = Laboratory.of_run(settings, recorded, noise)
     training = measured_poses(recorded)
-    law = deviations(
-        laboratory.chain, laboratory.motion, laboratory.dynamics, training.mean(axis=0)
-    )
-    takes = measurements(contracts.read("angles", ARTICULATE), noise)
-    joints, names = contracts.read("joints", TRACK), [take.take for take in takes]
-    order, poses = contracts.stacked(joints[joints["take"].isin(names)], "q")
-    frames = [takes[names.index(name)] for name in order]
-    dt = 1 / settings.dataset.motion.rate
-    filmed = Filmed(training, poses, frames, recorded.measurement / 2, dt, recorded.chain)
-    own = score_rows(filmed.linear_filters(law), recorded.joints)
+    parts = (laboratory.chain, laboratory.motion, laboratory.dynamics)
+    law = deviations(*parts, training.mean(axis=0))
+    takes = {take.take: take for take in measurements(contracts.read("angles", ARTICULATE), noise)}
+    joints = contracts.read("joints", TRACK)
+    order, poses = contracts.stacked(joints[joints["take"].isin(takes)], "q")
+    frames, dt = [takes[name] for name in order], 1 / settings.dataset.motion.rate
+    own = score_rows(linear_filters(recorded, training, poses, frames, dt, law), recorded.joints)
     run = long_scores(pd.read_csv(AGAINST_NONE.format(settings.dataset.name)), recorded.joints)
-    f = settings.filter
     trial = partial(
         duration_rows,
         laboratory=laboratory,
@@ -110,10 +111,32 @@ def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFr
         sizes=(options.training, options.test),
         seed=settings.seed,
     )
-    parts = run_trials(trial, options.factors, compute=settings.compute, label="filters: durations")
+    rows = run_trials(trial, options.factors, compute=settings.compute, label="filters: durations")
     return {
         "filters": pd.concat([run, own[own["filter"] == YARDSTICK]], ignore_index=True),
-        "filters_lasting": pd.concat(list(parts), ignore_index=True),
+        "filters_lasting": pd.concat(list(rows), ignore_index=True),
+    }
+
+
+def linear_filters(
+    recorded: Recorded,
+    training: np.ndarray,
+    test: np.ndarray,
+    frames: Sequence[Measurements],
+    dt: float,
+    law: Deviations,
+) -> dict[str, Filtered]:
+    """Return the training mean, the linear filter of the takes' autocorrelation and the yardstick
+    of ``law``, from ``training`` (N, M+1, n) and ``test`` poses (T, M+1, n) in rad at steps of
+    ``dt`` s and the ``frames`` of the test takes, in their order.
+    """
+    pose, arguments = recorded.measurement / 2, (frames, dt, recorded.chain)
+    own, spread, _ = autocorrelated_filter(training, pose, *arguments)
+    best, least = linear_filter(training.mean(axis=0), law.covariance, *arguments)
+    return {
+        NONE: no_filter(training, test),
+        MEMORY: Filtered(own - test, spread, pose),
+        YARDSTICK: Filtered(best - test, least + law.exposure, pose),
     }
 
 
@@ -125,33 +148,29 @@ def duration_rows(
     sizes: tuple[int, int],
     seed: int,
 ) -> pd.DataFrame:
-    """Rows of the table ``filters_lasting``: every lag of sway and play ``factor`` times as long,
-    ``sizes`` simulated takes for training and test, equal random numbers at every factor.
+    """Return rows of the table ``filters_lasting``: every lag of sway and play ``factor`` times as
+    long, ``sizes`` simulated takes for training and test, equal random numbers at every factor.
     """
-    factors, motion = Factors(lasting=factor), laboratory.motion
+    factors, motion = PhysicsFactors(lasting=factor), laboratory.motion
     dynamics = disturbed(laboratory.dynamics, factors)
     takes, camera = observe(laboratory, factors, seed, *sizes)
     recorded = replace(takes.training, known_measurement=2 * laboratory.pose_noise)
-    path, first = mean_path(recorded), takes.poses[:, 0]
+    path, first, dt = mean_path(recorded), takes.poses[:, 0], 1 / motion.rate
     law = deviations(laboratory.chain, motion, dynamics, path.poses)
     test, frames = np.stack(list(takes.test.values())), list(camera.takes.values())
-    pose, dt = laboratory.pose_noise, 1 / motion.rate
-    filmed = Filmed(takes.poses, test, frames, pose, dt, laboratory.chain)
+    filters = linear_filters(recorded, takes.poses, test, frames, dt, law)
     name, chosen = model
     fit = fit_closed_loop(recorded, chosen, kinds.estimate(recorded, chosen))
     loop = (fit.estimate.model, laboratory.chain, path.commands(fit.share), dt)
-    start = Start(first.mean(axis=0), np.cov(first.T))
+    start, stream = Start(first.mean(axis=0), np.cov(first.T)), partial(rng.stream, seed)
     posteriors = [
-        particle_filter(
-            *loop, start, measured, filter_options, rng.stream(seed, "filters.lasting", number)
-        )
-        for number, measured in enumerate(frames)
+        particle_filter(*loop, start, frame, filter_options, stream("filters.lasting", number))
+        for number, frame in enumerate(frames)
     ]
     means, covariances = (
         np.stack([getattr(each, key) for each in posteriors]) for key in ("mean", "covariance")
     )
-    linear = filmed.linear_filters(law)
-    filters = linear | {closed(name): Filtered(means - test, covariances, pose)}
+    filters[closed(name)] = Filtered(means - test, covariances, laboratory.pose_noise)
     lag = round(motion.rate / laboratory.clock.rate)
     left = np.einsum("kiki->i", law.covariance[:-lag, :, lag:])
     left = float(np.mean(left / np.einsum("kiki->i", law.covariance)))
@@ -178,19 +197,15 @@ def long_scores(table: pd.DataFrame, joints: Sequence[str]) -> pd.DataFrame:
     names |= {f"coverage_of_one_sigma_{joint}": (COVERAGE, joint) for joint in joints}
     names |= {"log_score": (LOG, ALL)}
     rows = table[table["score"].isin(names)].rename(columns={"model": "filter"})
-    both = [names[score] for score in rows["score"]]
-    rows = rows.assign(score=[score for score, _ in both], joint=[joint for _, joint in both])
-    return rows[["filter", "score", "joint", "mean", "difference", "low", "high"]].astype(
-        dict.fromkeys(["mean", "difference", "low", "high"], float)
-    )
+    score, joint = zip(*rows["score"].map(names), strict=True)
+    rows = rows.assign(score=score, joint=joint)[COLUMNS]
+    return rows.astype(dict.fromkeys(COLUMNS[3:], float))
 
 
 def label(name: str) -> str:
     """Return the name of a filter in words."""
-    if name in LABELS:
-        return LABELS[name]
     loop = "closed" if name.endswith(CLOSED) else "open"
-    return f"{name.removesuffix(CLOSED)}, {loop} loop"
+    return LABELS.get(name, f"{name.removesuffix(CLOSED)}, {loop} loop")
 
 
 def better_or_worse(rows: pd.DataFrame) -> pd.DataFrame:
@@ -212,52 +227,81 @@ def page(results: Results) -> list[str]:
     rows, lasting = results.tables["filters"], results.tables["filters_lasting"]
     by_filter = better_or_worse(rows).groupby("filter", sort=False)[["better", "worse"]]
     flags = by_filter.any()
-    gains = [name for name, row in flags.iterrows() if row["better"] and not row["worse"]]
-    particle = [label(name) for name in gains if name not in LABELS]
+    gains = list(flags.index[flags["better"] & ~flags["worse"]])
     cells = rows.assign(ratio=error_ratio(rows)).set_index(["filter", "score", "joint"])
     joints = [joint for joint in dict.fromkeys(rows["joint"]) if joint != ALL]
     lines = []
     for name in dict.fromkeys(rows["filter"]):
         ratios = [cells.loc[(name, RMS, joint), "ratio"] for joint in joints]
-        covered = [cells.loc[(name, COVERAGE, joint), "mean"] for joint in joints]
+        ratios += [cells.loc[(name, COVERAGE, joint), "mean"] for joint in joints]
         log = cells.loc[(name, LOG, ALL)]
         gain = interval(log["difference"], log["low"], log["high"])
-        texts = [f"{value:.2f}" for value in (*ratios, *covered)]
-        lines.append([label(name), *texts, number(log["mean"]), gain])
+        lines.append([label(name), *map("{:.2f}".format, ratios), number(log["mean"]), gain])
     head = [f"rms error of {joint} over the mean's" for joint in joints]
     head += [f"coverage of {joint}" for joint in joints]
-    long = lasting[lasting["left"] >= LASTS]
-    sweep = better_or_worse(long).groupby(["filter", "score"], sort=False)["better"]
+    sweep = better_or_worse(lasting[lasting["left"] >= LASTS])
     sentences = [
         f"{label(name)}: {int(better.sum())} of {len(better)} {score}s"
-        for (name, score), better in sweep
+        for (name, score), better in sweep.groupby(["filter", "score"], sort=False)["better"]
     ]
-    return [
-        "Has any particle filter a lower rms error or a higher log score than the mean and "
-        "covariance of the training takes, which need no depth camera? How far are the filters "
-        "from the yardstick, the best linear filter, which knows the laboratory's law?",
-        "**Particle filters** with a lower rms error or a higher log score than the training mean "
-        f"in one score at least and the opposite in none, beyond 95 % intervals: "
-        f"{listed(particle) or 'none'}. Of the "
-        f"linear filters: {listed([label(name) for name in gains if name in LABELS]) or 'none'}.",
-        table(["filter", *head, "log score (nat)", "minus the mean's"], lines),
-        "Differences are paired over the test takes; brackets hold 95 % intervals. An open loop "
-        "adds up the noise of all steps, a closed loop corrects a share of the deviation from the "
-        "mean path. The linear filter knows the covariance of the training takes at each step and "
-        "one autocorrelation over time. The yardstick knows the covariance of the arm's deviations "
-        "over time, to first order in the disturbances; it does not know that the play is bounded, "
-        "nor that the camera's error depends on the pose.",
-        results.figures["filters"],
-        "**Duration of a deviation.** On simulated takes, every lag of sway and play times a "
-        f"factor of {min(results.options.factors):g} to {max(results.options.factors):g}; equal "
-        "random numbers, white noise of both instruments. Where the autocorrelation after a frame "
-        f"of the camera is at least {LASTS:.2f}, the filter has the lower rms error or the higher "
-        "log score, beyond the interval, in "
-        f"{'; '.join(sentences) or 'no case'}.",
-        "**What would change it.** A camera with a higher rate or less noise; a law of the motion "
-        "noise that is correlated over time, as the linear filter's, instead of independent steps. "
-        "Which duration real deviations have is not published.",
-    ]
+    text = PAGE.format(
+        particle=listed([label(name) for name in gains if name not in LABELS]) or "none",
+        linear=listed([label(name) for name in gains if name in LABELS]) or "none",
+        table=table(["filter", *head, "log score (nat)", "minus the mean's"], lines),
+        figure=results.figure,
+        least=min(results.options.factors),
+        greatest=max(results.options.factors),
+        lasts=LASTS,
+        sweep="; ".join(sentences) or "no case",
+    )
+    return [text]
 
 
-run = Study("Filters between the training mean and a yardstick", Options, evaluate, page).run
+def draw(filters: pd.DataFrame, filters_lasting: pd.DataFrame) -> Figure:
+    """Filters between the training mean and the yardstick, and over the duration of a deviation.
+
+    (a) Root mean square error over that of the training mean, on the run's test takes: a disc a
+    joint, the bar from the lowest to the highest of them; left of the grey line is below the
+    training mean, the yardstick knows the law of the arm's deviations. (b) to (d) Simulated takes,
+    over the lag of the sway: the same ratio, mean over the joints; coverage of ±1σ, mean over the
+    joints, with the normal law's 0.68 in grey; log score minus that of the training mean.
+    """
+    figure, ((run, *others),) = style.panels(
+        style.TWO_COLUMNS, 2.9, columns=4, width_ratios=[1.2, 1, 1, 1]
+    )
+    errors = filters[(filters["score"] == RMS) & (filters["filter"] != NONE)]
+    ratios = error_ratio(errors).groupby(errors["filter"], sort=False)
+    for y, (_, values) in enumerate(ratios):
+        run.plot([values.min(), values.max()], [y, y], color=style.BLUE, lw=1.2)
+        run.plot(values, [y] * len(values), "o", color=style.BLUE, ms=3)
+    run.axvline(1.0, color=style.GREY, linewidth=1.6)
+    run.set_yticks(range(len(ratios)), map(label, dict.fromkeys(errors["filter"])))
+    run.set(xlabel="rms error over the\ntraining mean's", xlim=(0, None))
+    run.invert_yaxis()
+    rows = filters_lasting[filters_lasting["filter"] != NONE]
+    rows = rows.assign(ratio=error_ratio(rows), lag=1e3 * rows["sway_time"])
+    looks = {
+        MEMORY: {"color": style.GREEN, "linestyle": "-."},
+        YARDSTICK: {"color": style.BLACK, "linestyle": "-"},
+    }
+    panels = (
+        (RMS, "ratio", 1.0, "rms error over the training mean's", (0, None)),
+        (COVERAGE, "mean", 0.683, "coverage of ±1σ", (0, 1)),
+        (LOG, "difference", 0.0, "log score minus the training mean's (nat)", None),
+    )
+    for axes, (score, column, level, name, limits) in zip(others, panels, strict=True):
+        for kind, own in rows[rows["score"] == score].groupby("filter", sort=False):
+            look = looks.get(kind, {"color": style.BLUE, "linestyle": ":"})
+            mean = own.groupby("lag")[column].mean()
+            axes.plot(mean, label=label(kind), marker="o", markersize=2.5, **look)
+        line = axes.axhline(level, color=style.GREY, linewidth=1.6, zorder=0)
+        axes.set(xscale="log", xlabel="lag of the sway (ms)", ylabel=name, ylim=limits)
+    for name, axes in zip("abcd", (run, *others), strict=True):
+        style.letter(axes, name)
+    handles, labels = others[0].get_legend_handles_labels()
+    labels += ["training mean; 0.68"]
+    figure.legend([*handles, line], labels, loc="outside upper center", ncols=4)
+    return figure
+
+
+run = Study("Filters between the training mean and a yardstick", Options, evaluate, page, draw).run

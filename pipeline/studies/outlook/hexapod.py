@@ -1,15 +1,24 @@
-"""A hexapod on one motion: the covariance of its next pose by each motion model, from the exact law
-of the steps of its legs.
+"""A hexapod (Gough 1962, Stewart 1965), a platform on six legs whose lengths are its joints, on one
+motion: the covariance of its next pose by each motion model, from the exact law of the legs' steps.
+
+From the pose the legs and J⁻¹ follow in closed form; where J⁻¹ is singular the legs do not hold the
+platform (Gosselin and Angeles 1990). A pose (12,) is that of the platform's frame in the base's:
+position (3, m) and rotation (9, row by row). The task's rows are its velocity and its angular
+velocity in the base's axes, the latter times a characteristic length.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
+from pipeline.arm.interface import Mechanism
+from pipeline.core.columns import SPACE
 from pipeline.core.errors import ConfigError
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import MotionModel, frobenius
@@ -17,54 +26,123 @@ from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.randommatrix.wishart import largest_dispersion
-from pipeline.studies.outlook.platform import LEGS, Hexapod, pose_of
 
+LEGS = 6
 DECOMPOSITIONS = ("qr_transposed", "qr")  # those that no order of the rows changes
-SAME_POSE = 1e-6  # m
+# The least singular value of J⁻¹ at a pose that is trusted, as a share of the greatest entry that
+# J⁻¹ can have: beyond it a leg that is off by a thousandth of the robot's size moves the platform
+# by all of it.
+LEAST_SINGULAR = 1e-3
 
 
 @dataclass(frozen=True)
-class PlatformMotion:
-    """Commanded steps ``v`` (K, 6) in m of a hexapod from poses with legs ``q`` (K, 6) in m;
-    ``inverse`` (K, 6, 6) is J⁻¹ there.
+class Hexapod:
+    """Geometry of a hexapod: the joints of its legs on base and platform (6, 3) in m, in the frame
+    of each, and the length in m by which angular rows are multiplied.
     """
 
+    base: np.ndarray
+    platform: np.ndarray
+    length: float
+
+    def legs(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lengths (..., 6) of the legs in m and J⁻¹ (..., 6, 6) at the poses ``pose``
+        (..., 12): row i is nᵢᵀ, (bᵢ × nᵢ)ᵀ over the length, nᵢ the unit vector from base to
+        platform along leg i and bᵢ its joint on the platform from the platform's origin.
+        """
+        rotation = pose[..., 3:].reshape(*pose.shape[:-1], 3, 3)
+        arms = np.einsum("...ij,kj->...ki", rotation, self.platform)
+        legs = pose[..., None, :3] + arms - self.base
+        lengths = np.linalg.norm(legs, axis=-1)
+        n = legs / lengths[..., None]
+        return lengths, np.concatenate([n, np.cross(arms, n) / self.length], axis=-1)
+
+
+@dataclass(frozen=True)
+class PlatformMotion(Mechanism):
+    """Commanded steps ``v`` (K, 6) in m of a hexapod from K poses with legs ``q`` (K, 6) in m;
+    ``inverse`` (K, 6, 6) is J⁻¹ there. As a mechanism it has these poses alone.
+    """
+
+    task: ClassVar[tuple[str, ...]] = SPACE
     robot: Hexapod
     q: np.ndarray
     v: np.ndarray
     inverse: np.ndarray
 
+    def singular(self, q: np.ndarray) -> np.ndarray:
+        """(K,) none: :func:`straight` refuses a motion to a singular pose."""
+        return np.zeros(np.shape(q)[:-1], dtype=bool)
+
+    def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
+        """(K, 6, 6) J⁻¹ at the poses of the motion, whose legs ``q`` must be."""
+        assert np.array_equal(q, self.q)
+        return self.inverse
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """(K, 6, 6) J at the poses of the motion."""
+        return np.linalg.inv(self.inverse_jacobian(q))
+
+    def covariance(self, model: MotionModel) -> np.ndarray:
+        """Return the (K, 6, 6) covariance of the legs after one step in m²."""
+        return model.covariance(self, self.q, self.v)
+
+    def platform_covariance(self, model: MotionModel) -> np.ndarray:
+        """Return the (K, 6, 6) covariance J Cov(q_{k+1}|q_k) Jᵀ of the next pose in m², rotations
+        times the length: exact in the legs, of first order in their noise.
+        """
+        jacobian = self.jacobian(self.q)
+        return jacobian @ self.covariance(model) @ np.swapaxes(jacobian, -1, -2)
+
+    def step_square(self) -> float:
+        """Return the mean square of the legs' steps in m²."""
+        return np.mean(np.sum(np.matvec(self.inverse, self.v) ** 2, axis=-1))
+
     def noise_share(self, model: MotionModel) -> float:
-        """Noise of the legs over their step, each root mean square over the motion."""
-        covariance = model.covariance(self.robot, self.q, self.v)
-        steps = np.matvec(self.inverse, self.v)
-        traces = np.trace(covariance, axis1=-2, axis2=-1)
-        return float(np.sqrt(traces.mean() / np.mean(np.sum(steps**2, axis=-1))))
+        """Return the noise of the legs over their step, each root mean square over the motion."""
+        traces = np.trace(self.covariance(model), axis1=-2, axis2=-1)
+        return float(np.sqrt(traces.mean() / self.step_square()))
 
 
-def straight(robot: Hexapod, start: np.ndarray, end: np.ndarray, places: int) -> PlatformMotion:
-    """Return the motion from pose ``start`` (12,) to ``end`` (12,) at constant velocity and angular
-    velocity, in ``places`` equal steps.
-
-    Raises ConfigError if a leg is beyond its limits or the legs lead from home to other poses, and
-    SingularJacobianError if they do not hold the platform.
+def pose_of(position: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Return the pose (..., 12) at ``position`` (..., 3) in m, turned by the rotation vector
+    ``turn`` (..., 3) in rad.
     """
-    way = robot.displacement(start, end)
+    rotation = Rotation.from_rotvec(np.reshape(turn, (-1, 3))).as_matrix()
+    return np.concatenate([position, rotation.reshape(*np.shape(turn)[:-1], 9)], axis=-1)
+
+
+def straight(
+    robot: Hexapod, start: np.ndarray, end: np.ndarray, limits: tuple[float, float], places: int
+) -> PlatformMotion:
+    """Return the motion from pose ``start`` (12,) to ``end`` (12,) at constant velocity and angular
+    velocity, in ``places`` equal steps; ``limits`` in m are those of the legs.
+
+    Raises ConfigError if a leg is beyond its limits, or if the legs do not hold the platform at a
+    pose or in between.
+    """
+    before, after = (Rotation.from_matrix(pose[3:].reshape(3, 3)) for pose in (start, end))
+    shift, turn = end[:3] - start[:3], (after * before.inv()).as_rotvec()
     share = np.linspace(0, 1, places)[:, None]
-    turned = pose_of(np.zeros((places, 3)), share * way[3:] / robot.length)[:, 3:]
-    rotation = turned.reshape(-1, 3, 3) @ start[3:].reshape(3, 3)
-    pose = np.hstack([start[:3] + share * way[:3], rotation.reshape(-1, 9)])
-    q, _ = robot.legs(pose)
-    if not np.all(robot.within_limits(q)):
+    turned = (Rotation.from_rotvec(share * turn) * before).as_matrix().reshape(-1, 9)
+    q, inverse = robot.legs(np.hstack([start[:3] + share * shift, turned]))
+    if q.min() < limits[0] or q.max() > limits[1]:
         raise ConfigError(
-            f"legs must be {robot.lower[0]:g} to {robot.upper[0]:g} m long, the motion needs "
-            f"{q.min():.4g} to {q.max():.4g} m; choose other ends or legs",
+            f"legs must be {limits[0]:g} to {limits[1]:g} m long, the motion needs {q.min():.4g} "
+            f"to {q.max():.4g} m; choose other ends or legs",
             key="legs",
         )
-    robot.require_regular(q, what="place")
-    if np.abs(robot.displacement(pose, robot.pose(q))).max() > SAME_POSE:
-        raise ConfigError("the motion passes a singular pose; choose a smaller turn", key="turn")
-    return PlatformMotion(robot, q, np.broadcast_to(way / places, q.shape), robot.inverse_at(pose))
+    radius = np.linalg.norm(robot.platform, axis=1).max()
+    least = np.linalg.svd(inverse, compute_uv=False)[:, -1]
+    signs = np.sign(np.linalg.det(inverse))
+    if least.min() < LEAST_SINGULAR * max(1.0, radius / robot.length) or np.ptp(signs):
+        raise ConfigError(
+            "the motion comes to a pose at which the legs do not hold the platform; choose a "
+            "smaller turn, or joints of base and platform that are not similar figures",
+            key="turn",
+        )
+    way = np.concatenate([shift, robot.length * turn])
+    return PlatformMotion(robot, q, np.broadcast_to(way / places, q.shape), inverse)
 
 
 def equal_models(motion: PlatformMotion, noise: float, bound: float) -> dict[str, MotionModel]:
@@ -73,47 +151,35 @@ def equal_models(motion: PlatformMotion, noise: float, bound: float) -> dict[str
 
     Raises ConfigError if no Wishart model has that noise.
     """
-    steps = np.matvec(motion.inverse, motion.v)
-    variance = noise**2 * np.mean(np.sum(steps**2, axis=-1)) / LEGS
+    variance = noise**2 * motion.step_square() / LEGS
     u = bound * frobenius(motion.inverse).max()
     models: dict[str, MotionModel] = {
         "additive": ScaledModel(variance * np.eye(LEGS)),
         "gaussian": GaussianModel(noise / motion.noise_share(GaussianModel(1.0, u)), u),
     }
     limit = largest_dispersion(LEGS, inverse_moments=2)
+    ends = (1e-3 * limit, 0.999 * limit)
+
+    def excess(sigma_b: float, decomposition: Decomposition) -> float:
+        return motion.noise_share(WishartModel(sigma_b, decomposition)) - noise
+
     for name in DECOMPOSITIONS:
-        decomposition = Decomposition(name)
-
-        def excess(sigma_b: float, decomposition: Decomposition = decomposition) -> float:
-            return motion.noise_share(WishartModel(sigma_b, decomposition)) - noise
-
-        ends = (1e-3 * limit, 0.999 * limit)
-        if not excess(ends[0]) < 0 < excess(ends[1]):
+        own = Decomposition(name)
+        if not excess(ends[0], own) < 0 < excess(ends[1], own):
             raise ConfigError(f"noise: no Wishart model has {noise:g} of the step", key="noise")
-        models[name] = WishartModel(brentq(excess, *ends, xtol=1e-14), decomposition)
+        models[name] = WishartModel(brentq(excess, *ends, (own,), xtol=1e-14), own)
     return models
 
 
-def platform_covariance(model: MotionModel, motion: PlatformMotion) -> np.ndarray:
-    """(K, 6, 6) covariance J Cov(q_{k+1}|q_k) Jᵀ of the next pose in m², rotations times the
-    length: exact in the legs, of first order in their noise.
-    """
-    jacobian = np.linalg.inv(motion.inverse)
-    covariance = model.covariance(motion.robot, motion.q, motion.v)
-    return jacobian @ covariance @ np.swapaxes(jacobian, -1, -2)
-
-
 def hexapod_rows(motion: PlatformMotion, models: dict[str, MotionModel]) -> pd.DataFrame:
-    """The table ``hexapod``."""
-    least = np.linalg.svd(motion.inverse, compute_uv=False)[:, -1]
+    """Return the table ``hexapod``."""
     parts = []
     for name, model in models.items():
-        legs = model.covariance(motion.robot, motion.q, motion.v)
-        variances = np.diagonal(platform_covariance(model, motion), axis1=-2, axis2=-1)
+        variances = np.diagonal(motion.platform_covariance(model), axis1=-2, axis2=-1)
         columns = {
             "place": np.linspace(0, 1, len(motion.q)),
-            "least_singular_value": least,
-            "legs": np.sqrt(np.trace(legs, axis1=-2, axis2=-1)),
+            "least_singular_value": np.linalg.svd(motion.inverse, compute_uv=False)[:, -1],
+            "legs": np.sqrt(np.trace(motion.covariance(model), axis1=-2, axis2=-1)),
             "position": np.sqrt(variances[:, :3].sum(axis=-1)),
             "rotation": np.sqrt(variances[:, 3:].sum(axis=-1)) / motion.robot.length,
         }

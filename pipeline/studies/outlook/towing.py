@@ -22,11 +22,12 @@ from pipeline.wrench.parametric import (
 from pipeline.wrench.study import averaged_sigma_s, covariance_errors, variance_errors
 
 PARTS = {"forces": slice(3), "moments": slice(3, 6)}
-ERRORS = ("variance", "covariance")
+# form of Σ_S, and distance from the parametric model
+ERRORS = {"variance": ("diagonal", variance_errors), "covariance": ("full", covariance_errors)}
 
 
 def lever(bounds: Bounds) -> float:
-    """Root mean square distance in m of an attachment from the load's origin."""
+    """Return the root mean square distance in m of an attachment from the load's origin."""
     low, high = bounds.attachment
     return float(np.sqrt(bounds.dimension * (low**2 + low * high + high**2) / 3))
 
@@ -34,36 +35,29 @@ def lever(bounds: Bounds) -> float:
 def error_rows(
     bounds: Bounds, agents: Sequence[int], sizes: tuple[int, int], rng: np.random.Generator
 ) -> list[dict[str, object]]:
-    """Rows of the table ``towing`` of one repeat: for each number of cables Σ_S is averaged over
-    ``sizes[0]`` systems and held against ``sizes[1]`` fresh ones.
+    """Return rows of the table ``towing`` of one repeat: for each number of cables Σ_S is averaged
+    over ``sizes[0]`` systems and held against ``sizes[1]`` fresh ones.
     """
     rows = []
     for m, stream in zip(agents, rng.spawn(len(agents)), strict=True):
         drawn, fresh = (
             draw_systems(bounds, size, m, stream).in_units_of(lever(bounds)) for size in sizes
         )
-        model, due, estimates = (
-            matrix_model(fresh),
-            wrench_covariance(fresh),
-            averaged_sigma_s(drawn),
-        )
-        variances = model.covariance(estimates["diagonal"].mean)
-        covariances = model.covariance(estimates["full"].mean)
-        shift = model.mean() - wrench_mean(fresh)
+        model, due = matrix_model(fresh), wrench_covariance(fresh)
+        estimates, shift = averaged_sigma_s(drawn), model.mean() - wrench_mean(fresh)
         for part, block in PARTS.items():
-            errors = (
-                variance_errors(variances[:, block, block], due[:, block, block]).mean(),
-                covariance_errors(covariances[:, block, block], due[:, block, block]).mean(),
-            )
-            trace = np.trace(due[:, block, block], axis1=-2, axis2=-1)
-            shifted = np.mean(np.linalg.norm(shift[:, block], axis=-1) / np.sqrt(trace))
-            row = {"part": part, "agents": m, "shift": shifted}
-            rows.append(row | dict(zip(ERRORS, errors, strict=True)))
+            own, row = due[:, block, block], {"part": part, "agents": m}
+            for error, (form, distance) in ERRORS.items():
+                modelled = model.covariance(estimates[form].mean)[:, block, block]
+                row[error] = distance(modelled, own).mean()
+            std = np.sqrt(np.trace(own, axis1=-2, axis2=-1))
+            row["shift"] = np.mean(np.linalg.norm(shift[:, block], axis=-1) / std)
+            rows.append(row)
     return rows
 
 
 def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
-    """The table ``towing_slopes``: least-squares slopes of the log errors over log m, with
+    """Return the table ``towing_slopes``: least-squares slopes of the log errors over log m, with
     Student's interval over the repeats.
     """
     rows = []
@@ -78,19 +72,17 @@ def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
 def recorded_rows(
     bounds: Bounds, agents: int, sizes: tuple[int, int, int], rng: np.random.Generator
 ) -> list[dict[str, object]]:
-    """Rows of the table ``towing_recorded``: errors over ``sizes[1]`` systems with Σ_S from bounds
-    (the mean over ``sizes[0]`` systems), and with Σ_S and Ψ_S from ``sizes[2]`` recorded directions
-    of each cable of the very system.
+    """Return rows of the table ``towing_recorded``: errors over ``sizes[1]`` systems with Σ_S from
+    bounds (the mean over ``sizes[0]`` systems), and with Σ_S and Ψ_S from ``sizes[2]`` recorded
+    directions of each cable of the very system.
     """
     size = lever(bounds)
     sigma_s = averaged_sigma_s(draw_systems(bounds, sizes[0], agents, rng).in_units_of(size))
     drawn = draw_systems(bounds, sizes[1], agents, rng).in_units_of(size)
     due, modelled = [], {"bounds": [], "directions": []}
     for number in range(sizes[1]):
-        parts = {field.name: getattr(drawn, field.name) for field in fields(drawn)}
-        system = CableSystem(
-            **{name: value if value is None else value[number] for name, value in parts.items()}
-        )
+        parts = (getattr(drawn, field.name) for field in fields(drawn))
+        system = CableSystem(*(part if part is None else part[number] for part in parts))
         directions = sample_directions(system.direction, system.concentration, sizes[2], rng)
         fit = moment_fit(np.einsum("mnp,kmp->knm", system.maps(), directions))
         model = matrix_model(system)
@@ -98,13 +90,10 @@ def recorded_rows(
         known = replace(model, jacobian=fit.mean, psi=fit.psi)
         modelled["directions"].append(known.covariance(fit.sigma_s))
         due.append(wrench_covariance(system))
-    return [
-        {"part": part, "agents": agents, "known": known}
-        | {
-            "error": covariance_errors(
-                np.array(covariances)[:, block, block], np.array(due)[:, block, block]
-            ).mean()
-        }
-        for part, block in PARTS.items()
-        for known, covariances in modelled.items()
-    ]
+    rows = []
+    for part, block in PARTS.items():
+        own = np.array(due)[:, block, block]
+        for known, covariances in modelled.items():
+            error = covariance_errors(np.array(covariances)[:, block, block], own).mean()
+            rows.append({"part": part, "agents": agents, "known": known, "error": error})
+    return rows

@@ -1,5 +1,5 @@
-"""An arm of the laboratory on the bench: its disturbances, the task that is planned for it, and
-the takes that it performs of any motion.
+"""An arm of the laboratory in one physics, the task that is planned for it, and the takes that it
+performs of any motion.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ TOGETHER = 50  # takes that are simulated at once, so many that memory does not 
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """What of an arm no physics changes."""
+    """An arm and its motion, which no physics changes."""
 
     joints: tuple[str, ...]  # names, base to tip
     built: Chain  # nominal, of the task whose rows sway
@@ -50,38 +50,29 @@ class Bench:
         return self.trajectory.rate
 
     def command(self, path: np.ndarray) -> np.ndarray:
-        """(M, m + n) commands of a ``path`` (M+1, n) in rad, see :mod:`pipeline.models.model`;
-        (M, m) of a task that leaves no choice.
+        """Return the commands (M, m + n) of a ``path`` (M+1, n) in rad, see
+        :mod:`pipeline.models.model`; (M, m) of a task that leaves no choice.
         """
         table = trajectory_table(self.chain, path, self.rate, self.joints)
         return commanded_steps(table, self.rate)
 
 
 def bench_of(file: Path, task: Sequence[str], pace: float) -> Bench:
-    """The arm of a dataset's option ``file`` with the rows ``task`` to plan, its own where there
-    are none named; its motion's duration, rests and ramps divided by ``pace``.
+    """Return the arm of a dataset's option ``file`` with the rows ``task`` to plan, its own where
+    none are named; its motion's duration, rests and ramps divided by ``pace``.
 
     Raises ConfigError for what is no arm, task or motion of it.
     """
     section = read_yaml(file)
     robot = validated(Robot, section["robot"], "robot", file)
-    trajectory, dynamics = (
+    motion, dynamics = (
         validated(kind, section["laboratory"][key], f"laboratory.{key}", file)
         for key, kind in (("trajectory", TrajectoryOptions), ("dynamics", DynamicsOptions))
     )
+    times = {name: getattr(motion, name) / pace for name in ("duration", "rest", "ramp")}
     built = chain_of(robot)
-    return Bench(
-        joints=tuple(robot.joints),
-        built=built,
-        chain=chain_of(replace(robot, task=list(task))) if task else built,
-        trajectory=replace(
-            trajectory,
-            duration=trajectory.duration / pace,
-            rest=trajectory.rest / pace,
-            ramp=trajectory.ramp / pace,
-        ),
-        dynamics=dynamics,
-    )
+    chain = chain_of(replace(robot, task=list(task))) if task else built
+    return Bench(tuple(robot.joints), built, chain, replace(motion, **times), dynamics)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,35 +90,33 @@ class Rig:
     @cached_property
     def session(self) -> Session:
         """The arm as it was built, and its encoders' zeros."""
-        return open_session(
-            self.bench.built, self.dynamics, rng.stream(self.seed, "planning.session")
-        )
+        stream = rng.stream(self.seed, "planning.session")
+        return open_session(self.bench.built, self.dynamics, stream)
 
     def poses(self, path: np.ndarray, name: str) -> np.ndarray:
-        """(takes, M+1, n) rad: the ``path`` (M+1, n) in rad performed by the takes ``name``, at the
-        exposures of a motion capture without noise of its own.
+        """Return the (takes, M+1, n) poses in rad of the ``path`` (M+1, n) in rad performed by the
+        takes ``name``, at the exposures of a motion capture without noise of its own.
 
         Raises ConfigError for a path that the arm cannot follow, SingularJacobianError where it
         comes to a pose at which the sway has no law.
         """
-        motion = JointPath(path, self.bench.rate)
-        motion.require_followable(self.bench.built)
-        grid = np.arange(len(path)) / motion.rate
-        poses = []
+        motion, built = JointPath(path, self.bench.rate), self.bench.built
+        motion.require_followable(built)
+        grid, poses = np.arange(len(path)) / motion.rate, []
+        streams = [rng.stream(self.seed, f"planning.{name}", n) for n in range(self.takes)]
         for first in range(0, self.takes, TOGETHER):
-            numbers = range(first, min(first + TOGETHER, self.takes))
-            streams = [rng.stream(self.seed, f"planning.{name}", number) for number in numbers]
-            drawn = [draw(self.bench.built, motion, self.dynamics, stream) for stream in streams]
+            own = streams[first : first + TOGETHER]
+            drawn = [draw(built, motion, self.dynamics, stream) for stream in own]
             chance = Chance(*map(np.stack, zip(*drawn, strict=True)))
             t, q, _ = swing(self.session.chain, self.session.encoder, motion, self.dynamics, chance)
             poses += [
                 expose(t, each, grid, self.dynamics, stream)
-                for each, stream in zip(q, streams, strict=True)
+                for each, stream in zip(q, own, strict=True)
             ]
         return np.stack(poses)
 
     def training(self) -> Recorded:
-        """The steps of the training takes, of the dataset's motion."""
+        """Return the steps of the training takes, of the dataset's motion."""
         bench = self.bench
         q, command = self.poses(bench.recorded, "training"), bench.command(bench.recorded)
         noise = process_noise(bench.chain, q, command)

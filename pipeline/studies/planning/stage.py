@@ -12,32 +12,51 @@ from typing import Annotated
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from pydantic import Field
+from scipy.stats import kendalltau
 
 from pipeline.core import config, rng
 from pipeline.core.compute.trials import run_trials
-from pipeline.core.errors import (
-    ConfigError,
-    ModelDomainError,
-    SingularJacobianError,
-    SolverError,
-)
+from pipeline.core.errors import ConfigError, ModelDomainError, SingularJacobianError, SolverError
 from pipeline.core.options.analysis import Positive
 from pipeline.core.validation import options
+from pipeline.figures import style
 from pipeline.models import kinds
 from pipeline.models.model import MotionModel
 from pipeline.models.noise import process_noise
 from pipeline.planning.motions import best_conditioned, least_uncertain, minimum_norm
 from pipeline.planning.problem import InfeasibleError, Problem, uncertainty
 from pipeline.statistics.takes import drawn_takes, percentile_interval
-from pipeline.studies.frame import Results, Study, interval, listed, number
+from pipeline.studies.frame import MISSING, Results, Study, interval, listed, number
 from pipeline.studies.planning.bench import Bench, Rig, bench_of
-from pipeline.studies.simulated import Factors, disturbed
+from pipeline.studies.simulated import PhysicsFactors, disturbed
 from pipeline.verdicts.wording import table
 
 RECORDED, MINIMUM, BEST = "recorded", "minimum_norm", "best_conditioned"
 SURE = 0.975  # share of the resamplings
 DIGITS = 9  # of a prediction; smaller differences are none
+KEYS = ["arm", "physics"]
+PAGE = """Is the motion that a model plans as the least uncertain really the least uncertain of one
+task path? Every model is fitted to {takes} takes of the recorded motion and plans the motion of
+least Σ tr Cov(ω). The laboratory performs each motion as often.
+
+**Answer.** In {sure} of {pairs} pairs of arm and physics a model's plan has the least sum in at
+least {share:.1%} of the resamplings. The median of Kendall's τ between predicted and realised order
+of the motions is {medians}; 1 is the same order, −1 the opposite. The additive model has no plan:
+its covariance is the same at every step.{verdict}
+
+{table}
+
+Sums are those of the joints' one-step noise in rad²; ratios are to the minimum-norm motion, with
+bootstrap 95 % intervals over the takes; the share is that of the resamplings.
+
+{figure}
+
+**What would change it.** The laboratory's sway grows with the speed of all joints, the null space
+included, and no matrix model gives noise to a step in the null space. On a real robot whose noise
+follows a model, that model's plan would be the least uncertain. The planner knows no collisions."""
 
 
 @options()
@@ -56,17 +75,13 @@ class Options:
 
 def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFrame]:
     """Return the study's tables."""
-    compute = settings.compute
     benches = {
         arm: bench_of(config.CONF / f"dataset/{arm}.yaml", task, options.pace)
         for arm, task in options.arms.items()
     }
-    fixed = run_trials(
-        partial(fixed_motions, options=options),
-        benches.values(),
-        compute=compute,
-        label="planning: arms",
-    )
+    compute = settings.compute
+    trial = partial(fixed_motions, options=options)
+    fixed = run_trials(trial, benches.values(), compute=compute, label="planning: arms")
     trial = partial(
         tables_of,
         benches=benches,
@@ -124,10 +139,10 @@ def tables_of(
     need no model, by arm.
     """
     arm, physics = case
-    bench = benches[arm]
-    factors = Factors(**options.physics[physics])
-    rig = Rig(bench, disturbed(bench.dynamics, factors), options.takes, seed)
-    recorded, motions, laws = rig.training(), dict(fixed[arm]), {}
+    bench, motions, laws = benches[arm], dict(fixed[arm]), {}
+    dynamics = disturbed(bench.dynamics, PhysicsFactors(**options.physics[physics]))
+    rig = Rig(bench, dynamics, options.takes, seed)
+    recorded = rig.training()
     for name, chosen in models.items():
         try:
             laws[name] = kinds.estimate(recorded, chosen).model
@@ -136,20 +151,14 @@ def tables_of(
             print(f"planning: {arm}, {physics}: {name} has no plan: {error.message}")
     drawn = drawn_takes(options.takes, rng.stream(seed, "planning.resampling"))
     sums = realised_sums(rig, motions, [np.arange(options.takes), *drawn])
-    predictions = [
-        (model, motion, predicted_sum(bench, law, motions[motion]))
-        for model, law in laws.items()
-        for motion in motions
-    ]
-    predictions = pd.DataFrame(predictions, columns=["model", "motion", "sum"])
-    whole = {motion: values[0] for motion, values in sums.items()}
-    agreements = [
-        (model, agreement(rows.set_index("motion")["sum"].dropna().to_dict(), whole))
-        for model, rows in predictions.groupby("model", sort=False)
-    ]
+    predictions, agreements = [], []
+    for model, law in laws.items():
+        own = {name: predicted_sum(bench, law, path) for name, path in motions.items()}
+        predictions += [(model, *each) for each in own.items()]
+        agreements.append((model, agreement(own, {name: one[0] for name, one in sums.items()})))
     tables = {
         "planning": sum_rows(sums),
-        "planning_predictions": predictions,
+        "planning_predictions": pd.DataFrame(predictions, columns=["model", "motion", "sum"]),
         "planning_agreements": pd.DataFrame(agreements, columns=["model", "tau"]),
     }
     return {name: rows.assign(arm=arm, physics=physics) for name, rows in tables.items()}
@@ -158,10 +167,11 @@ def tables_of(
 def realised_sums(
     rig: Rig, motions: Mapping[str, np.ndarray], choices: Sequence[np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """Return Σ_k tr of the covariance of ω_k over each choice of takes, by motion; motions that the
-    arm cannot perform are left out.
+    """Return Σ_k tr of the sample covariance of ω_k over each choice of takes, which may repeat, by
+    motion; motions that the arm cannot perform are left out.
     """
-    sums = {}
+    times = np.stack([np.bincount(takes, minlength=rig.takes) for takes in choices]).astype(float)
+    count, sums = times.sum(axis=1), {}
     for name, path in motions.items():
         try:
             q = rig.poses(path, "take")
@@ -169,27 +179,12 @@ def realised_sums(
         except SingularJacobianError as error:
             print(f"planning: {name} cannot be performed: {error.message}")
             continue
-        inner = products(noise)
-        sums[name] = np.array([summed_variance(inner, takes) for takes in choices])
+        centred = (noise - noise.mean(axis=0)).reshape(len(noise), -1)
+        # equal bytes with any linear algebra library
+        product = np.einsum("ik,jk->ij", centred, centred)
+        mean = np.einsum("ci,ij,cj->c", times, product, times) / count
+        sums[name] = (np.einsum("ci,ii->c", times, product) - mean) / (count - 1)
     return sums
-
-
-def products(deviation: np.ndarray) -> np.ndarray:
-    """(takes, takes) inner products of ``deviation`` (takes, K, d) about its mean, from which the
-    summed variance of any choice of takes follows.
-    """
-    centred = (deviation - deviation.mean(axis=0)).reshape(len(deviation), -1)
-    return np.einsum("ik,jk->ij", centred, centred)  # equal bytes with any linear algebra library
-
-
-def summed_variance(product: np.ndarray, takes: np.ndarray) -> float:
-    """Σ_k tr of the sample covariance over ``takes``, which may repeat; ``product`` is that of
-    :func:`products`.
-    """
-    times = np.bincount(takes, minlength=len(product)).astype(float)
-    count = times.sum()
-    about_mean = times @ np.diag(product) - times @ product @ times / count
-    return float(about_mean / (count - 1))
 
 
 def predicted_sum(bench: Bench, model: MotionModel, path: np.ndarray) -> float:
@@ -205,9 +200,7 @@ def agreement(prediction: Mapping[str, float], realised: Mapping[str, float]) ->
     """Kendall's τ_b of two orders of the motions (Kendall, Biometrika 33, 1945); NaN for fewer than
     three motions or equal predictions.
     """
-    from scipy.stats import kendalltau
-
-    names = [name for name in prediction if name in realised]
+    names = [name for name, value in prediction.items() if name in realised and value == value]
     first = [float(f"{prediction[name]:.{DIGITS}g}") for name in names]
     if len(names) < 3 or len(set(first)) == 1:
         return float("nan")
@@ -238,44 +231,32 @@ def motion_label(motion: str) -> str:
 def page(results: Results) -> list[str]:
     """Return the page's parts."""
     rows, taus = results.tables["planning"], results.tables["planning_agreements"]
-    keys = ["arm", "physics"]
-    least = rows.loc[rows.groupby(keys, sort=False)["ratio"].idxmin()]
+    least = rows.loc[rows.groupby(KEYS, sort=False)["ratio"].idxmin()]
     plans = ~rows["motion"].isin([RECORDED, MINIMUM, BEST])
-    sure = least[plans[least.index] & (least["least"] >= SURE)]
-    best = rows[plans].groupby(keys, sort=False)["ratio"].idxmin()
-    known = taus.dropna(subset="tau")
-    medians = known.groupby("model", sort=False)["tau"].median()
-    positive = [f"{number(tau)} ({model})" for model, tau in medians.items()]
-    few, lines = len(sure) < SURE * len(least), []
+    sure = (plans[least.index] & (least["least"] >= SURE)).sum()
+    best = rows[plans].groupby(KEYS, sort=False)["ratio"].idxmin()
+    medians = taus.dropna(subset="tau").groupby("model", sort=False)["tau"].median()
+    few, lines = sure < SURE * len(least), []
     for row in least.itertuples():
-        own = rows.loc[best[row.arm, row.physics]] if (row.arm, row.physics) in best else None
         cells = [row.arm, row.physics, f"{motion_label(row.motion)} ({row.least:.0%})"]
-        cells.append(ratio_text(row))
-        cells += ["–", "–"] if own is None else [motion_label(own["motion"]), ratio_text(own)]
+        cells += [ratio_text(row), MISSING, MISSING]
+        if (row.arm, row.physics) in best:
+            own = rows.loc[best[row.arm, row.physics]]
+            cells[-2:] = motion_label(own["motion"]), ratio_text(own)
         lines.append(cells)
-    return [
-        "Is the motion that a model plans as the least uncertain really the least uncertain of one "
-        f"task path? Every model is fitted to {results.options.takes} takes of the recorded motion "
-        "and plans the motion of least Σ tr Cov(ω). The laboratory performs each motion as often.",
-        f"**Answer.** In {len(sure)} of {len(least)} pairs of arm and physics a model's plan has "
-        f"the least sum in at least {SURE:.1%} of the resamplings. The median of Kendall's τ "
-        "between predicted and realised order of the motions is "
-        f"{listed(positive) or 'undefined'}; 1 is the same order, −1 the opposite. The additive "
-        "model has no plan: its covariance is the same at every step. "
-        + ("These plans do not reliably reduce the uncertainty." if few else ""),
-        table(
-            ["arm", "physics", "least sum (share)", "over minimum norm", "best plan", "over it"],
-            lines,
-        ),
-        "Sums are those of the joints' one-step noise in rad²; ratios are to the minimum-norm "
-        "motion, with bootstrap 95 % intervals over the takes; the share is that of the "
-        "resamplings.",
-        results.figures["planning"],
-        "**What would change it.** The laboratory's sway grows with the speed of all joints, the "
-        "null space included, and no matrix model gives noise to a step in the null space. On a "
-        "real robot whose noise follows a model, that model's plan would be the least uncertain. "
-        "The planner knows no collisions.",
-    ]
+    header = ["arm", "physics", "least sum (share)", "over minimum norm", "best plan", "over it"]
+    text = PAGE.format(
+        takes=results.options.takes,
+        sure=sure,
+        pairs=len(least),
+        share=SURE,
+        medians=listed([f"{number(tau)} ({model})" for model, tau in medians.items()])
+        or "undefined",
+        verdict=" These plans do not reliably reduce the uncertainty." if few else "",
+        table=table(header, lines),
+        figure=results.figure,
+    )
+    return [text]
 
 
 def ratio_text(row) -> str:
@@ -283,4 +264,46 @@ def ratio_text(row) -> str:
     return interval(row.ratio, row.low, row.high).replace("+", "")
 
 
-run = Study("Least uncertain motions, planned and performed", Options, evaluate, page).run
+def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
+    """Uncertainty of motions along one task path, predicted and realised.
+
+    One panel an arm, all physics. Across: predicted Σ tr Cov(ω) over that of the minimum-norm
+    motion, a symbol a model; upwards: the realised sum over that of the minimum-norm motion, a
+    colour a motion. On the dotted diagonal the prediction holds.
+    """
+    predicted = planning_predictions.dropna(subset="sum")
+    norm = predicted[predicted["motion"] == MINIMUM].rename(columns={"sum": "norm"})
+    both = predicted.merge(norm.drop(columns="motion"), on=[*KEYS, "model"])
+    both = both.merge(planning[[*KEYS, "motion", "ratio"]], on=[*KEYS, "motion"])
+    arms, black = list(dict.fromkeys(planning["arm"])), style.BLACK
+    colours = (black, style.GREY, style.GREEN, style.BLUE, style.VERMILLION, style.ORANGE)
+    motions = dict(zip(dict.fromkeys(planning["motion"]), (*colours, style.PURPLE), strict=False))
+    models = dict(zip(dict.fromkeys(both["model"]), "osD^vP", strict=False))
+    figure, grid = style.panels(style.TWO_COLUMNS, 3.2, columns=len(arms))
+    for name, axes, arm in zip("abcdefg", grid[0], arms, strict=False):
+        for row in both[both["arm"] == arm].itertuples():
+            look = {"color": motions[row.motion], "marker": models[row.model]}
+            axes.plot([row.sum / row.norm], [row.ratio], ls="none", ms=4, alpha=0.8, **look)
+        axes.set(xscale="log", yscale="log", xlabel="predicted over minimum norm", title=arm)
+        axes.axline((1, 1), (2, 2), color=style.GREY, ls=":", lw=0.8)
+        for ticks in (axes.xaxis, axes.yaxis):
+            ticks.set_major_formatter("{x:g}")
+            ticks.set_minor_formatter("{x:g}")
+        axes.tick_params(which="both", labelsize=7)
+        style.letter(axes, name)
+    grid[0, 0].set_ylabel("realised over minimum norm")
+    entries = [
+        Line2D([], [], marker="o", ls="none", color=color, label=motion_label(name))
+        for name, color in motions.items()
+    ]
+    hollow = {"ls": "none", "mfc": "none", "mec": black}
+    entries += [
+        Line2D([], [], marker=mark, label=f"predicted by {name}", **hollow)
+        for name, mark in models.items()
+    ]
+    entries.append(Line2D([], [], color=style.GREY, ls=":", lw=0.8, label="prediction holds"))
+    figure.legend(handles=entries, loc="outside lower center", ncols=3)
+    return figure
+
+
+run = Study("Least uncertain motions, planned and performed", Options, evaluate, page, draw).run

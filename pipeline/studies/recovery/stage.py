@@ -10,12 +10,14 @@ from typing import Annotated
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 from pydantic import Field
 
 from pipeline.core import config, rng
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.core.validation import options
+from pipeline.figures import style
 from pipeline.models.bootstrap import replicate, resampled_estimator
 from pipeline.models.draws import draw_steps
 from pipeline.models.kinds import build_model, estimate, truths
@@ -27,10 +29,10 @@ from pipeline.statistics.takes import NORMAL_QUANTILE, percentile_interval
 from pipeline.studies.frame import NoAnswerError, Results, Study, listed, number
 from pipeline.verdicts.wording import table
 
-LABELS = {
-    "moments": "moments",
-    "paper": "the paper's convex problem",
-    "likelihood": "maximum likelihood",
+LOOKS = {  # estimators of σ_B
+    "moments": {"label": "moments", "color": style.BLUE, "marker": "o"},
+    "paper": {"label": "the paper's convex problem", "color": style.VERMILLION, "marker": "s"},
+    "likelihood": {"label": "maximum likelihood", "color": style.ORANGE, "marker": "D"},
 }
 METHOD = """Data sets have the measured poses and commanded steps of the recordings, noise of the
 model and the measurement noise of the recordings, which the estimators are given. All estimators of
@@ -41,6 +43,8 @@ LIMITS = """The data follow the model, recordings need not: an estimate from rec
 law has no true value. The weights of the convex problem are not printed. Here they follow from the
 noise at rest, and others move its estimates (figure of σ̂_B over the weight in the report). Fewer
 takes widen every interval."""
+# estimates of a data set, and of one resampling of its takes
+Pair = tuple[dict[str, float], dict[str, float]]
 
 
 @options()
@@ -63,15 +67,17 @@ class KnownLaw:
     estimators: dict[str, Model]
 
 
-# estimates of a data set, and of one resampling of its takes
-Pair = tuple[dict[str, float], dict[str, float]]
-
-
 def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFrame]:
     """Return the table ``recovery``; NoAnswerError if the measurement noise is unknown."""
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-    try:
-        part = thinned_steps(recorded, options.takes, options.stride)
+    try:  # of the recordings some takes and steps, and the measurement noise of all
+        part = replace(
+            recorded,
+            q=recorded.q[: options.takes, :: options.stride],
+            v=recorded.v[..., :: options.stride, :],
+            noise=recorded.noise[: options.takes, :: options.stride],
+            known_measurement=recorded.measurement,
+        )
     except ModelDomainError as reason:
         raise NoAnswerError(reason.message) from None
     cases = list(known_laws(part, options))
@@ -83,33 +89,20 @@ def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFr
     for i, case in enumerate(cases):
         own = pairs[i * options.datasets : (i + 1) * options.datasets]
         for name in case.estimators:
-            returned = [pair[name] for pair in own]
             for parameter, truth in case.truth.values.items():
                 keys = {"model": case.model, "estimator": name, "parameter": parameter}
-                rows.append(keys | recovery_row(parameter, truth, returned))
+                row = recovery_row(parameter, truth, [pair[name] for pair in own])
+                rows.append(keys | row)
     return {"recovery": pd.DataFrame(rows)}
 
 
 def known_laws(recorded: Recorded, options: Options) -> Iterator[KnownLaw]:
-    """The laws that data are drawn from: of the recorded variance, or of the stated σ_B."""
+    """Yield the laws that data are drawn from: of the recorded variance, or of the stated σ_B."""
     for name, model in config.model_options(options.estimators).items():
         names = options.estimators[name]
         estimators = {each: replace(model, estimator=each) for each in names} or {"–": model}
         for truth in truths(recorded, model, options.dispersions):
             yield KnownLaw(name, truth, estimators)
-
-
-def thinned_steps(recorded: Recorded, takes: int, stride: int) -> Recorded:
-    """The first ``takes`` takes and every ``stride``-th step, Σ_m that of all; raises
-    ModelDomainError where Σ_m is unknown.
-    """
-    return replace(
-        recorded,
-        q=recorded.q[:takes, ::stride],
-        v=recorded.v[..., ::stride, :],
-        noise=recorded.noise[:takes, ::stride],
-        known_measurement=recorded.measurement,
-    )
 
 
 def drawn(truth: MotionModel, recorded: Recorded, rng: np.random.Generator) -> Recorded:
@@ -128,13 +121,8 @@ def drawn(truth: MotionModel, recorded: Recorded, rng: np.random.Generator) -> R
 
 
 def recover(trial: tuple[KnownLaw, int], recorded: Recorded, seed: int) -> dict[str, Pair | None]:
-    """The estimates of every estimator from one data set and from a resampling of its takes; None
-    where an estimator has none.
-
-    Args:
-        trial: the known law, and the number of the data set.
-        recorded: poses, commands and measurement noise.
-        seed: of the experiment.
+    """Return the estimates of every estimator from one data set of a known law, by its number, and
+    from a resampling of its takes; None where an estimator has none.
     """
     case, number = trial
     stream = f"recovery {case.truth.label}"
@@ -154,22 +142,16 @@ def recover(trial: tuple[KnownLaw, int], recorded: Recorded, seed: int) -> dict[
 
 
 def recovery_row(parameter: str, truth: float, pairs: Sequence[Pair | None]) -> dict[str, float]:
-    """Mean, error and coverage of the estimates of a ``parameter`` over the data sets that gave
-    one; gaps for fewer than two of them.
+    """Return mean, error and coverage of the estimates of a ``parameter`` over the data sets that
+    gave one; gaps for fewer than two of them.
     """
-    solved = np.array(
-        [
-            [part[parameter] for part in pair]
-            for pair in pairs
-            if pair is not None and all(parameter in part for part in pair)
-        ]
-    ).reshape(-1, 2)
-    row = {"truth": truth, "datasets": len(solved), "lost": len(pairs) - len(solved)}
-    if len(solved) < 2:
+    given = [pair for pair in pairs if pair and all(parameter in part for part in pair)]
+    row = {"truth": truth, "datasets": len(given), "lost": len(pairs) - len(given)}
+    if len(given) < 2:
         return row
-    estimates, again = solved.T
-    error, mean = estimates - truth, estimates.mean()
-    half = NORMAL_QUANTILE * estimates.std(ddof=1) / np.sqrt(len(estimates))
+    estimates, again = np.array([[part[parameter] for part in pair] for pair in given]).T
+    error, mean, std = estimates - truth, estimates.mean(), estimates.std(ddof=1)
+    half = NORMAL_QUANTILE * std / np.sqrt(len(estimates))
     low, high = percentile_interval(again - estimates)
     return row | {
         "mean": mean,
@@ -178,7 +160,7 @@ def recovery_row(parameter: str, truth: float, pairs: Sequence[Pair | None]) -> 
         "least": estimates.min(),
         "greatest": estimates.max(),
         "root_mean_square_error": np.sqrt(np.mean(error**2)),
-        "standard_deviation": estimates.std(ddof=1),
+        "standard_deviation": std,
         "bootstrap_standard_error": (again - estimates).std(ddof=1),
         "coverage": np.mean((error + low <= 0) & (0 <= error + high)),
     }
@@ -189,24 +171,37 @@ def page(results: Results) -> list[str]:
     rows, options = results.tables["recovery"], results.options
     wishart = rows[rows["parameter"] == "sigma_b"]
     header = ["estimator", "σ_B", "mean σ̂_B (95 %)", "std", "bootstrap s.e.", "coverage", "lost"]
+    lines = []
+    for row in wishart.to_dict("records"):
+        mean, low, high = (number(row[name]) for name in ("mean", "mean_low", "mean_high"))
+        names = ("standard_deviation", "bootstrap_standard_error", "coverage", "lost")
+        cells = [
+            LOOKS[row["estimator"]]["label"],
+            number(row["truth"]),
+            f"{mean} ({low} to {high})",
+        ]
+        lines.append(cells + [number(row[name]) for name in names])
+    others = rows[rows["parameter"] != "sigma_b"].dropna(subset="mean")
+    unbiased = (others["mean_low"] <= others["truth"]) & (others["truth"] <= others["mean_high"])
     return [
         "Do the estimators of σ_B return the dispersion that data were drawn with, and do their "
         "intervals hold it?",
         "\n".join(f"- {sentence}" for sentence in bias_sentences(wishart)),
-        results.figures["recovery"],
+        results.figure,
         f"{options.datasets} data sets a law, {options.takes} takes of every {options.stride}th "
         f"step. {METHOD}",
-        table(header, [_cells(row) for row in wishart.to_dict("records")]),
-        f"The other models' parameters: [recovery.csv](recovery/recovery.csv). {others(rows)}",
+        table(header, lines),
+        "The other models' parameters: [recovery.csv](recovery/recovery.csv). "
+        f"{unbiased.sum()} of {len(others)} have no significant bias (95 %).",
         "## What would change the answer",
         LIMITS,
     ]
 
 
 def bias_sentences(rows: pd.DataFrame) -> Iterator[str]:
-    """A sentence for each estimator of σ_B: bias in percent, and coverage."""
+    """Yield a sentence for each estimator of σ_B: bias in percent, and coverage."""
     for estimator, part in rows.groupby("estimator", sort=False):
-        name, part = f"**{LABELS[estimator]}**", part.dropna(subset="mean")
+        name, part = f"**{LOOKS[estimator]['label']}**", part.dropna(subset="mean")
         if part.empty:
             yield f"{name}: no estimate."
             continue
@@ -222,18 +217,27 @@ def bias_sentences(rows: pd.DataFrame) -> Iterator[str]:
         )
 
 
-def others(rows: pd.DataFrame) -> str:
-    """The share of the other models' parameters whose mean estimate is within its interval."""
-    rows = rows[rows["parameter"] != "sigma_b"].dropna(subset="mean")
-    held = (rows["mean_low"] <= rows["truth"]) & (rows["truth"] <= rows["mean_high"])
-    return f"{held.sum()} of {len(rows)} have no significant bias (95 %)."
+def draw(recovery: pd.DataFrame) -> Figure:
+    """Dispersions that the estimators of the Wishart model recover.
+
+    Estimated over true σ_B: mean over the data sets (mark) and all of them (line), for each true
+    σ_B. The grey line at 1 is the true value.
+    """
+    recovery = recovery[recovery["parameter"] == "sigma_b"]
+    figure, ((axes,),) = style.panels(style.ONE_COLUMN, 2.7)
+    places = {truth: place for place, truth in enumerate(dict.fromkeys(recovery["truth"]))}
+    for shift, (estimator, look) in zip((-0.2, 0, 0.2), LOOKS.items(), strict=True):
+        rows = recovery[recovery["estimator"] == estimator].dropna(subset="mean")
+        x = rows["truth"].map(places) + shift
+        ends = (rows[name] / rows["truth"] for name in ("least", "greatest"))
+        axes.vlines(x, *ends, color=look["color"], linewidth=1.2)
+        axes.plot(x, rows["mean"] / rows["truth"], linestyle="", markersize=4, **look)
+    axes.axhline(1, color=style.GREY, linewidth=0.8, zorder=0, label="true value")
+    axes.set_xticks(list(places.values()), [f"{truth:g}" for truth in places])
+    axes.set(xlabel=r"true $\sigma_B$", ylabel=r"estimated over true $\sigma_B$")
+    axes.set_ylim(bottom=0)
+    figure.legend(loc="outside lower center", ncols=2)
+    return figure
 
 
-def _cells(row: dict[str, float]) -> list[str]:
-    mean, low, high = (number(row[name]) for name in ("mean", "mean_low", "mean_high"))
-    names = ("standard_deviation", "bootstrap_standard_error", "coverage", "lost")
-    cells = [LABELS[row["estimator"]], number(row["truth"]), f"{mean} ({low} to {high})"]
-    return cells + [number(row[name]) for name in names]
-
-
-run = Study("Parameters that the estimators recover", Options, evaluate, page).run
+run = Study("Parameters that the estimators recover", Options, evaluate, page, draw).run

@@ -18,7 +18,7 @@ from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError
 from pipeline.laboratory.options import TrajectoryOptions
 from pipeline.statistics.takes import wrench_summary
-from pipeline.studies.simulated import Factors, Laboratory, observe
+from pipeline.studies.simulated import Laboratory, PhysicsFactors, observe
 from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.reference import ArmNames
 from pipeline.wrench.bounds import Bounds
@@ -40,7 +40,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Common:
-    """What all conditions are evaluated with."""
+    """Laboratory, case, claims and sizes of all conditions."""
 
     laboratory: Laboratory
     ways: Mapping[str, Mapping[str, object]]  # trajectories by name: changes of the dataset's own
@@ -95,7 +95,7 @@ def motion_evidence(condition: Condition, common: Common) -> Evidence:
     laboratory = replace(common.laboratory, motion=trajectory(common.laboratory.motion, way))
     levels = {k: float(v) for k, v in condition.levels if k not in ("trajectory", "particles")}
     try:
-        takes, camera = observe(laboratory, Factors(**levels), condition.seed, *common.takes)
+        takes, camera = observe(laboratory, PhysicsFactors(**levels), condition.seed, *common.takes)
     except (SingularJacobianError, RecordingError, ModelDomainError):
         return {}
     recordings = Recordings(

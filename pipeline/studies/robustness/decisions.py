@@ -1,5 +1,5 @@
-"""What the paper leaves open: the case of the run's own options, and the same case with one
-decision taken otherwise.
+"""Decisions that the paper leaves open: the case of the run's own options, and the same case with
+one decision taken otherwise.
 """
 
 from __future__ import annotations
@@ -32,15 +32,10 @@ def decision_cases(
     ``task`` x, z, φ, weighs an error in angle like one in position. ``others`` is the number of
     cases with other random numbers, and of cases with other test takes.
     """
-    cases = [*_decisions(base, lever, task, joints)]
-    cases += [(CHANCE, f"draws {n}", replace(base, draw=base.draw + n)) for n in counted(others)]
-    cases += [(CHANCE, f"takes {n}", replace(base, batch=base.batch + n)) for n in counted(others)]
+    cases, numbers = [*_decisions(base, lever, task, joints)], range(1, others + 1)
+    cases += [(CHANCE, f"draws {n}", replace(base, draw=base.draw + n)) for n in numbers]
+    cases += [(CHANCE, f"takes {n}", replace(base, batch=base.batch + n)) for n in numbers]
     return [(BASE, BASE, base), *(named for named in cases if named[2] != base)]
-
-
-def counted(others: int) -> range:
-    """The numbers 1 … ``others``."""
-    return range(1, others + 1)
 
 
 def _decisions(

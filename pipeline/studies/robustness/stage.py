@@ -18,7 +18,7 @@ from pydantic import Field
 
 from pipeline.cases.case import Choices, Recordings, paper_models, recorded_takes
 from pipeline.cases.evaluate import evaluate
-from pipeline.cases.readings import FAILS, HOLDS, UNKNOWN, decided, read_claims
+from pipeline.cases.readings import FAILS, HOLDS, decided, read_claims
 from pipeline.core import config, contracts
 from pipeline.core.compiled import sources_hash
 from pipeline.core.compute.trials import run_trials
@@ -26,18 +26,12 @@ from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Count
 from pipeline.core.validation import options
 from pipeline.filtering.particle_filter import FilterOptions
-from pipeline.studies.frame import Results, Study
+from pipeline.studies.frame import Study
 from pipeline.studies.robustness.conditions import Common, Condition, conditions, verdicts
-from pipeline.studies.robustness.decisions import (
-    BASE,
-    CHANCE,
-    cameras,
-    decision_cases,
-    without_camera,
-)
+from pipeline.studies.robustness.decisions import cameras, decision_cases, without_camera
+from pipeline.studies.robustness.page import draw, page
 from pipeline.studies.simulated import FACTORS, Laboratory
 from pipeline.verdicts.claims import Claim
-from pipeline.verdicts.wording import table
 from pipeline.wrench.bounds import study_bounds
 
 HERE = Path(__file__).parent
@@ -64,7 +58,13 @@ class Options:
 
 
 def evaluate_grid(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFrame]:
-    """Return the table ``robustness``: the verdicts of every claim, counted by level."""
+    """Return the table ``robustness``: the verdicts of every claim, counted by level; raises
+    ConfigError for a factor that the laboratory does not have.
+    """
+    known = [*FACTORS, "particles"]
+    if unknown := sorted(set(options.factors) - set(known)):
+        message = f"no factor {', '.join(unknown)}; there are {', '.join(known)}"
+        raise ConfigError(message, key="factors", file=HERE / "params.yaml")
     claims = read_claims(HERE / "conclusions.yaml")
     parts = list(decision_verdicts(settings, options, claims))
     if settings.dataset.laboratory is None or not contracts.exists("kinect_noise", ARTICULATE):
@@ -81,11 +81,8 @@ def decision_verdicts(
     dataset, f = settings.dataset, settings.filter
     takes = recorded_takes(dataset.robot, dataset.motion)
     chain, joints = takes.training.chain, takes.training.joints
-    base = Choices(
-        paper_models(settings.models),
-        FilterOptions(f.particles, f.scheme, f.threshold),
-        settings.simulation.mode,
-    )
+    chosen = FilterOptions(f.particles, f.scheme, f.threshold)
+    base = Choices(paper_models(settings.models), chosen, settings.simulation.mode)
     lever = float(chain.lengths.mean()) if hasattr(chain, "lengths") else 1.0
     cases = decision_cases(base, lever, chain.task, joints, options.others)
     seen = {}
@@ -149,17 +146,12 @@ def laboratory_grid(
     """Return every condition of the laboratory, and what they have in common."""
     recorded = recorded_takes(settings.dataset.robot, settings.dataset.motion).training
     noise, f = contracts.read("kinect_noise", ARTICULATE), settings.filter
-    study = settings.wrench
+    study, chosen = settings.wrench, FilterOptions(f.particles, f.scheme, f.threshold)
     models = paper_models(settings.models) | config.model_options([BESIDE])
     common = Common(
         laboratory=Laboratory.of_run(settings, recorded, noise),
         ways=options.trajectories,
-        case=Choices(
-            models,
-            FilterOptions(f.particles, f.scheme, f.threshold),
-            settings.simulation.mode,
-            closed=True,
-        ),
+        case=Choices(models, chosen, settings.simulation.mode, closed=True),
         takes=(options.training_takes, options.test_takes),
         realizations=options.realizations,
         bounds=study_bounds(study),
@@ -167,21 +159,12 @@ def laboratory_grid(
         systems=(study.systems, study.test_systems, study.repeats),
         claims=claims,
     )
-    require_factors(options)
     varied = {"trajectory": list(options.trajectories)} | options.factors
     grid = [
         *conditions(varied, options.seeds, "motion", options.combined),
         *conditions(options.wrench, options.seeds, "wrench"),
     ]
     return grid, common
-
-
-def require_factors(options: Options) -> None:
-    """Raise ConfigError for a factor that the laboratory does not have."""
-    known = [*FACTORS, "particles"]
-    if unknown := sorted(set(options.factors) - set(known)):
-        message = f"no factor {', '.join(unknown)}; there are {', '.join(known)}"
-        raise ConfigError(message, key="factors", file=HERE / "params.yaml")
 
 
 def counts(parts: Iterable[Verdicts]) -> pd.DataFrame:
@@ -191,88 +174,13 @@ def counts(parts: Iterable[Verdicts]) -> pd.DataFrame:
     rows = []
     for grid, factor, level, cases in parts:
         place = {"grid": grid, "factor": factor, "level": level}
-        for row in cases.drop_duplicates("claim").itertuples():
-            held = {"holds": row.verdict == HOLDS, "fails": row.verdict == FAILS}
-            rows.append(place | {"claim": row.claim, "about": row.about} | held)
+        own = cases.drop_duplicates("claim").assign(**place)
+        verdict = own["verdict"]
+        rows.append(own.assign(holds=verdict == HOLDS, fails=verdict == FAILS))
     keys = ["grid", "factor", "level", "claim", "about"]
-    counted = pd.DataFrame(rows).groupby(keys, sort=False)[["holds", "fails"]].sum().reset_index()
+    counted = pd.concat(rows).groupby(keys, sort=False)[["holds", "fails"]].sum().reset_index()
     known = counted[["holds", "fails"]].sum(axis=1).groupby([counted["grid"], counted["claim"]])
     return counted[known.transform("sum") > 0].reset_index(drop=True)
 
 
-def verdict_of(holds: int, fails: int) -> str:
-    """Return ``holds``, ``fails``, ``both`` or ``no evidence`` of the cases of a level."""
-    if holds and fails:
-        return "both"
-    return HOLDS if holds else FAILS if fails else UNKNOWN
-
-
-def changes(robustness: pd.DataFrame) -> pd.DataFrame:
-    """Return a row for each grid, factor and claim: the ``base`` verdict, and whether a level of
-    the factor has another one. Other seeds of the base condition count as the factor CHANCE.
-    """
-    both = robustness[["holds", "fails"]].itertuples(index=False)
-    rows = robustness.assign(verdict=[verdict_of(*counted) for counted in both])
-    base = rows[rows["factor"] == BASE].set_index(["grid", "claim"])["verdict"]
-    rows["base"] = base.reindex(pd.MultiIndex.from_frame(rows[["grid", "claim"]])).to_numpy()
-    lucky = rows[(rows["factor"] == BASE) & (rows["grid"] != "decisions")]
-    lucky = lucky.assign(factor=CHANCE, changed=lucky["verdict"] == "both")
-    varied = rows[rows["factor"] != BASE]
-    varied = varied.assign(changed=varied["verdict"] != varied["base"])
-    keys = ["grid", "claim", "about", "base", "factor"]
-    return pd.concat([varied, lucky]).groupby(keys, sort=False)["changed"].any().reset_index()
-
-
-def page(results: Results) -> list[str]:
-    """Return the page's parts."""
-    changed = changes(results.tables["robustness"])
-    claims, by_claim = list(dict.fromkeys(changed["claim"])), changed.groupby("claim", sort=False)
-    flipped = changed[changed["changed"]]
-    lucky = set(flipped.loc[flipped["factor"] == CHANCE, "claim"])
-    of = {
-        name: set(flipped.loc[(flipped["grid"] == name) & (flipped["factor"] != CHANCE), "claim"])
-        for name in ("decisions", "motion", "wrench")
-    }
-    physical = of["motion"] | of["wrench"]
-    steady = [claim for claim in claims if claim not in lucky | of["decisions"] | physical]
-    most = flipped[(flipped["grid"] == "decisions") & (flipped["factor"] != CHANCE)]
-    most = most.groupby("factor")["claim"].nunique().sort_values(ascending=False)
-    rows = []
-    for claim, own in by_claim:
-        if claim in steady:
-            continue
-        cells = []
-        for grids in (("decisions",), ("motion", "wrench")):
-            some = own[own["grid"].isin(grids) & (own["factor"] != CHANCE)]
-            cells.append(f"{some['changed'].sum()} of {len(some)}" if len(some) else "–")
-        mark = "†" * (claim in lucky)
-        bases = ", ".join(dict.fromkeys(own["base"]))
-        rows.append([f"{claim} {mark}".strip(), bases, *cells])
-    decision = f"The decision that changes most is “{most.index[0]}”: {most.iloc[0]} claims. "
-    return [
-        "Do the verdicts on the claims depend on what the paper leaves open, on the physics of the "
-        "synthetic laboratory, or on the random numbers?",
-        f"Of {len(claims)} claims and conclusions with evidence, {len(steady)} have the same "
-        f"verdict in every case. The verdict on {len(of['decisions'])} changes with a decision "
-        f"that the paper leaves open, on {len(physical)} with the laboratory's physics or bounds, "
-        f"and on {len(lucky)} with other random numbers (†): a single run says little of these. "
-        f"{decision if len(most) else ''}"
-        f"The base case of the recordings has the options of the run, with "
-        f"{results.options.filtered} test takes in the filter; the laboratory's has "
-        f"{len(results.options.seeds)} seeds, and “both” is a claim that holds with one of them "
-        "only.",
-        results.figures["robustness"],
-        "Claims whose verdict changes, with the number of decisions and of factors of the "
-        "laboratory that change it:",
-        table(["claim", "base", "decisions", "laboratory"], rows),
-        f"The same verdict in every case: {', '.join(steady) or 'none'}.",
-        "**What would change it.** One decision or factor at a time is changed; `combined` in "
-        "params.yaml has combinations of the laboratory's. The laboratory here has no faults of "
-        "markers, no articulation of depth images and no estimate of clocks. Claims about robots "
-        "or about the paper's own specimen are not decided by synthetic recordings: the grid shows "
-        "how their rules behave. All counts: "
-        "[robustness.csv](robustness/robustness.csv).",
-    ]
-
-
-run = Study("Claims where something is decided otherwise", Options, evaluate_grid, page).run
+run = Study("Claims where something is decided otherwise", Options, evaluate_grid, page, draw).run

@@ -66,20 +66,22 @@ class Published:
         """(n,) standard deviation of a step in rad, the root of the mean variance."""
         return np.sqrt(np.diag(self.covariance))
 
+    @property
+    def total(self) -> float:
+        """Root of the trace of Σ̂_ω in rad."""
+        return np.sqrt(np.trace(self.covariance))
+
 
 def published(claims: Sequence[Claim]) -> Published:
-    """The published values of ``claims``; raises ConfigError where one of them is not stated."""
+    """Return the published values of ``claims``; raises ConfigError where one is not stated."""
     stated = {claim.id: claim for claim in claims}
     if absent := {"sigma-b", "alpha", "u", "sigma-omega"} - set(stated):
         raise ConfigError("no claim with a published value", claim=", ".join(sorted(absent)))
-    covariance = stated["sigma-omega"]
-    entries = [tuple(int(digit) - 1 for digit in case["entry"]) for case in covariance.cases()]
-    matrix = np.full((1 + max(i for entry in entries for i in entry),) * 2, np.nan)
-    for (i, j), value in zip(entries, covariance.published, strict=True):
+    entries = [[int(x) - 1 for x in case["entry"]] for case in stated["sigma-omega"].cases()]
+    matrix = np.full((1 + np.max(entries),) * 2, np.nan)
+    for (i, j), value in zip(entries, stated["sigma-omega"].published, strict=True):
         matrix[i, j] = matrix[j, i] = value
-    return Published(
-        stated["sigma-b"].published, stated["alpha"].published, stated["u"].published, matrix
-    )
+    return Published(*(stated[name].published for name in ("sigma-b", "alpha", "u")), matrix)
 
 
 @dataclass(frozen=True)
@@ -89,12 +91,12 @@ class Widths:
     kind: np.ndarray  # (P,) of path
     norm: np.ndarray  # (P,) greatest ‖J⁻¹‖_F on the path
     gaussian: np.ndarray  # (P,) of every joint alike
-    wishart: np.ndarray  # (R, P, n) of each of the readings
+    wishart: np.ndarray  # (P, R, n) of each of the readings
 
     @property
     def total(self) -> np.ndarray:
         """(R, P) of the Wishart model, the variances of the joints summed."""
-        return np.linalg.norm(self.wishart, axis=-1)
+        return np.linalg.norm(self.wishart, axis=-1).T
 
     @property
     def difference(self) -> np.ndarray:
@@ -102,51 +104,47 @@ class Widths:
         return self.total / (np.sqrt(self.wishart.shape[-1]) * self.gaussian)
 
     def subset(self, chosen: np.ndarray) -> Widths:
-        """The paths of the mask ``chosen`` (P,)."""
-        parts = (self.kind[chosen], self.norm[chosen], self.gaussian[chosen])
-        return Widths(*parts, self.wishart[:, chosen])
+        """Return the paths of the mask ``chosen`` (P,)."""
+        return Widths(*(part[chosen] for part in vars(self).values()))
 
 
 def joined(parts: Sequence[Widths]) -> Widths:
-    """The paths of all ``parts``."""
-    names = ("kind", "norm", "gaussian")
-    columns = [np.concatenate([getattr(part, name) for part in parts]) for name in names]
-    return Widths(*columns, np.concatenate([part.wishart for part in parts], axis=1))
+    """Return the paths of all ``parts``."""
+    columns = zip(*(vars(part).values() for part in parts), strict=True)
+    return Widths(*map(np.concatenate, columns))
 
 
 def widths(chain: PlanarChain, paths: Paths, stated: Published, kind: str = "") -> Widths:
-    """Both models at the printed parameters ``stated`` on ``paths`` of the arm ``chain``."""
-    count, n = len(paths.q), paths.q.shape[-1]
-    wishart = np.empty((len(READINGS), count, n))
-    norm, gaussian = np.empty((2, count))
-    for start in range(0, count, BLOCK):
-        block = slice(start, start + BLOCK)
-        jacobian = chain.jacobian(paths.q[block])
-        v = np.matvec(jacobian, paths.step[block])
+    """Return both models at the printed parameters ``stated`` on ``paths`` of the arm ``chain``."""
+    blocks, n = [], paths.q.shape[-1]
+    for start in range(0, len(paths.q), BLOCK):
+        q, step, inverse = (
+            part[start : start + BLOCK] for part in (paths.q, paths.step, paths.inverse)
+        )
+        jacobian = chain.jacobian(q)
+        v = np.ascontiguousarray(np.moveaxis(np.matvec(jacobian, step), -1, 0))
         jacobian, inverse = (
             np.ascontiguousarray(np.moveaxis(part, (-2, -1), (0, 1)))
-            for part in (jacobian, paths.inverse[block])
+            for part in (jacobian, inverse)
         )
-        v = np.ascontiguousarray(np.moveaxis(v, -1, 0))
-        for number, reading in enumerate(READINGS):
-            parts = wishart_parts(reading, jacobian, inverse, v)
-            variance = wishart_variance(parts, len(v), stated.sigma_b)
-            wishart[number, block] = np.sqrt(variance.mean(axis=-1)).T
         norms = np.sqrt((inverse * inverse).sum(axis=(0, 1)))
-        norm[block] = norms.max(axis=-1)
-        variance = gaussian_variance(norms, v, stated.alpha, stated.u, n)
-        gaussian[block] = np.sqrt(variance.mean(axis=-1))
-    return Widths(np.full(count, kind), norm, gaussian, wishart)
+        variances = [
+            wishart_variance(wishart_parts(reading, jacobian, inverse, v), len(v), stated.sigma_b)
+            for reading in READINGS
+        ]
+        wishart = np.sqrt(np.stack([variance.mean(axis=-1).T for variance in variances], axis=1))
+        gaussian = gaussian_variance(norms, v, stated.alpha, stated.u, n).mean(axis=-1)
+        blocks.append(Widths(np.full(len(q), kind), norms.max(-1), np.sqrt(gaussian), wishart))
+    return joined(blocks)
 
 
 def log_quantities(drawn: Widths, stated: Published) -> dict[str, np.ndarray]:
-    """(R, P) or (P,) logarithm of each quantity, which the paper has at 0."""
+    """Return the (R, P) or (P,) logarithm of each quantity, which the paper has at 0."""
     n = len(stated.covariance)
-    printed = np.sqrt(np.trace(stated.covariance))
-    joints = {f"joint {j + 1}": drawn.wishart[..., j] / stated.spread[j] for j in range(n)}
-    quantities = joints | {
-        "trace": drawn.total / printed,
-        "gaussian": np.sqrt(n) * drawn.gaussian / printed,
+    joints = np.moveaxis(drawn.wishart / stated.spread, -1, 0)
+    quantities = {f"joint {j + 1}": ratio.T for j, ratio in enumerate(joints)} | {
+        "trace": drawn.total / stated.total,
+        "gaussian": np.sqrt(n) * drawn.gaussian / stated.total,
         "difference": drawn.difference,
     }
     return {name: np.log(values) for name, values in quantities.items()}
@@ -155,74 +153,59 @@ def log_quantities(drawn: Widths, stated: Published) -> dict[str, np.ndarray]:
 def densities(
     quantities: Mapping[str, np.ndarray], names: Sequence[str], tolerance: float
 ) -> np.ndarray:
-    """(R, P) density of the printed numbers on each path, a factor ``tolerance`` f > 1 allowed on
-    each of the quantities ``names``.
+    """Return the (R, P) density of the printed numbers on each path, a factor ``tolerance`` f > 1
+    allowed on each of the quantities ``names``.
     """
     deviation = np.log(tolerance)
     squares = sum((quantities[name] / deviation) ** 2 for name in names)
     return np.exp(-squares / 2) / (np.sqrt(2 * np.pi) * deviation) ** len(names)
 
 
-def relative_likelihood(density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(R,) likelihood over the one of pivoted LU, and the standard error of its logarithm by the
-    number of paths, of ``density`` (R, P).
-    """
-    mean, pivoted = density.mean(axis=1), READINGS.index(PIVOTED)
-    share = density / mean[:, None]
-    error = (share - share[pivoted]).std(axis=1, ddof=1) / np.sqrt(density.shape[1])
-    return mean / mean[pivoted], error
-
-
 def evidence_rows(
     drawn: Widths, stated: Published, tolerances: Sequence[float], span: tuple[float, float]
 ) -> pd.DataFrame:
-    """Return the rows of the table ``evidence`` of one prior.
+    """Return the rows of the table ``evidence`` of one prior, whose paths are ``drawn``: for each
+    of the ``tolerances`` f, and for the integral over f in ``span``, which is uniform in ln ln f.
 
-    Args:
-        drawn: both models on the prior's paths.
-        stated: the printed values.
-        tolerances: factors f.
-        span: least and greatest f of the integral, which is uniform in ln ln f.
+    Likelihoods are over the one of pivoted LU; intervals by the number of paths.
     """
-    quantities = log_quantities(drawn, stated)
-    grid = np.exp(np.geomspace(*np.log(span), SPAN))
-    rows = []
+    quantities, pivoted = log_quantities(drawn, stated), READINGS.index(PIVOTED)
+    grid, rows = np.exp(np.geomspace(*np.log(span), SPAN)), []
     for size, first in SIZES.items():
         for name, further in SETS.items():
             members = (*first, *further)
             cases = {f: densities(quantities, members, f) for f in tolerances}
             cases[INTEGRATED] = np.mean([densities(quantities, members, f) for f in grid], axis=0)
             for tolerance, density in cases.items():
-                ratio, error = relative_likelihood(density)
-                rows.append(
-                    pd.DataFrame(
-                        {
-                            "reading": READINGS,
-                            "likelihood": ratio,
-                            "low": ratio * np.exp(-NORMAL_QUANTILE * error),
-                            "high": ratio * np.exp(NORMAL_QUANTILE * error),
-                        }
-                    ).assign(size=size, quantities=name, tolerance=tolerance)
-                )
+                mean = density.mean(axis=1)
+                share, ratio = density / mean[:, None], mean / mean[pivoted]
+                error = (share - share[pivoted]).std(axis=1, ddof=1) / np.sqrt(density.shape[1])
+                ends = [ratio * np.exp(sign * NORMAL_QUANTILE * error) for sign in (-1, 1)]
+                columns = {
+                    "reading": READINGS,
+                    "likelihood": ratio,
+                    "low": ends[0],
+                    "high": ends[1],
+                }
+                place = {"size": size, "quantities": name, "tolerance": tolerance}
+                rows.append(pd.DataFrame(columns).assign(**place))
     return pd.concat(rows, ignore_index=True)
 
 
 def width_rows(drawn: Widths, stated: Published) -> pd.DataFrame:
     """Return the rows of the table ``widths`` of one prior."""
-    n = len(stated.covariance)
-    printed = np.sqrt(np.trace(stated.covariance))
+    n, rows = len(stated.covariance), []
     gaussian = np.repeat(drawn.gaussian[:, None], n, axis=1)
-    rows = []
-    for reading, joints in zip((*READINGS, GAUSSIAN), [*drawn.wishart, gaussian], strict=True):
-        width = np.linalg.norm(joints, axis=-1) / printed
-        difference = width * printed / (np.sqrt(n) * drawn.gaussian)
-        low, median, high, best = np.quantile(width, [0.05, 0.5, 0.95, 0.99])
+    models = [*np.moveaxis(drawn.wishart, 1, 0), gaussian]
+    for reading, joints in zip((*READINGS, GAUSSIAN), models, strict=True):
+        total = np.linalg.norm(joints, axis=-1)
+        width, difference = total / stated.total, total / (np.sqrt(n) * drawn.gaussian)
+        names = ("low", "median", "high", "best")
         row = {"reading": reading, "paths": len(width)}
-        row |= {"low": low, "median": median, "high": high, "best": best}
+        row |= dict(zip(names, np.quantile(width, [0.05, 0.5, 0.95, 0.99]), strict=True))
         row |= {f"joint_{j + 1}": np.median(joints[:, j]) / stated.spread[j] for j in range(n)}
-        ends = np.quantile(difference, [0.0, 0.5, 1.0])
-        row |= dict(zip(("least_ratio", "median_ratio", "greatest_ratio"), ends, strict=True))
-        rows.append(row | {"reached": np.mean(width >= 1)})
+        row |= {"least_ratio": difference.min(), "median_ratio": np.median(difference)}
+        rows.append(row | {"greatest_ratio": difference.max(), "reached": np.mean(width >= 1)})
     return pd.DataFrame(rows)
 
 
@@ -230,15 +213,13 @@ def unsquared_rows(drawn: Widths, stated: Published, tolerances: Sequence[float]
     """Return the table ``unsquared``: the Gaussian model with Σ_k = α(u² − ‖J⁻¹‖²)/n², all of the
     quantities, likelihoods relative to pivoted LU with α².
     """
-    names = (*next(iter(SIZES.values())), *SETS["small_difference"])
-    wider = log_quantities(drawn, stated)
-    reference = {f: densities(wider, names, f)[READINGS.index(PIVOTED)].mean() for f in tolerances}
-    shift = -np.log(stated.alpha) / 2
+    names = (*SIZES["joints 1 and 2"], *SETS["small_difference"])
+    wider, shift, rows = log_quantities(drawn, stated), -np.log(stated.alpha) / 2, []
+    due = [densities(wider, names, f)[READINGS.index(PIVOTED)].mean() for f in tolerances]
     wider |= {"gaussian": wider["gaussian"] + shift, "difference": wider["difference"] - shift}
-    rows = []
-    for tolerance in tolerances:
-        likelihood = densities(wider, names, tolerance).mean(axis=1) / reference[tolerance]
-        low, high = np.exp(np.quantile(wider["difference"], [0.05, 0.95], axis=1))
+    low, high = np.exp(np.quantile(wider["difference"], [0.05, 0.95], axis=1))
+    for tolerance, reference in zip(tolerances, due, strict=True):
+        likelihood = densities(wider, names, tolerance).mean(axis=1) / reference
         columns = {"likelihood": likelihood, "low_ratio": low, "high_ratio": high}
         rows.append(pd.DataFrame({"reading": READINGS, "tolerance": tolerance} | columns))
     return pd.concat(rows, ignore_index=True)

@@ -1,12 +1,11 @@
 """Random paths of the paper's arm: the prior of the study.
 
-The paper publishes neither its path nor its time law. The prior has three kinds of equal weight:
-straight lines in the joints and in the task (x, z, φ), each one way or there and back with equal
-probability, and ellipses through the start, in the joints or in the task alike. The start is
-uniform within the joint limits, the direction isotropic in the joints' speeds, and the size the
-one at which the fastest joint has the drawn peak speed. A path is feasible if every pose keeps
-the joint limits and ‖J⁻¹‖_F < û; collisions with the arm itself, the ground and obstacles are not
-tested. No model of the noise decides whether a path is kept.
+The prior has three kinds of equal weight: straight lines in the joints and in the task (x, z, φ),
+each one way or there and back with equal probability, and ellipses through the start, in the joints
+or in the task alike. The start is uniform within the joint limits, the direction isotropic in the
+joints' speeds, and the size the one at which the fastest joint has the drawn peak speed. A path is
+feasible if every pose keeps the joint limits and ‖J⁻¹‖_F < û; collisions are not tested. No model
+of the noise decides whether a path is kept.
 """
 
 from __future__ import annotations
@@ -26,10 +25,8 @@ SPEED_TOLERANCE = 0.02  # relative, of the peak speed of a path of the task
 
 @dataclass(frozen=True)
 class TimeLaw:
-    """Steps of a motion: rest, linear ramp, constant speed, linear ramp, rest.
-
-    A motion there and back has that twice, in half the time each. Ranges are those of uniform
-    laws.
+    """Steps of a motion: rest, linear ramp, constant speed, linear ramp, rest; there and back both
+    in half the time each. Ranges are those of uniform laws.
 
     ``once`` is the share of the duration that the motion takes: below 1 it is as much faster and
     repeated. Means over all steps do not depend on the number of repetitions.
@@ -43,7 +40,7 @@ class TimeLaw:
     once: tuple[float, float] = (1.0, 1.0)
 
     def draw(self, back: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """(P, steps+1) share of the path that is behind the arm at every sample; ``back`` (P,)
+        """Return the share of the path behind the arm at every sample (P, steps+1); ``back`` (P,)
         marks the motions there and back.
         """
         count = (len(back), 1)
@@ -70,10 +67,6 @@ class Paths:
     step: np.ndarray  # (P, K, n) rad
     inverse: np.ndarray  # (P, K, n, m) J⁻¹
 
-    def first(self, count: int) -> Paths:
-        """The first ``count`` paths."""
-        return Paths(*(part[:count] for part in vars(self).values()))
-
 
 def with_tool(chain: PlanarChain, length: float) -> PlanarChain:
     """Return ``chain`` with its last link of another ``length`` in m, in the same direction."""
@@ -83,7 +76,8 @@ def with_tool(chain: PlanarChain, length: float) -> PlanarChain:
 
 
 def joint_angles(chain: PlanarChain, pose: np.ndarray, elbow: np.ndarray) -> np.ndarray:
-    """(..., 3) angles in rad that put the tip at ``pose`` (..., 3) = (x, z, φ); NaN out of reach.
+    """Return the angles (..., 3) in rad that put the tip at ``pose`` (..., 3) = (x, z, φ); NaN out
+    of reach.
 
     ``elbow`` (...), the sign of det J, selects one of the two solutions.
     """
@@ -100,74 +94,57 @@ def joint_angles(chain: PlanarChain, pose: np.ndarray, elbow: np.ndarray) -> np.
     return chain.joints_from_segments(np.stack([upper, upper + bend, heading], axis=-1))
 
 
-@dataclass(frozen=True)
-class Candidates:
-    """Paths start + size·shape(behind), in the joints or, where ``task``, in the task."""
-
-    chain: PlanarChain
-    task: np.ndarray  # (P,)
-    loop: np.ndarray  # (P,)
-    start: np.ndarray  # (P, 3) angles in rad, or pose in m and rad
-    axes: np.ndarray  # (P, 2, 3) direction, and the ellipse's other axis
-    elbow: np.ndarray  # (P,) sign of det J at the start
-    behind: np.ndarray  # (P, K+1)
-
-    def angles(self, size: np.ndarray, chosen: np.ndarray, stride: int) -> np.ndarray:
-        """(C, L, 3) rad at every ``stride``-th sample of the paths ``chosen`` (C,)."""
-        behind = self.behind[chosen, ::stride, None]
-        turn, (along, across) = 2 * np.pi * behind, np.moveaxis(self.axes[chosen, None], 2, 0)
-        ellipse = (np.sin(turn) * along + (1 - np.cos(turn)) * across) / (2 * np.pi)
-        shape = np.where(self.loop[chosen, None, None], ellipse, behind * along)
-        result = self.start[chosen, None] + size[chosen, None, None] * shape
-        task = self.task[chosen]
-        if np.any(task):
-            result[task] = joint_angles(self.chain, result[task], self.elbow[chosen][task, None])
-        return result
-
-
 def _bounded(inverse: np.ndarray, bound: float) -> np.ndarray:
     """(...,) whether ‖J⁻¹‖_F of ``inverse`` (..., n, m) is below ``bound``."""
     return np.einsum("...ij,...ij->...", inverse, inverse) < bound**2
 
 
-def _draw_candidates(
+def _feasible(
     chain: PlanarChain, law: TimeLaw, kind: str, bound: float, rng: np.random.Generator
-) -> Candidates:
+) -> Paths:
+    """The feasible ones of a batch of paths start + size·shape, in the joints or in the task."""
     q = rng.uniform(chain.lower, chain.upper, (BATCH, 3))
     q = q[~chain.singular(q)]
     q = q[_bounded(chain.inverse_jacobian(q), bound)]
     count = len(q)
+    # direction, and the ellipse's other axis
     first, other = rng.standard_normal((2, count, 3))
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     other -= np.vecdot(other, first)[:, None] * first
     other *= (rng.uniform(0, 1, count) / np.linalg.norm(other, axis=1))[:, None]
     axes = np.stack([first, other], axis=1) * chain.max_speed
-    coin = rng.uniform(size=count) < 0.5
-    loop = np.full(count, kind == "loop")
-    task = coin if kind == "loop" else np.full(count, kind == "task line")
+    coin, loop = rng.uniform(size=count) < 0.5, kind == "loop"
+    task = coin if loop else np.full(count, kind == "task line")
     axes[task] = np.einsum("pij,psj->psi", chain.jacobian(q)[task], axes[task])
     start = np.where(task[:, None], chain.pose(q), q)
     elbow = np.sign(chain.determinant(q))
-    return Candidates(chain, task, loop, start, axes, elbow, law.draw(coin & ~loop, rng))
-
-
-def _feasible(
-    chain: PlanarChain, law: TimeLaw, kind: str, bound: float, rng: np.random.Generator
-) -> Paths:
-    """The feasible ones of a batch of candidates."""
-    drawn = _draw_candidates(chain, law, kind, bound, rng)
-    count = len(drawn.start)
+    share = law.draw(coin & (not loop), rng)
     once = rng.uniform(*law.once, count)
-    chosen, peak, size = np.arange(count), once * rng.uniform(*law.peak, count), np.ones(count)
+    peak, size = once * rng.uniform(*law.peak, count), np.ones(count)
+
+    def angles(chosen: np.ndarray, stride: int) -> np.ndarray:
+        """(C, L, 3) rad at every ``stride``-th sample of the paths ``chosen`` (C,)."""
+        shape, (along, across) = (
+            share[chosen, ::stride, None],
+            np.moveaxis(axes[chosen, None], 2, 0),
+        )
+        turn = 2 * np.pi * shape
+        ellipse = (np.sin(turn) * along + (1 - np.cos(turn)) * across) / (2 * np.pi)
+        q = start[chosen, None] + size[chosen, None, None] * (ellipse if loop else shape * along)
+        of_task = task[chosen]
+        if np.any(of_task):
+            q[of_task] = joint_angles(chain, q[of_task], elbow[chosen][of_task, None])
+        return q
 
     def greatest_speed(q: np.ndarray, stride: int) -> np.ndarray:
         return (np.abs(np.diff(q, axis=1)) / chain.max_speed).max(axis=(1, 2)) * law.rate / stride
 
-    for _ in range(SCALINGS if drawn.task.any() else 1):
-        ratio = peak / greatest_speed(drawn.angles(size, chosen, COARSE), COARSE)
+    chosen = np.arange(count)
+    for _ in range(SCALINGS if task.any() else 1):
+        ratio = peak / greatest_speed(angles(chosen, COARSE), COARSE)
         size *= np.where(np.isfinite(ratio), ratio, 0.5)  # shorter if it leaves the reach
     for stride in (COARSE, 1):
-        q = drawn.angles(size, chosen, stride)
+        q = angles(chosen, stride)
         speed = greatest_speed(q, stride)
         kept = chain.within_limits(q).all(axis=1) & ~chain.singular(q).any(axis=1)
         kept &= np.abs(speed / peak[chosen] - 1) < SPEED_TOLERANCE * (5 if stride > 1 else 1)
@@ -180,26 +157,14 @@ def _feasible(
 
 
 def draw_paths(
-    chain: PlanarChain,
-    law: TimeLaw,
-    kind: str,
-    bound: float,
-    count: int,
-    rng: np.random.Generator,
+    chain: PlanarChain, law: TimeLaw, kind: str, bound: float, count: int, rng: np.random.Generator
 ) -> Paths:
-    """Return ``count`` random feasible paths.
-
-    Args:
-        chain: the arm, with its limits.
-        law: time law.
-        kind: of :data:`KINDS`.
-        bound: û, which ‖J⁻¹‖_F stays below (1/m and 1 mixed).
-        count: number of paths.
-        rng: generator.
+    """Return ``count`` random feasible paths of the arm ``chain`` with its limits, of a ``kind`` of
+    :data:`KINDS`; ``bound`` is û, which ‖J⁻¹‖_F stays below (1/m and 1 mixed).
     """
     parts, have = [], 0
     while have < count:
         parts.append(_feasible(chain, law, kind, bound, rng))
         have += len(parts[-1].q)
     columns = zip(*(vars(part).values() for part in parts), strict=True)
-    return Paths(*map(np.concatenate, columns)).first(count)
+    return Paths(*(np.concatenate(column)[:count] for column in columns))

@@ -1,5 +1,6 @@
-"""The laboratory's depth camera: exact geometry against analytic rays, and the sensor's noise
-against its laws."""
+"""The laboratory's depth camera: exact geometry against analytic rays, and each part of the
+sensor's noise against its law.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ import hashlib
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from fractions import Fraction
 from operator import mul
 from pathlib import Path
@@ -14,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import norm
 
 import pipeline
 import pipeline.arm
@@ -22,7 +25,7 @@ from pipeline.core.errors import ConfigError
 from pipeline.laboratory.kinect import DepthCamera
 from pipeline.laboratory.options import KinectOptions
 from pipeline.laboratory.scene import Prism, cast, prism
-from pipeline.laboratory.sensor import draw_bias
+from pipeline.laboratory.sensor import axial_std, draw_bias, lateral_std, read_depth
 
 ARM = load_arm(
     Path(pipeline.arm.__file__).with_name("youbot.urdf"),
@@ -30,17 +33,11 @@ ARM = load_arm(
     "arm_tool",
     {},
 )
-
-
 CANDLE = np.deg2rad([65.0, -146.0, 102.5])
-
-
 FOLDED, EXTENDED = (
     CANDLE + np.deg2rad([35.0, 135.0, 10.0]),
     CANDLE + np.deg2rad([-65.0, 65.0, -90.0]),
 )
-
-
 UNBIASED = np.zeros(4502, dtype=np.float32)
 
 
@@ -68,7 +65,7 @@ def distance_to_skeleton(points: np.ndarray, q: np.ndarray) -> np.ndarray:
 BOX = np.array([[-0.1, -0.2], [0.1, -0.2], [0.1, 0.2], [-0.1, 0.2]])
 
 
-def test_depth_of_a_box_equals_that_of_analytic_slabs() -> None:
+def test_depth_of_a_box_equals_that_of_analytic_slabs():
     rng = np.random.default_rng(2)
     half = np.array([0.1, 0.07, 0.2])
     x, y = (np.arange(80) - 39.5) / 80, (np.arange(60) - 29.5) / 80
@@ -110,7 +107,7 @@ def exact_depth(solid: Prism, x: float, y: float) -> float:
     return float(low) if high is not None and low < high else np.inf
 
 
-def test_a_ray_that_brushes_an_edge_meets_the_face_that_rational_arithmetic_says() -> None:
+def test_a_ray_that_brushes_an_edge_meets_the_face_that_rational_arithmetic_says():
     rng = np.random.default_rng(5)
     met, single = [], []
     # rays to either side of an edge between the ends, 1e-10 m off it
@@ -131,7 +128,7 @@ def test_a_ray_that_brushes_an_edge_meets_the_face_that_rational_arithmetic_says
     assert np.sum(np.isfinite(single) != met) > 20
 
 
-def test_the_plane_of_a_face_may_pass_through_the_camera() -> None:
+def test_the_plane_of_a_face_may_pass_through_the_camera():
     # seen by a camera at the height of its top: the front alone
     front = np.array([[-1.0, 0.0, 2.0], [-1.0, 1.0, 2.0], [1.0, 1.0, 2.0], [1.0, 0.0, 2.0]])
     solid = Prism(np.stack([front, front + np.array([0.0, 0.0, 1.0])]))
@@ -143,7 +140,7 @@ def test_the_plane_of_a_face_may_pass_through_the_camera() -> None:
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
 def test_the_arm_is_wholly_in_view_around_its_skeleton_and_clear_of_the_room(
     camera: DepthCamera, share: float
-) -> None:
+):
     q = FOLDED + share * (EXTENDED - FOLDED)
     depth, _ = camera.render(q)
     points = backproject(camera, depth)
@@ -191,7 +188,7 @@ def elsewhere(**environment: str) -> tuple[str, str]:
 
 
 @pytest.mark.slow
-def test_an_equal_stream_gives_equal_bytes_in_any_process_on_any_instruction_set() -> None:
+def test_an_equal_stream_gives_equal_bytes_in_any_process_on_any_instruction_set():
     here = digest(2)
     assert here == digest(2) != digest(3)
     images, functions = elsewhere()
@@ -205,10 +202,116 @@ def test_an_equal_stream_gives_equal_bytes_in_any_process_on_any_instruction_set
     assert len({functions, *(found for _, found in levels)}) > 1
 
 
-def test_a_scene_that_cannot_be_seen_is_refused() -> None:
+def test_a_scene_that_cannot_be_seen_is_refused():
     with pytest.raises(ConfigError, match="more slender"):
         prism(BOX[[0, 2, 1, 3]], -1.0, 1.0)
     with pytest.raises(ConfigError, match="stands in a solid"):
         cast(prism(BOX, -0.07, 0.07), np.zeros(1), np.zeros(1))
     with pytest.raises(ConfigError, match="wholly in the image"):
         DepthCamera(ARM, KinectOptions(distance=0.3), UNBIASED).render(EXTENDED)
+
+
+CLEAN = KinectOptions(axial=(0.0, 0.0, 0.0, 0.0), lateral=(0.0, 0.0), edge_lost=0.0, edge_mixed=0.0)
+
+
+def ramp() -> np.ndarray:
+    """Depth (424, 512) from nothing on the left to 4.8 m on the right."""
+    return np.tile(np.linspace(0.0, 4.8, 512, dtype=np.float32), (424, 1))
+
+
+def flat(depth: float, grazing: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    return np.full((424, 512), depth, dtype=np.float32), np.full(
+        (424, 512), grazing, dtype=np.float32
+    )
+
+
+def step(rows: int = 2000, near: float = 1.0, far: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
+    depth = np.full((rows, 40), near, dtype=np.float32)
+    depth[:, 20:] = far
+    return depth, np.zeros_like(depth)
+
+
+@pytest.mark.parametrize(("depth", "grazing"), [(0.8, 0.0), (1.2, 0.9), (3.0, 1.3)])
+def test_noise_of_a_flat_wall_has_the_axial_deviation(depth: float, grazing: float):
+    options = KinectOptions()
+    error = (
+        read_depth(*flat(depth, grazing), UNBIASED, options, np.random.default_rng(8)) - 1e3 * depth
+    )
+
+    def predicted(z: float) -> float:
+        # published law in mm, and the variance of rounding to 1 mm
+        law = 1.5 - 0.5 * z + 0.3 * z**2 + 0.1 * z**1.5 * grazing**2 / (np.pi / 2 - grazing) ** 2
+        return float(np.hypot(law, 1 / np.sqrt(12)))
+
+    # 217 088 pixels: the deviation's standard error is 0.15 %
+    assert error.std() == pytest.approx(predicted(depth), rel=0.006)
+    assert not error.std() == pytest.approx(predicted(depth) * 1.02, rel=0.006)
+    assert abs(error.mean()) < 5 * error.std() / np.sqrt(error.size)
+    assert abs((error[:, 1:] * error[:, :-1]).mean()) < 5 * error.var() / np.sqrt(error.size)
+    assert np.all(axial_std(*flat(depth, grazing), options) > 0)
+
+
+@pytest.mark.parametrize("grazing", [0.0, 1.2])
+def test_lateral_noise_moves_an_edge_by_the_published_deviation(grazing: float):
+    options = replace(CLEAN, lateral=KinectOptions().lateral)
+    depth, angle = step(rows=20_000)
+    image = read_depth(
+        depth, angle + np.float32(grazing), UNBIASED, options, np.random.default_rng(4)
+    )
+    crossed = (image[:, 17:20] == 2000).mean(axis=0)
+    sigma = 0.8 + 0.035 * grazing / (np.pi / 2 - grazing)
+    assert lateral_std(np.float32(grazing), options) == pytest.approx(sigma, rel=1e-5)
+
+    def scores(deviation: float) -> np.ndarray:
+        # the pixel's centre lies 2.5, 1.5 and 0.5 px from the edge
+        chance = norm.cdf(-np.array([2.5, 1.5, 0.5]) / deviation)
+        return np.abs(crossed - chance) / np.sqrt(chance * (1 - chance) / 20_000)
+
+    assert scores(sigma).max() < 4
+    assert scores(1.1 * sigma).max() > 8
+    assert np.all(image[:, :16] == 1000)
+    assert np.all(image[:, 24:] == 2000)
+
+
+def test_edges_lose_and_mix_their_pixels_at_the_stated_rates_and_nowhere_else():
+    options = replace(CLEAN, edge_lost=0.3, edge_mixed=0.2)
+    depth, angle = step()
+    image = read_depth(depth, angle, UNBIASED, options, np.random.default_rng(4))
+    edge = image[:, 19:21]
+    # 4000 pixels: a rate of 0.3 has a standard error of 0.007
+    assert (edge == 0).mean() == pytest.approx(0.3, abs=0.03)
+    between = edge[(edge != 0) & (edge != 1000) & (edge != 2000)]
+    assert between.size / edge.size == pytest.approx(0.2, abs=0.03)
+    assert not between.size / edge.size == pytest.approx(0.3, abs=0.03)
+    assert between.mean() == pytest.approx(1500, abs=5 * 1000 / np.sqrt(12 * between.size))
+    np.testing.assert_array_equal(
+        np.delete(image, [19, 20], axis=1), np.delete(np.rint(1000 * depth), [19, 20], axis=1)
+    )
+
+
+def test_without_noise_the_image_is_the_exact_depth_in_whole_millimetres():
+    depth, grazing = ramp(), np.tile(np.linspace(0.0, 1.7, 424, dtype=np.float32)[:, None], 512)
+    image = read_depth(depth, grazing, UNBIASED, CLEAN, np.random.default_rng(0))
+    valid = (depth >= 0.5) & (depth <= 4.5) & (grazing <= CLEAN.grazing_limit)
+    assert image.dtype == np.uint16
+    assert image.shape == (424, 512)
+    np.testing.assert_array_equal(image, np.where(valid, np.rint(depth * np.float32(1000)), 0))
+    assert 0.1 < valid.mean() < 0.9
+
+
+def test_bias_shifts_depth_smoothly_by_one_draw_a_session():
+    options = KinectOptions(bias_offset_std=5e-3, bias_wiggle=2e-3)
+    bias = draw_bias(options, np.random.default_rng(1))
+    depth = ramp().clip(0.6, 4.4)
+    shift = (
+        read_depth(depth, np.zeros_like(depth), bias, CLEAN, np.random.default_rng(0)) - 1e3 * depth
+    )
+    assert np.abs(shift[0] - 1e3 * bias[(1e3 * depth[0]).astype(int)]).max() <= 0.501
+    offset, wiggle = np.mean(bias[:4230]), bias[:4230] - np.mean(bias[:4230])
+    assert np.abs(wiggle).max() == pytest.approx(2e-3, rel=0.02)
+    assert np.abs(np.diff(bias)).max() < 1e-3 * 2e-3 * 2 * np.pi / 0.47 * 1.01
+    offsets = [
+        np.mean(draw_bias(options, np.random.default_rng(seed))[:4230]) for seed in range(300)
+    ]
+    assert np.std(offsets) == pytest.approx(5e-3, rel=0.15)
+    assert offset == pytest.approx(offsets[1], abs=1e-9)

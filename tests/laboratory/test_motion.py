@@ -1,0 +1,323 @@
+"""The synthetic arm's motion: it follows its command within the limits of its joints, each
+disturbance is what its option says, and each instrument sees it on its own clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import kurtosis
+
+from pipeline.core.errors import ConfigError
+from pipeline.laboratory.dynamics import (
+    Chance,
+    draw,
+    lagged_correlation,
+    lagged_noise,
+    session_offset,
+    simulate_take,
+    swing,
+    true_chain,
+)
+from pipeline.laboratory.options import ClockOptions, EncoderOptions
+from pipeline.laboratory.session import depth_frames, log_joints, open_session, perform
+from pipeline.laboratory.swing import JointPath, desired_joints, desired_path, desired_trajectory
+
+NO_OFFSET, OFFSET = np.zeros(3), np.array([1e-3, -2e-3, 3e-3])
+ENCODERS = EncoderOptions(rate=250.0, resolution=1e-3)
+
+
+def goal_at(t: np.ndarray, trajectory) -> tuple[np.ndarray, np.ndarray]:
+    return desired_joints(np.clip(t, 0.0, trajectory.duration), trajectory)
+
+
+def deviations(arm, trajectory, quiet, takes: int, rng, **disturbance) -> np.ndarray:
+    """(takes, N, 3) what a single kind of disturbance adds to the undisturbed joint angles."""
+    still = simulate_take(arm.chain, NO_OFFSET, trajectory, quiet, rng).q
+    options = replace(quiet, **disturbance)
+    moved = [simulate_take(arm.chain, NO_OFFSET, trajectory, options, rng).q for _ in range(takes)]
+    return np.stack(moved) - still
+
+
+def lagged(x: np.ndarray) -> np.ndarray:
+    """Correlation of white noise behind four lags with itself ``x`` lags later, in continuous
+    time.
+    """
+    return (1 + x + 2 * x**2 / 5 + x**3 / 15) * np.exp(-x)
+
+
+def later(x: np.ndarray, lag: int) -> float:
+    """Correlation of paths along axis 1, of zero mean, with themselves ``lag`` steps later."""
+    return float(np.mean(x[:, lag:] * x[:, :-lag]) / np.mean(x**2))
+
+
+def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way(arm, trajectory):
+    t = np.arange(round(trajectory.duration * 1000) + 1) / 1000
+    q, speed = desired_joints(t, trajectory)
+    half, rest = trajectory.duration / 2, trajectory.rest
+    ends = (t <= rest) | (t >= trajectory.duration - rest)
+    turn = np.abs(t - half) <= rest
+    assert np.array_equal(q[ends], np.tile(trajectory.folded, (ends.sum(), 1)))
+    np.testing.assert_allclose(q[turn], np.tile(trajectory.extended, (turn.sum(), 1)), atol=1e-12)
+    # the instants at which rest and motion meet may round to either side
+    assert abs((~speed.any(axis=1)).sum() - (ends.sum() + turn.sum())) <= 4
+    way = np.array(trajectory.extended) - trajectory.folded
+    assert np.all((speed * way)[(t > rest) & (t < half - rest)] >= 0)
+    np.testing.assert_allclose(q, q[::-1], atol=1e-12)
+    # the speed is the derivative of the angle, and changes as smoothly as the ramps say
+    assert np.abs((q[2:] - q[:-2]) * 500 - speed[1:-1]).max() < 1e-4
+    peak = np.abs(speed).max()
+    assert np.abs(np.diff(speed, axis=0)).max() < peak * np.pi / 2 / trajectory.ramp / 1000 * 1.01
+    assert arm.chain.within_limits(q).all()
+    assert np.all(np.abs(speed) <= arm.chain.max_speed)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda arm, way: {"extended": (arm.chain.upper[0] + 0.01, *way.extended[1:])}, "leaves"),
+        (lambda arm, way: {"duration": 1.5, "rest": 0.0}, "faster than the joints"),
+        (lambda arm, way: {"folded": (0.0,) * 2, "extended": (0.5,) * 2}, "must have 3 angles"),
+    ],
+)
+def test_a_motion_that_the_arm_cannot_do_is_refused(arm, trajectory, change, words):
+    with pytest.raises(ConfigError, match=words):
+        desired_trajectory(arm.chain, replace(trajectory, **change(arm, trajectory)))
+
+
+@pytest.fixture
+def sampled(arm, trajectory):
+    return JointPath(desired_path(arm.chain, trajectory), trajectory.rate)
+
+
+def test_a_sampled_motion_is_performed_like_the_motion_that_was_sampled(
+    arm, trajectory, dynamics, sampled
+):
+    session = open_session(arm.chain, dynamics, np.random.default_rng(1))
+    one, other = (
+        perform(session, motion, dynamics, np.random.default_rng(2))
+        for motion in (trajectory, sampled)
+    )
+    # sway and play, up to 0.05 rad of a joint, follow the speed, which the interpolant has to 1 %
+    assert 0 < np.abs(one.truth - other.truth).max() < 5e-4
+    # the control: a motion that is not the sampled one
+    slower = JointPath(0.9 * sampled.joints, sampled.rate)
+    turned = perform(session, slower, dynamics, np.random.default_rng(2))
+    assert np.abs(one.truth - turned.truth).max() > 1e-2
+
+
+def test_takes_made_together_are_those_made_one_by_one(arm, dynamics, sampled):
+    single = [
+        simulate_take(arm.chain, OFFSET, sampled, dynamics, np.random.default_rng(seed))
+        for seed in range(3)
+    ]
+    drawn = [draw(arm.chain, sampled, dynamics, np.random.default_rng(seed)) for seed in range(3)]
+    stacked = Chance(*map(np.stack, zip(*drawn, strict=True)))
+    together = swing(arm.chain, OFFSET, sampled, dynamics, stacked)
+    for field in ("q", "servo"):
+        alone = np.stack([getattr(take, field) for take in single])
+        assert np.array_equal(getattr(together, field), alone)
+    assert np.abs(together.q[0] - together.q[1]).max() > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda q: q[:, :2], "3 angles a pose"),
+        (lambda q: q[:1], "two poses or more"),
+        (lambda q: q + np.where(np.arange(len(q)) >= 7, 9.0, 0.0)[:, None], "limits .step 7"),
+        (lambda q: q + np.where(np.arange(len(q)) > 7, 0.1, 0.0)[:, None], "faster.*step 7"),
+    ],
+)
+def test_a_path_that_the_arm_cannot_follow_is_refused_with_its_first_step(
+    arm, sampled, change, words
+):
+    sampled.require_followable(arm.chain)
+    bad = replace(sampled, joints=change(sampled.joints))
+    with pytest.raises(ConfigError, match=words):
+        bad.require_followable(arm.chain)
+
+
+@pytest.mark.parametrize(("steps_per_lag", "paths"), [(13.5, 4000), (540.0, 600)])
+def test_lagged_noise_has_variance_one_and_the_correlation_of_four_lags(steps_per_lag, paths, rng):
+    steps = np.round(np.array([0.5, 1.0, 2.0]) * steps_per_lag).astype(int)
+    noise = lagged_noise((paths, steps[-1] + 1), steps_per_lag, rng)
+    band, x = 4.5 * np.sqrt(2 / paths), steps / steps_per_lag
+    for end in (0, -1):  # stationary from the first sample on
+        assert abs(np.mean(noise[:, end] ** 2) - 1) < band
+    # E(x(t + s) − x(t))² = 2(1 − ρ(s)), which tells short times apart
+    moved = np.mean((noise[:, steps] - noise[:, :1]) ** 2, axis=0) / 2
+    assert np.all(np.abs(moved / (1 - lagged(x)) - 1) < band)
+    np.testing.assert_allclose(
+        lagged_correlation(steps, steps_per_lag), lagged(x), atol=0.01 / steps_per_lag
+    )
+    assert lagged_correlation(np.array(10**6), steps_per_lag) == 0.0
+    # controls: one lag fewer, and a single one
+    for other in ((1 + x + x**2 / 3) * np.exp(-x), np.exp(-x)):
+        assert np.all(np.abs(moved[:2] / (1 - other[:2]) - 1) > band)
+
+
+def test_without_disturbances_the_arm_follows_its_command_up_to_the_servos_step(
+    arm, trajectory, quiet, rng
+):
+    error = []
+    for rate in (500.0, 1000.0):
+        t, q, _ = simulate_take(arm.chain, NO_OFFSET, trajectory, replace(quiet, rate=rate), rng)
+        error.append(np.abs(q - goal_at(t, trajectory)[0]).max())
+        assert t[0] < 0 and t[-1] > trajectory.duration
+    # Euler's error: acceleration · step / (2 · gain)
+    acceleration = (
+        np.abs(np.diff(desired_joints(np.arange(3200) / 1000, trajectory)[1], axis=0)).max() * 1000
+    )
+    assert error[1] < acceleration / 1000 / 2 / quiet.servo_gain
+    assert 1.9 < error[0] / error[1] < 2.1
+
+
+def test_the_speed_error_is_a_share_of_the_speed_with_its_own_memory(arm, trajectory, quiet, rng):
+    options = replace(quiet, speed_error_std=0.03, speed_error_time=0.022)
+    shares = []
+    for _ in range(150):
+        t, q, _ = simulate_take(arm.chain, NO_OFFSET, trajectory, options, rng)
+        goal, speed = goal_at(t, trajectory)
+        commanded = speed + options.servo_gain * (goal - q)
+        fast = (t > 0.65) & (t < 1.0)
+        done = np.diff(q, axis=0, append=q[-1:]) * options.rate
+        shares.append(done[fast] / commanded[fast] - 1)
+    shares = np.array(shares)
+    # 150 takes × 3 joints × 0.35 s; ∫ρ² is 4.29 lags
+    band = 4 / np.sqrt(2 * 150 * 3 * 0.35 / (4.29 * 0.022))
+    np.testing.assert_allclose(shares.std(), 0.03, rtol=band)
+    for lag in (1, 5, 10):
+        correlation = np.mean([later(shares[..., j], lag) for j in range(3)])
+        x = lag / options.rate / options.speed_error_time
+        assert abs(correlation - lagged(x)) < band
+        # control: behind a single lag it would have forgotten more
+        assert correlation - np.exp(-x) > band
+
+
+def test_the_end_effector_sways_as_stated_and_more_the_faster_it_moves(arm, trajectory, quiet, rng):
+    std, rest, exponent = np.array([3e-4, 1.5e-3, 0.03]), 0.02, 2.0
+    options = replace(quiet, sway_std=tuple(std), sway_rest=rest, speed_exponent=exponent)
+    t, still, _ = simulate_take(arm.chain, NO_OFFSET, trajectory, quiet, rng)
+    takes = [simulate_take(arm.chain, NO_OFFSET, trajectory, options, rng)[1] for _ in range(150)]
+    added = np.stack(takes) - still
+    sway = np.einsum("kij,nkj->nki", arm.chain.jacobian(still), added)
+    speed = np.linalg.norm(goal_at(t, trajectory)[1], axis=1) / np.linalg.norm(arm.chain.max_speed)
+    stated = std * (rest + (1 - rest) * speed**exponent)[:, None]
+    unit = sway / stated
+    slow, fast = speed < 0.5 * speed.max(), speed > 0.9 * speed.max()
+    for part in (slow | ~slow, slow, fast):
+        # samples are 5 ms apart and ∫ρ² is 4.29 lags of 13.5 ms: a twelfth of them counts
+        band = 4 / np.sqrt(2 * unit[:, part, 0].size / 12)
+        assert np.all(np.abs(unit[:, part].std(axis=(0, 1)) - 1) < band)
+    # control: of one size at every speed it is not
+    sizes = [sway[:, part].std(axis=(0, 1)) for part in (slow, fast)]
+    assert np.all(sizes[0] < 0.3 * sizes[1])
+
+
+def test_the_clearance_moves_the_third_joint_alone_anywhere_inside_the_play(
+    arm, trajectory, quiet, rng
+):
+    options = {"clearance": 0.03, "rattle_speed": 0.5, "clearance_time": 2e-3}
+    added = deviations(arm, trajectory, quiet, 60, rng, **options)
+    assert not added[..., :2].any()
+    assert np.abs(added).max() <= 0.03
+    t, _, _ = simulate_take(arm.chain, NO_OFFSET, trajectory, quiet, rng)
+    filled = added[:, np.abs(goal_at(t, trajectory)[1][:, 2]) > 0.5, 2] / 0.03
+    assert abs(filled.var() - 1 / 3) < 4 * np.sqrt(4 / 45 / filled.size) * 2
+    # uniform, and so far from normal
+    assert abs(kurtosis(filled, axis=None) + 1.2) < 0.05
+
+
+def test_a_session_draws_zeros_and_lengths_of_the_stated_size(arm, quiet, rng):
+    options, sessions = replace(quiet, encoder_offset_std=2e-3, length_std=3e-4), 1000
+    offsets = np.array([session_offset(options, 3, rng) for _ in range(sessions)])
+    chains = [true_chain(arm.chain, options, rng) for _ in range(sessions)]
+    errors = np.array([chain.lengths for chain in chains]) - arm.chain.lengths
+    for drawn, std in ((offsets, 2e-3), (errors, 3e-4)):
+        np.testing.assert_allclose(drawn.std(axis=0), std, rtol=4 / np.sqrt(2 * sessions))
+        assert np.all(np.abs(drawn.mean(axis=0)) < 4 * std / np.sqrt(sessions))
+    # only lengths: the links point as they did
+    headings = [np.arctan2(*chain.links.T) for chain in chains]
+    np.testing.assert_allclose(
+        headings, np.tile(np.arctan2(*arm.chain.links.T), (sessions, 1)), atol=1e-14
+    )
+
+
+def test_start_and_ripple_scatter_as_stated_and_the_servo_takes_the_start_back(
+    arm, trajectory, quiet, rng
+):
+    added = deviations(arm, trajectory, quiet, 150, rng, start_std=4e-3)
+    np.testing.assert_allclose(added[:, 0].std(axis=0), 4e-3, rtol=4 / np.sqrt(2 * 150))
+    decay = (1 - quiet.servo_gain / quiet.rate) ** np.arange(added.shape[1])
+    np.testing.assert_allclose(added, added[:, :1] * decay[:, None], atol=1e-14)
+    added = deviations(arm, trajectory, quiet, 150, rng, encoder_ripple=1e-3)
+    assert np.abs(added).max() <= 1e-3 + 1e-15
+    # a sine of uniform phase
+    np.testing.assert_allclose(added[:, 0].std(axis=0), 1e-3 / np.sqrt(2), rtol=0.17)
+
+
+def test_a_frame_shows_the_arm_at_the_instant_that_its_time_on_the_cameras_clock_stands_for(
+    arm, trajectory, quiet, rng
+):
+    lab = open_session(arm.chain, quiet, rng)
+    motion = perform(lab, trajectory, quiet, rng)
+    clock, offsets = ClockOptions(offset=-0.2, offset_std=0.05, drift=1e-3, jitter_std=5e-3), []
+    nominal = np.arange(97) / clock.rate
+    for _ in range(100):
+        frames = depth_frames(motion.swing, trajectory.duration, clock, rng)
+        instants = (frames.times - frames.clock_offset) / (1 + clock.drift)
+        np.testing.assert_allclose(instants, frames.exposed, atol=1e-12)
+        assert np.abs(instants - nominal)[1:-1].std() == pytest.approx(5e-3 * 0.6, rel=0.4)
+        expected = np.stack([np.interp(instants, motion.swing.t, q) for q in motion.swing.q.T], -1)
+        np.testing.assert_allclose(frames.joints, expected, atol=1e-12)
+        offsets.append(frames.clock_offset)
+    assert abs(np.mean(offsets) + 0.2) < 4 * 0.05 / 10
+    assert abs(np.std(offsets) / 0.05 - 1) < 4 / np.sqrt(200)
+
+
+def test_the_truth_is_where_the_arm_was_and_motion_capture_misses_it_by_its_jitter_alone(
+    arm, trajectory, quiet, rng
+):
+    lab = open_session(arm.chain, quiet, rng)
+    sharp = perform(lab, trajectory, quiet, rng)
+    blurred = perform(lab, trajectory, replace(quiet, jitter_std=2e-3), rng)
+    assert np.array_equal(sharp.motion_capture, sharp.truth)
+    assert np.array_equal(blurred.truth, sharp.truth)
+    speed = desired_joints(np.arange(321) / trajectory.rate, trajectory)[1]
+    fast = np.abs(speed[:, 0]) > 0.9 * np.abs(speed).max()
+    error = blurred.motion_capture - blurred.truth
+    missed = error[fast, 0] / speed[fast, 0]
+    assert abs(missed.std() / 2e-3 - 1) < 4 / np.sqrt(2 * fast.sum())
+    still = np.abs(speed).max(axis=1) == 0
+    assert np.abs(error[still]).mean() < 0.02 * np.abs(error[fast]).mean()
+
+
+def test_encoders_read_the_servo_to_their_resolution_and_nothing_behind_the_gears(
+    arm, trajectory, quiet, rng
+):
+    loose = replace(quiet, clearance=0.03)
+    taken = simulate_take(arm.chain, OFFSET, trajectory, loose, rng)
+    assert np.abs(taken.q - taken.servo - OFFSET).max() > 1e-3
+    t, signals = log_joints(taken, trajectory, ENCODERS)
+    np.testing.assert_allclose(t, np.arange(801) / 250, atol=1e-12)
+    assert np.array_equal(signals["target"], desired_joints(t, trajectory)[0])
+    read = signals["actual"] / ENCODERS.resolution
+    np.testing.assert_allclose(read, np.round(read), atol=1e-9)
+    servo = np.stack([np.interp(t, taken.t, joint) for joint in taken.servo.T], axis=1)
+    error = signals["actual"] - servo
+    assert np.abs(error).max() <= ENCODERS.resolution / 2 * (1 + 1e-9)
+    # rounding is uniform where the arm moves
+    moving = np.abs(np.gradient(servo, axis=0)).min(axis=1) > 1e-4
+    assert error[moving].std() == pytest.approx(1e-3 / np.sqrt(12), rel=0.05)
+
+
+def test_takes_of_one_stream_repeat_to_the_last_bit(arm, trajectory, dynamics):
+    lab = open_session(arm.chain, dynamics, np.random.default_rng(1))
+    first, again, other = (
+        perform(lab, trajectory, dynamics, np.random.default_rng(seed)) for seed in (3, 3, 4)
+    )
+    assert np.array_equal(first.motion_capture, again.motion_capture)
+    assert not np.array_equal(first.motion_capture, other.motion_capture)

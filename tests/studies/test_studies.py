@@ -1,0 +1,154 @@
+"""Every study writes its tables, figure and page together, or nothing where a part of it fails; its
+page has question, answer and number, whatever the number of workers.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from known_law import ROOT
+from study_runs import NAMES, options_of, study_of, written
+
+from pipeline.core import config, contracts
+from pipeline.core.errors import ConfigError, ContractError
+from pipeline.core.typed_yaml import read_yaml
+from pipeline.figures.style import panels
+from pipeline.studies.frame import NoAnswerError, interval, listed, number
+
+QUICK = ("outlook", "recovery")  # the others take longer than ten seconds
+RUN = [
+    name if name in QUICK else pytest.param(name, marks=pytest.mark.slow)
+    for name in NAMES
+    if name != "filters"  # it needs the filters' scores of a whole run
+]
+
+
+@pytest.mark.parametrize("name", RUN)
+def test_a_study_writes_its_answer_and_equal_bytes_with_any_number_of_workers(name, project):
+    study, folder = study_of(name), ROOT / "pipeline/studies" / name
+    study.run()
+    first = written()
+    declared = {table for table in read_yaml(folder / "tables.yaml") if table[0] != "."}
+    assert {Path(file).stem for file in first if file.endswith(".csv")} <= declared
+    assert {f"reports/studies/{name}/{name}.{kind}" for kind in ("png", "svg")} < {*first}
+    text = first[f"reports/studies/{name}.md"].decode()
+    question, *rest = text.partition("\n\n")[2].split("\n\n")
+    assert "?" in question and re.search(r"\d", "".join(rest[:4])) and len(text.split()) <= 1000
+    assert text.count("![") == 1 and "| --- |" in text and "What would change" in text
+    assert not re.search(r"\bnan\b|\{|\}", text)
+    config.COMPOSED.write_text(config.COMPOSED.read_text().replace("workers: 1", "workers: 2"))
+    study.run()
+    assert written() == first
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("scale", ["paper", "smoke"])
+def test_the_options_of_a_study_are_validated_by_their_keys(name, scale):
+    options = options_of(name, scale)
+    assert vars(options)
+    with pytest.raises(ConfigError, match="unheard_of"):
+        options_of(name, scale, unheard_of=1)
+    title, _, caption = " ".join(study_of(name).draw.__doc__.split()).partition(". ")
+    assert 10 < len(title) < 110 and len(caption) > 100
+
+
+def test_a_factor_that_does_not_exist_is_refused_by_its_name(project):
+    study = study_of("robustness")
+    options = options_of("robustness", factors={"swing": [1.0]})
+    with pytest.raises(ConfigError, match="no factor swing; there are disturbances"):
+        study.evaluate(None, options)
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"), [("recovery", "never rests"), ("filters", "no depth camera")]
+)
+def test_the_page_states_why_a_dataset_gives_no_answer(name, reason, never_resting, capsys):
+    study_of(name).run()
+    page = Path(f"reports/studies/{name}.md")
+    assert "No answer for this dataset: " in page.read_text() and reason in page.read_text()
+    assert reason in capsys.readouterr().out and set(written()) == {str(page)}
+
+
+def draw(counted):
+    """Lengths. One line."""
+    figure, axes = panels(2, 2)
+    axes[0, 0].plot(counted["k"], counted["length"])
+    return figure
+
+
+@pytest.fixture
+def counting(project, monkeypatch):
+    """A study of two rows, in the folder `counting`."""
+    files = {
+        "params.yaml": "paper: {rows: 5}\nsmoke: {rows: 2}\n",
+        "tables.yaml": "counted: {k: count | number, length: real 0.. | m}\n",
+        "dvc.yaml": "stages: {counting: {params: [data/config.yaml: [seed]]}}\n",
+        "stage.py": "from pipeline.core.validation import options\n\n\n"
+        "@options()\nclass Options:\n    rows: int\n",
+    }
+    for name, text in files.items():
+        contracts.write_text(text, Path("counting") / name)
+    monkeypatch.syspath_prepend(str(Path.cwd()))
+    monkeypatch.delitem(__import__("sys").modules, "counting", raising=False)
+    from counting.stage import Options
+
+    def evaluate(settings, options):
+        length = [float(settings.seed)] * options.rows
+        return {"counted": pd.DataFrame({"k": range(options.rows), "length": length})}
+
+    def page(results):
+        return [f"{len(results.tables['counted'])} rows", results.figure]
+
+    study = study_of("outlook")
+    yield replace(study, title="Rows", options=Options, evaluate=evaluate, page=page, draw=draw)
+    for name in ("counting", "counting.stage"):
+        __import__("sys").modules.pop(name, None)
+
+
+def fail(*_):
+    """Stand for a function of a study with a fault."""
+    raise ZeroDivisionError
+
+
+def undeclared(*_):
+    """Return a table with a column that tables.yaml lacks."""
+    return {"counted": pd.DataFrame({"k": [1], "length": [1.0], "width": [1.0]})}
+
+
+def refuse(*_):
+    """Stand for a study of other recordings."""
+    raise NoAnswerError("the dataset has no depth camera")
+
+
+def test_a_study_leaves_the_tables_and_page_of_an_earlier_run_where_a_part_of_it_fails(counting):
+    counting.run()
+    first = written()
+    page = "# Rows\n\n2 rows\n\n![Lengths](counting/counting.png)\n\n**Lengths.** One line.\n"
+    assert first["reports/studies/counting.md"].decode() == page
+    assert pd.read_csv("reports/studies/counting/counted.csv").to_dict("list") == {
+        "k": [0, 1],
+        "length": [2017.0] * 2,
+    }
+    for part, error in (
+        ({"evaluate": fail}, ZeroDivisionError),
+        ({"page": fail}, ZeroDivisionError),
+        ({"evaluate": undeclared}, ContractError),
+    ):
+        with pytest.raises(error):
+            replace(counting, **part).run()
+        assert written() == first
+    replace(counting, evaluate=refuse).run()
+    assert set(written()) == {"reports/studies/counting.md"}
+
+
+def test_numbers_and_names_in_words():
+    missing, infinite = float("nan"), float("inf")
+    given = [number(x) for x in (3.0, 1234567.0, 0.12345, missing, -infinite)]
+    assert given == ["3", "1,234,567", "0.123", "–", "−∞"]
+    assert interval(-1e-13, 0.5, 1.25) == "+0 [+0.5, +1.25]"
+    assert interval(2.0, missing, missing) == "+2" and interval(*[missing] * 3) == "–"
+    assert [listed(names) for names in (["a"], ["a", "b", "c"])] == ["a", "a, b and c"]

@@ -1,0 +1,32 @@
+"""The studies by name, their options at a scale, and the files that they wrote."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+
+from known_law import ROOT
+
+from pipeline.core.typed_yaml import read_yaml
+from pipeline.core.validation import validated
+from pipeline.studies.frame import Study
+
+NAMES = sorted(file.parent.name for file in (ROOT / "pipeline/studies").glob("*/stage.py"))
+
+
+def study_of(name: str) -> Study:
+    """The study of this name."""
+    return import_module(f"pipeline.studies.{name}.stage").run.__self__
+
+
+def options_of(name: str, scale: str = "smoke", **changes):
+    """The options of a study at a scale, some of them changed."""
+    section = read_yaml(ROOT / f"pipeline/studies/{name}/params.yaml")[scale]
+    return validated(study_of(name).options, section | changes)
+
+
+def written() -> dict[str, bytes]:
+    """Every file below data/studies and reports/studies."""
+    folders = (Path("data/studies"), Path("reports/studies"))
+    files = [file for folder in folders for file in folder.rglob("*") if file.is_file()]
+    return {str(file): file.read_bytes() for file in files}
