@@ -275,7 +275,7 @@ def _kinect(joints: pd.DataFrame, names: list[str], settings) -> dict[str, float
 
 
 def _truth(joints: pd.DataFrame, names: list[str], settings) -> dict[str, float]:
-    """Errors of measured joint angles against the true ones, which synthetic datasets alone have."""
+    """Errors of measured joint angles against the true ones, which synthetic data alone have."""
     truth = truth_of(settings.dataset)
     if not contracts.exists("true_joints", truth):
         return {}
