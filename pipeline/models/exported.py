@@ -56,10 +56,8 @@ class ExportedModel:
 
     def covariance_of_joint_step(self, dq: np.ndarray) -> np.ndarray:
         """(..., n, n) covariance in rad² of the step of the joints for commanded steps ``dq``
-        (..., n) in rad, of models whose noise depends on the joint step alone: no Jacobian.
-
-        Raises ModelDomainError for other models, another number of joints, and where the
-        recordings cannot tell the noise of a joint at such a step.
+        (..., n) in rad, of models whose noise depends on the joint step alone; ModelDomainError for
+        others, and where the recordings cannot tell the noise of a joint at such a step.
         """
         n = len(self.chain.lower)
         dq = self._shaped("dq", dq, (n,), "rad a step")
@@ -95,11 +93,7 @@ class ExportedModel:
         return self.law.sample(self.chain, np.broadcast_to(q, (size, *q.shape)), v, rng)
 
     def log_density(
-        self,
-        q: np.ndarray,
-        v: np.ndarray,
-        q_next: np.ndarray,
-        measurement: np.ndarray | None = None,
+        self, q: np.ndarray, v: np.ndarray, q_next: np.ndarray, measurement=None
     ) -> np.ndarray:
         """(...,) ln p(q_next | q) in rad⁻ⁿ; with ``measurement`` (n, n) in rad² of the next pose as
         it is measured (for a Wishart model by a quadrature that needs the project's compiler).
@@ -156,11 +150,9 @@ class ExportedModel:
 
 def chain_record(chain: Chain) -> dict[str, Any]:
     """The numbers of ``chain`` in plain values, without any robot's description."""
-    values = {each.name: getattr(chain, each.name) for each in fields(chain)}
-    plain = {
-        name: value.tolist() if isinstance(value, np.ndarray) else value
-        for name, value in values.items()
-    }
+    plain = {each.name: getattr(chain, each.name) for each in fields(chain)}
+    for name, value in plain.items():
+        plain[name] = value.tolist() if isinstance(value, np.ndarray) else value
     for name in UNLIMITED:
         plain[name] = [limit if np.isfinite(limit) else None for limit in plain[name]]
     return {"kind": "planar" if isinstance(chain, PlanarChain) else "serial"} | plain
@@ -168,10 +160,9 @@ def chain_record(chain: Chain) -> dict[str, Any]:
 
 def _chain(record: Mapping[str, Any]) -> Chain:
     values = dict(record)
-    for name, absent in UNLIMITED.items():
-        if name in values:
-            values[name] = [absent if limit is None else limit for limit in values[name]]
-    for name, value in values.items():
+    for name, value in record.items():
+        if name in UNLIMITED:
+            value = [UNLIMITED[name] if limit is None else limit for limit in value]
         if isinstance(value, list):
             values[name] = tuple(value) if name == "task" else np.array(value)
     return ARMS[values.pop("kind")](**values)

@@ -25,16 +25,7 @@ from pipeline.arm.planar import (
     planar_jacobian,
     planar_steps,
 )
-from pipeline.arm.rows import (
-    Rows,
-    add_combination,
-    add_dot,
-    add_product,
-    copy,
-    dot,
-    fill,
-    rows_of,
-)
+from pipeline.arm.rows import Rows, add_combination, add_dot, add_product, copy, dot, fill, rows_of
 from pipeline.core.compiled import compiled, inner
 from pipeline.models.model import GAUSSIAN_LAW, QR_TRANSPOSED_LAW, SCALED_LAW, WISHART, Law
 from pipeline.models.wishart.step import act, from_action, to_action

@@ -23,7 +23,7 @@ def realize(
 
     ``q`` (N, M+1, n) recorded angles in rad, one take a realisation; ``v`` (M, m) or longer,
     commands. In mode ``one_step`` each step starts at the recorded pose. In mode ``free_running`` a
-    realisation goes on from where it came to; at a singular pose, where no model is defined, it is
+    realisation goes on from its last pose; at a singular pose, where no model is defined, it is
     lost: NaN from there on. Raises ConfigError for another mode, SingularJacobianError for a
     singular pose in the recordings.
     """

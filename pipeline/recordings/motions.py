@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
@@ -213,4 +213,4 @@ def logged_motions(dataset: Dataset) -> list[MotionSteps]:
         actual = np.stack([each[:length] for each, _ in kept])
         dq = np.stack([np.diff(each[:length], axis=0) for _, each in kept])
         found.append(MotionSteps("", actual[:, :-1], dq, np.diff(actual, axis=1) - dq))
-    return [replace(each, name=str(number)) for number, each in enumerate(found, 1)]
+    return [each._replace(name=str(number)) for number, each in enumerate(found, 1)]

@@ -24,8 +24,7 @@ from pipeline.models.bootstrap import (
     resampled_estimator,
     spreads,
 )
-from pipeline.models.closed_loop import FOLDER, SHARE
-from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
+from pipeline.models.closed_loop import FOLDER, SHARE, ClosedLoopFit, closed_loop_of
 from pipeline.models.model import MotionModel
 from pipeline.models.options import Options
 from pipeline.models.realizations import realize, realized_moments

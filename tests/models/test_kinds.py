@@ -26,10 +26,7 @@ PARAMETERS = {
     "additive": {"noise_covariance": [[3e-5, -2e-5, 0.0], [-2e-5, 4e-5, 0.0], [0.0, 0.0, 9e-5]]},
     "wishart": {"sigma_b": 0.2, "decomposition": "qr"},
     "gaussian": {"alpha": 0.15, "u": 20.0},
-    "scaled": {
-        "floor": [[3e-6, 0.0, 0.0], [0.0, 4e-6, 0.0], [0.0, 0.0, 9e-6]],
-        "gain": [[0.04, 0.04, 0.0], [0.04, 0.04, 0.0], [0.0, 0.0, 0.1]],
-    },
+    "scaled": {"floor": (4e-6 * np.eye(3)).tolist(), "gain": np.full((3, 3), 0.04).tolist()},
 }
 
 
@@ -45,15 +42,16 @@ def test_a_model_has_the_parameters_that_were_written(kind, tmp_path):
         assert np.array_equal(getattr(model, name), held)
 
 
-def test_parameters_that_were_not_written_are_refused(tmp_path):
-    with pytest.raises(ContractError, match="run the stage fit") as refused:
-        fitted_model(tmp_path)
-    assert refused.value.evidence["file"] == tmp_path / "parameters.json"
+def test_a_given_first_factor_comes_back():
+    given = {"decomposition": "given", "left": np.diag([0.15, 0.15, 1.0]).tolist()}
+    model = kinds.build_model({"kind": "wishart", "sigma_b": 0.2} | given)
+    assert model.decomposition == Decomposition("given", left=given["left"])
 
 
 @pytest.mark.parametrize(
     "text",
     [
+        None,
         "",
         "{",
         "[]",
@@ -66,34 +64,33 @@ def test_parameters_that_were_not_written_are_refused(tmp_path):
         '{"kind": "additive", "noise_covariance": [[1.0, 2.0], [3.0]]}',
     ],
 )
-def test_malformed_parameters_are_refused(text, tmp_path):
-    (tmp_path / "parameters.json").write_text(text)
-    with pytest.raises(ContractError, match="parameters") as refused:
+def test_malformed_and_missing_parameters_are_refused(text, tmp_path):
+    if text is not None:
+        (tmp_path / "parameters.json").write_text(text)
+    with pytest.raises(ContractError, match=r"parameters.*run the stage fit") as refused:
         fitted_model(tmp_path)
     assert refused.value.evidence["file"] == tmp_path / "parameters.json"
 
 
 @pytest.mark.parametrize(
-    "parameters",
+    ("kind", "parameters"),
     [
-        {"kind": "wishart", "sigma_b": 2.0, "decomposition": "pivoted_lu"},
-        {"kind": "wishart", "sigma_b": 0.2, "decomposition": "svd"},
-        {"kind": "wishart", "sigma_b": 0.2, "decomposition": "given"},
-        {
-            "kind": "wishart",
-            "sigma_b": 0.2,
-            "decomposition": "given",
-            "left": [[1.0, 0.0], [0.0, 1.0]],
-        },
-        {"kind": "gaussian", "alpha": -0.1, "u": 20.0},
-        {"kind": "gaussian", "alpha": 0.1, "u": float("inf")},
-        {"kind": "additive", "noise_covariance": [[1.0, 2.0], [3.0, 4.0]]},
-        {"kind": "scaled", "floor": [[1.0]], "gain": [[1.0]]},
-        {"kind": "scaled", "floor": np.eye(3).tolist(), "gain": (-np.eye(3)).tolist()},
+        ("wishart", {"sigma_b": 2.0, "decomposition": "pivoted_lu"}),
+        ("wishart", {"sigma_b": -0.1, "decomposition": "pivoted_lu"}),
+        ("wishart", {"sigma_b": float("nan"), "decomposition": "pivoted_lu"}),
+        ("wishart", {"sigma_b": 0.2, "decomposition": "svd"}),
+        ("wishart", {"sigma_b": 0.2, "decomposition": "given"}),
+        ("wishart", {"sigma_b": 0.2, "decomposition": "given", "left": np.eye(2).tolist()}),
+        ("gaussian", {"alpha": -0.1, "u": 20.0}),
+        ("gaussian", {"alpha": 0.1, "u": float("inf")}),
+        ("additive", {"noise_covariance": [[1.0, 2.0], [3.0, 4.0]]}),
+        ("additive", {"noise_covariance": np.eye(2).tolist()}),
+        ("scaled", {"floor": [[1.0]], "gain": [[1.0]]}),
+        ("scaled", {"floor": np.eye(3).tolist(), "gain": (-np.eye(3)).tolist()}),
     ],
 )
-def test_parameters_outside_the_models_range_are_refused(parameters, chain, tmp_path):
-    (tmp_path / "parameters.json").write_text(json.dumps(parameters))
+def test_parameters_outside_the_models_range_are_refused(kind, parameters, chain, tmp_path):
+    (tmp_path / "parameters.json").write_text(json.dumps({"kind": kind} | parameters))
     with pytest.raises(ModelDomainError):
         fitted_model(tmp_path).law(chain)
 

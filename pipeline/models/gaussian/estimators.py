@@ -9,7 +9,8 @@ where the objective is least inside the interval that is searched.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,9 +27,8 @@ TOLERANCE = 1e-4  # of ln α
 REACH, NODES = 0.4, 9
 
 
-@dataclass(frozen=True)
-class GaussianFit:
-    """The optimum and the ridge it lies on: for each of ``extensions`` (G,) the least
+class GaussianFit(NamedTuple):
+    """The optimum, and the ridge it lies on: for each of ``extensions`` (G,) the least
     ``objectives`` (G,) and its ``alphas`` (G,).
     """
 
@@ -36,8 +36,8 @@ class GaussianFit:
     u: float  # û = max_k ‖J̲_k⁺‖_F + ũ
     extension: float  # ũ > 0
     objective: float  # least value: rad⁴, rad and rad² mixed as in the paper, or −Σ ln p
-    at_end: bool  # whether ũ stopped at an end of its interval, so that nothing determines it
-    unbounded: bool  # whether at the upper end: a greater u would do as well or better
+    at_end: bool  # True where ũ stopped at an end of its interval, so that nothing determines it
+    unbounded: bool  # True at the upper end: a greater u would do as well
     extensions: np.ndarray
     objectives: np.ndarray
     alphas: np.ndarray
@@ -48,24 +48,19 @@ Best = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 def search(best: Best, extensions: np.ndarray, largest: float) -> GaussianFit:
-    """The best of ``extensions`` ũ (G ≥ 3,), ascending and positive, and between its neighbours.
-
-    ``largest`` is the norm that is extended. Raises ModelDomainError for other extensions.
+    """The best of ``extensions`` ũ (G ≥ 3,), ascending and positive, of the ``largest`` norm, and
+    between its neighbours; raises ModelDomainError for other extensions.
     """
     from scipy.optimize import minimize_scalar
 
     extensions = np.asarray(extensions, dtype=float)
     if len(extensions) < 3 or not extensions[0] > 0 or not np.all(np.diff(extensions) > 0):
-        raise ModelDomainError(
-            "the extensions of u must be at least three, positive and ascending",
-            extensions=extensions.tolist(),
-        )
+        message = "the extensions of u must be at least three, positive and ascending"
+        raise ModelDomainError(message, extensions=extensions.tolist())
     objectives, alphas = best(extensions)
-    i = int(objectives.argmin())
+    i, last = int(objectives.argmin()), len(extensions) - 1
     extension, objective, alpha = (float(each[i]) for each in (extensions, objectives, alphas))
-    unbounded = i == len(extensions) - 1
-    at_end = unbounded or i == 0
-    if not at_end:
+    if 0 < i < last:
         refined = minimize_scalar(
             lambda x: float(best(np.array([x]))[0][0]),
             bounds=(extensions[i - 1], extensions[i + 1]),
@@ -74,13 +69,13 @@ def search(best: Best, extensions: np.ndarray, largest: float) -> GaussianFit:
         if refined.fun < objective:
             extension = float(refined.x)
             objective, alpha = (float(each[0]) for each in best(np.array([extension])))
-    ridge = extensions, objectives, alphas
-    return GaussianFit(alpha, largest + extension, extension, objective, at_end, unbounded, *ridge)
+    optimum = alpha, largest + extension, extension, objective, i in (0, last), i == last
+    return GaussianFit(*optimum, extensions, objectives, alphas)
 
 
 @dataclass(frozen=True)
 class StepMeans:
-    """Means over takes of what the variance of each step of the Gaussian model is made of."""
+    """Squared speeds and norms of each step, of which the variance of its noise is made."""
 
     speeds: np.ndarray  # (takes, M) ‖v‖²/m
     norms: np.ndarray  # (takes, M) ‖J⁺‖²‖v‖²/m
@@ -89,7 +84,7 @@ class StepMeans:
 
     @classmethod
     def of(cls, recorded: Recorded) -> StepMeans:
-        """Means over the steps of ``recorded``; raises SingularJacobianError, and ModelDomainError
+        """Build from the steps of ``recorded``; raises SingularJacobianError, and ModelDomainError
         for a motion at rest throughout and where the measurement noise is not known.
         """
         squares = frobenius(recorded.chain.inverse_jacobian(recorded.q)) ** 2
@@ -99,21 +94,19 @@ class StepMeans:
         largest = float(np.sqrt(squares[speeds > 0].max()))
         return cls(speeds, squares * speeds, largest, TakeVariances.of(recorded))
 
-    def mean_square(self, takes: np.ndarray | None = None) -> float:
-        """⟨‖J⁺‖²⟩, weighed by the squares of the commanded steps."""
-        chosen = ... if takes is None else takes
-        return float(self.norms[chosen].mean() / self.speeds[chosen].mean())
+    def mean_square(self, takes: np.ndarray) -> float:
+        """⟨‖J⁺‖²⟩ of the ``takes``, weighed by the squares of the commanded steps."""
+        return float(self.norms[takes].mean() / self.speeds[takes].mean())
 
-    def fit(self, extensions: np.ndarray, takes: np.ndarray | None = None) -> GaussianFit:
+    def fit(self, extensions: np.ndarray, takes: np.ndarray) -> GaussianFit:
         """(α̂, û) by moments: for every u = ``largest``·(1 + extension) the α of the recorded total
-        variance, and of these the u of the recorded variance's course over time.
+        variance of the ``takes``, and of these the u of the variance's course over time.
 
         Minimised is Σ_k (α²g_k − t_k)² in rad⁴, t_k the trace of the sample covariance of ω at step
         k less that of the measurement noise, under mean α²g_k = mean t_k. Raises ModelDomainError
         where the recorded variance is not above that of the measurement noise.
         """
-        chosen = ... if takes is None else takes
-        speeds, norms = (each[chosen].mean(axis=0) for each in (self.speeds, self.norms))
+        speeds, norms = self.speeds[takes].mean(axis=0), self.norms[takes].mean(axis=0)
         traces, measured = self.variances.of_motion(takes)
         traces = traces - measured
 
@@ -134,16 +127,6 @@ def require_motion(speeds: np.ndarray) -> None:
         )
 
 
-def weighted_medians(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(...,) the least x that minimises Σ w|x − value|, over the last axis of ``values`` and
-    positive ``weights`` (..., N).
-    """
-    order = np.argsort(values, axis=-1, kind="stable")
-    below = np.cumsum(np.take_along_axis(weights, order, -1), axis=-1)
-    middle = (below < below[..., -1:] / 2).sum(axis=-1, keepdims=True)
-    return np.take_along_axis(values, np.take_along_axis(order, middle, -1), -1)[..., 0]
-
-
 def fit_distance(
     mean: np.ndarray,
     covariance: np.ndarray,
@@ -161,16 +144,14 @@ def fit_distance(
     for every (ũ, α), so that the first term is a constant, and ``covariance`` (M, n, n) in rad².
     ``speeds`` is ‖v_k‖ and ``norms`` ‖J̲_k⁺‖_F (M,), ``rows`` m of the task. The absolute value,
     step by step, mends the printed objective, which falls without bound as the model's noise
-    vanishes. In α² it is a weighted sum of distances: its minimum is the median of tr Cov(q̃_k)/g_k
-    under the weights g_k. The paper's ũ > 0 has no upper end; here the caller states the interval.
+    vanishes. In α² the minimum is the median of tr Cov(q̃_k)/g_k under the weights g_k. The paper's
+    ũ > 0 has no upper end; here the caller states the interval.
 
     Raises ModelDomainError for β₁ outside [0, 1), bad extensions, or a motion at rest throughout.
     """
     if not 0 <= beta1 < 1:
-        raise ModelDomainError(
-            "beta1 must lie in [0, 1): with beta1 = 1 the objective does not depend on the noise",
-            beta1=beta1,
-        )
+        message = "beta1 must lie in [0, 1): with beta1 = 1 the objective ignores the noise"
+        raise ModelDomainError(message, beta1=beta1)
     require_motion(speeds)
     moving, largest = speeds > 0, float(norms.max())
     traces = np.trace(covariance, axis1=-2, axis2=-1)
@@ -178,15 +159,18 @@ def fit_distance(
 
     def best(extensions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         gain = ((largest + extensions[:, None]) ** 2 - norms**2) * speeds**2 / rows
-        squared = weighted_medians(traces[moving] / gain[:, moving], gain[:, moving])
-        distance = np.abs(squared[:, None] * gain - traces).sum(axis=1)
-        return constant + (1 - beta1) * distance, np.sqrt(squared)
+        ratios, weights = traces[moving] / gain[:, moving], gain[:, moving]
+        order = np.argsort(ratios, axis=1, kind="stable")
+        below = np.cumsum(np.take_along_axis(weights, order, 1), axis=1)
+        median = (below < below[:, -1:] / 2).sum(axis=1, keepdims=True)
+        squared = np.take_along_axis(ratios, np.take_along_axis(order, median, 1), 1)
+        distance = np.abs(squared * gain - traces).sum(axis=1)
+        return constant + (1 - beta1) * distance, np.sqrt(squared[:, 0])
 
     return search(best, extensions, largest)
 
 
-@dataclass(frozen=True)
-class GaussianLikelihood:
+class GaussianLikelihood(NamedTuple):
     """−Σ ln p of the moving steps of each take, at NODES of ln α for each extension of u."""
 
     fit: GaussianFit
@@ -197,22 +181,21 @@ class GaussianLikelihood:
         """(α̂, û) of the takes with these numbers, as often as each is named, by parabolas through
         the nodes; raises ModelDomainError where they are beyond the nodes.
         """
-        costs = np.tensordot(np.bincount(takes, minlength=len(self.costs)), self.costs, axes=1)
-        log_alphas, least = np.array(
-            [_vertex(x, y) for x, y in zip(self.log_alphas, costs, strict=True)]
-        ).T
+        fit, costs = self.fit, self.costs[takes].sum(axis=0)
+        vertices = [_vertex(x, y) for x, y in zip(self.log_alphas, costs, strict=True)]
+        log_alphas, least = np.array(vertices).T
         i, last = int(least.argmin()), len(least) - 1
         if np.isnan(log_alphas[i]):
             raise ModelDomainError(
                 "the likelihood of these takes is greatest beyond where it was evaluated",
                 takes=takes.tolist(),
             )
-        extension = self.fit.extensions[i]
+        extension = fit.extensions[i]
         if 0 < i < last:
             near = slice(i - 1, i + 2)
-            extension = _vertex(self.fit.extensions[near], least[near])[0]
-        alpha = np.exp(np.interp(extension, self.fit.extensions, log_alphas))
-        return float(alpha), float(self.fit.u - self.fit.extension + extension)
+            extension = _vertex(fit.extensions[near], least[near])[0]
+        alpha = np.exp(np.interp(extension, fit.extensions, log_alphas))
+        return float(alpha), float(fit.u - fit.extension + extension)
 
 
 def _vertex(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
@@ -227,14 +210,12 @@ def _vertex(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 
 
 def fit_likelihood(recorded: Recorded, extensions: np.ndarray) -> GaussianLikelihood:
-    """(α̂, û) and the ridge: the greatest likelihood over α for each u = max ‖J⁺‖_F·(1 +
-    extension), and the best of these, refined.
+    """(α̂, û) of greatest likelihood of the steps with a command, p the exact density of a step plus
+    the measurement noise, without which the slowest steps would decide.
 
-    The maximum is over all recorded poses with a command, so that no recorded step is beyond the
-    bound. ``objective`` of the fit is −Σ ln p over the steps with a command, p the exact density of
-    a step plus the measurement noise, without which the slowest steps would decide. ``extensions``
-    (G ≥ 3,) are shares of the maximum, ascending and positive. Raises SingularJacobianError and
-    ModelDomainError.
+    u = max ‖J⁺‖_F·(1 + extension), over all recorded poses with a command, so that none is beyond
+    the bound; ``extensions`` (G ≥ 3,) are ascending and positive. ``objective`` of the fit is
+    −Σ ln p. Raises SingularJacobianError and ModelDomainError.
     """
     from scipy.optimize import minimize_scalar
 
@@ -242,8 +223,7 @@ def fit_likelihood(recorded: Recorded, extensions: np.ndarray) -> GaussianLikeli
     q, v, noise = moving_steps(recorded.q, recorded.v, recorded.noise)
     inverse, v = recorded.chain.inverse_jacobian(q), task_step(recorded.chain, v)
     norms, speeds = frobenius(inverse), np.vecdot(v, v)
-    largest = float(norms.max())
-    squared = float(np.mean(noise**2))
+    largest, squared, reach = float(norms.max()), float(np.mean(noise**2)), np.log(ALPHA_RANGE)
     parts = (noise @ axes) ** 2  # along the axes of Σ_m, which every α leaves as they are
 
     def gain_at(extension: float) -> np.ndarray:
@@ -257,7 +237,7 @@ def fit_likelihood(recorded: Recorded, extensions: np.ndarray) -> GaussianLikeli
         middle = 0.5 * np.log(squared / gain.mean())
         result = minimize_scalar(
             lambda log_alpha: -float(densities(log_alpha, gain).sum()),
-            bounds=(middle - np.log(ALPHA_RANGE), middle + np.log(ALPHA_RANGE)),
+            bounds=(middle - reach, middle + reach),
             method="bounded",
             options={"xatol": TOLERANCE},
         )
@@ -268,11 +248,10 @@ def fit_likelihood(recorded: Recorded, extensions: np.ndarray) -> GaussianLikeli
 
     fit = search(best, extensions, 1.0)
     log_alphas = np.log(fit.alphas)[:, None] + np.linspace(-REACH, REACH, NODES)
-    takes = len(recorded.q)
-    costs = np.empty((takes, *log_alphas.shape))
+    costs = np.empty((len(recorded.q), *log_alphas.shape))
     for i, extension in enumerate(fit.extensions):
         gain = gain_at(float(extension))
         for j, log_alpha in enumerate(log_alphas[i]):
-            costs[:, i, j] = -densities(log_alpha, gain).reshape(takes, -1).sum(axis=1)
+            costs[:, i, j] = -densities(log_alpha, gain).reshape(len(costs), -1).sum(axis=1)
     scaled = {name: largest * getattr(fit, name) for name in ("u", "extension", "extensions")}
-    return GaussianLikelihood(replace(fit, **scaled), log_alphas, costs)
+    return GaussianLikelihood(fit._replace(**scaled), log_alphas, costs)

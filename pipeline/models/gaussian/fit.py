@@ -64,21 +64,21 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
             extensions=EXTENSIONS * norms.max(),
         )
         return _estimate(fit, _mean_square(norms**2, squares))
-    means = StepMeans.of(recorded)
+    means, takes = StepMeans.of(recorded), np.arange(len(recorded.q))
     if options.estimator == "moments":
-        from_takes = partial(_moments_of, means)
-        return _estimate(means.fit(EXTENSIONS), means.mean_square(), from_takes)
-    likelihood = fit_likelihood(recorded, LIKELY_EXTENSIONS)
-    from_takes = partial(_most_likely_of, means, likelihood)
-    return _estimate(likelihood.fit, means.mean_square(), from_takes)
+        fit, from_takes = means.fit(EXTENSIONS, takes), partial(_by_moments, means)
+    else:
+        likelihood = fit_likelihood(recorded, LIKELY_EXTENSIONS)
+        fit, from_takes = likelihood.fit, partial(_by_likelihood, means, likelihood)
+    return _estimate(fit, means.mean_square(takes), from_takes)
 
 
-def _moments_of(means: StepMeans, takes: np.ndarray) -> dict[str, float]:
+def _by_moments(means: StepMeans, takes: np.ndarray) -> dict[str, float]:
     fit = means.fit(EXTENSIONS, takes)
     return _values(fit.alpha, fit.u, means.mean_square(takes))
 
 
-def _most_likely_of(
+def _by_likelihood(
     means: StepMeans, likelihood: GaussianLikelihood, takes: np.ndarray
 ) -> dict[str, float]:
     return _values(*likelihood.from_takes(takes), means.mean_square(takes))

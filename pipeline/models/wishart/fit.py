@@ -19,12 +19,11 @@ from pipeline.models.model import task_step
 from pipeline.models.steps import Estimate, Recorded, Truth
 from pipeline.models.wishart.decomposition import CONTROL, Decomposition, chosen
 from pipeline.models.wishart.estimators import (
-    PaperFit,
     Problems,
+    SolvedProblems,
     fit_likelihood,
     fit_moments,
     fit_paper,
-    problems_of,
 )
 from pipeline.models.wishart.law import WishartModel
 from pipeline.randommatrix.wishart import largest_dispersion
@@ -59,21 +58,18 @@ class Options(base.Options):
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
     """σ_B by the estimator that ``options`` name; raises what that estimator raises."""
-    decomposition = chosen(options, recorded.chain.task, recorded.joints)
-    if options.estimator == "moments":
-        fit = fit_moments(recorded, decomposition)
-    elif options.estimator == "likelihood":
-        fit = fit_likelihood(recorded, decomposition)
-    else:
-        fit = fit_paper(recorded, decomposition, options.floor, options.ratio_factor)
+    given = recorded, chosen(options, recorded.chain.task, recorded.joints)
+    match options.estimator:
+        case "moments":
+            fit = fit_moments(*given)
+        case "likelihood":
+            fit = fit_likelihood(*given)
+        case "paper":
+            fit = fit_paper(*given, options.floor, options.ratio_factor)
     limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
-    return Estimate(
-        _parameters(fit.sigma_b, decomposition),
-        {"sigma_b": fit.sigma_b},
-        fit.diagnostics | {"sigma_b_limit_of_the_covariance": limit},
-        fit,
-        fit.from_takes,
-    )
+    diagnostics = {**fit.diagnostics, "sigma_b_limit_of_the_covariance": limit}
+    values = {"sigma_b": fit.sigma_b}
+    return Estimate(_parameters(fit.sigma_b, given[1]), values, diagnostics, fit, fit.from_takes)
 
 
 def compared(options: Options) -> dict[str, Options]:
@@ -121,24 +117,25 @@ def examined(
     except ModelDomainError as error:
         print(f"fit: no convex problem is solved: {error}")
         return {}, {}
-    metrics = _check(recorded, decomposition, fit, options.floor, checks, rng)
+    metrics = _check(recorded, decomposition, fit.problems, options.floor, checks, rng)
     try:
         moments = fit_moments(recorded, decomposition).sigma_b
     except ModelDomainError:
         return metrics, {}
     takes = {"recorded": recorded}
     if estimate is not None:
-        takes["drawn"] = drawn_from(estimate.model, recorded, rng)
+        takes["drawn"] = _drawn_from(estimate.model, recorded, rng)
     rows = []
     for source, steps in takes.items():
-        problems = problems_of(steps, decomposition, options.floor)
+        problems = Problems.of(steps, decomposition, options.floor)
         curve = np.array([problems.sigma_b(ratio) for ratio in RATIOS])
         rows += [(*pair, "curve", source) for pair in zip(RATIOS, curve, strict=True)]
-        meeting = meeting_ratio(problems, RATIOS, curve, moments)
+        meeting = _meeting_ratio(problems, curve, moments)
         if meeting is not None:
             metrics[f"weights_ratio_meeting_the_moments_{source}_rad"] = meeting
             rows.append((meeting, moments, "moments", source))
-    rows.append((fit.weights[1] / fit.weights[0], fit.sigma_b, "used", "recorded"))
+    used = fit.diagnostics["weights_ratio_alpha2_over_alpha1_rad"]
+    rows.append((used, fit.sigma_b, "used", "recorded"))
     table = pd.DataFrame(rows, columns=["ratio", "sigma_b", "point", "source"])
     return metrics, {"sigma_b_weights": table}
 
@@ -146,7 +143,7 @@ def examined(
 def _check(
     recorded: Recorded,
     decomposition: Decomposition,
-    fit: PaperFit,
+    solved: SolvedProblems,
     floor: float,
     checks: int,
     rng: np.random.Generator,
@@ -154,22 +151,19 @@ def _check(
     # imported here: CVXPY takes longer to import than most models to fit
     from pipeline.models.convex import perturbation_gap
 
-    n = recorded.q.shape[-1]
-    v = np.broadcast_to(recorded.v, (*recorded.q.shape[:2], recorded.v.shape[-1]))
-    v = task_step(recorded.chain, v.reshape(-1, v.shape[-1]))
+    n, v = recorded.q.shape[-1], task_step(recorded.chain, recorded.v)
+    v = np.broadcast_to(v, (*recorded.q.shape[:2], v.shape[-1])).reshape(-1, v.shape[-1])
     moving = np.flatnonzero(np.any(v, axis=1))
     checked = np.sort(rng.choice(moving, min(checks, len(moving)), replace=False))
     jacobians = recorded.chain.jacobian(recorded.q.reshape(-1, n)[checked])
     steps = v[checked], recorded.noise.reshape(-1, n)[checked]
-    objectives = fit.perturbations.objective[checked]
-    gap = perturbation_gap(objectives, jacobians, *steps, decomposition, fit.weights, floor)
+    objectives = solved.perturbations.objective[checked]
+    gap = perturbation_gap(objectives, jacobians, *steps, decomposition, solved.weights, floor)
     return {"convex_problems_checked": len(checked), "convex_check_greatest_relative_gap": gap}
 
 
-def drawn_from(model: WishartModel, recorded: Recorded, rng: np.random.Generator) -> Recorded:
-    """Steps of the ``model`` from the recorded poses under the recorded commands, with measurement
-    noise added.
-    """
+def _drawn_from(model: WishartModel, recorded: Recorded, rng: np.random.Generator) -> Recorded:
+    """Steps of the ``model`` from the recorded poses and commands, with measurement noise."""
     from pipeline.models.draws import draw_steps  # here, as it loads the compiler
 
     q, v = recorded.q, recorded.v
@@ -178,11 +172,9 @@ def drawn_from(model: WishartModel, recorded: Recorded, rng: np.random.Generator
     return replace(recorded, noise=drawn - q - recorded.chain.nominal_step(q, v) + measured)
 
 
-def meeting_ratio(
-    problems: Problems, ratios: np.ndarray, curve: np.ndarray, sigma_b: float
-) -> float | None:
-    """α₂/α₁ in rad at which the printed problem returns ``sigma_b``, between two of ``ratios`` (K,)
-    whose ``curve`` σ̂_B (K,) falls through it; None where it does nowhere.
+def _meeting_ratio(problems: Problems, curve: np.ndarray, sigma_b: float) -> float | None:
+    """α₂/α₁ in rad at which the printed problem returns ``sigma_b``, between two of RATIOS whose
+    ``curve`` σ̂_B falls through it; None where it does nowhere.
     """
     from scipy.optimize import brentq
 
@@ -190,6 +182,6 @@ def meeting_ratio(
     crossings = np.flatnonzero(above[:-1] & ~above[1:])
     if not len(crossings):
         return None
-    low, high = np.log(ratios[crossings[0] : crossings[0] + 2])
+    low, high = np.log(RATIOS[crossings[0] : crossings[0] + 2])
     crossing = brentq(lambda x: problems.sigma_b(np.exp(x)) - sigma_b, low, high, xtol=TOLERANCE)
     return float(np.exp(crossing))

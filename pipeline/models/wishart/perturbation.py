@@ -1,36 +1,46 @@
 """Samples of the perturbation matrix B from the process noise: the convex problem
-(BsampOpt)–(const10), in bulk.
+(BsampOpt)–(const10), in bulk and in compiled code.
 
 With B⁻¹ = I + S, S (m, m), a = J₁⁻¹v, r = ‖a‖, e = a/r the problem is: minimise α₁‖ω − J₂⁺Sa‖ +
-α₂‖S‖_F over symmetric S with I + S > 0. Among all symmetric S with Sa = s the one of least norm is
-S = (saᵀ + asᵀ)/r² − (aᵀs)aaᵀ/r⁴, and ‖S‖_F = ‖Ws‖ with W = (eeᵀ + √2(I − eeᵀ))/r. In y = Ws what
-is left is: minimise ‖ω − Ay‖ + λ‖y‖, A = J₂⁺W⁻¹ (n, m), λ = α₂/α₁. With n > m the part of ω across
-the range of J₂⁺ is explained by no S. Where that S would break I + S ⪰ εI, it has a part across a
-too; B⁻¹ > 0 alone would have no minimum there, as B would grow without end. The optimum is the root
-of one scalar equation for any m (:mod:`.samples`).
+α₂‖S‖_F over symmetric S with I + S > 0. The S of least norm with Sa = s is (saᵀ + asᵀ)/r² −
+(aᵀs)aaᵀ/r⁴, of norm ‖y‖, y = (eeᵀ + √2(I − eeᵀ))s/r. What is left is: minimise ‖ω − Ay‖ + λ‖y‖,
+λ = α₂/α₁. Where I + S ⪰ εI binds, δ = 1 − ε, S also has a part across a: with y = xe + d,
+X = δ + x > 0, it is c·ddᵀ/‖d‖², c ≥ 0, and ‖d‖² ≤ 2X(δ + c) (Schur), an equality where c > 0.
+The minimum of ‖ω − Ay‖ + λ‖(y, c)‖ is stationary where, for some s > 0,
+
+    (AᵀA + sI)y = Aᵀω + s·c·e,   λ(s) = X·‖(y, c)‖·s / ((X + c)·‖ω − Ay‖).
+
+The equality is quadratic in c, and λ(s) grows with s, as F is convex: from the closest fit at s = 0
+to y = 0 at s = ∞. In the singular vectors of A each s costs a few sums of m terms.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from pipeline.core.compiled import compiled, inner
 from pipeline.core.errors import ModelDomainError, SolverError
 
 STEPS = 300  # places tried on the way to a root
+SWEEPS = 30  # of rotations at most; four to six are usual
+ORTHOGONAL = 4 * float(np.finfo(float).eps)  # cosine between orthogonal columns
+LEAST_SINGULAR = 1e-7  # of the greatest singular value: below it rounding decides the fit
 LEAST_REST = 1e-28  # share of ‖ω‖² below which the part of ω across the range of A is rounding
+ENDS = 1e-24, 1e24  # of s, as shares of ‖A‖_F²
+LEAST = 1e-20  # of λ(s)/λ: below it values are alike
+SETTLED = 1e-12  # of ln λ, and of ln s between the ends of a bracket
 HALF = float(np.sqrt(0.5))
 APEX = 1e-9  # share of δ below which δ + x is at its bound, where there is no d
 
 
-@dataclass(frozen=True)
-class Perturbations:
+class Perturbations(NamedTuple):
     """Optimal perturbations of N steps."""
 
     s: np.ndarray  # (N, m, m) S = B⁻¹ − I
     objective: np.ndarray  # (N,) F at the optimum
-    bound: np.ndarray  # (N,) whether B⁻¹ ⪰ εI held the perturbation back
+    bound: np.ndarray  # (N,) True where B⁻¹ ⪰ εI held the perturbation back
 
 
 def objective_weights(rest_noise: float, m: int, factor: float = 1.0) -> tuple[float, float]:
@@ -63,8 +73,6 @@ def fit_perturbations(
     S = 0. Raises ModelDomainError for weights or a floor outside their range and for noise that is
     not finite, SolverError where the optimum was not reached or J₂ is all but singular.
     """
-    from pipeline.models.wishart.samples import perturb  # here, as it loads the compiler
-
     alpha1, alpha2 = weights
     if not (alpha1 > 0 and alpha2 >= 0 and 0 < floor < 1):
         raise ModelDomainError(
@@ -80,20 +88,8 @@ def fit_perturbations(
             index=int(finite.argmin()),
             not_finite=int((~finite).sum()),
         )
-    (count, n, m), ratio, delta = back.shape, alpha2 / alpha1, 1 - floor
-    r = np.sqrt(np.vecdot(a, a))[:, None]
-    e = a / np.where(r > 0, r, 1.0)
-    along = np.matvec(back, e)[..., None] * e[:, None]
-    matrix = r[..., None] * (HALF * back + (1 - HALF) * along)
-    gram, pull = np.swapaxes(matrix, 1, 2) @ matrix, np.vecmat(noise, matrix)
-    size, rest = np.vecdot(noise, noise), np.zeros(count)
-    if n > m:
-        axes = np.linalg.qr(back)[0]
-        across = noise - np.matvec(axes, np.vecmat(noise, axes))
-        rest = np.vecdot(across, across)
-        rest[rest < LEAST_REST * size] = 0.0
-    y, c, buffers = np.zeros((count, m)), np.zeros(count), (np.empty((3, m, m)), np.empty((3, m)))
-    unsolved = perturb(gram, pull, e, size, rest, ratio, delta, STEPS, y, c, *buffers)
+    ratio, inputs = alpha2 / alpha1, (np.array(each, order="C") for each in (noise, a, back))
+    unsolved, s, norms, bound = perturb(*inputs, ratio, 1 - floor, STEPS)
     if unsolved >= 0:
         raise SolverError(
             "the perturbation of a step was not solved to optimality",
@@ -102,18 +98,187 @@ def fit_perturbations(
             ratio=ratio,
             floor=floor,
         )
-    x = np.vecdot(e, y)
-    d = y - x[:, None] * e
-    across = np.vecdot(d, d)
-    # at the bound x follows from d and c, which does not cancel
-    x = np.where(c > 0, across / (2 * (delta + c)) - delta, x)
-    block = np.divide(c, across, out=np.zeros(count), where=across > 0)
-    beside = HALF * e[:, :, None] * d[:, None]
-    s = x[:, None, None] * e[:, :, None] * e[:, None] + block[:, None, None] * (
-        d[:, :, None] * d[:, None]
-    )
-    s += beside + np.swapaxes(beside, 1, 2)
-    left = noise - np.matvec(matrix, y)
-    norms = np.sqrt(np.vecdot(left, left)), np.sqrt(x * x + across + c * c)
-    bound = (c > 0) | (delta + x < APEX * delta)
-    return Perturbations(s, alpha1 * norms[0] + alpha2 * norms[1], bound)
+    return Perturbations(s, norms @ np.array(weights), bound)
+
+
+# rows of the buffer of one problem: σ², σ times the part of ω along each left singular vector, e in
+# the right ones, y, and one more; e and the right ones' sum in the task's own axes
+SQUARE, PULL, ALONG, Y, MOVED, E, D = range(7)
+
+
+@inner
+def _dot(x: np.ndarray, p: int, y: np.ndarray, q: int) -> float:
+    """Product of row ``p`` of ``x`` and row ``q`` of ``y``; views of rows would take longer."""
+    total = 0.0
+    for i in range(x.shape[1]):
+        total += x[p, i] * y[q, i]
+    return total
+
+
+@inner
+def orthogonalize(columns: np.ndarray, turn: np.ndarray) -> None:
+    """Rotate the ``columns`` (m, n) of A until they are orthogonal, and ``turn`` (m, m), I before,
+    alike (one-sided Jacobi: Hestenes, J. SIAM 6, 1958): A = Σ columnsᵢ·turnᵢᵀ.
+
+    Small singular values keep their digits (Demmel and Veselić, SIMAX 13, 1992).
+    """
+    m, settled = len(columns), False
+    for _ in range(SWEEPS):
+        if settled:
+            return
+        settled = True
+        for p in range(m - 1):
+            for q in range(p + 1, m):
+                square_p, square_q = _dot(columns, p, columns, p), _dot(columns, q, columns, q)
+                product = _dot(columns, p, columns, q)
+                if abs(product) <= ORTHOGONAL * np.sqrt(square_p * square_q):
+                    continue
+                settled, zeta = False, (square_q - square_p) / (2 * product)
+                tangent = np.copysign(1 / (abs(zeta) + np.sqrt(1 + zeta * zeta)), zeta)
+                cosine = 1 / np.sqrt(1 + tangent * tangent)
+                _rotate(columns, p, q, cosine, cosine * tangent)
+                _rotate(turn, p, q, cosine, cosine * tangent)
+
+
+@inner
+def _rotate(rows: np.ndarray, p: int, q: int, cosine: float, sine: float) -> None:
+    for i in range(rows.shape[1]):
+        x, y = rows[p, i], rows[q, i]
+        rows[p, i], rows[q, i] = cosine * x - sine * y, sine * x + cosine * y
+
+
+@inner
+def place(s: float, delta: float, rest: float, case: np.ndarray) -> tuple[float, float, float]:
+    """c, λ(s) and ‖ω − Ay‖ at ``s`` > 0; y is written. ``rest`` is the square of ω across A."""
+    m = case.shape[1]
+    for i in range(m):
+        share = 1 / (case[SQUARE, i] + s)
+        case[Y, i], case[MOVED, i] = case[PULL, i] * share, s * case[ALONG, i] * share
+    x, along = _dot(case, ALONG, case, Y), _dot(case, ALONG, case, MOVED)
+    # ‖d‖² − 2X(δ + c) = −bend·c² + 2·tilt·c + broken, d = y − xe, moving by g − along·e a c
+    broken, tilt, bend = -2 * delta * (delta + x), -delta * along - (delta + x), 2 * along
+    for i in range(m):
+        d, turn = case[Y, i] - x * case[ALONG, i], case[MOVED, i] - along * case[ALONG, i]
+        broken, tilt, bend = broken + d * d, tilt + d * turn, bend - turn * turn
+    c = 0.0
+    if broken > 0:
+        root = np.sqrt(tilt * tilt + bend * broken)
+        c = (tilt + root) / bend if tilt > 0 else broken / (root - tilt)
+    x, size, across, left = x + c * along, c * c, 0.0, 0.0
+    for i in range(m):
+        y = case[Y, i] = case[Y, i] + c * case[MOVED, i]
+        d, u = y - x * case[ALONG, i], y - c * case[ALONG, i]
+        size, across, left = size + y * y, across + d * d, left + u * u / case[SQUARE, i]
+    left = np.sqrt(s * s * left + rest)
+    corner = across / (2 * (delta + c)) if c > 0 else delta + x  # which does not cancel
+    return c, corner * np.sqrt(size) / left * s / (corner + c), left
+
+
+@compiled
+def perturb(
+    noise: np.ndarray, a: np.ndarray, back: np.ndarray, ratio: float, delta: float, steps: int
+) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
+    """Solve N problems of ``noise`` ω (N, n), ``a`` (N, m) and ``back`` (N, n, m) for the weight
+    ``ratio`` λ and ``delta`` δ.
+
+    Return the number of the first whose A is all but singular or whose λ(s) is not λ after
+    ``steps`` places, −1 for none; S (N, m, m), ‖ω − Ay‖ and ‖S‖_F (N, 2), and the bound (N,).
+    """
+    count, n, m = back.shape
+    s, norms, bound = np.zeros((count, m, m)), np.zeros((count, 2)), np.zeros(count, np.bool_)
+    columns, turn, case = np.empty((m, n)), np.empty((m, m)), np.empty((7, m))
+    for k in range(count):
+        r, size = np.sqrt(_dot(a, k, a, k)), _dot(noise, k, noise, k)
+        norms[k, 0], steepness, trace = np.sqrt(size), 0.0, 0.0
+        if not r > 0:
+            continue
+        for j in range(m):
+            case[E, j] = a[k, j] / r
+        for i in range(n):
+            along = 0.0
+            for j in range(m):
+                along += back[k, i, j] * case[E, j]
+            for j in range(m):
+                columns[j, i] = r * (HALF * back[k, i, j] + (1 - HALF) * along * case[E, j])
+        for j in range(m):
+            steepness += _dot(columns, j, noise, k) ** 2
+            trace += _dot(columns, j, columns, j)
+            for i in range(m):
+                turn[j, i] = 1.0 if i == j else 0.0
+        if not steepness > ratio * ratio * size:  # y = 0
+            continue
+        orthogonalize(columns, turn)
+        least, greatest, rest = np.inf, 0.0, 0.0
+        for j in range(m):
+            square, pull = _dot(columns, j, columns, j), _dot(columns, j, noise, k)
+            least, greatest = min(least, square), max(greatest, square)
+            case[SQUARE, j], case[PULL, j], case[ALONG, j] = square, pull, _dot(turn, j, case, E)
+        if not least > LEAST_SINGULAR**2 * greatest:
+            return k, s, norms, bound
+        for i in range(n if n > m else 0):
+            across = noise[k, i]
+            for j in range(m):
+                across -= case[PULL, j] / case[SQUARE, j] * columns[j, i]
+            rest += across * across
+        rest = rest if rest > LEAST_REST * size else 0.0
+        c, norms[k, 0], solved = _root(ratio, delta, rest, trace, steps, case)
+        if not solved:
+            return k, s, norms, bound
+        norms[k, 1], bound[k] = _write(case, turn, c, delta, k, s)
+    return -1, s, norms, bound
+
+
+@inner
+def _root(
+    ratio: float, delta: float, rest: float, trace: float, steps: int, case: np.ndarray
+) -> tuple[float, float, bool]:
+    """c and ‖ω − Ay‖ where λ(s) is ``ratio``, and True where it is within ``steps`` places.
+
+    By the Illinois rule on f = ln λ(s)/λ in t = ln s: an end that stays twice has its value halved.
+    """
+    low, high = np.log(ENDS[0] * trace), np.log(ENDS[1] * trace)
+    c, weight, left = place(np.exp(low), delta, rest, case)
+    if weight >= ratio:  # the closest fit
+        return c, left, True
+    t, stride, kept, below, above = np.log(1e-2 * trace), 2.0, 0, 0.0, 0.0
+    for step in range(steps):
+        c, weight, left = place(np.exp(t), delta, rest, case)
+        # where X is at its bound λ(s) may jump from zero
+        f = np.log(max(weight, LEAST * ratio) / ratio)
+        if abs(f) <= SETTLED or high - low <= SETTLED:
+            return c, left, True
+        side = 1 if f > 0 else -1
+        if f > 0:
+            high, above, below = t, f, below / 2 if kept == side else below
+        else:
+            low, below, above = t, f, above / 2 if kept == side else above
+        kept = side
+        if not below < 0 < above:
+            t, stride = t - side * stride, 2 * stride
+        if below < 0 < above and step % 4 != 3:  # else a bend or a jump
+            t = high - above * (high - low) / (above - below)
+        elif below < 0 < above or not low < t < high:
+            t = (low + high) / 2
+    return c, left, False
+
+
+@inner
+def _write(
+    case: np.ndarray, turn: np.ndarray, c: float, delta: float, k: int, s: np.ndarray
+) -> tuple[float, bool]:
+    """Write S of y in the task's own axes; return its norm, and True where the bound binds."""
+    m, x = len(turn), _dot(case, ALONG, case, Y)
+    for i in range(m):
+        case[D, i] = -x * case[E, i]
+        for j in range(m):
+            case[D, i] += case[Y, j] * turn[j, i]
+    across = _dot(case, D, case, D)
+    if c > 0:
+        x = across / (2 * (delta + c)) - delta  # which does not cancel
+    block = c / across if across > 0 else 0.0
+    for i in range(m):
+        e, d = case[E, i], case[D, i]
+        for j in range(m):
+            beside = HALF * (e * case[D, j] + d * case[E, j])
+            s[k, i, j] = x * e * case[E, j] + beside + block * d * case[D, j]
+    return np.sqrt(x * x + across + c * c), c > 0 or delta + x < APEX * delta
