@@ -2,10 +2,7 @@
 1993, Sec. 6 and 13).
 
 Takes are independent of each other, the steps of a take are not. So whole takes are drawn with
-replacement, and the estimator is applied to each such resampling: by sums over the takes for
-estimates by moments, by the likelihoods of the takes under a likelihood, by the perturbations of
-their steps under the convex problem (whose weights are then those of all takes), anew for every
-other estimator.
+replacement, and the estimator is applied to each resampling: by what it kept of each take, or anew.
 """
 
 from __future__ import annotations

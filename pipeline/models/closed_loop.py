@@ -2,25 +2,20 @@
 that share by marginal likelihood.
 
 Closed-loop inverse kinematics (Siciliano et al., Robotics, 2009, Sec. 3.7): in place of v a model's
-law takes the command
-
-    v_k + κ(x*_k − x(q_k)),    κ = KΔt ∈ [0, 1].
-
-Open loop, the paper's form, is κ = 0. The path is that of the training takes' mean q̄, x*_k =
-x(q̄_k), and v_k = J(q̄_k)(q̄_{k+1} − q̄_k): without noise a model whose mean step is the nominal one
-then stays on q̄. With more joints than task rows the step of q̄ is commanded in the null space too,
-where the loop corrects nothing. The commanded path x^d is another: the arm's lag and the zeros of
-its encoders lie between them.
+law takes the command v_k + κ(x*_k − x(q_k)), κ = KΔt ∈ [0, 1]; open loop, the paper's form, is κ =
+0. The path is that of the training takes' mean q̄, x*_k = x(q̄_k), and v_k = J(q̄_k)(q̄_{k+1} −
+q̄_k): without noise a model whose mean step is the nominal one then stays on q̄. With more joints
+than task rows the step of q̄ is commanded in the null space too, where the loop corrects nothing.
 
 The deviation from the mean path goes to first order by
 
     e_{k+1} = F_k e_k + w_k,   F_k = D_k − κG_k,   y_k = e_k + b + n_k,   n ~ N(0, Σ_m/2),
 
 with D_k = ∂E[q_{k+1}]/∂q at (q̄_k, v_k) and G_k = ∂E[q_{k+1}]/∂v·J(q̄_k) of the model's own mean.
-Cov w_k is the model's own at the measured poses and commands, averaged over the takes; for the
-Wishart model that is the normal law of the same two moments. An estimator that leaves the
-measurement's noise in the model's, as the paper's do, leaves it in here too. Regressing the noise
-of a step on the deviation before it gives no κ: both hold the noise of the same measured pose.
+Cov w_k is the model's own at the measured poses and commands, averaged over the takes. An estimator
+that leaves the measurement's noise in the model's, as the paper's do, leaves it in here too.
+Regressing the noise of a step on the deviation before it gives no κ: both hold the noise of the
+same measured pose.
 """
 
 from __future__ import annotations
@@ -159,9 +154,8 @@ def fit_closed_loop(recorded: Recorded, options: Options, found: Estimate) -> Cl
     """κ̂ and the parameters by the estimator of ``options``, in turn until κ̂ has settled; those in
     ``found`` are of the open loop.
 
-    Raises ModelDomainError for a single take, where the measurement noise is not known and where
-    the model has no covariance, SolverError where the two do not settle, and what the estimator
-    raises.
+    Raises ModelDomainError for a single take, without a known measurement noise or a covariance,
+    SolverError where the two do not settle, and what the estimator raises.
     """
     poses, path = measured_poses(recorded), mean_path(recorded)
     if len(poses) < 2:
@@ -199,11 +193,10 @@ def state_space(model: MotionModel, recorded: Recorded, path: MeanPath, share: f
 
 def most_likely_share(space: StateSpace, deviation: np.ndarray) -> tuple[float, float]:
     """κ̂ in [0, 1] for ``deviation`` (takes, M+1, n) in rad from the takes' mean, and its standard
-    error.
+    error: the sandwich's over takes, which holds where the law is not quite the recordings'.
 
-    Newton's steps from the best of a grid, kept within [0, 1]. The standard error is the sandwich's
-    over takes, so it holds where the law is not quite that of the recordings; of a handful of takes
-    it is rough. Raises SolverError where the likelihood has no maximum near the best of the grid.
+    Newton's steps from the best of a grid, kept within [0, 1]. Raises SolverError where the
+    likelihood has no maximum near the best of the grid.
     """
     takes = len(deviation)
     share = float(GRID[take_log_likelihoods(space, deviation, GRID).sum(axis=1).argmax()])
@@ -229,10 +222,9 @@ def take_log_likelihoods(
     each stretch, for each κ of ``shares`` (K,), but for a constant; −inf for a κ at which the
     determinant of an innovation's covariance is not positive.
 
-    By the Kalman filter of (e, e + b), whose gains all takes share; nothing is assumed of b, and e
-    has the takes' covariance at the beginning of a stretch. Deviations from the takes' own mean are
-    N − 1 contrasts of the takes: their covariance counts (N − 1)/N times for each take (restricted
-    likelihood, Patterson and Thompson 1971).
+    By the Kalman filter of (e, e + b), whose gains all takes share; nothing is assumed of b.
+    Deviations from the takes' own mean are N − 1 contrasts of the takes: their covariance counts (N
+    − 1)/N times for each take (restricted likelihood, Patterson and Thompson 1971).
     """
     (takes, _, n), grid = deviation.shape, len(shares)
     transition = np.tile(np.eye(2 * n), (grid, len(space.noise), 1, 1))

@@ -32,9 +32,9 @@ def draw_steps(
     how many of them the noise was clipped at zero.
 
     ``v`` (m,) or (M, m), or m + n of an arm with more joints than task rows, are commanded steps
-    (m, m, rad): all poses take the one, or those at ``q`` (..., M, n) each its own. Draws are made
-    command by command, of all poses under one, in blocks. Raises SingularJacobianError at a
-    singular pose, where no model is defined, and ModelDomainError where a draw is not finite.
+    (m, m, rad): all poses take the one, or those at ``q`` (..., M, n) each its own. Raises
+    SingularJacobianError at a singular pose, where no model is defined, and ModelDomainError where
+    a draw is not finite.
     """
     chain.require_regular(q)
     law, commands = model.law(chain), np.array(np.atleast_2d(v), dtype=float, order="C")

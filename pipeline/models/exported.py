@@ -56,8 +56,7 @@ class ExportedModel:
 
     def covariance_of_joint_step(self, dq: np.ndarray) -> np.ndarray:
         """(..., n, n) covariance in rad² of the step of the joints for commanded steps ``dq``
-        (..., n) in rad, of models whose noise depends on the joint step alone; ModelDomainError for
-        others, and where the recordings cannot tell the noise of a joint at such a step.
+        (..., n) in rad, of models whose noise depends on the joint step alone (ModelDomainError).
         """
         n = len(self.chain.lower)
         dq = self._shaped("dq", dq, (n,), "rad a step")
@@ -107,10 +106,9 @@ class ExportedModel:
         """``v`` and the closed loop's correction at ``q``, a share of the way to ``target``, the
         pose of the tip that it is held to; ``v`` itself for an open loop.
         """
-        q, v, m = np.asarray(q, float), np.asarray(v, float), len(self.chain.task)
-        off = self.chain.displacement(self.chain.pose(q), target)
-        command = np.array(np.broadcast_to(v, (*off.shape[:-1], v.shape[-1])))
-        command[..., :m] += self.record["closed_loop_share"] * off
+        off = self.chain.displacement(self.chain.pose(np.asarray(q, float)), target)
+        command = np.array(np.broadcast_to(v, (*off.shape[:-1], np.shape(v)[-1])), float)
+        command[..., : len(self.chain.task)] += self.record["closed_loop_share"] * off
         return command
 
     def _checked(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -138,14 +136,11 @@ class ExportedModel:
             low, high = ends["least"], ends["greatest"]
             slack = SLACK + MARGIN * (high - low)
             beyond = each[(each < low - slack) | (each > high + slack)]
-            if f"{what} {name}" not in self._warned and beyond.size:
+            if beyond.size and f"{what} {name}" not in self._warned:
                 self._warned.add(f"{what} {name}")
-                warnings.warn(
-                    f"{what} of {name}: {beyond.flat[0]:.4g} {ends['unit']} is outside {low:.4g} "
-                    f"to {high:.4g}, where the model {self.record['model']} was fitted",
-                    OutsideRanges,
-                    stacklevel=4,
-                )
+                found = f"{what} of {name}: {beyond.flat[0]:.4g} {ends['unit']}"
+                where = f"{low:.4g} to {high:.4g}, where the model {self.record['model']}"
+                warnings.warn(f"{found} is outside {where} was fitted", OutsideRanges, stacklevel=4)
 
 
 def chain_record(chain: Chain) -> dict[str, Any]:

@@ -51,9 +51,8 @@ def fit_joint_steps(
     """Fit the model ``name`` of :data:`PLAIN` to commanded steps ``dq`` and ``noise`` ω (N, n) in
     rad, the measured minus the commanded step, of n ``joints``.
 
-    ``pose_noise`` is the stated standard deviation of a measured angle in rad, ``start`` a fit of
-    the same model at which the search begins. Raises ModelDomainError where there is no noise at
-    all or no step.
+    ``pose_noise`` is the stated standard deviation of a measured angle in rad, ``start`` a fit at
+    which the search begins. Raises ModelDomainError where there is no noise at all or no step.
     """
     scaled, student = PLAIN[name]
     rms = np.sqrt(np.mean(noise**2, axis=0)) if len(noise) else np.zeros(len(joints))

@@ -41,7 +41,7 @@ def score_take(
     takes; why some scores are missing. There are no scores without such a fit.
 
     ``takes`` has names and poses (M+1, n) in rad by number; ``recorded`` is what the models are
-    fitted to, the ``takes`` where one is fitted here; ``seed`` is of the draws.
+    fitted to; ``seed`` is of the draws.
     """
     name, number = trial
     model, (take, poses) = models[name], takes[number]

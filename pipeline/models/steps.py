@@ -1,8 +1,8 @@
 """Recorded steps of a motion, their variances, and the result of an estimator.
 
-Standard deviations of two models over time or over joints are compared at an equal level, since the
-model with less noise in total has the smaller error where noise is missed. A model's level is its
-own parameter (σ_B; α under a fixed u; a factor on a covariance), which ``with_trace`` solves for.
+Standard deviations of two models are compared at an equal level, since the model with less noise in
+total has the smaller error where noise is missed. A model's level is its own parameter (σ_B; α
+under a fixed u; a factor on a covariance), which ``with_trace`` solves for.
 """
 
 from __future__ import annotations
@@ -157,9 +157,8 @@ def at_recorded_level(model: MotionModel, recorded: Recorded) -> MotionModel:
     """The model whose level makes the mean trace of the covariance of a step plus the trace of the
     measurement noise equal to the recorded mean trace.
 
-    ``model`` need have no covariance itself. Raises SingularJacobianError, and ModelDomainError
-    where the recorded trace is not above that of the measurement noise, where that noise is not
-    known, and where no level of the model has the trace.
+    ``model`` need have no covariance itself. Raises SingularJacobianError, and ModelDomainError as
+    :class:`TakeVariances` and where no level of the model has the trace.
     """
     traces, measured = TakeVariances.of(recorded).of_motion(np.arange(len(recorded.q)))
     level = float(traces.mean()) - measured

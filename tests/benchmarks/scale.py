@@ -25,7 +25,7 @@ from pipeline.core.options.analysis import Compute, Dask
 from pipeline.models.draws import draw_steps
 from pipeline.models.noise import process_noise
 from pipeline.models.steps import Recorded
-from pipeline.models.wishart.estimators import Problems
+from pipeline.models.wishart.fit import Problems
 from pipeline.models.wishart.perturbation import objective_weights
 
 STEPS, BLOCK = 40, 100  # of a take; takes in memory at once

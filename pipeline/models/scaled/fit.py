@@ -63,11 +63,10 @@ def fit_scaled(
     """A ⪰ 0 in rad² and B ⪰ 0 (n, n) of greatest likelihood for ω ~ N(0, Σ_m + A + D(q̇)BD(q̇)) at
     every step, and the mean log likelihood of a step in nats, of a density in rad⁻ⁿ.
 
-    A and B may be singular or zero at the maximum. ``noise`` ω and ``dq``, nominal steps of the
-    joints, are (takes, M, n) in rad, ``measurement`` Σ_m (n, n) in rad². Raises ModelDomainError
-    where the likelihood has no bound (no measurement noise, and noise at rest that is zero or lies
-    in a plane) or where a joint never moves, SolverError where the search does not end at an
-    optimum.
+    ``noise`` ω and ``dq``, nominal steps of the joints, are (takes, M, n) in rad, ``measurement``
+    Σ_m (n, n) in rad². Raises ModelDomainError where the likelihood has no bound (no measurement
+    noise, and noise at rest that is zero or lies in a plane) or where a joint never moves,
+    SolverError where the search does not end at an optimum.
     """
     _ = principal_axes(measurement)  # raises where it is no covariance
     n = noise.shape[-1]
@@ -124,8 +123,8 @@ def negative_log_likelihood(
     by B; infinite where a Σ is singular.
 
     ``w`` and ``x`` (n, N) are noise and speeds of the steps, ``floor`` F (n, n) includes the
-    covariance of the measurement, ``gain`` B is (n, n). With Σ = LLᵀ the slope by Σ is Σ⁻¹ −
-    (Σ⁻¹w)(Σ⁻¹w)ᵀ, Σ⁻¹ = L⁻ᵀL⁻¹, entry by entry over all steps at once.
+    measurement's covariance. With Σ = LLᵀ the slope by Σ is Σ⁻¹ − (Σ⁻¹w)(Σ⁻¹w)ᵀ, entry by entry
+    over all steps at once.
     """
     n, count = w.shape
     lower, inverse = np.zeros((2, n, n, count))
@@ -162,11 +161,10 @@ def minimise(
     """Positive semidefinite matrices at a local minimum of ``objective`` f, and f there; the search
     begins at ``matrices`` (k, k), where f is finite, of a scale near one.
 
-    With X = LLᵀ, L square, every L stands for some X ⪰ 0, and a quasi-Newton search in L needs no
-    constraint (Burer and Monteiro 2003): ∂f/∂L = 2GL for G = ∂f/∂X. But a singular L may be
-    stationary without being a minimum, which has GX = 0 and G ⪰ 0: where G has a negative part −N,
-    f falls along X + tN, and the search goes on from there. Raises SolverError where the search
-    does not end at a minimum.
+    A quasi-Newton search in L, X = LLᵀ, needs no constraint (Burer and Monteiro 2003): ∂f/∂L = 2GL
+    for G = ∂f/∂X. But a singular L may be stationary without being a minimum, which has GX = 0 and
+    G ⪰ 0: where G has a negative part −N, f falls along X + tN, and the search goes on from there.
+    Raises SolverError where the search does not end at a minimum.
     """
     from scipy.optimize import minimize
 

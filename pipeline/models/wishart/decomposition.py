@@ -1,14 +1,12 @@
 """Decompositions J = J₁J₂ of the mean Jacobian (Eq. LUDecom), and their factors for whole batches.
 
 J has m task rows and n ≥ m joints, J₁ is (m, m) and J₂ (m, n). The paper names "LU or QR depending
-on the redundancy" and computes in MATLAB, whose ``lu`` pivots: :data:`BY_SHAPE`. Each is another
-law:
+on the redundancy" and computes in MATLAB, whose ``lu`` pivots. Each is another law:
 
-- ``pivoted_lu``: with partial pivoting, J₁ = PᵀL and J₂ = U. It depends on the units of the task
-  rows (here m and rad), on the axes of the task (here of the arm's base) and on the order of the
-  joints, not on the order of the rows.
-- ``qr``: of J. J₁ is orthonormal, and as the law of B is invariant under rotations, J₁ = I and
-  J₂ = J is the same model, and is what is computed. It depends on the units of the rows alone.
+- ``pivoted_lu``: J₁ = PᵀL, J₂ = U. It depends on the units of the task rows (here m and rad), the
+  axes of the task (here of the arm's base) and the order of the joints, not of the rows.
+- ``qr``: of J. As the law of B is invariant under rotations, J₁ = I and J₂ = J is the same model,
+  and is computed. It depends on the units of the rows alone.
 - ``qr_transposed``: of Jᵀ, J₁ = Rᵀ and J₂ = Qᵀ. It depends on no unit, axis or order: ‖a‖ = ‖J⁺v‖.
 - ``given``: J₁ is a constant, as diag(ℓ, ℓ, 1), which turns metres into angles of lever arm ℓ.
 """
@@ -72,7 +70,7 @@ CONTROL = Decomposition("qr_transposed")  # beside every other, as it depends on
 
 
 def chosen(options: Options, task: Sequence[str], joints: Sequence[str]) -> Decomposition:
-    """The decomposition that ``options`` name for a ``task`` of these rows and these ``joints``."""
+    """The decomposition that ``options`` name for these ``task`` rows and ``joints``."""
     name = options.decomposition
     if name == BY_SHAPE:
         name = "pivoted_lu" if len(task) == len(joints) else "qr"

@@ -54,9 +54,8 @@ class WishartModel:
     """Random Jacobian of dispersion ``sigma_b`` σ_B around J₁J₂ of a ``decomposition``, Eq.
     (LUDecom); a step is Eq. (RMTInvDiff), of the law of Algorithm 1.
 
-    B is (m, m) for m task rows; what is commanded in the null space of J has no noise. Raises
-    ModelDomainError where σ_B is not positive; with a chain, where σ_B has no density or a given J₁
-    has another size.
+    What is commanded in the null space of J has no noise. Raises ModelDomainError for a σ_B that
+    is not positive; with a chain, for one without a density and a given J₁ of another size.
     """
 
     sigma_b: float
@@ -71,8 +70,8 @@ class WishartModel:
         m = len(chain.task)
         self.decomposition.require_size(m)
         d = degrees_of_freedom(self.sigma_b, m)
-        # three task rows take one χ² variate and two normals (:mod:`.step`), one row has no
-        # direction
+        # three task rows take one χ² variate and two normals, one row has no direction
+        # (:mod:`pipeline.models.kernel`)
         degrees = (d - m + 1,) if m in (1, 3) else (d - m + 1, d - m + 2)
         parameters = np.array([d])
         if self.decomposition.left is not None:
@@ -126,11 +125,10 @@ class WishartModel:
         q_next: np.ndarray,
         measurement: np.ndarray | None = None,
     ) -> np.ndarray:
-        """(...,) of the exact density of a step, |det J₂|·p(B⁻¹a) at J₂(q_next − q), a = J₁⁻¹v.
+        """(...,) ln of the exact density of a step, |det J₂|·p(B⁻¹a) at J₂(q_next − q), a = J₁⁻¹v.
 
-        Without ``measurement`` −inf where no B > 0 gives the step, and ModelDomainError where
-        v = 0 or n > m, where the law has no density. With ``measurement`` by quadrature, at rest
-        N(q, measurement). Raises ModelDomainError where ``measurement`` is not positive definite.
+        Without ``measurement`` −inf where no B > 0 gives the step; ModelDomainError where v = 0 or
+        n > m, where there is no density. With it, by quadrature, at rest N(q, measurement).
         """
         batch = np.broadcast_shapes(q.shape[:-1], v.shape[:-1], q_next.shape[:-1])
         q, v, q_next = (np.broadcast_to(x, (*batch, x.shape[-1])) for x in (q, v, q_next))
@@ -246,8 +244,8 @@ def dispersion_of_trace(squares: StepSquares, trace: float, m: int) -> float:
     """σ_B at which steps of these mean ``squares`` have the mean ``trace`` in rad² of their
     covariance, B (m, m); the trace grows from zero to infinity with σ_B.
 
-    Raises ModelDomainError for a trace that is not positive, for steps at rest throughout, and
-    where σ_B would be at its limit sqrt((m + 1)/(m + 3)) to rounding.
+    Raises ModelDomainError for a trace that is not positive, for steps at rest, and where σ_B
+    would be at its limit sqrt((m + 1)/(m + 3)) to rounding.
     """
     from scipy.optimize import brentq  # here, as what loads a model does without SciPy
 

@@ -11,7 +11,8 @@ The minimum of ‖ω − Ay‖ + λ‖(y, c)‖ is stationary where, for some s 
     (AᵀA + sI)y = Aᵀω + s·c·e,   λ(s) = X·‖(y, c)‖·s / ((X + c)·‖ω − Ay‖).
 
 The equality is quadratic in c, and λ(s) grows with s, as F is convex: from the closest fit at s = 0
-to y = 0 at s = ∞. In the singular vectors of A each s costs a few sums of m terms.
+to y = 0 at s = ∞. Nothing cancels in ‖ω − Ay‖² = s²·uᵀ(AᵀA)⁻¹u + ‖ω⊥‖², u = y − ce, ω⊥ the part
+of ω across the range of A.
 """
 
 from __future__ import annotations
@@ -24,11 +25,9 @@ from pipeline.core.compiled import compiled, inner
 from pipeline.core.errors import ModelDomainError, SolverError
 
 STEPS = 300  # places tried on the way to a root
-SWEEPS = 30  # of rotations at most; four to six are usual
-ORTHOGONAL = 4 * float(np.finfo(float).eps)  # cosine between orthogonal columns
-LEAST_SINGULAR = 1e-7  # of the greatest singular value: below it rounding decides the fit
+LEAST_PIVOT = 1e-14  # share of a pivot of AᵀA in its entry: below it rounding decides the fit
 LEAST_REST = 1e-28  # share of ‖ω‖² below which the part of ω across the range of A is rounding
-ENDS = 1e-24, 1e24  # of s, as shares of ‖A‖_F²
+ENDS = 1e-24, 1e24  # of s, as shares of the trace of AᵀA
 LEAST = 1e-20  # of λ(s)/λ: below it values are alike
 SETTLED = 1e-12  # of ln λ, and of ln s between the ends of a bracket
 HALF = float(np.sqrt(0.5))
@@ -47,9 +46,9 @@ def objective_weights(rest_noise: float, m: int, factor: float = 1.0) -> tuple[f
     """(α₁, α₂) of (BsampOpt), α₁ + α₂ = 1, for B (m, m), from ``rest_noise``, the root mean square
     of ‖ω‖ recorded at rest, in rad.
 
-    The paper leaves them open, and the two terms differ in unit (rad and 1). Here a residual of the
-    size of the measurement noise costs as much as a perturbation of B⁻¹ by its own norm: α₂/α₁ =
-    ``factor``·rest_noise/‖I_m‖_F. Raises ModelDomainError where either is not positive.
+    The paper leaves them open. Here a residual of the size of the measurement noise costs as much
+    as a perturbation of B⁻¹ by its own norm: α₂/α₁ = ``factor``·rest_noise/‖I_m‖_F. Raises
+    ModelDomainError where either is not positive.
     """
     if not (0 < rest_noise < np.inf and 0 < factor < np.inf):
         raise ModelDomainError(
@@ -69,18 +68,10 @@ def fit_perturbations(
     vanishes, Eq. (Omegki) holds.
 
     ``noise`` ω (N, n) in rad, measured minus nominal; ``a`` J₁⁻¹v (N, m) and ``back`` J₂⁺ (N, n, m)
-    of :func:`.decomposition.factors`; ``weights`` (α₁, α₂); ``floor`` ε in (0, 1). At rest (a = 0)
-    S = 0. Raises ModelDomainError for weights or a floor outside their range and for noise that is
-    not finite, SolverError where the optimum was not reached or J₂ is all but singular.
+    of :func:`.decomposition.factors`; ``weights`` (α₁, α₂); ``floor`` ε. At rest (a = 0) S = 0.
+    Raises ModelDomainError for noise that is not finite, SolverError where the optimum was not
+    reached or J₂ is all but singular.
     """
-    alpha1, alpha2 = weights
-    if not (alpha1 > 0 and alpha2 >= 0 and 0 < floor < 1):
-        raise ModelDomainError(
-            "needs alpha1 > 0, alpha2 >= 0 and a floor between 0 and 1",
-            alpha1=alpha1,
-            alpha2=alpha2,
-            floor=floor,
-        )
     finite = np.all(np.isfinite(noise), axis=-1)
     if not np.all(finite):
         raise ModelDomainError(
@@ -88,7 +79,8 @@ def fit_perturbations(
             index=int(finite.argmin()),
             not_finite=int((~finite).sum()),
         )
-    ratio, inputs = alpha2 / alpha1, (np.array(each, order="C") for each in (noise, a, back))
+    ratio = weights[1] / weights[0]
+    inputs = (np.array(each, order="C") for each in (noise, a, back))
     unsolved, s, norms, bound = perturb(*inputs, ratio, 1 - floor, STEPS)
     if unsolved >= 0:
         raise SolverError(
@@ -101,9 +93,8 @@ def fit_perturbations(
     return Perturbations(s, norms @ np.array(weights), bound)
 
 
-# rows of the buffer of one problem: σ², σ times the part of ω along each left singular vector, e in
-# the right ones, y, and one more; e and the right ones' sum in the task's own axes
-SQUARE, PULL, ALONG, Y, MOVED, E, D = range(7)
+# rows of the buffer of one problem: Aᵀω, e, y, what y moves by with c, y − ce, and two more
+PULL, E, Y, MOVED, U, SPARE, D = range(7)
 
 
 @inner
@@ -116,60 +107,75 @@ def _dot(x: np.ndarray, p: int, y: np.ndarray, q: int) -> float:
 
 
 @inner
-def orthogonalize(columns: np.ndarray, turn: np.ndarray) -> None:
-    """Rotate the ``columns`` (m, n) of A until they are orthogonal, and ``turn`` (m, m), I before,
-    alike (one-sided Jacobi: Hestenes, J. SIAM 6, 1958): A = Σ columnsᵢ·turnᵢᵀ.
-
-    Small singular values keep their digits (Demmel and Veselić, SIMAX 13, 1992).
+def factorize(matrix: np.ndarray, ridge: float, factor: np.ndarray) -> float:
+    """Write L and D of ``matrix`` + ``ridge``·I = LDLᵀ into ``factor`` (m, m): L below the
+    diagonal, 1/D on it, (LD)ᵀ above; return the least share of a pivot in its diagonal entry.
     """
-    m, settled = len(columns), False
-    for _ in range(SWEEPS):
-        if settled:
-            return
-        settled = True
-        for p in range(m - 1):
-            for q in range(p + 1, m):
-                square_p, square_q = _dot(columns, p, columns, p), _dot(columns, q, columns, q)
-                product = _dot(columns, p, columns, q)
-                if abs(product) <= ORTHOGONAL * np.sqrt(square_p * square_q):
-                    continue
-                settled, zeta = False, (square_q - square_p) / (2 * product)
-                tangent = np.copysign(1 / (abs(zeta) + np.sqrt(1 + zeta * zeta)), zeta)
-                cosine = 1 / np.sqrt(1 + tangent * tangent)
-                _rotate(columns, p, q, cosine, cosine * tangent)
-                _rotate(turn, p, q, cosine, cosine * tangent)
+    share = 1.0
+    for i in range(len(matrix)):
+        pivot = entire = matrix[i, i] + ridge
+        for j in range(i):
+            entry = matrix[i, j]
+            for k in range(j):
+                entry -= factor[k, i] * factor[j, k]
+            factor[j, i] = entry
+        for j in range(i):
+            factor[i, j] = factor[j, i] * factor[j, j]
+            pivot -= factor[j, i] * factor[i, j]
+        factor[i, i] = 1 / pivot
+        share = min(share, pivot / entire)
+    return share
 
 
 @inner
-def _rotate(rows: np.ndarray, p: int, q: int, cosine: float, sine: float) -> None:
-    for i in range(rows.shape[1]):
-        x, y = rows[p, i], rows[q, i]
-        rows[p, i], rows[q, i] = cosine * x - sine * y, sine * x + cosine * y
-
-
-@inner
-def place(s: float, delta: float, rest: float, case: np.ndarray) -> tuple[float, float, float]:
-    """c, λ(s) and ‖ω − Ay‖ at ``s`` > 0; y is written. ``rest`` is the square of ω across A."""
-    m = case.shape[1]
+def _solve(factor: np.ndarray, case: np.ndarray, side: int, solution: int) -> float:
+    """Write M⁻¹b into row ``solution`` of ``case`` for its row ``side`` b and the ``factor`` of M;
+    return bᵀM⁻¹b.
+    """
+    m, square = len(factor), 0.0
     for i in range(m):
-        share = 1 / (case[SQUARE, i] + s)
-        case[Y, i], case[MOVED, i] = case[PULL, i] * share, s * case[ALONG, i] * share
-    x, along = _dot(case, ALONG, case, Y), _dot(case, ALONG, case, MOVED)
+        entry = case[side, i]
+        for j in range(i):
+            entry -= factor[i, j] * case[solution, j]
+        case[solution, i] = entry
+    for i in range(m):
+        scaled = case[solution, i] * factor[i, i]
+        square, case[solution, i] = square + case[solution, i] * scaled, scaled
+    for i in range(m - 1, -1, -1):
+        for j in range(i + 1, m):
+            case[solution, i] -= factor[j, i] * case[solution, j]
+    return square
+
+
+@inner
+def place(
+    s: float, delta: float, rest: float, gram: np.ndarray, factors: np.ndarray, case: np.ndarray
+) -> tuple[float, float, float]:
+    """c, λ(s) and ‖ω − Ay‖ at ``s`` > 0; y is written. ``rest`` is the square of ω across A,
+    ``factors`` that of AᵀA ``gram`` and one more.
+    """
+    m, shifted = len(gram), factors[1]
+    factorize(gram, s, shifted)
+    _solve(shifted, case, PULL, Y)
+    _solve(shifted, case, E, MOVED)
+    for i in range(m):
+        case[MOVED, i] *= s
+    x, along = _dot(case, E, case, Y), _dot(case, E, case, MOVED)
     # ‖d‖² − 2X(δ + c) = −bend·c² + 2·tilt·c + broken, d = y − xe, moving by g − along·e a c
     broken, tilt, bend = -2 * delta * (delta + x), -delta * along - (delta + x), 2 * along
     for i in range(m):
-        d, turn = case[Y, i] - x * case[ALONG, i], case[MOVED, i] - along * case[ALONG, i]
+        d, turn = case[Y, i] - x * case[E, i], case[MOVED, i] - along * case[E, i]
         broken, tilt, bend = broken + d * d, tilt + d * turn, bend - turn * turn
     c = 0.0
     if broken > 0:
         root = np.sqrt(tilt * tilt + bend * broken)
         c = (tilt + root) / bend if tilt > 0 else broken / (root - tilt)
-    x, size, across, left = x + c * along, c * c, 0.0, 0.0
+    x, size, across = x + c * along, c * c, 0.0
     for i in range(m):
         y = case[Y, i] = case[Y, i] + c * case[MOVED, i]
-        d, u = y - x * case[ALONG, i], y - c * case[ALONG, i]
-        size, across, left = size + y * y, across + d * d, left + u * u / case[SQUARE, i]
-    left = np.sqrt(s * s * left + rest)
+        d, case[U, i] = y - x * case[E, i], y - c * case[E, i]
+        size, across = size + y * y, across + d * d
+    left = np.sqrt(s * s * _solve(factors[0], case, U, SPARE) + rest)
     corner = across / (2 * (delta + c)) if c > 0 else delta + x  # which does not cancel
     return c, corner * np.sqrt(size) / left * s / (corner + c), left
 
@@ -186,10 +192,11 @@ def perturb(
     """
     count, n, m = back.shape
     s, norms, bound = np.zeros((count, m, m)), np.zeros((count, 2)), np.zeros(count, np.bool_)
-    columns, turn, case = np.empty((m, n)), np.empty((m, m)), np.empty((7, m))
+    columns, gram, factors = np.empty((m, n)), np.empty((m, m)), np.empty((2, m, m))
+    case = np.empty((7, m))
     for k in range(count):
         r, size = np.sqrt(_dot(a, k, a, k)), _dot(noise, k, noise, k)
-        norms[k, 0], steepness, trace = np.sqrt(size), 0.0, 0.0
+        norms[k, 0], steepness, trace, rest = np.sqrt(size), 0.0, 0.0, 0.0
         if not r > 0:
             continue
         for j in range(m):
@@ -201,48 +208,42 @@ def perturb(
             for j in range(m):
                 columns[j, i] = r * (HALF * back[k, i, j] + (1 - HALF) * along * case[E, j])
         for j in range(m):
-            steepness += _dot(columns, j, noise, k) ** 2
-            trace += _dot(columns, j, columns, j)
-            for i in range(m):
-                turn[j, i] = 1.0 if i == j else 0.0
+            case[PULL, j] = _dot(columns, j, noise, k)
+            for i in range(j + 1):
+                gram[j, i] = _dot(columns, j, columns, i)
+            trace += gram[j, j]
+            steepness += case[PULL, j] ** 2
         if not steepness > ratio * ratio * size:  # y = 0
             continue
-        orthogonalize(columns, turn)
-        least, greatest, rest = np.inf, 0.0, 0.0
-        for j in range(m):
-            square, pull = _dot(columns, j, columns, j), _dot(columns, j, noise, k)
-            least, greatest = min(least, square), max(greatest, square)
-            case[SQUARE, j], case[PULL, j], case[ALONG, j] = square, pull, _dot(turn, j, case, E)
-        if not least > LEAST_SINGULAR**2 * greatest:
+        if not factorize(gram, 0.0, factors[0]) > LEAST_PIVOT:
             return k, s, norms, bound
+        _solve(factors[0], case, PULL, Y)
         for i in range(n if n > m else 0):
             across = noise[k, i]
             for j in range(m):
-                across -= case[PULL, j] / case[SQUARE, j] * columns[j, i]
+                across -= case[Y, j] * columns[j, i]
             rest += across * across
         rest = rest if rest > LEAST_REST * size else 0.0
-        c, norms[k, 0], solved = _root(ratio, delta, rest, trace, steps, case)
+        c, norms[k, 0], solved = _root(ratio, delta, rest, trace, steps, gram, factors, case)
         if not solved:
             return k, s, norms, bound
-        norms[k, 1], bound[k] = _write(case, turn, c, delta, k, s)
+        norms[k, 1], bound[k] = _write(case, c, delta, k, s)
     return -1, s, norms, bound
 
 
 @inner
-def _root(
-    ratio: float, delta: float, rest: float, trace: float, steps: int, case: np.ndarray
-) -> tuple[float, float, bool]:
+def _root(ratio, delta, rest, trace, steps, gram, factors, case) -> tuple[float, float, bool]:
     """c and ‖ω − Ay‖ where λ(s) is ``ratio``, and True where it is within ``steps`` places.
 
     By the Illinois rule on f = ln λ(s)/λ in t = ln s: an end that stays twice has its value halved.
     """
     low, high = np.log(ENDS[0] * trace), np.log(ENDS[1] * trace)
-    c, weight, left = place(np.exp(low), delta, rest, case)
+    c, weight, left = place(np.exp(low), delta, rest, gram, factors, case)
     if weight >= ratio:  # the closest fit
         return c, left, True
     t, stride, kept, below, above = np.log(1e-2 * trace), 2.0, 0, 0.0, 0.0
     for step in range(steps):
-        c, weight, left = place(np.exp(t), delta, rest, case)
+        c, weight, left = place(np.exp(t), delta, rest, gram, factors, case)
         # where X is at its bound λ(s) may jump from zero
         f = np.log(max(weight, LEAST * ratio) / ratio)
         if abs(f) <= SETTLED or high - low <= SETTLED:
@@ -263,15 +264,11 @@ def _root(
 
 
 @inner
-def _write(
-    case: np.ndarray, turn: np.ndarray, c: float, delta: float, k: int, s: np.ndarray
-) -> tuple[float, bool]:
-    """Write S of y in the task's own axes; return its norm, and True where the bound binds."""
-    m, x = len(turn), _dot(case, ALONG, case, Y)
+def _write(case: np.ndarray, c: float, delta: float, k: int, s: np.ndarray) -> tuple[float, bool]:
+    """Write S of y and c; return its norm, and True where the bound holds it back."""
+    m, x = case.shape[1], _dot(case, E, case, Y)
     for i in range(m):
-        case[D, i] = -x * case[E, i]
-        for j in range(m):
-            case[D, i] += case[Y, j] * turn[j, i]
+        case[D, i] = case[Y, i] - x * case[E, i]
     across = _dot(case, D, case, D)
     if c > 0:
         x = across / (2 * (delta + c)) - delta  # which does not cancel

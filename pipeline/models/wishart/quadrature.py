@@ -7,11 +7,10 @@ k_i = u_iᵀb,
 
     −2 ln N = ‖y⊥ − z·b⊥‖² + Σ_i [(c_i − z·k_i)²/(1 + λ_i z²/g) + ln(1 + λ_i z²/g)] + constant.
 
-It is integrated over s = ln z and h = ln g. The rule follows the integrand, narrow for small noise
-and wide for large (Naylor and Smith, Applied Statistics 31, 1982): centred on its mode and scaled
-by its Fisher information there, then by the mean and covariance under that first rule. In
-coordinates sinh t the trapezoidal rule converges fast for exponential and normal tails. In NumPy a
-fit takes ten times as long.
+It is integrated over s = ln z and h = ln g by a rule that follows the integrand (Naylor and Smith,
+Applied Statistics 31, 1982): centred on its mode and scaled by its Fisher information there, then
+by the mean and covariance under that first rule. In coordinates sinh t the trapezoidal rule
+converges fast for exponential and normal tails. In NumPy a fit takes ten times as long.
 """
 
 from __future__ import annotations

@@ -6,15 +6,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from compiled_calls import from_python
 
 from pipeline.core.errors import SolverError
 from pipeline.models.wishart import perturbation
-from pipeline.models.wishart.perturbation import (
-    Perturbations,
-    fit_perturbations,
-    orthogonalize,
-)
+from pipeline.models.wishart.perturbation import Perturbations, fit_perturbations
 
 COUNT, ROOT = 3000, np.sqrt(2)
 SIZES = [(1, 1), (2, 2), (6, 6), (3, 2), (7, 6), (8, 3)]
@@ -190,25 +185,3 @@ def test_an_arm_that_is_all_but_singular_is_refused(far, refused):
         return
     with pytest.raises(SolverError, match="not solved to optimality"):
         fit(noise, e, matrix, 0.03, 0.2)
-
-
-@pytest.mark.parametrize(("n", "m"), [(1, 1), (2, 2), (3, 2), (6, 6), (8, 5)])
-def test_a_matrix_is_taken_apart_and_small_singular_values_keep_their_digits(n, m):
-    """Down to 1e-15 of the greatest, where the eigenvalues of MᵀM lose the smallest altogether."""
-    rng, scale = np.random.default_rng(2), np.geomspace(1.0, 1e-15, m) if m > 1 else np.ones(1)
-    matrix, left = rng.standard_normal((n, m)), np.linalg.qr(rng.standard_normal((n, m)))[0]
-    columns, turn = matrix.T.copy(), np.eye(m)
-    from_python(orthogonalize)(columns, turn)
-    np.testing.assert_allclose(columns.T @ turn, matrix, atol=1e-13)
-    lengths = np.linalg.norm(columns, axis=1)
-    np.testing.assert_allclose(np.sort(lengths)[::-1], np.linalg.svd(matrix)[1], rtol=1e-12)
-    mixed = np.eye(m) + 0.3
-    product = left @ mixed * scale
-    columns = product.T.copy()
-    from_python(orthogonalize)(columns, np.eye(m))
-    # the product of all is the determinant, exact by scaling the columns back
-    exact = abs(np.linalg.det(mixed)) * scale.prod()
-    assert np.linalg.norm(columns, axis=1).prod() == pytest.approx(exact, rel=1e-11)
-    # control: by the eigenvalues of MᵀM, the greatest scale last
-    squared = np.linalg.eigvalsh(product[:, ::-1].T @ product[:, ::-1])
-    assert m == 1 or not abs(np.sqrt(np.maximum(squared, 0.0)).prod() / exact - 1) < 0.1

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from oracles import algorithm_1, every_reading, inverse_action_steps, sample_inverse_action
+from oracles import algorithm_1, every_reading
 from random_arm import SIZES, motion, random_arm
 from scipy import stats
 
@@ -146,7 +146,7 @@ def test_the_quadrature_converges(chain, poses, step, sigma_b, error):
     rng = np.random.default_rng(5)
     d = wishart.degrees_of_freedom(sigma_b, 3)
     a, back, _ = factors(chain, poses, step, PIVOTED_LU)
-    x = np.matvec(back, sample_inverse_action(a, d, rng))
+    x = WishartModel(sigma_b).sample(chain, poses, step, rng) - poses
     for scale in (1e-3, 1.0, 1e4):
         noise = scale * MEASUREMENT
         problem = x + rng.standard_normal(x.shape) @ np.linalg.cholesky(noise).T, a, back, noise, d
@@ -187,7 +187,7 @@ def test_it_is_the_mean_of_normals_over_the_law_of_z_and_g(n, m):
     covariance = noise + ((r * z) ** 2 / g)[..., None, None] * across
     precision, determinant = np.linalg.inv(covariance), np.linalg.det(2 * np.pi * covariance)
     rng = np.random.default_rng(11)
-    q_next = inverse_action_steps(arm, np.tile(q, (4, 1)), v, SIGMA_B, model.decomposition, rng)
+    q_next = model.sample(arm, np.tile(q, (4, 1)), v, rng)
     q_next += rng.multivariate_normal(np.zeros(n), noise, 4)
     exact = []
     for after in q_next:

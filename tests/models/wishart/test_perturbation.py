@@ -18,7 +18,7 @@ from pipeline.models.draws import draw_steps
 from pipeline.models.noise import process_noise
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors
-from pipeline.models.wishart.estimators import fit_paper
+from pipeline.models.wishart.fit import fit_paper
 from pipeline.models.wishart.law import WishartModel
 from pipeline.models.wishart.perturbation import fit_perturbations, objective_weights
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion, sample
