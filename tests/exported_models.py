@@ -29,11 +29,14 @@ def write_model(
     speed: float = 1.0,
 ) -> Path:
     """``file`` with the model of ``kind``, fitted at poses up to ``width`` rad from the elbow's
-    right angle and at task speeds up to ``speed``
-    times 0.5 m/s and 4 rad/s.
+    right angle and at task speeds up to ``speed`` times 0.5 m/s and 4 rad/s.
     """
-    middle = dict(zip(("a", "b", "c"), (0.3, np.pi / 2, -0.4), strict=True))
-    speeds = dict(zip(chain.task, (0.5 * speed, 0.5 * speed, 4.0 * speed), strict=True))
+
+    def ends(middle: float, width: float, unit: str) -> dict:
+        return {"least": middle - width, "greatest": middle + width, "unit": unit}
+
+    poses = {"a": 0.3, "b": np.pi / 2, "c": -0.4}
+    speeds = dict.fromkeys(chain.task, (0.5, "m/s")) | {"phi": (4.0, "rad/s")}
     record = {
         "format": FORMAT,
         "model": kind,
@@ -41,18 +44,8 @@ def write_model(
         "parameters": {"kind": kind} | PARAMETERS[kind],
         "closed_loop_share": share,
         "ranges": {
-            "pose": {
-                name: {"least": at - width, "greatest": at + width, "unit": "rad"}
-                for name, at in middle.items()
-            },
-            "speed": {
-                name: {
-                    "least": -most,
-                    "greatest": most,
-                    "unit": "rad/s" if name == "phi" else "m/s",
-                }
-                for name, most in speeds.items()
-            },
+            "pose": {name: ends(at, width, "rad") for name, at in poses.items()},
+            "speed": {name: ends(0.0, most * speed, unit) for name, (most, unit) in speeds.items()},
         },
         "arm": chain_record(chain),
     }

@@ -14,7 +14,6 @@ from pipeline.models.noise import mean_covariance
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.law import WishartModel, action_log_density
 from pipeline.randommatrix.wishart import degrees_of_freedom, sample
-from pipeline.statistics.takes import percentile_interval
 from pipeline.studies.recovery.stage import drawn
 
 ADDITIVE = kinds.options_type("additive")("additive", estimator="paper")
@@ -126,15 +125,3 @@ def test_a_replicate_without_an_estimate_is_counted_and_no_number(chain, poses, 
         and set(spread) == {"a"}
         and spread["a"].standard_error == pytest.approx(np.sqrt(2))
     )
-
-
-def test_the_interval_holds_a_further_value_as_often_as_it_says():
-    rng = np.random.default_rng(6)
-    values, further = rng.standard_normal((4000, 39)), rng.standard_normal(4000)
-
-    def share(ends: np.ndarray) -> float:
-        return float(np.mean((ends[:, 0] <= further) & (further <= ends[:, 1])))
-
-    assert abs(share(np.array([percentile_interval(row) for row in values])) - 0.95) < 0.012
-    # control: the quantiles that take the least and the greatest value for the ends of the law
-    assert share(np.quantile(values, [0.025, 0.975], axis=1).T) < 0.93

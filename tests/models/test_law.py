@@ -19,7 +19,7 @@ from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.model import frobenius, open_loop
+from pipeline.models.model import open_loop
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.law import WishartModel
 
@@ -155,17 +155,6 @@ def test_close_to_a_singular_pose_everything_is_finite(model, sine, chain, step)
     for values in (drawn, density, model.mean(chain, q, step)):
         assert np.all(np.isfinite(values))
     assert np.all(np.linalg.eigvalsh(model.covariance(chain, q, step))[:, 1:] >= 0)
-
-
-def test_past_the_bound_the_noise_is_clipped_and_counted(chain, poses, step):
-    norms = frobenius(chain.inverse_jacobian(poses))
-    bounded = GaussianModel(0.1, float(np.quantile(norms, 0.7)))
-    drawn, clipped = draw_steps(bounded, chain, poses, step, RNG(4))
-    unmoved = np.all(np.abs(drawn - bounded.mean(chain, poses, step)) < 1e-13, axis=1)
-    assert clipped == np.count_nonzero(norms > bounded.u) == 60
-    assert np.array_equal(unmoved, norms > bounded.u)
-    with pytest.raises(ModelDomainError, match="60 of 200"):
-        bounded.log_density(chain, poses, step, drawn)
 
 
 @every_model

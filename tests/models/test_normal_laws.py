@@ -84,15 +84,6 @@ def test_a_singular_covariance_is_a_model_without_a_density(kind, chain, poses, 
             model.log_density(chain, q, v, mean, -MEASUREMENT)
 
 
-def test_noise_of_one_direction_stays_in_it(chain, poses, step):
-    dq = chain.nominal_step(poses, step)
-    for model, along in ((FLAT["additive"], np.array([1.0, -1.0, 2.0])), (FLAT["timing"], dq)):
-        compiled, _ = draw_steps(model, chain, poses, step, np.random.default_rng(7))
-        for drawn in (compiled, model.sample(chain, poses, step, np.random.default_rng(8))):
-            np.testing.assert_allclose(np.cross(drawn - poses - dq, along), 0, atol=1e-8)
-            assert np.linalg.norm(drawn - poses - dq, axis=1).min() > 0
-
-
 def test_noise_that_grows_with_the_speed_is_its_formula(chain, poses, step):
     dq = chain.nominal_step(poses, step)
     outer = dq[:, :, None] * dq[:, None, :]

@@ -7,7 +7,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from scipy.stats import ks_2samp
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.serial import SerialChain
@@ -143,17 +142,6 @@ def test_normal_steps_of_a_planar_arm_are_the_same_numbers_by_either_way(model, 
     other, same = draw_steps(model, in_space(chain), poses[:60], step, RNG())
     np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
     assert clipped == same
-
-
-@pytest.mark.parametrize("reading", READINGS)
-def test_wishart_steps_of_a_planar_arm_have_one_law_by_either_way(reading, chain, poses, step):
-    """Kolmogorov–Smirnov tests of each joint at a level of 1e-5; control: a wider dispersion."""
-    spatial, law, q = in_space(chain), decomposition(reading, 3), np.tile(poses[0], (DRAWS, 1))
-    planar, _ = draw_steps(WishartModel(SIGMA_B, law), chain, q, step, RNG())
-    for sigma_b, same in ((SIGMA_B, True), (1.2 * SIGMA_B, False)):
-        model, rng = WishartModel(sigma_b, law), np.random.default_rng(6)
-        drawn, _ = draw_steps(model, spatial, q, step, rng)
-        assert (min(ks_2samp(planar[:, j], drawn[:, j]).pvalue for j in range(3)) > 1e-5) == same
 
 
 def test_a_closed_loop_of_a_spatial_arm_corrects_the_displacement_of_its_tip():

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from pipeline.models.wishart.fit import Options
 
 COMPUTED = ("pivoted_lu", "qr", "qr_transposed")
-BY_SHAPE = "by_shape"  # option: pivoted LU of a square Jacobian, QR of one with more joints
 LEAST_CONDITION = 1e-9  # least singular value of a given J₁ as a share of its greatest
 
 
@@ -42,17 +41,14 @@ class Decomposition:
     left: Sequence[Sequence[float]] | np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        if self.name not in (*COMPUTED, "given"):
+        names, given = (*COMPUTED, "given"), self.left is not None
+        if self.name not in names or (self.name == "given") != given:
             raise ModelDomainError(
-                f"the decomposition must be one of {', '.join((*COMPUTED, 'given'))}",
+                f"the decomposition must be one of {', '.join(names)}, and given, and no other, "
+                "needs the first factor of the Jacobian",
                 decomposition=self.name,
             )
-        if (self.name == "given") != (self.left is not None):
-            raise ModelDomainError(
-                "the decomposition given, and no other, needs the first factor of the Jacobian",
-                decomposition=self.name,
-            )
-        if self.left is not None:
+        if given:
             object.__setattr__(self, "left", _regular(self.left))
 
     def require_size(self, m: int) -> None:
@@ -70,10 +66,11 @@ CONTROL = Decomposition("qr_transposed")  # beside every other, as it depends on
 
 
 def chosen(options: Options, task: Sequence[str], joints: Sequence[str]) -> Decomposition:
-    """The decomposition that ``options`` name for these ``task`` rows and ``joints``."""
-    name = options.decomposition
-    if name == BY_SHAPE:
-        name = "pivoted_lu" if len(task) == len(joints) else "qr"
+    """The decomposition that ``options`` name for these ``task`` rows and ``joints``; by_shape is
+    pivoted LU of a square Jacobian, QR of one with more joints.
+    """
+    by_shape = "pivoted_lu" if len(task) == len(joints) else "qr"
+    name = by_shape if options.decomposition == "by_shape" else options.decomposition
     return Decomposition(name, options.left)
 
 

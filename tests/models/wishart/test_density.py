@@ -127,17 +127,6 @@ def test_far_outliers_have_the_density_of_the_nearest_of_two_explanations(
     np.testing.assert_allclose(coarse, fine, rtol=1e-4)
 
 
-def test_one_step_is_as_one_of_many(chain, poses, step):
-    model = WishartModel(0.3)
-    q_next, _ = draw_steps(model, chain, poses, step, np.random.default_rng(6))
-    many = model.log_density(chain, poses, step, q_next, MEASUREMENT)
-    one = model.log_density(chain, poses[5], step, q_next[5], MEASUREMENT)
-    np.testing.assert_allclose(one, many[5], rtol=1e-9)
-    q, after = (each.reshape(20, 10, 3) for each in (poses, q_next))
-    grid = model.log_density(chain, q, step, after, MEASUREMENT)
-    np.testing.assert_allclose(grid.ravel(), many, rtol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("sigma_b", "error"), [(0.05, 5e-6), (0.25, 1e-4), (0.5, 3e-4), (0.8, 1e-3), (1.2, 5e-3)]
 )
