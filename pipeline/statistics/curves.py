@@ -72,11 +72,8 @@ def variation(values: np.ndarray) -> float:
 
 
 def relative_error(curve: np.ndarray, recorded: np.ndarray) -> float:
-    """‖curve − recorded‖ / ‖recorded‖ of (K,) values. Raises ModelDomainError where ``recorded``
-    is zero throughout.
-    """
-    size = np.linalg.norm(recorded)
-    if size == 0:
+    """‖curve − recorded‖ / ‖recorded‖ of (K,) values; ModelDomainError where that is 0."""
+    if (size := np.linalg.norm(recorded)) == 0:
         message = "an error relative to a curve that is zero throughout does not exist"
         raise ModelDomainError(message, values=recorded.size)
     return float(np.linalg.norm(curve - recorded) / size)
@@ -88,13 +85,12 @@ def std_scores(
     joints: Sequence[str],
     steady: np.ndarray,
 ) -> dict[str, float]:
-    """Agreement of each model's mean and standard deviation over time with the recorded ones, by
-    names with model, joint and unit.
+    """Return the agreement of each model's mean and standard deviation over time with the recorded
+    ones, by names with model, joint and unit.
 
-    ``std`` (M, n) in rad by model, and under ``recorded`` the recorded one; ``error`` (M,) in rad
-    by model, ‖mean − recorded mean‖; ``joints`` the n names; ``steady`` (M,) the steps at constant
-    speed, where a curve follows the pose and not the speed. A standard deviation that is not finite
-    has no scores.
+    ``std`` (M, n) in rad by model, and under ``recorded`` the recorded one, without scores where it
+    is not finite; ``error`` (M,) in rad by model, ‖mean − recorded mean‖; ``steady`` (M,) the steps
+    at constant speed, where a curve follows the pose and not the speed.
     """
     scores = {f"{model}_greatest_mean_error_rad": e.max() for model, e in error.items()}
     scores |= {f"{model}_std_of_mean_error_over_time_rad": e.std() for model, e in error.items()}
@@ -199,13 +195,12 @@ def spread_tables(
     if not modelled:
         return {}
     rows = [table.assign(model=model) for model, table in following.items() if len(table)]
+    tables = {"spread_following": pd.concat(rows, ignore_index=True)} if rows else {}
     motion = {model: each.motion for model, each in modelled.items()}
     measurement = next(iter(modelled.values())).measurement
+    tables["spread_comparison"] = spread_comparison(motion, measurement, noise, joints)
     errors = {model: each.error for model, each in modelled.items()}
-    return ({"spread_following": pd.concat(rows, ignore_index=True)} if rows else {}) | {
-        "spread_comparison": spread_comparison(motion, measurement, noise, joints),
-        "mean_error_comparison": mean_error_comparison(errors),
-    }
+    return tables | {"mean_error_comparison": mean_error_comparison(errors)}
 
 
 def spread_comparison(

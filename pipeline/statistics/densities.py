@@ -30,10 +30,8 @@ def normal_reference_bandwidth(samples: np.ndarray) -> np.ndarray:
     count, p = np.shape(samples)
     scale = np.median(np.abs(samples - np.median(samples, axis=0)), axis=0) / 0.6745
     if not np.all(scale > 0):
-        raise ModelDomainError(
-            "a variable whose median absolute deviation is 0 or missing has no density",
-            samples=count,
-        )
+        message = "a variable whose median absolute deviation is 0 or missing has no density"
+        raise ModelDomainError(message, samples=count)
     return scale * (4 / ((p + 2) * count)) ** (1 / (p + 4))
 
 
@@ -116,9 +114,8 @@ def autocorrelation_time(record: np.ndarray) -> float:
     """
     count = len(record)
     if count < 2 or np.any(np.ptp(record, axis=0) == 0):
-        raise ModelDomainError(
-            "a record whose values are all equal has no autocorrelation time", samples=count
-        )
+        message = "a record whose values are all equal has no autocorrelation time"
+        raise ModelDomainError(message, samples=count)
     # twice as long, so that the circular correlation of the transform does not wrap round
     spectrum = np.abs(np.fft.rfft(record - np.mean(record, axis=0), 2 * count, axis=0)) ** 2
     covariance = np.fft.irfft(spectrum, axis=0)[:count]
@@ -133,11 +130,8 @@ def thinned(record: np.ndarray) -> np.ndarray:
     """
     step = max(int(np.ceil(SPACING * autocorrelation_time(record))), -(-len(record) // MOST))
     if len(record) <= step:
-        raise ModelDomainError(
-            "the record is too short beside its autocorrelation time: record for longer",
-            samples=len(record),
-            step=step,
-        )
+        message = "the record is too short beside its autocorrelation time: record for longer"
+        raise ModelDomainError(message, samples=len(record), step=step)
     return record[::step]
 
 
