@@ -94,9 +94,16 @@ def test_recordings_that_are_not_there_are_refused_by_their_folder(log_project, 
         ({"rest": -1}, "rest: input should be greater than or equal to 0"),
         ({"start": [0.0]}, "values as start"),
         ({"start": [0.0] * 6, "end": [0.0] * 6}, "one for each of robot.joints, got 6"),
+        ({"mismatch": 0.0}, "joint_log.mismatch"),
+        ({"target_factor": [1.0, 2.0]}, "joint_log.target_factor"),
+        ({"target_delay": {"move_1": "late"}}, "joint_log.target_delay"),
+        ({"signals": {"force": [0, 1, 2, 3, 4, 5]}}, "joint_log.signals"),
+        ({"disturbed": "keep"}, "joint_log.disturbed"),
     ],
 )
-def test_options_that_name_no_chain_are_refused(log_project, tmp_path, choice, words):
+def test_options_that_name_no_chain_or_mean_nothing_are_refused(
+    log_project, tmp_path, choice, words
+):
     with pytest.raises(ConfigError, match=words):
         log_project("ur5_planar", tmp_path, joint_log=choice)
 
@@ -150,6 +157,9 @@ def test_one_table_a_movement_gives_what_one_file_a_signal_does(read, tmp_path):
     assert result[0] == names
     np.testing.assert_allclose(result[1], q, rtol=0, atol=1e-9)
     assert quality("speed_from_angles", "move") == 0
+    # tables are held against the command as files are
+    with pytest.raises(RecordingError, match="are no pair"):
+        read(tmp_path / "tables", **TABLES, signals=SIGNALS, target_factor=0.5)
     with pytest.raises(ConfigError, match="target angles"):
         read(tmp_path / "tables", **TABLES, signals={"actual": SIGNALS["actual"]})
 
@@ -218,5 +228,7 @@ def test_a_current_that_stands_out_leaves_its_repetition_out_where_it_is_logged(
     assert read(place, **choice, others=others)[0] == [f"move_1_{n}" for n in (1, 2, 4, 5)]
     assert quality("disturbance", "move_1_3") > 6 > quality("disturbance", "move_1_4")
     assert 0 < quality("smallest_push_found", "move_1") < 2e-3
+    with pytest.raises(RecordingError, match="are no pair"):
+        read(place, **choice, others=others, target_factor=0.5)
     # the control: by the angles alone nobody sees it
     assert len(read(place, **choice, others={})[0]) == 5

@@ -25,8 +25,8 @@ from pipeline.wrench.parametric import sample_directions, wrench_covariance
 
 BAND = 4.5  # standard errors
 MODEL = MatrixModel(
-    jacobian=np.array([[0.9, -0.4, 0.1], [0.3, 0.8, -1.0]]),
-    actuation=np.array([0.5, -1.0, 2.0]),
+    np.array([[0.9, -0.4, 0.1], [0.3, 0.8, -1.0]]),
+    np.array([0.5, -1.0, 2.0]),
     actuation_cov=np.array([[2.0, 0.5, 0.0], [0.5, 1.0, -0.3], [0.0, -0.3, 1.5]]),
     psi=np.array([[1.0, 0.3, 0.0], [0.3, 0.6, 0.1], [0.0, 0.1, 1.4]]),
 )
@@ -160,9 +160,8 @@ def test_covariances_that_are_none_and_cables_without_tension_are_refused():
     with pytest.raises(ModelDomainError, match="alike"):
         moment_fit(np.tile(MODEL.jacobian, (5, 1, 1)))
     with pytest.raises(ModelDomainError, match="tension"):
-        unbounded_sigma_s(
-            matrix_model(planar_cables(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))), np.eye(2)
-        )
+        slack = planar_cables(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))
+        unbounded_sigma_s(matrix_model(slack), np.eye(2))
 
 
 MEAN = np.array([[0.9, -0.4, 0.1, 0.5], [0.3, 0.8, -1.0, 0.2]])
@@ -193,7 +192,11 @@ def test_the_columns_of_directions_are_independent_and_their_variances_go_with_1
     kappa = np.array([100.0, 700.0, 200.0, 400.0])
     mean = planar_cables(*np.ones((4, 4))).direction
     directions = sample_directions(mean, kappa, 20_000, np.random.default_rng(6))
-    psi = moment_fit(np.swapaxes(directions, 1, 2)).psi
+    fit = moment_fit(jacobians := np.swapaxes(directions, 1, 2))
+    psi, x = fit.psi, jacobians - fit.mean
+    # the trace is exact, whatever the law of the columns
+    total = np.mean(np.sum(x**2, axis=(1, 2)))
+    assert np.trace(fit.sigma_s) * np.trace(psi) == pytest.approx(total, rel=1e-12)
     due = np.diag(4 / kappa / np.sum(1 / kappa))
     # a variance of 20 000 draws is known to 1 %, a correlation to 0.007
     np.testing.assert_allclose(np.diag(psi), np.diag(due), rtol=0.045)

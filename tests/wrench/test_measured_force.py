@@ -23,9 +23,7 @@ from pipeline.wrench.measured_force import (
 from pipeline.wrench.parametric import CableSystem, wrench_covariance
 from pipeline.wrench.study import averaged_sigma_s
 
-BOUNDS = Bounds(
-    tension=(1.8, 14.0), direction=(0.0, 3.8), tension_sd=(0.5, 2.3), concentration=(170.0, 2400.0)
-)
+BOUNDS = Bounds((1.8, 14.0), (0.0, 3.8), (0.5, 2.3), (170.0, 2400.0))
 DIRECTIONS = np.array([0.15, 3.7, 1.6])
 TENSIONS = np.array([9.19, 6.92, 7.30])  # N; along these directions they give (3, 5) N
 SYSTEM = planar_cables(
@@ -116,15 +114,30 @@ def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model
     assert np.all(np.abs(np.diag(other)[3:] / np.diag(exact)[3:] - 1) > 0.2)
 
 
+def test_moments_that_are_wrong_where_all_forces_are_right_are_found(monkeypatch):
+    monkeypatch.setattr(densities, "PERMUTATIONS", 199)
+    system, rng = TOWED.in_units_of(LENGTH), np.random.default_rng(47)
+    sigma_s = sigma_s_of(system)
+    right, wrong = correlated(system, sigma_s, 6000, rng), correlated(system, sigma_s, 6000, rng)
+    wrong[:, 3:] *= 2.0
+    p_values = [
+        force_test(record, system, sigma_s, rng)["two_sample_p_value"] for record in (right, wrong)
+    ]
+    assert p_values[0] > 0.05 > p_values[1]
+    # rows of moments of Σ_S go with the length that divides them
+    halved, scale = sigma_s_of(TOWED.in_units_of(2 * LENGTH)), np.repeat([1.0, 2.0], 3)
+    np.testing.assert_allclose(halved * np.outer(scale, scale), sigma_s, rtol=0.2, atol=1e-9)
+
+
 def test_planes_and_marginals_hold_all_mass_of_every_source_on_one_grid():
     rng = np.random.default_rng(46)
     wrenches = {name: sample_wrench(TOWED, 4000, rng) for name in ("measured", "modelled")}
     planes = wrench_planes("T3", wrenches, SIX, 40)
     pairs = planes.groupby(["row_x", "row_y"], sort=False)
-    assert list(pairs.groups) == [
-        *[("fx", "fy"), ("fx", "fz"), ("fy", "fz")],
-        *[("mx", "my"), ("mx", "mz"), ("my", "mz")],
+    planes_of = [
+        tuple(f"{kind}{axis}" for axis in pair) for kind in "fm" for pair in ("xy", "xz", "yz")
     ]
+    assert list(pairs.groups) == planes_of
     for _, table in pairs:
         cell = np.diff(np.unique(table["x"]))[0] * np.diff(np.unique(table["y"]))[0]
         for _, own in table.groupby("source"):
