@@ -1,14 +1,12 @@
 """Modelled and recorded standard deviations over time, joint by joint: their agreement, tests and
 differences between models.
 
-A test of one joint compares the correlation over time of the modelled and the recorded standard
-deviation with a limit. Few takes make the recorded one uncertain, so that even a true model reaches
-a correlation well below 1. The limit is √½, where the model explains half of the variation of the
-recorded curve, or a quantile of the correlation over draws of as many takes from the model itself,
-if that is lower. The power is the share of draws of constant noise that the limit rejects.
-
-Draws have the model's own law at each step, and consecutive steps of a take are correlated as the
-recorded ones are on average: their ranks follow a first-order autoregression (a Gaussian copula).
+A test of one joint compares the correlation of the modelled and the recorded standard deviation over
+time with a limit: √½, where the model explains half of the variation, or, if lower, a quantile of
+the correlation over draws of as many takes from the model itself, as few takes make the recorded
+curve uncertain. The power is the share of draws of constant noise that the limit rejects. Draws
+have the model's law at each step; their ranks follow a first-order autoregression as the recorded
+steps do on average (a Gaussian copula).
 """
 
 from __future__ import annotations
@@ -147,10 +145,8 @@ def following_tests(
 
 def constant_noise_variation(noise: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """(n,) coefficient of variation over time of the standard deviation of so many takes that noise
-    of one law at all steps stays below in RECOGNISED of the draws, in all joints at once.
-
-    The law is the one of all steps of ``noise`` (takes, M, n) in rad together, correlated from step
-    to step as ``noise`` is.
+    of one law at all steps stays below in RECOGNISED of the draws, in all joints at once; the law
+    of all steps of ``noise`` (takes, M, n) in rad together, correlated from step to step as it is.
     """
     share, result = RECOGNISED ** (1 / noise.shape[-1]), []
     for own in np.moveaxis(noise, -1, 0):
@@ -186,11 +182,9 @@ def spread_tables(
     noise: np.ndarray,
     joints: Sequence[str],
 ) -> dict[str, pd.DataFrame]:
-    """Return the tables ``spread_following``, ``spread_comparison`` and ``mean_error_comparison``,
-    by name; none without a model.
-
-    ``modelled`` noise by model, the model to compare with first; ``following`` the rows of
-    :func:`following_tests` by model; ``noise`` (takes, M, n) rad, recorded, of at least two takes.
+    """Return the tables ``spread_following``, ``spread_comparison`` and ``mean_error_comparison`` by
+    name, none without a model. The model to compare with is the first of ``modelled``; ``following``
+    holds :func:`following_tests` by model; ``noise`` (takes, M, n) rad, of at least two takes.
     """
     if not modelled:
         return {}
@@ -245,9 +239,7 @@ def spread_comparison(
 def mean_error_comparison(error: Mapping[str, np.ndarray]) -> pd.DataFrame:
     """Tabulate the standard deviation over time of the error of each model's mean, ‖mean − recorded
     mean‖ in rad, and its difference to every other model's with the 95 % interval of the jackknife
-    over takes.
-
-    ``error`` (takes, M, n) in rad by model: exact mean of a step minus the measured pose.
+    over takes; ``error`` (takes, M, n) in rad by model, exact mean minus measured pose.
     """
     counts, varies = jackknife_counts(len(next(iter(error.values())))), {}
     weights = counts / counts.sum(axis=1, keepdims=True)

@@ -50,10 +50,9 @@ def kernel_density(
     """Product-Gaussian kernel density of ``samples`` (N, 2) at the grid ``x`` (gx,) × ``y`` (gy,),
     (gx, gy), per squared unit; ``bandwidth`` (2,).
 
-    Every sample is distributed to 3 × 3 nodes a third of a bandwidth apart by the quadratic
-    B-spline, and the nodes' masses are smoothed by a Gaussian narrowed by the spline's own
-    variance: no kernel is off by more than 8e-4 of its peak. Samples out of reach of the grid
-    count in N alone.
+    A quadratic B-spline distributes every sample to 3 × 3 nodes a third of a bandwidth apart, whose
+    masses a Gaussian narrowed by the spline's variance smooths: no kernel is off by more than 8e-4
+    of its peak. Samples out of reach of the grid count in N alone.
     """
     step = bandwidth / NODES_PER_BANDWIDTH
     width = np.sqrt(bandwidth**2 - step**2 / 4)

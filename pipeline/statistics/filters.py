@@ -48,9 +48,8 @@ def filter_tables(
     """Return the tables by name, and the posteriors that are not scored as normal laws, with the
     reason.
 
-    ``filter_scores`` of every filter and joint; ``bound_comparison`` of the models' filters, as the
-    paper has them; ``filter_comparison`` of all to the first model's, ``filter_against_none`` of
-    all to the training mean.
+    ``filter_scores`` of every filter and joint; ``bound_comparison`` of the models' filters;
+    ``filter_comparison`` of all to the first model's, ``filter_against_none`` to the training mean.
     ``filters`` by the names of :mod:`pipeline.core.filters`, the training mean among them;
     ``steady`` (K − 1,) the steps at constant speed; ``rng`` resamples the takes.
     """

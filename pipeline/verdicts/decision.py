@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
@@ -27,23 +28,12 @@ STATED = ("id", "where", "source", "statement", "about", "by", "because", "recor
 Recordings = Literal["none", "synthetic", "real", "paper"]
 
 
-class Case(NamedTuple):
-    """One case of a claim in a run; a value that is missing or not finite is None.
+class Case(namedtuple("Case", ["case", *COMPARED, "published", "distance", "holds"])):
+    """One case of a claim in a run by its name; a number that is missing or not finite is None.
 
     ``distance`` is the published value minus ours in standard errors; ``holds`` is None if the
     rule does not decide the case, on whatever recordings.
     """
-
-    case: str
-    value: float | None
-    than: float | None
-    low: float | None
-    high: float | None
-    threshold: float | None
-    power: float | None
-    published: float | None
-    distance: float | None
-    holds: bool | None
 
 
 class Verdict(NamedTuple):

@@ -1,9 +1,8 @@
 """The numerical study: Σ_S when only bounds on the cable system are known, averaged over drawn
 systems and as its expectation, and its error on fresh systems.
 
-Without its bound Σ_S has an expectation in nested one-dimensional integrals. The part that the
-bound Σ_S ≥ 0 adds has a kink inside the many-dimensional range of the systems; it is small, so
-quasi-Monte Carlo of it alone leaves a small error, which the scrambles state.
+Without its bound Σ_S has an expectation in nested one-dimensional integrals. What the bound Σ_S ≥ 0
+adds is small, so that quasi-Monte Carlo of it alone has a small error, which the scrambles state.
 """
 
 from __future__ import annotations
@@ -203,9 +202,9 @@ def run_study(
     errors are those of Fig. (ErrWrnRMT); ``run`` maps a function over the ``repeats``.
 
     For each number of cables in ``agents`` Σ_S is from ``systems`` systems, and its error on
-    ``tests`` fresh ones. The first two tables hold the first repeat; the third holds the mean and
-    the maximum error of each, as one run's maximum is a random number. The errors are the paper's,
-    of the diagonal Σ_S; the second table also has those of the whole covariance, for both forms.
+    ``tests`` fresh ones. The first two tables hold the first repeat; the third the mean and the
+    maximum error of each. The errors are the paper's, of the diagonal Σ_S; the second table also
+    has those of the whole covariance, for both forms.
     """
     sizes = {"agents": agents, "systems": systems, "tests": tests}
     repeat = partial(_repeat, bounds=bounds, **sizes)
