@@ -1,10 +1,10 @@
 """Modelled and recorded standard deviations over time, joint by joint: their agreement, tests and
 differences between models.
 
-A test of one joint compares the correlation of the modelled and the recorded standard deviation over
-time with a limit: √½, where the model explains half of the variation, or, if lower, a quantile of
-the correlation over draws of as many takes from the model itself, as few takes make the recorded
-curve uncertain. The power is the share of draws of constant noise that the limit rejects. Draws
+A test of one joint compares the correlation of both standard deviations over time with a limit: √½,
+where the model explains half of the variation, or, if lower, a quantile of the correlation over
+draws of as many takes from the model itself, as few takes make the recorded curve uncertain. The
+power is the share of draws of constant noise that the limit rejects. Draws
 have the model's law at each step; their ranks follow a first-order autoregression as the recorded
 steps do on average (a Gaussian copula).
 """
@@ -182,9 +182,9 @@ def spread_tables(
     noise: np.ndarray,
     joints: Sequence[str],
 ) -> dict[str, pd.DataFrame]:
-    """Return the tables ``spread_following``, ``spread_comparison`` and ``mean_error_comparison`` by
-    name, none without a model. The model to compare with is the first of ``modelled``; ``following``
-    holds :func:`following_tests` by model; ``noise`` (takes, M, n) rad, of at least two takes.
+    """Return the tables ``spread_following``, ``spread_comparison``, ``mean_error_comparison`` by
+    name, none without a model. The model to compare with is the first of ``modelled``;
+    ``following`` holds :func:`following_tests` by model; ``noise`` (takes, M, n) rad, takes ≥ 2.
     """
     if not modelled:
         return {}
