@@ -26,9 +26,8 @@ from pipeline.wrench.study import averaged_sigma_s
 BOUNDS = Bounds((1.8, 14.0), (0.0, 3.8), (0.5, 2.3), (170.0, 2400.0))
 DIRECTIONS = np.array([0.15, 3.7, 1.6])
 TENSIONS = np.array([9.19, 6.92, 7.30])  # N; along these directions they give (3, 5) N
-SYSTEM = planar_cables(
-    TENSIONS, DIRECTIONS, np.array([0.5, 1.2, 2.3]), np.array([2400.0, 600.0, 170.0])
-)
+SPREADS = np.array([0.5, 1.2, 2.3]), np.array([2400.0, 600.0, 170.0])
+SYSTEM = planar_cables(TENSIONS, DIRECTIONS, *SPREADS)
 
 
 def correlated(system, sigma_s, samples, rng):
@@ -54,9 +53,7 @@ def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_ten
     assert all(75 <= test["tested_samples"] <= 300 for test in own)
     loose = replace(SYSTEM, tension_sd=1.6 * SYSTEM.tension_sd)
     other = [correlated(loose, sigma_s, 6000, rng) for rng in rngs]
-    tests = [
-        force_test(*pair) for pair in zip(other, [SYSTEM] * 30, [sigma_s] * 30, rngs, strict=True)
-    ]
+    tests = [force_test(o, SYSTEM, sigma_s, rng) for o, rng in zip(other, rngs, strict=True)]
     assert np.mean([test["two_sample_p_value"] <= 0.05 for test in tests]) >= 0.9
 
 
@@ -87,9 +84,8 @@ def test_rows_are_those_that_the_cables_give_and_moments_are_over_the_length():
     measured = measured_wrenches(record, TOWED, LENGTH)
     np.testing.assert_allclose(measured[:, :3], record[["fx", "fy", "fz"]])
     np.testing.assert_allclose(LENGTH * measured[:, 3:], record[["mx", "my", "mz"]])
-    np.testing.assert_array_equal(
-        measured_wrenches(record, planar, LENGTH)[:, 2], record["mz"] / LENGTH
-    )
+    moment = measured_wrenches(record, planar, LENGTH)[:, 2]
+    np.testing.assert_array_equal(moment, record["mz"] / LENGTH)
 
 
 def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model():
