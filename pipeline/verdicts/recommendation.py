@@ -112,7 +112,7 @@ def held_out(run: Run) -> str:
     wide = wide.sort_values(wide.columns[0], ascending=False, na_position="last")
     header = ["log score (nats a step)", "mean", *(f"motion {name}" for name in names)]
     text = table(header, [[plain_name(str(row[0])), *row[1:]] for row in wide.itertuples()])
-    missing = scores[scores["reason"].fillna("").ne("")].drop_duplicates("model")
+    missing = scores[scores["reason"].astype(object).fillna("").ne("")].drop_duplicates("model")
     reasons = "".join(
         f"\n- {plain_name(row.model)}: no score on motion {row.motion}: {row.reason}"
         for row in missing.itertuples()
