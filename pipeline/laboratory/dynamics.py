@@ -45,9 +45,8 @@ def lagged_correlation(steps: np.ndarray, steps_per_lag: float) -> np.ndarray:
     later, whole and not negative.
     """
     _, response = _lags(steps_per_lag)
-    size = 2 * len(response)
-    power = np.abs(np.fft.rfft(response, size)) ** 2
-    correlation = np.append(np.fft.irfft(power, size)[: len(response)], 0.0)
+    power = np.abs(np.fft.rfft(response, 2 * len(response))) ** 2
+    correlation = np.append(np.fft.irfft(power, 2 * len(response))[: len(response)], 0.0)
     # beyond the response nothing is left
     return correlation[np.minimum(steps, len(response))] / correlation[0]
 
@@ -87,16 +86,13 @@ def play_share(speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
 
 def require_fitting(chain: Chain, options: DynamicsOptions) -> None:
     """Raise ConfigError where ``options`` are those of another arm."""
+    key, number = "laboratory.dynamics", len(chain.lower)
     if len(options.sway_std) != len(chain.task):
-        raise ConfigError(
-            f"laboratory.dynamics.sway_std: must have an entry for each of {', '.join(chain.task)}",
-            value=options.sway_std,
-        )
-    if not 1 <= options.play_joint <= len(chain.lower):
-        raise ConfigError(
-            f"laboratory.dynamics.play_joint: must lie between 1 and {len(chain.lower)}",
-            value=options.play_joint,
-        )
+        message = f"{key}.sway_std: must have an entry for each of {', '.join(chain.task)}"
+        raise ConfigError(message, value=options.sway_std)
+    if not 1 <= options.play_joint <= number:
+        message = f"{key}.play_joint: must lie between 1 and {number}"
+        raise ConfigError(message, value=options.play_joint)
 
 
 def true_chain(nominal: Chain, options: DynamicsOptions, rng: np.random.Generator) -> Chain:
@@ -137,8 +133,7 @@ def draw(
     chain: Chain, motion: Commanded, options: DynamicsOptions, rng: np.random.Generator
 ) -> Chance:
     """Draw the numbers of one take; of ``motion`` they depend on its duration alone."""
-    n, steps = len(chain.lower), len(servo_times(motion, options))
-    rate = options.rate
+    n, steps, rate = len(chain.lower), len(servo_times(motion, options)), options.rate
     return Chance(
         gain=lagged_noise((n, steps), options.speed_error_time * rate, rng).T,
         phase=rng.uniform(0, 2 * np.pi, n),
@@ -157,19 +152,14 @@ class Swing(NamedTuple):
 
 
 def swing(
-    chain: Chain,
-    offset: np.ndarray,
-    motion: Commanded,
-    options: DynamicsOptions,
-    chance: Chance,
+    chain: Chain, offset: np.ndarray, motion: Commanded, options: DynamicsOptions, chance: Chance
 ) -> Swing:
     """Return the takes that ``chance`` makes of the commanded ``motion``, at ``options.rate``.
 
     ``chain`` is the true chain, ``offset`` (n,) the session's encoder zeros in rad. Takes that are
     simulated together are those simulated one by one. Raises SingularJacobianError.
     """
-    dt = 1.0 / options.rate
-    t = servo_times(motion, options)
+    dt, t = 1.0 / options.rate, servo_times(motion, options)
     goal, speed = desired_joints(np.clip(t, 0.0, motion.duration), motion)
     gain = 1 + options.speed_error_std * chance.gain
     ripple = options.encoder_ripple * np.sin(goal + chance.phase[..., None, :])
@@ -211,7 +201,5 @@ def expose(
 
 
 def joints_at(instants: np.ndarray, t: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Return (K, n) ``q`` (N, n) in rad of the times ``t`` (N,) at the ``instants`` (K,), both in
-    s.
-    """
+    """Return ``q`` (N, n) in rad of the times ``t`` (N,) at the ``instants`` (K,) in s, (K, n)."""
     return np.stack([np.interp(instants, t, joint) for joint in q.T], axis=-1)

@@ -8,7 +8,7 @@ segment frames; where it really sits differs by what a hand with a ruler misses.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -87,21 +87,18 @@ def _lose_labels(
     observed: np.ndarray, options: MocapOptions, rng: np.random.Generator
 ) -> tuple[np.ndarray, dict[str, np.ndarray], int]:
     """Positions (N, 9, 3) with labels blanked during bursts, the unlabeled columns that carry them
-    instead, and their marker-frames.
-
-    Each uninterrupted stretch is a column of its own, since Motive numbers a stray marker anew at
-    every appearance.
+    instead, and their marker-frames: each uninterrupted stretch is a column of its own, since
+    Motive numbers a stray marker anew at every appearance.
     """
-    frames, count = observed.shape[:2]
     rate, mean = options.lost_label_rate, options.lost_label_frames
-    _, lost = bursts(frames, (count,), rate, mean, rng)
+    _, lost = bursts(len(observed), observed.shape[1:2], rate, mean, rng)
     lost &= ~np.isnan(observed[..., 0])
     edges = np.diff(lost.astype(np.int8), axis=0, prepend=0, append=0)
     # transposed, so that starts and ends come out marker by marker and pair up
     (marker, first), last = np.nonzero(edges.T == 1), np.nonzero(edges.T == -1)[1]
     columns = {}
     for number, i in enumerate(np.lexsort((marker, first))):
-        column = np.full((observed.shape[0], 3), np.nan)
+        column = np.full((len(observed), 3), np.nan)
         column[first[i] : last[i]] = observed[first[i] : last[i], marker[i]]
         columns[f"Unlabeled {FIRST_UNLABELED + number}"] = column
     return np.where(lost[..., None], np.nan, observed), columns, int(lost.sum())
@@ -128,19 +125,26 @@ def capture(
         raise ConfigError(message, q=q.shape, markers=markers.shape)
     axes, origin = segment_frames(arm.chain, q)
     plane = np.einsum("njab,jmb->njma", axes, markers) + origin[:, :, None, :]
-    world = arm.to_base(plane) @ rotation.T + translation
-    observed = world + options.noise_std * rng.standard_normal(world.shape)
-    _, hidden = bursts(len(q), (3, 3), options.occlusion_rate, options.occlusion_frames, rng)
-    observed[hidden] = np.nan
+    observed, hidden = _seen(arm.to_base(plane) @ rotation.T + translation, options, rng)
     observed, swapped = _exchange_labels(observed, options, rng)
     labelled, unlabeled, lost = _lose_labels(observed.reshape(-1, 9, 3), options, rng)
     names = [f"link{link}_{label}" for link in (1, 2, 3) for label in LABELS]
     columns = {name: labelled[:, i] for i, name in enumerate(names)}
-    return Capture(columns | unlabeled, MocapFaults(int(hidden.sum()), swapped, lost))
+    return Capture(columns | unlabeled, MocapFaults(hidden, swapped, lost))
 
 
-@dataclass(frozen=True)
-class MarkerCluster:
+def _seen(
+    world: np.ndarray, options: MocapOptions, rng: np.random.Generator
+) -> tuple[np.ndarray, int]:
+    """Positions ``world`` (N, ..., 3) with noise, NaN where occluded, and the number of those."""
+    observed = world + options.noise_std * rng.standard_normal(world.shape)
+    rate, mean = options.occlusion_rate, options.occlusion_frames
+    _, hidden = bursts(len(world), world.shape[1:-1], rate, mean, rng)
+    observed[hidden] = np.nan
+    return observed, int(hidden.sum())
+
+
+class MarkerCluster(NamedTuple):
     """The markers of one rigid body on a link of an arm in space.
 
     The tracker knows a cluster by its shape, that of the drawing, so that no label is exchanged. It
@@ -189,11 +193,7 @@ def capture_bodies(
         pose = cluster.chain.pose(q[:, : len(cluster.chain.lower)])
         turn = pose[:, 3:].reshape(-1, 3, 3)
         places = pose[:, None, :3] + cluster.places @ np.swapaxes(turn, -1, -2)
-        world = places @ base[0].T + base[1]
-        observed = world + options.noise_std * rng.standard_normal(world.shape)
-        rate, mean = options.occlusion_rate, options.occlusion_frames
-        _, hidden = bursts(len(q), world.shape[1:2], rate, mean, rng)
-        observed[hidden] = np.nan
+        observed, _ = _seen(places @ base[0].T + base[1], options, rng)
         rotation, position = rigid_motion(cluster.shape, observed)
         quaternion = np.full((len(q), 4), np.nan)
         tracked = np.isfinite(position).all(axis=-1)

@@ -1,16 +1,15 @@
 """The scene before the depth camera, the arm, its stand and the room, and where rays meet it.
 
-Everything is a convex prism. Along a ray (x, y, 1) the plane of a face lies at an inverse depth
-that is linear in x and y, and the ray is inside of the prism between the least of those of the
-faces turned to the camera and the greatest of those turned away. Exactly rounded operations on
-doubles thus decide which face is met, also where a ray brushes an edge. Ray casters that work in
-single precision decide it there by approximate reciprocals, which differ between makes of
-processor, and the images are to have the same bytes on all.
+Everything is a convex prism: the corners of both ends (2, n, 3) in m, turning left seen from
+outside the first. Along a ray (x, y, 1) the plane of a face lies at an inverse depth that is linear
+in x and y, and the ray is inside of the prism between the least of those of the faces turned to the
+camera and the greatest of those turned away. Exactly rounded operations on doubles thus decide
+which face is met, also where a ray brushes an edge. Ray casters that work in single precision
+decide it there by approximate reciprocals, which differ between makes of processor, and the images
+are to have the same bytes on all.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,30 +26,25 @@ THROUGH = 1e-200
 AFTER, BEFORE = [1, 2, 0], [2, 0, 1]  # of each axis the others
 
 
-@dataclass(frozen=True)
-class Prism:
-    """A convex prism."""
+def moved(ends: np.ndarray, rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
+    """Return a prism with every point p at ``rotation @ p + translation``; no library's product,
+    whose last bits follow the instruction set.
+    """
+    return (ends[..., None, :] * rotation).sum(axis=-1) + translation
 
-    ends: np.ndarray  # (2, n, 3) m, corners of both ends, turning left seen from outside the first
 
-    def moved(self, rotation: np.ndarray, translation: np.ndarray) -> Prism:
-        """Return it with every point p at ``rotation @ p + translation``; no library's product,
-        whose last bits follow the instruction set.
-        """
-        return Prism((self.ends[..., None, :] * rotation).sum(axis=-1) + translation)
-
-    def faces(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return outward unit normals n (n + 2, 3) and distances d (n + 2,) in m of the planes n ·
-        p = d of sides and ends.
-        """
-        first, second = self.ends
-        n = len(first)
-        # corners far apart, for a normal that their rounding does not turn
-        end = _cross(first[n // 3] - first[0], first[2 * n // 3] - first[0])
-        sides = _cross(second - first, np.roll(first, -1, axis=0) - first)
-        normal = np.concatenate([sides, [end, -end]])
-        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-        return normal, (normal * np.concatenate([first, self.ends[:, 0]])).sum(axis=-1)
+def faces(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return outward unit normals n (n + 2, 3) and distances d (n + 2,) in m of the planes n · p =
+    d of sides and ends.
+    """
+    first, second = ends
+    n = len(first)
+    # corners far apart, for a normal that their rounding does not turn
+    end = _cross(first[n // 3] - first[0], first[2 * n // 3] - first[0])
+    sides = _cross(second - first, np.roll(first, -1, axis=0) - first)
+    normal = np.concatenate([sides, [end, -end]])
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return normal, (normal * np.concatenate([first, ends[:, 0]])).sum(axis=-1)
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -58,20 +52,17 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[..., AFTER] * b[..., BEFORE] - a[..., BEFORE] * b[..., AFTER]
 
 
-def prism(outline: np.ndarray, low: float, high: float) -> Prism:
+def prism(outline: np.ndarray, low: float, high: float) -> np.ndarray:
     """Return the polygon ``outline`` (n, 2) in x and z, convex and turning from x to z, extruded
     along y from ``low`` to ``high`` (m); ConfigError for any other outline.
     """
     edge = np.roll(outline, -1, axis=0) - outline
     after = np.roll(edge, -1, axis=0)
     if not (np.all(edge[:, 0] * after[:, 1] > edge[:, 1] * after[:, 0]) and low < high):
-        raise ConfigError(
-            "laboratory.kinect.scene: a solid has no room for its width in its length, or no "
-            "extent; make it longer or more slender",
-            width=float(np.ptp(outline[:, 0])),
-            depth=high - low,
-        )
-    return Prism(np.stack([np.insert(outline, 1, y, axis=1) for y in (low, high)]))
+        message = "laboratory.kinect.scene: a solid has no room for its width in its length, or no"
+        size = {"width": float(np.ptp(outline[:, 0])), "depth": high - low}
+        raise ConfigError(f"{message} extent; make it longer or more slender", **size)
+    return np.stack([np.insert(outline, 1, y, axis=1) for y in (low, high)])
 
 
 def _rectangle(left: float, right: float, bottom: float, top: float) -> np.ndarray:
@@ -85,7 +76,7 @@ def _rounded(bottom: float, top: float, width: float) -> np.ndarray:
     return np.concatenate([cap + np.array([0.0, top]), np.array([0.0, bottom]) - cap])
 
 
-def room_prisms(chain: PlanarChain, options: SceneOptions) -> list[Prism]:
+def room_prisms(chain: PlanarChain, options: SceneOptions) -> list[np.ndarray]:
     """Return everything that stands still, in the plane's frame: turntable, neck, stand, floor and
     wall.
     """
@@ -102,30 +93,31 @@ def room_prisms(chain: PlanarChain, options: SceneOptions) -> list[Prism]:
     ]
 
 
-class ArmPrisms:
-    """The solids of the three links, which move with their segment frames."""
+def arm_prisms(chain: PlanarChain, options: SceneOptions) -> list[tuple[int, np.ndarray]]:
+    """Return the solids of the three links: index of the link, and solid in its segment frame."""
+    (first, second, third), width = chain.lengths, options.link_width
+    hand, finger = options.hand_share * third, options.finger_width / 2
+    depths = (*options.link_depths, options.finger_depth)
+    outlines = (
+        _rounded(0.0, first, width),
+        _rounded(0.0, second, width),
+        _rounded(0.0, hand - options.tool_width / 2, options.tool_width),
+        _rectangle(-finger, finger, 0.0, third),
+    )
+    return [
+        (link, prism(outline, -depth / 2, depth / 2))
+        for link, outline, depth in zip((0, 1, 2, 2), outlines, depths, strict=True)
+    ]
 
-    def __init__(self, chain: PlanarChain, options: SceneOptions) -> None:
-        (first, second, third), width = chain.lengths, options.link_width
-        hand, finger = options.hand_share * third, options.finger_width / 2
-        depths = (*options.link_depths, options.finger_depth)
-        outlines = (
-            _rounded(0.0, first, width),
-            _rounded(0.0, second, width),
-            _rounded(0.0, hand - options.tool_width / 2, options.tool_width),
-            _rectangle(-finger, finger, 0.0, third),
-        )
-        self.chain = chain
-        #: index of the link and solid in its segment frame
-        self.at_rest = [
-            (link, prism(outline, -depth / 2, depth / 2))
-            for link, outline, depth in zip((0, 1, 2, 2), outlines, depths, strict=True)
-        ]
 
-    def at(self, q: np.ndarray) -> list[Prism]:
-        """Return the arm at joint angles ``q`` (3,) in rad, in the plane's frame."""
-        rotation, origin = segment_frames(self.chain, q)
-        return [solid.moved(rotation[link], origin[link]) for link, solid in self.at_rest]
+def arm_at(
+    solids: list[tuple[int, np.ndarray]], chain: PlanarChain, q: np.ndarray
+) -> list[np.ndarray]:
+    """Return the ``solids`` of :func:`arm_prisms` at joint angles ``q`` (3,) in rad, in the plane's
+    frame.
+    """
+    rotation, origin = segment_frames(chain, q)
+    return [moved(solid, rotation[link], origin[link]) for link, solid in solids]
 
 
 def arccos(cosine: np.ndarray) -> np.ndarray:
@@ -141,16 +133,15 @@ def arccos(cosine: np.ndarray) -> np.ndarray:
     return 16 * tangent * series
 
 
-def cast(solid: Prism, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def cast(solid: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return depth (h, w) along the camera's z axis in m, infinite where nothing is met, and
-    grazing angle (h, w) in rad; both float64.
+    grazing angle (h, w) in rad between ray and surface normal: 0 head-on; both float64.
 
     ``solid`` in the camera's frame, the camera outside of it; ``x`` (w,) and ``y`` (h,) of the
-    rays (x, y, 1) through the camera's origin. The grazing angle is the one between ray and surface
-    normal: 0 head-on, π/2 along the surface.
+    rays (x, y, 1) through the camera's origin.
     """
     enter, leave, distance = (np.full((len(y), len(x)), value) for value in (np.inf, 0.0, 0.0))
-    normals, distances = solid.faces()
+    normals, distances = faces(solid)
     distances[distances == 0] = THROUGH
     _pass(normals / distances[:, None], distances, x, y, enter, leave, distance)
     if np.isinf(enter).any():
@@ -164,15 +155,7 @@ def cast(solid: Prism, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 @compiled
-def _pass(
-    slope: np.ndarray,
-    distance: np.ndarray,
-    x: np.ndarray,
-    y: np.ndarray,
-    enter: np.ndarray,
-    leave: np.ndarray,
-    entered: np.ndarray,
-) -> None:
+def _pass(slope, distance, x, y, enter, leave, entered):
     """The inverse depths at which the rays ``x`` (w,), ``y`` (h,) ``enter`` and ``leave`` (h, w)
     the faces of one solid, 1/m, and the distance of the face ``entered`` (h, w), m; row by row,
     which stays in the cache.

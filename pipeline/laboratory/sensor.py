@@ -36,9 +36,7 @@ def _grazing_term(grazing: np.ndarray, options: KinectOptions) -> np.ndarray:
 
 
 def axial_std(depth: np.ndarray, grazing: np.ndarray, options: KinectOptions) -> np.ndarray:
-    """Return σ_z in m at depth z (m) and grazing angle θ (rad), of the arguments' common shape;
-    Fankhauser et al. (2015).
-    """
+    """Return σ_z in m at depth z (m) and grazing angle θ (rad); Fankhauser et al. (2015)."""
     a, b, c, d = (np.float32(value) for value in options.axial)
     term = _grazing_term(grazing, options) ** 2
     return a + depth * (b + c * depth) + d * depth * np.sqrt(depth) * term
@@ -57,18 +55,13 @@ def read_depth(
     options: KinectOptions,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the sensor's image (h, w) in mm, uint16, 0 where it has no depth.
+    """Return the sensor's image (h, w) in mm, uint16, 0 where it has no depth, of the exact
+    ``depth`` (h, w) in m, 0 where nothing is, ``grazing`` angle (h, w) between ray and surface
+    normal in rad, both float32, and the session's ``bias`` from :func:`draw_bias`.
 
     In this order: lateral noise moves edges (inside surfaces the axial law, measured on planes,
     holds it already); systematic and axial error; loss and mixing at edges; loss beyond range and
     grazing limit; rounding to 1 mm.
-
-    Args:
-        depth: (h, w) exact depth in m, 0 where nothing is, float32.
-        grazing: (h, w) angle between ray and surface normal in rad, float32.
-        bias: the session's systematic error, from :func:`draw_bias`.
-        options: the sensor.
-        rng: generator.
     """
     exact = np.where(depth > 0, depth, np.float32(np.inf))
     around = {"kernel": np.ones((3, 3), np.uint8), "borderType": cv2.BORDER_REPLICATE}

@@ -37,14 +37,11 @@ class JointPath:
         return (len(self.joints) - 1) / self.rate
 
     @cached_property
-    def _interpolant(self) -> Callable[..., np.ndarray]:
+    def interpolant(self) -> Callable[..., np.ndarray]:
+        """Angles (..., n) in rad at times (...) in s, and their derivatives of an order."""
         from scipy.interpolate import PchipInterpolator
 
         return PchipInterpolator(np.arange(len(self.joints)) / self.rate, self.joints)
-
-    def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return angles (..., n) in rad and speeds (..., n) in rad/s at times ``t`` (...) in s."""
-        return self._interpolant(t), self._interpolant(t, 1)
 
     def require_followable(self, chain: Chain) -> None:
         """Raise ConfigError, with the first step, where the path is none of ``chain``'s joints or
@@ -58,45 +55,36 @@ class JointPath:
         speed = np.abs(np.diff(path, axis=0)) * self.rate
         slow = np.all(speed <= (1 + ROUNDING) * chain.max_speed, axis=1)
         if not np.all(inside):
-            step = int(np.argmin(inside))
-            message = "the joint path leaves the joint limits"
+            step, message = int(np.argmin(inside)), "the joint path leaves the joint limits"
             raise ConfigError(message, step=step, q=path[step].tolist())
         if not np.all(slow):
-            step = int(np.argmin(slow))
-            rates = {"speed": speed[step].round(3).tolist()}
-            rates["limit"] = chain.max_speed.round(3).tolist()
+            step, limit = int(np.argmin(slow)), chain.max_speed.round(3).tolist()
             message = "the joint path is faster than the joints; give it more time"
-            raise ConfigError(message, step=step, **rates)
+            raise ConfigError(message, step=step, speed=speed[step].round(3).tolist(), limit=limit)
 
 
 Commanded = TrajectoryOptions | JointPath
 
 
-def _progress(t: np.ndarray, options: TrajectoryOptions) -> tuple[np.ndarray, np.ndarray]:
-    """Share of the way from folded to extended at times ``t`` (s), and its rate (1/s).
+def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.ndarray]:
+    """Return commanded joint angles (..., n) in rad and speeds (..., n) in rad/s at times ``t``
+    (...) in s, of the out-and-back motion or of any joint path.
 
-    The speed rises and falls as a raised cosine, so that acceleration is continuous; between the
-    ramps it is constant.
+    The speed out and back rises and falls as a raised cosine, so that acceleration is continuous;
+    between the ramps it is constant.
     """
-    half, ramp = options.duration / 2, options.ramp
-    moving = half - 2 * options.rest
+    if isinstance(motion, JointPath):
+        return motion.interpolant(t), motion.interpolant(t, 1)
+    t, half, ramp = np.asarray(t, dtype=float), motion.duration / 2, motion.ramp
+    moving = half - 2 * motion.rest
     peak = 1.0 / (moving - ramp)
-    s = np.clip(np.minimum(t, options.duration - t) - options.rest, 0.0, moving)
+    s = np.clip(np.minimum(t, motion.duration - t) - motion.rest, 0.0, moving)
     back = np.minimum(s, moving - s)
     inside = np.minimum(back, ramp)
     speed = peak * (1 - np.cos(np.pi * inside / ramp)) / 2
     way = peak * ((inside - ramp / np.pi * np.sin(np.pi * inside / ramp)) / 2 + back - inside)
-    return np.where(s <= moving / 2, way, 1.0 - way), np.where(t <= half, speed, -speed)
-
-
-def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.ndarray]:
-    """Return commanded joint angles (..., n) in rad and speeds (..., n) in rad/s at times ``t``
-    (...) in s, of the out-and-back motion or of any joint path.
-    """
-    if isinstance(motion, JointPath):
-        return motion.at(t)
+    progress, rate = np.where(s <= moving / 2, way, 1.0 - way), np.where(t <= half, speed, -speed)
     folded, extended = np.asarray(motion.folded), np.asarray(motion.extended)
-    progress, rate = _progress(np.asarray(t, dtype=float), motion)
     return folded + progress[..., None] * (extended - folded), rate[..., None] * (extended - folded)
 
 
@@ -106,21 +94,19 @@ def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:
     Raises ConfigError for a motion of another number of joints, or beyond their limits of angle or
     speed.
     """
+    key = "laboratory.trajectory"
     if len(options.folded) != len(chain.lower):
-        message = f"folded and extended must have {len(chain.lower)} angles each"
-        raise ConfigError(f"laboratory.trajectory: {message}", folded=options.folded)
+        message = f"{key}: folded and extended must have {len(chain.lower)} angles each"
+        raise ConfigError(message, folded=options.folded)
     grid = np.arange(round(options.duration * options.rate) + 1) / options.rate
     q, speed = desired_joints(grid, options)
     if not np.all(chain.within_limits(q)):
-        message = "laboratory.trajectory: the motion leaves the joint limits"
+        message = f"{key}: the motion leaves the joint limits"
         raise ConfigError(message, lower=chain.lower, upper=chain.upper)
     if np.any(np.abs(speed) > chain.max_speed):
-        raise ConfigError(
-            "laboratory.trajectory: the motion is faster than the joints; lengthen it or bring its "
-            "ends together",
-            peak=np.abs(speed).max(axis=0).round(3).tolist(),
-            limit=chain.max_speed.round(3).tolist(),
-        )
+        message = f"{key}: the motion is faster than the joints; lengthen it or bring its ends"
+        peak, limit = (v.round(3).tolist() for v in (np.abs(speed).max(axis=0), chain.max_speed))
+        raise ConfigError(f"{message} together", peak=peak, limit=limit)
     return q
 
 

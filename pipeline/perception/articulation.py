@@ -59,11 +59,9 @@ class ArticulationOptions:
 
 
 @compiled
-def _simplex(
-    frame: Frame, step: float, extent: float, corners: np.ndarray, values: np.ndarray
-) -> bool:
+def _simplex(frame: Frame, step: float, extent: float, corners: np.ndarray, values: np.ndarray):
     """One run of Nelder and Mead (1965), coefficients 1, 2, ½, ½, until the simplex is smaller than
-    ``extent`` in every variable; whether it came to that.
+    ``extent`` in every variable; returns whether it came to that.
 
     It begins at ``corners[0]`` of ``corners`` (n+1, n), and leaves the best there and its value in
     ``values[0]`` of ``values`` (n+1,). The values do not decide when to end: across a jump of the
@@ -153,26 +151,25 @@ def fit_sequence(
     if len(clouds) != len(ee):
         message = f"{len(ee)} end-effector positions for {len(clouds)} point clouds"
         raise RecordingError(message, take=take)
-    if not (finite := np.isfinite(ee).all(axis=1)).all():
-        message, frame = "the end-effector's position is not finite", int(np.argmin(finite))
-        raise RecordingError(message, take=take, frame=frame)
     end, gammas = ENDS[options.end_point], (options.gamma1, options.gamma2)
     nodes, objective = np.full((len(ee), 4, 2), np.nan), np.full(len(ee), np.nan)
     number = np.array([len(cloud) for cloud in clouds], dtype=int)
-    starts, last, gap, least, lost = _cold_starts(chain, q_start), 0, 0, np.inf, 0
+    turned = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * SPREAD
+    starts, last, gap, least, lost = chain.points(q_start + turned)[:, 1:], 0, 0, np.inf, 0
     for frame, cloud in enumerate(clouds):
-        where = {"take": take, "frame": frame}
+        message, where = "", {"take": take, "frame": frame}
         gap = gap + 1 if number[frame] < max(options.min_points, 1) else 0
-        if gap > options.max_gap:
-            message = (
-                f"more than {options.max_gap} depth frames in a row have fewer than "
-                f"{options.min_points} points of the arm"
-            )
+        if not np.isfinite(ee[frame]).all():
+            message = "the end-effector's position is not finite"
+        elif gap > options.max_gap:
+            message = f"more than {options.max_gap} depth frames in a row have fewer than"
+            message += f" {options.min_points} points of the arm"
+        elif not gap and not np.isfinite(cloud).all():
+            message = "a point of the arm is not finite"
+        if message:
             raise RecordingError(message, **where)
         if gap:
             continue
-        if not np.isfinite(cloud).all():
-            raise RecordingError("a point of the arm is not finite", **where)
         starts = starts + np.array([[0.0], [1.0], [1.0]]) * (ee[frame] - ee[last])
         problem = frame_of(cloud.T, o1, ee[frame], chain.lengths, options.length_range, gammas)
         fits = [fit_frame(problem, end, start) for start in starts]
@@ -183,12 +180,9 @@ def fit_sequence(
         best, value, ended = min(fits, key=lambda fit: fit[1])
         least = min(least, value)
         if value >= INFEASIBLE:
-            message = (
-                "no pose of the arm within the range of lengths joins O1 and EE: check the "
-                "trajectory and the clock offset"
-            )
-            distance = round(float(np.hypot(*(ee[frame] - o1))), 4)
-            raise RecordingError(message, **where, distance=distance)
+            message = "no pose of the arm within the range of lengths joins O1 and EE: check the"
+            where["distance"] = round(float(np.hypot(*(ee[frame] - o1))), 4)
+            raise RecordingError(f"{message} trajectory and the clock offset", **where)
         if not ended:
             message = "the articulation's simplex search did not end"
             raise SolverError(message, **where, step=MAX_STEPS)
@@ -197,14 +191,6 @@ def fit_sequence(
     steps = np.diff(nodes, axis=1)
     q = chain.joints_from_segments(np.arctan2(steps[..., 0], steps[..., 1]))
     return FittedSequence(nodes, q, objective, number, int(np.isnan(objective).sum()), lost)
-
-
-def _cold_starts(chain: PlanarChain, q: np.ndarray) -> np.ndarray:
-    """(5, 3, 2) positions of O2, O3 and EE at the nominal pose and with one of the first two joints
-    turned either way.
-    """
-    turned = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * SPREAD
-    return chain.points(q + turned)[:, 1:]
 
 
 def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.ndarray:
@@ -236,26 +222,18 @@ def articulate_rows(
 ) -> pd.DataFrame:
     """Return the rows of the table ``angles`` of one take, without frames of too few points.
 
-    Args:
-        rows: the take's rows of the table ``frames``.
-        clouds: the arm's points (I, 2) of each of them, m in its plane.
-        arm: the arm, whose chain is fitted.
-        joints: names of its joints.
-        trajectory: the table; EE is where it is commanded to be at the frames' times.
-        options: of the articulation.
-        start: (3,) rad, nominal pose of the first frame.
+    ``rows`` of the table ``frames`` and in each the arm's points ``clouds`` (I, 2), m in its plane;
+    ``joints``: names; EE is where the table ``trajectory`` commands it to be at the frames' times;
+    ``start`` (3,) rad: nominal pose of the first frame.
     """
     ee = [np.interp(rows["t"], trajectory["t"], trajectory[f"x:{row}"]) for row in ("x", "z")]
-    origin, take = arm.chain.origin, rows["take"].iloc[0]
-    fitted = fit_sequence(
-        clouds, origin, np.stack(ee, axis=-1), arm.chain, options, start, take=take
-    )
+    given = arm.chain.origin, np.stack(ee, axis=-1), arm.chain, options, start
+    fitted = fit_sequence(clouds, *given, take=rows["take"].iloc[0])
     nodes = {
         f"{axis}{name}": fitted.nodes[:, node, i]
         for node, name in enumerate(NODES, 1)
         for i, axis in enumerate("xz")
     }
-    table = rows[["take", "part", "frame", "t"]].assign(
-        **spread("q", joints, fitted.q), **nodes, points=fitted.points, objective=fitted.objective
-    )
+    fit = nodes | {"points": fitted.points, "objective": fitted.objective}
+    table = rows[["take", "part", "frame", "t"]].assign(**spread("q", joints, fitted.q), **fit)
     return table[np.isfinite(fitted.objective)]

@@ -63,12 +63,11 @@ def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
         freedom = near @ (count.to_numpy() - 1)
         # a covariance of fewer samples than this is singular
         if len(frames) == 0 or freedom.min() < n + 1:
-            message = (
-                "too few test takes to estimate the depth camera's noise from the others; record "
-                "more, or widen articulation.noise_window"
+            message = "too few test takes to estimate the depth camera's noise from the others;"
+            where = {"take": left_out, "samples": int(freedom.min()) if len(frames) else 0}
+            raise RecordingError(
+                f"{message} record more, or widen articulation.noise_window", **where
             )
-            samples = int(freedom.min()) if len(frames) else 0
-            raise RecordingError(message, take=left_out, samples=samples)
         covariance = np.tensordot(near, scatter, axes=1) / freedom[:, None, None]
         table = {"take": left_out, "frame": frames, "t": time.to_numpy()}
         table |= spread("b", names, mean.to_numpy()) | triangle("r", names, covariance)
@@ -97,9 +96,7 @@ def deviations(errors: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
 
 
 def near_a_sample(table: pd.DataFrame, step: float) -> np.ndarray:
-    """(rows,) whether the frames of ``table`` lie within NEAR of a step from a sample; ``step`` in
-    s.
-    """
+    """(rows,) whether the frames of ``table`` are NEAR a sample, ``step`` s from the next."""
     share = np.mod(table["t"].to_numpy() / step, 1.0)
     return np.minimum(share, 1 - share) <= NEAR
 
@@ -119,11 +116,10 @@ def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataF
         part = table[inside]
         share = np.mod(part["t"].to_numpy() / step, 1.0)
         # a line between two samples averages their noise
-        weight = np.sum((1 - share) ** 2 + share**2)
-        for j, (joint, d, e) in enumerate(
-            zip(names, values(part, "d").T, values(part, "e").T, strict=True)
-        ):
-            slope, standard_error = _slope(d, e, part["take"], weight * pose[j, j])
+        noise = np.sum((1 - share) ** 2 + share**2) * np.diag(pose)
+        errors = values(part, "d").T, values(part, "e").T
+        for joint, d, e, own in zip(names, *errors, noise, strict=True):
+            slope, standard_error = _slope(d, e, part["take"], own)
             row = {"frames": frames, "joint": joint, "number": len(part), "slope": slope}
             row |= {"standard_error": standard_error, "deviation": _rms(d), "scatter": _rms(e)}
             rows.append(row)
@@ -135,11 +131,9 @@ def slope_scores(slopes: pd.DataFrame) -> dict[str, float]:
     joint; gaps are left out.
     """
     rows = slopes[(slopes["frames"] == NEAR_A_SAMPLE) & np.isfinite(slopes["slope"])]
-    scores = {f"depth_error_slope_{row.joint}": row.slope for row in rows.itertuples()}
-    return scores | {
-        f"depth_error_slope_{row.joint}_standard_error": row.standard_error
-        for row in rows.itertuples()
-    }
+    names = "depth_error_slope_" + rows["joint"]
+    scores = dict(zip(names, rows["slope"], strict=True))
+    return scores | dict(zip(names + "_standard_error", rows["standard_error"], strict=True))
 
 
 def _rms(values: np.ndarray) -> float:

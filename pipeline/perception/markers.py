@@ -75,22 +75,15 @@ def track_plane(
     stray: np.ndarray | None = None,
     take: str = "",
 ) -> JointTrack:
-    """Return the joint angles of one take of a planar arm.
+    """Return the joint angles of one ``take`` of a planar ``arm`` from the ``positions`` (N, P, 3)
+    of its ``points`` in the base frame, m, NaN where missing, and further ones ``stray`` (N, U, 3).
 
-    Counts: samples ``missing`` (label without a position), ``relabelled`` (moved to another label),
-    ``adopted`` (from the unlabelled markers), ``rejected`` (labelled, but no marker of the arm);
-    ``two_marker_fits`` (links with two of their markers); frames ``interpolated`` and ``held``.
-    Raises RecordingError (take and frames) for longer gaps than ``max_gap`` or markers that never
-    fit the arm.
-
-    Args:
-        positions: (N, P, 3) of the points in the base frame, m, NaN where missing.
-        arm: the robot.
-        points: its markers.
-        gate: m; samples farther from the place of their label are relabelled, or left out.
-        max_gap: frames; shorter runs of frames that are not solved are filled.
-        stray: (N, U, 3) further positions, likewise.
-        take: name of the take, for messages.
+    Samples farther than the ``gate`` (m) from the place of their label are relabelled, or left out;
+    runs of at most ``max_gap`` frames that are not solved are filled. Counts: samples ``missing``
+    (label without a position), ``relabelled`` (moved to another label), ``adopted`` (from the
+    unlabelled markers), ``rejected`` (labelled, but no marker of the arm); ``two_marker_fits``
+    (links with two of their markers); frames ``interpolated`` and ``held``. Raises RecordingError
+    (take and frames) for longer gaps or markers that never fit the arm.
     """
     if not len(positions):
         raise RecordingError("the take has no frame", take=take)
@@ -99,7 +92,7 @@ def track_plane(
     markers, q, residual, moved = _correct_labels(positions, extra, arm, points, gate, take)
     solved = np.isfinite(residual)
     present = ~np.isnan(markers[solved][..., 0])
-    pairs = sum((present[:, points.owner == link].sum(axis=1) == 2).sum() for link in range(3))
+    pairs = sum((present[:, mine].sum(axis=1) == 2).sum() for mine in points.of_links())
     q, filled = fill_gaps(q, solved, points.sliding, max_gap, take)
     counts = {"missing": missing} | moved | {"two_marker_fits": int(pairs)} | filled
     return JointTrack(q, residual, counts, samples=markers[..., 0].size)
@@ -118,17 +111,6 @@ def _headings(arm: Arm, points: np.ndarray, template: np.ndarray) -> np.ndarray:
     return np.where(present.sum(axis=-1) >= 2, psi, np.nan)
 
 
-def _solve(
-    points: Carried, markers: np.ndarray, starts: np.ndarray, gate: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Joint angles (N, n) of ``markers`` (N, P, 3) near the ``starts`` (N, n), and their residual
-    (N,) in m: NaN where a marker lies beyond the gate, or a joint is not decided.
-    """
-    solution = points.solve_all(markers, starts)
-    fits = solution.decided & (solution.distances <= gate).all(axis=-1)
-    return solution.q, np.where(fits, solution.residual, np.nan)
-
-
 def _correct_labels(
     positions: np.ndarray, extra: np.ndarray, arm: Arm, points: Carried, gate: float, take: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, int]]:
@@ -141,14 +123,18 @@ def _correct_labels(
     """
     from scipy.optimize import linear_sum_assignment
 
+    def solve(markers: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        solution = points.solve_all(markers, starts)
+        fits = solution.decided & (solution.distances <= gate).all(axis=-1)
+        return solution.q, np.where(fits, solution.residual, np.nan)
+
     labels, frames = len(points.owner), np.arange(len(positions))
     psi = [_headings(arm, positions[:, mine], points.places[mine]) for mine in points.of_links()]
     for heading in psi:
         known = np.isfinite(heading)
         turned = np.unwrap(heading[known])
         heading[~known] = np.interp(frames[~known], frames[known], turned) if known.any() else 0.0
-    q = arm.chain.joints_from_segments(np.stack(psi, axis=-1))
-    q, residual = _solve(points, positions, q, gate)
+    q, residual = solve(positions, arm.chain.joints_from_segments(np.stack(psi, axis=-1)))
     moved = {"relabelled": 0, "adopted": 0, "rejected": 0}
     strays = np.isfinite(extra).all(axis=-1)
     incomplete = np.isnan(positions[..., 0]).any(axis=-1) & strays.any(axis=-1)
@@ -169,13 +155,13 @@ def _correct_labels(
         label, sample = linear_sum_assignment(np.minimum(square, gate**2))
         close = square[label, sample] <= gate**2
         label, sample = label[close], sample[close]
-        present = int(np.isfinite(markers[k]).all(axis=-1).sum())
+        present, own = int(np.isfinite(markers[k]).all(axis=-1).sum()), sample < labels
         markers[k] = np.nan
         markers[k, label] = candidates[sample]
-        q[k : k + 1], residual[k : k + 1] = _solve(points, markers[k : k + 1], expected[None], gate)
-        moved["relabelled"] += int(((sample < labels) & (sample != label)).sum())
-        moved["adopted"] += int((sample >= labels).sum())
-        moved["rejected"] += present - int((sample < labels).sum())
+        q[k : k + 1], residual[k : k + 1] = solve(markers[k : k + 1], expected[None])
+        moved["relabelled"] += int((own & (sample != label)).sum())
+        moved["adopted"] += int((~own).sum())
+        moved["rejected"] += present - int(own.sum())
     return markers, q, residual, moved
 
 
@@ -198,6 +184,10 @@ def _first_pose(
     link before it ends. Raises RecordingError where no frame has such triples.
     """
     links, chain = len(points.chains), arm.chain
+
+    def sides(triangles: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(triangles - np.roll(triangles, 1, axis=-2), axis=-1)
+
     for k in range(len(positions)):
         found = np.concatenate([positions[k], extra[k]])
         found = found[np.isfinite(found).all(axis=-1)]
@@ -208,7 +198,7 @@ def _first_pose(
         for j, mine in enumerate(points.of_links()):
             # two markers that lie within the gate of their places are as far apart as these, but
             # for twice the gate
-            off = np.abs(_sides(ordered) - _sides(points.places[mine]))
+            off = np.abs(sides(ordered) - sides(points.places[mine]))
             triples = ordered[(off <= 2 * gate).all(axis=-1)]
             if not len(triples):
                 break
@@ -223,11 +213,6 @@ def _first_pose(
             return k, q
     message = "no frame has markers that fit the arm: check the template, the base frame, the units"
     raise RecordingError(f"{message} and the gate", take=take)
-
-
-def _sides(triangles: np.ndarray) -> np.ndarray:
-    """(..., 3) m lengths of the sides of triangles (..., 3, 3)."""
-    return np.linalg.norm(triangles - np.roll(triangles, 1, axis=-2), axis=-1)
 
 
 def track_space(
@@ -296,24 +281,20 @@ def _first(
             return k, decided[0].q
         several = max(several, len(decided))
         undecided = next((one for one in postures if not one.decided), undecided)
-    key = "dataset.mocap.markers"
+    key = "markers"
     if undecided is not None:
         values, vectors = np.linalg.eigh(undecided.normal)
         share = (vectors[:, values < LEAST_LEVER**2] ** 2).sum(axis=1)
         left = [name for name, part in zip(joints, share, strict=True) if part > OPEN]
         message = f"the markers and bodies leave {', '.join(left)} open: follow another link"
     elif several > 1:
-        key = "dataset.mocap.posture"
-        message = (
-            f"{several} postures of the arm fit the markers and bodies: follow another link, or "
-            "say about which one a take starts"
-        )
+        key = "posture"
+        message = f"{several} postures of the arm fit the markers and bodies: follow another link,"
+        message += " or say about which one a take starts"
     else:
-        message = (
-            f"no posture of the arm has all markers and bodies of a frame within {gate:g} m: check "
-            "their places and mounts, the base, and the gate"
-        )
-    raise RecordingError(message, take=take, key=key)
+        message = f"no posture of the arm has all markers and bodies of a frame within {gate:g} m:"
+        message += " check their places and mounts, the base, and the gate"
+    raise RecordingError(message, take=take, key=f"dataset.mocap.{key}")
 
 
 def fill_gaps(
@@ -331,12 +312,9 @@ def fill_gaps(
     edges = np.concatenate([[-1], frames, [len(q)]])
     longest = int(np.argmax(np.diff(edges)))
     if edges[longest + 1] - edges[longest] - 1 > max_gap:
-        message = (
-            f"markers give no joint angles for longer than {max_gap} frames: repair the labels, "
-            "or leave the take out"
-        )
-        frames = f"{edges[longest] + 1} to {edges[longest + 1] - 1}"
-        raise RecordingError(message, take=take, frames=frames)
+        message = f"markers give no joint angles for longer than {max_gap} frames: repair the"
+        where = {"frames": f"{edges[longest] + 1} to {edges[longest + 1] - 1}"}
+        raise RecordingError(f"{message} labels, or leave the take out", take=take, **where)
     known = np.where(sliding, q[frames], np.unwrap(q[frames], axis=0))
     q = np.stack([np.interp(np.arange(len(q)), frames, joint) for joint in known.T], axis=1)
     held = int(frames[0] + len(q) - 1 - frames[-1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import cv2
@@ -73,11 +74,8 @@ class ArmSegmenter:
                 distance = np.hypot(*away)
             sees |= (depth > 0) & (distance <= self.reach)
         if not sees.any():
-            message = (
-                "no pixel of the depth camera sees the arm: check the camera's pose, its "
-                "intrinsics and the crop"
-            )
-            raise ConfigError(message, shape=shape)
+            message = "no pixel of the depth camera sees the arm: check the camera's pose, its"
+            raise ConfigError(f"{message} intrinsics and the crop", shape=shape)
         across, down = np.flatnonzero(sees.any(axis=0)), np.flatnonzero(sees.any(axis=1))
         self.window = (slice(down[0], down[-1] + 1), slice(across[0], across[-1] + 1))
         self.across_plane = rays[1][self.window].copy()
@@ -144,12 +142,11 @@ class CloudSegmenter:
         crop, origin, (rotation, translation) = self.crop, self.arm.chain.origin, self.pose
         plane = self.arm.to_plane(cloud @ rotation.T + translation)
         points = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(plane))
-        slab, dropped = np.array([np.inf, crop.half_depth, np.inf]), {}
+        slab, dropped = np.array([np.inf, crop.half_depth, np.inf]), Counter()
 
         def keep(chosen: open3d.geometry.PointCloud, reason: str) -> np.ndarray:
             nonlocal points
-            lost = len(points.points) - len(chosen.points)
-            dropped[reason] = dropped.get(reason, 0) + lost
+            dropped[reason] += len(points.points) - len(chosen.points)
             points = chosen
             return np.asarray(points.points)[:, [0, 2]]
 
@@ -163,7 +160,7 @@ class CloudSegmenter:
         cluster = np.asarray(points.cluster_dbscan(LINK, 1), dtype=int)
         found = keep(among(np.bincount(cluster)[cluster] >= crop.min_pixels), "isolated")
         dropped["thinned"] = max(0, len(found) - crop.max_points)
-        return _thinned(found, crop), dropped
+        return _thinned(found, crop), dict(dropped)
 
 
 def _patches(pixels: np.ndarray, width: int) -> np.ndarray:

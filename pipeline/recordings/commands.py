@@ -73,10 +73,8 @@ def require_commanded(q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, tak
     """
     shares = missed(task_coordinates(chain, chain.pose(q)), values(trajectory, "x"))
     fault = "the tip that the motion capture tracked is not on the commanded path"
-    suspects = (
-        "the path's unit and columns, when it starts (dataset.trajectory), and the arm's base "
-        "(dataset.mocap.base)"
-    )
+    suspects = "the path's unit and columns, when it starts (dataset.trajectory), and the arm's"
+    suspects += " base (dataset.mocap.base)"
     _require(shares, chain.task, fault, suspects, MOST, take=take, key="dataset.trajectory")
 
 
@@ -92,12 +90,11 @@ def require_encoders(
     of :func:`pipeline.core.angles.whole_turns`.
     """
     during = readings[readings["t"].between(q["t"].min(), q["t"].max())]
+    where = {"take": take, "key": "dataset.encoders"}
     if len(during) < LEAST_TIMES:
-        message = (
-            f"{len(during)} of {len(readings)} readings of the encoders are within the take: when "
-            "does their log start?"
-        )
-        raise RecordingError(message, take=take, key="dataset.encoders.start")
+        message = f"{len(during)} of {len(readings)} readings of the encoders are within the take"
+        where["key"] += ".start"
+        raise RecordingError(f"{message}: when does their log start?", **where)
     names = columns("q", joints)
     tracked = np.stack([np.interp(during["t"], q["t"], q[name]) for name in names], axis=1)
     read = during[names].to_numpy()
@@ -107,14 +104,10 @@ def require_encoders(
                 f"the encoders read {joint} {turns:+g} turns (2π = 6.283 rad each) beside the "
                 "angle that the motion capture tracked: log the angle that the arm's URDF has"
             )
-            raise RecordingError(message, take=take, key="dataset.encoders")
+            raise RecordingError(message, **where)
     fault = "the encoders do not read what the motion capture tracked"
-    suspects = (
-        "their angle_unit, the order of their columns (actual), and when their log starts (start)"
-    )
-    _require(
-        missed(read, tracked), joints, fault, suspects, MOST, take=take, key="dataset.encoders"
-    )
+    suspects = "their angle_unit, the order of their columns (actual), and when their log starts"
+    _require(missed(read, tracked), joints, fault, f"{suspects} (start)", MOST, **where)
 
 
 def _require(
@@ -127,8 +120,5 @@ def _require(
 ) -> None:
     worst = int(shares.argmax())
     if shares[worst] > most:
-        message = (
-            f"{fault}: {names[worst]} is off by {shares[worst]:.2g} of the motion, more than "
-            f"{most:g}; suspected are {suspects}"
-        )
-        raise RecordingError(message, **where)
+        off = f"{names[worst]} is off by {shares[worst]:.2g} of the motion, more than {most:g}"
+        raise RecordingError(f"{fault}: {off}; suspected are {suspects}", **where)

@@ -47,16 +47,11 @@ def articulated(
     """
     joints = contracts.read("joints", TRACK)
     first = joints[(joints.part == "training") & (joints.k == 0)]
-    fit = partial(
-        _fit,
-        arm=arm_of(robot),
-        joints=robot.joints,
-        trajectory=contracts.read("trajectory", MOTION),
-        options=options,
-        start=first[columns("q", robot.joints)].mean().to_numpy(),
-    )
+    start = first[columns("q", robot.joints)].mean().to_numpy()
+    given = arm_of(robot), robot.joints, contracts.read("trajectory", MOTION), options, start
+    fit = partial(_fit, given=given)
     return pd.concat(run_trials(fit, takes, compute=compute, label=label), ignore_index=True)
 
 
-def _fit(rows: pd.DataFrame, **given: object) -> pd.DataFrame:
-    return articulate_rows(rows, arm_points(rows, DEPTH), **given)
+def _fit(rows: pd.DataFrame, given: tuple) -> pd.DataFrame:
+    return articulate_rows(rows, arm_points(rows, DEPTH), *given)

@@ -24,13 +24,11 @@ def disturbances(residuals: np.ndarray, others: Sequence[np.ndarray], rate: floa
     A quantity that all repetitions share, such as the lag, is their median at each step. As a whole
     the root mean square of the rest counts; in a window the mean of the rest over the usual one
     there. The standard deviation is 1.4826 times the median absolute deviation
-    (Gaussian-consistent), yet no less than a share of the median. A disturbance shows where more
-    repetitions are undisturbed than not; of two, neither is the disturbed one.
+    (Gaussian-consistent), yet no less than a share of the median. Of two repetitions neither is the
+    disturbed one.
 
-    Args:
-        residuals: (..., takes, K, joints) rad, measured minus commanded angles.
-        others: (..., takes, K, joints) each, other signals of the joints in any unit, as currents.
-        rate: Rows a second.
+    ``residuals`` (..., takes, K, joints) rad, measured minus commanded angles at ``rate`` rows a
+    second; ``others`` likewise, other signals of the joints in any unit, as currents.
     """
     signals = [residuals, *others]
     farthest = np.max([_windowed(signal, rate) for signal in signals], axis=0)
@@ -65,17 +63,12 @@ def smallest_push(residuals: np.ndarray, beyond: float, rate: float) -> float:
         return np.mean(scores[each, pushed] > beyond) >= FOUND
 
     height = float(np.median(np.abs(_beside(residuals))) or np.abs(residuals).max())
-    for _ in range(DOUBLINGS if takes > 2 and height else 0):
-        if enough(height):
-            break
-        height *= 2
-    else:
-        return np.nan
-    low, high = 0.0, height
-    for _ in range(HALVINGS):
+    tried = height * 2.0 ** np.arange(DOUBLINGS if takes > 2 and height else 0)
+    low, high = 0.0, next(filter(enough, tried), np.nan)
+    for _ in range(HALVINGS if np.isfinite(high) else 0):
         middle = (low + high) / 2
         low, high = (low, middle) if enough(middle) else (middle, high)
-    return high
+    return float(high)
 
 
 def _beside(signal: np.ndarray) -> np.ndarray:
@@ -87,9 +80,9 @@ def _rows(length: int, rate: float) -> int:
 
 
 def _windowed(signal: np.ndarray, rate: float) -> np.ndarray:
-    """(..., takes) greatest mean, over a window and of a joint, of ``signal`` (..., takes, K,
-    joints) beside its median; over the usual one: the median over the takes in this window, yet no
-    less than over all windows of the joint, and a quarter of that over all joints.
+    """(..., takes) greatest mean, over a window and of a joint, of ``signal`` beside its median;
+    over the usual one: the median over the takes in this window, yet no less than over all windows
+    of the joint, and a quarter of that over all joints.
     """
     beside, length = _beside(signal), signal.shape[-2]
     rows = _rows(length, rate)

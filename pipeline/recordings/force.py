@@ -46,7 +46,7 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
         wrench = np.hstack([record.force, moment])
     tared = remove_bias(record.time[sound], wrench[sound], force.tare)
     axes = dict(zip(WRENCH, tared.wrench.T, strict=False))
-    quality = [(key, value) for key, value in (record.counts | faults).items()]
+    quality = [*(record.counts | faults).items()]
     for axis, bias in zip(axes, tared.bias, strict=True):
         quality.append((f"bias_{axis}", bias, "N" if axis[0] == "f" else "N·m"))
     rows = pd.DataFrame({"configuration": name, "t": tared.time} | axes)
@@ -71,22 +71,16 @@ def remove_bias(time: np.ndarray, wrench: np.ndarray, tare_seconds: float) -> Ta
     dropped, the noise is 0. Raises RecordingError for values that are not finite, a tare interval
     too short for a mean, or a record that ends with it.
     """
-    if not (finite := np.isfinite(wrench)).all():
-        message, step = (
-            "the force record has values that are not finite",
-            np.argwhere(~finite)[0, 0],
-        )
-        raise RecordingError(message, step=int(step))
+    if not (finite := np.isfinite(wrench).all(axis=1)).all():
+        message, step = "the force record has values that are not finite", int(finite.argmin())
+        raise RecordingError(message, step=step)
     if tare_seconds == 0:
         return TaredWrench(time, wrench, *np.zeros((2, wrench.shape[1])), 0)
     unloaded = time - time[0] < tare_seconds - CLOCK_ROUNDING
     count = int(unloaded.sum())
     if count < MIN_SAMPLES or count == len(time):
-        message = (
-            f"{count} of {len(time)} samples lie in the tare interval of {tare_seconds} s; it "
-            f"needs at least {MIN_SAMPLES}, and a rest"
-        )
-        raise RecordingError(message)
+        message = f"{count} of {len(time)} samples lie in the tare interval of {tare_seconds} s; it"
+        raise RecordingError(f"{message} needs at least {MIN_SAMPLES}, and a rest")
     rest, loaded = wrench[unloaded], wrench[~unloaded]
     bias = rest.mean(axis=0)
     return TaredWrench(time[~unloaded], loaded - bias, bias, rest.std(axis=0, ddof=1), count)

@@ -57,7 +57,7 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: Errors) -> list[d
     """Markers, the commanded trajectory, and the joints that the robot's controller logged or its
     encoders read.
     """
-    from pipeline.recordings import motion_capture
+    from pipeline.recordings import joint_logs, motion_capture
 
     quality = []
     if dataset.joint_log is not None:
@@ -71,9 +71,7 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: Errors) -> list[d
             read = (attempt(motion_capture.marker_rows, *take, dataset) for take in takes)
             quality += _write(read, "markers", folder, errors)
     if dataset.encoders is not None:
-        from pipeline.recordings.joint_logs import encoder_rows
-
-        for takes in _kept([attempt(encoder_rows, raw, dataset)], errors):
+        for takes in _kept([attempt(joint_logs.encoder_rows, raw, dataset)], errors):
             quality += _write(takes, "encoders", folder, errors)
     return quality
 
@@ -108,8 +106,7 @@ def _depth(dataset: Dataset, raw: Path, folder: Path, errors: Errors, compute: A
         return []
     if dataset.mocap is None:
         message = "a depth camera needs the motion capture that its clock is set by"
-        _kept([ConfigError(message, key="dataset.depth")], errors)
-        return []
+        return _kept([ConfigError(message, key="dataset.depth")], errors)
     from pipeline.arm.model import arm_of
     from pipeline.recordings.depth import frame_rows, take_paths
 

@@ -20,7 +20,6 @@ from pipeline.recordings.movement import read_movement
 from pipeline.recordings.pairing import delayed, require_pair
 from pipeline.recordings.repetitions import REACH, commanded_speeds
 
-RESIDUALS = "residuals"
 UNITS = {"clock_jitter": "s", "command_delay": "s"}  # of counts that are none
 
 
@@ -50,18 +49,6 @@ class LoggedMovement(NamedTuple):
                     "choose a motion in which it does not move"
                 )
                 raise RecordingError(message, **evidence, key=f"dataset.robot.locked.{joint}")
-
-
-class LoggedTake(NamedTuple):
-    """A repetition in the rows of its movement, whose name is ``movement``; it starts at the row
-    ``first``.
-    """
-
-    movement: str
-    first: int
-    actual: np.ndarray  # (N, n) rad, measured angles of the chain
-    target: np.ndarray  # (N, n) rad, commanded
-    signals: Mapping[str, np.ndarray]  # (N, joints) RESIDUALS of all joints in rad, and others
 
 
 def beside(
@@ -95,30 +82,26 @@ def read_logged_movement(
     wanted: dict[Path, dict] = {movement: {**options.signals}} if single else {}
     for signal in () if single else SIGNALS:
         if file := getattr(options, signal):
-            columns = wanted.setdefault(movement / file, {})
-            columns[signal] = options.signals.get(signal)
+            wanted.setdefault(movement / file, {})[signal] = options.signals.get(signal)
     for signal, place in options.others.items():
-        file = movement / place if isinstance(place, str) else movement
-        columns = None if isinstance(place, str) else place
+        file, columns = (movement / place, None) if isinstance(place, str) else (movement, place)
         # beside angles that the file names itself
         angles = dict.fromkeys(SIGNALS[:2]) if file == movement else {}
         wanted[file] = (wanted.get(file) or angles) | {signal: columns}
-    factor = options.target_factor
+    keys = ("time", "separator", "decimal", "angle_unit", "time_unit")
     common = LogOptions(
-        time=options.time,
+        **{key: getattr(options, key) for key in keys},
         rate=rate,
-        separator=options.separator,
-        decimal=options.decimal,
-        angle_unit=options.angle_unit,
-        time_unit=options.time_unit,
         joints=len(options.joints),
         names=options.joints,
-        factors={} if factor == 1 else dict.fromkeys(SIGNALS[1:], factor),
+        factors={}
+        if options.target_factor == 1
+        else dict.fromkeys(SIGNALS[1:], options.target_factor),
         circular=circular,
     )
     files = {file: replace(common, signals=signals) for file, signals in wanted.items()}
     signals, counts = read_movement(files, rate, options.clock) if files else ({}, {})
-    if missing := [signal for signal in ("actual", "target") if signal not in signals]:
+    if missing := [signal for signal in SIGNALS[:2] if signal not in signals]:
         where = "signals" if single else " and ".join(missing)
         message = f"nothing says where {name} holds the {' and '.join(missing)} angles"
         raise ConfigError(message, key=f"dataset.joint_log.{where}")

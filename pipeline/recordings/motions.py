@@ -60,11 +60,6 @@ class FoundMotion:
             return 0
         return max(min(round(KEPT * rate), (self.pause - 2 * SLACK - 2) // 2), 1)
 
-    def repeats(self, start: np.ndarray, end: np.ndarray, steps: int, circular: np.ndarray) -> bool:
-        """Return whether ``start`` to ``end`` (n,) in ``steps`` is a repetition of this motion."""
-        ends = apart(np.stack([self.start, self.end]), np.stack([start, end]), circular)
-        return bool(np.abs(ends).max() <= REACH and abs(self.steps - steps) <= SLACK)
-
 
 def motions(
     movements: Mapping[str, LoggedMovement], robot: Robot, rate: float
@@ -76,62 +71,45 @@ def motions(
     nearly singular, or, where it never is, between the turns of the joint that moves farthest.
     Raises ConfigError as :func:`pipeline.arm.model.chain_of` does.
     """
-    chain, paths, listed = chain_of(robot), {}, []
-    circular = circular_joints(robot.urdf, robot.joints)
+    chain, circular = chain_of(robot), circular_joints(robot.urdf, robot.joints)
+    paths, listed = {}, []
+
+    def known(start: np.ndarray, end: np.ndarray, steps: int) -> FoundMotion | None:
+        for motion in listed:
+            ends = np.stack([motion.start, motion.end]), np.stack([start, end])
+            near = np.abs(apart(*ends, circular)).max() <= REACH
+            if near and abs(motion.steps - steps) <= SLACK:
+                return motion
+        return None
+
     for name, movement in movements.items():
         columns = [movement.joints.index(joint) for joint in robot.joints]
         paths[name] = movement.actual[:, columns], movement.target[:, columns]
     for name, movement in movements.items():
         target, runs = paths[name][1], excursions(movement.target, movement.speed)
-        befores, afters = (
-            [0, *(run.last for run in runs)],
-            [*(run.first for run in runs), len(target)],
-        )
-        for run, before, after in zip(runs, befores, afters[1:], strict=False):
+        edges = [0, *(edge for run in runs for edge in (run.first, run.last)), len(target)]
+        for run, before, after in zip(runs, edges[::2], edges[3::2], strict=False):
             rows = target[max(run.first - 1, 0) : run.last + 1]
             # other motions are of joints alone that the robot does not have
             if run.whole and np.ptp(rows, axis=0).max() > REACH:
-                pause = min(run.first - before, after - run.last)
-                motion = _listed(listed, rows[0], rows[-1], run.steps, circular, pause)
+                pause, ends = min(run.first - before, after - run.last), (rows[0], rows[-1])
+                if not (motion := known(*ends, run.steps)):
+                    listed.append(motion := FoundMotion(*ends, run.steps, pause))
                 motion.pause = min(motion.pause, pause)
                 motion.places.append((name, run.first))
-    listed = listed or _passing(paths, chain, circular)
+    for _, target in paths.values() if not listed else ():
+        for first, last in _stretches(target, chain):
+            ends = target[first], target[last], last - first
+            if not known(*ends):
+                places = [
+                    (name, run.first)
+                    for name, (_, other) in paths.items()
+                    for run in find_passes(other, *ends, circular).runs
+                ]
+                listed += [FoundMotion(*ends, None, places)] if len(places) > 1 else []
     for motion in listed:
         _compare(motion, paths, chain, rate, circular)
     return sorted(listed, key=lambda motion: -len(motion.places))
-
-
-def _listed(
-    listed: list[FoundMotion],
-    start: np.ndarray,
-    end: np.ndarray,
-    steps: int,
-    circular: np.ndarray,
-    pause: int,
-) -> FoundMotion:
-    """The motion among those ``listed`` that repeats, or a new one there."""
-    for motion in listed:
-        if motion.repeats(start, end, steps, circular):
-            return motion
-    listed.append(FoundMotion(start, end, steps, pause))
-    return listed[-1]
-
-
-def _passing(paths: Paths, chain: Chain, circular: np.ndarray) -> list[FoundMotion]:
-    listed: list[FoundMotion] = []
-    for _, target in paths.values():
-        for first, last in _stretches(target, chain):
-            start, end, steps = target[first], target[last], last - first
-            if any(motion.repeats(start, end, steps, circular) for motion in listed):
-                continue
-            passes = [
-                (name, run.first)
-                for name, (_, other) in paths.items()
-                for run in find_passes(other, start, end, steps, circular).runs
-            ]
-            if len(passes) > 1:
-                listed.append(FoundMotion(start, end, steps, None, passes))
-    return listed
 
 
 def _stretches(angles: np.ndarray, chain: Chain) -> list[tuple[int, int]]:
@@ -173,9 +151,7 @@ def _compare(
     if whole:
         scores = disturbances(np.stack(residuals), [], rate)
         motion.deviation = float(np.max(deviations))
-        motion.disturbed = [
-            each for each, score in zip(whole, scores, strict=True) if score > BEYOND
-        ]
+        motion.disturbed = [each for each, far in zip(whole, scores > BEYOND, strict=True) if far]
 
 
 def logged_motions(dataset: Dataset) -> list[MotionSteps]:
@@ -210,7 +186,7 @@ def logged_motions(dataset: Dataset) -> list[MotionSteps]:
             continue
         listed.append((ends, motion.steps))
         length = min(len(actual) for actual, _ in kept)
-        actual = np.stack([each[:length] for each, _ in kept])
-        dq = np.stack([np.diff(each[:length], axis=0) for _, each in kept])
+        actual, target = (np.stack([each[:length] for each in q]) for q in zip(*kept, strict=True))
+        dq = np.diff(target, axis=1)
         found.append(MotionSteps("", actual[:, :-1], dq, np.diff(actual, axis=1) - dq))
     return [replace(each, name=str(number)) for number, each in enumerate(found, 1)]

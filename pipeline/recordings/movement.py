@@ -21,26 +21,23 @@ from pipeline.recordings.commands import named_joints
 CLOCK_TOLERANCE = 0.1  # of a step, up to which the rows are taken as even
 JITTER = 0.5  # of a step, beyond which a row is missing, or one too many
 RATE_TOLERANCE = 0.01  # of the rate, which the rows keep on average
-ANGLES = ("actual", "target")  # signals that are angles of joints
 UNWRAPPED = "unwrapped_jumps"  # count of jumps of whole turns that were removed
 FASTER = 1.05  # of a joint's velocity limit, up to which a step is the joint's own
 STEP_NOISE = 1e-3  # rad by which noise and rounding of two rows may add to a step
 MOST_TURNS = 4  # no joint of an arm turns farther from its zero: angles beyond have another unit
-RATE = "dataset.motion.rate"
 
 
 def read_movement(
     files: Mapping[Path, LogOptions], rate: float, clock: str | None = None
 ) -> tuple[dict[str, np.ndarray], dict[str, float]]:
-    """Read the signals (N, joints) of the logs ``files`` of one movement, row by row at the same
-    times, as many as the shortest log has; of each log the signals of its options, or all.
+    """Read the signals (N, joints) of the logs ``files`` of one movement, as many rows as the
+    shortest log has, and their counts, ``rows_without_partner`` in another log among them.
 
-    Rows that are uneven by more than a tenth and up to half of a step are counted as
-    ``uneven_rows``, with the standard deviation of the steps in s as ``clock_jitter``; ``clock``
-    takes them row by row (``rows``), or interpolates by a cubic spline through the times
-    (``times``), counted as ``resampled_rows``. Counted too: ``rows_without_partner`` in another
-    log, and the logs' own counts. Raises RecordingError for clocks that disagree, do not keep to
-    ``rate`` (1/s), or are uneven where ``clock`` is None.
+    Rows that are uneven by a tenth to half of a step are counted as ``uneven_rows``, with the
+    standard deviation of the steps in s as ``clock_jitter``; ``clock`` takes them row by row
+    (``rows``), or interpolates by a cubic spline through the times (``times``), counted as
+    ``resampled_rows``. Raises RecordingError for clocks that disagree, do not keep to ``rate``
+    (1/s), or are uneven where ``clock`` is None.
     """
     from scipy.interpolate import CubicSpline
 
@@ -94,42 +91,31 @@ def smoothness_by_rows(time: np.ndarray, angles: np.ndarray, rate: float) -> flo
 
 
 def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
-    """Number of steps of ``time`` (N,) that are not 1/``rate``; RecordingError where they cannot be
-    a log's at that rate.
-    """
-    if len(time) < 2:
-        return 0
+    """Number of uneven steps; RecordingError where they cannot be a log's at that rate."""
     steps = np.diff(time)
+    if not len(steps):
+        return 0
     off = np.abs(steps * rate - 1)
-    usual, mean = float(np.median(steps)), (time[-1] - time[0]) / (len(time) - 1)
+    usual, mean = float(np.median(steps)), (time[-1] - time[0]) / len(steps)
+    row, key = int(np.argmax(off > JITTER)), "dataset.motion.rate"
     if abs(usual * rate - 1) > JITTER:
-        message = (
-            f"the log steps by {usual:.6g} s as a rule, not by 1/{rate:g} s: is its rate "
-            f"{1 / usual:.6g} 1/s, and its time_unit right?"
-        )
-        raise RecordingError(message, file=file, key=RATE)
-    if off.max() > JITTER:
-        row = int(np.argmax(off > JITTER))
-        fault = "samples are missing" if steps[row] * rate > 1 else "rows stand too close"
-        message = (
-            f"the log steps by {steps[row]:.6g} s at {time[row] - time[0]:.6g} s from its start, "
-            f"not by 1/{rate:g} s; {fault}"
-        )
-        raise RecordingError(message, file=file)
-    if abs(mean * rate - 1) > RATE_TOLERANCE:
-        message = (
-            f"the log steps by {mean:.6g} s on average, not by 1/{rate:g} s: is its rate "
-            f"{1 / mean:.6g} 1/s?"
-        )
-        raise RecordingError(message, file=file, key=RATE)
-    return int((off > CLOCK_TOLERANCE).sum())
+        found = f"{usual:.6g} s as a rule"
+        cause = f"is its rate {1 / usual:.6g} 1/s, and its time_unit right?"
+    elif off.max() > JITTER:
+        found, key = f"{steps[row]:.6g} s at {time[row] - time[0]:.6g} s from its start", None
+        cause = "samples are missing" if steps[row] * rate > 1 else "rows stand too close"
+    elif abs(mean * rate - 1) > RATE_TOLERANCE:
+        found, cause = f"{mean:.6g} s on average", f"is its rate {1 / mean:.6g} 1/s?"
+    else:
+        return int((off > CLOCK_TOLERANCE).sum())
+    message = f"the log steps by {found}, not by 1/{rate:g} s: {cause}"
+    raise RecordingError(message, file=file, key=key)
 
 
 def read_log(file: Path, options: LogOptions) -> JointLog:
     """Read the log in ``file``, of whichever format it begins like, else as a plain table; its
     signals multiplied by the factors of ``options``, its angles without jumps of whole turns, which
-    ``unwrapped_jumps`` counts. Positions of joints that are not circular are in m, whatever the
-    unit of angles.
+    ``unwrapped_jumps`` counts. Positions of joints that are not circular are in m.
 
     Raises RecordingError for another number of joints than the options say or other names, for
     angles beyond four turns, and for jumps that are no whole turns.
@@ -138,15 +124,13 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
     log = chosen.read(file, options)
     wanted = options.signals or log.signals
     signals = {name: rows for name, rows in log.signals.items() if name in wanted}
-    key = f"{OPTION}.joints"
+    key, message = f"{OPTION}.joints", ""
     if wrong := {rows.shape[1] for rows in signals.values()} - {options.joints}:
         message = f"the log holds {wrong.pop()} joints, not {options.joints}"
-        raise RecordingError(message, file=file, key=key)
-    if log.joints and options.names and log.joints != tuple(options.names):
+    elif log.joints and options.names and log.joints != tuple(options.names):
         message = f"the log states its joints as {', '.join(log.joints)}"
-        raise RecordingError(message, file=file, key=key)
     jumps, names = 0, options.names or log.joints
-    for name, rows in signals.items():
+    for name, rows in signals.items() if not message else ():
         if name in options.factors:
             rows = rows * np.asarray(options.factors[name])
         if name in SIGNALS:
@@ -154,19 +138,20 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
                 rows = np.where(options.circular, rows, np.degrees(rows))
             greatest = np.where(options.circular, np.abs(rows), 0.0).max(axis=1, initial=0.0)
             if greatest.max() > MOST_TURNS * TURN:
+                at, key = log.time[greatest.argmax()] - log.time[0], f"{OPTION}.angle_unit"
                 message = (
-                    f"{name}: {greatest.max():.6g} rad, or rad/s, at "
-                    f"{log.time[greatest.argmax()] - log.time[0]:.6g} s from the start is not a "
-                    f"joint of an arm: is the angle_unit {options.angle_unit}?"
+                    f"{name}: {greatest.max():.6g} rad, or rad/s, at {at:.6g} s from the start is "
+                    f"not a joint of an arm: is the angle_unit {options.angle_unit}?"
                 )
-                raise RecordingError(message, file=file, key=f"{OPTION}.angle_unit")
-        if name in ANGLES:
+                break
+        if name in ("actual", "target"):
             where = {"circular": options.circular, "signal": name, "file": file}
             rows, removed = unwrapped(rows, log.time, names, **where)
             jumps += removed
         signals[name] = rows
-    counts = log.counts | ({UNWRAPPED: jumps} if jumps else {})
-    return replace(log, signals=signals, counts=counts)
+    if message:
+        raise RecordingError(message, file=file, key=key)
+    return replace(log, signals=signals, counts=log.counts | ({UNWRAPPED: jumps} if jumps else {}))
 
 
 def require_speeds(
@@ -178,12 +163,8 @@ def require_speeds(
 ) -> None:
     """Raise RecordingError with ``evidence`` where an angle steps faster than its joint can.
 
-    Args:
-        time: (N,) s.
-        angles: (N, joints) rad, or m, of each signal.
-        names: Joints of the columns.
-        urdf: File of their velocity limits; a limit of 0, as some exporters write, is none.
-        evidence: File of the angles.
+    ``time`` (N,) s; ``angles`` (N, joints) rad, or m, of each signal; ``names`` of their columns,
+    whose velocity limits the file ``urdf`` has: a limit of 0, as some exporters write, is none.
     """
     for column, joint in enumerate(named_joints(urdf, names)):
         limit = ((joint and joint.limits) or {}).get("velocity", 0.0)

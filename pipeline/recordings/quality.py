@@ -58,13 +58,20 @@ def side_by_side(takes: pd.DataFrame) -> pd.DataFrame:
     """Return a row a take of the table ``takes``: measures, whether and why it is left out."""
     unit = takes["unit"].map(lambda unit: "" if unit in ("count", "share") else f" ({unit})")
     column = takes["measure"] + unit
-    value, limit = takes["value"].map("{:.3g}".format), takes["limit"].map("{:g}".format)
-    why = (takes["measure"] + " " + value + " beyond " + limit)[takes["beyond"]]
     wide = takes.assign(column=column).pivot(index="take", columns="column", values="value")
     order = takes.drop_duplicates("take").set_index("take")[["part", "left_out"]]
     table = order[["part"]].join(wide[list(dict.fromkeys(column))])
-    reason = why.groupby(takes["take"]).agg("; ".join)
+    reason = pd.Series(_beyond(takes, "; "), dtype="str")
     return table.assign(left_out=order["left_out"], reason=reason).reset_index()
+
+
+def _beyond(takes: pd.DataFrame, separator: str) -> dict[str, str]:
+    """Take → its measures beyond their limits, in words."""
+    words: dict[str, list[str]] = {}
+    for row in takes[takes["beyond"]].itertuples():
+        one = f"{row.measure} {row.value:.3g} beyond {row.limit:g}"
+        words.setdefault(row.take, []).append(one)
+    return {take: separator.join(each) for take, each in words.items()}
 
 
 def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.DataFrame:
@@ -87,11 +94,7 @@ def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.
 
 def reasons(takes: pd.DataFrame) -> list[str]:
     """Name every take that is left out and why, in the order of the table ``takes``."""
-    measures: dict[str, list[str]] = {}
-    for row in takes[takes["beyond"]].itertuples():
-        words = f"{row.measure} {row.value:.3g} beyond {row.limit:g}"
-        measures.setdefault(row.take, []).append(words)
-    return [f"{take} ({', '.join(words)})" for take, words in measures.items()]
+    return [f"{take} ({words})" for take, words in _beyond(takes, ", ").items()]
 
 
 def require_enough(takes: pd.DataFrame) -> None:
@@ -121,7 +124,13 @@ def account(
     ``files``: those of each part, as of :func:`pipeline.recordings.inventory.by_part`;
     ``quality`` of the motion and ``takes``: the tables.
     """
-    rows = [("files", "all", *_named(files))]
+    names = [set(table["file"]) for table in files]
+    present, other = set().union(*names), set.intersection(*names)  # unnamed: any part's
+    places = Counter(name.partition("/")[0] for name in other)
+    words = [f"{place} ({n})" if n > 1 else place for place, n in sorted(places.items())]
+    more = [f"and in {len(words) - SHOWN} more places"] if len(words) > SHOWN else []
+    words = ", ".join([*words[:SHOWN], *more])
+    rows = [("files", "all", len(present), len(present - other), words)]
     counts = quality[quality["quantity"].str.startswith((REPETITIONS, LEFT_OUT))]
     for movement, of_movement in counts.groupby("take"):
         number = of_movement.set_index("quantity")["value"].astype(int)
@@ -134,13 +143,3 @@ def account(
         gone = of_part.loc[of_part["left_out"], "take"].nunique()
         rows.append(("takes", part, present, present - gone, "; ".join(reasons(of_part))))
     return pd.DataFrame(rows, columns=["step", "recording", "found", "kept", "left_out"])
-
-
-def _named(files: Iterable[pd.DataFrame]) -> tuple[int, int, str]:
-    """Number of files, number that a pattern names, and where the others lie."""
-    names = [set(table["file"]) for table in files]
-    present, other = set().union(*names), set.intersection(*names)  # unnamed: any part's
-    places = Counter(name.partition("/")[0] for name in other)
-    words = [f"{place} ({n})" if n > 1 else place for place, n in sorted(places.items())]
-    more = [f"and in {len(words) - SHOWN} more places"] if len(words) > SHOWN else []
-    return len(present), len(present - other), ", ".join([*words[:SHOWN], *more])

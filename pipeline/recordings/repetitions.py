@@ -52,10 +52,6 @@ class Repetitions(NamedTuple):
     left_out: dict[str, list[int]]
 
 
-def _moving(speeds: np.ndarray, rest_speed: float) -> np.ndarray:
-    return np.any(np.abs(speeds) > rest_speed, axis=1)
-
-
 def _runs(inside: np.ndarray) -> list[tuple[int, int]]:
     """First row of each run of true rows, and the row behind it."""
     edges = np.flatnonzero(np.diff(inside, prepend=False, append=False)).tolist()
@@ -73,17 +69,15 @@ def excursions(
     """
     return [
         Excursion(first, last, 0 < first and last < len(speeds))
-        for first, last in _runs(_moving(speeds, rest_speed))
+        for first, last in _runs(np.any(np.abs(speeds) > rest_speed, axis=1))
         if np.ptp(angles[max(first - 1, 0) : last + 1], axis=0).max() > REACH
     ]
 
 
 def commanded_speeds(angles: np.ndarray, rate: float, rest_speed: float = REST_SPEED) -> np.ndarray:
     """Return speeds (N, joints) in rad/s for a controller that logs none: the step to each
-    commanded angle (N, joints) from the one before at ``rate`` (1/s), 0 for the first.
-
-    They are 0 outside :func:`excursions`: an angle that creeps at rest goes nowhere. Creeping next
-    to a motion is separated from it by ``rest_speed`` alone, which must lie above its steps.
+    commanded angle (N, joints) from the one before at ``rate`` (1/s), 0 outside
+    :func:`excursions`, where an angle may creep by less than ``rest_speed``.
     """
     steps = np.diff(angles, axis=0, prepend=angles[:1]) * rate
     speeds = np.zeros_like(steps)
@@ -104,14 +98,11 @@ def find_repetitions(
     rest_speed: float = REST_SPEED,
     circular: np.ndarray | bool = True,
 ) -> Repetitions:
-    """Find the whole excursions that take the joints ``columns`` from ``start`` to ``end`` (rad; m
-    of joints that are not ``circular``) in ``steps`` steps, with ``rest`` rows at rest on either
-    side.
-
-    ``angles``, ``speeds`` and ``rest_speed`` as for :func:`excursions`. Ends agree within 0.01 rad
-    and durations within two steps.
+    """Find the whole :func:`excursions` that take the joints ``columns`` from ``start`` to ``end``
+    (rad; m of joints that are not ``circular``) in ``steps`` steps, with ``rest`` rows at rest on
+    either side. Ends agree within 0.01 rad and durations within two steps.
     """
-    moving = _moving(speeds, rest_speed)
+    moving = np.any(np.abs(speeds) > rest_speed, axis=1)
     runs, left_out = [], {"cut_off": [], "other_motion": [], "too_little_rest": []}
     for run in excursions(angles, speeds, rest_speed):
         if not run.whole:
@@ -137,11 +128,11 @@ def find_passes(
     steps: int,
     circular: np.ndarray | bool = True,
 ) -> Repetitions:
-    """Find the stretches of ``steps`` steps in which commanded ``angles`` (N, joints), as of
-    :func:`find_repetitions`, pass ``start`` and then ``end``, of a command that never rests.
+    """Find the stretches of ``steps`` steps in which commanded ``angles`` (N, joints) of a command
+    that never rests pass ``start`` and then ``end``, both within 0.01 rad.
 
-    Both are passed within 0.01 rad; of the rows around, the one nearest to both counts. A stretch
-    that begins before the end of the stretch before it is left out.
+    Of the rows around, the one nearest to both counts. A stretch that begins before the end of the
+    stretch before it is left out.
     """
     runs, left_out = [], {"overlapping": []}
     if len(angles) <= steps:

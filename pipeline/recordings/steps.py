@@ -4,7 +4,6 @@ the angles that a filter is compared with.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -42,27 +41,20 @@ def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
     chain, joints, v = recorded.chain, recorded.joints, recorded.v
     poses = np.concatenate([recorded.q, recorded.q_next[:, -1:]], axis=1)
     speeds = rate * chain.nominal_step(recorded.q, v)
-    units = ["m/s" if name in ("x", "y", "z") else "rad/s" for name in chain.task]
-    units = [*units, *["rad/s"] * len(joints)][: v.shape[-1]]
+    command, turning = [*chain.task, *joints][: v.shape[-1]], ["rad/s"] * len(joints)
+    units = ["m/s" if name in ("x", "y", "z") else "rad/s" for name in chain.task] + turning
     norms = frobenius(chain.inverse_jacobian(recorded.q))[..., None]
     rows = [
-        *_ends("pose", joints, ["rad"] * len(joints), poses),
-        *_ends("joint speed", joints, ["rad/s"] * len(joints), speeds),
-        *_ends("speed", [*chain.task, *joints][: v.shape[-1]], units, rate * v),
-        *_ends("condition", ["‖J⁺‖"], ["1/m and 1"], norms),
+        (quantity, name, unit, float(each.min()), float(each.max()))
+        for quantity, names, units, values in (
+            ("pose", joints, ["rad"] * len(joints), poses),
+            ("joint speed", joints, turning, speeds),
+            ("speed", command, units[: len(command)], rate * v),
+            ("condition", ["‖J⁺‖"], ["1/m and 1"], norms),
+        )
+        for name, unit, each in zip(names, units, np.moveaxis(values, -1, 0), strict=True)
     ]
     return pd.DataFrame(rows, columns=["quantity", "name", "unit", "least", "greatest"])
-
-
-def _ends(
-    quantity: str, names: Sequence[str], units: Sequence[str], values: np.ndarray
-) -> list[tuple]:
-    """A row for each of the ``names``, the columns of ``values`` (..., columns)."""
-    columns = values.reshape(-1, values.shape[-1]).T
-    return [
-        (quantity, name, unit, float(each.min()), float(each.max()))
-        for name, unit, each in zip(names, units, columns, strict=True)
-    ]
 
 
 def truth_of(dataset: Dataset) -> Path:
