@@ -1,10 +1,6 @@
-"""The synthetic arm in motion: many small disturbances of a position-controlled robot, none of them
-a random Jacobian.
-
-What moves is the true joint angle q(t) of an arm of any joints and task. The servo follows the
-commanded angle with speed errors proportional to speed; what the cameras see behind the gears is
-moved further by the end-effector's swaying, by the clearance of one joint and by the timing of the
-exposure. All of it is bounded: a position-controlled arm does not wander off.
+"""The synthetic arm in motion: a position-controlled robot with many small disturbances, none of
+them a random Jacobian: speed errors of the servo, swaying of the end-effector, clearance of one
+joint, timing of the exposure. All of it is bounded.
 """
 
 from __future__ import annotations
@@ -29,8 +25,7 @@ def lagged_noise(
     shape: tuple[int, ...], steps_per_lag: float, rng: np.random.Generator
 ) -> np.ndarray:
     """Draw stationary normal paths of variance 1 along the last axis: white noise through LAGS
-    equal lags of first order, as a drive behind its servo loops passes it on. Velocity and
-    acceleration exist.
+    equal lags of first order, as a drive behind its servo loops passes it on.
     """
     from scipy.signal import lfilter
 
@@ -41,9 +36,7 @@ def lagged_noise(
 
 
 def lagged_correlation(steps: np.ndarray, steps_per_lag: float) -> np.ndarray:
-    """Return the correlation (...) of :func:`lagged_noise` with itself so many ``steps`` (...)
-    later, whole and not negative.
-    """
+    """Correlation (...) of :func:`lagged_noise` with itself so many whole ``steps`` (...) later."""
     _, response = _lags(steps_per_lag)
     power = np.abs(np.fft.rfft(response, 2 * len(response))) ** 2
     correlation = np.append(np.fft.irfft(power, 2 * len(response))[: len(response)], 0.0)
@@ -62,7 +55,7 @@ def _lags(steps_per_lag: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def servo_times(motion: Commanded, options: DynamicsOptions) -> np.ndarray:
-    """Return the times (N,) of the servo's steps in s on the motion clock: a little before and
+    """Return the times (N,) of the servo's steps in s on the motion clock, a little before and
     after the motion, so that early and late exposures see it too.
     """
     dt = 1.0 / options.rate
@@ -77,9 +70,7 @@ def sway_share(chain: Chain, speed: np.ndarray, options: DynamicsOptions) -> np.
 
 
 def play_share(speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
-    """Return the share (N,) of the play that its joint fills at joint speeds ``speed`` (N, n) in
-    rad/s.
-    """
+    """Share (N,) of the play that its joint fills at joint speeds ``speed`` (N, n) in rad/s."""
     pace = np.abs(speed[:, options.play_joint - 1] / options.rattle_speed)
     return np.minimum(1.0, pace**options.speed_exponent)
 
@@ -96,8 +87,8 @@ def require_fitting(chain: Chain, options: DynamicsOptions) -> None:
 
 
 def true_chain(nominal: Chain, options: DynamicsOptions, rng: np.random.Generator) -> Chain:
-    """Return the arm as it was built: the nominal chain with its session's errors of link length,
-    along the way from each joint to the next and from the last to the tip.
+    """Return the arm as it was built: the nominal chain with errors of link length along the way
+    from each joint to the next and from the last to the tip.
     """
     planar = isinstance(nominal, PlanarChain)
     links = nominal.links if planar else nominal.placements[1:, 9:]
@@ -118,9 +109,7 @@ def session_offset(options: DynamicsOptions, joints: int, rng: np.random.Generat
 
 
 class Chance(NamedTuple):
-    """The random numbers of a take; of many takes, stacked along leading axes (...). Paths are
-    :func:`lagged_noise`.
-    """
+    """Random numbers of a take, or of many along leading axes; paths are :func:`lagged_noise`."""
 
     gain: np.ndarray  # (..., N, n) of the speed errors
     phase: np.ndarray  # (..., n) rad, of the encoders' ripple
@@ -154,10 +143,8 @@ class Swing(NamedTuple):
 def swing(
     chain: Chain, offset: np.ndarray, motion: Commanded, options: DynamicsOptions, chance: Chance
 ) -> Swing:
-    """Return the takes that ``chance`` makes of the commanded ``motion``, at ``options.rate``.
-
-    ``chain`` is the true chain, ``offset`` (n,) the session's encoder zeros in rad. Takes that are
-    simulated together are those simulated one by one. Raises SingularJacobianError.
+    """Return the takes that ``chance`` makes of the commanded ``motion``, alike together and one by
+    one, of the true ``chain`` with encoder zeros ``offset`` (n,) rad. SingularJacobianError.
     """
     dt, t = 1.0 / options.rate, servo_times(motion, options)
     goal, speed = desired_joints(np.clip(t, 0.0, motion.duration), motion)
@@ -193,9 +180,7 @@ def simulate_take(
 def expose(
     t: np.ndarray, q: np.ndarray, at: np.ndarray, options: DynamicsOptions, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return true joint angles (K, n) in rad at the instants ``at`` (K,) in s, each missed by the
-    jitter of its exposure.
-    """
+    """Return true joint angles (K, n) rad at ``at`` (K,) s, missed by the jitter."""
     instants = np.clip(at + options.jitter_std * rng.standard_normal(at.shape), t[0], t[-1])
     return joints_at(instants, t, q)
 

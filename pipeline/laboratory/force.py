@@ -1,11 +1,7 @@
 """The synthetic force rig: robots that pull a force/torque transducer by cables, in a plane or in
-space, tied to one point or each to its own.
-
-Each wheeled robot loses and regains traction: slips arrive at random, each takes an exponential
-amount off the tension, which then comes back exponentially; robots that fly lose pull to gusts
-alike. Each cable's direction wanders as an Ornstein–Uhlenbeck process, in space of two angles. A
-cable cannot push. So tensions are skewed, correlated in time and
-bounded below; of a normal law they have the first two moments alone.
+space. Slips arrive at random, take an exponential amount off the tension and recover; directions
+wander as Ornstein–Uhlenbeck processes; a cable cannot push. So tensions are skewed and correlated
+in time; of a normal law they have the first two moments alone.
 """
 
 from __future__ import annotations
@@ -51,8 +47,8 @@ def _autoregressive(innovation: np.ndarray, decay: float, start: np.ndarray) -> 
 def wander(
     sd: np.ndarray, correlation_time: float, samples: int, rate: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Draw stationary Ornstein–Uhlenbeck paths of standard deviation ``sd`` (m,), in its unit,
-    exact at the sampling instants, (samples, m); ``correlation_time`` in s, ``rate`` in Hz.
+    """Draw stationary Ornstein–Uhlenbeck paths of standard deviation ``sd`` (m,), exact at the
+    sampling instants, (samples, m); ``correlation_time`` in s, ``rate`` in Hz.
     """
     decay = np.exp(-1 / (rate * correlation_time))
     innovation = rng.standard_normal((samples, len(sd))) * sd * np.sqrt(1 - decay**2)
@@ -62,13 +58,9 @@ def wander(
 def slipping(
     sd: np.ndarray, robots: Robots, samples: int, rate: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Draw the tension lost and regained by wheel slip about its mean, N, (samples, m): of zero
-    mean and standard deviation ``sd`` (m,) in N.
-
-    Slips of exponential size (mean d) arrive at the robots' ``slip_rate`` (1/s) and decay with
-    their ``slip_recovery`` (s): shot noise whose stationary law is Gamma(ν, d) with ν = slip_rate ·
-    slip_recovery, so d = sd/√ν, and whose skewness −2/√ν the tension carries. The process is exact
-    at the sampling instants of ``rate`` (Hz): each slip has decayed since the instant it came.
+    """Draw the tension lost and regained by wheel slip about its mean, N, (samples, m), of standard
+    deviation ``sd`` (m,): shot noise, exact at the instants of ``rate`` (Hz), of stationary law
+    Gamma(ν, sd/√ν), ν = slip_rate · slip_recovery, and skewness −2/√ν of the tension.
     """
     nu, fade = robots.slip_rate * robots.slip_recovery, rate * robots.slip_recovery
     lost = np.zeros((samples, len(sd)))
@@ -91,10 +83,9 @@ def directions(
     """Draw unit vectors (samples, m, 3) that wander about the means of ``cables``, with the mean
     resultant length of the von Mises–Fisher law of ``concentration`` κ (m,).
 
-    In a plane the angle is an Ornstein–Uhlenbeck process: of variance s² it has the mean resultant
-    length exp(−s²/2), which is set to I₁(κ)/I₀(κ). In space two such processes turn the cable along
-    and across its elevation: their common size is Rayleigh's, E[cos] = 1 − √2·s·D(s/√2) with
-    Dawson's D, which is set to coth κ − 1/κ.
+    In a plane an angle of variance s² has exp(−s²/2), set to I₁(κ)/I₀(κ). In space two angles turn
+    the cable along and across: their size is Rayleigh's, E[cos] = 1 − √2·s·D(s/√2), D Dawson's
+    function, set to coth κ − 1/κ.
     """
     azimuth = np.asarray(cables.direction, dtype=float)
     if cables.elevation is None:
@@ -131,10 +122,7 @@ def record_force(
     rng: np.random.Generator,
 ) -> RiggedForce:
     """Return a record of ``tare`` seconds without load and ``duration`` seconds in which the robots
-    pull, one at each of the ``cables``, in the axes of the ``transducer``.
-
-    Raises ConfigError where robots, tensions and directions differ in number, or for times that
-    make no record.
+    pull, one at each of the ``cables``; ConfigError for other numbers or times.
     """
     tension, sd = np.asarray(cables.tension, dtype=float), np.asarray(robots.tension_sd)
     counts = len(sd), len(tension), len(cables.direction)

@@ -1,8 +1,5 @@
-"""A Kinect v2 that looks at the arm's plane: exact depth images, and its sensor's readings of them.
-
-Camera frame: x right, y down, z forward along the optical axis (OpenCV's). Pixel (u, v) sees along
-((u − c_x)/f_x, (v − c_y)/f_y, 1); images are free of lens distortion, as rectified ones are. Depth
-is the z coordinate, not the range along the ray.
+"""A Kinect v2 that looks at the arm's plane. Camera frame: x right, y down, z forward (OpenCV's);
+pixel (u, v) sees along ((u − c_x)/f_x, (v − c_y)/f_y, 1), free of distortion; depth is z.
 """
 
 from __future__ import annotations
@@ -29,10 +26,8 @@ def _about(axis: int, angle: float) -> np.ndarray:
 
 class DepthCamera:
     """A Kinect v2 on the −y side of the arm's plane, looking along its normal but for the errors of
-    its set-up; ``bias``: the session's systematic error, from
-    :func:`pipeline.laboratory.sensor.draw_bias`.
-
-    ``rotation`` (3, 3) and ``translation`` (3,) m: pose of the camera in the arm's base frame.
+    its set-up; ``bias`` from :func:`pipeline.laboratory.sensor.draw_bias`; ``rotation`` (3, 3) and
+    ``translation`` (3,) m: its pose in the arm's base frame.
     """
 
     def __init__(self, arm: Arm, options: KinectOptions, bias: np.ndarray) -> None:
@@ -65,9 +60,7 @@ class DepthCamera:
             np.copyto(image[window], new, where=nearer, casting="same_kind")
 
     def _window(self, solid: np.ndarray) -> Window:
-        """Rows and columns of the image that a solid of the camera's frame covers; ConfigError
-        where it is not wholly in view.
-        """
+        """Rows and columns of the image that a solid covers; ConfigError where not in view."""
         o, (x, y, z) = self.options, np.moveaxis(solid, -1, 0)
         if np.all(z > 0):
             sides = (o.fy * y / z + o.cy, o.height), (o.fx * x / z + o.cx, o.width)
@@ -78,10 +71,8 @@ class DepthCamera:
         raise ConfigError(f"{message} away or aim it anew", distance=o.distance, aim=o.aim)
 
     def render(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the exact depth (height, width) in m, 0 where nothing is, and grazing angle in
-        rad, both float32, at angles ``q`` (3,) in rad.
-
-        Raises ConfigError where the arm is not wholly in view.
+        """Return exact depth (height, width) in m, 0 where nothing is, and grazing angle in rad,
+        float32, at angles ``q`` (3,) in rad; ConfigError where the arm is not wholly in view.
         """
         depth, grazing = (image.copy() for image in self._room)
         for solid in map(self._in_camera, arm_at(self._arm, self._chain, q)):
@@ -90,7 +81,5 @@ class DepthCamera:
         return depth, grazing
 
     def observe(self, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return the sensor's depth image (height, width) in mm, uint16, 0 where it has none, at
-        joint angles ``q`` (3,) in rad.
-        """
+        """Return the depth image (height, width) in mm, uint16, at angles ``q`` (3,) rad."""
         return read_depth(*self.render(q), self._bias, self.options, rng)

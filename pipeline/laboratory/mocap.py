@@ -1,8 +1,5 @@
-"""The arm as OptiTrack would report it: three markers on each link of a planar arm, or rigid bodies
-on the links of an arm in space, with the faults that optical motion capture has.
-
-World frame: Motive's, y up, in m. A marker's place is known to the tracker from a template in the
-segment frames; where it really sits differs by what a hand with a ruler misses.
+"""The arm as OptiTrack would report it, with its faults: markers on the links of a planar arm, or
+rigid bodies on those of an arm in space. World frame: Motive's, y up, in m.
 """
 
 from __future__ import annotations
@@ -45,18 +42,14 @@ class Capture(NamedTuple):
 def place_markers(
     template: np.ndarray, options: MocapOptions, rng: np.random.Generator
 ) -> np.ndarray:
-    """Draw the places (..., 3) where the markers of a session really sit whose places are known as
-    ``template`` (..., 3), both in m in the frame of their link; one call a session.
-    """
+    """Draw the places (..., 3) where a session's markers at ``template`` (..., 3) really sit, m."""
     return template + options.placement_std * rng.standard_normal(template.shape)
 
 
 def bursts(
     frames: int, shape: tuple[int, ...], rate: float, mean: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Draw starts of bursts and frames in which one is under way, both (frames, *shape);
-    overlapping bursts merge.
-    """
+    """Draw starts of bursts and frames in which one is under way, both (frames, *shape)."""
     starts = rng.random((frames, *shape)) < rate
     at = np.nonzero(starts)
     change = np.zeros((frames + 1, *shape), dtype=int)
@@ -69,9 +62,7 @@ def bursts(
 def _exchange_labels(
     observed: np.ndarray, options: MocapOptions, rng: np.random.Generator
 ) -> tuple[np.ndarray, int]:
-    """Positions (N, 3, 3, xyz) with two labels of a link exchanged during bursts, and the
-    link-frames concerned.
-    """
+    """Positions (N, 3, 3, xyz) with two labels of a link exchanged during bursts."""
     frames = observed.shape[0]
     starts, swapped = bursts(frames, (3,), options.swap_rate, options.swap_frames, rng)
     drawn = rng.integers(len(PAIRS), size=(frames, 3))
@@ -86,9 +77,8 @@ def _exchange_labels(
 def _lose_labels(
     observed: np.ndarray, options: MocapOptions, rng: np.random.Generator
 ) -> tuple[np.ndarray, dict[str, np.ndarray], int]:
-    """Positions (N, 9, 3) with labels blanked during bursts, the unlabeled columns that carry them
-    instead, and their marker-frames: each uninterrupted stretch is a column of its own, since
-    Motive numbers a stray marker anew at every appearance.
+    """Positions (N, 9, 3) with labels blanked during bursts, the unlabeled columns that carry them,
+    one for each stretch as Motive numbers them, and the marker-frames.
     """
     rate, mean = options.lost_label_rate, options.lost_label_frames
     _, lost = bursts(len(observed), observed.shape[1:2], rate, mean, rng)
@@ -114,11 +104,8 @@ def capture(
     rng: np.random.Generator,
 ) -> Capture:
     """Capture markers at places ``markers`` (3, 3, 3) (link, marker, xyz of the segment frame, m)
-    on an arm at true angles ``q`` (N, 3).
-
-    ``rotation`` (3, 3) and ``translation`` (3,) in m are the pose of the arm's base in the world.
-    Names are ``link1_a`` … ``link3_c`` and, for positions whose label was lost, ``Unlabeled 1000``
-    onwards in the order of their appearance.
+    on an arm at true angles ``q`` (N, 3); ``rotation`` (3, 3) and ``translation`` (3,) m: pose of
+    its base in the world. Names: ``link1_a`` … ``link3_c``, and ``Unlabeled 1000`` onwards.
     """
     if q.shape[1:] != (3,) or markers.shape != (3, 3, 3):
         message = "laboratory.mocap: joint angles must be (N, 3) and marker places (3, 3, 3)"
@@ -145,11 +132,8 @@ def _seen(
 
 
 class MarkerCluster(NamedTuple):
-    """The markers of one rigid body on a link of an arm in space.
-
-    The tracker knows a cluster by its shape, that of the drawing, so that no label is exchanged. It
-    fits the shape to the markers that its cameras see; with fewer than three of them the body is
-    lost.
+    """The markers of one rigid body on a link of an arm in space: the tracker fits the drawing's
+    shape to the markers that it sees; with fewer than three the body is lost.
     """
 
     chain: SerialChain  # the true one that carries the link; its tip is the link's frame
@@ -158,17 +142,15 @@ class MarkerCluster(NamedTuple):
 
 
 def as_built(link: SerialChain, arm: SerialChain) -> SerialChain:
-    """Return the nominal chain to a ``link`` with the placements of the true ``arm``'s joints; what
-    is beyond the last of them is the link's own.
-    """
+    """Return the nominal chain to a ``link`` with the placements of the true ``arm``'s joints."""
     placements = link.placements.copy()
     placements[:-1] = arm.placements[: len(placements) - 1]
     return replace(link, placements=placements)
 
 
 def in_body(places: np.ndarray, position: np.ndarray, rpy: np.ndarray) -> np.ndarray:
-    """Return (K, 3) ``places`` of a link's frame in the frame of a body that is mounted on the link
-    at ``position`` (3,), both in m, turned by ``rpy`` (rad, about the fixed axes x, y, z).
+    """Return (K, 3) ``places`` of a link's frame in the frame of a body mounted on it at
+    ``position`` (3,), both in m, turned by ``rpy`` (rad, fixed axes x, y, z).
     """
     return (places - np.asarray(position)) @ Rotation.from_euler("xyz", rpy).as_matrix()
 
@@ -180,13 +162,9 @@ def capture_bodies(
     options: MocapOptions,
     rng: np.random.Generator,
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return by name the poses in the world frame of the bodies on an arm at true angles ``q`` (N,
-    n) in rad: position (N, 3) in m and quaternion (N, 4) as x, y, z, w, NaN where the body is lost.
-
-    The arm's base is turned by ``base[0]`` (3, 3) and stands at ``base[1]`` (3,) in m. White noise
-    of s m in each coordinate of K markers about their centre makes s/√K m of the position there,
-    and s over the root of the sum of their squared distances from an axis, in rad, of the turn
-    about it.
+    """Return by name position (N, 3) m and quaternion (N, 4) x, y, z, w in the world of the bodies
+    on an arm at true angles ``q`` (N, n) rad, NaN where lost; ``base``: rotation (3, 3) and place
+    (3,) m of the arm. Noise of s m in K markers makes s/√K m of the position.
     """
     result = {}
     for name, cluster in clusters.items():

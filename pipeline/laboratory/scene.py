@@ -1,12 +1,10 @@
-"""The scene before the depth camera, the arm, its stand and the room, and where rays meet it.
+"""The scene before the depth camera, of convex prisms: corners of both ends (2, n, 3) in m, turning
+left seen from outside the first.
 
-Everything is a convex prism: the corners of both ends (2, n, 3) in m, turning left seen from
-outside the first. Along a ray (x, y, 1) the plane of a face lies at an inverse depth that is linear
-in x and y, and the ray is inside of the prism between the least of those of the faces turned to the
-camera and the greatest of those turned away. Exactly rounded operations on doubles thus decide
-which face is met, also where a ray brushes an edge. Ray casters that work in single precision
-decide it there by approximate reciprocals, which differ between makes of processor, and the images
-are to have the same bytes on all.
+Along a ray (x, y, 1) the plane of a face lies at an inverse depth linear in x and y, and the ray is
+inside between the least of the faces turned to the camera and the greatest of those turned away:
+exactly rounded operations decide which face is met. Ray casters in single precision decide by
+approximate reciprocals, which differ between processors; these images do not.
 """
 
 from __future__ import annotations
@@ -27,16 +25,14 @@ AFTER, BEFORE = [1, 2, 0], [2, 0, 1]  # of each axis the others
 
 
 def moved(ends: np.ndarray, rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
-    """Return a prism with every point p at ``rotation @ p + translation``; no library's product,
+    """Return a prism with every point p at ``rotation @ p + translation``, by no library's product,
     whose last bits follow the instruction set.
     """
     return (ends[..., None, :] * rotation).sum(axis=-1) + translation
 
 
 def faces(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return outward unit normals n (n + 2, 3) and distances d (n + 2,) in m of the planes n · p =
-    d of sides and ends.
-    """
+    """Outward unit normals n (n + 2, 3) and distances d (n + 2,) m of the planes n · p = d."""
     first, second = ends
     n = len(first)
     # corners far apart, for a normal that their rounding does not turn
@@ -53,8 +49,8 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def prism(outline: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Return the polygon ``outline`` (n, 2) in x and z, convex and turning from x to z, extruded
-    along y from ``low`` to ``high`` (m); ConfigError for any other outline.
+    """Return the convex polygon ``outline`` (n, 2) in x and z, turning from x to z, extruded along
+    y from ``low`` to ``high`` (m); ConfigError for any other outline.
     """
     edge = np.roll(outline, -1, axis=0) - outline
     after = np.roll(edge, -1, axis=0)
@@ -77,9 +73,7 @@ def _rounded(bottom: float, top: float, width: float) -> np.ndarray:
 
 
 def room_prisms(chain: PlanarChain, options: SceneOptions) -> list[np.ndarray]:
-    """Return everything that stands still, in the plane's frame: turntable, neck, stand, floor and
-    wall.
-    """
+    """Turntable, neck, stand, floor and wall, which stand still, in the plane's frame."""
     (x, z), far, wall = chain.origin, 20.0, options.wall_distance
     half, stand, floor = options.base_width / 2, options.stand_width / 2, options.floor_height
     gap = z - options.base_gap
@@ -113,16 +107,14 @@ def arm_prisms(chain: PlanarChain, options: SceneOptions) -> list[tuple[int, np.
 def arm_at(
     solids: list[tuple[int, np.ndarray]], chain: PlanarChain, q: np.ndarray
 ) -> list[np.ndarray]:
-    """Return the ``solids`` of :func:`arm_prisms` at joint angles ``q`` (3,) in rad, in the plane's
-    frame.
-    """
+    """Return the solids of :func:`arm_prisms` at angles ``q`` (3,) rad in the plane's frame."""
     rotation, origin = segment_frames(chain, q)
     return [moved(solid, rotation[link], origin[link]) for link, solid in solids]
 
 
 def arccos(cosine: np.ndarray) -> np.ndarray:
-    """Return the angle in rad, from 0 to π/2, of ``cosine`` from 0 to 1, of its shape, by exactly
-    rounded operations: the last bit of the C library's follows the instruction set.
+    """Return the angle in rad, 0 to π/2, of ``cosine`` by exactly rounded operations: the last bit
+    of the C library's follows the instruction set.
     """
     tangent = np.sqrt((1 - cosine) / (1 + cosine))
     for _ in range(3):  # of a half, a quarter, an eighth and a sixteenth of the angle
@@ -134,11 +126,8 @@ def arccos(cosine: np.ndarray) -> np.ndarray:
 
 
 def cast(solid: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return depth (h, w) along the camera's z axis in m, infinite where nothing is met, and
-    grazing angle (h, w) in rad between ray and surface normal: 0 head-on; both float64.
-
-    ``solid`` in the camera's frame, the camera outside of it; ``x`` (w,) and ``y`` (h,) of the
-    rays (x, y, 1) through the camera's origin.
+    """Return depth (h, w) along z in m, infinite where nothing is met, and grazing angle (h, w) in
+    rad of the rays (x, y, 1), ``x`` (w,), ``y`` (h,), and ``solid``, both in the camera's frame.
     """
     enter, leave, distance = (np.full((len(y), len(x)), value) for value in (np.inf, 0.0, 0.0))
     normals, distances = faces(solid)
@@ -156,12 +145,9 @@ def cast(solid: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, n
 
 @compiled
 def _pass(slope, distance, x, y, enter, leave, entered):
-    """The inverse depths at which the rays ``x`` (w,), ``y`` (h,) ``enter`` and ``leave`` (h, w)
-    the faces of one solid, 1/m, and the distance of the face ``entered`` (h, w), m; row by row,
-    which stays in the cache.
-
-    The plane of a face lies at the inverse depth (x, y, 1) · ``slope`` (F, 3), and ``distance``
-    (F,) from the camera, negative where it is turned to it.
+    """Inverse depths (1/m) at which rays ``enter`` and ``leave`` (h, w) the faces of one solid, row
+    by row, which stays in the cache, and distance of the face ``entered``. A face is at the inverse
+    depth (x, y, 1) · ``slope`` (F, 3), at ``distance`` (F,), negative if turned to the camera.
     """
     for row in range(y.size):
         nearest, farthest, of_face = enter[row], leave[row], entered[row]

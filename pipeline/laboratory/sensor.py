@@ -1,7 +1,5 @@
-"""A Kinect v2's reading of an exact depth image: noise, systematic error, and loss at edges.
-
-Only operations that IEEE 754 rounds exactly act on an image, so its bytes do not depend on the
-processor.
+"""A Kinect v2's reading of an exact depth image: noise, systematic error, loss at edges, by exactly
+rounded operations, so that bytes do not depend on the processor.
 """
 
 from __future__ import annotations
@@ -18,9 +16,7 @@ BIAS_STEP = 1e-3  # m, grid of the bias table: the bias varies over decimetres
 
 
 def draw_bias(options: KinectOptions, rng: np.random.Generator) -> np.ndarray:
-    """Draw the session's systematic error of depth: its value (K,) in m at depths 0, 1 mm, 2 mm …
-    up to the end of the range.
-    """
+    """Draw the session's systematic error of depth (K,) in m at depths 0, 1 mm, 2 mm …."""
     depth = np.arange(0.0, options.range[1] + BIAS_STEP, BIAS_STEP)
     phase = rng.uniform(0, 2 * np.pi)
     offset = options.bias_offset_std * rng.standard_normal()
@@ -55,13 +51,10 @@ def read_depth(
     options: KinectOptions,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the sensor's image (h, w) in mm, uint16, 0 where it has no depth, of the exact
-    ``depth`` (h, w) in m, 0 where nothing is, ``grazing`` angle (h, w) between ray and surface
-    normal in rad, both float32, and the session's ``bias`` from :func:`draw_bias`.
-
-    In this order: lateral noise moves edges (inside surfaces the axial law, measured on planes,
-    holds it already); systematic and axial error; loss and mixing at edges; loss beyond range and
-    grazing limit; rounding to 1 mm.
+    """Return the sensor's image (h, w) in mm, uint16, 0 without depth, of exact ``depth`` (h, w) in
+    m, 0 where nothing is, ``grazing`` angle (h, w) in rad, float32, and ``bias``: lateral noise
+    moves edges; systematic and axial error; loss and mixing at edges; loss beyond range and grazing
+    limit; rounding to 1 mm.
     """
     exact = np.where(depth > 0, depth, np.float32(np.inf))
     around = {"kernel": np.ones((3, 3), np.uint8), "borderType": cv2.BORDER_REPLICATE}

@@ -78,11 +78,9 @@ def depth_frames(
 def log_joints(
     swing: arm.Swing, trajectory: TrajectoryOptions, options: EncoderOptions
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Return times (N,) in s on the motion clock, from its start to its end, and the signals
-    ``target`` and ``actual``, each (N, n) in rad.
-
-    The encoders sit at the motors: they read what the servo makes of the command, to their
-    resolution, and know nothing of the zeros' errors and of what happens behind the gears.
+    """Return times (N,) in s on the motion clock and the signals ``target`` and ``actual``, each
+    (N, n) in rad: encoders sit at the motors and read what the servo makes of the command, to their
+    resolution, not the zeros' errors and what happens behind the gears.
     """
     t = np.arange(int(trajectory.duration * options.rate) + 1) / options.rate
     felt = arm.joints_at(t, swing.t, swing.servo)

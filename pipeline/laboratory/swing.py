@@ -1,6 +1,4 @@
-"""The commanded motion: out and back, at rest, folded → most extended, at rest, back, at rest; or
-any joint path, as the controller interpolates it.
-"""
+"""The commanded motion: folded → extended and back with rests, or any joint path."""
 
 from __future__ import annotations
 
@@ -21,11 +19,9 @@ ROUNDING = 1e-9  # of a joint's speed limit, by which a step computed at the lim
 
 @dataclass(frozen=True)
 class JointPath:
-    """Joint angles ``joints`` (M+1, n) in rad, ``rate`` of them a second.
-
-    Between them the monotone cubic interpolant of Fritsch and Butland (SIAM J. Sci. Stat. Comput.
-    5, 1984), whose speed is continuous: a joint turns back only where the path does, and rests
-    where it rests.
+    """Joint angles ``joints`` (M+1, n) in rad, ``rate`` a second; between them the monotone cubic
+    interpolant of Fritsch and Butland (SIAM J. Sci. Stat. Comput. 5, 1984): a joint turns back and
+    rests only where the path does.
     """
 
     joints: np.ndarray
@@ -45,7 +41,7 @@ class JointPath:
 
     def require_followable(self, chain: Chain) -> None:
         """Raise ConfigError, with the first step, where the path is none of ``chain``'s joints or
-        beyond their limits of angle or of speed.
+        beyond their limits.
         """
         path = np.asarray(self.joints)
         if path.ndim != 2 or path.shape[1] != len(chain.lower) or len(path) < 2:
@@ -68,10 +64,7 @@ Commanded = TrajectoryOptions | JointPath
 
 def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.ndarray]:
     """Return commanded joint angles (..., n) in rad and speeds (..., n) in rad/s at times ``t``
-    (...) in s, of the out-and-back motion or of any joint path.
-
-    The speed out and back rises and falls as a raised cosine, so that acceleration is continuous;
-    between the ramps it is constant.
+    (...) in s; out and back the speed rises and falls as a raised cosine, constant in between.
     """
     if isinstance(motion, JointPath):
         return motion.interpolant(t), motion.interpolant(t, 1)
@@ -89,10 +82,8 @@ def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.nda
 
 
 def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:
-    """Return commanded joint angles (M+1, n) in rad on the motion grid.
-
-    Raises ConfigError for a motion of another number of joints, or beyond their limits of angle or
-    speed.
+    """Return commanded joint angles (M+1, n) in rad on the motion grid; ConfigError for another
+    number of joints, or beyond their limits of angle or speed.
     """
     key = "laboratory.trajectory"
     if len(options.folded) != len(chain.lower):
@@ -111,7 +102,7 @@ def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:
 
 
 def desired_trajectory(chain: Chain, options: TrajectoryOptions) -> pd.DataFrame:
-    """Return the commanded end-effector trajectory xᵈ, ẋᵈ on the motion grid: columns k, t and the
-    families x and v (SI); raises what :func:`desired_path` does.
+    """Return the commanded end-effector trajectory on the motion grid: columns k, t and the
+    families x and v (SI).
     """
     return trajectory_table(chain, desired_path(chain, options), options.rate)

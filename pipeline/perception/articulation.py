@@ -1,9 +1,7 @@
 """Joint angles of the arm in a depth camera's points by least squares, Eq. (KinObj), frame by
-frame, by a compiled Nelder–Mead simplex.
+frame.
 
-Node O1 is fixed; O2 and O3 are found, and EE is commanded or found too
-(:mod:`pipeline.perception.articulation_objective`). The objective has kinks and jumps (a point that
-changes its segment changes a maximum), so a search that only compares values is used.
+The objective jumps where a point changes its segment, so a compiled Nelder–Mead simplex is used.
 """
 
 from __future__ import annotations
@@ -37,10 +35,8 @@ NODES = ("2", "3", "e")
 
 @options(frozen=True)
 class ArticulationOptions:
-    """Weights of the objective, where the tool ends and what a frame has to have.
-
-    Both terms are lengths. γ1 weighs a mean over points, γ2 a sum over the three segments; 1 and
-    1/3 weigh two means alike.
+    """Weights of the objective (γ1 of a mean over points, γ2 of a sum over three segments), where
+    the tool ends and what a frame has to have.
     """
 
     gamma1: float = 1.0
@@ -61,11 +57,8 @@ class ArticulationOptions:
 @compiled
 def _simplex(frame: Frame, step: float, extent: float, corners: np.ndarray, values: np.ndarray):
     """One run of Nelder and Mead (1965), coefficients 1, 2, ½, ½, until the simplex is smaller than
-    ``extent`` in every variable; returns whether it came to that.
-
-    It begins at ``corners[0]`` of ``corners`` (n+1, n), and leaves the best there and its value in
-    ``values[0]`` of ``values`` (n+1,). The values do not decide when to end: across a jump of the
-    objective they never meet.
+    ``extent`` in every variable, from ``corners[0]`` of ``corners`` (n+1, n), where it leaves the
+    best; whether it came to that. Across a jump of the objective values never meet.
     """
     n = values.size - 1
     for i in range(n):
@@ -102,12 +95,11 @@ def _simplex(frame: Frame, step: float, extent: float, corners: np.ndarray, valu
 
 
 def fit_frame(frame: Frame, end: End, start: np.ndarray) -> tuple[np.ndarray, float, bool]:
-    """Return (O2, O3, EE) (3, 2) in m, the value, and whether the search ended: the simplex from
-    ``start`` (3, 2) over the variables of ``end``, and from near its end again, turned the other
-    way, as the runs of ``end`` say.
+    """Return (O2, O3, EE) (3, 2) in m, the value, and whether the search from ``start`` (3, 2)
+    ended.
 
     With the commanded end more runs lower the objective by about 0.1 mm and the error of the angles
-    not at all; nor does a first run that goes on to the last extent, which takes 1.7 times as long.
+    not at all; nor does a first run that goes on to the last extent, in 1.7 times the time.
     """
     first = end.variables(frame, start)
     corners, values = np.empty((first.size + 1, first.size)), np.empty(first.size + 1)
@@ -140,13 +132,11 @@ def fit_sequence(
 ) -> FittedSequence:
     """Solve Eq. (KinObj) frame by frame through one take.
 
-    ``clouds``: per frame the arm's points (I, 2) in the plane, m; ``o1`` (2,), ``ee`` (F, 2) m, the
-    latter as commanded; ``q_start`` (3,) rad the nominal pose of the first frame. The first fit
-    starts from poses around it, each later one from the fit before, its O3 and EE carried along
-    with the command; where that leads to no arm, as it may after a gap, from all poses that join O1
-    and EE. Frames with fewer than ``min_points`` points are gaps, counted. Raises RecordingError
-    (take, frame) for more than ``max_gap`` of them in a row and for an EE that is missing or that
-    the segments cannot reach, SolverError for a search that does not end.
+    ``clouds``: per frame the arm's points (I, 2) in the plane, m; ``o1`` (2,), ``ee`` (F, 2) m as
+    commanded; ``q_start`` (3,) rad. The first fit starts around it, each later one from the fit
+    before carried along with the command, or, where that leads to no arm, from all poses that join
+    O1 and EE. Frames with fewer than ``min_points`` are gaps. Raises RecordingError (take, frame)
+    for too many of them and for an EE out of reach, SolverError for a search that does not end.
     """
     if len(clouds) != len(ee):
         message = f"{len(ee)} end-effector positions for {len(clouds)} point clouds"
@@ -194,9 +184,7 @@ def fit_sequence(
 
 
 def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """(P, 3, 2) positions of O2, O3 and EE of poses that join O1 and EE, on a grid of directions of
-    the first segment, O3 on either side.
-    """
+    """(P, 3, 2) positions of O2, O3 and EE of poses that join O1 and EE, O3 on either side."""
     psi = np.arange(POSES) * (2 * np.pi / POSES)
     o2 = o1 + lengths[0] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
     reach = np.linalg.norm(ee - o2, axis=1)
@@ -220,11 +208,9 @@ def articulate_rows(
     options: ArticulationOptions,
     start: np.ndarray,
 ) -> pd.DataFrame:
-    """Return the rows of the table ``angles`` of one take, without frames of too few points.
-
-    ``rows`` of the table ``frames`` and in each the arm's points ``clouds`` (I, 2), m in its plane;
-    ``joints``: names; EE is where the table ``trajectory`` commands it to be at the frames' times;
-    ``start`` (3,) rad: nominal pose of the first frame.
+    """Return the rows of the table ``angles`` of one take, without frames of too few points: of
+    ``rows`` of the table ``frames`` with the arm's points ``clouds`` (I, 2) in m, EE as the table
+    ``trajectory`` commands it; ``start`` (3,) rad of the first frame.
     """
     ee = [np.interp(rows["t"], trajectory["t"], trajectory[f"x:{row}"]) for row in ("x", "z")]
     given = arm.chain.origin, np.stack(ee, axis=-1), arm.chain, options, start

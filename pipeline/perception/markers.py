@@ -1,10 +1,7 @@
-"""Joint angles of one take from its motion-capture markers or bodies, by least squares
-(:mod:`pipeline.perception.posture`).
+"""Joint angles of one take from its motion-capture markers or bodies, by least squares.
 
-On a planar arm a search starts from the headings of the segments, and wrong labels are corrected by
-the places that the arm predicts; in space it starts from the frame before. One distance, the gate,
-decides whether a sample can be the marker that its label says. It has to exceed the error of the
-registration of the base frame and stay below half the distance between markers.
+One distance, the gate, decides whether a sample can be the marker of its label: beyond the error of
+the base frame's registration, below half the distance between markers.
 """
 
 from __future__ import annotations
@@ -41,9 +38,7 @@ class JointTrack(NamedTuple):
 
 
 def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
-    """Return the function of a take's rows of the table ``markers`` and its name ``take`` that
-    gives its joint angles.
-    """
+    """Return the function of a take's rows of the table ``markers`` and its name ``take``."""
     options = {"gate": mocap.gate, "max_gap": mocap.max_gap}
     if robot.plane:
         arm = arm_of(robot)
@@ -76,14 +71,12 @@ def track_plane(
     take: str = "",
 ) -> JointTrack:
     """Return the joint angles of one ``take`` of a planar ``arm`` from the ``positions`` (N, P, 3)
-    of its ``points`` in the base frame, m, NaN where missing, and further ones ``stray`` (N, U, 3).
+    m of its ``points`` in the base frame, NaN where missing, and further ones ``stray`` (N, U, 3).
 
-    Samples farther than the ``gate`` (m) from the place of their label are relabelled, or left out;
-    runs of at most ``max_gap`` frames that are not solved are filled. Counts: samples ``missing``
-    (label without a position), ``relabelled`` (moved to another label), ``adopted`` (from the
-    unlabelled markers), ``rejected`` (labelled, but no marker of the arm); ``two_marker_fits``
-    (links with two of their markers); frames ``interpolated`` and ``held``. Raises RecordingError
-    (take and frames) for longer gaps or markers that never fit the arm.
+    Samples beyond the ``gate`` (m) are relabelled or left out; runs of at most ``max_gap`` frames
+    are filled. Counts: samples ``missing``, ``relabelled``, ``adopted`` from the unlabelled,
+    ``rejected``; ``two_marker_fits``; frames ``interpolated`` and ``held``. Raises RecordingError
+    for longer gaps or markers that never fit.
     """
     if not len(positions):
         raise RecordingError("the take has no frame", take=take)
@@ -99,9 +92,7 @@ def track_plane(
 
 
 def _headings(arm: Arm, points: np.ndarray, template: np.ndarray) -> np.ndarray:
-    """(...) rad, least-squares turn about the plane's normal from the ``template`` (K, 3) of a
-    segment to ``points`` (..., K, 3) of the base frame; NaN where fewer than two are present.
-    """
+    """(...) rad, turn about the normal from ``template`` (K, 3) to ``points`` (..., K, 3)."""
     present = np.isfinite(points).all(axis=-1)
     weight = (present / np.maximum(present.sum(axis=-1), 1)[..., None])[..., None]
     measured = np.where(present[..., None], arm.to_plane(points), 0.0)
@@ -115,11 +106,8 @@ def _correct_labels(
     positions: np.ndarray, extra: np.ndarray, arm: Arm, points: Carried, gate: float, take: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, int]]:
     """Markers (N, P, 3) with the right labels, joint angles (N, n), residuals (N,), NaN where there
-    are none, and the counts of samples moved; arguments as of :func:`track_plane`.
-
-    Frames that fit the arm as they are labelled stay. In the others every position, labelled or
-    not, goes to the label whose place, predicted from the nearest solved frames, it fits best: an
-    optimal assignment under the gate.
+    are none, and the counts moved. In frames that do not fit every position goes to the label whose
+    place, predicted from the nearest solved frames, it fits best: an optimal assignment.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -177,11 +165,8 @@ def _predict(q: np.ndarray, solved: np.ndarray, k: int) -> np.ndarray:
 def _first_pose(
     positions: np.ndarray, extra: np.ndarray, arm: Arm, points: Carried, gate: float, take: str
 ) -> tuple[int, np.ndarray]:
-    """A frame and its joint angles (n,) where no frame fits as it is labelled: from the shape of
-    the triangles and the chain alone.
-
-    Link by link, the ordered triple of positions that has the template's shape and starts where the
-    link before it ends. Raises RecordingError where no frame has such triples.
+    """A frame and its joint angles (n,) where none fits as labelled: link by link, the ordered
+    triple of positions that has the template's shape and starts where the link before ends.
     """
     links, chain = len(points.chains), arm.chain
 
@@ -225,15 +210,13 @@ def track_space(
     stray: np.ndarray | None = None,
     take: str = "",
 ) -> JointTrack:
-    """Return the joint angles of one take of an arm in space; unlabelled markers stay unused.
+    """Return the joint angles of one take of an arm in space, as :func:`track_plane`; ``joints``:
+    names of the n joints; ``stray`` stays unused.
 
-    The first frame that one posture alone fits is the start, the others follow from it in blocks. A
-    frame with a point beyond the gate goes without the link whose absence lets it fit best; one
-    that does not fit then, or whose points do not decide every joint, is missing. Counts: samples
-    ``missing`` and ``rejected``; frames ``unfit``, ``undecided``, ``interpolated`` and ``held``.
-    Raises RecordingError where no frame is decided, or fits, and for longer gaps than ``max_gap``.
-
-    Arguments as of :func:`track_plane`; ``joints``: names of the n joints.
+    The first frame that one posture alone fits is the start, the others follow in blocks. A frame
+    with a point beyond the gate goes without the link whose absence lets it fit best. Counts:
+    samples ``missing`` and ``rejected``; frames ``unfit``, ``undecided``, ``interpolated`` and
+    ``held``. Raises RecordingError where no frame is decided or fits, and for longer gaps.
     """
     frames, n = len(positions), len(joints)
     first, start = _first(positions, points, joints, gate, take)
@@ -268,9 +251,7 @@ def track_space(
 def _first(
     positions: np.ndarray, points: Carried, joints: Sequence[str], gate: float, take: str
 ) -> tuple[int, np.ndarray]:
-    """The first frame that one posture alone fits, and that posture (n,); RecordingError where
-    there is none.
-    """
+    """The first frame that one posture alone fits, and that posture (n,), or RecordingError."""
     several, undecided = 0, None
     for k, measured in enumerate(positions):
         if np.isnan(measured[:, 0]).all():
@@ -300,11 +281,9 @@ def _first(
 def fill_gaps(
     q: np.ndarray, solved: np.ndarray, sliding: np.ndarray, max_gap: int, take: str
 ) -> tuple[np.ndarray, dict[str, int]]:
-    """Return ``q`` (N, n) without whole turns, but for ``sliding`` (n,) joints, linear in time
-    across gaps and held at the ends of the take, and the frames ``interpolated`` and ``held``.
-
-    Raises RecordingError where no frame is ``solved`` (N,), or more than ``max_gap`` in a row are
-    not.
+    """Return ``q`` (N, n) without whole turns but of ``sliding`` (n,) joints, linear across gaps
+    and held at the ends, and the frames ``interpolated`` and ``held``. Raises RecordingError where
+    no frame is ``solved`` (N,), or more than ``max_gap`` in a row are not.
     """
     frames = np.flatnonzero(solved)
     if not len(frames):

@@ -1,8 +1,5 @@
-"""Least-squares posture of any chain: the joint angles at which the points that its links carry lie
-nearest to their measured places.
-
-Markers on a planar arm, markers in space and the points that a rigid body carries
-(:mod:`pipeline.recordings.motion_capture`) are points on links: one law, in metres.
+"""Least-squares posture of any chain: the joint angles at which the points that its links carry
+(markers in a plane or in space, points of rigid bodies) lie nearest to their measured places.
 """
 
 from __future__ import annotations
@@ -84,17 +81,15 @@ class Carried:
         return pose[:, :3], self.places[self.owner == link] @ turn
 
     def solve(self, measured: np.ndarray, start: np.ndarray) -> Solution:
-        """Return the joint angles near ``start`` (n,) for the points ``measured`` (P, 3) in m in
-        the base frame, NaN where missing.
+        """Return the joint angles near ``start`` (n,) for ``measured`` (P, 3) m in the base, NaN:
+        missing.
         """
         return next(self.solve_all(measured[None], np.asarray(start, dtype=float)[None]).each())
 
     def solve_all(self, measured: np.ndarray, starts: np.ndarray) -> Solution:
-        """Return the joint angles of least sum of squares near each of the ``starts`` (S, n), for
-        the points ``measured`` (S, P, 3) of each, by Levenberg and Marquardt.
-
-        A step comes from the eigenvalues of JᵀJ, J (3P, n) the points' derivatives: along
-        directions that the points do not decide the angles stay about where they were.
+        """Return the joint angles of least squares near each of the ``starts`` (S, n) for
+        ``measured`` (S, P, 3) by Levenberg and Marquardt, with steps from the eigenvalues of JᵀJ:
+        along directions that the points do not decide the angles stay about where they were.
         """
         q, seen = np.array(starts, dtype=float), ~np.isnan(measured[..., 0])
         normal, gradient, distances = self._equations(q, measured)
@@ -120,8 +115,8 @@ class Carried:
         return Solution(q, distances, seen, normal, decided)
 
     def _equations(self, q: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return JᵀJ (S, n, n), Jᵀr (S, n) and |r| (S, P) in m of the ways r from the points at
-        ``q`` (S, n) to ``measured`` (S, P, 3); missing points count for nothing.
+        """Return JᵀJ (S, n, n), Jᵀr (S, n) and |r| (S, P) in m of the ways r to ``measured`` (S, P,
+        3).
         """
         starts, n = q.shape
         normal, gradient = np.zeros((starts, n, n)), np.zeros((starts, n))
@@ -146,8 +141,8 @@ class Carried:
 
     def postures(self, measured: np.ndarray, gate: float) -> list[Solution]:
         """Return the postures within the joint limits at which every point of ``measured`` (P, 3)
-        lies within ``gate`` (m) of its place: as far as starts all over the limits find them, or
-        the one about the stated posture; of whole turns, the nearest to it or to mid-range.
+        is within ``gate`` (m): as far as starts all over the limits find them, or about the stated
+        one; of whole turns the nearest to it or to mid-range.
         """
         from scipy.stats import qmc
 
@@ -174,8 +169,8 @@ class Carried:
     def without_a_link(
         self, measured: np.ndarray, start: np.ndarray, gate: float
     ) -> Solution | None:
-        """Return the best of the solutions near ``start`` (n,) that leave out one link's points,
-        decide the joints and have every other within ``gate`` (m); None where there is none.
+        """Return the best of the solutions near ``start`` (n,) that leave out one link, decide the
+        joints and have every other point within ``gate`` (m); None where there is none.
         """
         solutions = [
             self.solve(np.where((self.owner == link)[:, None], np.nan, measured), start)
@@ -185,8 +180,8 @@ class Carried:
         return min(fitting, key=lambda one: one.residual, default=None)
 
     def errors(self, solution: Solution) -> np.ndarray:
-        """(n,) standard errors of the joint angles by JᵀJ and the residuals; NaN where the points
-        hold no more numbers than there are joints.
+        """(n,) standard errors of the joint angles by JᵀJ and the residuals; NaN without
+        redundancy.
         """
         links, counts = np.unique(self.owner[solution.seen], return_counts=True)
         held = np.where(self.bodies[links], np.minimum(BODY, 3 * counts), 3 * counts).sum()
@@ -197,8 +192,8 @@ class Carried:
 
 
 def points_in_space(robot: Robot, mocap: Mocap) -> Carried:
-    """Return the points of ``mocap`` on the links of ``robot``; raises ConfigError for links that
-    it does not have or does not move, and for one without points.
+    """Return the points of ``mocap`` on the links of ``robot``; ConfigError for links that it does
+    not have or move, or without points.
     """
     key = "dataset.mocap.markers"
     chain, chains = chain_of(robot), link_chains(robot, mocap.markers, key)
@@ -218,7 +213,7 @@ def points_in_space(robot: Robot, mocap: Mocap) -> Carried:
 
 def points_in_plane(arm: Arm, template: np.ndarray) -> Carried:
     """Return the points at ``template`` (3 links, 3, 3) m in the segment frames of a planar arm;
-    raises ConfigError unless the three of each link span a triangle, along the plane's normal too.
+    ConfigError unless the three of each link span a triangle.
     """
     if np.shape(template) != (3, 3, 3) or not np.isfinite(template).all():
         message = "a planar arm needs three markers, each with its place x, y, z, on each of its"

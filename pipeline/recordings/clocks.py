@@ -1,6 +1,4 @@
-"""Clock offset between two instruments that saw the same motion, and depth takes on the motion
-clock: by the stated offset, else by the seen arm that moves as its markers do.
-"""
+"""Clock offset between two instruments that saw the same motion: stated, or found."""
 
 from __future__ import annotations
 
@@ -19,9 +17,8 @@ MIN_OVERLAP = 0.5  # share of the first signal that has to fall inside the secon
 
 
 class Offset(NamedTuple):
-    """``value`` s to add to the first clock to read the second, in the middle of the take; its
-    standard error in s; multiple correlation at the optimum; ``drift`` s/s by which the second
-    clock gains on the first, to first order, and its standard error.
+    """``value`` s to add to the first clock to read the second, in the middle of the take; multiple
+    correlation at the optimum; ``drift`` s/s by which the second clock gains; standard errors.
     """
 
     value: float
@@ -41,17 +38,14 @@ def find_offset(
     min_correlation: float = 0.9,
     take: str = "",
 ) -> Offset:
-    """Return the offset τ of the least squares ‖a(t) − B·b(t + τ) − c‖² over τ, matrix B, vector c.
+    """Return the offset τ of the least squares ‖a(t) − B·b(t + τ) − c‖² over τ, matrix B, vector c,
+    which are eliminated for every τ (variable projection, Golub and Pereyra 1973): two instruments
+    see different points of the moving body. Its standard error takes the residuals' variance in
+    each component and their lag-one correlation.
 
-    ``t_a`` (F,) and ``t_b`` (K,) are times in s on their own clocks, increasing; ``a`` (F, d) and
-    ``b`` (K, e) the signals in any units, b the one sampled faster (it is interpolated by a cubic
-    spline). B and c are free because two instruments see different points of the moving body; they
-    are eliminated for every τ (variable projection, Golub and Pereyra 1973). The standard error is
-    of the linearised problem, with the residuals' own variance in each component and their lag-one
-    correlation.
-
-    Raises RecordingError (take) for signals that are too short, do not move, are not alike
-    (correlation below ``min_correlation``) or fit best at the edge of ``search`` (s).
+    ``t_a`` (F,) and ``t_b`` (K,) s on their own clocks, increasing; ``a`` (F, d), ``b`` (K, e) in
+    any units, b interpolated by a cubic spline. Raises RecordingError (take) for signals that are
+    too short, do not move, are not alike or fit best at the edge of ``search`` (s).
     """
     from scipy.interpolate import CubicSpline
     from scipy.optimize import minimize_scalar
@@ -122,8 +116,8 @@ def find_offset(
 
 
 def _standard_error(residual: np.ndarray, slope: np.ndarray, parameters: int) -> float:
-    """Standard error of a parameter from residuals (F, d) and their derivative by it (F, d), less
-    the part that other parameters take up.
+    """Standard error of a parameter from residuals (F, d) and the part of their derivative by it
+    (F, d) that other parameters do not take up.
     """
     freedom = len(residual) - parameters - 1 / residual.shape[1]
     information, square = (slope**2).sum(axis=0), (residual**2).sum()
@@ -139,7 +133,7 @@ def with_markers(
     frames: pd.DataFrame, markers: pd.DataFrame
 ) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
     """Return the rows of the tables ``frames`` and ``markers`` of every take of the frames;
-    RecordingError for a take without motion capture to set its clock by.
+    RecordingError for a take without motion capture.
     """
     by_take = dict(list(markers.groupby("take")))
     takes = list(frames.groupby("take", sort=False))
@@ -153,12 +147,9 @@ def with_markers(
 def on_motion_clock(
     take: tuple[pd.DataFrame, pd.DataFrame], depth: Depth, arm: Arm
 ) -> tuple[pd.DataFrame, list[dict]]:
-    """Return the rows of the table ``frames`` of one take on the motion's clock, and the quality of
-    the clocks' offset; ``take`` as of :func:`with_markers`.
-
-    The offset is the stated one, else that of the centroids in the plane of the arm's points and of
-    its labelled markers, at the frames that show all of them. Raises RecordingError where no offset
-    is stated and none can be found.
+    """Return the rows of the table ``frames`` of a ``take`` of :func:`with_markers` on the motion's
+    clock, and the quality of the offset: the stated one, else by the centroids in the plane of the
+    arm's points and of its labelled markers. Raises RecordingError where none can be found.
     """
     rows, markers = take
     name, offset, errors = rows["take"].iloc[0], depth.clock_offset, []

@@ -1,5 +1,5 @@
-"""The commanded motion: its steps, and the checks of what is known of one motion twice: commanded
-path and velocities, tracked arm, encoders. Another unit, order or clock is no uncertainty.
+"""The commanded motion: its steps, and checks of what is known of one motion twice. Another unit,
+order or clock is no uncertainty.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ LEAST_TIMES = 3  # readings within the take; fewer decide nothing
 
 
 def commanded_steps(trajectory: pd.DataFrame, rate: float) -> np.ndarray:
-    """Return v = ẋᵈΔt (M, m), m and rad, of the steps k = 0 … M − 1 of the table ``trajectory`` at
-    ``rate`` (1/s); of a redundant arm (M, m + n): v and the commanded joint steps.
+    """Return v = ẋᵈΔt (M, m), m and rad, of the table ``trajectory`` at ``rate`` (1/s); of a
+    redundant arm (M, m + n): v and the commanded joint steps.
     """
     return np.hstack([values(trajectory, family) for family in ("v", "u")])[:-1] / rate
 
 
 def constant_speed(q: np.ndarray) -> np.ndarray:
-    """Return which (M,) steps of the mean of ``q`` (takes, M+1, n) rad have the motion's constant
-    speed: at least STEADY of the speed that only a tenth of them exceed.
+    """Return which (M,) steps of the mean of ``q`` (takes, M+1, n) rad have at least STEADY of the
+    speed that only a tenth of them exceed.
     """
     pace = np.linalg.norm(np.diff(q.mean(axis=0), axis=0), axis=-1)
     return pace >= STEADY * np.quantile(pace, 0.9)
@@ -42,16 +42,14 @@ def constant_speed(q: np.ndarray) -> np.ndarray:
 
 def named_joints(urdf: str, names: Sequence[str]) -> list[Joint | None]:
     """Return the joints ``names`` of the file ``urdf``, None for one that it lacks or where the
-    file is still to be filled in; ConfigError as :func:`pipeline.arm.urdf.read_urdf`.
+    file is still to be filled in.
     """
     joints = {} if urdf == UNFILLED else read_urdf(Path(urdf)).joints
     return [joints.get(name) for name in names]
 
 
 def circular_joints(urdf: str, names: Sequence[str]) -> np.ndarray:
-    """Return which of the joints ``names`` turn, so that their angles may wrap: all but the
-    prismatic ones of the file ``urdf``.
-    """
+    """Return which of the joints ``names`` turn: all but the prismatic ones of ``urdf``."""
     return np.array([(joint and joint.kind) != "prismatic" for joint in named_joints(urdf, names)])
 
 
@@ -69,7 +67,7 @@ def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> Non
 
 def require_commanded(q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, take: str) -> None:
     """Raise RecordingError where the tip at the tracked angles ``q`` (M+1, n) rad is not on the
-    commanded path of the table ``trajectory``, in a row of the task.
+    commanded path of the table ``trajectory``.
     """
     shares = missed(task_coordinates(chain, chain.pose(q)), values(trajectory, "x"))
     fault = "the tip that the motion capture tracked is not on the commanded path"
@@ -85,9 +83,8 @@ def require_encoders(
     take: str,
     circular: np.ndarray | bool = True,
 ) -> None:
-    """Raise RecordingError where the encoders' readings, rows of the table ``encoders``, are not
-    the angles tracked at those times, rows of the table ``joints``; ``circular``: of each joint, as
-    of :func:`pipeline.core.angles.whole_turns`.
+    """Raise RecordingError where ``readings``, rows of the table ``encoders``, are not the angles
+    tracked at those times, rows ``q`` of the table ``joints``; ``circular``: which joints turn.
     """
     during = readings[readings["t"].between(q["t"].min(), q["t"].max())]
     where = {"take": take, "key": "dataset.encoders"}

@@ -36,9 +36,7 @@ KEY = "dataset.depth"
 
 
 def take_paths(raw: Path, depth: Depth) -> dict[str, Path]:
-    """Return take → folder or bag, in the order of their paths; RecordingError where none matches
-    or two have one name.
-    """
+    """Return take → folder or bag; RecordingError where none matches or two have one name."""
     wanted = {"key": f"{KEY}.takes", "wanted": lambda path: path.is_dir() or is_bag(path)}
     if paths := named_takes(raw, depth.takes, **wanted):
         return paths
@@ -49,13 +47,11 @@ def take_paths(raw: Path, depth: Depth) -> dict[str, Path]:
 def frame_rows(
     named: tuple[str, Path], depth: Depth, arm: Arm, raw: Path, folder: Path
 ) -> tuple[pd.DataFrame, list[dict]]:
-    """Return the rows of the table ``frames`` of a take, given by its name and its folder or bag,
-    on the camera's own clock, and their quality; write the arm's points below ``folder``, so that
-    no frame is decoded twice.
+    """Return the rows of the table ``frames`` of a take (name, and folder or bag) on the camera's
+    own clock, and their quality; write the arm's points below ``folder``.
 
-    A frame whose points of the arm are the same as in the frame before was not measured: a frozen
-    camera shows an earlier time. ``frozen_frames`` are counted and left out. Raises RecordingError
-    for frames that are no depth images.
+    ``frozen_frames``, whose points of the arm are those of the frame before, are counted and left
+    out. Raises RecordingError for frames that are no depth images.
     """
     take, path = named
     sequence = DepthSequence(path, depth, arm, raw)
@@ -77,14 +73,11 @@ def frame_rows(
 
 class DepthSequence:
     """Frames of the folder or bag ``path`` below ``raw``, images or point clouds, read one at a
-    time: memory does not grow with their number.
+    time.
 
-    ``time`` (F,) in s since the motion capture's start as far as the camera's own clock can tell;
-    ``references`` (F,): file below ``raw``, or ``bag#message``; ``counts`` grow as frames are read.
-    Raises RecordingError for an index, a calibration or a bag that cannot be read, a frame outside
-    ``raw``, a take of images and clouds, a topic that is none or not the only one, and messages
-    without time or out of order; ConfigError for what the options leave open, and for a unit of a
-    bag's messages that ROS does not have.
+    ``time`` (F,) s since the motion capture's start by the camera's own clock; ``references`` (F,):
+    file, or ``bag#message``; ``counts`` grow as frames are read. Raises RecordingError for files
+    that cannot be read or contradict each other, ConfigError for what the options leave open.
     """
 
     def __init__(self, path: Path, depth: Depth, arm: Arm, raw: Path) -> None:
@@ -202,9 +195,7 @@ class DepthSequence:
 
 @lru_cache(maxsize=1)
 def _segmenter(described: bytes) -> ArmSegmenter | CloudSegmenter:
-    """Segmenter of a pickled camera (None: point clouds), arm and options: takes of one camera
-    share it, and its rays take as long as several frames.
-    """
+    """Segmenter of a pickled camera (None: point clouds), arm and options, which takes share."""
     camera, arm, depth = pickle.loads(described)
     pose = Rotation.from_euler("xyz", depth.camera.rpy).as_matrix(), np.array(depth.camera.position)
     crop = Crop(**asdict(depth.workspace))

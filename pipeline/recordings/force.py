@@ -24,11 +24,11 @@ CLOCK_ROUNDING = 1e-6
 
 
 def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[dict]]:
-    """Return the rows of the table ``force`` of the configuration ``name``, from the end of its
-    tare on, and their quality. Moments, where torques were logged, are about the option ``point``.
+    """Return the rows of the table ``force`` of the configuration ``name`` from the end of its tare
+    on, moments about the option ``point``, and their quality.
 
-    Samples that are saturated or frozen are left out before the bias is subtracted: a sensor
-    measures the whole load. Raises ConfigError for a format that does not exist.
+    Saturated or frozen samples are left out before the bias is subtracted: a sensor measures the
+    whole load. Raises ConfigError for a format that does not exist.
     """
     log, file = force.log, raw / force.configurations[name].file
     calibration = read_calibration(raw / log.calibration) if log.calibration is not None else None
@@ -64,12 +64,9 @@ class TaredWrench(NamedTuple):
 
 
 def remove_bias(time: np.ndarray, wrench: np.ndarray, tare_seconds: float) -> TaredWrench:
-    """Subtract the mean of the first ``tare_seconds`` of a record ``time`` (N,) in s, ``wrench``
-    (N, c) in N and N·m, and drop that interval.
-
-    With ``tare_seconds`` = 0 the record counts as tared by its instrument: nothing is subtracted or
-    dropped, the noise is 0. Raises RecordingError for values that are not finite, a tare interval
-    too short for a mean, or a record that ends with it.
+    """Subtract the mean of the first ``tare_seconds`` of a record ``time`` (N,) s, ``wrench`` (N,
+    c) N and N·m, and drop them; with 0 its instrument tared it. Raises RecordingError for values
+    that are not finite, an interval too short for a mean, or a record that ends with it.
     """
     if not (finite := np.isfinite(wrench).all(axis=1)).all():
         message, step = "the force record has values that are not finite", int(finite.argmin())

@@ -1,7 +1,6 @@
 """Raw logs of a dataset → tables in SI units in a folder, part by part: motion, depth, force.
 
-With a list of ``errors`` the reading goes on after a refusal: each is appended, so that one run
-names them all. Without, the first one is raised.
+Without a list of ``errors`` the first refusal is raised; with one, all are appended to it.
 """
 
 from __future__ import annotations
@@ -25,10 +24,8 @@ Errors = list[PipelineError] | None
 def read_part(
     part: str, dataset: Dataset, compute: Any, folder: Path, errors: Errors = None
 ) -> list[dict]:
-    """Write the tables of ``part`` (motion, depth or force) into ``folder`` and return the rows of
-    the table quality, none where the dataset has no such instrument.
-
-    Reading keeps to the bounds of ``dataset.reading``; ``compute`` says where trials run.
+    """Write the tables of ``part`` (motion, depth or force) into ``folder``, within the bounds of
+    ``dataset.reading``, and return the rows of the table quality.
     """
     read = {"motion": _motion, "depth": partial(_depth, compute=compute), "force": _force}[part]
     return within(dataset.reading, read, dataset, Path(dataset.recordings), folder, errors)
@@ -54,9 +51,6 @@ def _kept(results: Iterable[Any], errors: Errors) -> list[Any]:
 
 
 def _motion(dataset: Dataset, raw: Path, folder: Path, errors: Errors) -> list[dict]:
-    """Markers, the commanded trajectory, and the joints that the robot's controller logged or its
-    encoders read.
-    """
     from pipeline.recordings import joint_logs, motion_capture
 
     quality = []

@@ -24,8 +24,7 @@ KEYS = {
 
 def take_name(path: Path, raw: Path, pattern: str) -> str:
     """Name the recording at ``path`` that ``pattern`` matches below ``raw``: its path from the
-    first to the last part that the pattern leaves open, without the ending of a file; the last part
-    where the pattern leaves none open.
+    first to the last part that the pattern leaves open, without a file's ending, or its last part.
     """
     parts = list(path.relative_to(raw).parts)
     if not path.is_dir():
@@ -40,9 +39,8 @@ def named_takes(
     raw: Path, pattern: str, *, key: str, wanted: Callable[[Path], bool] = lambda path: True
 ) -> dict[str, Path]:
     """Return name → path of the ``wanted`` matches of ``pattern`` below ``raw``, in path order.
-
-    Raises RecordingError for two of one name and a name that is not UTF-8, which no table could
-    hold; ConfigError with the ``key`` for a text that is no pattern.
+    Raises RecordingError for two of one name or a name that is not UTF-8; ConfigError for no
+    pattern.
     """
     named: dict[str, Path] = {}
     for path in filter(wanted, matching(raw, pattern, key=key)):
@@ -80,10 +78,8 @@ def listing(folder: Path) -> pd.DataFrame:
 
 
 def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
-    """Return the rows of a :func:`listing` that each part of :data:`KEYS` may read.
-
-    A file that the patterns of one part match belongs to it; one that none matches might be read
-    with any of them, so that it belongs to all.
+    """Return the rows of a :func:`listing` that each part of :data:`KEYS` may read: files that its
+    patterns match, and those that none matches, which any might read.
     """
     raw, claims = Path(dataset.recordings), {}
     for part, keys in KEYS.items():

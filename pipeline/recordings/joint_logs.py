@@ -1,6 +1,4 @@
-"""Repetitions of one commanded motion, cut out of a controller's own logs, and the encoders' logs
-of takes, as tables.
-"""
+"""Repetitions of one motion cut out of a controller's logs, and encoders' logs, as tables."""
 
 from __future__ import annotations
 
@@ -19,6 +17,7 @@ from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.core.options.instruments import JointLogSection
 from pipeline.formats.joints.log import LogOptions
+from pipeline.recordings import repetitions
 from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.disturbances import beside_others, disturbances, smallest_push
 from pipeline.recordings.inventory import named_takes
@@ -26,15 +25,6 @@ from pipeline.recordings.logged_movement import UNITS, LoggedMovement, beside, r
 from pipeline.recordings.movement import read_log, require_speeds
 from pipeline.recordings.pairing import require_pair
 from pipeline.recordings.quality import LEFT_OUT, REPETITIONS, quality_row
-from pipeline.recordings.repetitions import (
-    align,
-    excursions,
-    find_passes,
-    find_repetitions,
-    in_phase,
-    lag,
-    stretch,
-)
 
 KEY, RESIDUALS = "dataset.joint_log", "residuals"
 
@@ -55,9 +45,8 @@ def joint_log_rows(
     """Return the tables ``trajectory`` and ``joint_log`` of every undisturbed repetition of the
     motion that the dataset asks for, and their quality.
 
-    The desired pose is that of the mean command over the repetitions, held before and after the
-    motion: a controller at rest logs the measured angle for the commanded one. Repetitions without
-    rest between them are brought in phase with the first, between the rows.
+    The desired pose is the mean command, held before and after the motion, as a controller at rest
+    logs the measured angle for it. Repetitions without rest are brought in phase between the rows.
     """
     options, rate, joints = dataset.joint_log, dataset.motion.rate, dataset.robot.joints
     rest, length = options.rest, dataset.motion.steps + 1
@@ -66,13 +55,18 @@ def joint_log_rows(
     note, rows = partial(_note, quality), {}
     if takes:
         first = next(iter(takes.values()))
-        reference, place = first.target[first.first :][: steps + 1], align if rest else in_phase
+        reference, place = (
+            first.target[first.first :][: steps + 1],
+            repetitions.align if rest else repetitions.in_phase,
+        )
         circular = circular_joints(dataset.robot.urdf, joints)
         for name, take in takes.items():
             pair = beside(take.actual, take.target, take.first, reference[0], circular)
             start = place(pair[1], take.first, reference) - rest
             logged = dict(zip(("actual", "target"), pair, strict=True)) | take.signals
-            rows[name] = {key: stretch(each, start, length) for key, each in logged.items()}
+            rows[name] = {
+                key: repetitions.stretch(each, start, length) for key, each in logged.items()
+            }
             if start != round(start):
                 note(name, "resampled_rows", length)
         for name in _disturbed(takes, rows, options, rate, raw, quality):
@@ -101,7 +95,7 @@ def joint_log_rows(
         raise RecordingError(message, file=raw, take=take, key=f"{KEY}.tolerance")
     for take, q, deviation in zip(rows, measured, deviations, strict=True):
         note(take, "command_deviation", deviation, "rad")
-        note(take, "lag_behind_command", lag(command[moving], q[moving], rate), "s")
+        note(take, "lag_behind_command", repetitions.lag(command[moving], q[moving], rate), "s")
     # the commanded angle takes its first step one sample before the commanded speed is first logged
     held = command[np.clip(np.arange(length), max(rest - 1, 0), rest + steps)]
     k = np.tile(np.arange(length), len(rows))
@@ -123,10 +117,7 @@ def find_movements(raw: Path, dataset: Dataset) -> dict[str, Path]:
 
 
 def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> LoggedMovement:
-    """Read one of :func:`find_movements`; RecordingError as of
-    :func:`pipeline.recordings.logged_movement.read_logged_movement`, and of steps that are too
-    fast.
-    """
+    """Read one of :func:`find_movements`; RecordingError also for steps that are too fast."""
     options, urdf, rate = dataset.joint_log, dataset.robot.urdf, dataset.motion.rate
     circular = circular_joints(urdf, options.joints)
     movement = read_logged_movement(name, place, options, rate, circular)
@@ -148,11 +139,11 @@ def find_takes(
         circular = np.broadcast_to(movement.circular, len(movement.joints))[columns]
         ends = options.start, options.end
         if rest:
-            motion = {"steps": steps, "rest": rest, "rest_speed": options.rest_speed}
-            motion |= {"circular": circular}
-            found = find_repetitions(target, movement.speed, columns, *ends, **motion)
+            sought = {"steps": steps, "rest": rest, "rest_speed": options.rest_speed}
+            sought |= {"circular": circular}
+            found = repetitions.find_repetitions(target, movement.speed, columns, *ends, **sought)
         else:
-            found = find_passes(target[:, columns], *ends, steps, circular)
+            found = repetitions.find_passes(target[:, columns], *ends, steps, circular)
         for number, run in enumerate(found.runs, 1):
             take = f"{name}_{number}"
             rows = slice(max(run.first - rest, 0), run.last + rest + 1)
@@ -160,7 +151,7 @@ def find_takes(
             angles = movement.actual[:, columns], target[:, columns]
             signals = {RESIDUALS: residuals} | movement.others
             takes[take] = LoggedTake(name, run.first, *angles, signals)
-        for run in excursions(target, movement.speed, options.rest_speed):
+        for run in repetitions.excursions(target, movement.speed, options.rest_speed):
             if not (words := run.lack(len(target))):
                 start, end = target[[run.first - 1, run.last]][:, columns].round(2).tolist()
                 words = f"{start} to {end} in {run.steps} steps"
@@ -184,8 +175,8 @@ def _disturbed(
     raw: Path,
     quality: list[dict],
 ) -> set[str]:
-    """Names of the disturbed takes by the signals (K, joints) in their ``rows``; their distances
-    from the others go to ``quality``. RecordingError where the option refuses disturbed ones.
+    """Names of the disturbed takes by the signals (K, joints) in their ``rows``; their distances go
+    to ``quality``. RecordingError where the option refuses disturbed ones.
     """
     signals = next(iter(takes.values())).signals
     residuals, *others = (np.stack([take[key] for take in rows.values()]) for key in signals)
@@ -218,11 +209,9 @@ def _disturbed(
 
 
 def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[dict]]]:
-    """Return the rows of the table ``encoders`` and the quality of every log of encoders below
-    ``raw``, each at its own rate.
-
-    Raises RecordingError where no file matches, and for logs that cannot be read, ConfigError for
-    columns of another number of joints.
+    """Return rows of the table ``encoders`` and quality of every log of encoders below ``raw``.
+    Raises RecordingError where no file matches or is read, ConfigError for another number of
+    joints.
     """
     options, joints, result = dataset.encoders, dataset.robot.joints, []
     if len(options.actual) != len(joints):

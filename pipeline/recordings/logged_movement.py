@@ -1,6 +1,4 @@
-"""Measured and commanded angles of one movement in a controller's logs, as the dataset's options
-have them: in rad, row by row, and a pair.
-"""
+"""Measured and commanded angles of one movement in a controller's logs: in rad, and a pair."""
 
 from __future__ import annotations
 
@@ -35,8 +33,8 @@ class LoggedMovement(NamedTuple):
     circular: np.ndarray | bool = True  # (joints,) whether a joint turns
 
     def require_held(self, rows: slice, locked: Mapping[str, float], **evidence: object) -> None:
-        """Raise RecordingError with ``evidence`` where a logged joint is not within 0.01 rad of its
-        ``locked`` angle (rad) during the ``rows``.
+        """Raise RecordingError where a logged joint is not within 0.01 rad of its ``locked`` angle
+        (rad) during the ``rows``.
         """
         circular = np.broadcast_to(self.circular, len(self.joints))
         for joint in sorted({*locked} & {*self.joints}):
@@ -73,10 +71,8 @@ def read_logged_movement(
     circular: np.ndarray | bool = True,
 ) -> LoggedMovement:
     """Read the ``movement`` of that name, a folder of logs or one file, at ``rate`` rows a second;
-    ``circular``: which of its joints turn.
-
-    Raises RecordingError for logs that cannot be read or whose clock is not even, and for a command
-    that is none of the measured angles; ConfigError where the options do not say where both stand.
+    ``circular``: which joints turn. Raises RecordingError for logs that cannot be read, have no
+    even clock or are no pair; ConfigError where the options do not say where both stand.
     """
     single = movement.is_file() or is_bag(movement)
     wanted: dict[Path, dict] = {movement: {**options.signals}} if single else {}

@@ -1,6 +1,4 @@
-"""Motion-capture takes and the commanded trajectory as tables: SI units, the arm's base frame, the
-motion's grid.
-"""
+"""Motion-capture takes and the commanded trajectory as tables in SI units, on the motion's grid."""
 
 from __future__ import annotations
 
@@ -26,10 +24,8 @@ from pipeline.recordings.quality import quality_row
 
 
 def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
-    """Return the table ``trajectory`` from its file.
-
-    Raises RecordingError where it is not on the grid of the motion, holds the angles of other
-    joints than the arm's, or leaves open what the joints do beside the task.
+    """Return the table ``trajectory`` from its file; RecordingError where it is not on the motion's
+    grid, has other joints than the arm, or leaves open what joints do beside the task.
     """
     motion, table = dataset.motion, read_trajectory(file)
     step = table.t.iloc[1] - table.t.iloc[0] if len(table) > 1 else np.nan
@@ -73,8 +69,8 @@ def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
 
 
 def read_take(file: Path, unit: str | None) -> MotionTake:
-    """Read the take in ``file``, of whichever format it begins like; ``unit`` of its lengths where
-    the file does not say it. RecordingError for a file of no format, or that cannot be opened.
+    """Read the take in ``file`` in whichever format it begins; ``unit`` of lengths where it does
+    not say it. RecordingError for a file of no format.
     """
     formats = formats_in(motion_formats, Kind.MOTION)
     if chosen := format_of(file, formats):
@@ -87,13 +83,11 @@ def marker_rows(
     name: str, file: Path, part: str, dataset: Dataset
 ) -> tuple[pd.DataFrame, list[dict]]:
     """Return the markers of the take ``name`` in the arm's base frame, those of the template by
-    link, all others as unlabelled (link 0), and its quality.
+    link, others as unlabelled (link 0; none where bodies stand for links), and its quality.
 
-    Frames that the file skips are missing samples, and so are ``frozen_frames``: those that repeat
-    every position of the frame before, which the noise of a working tracker prevents. Where rigid
-    bodies stand for links, markers of other names are dropped: they may be the bodies' own. Raises
-    RecordingError for a take of another rate or length, or without a marker or body of the
-    template.
+    Skipped frames, and ``frozen_frames`` that repeat every position of the frame before, are
+    missing samples. Raises RecordingError for a take of another rate or length, or without a marker
+    or body.
     """
     mocap, motion = dataset.mocap, dataset.motion
     take = read_take(file, mocap.unit)
@@ -131,10 +125,8 @@ def marker_rows(
 def _tracks(
     take: MotionTake, mocap: Mocap, file: Path
 ) -> tuple[dict[tuple[int, int], np.ndarray], list[np.ndarray]]:
-    """(link, marker) from 1: (N, 3) m in the world frame, and the markers of other names.
-
-    A marker has its own name in the take, or alone has it after its asset's and a colon. The points
-    of a link that a body stands for are where the body's poses carry them.
+    """(link, marker) from 1: (N, 3) m in the world frame, and the markers of other names. A marker
+    has its own name in the take, or alone has it after its asset's and a colon.
     """
     if unknown := sorted(set(mocap.bodies) - set(mocap.markers)):
         message = f"no link {', '.join(unknown)}; there are {', '.join(mocap.markers)}"

@@ -14,19 +14,12 @@ from pipeline.arm.model import chain_of
 from pipeline.core.angles import apart
 from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.models.other_motions import MotionSteps
+from pipeline.recordings import repetitions
 from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.disturbances import disturbances
 from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.logged_movement import LoggedMovement, beside, read_logged_movement
-from pipeline.recordings.repetitions import (
-    REACH,
-    SLACK,
-    align,
-    excursions,
-    find_passes,
-    in_phase,
-    stretch,
-)
+from pipeline.recordings.repetitions import REACH, SLACK, excursions, find_passes, stretch
 
 BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
 KEPT = 0.25  # s at rest that are kept on either side of a motion, where its pauses are long enough
@@ -39,9 +32,7 @@ Paths = Mapping[str, tuple[np.ndarray, np.ndarray]]  # actual, target (N, n) rad
 
 @dataclass
 class FoundMotion:
-    """One commanded motion of n joints and where it was found: the movement and the first row of
-    every repetition.
-    """
+    """One commanded motion of n joints, and movement and first row of every repetition."""
 
     start: np.ndarray  # (n,) rad
     end: np.ndarray  # (n,) rad
@@ -65,11 +56,8 @@ def motions(
     movements: Mapping[str, LoggedMovement], robot: Robot, rate: float
 ) -> list[FoundMotion]:
     """Find the motions of the ``robot``'s joints in the ``movements``, at ``rate`` rows a second,
-    those of most repetitions first.
-
-    Where no command ever rests, they are the stretches that repeat between the rows at which J is
-    nearly singular, or, where it never is, between the turns of the joint that moves farthest.
-    Raises ConfigError as :func:`pipeline.arm.model.chain_of` does.
+    most repetitions first. Where no command ever rests, they are the stretches that repeat between
+    rows at which J is nearly singular, else between turns of the joint that moves farthest.
     """
     chain, circular = chain_of(robot), circular_joints(robot.urdf, robot.joints)
     paths, listed = {}, []
@@ -137,7 +125,7 @@ def _compare(
     name, row = motion.places[0]
     reference = paths[name][1][row : row + motion.steps + 1]
     motion.least_singular = float(_least_singular(chain, reference).min())
-    place = in_phase if motion.pause is None else align
+    place = repetitions.in_phase if motion.pause is None else repetitions.align
     residuals, deviations, whole = [], [], []
     for name, row in motion.places:
         if not SLACK <= row < len(paths[name][1]) - motion.steps - SLACK:
@@ -155,10 +143,9 @@ def _compare(
 
 
 def logged_motions(dataset: Dataset) -> list[MotionSteps]:
-    """Return the steps of every motion in the controller's logs of ``dataset``, each against its
-    command, repeated or not, most repetitions first; repetitions that differ are left out.
-
-    Raises what reading the logs raises; empty for a command that neither rests nor repeats.
+    """Return the steps of every motion in the controller's logs of ``dataset``, repeated or not,
+    most repetitions first, without disturbed ones; empty for a command that neither rests nor
+    repeats.
     """
     log, rate, robot = dataset.joint_log, dataset.motion.rate, dataset.robot
     places = named_takes(Path(dataset.recordings), log.movements, key="dataset.joint_log.movements")

@@ -33,11 +33,10 @@ def read_movement(
     """Read the signals (N, joints) of the logs ``files`` of one movement, as many rows as the
     shortest log has, and their counts, ``rows_without_partner`` in another log among them.
 
-    Rows that are uneven by a tenth to half of a step are counted as ``uneven_rows``, with the
-    standard deviation of the steps in s as ``clock_jitter``; ``clock`` takes them row by row
-    (``rows``), or interpolates by a cubic spline through the times (``times``), counted as
-    ``resampled_rows``. Raises RecordingError for clocks that disagree, do not keep to ``rate``
-    (1/s), or are uneven where ``clock`` is None.
+    Rows uneven by a tenth to half of a step (``uneven_rows``, ``clock_jitter`` in s) are taken row
+    by row by the ``clock`` rows, or interpolated by a cubic spline (``resampled_rows``) by times;
+    None refuses them. Raises RecordingError for clocks that disagree or do not keep to ``rate``
+    (1/s).
     """
     from scipy.interpolate import CubicSpline
 
@@ -74,10 +73,7 @@ def read_movement(
 
 def smoothness_by_rows(time: np.ndarray, angles: np.ndarray, rate: float) -> float:
     """Return the smoothness of ``angles`` (N, joints) over the row, at ``rate``, divided by that
-    over the ``time`` (N,) in s: above 1 where the times jitter and the sampling does not.
-
-    The inverse ratio of the root mean square third derivatives (divided differences; medians over
-    rows, so that a jump does not decide).
+    over the ``time`` (N,) s: the inverse ratio of the median root mean square third derivatives.
     """
 
     def roughness(clock: np.ndarray) -> float:
@@ -113,12 +109,9 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
 
 
 def read_log(file: Path, options: LogOptions) -> JointLog:
-    """Read the log in ``file``, of whichever format it begins like, else as a plain table; its
-    signals multiplied by the factors of ``options``, its angles without jumps of whole turns, which
-    ``unwrapped_jumps`` counts. Positions of joints that are not circular are in m.
-
-    Raises RecordingError for another number of joints than the options say or other names, for
-    angles beyond four turns, and for jumps that are no whole turns.
+    """Read the log in ``file`` in whichever format it begins, else as a plain table; signals times
+    their factors, angles without jumps of whole turns (``unwrapped_jumps``), prismatic joints in m.
+    Raises RecordingError for other joints, angles beyond four turns, and jumps of no whole turns.
     """
     chosen = format_of(file, formats_in(joint_formats, Kind.JOINTS)) or table.FORMAT
     log = chosen.read(file, options)
@@ -161,10 +154,9 @@ def require_speeds(
     urdf: str,
     **evidence: object,
 ) -> None:
-    """Raise RecordingError with ``evidence`` where an angle steps faster than its joint can.
-
-    ``time`` (N,) s; ``angles`` (N, joints) rad, or m, of each signal; ``names`` of their columns,
-    whose velocity limits the file ``urdf`` has: a limit of 0, as some exporters write, is none.
+    """Raise RecordingError where ``angles`` (N, joints) rad, or m, of a signal step faster in
+    ``time`` (N,) s than the velocity limit of their joint in the file ``urdf``; a limit of 0 is
+    none.
     """
     for column, joint in enumerate(named_joints(urdf, names)):
         limit = ((joint and joint.limits) or {}).get("velocity", 0.0)

@@ -1,8 +1,7 @@
-"""Pairs of measured and commanded angles, and the unit, order or clock of the command that makes
-them one.
+"""Pairs of measured and commanded angles, and the unit, order or clock that makes them one.
 
-How fast the arm as a whole moves depends neither on the order nor on the signs of its joints, and
-how far they turn in all shows the unit; so each of the three is found without the others.
+How fast the whole arm moves depends neither on order nor on signs, and how far its joints turn in
+all shows the unit; so each is found without the others.
 """
 
 from __future__ import annotations
@@ -31,9 +30,7 @@ FACTORS |= {"2π": 2 * np.pi, "1/2π": 1 / (2 * np.pi)}
 
 
 class Pairing(NamedTuple):
-    """Change that makes a pair of measured and commanded angles: the command of joint i is column
-    ``order[i]``, times ``factor[i]``, ``delay`` rows later.
-    """
+    """Command of joint i: column ``order[i]`` times ``factor[i]``, ``delay`` rows later."""
 
     factor: np.ndarray  # (n,)
     order: np.ndarray  # (n,) int
@@ -56,10 +53,9 @@ def delayed(actual: np.ndarray, target: np.ndarray, rows: int) -> tuple[np.ndarr
 
 
 def missed(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return (n,) the tracking error of each joint divided by its motion: the 0.9 quantile over the
-    rows of ``actual`` and ``target`` (N, n) in rad at which the command moves, or at which it
-    rests, whichever is more. The motion counts as a tenth of the farthest joint's and STILL at
-    least.
+    """Return (n,) the tracking error of each joint over its motion, a tenth of the farthest joint's
+    and STILL at least: the 0.9 quantile over the rows of ``actual`` and ``target`` (N, n) in rad at
+    which the command moves, or rests, whichever is more.
     """
     residual, motion = np.abs(actual - target), np.ptp(actual, axis=0)
     scale = np.maximum(motion, max(LEAST_MOTION * motion.max(), STILL))
@@ -97,11 +93,9 @@ def require_pair(
     joints: Sequence[str],
     **evidence: object,
 ) -> None:
-    """Raise RecordingError where measured angles ``actual`` (N, n) in rad are no pair with the
-    commanded ones ``target`` at ``rate`` rows a second; it names unit, order and clock, each with
-    the option that settles it and the error that is left without it.
-
-    A joint may miss its command by the share ``limit`` of its motion, the arm lag by LATEST.
+    """Raise RecordingError where ``actual`` angles (N, n) in rad are no pair with commanded
+    ``target`` at ``rate`` rows a second: a joint misses its command by more than ``limit`` of its
+    motion, or the arm lags by more than LATEST. Unit, order and clock are named with their option.
     """
     missing = missed(actual, target)
     worst = int(missing.argmax())
@@ -160,9 +154,7 @@ def _plain(n: int, factor: float = 1.0, delay: int = 0) -> Pairing:
 
 
 def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
-    """Rows by which the command may be early, the least first: none, and the highest peaks of the
-    correlation of the speeds of the whole arm.
-    """
+    """Rows by which the command may be early: 0, and correlation peaks of the arm's speeds."""
     from scipy.signal import correlate, correlation_lags
 
     width = max(1, round(SMOOTHING * rate))

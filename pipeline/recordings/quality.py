@@ -1,6 +1,4 @@
-"""Counts, losses and repairs of each take beside the dataset's limits; the takes that stay, and the
-reasons why others are left out.
-"""
+"""Counts, losses and repairs of each take beside the dataset's limits; the takes that stay."""
 
 from __future__ import annotations
 
@@ -36,7 +34,7 @@ def quality_row(
 
 def summarised(quality: pd.DataFrame) -> pd.DataFrame:
     """Sum up the table ``quality`` by instrument, quantity and unit: ``total`` of counts or
-    ``mean`` of the rest (the other is missing), least, greatest.
+    ``mean`` of the rest, least, greatest.
     """
     summed = quality[quality["unit"] != "row"].groupby(["instrument", "quantity", "unit"])["value"]
     table = summed.agg(total="sum", mean="mean", least="min", greatest="max").reset_index()
@@ -45,9 +43,7 @@ def summarised(quality: pd.DataFrame) -> pd.DataFrame:
 
 
 def metrics(summary: pd.DataFrame) -> dict[str, float]:
-    """Name the totals of counts and the means of the rest of :func:`summarised` by instrument and
-    quantity.
-    """
+    """Name totals of counts and means of the rest of :func:`summarised`."""
     names = summary["instrument"].str.replace(" ", "_") + "_" + summary["quantity"]
     counted = summary["unit"] == "count"
     names = names.where(counted, "mean_" + names)
@@ -75,10 +71,8 @@ def _beyond(takes: pd.DataFrame, separator: str) -> dict[str, str]:
 
 
 def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.DataFrame:
-    """Return the table ``takes`` of the table ``quality``: every measure of a take beside its
-    limit, and whether the take is left out. Training takes come first, in the order of their names.
-
-    ``limits`` by measure, in the measure's unit; absent or None: no limit.
+    """Return the table ``takes`` of the table ``quality``: every measure of a take beside its limit
+    (in the measure's unit; None: no limit), and whether the take is left out; training takes first.
     """
     takes = quality[quality["quantity"].isin(MEASURES)].rename(columns={"quantity": "measure"})
     stated = {name: limit for name, limit in limits.items() if limit is not None}
@@ -98,9 +92,7 @@ def reasons(takes: pd.DataFrame) -> list[str]:
 
 
 def require_enough(takes: pd.DataFrame) -> None:
-    """Raise RecordingError, naming limits and takes, where the limits leave fewer than two takes of
-    a part.
-    """
+    """Raise RecordingError where the limits leave fewer than two takes of a part."""
     for part, rows in takes.groupby("part", sort=False):
         left_out = rows[rows["left_out"]]
         staying = rows["take"].nunique() - left_out["take"].nunique()
@@ -118,11 +110,8 @@ def require_enough(takes: pd.DataFrame) -> None:
 def account(
     files: Iterable[pd.DataFrame], quality: pd.DataFrame, takes: pd.DataFrame
 ) -> pd.DataFrame:
-    """Return a row per step and recording: step, recording, ``found``, ``kept``, ``left_out`` in
-    words.
-
-    ``files``: those of each part, as of :func:`pipeline.recordings.inventory.by_part`;
-    ``quality`` of the motion and ``takes``: the tables.
+    """Return a row per step and recording: ``found``, ``kept``, and what is ``left_out`` in words.
+    ``files`` of each part, as of :func:`pipeline.recordings.inventory.by_part`; the tables.
     """
     names = [set(table["file"]) for table in files]
     present, other = set().union(*names), set.intersection(*names)  # unnamed: any part's

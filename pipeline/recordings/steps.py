@@ -1,6 +1,4 @@
-"""Recorded steps that the motion models are fitted to, the ranges of their poses and speeds, and
-the angles that a filter is compared with.
-"""
+"""Recorded steps that models are fitted to, their ranges, and the angles to compare with."""
 
 from __future__ import annotations
 
@@ -20,9 +18,7 @@ MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
 
 
 def training_steps(robot: Robot, motion: Motion) -> Recorded:
-    """Return poses before each step, commanded steps and process noise of the training takes of
-    ``motion``.
-    """
+    """Return poses, commanded steps and process noise of the training takes of ``motion``."""
     joints = contracts.read("joints", TRACK)
     _, q = contracts.stacked(joints[joints.part == "training"], "q")
     v = commanded_steps(contracts.read("trajectory", MOTION), motion.rate)
@@ -33,10 +29,8 @@ def training_steps(robot: Robot, motion: Motion) -> Recorded:
 
 
 def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
-    """Return the least and the greatest over the steps of ``recorded``, ``rate`` a second, of the
-    measured ``pose`` and the commanded ``joint speed`` of every joint, the commanded ``speed`` of
-    every row of the command, and the ``condition`` ‖J⁺‖, greater the nearer a pose is to a singular
-    one.
+    """Return the least and the greatest of measured ``pose`` and commanded ``joint speed``, of the
+    commanded ``speed`` of each row at ``rate`` steps a second, and of the ``condition`` ‖J⁺‖.
     """
     chain, joints, v = recorded.chain, recorded.joints, recorded.v
     poses = np.concatenate([recorded.q, recorded.q_next[:, -1:]], axis=1)
@@ -63,9 +57,8 @@ def truth_of(dataset: Dataset) -> Path:
 
 
 def held_against(joints: pd.DataFrame, dataset: Dataset) -> tuple[pd.DataFrame, bool]:
-    """Return the joint angles that a filter is compared with, and whether they are true: the
-    measured ``joints``, unless the filter weighs by the cameras that measured them and there is a
-    truth.
+    """Return the joint angles that a filter is compared with, and whether they are true: measured,
+    unless the filter weighs by the cameras that measured them and there is a truth.
     """
     if dataset.measurement == "tip" and contracts.exists("true_joints", truth_of(dataset)):
         return contracts.read("true_joints", truth_of(dataset)), True
