@@ -31,9 +31,7 @@ class MocapFaults(NamedTuple):
 
 
 class Capture(NamedTuple):
-    """``markers``: name → positions (N, 3) in m in the world frame, NaN where missing; labelled
-    first, then unlabeled.
-    """
+    """Name → positions (N, 3) m in the world, NaN where missing, labelled first; and the faults."""
 
     markers: dict[str, np.ndarray]
     faults: MocapFaults

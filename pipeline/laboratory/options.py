@@ -113,9 +113,7 @@ class MocapOptions:
 
 @options(frozen=True)
 class SceneOptions:
-    """Sizes of the arm's solids and of the room, m; girths of the youBot's housings, rounded, the
-    room assumed.
-    """
+    """Sizes of the arm's solids and the room, m; the youBot.s girths, the room assumed."""
 
     link_width: float = 0.06  # across the segment in the plane, first two links
     link_depths: tuple[float, float, float] = (0.07, 0.06, 0.05)  # along the normal

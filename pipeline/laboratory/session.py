@@ -1,6 +1,4 @@
-"""The synthetic laboratory: one session of takes with the arm, as its instruments would have seen
-it.
-"""
+"""The synthetic laboratory: one session of takes, as its instruments would have seen it."""
 
 from __future__ import annotations
 

@@ -20,8 +20,7 @@ ROUNDING = 1e-9  # of a joint's speed limit, by which a step computed at the lim
 @dataclass(frozen=True)
 class JointPath:
     """Joint angles ``joints`` (M+1, n) in rad, ``rate`` a second; between them the monotone cubic
-    interpolant of Fritsch and Butland (SIAM J. Sci. Stat. Comput. 5, 1984): a joint turns back and
-    rests only where the path does.
+    interpolant of Fritsch and Butland (SIAM J. Sci. Stat. Comput. 5, 1984): no overshoot.
     """
 
     joints: np.ndarray
@@ -40,9 +39,7 @@ class JointPath:
         return PchipInterpolator(np.arange(len(self.joints)) / self.rate, self.joints)
 
     def require_followable(self, chain: Chain) -> None:
-        """Raise ConfigError, with the first step, where the path is none of ``chain``'s joints or
-        beyond their limits.
-        """
+        """ConfigError, with the first step, where the path is beyond the limits of ``chain``."""
         path = np.asarray(self.joints)
         if path.ndim != 2 or path.shape[1] != len(chain.lower) or len(path) < 2:
             message = f"a joint path has {len(chain.lower)} angles a pose, and two poses or more"
@@ -102,7 +99,5 @@ def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:
 
 
 def desired_trajectory(chain: Chain, options: TrajectoryOptions) -> pd.DataFrame:
-    """Return the commanded end-effector trajectory on the motion grid: columns k, t and the
-    families x and v (SI).
-    """
+    """Return the commanded trajectory on the grid: columns k, t and the families x and v (SI)."""
     return trajectory_table(chain, desired_path(chain, options), options.rate)

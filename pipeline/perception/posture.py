@@ -81,9 +81,7 @@ class Carried:
         return pose[:, :3], self.places[self.owner == link] @ turn
 
     def solve(self, measured: np.ndarray, start: np.ndarray) -> Solution:
-        """Return the joint angles near ``start`` (n,) for ``measured`` (P, 3) m in the base, NaN:
-        missing.
-        """
+        """Return the joint angles near ``start`` (n,) for ``measured`` (P, 3) m, NaN if missing."""
         return next(self.solve_all(measured[None], np.asarray(start, dtype=float)[None]).each())
 
     def solve_all(self, measured: np.ndarray, starts: np.ndarray) -> Solution:
@@ -115,9 +113,7 @@ class Carried:
         return Solution(q, distances, seen, normal, decided)
 
     def _equations(self, q: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return JᵀJ (S, n, n), Jᵀr (S, n) and |r| (S, P) in m of the ways r to ``measured`` (S, P,
-        3).
-        """
+        """JᵀJ (S, n, n), Jᵀr (S, n) and |r| (S, P) in m of the ways r to ``measured`` (S, P, 3)."""
         starts, n = q.shape
         normal, gradient = np.zeros((starts, n, n)), np.zeros((starts, n))
         distances = np.zeros(measured.shape[:2])
@@ -180,9 +176,7 @@ class Carried:
         return min(fitting, key=lambda one: one.residual, default=None)
 
     def errors(self, solution: Solution) -> np.ndarray:
-        """(n,) standard errors of the joint angles by JᵀJ and the residuals; NaN without
-        redundancy.
-        """
+        """(n,) standard errors of the joint angles by JᵀJ and residuals; NaN without redundancy."""
         links, counts = np.unique(self.owner[solution.seen], return_counts=True)
         held = np.where(self.bodies[links], np.minimum(BODY, 3 * counts), 3 * counts).sum()
         if (free := held - len(solution.q)) <= 0:

@@ -38,8 +38,8 @@ class ArmSegmenter:
 
     ``camera_matrix`` (3, 3) and ``distortion`` (k,) as OpenCV's; ``rotation`` (3, 3),
     ``translation`` (3,) m: pose of the camera (x right, y down, z forward) in the arm's base;
-    ``shape`` (rows, columns). A pixel at depth d is at c + d·r in the plane's frame. ConfigError
-    where none sees the arm.
+    ``shape`` (rows, columns). A pixel at depth d is at c + d·r in the plane. ConfigError where none
+    sees the arm.
     """
 
     def __init__(

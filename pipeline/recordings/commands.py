@@ -1,6 +1,4 @@
-"""The commanded motion: its steps, and checks of what is known of one motion twice. Another unit,
-order or clock is no uncertainty.
-"""
+"""The commanded motion: its steps, and checks of what is known of one motion twice."""
 
 from __future__ import annotations
 
@@ -41,9 +39,7 @@ def constant_speed(q: np.ndarray) -> np.ndarray:
 
 
 def named_joints(urdf: str, names: Sequence[str]) -> list[Joint | None]:
-    """Return the joints ``names`` of the file ``urdf``, None for one that it lacks or where the
-    file is still to be filled in.
-    """
+    """Return the joints ``names`` of the file ``urdf``, None for one that it lacks."""
     joints = {} if urdf == UNFILLED else read_urdf(Path(urdf)).joints
     return [joints.get(name) for name in names]
 

@@ -38,9 +38,8 @@ def take_name(path: Path, raw: Path, pattern: str) -> str:
 def named_takes(
     raw: Path, pattern: str, *, key: str, wanted: Callable[[Path], bool] = lambda path: True
 ) -> dict[str, Path]:
-    """Return name → path of the ``wanted`` matches of ``pattern`` below ``raw``, in path order.
-    Raises RecordingError for two of one name or a name that is not UTF-8; ConfigError for no
-    pattern.
+    """Return name → path of the ``wanted`` matches of ``pattern`` below ``raw``, in path order;
+    RecordingError for two of one name or a name that is not UTF-8; ConfigError for no pattern.
     """
     named: dict[str, Path] = {}
     for path in filter(wanted, matching(raw, pattern, key=key)):

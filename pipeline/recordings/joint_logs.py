@@ -21,8 +21,14 @@ from pipeline.recordings import repetitions
 from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.disturbances import beside_others, disturbances, smallest_push
 from pipeline.recordings.inventory import named_takes
-from pipeline.recordings.logged_movement import UNITS, LoggedMovement, beside, read_logged_movement
-from pipeline.recordings.movement import read_log, require_speeds
+from pipeline.recordings.movement import (
+    UNITS,
+    LoggedMovement,
+    beside,
+    read_log,
+    read_logged_movement,
+    require_speeds,
+)
 from pipeline.recordings.pairing import require_pair
 from pipeline.recordings.quality import LEFT_OUT, REPETITIONS, quality_row
 
@@ -209,9 +215,8 @@ def _disturbed(
 
 
 def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[dict]]]:
-    """Return rows of the table ``encoders`` and quality of every log of encoders below ``raw``.
-    Raises RecordingError where no file matches or is read, ConfigError for another number of
-    joints.
+    """Return rows of the table ``encoders`` and quality of every log of encoders below ``raw``;
+    RecordingError where none matches or is read, ConfigError for another number of joints.
     """
     options, joints, result = dataset.encoders, dataset.robot.joints, []
     if len(options.actual) != len(joints):

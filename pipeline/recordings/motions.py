@@ -18,7 +18,7 @@ from pipeline.recordings import repetitions
 from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.disturbances import disturbances
 from pipeline.recordings.inventory import named_takes
-from pipeline.recordings.logged_movement import LoggedMovement, beside, read_logged_movement
+from pipeline.recordings.movement import LoggedMovement, beside, read_logged_movement
 from pipeline.recordings.repetitions import REACH, SLACK, excursions, find_passes, stretch
 
 BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
@@ -143,9 +143,8 @@ def _compare(
 
 
 def logged_motions(dataset: Dataset) -> list[MotionSteps]:
-    """Return the steps of every motion in the controller's logs of ``dataset``, repeated or not,
-    most repetitions first, without disturbed ones; empty for a command that neither rests nor
-    repeats.
+    """Return the steps of every motion in the controller's logs of ``dataset``, most repetitions
+    first, without disturbed ones; empty for a command that neither rests nor repeats.
     """
     log, rate, robot = dataset.joint_log, dataset.motion.rate, dataset.robot
     places = named_takes(Path(dataset.recordings), log.movements, key="dataset.joint_log.movements")

@@ -18,9 +18,7 @@ SLACK = 2  # rows by which the logger may see the same command start early or la
 
 
 class Excursion(NamedTuple):
-    """A commanded motion from row ``first`` up to, but not on, row ``last``; ``whole``: from rest
-    to rest.
-    """
+    """A commanded motion from row ``first`` up to row ``last``; ``whole``: from rest to rest."""
 
     first: int
     last: int
@@ -61,9 +59,8 @@ def _runs(inside: np.ndarray) -> list[tuple[int, int]]:
 def excursions(
     angles: np.ndarray, speeds: np.ndarray, rest_speed: float = REST_SPEED
 ) -> list[Excursion]:
-    """Find every motion in a log of commanded ``angles`` (N, joints) in rad and ``speeds`` (N,
-    joints) in rad/s: a controller at rest commands at most ``rest_speed``, while the angle may
-    creep.
+    """Find every motion in a log of commanded ``angles`` (N, joints) rad and ``speeds`` (N, joints)
+    rad/s: at rest a controller commands at most ``rest_speed``, while the angle may creep.
     """
     return [
         Excursion(first, last, 0 < first and last < len(speeds))
@@ -96,8 +93,8 @@ def find_repetitions(
     circular: np.ndarray | bool = True,
 ) -> Repetitions:
     """Find the whole :func:`excursions` that take the joints ``columns`` from ``start`` to ``end``
-    (rad; m of joints not ``circular``), within 0.01, in ``steps`` steps, within two, with ``rest``
-    rows at rest on either side.
+    (rad; m of joints not ``circular``) within 0.01, in ``steps`` ± 2, ``rest`` rows at rest on
+    either side.
     """
     moving = np.any(np.abs(speeds) > rest_speed, axis=1)
     runs, left_out = [], {"cut_off": [], "other_motion": [], "too_little_rest": []}
@@ -166,9 +163,7 @@ def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
 
 
 def align(angles: np.ndarray, first: int, reference: np.ndarray) -> int:
-    """Return the row within two of ``first`` from which ``angles`` (N, joints) in rad follow
-    ``reference`` (K, joints) best.
-    """
+    """Return the row within two of ``first`` from which ``angles`` follow ``reference`` best."""
     rows = range(first - SLACK, first + SLACK + 1)
     return min(rows, key=lambda row: np.abs(angles[row : row + len(reference)] - reference).max())
 

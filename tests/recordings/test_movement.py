@@ -18,7 +18,7 @@ from pipeline.formats.joints.table import joint_labels, write_joint_table
 from pipeline.recordings import movement
 from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.joint_logs import encoder_rows
-from pipeline.recordings.logged_movement import read_logged_movement
+from pipeline.recordings.movement import read_logged_movement
 from pipeline.recordings.repetitions import find_passes
 
 

@@ -10,8 +10,8 @@ import pytest
 from pipeline import arm
 from pipeline.core.options.dataset import Robot
 from pipeline.recordings.disturbances import beside_others, disturbances, smallest_push
-from pipeline.recordings.logged_movement import LoggedMovement
 from pipeline.recordings.motions import motions
+from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import (
     align,
     commanded_speeds,
