@@ -69,14 +69,13 @@ def test_the_objective_is_the_printed_one(sequence) -> None:
         assert value == pytest.approx(plain_objective(clouds[frame], nodes, 0.7, 0.4), rel=1e-12)
 
 
-def test_a_point_outside_a_joint_belongs_to_both_of_its_segments() -> None:
+def test_the_objective_has_no_frame_and_ranks_points_at_joints_and_poses_out_of_range(sequence):
+    # a point outside a joint belongs to both of its segments
     nodes = np.array([[0.0, 0.0], [0.0, 0.155], [0.135, 0.155], [0.135, 0.325]])
     point = nodes[1] + 0.02 * np.array([-0.6, 0.8])
     value = ranked(point[None], nodes, 0.05, 1.0, 0.25)
     assert value == pytest.approx(0.02 + 0.25 * (0.02 + 0.02), rel=1e-12)
-
-
-def test_the_objective_does_not_change_with_the_frame_or_a_mirror(sequence) -> None:
+    # it changes neither with the frame nor with a mirror
     q, clouds = sequence
     nodes = CHAIN.points(q[30] + 0.05)
     value = ranked(clouds[30], nodes, 0.05, 1.0, 0.3)
@@ -84,10 +83,7 @@ def test_the_objective_does_not_change_with_the_frame_or_a_mirror(sequence) -> N
     for change in (turn, np.diag([-1.0, 1.0])):
         points, moved = clouds[30] @ change + [0.3, -0.2], nodes @ change + [0.3, -0.2]
         assert ranked(points, moved, 0.05, 1.0, 0.3) == pytest.approx(value, rel=1e-10)
-
-
-def test_poses_outside_the_lengths_rank_behind_by_their_violation(sequence) -> None:
-    q, clouds = sequence
+    # poses outside the lengths rank behind by their violation
     longer = CHAIN.points(q[0])
     longer[1] = longer[0] + (longer[1] - longer[0]) * 1.2
     length, (low, high) = np.linalg.norm(np.diff(longer, axis=0), axis=1), limits().T

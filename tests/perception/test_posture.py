@@ -47,16 +47,10 @@ def test_exact_points_give_exact_angles(measured):
     np.testing.assert_allclose(track.q, motion(FRAMES), atol=1e-9)
     assert track.residual.max() < 1e-10 and not any(track.counts.values())
     assert track.samples == 9 * FRAMES
-
-
-def test_single_markers_on_many_links_do_as_well():
-    single = {
-        "shoulder": {"s": [0.05, 0.06, 0.0]},
-        "upper_arm": {"a": [-0.2, 0.06, 0.05]},
-        "forearm": {"d": [-0.3, 0.05, 0.05]},
-        "wrist_2": {"w": [0.03, 0.02, 0.05]},
-        "flange": {"g": [0.0, 0.07, 0.01], "h": [0.06, 0.0, 0.02]},
-    }
+    # single markers on many links do as well
+    single = {"shoulder": {"s": [0.05, 0.06, 0.0]}, "upper_arm": {"a": [-0.2, 0.06, 0.05]}}
+    single |= {"forearm": {"d": [-0.3, 0.05, 0.05]}, "wrist_2": {"w": [0.03, 0.02, 0.05]}}
+    single |= {"flange": {"g": [0.0, 0.07, 0.01], "h": [0.06, 0.0, 0.02]}}
     track = tracked(points(UR5, single, motion(FRAMES)), single, posture=START.round(1).tolist())
     np.testing.assert_allclose(track.q, motion(FRAMES), atol=1e-9)
 
@@ -152,9 +146,7 @@ def test_standard_errors_are_those_that_the_noise_makes(measured):
     # control: twice the noise, twice the errors
     doubled = tracked(still + 2 * (noisy(still) - still))
     np.testing.assert_allclose(list(doubled.errors.values()), 2 * stated, rtol=0.01)
-
-
-def test_the_errors_of_bodies_count_six_numbers_each(measured):
+    # points of a body count as its six numbers
     bodies = {link: Body(link, ORIGIN) for link in MARKERS}
     by_body, by_marker = tracked(noisy(measured), bodies=bodies), tracked(noisy(measured))
     ratio = np.array(list(by_body.errors.values())) / list(by_marker.errors.values())
@@ -225,14 +217,12 @@ def test_postures_that_fit_alike_are_refused_until_one_is_named():
     np.testing.assert_allclose(tracked(points(LWR4, other, q), other, LWR4).q, q, atol=1e-9)
 
 
-def test_whole_turns_are_those_of_the_posture_that_is_named(measured):
+def test_whole_turns_are_those_of_the_posture_that_is_named_and_points_that_never_fit_refused(
+    measured,
+):
     turned = START - 2 * np.pi * np.eye(6)[5]
     track = tracked(measured, posture=turned.tolist())
-    np.testing.assert_allclose(track.q[:, 5], motion(FRAMES)[:, 5] - 2 * np.pi, atol=1e-9)
-    np.testing.assert_allclose(track.q[:, :5], motion(FRAMES)[:, :5], atol=1e-9)
-
-
-def test_points_that_never_fit_are_refused(measured):
+    np.testing.assert_allclose(track.q, motion(FRAMES) + turned - START, atol=1e-9)
     with pytest.raises(RecordingError, match="no posture of the arm has all markers"):
         tracked(measured[:3, [0, 1, 2, 6, 7, 8, 3, 4, 5]])
     with pytest.raises(RecordingError, match="no posture"):
