@@ -22,19 +22,13 @@ PAIRS = np.array([[0, 1], [0, 2], [1, 2]])
 FIRST_UNLABELED = 1000
 
 
-class MocapFaults(NamedTuple):
-    """The truth about the faults of one capture."""
-
-    occluded: int  # marker-frames not seen at all
-    swapped: int  # link-frames in which two labels of the link were exchanged
-    unlabeled: int  # marker-frames whose position stands in an unlabeled column
-
-
 class Capture(NamedTuple):
     """Name → positions (N, 3) m in the world, NaN where missing, labelled first; and the faults."""
 
     markers: dict[str, np.ndarray]
-    faults: MocapFaults
+    occluded: int  # marker-frames not seen at all
+    swapped: int  # link-frames in which two labels of the link were exchanged
+    unlabeled: int  # marker-frames whose position stands in an unlabeled column
 
 
 def place_markers(
@@ -115,7 +109,7 @@ def capture(
     labelled, unlabeled, lost = _lose_labels(observed.reshape(-1, 9, 3), options, rng)
     names = [f"link{link}_{label}" for link in (1, 2, 3) for label in LABELS]
     columns = {name: labelled[:, i] for i, name in enumerate(names)}
-    return Capture(columns | unlabeled, MocapFaults(hidden, swapped, lost))
+    return Capture(columns | unlabeled, hidden, swapped, lost)
 
 
 def _seen(

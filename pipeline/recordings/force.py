@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -44,40 +43,32 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
     if np.isfinite(record.torque).any():
         moment = record.torque - np.cross(force.point, record.force)
         wrench = np.hstack([record.force, moment])
-    tared = remove_bias(record.time[sound], wrench[sound], force.tare)
-    axes = dict(zip(WRENCH, tared.wrench.T, strict=False))
+    time, wrench, biases = remove_bias(record.time[sound], wrench[sound], force.tare)
+    axes = dict(zip(WRENCH, wrench.T, strict=False))
     quality = [*(record.counts | faults).items()]
-    for axis, bias in zip(axes, tared.bias, strict=True):
+    for axis, bias in zip(axes, biases, strict=True):
         quality.append((f"bias_{axis}", bias, "N" if axis[0] == "f" else "N·m"))
-    rows = pd.DataFrame({"configuration": name, "t": tared.time} | axes)
+    rows = pd.DataFrame({"configuration": name, "t": time} | axes)
     return rows, [quality_row(name, "test", "force transducer", *row) for row in quality]
 
 
-class TaredWrench(NamedTuple):
-    """A force record without its bias, from the end of the tare interval on."""
-
-    time: np.ndarray  # (N,) s, on the clock of the record
-    wrench: np.ndarray  # (N, c) N, N·m
-    bias: np.ndarray  # (c,) that was subtracted
-    noise: np.ndarray  # (c,) standard deviation within the tare interval
-    tare_samples: int
-
-
-def remove_bias(time: np.ndarray, wrench: np.ndarray, tare_seconds: float) -> TaredWrench:
-    """Subtract the mean of the first ``tare_seconds`` of a record ``time`` (N,) s, ``wrench`` (N,
-    c) N and N·m, and drop them; with 0 its instrument tared it. Raises RecordingError for values
-    that are not finite, an interval too short for a mean, or a record that ends with it.
+def remove_bias(
+    time: np.ndarray, wrench: np.ndarray, tare_seconds: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return time, wrench less bias, and bias, the mean of the first ``tare_seconds``, which are
+    dropped, of a record ``time`` (N,) s, ``wrench`` (N, c) N and N·m; with 0 its instrument tared
+    it. Raises RecordingError for values that are not finite, an interval too short for a mean, or a
+    record that ends with it.
     """
     if not (finite := np.isfinite(wrench).all(axis=1)).all():
         message, step = "the force record has values that are not finite", int(finite.argmin())
         raise RecordingError(message, step=step)
     if tare_seconds == 0:
-        return TaredWrench(time, wrench, *np.zeros((2, wrench.shape[1])), 0)
+        return time, wrench, np.zeros(wrench.shape[1])
     unloaded = time - time[0] < tare_seconds - CLOCK_ROUNDING
     count = int(unloaded.sum())
     if count < MIN_SAMPLES or count == len(time):
         message = f"{count} of {len(time)} samples lie in the tare interval of {tare_seconds} s; it"
         raise RecordingError(f"{message} needs at least {MIN_SAMPLES}, and a rest")
-    rest, loaded = wrench[unloaded], wrench[~unloaded]
-    bias = rest.mean(axis=0)
-    return TaredWrench(time[~unloaded], loaded - bias, bias, rest.std(axis=0, ddof=1), count)
+    bias = wrench[unloaded].mean(axis=0)
+    return time[~unloaded], wrench[~unloaded] - bias, bias

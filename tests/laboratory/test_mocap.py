@@ -85,7 +85,7 @@ def test_occlusions_are_counted_and_cover_the_share_of_their_law() -> None:
     result = take(options, 40_000)
     missing = np.isnan(labelled(result.markers))
     assert np.all(missing.all(axis=2) == missing.any(axis=2))
-    assert result.faults.occluded == missing[..., 0].sum()
+    assert result.occluded == missing[..., 0].sum()
     share = missing[..., 0].mean()
     # 360 000 marker-frames in stretches of about 10 frames: one standard error is about 0.002
     assert abs(share - expected_share(0.02, 8)) < 0.006
@@ -100,7 +100,7 @@ def test_swaps_exchange_two_labels_of_one_link_and_are_counted() -> None:
     )
     moved = np.any(observed != true, axis=3)
     assert set(np.unique(moved.sum(axis=2))) == {0, 2}
-    assert result.faults.swapped == moved.any(axis=2).sum() > 0
+    assert result.swapped == moved.any(axis=2).sum() > 0
     np.testing.assert_array_equal(np.sort(observed, axis=2), np.sort(true, axis=2))
     kept = [tuple(row) for row in moved[moved.any(axis=2)]]
     assert len(set(kept)) == 3
@@ -123,7 +123,7 @@ def test_lost_labels_reappear_as_unlabeled_columns_and_are_counted() -> None:
         assert np.isnan(observed[at, owner[0]]).all()
         observed[at, owner[0]] = column[at]
     assert appearances == sorted(appearances)
-    assert result.faults.unlabeled == seen > 0
+    assert result.unlabeled == seen > 0
     # with the strays put back, occlusions are all that is missing
-    assert np.isnan(observed[..., 0]).sum() == result.faults.occluded
+    assert np.isnan(observed[..., 0]).sum() == result.occluded
     np.testing.assert_array_equal(observed[~np.isnan(observed)], true[~np.isnan(observed)])
