@@ -18,11 +18,8 @@ PLAIN = LogOptions()
 
 
 def log(samples: int = 100, joints: int = 6, seed: int = 1) -> JointLog:
-    return JointLog(
-        np.arange(samples) * 0.008,
-        {"actual": np.random.default_rng(seed).uniform(-1.5, 1.5, (samples, joints))},
-        {},
-    )
+    angles = np.random.default_rng(seed).uniform(-1.5, 1.5, (samples, joints))
+    return JointLog(np.arange(samples) * 0.008, {"actual": angles}, {})
 
 
 def read_joint_log(
@@ -63,7 +60,6 @@ def refusal(file, joints: int = 2) -> RecordingError:
 
 
 def table(folder, header: str, *rows: str):
-    (folder / "log.txt").write_text(
-        "".join(line + "\n" for line in ([header] if header else []) + list(rows))
-    )
+    lines = [header, *rows] if header else rows
+    (folder / "log.txt").write_text("".join(line + "\n" for line in lines))
     return folder / "log.txt"
