@@ -206,7 +206,7 @@ def add_displacement(
     from the poses whose :func:`tip` the ``block`` holds to ``target`` (12,).
 
     The way in m and the rotation vector of R_target·Rᵀ, times the unit of angular rows, in the
-    base's axes; exact to rounding up to angles of π. ``block`` has WIDTH poses.
+    base's axes. ``block`` has WIDTH poses.
     """
     if np.any(arm.rows > 2):
         _rotation_vectors(target, block.reshape(-1), count)
@@ -220,10 +220,11 @@ def add_displacement(
 
 @inlined
 def _rotation_vectors(target: np.ndarray, flat: np.ndarray, count: int) -> None:
-    """Fill the rows TURN with the rotation vector of R = R_target·Rᵀ, exact to 1e-12 up to 3.1 rad.
+    """Fill the rows TURN with the rotation vector of R = R_target·Rᵀ.
 
     By the unit quaternion, whose real part is (1 + tr R)/4 by its square; its angle by half angles
-    and a series, as the C library takes one pose at a time.
+    and a series, as the C library takes one pose at a time. The error is 1e-15/(π − angle): 1e-12
+    a thousandth of a radian below half a turn, at which the vector has no sign.
     """
     ax, ay, az = target[3:6], target[6:9], target[9:12]
     for i in range(count):

@@ -107,6 +107,16 @@ def test_a_pose_that_is_not_finite_is_singular_whichever_joint_it_is(chain, brok
     assert refused.value.evidence["index"] == (2,)
 
 
+def test_limits_are_inside_and_a_single_joint_beyond_or_no_number_is_outside(chain):
+    middle = (chain.lower + chain.upper) / 2
+    assert chain.within_limits(np.stack([chain.lower, chain.upper, middle])).all()
+    for joint, (bound, way) in product(range(3), ((chain.lower, -1), (chain.upper, 1))):
+        for beyond in (np.nextafter(bound[joint], way * np.inf), np.nan):
+            q = middle.copy()
+            q[joint] = beyond
+            assert not chain.within_limits(q)
+
+
 ORDER = [1, 2, 0]  # of the rows z, phi, x, for which there are no closed forms
 ARMS = ["youbot", "ur5", "oblique", "flat", "gantry"]
 

@@ -8,11 +8,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from compiled_calls import from_python
 from scipy.spatial.transform import Rotation
 
+from pipeline.arm.interface import ArmConstants
+from pipeline.arm.kinematics import WIDTH, add_displacement
 from pipeline.arm.model import chain_of
-from pipeline.arm.serial import LEAST_SINGULAR
+from pipeline.arm.rows import JOINTS, ROTATION
+from pipeline.arm.serial import LEAST_SINGULAR, rotation_vector
 from pipeline.core.errors import SingularJacobianError
 from pipeline.core.options.dataset import Robot
 from tests.arm.arm_urdfs import (
@@ -136,6 +141,26 @@ def test_the_displacement_is_scipys_rotation_vector_times_the_length(robot, chai
         all_rows = dict(zip(("x", "y", "z", "rx", "ry", "rz"), [*way, *turn], strict=True))
         expected = [all_rows[name] for name in chain.task]
         np.testing.assert_allclose(result[i, j], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("gap", [1.0, 0.1, 1e-3, 1e-6])
+def test_compiled_displacements_lose_digits_as_the_turn_nears_half_a_turn(gap):
+    rng = np.random.default_rng(1)
+    axes = rng.normal(size=(WIDTH, 3))
+    expected = (np.pi - gap) * axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    turns, target = np.array([pin.exp3(each) for each in expected]), pin.exp3(rng.normal(size=3))
+    block = np.zeros((JOINTS + 12, WIDTH))
+    block[ROTATION : ROTATION + 9] = (turns.swapaxes(1, 2) @ target).reshape(WIDTH, 9).T
+    constants = ArmConstants(
+        np.empty(0), np.empty((0, 6)), np.zeros(1), np.arange(6), np.ones(6), 0
+    )
+    place = np.concatenate([np.zeros(3), target.ravel()])
+    from_python(add_displacement)(constants, place, block, JOINTS + 6, 1.0, WIDTH)
+    error = np.abs(block[JOINTS + 9 :].T - expected).max()
+    assert error < 4e-15 / gap
+    # by NumPy at any angle, and by Pinocchio
+    np.testing.assert_allclose(rotation_vector(turns), expected, atol=1e-9 if gap < 1e-3 else 1e-12)
+    assert np.abs(pin.log3(turns[0]) - rotation_vector(turns[0])).max() < 1e-10
 
 
 def test_every_batch_shape_holds_what_single_poses_give(chain):

@@ -114,6 +114,8 @@ def test_an_override_changes_its_value_and_nothing_else(compose):
     assert (after.dataset.mocap.gate, after.filter.particles) == (0.001, 7)
     assert (after.models, after.wrench) == (before.models, before.wrench)
     assert compose(overrides=None) == before
+    two = compose(models="[wishart, additive]").models  # in the order of params.yaml
+    assert list(two) == ["wishart", "additive"]
     # a scale reaches the options that refer to it
     assert compose(overrides="{scale: {particles: 77}}").filter.particles == 77
 
@@ -181,6 +183,14 @@ def test_a_stage_gets_the_sections_that_it_declares_and_no_others(sections):
         (settings.scale, "particles"),
     ):
         assert not hasattr(place, name)
+
+
+def test_an_instrument_that_a_dataset_lacks_is_none(sections):
+    names = ["mocap", "depth", "force", "joint_log", "encoders", "laboratory", "trajectory"]
+    lacking = ", ".join(f"{name}: null" for name in names)
+    declared = (f"dataset.{name}" for name in names)
+    dataset = sections(*declared, overrides=f"{{dataset: {{{lacking}}}}}").dataset
+    assert vars(dataset) == dict.fromkeys(names)
 
 
 def test_a_study_of_motion_is_refused_without_a_robot_and_the_papers_stage_is_not(

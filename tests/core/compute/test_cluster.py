@@ -23,6 +23,7 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ComputeError, ConfigError
 from pipeline.core.options.analysis import Compute, Dask
 from tests.core.compute.example_trials import (
+    articulated,
     begin,
     filtered,
     give_up,
@@ -35,8 +36,8 @@ from tests.core.compute.example_trials import (
 
 
 @pytest.mark.slow
-def test_the_bytes_are_those_of_this_process(running):
-    function = partial(filtered, steps=np.full((30, 3), 1e-3))
+@pytest.mark.parametrize("function", [partial(filtered, steps=np.full((30, 3), 1e-3)), articulated])
+def test_the_bytes_are_those_of_this_process(function, running):
     here, there = (
         list(run_trials(function, range(6), compute=compute, label="takes"))
         for compute in (Compute(1), running.compute())
