@@ -14,9 +14,16 @@ from compiled_calls import from_python
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.interface import ArmConstants
-from pipeline.arm.kinematics import WIDTH, add_displacement
+from pipeline.arm.kinematics import (
+    WIDTH,
+    add_displacement,
+    cholesky,
+    mark_singular,
+    task_jacobian,
+    tip,
+)
 from pipeline.arm.model import chain_of
-from pipeline.arm.rows import JOINTS, ROTATION
+from pipeline.arm.rows import JOINTS, POSITION, ROTATION, block_rows
 from pipeline.arm.serial import LEAST_SINGULAR, rotation_vector
 from pipeline.core.errors import SingularJacobianError
 from pipeline.core.options.dataset import Robot
@@ -88,6 +95,27 @@ def test_pose_and_jacobian_are_pinocchios(robot, chain):
     places, jacobians = by_pinocchio(*robot, q)
     np.testing.assert_allclose(chain.pose(q), places, rtol=0, atol=1e-12)
     np.testing.assert_allclose(chain.jacobian(q), jacobians, rtol=0, atol=1e-12)
+
+
+def test_compiled_blocks_hold_the_same_poses_jacobians_and_singular_poses(chain, monkeypatch):
+    q, arm, (m, n) = poses(chain, WIDTH), chain.numbers(), (len(chain.task), len(chain.lower))
+    rows, block = block_rows(n, m), np.full((block_rows(n, m).size, WIDTH), np.nan)
+    from_python(tip)(arm, q.T.copy(), 0, WIDTH, block)
+    np.testing.assert_allclose(block[: POSITION + 12].T, chain.pose(q), atol=1e-12)
+    from_python(task_jacobian)(arm, block, rows.jacobian, WIDTH)
+    jacobians = block[rows.jacobian : rows.lower].T.reshape(WIDTH, m, n)
+    np.testing.assert_allclose(jacobians, chain.jacobian(q), atol=1e-12)
+    places = rows.jacobian, rows.lower, rows.inverse
+    from_python(cholesky)(block, *places, m, n, 0.0, WIDTH)
+    for bound in (LEAST_SINGULAR, np.median(chain.least_singular_value(q)) / chain.scale):
+        monkeypatch.setattr("pipeline.arm.serial.LEAST_SINGULAR", bound)
+        places = rows.jacobian, rows.lower, rows.spare, rows.singular
+        from_python(mark_singular)(block, replace(chain).numbers(), *places, WIDTH)
+        np.testing.assert_array_equal(block[rows.singular] > 0, replace(chain).singular(q))
+    # no entry is beyond the scale, nor all far below
+    greatest = np.abs(jacobians).max()
+    assert chain.sliding.any() or greatest <= chain.scale
+    assert m < 6 or chain.scale < 4 * greatest
 
 
 def test_the_jacobian_is_the_derivative_of_the_displacement(chain):
