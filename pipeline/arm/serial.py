@@ -15,10 +15,9 @@ import numpy as np
 
 from pipeline.arm.interface import ArmConstants, Chain
 
-# The least singular value of the Jacobian at a pose whose inverse is trusted, as a share of the
-# greatest entry that the Jacobian can have (see :meth:`SerialChain.scale`). Below it a step of a
-# thousandth of the arm's size asks for a radian of some joint: no step that the linear model
-# describes.
+# Least singular value of the Jacobian at a pose whose inverse is trusted, as a share of
+# :meth:`SerialChain.scale`. Below it a step of a thousandth of the arm's size asks for a radian of
+# some joint: no step that the linear model describes.
 LEAST_SINGULAR = 1e-3
 # rows of the velocity, then of the angular velocity, by their names; phi is the angle about the
 # normal of a task in a plane, which is the y axis of the plane's frame
@@ -177,16 +176,14 @@ FRAME_TURN, FRAME_COSINE, FRAME_SINE, FRAME_SHIFT = 0, 1, 2, 3
 def joint_frames(placements: np.ndarray) -> np.ndarray:
     """(n + 2, 6) turn, tilt and shift of the ``placements`` (n + 1, 12) of a serial chain.
 
-    A rotation is R_z(β)R_x(α)R_z(γ), and a revolute joint a turn about the z axis: β is added to
-    the turn of the joint before and γ to the joint's own turn, so that four products with the
-    entries of a rotation remain of nine. The last row is the turn after the tip's tilt.
+    A rotation is R_z(β)R_x(α)R_z(γ): β is added to the turn of the joint before and γ to the
+    joint's own, so that four products of nine remain. The last row turns the tip after its tilt.
     """
     result, own = np.zeros((len(placements) + 1, 6)), 0.0
     for row, placement in zip(result, placements, strict=False):
         rotation, shift = placement[:9].reshape(3, 3).copy(), placement[9:].copy()
         x, y = rotation[:2, 2]
-        # of the two turns that leave the z axis tilted about x alone the one of at most a right
-        # angle
+        # after either of two turns z is tilted about x alone: the one of at most a right angle
         turn = np.arctan2(-x if y >= 0 else x, abs(y))
         back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         rotation[:2], shift[:2] = back @ rotation[:2], back @ shift[:2]
