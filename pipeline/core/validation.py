@@ -17,13 +17,6 @@ from pipeline.core.errors import ConfigError
 T = TypeVar("T")
 RULES = ConfigDict(extra="forbid", allow_inf_nan=False)
 MISSING = "no value for "  # begins the message of a missing value
-# keys of earlier versions → the replacement that their refusal names
-REPLACED = {
-    "dataset.elimination": (
-        "a dataset names no decomposition any more; remove the key and set decomposition in "
-        "pipeline/conf/model/wishart.yaml (by_shape, pivoted_lu, qr, qr_transposed or given)"
-    ),
-}
 
 
 class Fault(ValueError):
@@ -116,7 +109,7 @@ def _fault(error: Any, structure: type, section: str) -> ConfigError:
         message = str(cause)
     elif kind in ("unexpected_keyword_argument", "extra_forbidden"):
         given, known = place[-1], _keys_at(structure, place[:-1])
-        message = REPLACED.get(key, f"unknown key '{given}'; there are {', '.join(known)}")
+        message = f"unknown key '{given}'; there are {', '.join(known)}"
     elif kind == "missing":
         return ConfigError(f"{MISSING}{key}", key=key)
     elif kind in ("dataclass_type", "dict_type"):

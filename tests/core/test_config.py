@@ -82,7 +82,6 @@ def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, wo
         ("dataset.laboratory.nonsense", "3", "unknown key 'nonsense'; there are trajectory"),
         ("dataset.laboratory.dynamics.clearance", "wide", "valid number"),
         ("dataset.laboratory.mocap", "{noise_std: -1.0}", "noise_std.*greater than or equal to 0"),
-        ("dataset.elimination", "{decomposition: qr}", r"pipeline/conf/model/wishart\.yaml"),
         ("models.wishart", "{kind: laplace}", "no kind 'laplace'; there are additive"),
         ("models.wishart.estimator", "bayes", "should be"),
         ("models.wishart.left", "[[1.0]]", "given"),
