@@ -259,7 +259,12 @@ def _robot(finding: Finding, form: Format) -> None:
             except ConfigError as error:
                 refused += [error.message] * error.message.startswith("robot.urdf")
         chains += [{"joints": chain, "tools": tools}] if tools else []
-    finding.facts |= {"robot": tree.name, "joints": joints, "arms": arms, "chains": chains}
+    finding.facts |= {
+        "robot": tree.root.get("name", ""),
+        "joints": joints,
+        "arms": arms,
+        "chains": chains,
+    }
     if refused and chains:
         finding.facts["chains_refused"] = refused[0]
     elif refused:
