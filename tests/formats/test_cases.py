@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.force.record import ForceLogOptions
-from pipeline.formats.force.table import read_force_table
+from pipeline.formats.force.record import ForceLogOptions, read_force_table
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.table import read_joint_table
 from pipeline.recordings.movement import UNWRAPPED, read_log, read_movement

@@ -28,8 +28,7 @@ from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics, write
 from pipeline.formats.force.calibration import AXES as GAUGED
 from pipeline.formats.force.calibration import read_calibration
 from pipeline.formats.force.daqft import read_daqft, read_netft, write_daqft
-from pipeline.formats.force.record import ForceLogOptions, ForceRecord
-from pipeline.formats.force.table import read_force_table
+from pipeline.formats.force.record import ForceLogOptions, ForceRecord, read_force_table
 from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.motion.motive import read_motive, write_motive

@@ -9,8 +9,7 @@ import pytest
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.formats.delimited import numbers_of, read_text
-from pipeline.formats.force.record import ForceLogOptions
-from pipeline.formats.force.table import read_force_table
+from pipeline.formats.force.record import ForceLogOptions, read_force_table
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.number_sheet import Sheet, read_sheet

@@ -12,8 +12,13 @@ from written_logs import write_netft
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.force.daqft import read_daqft, read_netft, write_daqft
-from pipeline.formats.force.record import FORCES, TORQUES, ForceLogOptions, ForceRecord
-from pipeline.formats.force.table import read_force_table
+from pipeline.formats.force.record import (
+    FORCES,
+    TORQUES,
+    ForceLogOptions,
+    ForceRecord,
+    read_force_table,
+)
 
 KEY, STARTED = "dataset.force.log", "4/2/13 3:45 PM"
 PLAIN = ForceLogOptions()

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.force.record import ForceLogOptions
-from pipeline.formats.force.table import read_force_table
+from pipeline.formats.force.record import ForceLogOptions, read_force_table
 
 COLUMNS = {"t": "time", "fx": "F1", "fy": "F2", "fz": "F3", "tx": "M1", "ty": "M2", "tz": "M3"}
 SI = ForceLogOptions(columns=COLUMNS, force_unit="N", torque_unit="N-m", time_unit="s")
