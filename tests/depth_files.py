@@ -2,35 +2,41 @@
 
 from __future__ import annotations
 
+import io
 import struct
-from collections.abc import Callable
+import zlib
 
 import numpy as np
-import pytest
+from PIL import Image
 
-from pipeline.core.errors import RecordingError
+from pipeline.formats.depth.image import PNG
 
 SHAPE = (424, 512)
 
 
 def frame(seed: int = 1, shape: tuple[int, int] = SHAPE) -> np.ndarray:
     generator = np.random.default_rng(seed)
-    raw = (
-        1800
-        + 0.5 * np.arange(shape[1])
-        + 0.3 * np.arange(shape[0])[:, None]
-        + generator.normal(size=shape) * 5
-    )
+    raw = 1800 + 0.5 * np.arange(shape[1]) + 0.3 * np.arange(shape[0])[:, None]
+    raw = raw + generator.normal(size=shape) * 5
     raw[generator.random(shape) < 0.2] = 0
     return raw.astype(np.uint16)
 
 
-def refused(call: Callable[..., object], *arguments: object, **options: object) -> RecordingError:
-    """The error with which ``call`` refuses the file that is its first argument."""
-    with pytest.raises(RecordingError) as caught:
-        call(*arguments, **options)
-    assert caught.value.evidence["file"] == arguments[0]
-    return caught.value
+def tiff(pixels: np.ndarray, description: str = "", append=(), **options: object) -> bytes:
+    content = io.BytesIO()
+    options["append_images"] = [Image.fromarray(more) for more in append]
+    Image.fromarray(pixels).save(content, "TIFF", description=description, **options)
+    return content.getvalue()
+
+
+def png(data: bytes, width: int, height: int, *, bits: int = 16, colour: int = 0) -> bytes:
+    """A PNG whose check sums are right, whatever its compressed ``data``."""
+    header = struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0)
+    return PNG + b"".join(
+        struct.pack(">I", len(content)) + name + content
+        + struct.pack(">I", zlib.crc32(name + content))
+        for name, content in ((b"IHDR", header), (b"IDAT", data), (b"IEND", b""))
+    )  # fmt: skip
 
 
 # one camera, of 640 × 480, as the tools write it

@@ -7,9 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from pipeline.core.errors import RecordingError
 from pipeline.core.options.instruments import SIGNALS
 from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.recordings import movement
@@ -53,13 +51,6 @@ def read_movement(
     }
     signals, counts = movement.read_movement(options, rate)
     return list(signals.values()), counts
-
-
-def refusal(file, joints: int = 2) -> RecordingError:
-    with pytest.raises(RecordingError) as caught:
-        read_joint_log(file, joints=joints)
-    assert caught.value.evidence["file"] == file
-    return caught.value
 
 
 def table(folder, header: str, *rows: str):

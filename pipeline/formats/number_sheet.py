@@ -227,8 +227,10 @@ def _sheet(text: Text, file: Path, separator: str | None, decimal: str | None, k
 
 
 def _is_rowlike(line: str) -> bool:
-    """Return whether a line can be a row, whole or cut: a cell begins with a number."""
-    return re.search(r"""(^|[,;\t"' ])[-+.]*\d[\d.,eE+-]*($|[,;\t"' ])""", line) is not None
+    """Return whether a line can be a row, whole or cut: it has not more words than numbers."""
+    pieces = re.split(r'[,;\s"]+', line)
+    words = [piece for piece in pieces if piece not in MISSING and re.search(r"^[^\W\d]", piece)]
+    return len(words) <= _numbers(pieces) > 0
 
 
 def _separator_of(line: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from depth_files import refused
+from written_logs import refusal
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.depth.index import dropped_frames, numbered_frames, read_index, write_index
@@ -30,24 +30,6 @@ def test_blanks_comments_and_the_line_ends_of_tums_lists_are_no_matter(tmp_path)
     assert result.files == ("depth/a.png", "depth/b c.png")
 
 
-@pytest.mark.parametrize(
-    ("content", "line"),
-    [
-        ("0.1 a.png\n1e400 b.png\n", 2),
-        ("0.5 a\n0.5 b\n", 2),
-        ("0.5 a\n\nnan b\n", 3),
-        ("0.5\n", 1),
-        ("a.png 0.5\n", 1),
-        ("# nothing\n", None),
-        ("", None),
-        ("0.5 a", None),
-    ],
-)
-def test_indexes_without_time_or_frame_are_refused(tmp_path, content, line):
-    (tmp_path / "depth.txt").write_text(content)
-    assert refused(read_index, tmp_path / "depth.txt").evidence.get("line") == line
-
-
 @pytest.mark.parametrize("units", [1e3, 1e6, 1e9], ids=["ms", "us", "ns"])
 def test_times_in_another_unit_than_seconds_are_refused(tmp_path, units):
     file = tmp_path / "depth.txt"
@@ -55,7 +37,7 @@ def test_times_in_another_unit_than_seconds_are_refused(tmp_path, units):
     assert len(read_index(file).time) == 5
     lines = [f"{(1305031102.0 + n / 30) * units:.0f} {n}.png\n" for n in range(5)]
     file.write_text("".join(lines))
-    assert "write the times in s" in refused(read_index, file).message
+    assert "write the times in s" in refusal(read_index, file).message
 
 
 def numbered(folder, *names: str) -> None:

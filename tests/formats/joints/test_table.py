@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from joint_files import read_joint_log, refusal, table
 
-from pipeline.core.errors import RecordingError
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.table import joint_labels, read_joint_table, write_joint_table
 
@@ -67,43 +66,6 @@ def test_tables_are_read_by_labels_or_numbers_in_any_form(tmp_path, header, row,
     result = read_joint_log(file, joints=3, columns=columns, options=options)
     np.testing.assert_allclose(result.signals["actual"], [[0.1, 0.2, 0.3]] * 4, rtol=1e-12)
     np.testing.assert_allclose(result.time, np.arange(4) * 0.008, atol=1e-12)
-
-
-REFUSED = {  # content: line, words
-    "0.1, 1, 2\n0.2, 1\n0.3, 1, 2\n": (2, "2 cells"),
-    "0.1, 1, 2\n\n0.2, 1, 2, 3\n0.3, 1, 2\n": (3, "4 cells"),
-    "0.1, 1, 2\n0.2, x, 2\n": (2, "'x'"),
-    "0.1, 1, 2\n0.2, nan, 2\n": (2, "no number"),
-    "0.1, 1, 2\n0.1, 1, 3\n": (2, "does not increase"),
-    "0.1, 1, 2, 3\n0.2, 1, 2, 3\n": (1, "3 values, not 2"),
-    "0.0, 10.5, -90.0\n0.1, 10.5, -90.0\n": (None, "angle_unit"),
-    "0.1, 1, 2": (None, "no whole line"),
-    "\x89PNG\0": (None, "no plain text"),
-}
-
-
-@pytest.mark.parametrize("content", REFUSED)
-def test_a_damaged_log_is_refused_with_its_line(tmp_path, content):
-    line, words = REFUSED[content]
-    (tmp_path / "log.csv").write_text(content)
-    error = refusal(tmp_path / "log.csv")
-    assert words in str(error).replace("not plain", "no plain")
-    assert error.evidence.get("line") == line
-
-
-@pytest.mark.parametrize(
-    ("header", "columns", "words"),
-    [
-        ("t,q1,q2", ["q1", "q3"], "0 columns are labelled 'q3'"),
-        ("t,q1,q1", ["q1", 2], "2 columns are labelled 'q1'"),
-        ("", [1, 3], "column 3"),
-        ("", ["q1", "q2"], "labels above the numbers are nothing"),
-    ],
-)
-def test_columns_that_are_not_there_are_refused_with_what_is(tmp_path, header, columns, words):
-    file = table(tmp_path, header, "0.0,0.5,0.25", "0.1,0.5,0.25")
-    with pytest.raises(RecordingError, match=words):
-        read_joint_log(file, joints=2, columns=columns)
 
 
 @pytest.mark.parametrize(
