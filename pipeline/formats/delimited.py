@@ -25,11 +25,7 @@ NEXUS = r'"?(Trajectories|Joints|Segments|Model Outputs?|Devices|Events|Analog E
 FOREIGN = (
     (r"PathFileType\b", "TRC (OpenSim, Cortex)", "export C3D from the same program"),
     (r"NO_OF_(FRAMES|CAMERAS)\b", "TSV of Qualisys Track Manager", "export C3D from QTM"),
-    (
-        rf"(?i:{NEXUS}[\s,;]*\d+(\.\d+)?(,Hz)?[\s,;]*\n)",
-        "ASCII export of Vicon",
-        "export C3D there",
-    ),
+    (rf"(?i:{NEXUS}[\s,;]*[\d.]+(,Hz)?[\s,;]*\n)", "ASCII export of Vicon", "export C3D there"),
     (r"HIERARCHY\b", "BVH file of motion capture", "export C3D from the same program"),
 )
 

@@ -22,13 +22,13 @@ from pipeline.formats.depth.image import Encoding, RawDepth, metres, read_depth,
 SMALL = frame(shape=(12, 16))
 
 
-@pytest.mark.parametrize(
-    ("name", "largest", "zeros", "units"),
-    [
-        ("depth_millimetres.png", 2702, 0.1304, 1000),
-        ("depth_tum_scale5000.png", 46655, 0.1919, 5000),
-    ],
-)
+REAL = [
+    ("depth_millimetres.png", 2702, 0.1304, 1000),
+    ("depth_tum_scale5000.png", 46655, 0.1919, 5000),
+]
+
+
+@pytest.mark.parametrize(("name", "largest", "zeros", "units"), REAL)
 def test_frames_of_real_sensors_keep_all_sixteen_bits(shared, name, largest, zeros, units):
     raw = read_depth(shared / "samples/kinect" / name, shape=(480, 640)).pixels
     assert (raw.dtype, raw.shape, raw.max()) == (np.uint16, (480, 640), largest)

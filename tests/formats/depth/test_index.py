@@ -11,10 +11,8 @@ from pipeline.formats.depth.index import dropped_frames, numbered_frames, read_i
 
 
 def test_written_indexes_read_back(tmp_path):
-    stamps, files = (
-        1305031102.175304 + np.arange(5) / 30,
-        tuple(f"depth/{n:04d}.png" for n in range(5)),
-    )
+    stamps = 1305031102.175304 + np.arange(5) / 30
+    files = tuple(f"depth/{n:04d}.png" for n in range(5))
     write_index(tmp_path / "depth.txt", stamps, files)
     result = read_index(tmp_path / "depth.txt")
     np.testing.assert_allclose(result.time, stamps, rtol=0, atol=0.6e-6)
@@ -47,13 +45,10 @@ def numbered(folder, *names: str) -> None:
 
 
 def test_numbered_frames_are_seen_at_the_rate_and_missing_numbers_leave_their_time_out(tmp_path):
-    numbered(
-        tmp_path,
-        *(f"depth/frame2-{n}.depth.png" for n in (9, 10, 11, 13, 100)),
-        "depth/colour-1.jpg",
-    )
+    names = tuple(f"depth/frame2-{n}.depth.png" for n in (9, 10, 11, 13, 100))
+    numbered(tmp_path, *names, "depth/colour-1.jpg")
     result = numbered_frames(tmp_path, "depth/*.png", rate=30.0)
-    assert result.files == tuple(f"depth/frame2-{n}.depth.png" for n in (9, 10, 11, 13, 100))
+    assert result.files == names
     np.testing.assert_allclose(result.time, np.array([0, 1, 2, 4, 91]) / 30)
 
 

@@ -60,15 +60,11 @@ def test_a_real_log_of_a_decimal_comma_culture_is_read_and_rewritten_to_its_own_
     assert rows[0] == rows[1]
 
 
-@pytest.mark.parametrize(
-    ("force", "torque", "newton", "newton_metre"),
-    [
-        ("kN", "N-mm", 1e3, 1e-3),
-        ("lbf", "lbf-in", POUND, POUND * 0.0254),
-        ("lbf", "lbf-ft", POUND, POUND * 0.3048),
-        ("N", "N·m", 1, 1),
-    ],
-)
+UNITS = [("kN", "N-mm", 1e3, 1e-3), ("lbf", "lbf-in", POUND, POUND * 0.0254)]
+UNITS += [("lbf", "lbf-ft", POUND, POUND * 0.3048), ("N", "N·m", 1, 1)]
+
+
+@pytest.mark.parametrize(("force", "torque", "newton", "newton_metre"), UNITS)
 def test_units_become_newton_and_newton_metre(tmp_path, force, torque, newton, newton_metre):
     result = read_daqft(log(tmp_path, ROW, force=force, torque=torque))
     np.testing.assert_allclose(result.force, [np.array([1.5, 2, 3]) * newton], rtol=1e-14)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
-from joint_files import read_joint_log, refusal, table
+from joint_files import read_joint_log, table
+from written_logs import refusal
 
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.table import joint_labels, read_joint_table, write_joint_table
@@ -84,7 +87,8 @@ def test_tables_are_read_by_labels_or_numbers_in_any_form(tmp_path, header, row,
 def test_a_unit_in_the_header_is_never_read_as_another(tmp_path, header, key, unit, last):
     (tmp_path / "log.csv").write_text(f"{header}\n0.0,0.5,1.5\n0.1,0.5,1.5\n")
     if key:
-        assert refusal(tmp_path / "log.csv").evidence["key"] == f"dataset.joint_log.{key}"
+        read = partial(read_joint_log, joints=2)
+        assert refusal(read, tmp_path / "log.csv").evidence["key"] == f"dataset.joint_log.{key}"
     options = LogOptions(**({key: unit} if key else {}))
     result = read_joint_log(tmp_path / "log.csv", joints=2, options=options)
     assert result.time[-1] == pytest.approx(last)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from motive_files import (
     DEFINITION,
     TRACKED,
@@ -19,9 +17,7 @@ from motive_files import (
 from scipy.spatial.transform import Rotation
 from written_logs import refusal
 
-from pipeline.core.errors import RecordingError
 from pipeline.formats.motion.motive import read_motive
-from pipeline.formats.motion.take import MotionTake
 
 
 def lines_of_take(frames: int) -> list[str]:
@@ -109,38 +105,3 @@ def test_trailing_and_blank_cells_and_repeated_rows_change_nothing_and_are_count
     for name in plain.markers:
         np.testing.assert_array_equal(result.markers[name], plain.markers[name])
     assert (result.counts["blank_rows"], result.counts["repeated_rows"]) == (2, 1)
-
-
-def samples(take: MotionTake) -> set[tuple[float, ...]]:
-    held = [points[np.isfinite(points[:, 0])] for points in take.markers.values()]
-    return {tuple(row) for points in held for row in points}
-
-
-@settings(derandomize=True, max_examples=120, deadline=None)
-@given(data=st.data())
-def test_any_cut_and_any_dropped_doubled_or_swapped_line_is_refused_or_leaves_true_samples(
-    tmp_path_factory, data
-):
-    folder, lines = tmp_path_factory.mktemp("rows"), lines_of_take(5)
-    whole = samples(in_metres(rows_file(folder, *lines)))
-    first, second = (data.draw(st.integers(0, len(lines) - 1)) for _ in range(2))
-    fault = data.draw(st.sampled_from(["cut", "dropped", "doubled", "swapped"]))
-    if fault == "dropped":
-        del lines[first]
-    elif fault == "doubled":
-        lines.insert(first, lines[first])
-    elif fault == "swapped":
-        lines[first], lines[second] = lines[second], lines[first]
-    file = rows_file(folder, *lines)
-    content = file.read_bytes()
-    if fault == "cut":
-        file.write_bytes(content[: data.draw(st.integers(0, len(content) - 1))])
-    try:
-        result = in_metres(file)
-    except RecordingError:
-        return
-    assert samples(result) <= whole
-    assert fault != "swapped" or first == second
-    names = ("lacking_body_rows", "repeated_rows", "cut_rows")
-    missed = 5 - result.counts["found_frames"] + sum(result.counts[name] for name in names)
-    assert missed or fault == "swapped" or (fault == "cut" and len(result.frame) == 5)
