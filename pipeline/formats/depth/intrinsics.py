@@ -113,11 +113,13 @@ def read_intrinsics(
     are), values that are no camera's, a distortion model that is not OpenCV's, and another size.
     """
     values, is_json = _values(file)
-    stated = [(values[wide], values[high]) for wide, high in SIZE if {wide, high} <= {*values}]
-    if width is None or height is None:
-        width, height = next((s for s in stated if [*map(type, s)] == [int, int]), ANY_SIZE)
-    for size in stated:
-        require_size(size, width, height, file=file)
+    for names in SIZE:  # where it is not given, it is the file's
+        stated = [values.get(name) for name in names]
+        width, height = (a or b for a, b in zip((width, height), stated, strict=True))
+    width, height = width or ANY_SIZE[0], height or ANY_SIZE[1]
+    for wide, high in SIZE:
+        stated = values.get(wide, width), values.get(high, height)
+        require_size(stated, width, height, file=file)
     there = f"the file has {', '.join(map(str, values))}"
 
     def choose(chosen: str | None, usual: tuple[str, ...], what: str) -> str | None:
