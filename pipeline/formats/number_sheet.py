@@ -1,8 +1,6 @@
-"""A table of numbers as any program writes it: settings, title and labels or none above the rows;
-comma, semicolon, tab or blanks between cells; decimal point or comma; columns of words beside.
-
-The last line says how many cells a row has. The rows begin at the first line whose cells hold
-numbers wherever the last lines do; everything above is the header, its last row the labels.
+"""A table of numbers as any program writes it: the last line says how many cells a row has, the
+rows begin at the first line whose cells hold numbers wherever the last lines do, and everything
+above (settings, title, labels) is the header.
 """
 
 from __future__ import annotations
@@ -128,10 +126,8 @@ class Sheet:
 
     def columns(self, wanted: Mapping[str, str | int], key: str) -> dict[str, int]:
         """Return the column of each quantity, which ``wanted`` names by a label, with or without
-        its unit, or by a number from 0.
-
-        Raises RecordingError with the ``key`` of the option for a label that is not there or there
-        twice, a number beyond the rows, and rows that lack a column of their labels.
+        its unit, or by a number from 0; RecordingError with the ``key`` of the option for one that
+        is not there or there twice, and for rows that lack a column of their labels.
         """
         self.require_cells()
         columns = {}
@@ -149,9 +145,7 @@ class Sheet:
         return columns
 
     def require_cells(self) -> None:
-        """Raise RecordingError where the last line of the header labels more columns than the rows
-        have: nobody can say which column is missing.
-        """
+        """Raise RecordingError where the header labels more columns than the rows have."""
         labels = [cell for cell in (self.above or [[]])[-1] if cell and "=" not in cell]
         if (held := len(self.last)) < len(labels):
             message = f"the row has {held} cells under {len(labels)} labels, the last of which is "
@@ -159,9 +153,7 @@ class Sheet:
             raise RecordingError(message, file=self.file, line=self.lines[0])
 
     def values(self, columns: list[int]) -> np.ndarray:
-        """Return (N, len(columns)) the numbers of the columns, 0 being the first; RecordingError
-        with the line for a cell that is none.
-        """
+        """Return (N, len(columns)) the numbers; RecordingError with the line of no number."""
         form = {"separator": self.separator, "decimal": self.decimal}
         return numbers_of(self.rows, self.lines, columns, file=self.file, **form)
 
@@ -173,9 +165,9 @@ def read_sheet(
     the given ``decimal`` mark, or as found.
 
     Raises RecordingError for a known format that is no table, for lines that are neither header nor
-    rows, and, naming the options below ``key``, for rows that can be read in two ways: points and
-    commas in one table, or whole numbers between commas under no header, which may be halves of
-    decimal fractions. Raises ConfigError for options that are no separator or mark.
+    rows, and, naming the options below ``key``, for points and commas in one table and for whole
+    numbers between commas under no header, which may be halves of decimal fractions. Raises
+    ConfigError for options that are no separator or mark.
     """
     known = separator in (None, *SEPARATORS) and decimal in (None, ".", ",")
     if not known or (decimal is not None and decimal == separator):
@@ -268,8 +260,8 @@ def _numbers(cells: list[str]) -> int:
 
 
 def _numeric_columns(split: list[list[str]]) -> list[int]:
-    """Return the columns that hold numbers in at least half of the last lines that are as wide as
-    the last one, from the last line up to one that holds none.
+    """Return the columns that hold numbers in at least half of the last lines of one width, from
+    the last line up to one that holds none.
     """
     alike = []
     for cells in reversed(split):
@@ -332,9 +324,7 @@ def _decimal(sheet: Sheet, key: str) -> str | None:
 
 
 def _begins(head: Head) -> bool:
-    """Return whether the reader finds rows in the whole lines of the beginning, or refuses them by
-    an option or a line.
-    """
+    """Return whether the reader finds rows in the beginning, or refuses an option or a line."""
     if head.text is None or not head.lines or foreign(head.text):
         return False
     *lines, last = head.text.split("\n")

@@ -40,6 +40,7 @@ class ForceRecord:
     started: str  # as the PC printed it
     counts: dict[str, int]  # see the reader
     units: Mapping[str, str] = field(default_factory=dict)  # as the log states them
+    marks: Mapping[str, str] = field(default_factory=dict)  # separator and decimal of a table
 
 
 @dataclass(frozen=True)
@@ -271,8 +272,9 @@ def timed_record(
         time, values = time[keep], values[keep]
         frequency = scale if numbered else rate_of(time)
     counts = repeats(values) | sheet.counts | clocked | (more or {})
-    parts = with_torque(values)
-    return ForceRecord(time, *parts, frequency, serial, started, counts, units or {})
+    stated = serial, started, counts, units or {}
+    marks = {"separator": sheet.separator, "decimal": sheet.decimal}
+    return ForceRecord(time, *with_torque(values), frequency, *stated, marks)
 
 
 def _unit_of_time(sheet: Sheet, column: int, options: ForceLogOptions) -> float:

@@ -103,7 +103,7 @@ def _trajectory(finding: Finding, form: Format) -> None:
 def _force(finding: Finding, form: Format) -> None:
     record = form.read(finding.file, ForceLogOptions())
     finding.rate, finding.duration = record.rate, float(record.time[-1] - record.time[0])
-    finding.units = dict(record.units)
+    finding.units, finding.facts = dict(record.units), dict(record.marks)
     if not {"lost_packets", "missing_samples"} & {*record.counts}:
         finding.facts["times"] = "none in the log: nothing shows a row that it lost"
     finding.count(record.counts)
