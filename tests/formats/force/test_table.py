@@ -72,21 +72,13 @@ def without(axis: str) -> dict[str, str]:
     return {name: label for name, label in COLUMNS.items() if name != axis}
 
 
-@pytest.mark.parametrize(
-    ("options", "key"),
-    [
-        ({"force_unit": None}, "force_unit"),
-        ({"force_unit": "stone"}, "force_unit"),
-        ({"torque_unit": None}, "torque_unit"),
-        ({"time_unit": None}, "time_unit"),
-        ({"columns": without("t")}, "rate"),
-        ({"columns": {"t": "time", "fx": "F1", "fy": "F2"}}, "columns"),
-        ({"columns": COLUMNS | {"fx": "F9"}}, "columns"),
-        ({"columns": COLUMNS | {"fx": 7}}, "columns"),
-        ({"columns": without("tz")}, "columns"),
-        ({"columns": COLUMNS | {"qx": 3}}, "columns"),
-    ],
-)
+OPEN = [({f"{name}_unit": None}, f"{name}_unit") for name in ("force", "torque", "time")]
+OPEN += [({"force_unit": "stone"}, "force_unit"), ({"columns": without("t")}, "rate")]
+OPEN += [({"columns": without(axis)}, "columns") for axis in ("fz", "tz")]
+OPEN += [({"columns": COLUMNS | more}, "columns") for more in ({"fx": "F9"}, {"fx": 7}, {"qx": 3})]
+
+
+@pytest.mark.parametrize(("options", "key"), OPEN)
 def test_what_nothing_settles_is_refused_by_the_name_of_its_option(tmp_path, options, key):
     file = table(tmp_path, "0.5,1,2,3,4,5,6", "0.6,1,2,3,4,5,7")
     read_force_table(file, SI)

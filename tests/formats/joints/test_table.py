@@ -15,15 +15,14 @@ from pipeline.formats.joints.table import joint_labels, read_joint_table, write_
 NAMES = ["q1", "q2", "q3"]
 
 
-@pytest.mark.parametrize(
-    ("name", "samples", "cut", "last", "first"),
-    [
-        ("5_Acc_slow_no_disturbance/log_q_actual.csv", 3293, 1, 26.336, 1.265641),
-        ("5_Acc_slow_no_disturbance/log_qd_target.csv", 3249, 0, 25.984, None),
-        ("6_Acc_slow_Verify_Model/log_q_target.csv", 10264, 0, 82.104, None),
-        ("7_Acc_slow_Verify_Model_short/log_q_actual.csv", 3492, 0, 27.928, None),
-    ],
-)
+REAL = [
+    ("5_Acc_slow_no_disturbance/log_q_actual.csv", 3293, 1, 26.336, 1.265641),
+    ("5_Acc_slow_no_disturbance/log_qd_target.csv", 3249, 0, 25.984, None),
+    ("6_Acc_slow_Verify_Model/log_q_target.csv", 10264, 0, 82.104, None),
+]
+
+
+@pytest.mark.parametrize(("name", "samples", "cut", "last", "first"), REAL)
 def test_logs_of_a_real_arm_have_their_lines_less_a_cut_one(
     shared, name, samples, cut, last, first
 ):
@@ -45,23 +44,19 @@ def test_a_written_log_reads_back_to_what_is_printed(tmp_path):
         np.testing.assert_allclose(read.signals[name], values, atol=0.51e-7)
 
 
-@pytest.mark.parametrize(
-    ("header", "row", "columns", "options"),
-    [
-        ("time,q1,q2,q3", "{t},0.1,0.2,0.3", NAMES, LogOptions("time")),
-        ("q3;x;q1;stamp (s);q2", "0,3;9,9;0,1;{t};0,2", NAMES, LogOptions("stamp")),
-        ("% t q1 q2 q3", "{t}  0.1 0.2   0.3", NAMES, LogOptions()),
-        ("", "{t}\t0.1\t0.2\t0.3", None, LogOptions()),
-        ("", "9 0.3 0.1 {t} 0.2", [2, 4, 1], LogOptions(3)),
-        (
-            "a note\nt,q1 [deg],q2,q3",
-            "{t},5.729577951308232,11.45915590261646,17.1887338539247",
-            NAMES,
-            LogOptions("t", angle_unit="deg"),
-        ),
-        ("q1,q2,q3", "0.1,0.2,0.3", None, LogOptions(None, 125.0)),
-    ],
-)
+DEGREES = "{t},5.729577951308232,11.45915590261646,17.1887338539247"
+FORMS = [
+    ("time,q1,q2,q3", "{t},0.1,0.2,0.3", NAMES, LogOptions("time")),
+    ("q3;x;q1;stamp (s);q2", "0,3;9,9;0,1;{t};0,2", NAMES, LogOptions("stamp")),
+    ("% t q1 q2 q3", "{t}  0.1 0.2   0.3", NAMES, LogOptions()),
+    ("", "{t}\t0.1\t0.2\t0.3", None, LogOptions()),
+    ("", "9 0.3 0.1 {t} 0.2", [2, 4, 1], LogOptions(3)),
+    ("a note\nt,q1 [deg],q2,q3", DEGREES, NAMES, LogOptions("t", angle_unit="deg")),
+    ("q1,q2,q3", "0.1,0.2,0.3", None, LogOptions(None, 125.0)),
+]
+
+
+@pytest.mark.parametrize(("header", "row", "columns", "options"), FORMS)
 def test_tables_are_read_by_labels_or_numbers_in_any_form(tmp_path, header, row, columns, options):
     times = [f"{0.008 * i:.3f}" for i in range(4)]
     rows = [row.format(t=time.replace(".", ",") if ";" in row else time) for time in times]
