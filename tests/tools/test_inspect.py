@@ -95,7 +95,7 @@ def test_what_each_format_states_is_shown_and_what_it_leaves_open_is_asked(findi
         "columns.csv": ("1.23", 100.0, 0.49, length, []),
         "take.c3d": (None, 100.0, 0.19, {"length": "mm"}, []),
         "rows.csv": ("1.1", 120.0, 29 / 120, {"length": "not stated"}, ["dataset.mocap.unit"]),
-        "commas.csv": ("semicolons and decimal comma", 100.0, 4.99, force, []),
+        "commas.csv": (None, 100.0, 4.99, force, []),
         "netft.csv": (None, 100.0, 4.99, force, []),
         "sized.json": (None, None, None, {}, []),
         "camera.yaml": (None, None, None, {}, ["dataset.depth.width, .height"]),
