@@ -38,25 +38,22 @@ def of_color(axes, color):
 
 def test_joint_realizations_shows_every_training_take_their_mean_and_the_noise_on_the_right(tables):
     figure = joint_realizations.draw(tables["joints"], tables["process_noise"])
-    assert len(figure.axes) == 6
-    training = tables["joints"].query("part == 'training'")
+    training, steps = (
+        tables["joints"].query("part == 'training'"),
+        tables["process_noise"].groupby("k"),
+    )
     for j, (left, right) in enumerate(zip(figure.axes[:3], figure.axes[3:], strict=True), start=1):
-        takes = of_color(left, RECORDED["color"])
-        assert len(takes) == 5
-        np.testing.assert_array_equal(
-            takes[1].get_ydata(), training[training["take"] == "training_002"][f"q:arm_{j}"]
-        )
+        takes, own = of_color(left, RECORDED["color"]), training.set_index("take")[f"q:arm_{j}"]
+        assert len(takes) == 5 and all(line.get_rasterized() for line in takes)
+        np.testing.assert_array_equal(takes[1].get_ydata(), own["training_002"])
         (mean,) = (line for line in left.lines if line.get_linestyle() == "--")
         np.testing.assert_allclose(mean.get_ydata(), training.groupby("k")[f"q:arm_{j}"].mean())
         (noise,) = right.lines
         assert noise.get_linestyle() == "-."
-        np.testing.assert_allclose(
-            noise.get_ydata(), tables["process_noise"].groupby("k")[f"w:arm_{j}"].std()
-        )
+        np.testing.assert_allclose(noise.get_ydata(), steps[f"w:arm_{j}"].std())
         assert left.get_ylabel() == f"arm {j} (rad)" and right.get_ylabel().endswith("(rad)")
     spans = [np.ptp(axes.get_ylim()) for axes in figure.axes[:3]]
     np.testing.assert_allclose(spans, spans[0])
-    assert all(line.get_rasterized() for line in takes)
 
 
 @pytest.mark.parametrize("models", [MODELS, ["gaussian", "additive"]])
@@ -81,20 +78,14 @@ def test_joint_std_draws_the_recorded_line_solid_and_the_models_dashed_on_one_sc
                 line.get_ydata(), tables["deviation"].set_index("source").loc[source, f"s:arm_{j}"]
             )
     assert len({axes.get_ylim() for axes in figure.axes}) == 1
+    assert figure.axes[0].get_ylabel() == "std of the process noise (rad)"
     outlying = tables["deviation"]["source"] == "wishart"
-    wide = tables["deviation"].copy()
-    columns = [f"s:{joint}" for joint in JOINTS]
-    wide.loc[outlying, columns] *= 50
-    (top,) = {axes.get_ylim()[1] for axes in joint_std.draw(wide, MODELS, JOINTS, "one_step").axes}
-    assert top == pytest.approx(1.05 * wide.loc[~outlying, columns].max().max())
-
-
-def test_joint_std_says_which_standard_deviation_it_is(tables):
-    labels = [
-        joint_std.draw(tables["deviation"], MODELS, JOINTS, mode).axes[0].get_ylabel()
-        for mode in ("one_step", "free_running")
-    ]
-    assert labels == ["std of the process noise (rad)", "std of the joint angle (rad)"]
+    wide, own = tables["deviation"].copy(), [f"s:{joint}" for joint in JOINTS]
+    wide.loc[outlying, own] *= 50
+    free = joint_std.draw(wide, MODELS, JOINTS, "free_running")
+    assert free.axes[0].get_ylabel() == "std of the joint angle (rad)"
+    (top,) = {axes.get_ylim()[1] for axes in free.axes}
+    assert top == pytest.approx(1.05 * wide.loc[~outlying, own].max().max())
 
 
 def test_articulation_draws_the_segments_through_their_named_nodes_on_one_scale(tables):
@@ -123,43 +114,37 @@ def test_kinect_noise_shows_the_estimate_from_all_takes_as_mean_and_standard_dev
 
 @pytest.mark.parametrize("models", [MODELS, ["gaussian"]])
 def test_filter_errors_has_a_row_per_model_with_one_take_its_bound_and_the_others(tables, models):
-    figure = filter_errors.draw(tables["filter_error"], models, JOINTS)
-    grid = np.reshape(figure.axes, (len(models), 3))
-    for row, model in zip(grid, models, strict=True):
-        take = tables["filter_error"].query("take == 'test_001'").set_index("model").loc[model]
-        for j, axes in enumerate(row, start=1):
+    errors = tables["filter_error"]
+    figure, alone = filter_errors.draw(errors, models, JOINTS), errors.query("take == 'test_001'")
+    mean = errors.query("model == 'none'").groupby("t")
+    for row, model in zip(np.reshape(figure.axes, (len(models), 3)), models, strict=True):
+        take = alone.set_index("model").loc[model]
+        for axes, joint in zip(row, JOINTS, strict=True):
+            rms = np.sqrt(mean[f"e:{joint}"].apply(lambda e: (e**2).mean()))
             (error,) = of_color(axes, BLUE)
-            np.testing.assert_array_equal(error.get_ydata(), take[f"e:arm_{j}"])
-            upper, lower = of_color(axes, VERMILLION)
-            np.testing.assert_array_equal(upper.get_ydata(), take[f"s:arm_{j}"])
-            np.testing.assert_array_equal(lower.get_ydata(), -take[f"s:arm_{j}"])
-            without = tables["filter_error"].query("model == 'none'").groupby("t")[f"e:arm_{j}"]
-            upper, lower = of_color(axes, BLACK)
-            np.testing.assert_allclose(
-                upper.get_ydata() ** 2, without.apply(lambda e: (e**2).mean())
-            )
-            np.testing.assert_array_equal(lower.get_ydata(), -upper.get_ydata())
+            np.testing.assert_array_equal(error.get_ydata(), take[f"e:{joint}"])
+            for color, bound in ((VERMILLION, take[f"s:{joint}"]), (BLACK, rms)):
+                for line, sign in zip(of_color(axes, color), (1, -1), strict=True):
+                    np.testing.assert_allclose(line.get_ydata(), sign * bound)
             assert len(axes.lines) == 2 + 2 + 3  # two other takes
         assert row[0].get_ylabel().endswith("error (rad)")
     assert len({axes.get_ylim() for axes in figure.axes}) == 1
-    alone = tables["filter_error"].query("take == 'test_001'")
-    expected = ["error of test_001", "±1σ bound of test_001", "rms error without a filter"]
+    expected = ["error of test_001", "±1σ bound of test_001", "rms error of the training mean"]
     assert legend(figure) == [*expected, "errors of the other takes"]
     assert legend(filter_errors.draw(alone, MODELS, JOINTS)) == expected
 
 
-def test_filter_closed_loop_has_the_rms_error_of_each_loop_and_of_no_filter(tables):
+def test_filter_closed_loop_has_the_rms_error_of_each_loop_and_of_the_training_mean(tables):
     figure = filter_closed_loop.draw(tables["filter_error"], MODELS, JOINTS)
-    grid = np.reshape(figure.axes, (len(MODELS), 3))
     by_model = tables["filter_error"].groupby(["model", "t"])
-    for row, model in zip(grid, MODELS, strict=True):
+    for row, model in zip(np.reshape(figure.axes, (3, 3)), MODELS, strict=True):
         # of the models here one alone has a closed loop
         names = ["none", model] + (["wishart_closed"] if model == "wishart" else [])
-        for j, axes in enumerate(row, start=1):
-            rms = np.sqrt(by_model[f"e:arm_{j}"].apply(lambda e: (e**2).mean()))
+        for axes, joint in zip(row, JOINTS, strict=True):
+            rms = np.sqrt(by_model[f"e:{joint}"].apply(lambda e: (e**2).mean()))
             for line, name in zip(axes.lines, names, strict=True):
                 np.testing.assert_allclose(line.get_ydata(), rms[name])
-    assert legend(figure) == ["no filter", "open loop", "closed loop"]
+    assert legend(figure) == ["training mean", "open loop", "closed loop"]
 
 
 ARMS = {

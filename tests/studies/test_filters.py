@@ -21,7 +21,6 @@ from pipeline.statistics.filters import Filtered, no_filter
 from pipeline.studies.filters import stage
 from pipeline.studies.filters.deviations import deviations
 from pipeline.studies.filters.stage import COVERAGE, LOG, RMS, YARDSTICK
-from pipeline.studies.frame import Results
 
 JOINTS = ["a", "b"]
 
@@ -80,9 +79,8 @@ def test_the_page_names_filters_that_gain_in_a_score_and_lose_in_none():
     log = rows["score"] == LOG
     worse = rows.assign(high=rows["high"].mask(log, -1.0), low=rows["low"].mask(log, -2.0))
     for shown, name in ((rows, "half, open loop"), (worse, "none")):
-        (page,) = stage.page(Results(options, tables | {"filters": shown}, "the figure"))
-        assert f"beyond 95 % intervals: {name}." in " ".join(page.split())
-        assert "half, open loop: 2 of 2 rms errors" in " ".join(page.split())
+        facts = stage.facts(tables | {"filters": shown}, options)
+        assert facts["particle"] == name and "half, open loop: 2 of 2 rms errors" in facts["sweep"]
     axes = stage.draw(rows, tables["filters_lasting"]).axes
     labels = [text.get_text() for text in axes[0].get_yticklabels()]
     assert labels == ["half, open loop", "linear, autocorrelation", "yardstick"]

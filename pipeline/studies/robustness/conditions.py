@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -25,8 +26,7 @@ from pipeline.wrench.bounds import Bounds
 from pipeline.wrench.study import run_study
 
 
-@dataclass(frozen=True)
-class Condition:
+class Condition(NamedTuple):
     """``levels`` of factors by name, those that are not named as in the base condition."""
 
     study: str  # motion or wrench
@@ -88,9 +88,7 @@ def verdicts(condition: Condition, common: Common) -> pd.DataFrame:
 
 
 def motion_evidence(condition: Condition, common: Common) -> Evidence:
-    """Return the evidence of a condition of the motion; none if its motion comes to a singular
-    pose.
-    """
+    """Return the evidence of a condition of the motion; none if it comes to a singular pose."""
     way = common.ways.get(str(condition.level("trajectory")), {})
     laboratory = replace(common.laboratory, motion=trajectory(common.laboratory.motion, way))
     levels = {k: float(v) for k, v in condition.levels if k not in ("trajectory", "particles")}
@@ -98,15 +96,10 @@ def motion_evidence(condition: Condition, common: Common) -> Evidence:
         takes, camera = observe(laboratory, PhysicsFactors(**levels), condition.seed, *common.takes)
     except (SingularJacobianError, RecordingError, ModelDomainError):
         return {}
-    recordings = Recordings(
-        takes=takes,
-        cameras={common.case.clock: camera},
-        rate=laboratory.motion.rate,
-        filtered=common.takes[1],
-        realizations=common.realizations,
-        # equal numbers in every condition of a seed, so that a difference is the condition's
-        stream=(condition.seed, "robustness"),
-    )
+    cameras, rate, filtered = {common.case.clock: camera}, laboratory.motion.rate, common.takes[1]
+    # equal numbers in every condition of a seed, so that a difference is the condition's
+    stream = (condition.seed, "robustness")
+    recordings = Recordings(takes, cameras, rate, filtered, common.realizations, stream)
     chosen = common.case.filter
     count = max(1, round(float(condition.level("particles")) * chosen.particles))
     case = replace(common.case, filter=replace(chosen, particles=count))
@@ -116,16 +109,15 @@ def motion_evidence(condition: Condition, common: Common) -> Evidence:
 
 def wrench_evidence(condition: Condition, common: Common) -> Evidence:
     """Return the evidence of the numerical study of the wrench with other bounds."""
-    kappa, tension = (float(condition.level(name)) for name in ("kappa", "tension_std"))
-    bounds = replace(
-        common.bounds,
-        concentration=tuple(kappa * value for value in common.bounds.concentration),
-        tension_sd=tuple(tension * value for value in common.bounds.tension_sd),
-    )
+    own = {"concentration": condition.level("kappa"), "tension_sd": condition.level("tension_std")}
+    scaled = {
+        name: tuple(float(factor) * value for value in getattr(common.bounds, name))
+        for name, factor in own.items()
+    }
     stream = rng.stream(condition.seed, "robustness.wrench")
-    _, errors, repeats = run_study(bounds, common.agents, *common.systems, stream)
-    study = wrench_summary(errors, repeats)
-    metrics = {}
+    bounds, sizes = replace(common.bounds, **scaled), common.systems
+    _, errors, repeats = run_study(bounds, common.agents, *sizes, stream)
+    study, metrics = wrench_summary(errors, repeats), {}
     for m, median in repeats.groupby("agents")["maximum"].median().items():
         own, name = study.set_index("agents").loc[m], f"study_m{m}_greatest_error"
         metrics |= {f"study_m{m}_mean_error": own["mean"], name: own["max"]}
