@@ -20,15 +20,18 @@ from pipeline.core.typed_yaml import read_yaml
 from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.models.kinds import options_type
 from pipeline.studies.robustness import stage
-from pipeline.studies.robustness.conditions import (
+from pipeline.studies.robustness.grid import (
+    CHANCE,
     Common,
     Condition,
+    cameras,
     conditions,
+    decision_cases,
     motion_evidence,
     trajectory,
     verdicts,
+    without_camera,
 )
-from pipeline.studies.robustness.decisions import CHANCE, cameras, decision_cases, without_camera
 from pipeline.studies.robustness.page import changes, draw
 from pipeline.verdicts.claims import parse_claims
 from pipeline.wrench.bounds import Bounds

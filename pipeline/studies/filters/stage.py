@@ -194,15 +194,17 @@ def facts(tables: Tables, options: Options) -> dict[str, object]:
     """Return the fields of the page."""
     rows, lasting = tables["filters"], tables["filters_lasting"]
     flags = better_or_worse(rows).groupby("filter", sort=False)[["better", "worse"]].any()
-    gains = list(flags.index[flags["better"] & ~flags["worse"]])
+    gains = flags.index[flags["better"] & ~flags["worse"]]
     joints = [joint for joint in dict.fromkeys(rows["joint"]) if joint != ALL]
-    lines = []
+    lines, found = [], {True: [], False: []}
     for name, own in rows.assign(ratio=error_ratio(rows)).groupby("filter", sort=False):
         own = own.set_index(["score", "joint"])
         cells = [*own["ratio"][RMS][joints], *own["mean"][COVERAGE][joints]]
         log = own.loc[(LOG, ALL)]
         gain = interval(log["difference"], log["low"], log["high"])
         lines.append([label(name), *map("{:.2f}".format, cells), number(log["mean"]), gain])
+        if name in gains:
+            found[name in LABELS].append(f"{label(name)} (log score {gain} nat)")
     head = [f"rms error of {joint} over the mean's" for joint in joints]
     head += [f"coverage of {joint}" for joint in joints]
     sweep = better_or_worse(lasting[lasting["left"] >= LASTS])
@@ -211,8 +213,8 @@ def facts(tables: Tables, options: Options) -> dict[str, object]:
         for (name, score), better in sweep.groupby(["filter", "score"], sort=False)["better"]
     ]
     return {
-        "particle": listed([label(x) for x in gains if x not in LABELS] or ["none"]),
-        "linear": listed([label(x) for x in gains if x in LABELS] or ["none"]),
+        "particle": listed(found[False] or ["none"]),
+        "linear": listed(found[True] or ["none"]),
         "table": table(["filter", *head, "log score (nat)", "minus the mean's"], lines),
         "least": min(options.factors),
         "greatest": max(options.factors),

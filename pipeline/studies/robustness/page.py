@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from pipeline.cases.readings import FAILS, HOLDS, UNKNOWN
 from pipeline.figures import style
 from pipeline.studies.frame import MISSING, Tables
-from pipeline.studies.robustness.decisions import BASE, CHANCE
+from pipeline.studies.robustness.grid import BASE, CHANCE
 from pipeline.verdicts.wording import table
 
 BOTH = "both"

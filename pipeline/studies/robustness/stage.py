@@ -26,8 +26,15 @@ from pipeline.core.options.analysis import Count
 from pipeline.core.validation import options
 from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.studies.frame import Study, Tables
-from pipeline.studies.robustness.conditions import Common, Condition, conditions, verdicts
-from pipeline.studies.robustness.decisions import cameras, decision_cases, without_camera
+from pipeline.studies.robustness.grid import (
+    Common,
+    Condition,
+    cameras,
+    conditions,
+    decision_cases,
+    verdicts,
+    without_camera,
+)
 from pipeline.studies.robustness.page import draw, facts
 from pipeline.studies.simulated import FACTORS, Laboratory
 from pipeline.verdicts.claims import Claim
