@@ -9,7 +9,7 @@ import pandas as pd
 
 from pipeline.cases.case import Choices, Takes
 from pipeline.core.errors import ModelDomainError, SingularJacobianError, SolverError
-from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
+from pipeline.models.closed_loop import ClosedLoopFit, closed_loop_of
 from pipeline.models.kinds import compared, estimate
 from pipeline.models.model import MotionModel
 from pipeline.models.options import Options
