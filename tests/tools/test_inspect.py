@@ -59,7 +59,7 @@ FORMATS = {
 BODY_ROWS = [f"frame,{k},{k / 100:.6f},1,1,{k},0,1,0,0,0,1,0,0,0,0" for k in range(9)]
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def zoo(tmp_path_factory) -> Path:
     """A folder of one recording of every format; read only."""
     folder = tmp_path_factory.mktemp("zoo")
@@ -67,29 +67,21 @@ def zoo(tmp_path_factory) -> Path:
     return folder
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def findings(zoo) -> dict[str, Finding]:
     """The account of each recording, by its place in the folder."""
     return {finding.file.relative_to(zoo).as_posix(): finding for finding in inspect(zoo)}
-
-
-def alone(file: Path) -> Finding:
-    (finding,) = inspect(file)
-    return finding
 
 
 def options(finding: Finding) -> list[str]:
     return [option for _, option in finding.open]
 
 
-def test_every_format_is_named_and_every_file_accounted_for(zoo, findings):
+def test_every_format_is_named_and_what_it_states_and_leaves_open_is_shown(zoo, findings):
     assert {name: finding.format for name, finding in findings.items()} == FORMATS
     assert [name for name, finding in findings.items() if finding.stops] == []
     for name in FORMATS:
         assert "[" in name or described(zoo / name) == findings[name], name
-
-
-def test_what_each_format_states_is_shown_and_what_it_leaves_open_is_asked(findings):
     length, force = {"length": "m"}, {"force": "N", "torque": "N-m"}
     stated = {
         "columns.csv": ("1.23", 100.0, 0.49, length, []),
@@ -133,7 +125,7 @@ def test_a_robot_states_its_arms_and_planar_chains(tmp_path, zoo, findings):
 
     def changed(text: str) -> Finding:
         (tmp_path / "arm.urdf").write_text(text)
-        return alone(tmp_path / "arm.urdf")
+        return described(tmp_path / "arm.urdf")
 
     bent = changed(urdf.replace('xyz="0 1 0"', 'xyz="1 0 0"', 1))
     assert bent.facts["arms"] == [{"joints": ["j1", "j2", "j3"], "tip": "tip"}]
@@ -154,10 +146,10 @@ def test_a_robot_states_its_arms_and_planar_chains(tmp_path, zoo, findings):
         ("empty.csv", "", "empty"),
         ("take.csv", "Format Version,1.23,Length Units,Meters\n\n", "no row starts with 'Frame'"),
         ("take.csv", "Format Version;1.23;Length Units;Meters\n\n", "another program saved"),
+        ("a.urdf", "<?xml version='1.0' encoding='x'?><robot name='a'/>", "is it XML in UTF-8"),
         ("a.urdf", "<robot name='a'><joint name='j' type='revolute'/></robot>", "j joins the link"),
         ("a.urdf", "<robot name='a'><link name='foot'/></robot>", "no joint of one coordinate"),
         ("a.urdf", "<!DOCTYPE r [<!ENTITY a 'aa'>]><robot>&a;</robot>", "document type"),
-        ("a.urdf", "<?xml version='1.0' encoding='x'?><robot name='a'/>", "is it XML in UTF-8"),
         ("t.csv", "1,5,2,5\n" * 5, "decimal commas?"),
         ("take.bag", "#ROSBAG V2.0\n", "damaged"),
         ("b.h5", b"\x89HDF\r\n\x1a\n" + bytes(200), "HDF5"),
@@ -170,26 +162,26 @@ def test_a_robot_states_its_arms_and_planar_chains(tmp_path, zoo, findings):
 )
 def test_what_a_reader_refuses_says_why_and_what_to_do(tmp_path, name, text, said):
     (tmp_path / name).write_bytes(text if isinstance(text, bytes) else text.encode())
-    findings = inspect(tmp_path)
-    reason = findings[0].facts.get("reason", "")
-    assert said in " ".join([reason, *findings[0].stops, *(asked for asked, _ in findings[0].open)])
-    table = as_table(findings, tmp_path).splitlines()
+    (finding,) = inspect(tmp_path)
+    reason = finding.facts.get("reason", "")
+    assert said in " ".join([reason, *finding.stops, *(asked for asked, _ in finding.open)])
+    table = as_table([finding], tmp_path).splitlines()
     assert said in table[-1] and (not reason or table[-1].startswith("not recognised, "))
 
 
 def test_counts_rates_and_units_of_a_log_are_shown(tmp_path):
     (tmp_path / "t.csv").write_text("1.5,2\n1.5,2\n0,0\n3,4\n")
-    assert alone(tmp_path / "t.csv").gaps == {"repeated_rows": 1, "zero_rows": 1}
+    assert described(tmp_path / "t.csv").gaps == {"repeated_rows": 1, "zero_rows": 1}
     rows = "".join(f"{k},{0.5 * k:.3f},1,2,3\n" for k in range(12))
-    take = alone(columns_file(tmp_path, MARKER + rows))
+    take = described(columns_file(tmp_path, MARKER + rows))
     assert "rate by the printed times 2 Hz" in as_table([take], tmp_path) and take.rate == 100.0
     write_depth(tmp_path / "d.png", np.array([[0, 0, 2047, 900]], np.uint16).repeat(4, axis=0))
-    assert "share not above zero 0.5" in as_table([alone(tmp_path / "d.png")], tmp_path)
+    assert "share not above zero 0.5" in as_table([described(tmp_path / "d.png")], tmp_path)
     (tmp_path / "c.pcd").write_text(
         "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 2\n"
         "VIEWPOINT 0 0 0 0 1 0 0\nPOINTS 4\nDATA ascii\n1 2 3\nnan nan nan\n4 5 6\n7 8 9\n"
     )
-    table = as_table([alone(tmp_path / "c.pcd")], tmp_path)
+    table = as_table([described(tmp_path / "c.pcd")], tmp_path)
     assert "points 3; organised 2 × 2; share without position 0.25" in table
     assert "turned by 180° about 1 0 0" in table and "in the sensor's frame" in table
 
@@ -199,7 +191,7 @@ def test_a_sequence_names_its_damaged_missing_and_outside_frames(zoo, tmp_path):
     (tmp_path / "a/depth/0001.png").unlink()
     frame = tmp_path / "a/depth/0000.png"
     frame.write_bytes(frame.read_bytes()[:-20])
-    finding = alone(tmp_path)
+    (finding,) = inspect(tmp_path)
     assert "1 of 4 frames of the index are not there: depth/0001.png" in finding.stops[0]
     assert finding.stops[1].startswith("0000.png: the depth frame is truncated")
     (tmp_path / "secret.png").write_bytes(frame.read_bytes())

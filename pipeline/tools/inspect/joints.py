@@ -70,9 +70,8 @@ def joint_log(finding: Finding, form: Format) -> None:
         question = f"the unit of the angles is not stated; the greatest is {greatest:.4g}"
         finding.ask(question, f"{OPTION}.angle_unit", unit)
     if {*ANGLES} <= {*signals} and finding.duration:
-        _compare(
-            finding, time, *(signals[name] * ANGLE_UNITS[unit] for name in ANGLES), record.joints
-        )
+        angles = [signals[name] for name in ANGLES]
+        _compare(finding, time, *angles, record.joints, (unit, "s"))
 
 
 def table(finding: Finding, form: Format) -> None:
@@ -135,7 +134,7 @@ def _labelled(
     if {*ANGLES} <= {*signals} and timed:
         angles = [np.column_stack([columns[n] for n in signals[name]]) for name in ANGLES]
         stated = sheet.unit(labels.index(signals["actual"][0])) or sheet.angle_unit
-        _in_units(finding, time, angles, signals["actual"], stated, sheet.unit(timed[0]))
+        _compare(finding, time, *angles, signals["actual"], (stated, sheet.unit(timed[0])))
 
 
 def time_unit(step: float) -> str | None:
@@ -150,36 +149,27 @@ def unit_of_angles(greatest: float) -> str:
     return "deg" if greatest > MOST_TURNS * TURN else "rad"
 
 
-def _in_units(
-    finding: Finding,
-    time: np.ndarray,
-    angles: Sequence[np.ndarray],
-    joints: Sequence[str] = (),
-    angle_unit: str | None = None,
-    clock_unit: str | None = None,
-) -> None:
-    """Compare measured and commanded ``angles`` of a table in the units that its header states."""
-    clock = spelled(clock_unit or "")
-    clock = clock if clock in TIME_UNITS else time_unit(float(np.median(np.diff(time))))
-    greatest, unit = float(np.abs(angles[0]).max()), spelled(angle_unit or "")
-    if unit not in ANGLE_UNITS and (unit := unit_of_angles(greatest)) == "deg":
-        finding.ask(f"angles of {greatest:.4g} are no radians", f"{OPTION}.angle_unit", unit)
-    if clock is not None:
-        angles = [values * ANGLE_UNITS[unit] for values in angles]
-        _compare(finding, time * TIME_UNITS[clock], *angles, joints)
-
-
 def _compare(
     finding: Finding,
     time: np.ndarray,
     actual: np.ndarray,
     target: np.ndarray,
-    joints: Sequence[str],
+    joints: Sequence[str] = (),
+    units: tuple[str | None, str | None] = (None, None),
 ) -> None:
-    """Add how the measured angles ``actual`` follow the command ``target``, both (N, joints) in rad
-    at ``time`` (N,) in s, the motions in the command, and the options that make them a pair.
+    """Add how the measured angles ``actual`` follow the command ``target``, both (N, joints) at
+    ``time`` (N,), the motions in the command, and the options that make them a pair; ``units`` of
+    angles and time as the header states them.
     """
-    time = time - time[0]
+    unit, clock = (spelled(stated or "") for stated in units)
+    clock = clock if clock in TIME_UNITS else time_unit(float(np.median(np.diff(time))))
+    greatest = float(np.abs(actual).max())
+    if unit not in ANGLE_UNITS and (unit := unit_of_angles(greatest)) == "deg":
+        finding.ask(f"angles of {greatest:.4g} are no radians", f"{OPTION}.angle_unit", unit)
+    if clock is None:
+        return
+    time = (time - time[0]) * TIME_UNITS[clock]
+    actual, target = actual * ANGLE_UNITS[unit], target * ANGLE_UNITS[unit]
     try:
         actual, removed = unwrapped(actual, time, joints, signal="actual")
         target, more = unwrapped(target, time, joints, signal="target")
@@ -241,4 +231,4 @@ def compare_tables(findings: Sequence[Finding]) -> None:
         length = min(len(log.time) for log in logs)
         if length > 2:
             angles = [log.signals["angles"][:length] for log in logs]
-            _in_units(tables["target"], logs[0].time[:length], angles)
+            _compare(tables["target"], logs[0].time[:length], *angles)

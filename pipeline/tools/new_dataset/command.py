@@ -7,16 +7,17 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from pipeline.core import config, contracts, datasheet
-from pipeline.core.datasheet import OPEN, Draft, Question, unfilled_keys
+from pipeline.core.datasheet import OPEN, Draft, unfilled_keys
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.options.instruments import JointLogSection
@@ -58,7 +59,7 @@ ARGUMENTS = {
     "--motion": MOTION,
     "--ask": ASK,
 }
-LINE = re.compile(r"(?P<indent> *)(?P<key>\w+):(?: (?P<value>[^#]*?))?(?: # (?P<hint>.*))?")
+LINE = re.compile(r" *(?P<key>\w+):(?: (?P<value>[^#]*?))?(?: # (?P<hint>.*))?")
 UNPLACED = 12  # recordings that are named although they have no place
 INVENTORY = """\
 # These recordings are read in place: their inventory stands here for them, so that a change of the
@@ -171,8 +172,8 @@ def _filled(text: str, known: Mapping[str, Any]) -> Iterator[str]:
         depth = len(body) - len(body.lstrip())
         if depth > left_out:
             continue
-        left_out = 1000
-        if (parts := LINE.fullmatch(body)) is None:
+        left_out, parts = 1000, LINE.fullmatch(body)
+        if parts is None:
             yield body  # a comment
             continue
         path = [*path[: depth // 2], parts["key"]]
@@ -180,22 +181,21 @@ def _filled(text: str, known: Mapping[str, Any]) -> Iterator[str]:
         if line != body and not any(f"{one}.".startswith(f"{key}.") for one in known):
             left_out = depth
             continue
-        given, value, note = known.get(key, ""), "", ""
-        if not isinstance(given, Mapping):
-            value, _, note = given.partition(" # ")
-            value = value or parts["value"] or ""
-        hint = "; ".join(filter(None, [note, parts["hint"]]))
-        yield f"{' ' * depth}{parts['key']}:{value and ' '}{value}{hint and ' # '}{hint}"
+        given, inner = known.get(key, ""), {}
         if isinstance(given, Mapping):
-            yield from _nested(given, depth + 2)
+            given, inner = "", given
+        value, _, note = given.partition(" # ")
+        value = "" if inner else value or parts["value"] or ""
+        hint = "; ".join(filter(None, [note, parts["hint"]]))
+        yield f"{body[:depth]}{parts['key']}:{value and ' '}{value}{hint and ' # '}{hint}"
+        yield from _nested(inner, depth + 2)
 
 
 def _nested(values: Mapping[str, Any], depth: int) -> Iterator[str]:
     for name, value in values.items():
-        inner = isinstance(value, Mapping)
+        inner = value if isinstance(value, Mapping) else {}
         yield f"{' ' * depth}{text_of(name)}:{'' if inner else f' {value}'}"
-        if inner:
-            yield from _nested(value, depth + 2)
+        yield from _nested(inner, depth + 2)
 
 
 @dataclass
@@ -220,18 +220,23 @@ class Filling:
         motion: int | None = None,
         ask: bool = False,
     ) -> None:
-        """Fill in the ``given`` values, YAML by key as robot.tool; then every suggestion where
-        ``suggested``; the motion of that number in the printed table, from 1; and what is asked for
-        on the terminal. ConfigError for an answer that does not fit.
+        """Fill in the ``given`` values, YAML by key as robot.tool; then every suggestion that
+        nothing is wrong with where ``suggested``; the motion of that number among the printed ones,
+        from 1; and what is asked for on the terminal. ConfigError for an answer that does not fit.
         """
         for key, value in given.items():
             self._answer(key, value)
-        if suggested:
-            self._take_suggested()
+        while suggested:  # they may follow from each other
+            values, before = self._suggested()[0], self.left
+            for key in [key for key in before if key in values]:
+                with suppress(PipelineError):
+                    self._answer(key, values[key])
+                    print(f"taken as suggested: {key}: {get_filled(self.draft.values(), key)}")
+            suggested = self.left != before
         if motion is not None:
             self._choose(self.show_motions(), motion)
         if ask:
-            self._ask_all()
+            self._ask()
 
     def write(self) -> None:
         """Write the files, with remarks in the comments of the values that are open."""
@@ -248,48 +253,25 @@ class Filling:
     def _suggested(self) -> tuple[dict[str, str], dict[str, str]]:
         return suggested_values(self.recorded, self.folder, self.draft.values())
 
-    def _take_suggested(self) -> None:
-        """Take every suggestion that nothing is wrong with; they may follow from each other."""
-        taken = True
-        while taken:
-            taken = False
-            suggested, _ = self._suggested()
-            for key in [key for key in self.left if key in suggested]:
-                try:
-                    self._answer(key, suggested[key])
-                except PipelineError:
-                    continue
-                taken = True
-                print(f"taken as suggested: {key}: {get_filled(self.draft.values(), key)}")
-
     def show_motions(self) -> list[FoundMotion]:
         """Print the motions in the logs, numbered from 1, and return them."""
         offered = found_motions(self.draft.values())
         if not offered:
             raise ConfigError("no motion is found that the logs hold from rest to rest, or repeat")
-        rows = []
         for number, motion in enumerate(offered, start=1):
-            counts = Counter(name for name, _ in motion.places)
+            counts = Counter(name for name, _ in motion.places).items()
+            pause = "no rest" if motion.pause is None else f"pauses of {motion.pause} or more"
             disturbed = ", ".join(f"{name} row {place}" for name, place in motion.disturbed)
-            rows.append(
-                {
-                    "no.": number,
-                    "from (rad)": _rounded(motion.start, 2),
-                    "to (rad)": _rounded(motion.end, 2),
-                    "steps": motion.steps,
-                    "pause": "never rests" if motion.pause is None else motion.pause,
-                    "times": len(motion.places),
-                    "disturbed": disturbed or "none",
-                    "least singular value": f"{motion.least_singular:.2g}",
-                    "commands differ by (rad)": f"{motion.deviation:.2g}",
-                    "movements": ", ".join(f"{name} ({count})" for name, count in counts.items()),
-                }
+            print(
+                f"motion {number}: {motion.steps} steps, {pause}, in "
+                f"{', '.join(f'{name} ({count})' for name, count in counts)}\n"
+                f"  from {_rounded(motion.start, 2)} to {_rounded(motion.end, 2)} rad\n"
+                f"  commands differ by {motion.deviation:.2g} rad, least singular value "
+                f"{motion.least_singular:.2g}" + f", disturbed: {disturbed}" * bool(disturbed)
             )
-        print(pd.DataFrame(rows).to_string(index=False))
         return offered
 
     def _choose(self, offered: list[FoundMotion], number: int) -> None:
-        """Fill in the motion of that ``number``."""
         if not 1 <= number <= len(offered):
             raise ConfigError(f"there is no motion {number}; there are 1 to {len(offered)}")
         motion, rate = offered[number - 1], self.draft.values()["motion"]["rate"]
@@ -299,45 +281,42 @@ class Filling:
         for key in [key for key in self.left if key in chosen]:
             self._answer(key, str(chosen[key]))
 
-    def _ask_all(self) -> None:
+    def _ask(self) -> None:
         """Ask for one value after another, the robot's first as others follow from them; an empty
         answer takes the suggestion, or leaves ???.
         """
         passed: set[str] = set()
-        try:
+        with suppress(EOFError, KeyboardInterrupt):
             while questions := [one for one in self.draft.questions() if one.key not in passed]:
                 first = min(questions, key=lambda one: (one.key[:6] != "robot.", one.key in KEYS))
-                motion = "joint_log.start" in self.left and not passed & {*KEYS}
-                if motion and first.key in KEYS:
-                    self._ask_for_motion()
-                passed.add(first.key)
-                if first.key in self.left:
-                    self._ask(first)
-        except (EOFError, KeyboardInterrupt):
-            print("")
+                key = first.key
+                if key in KEYS and "joint_log.start" in self.left and not passed & {*KEYS}:
+                    try:
+                        offered = self.show_motions()
+                        print(f"the motion that is analysed: {', '.join(KEYS)}")
+                        prompt = "number, or nothing to give them one by one? "
+                        _accepted(lambda n, found=offered: self._choose(found, int(n)), prompt)
+                    except PipelineError as error:
+                        print(f"! {error}")
+                passed.add(key)
+                if key not in self.left:
+                    continue
+                suggested, remark = (known.get(key) for known in self._suggested())
+                print("; ".join(filter(None, [f"\n{key}: {first.hint}", remark])))
+                if not _accepted(partial(self._answer, key), "? ", suggested):
+                    print("left as ???")
 
-    def _ask(self, question: Question) -> None:
-        suggested, remark = (known.get(question.key) for known in self._suggested())
-        print("; ".join(filter(None, [f"\n{question.key}: {question.hint}", remark])))
-        while answer := input(f"[{suggested}] " if suggested else "? ").strip() or suggested:
-            try:
-                return self._answer(question.key, answer)
-            except PipelineError as error:
-                print(f"! {error}")
-                suggested = None if answer == suggested else suggested
-        return print("left as ???")
 
-    def _ask_for_motion(self) -> None:
+def _accepted(accept: Callable[[str], None], prompt: str, suggested: str | None = None) -> bool:
+    """Ask until ``accept`` takes the answer, and return True; False for an empty answer."""
+    while answer := input(f"[{suggested}] " if suggested else prompt).strip() or suggested:
         try:
-            offered = self.show_motions()
-            print("\nthe motion that is analysed: motion.steps, joint_log.start, .end and .rest")
-        except PipelineError as error:
-            return print(f"! {error}")
-        while answer := input("number, or nothing to give them one by one? ").strip():
-            try:
-                return self._choose(offered, int(answer))
-            except (ValueError, PipelineError) as error:
-                print(f"! {error}")
+            accept(answer)
+            return True
+        except (ValueError, PipelineError) as error:
+            print(f"! {error}")
+            suggested = None if answer == suggested else suggested
+    return False
 
 
 def found_motions(values: dict[str, Any]) -> list[FoundMotion]:
