@@ -65,17 +65,10 @@ def folder(tmp_path_factory) -> Path:
 
 
 def write_plain(file: Path, chain, **changes) -> Path:
-    record = {
-        "format": FORMAT,
-        "model": "scaled_t",
-        "dataset": "bench",
-        "joints": ["a", "b", "c"],
-        "rate_per_s": 100.0,
-        "parameters": PLAIN | changes,
-        "closed_loop_share": 0.0,
-        "ranges": {"pose": dict.fromkeys("abc", SEEN), "joint speed": dict.fromkeys("abc", SEEN)},
-        "arm": chain_record(chain),
-    }
+    record = {"format": FORMAT, "model": "scaled_t", "dataset": "bench", "joints": ["a", "b", "c"]}
+    record |= {"rate_per_s": 100.0, "parameters": PLAIN | changes, "closed_loop_share": 0.0}
+    seen = dict.fromkeys("abc", SEEN)
+    record |= {"ranges": {"pose": seen, "joint speed": seen}, "arm": chain_record(chain)}
     file.write_text(json.dumps(record))
     return file
 
@@ -121,77 +114,64 @@ def test_a_joint_step_needs_no_jacobian_and_a_wrong_shape_is_named(folder, chain
     np.testing.assert_allclose(scaled.covariance_of_joint_step(dq), known)
 
 
-ARMS = {"ur5": np.zeros(6), "lwr4": np.full(7, 0.3)}
-
-
-@pytest.fixture(params=ARMS)
-def arm(request, tmp_path, monkeypatch) -> SimpleNamespace:
-    """A colleague's folder with an exported model, and the reader of that folder."""
-    name, home = request.param, ARMS[request.param]
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize(("name", "home"), [("ur5", np.zeros(6)), ("lwr4", np.full(7, 0.3))])
+def test_a_filter_a_planner_and_a_frame_use_the_model_of_a_real_arm(
+    name, home, tmp_path, monkeypatch
+):
+    kalman = pytest.importorskip("filterpy.kalman", reason="filterpy is missing; `make` has it")
+    pinocchio = pytest.importorskip("pinocchio", reason="pinocchio is missing")
     n, urdf = len(home), str(ROOT / f"pipeline/arm/{name}.urdf")
-    joints = [f"joint_{number}" for number in range(1, n + 1)]
-    dataset = SimpleNamespace(
-        name=name,
-        robot=Robot(urdf=urdf, joints=joints, tool="flange"),
-        motion=SimpleNamespace(rate=125.0, pose_noise=None),
-    )
+    robot = Robot(urdf=urdf, joints=[f"joint_{j}" for j in range(1, n + 1)], tool="flange")
+    motion = SimpleNamespace(rate=125.0, pose_noise=None)
+    dataset = SimpleNamespace(name=name, robot=robot, motion=motion)
+    settings = SimpleNamespace(dataset=dataset, seed=1, scale=SimpleNamespace(name="smoke"))
     rng = np.random.default_rng(1)
     dq = 6e-3 * np.sin(np.outer(np.arange(4000), 0.01 + 0.003 * np.arange(n)))
     noise = (2e-5 + 0.02 * np.abs(dq)) * rng.standard_normal(dq.shape)
-    motion = MotionSteps("1", (home + np.cumsum(dq, axis=0))[None], dq[None], noise[None])
-    settings = SimpleNamespace(dataset=dataset, seed=1, scale=SimpleNamespace(name="smoke"))
+    steps = MotionSteps("1", (home + np.cumsum(dq, axis=0))[None], dq[None], noise[None])
     monkeypatch.setattr(command, "SOURCES", [Path(urdf)])
     file = tmp_path / f"{name}_scaled_all.json"
-    command.write_export(command.exported("scaled_all", settings, [motion]), file)
+    command.write_export(command.exported("scaled_all", settings, [steps]), file)
     module = types.ModuleType("read_motion_model")
     monkeypatch.setitem(sys.modules, "read_motion_model", module)
     exec(compile((tmp_path / NAME).read_text(), NAME, "exec"), module.__dict__)
-    return SimpleNamespace(model=module.load(file), urdf=urdf, home=home, dq=dq[:200], n=n)
+    model = module.load(file)
 
-
-@pytest.mark.filterwarnings("ignore::UserWarning")
-def test_a_kalman_filter_of_filterpy_follows_the_joints(arm):
-    kalman = pytest.importorskip("filterpy.kalman", reason="filterpy is missing; `make` has it")
-    rng, n = np.random.default_rng(2), arm.n
+    # a Kalman filter of filterpy is nearer than the measured joints
     filtered = kalman.KalmanFilter(dim_x=n, dim_z=n, dim_u=n)
     filtered.F = filtered.H = filtered.B = np.eye(n)
-    filtered.x, filtered.P = arm.home.copy(), 1e-8 * np.eye(n)
+    filtered.x, filtered.P = home.copy(), 1e-8 * np.eye(n)
     filtered.R = (5e-4) ** 2 * np.eye(n)
-    true, errors, measured = arm.home.copy(), [], []
-    for dq in arm.dq:
-        Q = arm.model.covariance_of_joint_step(dq)
-        true = true + dq + rng.multivariate_normal(np.zeros(n), Q)
+    true, errors, measured = home.copy(), [], []
+    for step in dq[:200]:
+        Q = model.covariance_of_joint_step(step)
+        true = true + step + rng.multivariate_normal(np.zeros(n), Q)
         y = true + 5e-4 * rng.standard_normal(n)
-        filtered.predict(u=dq, Q=Q)
+        filtered.predict(u=step, Q=Q)
         filtered.update(y)
         errors.append(filtered.x - true)
         measured.append(y - true)
     assert np.sqrt(np.mean(np.square(errors))) < 0.7 * np.sqrt(np.mean(np.square(measured)))
 
-
-@pytest.mark.filterwarnings("ignore::UserWarning")
-def test_a_planner_finds_slow_steps_less_uncertain(arm):
-    def cost(count: int) -> float:
-        """Sum of the variances of a motion of 0.2 rad of every joint in ``count`` equal steps."""
-        dq = np.full((count, arm.n), 0.2 / count)
-        return float(np.trace(arm.model.covariance_of_joint_step(dq), axis1=1, axis2=2).sum())
-
-    costs = {count: cost(count) for count in (40, 80, 160, 640, 2560)}
+    # a planner: summed variance of a motion of 0.2 rad of every joint in so many equal steps
+    costs = {}
+    for count in (40, 80, 160, 640, 2560):
+        covariances = model.covariance_of_joint_step(np.full((count, n), 0.2 / count))
+        costs[count] = float(np.trace(covariances, axis1=1, axis2=2).sum())
     best = min(costs, key=costs.get)
     assert costs[40] > costs[80] > costs[160] and best not in (40, 2560)
 
-
-def test_the_covariance_of_a_frame_is_that_of_drawn_poses(arm):
-    pinocchio = pytest.importorskip("pinocchio", reason="pinocchio is missing")
-    model = pinocchio.buildModelFromUrdf(arm.urdf)
-    data, frame = model.createData(), model.getFrameId("flange")
-    sigma, q = arm.model.covariance_of_joint_step(arm.dq[60]), arm.home + arm.dq[60]
-    pinocchio.computeJointJacobians(model, data, q)
-    pinocchio.updateFramePlacements(model, data)
+    # the covariance of a frame, J Σ Jᵀ of pinocchio, is that of drawn poses
+    arm = pinocchio.buildModelFromUrdf(urdf)
+    data, frame, q = arm.createData(), arm.getFrameId("flange"), home + dq[60]
+    sigma = model.covariance_of_joint_step(dq[60])
+    pinocchio.computeJointJacobians(arm, data, q)
+    pinocchio.updateFramePlacements(arm, data)
     world = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    J = pinocchio.getFrameJacobian(model, data, frame, world)[:3]
+    J = pinocchio.getFrameJacobian(arm, data, frame, world)[:3]
     drawn = np.random.default_rng(3).multivariate_normal(q, sigma, 20_000)
-    points, expected = arm.model.chain.pose(drawn)[..., :3], J @ sigma @ J.T
+    points, expected = model.chain.pose(drawn)[..., :3], J @ sigma @ J.T
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     np.testing.assert_allclose(np.cov(points.T) / scale, expected / scale, atol=0.06)
 

@@ -54,15 +54,17 @@ class RecordingLayout(NamedTuple):
     @property
     def markers(self) -> list[str]:
         """Markers that all takes of motion capture have."""
-        return _in_all([take.markers for take in self.takes])
+        names = dict.fromkeys(name for take in self.takes for name in take.markers)
+        return [name for name in names if all(name in take.markers for take in self.takes)]
 
     @property
     def bodies(self) -> list[str]:
         """Rigid bodies that all takes of motion capture have, where they are what follows the
         links: no markers are named by three links, and no depth camera looks at a planar arm.
         """
-        followed = not (self.depth or links_of(self.markers))
-        return _in_all([take.bodies for take in self.takes]) if followed else []
+        names = dict.fromkeys(name for take in self.takes for name in take.bodies)
+        alike = [name for name in names if all(name in take.bodies for take in self.takes)]
+        return [] if self.depth or links_of(self.markers) else alike
 
 
 def in_groups(groups: Iterable[Group]) -> list[Finding]:
@@ -73,10 +75,6 @@ def in_groups(groups: Iterable[Group]) -> list[Finding]:
 def logs_of(takes: Iterable[Finding]) -> list[Finding]:
     """Return the files of the movements ``takes``, one or several of each."""
     return [one for take in takes for one in (take.facts.get("tables") or {"": take}).values()]
-
-
-def _in_all(held: list[list[str]]) -> list[str]:
-    return [name for name in held[0] if all(name in each for each in held)] if held else []
 
 
 def links_of(names: list[str]) -> dict[str, list[str]] | None:

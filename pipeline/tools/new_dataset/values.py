@@ -205,12 +205,8 @@ def _joint_log(movements: Sequence[Group], takes: Sequence[Finding]) -> Values:
             if "role" in table.facts:
                 values[table.facts["role"]] = f"{text_of(name)} # by its name"
         first = next(iter(tables.values()))
-        steps, widths = (
-            {table.facts.get(fact) for table in tables.values()} - {None}
-            for fact in ("step_of_column_0", "columns")
-        )
-        step = f"steps by {steps.pop():g}" if len(steps) == 1 else ""
-        values["time"] = (f"0 # {step}" if step else "0") if first.timed else _asked(step)
+        widths = {table.facts.get("columns") for table in tables.values()}
+        values["time"] = "0" if first.timed else OPEN
         joints = widths.pop() - 1 if len(widths) == 1 and first.timed else None
     elif first.kind != Kind.JOINTS:
         if "signals" not in first.suggested:
@@ -243,21 +239,18 @@ def _robot(robots: Sequence[Finding], planar: bool) -> Values:
     if not planar and (not arms or [arms[0]["joints"]] != [one["joints"] for one in chains]):
         if arms:
             joints = f"[{_several(arms[0]['joints'])}] # all that move the last link"
-            values |= {"robot.joints": joints, "robot.tool": _only([arm["tip"] for arm in arms])}
+            tips = _one_of(text_of(arm["tip"]) for arm in arms)
+            values |= {"robot.joints": joints, "robot.tool": tips}
         return values
     others = facts.get("joints", {}).get("revolute", [])
     joints = _asked(f"three parallel ones of {_several(others) or 'the URDF'}")
     if len(chains) == 1:
         own = chains[0]["joints"]
         joints = f"[{_several(own)}] # the only three in a row that are parallel"
-        values["robot.tool"] = _only(chains[0]["tools"])
+        values["robot.tool"] = _one_of(map(text_of, chains[0]["tools"]))
         others = [joint for joint in others if joint not in own]
     locked = _asked(_several(others)) if others or not chains else "{}"
     return values | {"robot.plane": "", "robot.joints": joints, "robot.locked": locked}
-
-
-def _only(names: Sequence[str]) -> str:
-    return text_of(names[0]) if len(names) == 1 else _asked(_several(names))
 
 
 def suggested_values(
@@ -268,7 +261,14 @@ def suggested_values(
     """
     logs = in_groups(recorded.movements)
     tables = [one for one in logs_of(logs) if one.kind == Kind.TABLE]
-    found: dict[str, str | None] = {"about.licence": _licence(folder)}
+    found: dict[str, str | None] = {}
+    for file in sorted(folder.iterdir(), reverse=True):
+        if file.is_file() and re.match("(?i)licen[cs]e|copying", file.name):
+            lines = [
+                " ".join(line.split()) for line in file.read_text(errors="replace").split("\n")
+            ]
+            if stated := [*filter(None, lines[:20])][:2]:
+                found["about.licence"] = text_of(", ".join(stated))
     # movement → suggestions of the first of its logs that has some
     named = {
         name: next((one.suggested for one in logs_of([take]) if one.suggested), {})
@@ -320,13 +320,3 @@ def suggested_values(
 @cache
 def _arms(urdf: Path) -> list[dict[str, Any]]:
     return described(urdf).facts.get("arms", [])
-
-
-def _licence(folder: Path) -> str | None:
-    """The first two lines of a file of licence."""
-    for file in sorted(folder.iterdir()):
-        if file.is_file() and file.name.lower().startswith(("licence", "license", "copying")):
-            lines = file.read_text(errors="replace").split("\n")[:20]
-            stated = [" ".join(line.split()) for line in lines if line.strip()]
-            return text_of(", ".join(stated[:2])) if stated else None
-    return None
