@@ -114,15 +114,35 @@ def test_a_joint_step_needs_no_jacobian_and_a_wrong_shape_is_named(folder, chain
     np.testing.assert_allclose(scaled.covariance_of_joint_step(dq), known)
 
 
+PAGE = (ROOT / "pipeline/tools/export/README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+
+
+def run_blocks(blocks: list[str], folder: Path, monkeypatch) -> dict:
+    """Return the names after the README's ``blocks`` as printed, run in a colleague's folder."""
+    pytest.importorskip("filterpy", reason="filterpy is missing; `make` has it")
+    monkeypatch.chdir(folder)
+    module = types.ModuleType("read_motion_model")
+    monkeypatch.setitem(sys.modules, "read_motion_model", module)
+    exec(compile((folder / NAME).read_text(), NAME, "exec"), module.__dict__)
+    known: dict = {}
+    for block in blocks:
+        exec(block, known)
+    return known
+
+
+def error(known: dict, name: str) -> float:
+    return float(np.sqrt(np.mean(np.subtract(known[name], known["path"]) ** 2)))
+
+
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize(("name", "home"), [("ur5", np.zeros(6)), ("lwr4", np.full(7, 0.3))])
-def test_a_filter_a_planner_and_a_frame_use_the_model_of_a_real_arm(
+def test_the_readmes_filter_planner_and_frame_use_the_model_of_a_real_arm(
     name, home, tmp_path, monkeypatch
 ):
-    kalman = pytest.importorskip("filterpy.kalman", reason="filterpy is missing; `make` has it")
-    pinocchio = pytest.importorskip("pinocchio", reason="pinocchio is missing")
-    n, urdf = len(home), str(ROOT / f"pipeline/arm/{name}.urdf")
-    robot = Robot(urdf=urdf, joints=[f"joint_{j}" for j in range(1, n + 1)], tool="flange")
+    pytest.importorskip("pinocchio", reason="pinocchio is missing")
+    n, urdf = len(home), ROOT / f"pipeline/arm/{name}.urdf"
+    robot = Robot(urdf=str(urdf), joints=[f"joint_{j}" for j in range(1, n + 1)], tool="flange")
     motion = SimpleNamespace(rate=125.0, pose_noise=None)
     dataset = SimpleNamespace(name=name, robot=robot, motion=motion)
     settings = SimpleNamespace(dataset=dataset, seed=1, scale=SimpleNamespace(name="smoke"))
@@ -130,76 +150,31 @@ def test_a_filter_a_planner_and_a_frame_use_the_model_of_a_real_arm(
     dq = 6e-3 * np.sin(np.outer(np.arange(4000), 0.01 + 0.003 * np.arange(n)))
     noise = (2e-5 + 0.02 * np.abs(dq)) * rng.standard_normal(dq.shape)
     steps = MotionSteps("1", (home + np.cumsum(dq, axis=0))[None], dq[None], noise[None])
-    monkeypatch.setattr(command, "SOURCES", [Path(urdf)])
-    file = tmp_path / f"{name}_scaled_all.json"
-    command.write_export(command.exported("scaled_all", settings, [steps]), file)
-    module = types.ModuleType("read_motion_model")
-    monkeypatch.setitem(sys.modules, "read_motion_model", module)
-    exec(compile((tmp_path / NAME).read_text(), NAME, "exec"), module.__dict__)
-    model = module.load(file)
-
-    # a Kalman filter of filterpy is nearer than the measured joints
-    filtered = kalman.KalmanFilter(dim_x=n, dim_z=n, dim_u=n)
-    filtered.F = filtered.H = filtered.B = np.eye(n)
-    filtered.x, filtered.P = home.copy(), 1e-8 * np.eye(n)
-    filtered.R = (5e-4) ** 2 * np.eye(n)
-    true, errors, measured = home.copy(), [], []
-    for step in dq[:200]:
-        Q = model.covariance_of_joint_step(step)
-        true = true + step + rng.multivariate_normal(np.zeros(n), Q)
-        y = true + 5e-4 * rng.standard_normal(n)
-        filtered.predict(u=step, Q=Q)
-        filtered.update(y)
-        errors.append(filtered.x - true)
-        measured.append(y - true)
-    assert np.sqrt(np.mean(np.square(errors))) < 0.7 * np.sqrt(np.mean(np.square(measured)))
-
-    # a planner: summed variance of a motion of 0.2 rad of every joint in so many equal steps
-    costs = {}
-    for count in (40, 80, 160, 640, 2560):
-        covariances = model.covariance_of_joint_step(np.full((count, n), 0.2 / count))
-        costs[count] = float(np.trace(covariances, axis1=1, axis2=2).sum())
-    best = min(costs, key=costs.get)
-    assert costs[40] > costs[80] > costs[160] and best not in (40, 2560)
-
-    # the covariance of a frame, J Σ Jᵀ of pinocchio, is that of drawn poses
-    arm = pinocchio.buildModelFromUrdf(urdf)
-    data, frame, q = arm.createData(), arm.getFrameId("flange"), home + dq[60]
-    sigma = model.covariance_of_joint_step(dq[60])
-    pinocchio.computeJointJacobians(arm, data, q)
-    pinocchio.updateFramePlacements(arm, data)
-    world = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    J = pinocchio.getFrameJacobian(arm, data, frame, world)[:3]
-    drawn = np.random.default_rng(3).multivariate_normal(q, sigma, 20_000)
-    points, expected = model.chain.pose(drawn)[..., :3], J @ sigma @ J.T
+    monkeypatch.setattr(command, "SOURCES", [urdf])
+    record = command.exported("scaled_all", settings, [steps])
+    command.write_export(record, tmp_path / "model.json")
+    (tmp_path / "arm.urdf").write_text(urdf.read_text())
+    known = run_blocks(BLOCKS[:4], tmp_path, monkeypatch)
+    assert error(known, "by_kalman") < 0.7 * error(known, "measured")
+    cost = known["joint_variance"]
+    assert cost(40) > cost(known["best_steps"]) < cost(20_000)
+    # the covariance of the frame is that of drawn poses
+    drawn = np.random.default_rng(3).multivariate_normal(known["start"], known["sigma"], 20_000)
+    points, expected = known["model"].chain.pose(drawn)[..., :3], known["position_covariance"]
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     np.testing.assert_allclose(np.cov(points.T) / scale, expected / scale, atol=0.06)
 
 
-PAGE = (ROOT / "pipeline/tools/export/README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
-
-
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_the_readmes_filters_are_nearer_than_measured_and_its_planner_swings_out(
-    tmp_path, chain, monkeypatch
+    folder, chain, monkeypatch
 ):
-    pytest.importorskip("filterpy", reason="filterpy is missing; `make` has it")
-    write_model(tmp_path / "model.json", "wishart", chain, speed=0.1)
-    (tmp_path / NAME).write_text(reader_source())
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delitem(sys.modules, "read_motion_model", raising=False)
-    known: dict = {}
-    for block in BLOCKS:
-        exec(block, known)
-    errors = {
-        name: np.sqrt(np.mean(np.subtract(known[name], known["path"]) ** 2))
-        for name in ("measured", "by_ukf", "by_particles")
-    }
-    assert len(BLOCKS) == 4 and len(known["by_ukf"]) == 60
-    assert 0.004 < errors["measured"] < 0.006
-    assert max(errors["by_ukf"], errors["by_particles"]) < 0.7 * errors["measured"]
+    write_model(folder / "model.json", "wishart", chain, speed=0.1)
+    known = run_blocks(BLOCKS[4:], folder, monkeypatch)
+    assert len(BLOCKS) == 8 and len(known["by_ukf"]) == 60
+    measured = error(known, "measured")
+    assert 0.004 < measured < 0.006
+    assert max(error(known, "by_ukf"), error(known, "by_particles")) < 0.7 * measured
     # the swing is less uncertain than the straight way and than one to the other side
     best, cost = known["best"], known["variance"]
     assert abs(best) > 0.002 and cost(best) < min(cost(0.0), cost(-best))
