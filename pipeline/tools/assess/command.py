@@ -129,9 +129,7 @@ def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
 
 
 def _draw(take: str, verdict: TakeVerdict, found: Innovations, number: int) -> Figure:
-    """Innovations of take ``number`` by joint with ±2σ and the middle 95 % of the others; the parts
-    of the motion are the darker, the more the joint's evidence differs from theirs.
-    """
+    """Innovations of take ``number`` with ±2σ and the middle 95 % of the others, spans shaded."""
     looks = style.joint_lines(list(verdict.names[1:])).values()
     shape = (style.TWO_COLUMNS, 1.5, 0.85)
     figure, (grid,) = style.joint_panels(len(looks), style.beside(len(looks)), shape)

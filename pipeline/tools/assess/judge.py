@@ -144,9 +144,7 @@ def judge(
 def _distances(
     values: np.ndarray, others: np.ndarray, number: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """t (...) of ``values[number]`` among the N ``others`` of ``values`` (T, ...), and (N, ...) of
-    each of these among the rest.
-    """
+    """t of ``values[number]`` among the ``others`` of ``values`` (T, ...), and of each of these."""
 
     def distance(one: np.ndarray, rest: np.ndarray) -> np.ndarray:
         scale = rest.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(rest))

@@ -28,7 +28,7 @@ from pipeline.models.other_motions import other_motions
 from pipeline.recordings.motions import logged_motions
 from pipeline.stages import fit, ingest, predict, track
 from pipeline.tools.check.command import get_filled
-from pipeline.tools.export.command import EXPORTS, exported, write_export
+from pipeline.tools.export.command import EXPORTS, exported, require_name, write_export
 from pipeline.tools.new_dataset.command import ASK, MOTION, SET, answers, open_dataset
 from pipeline.tools.new_dataset.values import KEYS
 from pipeline.verdicts.model_card import model_card
@@ -59,6 +59,8 @@ def run(
     """
     if not folder.is_dir():
         raise ConfigError("there is no such folder of recordings", file=folder)
+    if model is not None:
+        require_name(model)
     name = name or re.sub(r"\W+", "_", folder.resolve().name)
     _dataset(name, folder, answers(set), **options)
     with _project(name, folder.resolve(), scale) as root:
@@ -98,10 +100,7 @@ def _dataset(
     ask: bool,
     motion: int | None,
 ) -> None:
-    """Write the dataset's files where they are not there, by the values ``given`` and, without
-    ``ask``, by values that no analysis depends on, the usual name of a last link and a regular
-    motion; ConfigError names what is still open.
-    """
+    """Write the dataset's files where they are not there; ConfigError names what is open."""
     option, known = config.CONF / "dataset" / f"{name}.yaml", {"suggested": True, "ask": ask}
     if option.exists() and datasheet.path_of(name).exists():
         print(f"characterize: the dataset {name} is there already and is taken as it is")
@@ -160,9 +159,7 @@ def _project(name: str, recordings: Path, scale: str) -> Iterator[Path]:
 def _results(
     settings: config.Config,
 ) -> tuple[list | None, dict[str, pd.DataFrame], dict[str, dict]]:
-    """Run the stages up to predict; return their tables and metrics. Where the analysed motion is
-    refused, also all motions of the logs, and the tables of the plain models alone.
-    """
+    """Tables and metrics of the stages; where they refuse the motion, of the plain models alone."""
     dataset = settings.dataset
     try:
         _stage(ingest.run, "motion")

@@ -72,6 +72,14 @@ def write_export(record: dict[str, Any], file: Path) -> None:
         print(f"export: no number for {parameter}{of}: {found}")
 
 
+def require_name(model: str) -> None:
+    """Raise ConfigError where no model has this name."""
+    options = config.option_names("model")
+    if model not in PLAIN and model.removesuffix(CLOSED) not in options:
+        there_are = ", ".join([*PLAIN, *options])
+        raise ConfigError(f"no model {model!r}; there are {there_are}", key="MODEL")
+
+
 def exported(
     model: str, settings: Any, motions: Sequence[MotionSteps] | None = None
 ) -> dict[str, Any]:
@@ -82,6 +90,7 @@ def exported(
     Raises ConfigError for an unknown model, and ModelDomainError where the recordings give none or
     cannot tell a parameter that its predictions need.
     """
+    require_name(model)
     dataset, sources = settings.dataset, SOURCES
     chain, motion = chain_of(dataset.robot), dataset.motion
     record = {
@@ -188,9 +197,6 @@ def _fitted(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str, An
 
 
 def _fit_here(name: str, recorded: Recorded, *, closed_form: bool) -> tuple[dict, dict]:
-    if name not in config.option_names("model"):
-        there_are = ", ".join([*PLAIN, *config.option_names("model")])
-        raise ConfigError(f"no model {name!r}; there are {there_are}", key="MODEL")
     options = config.model_options([name])[name]
     found = kinds.estimate(recorded, options)
     if not closed_form:

@@ -77,9 +77,7 @@ def inspect(place: Path) -> list[Finding]:
 
 
 def _files(folder: Path) -> tuple[list[Path], list[Path], list[Finding]]:
-    """Files below ``folder`` but hidden ones and those of bags, the bags that are folders, and the
-    folders that cannot be read; no link to a folder is followed.
-    """
+    """Files but hidden ones and those of bags, bags that are folders, folders that are closed."""
     files, bags, unread = [], [], []
 
     def closed(error: OSError) -> None:

@@ -250,9 +250,7 @@ def _bag(finding: Finding, form: Format) -> None:
 
 
 def _robot(finding: Finding, form: Format) -> None:
-    """Add the joints, the last links that most joints of one coordinate move (``arms``, joints from
-    base to tip), and every three joints in a row that are a planar chain (``chains``).
-    """
+    """Add joints, arms (joints from base to tip of a last link) and planar chains of three."""
     try:
         tree = read_urdf(finding.file)
     except ConfigError as error:

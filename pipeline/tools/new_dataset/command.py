@@ -282,9 +282,7 @@ class Filling:
             self._answer(key, str(chosen[key]))
 
     def _ask(self) -> None:
-        """Ask for one value after another, the robot's first as others follow from them; an empty
-        answer takes the suggestion, or leaves ???.
-        """
+        """Ask for one value after another, the robot's first as others follow from them."""
         passed: set[str] = set()
         with suppress(EOFError, KeyboardInterrupt):
             while questions := [one for one in self.draft.questions() if one.key not in passed]:

@@ -128,9 +128,7 @@ def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
 
 
 def _groups(recorded: dict[Path, Finding], folder: Path) -> list[Group]:
-    """The recordings by the pattern of their paths; where no two share one and all are the files of
-    one folder and ending, as one group.
-    """
+    """The recordings by the pattern of their paths, or as all files of one folder and ending."""
     shared = Counter(_pattern(path.relative_to(folder)) for path in recorded)
     patterns: dict[str, dict[Path, Finding]] = {}
     for path, finding in recorded.items():
@@ -150,9 +148,7 @@ def _groups(recorded: dict[Path, Finding], folder: Path) -> list[Group]:
 
 
 def _pattern(path: Path) -> str:
-    """``path`` as a glob, with a star for the last number in its name, or else in the name of the
-    nearest folder with one.
-    """
+    """A glob with a star for the last number in the name, or in the nearest folder with one."""
     suffix = "" if path.suffix[1:].isdigit() else path.suffix
     name = path.as_posix().removesuffix(suffix)
     if parts := re.fullmatch(r"(.*?)(\d+)(\D*)", name, re.DOTALL):
@@ -161,9 +157,7 @@ def _pattern(path: Path) -> str:
 
 
 def _movements(tables: list[Finding], folder: Path) -> dict[Path, Finding]:
-    """The ``tables`` whose labels say that they hold measured and commanded angles; else the
-    folders below ``folder`` that hold two or more tables of the names that most such folders have.
-    """
+    """Tables of measured and commanded angles, else folders of tables of the same names."""
     whole, held = {}, {}
     for one in tables:
         guessed = {"target"} if "signals" in one.suggested else set()
