@@ -197,10 +197,10 @@ def test_recordings_that_differ_in_a_number_share_a_line_and_json_has_each(tmp_p
         (tmp_path / "rows.csv").rename(tmp_path / f"take_{number}.csv")
     findings = inspect(tmp_path)
     lines = as_table(findings, tmp_path).splitlines()
-    assert len(lines) == 4 and lines[2].startswith("take_*.csv (12)")
-    assert lines[3].startswith("    ? the file does not say the unit of its lengths")
+    assert len(lines) == 3 and lines[0].startswith("take_*.csv (12): Motive CSV")
+    assert lines[2].startswith("    ? the file does not say the unit of its lengths")
     # a terminal acts on nothing that a file holds
-    assert "\x1b" not in lines[2] and "Ha\N{REPLACEMENT CHARACTER}[2Jnd" in lines[2]
+    assert "\x1b" not in lines[1] and "Ha\N{REPLACEMENT CHARACTER}[2Jnd" in lines[1]
     read = json.loads(as_json(findings))
     assert len(read) == 12 and read[0]["open"][0].keys() == {"question", "option"}
 
@@ -212,7 +212,7 @@ def test_the_command_prints_a_table_json_and_one_line_of_error(zoo, tmp_path, mo
 
     code, text, _ = call(zoo / "columns.csv", "--json")
     assert code == 0 and json.loads(text)[0]["units"] == {"length": "m"}
-    assert call(zoo / "columns.csv")[1].splitlines()[2].split("  ")[1] == "Motive CSV 1.23"
+    assert call(zoo / "columns.csv")[1].splitlines()[0].endswith(": Motive CSV 1.23")
     code, text, error = call(tmp_path / "nothing")
     assert (code, text) == (1, "")
     assert error.startswith("error: inspect: there is no such file or folder [file ")

@@ -15,8 +15,7 @@ from pathlib import Path
 from pipeline.core.errors import PipelineError
 
 UNKNOWN, ROBOT = "unknown", "robot"
-HEADINGS = ("recording", "format", "rate", "unit", "duration", "counts", "holds")
-WIDEST = 48  # characters up to which a column is padded
+WIDTH = 100  # characters of a line of facts
 LISTED = 4  # names of a list
 NOTABLE = """unlabelled_markers width height points organised share_without_position viewpoint
     share_not_above_zero samples rows columns columns_without_numbers steps announced_frames
@@ -100,8 +99,8 @@ def as_json(findings: list[Finding]) -> str:
 
 
 def as_table(findings: list[Finding], folder: Path) -> str:
-    """Return a line a recording, those alike but for their number in one; below each the questions
-    (?) and the stops (!).
+    """Return name and format of each recording, those alike but for their number in one; below it
+    facts and counts, the questions (?) and the stops (!).
     """
     groups: dict[object, list[Finding]] = {}
     reasons: dict[str, list[str]] = {}
@@ -112,41 +111,44 @@ def as_table(findings: list[Finding], folder: Path) -> str:
         alike = (one.units, one.markers, one.bodies, one.suggested, one.format, one.version)
         key = re.sub(r"\d+", "*", str(one.file)), str(alike), str([o for _, o in one.open])
         groups.setdefault(one.file if one.stops else key, []).append(one)
-    rows = [HEADINGS, *(_row(group, folder) for group in groups.values())]
-    widths = [min(max(map(len, cells)), WIDEST) for cells in zip(*rows, strict=True)]
-    # a name that is longer than its column pushes the others, rather than being cut
-    head, *lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
-    printed = [head, "  ".join("-" * width for width in widths)]
-    for line, (first, *_) in zip(lines, groups.values(), strict=True):
-        printed += [line, *(f"    ? {question}: {option}" for question, option in first.open)]
-        printed += [f"    ! {reason}" for reason in first.stops]
+    printed = []
+    for group in groups.values():
+        printed += _lines(group, folder)
+        printed += [f"    ? {question}: {option}" for question, option in group[0].open]
+        printed += [f"    ! {reason}" for reason in group[0].stops]
     printed += [f"not recognised, {reason}: {_text(names)}" for reason, names in reasons.items()]
     # names come from the files: no control character reaches the terminal
     return "\n".join("".join(c if c.isprintable() else "\ufffd" for c in p) for p in printed)
 
 
-def _row(group: list[Finding], folder: Path) -> tuple[str, ...]:
+def _lines(group: list[Finding], folder: Path) -> list[str]:
     first, place = group[0], shown(group[0].file, folder)
+    if len(group) > 1:
+        place = f"{re.sub(r'[0-9]+', '*', place)} ({len(group)})"
     counts = sum((Counter(one.gaps) for one in group), Counter())
-    labels = first.facts.get("labels")
-    names = {"bodies": first.bodies, "markers": first.markers, "columns": labels}
-    parts = [f"{name} {_text(held)}" for name, held in names.items() if held]
+    labels, stated = first.facts.get("labels"), ", ".join(dict.fromkeys(first.units.values()))
+    facts = [
+        _range([one.rate for one in group], "Hz"),
+        _range([one.duration for one in group], "s"),
+    ]
+    facts += [f"{number} {name.replace('_', ' ')}" for name, number in counts.items()]
+    names = {"unit": stated, "bodies": first.bodies, "markers": first.markers, "columns": labels}
+    facts += [f"{name} {_text(held)}" for name, held in names.items() if held]
     for name in NOTABLE:
         value = first.facts.get(name)
         if (value or (value == 0 and name == "first_frame")) and not (name == "columns" and labels):
             if isinstance(value, dict):
                 value = [f"{key} ({_text(held)})" for key, held in value.items()]
             text = repr(value) if name in ("separator", "decimal") else _text(value)
-            parts.append(f"{name.replace('_', ' ')} {text}")
-    return (
-        place if len(group) == 1 else f"{re.sub(r'[0-9]+', '*', place)} ({len(group)})",
-        " ".join(filter(None, [first.format, first.version])),
-        _range([one.rate for one in group], "Hz"),
-        ", ".join(dict.fromkeys(first.units.values())),
-        _range([one.duration for one in group], "s"),
-        ", ".join(f"{number} {name.replace('_', ' ')}" for name, number in counts.items()),
-        "; ".join(parts),
-    )
+            facts.append(f"{name.replace('_', ' ')} {text}")
+    lines = ["    "]
+    for fact in filter(None, facts):
+        if lines[-1].strip() and len(lines[-1]) + len(fact) > WIDTH:
+            lines.append("    ")
+        lines[-1] += f"{fact}; "
+    lines[-1] = lines[-1].rstrip("; ")
+    head = " ".join(filter(None, [f"{place}:", first.format, first.version]))
+    return [head, *(line.rstrip() for line in lines if line.strip())]
 
 
 def _text(value: object) -> str:
