@@ -101,27 +101,30 @@ def _dataset(
     motion: int | None,
 ) -> None:
     """Write the dataset's files where they are not there; ConfigError names what is open."""
-    option, known = config.CONF / "dataset" / f"{name}.yaml", {"suggested": True, "ask": ask}
-    if option.exists() and datasheet.path_of(name).exists():
-        print(f"characterize: the dataset {name} is there already and is taken as it is")
-        if not [*datasheet.unfilled_keys(config.dataset_values(option))]:
+    option, sheet = config.CONF / "dataset" / f"{name}.yaml", datasheet.path_of(name)
+    if option.exists() and sheet.exists():
+        print(f"characterize: the dataset {name} is there and stays; delete {sheet} and {option}")
+        print("characterize: where --urdf, --set or --motion shall make it anew")
+        values = config.dataset_values(option)
+        if not [*datasheet.unfilled_keys(values)]:
             return
         filling = open_dataset(name, None)
+        given = ({} if urdf is None else {"robot.urdf": str(urdf)}) | given
+        given = {key: value for key, value in given.items() if get_filled(values, key) is None}
     else:
         filling = open_dataset(name, folder, given, urdf)
+    filling.fill(given, suggested=True, motion=motion if ask else None, ask=ask)
+    if not ask:
         usual = {"about.subject": f"recordings of {name}", "about.source": str(folder)}
-        usual = {key: value for key, value in usual.items() if key not in given and not ask}
-        given = _taken(usual) | given
-    filling.fill(given, motion=motion, **known)
-    arm = get_filled(filling.draft.values(), "robot.urdf")
-    if "robot.tool" in filling.left and arm is not None:
-        links = {*re.findall(r'<link\s+name="([^"]+)"', Path(arm).read_text(errors="replace"))}
-        if tools := [tool for tool in TOOLS if tool in links]:
-            filling.fill(_taken({"robot.tool": tools[0]}), suggested=True)
-    analysed = {key for key in filling.left if key[:6] != "about."}
-    if "joint_log.start" in analysed and motion is None and analysed <= {*KEYS}:
-        filling.fill({}, motion=1, **known)
-        print("characterize: motion 1 is analysed; --motion NUMBER takes another")
+        usual["about.licence"] = "not stated"
+        if arm := get_filled(filling.draft.values(), "robot.urdf"):
+            text = Path(arm).read_text(errors="replace")
+            links = {*re.findall(r'<link\s+name="([^"]+)"', text)}
+            usual |= dict([("robot.tool", tool) for tool in TOOLS if tool in links][:1])
+        filling.fill(_taken({k: usual[k] for k in usual if k in filling.left}), suggested=True)
+        if "joint_log.start" in filling.left and {*filling.left} <= {*KEYS}:
+            filling.fill({}, motion=motion or 1)
+            print(f"characterize: motion {motion or 1} is analysed; --motion NUMBER takes another")
     filling.write()
     if left := filling.left:
         message = f"the files cannot tell {', '.join(left)}; run it again with --ask, or with"
