@@ -218,7 +218,9 @@ def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_pa
         (tmp_path / place).mkdir()
         for number in (1, 2):
             (tmp_path / place / f"run_{number}.csv").write_text("\n".join([header, *rows, ""]))
+        shutil.copy(ROOT / "pipeline/arm/youbot.urdf", tmp_path / place / "arm.urdf")
         run(place, "--from", tmp_path / place)
+    assert written("runs")[1]["robot"]["task"] == "???"  # five joints, a pose has six rows
     log = written("runs")[0]["joint_log"]
     expected = {"movements": "run_*.csv", "time": "t (s)", "time_unit": "s", "angle_unit": "deg"}
     assert contains(log, expected)

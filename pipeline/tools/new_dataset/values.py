@@ -36,6 +36,7 @@ from pipeline.tools.new_dataset.layout import (
 
 KEYS = ("motion.steps", "joint_log.start", "joint_log.end", "joint_log.rest")  # of the motion
 TURN = "[0.0, 6.283185307179586] # rad, [least, greatest]; narrow the full turn, as set up"
+SPACE = 6  # rows of a pose
 PLACE = f"{OPEN} # [x, y, z]"
 RESERVED = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
 Values = dict[str, Any]  # by dotted key of the template
@@ -241,6 +242,8 @@ def _robot(robots: Sequence[Finding], planar: bool) -> Values:
             joints = f"[{_several(arms[0]['joints'])}] # all that move the last link"
             tips = _one_of(text_of(arm["tip"]) for arm in arms)
             values |= {"robot.joints": joints, "robot.tool": tips}
+            if len(arms[0]["joints"]) < SPACE:
+                values["robot.task"] = OPEN
         return values
     others = facts.get("joints", {}).get("revolute", [])
     joints = _asked(f"three parallel ones of {_several(others) or 'the URDF'}")
@@ -303,6 +306,7 @@ def suggested_values(
     if len({tuple(arm["joints"]) for arm in arms}) == 1:
         joints, tips = arms[0]["joints"], [text_of(arm["tip"]) for arm in arms]
         found["robot.joints"] = f"[{_several(joints)}]"
+        found["robot.task"] = "[x, y, z]" if 3 <= len(joints) < SPACE else None
         logged = {one.facts["joints"] for one in logs if "joints" in one.facts}
         signals = [one.facts.get("signals") for one in tables]
         logged |= {len(held) for each in signals if each for held in each.values()}
