@@ -16,8 +16,7 @@ from pipeline.core.columns import spread
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import bootstrap, kinds
-from pipeline.models.closed_loop import FOLDER, SHARE
-from pipeline.models.closed_loop_fit import closed_loop_of
+from pipeline.models.closed_loop import FOLDER, SHARE, closed_loop_of
 from pipeline.models.model import MotionModel
 from pipeline.models.options import Options
 from pipeline.models.realizations import realize, realized_moments
