@@ -11,12 +11,7 @@ import pytest
 from written_logs import refusal, write_netft
 
 from pipeline.formats.force.daqft import read_daqft, read_netft, write_daqft
-from pipeline.formats.force.record import (
-    FORCES,
-    TORQUES,
-    ForceLogOptions,
-    ForceRecord,
-)
+from pipeline.formats.force.record import FORCES, TORQUES, ForceLogOptions, ForceRecord
 
 KEY, STARTED = "dataset.force.log", "4/2/13 3:45 PM"
 PLAIN = ForceLogOptions()
