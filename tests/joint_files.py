@@ -40,7 +40,6 @@ def read_movement(
 
 
 def table(folder, header: str, *rows: str):
-    (folder / "log.txt").write_text(
-        "".join(line + "\n" for line in ([header] if header else []) + list(rows))
-    )
+    lines = [header, *rows] if header else rows
+    (folder / "log.txt").write_text("".join(line + "\n" for line in lines))
     return folder / "log.txt"

@@ -65,6 +65,25 @@ def _read(finding: Finding, form: Format) -> Finding:
     return finding
 
 
+def _unrecognised(finding: Finding, head: Head) -> Finding:
+    """Add what to do with a file of no format (fact reason) or of a known program's export."""
+    if head.text is not None and (known := foreign(head.text)):
+        finding.format, advice = known
+        finding.stops.append(f"{finding.format} is not read: {advice}")
+        return finding
+    cells = [re.split(r"[,;\t]", line) for line in head.lines]
+    if mark := next((mark for mark in MARKS if head.content.startswith(mark)), None):
+        reason = MARKS[mark]
+    elif head.text is None:
+        reason = "binary data of no known format: export as in pipeline/formats/README.md"
+    elif head.suffix in (".csv", ".tsv") or (cells and min(map(len, cells)) > 2):
+        reason = "labels or words without rows of numbers below: record or export it again"
+    else:
+        reason = "text without a table of numbers"
+    finding.facts["reason"] = reason
+    return finding
+
+
 def _motion(finding: Finding, form: Format) -> None:
     unit = None
     try:
@@ -190,8 +209,7 @@ def numbered_sequence(pattern: Path) -> Finding:
     index = numbered_frames(pattern.parent, pattern.name, rate=1.0)
     finding = Finding(pattern, "depth sequence, numbered", Kind.SEQUENCE)
     finding.count({"dropped_frames": int(index.time[-1]) + 1 - len(index.files)})
-    question = "numbered frames have no times: their rate is not stated"
-    finding.ask(question, "dataset.depth.rate")
+    finding.ask("numbered frames have no times: their rate is not stated", "dataset.depth.rate")
     _frames(finding, [pattern.parent / name for name in index.files])
     return finding
 
@@ -237,9 +255,7 @@ def _bag(finding: Finding, form: Format) -> None:
 
 
 def _robot(finding: Finding, form: Format) -> None:
-    """Add the joints, the last link that most joints of one coordinate move (``arms``, joints from
-    base to tip), and every three joints in a row that are a planar chain (``chains``).
-    """
+    """Add joints, arms (joints from base to tip of a last link) and planar chains of three."""
     try:
         tree = read_urdf(finding.file)
     except ConfigError as error:
@@ -247,11 +263,11 @@ def _robot(finding: Finding, form: Format) -> None:
     joints: dict[str, list[str]] = {}
     for joint in tree.joints.values():
         joints.setdefault(joint.kind, []).append(joint.name)
-    arms = []
-    for end in tree.ends:
-        moving = [joint for joint in tree.above(end) if joint.kind in SINGLE]
-        # a joint that follows another (mimic) has no coordinate of its own
-        arms.append({"joints": [j.name for j in moving if j.follows is None], "tip": end})
+    # a joint that follows another (mimic) has no coordinate of its own
+    own = lambda joint: joint.kind in SINGLE and joint.follows is None  # noqa: E731
+    arms = [
+        {"joints": [j.name for j in tree.above(end) if own(j)], "tip": end} for end in tree.ends
+    ]
     most = max((len(arm["joints"]) for arm in arms), default=0)
     arms = [arm for arm in arms if most and len(arm["joints"]) == most]
     turning, chains, refused = joints.get("revolute", []), [], []
@@ -264,7 +280,12 @@ def _robot(finding: Finding, form: Format) -> None:
             except ConfigError as error:
                 refused += [error.message] * error.message.startswith("robot.urdf")
         chains += [{"joints": chain, "tools": tools}] if tools else []
-    finding.facts |= {"robot": tree.name, "joints": joints, "arms": arms, "chains": chains}
+    finding.facts |= {
+        "robot": tree.root.get("name", ""),
+        "joints": joints,
+        "arms": arms,
+        "chains": chains,
+    }
     if refused and chains:
         finding.facts["chains_refused"] = refused[0]
     elif refused:
@@ -291,25 +312,3 @@ DESCRIBE: dict[str, Callable[[Finding, Format], None]] = {
     Kind.BAG: _bag,
     Kind.TABLE: table,
 }
-
-
-def _unrecognised(finding: Finding, head: Head) -> Finding:
-    """Return the account of a file of no format that is read, with what to do in its fact reason,
-    or, of a known program's export, with what to export instead.
-    """
-    if head.text is not None and (known := foreign(head.text)):
-        finding.format, advice = known
-        finding.stops.append(f"{finding.format} is not read: {advice}")
-    elif mark := next((mark for mark in MARKS if head.content.startswith(mark)), None):
-        finding.facts["reason"] = MARKS[mark]
-    elif head.text is None:
-        advice = "export as in pipeline/formats/README.md"
-        finding.facts["reason"] = f"binary data of no known format: {advice}"
-    elif head.suffix in (".csv", ".tsv") or (
-        head.lines and all(len(re.split(r"[,;\t]", line)) > 2 for line in head.lines)
-    ):
-        advice = "record or export it again"
-        finding.facts["reason"] = f"labels or words without rows of numbers below: {advice}"
-    else:
-        finding.facts["reason"] = "text without a table of numbers"
-    return finding
