@@ -177,7 +177,8 @@ def definitions(file: str) -> dict[str, ast.AST]:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             named[node.name] = node
         elif isinstance(node, ast.Assign):
-            named |= {target.id: node for target in node.targets if isinstance(target, ast.Name)}
+            targets = (each for target in node.targets for each in ast.walk(target))
+            named |= {each.id: node for each in targets if isinstance(each, ast.Name)}
     return named
 
 
