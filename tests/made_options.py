@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from pipeline.core.options.analysis import ArticulationSection
 from pipeline.core.options.dataset import Dataset, Motion, Robot
 from pipeline.core.options.instruments import Depth, JointLogSection, Pose, Workspace
 
 ORIGIN = Pose([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
 SAMPLES: dict[type, dict[str, Any]] = {
+    ArticulationSection: {
+        **{"gamma1": 1.0, "gamma2": 1 / 3, "length_range": 0.05, "minimum_points": 150},
+        **{"max_gap": 3, "end_point": "commanded", "noise_window": 2},
+    },
     Dataset: {
         "name": "t",
         "recordings": "recordings",

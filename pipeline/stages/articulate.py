@@ -11,7 +11,6 @@ import pandas as pd
 
 from pipeline.arm.model import Arm, arm_of
 from pipeline.core import config, contracts
-from pipeline.perception.articulation import ArticulationOptions
 from pipeline.perception.depth_noise import errors_of, leave_one_out
 from pipeline.recordings.depth_angles import DEPTH, TRACK, arm_points, articulated, depth_takes
 
@@ -29,9 +28,8 @@ def run() -> None:
             print("articulate: the dataset has no depth camera; nothing to do")
             return
         arm, takes, o = arm_of(dataset.robot), depth_takes(), settings.articulation
-        options = ArticulationOptions.chosen(o)
         label = "articulate: takes"
-        angles = articulated(takes, dataset.robot, options, settings.compute, label)
+        angles = articulated(takes, dataset.robot, o, settings.compute, label)
         contracts.write(angles, "angles", folder)
         noise = leave_one_out(
             errors_of(angles, contracts.read("joints", TRACK)), window=o.noise_window

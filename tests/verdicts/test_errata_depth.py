@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from made_options import made
 from rectangle_clouds import CHAIN, cloud
 
-from pipeline.perception.articulation import ArticulationOptions, fit_sequence
+from pipeline.core.options.analysis import ArticulationSection
+from pipeline.perception.articulation import fit_sequence
 
 POSE = np.radians([-20.0, 100.0, -25.0])
 DEVIATION = 0.03  # rad
@@ -20,7 +22,7 @@ def slopes(end: str) -> tuple[np.ndarray, np.ndarray]:
     d = rng.normal(scale=DEVIATION, size=(FRAMES, 3))
     clouds = [cloud(POSE + deviation, rng, points=600) for deviation in d]
     ee = np.broadcast_to(CHAIN.points(POSE)[3], (FRAMES, 2))
-    options = ArticulationOptions(end_point=end)
+    options = made(ArticulationSection, end_point=end)
     error = fit_sequence(clouds, CHAIN.origin, ee, CHAIN, options, POSE).q - POSE - d
     design = np.column_stack([np.ones(FRAMES), d])
     inverse = np.linalg.inv(design.T @ design)
