@@ -1,6 +1,4 @@
-"""The laboratory's depth camera: exact geometry against analytic rays, and each part of the
-sensor's noise against its law.
-"""
+"""The depth camera: geometry against analytic rays, and the sensor's noise against its laws."""
 
 from __future__ import annotations
 

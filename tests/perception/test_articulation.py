@@ -1,6 +1,4 @@
-"""The paper's articulation, with the commanded and the fitted end: the objective against plain
-NumPy, the simplex against SciPy's, the angles against the truth.
-"""
+"""The articulation of both ends: objective against NumPy, simplex against SciPy, angles."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Least-squares postures of any chain: exact, as SciPy and Pinocchio have them in the plane and in
-space, with missing links as far as the rest decides, and refused with one message where nothing
-does."""
+"""Least-squares postures of any chain: exact, as SciPy and Pinocchio have them, or refused."""
 
 from __future__ import annotations
 

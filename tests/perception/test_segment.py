@@ -1,6 +1,4 @@
-"""The arm's points in a depth image: an analytic renderer of flat links before a wall is the
-truth.
-"""
+"""The arm's points in a depth image: an analytic renderer of flat links is the truth."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Raw files by part and recordings by name: each is read, kept or accounted for, and the truth is
-known where there is one.
-"""
+"""Raw files by part and recordings by name: each is read, kept or accounted for."""
 
 from __future__ import annotations
 
