@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
@@ -175,4 +175,4 @@ def logged_motions(dataset: Dataset) -> list[MotionSteps]:
         actual, target = (np.stack([each[:length] for each in q]) for q in zip(*kept, strict=True))
         dq = np.diff(target, axis=1)
         found.append(MotionSteps("", actual[:, :-1], dq, np.diff(actual, axis=1) - dq))
-    return [replace(each, name=str(number)) for number, each in enumerate(found, 1)]
+    return [each._replace(name=str(number)) for number, each in enumerate(found, 1)]
