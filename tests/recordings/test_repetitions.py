@@ -96,15 +96,7 @@ def test_an_excursion_cut_off_by_either_end_of_the_record_is_named_and_left_out(
 
 
 def test_a_way_without_enough_rest_beside_it_is_left_out():
-    angles, speeds = log(
-        ("rest", 50, HOME),
-        OUT,
-        ("rest", 10, AWAY),
-        BACK,
-        ("rest", 50, HOME),
-        OUT,
-        ("rest", 50, AWAY),
-    )
+    angles, speeds = log(AT_HOME, OUT, ("rest", 10, AWAY), BACK, AT_HOME, OUT, AT_AWAY)
     result = find(angles, speeds)
     assert ([run.first for run in result.runs], result.left_out["too_little_rest"]) == ([310], [50])
 
@@ -122,15 +114,8 @@ def test_the_jerk_of_a_controller_taking_over_is_no_excursion():
 
 def test_motions_of_other_joints_alone_are_other_motions():
     turned = HOME + np.array([1.0, 0, 0, 0])
-    angles, speeds = log(
-        AT_HOME,
-        ("go", HOME, turned),
-        ("rest", 50, turned),
-        ("go", turned, HOME),
-        AT_HOME,
-        OUT,
-        AT_AWAY,
-    )
+    aside = (("go", HOME, turned), ("rest", 50, turned), ("go", turned, HOME))
+    angles, speeds = log(AT_HOME, *aside, AT_HOME, OUT, AT_AWAY)
     result = find(angles, speeds)
     assert (len(result.runs), len(result.left_out["other_motion"])) == (1, 2)
 
@@ -225,18 +210,10 @@ def test_motions_in_passing_that_would_overlap_or_do_not_fit_are_left_out():
 
 
 JOINTS = tuple(f"joint_{j}" for j in range(1, 7))
-
-
 ROBOT = Robot(str(Path(arm.__file__).with_name("ur5.urdf")), list(JOINTS), "flange")
-
-
 SAMPLED, SPAN, PAUSE = 100.0, 80, 30
-
-
 AT_START = np.array([0.3, -1.2, 1.4, -1.0, -1.2, 0.2])
-
-
-TAT_START = AT_START + np.array([0.4, 0.3, -0.3, 0.2, 0.2, 0.5])
+AT_TURN = AT_START + np.array([0.4, 0.3, -0.3, 0.2, 0.2, 0.5])
 
 
 def movement(target: np.ndarray, pushed: int | None = None) -> LoggedMovement:
@@ -250,8 +227,8 @@ def movement(target: np.ndarray, pushed: int | None = None) -> LoggedMovement:
 def rounds(times: int) -> np.ndarray:
     """There and back, so many times, resting before and after each."""
     way = (1 - np.cos(np.pi * np.arange(1, SPAN + 1) / SPAN))[:, None] / 2
-    there, back = AT_START + way * (TAT_START - AT_START), TAT_START + way * (AT_START - TAT_START)
-    rest = [np.tile(end, (PAUSE, 1)) for end in (TAT_START, AT_START)]
+    there, back = AT_START + way * (AT_TURN - AT_START), AT_TURN + way * (AT_START - AT_TURN)
+    rest = [np.tile(end, (PAUSE, 1)) for end in (AT_TURN, AT_START)]
     return np.vstack([rest[1], *[there, rest[0], back, rest[1]] * times])
 
 
@@ -262,7 +239,7 @@ def test_motions_have_ends_steps_pauses_and_repetitions(pushed):
         (SPAN, PAUSE, 5)
     ] * 2
     there = next(motion for motion in listed if np.allclose(motion.start, AT_START))
-    np.testing.assert_allclose(there.end, TAT_START, atol=1e-3)
+    np.testing.assert_allclose(there.end, AT_TURN, atol=1e-3)
     # the fourth one there, and no other, was disturbed
     assert there.disturbed == ([] if pushed is None else [there.places[3]])
     assert there.deviation < 1e-9 and there.least_singular > 0.05
