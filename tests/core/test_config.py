@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 import yaml
-from params_file import parameters
+from made_options import parameters
 
 from pipeline.core import config
 from pipeline.core.errors import ConfigError

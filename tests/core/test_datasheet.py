@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from params_file import parameters
+from made_options import parameters
 
 from pipeline.core import config, datasheet
 from pipeline.core.datasheet import Draft, absent, faults

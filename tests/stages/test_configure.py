@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from params_file import parameters
+from made_options import parameters
 
 from pipeline.stages import configure
 
