@@ -34,10 +34,12 @@ def motion(arm: SerialChain, steps: int, rest: int, size: float = 0.02) -> tuple
     rng = np.random.default_rng(7)
     candidates = rng.uniform(-2, 2, (400, n))
     values = np.linalg.svd(arm.jacobian(candidates), compute_uv=False)
-    middle = candidates[(values[:, -1] / values[:, 0]).argmax()]
     phase = size * np.maximum(np.arange(steps + 1) - rest, 0)[:, None]
-    q = middle + 0.4 * np.sin(phase * rng.uniform(0.7, 1.3, n) + rng.uniform(0, 6, n))
-    q += middle - q[0]
+    wave = 0.4 * np.sin(phase * rng.uniform(0.7, 1.3, n) + rng.uniform(0, 6, n))
+    best = candidates[(values[:, -1] / values[:, 0]).argsort()[-20:]]
+    paths = best[:, None] + wave - wave[0]
+    values = np.linalg.svd(arm.jacobian(paths), compute_uv=False)
+    q = paths[(values[..., -1] / values[..., 0]).min(axis=1).argmax()]
     w = np.diff(q, axis=0)
     v = np.matvec(arm.jacobian(q[:-1]), w)
     return q, (v if m == n else np.concatenate([v, w], axis=1))

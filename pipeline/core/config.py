@@ -233,7 +233,7 @@ def sections(
     beyond = dvc_file.resolve().is_relative_to(CONF.parent)
     if beyond and "dataset.robot" in declared and config.dataset.robot is None:
         raise ConfigError(
-            f"{stage} is about a robot's motion, and the dataset has no robot; choose another "
+            f"the stage {stage} needs a robot, and the dataset has none; choose another "
             "dataset in params.yaml",
             key="dataset.robot",
         )

@@ -111,7 +111,7 @@ def problems(benchmark, request, size) -> Problems:
     before, commands = np.tile(path[:-1], (takes, 1, 1)), np.tile(v, (takes, 1, 1))
     # σ_B so large that definiteness binds some of the problems
     model = WishartModel(2 * SIGMA_B, decomposition)
-    after, _ = draw_steps(model, chain, before, commands, rng)
+    after, _ = draw_steps(model, chain, before, v, rng)
     start, end = (q + MARKERS * rng.standard_normal(q.shape) for q in (before, after))
     a, back, _ = factors(chain, start, commands, decomposition)
     noise, m = end - start - chain.nominal_step(start, commands), a.shape[-1]

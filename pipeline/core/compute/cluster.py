@@ -173,9 +173,8 @@ class TrialCluster:
             raise self._lost() from None
         except KilledWorker as error:
             raise ComputeError(
-                f"trials have ended {error.allowed_failures + 1} workers, one after the other, "
-                "as happens where memory runs out; give the workers more of it, or have fewer on a "
-                "machine",
+                f"{error.allowed_failures + 1} workers ended while they ran a trial, "
+                "as happens when memory runs out; give them more memory, or start fewer a machine",
                 trials=error.task.removesuffix(f"-{self._client.id}"),
             ) from None
         except ImportError as error:
@@ -194,8 +193,8 @@ class TrialCluster:
 
     def _lost(self) -> ComputeError:
         return ComputeError(
-            "the Dask scheduler has been lost; start it anew and run the stage again, which has "
-            "left what stood before as it was",
+            "the connection to the Dask scheduler is lost; start it again and rerun the stage; "
+            "earlier results are unchanged",
             address=self._address,
         )
 
@@ -223,8 +222,8 @@ def run_on_worker(shared: bytes, block: list[bytes]) -> tuple[float, list[bytes]
         # a library that only one side has is left to its import
         if there.get(name, state) != state:
             raise ComputeError(
-                f"a worker might not give the same bytes: {name} is {there[name]} there and "
-                f"{state} here; start it anew as {OPTION} says",
+                f"a worker may compute other bytes: {name} is {there[name]} there and "
+                f"{state} here; restart it as {OPTION} says",
                 worker=worker.address,
             )
     begin = time.perf_counter()
