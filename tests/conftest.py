@@ -8,17 +8,47 @@ import os
 import shutil
 import sys
 from pathlib import Path
-
-import pytest
-from durations import pytest_addoption, pytest_terminal_summary  # noqa: F401 - hooks of pytest
-from project_copy import GIT, SMOKE, copy_project, set_parameters, succeeds
+from time import monotonic
 
 import pipeline.core.environment  # noqa: F401 - before numpy: it fixes the arithmetic
+
+import pandas as pd  # isort: skip
+import pytest
+from project_copy import GIT, SMOKE, copy_project, set_parameters, succeeds
 
 # a forked child that a damaged file crashes reports by its exit code, without a dump of its stack
 os.register_at_fork(after_in_child=faulthandler.disable)
 # of a user whose files are for nobody else, without a home and with the locale of a bare container
 BARE = {"home": False, "umask": 0o077, "LANG": "C"}
+STARTED = monotonic()  # s
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option of the table of durations."""
+    parser.addoption("--durations-file", type=Path, help="CSV file of seconds a module")
+
+
+def pytest_terminal_summary(terminalreporter, config: pytest.Config) -> None:
+    """Write setup, call and teardown of the tests of each module, over all workers: longest first,
+    after the wall clock and the total.
+    """
+    if (file := config.getoption("durations_file")) is None:
+        return
+    reports = [each for kind in terminalreporter.stats.values() for each in kind]
+    rows = pd.DataFrame(
+        [
+            (one.nodeid.partition("::")[0], one.nodeid, one.duration, "slow" in one.keywords)
+            for one in reports
+            if isinstance(one, pytest.TestReport)
+        ],
+        columns=["module", "tests", "seconds", "slow"],
+    )
+    rows["seconds without slow tests"] = rows["seconds"].where(~rows.pop("slow"), 0.0)
+    sums = {"tests": "nunique", "seconds": "sum", "seconds without slow tests": "sum"}
+    table = rows.groupby("module").agg(sums).sort_values(["seconds", "tests"], ascending=False)
+    clock = {"tests": len(rows["tests"].unique()), "seconds": monotonic() - STARTED}
+    first = pd.DataFrame([clock, table.sum()], index=["wall clock", "total"])
+    pd.concat([first, table]).astype({"tests": int}).round(1).to_csv(file, index_label="module")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
