@@ -27,7 +27,8 @@ from scenario import Take, drawn_takes, many_joints, take
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.options.analysis import Compute, Dask
 from pipeline.models.noise import process_noise
-from pipeline.models.wishart.estimators import Problems
+from pipeline.models.steps import Recorded
+from pipeline.models.wishart.fit import Problems
 from pipeline.models.wishart.perturbation import objective_weights
 from pipeline.wrench.bounds import Bounds
 from pipeline.wrench.study import run_study
@@ -133,9 +134,9 @@ def many_takes(count: int) -> dict[str, float]:
     for first in range(0, count, BLOCK):
         takes, rng = min(BLOCK, count - first), np.random.default_rng(first)
         q, v = drawn_takes(motion.scene, takes, STEPS, POSE, rng)
-        noise = process_noise(chain, q, v)
-        problems = Problems.of(chain, q[:, :-1], v, noise, model.decomposition, 0.2)
-        total += takes * float(problems.solved(weights)[0].mean())
+        recorded = Recorded(chain, q[:, :-1], v, process_noise(chain, q, v), ())
+        problems = Problems.of(recorded, model.decomposition, 0.2)
+        total += takes * float(problems.solved(weights).squares.mean())
         for number in range(first, first + takes):
             motion.filtered(1000, np.random.default_rng(number))
     return {
