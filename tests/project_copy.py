@@ -76,8 +76,11 @@ def copy_project(folder: Path) -> None:
         reported = name.startswith("reports/") and name not in UNWRITTEN
         if source.is_file() and not reported and source.name != "dvc.lock":
             target.parent.mkdir(parents=True, exist_ok=True)
-            # machine code stays valid: copies keep the times and sizes of their sources
+            # compiled code stays valid: copies keep the times and sizes of their sources
             shutil.copy2(source, target, follow_symlinks=False)
+    for compiled in (ROOT / "pipeline").rglob("__pycache__/*.pyc"):
+        (folder / compiled.relative_to(ROOT)).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(compiled, folder / compiled.relative_to(ROOT))
     (folder / ".dvc/config.local").write_text("[core]\n    no_scm = true\n")
     share_machine_code(folder)
 
