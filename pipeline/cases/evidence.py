@@ -18,7 +18,7 @@ from pipeline.core.rng import stream
 from pipeline.filtering.baselines import autocorrelated_filter
 from pipeline.filtering.particle_filter import Posterior
 from pipeline.models import kinds
-from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
+from pipeline.models.closed_loop import ClosedLoopFit, closed_loop_of
 from pipeline.models.kinds import estimate
 from pipeline.models.model import MotionModel
 from pipeline.models.noise import recorded_deviation, rest_covariance
