@@ -191,7 +191,7 @@ def facts(tables: Tables, options: Options) -> dict[str, object]:
 
 
 def draw(hexapod: pd.DataFrame, towing: pd.DataFrame) -> Figure:
-    """Motion models on a hexapod, and the wrench of towing
+    """Motion models on a hexapod, and the wrench of towing cables.
 
     (a) Standard deviation of the platform's rotation after one step, along the motion; all models
     give the legs the same noise. (b) Error of the matrix model of the wrench over the number of
