@@ -40,22 +40,17 @@ class PlanarChain(Chain):
 
     @property
     def straight(self) -> float:
-        """Angle of the second joint at which the first two links are in line, rad, up to half
-        turns.
-        """
+        """Angle of the second joint with the first two links in line, rad, up to half turns."""
         first, second = np.arctan2(*self.links[:2].T)
         return float(self.signs[1] * (first - second))
 
     def segment_headings(self, q: np.ndarray) -> np.ndarray:
-        """(..., 3) angles ψ_j in rad from the plane's z axis to the segments O_jO_{j+1}, positive
-        about y.
-        """
+        """(..., 3) angles ψ_j in rad about y from the z axis to the segments O_jO_{j+1}."""
         return np.cumsum(self.signs * q, axis=-1) + np.arctan2(*self.links.T)
 
     def joints_from_segments(self, psi: np.ndarray) -> np.ndarray:
-        """(..., 3) joint angles in rad of segments at angles ``psi`` (..., 3), the inverse of
-        :meth:`segment_headings`: of all that differ by whole turns those nearest to the middle of
-        the joint limits.
+        """(..., 3) joint angles in rad of segments at angles ``psi`` (..., 3), with the whole turns
+        nearest to the middle of the joint limits.
         """
         phi = np.asarray(psi, dtype=float) - np.arctan2(*self.links.T)
         q = self.signs * np.diff(phi, axis=-1, prepend=0.0)
@@ -126,9 +121,7 @@ class PlanarChain(Chain):
         return result
 
     def numbers(self) -> ArmConstants:
-        """Constants of the chain for compiled code; its least singular value is the least sine of
-        the angle between the first two links.
-        """
+        """Constants of the chain for compiled code; ``least`` is SINGULAR_SINE."""
         plane = np.concatenate([self.links.ravel(), self.signs, self.origin])
         rows = np.array([0, 2, 4])
         return ArmConstants(plane, np.empty((0, 6)), np.zeros(3), rows, np.ones(3), SINGULAR_SINE)

@@ -30,12 +30,9 @@ ARC = tuple((-1.0) ** k / (2 * k + 1) for k in range(12))
 
 @inner
 def tip(arm: ArmConstants, q: np.ndarray, start: int, count: int, block: np.ndarray) -> None:
-    """Fill rotation and position of the tip, and axis and a point of every joint, all in the base's
-    axes, of ``count`` poses of ``q`` (n, P) from ``start`` on, in rad, m of prismatic joints;
-    ``block`` has WIDTH poses.
-
-    Each frame is turned by the joint before, shifted and tilted
-    (:func:`pipeline.arm.serial.joint_frames`).
+    """Fill rotation and position of the tip, and axis and a point of every joint, in the base's
+    axes, of ``count`` poses of ``q`` (n, P) from ``start`` on, in rad, m of prismatic joints; by
+    :func:`pipeline.arm.serial.joint_frames`. ``block`` has WIDTH poses.
     """
     flat, n = block.reshape(-1), len(arm.sliding)
     for k in range(12):
@@ -112,16 +109,7 @@ def task_jacobian(arm: ArmConstants, block: np.ndarray, first: int, count: int) 
 
 
 @inner
-def cholesky(
-    block: np.ndarray,
-    jacobian: int,
-    lower: int,
-    inverse: int,
-    m: int,
-    n: int,
-    shift: float,
-    count: int,
-) -> None:
+def cholesky(block, jacobian, lower, inverse, m: int, n: int, shift: float, count: int) -> None:
     """Rows from ``lower`` on (m·m) = L of JJᵀ − ``shift``·I = LLᵀ, from ``inverse`` on 1/L_rr; NaN
     where that matrix is not positive definite.
 
@@ -156,8 +144,8 @@ def mark_singular(
     ``lower`` on, m·m + m rows of scratch from ``spare`` on.
 
     JJᵀ − least²·I is positive definite where no singular value is below. Blocks far from singular
-    need no factor of it: the square of the least singular value is (det L)² over the product of the
-    others, which is at most the (m − 1)th power of their mean.
+    need no factor of it: the least squared singular value is (det L)² over the product of the
+    others, at most the (m − 1)th power of their mean.
     """
     m, n, least = len(arm.rows), len(arm.sliding), arm.least
     fill(block, out, 1.0, count)
@@ -174,8 +162,7 @@ def mark_singular(
     fill(block, out, 0.0, count)
     if near == 0:
         return
-    inverse = spare + m * m
-    cholesky(block, jacobian, spare, inverse, m, n, least * least, count)
+    cholesky(block, jacobian, spare, spare + m * m, m, n, least * least, count)
     for r in range(m):
         for i in range(count):
             block[out, i] = block[out, i] if block[spare + r * m + r, i] > 0.0 else 1.0
@@ -206,7 +193,7 @@ def add_displacement(
     from the poses whose :func:`tip` the ``block`` holds to ``target`` (12,).
 
     The way in m and the rotation vector of R_target·Rᵀ, times the unit of angular rows, in the
-    base's axes; exact to rounding up to angles of π. ``block`` has WIDTH poses.
+    base's axes. ``block`` has WIDTH poses.
     """
     if np.any(arm.rows > 2):
         _rotation_vectors(target, block.reshape(-1), count)
@@ -220,10 +207,11 @@ def add_displacement(
 
 @inlined
 def _rotation_vectors(target: np.ndarray, flat: np.ndarray, count: int) -> None:
-    """Fill the rows TURN with the rotation vector of R = R_target·Rᵀ, exact to 1e-12 up to 3.1 rad.
+    """Fill the rows TURN with the rotation vector of R = R_target·Rᵀ.
 
     By the unit quaternion, whose real part is (1 + tr R)/4 by its square; its angle by half angles
-    and a series, as the C library takes one pose at a time.
+    and a series, as the C library takes one pose at a time. The error is 1e-15/(π − angle): 1e-12
+    a thousandth of a radian below half a turn, at which the vector has no sign.
     """
     ax, ay, az = target[3:6], target[6:9], target[9:12]
     for i in range(count):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,7 +14,7 @@ import pinocchio as pin
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.arm.serial import SerialChain
-from pipeline.arm.urdf import Description, Tree, describe, read_urdf
+from pipeline.arm.urdf import Description, describe, read_urdf
 from pipeline.core.columns import PLANE, SPACE
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
@@ -147,12 +148,15 @@ class Layout:
 
 
 def _model(described: Description) -> pin.Model:
-    """Pinocchio's model of the arm alone, every other joint of its URDF held; its links have the
-    names of :meth:`pipeline.arm.urdf.Tree.model_name`.
-    """
-    joints = [joint.name for joint in described.joints]
+    """Pinocchio's model of the arm alone, every other joint of its URDF held."""
+    tree, joints = described.tree, [joint.name for joint in described.joints]
+    robot = deepcopy(tree.root)
+    for key, elements in {"name": robot.findall("link"), "link": robot.findall("joint/*")}.items():
+        for element in elements:
+            if key in element.attrib:
+                element.set(key, tree.model_name(element.get(key)))
     try:
-        full = pin.buildModelFromXML(_renamed(described.tree))
+        full = pin.buildModelFromXML(ElementTree.tostring(robot, encoding="unicode"))
         step = np.zeros(full.nv)
         for name, value in described.held.items():
             step[full.joints[full.getJointId(name)].idx_v] = value
@@ -161,17 +165,7 @@ def _model(described: Description) -> pin.Model:
     except (ValueError, RuntimeError, IndexError) as error:
         reason = " ".join(str(error).split())[:200]
         message = f"robot.urdf: Pinocchio does not read it ({reason}); check it with check_urdf"
-        raise ConfigError(message, file=described.tree.file) from None
-
-
-def _renamed(tree: Tree) -> str:
-    """Text of the URDF with its links under their names in the model."""
-    robot = ElementTree.parse(tree.file).getroot()
-    for key, elements in {"name": robot.findall("link"), "link": robot.findall("joint/*")}.items():
-        for element in elements:
-            if key in element.attrib:
-                element.set(key, tree.model_name(element.get(key)))
-    return ElementTree.tostring(robot, encoding="unicode")
+        raise ConfigError(message, file=tree.file) from None
 
 
 def _layout(described: Description) -> Layout:
@@ -181,37 +175,32 @@ def _layout(described: Description) -> Layout:
     # one column comes as a vector
     jacobian = pin.computeJointJacobians(model, data, zero).reshape(6, -1)
     pin.updateFramePlacements(model, data)
-
-    def placement(link: str) -> pin.SE3:
-        return data.oMf[model.getFrameId(tree.model_name(link), pin.FrameType.BODY)]
-
+    ids = [
+        model.getFrameId(tree.model_name(link), pin.FrameType.BODY)
+        for link in (described.tip, described.base)
+        if link is not None
+    ]
+    tip, *base = (data.oMf[number] for number in ids)
     sliding = np.array([joint.kind == "prismatic" for joint in joints])
-    # a joint's column of the Jacobian is the axis it turns about or slides along, in the root's
-    # axes
+    # the axis of a joint is its column of the Jacobian, in the root's axes
     axes = np.where(sliding, jacobian[:3], jacobian[3:]).T
     for joint, length in zip(joints, np.linalg.norm(axes, axis=1), strict=True):
         if not abs(length - 1.0) < 1e-6:
             message = f"robot.urdf: the axis of {joint.name} has length {length:.3g}; make it 1"
             raise ConfigError(message, file=tree.file)
     points = np.array([data.oMi[i].translation for i in range(1, model.njoints)])
-    tip, ranges = placement(described.tip), np.array([joint.range for joint in joints]).T
-    limits = np.array([*ranges, model.upperVelocityLimit])
-    names = [joint.name for joint in joints]
-    ends = tip.rotation.copy(), tip.translation.copy(), limits
-    layout = Layout(tree.file, names, sliding, axes, points, *ends)
-    if described.base is None:
-        return layout
-    base = placement(described.base)
-    return layout.seen_from(base.rotation, base.translation)
+    ranges = np.array([joint.range for joint in joints]).T
+    limits = np.vstack([ranges, model.upperVelocityLimit])
+    names, ends = [joint.name for joint in joints], (tip.rotation.copy(), tip.translation.copy())
+    layout = Layout(tree.file, names, sliding, axes, points, *ends, limits)
+    return layout.seen_from(base[0].rotation, base[0].translation) if base else layout
 
 
 def _plane_of(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation (3, 3), whose columns are the plane's x, normal y and z, and origin (3,) in m of the
-    plane in which the tip of ``layout`` moves.
-
-    The y axis is the axis of the first revolute joint, the z axis the frame's z as far as it lies
-    in the plane (the frame's y where the plane is horizontal); the first of the joints lies in y =
-    0. Raises ConfigError where a joint turns about another direction or slides out of the plane.
+    """Rotation (3, 3) and origin (3,) in m of the plane in which the tip of ``layout`` moves: y is
+    the axis of the first revolute joint, z the frame's z as far as it lies in the plane (the
+    frame's y where the plane is horizontal), and the first joint lies in y = 0. ConfigError where a
+    joint turns about another direction or slides out of the plane.
     """
     if layout.sliding.all():
         message = "robot.plane: no joint turns, and there is no plane to turn in; set it to false"
@@ -237,17 +226,14 @@ def _plane_of(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
 def _unlike_three(layout: Layout) -> str | None:
     """Message for joints that are not three revolute ones with limits; None for those."""
     unlike = layout.sliding | ~np.isfinite(layout.limits[:2]).all(axis=0)
-    if not unlike.any() and len(unlike) == len(PLANE):
-        return None
     wrong = ", ".join(np.array(layout.names)[unlike])
     which = f", which {wrong} is not" if wrong else ""
-    return f"{list(layout.names)} must be three revolute joints with limits{which}"
+    message = f"{list(layout.names)} must be three revolute joints with limits{which}"
+    return message if wrong or len(unlike) != len(PLANE) else None
 
 
 def _planar(layout: Layout) -> PlanarChain:
-    """The chain of three revolute joints seen in its plane; ConfigError where joints or tip lie on
-    one axis.
-    """
+    """The chain of three revolute joints seen in its plane."""
     places = np.vstack([layout.points, layout.position])[:, [0, 2]]
     links = np.diff(places, axis=0)
     lengths = np.hypot(*links.T)
@@ -258,9 +244,7 @@ def _planar(layout: Layout) -> PlanarChain:
 
 
 def _require_movable(chain: SerialChain, file: Path) -> None:
-    """Raise ConfigError where the arm cannot move a row of the task at any of :data:`SAMPLES` poses
-    spread evenly over its limits, or not all of its rows at once.
-    """
+    """Raise ConfigError for rows of the task that the arm cannot move, at spread poses."""
     n = len(chain.lower)
     low, high = (np.clip(limit, -np.pi, np.pi) for limit in (chain.lower, chain.upper))
     spread = np.outer(np.arange(SAMPLES), 2.0 ** (np.arange(1, n + 1) / (n + 1))) % 1.0
@@ -270,8 +254,5 @@ def _require_movable(chain: SerialChain, file: Path) -> None:
         rows = ", ".join(np.array(chain.task)[still])
         raise ConfigError(f"robot.task: the arm cannot move {rows}; leave it out", file=file)
     if chain.singular(q).all():
-        raise ConfigError(
-            f"robot.task: the arm moves none of {', '.join(chain.task)} without another; leave out "
-            "rows that follow from the others",
-            file=file,
-        )
+        found = f"robot.task: the arm moves none of {', '.join(chain.task)} without another"
+        raise ConfigError(f"{found}; leave out rows that follow from the others", file=file)

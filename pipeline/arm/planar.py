@@ -30,10 +30,8 @@ def planar_jacobian(
     arm: ArmConstants, q: np.ndarray, start: int, count: int, block: np.ndarray
 ) -> None:
     """Fill J, without the signs of the joints, of ``count`` poses of ``q`` (3, P) in rad from
-    ``start`` on; ``block`` has BLOCK poses.
-
-    Column j of J is the vector from joint j to the tip, turned by a right angle: (z, −x, 1). One
-    loop a link, from the last one on, as one for all has too few registers.
+    ``start`` on: column j is the vector from joint j to the tip, turned by a right angle, (z, −x,
+    1). One loop a link, as one for all has too few registers.
     """
     s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
     flat, first = block.reshape(-1), PLANAR.jacobian * BLOCK
@@ -105,13 +103,7 @@ def planar_inverse_square(block: np.ndarray, count: int) -> None:
 
 @inner
 def add_planar_displacement(
-    arm: ArmConstants,
-    target: np.ndarray,
-    q: np.ndarray,
-    start: int,
-    count: int,
-    share: float,
-    block: np.ndarray,
+    arm: ArmConstants, target: np.ndarray, q: np.ndarray, start, count, share: float, block
 ) -> None:
     """Add ``share``·(``target`` − x(q)) to the task step; ``target`` (3,) is x, z, φ, and φ is
     taken in whole turns too.

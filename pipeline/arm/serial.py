@@ -15,14 +15,14 @@ import numpy as np
 
 from pipeline.arm.interface import ArmConstants, Chain
 
-# The least singular value of the Jacobian at a pose whose inverse is trusted, as a share of the
-# greatest entry that the Jacobian can have (see :meth:`SerialChain.scale`). Below it a step of a
-# thousandth of the arm's size asks for a radian of some joint: no step that the linear model
-# describes.
+# Least singular value of the Jacobian at a pose whose inverse is trusted, as a share of
+# :meth:`SerialChain.scale`. Below it a step of a thousandth of the arm's size asks for a radian of
+# some joint: no step that the linear model describes.
 LEAST_SINGULAR = 1e-3
 # rows of the velocity, then of the angular velocity, by their names; phi is the angle about the
 # normal of a task in a plane, which is the y axis of the plane's frame
 ROWS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5, "phi": 4}
+NEXT, LAST = [1, 2, 0], [2, 0, 1]  # entries of a cross product
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class SerialChain(Chain):
         """(n,) distances in m from each joint's frame to the next one's, the tip's last."""
         return np.linalg.norm(self.placements[1:, 9:], axis=1)
 
-    @property
+    @cached_property
     def scale(self) -> float:
         """Bound in m of the entries of the Jacobian while sliding joints are at zero: the reach
         from the first joint on for a velocity (1 at least where a joint slides), the characteristic
@@ -58,8 +58,8 @@ class SerialChain(Chain):
 
     def pose(self, q: np.ndarray) -> np.ndarray:
         """(..., 12) pose of the tip."""
-        _, _, turn, tip = self._frames(q)
-        return np.concatenate([tip, turn.reshape(*turn.shape[:-2], 9)], axis=-1)
+        tip = self._frames(q)[..., -1, :3, :]
+        return np.concatenate([tip[..., 3], tip[..., :3].reshape(*tip.shape[:-2], 9)], axis=-1)
 
     def displacement(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
         """(..., m) from the poses ``start`` (..., 12) to ``end`` (..., 12): the way between their
@@ -77,11 +77,14 @@ class SerialChain(Chain):
         A joint that turns about the axis e through p gives the tip the velocity e × (tip − p) and
         the angular velocity e; one that slides along e the velocity e.
         """
-        axes, points, _, tip = self._frames(q)
+        frames = self._frames(q)
+        axes, points = frames[..., :-1, :3, 2], frames[..., :-1, :3, 3]
+        lever = frames[..., -1:, :3, 3] - points
+        velocity = axes[..., NEXT] * lever[..., LAST] - axes[..., LAST] * lever[..., NEXT]
         sliding = self.sliding[:, None]
-        velocity = np.where(sliding, axes, np.cross(axes, tip[..., None, :] - points))
-        columns = np.concatenate([velocity, np.where(sliding, 0.0, axes)], axis=-1)
-        return columns[..., self._numbers.rows].swapaxes(-1, -2) * self._numbers.units[:, None]
+        both = np.where(sliding, axes, velocity), np.where(sliding, 0.0, axes)
+        columns = np.concatenate(both, axis=-1)[..., self._numbers.rows]
+        return columns.swapaxes(-1, -2) * self._numbers.units[:, None]
 
     def singular(self, q: np.ndarray) -> np.ndarray:
         """(...,) True where the least singular value of J(q) is below :data:`LEAST_SINGULAR` of its
@@ -120,50 +123,49 @@ class SerialChain(Chain):
         frames, units = joint_frames(self.placements), np.where(rows < 3, 1.0, self.length)
         return ArmConstants(np.empty(0), frames, self.sliding.astype(float), rows, units, 0.0)
 
+    @cached_property
+    def _at_zero(self) -> np.ndarray:
+        """(n + 1, 4, 4) the placements as matrices of homogeneous coordinates."""
+        result = np.tile(np.eye(4), (len(self.placements), 1, 1))
+        result[:, :3, :3] = self.placements[:, :9].reshape(-1, 3, 3)
+        result[:, :3, 3] = self.placements[:, 9:]
+        return result
+
     @np.errstate(invalid="ignore")
-    def _frames(self, q: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Axes (..., n, 3) and points (..., n, 3) of the joints, rotation (..., 3, 3) and position
-        (..., 3) of the tip, in the base's axes.
+    def _frames(self, q: np.ndarray) -> np.ndarray:
+        """(..., n + 1, 4, 4) frames of the joints, turned or shifted by ``q``, and of the tip, in
+        the base's axes.
         """
-        q = np.asarray(q, dtype=float)
-        turn = np.broadcast_to(np.eye(3), (*q.shape[:-1], 3, 3))
-        point, axes, points = np.zeros((*q.shape[:-1], 3)), [], []
-        for j, placement in enumerate(self.placements[:-1]):
-            point = point + turn @ placement[9:]
-            turn = turn @ placement[:9].reshape(3, 3)
-            axes.append(turn[..., 2])
-            points.append(point)
-            angle = q[..., j, None]
-            if self.sliding[j]:
-                point = point + angle * turn[..., 2]
-            else:
-                x, y, sine, cosine = turn[..., 0], turn[..., 1], np.sin(angle), np.cos(angle)
-                turned = (x * cosine + y * sine, y * cosine - x * sine, turn[..., 2])
-                turn = np.stack(turned, axis=-1)
-        tip, rotation = self.placements[-1, 9:], self.placements[-1, :9].reshape(3, 3)
-        ends = turn @ rotation, point + turn @ tip
-        return np.stack(axes, axis=-2), np.stack(points, axis=-2), *ends
+        q, result = np.asarray(q, dtype=float), np.empty((*np.shape(q)[:-1], *self._at_zero.shape))
+        result[...] = self._at_zero
+        x, y, z = (self._at_zero[:-1, :3, k] for k in range(3))
+        angle = np.where(self.sliding, 0.0, q)[..., None]
+        sine, cosine = np.sin(angle), np.cos(angle)
+        result[..., :-1, :3, 0] = x * cosine + y * sine
+        result[..., :-1, :3, 1] = y * cosine - x * sine
+        if self.sliding.any():
+            result[..., :-1, :3, 3] += np.where(self.sliding, q, 0.0)[..., None] * z
+        for j in range(len(self.sliding)):
+            result[..., j + 1, :, :] = result[..., j, :, :] @ result[..., j + 1, :, :]
+        return result
 
 
 def rotation_vector(rotation: np.ndarray) -> np.ndarray:
-    """(..., 3) axis times angle in rad, up to half a turn, of ``rotation`` (..., 3, 3).
+    """(..., 3) axis times angle in rad, up to half a turn, of ``rotation`` R (..., 3, 3).
 
-    By the unit quaternion (w, v): its greatest column of 4qqᵀ loses no digits at any angle.
+    By the unit quaternion (w, v): the row of 4(w, v)(w, v)ᵀ with the greatest diagonal entry loses
+    no digits at any angle.
     """
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.moveaxis(rotation, (-2, -1), (0, 1))
-    columns = [
-        [1 + xx + yy + zz, zy - yz, xz - zx, yx - xy],
-        [zy - yz, 1 + xx - yy - zz, xy + yx, xz + zx],
-        [xz - zx, xy + yx, 1 - xx + yy - zz, yz + zy],
-        [yx - xy, xz + zx, yz + zy, 1 - xx - yy + zz],
-    ]
-    square = np.moveaxis(np.array(columns), (0, 1), (-2, -1))
+    back, trace = rotation.swapaxes(-1, -2), np.trace(rotation, axis1=-2, axis2=-1)
+    square = np.empty((*trace.shape, 4, 4))
+    square[..., 0, 0] = 1 + trace
+    square[..., 0, 1:] = square[..., 1:, 0] = (rotation - back)[..., LAST, NEXT]
+    square[..., 1:, 1:] = rotation + back + (1 - trace)[..., None, None] * np.eye(3)
     greatest = np.diagonal(square, axis1=-2, axis2=-1).argmax(axis=-1)[..., None, None]
-    w, *v = np.moveaxis(np.take_along_axis(square, greatest, axis=-2)[..., 0, :], -1, 0)
-    v = np.where(w < 0, -1.0, 1.0)[..., None] * np.stack(v, axis=-1)
-    sine = np.linalg.norm(v, axis=-1)
-    angle = 2 * np.arctan2(sine, np.abs(w))
-    return v * np.divide(angle, sine, out=np.zeros_like(sine), where=sine > 0)[..., None]
+    row = np.take_along_axis(square, greatest, axis=-2)[..., 0, :]
+    w, v = np.abs(row[..., :1]), np.where(row[..., :1] < 0, -row[..., 1:], row[..., 1:])
+    sine = np.linalg.norm(v, axis=-1, keepdims=True)
+    return v * np.divide(2 * np.arctan2(sine, w), sine, out=np.zeros_like(sine), where=sine > 0)
 
 
 # columns of a frame: the turn about z (rad), cosine and sine of the tilt about x, the shift before
@@ -174,16 +176,14 @@ FRAME_TURN, FRAME_COSINE, FRAME_SINE, FRAME_SHIFT = 0, 1, 2, 3
 def joint_frames(placements: np.ndarray) -> np.ndarray:
     """(n + 2, 6) turn, tilt and shift of the ``placements`` (n + 1, 12) of a serial chain.
 
-    A rotation is R_z(β)R_x(α)R_z(γ), and a revolute joint a turn about the z axis: β is added to
-    the turn of the joint before and γ to the joint's own turn, so that four products with the
-    entries of a rotation remain of nine. The last row is the turn after the tip's tilt.
+    A rotation is R_z(β)R_x(α)R_z(γ): β is added to the turn of the joint before and γ to the
+    joint's own, so that four products of nine remain. The last row turns the tip after its tilt.
     """
     result, own = np.zeros((len(placements) + 1, 6)), 0.0
     for row, placement in zip(result, placements, strict=False):
         rotation, shift = placement[:9].reshape(3, 3).copy(), placement[9:].copy()
         x, y = rotation[:2, 2]
-        # of the two turns that leave the z axis tilted about x alone the one of at most a right
-        # angle
+        # after either of two turns z is tilted about x alone: the one of at most a right angle
         turn = np.arctan2(-x if y >= 0 else x, abs(y))
         back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         rotation[:2], shift[:2] = back @ rotation[:2], back @ shift[:2]

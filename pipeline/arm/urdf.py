@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
+from pipeline.core.bounds import read_whole
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
 
@@ -19,7 +20,7 @@ FARTHEST = 1e6  # m or rad, of an origin or an axis: squares of it stay finite
 LIMITED = ("revolute", "prismatic")  # kinds of joints with one coordinate and limits
 SINGLE = (*LIMITED, "continuous")  # with one coordinate
 KINDS = (*SINGLE, "fixed", "floating", "planar")
-ROOT = "universe"  # how Pinocchio names what the robot stands on
+ROOT = "universe"  # name in Pinocchio of what the robot stands on
 XACRO = "a xacro: expand it with xacro {} > arm.urdf"
 NO_LIMITS = (
     "the joint {} has no limits; give it <limit lower upper velocity effort>, or the type "
@@ -47,12 +48,11 @@ class Joint(NamedTuple):
         return self.limits.get("lower", 0.0), self.limits.get("upper", 0.0)
 
 
-@dataclass
-class Tree:
+class Tree(NamedTuple):
     """Links of a robot, and its joints by name, in the order of the file."""
 
     file: Path
-    name: str  # of the robot
+    root: ElementTree.Element
     links: list[str]
     joints: dict[str, Joint]
 
@@ -92,19 +92,14 @@ def read_urdf(file: Path) -> Tree:
     """Return the tree that ``file`` describes; ConfigError for a file that is no URDF, and for
     links and joints that are no tree.
     """
-    line = None
+    file, line = Path(file), None
     try:
-        root = ElementTree.parse(file).getroot()
-        words = [part.tag for part in root.iter()]
-        words += [word for part in root.findall("joint/*") for word in part.attrib.values()]
-        if any("xacro" in word or "$" in word for word in words):
-            message = XACRO.format(file.name)
-        elif words.count("joint") > MOST_JOINTS:
-            message = f"more than {MOST_JOINTS} joints; take out what does not belong to the arm"
-        else:
-            tree = _tree(file, root)
-            if (message := next(_tree_faults(tree, root), None)) is None:
-                return tree
+        content = read_whole(file)
+        if b"<!DOCTYPE" in content.replace(b"\0", b""):  # also with two bytes a letter
+            raise ValueError("a document type, whose entities may grow without end; take it out")
+        tree = _tree(file, ElementTree.fromstring(content))
+        if (message := next(_tree_faults(tree), None)) is None:
+            return tree
     except FileNotFoundError:
         message = "no such file; name one from the project's root"
     except OSError as error:
@@ -113,49 +108,56 @@ def read_urdf(file: Path) -> Tree:
         message, line = f"this is no URDF ({error.msg})", error.position[0]
         message = XACRO.format(file.name) if "unbound prefix" in error.msg else message
     except (LookupError, ValueError) as error:  # an encoding; a number
-        message = f"this is no URDF ({error}); is it XML in UTF-8?"
+        message = f"this is no URDF ({error})"
     raise ConfigError(f"robot.urdf: {message}", file=file, line=line) from None
 
 
 def _tree(file: Path, root: ElementTree.Element) -> Tree:
-    joints = {}
-    for element in root.findall("joint"):
-        name, kind = element.get("name", ""), element.get("type", "")
-        parts = {part.tag: part.attrib for part in element}
-
-        def number(part: str, key: str, text: str, name: str = name) -> float:
-            try:
-                value = float(text)
-            except ValueError:
-                found = f"the joint {name} has {text[:80]!r} as {key} of its {part}"
-                raise ValueError(f"{found}, which must be a number") from None
-            if key in ("xyz", "rpy") and not abs(value) <= FARTHEST:
-                raise ValueError(f"{name} has {text[:80]} m or rad in its {part}")
-            return value
-
-        for part, values in parts.items():
-            for key in {"xyz", "rpy"} & {*values}:
-                for word in values[key].split():
-                    number(part, key, word)
-        known = {"lower", "upper", "velocity", "effort"} & {*parts.get("limit", {})}
-        limits = {key: number("limit", key, parts["limit"][key]) for key in known}
-        ends = [parts.get(end, {}).get("link", "") for end in ("parent", "child")]
-        coupling = ()
-        if (
-            kind in SINGLE and (mimic := parts.get("mimic")) is not None
-        ):  # some fixed joints have it
-            numbers = (("multiplier", "1"), ("offset", "0"))
-            values = [number("mimic", key, mimic.get(key, usual)) for key, usual in numbers]
-            coupling = (mimic.get("joint", ""), *values)
-        joints[name] = Joint(name, kind, *ends, limits, *coupling)
-    links = [element.get("name", "") for element in root.findall("link")]
-    return Tree(file, root.get("name", ""), links, joints)
+    words = [part.tag for part in root.iter()]
+    values = [word for part in root.findall("joint/*") for word in part.attrib.values()]
+    if any("xacro" in word or "$" in word for word in words + values):
+        raise ValueError(XACRO.format(file.name))
+    if words.count("joint") > MOST_JOINTS:
+        message = f"more than {MOST_JOINTS} joints; take out what does not belong to the arm"
+        raise ValueError(message)
+    joints = {joint.name: joint for joint in map(_joint, root.findall("joint"))}
+    return Tree(file, root, [link.get("name", "") for link in root.findall("link")], joints)
 
 
-def _tree_faults(tree: Tree, root: ElementTree.Element) -> Iterator[str]:
+def _joint(element: ElementTree.Element) -> Joint:
+    name, kind = element.get("name", ""), element.get("type", "")
+    parts = {part.tag: part.attrib for part in element}
+
+    def number(part: str, key: str, text: str) -> float:
+        most = FARTHEST if key in ("xyz", "rpy") else math.inf
+        try:
+            if abs(value := float(text)) <= most:
+                return value
+        except ValueError:
+            pass
+        found = f"the joint {name} has {text[:80]!r} as {key} of its {part}"
+        raise ValueError(f"{found}, which must be a number, of {most:g} at most")
+
+    for part, key in product(parts, ("xyz", "rpy")):
+        for word in parts[part].get(key, "").split():
+            number(part, key, word)
+    limits = {
+        key: number("limit", key, text)
+        for key, text in parts.get("limit", {}).items()
+        if key in ("lower", "upper", "velocity", "effort")
+    }
+    ends = [parts.get(end, {}).get("link", "") for end in ("parent", "child")]
+    if kind not in SINGLE or "mimic" not in parts:  # some fixed joints have it
+        return Joint(name, kind, *ends, limits)
+    mimic = {"joint": "", "multiplier": "1", "offset": "0"} | parts["mimic"]
+    coupling = (number("mimic", key, mimic[key]) for key in ("multiplier", "offset"))
+    return Joint(name, kind, *ends, limits, mimic["joint"], *coupling)
+
+
+def _tree_faults(tree: Tree) -> Iterator[str]:
     """Faults of the links and joints, the most telling first."""
     joints, links = tree.joints.values(), Counter(tree.links)
-    names = Counter(element.get("name", "") for element in root.findall("joint"))
+    names = Counter(element.get("name", "") for element in tree.root.findall("joint"))
     for what, counted in (("links", links), ("joints", names)):
         yield from (f"two {what} are named {name!r}" for name, n in counted.items() if n > 1)
     for name, kind, *ends in (joint[:4] for joint in joints):
@@ -163,24 +165,21 @@ def _tree_faults(tree: Tree, root: ElementTree.Element) -> Iterator[str]:
             yield f"the joint {name} is of the type {kind!r}; there are {', '.join(KINDS)}"
         if name == ROOT:
             yield f"the joint {name} has a name that Pinocchio needs for {ROOT}"
-        missing = [link for link in ends if link not in links]
+        missing = (link for link in ends if link not in links)
         yield from (
-            f"{name} joins the link {link!r}, which the URDF does not have" for link in missing
+            f"{name} joins the link {end!r}, which the URDF does not have" for end in missing
         )
     for joint in joints:
         if joint.kind in LIMITED and not {"velocity", "effort"} <= {*joint.limits}:
             yield NO_LIMITS.format(joint.name)
     children = Counter(joint.child for joint in joints)
-    closing = [
+    if closing := sorted(
         joint.name
         for joint in joints
         if children[joint.child] > 1 or len(tree.above(joint.child)) > len(joints)
-    ]
-    if closing:
-        yield (
-            "links form a loop, which a URDF cannot hold; leave out one of the joints "
-            + ", ".join(sorted(closing))
-        )
+    ):
+        loop = "links form a loop, which a URDF cannot hold; leave out one of the joints"
+        yield f"{loop} {', '.join(closing)}"
     if len(roots := [link for link in tree.links if link not in children]) != 1:
         found = ", ".join(roots[:5]) or "none"
         yield f"a robot has one link that no joint holds, and this one {found}"
@@ -204,51 +203,49 @@ def describe(robot: Robot) -> Description:
     no chain of joints of one coordinate each.
     """
     tree, locked = read_urdf(Path(robot.urdf)), dict(robot.locked)
-    if (fault := next(_name_faults(tree, robot), None)) is None:
-        tip = _tip(tree, robot.joints[-1], robot.tool)
-        base = None if robot.base is None else tree.link(robot.base, "robot.base")
-        if (fault := next(_chain_faults(tree, robot, tip, base), None)) is None:
-            held = {
-                name: joint.multiplier * locked.get(joint.follows, 0.0) + joint.offset
-                for name, joint in tree.joints.items()
-                if joint.follows is not None
-            }
-            joints = [tree.joints[name] for name in robot.joints]
-            return Description(tree, joints, base, tip, held | locked)
-    raise ConfigError(f"robot.{fault}", file=tree.file)
+    if (fault := next(_arm_faults(tree, robot), None)) is not None:
+        raise ConfigError(f"robot.{fault}", file=tree.file)
+    followers = (joint for joint in tree.joints.values() if joint.follows is not None)
+    held = {
+        joint.name: joint.multiplier * locked.get(joint.follows, 0.0) + joint.offset
+        for joint in followers
+    }
+    joints, ends = (
+        [tree.joints[name] for name in robot.joints],
+        (_base(tree, robot), _tip(tree, robot)),
+    )
+    return Description(tree, joints, *ends, held | locked)
 
 
-def _tip(tree: Tree, last: str, tool: str | None) -> str:
-    """The link of the option ``tool``, or the only one beyond the joint ``last`` that no other
-    follows.
-    """
-    if tool is not None:
-        return tree.link(tool, "robot.tool")
+def _base(tree: Tree, robot: Robot) -> str | None:
+    return None if robot.base is None else tree.link(robot.base, "robot.base")
+
+
+def _tip(tree: Tree, robot: Robot) -> str:
+    """The link of the option ``tool``, or the only one beyond the joints that no other follows."""
+    if robot.tool is not None:
+        return tree.link(robot.tool, "robot.tool")
+    last = robot.joints[-1]
     ends = [link for link in tree.ends if last in [joint.name for joint in tree.above(link)]]
-    if len(ends) != 1:
-        message = (
-            f"robot.tool: the URDF ends in more than one link beyond {last}; name one of {ends}"
-        )
-        raise ConfigError(message, file=tree.file)
-    return ends[0]
+    if len(ends) == 1:
+        return ends[0]
+    message = f"robot.tool: the URDF ends in more than one link beyond {last}; name one of {ends}"
+    raise ConfigError(message, file=tree.file)
 
 
-def _name_faults(tree: Tree, robot: Robot) -> Iterator[str]:
-    """Names of the options that are no joints of one coordinate."""
-    movable = sorted(name for name, joint in tree.joints.items() if joint.kind != "fixed")
-    for key, wanted in (("joints", robot.joints), ("locked", robot.locked)):
+def _arm_faults(tree: Tree, robot: Robot) -> Iterator[str]:
+    """Faults of the names of the options, then of the way from the base to the tip."""
+    joints, movable = robot.joints, sorted(n for n, j in tree.joints.items() if j.kind != "fixed")
+    for key, wanted in (("joints", joints), ("locked", robot.locked)):
         for name in wanted:
             if name not in movable:
                 yield f"{key}: no joint {name!r} in the URDF; it has {movable}"
             elif (kind := tree.joints[name].kind) not in SINGLE:
                 yield f"{key}: {name} is {kind}; a joint must be one of {', '.join(SINGLE)}"
-    if both := sorted({*robot.joints} & {*robot.locked}):
+    if both := sorted({*joints} & {*robot.locked}):
         yield f"locked: {', '.join(both)} cannot be locked, being of robot.joints"
-
-
-def _chain_faults(tree: Tree, robot: Robot, tip: str, base: str | None) -> Iterator[str]:
-    """Faults of the way from the base to the tip."""
-    joints, above = robot.joints, tree.above(tip)
+    tip, base = _tip(tree, robot), _base(tree, robot)
+    above, below_base = tree.above(tip), tree.above(base) if base else []
     on = [joint.name for joint in above if joint.name in joints]
     if joints[-1] not in on:
         yield f"tool: {tip!r} does not move with the last joint of the chain, {joints[-1]}"
@@ -256,7 +253,6 @@ def _chain_faults(tree: Tree, robot: Robot, tip: str, base: str | None) -> Itera
         yield f"joints: {', '.join(apart)} does not move {tip!r}; name joints of one chain"
     if joints != on:
         yield f"joints: {joints} must stand in the order of the chain {on}"
-    below_base = tree.above(base) if base else []
     if moving := [joint.name for joint in below_base if joint.name in joints]:
         yield f"base: {robot.base!r} moves with {moving[-1]}; name a link before the arm"
     for joint in (joint for joint in above if joint not in below_base):
@@ -272,4 +268,4 @@ def _chain_faults(tree: Tree, robot: Robot, tip: str, base: str | None) -> Itera
             )
         lower, upper = joint.range
         if joint.name in joints and joint.kind in LIMITED and not 0 < upper - lower < math.inf:
-            yield "urdf: " + NO_LIMITS.format(joint.name)
+            yield f"urdf: {NO_LIMITS.format(joint.name)}"

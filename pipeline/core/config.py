@@ -71,9 +71,8 @@ def option_names(group: str) -> list[str]:
 
 
 def compose_config(params_file: Path) -> Config:
-    """Return the validated configuration that ``params_file`` asks for.
-
-    ConfigError names every fault with its key, the file where it stands and what is allowed there.
+    """Return the validated configuration that ``params_file`` asks for; ConfigError with all
+    faults, each with its key, its file and what is allowed.
     """
     params = _params(params_file)
     sheet = datasheet.read(datasheet.path_of(params.dataset))
@@ -221,22 +220,19 @@ def declared_sections(stage: str, dvc_file: Path) -> list[str]:
 def sections(
     stage: str, dvc_file: Path = Path("dvc.yaml"), item: str | None = None
 ) -> SimpleNamespace:
-    """Return the sections that a stage declares, as typed objects, and ``compute``; any other
-    section is an AttributeError.
+    """Return the sections that a stage declares, as typed objects, and ``compute``; ``item`` stands
+    for the matrix item in a section such as ``models.${item.model}``.
 
-    ``item`` stands for the matrix item in a declared section such as ``models.${item.model}``.
-    A study or a tool, whose ``dvc_file`` is in the pipeline's folder, is refused a dataset without
-    the robot that it declares: ConfigError. The paper's stages pass over such a dataset.
+    ConfigError for a study or tool (``dvc_file`` in the pipeline's folder) that declares the robot
+    of a dataset without one; the paper's stages pass over such a dataset.
     """
     config, declared = composed_config(), declared_sections(stage, dvc_file)
     given = SimpleNamespace(compute=config.compute)
     beyond = dvc_file.resolve().is_relative_to(CONF.parent)
     if beyond and "dataset.robot" in declared and config.dataset.robot is None:
-        raise ConfigError(
-            f"{stage} is about a robot's motion, and the dataset has no robot; choose another "
-            "dataset in params.yaml",
-            key="dataset.robot",
-        )
+        lacking = f"{stage} is about a robot's motion, and the dataset has no robot"
+        message = f"{lacking}; choose another dataset in params.yaml"
+        raise ConfigError(message, key="dataset.robot")
     for section in declared:
         name = section.replace("${item.model}", str(item))
         *above, last = name.split(".")
@@ -268,8 +264,7 @@ def model_options(names: Iterable[str]) -> dict[str, Any]:
     for name in names:
         file = CONF / "model" / f"{name}.yaml"
         if name not in known:
-            message = f"no model {name!r}; there are {', '.join(known)}"
-            raise ConfigError(message, file=file)
+            raise ConfigError(f"no model {name!r}; there are {', '.join(known)}", file=file)
         values = read_yaml(file)
         result[name] = validated(_model_type(values.get("kind")), values, name, file)
     return result

@@ -154,16 +154,12 @@ def read(name: str, folder: Path, declarations: Path = PAPER) -> pd.DataFrame:
 
 
 def exists(name: str, folder: Path) -> bool:
-    """Return True where the stage that owns ``folder`` wrote table ``name`` (it does not where the
-    dataset lacks the instrument).
-    """
+    """Return True where a stage wrote table ``name``, as without the instrument none does."""
     return (Path(folder) / f"{name}.parquet").is_file()
 
 
 def write_metrics(metrics: dict, file: Path) -> None:
-    """Write numbers for ``dvc metrics`` as JSON, in full precision; ContractError for one that is
-    not finite.
-    """
+    """Write numbers as JSON in full precision; ContractError for one that is not finite."""
     if broken := [name for name, value in metrics.items() if not math.isfinite(value)]:
         raise ContractError(f"{', '.join(broken)} not finite", file=file)
     write_text(json.dumps(metrics, indent=2, default=lambda number: number.item()) + "\n", file)
@@ -179,9 +175,7 @@ def write_text(text: str, file: Path) -> None:
 
 @contextmanager
 def replacing(folder: Path) -> Iterator[Path]:
-    """Yield a fresh folder to write into that takes the place of ``folder`` when the block ends
-    well, and vanishes when it does not.
-    """
+    """Yield a fresh folder that takes the place of ``folder`` if the block ends well, else goes."""
     folder = Path(folder)
     partial = folder.with_name(f".{folder.name}.partial")
     shutil.rmtree(partial, ignore_errors=True)

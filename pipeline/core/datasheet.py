@@ -62,9 +62,7 @@ def unfilled(file: Path) -> list[str]:
 
 
 def require_apart(option: dict[str, Any], sheet: Datasheet, option_file: Path) -> None:
-    """Raise ConfigError for a key that stands both in the ``option`` of the dataset, of
-    ``option_file``, and in its datasheet.
-    """
+    """Raise ConfigError for a key that stands in the ``option`` file and in the datasheet."""
     if keys := list(_common(option, sheet.values, "dataset.")):
         verb, of_each = ("stands", "them") if len(keys) == 1 else ("stand", "each")
         message = f"{', '.join(keys)} {verb} in {option_file.name} too: keep one of {of_each}"
@@ -72,9 +70,7 @@ def require_apart(option: dict[str, Any], sheet: Datasheet, option_file: Path) -
 
 
 def require_filled(composed: dict[str, Any], sheet: Datasheet, option_file: Path) -> None:
-    """Raise ConfigError with the file and all keys of the ``composed`` dataset that were left to
-    fill in and that no override fills.
-    """
+    """Raise ConfigError with the file and all keys of the ``composed`` dataset still to fill in."""
     keys = list(unfilled_keys(composed.get("dataset")))
     _refuse([key for key in keys if sheet.holds(key.partition("[")[0])], sheet.file)
     _refuse(keys, option_file)
@@ -109,9 +105,7 @@ def _refuse(keys: Iterable[str], file: Path) -> None:
 
 
 class Question(NamedTuple):
-    """A value that is still ???: its key, the comment beside it, and its line of ``file``, from
-    0.
-    """
+    """A value that is still ???, the comment beside it, and its line of ``file``, from 0."""
 
     key: str
     hint: str
@@ -148,10 +142,8 @@ class Draft:
         return result
 
     def answer(self, key: str, value: str, wrong: Callable[[dict], list[PipelineError]]) -> None:
-        """Put ``value``, as YAML has it, in the place of a ???.
-
-        ConfigError where the key is none that is still open; the first fault that ``wrong`` finds
-        in the values now and did not before. The draft is then as it was.
+        """Put ``value``, as YAML has it, in the place of a ???; ConfigError, and no change, where
+        the key is not open or ``wrong`` finds a new fault in the values.
         """
         questions = {question.key: question for question in self.questions()}
         if key not in questions:
@@ -166,9 +158,7 @@ class Draft:
         self.texts = changed.texts
 
     def note(self, key: str, remark: str) -> None:
-        """Put a ``remark`` behind the comment of a value that is still ???; an answer takes it away
-        again.
-        """
+        """Put a ``remark`` behind the comment of a ???, which an answer takes away again."""
         question = next(question for question in self.questions() if question.key == key)
         self.texts = self._with(question, lambda line: f"{line}{REMARK}{remark}").texts
 
@@ -208,9 +198,7 @@ class Described(Dataset):
 
 
 def faults(values: dict[str, Any]) -> list[ConfigError]:
-    """Return all faults of the ``values`` of a dataset that are filled in: unknown keys, and values
-    of another type or out of range.
-    """
+    """Return the unknown keys and wrong values among the filled in ``values`` of a dataset."""
     found = all_faults(Described, _without_open(values), "dataset")[1]
     return [fault for fault in found if not fault.message.startswith(MISSING)]
 

@@ -17,13 +17,6 @@ from pipeline.core.errors import ConfigError
 T = TypeVar("T")
 RULES = ConfigDict(extra="forbid", allow_inf_nan=False)
 MISSING = "no value for "  # begins the message of a missing value
-# keys of earlier versions → the replacement that their refusal names
-REPLACED = {
-    "dataset.elimination": (
-        "a dataset names no decomposition any more; remove the key and set decomposition in "
-        "pipeline/conf/model/wishart.yaml (by_shape, pivoted_lu, qr, qr_transposed or given)"
-    ),
-}
 
 
 class Fault(ValueError):
@@ -36,9 +29,8 @@ class Fault(ValueError):
 
 @dataclass_transform(field_specifiers=(Field,))
 def options(**arguments: Any) -> Callable[[type[T]], type[T]]:
-    """Decorate the type of a section: a pydantic dataclass that takes no other keys.
-
-    ``arguments`` are those of a dataclass. An object that is made directly raises ConfigError.
+    """Decorate the type of a section: a pydantic dataclass, with the ``arguments`` of one, that
+    takes no other keys and raises ConfigError.
     """
 
     def decorate(cls: type[T]) -> type[T]:
@@ -59,10 +51,8 @@ def options(**arguments: Any) -> Callable[[type[T]], type[T]]:
 
 
 def validated(structure: type[T], values: Any, section: str = "", file: Path | None = None) -> T:
-    """Return the object of type ``structure`` that ``values`` describe.
-
-    ConfigError names every fault by its key below ``section``: the allowed values, the known keys
-    and the nearest of them.
+    """Return the object of type ``structure`` that ``values`` describe; ConfigError with every
+    fault by its key below ``section``, what is allowed and the nearest of it.
     """
     found, faults = all_faults(structure, values, section)
     if faults:
@@ -73,9 +63,7 @@ def validated(structure: type[T], values: Any, section: str = "", file: Path | N
 def all_faults(
     structure: type[T], values: Any, section: str = ""
 ) -> tuple[T | None, list[ConfigError]]:
-    """Return the object that ``values`` describe, None where there are faults, and a ConfigError a
-    fault.
-    """
+    """Return the object that ``values`` describe, None if faulty, and a ConfigError a fault."""
     try:
         return _adapter(structure).validate_python(values), []
     except ValidationError as error:
@@ -87,14 +75,15 @@ def all_faults(
 
 def joined_faults(faults: list[ConfigError], file: Path | None = None) -> ConfigError:
     """Return one ConfigError that says all ``faults``, a line each."""
-    first, message = faults[0], faults[0].message
+    message = faults[0].message
     if len(faults) > 1:
-        message = f"{len(faults)} faults:"
-        for fault in faults:
-            key = str(fault.evidence.get("key"))
-            message += f"\n  {key}: {fault.message.removeprefix(key.rpartition('.')[2] + ': ')}"
-        message += "\n "
-    return ConfigError(message, **{"file": file} | first.evidence)
+        keys = [str(fault.evidence.get("key")) for fault in faults]
+        lines = (
+            f"  {key}: {fault.message.removeprefix(key.rpartition('.')[2] + ': ')}\n"
+            for key, fault in zip(keys, faults, strict=True)
+        )
+        message = f"{len(faults)} faults:\n{''.join(lines)} "
+    return ConfigError(message, **{"file": file} | faults[0].evidence)
 
 
 @cache
@@ -103,7 +92,7 @@ def _adapter(structure: type) -> TypeAdapter:
 
 
 def _faults(error: ValidationError, structure: type, section: str) -> list[ConfigError]:
-    return [_fault(one, structure, section) for one in error.errors(include_url=False)]
+    return [_fault(one, structure, section) for one in error.errors()]
 
 
 def _fault(error: Any, structure: type, section: str) -> ConfigError:
@@ -120,7 +109,7 @@ def _fault(error: Any, structure: type, section: str) -> ConfigError:
         message = str(cause)
     elif kind in ("unexpected_keyword_argument", "extra_forbidden"):
         given, known = place[-1], _keys_at(structure, place[:-1])
-        message = REPLACED.get(key, f"unknown key '{given}'; there are {', '.join(known)}")
+        message = f"unknown key '{given}'; there are {', '.join(known)}"
     elif kind == "missing":
         return ConfigError(f"{MISSING}{key}", key=key)
     elif kind in ("dataclass_type", "dict_type"):

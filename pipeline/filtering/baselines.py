@@ -28,10 +28,9 @@ def baseline_predictions(
     """Return by baseline the errors (..., K − 1, n) in rad of the predicted poses, measured minus
     predicted, and their predicted covariances (K − 1, n, n) in rad².
 
-    The second baseline is given the pose y_k = e_k + N(0, Σ) that was measured a step before:
-    E(e_{k+1} | y_k) = Cov(e_{k+1}, e_k)(S_k + Σ)⁻¹ y_k.
-    ``training`` (takes, K, n) and ``poses`` (..., K, n) rad are the poses of the training takes and
-    of the predicted ones, ``measurement`` (n, n) rad² is Σ, of one measured pose.
+    The second is given the pose y_k = e_k + N(0, Σ) that was measured a step before:
+    E(e_{k+1} | y_k) = Cov(e_{k+1}, e_k)(S_k + Σ)⁻¹ y_k. ``training`` (takes, K, n) and ``poses``
+    (..., K, n) rad are the training takes and the predicted ones, ``measurement`` (n, n) rad² Σ.
     """
     mean, covariance = takes_moments(training)
     off = poses - mean

@@ -1,9 +1,8 @@
 """The linear filter of minimum variance of deviations whose second moments over time are known.
 
-Where deviations and measurement noise are normal it is the exact posterior, and of a Markov law the
-Kalman filter (Anderson & Moore, Optimal Filtering, 1979); all frames at once, it is the regression
-of a Gaussian process (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, Sec.
-2.2).
+It is the exact posterior of normal deviations and noise: of a Markov law the Kalman filter
+(Anderson & Moore, Optimal Filtering, 1979), of all frames at once the regression of a Gaussian
+process (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, Sec. 2.2).
 
 The path has the prior N(q̄, P). Frame j shows the deviation at its point p between the two poses
 of its step times the response A: y_j − b_j = p̄_j + A(p_j − p̄_j) + N(0, R_j), so that H_j is A

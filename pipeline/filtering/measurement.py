@@ -2,10 +2,9 @@
 y_j = q(t_j) + b_j + N(0, R_j), or of the pose of the tip, whose displacement from the pose at
 q(t_j) is b_j + N(0, R_j).
 
-The paper does not say how frames at 30 Hz meet a motion grid of 100 Hz. The models step from q_k to
-q_{k+1} under a velocity that is constant in between; the path they define is the polygon through
-the q_k. A frame inside the step is compared with the point of the particle's own polygon at the
-frame's time, when the step is done: the exact likelihood of that path.
+The paper does not say how frames at 30 Hz meet a motion grid of 100 Hz. A model's velocity is
+constant within a step: its path is the polygon through the q_k, and a frame is compared with the
+particle's polygon at the frame's time, when the step is done: the exact likelihood of that path.
 """
 
 from __future__ import annotations
@@ -65,16 +64,11 @@ class Measurements:
         for name, shape in shapes.items():
             found = getattr(self, name)
             if found.shape != (frames, *shape):
-                raise ContractError(
-                    f"measurements: {name} has shape {found.shape}, not {(frames, *shape)}",
-                    take=self.take,
-                )
+                message = f"measurements: {name} has shape {found.shape}, not {(frames, *shape)}"
+                raise ContractError(message, take=self.take)
             if len(broken := np.argwhere(~np.isfinite(found))):
-                raise ContractError(
-                    f"measurements: {name} is not finite; drop the frame before filtering",
-                    take=self.take,
-                    frame=int(broken[0, 0]),
-                )
+                message = f"measurements: {name} is not finite; drop the frame before filtering"
+                raise ContractError(message, take=self.take, frame=int(broken[0, 0]))
 
     def schedule(self, steps: int, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return frames, steps k and shares of the step (F',) of the frames within ``steps`` steps

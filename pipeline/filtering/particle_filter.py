@@ -1,11 +1,9 @@
 """Sequential importance sampling of the joint angles under a stochastic motion model (section
 "RMT-based particle filtering"), for any arm and any measurement.
 
-Particles are moved by the motion model itself (the prior as proposal), weighted by the
-likelihood of the measurements and resampled when few of them carry the weight (Doucet, de Freitas
-& Gordon 2001). The state lives in D_q, the set within the joint limits and clear of singular poses,
-where no motion model is defined: a particle that leaves it has weight zero, so that the posterior
-is the one of the paths that stay inside.
+The motion model is the proposal (Doucet, de Freitas & Gordon 2001). The state lives in D_q, within
+the joint limits and clear of singular poses, where no motion model is defined: a particle that
+leaves it has weight zero, so that the posterior is the one of the paths that stay inside.
 """
 
 from __future__ import annotations
@@ -33,13 +31,14 @@ class FilterOptions:
     threshold: float = 0.5  # share of the particles below which the effective sample size resamples
 
     def __post_init__(self) -> None:
-        for key, valid, required in (
-            ("particles", self.particles >= 1, "at least one particle is needed"),
-            ("resampling", self.resampling in SCHEMES, f"choose one of {sorted(SCHEMES)}"),
-            ("threshold", 0.0 <= self.threshold <= 1.0, "a share of the particles, 0 to 1"),
-        ):
+        required = {
+            "particles": (self.particles >= 1, "at least one particle is needed"),
+            "resampling": (self.resampling in SCHEMES, f"choose one of {sorted(SCHEMES)}"),
+            "threshold": (0.0 <= self.threshold <= 1.0, "a share of the particles, 0 to 1"),
+        }
+        for key, (valid, words) in required.items():
             if not valid:
-                raise ConfigError(f"filter.{key}: {required}", value=getattr(self, key))
+                raise ConfigError(f"filter.{key}: {words}", value=getattr(self, key))
 
 
 @dataclass(frozen=True)
@@ -82,10 +81,9 @@ def particle_filter(
     """Return the posterior of the joint angles of one take: Eq. (posterior-expectation) of q_k and
     of its square about the mean.
 
-    ``commands`` are of M steps of ``dt`` (s), in an open or in a closed loop. The loop over the
-    steps is compiled and lets other threads run; everything random comes from ``rng``, in the order
-    of the particles. Raises DegenerateFilterError where all weights vanish and ModelDomainError for
-    a covariance that is none, with take and step.
+    ``commands`` are of M steps of ``dt`` (s), in an open or in a closed loop; all random numbers
+    come from ``rng``, in the order of the particles. Raises DegenerateFilterError where all weights
+    vanish and ModelDomainError for a covariance that is none, with take and step.
     """
     if measurements.tip and isinstance(chain, PlanarChain):
         message = "a pose of the tip weighs particles of an arm in space, not of one in a plane"

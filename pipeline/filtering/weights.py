@@ -86,8 +86,7 @@ def add_square(white, j, rest, whitened, square, count):
 @inner
 def normalise(log_weights, weights):
     """Normalise ``log_weights`` (P,) and fill ``weights``; return the effective sample size 1/Σw²
-    (Kong, Liu & Wong 1994) and the logarithm of the former sum of the weights, which is not finite
-    where all have vanished.
+    (Kong, Liu & Wong 1994) and the log of the former sum, not finite where all have vanished.
     """
     peak = greatest(log_weights)
     if not np.isfinite(peak):

@@ -33,15 +33,12 @@ class Planned:
 def least_uncertain(problem: Problem, cost: Cost, points: int = POINTS) -> Planned:
     """Return the motion of least Σ ``cost`` + smoothness·Σ‖w_k‖², w_k the null-space part of step.
 
-    By dynamic programming over a grid of ``points`` at a step, which is globally optimal to the
-    grid; then locally (:mod:`.refine`), from the best way through the grid and the best that are
-    apart from it, as the grid may hold a better motion worse than another. With m = n the grid is
-    the whole set of motions, and the search decides the branch. Its stages are the steps of the
-    path, or so many of them together that a joint can move from one point of the grid to the next;
-    the costs of all steps count, each at the pose of the nearest stage.
-
-    Eq. (least-uncertain-path), of the trace of its sum or what else is a number, and with the
-    self-motion free that its constraint leaves out.
+    Eq. (least-uncertain-path), of the trace of its sum or another number, with the self-motion free
+    that its constraint leaves out. By dynamic programming over a grid of ``points`` at a step,
+    globally optimal to the grid; then locally (:mod:`.refine`), from the best ways through the grid
+    that are apart. With m = n the grid is the whole set of motions, and the search decides the
+    branch. Stages are the steps of the path, or so many of them together that a joint can move from
+    one point of the grid to the next; a step has its cost at the pose of the nearest stage.
 
     Raises InfeasibleError with the first step at which no motion keeps the path, the limits and the
     margin, and what the ``cost`` raises where it exists nowhere.
@@ -113,18 +110,17 @@ def on_stages(
     stage = np.searchsorted((steps[1:] + steps[:-1]) / 2, np.arange(len(problem.steps)), "right")
     q = np.concatenate([grid[s] for s in stage])
     each = where_defined(cost, q, np.repeat(problem.steps, counts[stage], axis=0))
-    own = np.full((len(steps), counts.max()), np.inf)
+    own = np.where(np.arange(counts.max()) < counts[:, None], 0.0, np.inf)
     poses = np.zeros((*own.shape, len(chain.lower)))
-    nominal = np.zeros((len(steps) - 1, *poses.shape[1:]))
+    nominal, wide = np.zeros_like(poses[1:]), np.diff(steps)
     for s, solutions in enumerate(grid):
-        poses[s, : len(solutions)], own[s, : len(solutions)] = solutions, 0.0
+        poses[s, : len(solutions)] = solutions
         if s + 1 < len(steps):
             v = chain.displacement(problem.path[steps[s]], problem.path[steps[s + 1]])
             nominal[s, : len(solutions)] = np.matvec(chain.inverse_jacobian(solutions), v)
     for s, part in zip(stage, np.split(each, np.cumsum(counts[stage])[:-1]), strict=True):
         own[s, : len(part)] += part
-    wide = np.diff(steps)
-    before, total = np.zeros(own.shape, dtype=np.int64), np.full_like(own, np.inf)
+    before, total = np.zeros(own.shape, dtype=np.int64), np.empty_like(own)
     reach, weight = wide[:, None] * problem.reach, problem.smoothness / wide
     reached = cheapest(poses, counts, own, nominal, reach, weight, problem.turning, before, total)
     if reached < len(steps):
@@ -194,60 +190,45 @@ def cheapest(
     """Find the ways to every pose of least Σ cost + Σ weight·‖q_{s+1} − q_s − nominal_s‖², no joint
     beyond its reach; return S, else the first stage that none reaches.
 
-    Of poses that cost the same the one before wins. Poses before are tried by what they cost, and
-    no longer than they can win: nothing is left out.
+    ``poses`` (S, G, n) in rad, ``counts`` (S,) of them at a stage; ``cost`` (S, G), infinite where
+    a pose is not to be taken; ``nominal`` (S-1, G, n) step without weight from each pose and
+    ``reach`` (S-1, n) greatest step, in rad; ``weight`` (S-1,) of a squared step beyond the nominal
+    one; ``turning`` (n,) joints whose steps are taken up to whole turns. Written: ``before`` (S, G)
+    the pose before on the way to each, ``total`` (S, G) the cost of that way with the pose's own.
 
-    Args:
-        poses: (S, G, n) in rad.
-        counts: (S,) how many of the G there are.
-        cost: (S, G), infinite where a pose is not to be taken.
-        nominal: (S-1, G, n) step without weight from each pose, in rad.
-        reach: (S-1, n) greatest step of each joint, in rad.
-        weight: (S-1,) of a squared step beyond the nominal one.
-        turning: (n,) joints whose steps are taken up to whole turns.
-        before: (S, G) written: the number of the pose before on the way to each.
-        total: (S, G) written: the cost of that way, the pose's own with it.
+    Of poses that cost the same the one before wins. Poses before are tried by their cost, as long
+    as they can win: nothing is left out.
     """
-    stages, n = len(counts), poses.shape[2]
-    for i in range(counts[0]):
-        total[0, i] = cost[0, i]
-    for s in range(stages):
-        left = np.inf
-        if s > 0:
-            order = np.argsort(total[s - 1, : counts[s - 1]], kind="mergesort")
+    total[:] = np.inf
+    total[0, : counts[0]] = cost[0, : counts[0]]
+    for s in range(1, len(counts)):
+        if not total[s - 1].min() < np.inf:
+            return s - 1
+        order = np.argsort(total[s - 1, : counts[s - 1]], kind="mergesort")
         for j in range(counts[s]):
-            least = total[0, j] if s == 0 else np.inf
-            own = cost[s, j]
-            if s > 0 and own < np.inf:
-                for place in order:
-                    base = total[s - 1, place]
-                    if not base < least:
+            least = np.inf
+            for place in order if cost[s, j] < np.inf else order[:0]:
+                value = total[s - 1, place]
+                if not value < least:
+                    break
+                for joint in range(poses.shape[2]):
+                    step = poses[s, j, joint] - poses[s - 1, place, joint]
+                    if turning[joint]:
+                        step -= TURN * np.floor(step / TURN + 0.5)
+                    if abs(step) > reach[s - 1, joint]:
+                        value = np.inf
                         break
-                    value = base
-                    for joint in range(n):
-                        step = poses[s, j, joint] - poses[s - 1, place, joint]
-                        if turning[joint]:
-                            step -= TURN * np.floor(step / TURN + 0.5)
-                        if abs(step) > reach[s - 1, joint]:
-                            value = np.inf
-                            break
-                        beyond = step - nominal[s - 1, place, joint]
-                        value += weight[s - 1] * beyond * beyond
-                    if value < least:
-                        least = value
-                        before[s, j] = place
-                total[s, j] = least + own
-            elif s > 0:
-                total[s, j] = np.inf
-            left = min(left, total[s, j])
-        if not left < np.inf:
-            return s
-    return stages
+                    beyond = step - nominal[s - 1, place, joint]
+                    value += weight[s - 1] * beyond * beyond
+                if value < least:
+                    least, before[s, j] = value, place
+            total[s, j] = least + cost[s, j]
+    return len(counts) if total[-1].min() < np.inf else len(counts) - 1
 
 
 def way_to(last: int, before: np.ndarray) -> np.ndarray:
-    """(S,) numbers of the poses on the way to the pose ``last`` of the last stage, by what
-    :func:`cheapest` wrote of the poses ``before`` (S, G).
+    """(S,) poses on the way to the pose ``last`` of the last stage, by what :func:`cheapest` wrote
+    of the poses ``before`` (S, G).
     """
     way = [last]
     for row in before[:0:-1]:

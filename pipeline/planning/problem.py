@@ -169,15 +169,13 @@ def length_of(steps: np.ndarray) -> np.ndarray:
 def uncertainty(model: MotionModel, chain: Chain, objective: str) -> Cost:
     """tr Cov(q_{k+1} | q_k) in rad², or its ln det, of a step under ``model``.
 
-    The sum of covariances over a motion is a matrix and no objective; that of either number is.
-    Where the covariance has the rank m of the task, as that of a matrix model with more joints than
-    rows, ln det is that in the row space of J, of the m variances there; else that of all n. A step
-    that commands nothing and has no noise costs nothing. The cost is that of the task step: no
-    model of the paper gives noise to a step in the null space of J, and the noise that the scaled
-    model gives to one is left out.
+    Where the covariance has the rank m of the task, as under a matrix model with more joints than
+    rows, ln det is taken of the m variances in the row space of J; else of all n. A step that
+    commands nothing and has no noise costs nothing. Noise that the scaled model gives to a step in
+    the null space of J is left out: no model of the paper has any.
 
     The cost raises what ``model.covariance`` does, and ModelDomainError where a step that moves has
-    no variance along an axis, so that there is no ln det. Raises ConfigError for another objective.
+    no ln det, as it has no variance along an axis. Raises ConfigError for another objective.
     """
     if objective not in OBJECTIVES:
         message = f"no objective {objective!r}; there are {', '.join(OBJECTIVES)}"

@@ -7,9 +7,8 @@ speed and margin are relaxed logarithmic barriers (Feller and Ebenbauer, IEEE Tr
 Control 62, 2017), which lose their weight round by round. A round's motion, or a share of the way
 to it, is taken where it is better and keeps every limit exactly.
 
-A cost or a limit of one step depends on few coefficients, so that a gradient is a few batches
-whatever their number. Solvers that carry each limit as a constraint (SLSQP, trust-constr, IPOPT)
-would carry thousands of them through every iteration.
+A gradient is a few batches, as a step depends on few coefficients; solvers with constraints (SLSQP,
+trust-constr, IPOPT) would carry thousands of limits through every iteration.
 """
 
 from __future__ import annotations

@@ -1,15 +1,11 @@
 """The poses of the joints that carry the tip to a pose of the path, as a grid.
 
-With one joint more than task rows they are curves: each branch (elbow up and down, wrist turned
-over) one of its own, closed but where it ends at a singular pose or a joint's limit. A curve is
-followed along the null space of J, each point brought back to the path by Newton's method, so that
-its points lie a spacing apart wherever it turns. Starting points come from Newton's method begun at
-spread poses (a Halton sequence within the limits); every solution that no curve passes begins
-another, so that all branches that any start leads to are covered, whole turns taken off. With as
-many joints as rows the curves are points.
-
-A curve is followed through the limits and the margin, and cut there last: what lies beyond is
-dropped and does not part a branch.
+With one joint more than task rows they are curves, one a branch (elbow up and down, wrist turned
+over), closed unless it ends at a singular pose or a joint's limit. A curve is followed along the
+null space of J, a spacing at a time, each point brought back to the path by Newton's method; limits
+and margin cut it last, so that they part no branch. Newton's method from spread poses (a Halton
+sequence within the limits) gives the starts; every solution that no curve passes begins another.
+With as many joints as rows the curves are points.
 """
 
 from __future__ import annotations

@@ -11,7 +11,6 @@ import pinocchio as pin
 from pipeline.core.columns import SPACE
 from pipeline.core.options.dataset import Robot
 
-LWR4 = Path(__file__).parents[3] / "shared/recordings/lwr4/kuka_lwr4.urdf"
 UR5 = Path("pipeline/arm/ur5.urdf")
 YOUBOT = Path("pipeline/arm/youbot.urdf")
 JOINTS = ["arm_joint_2", "arm_joint_3", "arm_joint_4"]

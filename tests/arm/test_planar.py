@@ -71,6 +71,17 @@ def test_joints_come_back_from_segments_whatever_the_turns_nearest_to_the_middle
     np.testing.assert_allclose(beyond - middle, [3.1, -3.1, 3.2 - 2 * np.pi], atol=1e-12)
 
 
+def test_every_batch_shape_holds_what_single_poses_give(chain):
+    q = bent(chain, 6)
+    for name in ("pose", "points", "jacobian", "inverse_jacobian", "determinant", "singular"):
+        method = getattr(chain, name)
+        alone = np.array([method(each) for each in q])
+        for shape in ((6,), (2, 3), (1, 6, 1)):
+            batch = method(q.reshape(*shape, 3))
+            np.testing.assert_array_equal(batch, alone.reshape(*shape, *alone.shape[1:]))
+        assert method(q[:0]).shape == (0, *alone.shape[1:])
+
+
 def test_a_singular_pose_is_refused_with_its_place_in_the_batch(chain):
     q = bent(chain, 12).reshape(3, 4, 3)
     q[1, 2] = in_line(chain)
@@ -105,6 +116,16 @@ def test_a_pose_that_is_not_finite_is_singular_whichever_joint_it_is(chain, brok
     with pytest.raises(SingularJacobianError, match="not finite") as refused:
         chain.inverse_jacobian(q)
     assert refused.value.evidence["index"] == (2,)
+
+
+def test_limits_are_inside_and_a_single_joint_beyond_or_no_number_is_outside(chain):
+    middle = (chain.lower + chain.upper) / 2
+    assert chain.within_limits(np.stack([chain.lower, chain.upper, middle])).all()
+    for joint, (bound, way) in product(range(3), ((chain.lower, -1), (chain.upper, 1))):
+        for beyond in (np.nextafter(bound[joint], way * np.inf), np.nan):
+            q = middle.copy()
+            q[joint] = beyond
+            assert not chain.within_limits(q)
 
 
 ORDER = [1, 2, 0]  # of the rows z, phi, x, for which there are no closed forms

@@ -8,22 +8,27 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
+import space_arms
+from compiled_calls import from_python
 from scipy.spatial.transform import Rotation
 
+from pipeline.arm.interface import ArmConstants
+from pipeline.arm.kinematics import (
+    WIDTH,
+    add_displacement,
+    cholesky,
+    mark_singular,
+    task_jacobian,
+    tip,
+)
 from pipeline.arm.model import chain_of
-from pipeline.arm.serial import LEAST_SINGULAR
+from pipeline.arm.rows import JOINTS, POSITION, ROTATION, block_rows
+from pipeline.arm.serial import LEAST_SINGULAR, rotation_vector
 from pipeline.core.errors import SingularJacobianError
 from pipeline.core.options.dataset import Robot
-from tests.arm.arm_urdfs import (
-    LWR4,
-    UR5,
-    YOUBOT,
-    by_pinocchio,
-    jn,
-    random_text,
-    sample_text,
-)
+from tests.arm.arm_urdfs import YOUBOT, by_pinocchio, jn, random_text, sample_text
 
 R, P = "revolute", "prismatic"
 KINDS = [[R], [P, R], [R, R, P], [R, P, R, R], [R] * 5, [P, P, P, R, R, R], [R] * 7, [R, P] * 4]
@@ -31,44 +36,88 @@ TASKS = [["y"], ["rz", "x"], ["z", "x", "ry"], ["x", "y", "z", "rx"], ["rz", "ry
 LENGTH = 0.4
 
 
-def youbot() -> Robot:
-    """All five joints of the arm and the task that they can do."""
-    names = [f"arm_joint_{j}" for j in range(1, 6)]
-    return Robot(str(YOUBOT), names, task=["rx", "z", "y", "x", "rz"], length=LENGTH)
+PEERS = Path(__file__).parents[2] / ".venv-peers"
+UNIVERSAL = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow")]
+UNIVERSAL += [f"wrist_{j}_joint" for j in (1, 2, 3)]
+TIAGO = [f"arm_{j}_joint" for j in range(1, 8)]
+PUBLIC = {  # URDF, joints, tip, base
+    "UR5": ("ur_description/urdf/ur5_robot.urdf", UNIVERSAL, "tool0", "base"),
+    "UR10": ("ur_description/urdf/ur10_robot.urdf", UNIVERSAL, "ee_link", "base_link"),
+    "Panda": (
+        "panda_description/urdf/panda.urdf",
+        [f"panda_joint{j}" for j in range(1, 8)],
+        "panda_hand_tcp",
+        None,
+    ),
+    "xArm7": (
+        "xarm_description/urdf/xarm7.urdf",
+        [f"joint{j}" for j in range(1, 8)],
+        "link_eef",
+        None,
+    ),
+    "Kinova": (  # three of its joints are continuous
+        "kinova_description/robots/kinova.urdf",
+        [f"j2s6s200_joint_{j}" for j in range(1, 7)],
+        "j2s6s200_end_effector",
+        None,
+    ),
+    "TIAGo": ("tiago_description/robots/tiago.urdf", TIAGO, "arm_tool_link", "torso_lift_link"),
+    "TIAGo and its torso": (  # which slides
+        "tiago_description/robots/tiago.urdf",
+        ["torso_lift_joint", *TIAGO],
+        "hand_tool_link",
+        "base_link",
+    ),
+    "TALOS": (
+        "talos_data/robots/talos_reduced.urdf",
+        ["torso_1_joint", "torso_2_joint", *(f"arm_left_{j}_joint" for j in range(1, 7))],
+        "arm_left_6_link",
+        None,
+    ),
+}
+
+
+def robot_of(name: str, file: Path) -> Robot:
+    """The options of an arm; one of random joints is written to ``file``."""
+    if name == "youbot":  # all five joints of the arm and the task that they can do
+        joints, task = [f"arm_joint_{j}" for j in range(1, 6)], ["rx", "z", "y", "x", "rz"]
+        return Robot(str(YOUBOT), joints, "arm_tool", task=task, length=LENGTH)
+    if name in ("UR5", "LWR4"):
+        return replace(getattr(space_arms, name), length=0.3)
+    if name in PUBLIC:
+        places = PEERS.glob("lib/*/site-packages/cmeel.prefix/share/example-robot-data/robots")
+        if (collection := next(places, None)) is None:
+            pytest.skip("example-robot-data is absent; `make test-all` installs it in .venv-peers")
+        urdf, *names = PUBLIC[name]
+        return Robot(str(collection / urdf), *names, length=0.3)
+    if name == "sample":
+        file.write_text(sample_text())
+        return Robot(str(file), jn(6), "tip")
+    kinds = name.split("-")
+    file.write_text(random_text(kinds, np.random.default_rng(len(kinds))))
+    task = TASKS[len(kinds) - 1] if len(kinds) <= len(TASKS) else None
+    return Robot(str(file), jn(len(kinds)), "tip", task=task, length=LENGTH)
+
+
+OURS = ["sample", "youbot", "UR5", "LWR4", *("-".join(kinds) for kinds in KINDS)]
 
 
 @pytest.fixture(
-    scope="module",
-    params=["sample", "youbot", "ur5", "lwr4", *(f"random {'-'.join(k)}" for k in KINDS)],
+    scope="module", params=OURS + [pytest.param(name, marks=pytest.mark.slow) for name in PUBLIC]
 )
-def robot(request, tmp_path_factory) -> tuple[Robot, str]:
-    """The options of an arm, and the link that is its tip."""
-    file = tmp_path_factory.mktemp("urdf") / "robot.urdf"
-    if request.param == "youbot":
-        return youbot(), "arm_tool"
-    if request.param == "ur5":
-        return Robot(str(UR5), [f"joint_{j}" for j in range(1, 7)], "flange", length=0.3), "flange"
-    if request.param == "lwr4":
-        if not LWR4.is_file():
-            pytest.skip(f"{LWR4} is absent")
-        return Robot(str(LWR4), [f"lwr_{j}_joint" for j in range(7)]), "lwr_7_link"
-    if request.param == "sample":
-        file.write_text(sample_text())
-        return Robot(str(file), jn(6)), "tip"
-    kinds = request.param.split()[1].split("-")
-    file.write_text(random_text(kinds, np.random.default_rng(len(kinds))))
-    task = TASKS[len(kinds) - 1] if len(kinds) <= len(TASKS) else None
-    return Robot(str(file), jn(len(kinds)), task=task, length=LENGTH), "tip"
+def robot(request, tmp_path_factory) -> Robot:
+    return robot_of(request.param, tmp_path_factory.mktemp("urdf") / "robot.urdf")
 
 
 @pytest.fixture(scope="module")
 def chain(robot):
-    return chain_of(robot[0])
+    return chain_of(robot)
 
 
 def poses(chain, count: int = 150) -> np.ndarray:
     """Poses within the limits, more than a block of them."""
-    return np.random.default_rng(1).uniform(chain.lower, chain.upper, (count, len(chain.lower)))
+    low, high = (np.clip(limit, -np.pi, np.pi) for limit in (chain.lower, chain.upper))
+    return np.random.default_rng(1).uniform(low, high, (count, len(chain.lower)))
 
 
 def regular(chain, count: int = 150) -> np.ndarray:
@@ -80,9 +129,30 @@ def regular(chain, count: int = 150) -> np.ndarray:
 
 def test_pose_and_jacobian_are_pinocchios(robot, chain):
     q = poses(chain)
-    places, jacobians = by_pinocchio(*robot, q)
+    places, jacobians = by_pinocchio(robot, robot.tool, q)
     np.testing.assert_allclose(chain.pose(q), places, rtol=0, atol=1e-12)
     np.testing.assert_allclose(chain.jacobian(q), jacobians, rtol=0, atol=1e-12)
+
+
+def test_compiled_blocks_hold_the_same_poses_jacobians_and_singular_poses(chain, monkeypatch):
+    q, arm, (m, n) = poses(chain, WIDTH), chain.numbers(), (len(chain.task), len(chain.lower))
+    rows, block = block_rows(n, m), np.full((block_rows(n, m).size, WIDTH), np.nan)
+    from_python(tip)(arm, q.T.copy(), 0, WIDTH, block)
+    np.testing.assert_allclose(block[: POSITION + 12].T, chain.pose(q), atol=1e-12)
+    from_python(task_jacobian)(arm, block, rows.jacobian, WIDTH)
+    jacobians = block[rows.jacobian : rows.lower].T.reshape(WIDTH, m, n)
+    np.testing.assert_allclose(jacobians, chain.jacobian(q), atol=1e-12)
+    places = rows.jacobian, rows.lower, rows.inverse
+    from_python(cholesky)(block, *places, m, n, 0.0, WIDTH)
+    for bound in (LEAST_SINGULAR, np.median(chain.least_singular_value(q)) / chain.scale):
+        monkeypatch.setattr("pipeline.arm.serial.LEAST_SINGULAR", bound)
+        places = rows.jacobian, rows.lower, rows.spare, rows.singular
+        from_python(mark_singular)(block, replace(chain).numbers(), *places, WIDTH)
+        np.testing.assert_array_equal(block[rows.singular] > 0, replace(chain).singular(q))
+    # no entry is beyond the scale, nor all far below
+    greatest = np.abs(jacobians).max()
+    assert chain.sliding.any() or greatest <= chain.scale
+    assert m < 6 or chain.scale < 4 * greatest
 
 
 def test_the_jacobian_is_the_derivative_of_the_displacement(chain):
@@ -132,10 +202,30 @@ def test_the_displacement_is_scipys_rotation_vector_times_the_length(robot, chai
     turns = [Rotation.from_matrix(x[..., 3:].reshape(-1, 3, 3)) for x in (start, end)]
     for i, j in np.ndindex(20, 20):
         way = end[i, 0, :3] - start[0, j, :3]
-        turn = (turns[1][i] * turns[0][j].inv()).as_rotvec() * robot[0].length
+        turn = (turns[1][i] * turns[0][j].inv()).as_rotvec() * robot.length
         all_rows = dict(zip(("x", "y", "z", "rx", "ry", "rz"), [*way, *turn], strict=True))
         expected = [all_rows[name] for name in chain.task]
         np.testing.assert_allclose(result[i, j], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("gap", [1.0, 0.1, 1e-3, 1e-6])
+def test_compiled_displacements_lose_digits_as_the_turn_nears_half_a_turn(gap):
+    rng = np.random.default_rng(1)
+    axes = rng.normal(size=(WIDTH, 3))
+    expected = (np.pi - gap) * axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    turns, target = np.array([pin.exp3(each) for each in expected]), pin.exp3(rng.normal(size=3))
+    block = np.zeros((JOINTS + 12, WIDTH))
+    block[ROTATION : ROTATION + 9] = (turns.swapaxes(1, 2) @ target).reshape(WIDTH, 9).T
+    constants = ArmConstants(
+        np.empty(0), np.empty((0, 6)), np.zeros(1), np.arange(6), np.ones(6), 0
+    )
+    place = np.concatenate([np.zeros(3), target.ravel()])
+    from_python(add_displacement)(constants, place, block, JOINTS + 6, 1.0, WIDTH)
+    error = np.abs(block[JOINTS + 9 :].T - expected).max()
+    assert error < 4e-15 / gap
+    # by NumPy at any angle, and by Pinocchio
+    np.testing.assert_allclose(rotation_vector(turns), expected, atol=1e-9 if gap < 1e-3 else 1e-12)
+    assert np.abs(pin.log3(turns[0]) - rotation_vector(turns[0])).max() < 1e-10
 
 
 def test_every_batch_shape_holds_what_single_poses_give(chain):
@@ -166,62 +256,3 @@ def test_a_pose_that_is_no_number_is_refused_with_its_place(chain, broken):
         chain.inverse_jacobian(q, what="frame")
     assert refused.value.evidence["index"] == (1, 2)
     assert chain.singular(q).sum() == 1
-
-
-PEERS = Path(__file__).parents[2] / ".venv-peers"
-UNIVERSAL = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow")]
-UNIVERSAL += [f"wrist_{j}_joint" for j in (1, 2, 3)]
-TIAGO = [f"arm_{j}_joint" for j in range(1, 8)]
-ARMS = {  # URDF, joints, tip, base
-    "UR5": ("ur_description/urdf/ur5_robot.urdf", UNIVERSAL, "tool0", "base"),
-    "UR10": ("ur_description/urdf/ur10_robot.urdf", UNIVERSAL, "ee_link", "base_link"),
-    "Panda": (
-        "panda_description/urdf/panda.urdf",
-        [f"panda_joint{j}" for j in range(1, 8)],
-        "panda_hand_tcp",
-        None,
-    ),
-    "xArm7": ("xarm_description/urdf/xarm7.urdf", [f"joint{j}" for j in range(1, 8)], None, None),
-    "Kinova": (  # three of its joints are continuous
-        "kinova_description/robots/kinova.urdf",
-        [f"j2s6s200_joint_{j}" for j in range(1, 7)],
-        "j2s6s200_end_effector",
-        None,
-    ),
-    "TIAGo": ("tiago_description/robots/tiago.urdf", TIAGO, "arm_tool_link", "torso_lift_link"),
-    "TIAGo and its torso": (  # which slides
-        "tiago_description/robots/tiago.urdf",
-        ["torso_lift_joint", *TIAGO],
-        "hand_tool_link",
-        "base_link",
-    ),
-    "TALOS": (
-        "talos_data/robots/talos_reduced.urdf",
-        ["torso_1_joint", "torso_2_joint", *(f"arm_left_{j}_joint" for j in range(1, 7))],
-        "arm_left_6_link",
-        None,
-    ),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ARMS)
-def test_an_arm_of_the_collection_moves_as_in_pinocchio(name):
-    places = PEERS.glob("lib/*/site-packages/cmeel.prefix/share/example-robot-data/robots")
-    if (collection := next(places, None)) is None:
-        pytest.skip("example-robot-data is absent; `make test-all` installs it in .venv-peers")
-    urdf, joints, tip, base = ARMS[name]
-    robot = Robot(str(collection / urdf), joints, tip, base, length=0.3)
-    chain = chain_of(robot)
-    low, high = (np.clip(limit, -np.pi, np.pi) for limit in (chain.lower, chain.upper))
-    q = np.random.default_rng(1).uniform(low, high, (200, len(joints)))
-    expected, jacobian = by_pinocchio(robot, tip or "link_eef", q)
-    np.testing.assert_allclose(chain.pose(q), expected, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(chain.jacobian(q), jacobian, rtol=0, atol=1e-12)
-    least = np.linalg.svd(jacobian, compute_uv=False)[:, -1]
-    np.testing.assert_array_equal(chain.singular(q), least < LEAST_SINGULAR * chain.scale)
-    back = np.linalg.pinv(jacobian[~chain.singular(q)])
-    size = np.linalg.norm(back, axis=(-2, -1), keepdims=True)
-    result = chain.inverse_jacobian(q[~chain.singular(q)])
-    np.testing.assert_allclose(result / size, back / size, atol=1e-12)
-    assert len(back) > 150

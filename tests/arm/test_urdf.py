@@ -192,10 +192,14 @@ def fixed(name: str, parent: str, child: str) -> str:
 TWO = chain(2)
 HANDS = joint("a", "fixed", "l2", "left"), joint("b", "fixed", "l2", "right")
 LEANING = "".join(chain(2, kind="prismatic")).replace("0 0 1", "0.6 0.8 0")
+LEVELS = "".join(f'<!ENTITY e{n} "{f"&e{n - 1};" * 10}">' for n in range(1, 10))
+BOMB = f'<!DOCTYPE robot [<!ENTITY e0 "x">{LEVELS}]><robot name="&e9;"/>'
 FILES = {  # URDF → words of its refusal
     "<robot": r"robot\.urdf: this is no URDF",
     "<robot name='a'/>": "one link that no joint holds, and this one none",
     "<?xml version='1.0' encoding='klingon'?><robot/>": "no URDF .unknown encoding",
+    # entities that grow to a thousand million letters
+    BOMB: "a document type, whose entities may grow without end; take it out",
     "<robot><xacro:arm/></robot>": "a xacro: expand it with xacro robot.urdf > arm.urdf",
     robot_text(*TWO).replace("0.1 0.2", "${x} 0.2"): "a xacro: expand it",
     robot_text(*TWO, TWO[0]): "two links are named 'l1'",

@@ -16,6 +16,7 @@ import pytest
 from compiled_calls import from_python
 from project_copy import ROOT
 
+from pipeline.core.compiled import sources_hash
 from pipeline.core.elementary import (
     LANES,
     expm1,
@@ -95,6 +96,15 @@ def test_sums_and_the_greatest_are_numpys(count):
     assert from_python(inner_product)(x, y) == pytest.approx(x @ y, abs=1e-13)
     assert from_python(total)(x) == pytest.approx(x.sum(), abs=1e-13)
     assert from_python(greatest)(x) == x.max(initial=-np.inf)
+    # to the bit: a lane each, joined half and half
+    lanes = np.zeros((2, LANES))
+    for k in range(0, count - count % LANES, LANES):
+        lanes += np.stack([x * y, x])[:, k : k + LANES]
+    for k in range(count - count % LANES, count):
+        lanes[:, 0] += [x[k] * y[k], x[k]]
+    while lanes.shape[1] > 1:
+        lanes = np.add(*np.split(lanes, 2, axis=1))
+    assert [from_python(inner_product)(x, y), from_python(total)(x)] == lanes[:, 0].tolist()
 
 
 def test_the_greatest_is_not_taken_of_what_is_no_number():
@@ -155,6 +165,16 @@ def run(package: Path, **environment: str) -> tuple[float, int, str]:
     assert done.returncode == 0, done.stderr
     value, hits, place = done.stdout.split(maxsplit=2)
     return float(value), int(hits), place.strip()
+
+
+def test_the_hash_depends_on_every_source_and_on_its_path(package):
+    folder, hashes = package / "pipeline", [sources_hash(package / "pipeline")]
+    (folder / "note.txt").write_text("no source")
+    assert sources_hash(folder) == hashes[0]
+    (folder / "inner.py").write_text(INNER.format(constant=4.0))
+    hashes.append(sources_hash(folder))
+    (folder / "inner.py").rename(folder / "other.py")
+    assert len({*hashes, sources_hash(folder)}) == 3
 
 
 @pytest.mark.slow

@@ -82,7 +82,6 @@ def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, wo
         ("dataset.laboratory.nonsense", "3", "unknown key 'nonsense'; there are trajectory"),
         ("dataset.laboratory.dynamics.clearance", "wide", "valid number"),
         ("dataset.laboratory.mocap", "{noise_std: -1.0}", "noise_std.*greater than or equal to 0"),
-        ("dataset.elimination", "{decomposition: qr}", r"pipeline/conf/model/wishart\.yaml"),
         ("models.wishart", "{kind: laplace}", "no kind 'laplace'; there are additive"),
         ("models.wishart.estimator", "bayes", "should be"),
         ("models.wishart.left", "[[1.0]]", "given"),
@@ -114,6 +113,8 @@ def test_an_override_changes_its_value_and_nothing_else(compose):
     assert (after.dataset.mocap.gate, after.filter.particles) == (0.001, 7)
     assert (after.models, after.wrench) == (before.models, before.wrench)
     assert compose(overrides=None) == before
+    two = compose(models="[wishart, additive]").models  # in the order of params.yaml
+    assert list(two) == ["wishart", "additive"]
     # a scale reaches the options that refer to it
     assert compose(overrides="{scale: {particles: 77}}").filter.particles == 77
 
@@ -181,6 +182,14 @@ def test_a_stage_gets_the_sections_that_it_declares_and_no_others(sections):
         (settings.scale, "particles"),
     ):
         assert not hasattr(place, name)
+
+
+def test_an_instrument_that_a_dataset_lacks_is_none(sections):
+    names = ["mocap", "depth", "force", "joint_log", "encoders", "laboratory", "trajectory"]
+    lacking = ", ".join(f"{name}: null" for name in names)
+    declared = (f"dataset.{name}" for name in names)
+    dataset = sections(*declared, overrides=f"{{dataset: {{{lacking}}}}}").dataset
+    assert vars(dataset) == dict.fromkeys(names)
 
 
 def test_a_study_of_motion_is_refused_without_a_robot_and_the_papers_stage_is_not(

@@ -96,6 +96,19 @@ def test_a_column_refuses_values_that_do_not_fit(text, bad, tmp_path, monkeypatc
         assert refused.value.evidence == {"file": file, "column": "it"} and not file.exists()
 
 
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [("k", -1), ("q:tip", np.inf), ("take", None), ("part", "rehearsal"), ("surplus", 1.0)],
+)
+def test_a_table_that_another_program_wrote_is_checked_on_reading(column, value, tmp_path):
+    good = table("joints")
+    values = [*good.get(column, [1.0] * ROWS)][:-1]
+    good.assign(**{column: [*values, value]}).to_parquet(tmp_path / "joints.parquet")
+    with pytest.raises(ContractError, match="breaks its contract") as refused:
+        contracts.read("joints", tmp_path)
+    assert refused.value.evidence["column"] == column
+
+
 def test_minus_infinity_and_optional_columns_are_let_through_where_they_are_declared(tmp_path):
     contracts.write(table("predictions").assign(mean=-np.inf), "predictions", tmp_path)
     assert np.isneginf(contracts.read("predictions", tmp_path)["mean"]).all()

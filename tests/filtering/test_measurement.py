@@ -129,6 +129,11 @@ def test_bias_covariance_and_duration_of_encoder_errors_are_those_drawn(keep):
         np.testing.assert_allclose(np.cov(means.T), told, atol=0.25 * told.max())
     _, apart = noise.of_readings(np.array([0.0, 1.0, 2.0]))
     np.testing.assert_array_equal(apart, noise.covariance[[0, 100, 200]])
+    # errors of a shorter stretch are of their own size
+    errors[:, 200:] *= 5
+    for step, size in ((100, 1), (260, 25)):
+        covariance = encoder_noise(errors - errors.mean(axis=0), DT).covariance[step]
+        np.testing.assert_allclose(covariance, size * SPREAD, atol=size * 8e-7)
 
 
 HAND = {"a": [0.08, 0, 0.01], "b": [-0.01, 0.085, 0.015], "c": [-0.075, -0.035, 0.01]}

@@ -61,6 +61,14 @@ def test_singular_poses_cost_infinitely_much_and_no_others():
     assert np.isinf(costs).sum() >= 10
 
 
+def test_blocks_leave_the_costs_as_they_are(monkeypatch):
+    cost, q = law_cost("pivoted_lu", chain("planar")), joint_path("planar", 99)
+    v = np.random.default_rng(6).uniform(0, 0.01, (100, 2))
+    monkeypatch.setattr("pipeline.planning.problem.BLOCK", 7)
+    np.testing.assert_array_equal(where_defined(cost, q, v), cost(q, v))
+    assert where_defined(cost, q[:0], v[:0]).shape == (0,)
+
+
 @pytest.mark.parametrize(
     ("model", "objective", "words"),
     [

@@ -9,7 +9,7 @@ import pytest
 from planned_arms import chain, joint_path, path_problem
 
 from pipeline.planning.problem import CLOSE, InfeasibleError, Problem, settle
-from pipeline.planning.self_motion import curves, grid, stages
+from pipeline.planning.self_motion import curves, grid, spacing_of, stages
 
 SPACING = 0.2
 
@@ -38,6 +38,17 @@ def test_every_solution_lies_between_two_neighbours_of_the_grid(arm):
     assert np.abs(off).max() < 1e-10
     assert task.chain.within_limits(poses).all()
     assert (task.clearance(poses) >= task.margin).all()
+    if arm == "seven":
+        # the control: the curve of one start alone misses branches
+        (poses,) = curves(task, np.array([2]), SPACING, 1)
+        apart = np.linalg.norm(task.less_turns(held[:, None] - poses), axis=-1).min(axis=1)
+        assert np.mean(apart < SPACING) < 0.7
+
+
+def test_a_grid_has_about_as_many_points_as_it_is_given():
+    task = path_problem("seven", 4)
+    poses = grid(task, np.array([0, 2, 4]), spacing_of(task, 300))
+    assert 240 < max(len(each) for each in poses) < 360
 
 
 def test_an_arm_without_joints_to_spare_has_its_branches():

@@ -27,10 +27,35 @@ def test_theorem_2_a_gram_matrix_of_at_least_as_many_columns_is_positive_definit
         assert np.all(least > 1e-10) == definite
 
 
-def test_other_sizes_and_a_single_draw():
-    assert wishart.sample(9.0, np.eye(2), (), np.random.default_rng(1)).shape == (2, 2)
-    draws = wishart.sample(9.5, np.eye(5), (20_000,), np.random.default_rng(1))
-    assert largest_score(draws, 9.5 * np.eye(5)) < 4.5
+@pytest.mark.parametrize("n", range(2, 9))
+def test_theorems_1_to_5_hold_for_matrices_of_every_size(n):
+    rng = np.random.default_rng(n)
+    assert wishart.sample(n + 7.0, np.eye(n), (), rng).shape == (n, n)
+    factors = rng.standard_normal((2, n + 2, n + 2)) / np.sqrt(n + 2)
+    sigma, columns = factors @ factors.swapaxes(1, 2) + 0.2 * np.eye(n + 2)
+    sigma, mean = sigma[:n, :n], 0.3 * rng.standard_normal((n, n + 2))
+    x = normal.sample(mean, sigma, columns, (20_000,), rng)
+    turned, a = np.swapaxes(x, 1, 2), np.eye(n + 2) + 0.3 * rng.standard_normal((n + 2, n + 2))
+    densities = normal.log_density(x[:50], mean, sigma, columns)
+    transposed = normal.log_density(turned[:50], mean.T, columns, sigma)
+    np.testing.assert_allclose(densities, transposed, rtol=1e-9)
+    forms = x @ a @ turned
+    assert largest_score(forms, normal.expected_quadratic(mean, sigma, columns, a)) < 5
+    assert largest_score(forms, normal.expected_quadratic(mean, sigma, 1.2 * columns, a)) > 5
+    x = normal.sample(0 * mean, sigma, np.eye(n + 2), (20_000,), rng)
+    gram = np.linalg.slogdet(x @ np.swapaxes(x, 1, 2))[1]
+
+    def level(d: float) -> float:
+        drawn = wishart.sample(d, sigma, (20_000,), rng)
+        return stats.ks_2samp(gram, np.linalg.slogdet(drawn)[1]).pvalue
+
+    assert level(n + 2.0) > 1e-3 and level(n + 2.5) < 1e-6
+    d = n + 1.6
+    draws = wishart.sample(d, sigma, (20_000,), rng)
+    assert largest_score(draws, wishart.mean(d, sigma)) < 5
+    assert largest_score(draws, wishart.mean(1.1 * d, sigma)) > 5
+    reference = stats.wishart(d, sigma).logpdf(np.moveaxis(draws[:50], 0, -1))
+    np.testing.assert_allclose(wishart.log_density(draws[:50], d, sigma), reference, rtol=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -81,7 +106,7 @@ def test_the_maxent_law_has_the_mean_and_the_dispersion_it_was_asked_for(sigma_b
     )
 
 
-@pytest.mark.parametrize("n", [2, 3, 8])
+@pytest.mark.parametrize("n", range(2, 9))
 def test_the_inverse_of_the_maxent_law_moves_a_vector_as_the_closed_form_says(n):
     """B⁻¹a has the mean d/(d − n − 1)·a and the covariance of a step with J₂ = I."""
     sigma_b, a, draws = 0.2, np.arange(1.0, n + 1), 20_000

@@ -49,9 +49,8 @@ AHEAD = 16  # blocks per worker that are submitted before the first of them is t
 def results_of_cluster(function: bytes, trials: Iterator, compute: Compute, label: str) -> Iterator:
     """Yield the results of ``trials`` in order, submitted in blocks of about BLOCK s.
 
-    ComputeError where there is no scheduler or no worker for the timeout of ``compute``, where the
-    scheduler is lost, where trials end their workers, and for a worker that might not give the same
-    bytes.
+    ComputeError where there is no scheduler or no worker for the timeout of ``compute``, where it
+    is lost, where trials end their workers, and for a worker that might give other bytes.
     """
     with connected(compute) as client:
         cluster = TrialCluster(client, function, compute.dask.timeout, label)
@@ -71,9 +70,8 @@ def results_of_cluster(function: bytes, trials: Iterator, compute: Compute, labe
 
 
 class _Client(Client):
-    """A client that is closed by who opened it, also where it finds no scheduler, and not when
-    garbage is collected: in the midst of another client's start Dask's own then waits without end
-    for a lock that its thread holds.
+    """A client that is closed where it finds no scheduler, and not by garbage collection, which in
+    the midst of another client's start waits without end for a lock that its thread holds.
     """
 
     def __init__(self, address: str, timeout: float) -> None:
@@ -93,8 +91,7 @@ def connected(compute: Compute) -> Iterator[Client]:
     """A client of the cluster that ``compute`` names, or that is started for it; ComputeError where
     no scheduler answers.
     """
-    for logger in ("distributed", "distributed.client"):
-        # what they say of lost connections ComputeError says
+    for logger in ("distributed", "distributed.client"):  # ComputeError tells of lost connections
         logging.getLogger(logger).setLevel(logging.CRITICAL)
     address, timeout = compute.dask.address, compute.dask.timeout
     with ExitStack() as stack:
@@ -106,8 +103,7 @@ def connected(compute: Compute) -> Iterator[Client]:
             address = stack.enter_context(own).scheduler_address
         try:
             client = _Client(address, timeout)
-        # an AssertionError is Dask's own where its thread has not begun within 10 s, as on a
-        # machine that is busy
+        # AssertionError: Dask's thread has not begun within 10 s, as on a busy machine
         except (OSError, ValueError, AssertionError) as error:
             raise ComputeError(
                 f"no Dask scheduler answers within {timeout:g} s ({error}); start one as {OPTION} "
@@ -117,23 +113,20 @@ def connected(compute: Compute) -> Iterator[Client]:
         try:
             yield client
         finally:
-            # one that no longer answers cannot take leave
             with suppress(TimeoutError):
                 client.close()
 
 
 class TrialCluster:
-    """A running cluster for blocks of trials of ``function``.
-
-    On its dashboard a block is a task with the name of the trials and the number of the first. A
-    block whose worker is lost runs again on another.
+    """A running cluster for blocks of trials of ``function``; on its dashboard a block is a task
+    with the name of the trials. A block whose worker is lost runs again on another.
     """
 
     def __init__(self, client: Client, function: bytes, timeout: float, label: str) -> None:
         self._client, self._timeout, self._label, self._begun = client, timeout, label, 0
-        self._address = address = client.scheduler.address
+        self._address = client.scheduler.address
         self._require_workers()
-        workers = f"{self.workers()} worker(s) of {address}"
+        workers = f"{self.workers()} worker(s) of {self._address}"
         print(f"{label}: {workers}, dashboard {client.dashboard_link}", flush=True)
         # a task and not scattered data, which would be lost with the worker that holds it
         shared, key = pickle.dumps((fingerprint(), function)), f"{label}, what they share-0"
@@ -156,26 +149,21 @@ class TrialCluster:
         return self._client.submit(_by_value(), self._shared, block, key=key)
 
     def result(self, future: Future) -> tuple[float, list[bytes]]:
-        """Time in s and pickled results of a block, once they are there; the errors of its trials
-        as they are, those of the cluster as ComputeError.
-        """
+        """Time in s and pickled results of a block; errors of the cluster are ComputeErrors."""
         try:
             while True:
                 try:
                     return future.result(self._timeout)
                 except TimeoutError:
-                    if future.status == "error":
-                        # known here: what a trial ended with, be it a timeout of its own
+                    if future.status == "error":  # of a trial itself
                         return future.result()
-                    # a long block, a result on its way, or nobody left
-                    self._require_workers()
+                    self._require_workers()  # a long block, a result on its way, or nobody left
         except (CancelledError, CommClosedError):
             raise self._lost() from None
         except KilledWorker as error:
+            ended = f"trials have ended {error.allowed_failures + 1} workers, one after the other"
             raise ComputeError(
-                f"trials have ended {error.allowed_failures + 1} workers, one after the other, "
-                "as happens where memory runs out; give the workers more of it, or have fewer on a "
-                "machine",
+                f"{ended}, as where memory runs out; give the workers more, or have fewer of them",
                 trials=error.task.removesuffix(f"-{self._client.id}"),
             ) from None
         except ImportError as error:
@@ -193,17 +181,12 @@ class TrialCluster:
             raise ComputeError(message, address=self._address) from None
 
     def _lost(self) -> ComputeError:
-        return ComputeError(
-            "the Dask scheduler has been lost; start it anew and run the stage again, which has "
-            "left what stood before as it was",
-            address=self._address,
-        )
+        message = "the Dask scheduler has been lost; start it anew and run the stage again"
+        return ComputeError(message, address=self._address)
 
 
 def _by_value() -> Callable:
-    """The task of a worker: being no module's function it goes there as code, and says itself that
-    the project is not there.
-    """
+    """The task of a worker, sent as code, so that it runs and fails where the project is not."""
 
     def run(shared: bytes, block: list[bytes]) -> tuple[float, list[bytes]]:
         from pipeline.core.compute.cluster import run_on_worker
@@ -234,10 +217,8 @@ def run_on_worker(shared: bytes, block: list[bytes]) -> tuple[float, list[bytes]
 
 @cache
 def fingerprint() -> dict[str, str]:
-    """Name and state of everything on which the bytes of results depend beside the trials: code,
-    libraries, environment, arithmetic and the project's folder.
-
-    Once per process: a worker that imported modules before an edit of the code keeps saying so.
+    """Name and state of everything on which the bytes of results depend beside the trials, as it
+    was at the first call: a worker that imported modules before an edit of the code is found out.
     """
     project = Path("dvc.yaml")
     changed = str(project.stat().st_mtime_ns) if project.exists() else "none"

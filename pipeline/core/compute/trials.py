@@ -30,10 +30,9 @@ def run_trials(function: Callable, trials: Iterable, *, compute: Compute, label:
     """Yield ``function(trial)`` of every trial, in order; neither the values nor a byte of them
     depend on ``compute``.
 
-    ``function``, the trials and the results are pickled. A bounded number of trials is submitted,
-    and of results held, at a time. A terminal shows a bar with the remaining time, a log one line.
-    An exception of a trial stops the rest and is raised here; so is ComputeError where workers are
-    lost, and where a worker of a cluster might compute other bytes.
+    ``function``, trials and results are pickled, a bounded number of them at a time. A terminal
+    shows a bar, a log one line. Raises the first exception of a trial, which stops the rest, and
+    ComputeError where workers are lost or might compute other bytes.
     """
     total = length_hint(trials) or None
     results = _results(pickle.dumps(function), trials, compute, label)
@@ -52,9 +51,8 @@ def run_trials(function: Callable, trials: Iterable, *, compute: Compute, label:
 def call_pickled(function: bytes, trial: bytes) -> bytes:
     """The pickled result of a pickled function at a pickled trial.
 
-    Unpickled arrays are laid out anew, and the last bit of a sum depends on the layout: the
-    function, every trial and every result go through pickle in a single process too, and no trial
-    sees a change that another made to shared arguments.
+    Unpickled arrays are laid out anew, and the last bit of a sum depends on the layout: so also in
+    a single process, where no trial then sees a change that another made to shared arguments.
     """
     return pickle.dumps(pickle.loads(function)(pickle.loads(trial)))
 

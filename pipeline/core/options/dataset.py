@@ -19,9 +19,8 @@ Limit = NotNegative | None
 @options()
 class Robot:
     urdf: str  # path from the project's root
-    joints: Annotated[
-        list[str], Field(min_length=1)
-    ]  # the moving joints, base to tip, as the URDF names them
+    # the moving joints, base to tip, as the URDF names them
+    joints: Annotated[list[str], Field(min_length=1)]
     tool: str | None = None  # URDF frame of the tip; null: the only last link beyond the joints
     base: str | None = None  # URDF link whose axes the task has; null: the root
     # rad, m of prismatic joints: joints held still; 0 where not named

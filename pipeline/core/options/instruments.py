@@ -39,26 +39,23 @@ class Mocap:
     test: str | None = None
     unit: Literal["m", "cm", "mm"] | None = None  # of lengths where the files do not say it
     base: Pose  # the arm's base in the motion-capture world
-    # link → marker name → position in the link's frame, m. Of a planar arm the links are its three
-    # segments in their order, of any other they are links of the URDF
+    # link → marker → position in the link's frame, m; links of the URDF, of a planar arm its three
+    # segments in their order
     markers: dict[str, dict[str, Triple]]
     # link → body whose poses carry the link's markers in place of their tracks
     bodies: dict[str, Body] = field(default_factory=dict)
     gate: float  # m, how far a marker may be from where it is predicted to be taken for it
-    # m, of a coordinate of a marker from where its link carries it, by noise and misplacement:
-    # the filter weighs particles by it where it measures the pose of the tip
+    # m, standard deviation of a marker's coordinate, for the filter by the pose of the tip
     deviation: float | None = None
-    # rad, about where the joints of an arm in space start, to choose among several postures that
-    # the links followed leave it, and among whole turns; null: there is only one
+    # rad, about where the joints start, to choose among postures and whole turns that the links
+    # leave open; null: there is only one
     posture: list[float] | None = None
     max_gap: int  # frames, longest gap that is interpolated
 
 
 @options()
 class Workspace:
-    """The part of the scene that is the arm, in the frame of its plane (see
-    :class:`pipeline.perception.segment.Crop`).
-    """
+    """The part of the scene that is the arm (:class:`pipeline.perception.segment.Crop`)."""
 
     half_depth: float  # m
     girth: float  # m
@@ -71,18 +68,14 @@ class Workspace:
 
 @options(kw_only=True)
 class Depth:
-    """A depth camera's takes: folders of images or point clouds, with an index or with numbers in
-    their names, or ROS bags.
-    """
+    """A depth camera's takes: folders of images or clouds, indexed or numbered, or ROS bags."""
 
     takes: str  # glob of the takes' folders or bags
-    # index file in each folder; null where the frames' names are numbered, and for bags
-    index: str | None = None
+    index: str | None = None  # index file in each folder; null for numbered frames and bags
     frames: str | None = None  # glob of the numbered frames in each folder
     topic: str | None = None  # of the images or clouds in a bag that has several
     camera_info: str | None = None  # topic of the intrinsics in a bag that has several
-    # file of the images' calibration, from the recordings' folder; null for clouds and bags
-    intrinsics: str | None = None
+    intrinsics: str | None = None  # file of the images' calibration; null for clouds and bags
     camera_matrix: str | None = None  # its key in that file, where it is unusual or one of several
     distortion: str | None = None  # likewise
     width: Count | None = None  # px, of the images; null for clouds
@@ -94,8 +87,7 @@ class Depth:
     scale_key: str | None = None  # name of a factor in the description of each TIFF
     disparity: Bounds | None = None  # a and b of depth = a/(b - disparity), m
     rate: Positive  # 1/s
-    # s on the camera's clock as the motion capture starts; null: at its first frame
-    start: float | None = None
+    start: float | None = None  # s on its clock as the motion capture starts; null: first frame
     # s to add to the camera's clock so started to read the motion capture's; null: estimated
     clock_offset: float | None = None
     # camera (x right, y down, z forward), or the clouds' frame, in the arm's base frame
@@ -115,26 +107,22 @@ class Depth:
 
 @options(kw_only=True)
 class JointLogSection:
-    """The controller's own logs: a folder or a file a movement, and which of the commanded motions
-    in them is analysed.
-    """
+    """The controller's own logs, a folder or a file a movement, and the motion to analyse."""
 
     movements: str  # glob of the movements' folders, or files where a movement is one file
-    # file of measured angles in each folder; null where a movement is one file
-    actual: str | None = None
+    actual: str | None = None  # file of measured angles in each folder; null: one file in all
     target: str | None = None  # file of commanded angles
     speed: str | None = None  # file of commanded speeds; null: the steps of the commanded angles
     joints: list[str]  # names of the logged joints in their order, as the URDF has them
-    # actual, target, speed → label, or number from 0, of each joint's column; ARRAY:COLUMN of a
-    # NumPy archive, or ARRAY alone; where another format says itself what it holds, none
+    # signal → label, or number from 0, of each joint's column; ARRAY:COLUMN or ARRAY of a NumPy
+    # archive; none where the format says itself what it holds
     signals: dict[Signal, list[Column]] = field(default_factory=dict)
-    # other signals of the joints, as currents or torques, that show a disturbance: signal → its
-    # file in each folder, or where a movement is one file its columns, as those of signals
+    # currents, torques … that show a disturbance: signal → its file in each folder, or its columns
     others: dict[str, str | list[Column]] = field(default_factory=dict)
     # column of the time, likewise; null: the rows follow each other at dataset.motion.rate
     time: Column | None = 0
-    # of rows that the times put unevenly: rows, which follow each other at the rate all the same,
-    # or times, at which they were measured; null: such a log is refused
+    # of uneven times: rows follow each other at the rate, or were measured at their times; null:
+    # such a log is refused
     clock: Literal["rows", "times"] | None = None
     # of cells: comma, semicolon, tab, or a blank for any number of them; null: as found
     separator: str | None = None
@@ -143,16 +131,13 @@ class JointLogSection:
     time_unit: TimeUnit = TimeUnit.s
     # factor of commanded angles and speeds beyond the unit: one, or one of each logged joint
     target_factor: FiniteFloat | list[FiniteFloat] = 1.0
-    # s by which the command is early on the measured angles' clock, to the nearest row: one number,
-    # or one of each movement by its name
+    # s by which the command is early on the measured angles' clock: one, or one of each movement
     target_delay: FiniteFloat | dict[str, FiniteFloat] = 0.0
     # most that a joint's tracking error may be, divided by the joint's motion: 0.9 quantile of rows
     mismatch: Positive = 0.05
     start: list[float]  # rad, commanded angles of robot.joints before the motion
     end: list[float]  # rad, and after it
-    # steps at rest kept on either side, of dataset.motion.steps; 0: the motion starts and ends in
-    # passing, as in a command that repeats without rest
-    rest: Whole
+    rest: Whole  # steps at rest kept on either side, of motion.steps; 0: it starts in passing
     rest_speed: float = 1e-4  # rad/s, up to which a commanded speed is rest
     tolerance: float  # rad, how exactly commands must repeat
     disturbed: Literal["leave_out", "refuse"] = "leave_out"  # of a disturbed repetition
@@ -180,9 +165,7 @@ class JointLogSection:
 
 @options()
 class Encoders:
-    """The controller's logs beside the motion capture, which the filter may weigh particles by; the
-    logs of the training takes give the error of a reading.
-    """
+    """The controller's logs beside the motion capture, which the filter may weigh particles by."""
 
     training: str  # glob of the logs, one of each training take, of its name
     test: str  # glob of the logs, one of each test take, of its name
@@ -197,9 +180,7 @@ class Encoders:
 class ForceLog:
     """Format of the force logs; null where they say it themselves."""
 
-    # daqft or netft, as ATI's programs write, bag of ROS, table: any other, or the option of a
-    # FORMAT in pipeline/formats/force
-    format: str = "daqft"
+    format: str = "daqft"  # daqft, netft (ATI's programs), bag, table, or one of formats/force
     columns: dict[Literal["t", "fx", "fy", "fz", "tx", "ty", "tz"], Column] = field(
         default_factory=dict
     )
@@ -212,10 +193,9 @@ class ForceLog:
     counts: bool | None = None  # whether a Net F/T log holds counts (true) or units (false)
     topic: str | None = None  # of a bag with more than one WrenchStamped
     calibration: str | None = None  # the transducer's .cal file, from the recordings' folder
-    # N, and N·m if there are six; null: the calibration's ratings
-    full_scale: list[Positive] | None = None
+    full_scale: list[Positive] | None = None  # N, then N·m; null: the calibration's ratings
     frozen_after: Positive = 0.5  # s, identical samples for longer than this are no measurement
-    # share of saturated, or of frozen, samples that may be left out; beyond it a record is refused
+    # share of saturated, or frozen, samples that are left out; beyond it a record is refused
     max_faulty: Annotated[float, Field(ge=0, lt=1)] = 0.01
 
     @model_validator(mode="after")
@@ -227,9 +207,7 @@ class ForceLog:
 
 @options()
 class Arrangement:
-    """One arrangement of the cooperating robots: the known quantities of each cable, and the
-    model's bounds.
-    """
+    """One arrangement of the cooperating robots: known quantities of each cable, model's bounds."""
 
     file: str
     direction: list[float]  # rad, mean direction of each cable; in space its azimuth
@@ -238,8 +216,8 @@ class Arrangement:
     # rad, mean elevation of each cable above the x-y plane; null: the cables lie in it
     elevation: list[float] | None = None
     elevation_bounds: Bounds | None = None  # rad
-    # m, end of each cable, from the point of the moments, in the transducer's axes; null: all in
-    # that point, and forces alone are modelled
+    # m, end of each cable from the point of the moments, in the transducer's axes; null: all there,
+    # and forces alone are modelled
     attachment: list[list[float]] | None = None
     attachment_bounds: Bounds | None = None  # m, of each coordinate
 

@@ -13,10 +13,8 @@ body. 1.0 writes ``trackable`` for ``rigidbody``. Bracketed cells are of 1.1 alo
                n × (x, y, z) measured, n × tracked, n × quality, mean error (mm)
 
 Positions are read from the frame row (poses of the m bodies tracked, all p markers seen) and,
-measured, from the bodies' rows, in which a marker that was not seen is NAN. A body's marker is
-called ``name-Marker i``, as 1.1 does. The solved places are not read: they repeat the pose, and
-stay where they were while a body is lost. No row states a unit of length (the mean error's is its
-own alone), nor a rate.
+measured, from the bodies' rows (``name-Marker i``, as 1.1 calls them), not from the solved places,
+which stay where they were while a body is lost. No row states a unit of length, nor a rate.
 """
 
 from __future__ import annotations
@@ -31,6 +29,7 @@ from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import MISSING, NUMBER, Text, cells_of, is_blank
 from pipeline.formats.motion.take import (
+    FROM_TIMES,
     NO_ASSET,
     STRAY,
     WHOLE,
@@ -56,18 +55,14 @@ class RowCells:
     def take(self, count: int) -> list[str]:
         """Return the next ``count`` cells."""
         self.place += count
-        if self.place > len(self.cells):
-            held, asked = len(self.cells), self.place
-            raise ValueError(f"the row has {held} cells where its counts ask for {asked} or more")
+        if (held := len(self.cells)) < self.place:
+            raise ValueError(f"the row has {held} cells where its counts ask for {self.place}")
         return self.cells[self.place - count : self.place]
-
-    def text(self) -> str:
-        """Return the next cell."""
-        return self.take(1)[0]
 
     def count(self) -> int:
         """Return the next cell, a count or an ID."""
-        if not WHOLE.fullmatch(cell := self.text()):
+        (cell,) = self.take(1)
+        if not WHOLE.fullmatch(cell):
             raise ValueError(f"cell {self.place} holds {cell!r} where a count or an ID should be")
         return int(cell)
 
@@ -105,23 +100,24 @@ class RowsSoFar:
         """Add the row at ``line``."""
         kind = row.cells[0]
         if kind == "info":
-            key = row.text()
-            self.infos[key] = row.text()
-            self.named |= key == "version" and row.cells[2] not in ("1", "1.0", "1.00")
+            key, value = row.take(2)
+            self.infos[key] = value
+            self.named |= key == "version" and value not in ("1", "1.0", "1.00")
         elif kind == "frame":
             self.line.append(line)
             self._add_frame(row)
+            row.end()
         elif kind in BODY_ROWS:
             (self._add_body if self.frame else self._define)(row)
+            row.end()
         elif kind == "lefthanded":
             raise ValueError("the take is left-handed; export it right-handed")
         elif kind != "righthanded":
             raise ValueError(f"no row type {kind!r}; there are {', '.join(ROW_TYPES)}")
 
     def _define(self, row: RowCells) -> None:
-        name, identity, markers = row.text(), row.count(), row.count()
+        (name,), identity, markers = row.take(1), row.count(), row.count()
         row.numbers(3 * markers)
-        row.end()
         if identity in self.names or name in self.poses:
             raise ValueError(f"rigid body {name!r} (ID {identity}) is defined twice")
         self.names[identity], self.poses[name] = name, {}
@@ -140,18 +136,17 @@ class RowsSoFar:
                 raise ValueError(f"rigid body {identity} {fault}")
             pose[k] = row.numbers(10)[:7]  # position, quaternion, and angles that repeat it
         for _ in range(row.count()):
-            sample, identity, name = row.numbers(3), row.text(), row.text() if self.named else ""
-            if STRAY.fullmatch(name):
+            sample, (identity, *name) = row.numbers(3), row.take(2 if self.named else 1)
+            if STRAY.fullmatch(name := "".join(name)):
                 strays.append(sample)
                 self.stray_ids.add(identity)
             elif self.markers.setdefault(name, {}).setdefault(k, sample) is not sample:
                 raise ValueError(f"two markers are named {name!r}")
         self.strays.append(strays)
-        row.end()
 
     def _add_body(self, row: RowCells) -> None:
-        frame, time, name, identity = row.numbers(1), row.numbers(1), row.text(), row.count()
-        if frame != self.frame[-1:] or time != self.time[-1:]:
+        at, (name,), identity = row.numbers(2), row.take(1), row.count()
+        if at != [self.frame[-1], self.time[-1]]:
             raise ValueError(f"the row of rigid body {name!r} is not of the frame before it")
         if self.names.get(identity) != name:
             raise ValueError(f"rigid body {name!r} (ID {identity}) is not defined")
@@ -166,12 +161,10 @@ class RowsSoFar:
                 held = self.markers.setdefault(f"{name}-Marker {marker}", {})
                 held[len(self.frame) - 1] = sample
         row.take(2 * markers + 1)
-        row.end()
         self.body_rows += 1
 
 
 def _dense(samples: Samples, frames: int, width: int) -> dict[str, np.ndarray]:
-    """Return name → (frames, width), NaN where there is no sample."""
     tables = {name: np.full((frames, width), nan) for name in samples}
     for name, held in samples.items():
         if held:
@@ -180,9 +173,7 @@ def _dense(samples: Samples, frames: int, width: int) -> dict[str, np.ndarray]:
 
 
 def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
-    """Return the take in the row-typed ``text`` of ``file``; see
-    :func:`pipeline.formats.motion.motive.read_motive`.
-    """
+    """Return the take in the row-typed ``text``; see :func:`..motive.read_motive`."""
     held, previous = RowsSoFar(), None
     counts = {"blank_rows": 0, "cut_rows": int(text.cut is not None), "repeated_rows": 0}
     for number, line in enumerate(text.lines, start=1):
@@ -198,23 +189,21 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
             raise RecordingError(f"{error}; export it again", file=file, line=number) from None
         previous = line
 
-    def fault(message: str, line: int) -> RecordingError:
-        return RecordingError(message, file=file, line=line)
-
     if not held.frame:
-        raise fault("the file holds no frame; export the take again", len(text.lines))
+        message = "the file holds no frame; export the take again"
+        raise RecordingError(message, file=file, line=len(text.lines))
     unit = settle_unit("", unit, file, key="info")
     frame, printed = frame_numbers(np.array(held.frame), held.line, file), np.array(held.time)
     rate = rate_from_times(frame, printed)
     if rate is None:
         message = "the times of the frames do not increase, so that they give no rate"
-        raise fault(message, held.line[-1])
-    if WHOLE.fullmatch(held.infos.get("framecount", "")):
-        counts["announced_frames"] = int(held.infos["framecount"])
+        raise RecordingError(message, file=file, line=held.line[-1])
+    if WHOLE.fullmatch(announced := held.infos.get("framecount", "")):
+        counts["announced_frames"] = int(announced)
     names = len(held.markers) + len(held.poses) + max(map(len, held.strays))
     require("markers", names, "markers and bodies", file)
     if not names:
-        raise fault(f"{NO_ASSET}; export it with them", held.line[0])
+        raise RecordingError(f"{NO_ASSET}; export it with them", file=file, line=held.line[0])
     # a name that few rows hold is a column of all frames
     require("memory_mib", names * len(frame) * SAMPLE / MIB, "MiB of samples", file)
     strays: Samples = defaultdict(dict)
@@ -233,4 +222,4 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     more = {"stray_ids": len(held.stray_ids), "stray_samples": sum(map(len, held.strays))}
     lacking = len(frame) * len(held.names) - held.body_rows if held.body_rows else 0
     more["lacking_body_rows"] = lacking
-    return take.take(Path(file).stem, held.infos.get("version", "1.0"), more)
+    return take.take(Path(file).stem, held.infos.get("version", "1.0"), more, FROM_TIMES)

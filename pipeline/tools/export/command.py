@@ -20,8 +20,7 @@ from pipeline.core import config, contracts
 from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
 from pipeline.core.filters import CLOSED
 from pipeline.models import kinds
-from pipeline.models.closed_loop import FOLDER, SHARE, mean_path
-from pipeline.models.closed_loop_fit import fit_closed_loop
+from pipeline.models.closed_loop import FOLDER, SHARE, fit_closed_loop, mean_path
 from pipeline.models.exported import FORMAT, chain_record
 from pipeline.models.joint_steps_fit import LEAST_SHARE, PLAIN, fit_joint_steps
 from pipeline.models.other_motions import MotionSteps, joint_ranges, motion_of, pooled

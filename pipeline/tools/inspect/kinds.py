@@ -19,6 +19,7 @@ from pipeline.formats import rosbag
 from pipeline.formats.delimited import foreign
 from pipeline.formats.depth import cloud, image, messages
 from pipeline.formats.depth.index import dropped_frames, numbered_frames
+from pipeline.formats.depth.intrinsics import ANY_SIZE
 from pipeline.formats.force.bag import WRENCH
 from pipeline.formats.force.record import FORCES, TORQUES, ForceLogOptions, require_record
 from pipeline.formats.format import Format, Head, Kind, formats_in, is_bag, is_xml, recognised
@@ -29,7 +30,6 @@ from pipeline.tools.inspect.joints import joint_log, table
 
 LENGTH, UNIT = "dataset.mocap.unit", "dataset.depth.units_per_metre"
 TOTALS = ("announced_frames", "found_frames", "marker_samples", "pose_samples")  # of counts
-ANY_SIZE = 10**6  # px, holds every principal point
 DEPTH_TYPES = (messages.IMAGE, messages.CLOUD)
 # beginnings of files that hold recordings in a form that no format reads
 MARKS = {
@@ -61,8 +61,6 @@ def described(file: Path) -> Finding:
 
 def _read(finding: Finding, form: Format) -> Finding:
     finding.format, finding.kind, finding.option = form.name, form.kind, form.option
-    stated = form.states(finding.file)
-    finding.version, finding.units, finding.facts = stated.version, stated.units, dict(stated.facts)
     (_robot if form is URDF else DESCRIBE[form.kind])(finding, form)
     return finding
 
@@ -97,6 +95,8 @@ def _motion(finding: Finding, form: Format) -> None:
         # no length is reported then; in the smallest unit nothing is too far away
         take, unit = form.read(finding.file, "mm"), "not stated"
     finding.version = take.version if take.version != form.name else None
+    if take.rate_from:
+        finding.facts["rate_from"] = take.rate_from
     finding.rate, finding.units = take.rate, {"length": unit or take.unit}
     if take.printed_rate and abs(take.printed_rate / take.rate - 1) > RATE_TOLERANCE:
         finding.facts["rate_by_the_printed_times"] = f"{take.printed_rate:.4g} Hz"
@@ -122,6 +122,7 @@ def _trajectory(finding: Finding, form: Format) -> None:
 def _force(finding: Finding, form: Format) -> None:
     record = form.read(finding.file, ForceLogOptions())
     finding.rate, finding.duration = record.rate, float(record.time[-1] - record.time[0])
+    finding.units, finding.facts = dict(record.units), dict(record.marks)
     if not {"lost_packets", "missing_samples"} & {*record.counts}:
         finding.facts["times"] = "none in the log: nothing shows a row that it lost"
     finding.count(record.counts)
@@ -160,6 +161,9 @@ def _cloud(finding: Finding, form: Format) -> None:
     read = form.read(read_whole(finding.file), file=finding.file)
     share = round(read.missing / max(len(read.points) + read.missing, 1), 4)
     finding.facts |= {"points": len(read.points), "share_without_position": share}
+    finding.version = read.version
+    if read.organised:
+        finding.facts["organised"] = read.organised
     finding.count(read.counts)
     if read.viewpoint != cloud.UNTURNED:
         *place, w, x, y, z = read.viewpoint
@@ -173,8 +177,9 @@ def _cloud(finding: Finding, form: Format) -> None:
 
 
 def _intrinsics(finding: Finding, form: Format) -> None:
-    size = dict(finding.facts)
-    camera = form.read(finding.file, **(size or {"width": ANY_SIZE, "height": ANY_SIZE}))
+    camera = form.read(finding.file)
+    if size := (camera.width, camera.height) != ANY_SIZE:
+        finding.facts |= {"width": camera.width, "height": camera.height}
     finding.facts |= {name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy")}
     finding.facts["distortion"] = list(camera.distortion)
     if not size:
@@ -275,7 +280,12 @@ def _robot(finding: Finding, form: Format) -> None:
             except ConfigError as error:
                 refused += [error.message] * error.message.startswith("robot.urdf")
         chains += [{"joints": chain, "tools": tools}] if tools else []
-    finding.facts |= {"robot": tree.name, "joints": joints, "arms": arms, "chains": chains}
+    finding.facts |= {
+        "robot": tree.root.get("name", ""),
+        "joints": joints,
+        "arms": arms,
+        "chains": chains,
+    }
     if refused and chains:
         finding.facts["chains_refused"] = refused[0]
     elif refused:

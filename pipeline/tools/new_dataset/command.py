@@ -23,8 +23,8 @@ from pipeline.core.options.dataset import Robot
 from pipeline.core.options.instruments import JointLogSection
 from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.inventory import named_takes
-from pipeline.recordings.logged_movement import read_logged_movement
 from pipeline.recordings.motions import NEARLY, FoundMotion, motions
+from pipeline.recordings.movement import read_logged_movement
 from pipeline.recordings.repetitions import REACH
 from pipeline.tools.check.command import get_filled, value_faults
 from pipeline.tools.inspect.command import inspect

@@ -20,6 +20,7 @@ from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.models.model import open_loop
 from pipeline.models.wishart.law import WishartModel
+from pipeline.perception.articulation import ArticulationOptions, fit_sequence
 
 LINKS = np.array([[0.0, 0.155], [0.135, 0.0], [0.0, 0.17]])
 ARM = PlanarChain(
@@ -38,6 +39,18 @@ def filtered(number: int, steps: np.ndarray) -> bytes:
     law, command = WishartModel(0.3), open_loop(steps)
     posterior = particle_filter(law, ARM, command, 0.01, start, measured, options, random)
     return np.column_stack([posterior.ess, posterior.mean]).tobytes()
+
+
+def articulated(number: int) -> bytes:
+    """The joint angles of three frames of a take, out of points of the arm."""
+    random, clouds, ends = stream(7, "articulate", number), [], []
+    for frame in range(3):
+        nodes, along = ARM.points(START + 0.01 * frame), random.random((3, 100, 1))
+        points = (nodes[:-1, None] * (1 - along) + nodes[1:, None] * along).reshape(-1, 2)
+        clouds.append(points + 0.004 * random.standard_normal(points.shape))
+        ends.append(nodes[-1])
+    options = ArticulationOptions(min_points=50)
+    return fit_sequence(clouds, ARM.origin, np.array(ends), ARM, options, START).q.tobytes()
 
 
 def layout(array: np.ndarray, kept: list[int]) -> tuple[int, str, np.ndarray]:

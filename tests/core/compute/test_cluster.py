@@ -4,6 +4,7 @@ lost, absent or unfit is named, with what to do about it.
 
 from __future__ import annotations
 
+import gc
 import operator
 import os
 import pickle
@@ -12,10 +13,12 @@ import time
 from collections.abc import Iterator
 from functools import partial
 from itertools import islice
+from threading import Thread
 
 import numpy as np
 import pytest
 from distributed import Client
+from distributed.utils import LoopRunner
 
 from pipeline.core.compute import cluster as module
 from pipeline.core.compute.cluster import TrialCluster, connected
@@ -23,6 +26,7 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ComputeError, ConfigError
 from pipeline.core.options.analysis import Compute, Dask
 from tests.core.compute.example_trials import (
+    articulated,
     begin,
     filtered,
     give_up,
@@ -35,8 +39,8 @@ from tests.core.compute.example_trials import (
 
 
 @pytest.mark.slow
-def test_the_bytes_are_those_of_this_process(running):
-    function = partial(filtered, steps=np.full((30, 3), 1e-3))
+@pytest.mark.parametrize("function", [partial(filtered, steps=np.full((30, 3), 1e-3)), articulated])
+def test_the_bytes_are_those_of_this_process(function, running):
     here, there = (
         list(run_trials(function, range(6), compute=compute, label="takes"))
         for compute in (Compute(1), running.compute())
@@ -146,6 +150,17 @@ def test_what_is_no_address_of_a_scheduler_is_refused(address):
     compute = Compute(dask=Dask(address, 1.0))
     with pytest.raises(ComputeError, match="no Dask scheduler answers"):
         list(run_trials(operator.neg, [1], compute=compute, label="trials"))
+
+
+def test_the_collection_of_a_client_without_a_scheduler_waits_for_no_other():
+    gc.collect()
+    with pytest.raises(ComputeError), connected(Compute(dask=Dask("nowhere", 1.0))):
+        pass
+    with LoopRunner._lock:  # as another client holds it that is just being started
+        collecting = Thread(target=gc.collect, daemon=True)
+        collecting.start()
+        collecting.join(20)
+        assert not collecting.is_alive()
 
 
 def test_a_scheduler_without_workers_is_waited_for_and_then_named(idle):
