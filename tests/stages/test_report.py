@@ -76,7 +76,7 @@ def test_the_results_in_the_readme_are_those_of_the_default_dataset_on_the_paper
     before = Path("README.md").read_text()
     report.run()
     after = Path("README.md").read_text()
-    assert "hold / fail" in BLOCK.search(after)[0]
+    assert "hold/fail" in BLOCK.search(after)[0]
     assert BLOCK.sub("", after) == BLOCK.sub("", before)
     run = replace(read_run(YOUBOT), scale="smoke")
     YOUBOT.write_text(run.to_json())
@@ -115,7 +115,8 @@ def test_a_dataset_named_as_the_papers_own_decides_what_is_said_of_its_robot():
     ],
 )
 def test_malformed_claims_are_refused_and_what_stood_is_left(old, new):
-    report.run()
+    for name in WRITTEN:  # of an earlier run
+        Path(name).write_text("earlier")
     before = written()
     CLAIMS.write_text(CLAIMS.read_text().replace(old, new, 1))
     with pytest.raises(ConfigError):
