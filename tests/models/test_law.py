@@ -51,7 +51,7 @@ def arm(request) -> PlanarChain:
 @pytest.fixture
 def anywhere(arm) -> np.ndarray:
     q = np.random.default_rng(1).uniform(-7, 7, (2000, 3))
-    return q[np.abs(arm.determinant(q)) > 0.05 * arm.lengths[0] * arm.lengths[1]]
+    return q[np.abs(np.linalg.det(arm.jacobian(q))) > 0.05 * arm.lengths[0] * arm.lengths[1]]
 
 
 @pytest.mark.parametrize("kind", PARAMETERS)
