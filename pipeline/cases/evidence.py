@@ -15,7 +15,7 @@ from pipeline.core.columns import matrices, members, values
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE, models_of
 from pipeline.core.rng import stream
-from pipeline.filtering.baselines import autocorrelated_filter
+from pipeline.filtering.linear import autocorrelated_filter
 from pipeline.filtering.particle_filter import Posterior
 from pipeline.models.noise import recorded_deviation, rest_covariance
 from pipeline.recordings.commands import constant_speed
