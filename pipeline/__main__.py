@@ -59,22 +59,33 @@ def main() -> int:
         stream.reconfigure(errors="replace")  # a character that the locale lacks is shown as ?
     name = sys.argv[1] if len(sys.argv) > 1 else "--help"
     try:
-        run = _chosen(name, sys.argv[2:])
-        gc.freeze()
-        gc.enable()
-        run()
-        _flush()
+        try:
+            run = _chosen(name, sys.argv[2:])
+            gc.freeze()
+            gc.enable()
+            run()
+            code = 0
+        except SystemExit as stopped:
+            code = stopped.code or 0
+            if isinstance(code, str):
+                print(code, file=sys.stderr)
+                code = 1
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return int(code)
     except BrokenPipeError:
         _discard_output()  # the reader of the output has stopped reading
         return 1
-    except SystemExit as stopped:
-        return _stopped(name, stopped)
     except KeyboardInterrupt:
         print(f"error: {name}: interrupted", file=sys.stderr)
         return 130
     except Exception as error:
-        return _refused(name, error_summary(error), error)
-    return 0
+        if isinstance(error, OSError):
+            _discard_output()
+        if os.environ.get(TRACE):
+            traceback.print_exception(error)
+        print(f"error: {name}: {error_summary(error)}{_restoring()}", file=sys.stderr)
+        return 1
 
 
 def error_summary(error: Exception) -> str:
@@ -101,15 +112,6 @@ def error_summary(error: Exception) -> str:
     )
 
 
-def _refused(name: str, message: str, error: Exception) -> int:
-    if isinstance(error, OSError):
-        _discard_output()
-    if os.environ.get(TRACE):
-        traceback.print_exception(error)
-    print(f"error: {name}: {message}{_restoring()}", file=sys.stderr)
-    return 1
-
-
 def _restoring() -> str:
     """Return the commands that restore the outputs which DVC removed before it ran this stage."""
     folder, _, stage = os.environ.get("DVC_STAGE", "").rpartition("dvc.yaml:")
@@ -118,37 +120,14 @@ def _restoring() -> str:
         return ""
     from pipeline.core.typed_yaml import read_yaml  # not of the standard library
 
-    outs = read_yaml(lock).get("stages", {}).get(stage, {}).get("outs", [])
-    gone = [out["path"] for out in outs if not Path(out["path"]).exists()]
-    commands = {
-        "dvc checkout": [path for path in gone if not path.startswith("reports/")],
-        "git checkout --": [path for path in gone if path.startswith("reports/")],
-    }
-    named = [f"`{command} {' '.join(paths)}`" for command, paths in commands.items() if paths]
-    if not named:
-        return ""
-    restored = f"run {' and '.join(named)}, or undo the change and run `dvc repro`"
-    return f"; to restore the earlier results {restored}"
-
-
-def _stopped(name: str, stopped: SystemExit) -> int:
-    """Return the exit code of a command that ended itself, after its message."""
-    try:
-        _flush()
-    except BrokenPipeError:
-        _discard_output()
-        return 1
-    except OSError as error:
-        return _refused(name, error_summary(error), error)
-    if isinstance(stopped.code, str):
-        print(stopped.code, file=sys.stderr)
-        return 1
-    return int(stopped.code or 0)
-
-
-def _flush() -> None:
-    if sys.stdout is not None:
-        sys.stdout.flush()
+    commands: dict[str, list[str]] = {}
+    for out in read_yaml(lock).get("stages", {}).get(stage, {}).get("outs", []):
+        if not Path(path := out["path"]).exists():
+            by = "git checkout --" if path.startswith("reports/") else "dvc checkout"
+            commands.setdefault(by, []).append(path)
+    named = " and ".join(f"`{' '.join([by, *paths])}`" for by, paths in sorted(commands.items()))
+    restored = f"run {named}, or undo the change and run `dvc repro`"
+    return f"; to restore the earlier results {restored}" if named else ""
 
 
 def _discard_output() -> None:

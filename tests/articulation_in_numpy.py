@@ -20,14 +20,7 @@ def plain_objective(points: np.ndarray, nodes: np.ndarray, gamma1: float, gamma2
     return gamma1 * nearest.mean() + gamma2 * asymmetry
 
 
-def plain_halved(
-    v: np.ndarray,
-    points: np.ndarray,
-    o1: np.ndarray,
-    bounds: np.ndarray,
-    gamma1: float,
-    gamma2: float,
-) -> float:
+def plain_halved(v, points, o1, bounds, gamma1: float, gamma2: float) -> float:
     """The objective of the fitted end at ``v`` (5,), with an asymmetry for each half of the tool;
     written with complex numbers.
     """
@@ -62,23 +55,13 @@ def _asymmetry(distance: np.ndarray, side: np.ndarray) -> float:
     return abs(distance[side > 0].max(initial=0.0) - distance[side <= 0].max(initial=0.0))
 
 
-def plain_rank(
-    v: np.ndarray,
-    points: np.ndarray,
-    o1: np.ndarray,
-    ee: np.ndarray,
-    bounds: np.ndarray,
-    gamma1: float,
-    gamma2: float,
-) -> float:
+def plain_rank(v, points, o1, ee, bounds, gamma1: float, gamma2: float) -> float:
     """The same at ``v`` = (O2, O3), and behind every feasible pose by the violation of the
     ``bounds`` (3, 2) on the lengths.
     """
     nodes = np.vstack([o1, v.reshape(2, 2), ee])
     length = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
     excess = np.maximum(bounds[:, 0] - length, 0) + np.maximum(length - bounds[:, 1], 0)
-    return (
-        INFEASIBLE + excess.sum()
-        if excess.sum() > 0
-        else plain_objective(points, nodes, gamma1, gamma2)
-    )
+    if excess.sum() > 0:
+        return INFEASIBLE + excess.sum()
+    return plain_objective(points, nodes, gamma1, gamma2)

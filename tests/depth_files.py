@@ -2,64 +2,68 @@
 
 from __future__ import annotations
 
+import io
 import struct
-from collections.abc import Callable
+import zlib
 
 import numpy as np
-import pytest
+from PIL import Image
 
-from pipeline.core.errors import RecordingError
+from pipeline.formats.depth.image import PNG
 
 SHAPE = (424, 512)
 
 
 def frame(seed: int = 1, shape: tuple[int, int] = SHAPE) -> np.ndarray:
     generator = np.random.default_rng(seed)
-    raw = (
-        1800
-        + 0.5 * np.arange(shape[1])
-        + 0.3 * np.arange(shape[0])[:, None]
-        + generator.normal(size=shape) * 5
-    )
+    raw = 1800 + 0.5 * np.arange(shape[1]) + 0.3 * np.arange(shape[0])[:, None]
+    raw = raw + generator.normal(size=shape) * 5
     raw[generator.random(shape) < 0.2] = 0
     return raw.astype(np.uint16)
 
 
-def refused(call: Callable[..., object], *arguments: object, **options: object) -> RecordingError:
-    """The error with which ``call`` refuses the file that is its first argument."""
-    with pytest.raises(RecordingError) as caught:
-        call(*arguments, **options)
-    assert caught.value.evidence["file"] == arguments[0]
-    return caught.value
+def tiff(pixels: np.ndarray, description: str = "", append=(), **options: object) -> bytes:
+    content = io.BytesIO()
+    options["append_images"] = [Image.fromarray(more) for more in append]
+    Image.fromarray(pixels).save(content, "TIFF", description=description, **options)
+    return content.getvalue()
+
+
+def png(data: bytes, width: int, height: int, *, bits: int = 16, colour: int = 0) -> bytes:
+    """A PNG whose check sums are right, whatever its compressed ``data``."""
+    header = struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0)
+    return PNG + b"".join(
+        struct.pack(">I", len(content)) + name + content
+        + struct.pack(">I", zlib.crc32(name + content))
+        for name, content in ((b"IHDR", header), (b"IDAT", data), (b"IEND", b""))
+    )  # fmt: skip
+
+
+def opencv(key: str, rows: int, columns: int, data: str) -> str:
+    size = f"   rows: {rows}\n   cols: {columns}\n   dt: d\n"
+    return f"{key}: !!opencv-matrix\n{size}   data: [ {data} ]\n"
 
 
 # one camera, of 640 × 480, as the tools write it
+K, D, ROWS = "525.5, 0., 319.5, 0., 524., 239.25, 0., 0., 1.", "[0.25, 0, 0, 0, 0]", "[0, 0, 1]"
+XML = (
+    "<{0} type_id='opencv-matrix'><rows>{1}</rows><cols>{2}</cols><dt>d</dt><data>{3}</data></{0}>"
+)
 CALIBRATIONS = {
-    "opencv.yaml": "%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   "
-    "dt: d\n"
-    "   data: [ 525.5, 0., 319.5, 0., 524., 239.25,\n       0., 0., 1. ]\n"
-    "distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n   data: [ "
-    "0.25, 0., 0., 0., 0. ]\n",
+    "opencv.yaml": "%YAML:1.0\n---\n" + opencv("camera_matrix", 3, 3, K)
+    + opencv("distortion_coefficients", 5, 1, "0.25, 0., 0., 0., 0."),
     "opencv.xml": '<?xml version="1.0"?>\n<opencv_storage>\n<image_width>640</image_width>\n'
-    '<cameraMatrix type_id="opencv-matrix">\n'
-    "<rows>3</rows><cols>3</cols><dt>d</dt>\n<data>525.5 0. 319.5 0. 524. 239.25 0. 0. "
-    "1.</data></cameraMatrix>\n"
-    '<distCoeffs type_id="opencv-matrix"><rows>1</rows><cols>5</cols><dt>d</dt><data>0.25 0. 0. '
-    "0. 0.</data></distCoeffs>\n"
-    "</opencv_storage>\n",
-    "ros.yaml": "image_width: 640\nimage_height: 480\ncamera_name: depth\ncamera_matrix:\n  "
-    "rows: 3\n  cols: 3\n"
-    "  data: [525.5, 0, 319.5, 0, 524.0, 239.25, 0, 0, 1]\ndistortion_model: "
-    "plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n"
-    "  data: [2.5e-1, 0, 0, 0, 0]\n",
-    "plain.yaml": "fx: 525.5\nfy: 524\ncx: 319.5\ncy: 239.25\ndist_coeffs: [0.25, 0, 0, 0, 0]\n",
-    "rows.yaml": "K:\n- [525.5, 0, 319.5]\n- [0, 524, 239.25]\n- [0, 0, 1]\nD: [0.25, 0, 0, 0, "
-    "0]\n",
-    "plain.json": '{"width": 640, "height": 480, "fx": 525.5, "fy": 524, "cx": 319.5, "cy": '
-    '239.25, "D": [0.25, 0, 0, 0, 0]}',
-    "matrix.json": '{"K": [[525.5, 0, 319.5], [0, 524, 239.25], [0, 0, 1]], "D": [0.25, 0, 0, '
-    "0, 0]}",
-}
+    + XML.format("cameraMatrix", 3, 3, K.replace(",", ""))
+    + XML.format("distCoeffs", 1, 5, "0.25 0. 0. 0. 0.") + "</opencv_storage>\n",
+    "ros.yaml": "image_width: 640\nimage_height: 480\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
+    "  data: [525.5, 0, 319.5, 0, 524.0, 239.25, 0, 0, 1]\ndistortion_model: plumb_bob\n"
+    "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [2.5e-1, 0, 0, 0, 0]\n",
+    "plain.yaml": f"fx: 525.5\nfy: 524\ncx: 319.5\ncy: 239.25\ndist_coeffs: {D}\n",
+    "rows.yaml": f"K:\n- [525.5, 0, 319.5]\n- [0, 524, 239.25]\n- {ROWS}\nD: {D}\n",
+    "plain.json": '{"width": 640, "height": 480, "fx": 525.5, "fy": 524, "cx": 319.5, '
+    f'"cy": 239.25, "D": {D}}}',
+    "matrix.json": f'{{"K": [[525.5, 0, 319.5], [0, 524, 239.25], {ROWS}], "D": {D}}}',
+}  # fmt: skip
 
 
 # points of the same records in every form of PCD and PLY

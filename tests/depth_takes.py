@@ -14,14 +14,8 @@ from pipeline.formats.depth.image import write_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 
-CHAIN = PlanarChain(
-    np.array([0.02, 0.1]),
-    np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]),
-    np.ones(3),
-    np.full(3, -3.0),
-    np.full(3, 3.0),
-    np.ones(3),
-)
+LINKS, LIMIT = np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]), np.full(3, 3.0)
+CHAIN = PlanarChain(np.array([0.02, 0.1]), LINKS, np.ones(3), -LIMIT, LIMIT, np.ones(3))
 ARM = Arm(CHAIN, Rotation.from_euler("z", 0.4).as_matrix(), np.array([0.03, -0.02, 0.0]))
 WIDTH, HEIGHT = 128, 106
 CAMERA = Intrinsics(91.4, 91.0, 63.7, 51.3, WIDTH, HEIGHT)
@@ -29,11 +23,7 @@ CAMERA = Intrinsics(91.4, 91.0, 63.7, 51.3, WIDTH, HEIGHT)
 
 # m, x and z in the plane of a patch of the arm, one a frame
 PLACES = np.array([[0.05, 0.25], [-0.12, 0.32], [0.2, 0.2]])
-
-
 RPY = (-1.62, 0.03, 0.4)
-
-
 PATCH = 4  # px on either side
 
 
@@ -46,15 +36,11 @@ def depth_image(arm: Arm, place: np.ndarray, units: float) -> np.ndarray:
     rotation = Rotation.from_euler("xyz", RPY).as_matrix()
     observed = (arm.to_base(np.array([place[0], 0.0, place[1]])) - camera_position(arm)) @ rotation
     assert observed[2] > 0.5
-    u, v = (
-        round(CAMERA.fx * observed[0] / observed[2] + CAMERA.cx),
-        round(CAMERA.fy * observed[1] / observed[2] + CAMERA.cy),
-    )
+    x, y = observed[:2] / observed[2]
+    u, v = round(CAMERA.fx * x + CAMERA.cx), round(CAMERA.fy * y + CAMERA.cy)
     rows, columns = np.mgrid[v - PATCH : v + PATCH + 1, u - PATCH : u + PATCH + 1]
-    rays = np.stack(
-        [(columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy, np.ones(rows.shape)],
-        axis=-1,
-    )
+    x, y = (columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy
+    rays = np.stack([x, y, np.ones(rows.shape)], axis=-1)
     normal = arm.rotation[:, 1] @ rotation
     distance = (arm.to_base(np.zeros(3)) - camera_position(arm)) @ arm.rotation[:, 1]
     image = np.zeros((HEIGHT, WIDTH), dtype=np.uint16)
@@ -71,27 +57,12 @@ def record(folder: Path, arm: Arm, units: float = 1000.0) -> tuple[Path, Depth]:
         write_depth(take / file, depth_image(arm, place, units))
     write_index(take / "depth.txt", np.array([5.0, 5.033, 5.069]), files)
     write_intrinsics(folder / "kinect" / "intrinsics.yaml", CAMERA)
-    workspace = Workspace(
-        half_depth=0.05,
-        girth=0.05,
-        column_half_width=0.06,
-        column_top=-0.02,
-        floor=0.0,
-        min_pixels=10,
-        max_points=500,
-    )
     camera = Pose(position=camera_position(arm).tolist(), rpy=list(RPY))
     return take, Depth(
         takes="kinect/test_*",
         index="depth.txt",
         intrinsics="kinect/intrinsics.yaml",
-        width=WIDTH,
-        height=HEIGHT,
-        encoding="plain",
-        units_per_metre=units,
-        rate=30.0,
-        start=0.0,
-        camera=camera,
-        workspace=workspace,
-        search=0.4,
+        **{"width": WIDTH, "height": HEIGHT, "encoding": "plain", "units_per_metre": units},
+        **{"rate": 30.0, "start": 0.0, "camera": camera, "search": 0.4},
+        workspace=Workspace(0.05, 0.05, 0.06, -0.02, 0.0, min_pixels=10, max_points=500),
     )

@@ -7,9 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from pipeline.core.errors import RecordingError
 from pipeline.core.options.instruments import SIGNALS
 from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.recordings import movement
@@ -18,31 +16,17 @@ PLAIN = LogOptions()
 
 
 def log(samples: int = 100, joints: int = 6, seed: int = 1) -> JointLog:
-    return JointLog(
-        np.arange(samples) * 0.008,
-        {"actual": np.random.default_rng(seed).uniform(-1.5, 1.5, (samples, joints))},
-        {},
-    )
+    angles = np.random.default_rng(seed).uniform(-1.5, 1.5, (samples, joints))
+    return JointLog(np.arange(samples) * 0.008, {"actual": angles}, {})
 
 
-def read_joint_log(
-    file: Path,
-    *,
-    joints: int,
-    columns: Sequence[str | int] | None = None,
-    options: LogOptions = PLAIN,
-) -> JointLog:
+def read_joint_log(file: Path, *, joints: int, columns=None, options=PLAIN) -> JointLog:
     """The log of one signal in ``file``."""
     return movement.read_log(file, replace(options, joints=joints, signals={"actual": columns}))
 
 
 def read_movement(
-    folder: Path,
-    files: Sequence[str],
-    *,
-    joints: int,
-    rate: float,
-    columns: Sequence[Sequence[str | int] | None] | None = None,
+    folder: Path, files: Sequence[str], *, joints: int, rate: float, columns=None
 ) -> tuple[list[np.ndarray], dict[str, int]]:
     """Values of the signals of one movement, each in one of ``files``, and the counts."""
     wanted: dict[Path, dict] = {}
@@ -55,15 +39,7 @@ def read_movement(
     return list(signals.values()), counts
 
 
-def refusal(file, joints: int = 2) -> RecordingError:
-    with pytest.raises(RecordingError) as caught:
-        read_joint_log(file, joints=joints)
-    assert caught.value.evidence["file"] == file
-    return caught.value
-
-
 def table(folder, header: str, *rows: str):
-    (folder / "log.txt").write_text(
-        "".join(line + "\n" for line in ([header] if header else []) + list(rows))
-    )
+    lines = [header, *rows] if header else rows
+    (folder / "log.txt").write_text("".join(line + "\n" for line in lines))
     return folder / "log.txt"

@@ -11,8 +11,6 @@ from pipeline.core import contracts
 from pipeline.formats.joints.log import JointLog
 
 ROOT = Path(__file__).parents[1]
-
-
 FILES = ("log_q_actual.csv", "log_q_target.csv", "log_qd_target.csv")
 
 
@@ -27,20 +25,12 @@ def ingested() -> tuple[list[str], np.ndarray]:
     return contracts.stacked(contracts.read("joint_log", Path("data/ingest/motion")), "q")
 
 
-HOME, AWAY = (
-    np.array([1.0, -2.1, -1.9, -0.4, 0.5, 0.0]),
-    np.array([0.8, -3.0, -0.3, -1.5, 0.4, 0.1]),
-)
+HOME = np.array([1.0, -2.1, -1.9, -0.4, 0.5, 0.0])
+AWAY = np.array([0.8, -3.0, -0.3, -1.5, 0.4, 0.1])
 
 
 def write_movement(
-    folder: Path,
-    ways: int,
-    *,
-    late: float = 0.0,
-    offset: float = 0.0,
-    noise: float = 0.0,
-    seed: int = 0,
+    folder: Path, ways: int, *, late=0.0, offset=0.0, noise: float = 0.0, seed: int = 0
 ) -> None:
     """Logs of ``ways`` out and back of 100 steps with 60 rows at rest between; measured angles
     ``late`` s behind the commanded ones.
@@ -57,20 +47,12 @@ def write_movement(
     speed = np.gradient(target, axis=0) * 125
     since = (rows - 60) % 160
     speed[(rows < 60) | (since >= 100)] = 0.0
-    actual = (
-        HOME
-        + offset
-        + progress(rows - late * 125)[:, None] * (AWAY - HOME)
-        + rng.normal(0, noise, target.shape)
-    )
+    actual = HOME + offset + progress(rows - late * 125)[:, None] * (AWAY - HOME)
+    actual = actual + rng.normal(0, noise, target.shape)
     folder.mkdir(parents=True)
     for name, angles in zip(FILES, (actual, target, speed), strict=True):
         write_joint_log(folder / name, JointLog(rows / 125, {"actual": angles}, {}))
 
 
-MADE_UP = {
-    "movements": "move_*",
-    "start": HOME[1:4].tolist(),
-    "end": AWAY[1:4].tolist(),
-    "rest": 20,
-}
+ENDS = {"start": HOME[1:4].tolist(), "end": AWAY[1:4].tolist()}
+MADE_UP = {"movements": "move_*", **ENDS, "rest": 20}

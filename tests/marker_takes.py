@@ -20,43 +20,22 @@ STEPS = 40
 
 
 TEMPLATE = {
-    "link1": {
-        "a1": [0.032, -0.048, 0.018],
-        "b1": [-0.030, -0.052, 0.071],
-        "c1": [0.024, -0.045, 0.139],
-    },
-    "link2": {
-        "a2": [-0.033, -0.046, 0.022],
-        "b2": [0.029, -0.055, 0.058],
-        "c2": [-0.021, -0.042, 0.121],
-    },
-    "link3": {
-        "a3": [0.030, -0.043, 0.012],
-        "b3": [-0.031, -0.050, 0.041],
-        "c3": [0.012, -0.038, 0.104],
-    },
+    "link1": {"a1": [0.032, -0.048, 0.018], "b1": [-0.030, -0.052, 0.071]}
+    | {"c1": [0.024, -0.045, 0.139]},
+    "link2": {"a2": [-0.033, -0.046, 0.022], "b2": [0.029, -0.055, 0.058]}
+    | {"c2": [-0.021, -0.042, 0.121]},
+    "link3": {"a3": [0.030, -0.043, 0.012], "b3": [-0.031, -0.050, 0.041]}
+    | {"c3": [0.012, -0.038, 0.104]},
 }
-
-
 PLACES = np.array([list(link.values()) for link in TEMPLATE.values()])
-
-
 BASE = Pose([0.4, 0.3, -0.2], [-np.pi / 2, 0.0, 0.0])
-
-
 MOUNT = Pose([0.01, -0.05, 0.06], [0.3, -0.2, 1.1])
+STATED = {"training": "*.csv", "base": BASE, "markers": TEMPLATE, "gate": 0.012, "max_gap": 20}
 
 
 def dataset(**mocap) -> Dataset:
-    options = {
-        "training": "*.csv",
-        "base": BASE,
-        "markers": TEMPLATE,
-        "gate": 0.012,
-        "max_gap": 20,
-    } | mocap
     robot = Robot("arm.urdf", ["a", "b", "c"], plane=True)
-    return Dataset("t", ".", robot, Motion(100.0, STEPS), mocap=Mocap(**options))
+    return Dataset("t", ".", robot, Motion(100.0, STEPS), mocap=Mocap(**STATED | mocap))
 
 
 def marker_places(q: np.ndarray, template: np.ndarray, chain) -> np.ndarray:
@@ -68,17 +47,14 @@ def marker_places(q: np.ndarray, template: np.ndarray, chain) -> np.ndarray:
 
 
 def to_world(arm, plane: np.ndarray) -> np.ndarray:
-    return arm.to_base(plane) @ Rotation.from_euler("xyz", BASE.rpy).as_matrix().T + np.array(
-        BASE.position
-    )
+    turn = Rotation.from_euler("xyz", BASE.rpy).as_matrix()
+    return arm.to_base(plane) @ turn.T + np.array(BASE.position)
 
 
 def markers_of(arm, q: np.ndarray) -> dict[str, np.ndarray]:
     places = to_world(arm, marker_places(q, PLACES, arm.chain)).reshape(len(q), 9, 3)
-    return {
-        name: places[:, i]
-        for i, name in enumerate(name for link in TEMPLATE.values() for name in link)
-    }
+    names = (name for link in TEMPLATE.values() for name in link)
+    return {name: places[:, i] for i, name in enumerate(names)}
 
 
 def bodies_of(arm, q: np.ndarray) -> dict[str, RigidBody]:
@@ -100,15 +76,9 @@ def bodies_of(arm, q: np.ndarray) -> dict[str, RigidBody]:
     return bodies
 
 
-def written(
-    folder: Path,
-    markers: dict,
-    bodies: dict | None = None,
-    *,
-    name: str = "t",
-    first: int = 0,
-    rate: float = 100.0,
-) -> Path:
+def written(folder: Path, markers: dict, bodies: dict | None = None, **stated) -> Path:
+    """Motive's file t.csv of a take: of its ``rate`` in Hz, from the frame ``first`` on."""
+    name, first, rate = "t", stated.get("first", 0), stated.get("rate", 100.0)
     frame = first + np.arange(STEPS + 1)
     take = MotionTake(name, "1.23", rate, frame, (frame - first) / rate, markers, bodies or {}, {})
     write_motive(folder / f"{name}.csv", take, start=START)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.core.errors import RecordingError
+from pipeline.formats.motion.motive import read_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
 
 START = "2024-03-05 10.15.00.000 AM"
@@ -42,23 +40,12 @@ def random_take(
     """Markers ``Link1:Marker1`` … of normal positions, and a body ``Base`` of random poses."""
     generator = np.random.default_rng(seed)
     frame = np.arange(first, first + frames)
-    points = {
-        f"Link{1 + n // 3}:Marker{1 + n % 3}": generator.normal(size=(frames, 3))
-        for n in range(markers)
-    }
-    pose = RigidBody(
-        generator.normal(size=(frames, 3)), Rotation.random(frames, random_state=seed).as_quat()
-    )
-    return MotionTake(
-        "Take 1",
-        "1.23",
-        100.0,
-        frame,
-        np.arange(frames) / 100,
-        points,
-        {"Base": pose} if body else {},
-        {},
-    )
+    names = [f"Link{1 + n // 3}:Marker{1 + n % 3}" for n in range(markers)]
+    points = {name: generator.normal(size=(frames, 3)) for name in names}
+    turns = Rotation.random(frames, random_state=seed).as_quat()
+    pose = RigidBody(generator.normal(size=(frames, 3)), turns)
+    bodies = {"Base": pose} if body else {}
+    return MotionTake("Take 1", "1.23", 100.0, frame, np.arange(frames) / 100, points, bodies, {})
 
 
 def columns_file(
@@ -79,9 +66,24 @@ def rows_file(
     return file
 
 
-def refusal(read: Callable[[Path], object], file: Path) -> RecordingError:
-    """The error with which ``read`` refuses ``file``, which it has to name."""
-    with pytest.raises(RecordingError) as caught:
-        read(file)
-    assert caught.value.evidence["file"] == file
-    return caught.value
+def in_metres(file: Path) -> MotionTake:
+    return read_motive(file, "m")
+
+
+# rows of the row-typed grammar
+TRACKED = "7,{0}.5,2,3,0,0,0,1,0,0,0"
+DEFINITION = 'rigidbody,"Arm",7,2,0.1,0,0,-0.1,0,0'
+
+
+def frame_row(k: int, markers: str = "0", *, tracked: bool = True) -> str:
+    pose = "1," + TRACKED.format(k % 100) if tracked else "0"
+    return f"frame,{k},{k / 100:.8f},{pose},{markers}"
+
+
+def body_row(k: int, first: str, second: str) -> str:
+    solved = "9,9,9,2,9,9,9,4"
+    return f'rigidbody,{k},{k / 100:.8f},"Arm",7,0,2,{solved},{first},{second},1,1,0.9,0.9,0.002'
+
+
+def seen_row(k: int) -> str:
+    return frame_row(k, f"2,{k},0,1,2,Arm-Marker 1,{k},5,5,40{k},Marker-40{k}")

@@ -28,9 +28,7 @@ COLUMNS = ["format", "change", "mutants", "refused", "counted", "accepted", "eff
 
 @dataclass
 class Campaign:
-    """Of each kind of change how many mutants ended how, and what those that were accepted with
-    other values changed, by field; what ended badly.
-    """
+    """Ends of the mutants of each kind of change, the effects of those accepted, and failures."""
 
     outcomes: dict[str, Counter[str]] = field(default_factory=lambda: defaultdict(Counter))
     effects: dict[str, dict[str, float | str]] = field(default_factory=lambda: defaultdict(dict))
@@ -75,8 +73,8 @@ def _run(name: str, folder: Path, count: int) -> Campaign:
 def _outcome(
     sandbox: Sandbox, read: Callable, file: Path, before: dict
 ) -> tuple[str, dict[str, float | str]]:
-    """How reading the mutant ends: refused, same, counted (with other values and other counts, so
-    that it is told), accepted (with other values, in silence) or failed.
+    """How reading the mutant ends: refused, same, counted (other values and counts), accepted
+    (other values in silence) or failed.
     """
     try:
         after = sandbox.call(_values, read, file)
@@ -84,11 +82,8 @@ def _outcome(
         # a library may end, or not return, in a process of the reader's own, which names the file
         failed = any(words in error.message for words in FAILURES) and "file" not in error.evidence
         return ("failed" if failed else "refused"), {"reason": error.message} if failed else {}
-    changed = {
-        key
-        for key in before.keys() | after.keys()
-        if key not in before or key not in after or _differ(before[key], after[key])
-    }
+    keys = before.keys() | after.keys()
+    changed = {key for key in keys if _differ(before.get(key), after.get(key))}
     if not changed:
         return "same", {}
     if any("counts" in key for key in changed):
@@ -104,16 +99,14 @@ def _values(read: Callable, file: Path) -> dict:
     return values(read(file))
 
 
-def _differ(before: np.ndarray | str, after: np.ndarray | str) -> bool:
-    if isinstance(before, str) or isinstance(after, str):
+def _differ(before: np.ndarray | str | None, after: np.ndarray | str | None) -> bool:
+    if not (isinstance(before, np.ndarray) and isinstance(after, np.ndarray)):
         return type(before) is not type(after) or before != after
     return not np.array_equal(before, after, equal_nan=before.dtype.kind == "f")
 
 
 def _effect(before: object, after: object) -> float | str:
-    """How far a value is off in the greatest that it was, to the power of ten; else what else it
-    is.
-    """
+    """How far a value is off in the greatest that it was, to the power of ten; else a word."""
     if before is None or after is None:
         return "other names"
     if isinstance(before, str) or isinstance(after, str):

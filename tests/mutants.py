@@ -12,22 +12,11 @@ import numpy as np
 Rng = np.random.Generator
 NUMBER = re.compile(rb"\d+(\.\d+)?")
 SEPARATORS = (b",", b";", b"\t", b" ")
-WORDS = {  # spellings that another setting of the program would have given
-    b"Meters": b"Millimeters",
-    b"Quaternion": b"XYZ",
-    b"Global": b"Local",
-    b"(N)": b"(lbf)",
-    b"(N-m)": b"(lbf-in)",
-    b"Units: N": b"Units: lbf",
-    b'ForceUnits="N"': b'ForceUnits="lbf"',
-    b"revolute": b"continuous",
-    b"width": b"height",
-    b"Force X": b"Force Y",
-    b"Fx": b"Fy",
-    b"float": b"int",
-    b"plumb_bob": b"fisheye",
-    b"righthanded": b"lefthanded",
-}
+# spellings that another setting of the program would have given
+WORDS = {b"Meters": b"Millimeters", b"Quaternion": b"XYZ", b"Global": b"Local", b"(N)": b"(lbf)"}
+WORDS |= {b"(N-m)": b"(lbf-in)", b"Units: N": b"Units: lbf", b'ForceUnits="N"': b'ForceUnits="lbf"'}
+WORDS |= {b"revolute": b"continuous", b"width": b"height", b"Force X": b"Force Y", b"Fx": b"Fy"}
+WORDS |= {b"float": b"int", b"plumb_bob": b"fisheye", b"righthanded": b"lefthanded"}
 
 
 def _span(content: bytes, rng: Rng, longest: int = 40) -> tuple[int, int]:

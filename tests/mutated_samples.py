@@ -63,6 +63,8 @@ class Sample:
     text: bool = True
 
 
+camera = partial(read_intrinsics, width=SHAPE[1], height=SHAPE[0])
+depth, arrays = partial(read_depth, shape=SHAPE), partial(read_arrays, options=LogOptions())
 SAMPLES = {
     "Motive, columns": Sample("columns.csv", partial(read_motive, unit="m")),
     "Motive, rows": Sample("rows.csv", partial(read_motive, unit="m")),
@@ -71,26 +73,20 @@ SAMPLES = {
     "DAQ F/T, decimal commas": Sample("commas.csv", read_daqft),
     "Net F/T": Sample("netft.csv", read_netft),
     "ATI calibration": Sample("FT7.cal", read_calibration),
-    "depth, PNG": Sample("single.png", partial(read_depth, shape=SHAPE), text=False),
-    "depth, TIFF": Sample("metres.tiff", partial(read_depth, shape=SHAPE), text=False),
-    "depth, PGM": Sample("single.pgm", partial(read_depth, shape=SHAPE), text=False),
-    "intrinsics, OpenCV": Sample(
-        "camera.yaml", partial(read_intrinsics, width=SHAPE[1], height=SHAPE[0])
-    ),
-    "intrinsics, JSON": Sample(
-        "sized.json", partial(read_intrinsics, width=SHAPE[1], height=SHAPE[0])
-    ),
-    "intrinsics, YAML": Sample(
-        "plain.yaml", partial(read_intrinsics, width=SHAPE[1], height=SHAPE[0])
-    ),
+    "depth, PNG": Sample("single.png", depth, text=False),
+    "depth, TIFF": Sample("metres.tiff", depth, text=False),
+    "depth, PGM": Sample("single.pgm", depth, text=False),
+    "intrinsics, OpenCV": Sample("camera.yaml", camera),
+    "intrinsics, JSON": Sample("sized.json", camera),
+    "intrinsics, YAML": Sample("plain.yaml", camera),
     "cloud, PLY": Sample("cloud.ply", read_cloud),
     "cloud, PCD": Sample("cloud.pcd", read_cloud),
     "cloud, compressed PCD": Sample("packed.pcd", read_cloud, text=False),
     "index of frames": Sample("indexed/depth.txt", read_index),
     "table of joints": Sample("q.csv", partial(read_joint_table, options=TABLE)),
-    "MATLAB": Sample("q.mat", partial(read_arrays, options=LogOptions()), text=False),
-    "Parquet": Sample("q.parquet", partial(read_arrays, options=LogOptions()), text=False),
-    "NumPy archive": Sample("q.npz", partial(read_arrays, options=LogOptions()), text=False),
+    "MATLAB": Sample("q.mat", arrays, text=False),
+    "Parquet": Sample("q.parquet", arrays, text=False),
+    "NumPy archive": Sample("q.npz", arrays, text=False),
     "trajectory": Sample("path.csv", read_trajectory),
     "ROS 1 bag": Sample("ros1/take.bag", partial(_images, bag=""), text=False),
     "ROS 2 bag, MCAP": Sample("mcap/take/take.mcap", _images, text=False),

@@ -9,13 +9,9 @@ import numpy as np
 from pipeline.arm.chain import PlanarChain
 
 LENGTHS = np.array([0.155, 0.135, 0.17])
+LINKS, LIMIT = np.stack([np.zeros(3), LENGTHS], axis=1), np.full(3, 3.1)
 CHAIN = PlanarChain(
-    origin=np.array([0.01, 0.115]),
-    links=np.stack([np.zeros(3), LENGTHS], axis=1),
-    signs=np.ones(3),
-    lower=np.full(3, -3.1),
-    upper=np.full(3, 3.1),
-    max_speed=np.full(3, np.pi / 2),
+    np.array([0.01, 0.115]), LINKS, np.ones(3), -LIMIT, LIMIT, np.full(3, np.pi / 2)
 )
 
 
@@ -28,27 +24,17 @@ def motion(frames: int = 97) -> np.ndarray:
 
 
 def cloud(
-    q: np.ndarray,
-    rng: np.random.Generator,
-    *,
-    width: float = 0.06,
-    noise: float = 0.002,
-    points: int = 1500,
+    q: np.ndarray, rng: np.random.Generator, *, width=0.06, noise=0.002, points: int = 1500
 ) -> np.ndarray:
     """Points of three rectangles, ever denser towards one side and one end of each, with normal
     noise (m).
     """
-    nodes = CHAIN.points(q)
     parts = []
-    for j, (a, b) in enumerate(pairwise(nodes)):
-        along = (b - a) / LENGTHS[j]
-        s, n = rng.random((2, points // 3))
+    for j, (a, b) in enumerate(pairwise(CHAIN.points(q))):
+        along, (s, n) = (b - a) / LENGTHS[j], rng.random((2, points // 3))
         n = n**1.5 if j != 1 else n**0.7
-        parts.append(
-            a
-            + (s**0.8 * LENGTHS[j])[:, None] * along
-            + ((n - 0.5) * width)[:, None] * np.array([along[1], -along[0]])
-        )
+        aside = ((n - 0.5) * width)[:, None] * np.array([along[1], -along[0]])
+        parts.append(a + (s**0.8 * LENGTHS[j])[:, None] * along + aside)
     return np.concatenate(parts) + rng.normal(scale=noise, size=(points // 3 * 3, 2))
 
 

@@ -33,6 +33,9 @@ class Message:
             fields["fields"] = [
                 types["sensor_msgs/msg/PointField"](*field) for field in fields["fields"]
             ]
+        if "wrench" in fields:
+            vector, wrench = (types[f"geometry_msgs/msg/{kind}"] for kind in ("Vector3", "Wrench"))
+            fields["wrench"] = wrench(*(vector(*part) for part in fields["wrench"].tolist()))
         if "distortion_model" in fields:
             fields["roi"] = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
             fields = {
@@ -43,29 +46,16 @@ class Message:
 
 
 def image(
-    pixels: np.ndarray,
-    stamp: float,
-    *,
-    encoding: str | None = None,
-    big: bool = False,
-    padding: int = 0,
+    pixels: np.ndarray, stamp: float, *, encoding: str | None = None, big=False, padding: int = 0
 ) -> Message:
     """An Image of (H, W) uint16 or float32 ``pixels``, with ``padding`` bytes after each row."""
-    rows = pixels.astype(pixels.dtype.newbyteorder(">" if big else "<"))
-    data = np.pad(
-        rows.view(np.uint8).reshape(len(pixels), -1), ((0, 0), (0, padding)), constant_values=255
-    )
-    encoding = encoding or {"u": "16UC1", "f": "32FC1"}[pixels.dtype.kind]
-    return Message(
-        "sensor_msgs/msg/Image",
-        stamp,
-        height=pixels.shape[0],
-        width=pixels.shape[1],
-        encoding=encoding,
-        is_bigendian=int(big),
-        step=data.shape[1],
-        data=data.ravel(),
-    )
+    rows = pixels.astype(pixels.dtype.newbyteorder(">" if big else "<")).view(np.uint8)
+    rows = rows.reshape(len(pixels), -1)
+    data = np.pad(rows, ((0, 0), (0, padding)), constant_values=255)
+    fields = {"encoding": encoding or {"u": "16UC1", "f": "32FC1"}[pixels.dtype.kind]}
+    fields |= {"height": pixels.shape[0], "width": pixels.shape[1], "is_bigendian": int(big)}
+    fields |= {"step": data.shape[1], "data": data.ravel()}
+    return Message("sensor_msgs/msg/Image", stamp, **fields)
 
 
 def cloud(
@@ -85,49 +75,26 @@ def cloud(
         if name in "xyz":
             kind = np.dtype({7: "f4", 8: "f8"}[datatype]).newbyteorder(">" if big else "<")
             column = np.ascontiguousarray(points[:, "xyz".index(name)]).astype(kind)
-            data[:, offset : offset + kind.itemsize] = column.view(np.uint8).reshape(
-                len(points), -1
-            )
+            size, column = kind.itemsize, column.view(np.uint8)
+            data[:, offset : offset + size] = column.reshape(len(points), -1)
     padded = np.pad(data.reshape(rows, -1), ((0, 0), (0, 5)))
-    return Message(
-        "sensor_msgs/msg/PointCloud2",
-        stamp,
-        height=rows,
-        width=len(points) // rows,
-        fields=fields,
-        is_bigendian=big,
-        point_step=step,
-        row_step=padded.shape[1],
-        data=padded.ravel(),
-        is_dense=False,
-    )
+    held = {"height": rows, "width": len(points) // rows, "fields": fields, "is_bigendian": big}
+    held |= {"point_step": step, "row_step": padded.shape[1], "data": padded.ravel()}
+    return Message("sensor_msgs/msg/PointCloud2", stamp, is_dense=False, **held)
 
 
 def camera_info(
     matrix: list[float], distortion: list[float], size: tuple[int, int], *, model: str = "plumb_bob"
 ) -> Message:
     """A CameraInfo of the matrix K (9,) and D of an image of ``size`` (width, height)."""
-    return Message(
-        "sensor_msgs/msg/CameraInfo",
-        1.0,
-        height=size[1],
-        width=size[0],
-        distortion_model=model,
-        D=np.array(distortion, float),
-        K=np.array(matrix, float),
-        R=np.eye(3).ravel(),
-        P=np.zeros(12),
-        binning_x=0,
-        binning_y=0,
-    )
+    fields = {"height": size[1], "width": size[0], "distortion_model": model}
+    fields |= {"D": np.array(distortion, float), "K": np.array(matrix, float)}
+    fields |= {"R": np.eye(3).ravel(), "P": np.zeros(12), "binning_x": 0, "binning_y": 0}
+    return Message("sensor_msgs/msg/CameraInfo", 1.0, **fields)
 
 
 def write_bag(
-    folder: Path,
-    form: str,
-    recorded: dict[str, list[tuple[float, Message]]],
-    *,
-    kinds: dict[str, str] | None = None,
+    folder: Path, form: str, recorded: dict[str, list], *, kinds: dict[str, str] | None = None
 ) -> Path:
     """Write the messages of each topic, at their times of recording, into a new bag in ``folder``,
     named take; ``kinds`` of empty topics.
@@ -142,35 +109,20 @@ def write_bag(
         if form != "ros1":
             writer.set_compression(Writer1.CompressionFormat[form.removeprefix("ros1_").upper()])
     else:
-        writer = Writer2(
-            path,
-            version=9,
-            storage_plugin=StoragePlugin.MCAP if form.startswith("mcap") else StoragePlugin.SQLITE3,
-        )
-        modes = {
-            "zstd": CompressionMode.MESSAGE,
-            "zstd_file": CompressionMode.FILE,
-            "mcap_zstd": CompressionMode.STORAGE,
-        }
+        storage = StoragePlugin.MCAP if form.startswith("mcap") else StoragePlugin.SQLITE3
+        writer = Writer2(path, version=9, storage_plugin=storage)
+        modes = {"zstd": CompressionMode.MESSAGE, "zstd_file": CompressionMode.FILE}
+        modes["mcap_zstd"] = CompressionMode.STORAGE
         if form in modes:
             writer.set_compression(modes[form], CompressionFormat.ZSTD)
     serialise = store.serialize_ros1 if version == "ros1" else store.serialize_cdr
     with writer:
-        connections = {
-            topic: writer.add_connection(
-                topic, result[0][1].kind if result else kinds[topic], typestore=store
-            )
-            for topic, result in recorded.items()
-        }
-        everything = sorted(
-            (
-                (time, topic, message)
-                for topic, result in recorded.items()
-                for time, message in result
-            ),
-            key=lambda entry: entry[:2],
-        )
-        for time, topic, message in everything:
-            made = message.for_version(version)
-            writer.write(connections[topic], round(time * 1e9), serialise(made, message.kind))
+        connections, everything = {}, []
+        for topic, held in recorded.items():
+            kind = held[0][1].kind if held else kinds[topic]
+            connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            everything += [(time, topic, message) for time, message in held]
+        for time, topic, message in sorted(everything, key=lambda entry: entry[:2]):
+            made = serialise(message.for_version(version), message.kind)
+            writer.write(connections[topic], round(time * 1e9), made)
     return path

@@ -35,13 +35,10 @@ def test_an_unknown_name_is_answered_with_those_there_are(monkeypatch, capsys):
     assert listed["tools"] == [tool.replace("_", "-") for tool in TOOLS]
 
 
-@pytest.mark.parametrize("words", [[], ["--help"], ["-h"]])
-def test_help_lists_the_names(monkeypatch, capsys, words):
-    assert run(monkeypatch, *words) == 0
-    assert capsys.readouterr().out.startswith("usage: python -m pipeline NAME")
-
-
-def test_help_names_each_stage_study_and_tool(monkeypatch, capsys):
+def test_help_lists_the_names_and_names_each_stage_study_and_tool(monkeypatch, capsys):
+    for words in ([], ["--help"], ["-h"]):
+        assert run(monkeypatch, *words) == 0
+        assert capsys.readouterr().out.startswith("usage: python -m pipeline NAME")
     for name in STAGES + STUDIES:
         assert run(monkeypatch, name, "--help") == 0
         (line,) = capsys.readouterr().out.splitlines()
@@ -64,27 +61,12 @@ def test_the_wrong_number_of_items_is_refused(monkeypatch, capsys, words, messag
     assert capsys.readouterr().err == message
 
 
+FULL, READ_ONLY = OSError(errno.ENOSPC, "", "a.parquet"), OSError(errno.EROFS, "", "a", None, "b")
 FAULTS = [
-    (
-        ConfigError("mismatch must be > 0, got -0.1", key="dataset.joint_log.mismatch"),
-        1,
-        ["must be > 0, got -0.1 [key dataset.joint_log.mismatch]"],
-    ),
-    (
-        OSError(errno.ENOSPC, "", "data/track/joints.parquet"),
-        1,
-        ["data/track/joints.parquet: No space left on device", "free some space"],
-    ),
-    (
-        OSError(errno.EROFS, "", ".partial", None, "data/track"),
-        1,
-        ["data/track: Read-only file system", "in a copy that can be written"],
-    ),
-    (
-        RuntimeError("Could not\nopen file"),
-        1,
-        ["unexpected RuntimeError: Could not open file", "PIPELINE_TRACEBACK=1"],
-    ),
+    (ConfigError("must be > 0, got -0.1", key="a.b"), 1, ["must be > 0, got -0.1 [key a.b]"]),
+    (FULL, 1, ["a.parquet: No space left on device", "free some space"]),
+    (READ_ONLY, 1, ["b: Read-only file system", "in a copy that can be written"]),
+    (RuntimeError("no\nfile"), 1, ["unexpected RuntimeError: no file", "PIPELINE_TRACEBACK=1"]),
     (MemoryError(), 1, ["out of memory"]),
     (KeyboardInterrupt(), 130, ["interrupted"]),
 ]

@@ -2,36 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from pipeline.core.errors import RecordingError
 from pipeline.formats.force.record import ForceRecord
 from pipeline.formats.joints.log import JointLog
 
 
+def refusal(read: Callable[..., object], file: Path, *arguments: object) -> RecordingError:
+    """The error with which ``read`` refuses ``file``, which it has to name."""
+    with pytest.raises(RecordingError) as caught:
+        read(file, *arguments)
+    assert caught.value.evidence["file"] == file
+    return caught.value
+
+
 def write_netft(file: Path, record: ForceRecord, *, counts_per_unit: int | None = None) -> None:
-    """Write ``record`` as the program of ATI's network transducers does, in N and N·m, or in whole
-    counts where ``counts_per_unit`` is given.
+    """Write :func:`netft_text`."""
+    Path(file).write_bytes(netft_text(record, counts_per_unit).encode())
+
+
+def netft_text(record: ForceRecord, counts_per_unit: int | None = None) -> str:
+    """The log of ``record`` as the program of ATI's network transducers writes it, in N and N·m, or
+    in whole counts where ``counts_per_unit`` is given.
     """
     per_unit = counts_per_unit or 1_000_000
     values = np.hstack([record.force, record.torque])
     cells = np.rint(values * per_unit).astype(int) if counts_per_unit else values
     lines = [f"Start Time: {record.started}", f"RDT Sample Rate: {record.rate:.0f}"]
-    lines += [
-        "Force Units: N",
-        f"Counts per Unit Force: {per_unit}.0",
-        "Torque Units: N-m",
-        f"Counts per Unit Torque: {per_unit}.0",
-    ]
+    for kind, unit in (("Force", "N"), ("Torque", "N-m")):
+        lines += [f"{kind} Units: {unit}", f"Counts per Unit {kind}: {per_unit}.0"]
     lines += ["Status (hex), RDT Sequence, F/T Sequence, Fx, Fy, Fz, Tx, Ty, Tz, Time"]
-    for number, row in zip(
-        np.rint(record.time * record.rate).astype(int) + 1, cells.tolist(), strict=True
-    ):
-        lines.append(
-            ",".join(f'"{cell}"' for cell in ("0x0", number, 10 * number, *row, record.started))
-        )
-    Path(file).write_bytes(("\r\n".join(lines) + "\r\n").encode())
+    numbers = np.rint(record.time * record.rate).astype(int) + 1
+    for number, row in zip(numbers, cells.tolist(), strict=True):
+        held = ("0x0", number, 10 * number, *row, record.started)
+        lines.append(",".join(f'"{cell}"' for cell in held))
+    return "\r\n".join(lines) + "\r\n"
 
 
 def write_joint_log(file: Path, log: JointLog) -> None:

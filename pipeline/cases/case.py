@@ -52,17 +52,15 @@ class Choices:
 
     def model_case(self, name: str) -> Choices:
         """This case with the model ``name`` alone and defaults for the filter's decisions."""
-        models, closed = {name: self.models[name]}, self.closed and name in KINDS
-        return Choices(
-            models, FilterOptions(), self.mode, "", self.measurement, 0, self.draw, closed
-        )
+        closed, plain = self.closed and name in KINDS, {"filter": FilterOptions(), "clock": ""}
+        return replace(self, models={name: self.models[name]}, batch=0, closed=closed, **plain)
 
     def filter_case(self, name: str, closed: bool) -> Choices:
         """This case with the filter of the model ``name`` alone, in one loop, and defaults for the
         decisions that it does not depend on.
         """
-        models = {name: self.models[name]}
-        return Choices(models, self.filter, "", self.clock, 1.0, 0, self.draw, closed)
+        plain = {"mode": "", "measurement": 1.0, "batch": 0}
+        return replace(self, models={name: self.models[name]}, closed=closed, **plain)
 
     def batch_of(self, takes: list[str], count: int) -> list[str]:
         """The ``count`` of the test ``takes`` that the filter runs on; none of too few."""

@@ -32,9 +32,14 @@ def evaluate(
     """
     cameras, dt = recordings.cameras, 1 / recordings.rate
     takes = list(next(iter(cameras.values())).takes) if cameras else []
+
+    def mapped(function: Callable, trials: Mapping[str, object]) -> dict:
+        results = run(partial(function, recordings=recordings), list(trials.values()))
+        return dict(zip(trials, results, strict=True))
+
     # options are no keys of a dict; equal ones have equal representations
     models = {repr(part): part for case in cases for part in map(case.model_case, case.models)}
-    outcomes = _mapped(run, _outcome, models, recordings)
+    outcomes = mapped(_outcome, models)
     loops = {key: _loops(fared, recordings) for key, fared in outcomes.items()}
     trials: dict[str, Trial] = {}
     filters: list[dict[str, dict[str, str]]] = []  # of each case: filter → take → key of its trial
@@ -43,12 +48,11 @@ def evaluate(
         for name in filter(KINDS.__contains__, case.models):
             for closed, loop in loops[repr(case.model_case(name))].items():
                 own = filters[-1].setdefault(names.closed(name) if closed else name, {})
+                part = case.filter_case(name, closed)
                 for take in case.batch_of(takes, recordings.filtered):
-                    part = case.filter_case(name, closed)
-                    own[take] = f"{take} {part!r}"
-                    measured = cameras[case.clock].takes[take]
+                    own[take], measured = f"{take} {part!r}", cameras[case.clock].takes[take]
                     trials[own[take]] = (takes.index(take), part, loop, measured)
-    posteriors = _mapped(run, _posterior, trials, recordings)
+    posteriors = mapped(_posterior, trials)
     results = []
     for case, by_filter in zip(cases, filters, strict=True):
         fared = {name: outcomes[repr(case.model_case(name))] for name in case.models}
@@ -59,12 +63,6 @@ def evaluate(
         camera = cameras.get(case.clock)
         results.append(case_evidence(case, recordings.takes, fared, camera, filtered, dt))
     return results
-
-
-def _mapped(run: Run, function: Callable, trials: Mapping[str, object], recordings: Recordings):
-    """Return ``function`` of every trial, by the trial's key."""
-    results = run(partial(function, recordings=recordings), list(trials.values()))
-    return dict(zip(trials, results, strict=True))
 
 
 def _outcome(case: Choices, recordings: Recordings) -> Outcome:

@@ -48,25 +48,24 @@ def case_evidence(
     """
     evidence = motion_evidence(outcomes, takes, case.mode)
     refusals = {f"{model}: {why}" for model, fared in outcomes.items() for why in fared.refusals}
-    if camera is not None:
-        evidence |= sensor_evidence(camera.noise)
-        whole = {}
-        for model, by_take in posteriors.items():
-            lost = {f"{model}: {own}" for own in by_take.values() if isinstance(own, str)}
-            refusals |= lost
-            if by_take and not lost:
-                whole[model] = list(by_take.values())
-                tested = list(by_take)
-        if whole:
-            truth = np.stack([takes.test[take] for take in tested])
-            poses = case.measurement * pose_covariances(takes)
-            linear = None
-            if case.closed:
-                frames, chain = [camera.takes[take] for take in tested], takes.training.chain
-                known = takes.poses, poses[0]
-                means, covariances, _ = autocorrelated_filter(*known, frames, dt, chain)
-                linear = Filtered(means - truth, covariances, poses[0])
-            evidence |= filter_evidence(whole, linear, truth, takes, poses)
+    if camera is None:
+        return evidence, sorted(refusals)
+    evidence |= sensor_evidence(camera.noise)
+    whole, tested = {}, []
+    for model, by_take in posteriors.items():
+        lost = {f"{model}: {own}" for own in by_take.values() if isinstance(own, str)}
+        refusals |= lost
+        if by_take and not lost:
+            whole[model], tested = list(by_take.values()), list(by_take)
+    if whole:
+        truth = np.stack([takes.test[take] for take in tested])
+        poses, linear = case.measurement * pose_covariances(takes), None
+        if case.closed:
+            frames, chain = [camera.takes[take] for take in tested], takes.training.chain
+            known = (takes.poses, poses[0], frames, dt, chain)
+            means, covariances, _ = autocorrelated_filter(*known)
+            linear = Filtered(means - truth, covariances, poses[0])
+        evidence |= filter_evidence(whole, linear, truth, takes, poses)
     return evidence, sorted(refusals)
 
 
@@ -87,24 +86,21 @@ def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) ->
     training, tables = takes.training, {}
     evidence: Evidence = {f"metrics/fit_{name}": dict(o.estimates) for name, o in outcomes.items()}
     realized = {name: each for name, each in outcomes.items() if each.mean is not None}
-    # at k = 0 nothing has moved yet
-    std = {"recorded": recorded_deviation(takes.poses, training.noise, mode)[1:]}
-    std |= {name: each.deviation[1:] for name, each in realized.items()}
-    middle = takes.poses.mean(axis=0)
-    error = {
-        name: np.linalg.norm(each.mean - middle, axis=1)[1:] for name, each in realized.items()
-    }
     modelled = {name: each.modelled for name, each in outcomes.items() if each.modelled}
+    std = {"recorded": recorded_deviation(takes.poses, training.noise, mode)[1:]}
     if mode == "one_step":
-        std = {"recorded": std["recorded"]} | {name: each.std for name, each in modelled.items()}
+        std |= {name: each.std for name, each in modelled.items()}
         following = {name: outcomes[name].following for name in modelled}
         spreads = spread_tables(modelled, following, training.noise, training.joints)
         evidence |= {f"tables/{name}": table for name, table in spreads.items()}
-    limits = zip(training.joints, takes.variation_of_constant_noise, strict=True)
+    else:  # at k = 0 nothing has moved yet
+        std |= {name: each.deviation[1:] for name, each in realized.items()}
+    middle = takes.poses.mean(axis=0)
+    error = {x: np.linalg.norm(each.mean - middle, axis=1)[1:] for x, each in realized.items()}
     scores = std_scores(std, error, training.joints, constant_speed(takes.poses))
-    evidence["metrics/motion"] = scores | {
-        f"recorded_std_{joint}_variation_of_constant_noise": limit for joint, limit in limits
-    }
+    limits = zip(training.joints, takes.variation_of_constant_noise, strict=True)
+    limits = {f"recorded_std_{x}_variation_of_constant_noise": limit for x, limit in limits}
+    evidence["metrics/motion"] = scores | limits
     for steps in ("all", "moving"):
         scored = {
             name: {"log_score": each.log_score[steps]}

@@ -9,7 +9,7 @@ import pandas as pd
 
 from pipeline.cases.case import Choices, Takes
 from pipeline.core.errors import ModelDomainError, SingularJacobianError, SolverError
-from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
+from pipeline.models.closed_loop import ClosedLoopFit, closed_loop_of
 from pipeline.models.kinds import compared, estimate
 from pipeline.models.model import MotionModel
 from pipeline.models.options import Options
@@ -78,26 +78,23 @@ def _papers_estimates(recorded: Recorded, options: Options, fit: Estimate) -> di
     except (ModelDomainError, SolverError):
         return {}
     estimates = {PAPER.format(name): value for name, value in own.estimates.items()}
-    if "u_unbounded" in own.diagnostics:  # whether û is an estimate at all
-        estimates[f"{PAPER.format('u')}_unbounded"] = own.diagnostics["u_unbounded"]
-    return estimates
+    # whether û is an estimate at all
+    unbounded = {"u_paper_unbounded": own.diagnostics.get("u_unbounded")}
+    return estimates | {name: value for name, value in unbounded.items() if value is not None}
 
 
 def _log_scores(case: Choices, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:
     """Mean log density over the steps of each held-out take; without test takes each training take,
     predicted by a fit to the others.
     """
-    training = takes.training
+    training, folds = takes.training, []
     if takes.test:
-        poses = np.stack(list(takes.test.values()))
-        density = _log_density(fit.model, training, poses, case.measurement)
+        folds.append((fit.model, training, np.stack(list(takes.test.values()))))
     else:
-        parts = []
         for i in range(len(takes.poses)):
             others = training.subset(np.delete(np.arange(len(takes.poses)), i))
-            model = estimate(others, case.options).model
-            parts.append(_log_density(model, others, takes.poses[[i]], case.measurement))
-        density = np.concatenate(parts)
+            folds.append((estimate(others, case.options).model, others, takes.poses[[i]]))
+    density = np.concatenate([_log_density(*fold, case.measurement) for fold in folds])
     moving = np.any(training.v, axis=1)
     scores = {"moving": density[:, moving].mean(axis=1)}
     return scores if case.measurement == 0 else scores | {"all": density.mean(axis=1)}

@@ -1,9 +1,10 @@
 """Schematic of a planar cable robot.
 
-Solid: the nominal (mean) state, cables that pull at the platform with tensions T̲ᵢ in directions
-θ̲ᵢ from the x axis. Dashed: a perturbed state, 𝐓ᵢ and 𝛉ᵢ. The global frame is x–y, the platform's
-local frame u–v; rᵢ points from the local origin to the attachment point of cable i. No data: it
-defines the symbols of the wrench W = Σ Tᵢ·(cos θᵢ, sin θᵢ, rᵢₓ sin θᵢ − rᵢᵧ cos θᵢ).
+Solid, blue: the nominal (mean) state, cables that pull at the platform with tensions T̲ᵢ in
+directions θ̲ᵢ from the x axis. Dashed, orange: a perturbed state, 𝐓ᵢ and 𝛉ᵢ. The global frame is
+x–y, the platform's local frame u–v; rᵢ, grey, points from the local origin to the attachment point
+of cable i. No data: it defines the symbols of the wrench
+W = Σ Tᵢ·(cos θᵢ, sin θᵢ, rᵢₓ sin θᵢ − rᵢᵧ cos θᵢ).
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Errors of the particle filter in a closed loop, beside no filter and an open loop.
+"""Errors of the particle filter in a closed loop, beside the training mean and an open loop.
 
 One row per motion model, one column per joint; root mean square error over the test takes at every
-time. Grey: no filter at all, the training takes' mean at that time. Blue: the model as the paper
-has it, in an open loop. Green: its closed-loop form, which corrects a share of what the arm is off
-its path. Black, in every row the same: the linear filter of the training takes' own spread and
-memory. To look at: a filter below the grey line earns its place.
+time. Grey: the mean of the training takes at that time. Blue: the model as the paper has it, in an
+open loop. Green: its closed-loop form, which corrects a share of the deviation from the mean path.
+Black, in every row the same: the linear filter of the training takes' covariance and
+autocorrelation. To look at: whether a filter's error is below the grey line.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ def draw(filter_error: pd.DataFrame, models: list[str], joints: list[str]) -> Fi
     running = np.sqrt(squares.groupby([filter_error["model"], filter_error["t"]]).mean())
     for row, model in zip(grid, models, strict=True):
         shown = {
-            "no filter": (NONE, {"color": style.GREY, "linewidth": 1.6}),
-            "open loop": (model, {"color": style.BLUE, "linewidth": 0.8}),
+            "training mean": (NONE, {"color": style.GREY, "lw": 1.6}),
+            "open loop": (model, {"color": style.BLUE, "lw": 0.8}),
             "closed loop": (closed(model), {"color": style.GREEN, "lw": 0.8, "ls": "--"}),
-            "linear, takes' memory": (MEMORY, {"color": style.BLACK, "linewidth": 0.8}),
+            "linear, autocorrelation": (MEMORY, {"color": style.BLACK, "lw": 0.8}),
         }
         for joint, axes in zip(joints, row, strict=True):
             for label, (name, look) in shown.items():

@@ -38,7 +38,7 @@ def draw(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Figure:
         axes.set_xlim(0, angles.index[-1])
         right, green = axes.twinx(), {"color": style.GREEN, "linestyle": "-.", "linewidth": 0.8}
         (noise,) = right.plot(std[column("w", joint)], **green)
-        right.set(ylabel="std of its noise (rad)", ylim=(0, 1.6 * std.max().max()))
+        right.set(ylabel="noise std (rad)", ylim=(0, 1.6 * std.max().max()))
         right.spines["right"].set_visible(True)
         for part in (right.yaxis.label, right.spines["right"]):
             part.set_color(style.GREEN)

@@ -2,8 +2,8 @@
 
 A strip is a measure, a mark in it a take, training takes before test takes. Dashed line: the limit,
 where the dataset states one; takes beyond any limit are left out of all that follows, and marked by
-a cross in every strip and by name above the first. Bars on the clock's drift are twice its standard
-error.
+a cross in every strip and by name above the first. Grey bars on the clock's drift are twice its
+standard error; a grey line parts training from test takes.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ STRIPS = {
     "disturbance": ("disturbance\n(robust std)", 1),
 }
 SIGNED = ("clock_drift", "lag_behind_command")  # with a limit on either side
-KEPT = {"marker": ".", "markersize": 3, "color": style.BLUE, "linestyle": "none"}
-LEFT_OUT = {"marker": "x", "markersize": 4, "color": style.VERMILLION, "linestyle": "none"}
+KEPT = {"marker": ".", "ms": 3, "color": style.BLUE, "ls": "none", "label": "take"}
+LEFT_OUT = {"marker": "x", "ms": 4, "color": style.VERMILLION, "ls": "none", "label": "left out"}
 
 
 def draw(takes: pd.DataFrame) -> Figure:
@@ -45,15 +45,17 @@ def draw(takes: pd.DataFrame) -> Figure:
     place = pd.Series(np.arange(1, len(known) + 1), known["take"])
     by_measure = dict(list(takes.groupby("measure")))
     shown = [measure for measure in STRIPS if measure in by_measure]
-    height = 0.62 * len(shown) + 0.7
+    height = 0.62 * len(shown) + 0.9
     figure, grid = style.panels(style.TWO_COLUMNS, height, rows=len(shown), sharex=True)
     for axes, measure in zip(grid[:, 0], shown, strict=True):
         (label, unit), rows = STRIPS[measure], by_measure[measure].set_index("take")
         for mark, of in ((KEPT, rows[~rows["left_out"]]), (LEFT_OUT, rows[rows["left_out"]])):
-            axes.plot(place[of.index], unit * of["value"], **mark, zorder=3)
+            if len(of):
+                axes.plot(place[of.index], unit * of["value"], **mark, zorder=3)
         if measure == "clock_drift":
             errors = by_measure["clock_drift_standard_error"].set_index("take")["value"]
             bars = {"fmt": "none", "ecolor": style.GREY, "elinewidth": 0.5}
+            bars["label"] = "± 2 standard errors"
             error = 2 * unit * errors[rows.index]
             axes.errorbar(place[rows.index], unit * rows["value"], yerr=error, **bars)
         _limit(axes, unit * rows["limit"].iloc[0], measure in SIGNED, unit * rows["value"].min())
@@ -68,13 +70,14 @@ def draw(takes: pd.DataFrame) -> Figure:
     for take in known.loc[known["left_out"], "take"]:
         above = {"xycoords": ("data", "axes fraction"), "rotation": 30, "fontsize": 7}
         grid[0, 0].annotate(take, (place[take], 1.1), **above, color=style.VERMILLION)
+    style.legend(figure)
     return figure
 
 
 def _limit(axes: Axes, limit: float, signed: bool, low: float) -> None:
     """Draw the limit, on either side of a measure with a sign; other measures start at zero."""
     for side in () if np.isnan(limit) else (-1, 1) if signed else (1,):
-        dashed = {"color": style.BLACK, "linewidth": 0.8, "linestyle": (0, (4, 3))}
+        dashed = {"color": style.BLACK, "lw": 0.8, "ls": (0, (4, 3)), "label": "limit"}
         axes.axhline(side * limit, **dashed, zorder=1)
     axes.margins(y=0.12)
     if low >= 0:

@@ -43,7 +43,7 @@ def draw(ridges: pd.DataFrame, models: list[str]) -> Figure:
         shape.set(ylabel="over its value at the best (1)", ylim=(0, None))
     grid[0, 1].legend(loc="lower left")
     for axes, name in zip(grid[0], "ab", strict=True):
-        style.letter(axes, name)
+        style.letter(axes, name, y=1.1)  # above the exponent of (a)
     for axes in grid[-1]:
         axes.set_xlabel(r"bound $u$ (1/m and 1 mixed)")
     return figure

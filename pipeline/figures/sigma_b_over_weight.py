@@ -26,7 +26,7 @@ LINES = {
 def draw(sigma_b_weights: pd.DataFrame, models: list[str]) -> Figure:
     """Table ``sigma_b_weights``: a panel for each Wishart model, in the colours of ``models``."""
     named = list(sigma_b_weights["model"].unique())
-    height = 0.5 + 2.4 * len(named)
+    height = 1.0 + 2.2 * len(named)
     figure, grid = style.panels(style.ONE_COLUMN, height, rows=len(named), sharex=True)
     lines, orange = style.model_lines(dict.fromkeys([*models, *named])), style.VERMILLION
     for (axes,), model in zip(grid, named, strict=True):
@@ -46,6 +46,6 @@ def draw(sigma_b_weights: pd.DataFrame, models: list[str]) -> Figure:
         axes.set(xscale="log", ylim=(0, None), ylabel=r"$\hat\sigma_B$ (1)")
         if len(named) > 1:
             axes.set_title(lines[model]["label"])
-    grid[0, 0].legend(fontsize="x-small", loc="upper right")
+    style.legend(figure, ncols=2)
     grid[-1, 0].set_xlabel(r"weight $\alpha_2/\alpha_1$ (rad)")
     return figure

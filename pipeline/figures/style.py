@@ -35,7 +35,7 @@ MODELS = {
         ("wishart", "Wishart perturbation", BLUE, "--"),
         ("gaussian", "Gaussian noise matrix", BLACK, "-."),
         ("scaled", "scaled with speed, by joint", GREEN, (0, (6, 1.5, 1, 1.5, 1, 1.5))),
-        ("none", "no filter", GREY, "-"),
+        ("none", "training mean", GREY, "-"),
         ("scaled_full", "scaled with speed, full", PURPLE, (0, (8, 2))),
     )
 }
@@ -148,9 +148,9 @@ def beside(joints: int) -> int:
     return joints if joints <= BESIDE else -(-joints // 2)
 
 
-def letter(axes: Axes, name: str) -> None:
+def letter(axes: Axes, name: str, **place: float) -> None:
     """Name a panel (a), (b), … above its upper left corner, as the paper's captions do."""
-    axes.set_title(f"({name})", loc="left", fontweight="bold")
+    axes.set_title(f"({name})", loc="left", fontweight="bold", **place)
 
 
 def legend(figure: Figure, ncols: int = 4) -> Legend:

@@ -20,12 +20,12 @@ GREATEST = 1e20  # of what is measured, and beyond any time in ns: squares of it
 # a blank cell and what C runtimes print for a sample that is not there
 MISSING = ("", "NaN", "nan", "NAN", "-nan(ind)", "1.#QNAN", "-1.#IND")
 
-# exports of motion capture that look like tables: how they begin, their name, what to export
-NEXUS = r'\s*"?(Trajectories|Joints|Segments|Model Outputs?|Devices|Events|Analog EMG)"?[\s,;]*\n'
+# exports of motion capture that look like tables: how a line of them begins, name, what to export
+NEXUS = r'"?(Trajectories|Joints|Segments|Model Outputs?|Devices|Events|Analog EMG)"?[\s,;]*\n'
 FOREIGN = (
     (r"PathFileType\b", "TRC (OpenSim, Cortex)", "export C3D from the same program"),
-    (r"NO_OF_FRAMES\b", "TSV of Qualisys Track Manager", "export C3D from QTM"),
-    (rf"(?i){NEXUS}[\s,;]*\d+(\.\d+)?[\s,;]*\n", "ASCII export of Vicon Nexus", "export C3D there"),
+    (r"NO_OF_(FRAMES|CAMERAS)\b", "TSV of Qualisys Track Manager", "export C3D from QTM"),
+    (rf"(?i:{NEXUS}[\s,;]*[\d.]+(,Hz)?[\s,;]*\n)", "ASCII export of Vicon", "export C3D there"),
     (r"HIERARCHY\b", "BVH file of motion capture", "export C3D from the same program"),
 )
 
@@ -54,6 +54,19 @@ def read_text(file: Path) -> Text:
     return Text(lines, last or None)
 
 
+def foreign(text: str) -> tuple[str, str] | None:
+    """Return the name of the known format that ``text`` begins like and that is no table, and what
+    to export instead.
+    """
+    fits = (known for mark, *known in FOREIGN if re.match(rf"\s*(?:FILE_VERSION.*\n)?{mark}", text))
+    return next(map(tuple, fits), None)
+
+
+def is_blank(line: str, separator: str) -> bool:
+    """Return whether a line holds no cell with content: nothing, or separators alone."""
+    return not line.replace(separator, "").strip()
+
+
 def cells_of(line: str, separator: str, *, file: Path, number: int) -> list[str]:
     """Return the cells of one line, unquoted and stripped; RecordingError at line ``number`` where
     its quotes do not close.
@@ -64,18 +77,6 @@ def cells_of(line: str, separator: str, *, file: Path, number: int) -> list[str]
         message = f"cannot split this line at {separator!r} ({error})"
         raise RecordingError(message, file=file, line=number) from None
     return [cell.strip() for cell in cells]
-
-
-def foreign(text: str) -> tuple[str, str] | None:
-    """Return the name of the known format that ``text`` begins like and that is no table, and what
-    to export instead.
-    """
-    return next(((name, advice) for mark, name, advice in FOREIGN if re.match(mark, text)), None)
-
-
-def is_blank(line: str, separator: str) -> bool:
-    """Return whether a line holds no cell with content: nothing, or separators alone."""
-    return not line.replace(separator, "").strip()
 
 
 def numbers_of(
@@ -95,38 +96,37 @@ def numbers_of(
     Raises RecordingError with the line for a row with more or fewer cells than the first one, a
     cell that is not a number, one beyond GREATEST, and a missing one unless ``gaps``.
     """
-    width, first = rows[0].count(separator), None
-    for row, number in zip(rows, line_numbers, strict=True):
-        if row.count(separator) == width:
-            continue
+
+    def cells_at(row: int) -> list[str]:
+        return cells_of(rows[row], separator, file=file, number=line_numbers[row])
+
+    marks = [row.count(separator) for row in rows]
+    for row in (row for row, held in enumerate(marks) if held != marks[0]):
         # a separator within quotes separates nothing
-        first = first or len(cells_of(rows[0], separator, file=file, number=line_numbers[0]))
-        if (held := len(cells_of(row, separator, file=file, number=number))) != first:
+        if (held := len(cells_at(row))) != (first := len(cells_at(0))):
             message = f"the row has {held} cells where the first has {first}: truncated or damaged"
-            raise RecordingError(message, file=file, line=number)
+            raise RecordingError(message, file=file, line=line_numbers[row])
     form = {"sep": separator, "decimal": decimal, "header": None, "dtype": "float64"}
     form |= {"usecols": sorted({*columns}), "keep_default_na": False, "na_values": [*MISSING]}
+    form |= {"skipinitialspace": True, "skip_blank_lines": False}
     try:
-        text = io.StringIO("\n".join(rows))
-        table = pd.read_csv(text, **form, skipinitialspace=True, skip_blank_lines=False)
-        values = table[columns].to_numpy()
+        values = pd.read_csv(io.StringIO("\n".join(rows)), **form)[columns].to_numpy()
     except ValueError:
         values = np.empty((0, 0))
-    if len(values) == len(rows) and not (np.abs(values) > GREATEST).any():
-        if gaps or not np.isnan(values).any():
-            return values
-    for row, number in zip(rows, line_numbers, strict=True):
-        cells = cells_of(row, separator, file=file, number=number)
+    sound = len(values) == len(rows) and not (np.abs(values) > GREATEST).any()
+    if sound and (gaps or not np.isnan(values).any()):
+        return values
+    for row, line in enumerate(line_numbers):
+        cells = cells_at(row)
         for column in columns:
             cell = cells[column] if column < len(cells) else ""
             plain = cell if decimal == "." else cell.replace(".", "?").replace(decimal, ".")
+            fault = f"holds {cell[:80]!r}, not a finite number"
             if cell in MISSING:
                 fault = "" if gaps else "has no number"
-            elif not NUMBER.fullmatch(plain):
-                fault = f"holds {cell[:80]!r}, not a finite number"
-            else:
+            elif NUMBER.fullmatch(plain):
                 beyond = abs(float(plain)) > GREATEST
                 fault = f"holds {cell[:80]!r}, beyond {GREATEST:g}" if beyond else ""
             if fault:
-                raise RecordingError(f"column {column + 1} {fault}", file=file, line=number)
+                raise RecordingError(f"column {column + 1} {fault}", file=file, line=line)
     raise RecordingError(f"cannot split the lines at {separator!r}", file=file)

@@ -10,8 +10,9 @@ from __future__ import annotations
 import codecs
 import os
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache, cached_property
 from importlib import import_module
@@ -89,15 +90,6 @@ class Head:
 
 
 @dataclass(frozen=True)
-class Stated:
-    """Statements in a file's header, even where the rest of the file cannot be read."""
-
-    version: str | None = None
-    units: dict[str, str] = field(default_factory=dict)  # quantity → unit as the file states it
-    facts: dict[str, object] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
 class Format:
     """One format of files: a module-level ``FORMAT`` declares it."""
 
@@ -106,7 +98,6 @@ class Format:
     read: Callable
     # whether a file begins like one; None: it looks like any other, so that an option names it
     recognises: Callable[[Head], bool] | None = None
-    states: Callable[[Path], Stated] = lambda file: Stated()
     option: str | None = None  # the name by which an option of the dataset chooses it
     endings: tuple[str, ...] = ()  # of the names of its files, where frames are found by them
     fallback: bool = False  # recognises what more specific formats begin like too: tried last
@@ -133,38 +124,43 @@ def format_of(file: Path, formats: Sequence[Format]) -> Format | None:
     """Return the first of the ``formats`` that ``file`` begins like; RecordingError where it cannot
     be opened.
     """
-    try:
+    with readable(file):
         return recognised(Head.read(file), formats)
-    except OSError as error:
-        raise RecordingError(f"the file cannot be read ({error.strerror})", file=file) from None
 
 
-def file_content(file: Path, what: str = "file", advice: str = "") -> bytes:
-    """Return all bytes of ``file``; RecordingError, which calls it ``what``, where it cannot be
-    read or is too large.
-    """
+@contextmanager
+def readable(file: Path, what: str = "file", advice: str = "") -> Iterator[None]:
+    """Raise RecordingError, which calls the ``file`` what it is, for an OSError within."""
     try:
-        return read_whole(file)
+        yield
     except OSError as error:
         message = f"the {what} cannot be read ({error.strerror}){advice}"
         raise RecordingError(message, file=file) from None
+
+
+def file_content(file: Path, what: str = "file", advice: str = "") -> bytes:
+    """Return all bytes of ``file``; RecordingError where it cannot be read or is too large."""
+    with readable(file, what, advice):
+        return read_whole(file)
 
 
 def read_alone(function: Callable, *arguments: object, file: Path, advice: str) -> Any:
     """Return ``function(*arguments)``, called in a process of its own, which bounds time and memory
     and which a library may end; RecordingError with the ``advice`` where it fails on the ``file``.
     """
-    try:
+    with advised(advice):
         return call_alone(function, *arguments, file=file)
+
+
+@contextmanager
+def advised(advice: str, **evidence: object) -> Iterator[None]:
+    """Add ``evidence``, and the ``advice`` where a library failed, to a refusal of a sandbox."""
+    try:
+        yield
     except RecordingError as error:
-        raise unread(error, advice) from None
-
-
-def unread(error: RecordingError, advice: str) -> RecordingError:
-    """Return the ``error`` of a sandbox, with the ``advice`` where a library failed."""
-    failed = any(words in error.message for words in ("its reader fails", "ends the process"))
-    message = f"the file is damaged ({error.message}); {advice}" if failed else error.message
-    return RecordingError(message, **error.evidence)
+        failed = any(words in error.message for words in ("its reader fails", "ends the process"))
+        message = f"the file is damaged ({error.message}); {advice}" if failed else error.message
+        raise RecordingError(message, **evidence | error.evidence) from None
 
 
 def begins(*marks: bytes) -> Callable[[Head], bool]:

@@ -1,15 +1,13 @@
-"""A table of numbers as any program writes it: settings, title and labels or none above the rows;
-comma, semicolon, tab or blanks between cells; decimal point or comma; columns of words beside.
-
-The last line says how many cells a row has. The rows begin at the first line whose cells hold
-numbers wherever the last lines do; everything above is the header, its last row the labels.
+"""A table of numbers as any program writes it: the last line says how many cells a row has, the
+rows begin at the first line whose cells hold numbers wherever the last lines do, and everything
+above (settings, title, labels) is the header.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -31,6 +29,7 @@ from pipeline.formats.units import bare, is_unit, unit_of
 SPACE = " "  # as a separator: any number of blanks
 SEPARATORS = (",", ";", "\t", SPACE)
 SAMPLED = 40  # last lines that separate columns of numbers from others
+REMARKS = 5  # lines of words below the rows, at most
 HALF = 0.5  # of these lines hold a number in a column of numbers
 DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
 
@@ -48,12 +47,17 @@ class Sheet:
     decimal: str
     # blank_rows; cut_rows: a last row that is short or has no line end, which is left out
     counts: dict[str, int]
-    numeric: list[int] = field(default_factory=list)  # columns of numbers, from 0
+    numeric: list[int]  # columns of numbers, from 0
 
     @cached_property
     def last(self) -> list[str]:
         """Cells of the last row."""
-        return self._cells(self.rows[-1], self.lines[-1])
+        return cells_of(self.rows[-1], self.separator, file=self.file, number=self.lines[-1])
+
+    @cached_property
+    def above(self) -> list[list[str]]:
+        """Cells of the lines of the header, without the mark of a comment before them."""
+        return [_split(line.lstrip("#% "), self.separator) for line in self.header]
 
     @property
     def width(self) -> int:
@@ -68,31 +72,29 @@ class Sheet:
     @property
     def label_line(self) -> int:
         """Line of the labels, else of the first row."""
-        return self._labels[1] or self.lines[0]
+        return self._labels[1]
 
     @cached_property
     def _labels(self) -> tuple[list[str], int, list[str]]:
         """Labels, their line and the cells below them that state units."""
-        units: list[str] = []
-        for index in reversed(range(len(self.header))):
+        units, width = [], len(self.last)
+        for index, line in reversed([*enumerate(self.header_lines)]):
             # settings have no column under them
-            cells = [cell for cell in self.header_cells(index) if "=" not in cell]
-            if not any(re.search(r"\w", cell) for cell in cells):
+            cells = [cell for cell in self.above[index] if "=" not in cell]
+            if not re.search(r"\w", "".join(cells)):
                 continue
             if not units and index and len(cells) > 1 and all(map(is_unit, filter(None, cells))):
                 units = cells
-                continue
-            filled, width = _filled(cells), len(self.last)
-            if max(self.numeric, default=-1) < filled <= width and (filled > 1 or width == 1):
-                padded = cells + [""] * width
-                return padded[: max(filled, _filled(self.last))], self.header_lines[index], units
-        return [], 0, units
+            elif max(self.numeric, default=-1) < (filled := _filled(cells)) <= width and (
+                filled > 1 or width == 1
+            ):
+                return (cells + [""] * width)[: max(filled, _filled(self.last))], line, units
+        return [], self.lines[0], units
 
     @property
     def settings(self) -> dict[str, str]:
         """Header statements ``name = value`` of a cell and ``name: value`` of a line."""
-        cells = [cell for n in range(len(self.header)) for cell in self.header_cells(n)]
-        stated = [cell.partition("=") for cell in cells if "=" in cell]
+        stated = [cell.partition("=") for cells in self.above for cell in cells if "=" in cell]
         lines = [line.strip().strip('"') for line in self.header if ":" in line]
         stated += [line.partition(":") for line in lines if "=" not in line]
         return {name.strip(): value.strip() for name, _, value in stated}
@@ -104,8 +106,7 @@ class Sheet:
 
     def words(self, column: int) -> list[str]:
         """Return (N,) the cells of a column as they are written; empty where a row has too few."""
-        held = zip(self.rows, self.lines, strict=True)
-        return [(self._cells(row, line)[column : column + 1] or [""])[0] for row, line in held]
+        return [(_split(row, self.separator)[column:] or [""])[0] for row in self.rows]
 
     def unit(self, column: int) -> str | None:
         """Return the unit that the header states for a ``column``, behind its label or below it."""
@@ -117,28 +118,16 @@ class Sheet:
     def left_out(self) -> dict[str, str]:
         """Columns that hold no numbers, by label or number, and their content."""
         named = {}
-        for column in range(max(len(self.labels), _filled(self.last))):
-            if column not in self.numeric:
-                cell, label = (
-                    "".join(row[column : column + 1]) for row in (self.last, self.labels)
-                )
-                what = "nothing" if cell in MISSING else "words"
-                named[label or str(column)] = "dates or times" if DATE.search(cell) else what
+        for column in {*range(max(len(self.labels), _filled(self.last)))} - {*self.numeric}:
+            cell, label = ("".join(row[column : column + 1]) for row in (self.last, self.labels))
+            what = "nothing" if cell in MISSING else "words"
+            named[label or str(column)] = "dates or times" if DATE.search(cell) else what
         return named
-
-    def header_cells(self, index: int) -> list[str]:
-        """Return the cells of a line of the header, without the mark of a comment before them."""
-        return self._cells(self.header[index].lstrip("#% "), self.header_lines[index])
-
-    def _cells(self, line: str, number: int) -> list[str]:
-        return cells_of(line, self.separator, file=self.file, number=number)
 
     def columns(self, wanted: Mapping[str, str | int], key: str) -> dict[str, int]:
         """Return the column of each quantity, which ``wanted`` names by a label, with or without
-        its unit, or by a number from 0.
-
-        Raises RecordingError with the ``key`` of the option for a label that is not there or there
-        twice, a number beyond the rows, and rows that lack a column of their labels.
+        its unit, or by a number from 0; RecordingError with the ``key`` of the option for one that
+        is not there or there twice, and for rows that lack a column of their labels.
         """
         self.require_cells()
         columns = {}
@@ -156,20 +145,15 @@ class Sheet:
         return columns
 
     def require_cells(self) -> None:
-        """Raise RecordingError where the last line of the header labels more columns than the rows
-        have: nobody can say which column is missing.
-        """
-        cells = self.header_cells(len(self.header) - 1) if self.header else []
-        labels = [cell for cell in cells if cell and "=" not in cell]  # settings have no column
+        """Raise RecordingError where the header labels more columns than the rows have."""
+        labels = [cell for cell in (self.above or [[]])[-1] if cell and "=" not in cell]
         if (held := len(self.last)) < len(labels):
             message = f"the row has {held} cells under {len(labels)} labels, the last of which is "
             message += f"{labels[-1]!r}: a column is missing; export the log again"
             raise RecordingError(message, file=self.file, line=self.lines[0])
 
     def values(self, columns: list[int]) -> np.ndarray:
-        """Return (N, len(columns)) the numbers of the columns, 0 being the first; RecordingError
-        with the line for a cell that is none.
-        """
+        """Return (N, len(columns)) the numbers; RecordingError with the line of no number."""
         form = {"separator": self.separator, "decimal": self.decimal}
         return numbers_of(self.rows, self.lines, columns, file=self.file, **form)
 
@@ -181,9 +165,9 @@ def read_sheet(
     the given ``decimal`` mark, or as found.
 
     Raises RecordingError for a known format that is no table, for lines that are neither header nor
-    rows, and, naming the options below ``key``, for rows that can be read in two ways: points and
-    commas in one table, or whole numbers between commas under no header, which may be halves of
-    decimal fractions. Raises ConfigError for options that are no separator or mark.
+    rows, and, naming the options below ``key``, for points and commas in one table and for whole
+    numbers between commas under no header, which may be halves of decimal fractions. Raises
+    ConfigError for options that are no separator or mark.
     """
     known = separator in (None, *SEPARATORS) and decimal in (None, ".", ",")
     if not known or (decimal is not None and decimal == separator):
@@ -200,16 +184,20 @@ def _sheet(text: Text, file: Path, separator: str | None, decimal: str | None, k
     if not places:
         raise RecordingError("the log holds no whole line; record again", file=file)
     lines = [text.lines[place - 1] for place in places]
-    # a last line without any number is a remark below the rows
-    rowlike = (line for line in lines[:-4:-1] if re.search(r"\d", line))
-    mark = separator or _separator_of(next(rowlike, lines[-1]))
+    tail = lines[: -REMARKS - 1 : -1]
+    likely = next((line for line in tail if _is_rowlike(line)), lines[-1])
+    mark = separator or _separator_of(likely)
     if mark == SPACE:
         mark, lines = "\t", ["\t".join(line.lstrip("#%").split()) for line in lines]
-    split = [_split(line, mark) for line in lines[-SAMPLED:]]
+    remarks = tail.index(likely)  # lines of words below the rows
+    split = [_split(line, mark) for line in lines[len(lines) - remarks - SAMPLED :]]
+    split = split[: len(split) - remarks]
     before = [len(cells) for cells in split[-3:-1]]
     if len({*before}) == 1 and len(split[-1]) < before[0] and _numbers(split[-2]):
-        lines, places, split = lines[:-1], places[:-1], split[:-1]
-        counts["cut_rows"] += 1
+        remarks, split = remarks + 1, split[:-1]
+    if remarks:
+        lines, places = lines[:-remarks], places[:-remarks]
+        counts["cut_rows"] += remarks
     width, numeric, top = len(split[-1]), _numeric_columns(split), len(lines)
     if numeric:
         rows = (i for i, line in enumerate(lines) if _is_row(_split(line, mark), width, numeric))
@@ -230,6 +218,13 @@ def _sheet(text: Text, file: Path, separator: str | None, decimal: str | None, k
     return replace(sheet, decimal=chosen or ".")
 
 
+def _is_rowlike(line: str) -> bool:
+    """Return whether a line can be a row, whole or cut: it has not more words than numbers."""
+    pieces = re.split(r'[,;\s"]+', line)
+    words = [piece for piece in pieces if piece not in MISSING and re.search(r"^[^\W\d]", piece)]
+    return len(words) <= _numbers(pieces) > 0
+
+
 def _separator_of(line: str) -> str:
     if mark := next((mark for mark in ";\t" if mark in line), ""):
         return mark
@@ -248,7 +243,7 @@ def _split(line: str, mark: str) -> list[str]:
             return cells_of(line, mark, file=Path(), number=0)
         except RecordingError:
             pass
-    return [cell.strip().strip('"') if '"' in line else cell.strip() for cell in line.split(mark)]
+    return [cell.strip().strip('"') for cell in line.split(mark)]
 
 
 def _filled(cells: list[str]) -> int:
@@ -265,8 +260,8 @@ def _numbers(cells: list[str]) -> int:
 
 
 def _numeric_columns(split: list[list[str]]) -> list[int]:
-    """Return the columns that hold numbers in at least half of the last lines that are as wide as
-    the last one, from the last line up to one that holds none.
+    """Return the columns that hold numbers in at least half of the last lines of one width, from
+    the last line up to one that holds none.
     """
     alike = []
     for cells in reversed(split):
@@ -300,9 +295,7 @@ def _require_header(sheet: Sheet, key: str) -> None:
             if len(filled) > 2 and _numbers(filled) == len(filled) and not _counts_on(cells):
                 message = f"numbers in another form than below, or a damaged row: {line[:80]!r}"
                 raise RecordingError(message, file=sheet.file, line=place, key=key)
-    if not sheet.header:
-        return
-    cells = _split(sheet.header[-1].lstrip("#% "), sheet.separator)
+    cells = sheet.above[-1] if sheet.header else []
     numbers = _numbers([cells[column] for column in sheet.numeric if column < len(cells)])
     whole = len(cells) == len(sheet.last) or numbers == len(cells)
     if numbers and whole and not _counts_on(cells):
@@ -331,9 +324,7 @@ def _decimal(sheet: Sheet, key: str) -> str | None:
 
 
 def _begins(head: Head) -> bool:
-    """Return whether the reader finds rows in the whole lines of the beginning, or refuses them by
-    an option or a line.
-    """
+    """Return whether the reader finds rows in the beginning, or refuses an option or a line."""
     if head.text is None or not head.lines or foreign(head.text):
         return False
     *lines, last = head.text.split("\n")

@@ -1,7 +1,5 @@
-"""ROS 1 and ROS 2 bags: their topics, and the messages of one of them, one at a time.
-
-Bags are read in a process of its own (:mod:`pipeline.core.bounds`), which bounds time and
-memory: chunks, messages and files that are compressed (bz2, lz4, zstd) may unfold to any size.
+"""ROS 1 and ROS 2 bags: their topics, and the messages of one of them, one at a time, read in a
+process of its own, since what is compressed (bz2, lz4, zstd) may unfold to any size.
 """
 
 from __future__ import annotations
@@ -18,7 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from pipeline.core.bounds import Sandbox, read_whole
 from pipeline.core.errors import RecordingError
-from pipeline.formats.format import BAG_SUFFIXES, Format, Kind, read_alone, unread
+from pipeline.formats.format import BAG_SUFFIXES, Format, Kind, advised, read_alone
 
 MARKS = (b"#ROSBAG V", b"\x89MCAP0")
 MEND = "copy it again, or run `rosbag reindex` on it"
@@ -27,19 +25,15 @@ _streams: list[Iterator] = []  # of the process that reads
 
 @dataclass(frozen=True)
 class Summary:
-    """Index of a bag: the version of ROS, the time from the first to the last message (s), and
-    topic → type and number of messages.
-    """
+    """Index of a bag."""
 
-    version: str
-    duration: float
-    topics: dict[str, tuple[str, int]]
+    version: str  # of ROS
+    duration: float  # s, from the first to the last message
+    topics: dict[str, tuple[str, int]]  # topic → type and number of messages
 
 
 def summary(file: Path) -> Summary:
-    """Return the index of the bag ``file``, no message being read; RecordingError as
-    :func:`messages`.
-    """
+    """Return the index of the bag ``file``; RecordingError as :func:`messages`."""
     return read_alone(_summary, Path(file), file=file, advice=MEND)
 
 
@@ -88,21 +82,20 @@ def messages(
     definition. Raises RecordingError for a bag that is missing, truncated, damaged or unindexed,
     for fewer messages than it announces, and, with the message's number from 0, as ``pick`` does.
     """
-    number = 0
+    where = {"file": file, "topic": topic}
     with Sandbox() as sandbox:
-        try:
-            for number in range(sandbox.call(_start, Path(file), topic)):
-                wanted = numbers is None or number in numbers
+        with advised(MEND, **where, number=0):
+            held = sandbox.call(_start, Path(file), topic)
+        for number in range(held):
+            wanted = numbers is None or number in numbers
+            with advised(MEND, **where, number=number):
                 picked = sandbox.call(_next, pick if wanted else None)
-                if wanted:
-                    yield picked
-        except RecordingError as error:
-            where = {"file": file, "topic": topic, "number": number} | error.evidence
-            raise unread(RecordingError(error.message, **where), MEND) from None
+            if wanted:
+                yield picked
 
 
 def _start(file: Path, topic: str) -> int:
-    """Open the bag in this process; return the number of messages of the topic."""
+    """Return the number of messages of the topic of a bag that is opened in this process."""
     _streams[:] = [_stream(file, topic)]
     return next(_streams[0])
 

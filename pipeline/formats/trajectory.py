@@ -24,13 +24,12 @@ STEP_TOLERANCE = 1.01e-6
 def read_trajectory(file: Path) -> pd.DataFrame:
     """Return the trajectory in ``file``: one row a time step, the column t in s and, float64, the
     families x and v of the task's rows in m, m, rad and per second, the family q of the joints in
-    rad, or both.
+    rad, or both. The header names ``t`` and ``x, z, phi, vx, vz, vphi``, ``q:JOINT`` of each joint,
+    or all, in any order.
 
-    The header names the columns ``t, x, z, phi, vx, vz, vphi``, ``t`` and ``q:JOINT`` of each
-    joint, or all of them, in any order. Raises RecordingError, with the line where there is one,
-    for missing columns, fewer than two rows, a value that is not a finite number, steps that are
-    not positive and equal within a microsecond, an angle that jumps by more than half a turn, and
-    a last row without line end, which may have lost digits.
+    Raises RecordingError, with the line where there is one, for missing columns, fewer than two
+    rows, no finite number, steps that are not positive and equal within a microsecond, an angle
+    that jumps by more than half a turn, and a last row without line end.
     """
 
     def choose(labels: list[str]) -> list[str]:
@@ -44,19 +43,15 @@ def read_trajectory(file: Path) -> pd.DataFrame:
     if jumps.any():
         row, column = np.argwhere(jumps)[0].tolist()
         before, after = table[turning[column]].iloc[row : row + 2]
-        raise RecordingError(
-            f"{turning[column]} jumps by {after - before:.4g} rad at t = {table.t[row + 1]:.6g} s: "
-            "a commanded angle goes on beyond ±π and is not wrapped by 2π = 6.283 rad; export it "
-            "so",
-            file=file,
-        )
+        at = f"{turning[column]} jumps by {after - before:.4g} rad at t = {table.t[row + 1]:.6g} s"
+        need = "a commanded angle goes on beyond ±π and is not wrapped by 2π = 6.283 rad"
+        raise RecordingError(f"{at}: {need}; export it so", file=file)
     return table.rename(columns=dict(zip(COLUMNS, FAMILIES, strict=True)))
 
 
 def read_poses(file: Path, task: Sequence[str]) -> pd.DataFrame:
-    """Return the poses in ``file``: one row a time step, the columns t in s and the rows of the
-    ``task`` by their names, in m and rad; the file may have others. Raises as
-    :func:`read_trajectory`.
+    """Return the poses in ``file``, the columns t in s and the rows of the ``task`` by their names
+    in m and rad; the file may have others. Raises as :func:`read_trajectory`.
     """
     return _even_rows(file, lambda _: ["t", *task])
 
@@ -64,9 +59,7 @@ def read_poses(file: Path, task: Sequence[str]) -> pd.DataFrame:
 def _even_rows(
     file: Path, choose: Callable[[list[str]], list[str]], otherwise: str = ""
 ) -> pd.DataFrame:
-    """Return the columns that ``choose(labels)`` names, time first, its steps equal; ``otherwise``
-    ends the refusal of a header without them.
-    """
+    """Return the columns of ``choose(labels)``, time first, its steps equal."""
     text = read_text(file)
     if text.cut is not None:
         message = "the last row has no line end, so it may be cut; export the trajectory again"
@@ -96,8 +89,8 @@ def _even_rows(
 
 
 def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
-    """Write t and, of ``trajectory``, the families x and v of the plane and the family q, as far as
-    it has them; every number reads back bit for bit.
+    """Write t and the families x and v of the plane and q of ``trajectory``, as far as it has them;
+    every number reads back bit for bit.
     """
     joints, plane = columns("q", members(trajectory, "q")), bool(members(trajectory, "x"))
     chosen, header = ([*(names if plane else ["t"]), *joints] for names in (FAMILIES, COLUMNS))

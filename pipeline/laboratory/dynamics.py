@@ -1,10 +1,6 @@
-"""The synthetic arm in motion: many small disturbances of a position-controlled robot, none of them
-a random Jacobian.
-
-What moves is the true joint angle q(t) of an arm of any joints and task. The servo follows the
-commanded angle with speed errors proportional to speed; what the cameras see behind the gears is
-moved further by the end-effector's swaying, by the clearance of one joint and by the timing of the
-exposure. All of it is bounded: a position-controlled arm does not wander off.
+"""The synthetic arm in motion: a position-controlled robot with many small disturbances, none of
+them a random Jacobian: speed errors of the servo, swaying of the end-effector, clearance of one
+joint, timing of the exposure. All of it is bounded.
 """
 
 from __future__ import annotations
@@ -29,8 +25,7 @@ def lagged_noise(
     shape: tuple[int, ...], steps_per_lag: float, rng: np.random.Generator
 ) -> np.ndarray:
     """Draw stationary normal paths of variance 1 along the last axis: white noise through LAGS
-    equal lags of first order, as a drive behind its servo loops passes it on. Velocity and
-    acceleration exist.
+    equal lags of first order, as a drive behind its servo loops passes it on.
     """
     from scipy.signal import lfilter
 
@@ -41,13 +36,10 @@ def lagged_noise(
 
 
 def lagged_correlation(steps: np.ndarray, steps_per_lag: float) -> np.ndarray:
-    """Return the correlation (...) of :func:`lagged_noise` with itself so many ``steps`` (...)
-    later, whole and not negative.
-    """
+    """Correlation (...) of :func:`lagged_noise` with itself so many whole ``steps`` (...) later."""
     _, response = _lags(steps_per_lag)
-    size = 2 * len(response)
-    power = np.abs(np.fft.rfft(response, size)) ** 2
-    correlation = np.append(np.fft.irfft(power, size)[: len(response)], 0.0)
+    power = np.abs(np.fft.rfft(response, 2 * len(response))) ** 2
+    correlation = np.append(np.fft.irfft(power, 2 * len(response))[: len(response)], 0.0)
     # beyond the response nothing is left
     return correlation[np.minimum(steps, len(response))] / correlation[0]
 
@@ -63,7 +55,7 @@ def _lags(steps_per_lag: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def servo_times(motion: Commanded, options: DynamicsOptions) -> np.ndarray:
-    """Return the times (N,) of the servo's steps in s on the motion clock: a little before and
+    """Return the times (N,) of the servo's steps in s on the motion clock, a little before and
     after the motion, so that early and late exposures see it too.
     """
     dt = 1.0 / options.rate
@@ -78,30 +70,25 @@ def sway_share(chain: Chain, speed: np.ndarray, options: DynamicsOptions) -> np.
 
 
 def play_share(speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
-    """Return the share (N,) of the play that its joint fills at joint speeds ``speed`` (N, n) in
-    rad/s.
-    """
+    """Share (N,) of the play that its joint fills at joint speeds ``speed`` (N, n) in rad/s."""
     pace = np.abs(speed[:, options.play_joint - 1] / options.rattle_speed)
     return np.minimum(1.0, pace**options.speed_exponent)
 
 
 def require_fitting(chain: Chain, options: DynamicsOptions) -> None:
     """Raise ConfigError where ``options`` are those of another arm."""
+    key, number = "laboratory.dynamics", len(chain.lower)
     if len(options.sway_std) != len(chain.task):
-        raise ConfigError(
-            f"laboratory.dynamics.sway_std: must have an entry for each of {', '.join(chain.task)}",
-            value=options.sway_std,
-        )
-    if not 1 <= options.play_joint <= len(chain.lower):
-        raise ConfigError(
-            f"laboratory.dynamics.play_joint: must lie between 1 and {len(chain.lower)}",
-            value=options.play_joint,
-        )
+        message = f"{key}.sway_std: must have an entry for each of {', '.join(chain.task)}"
+        raise ConfigError(message, value=options.sway_std)
+    if not 1 <= options.play_joint <= number:
+        message = f"{key}.play_joint: must lie between 1 and {number}"
+        raise ConfigError(message, value=options.play_joint)
 
 
 def true_chain(nominal: Chain, options: DynamicsOptions, rng: np.random.Generator) -> Chain:
-    """Return the arm as it was built: the nominal chain with its session's errors of link length,
-    along the way from each joint to the next and from the last to the tip.
+    """Return the arm as it was built: the nominal chain with errors of link length along the way
+    from each joint to the next and from the last to the tip.
     """
     planar = isinstance(nominal, PlanarChain)
     links = nominal.links if planar else nominal.placements[1:, 9:]
@@ -122,9 +109,7 @@ def session_offset(options: DynamicsOptions, joints: int, rng: np.random.Generat
 
 
 class Chance(NamedTuple):
-    """The random numbers of a take; of many takes, stacked along leading axes (...). Paths are
-    :func:`lagged_noise`.
-    """
+    """Random numbers of a take, or of many along leading axes; paths are :func:`lagged_noise`."""
 
     gain: np.ndarray  # (..., N, n) of the speed errors
     phase: np.ndarray  # (..., n) rad, of the encoders' ripple
@@ -137,8 +122,7 @@ def draw(
     chain: Chain, motion: Commanded, options: DynamicsOptions, rng: np.random.Generator
 ) -> Chance:
     """Draw the numbers of one take; of ``motion`` they depend on its duration alone."""
-    n, steps = len(chain.lower), len(servo_times(motion, options))
-    rate = options.rate
+    n, steps, rate = len(chain.lower), len(servo_times(motion, options)), options.rate
     return Chance(
         gain=lagged_noise((n, steps), options.speed_error_time * rate, rng).T,
         phase=rng.uniform(0, 2 * np.pi, n),
@@ -157,19 +141,12 @@ class Swing(NamedTuple):
 
 
 def swing(
-    chain: Chain,
-    offset: np.ndarray,
-    motion: Commanded,
-    options: DynamicsOptions,
-    chance: Chance,
+    chain: Chain, offset: np.ndarray, motion: Commanded, options: DynamicsOptions, chance: Chance
 ) -> Swing:
-    """Return the takes that ``chance`` makes of the commanded ``motion``, at ``options.rate``.
-
-    ``chain`` is the true chain, ``offset`` (n,) the session's encoder zeros in rad. Takes that are
-    simulated together are those simulated one by one. Raises SingularJacobianError.
+    """Return the takes that ``chance`` makes of the commanded ``motion``, alike together and one by
+    one, of the true ``chain`` with encoder zeros ``offset`` (n,) rad. SingularJacobianError.
     """
-    dt = 1.0 / options.rate
-    t = servo_times(motion, options)
+    dt, t = 1.0 / options.rate, servo_times(motion, options)
     goal, speed = desired_joints(np.clip(t, 0.0, motion.duration), motion)
     gain = 1 + options.speed_error_std * chance.gain
     ripple = options.encoder_ripple * np.sin(goal + chance.phase[..., None, :])
@@ -203,15 +180,11 @@ def simulate_take(
 def expose(
     t: np.ndarray, q: np.ndarray, at: np.ndarray, options: DynamicsOptions, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return true joint angles (K, n) in rad at the instants ``at`` (K,) in s, each missed by the
-    jitter of its exposure.
-    """
+    """Return true joint angles (K, n) rad at ``at`` (K,) s, missed by the jitter."""
     instants = np.clip(at + options.jitter_std * rng.standard_normal(at.shape), t[0], t[-1])
     return joints_at(instants, t, q)
 
 
 def joints_at(instants: np.ndarray, t: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Return (K, n) ``q`` (N, n) in rad of the times ``t`` (N,) at the ``instants`` (K,), both in
-    s.
-    """
+    """Return ``q`` (N, n) in rad of the times ``t`` (N,) at the ``instants`` (K,) in s, (K, n)."""
     return np.stack([np.interp(instants, t, joint) for joint in q.T], axis=-1)

@@ -1,17 +1,12 @@
 """The synthetic force rig: robots that pull a force/torque transducer by cables, in a plane or in
-space, tied to one point or each to its own.
-
-Each wheeled robot loses and regains traction: slips arrive at random, each takes an exponential
-amount off the tension, which then comes back exponentially; robots that fly lose pull to gusts
-alike. Each cable's direction wanders as an Ornstein–Uhlenbeck process, in space of two angles. A
-cable cannot push. So tensions are skewed, correlated in time and
-bounded below; of a normal law they have the first two moments alone.
+space. Slips arrive at random, take an exponential amount off the tension and recover; directions
+wander as Ornstein–Uhlenbeck processes; a cable cannot push. So tensions are skewed and correlated
+in time; of a normal law they have the first two moments alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +16,7 @@ from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import Robots, Transducer
 
 
-@dataclass(frozen=True)
-class Cables:
+class Cables(NamedTuple):
     """The mean of m cables."""
 
     tension: Sequence[float]  # N
@@ -54,9 +48,7 @@ def wander(
     sd: np.ndarray, correlation_time: float, samples: int, rate: float, rng: np.random.Generator
 ) -> np.ndarray:
     """Draw stationary Ornstein–Uhlenbeck paths of standard deviation ``sd`` (m,), exact at the
-    sampling instants, (samples, m).
-
-    ``correlation_time`` in s, ``rate`` in Hz; the result has the unit of ``sd``.
+    sampling instants, (samples, m); ``correlation_time`` in s, ``rate`` in Hz.
     """
     decay = np.exp(-1 / (rate * correlation_time))
     innovation = rng.standard_normal((samples, len(sd))) * sd * np.sqrt(1 - decay**2)
@@ -64,32 +56,20 @@ def wander(
 
 
 def slipping(
-    sd: np.ndarray,
-    slip_rate: float,
-    recovery: float,
-    samples: int,
-    rate: float,
-    rng: np.random.Generator,
+    sd: np.ndarray, robots: Robots, samples: int, rate: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Draw the tension lost and regained by wheel slip about its mean, N, (samples, m): of zero
-    mean and standard deviation ``sd`` (m,) in N.
-
-    Slips of exponential size (mean d) arrive at ``slip_rate`` (1/s) and decay with ``recovery``
-    (s): shot noise whose stationary law is Gamma(ν, d) with ν = slip_rate·recovery, so d = sd/√ν,
-    and whose skewness −2/√ν the tension carries. The process is exact at the sampling instants of
-    ``rate`` (Hz): each slip has decayed since the instant it came.
+    """Draw the tension lost and regained by wheel slip about its mean, N, (samples, m), of standard
+    deviation ``sd`` (m,): shot noise, exact at the instants of ``rate`` (Hz), of stationary law
+    Gamma(ν, sd/√ν), ν = slip_rate · slip_recovery, and skewness −2/√ν of the tension.
     """
-    nu = slip_rate * recovery
-    size = sd / np.sqrt(nu)
+    nu, fade = robots.slip_rate * robots.slip_recovery, rate * robots.slip_recovery
     lost = np.zeros((samples, len(sd)))
     for robot in range(len(sd)):
-        step = np.repeat(np.arange(samples), rng.poisson(slip_rate / rate, samples))
-        decayed = rng.exponential(size=len(step)) * np.exp(
-            -rng.uniform(size=len(step)) / (rate * recovery)
-        )
+        step = np.repeat(np.arange(samples), rng.poisson(robots.slip_rate / rate, samples))
+        decayed = rng.exponential(size=len(step)) * np.exp(-rng.uniform(size=len(step)) / fade)
         lost[:, robot] = np.bincount(step, decayed, samples)
-    paths = _autoregressive(lost, np.exp(-1 / (rate * recovery)), rng.gamma(nu, size=len(sd)))
-    return size * (nu - paths)
+    paths = _autoregressive(lost, np.exp(-1 / fade), rng.gamma(nu, size=len(sd)))
+    return sd / np.sqrt(nu) * (nu - paths)
 
 
 def directions(
@@ -103,10 +83,9 @@ def directions(
     """Draw unit vectors (samples, m, 3) that wander about the means of ``cables``, with the mean
     resultant length of the von Mises–Fisher law of ``concentration`` κ (m,).
 
-    In a plane the angle is an Ornstein–Uhlenbeck process: of variance s² it has the mean resultant
-    length exp(−s²/2), which is set to I₁(κ)/I₀(κ). In space two such processes turn the cable along
-    and across its elevation: their common size is Rayleigh's, E[cos] = 1 − √2·s·D(s/√2) with
-    Dawson's D, which is set to coth κ − 1/κ.
+    In a plane an angle of variance s² has exp(−s²/2), set to I₁(κ)/I₀(κ). In space two angles turn
+    the cable along and across: their size is Rayleigh's, E[cos] = 1 − √2·s·D(s/√2), D Dawson's
+    function, set to coth κ − 1/κ.
     """
     azimuth = np.asarray(cables.direction, dtype=float)
     if cables.elevation is None:
@@ -115,9 +94,8 @@ def directions(
         return np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=-1)
     sd = np.array([_angle_in_space(kappa) for kappa in concentration])
     up, aside = (wander(sd, wander_time, samples, rate, rng)[..., None] for _ in range(2))
-    (ca, sa), (ce, se) = (
-        (np.cos(angle), np.sin(angle)) for angle in (azimuth, np.asarray(cables.elevation))
-    )
+    ca, sa, elevation = np.cos(azimuth), np.sin(azimuth), np.asarray(cables.elevation)
+    ce, se = np.cos(elevation), np.sin(elevation)
     mean = np.stack([ce * ca, ce * sa, se], axis=-1)
     upwards = np.stack([-se * ca, -se * sa, ce], axis=-1)
     sideways = np.stack([-sa, ca, np.zeros_like(sa)], axis=-1)
@@ -127,7 +105,6 @@ def directions(
 
 def _angle_in_space(kappa: float) -> float:
     """s in rad of the two angles whose direction has the mean resultant length of ``kappa``."""
-
     from scipy.optimize import brentq
 
     def excess(s: float) -> float:
@@ -145,26 +122,20 @@ def record_force(
     rng: np.random.Generator,
 ) -> RiggedForce:
     """Return a record of ``tare`` seconds without load and ``duration`` seconds in which the robots
-    pull, one at each of the ``cables``, in the axes of the ``transducer``.
-
-    Raises ConfigError where robots, tensions and directions differ in number, or for times that
-    make no record.
+    pull, one at each of the ``cables``; ConfigError for other numbers or times.
     """
-    tension = np.asarray(cables.tension, dtype=float)
-    counts = len(robots.tension_sd), len(tension), len(cables.direction)
-    if len({*counts}) > 1:
-        message = "{} robots, {} tensions and {} directions; one each is needed".format(*counts)
-        raise ConfigError(f"laboratory.force: {message}")
+    tension, sd = np.asarray(cables.tension, dtype=float), np.asarray(robots.tension_sd)
+    counts = len(sd), len(tension), len(cables.direction)
+    message = "{} robots, {} tensions and {} directions; one each is needed".format(*counts)
     if tare < 0 or duration <= 0:
         message = f"a tare interval of {tare} s and a load of {duration} s make no record"
-        raise ConfigError(f"laboratory.force: {message}", key="duration")
+    if len({*counts}) > 1 or tare < 0 or duration <= 0:
+        raise ConfigError(f"laboratory.force: {message}", key="laboratory.force")
     rate = transducer.rate
     samples = round((tare + duration) * rate)
-    time = np.arange(samples) / rate
-    kappa, sd = np.asarray(robots.concentration), np.asarray(robots.tension_sd)
+    time, kappa = np.arange(samples) / rate, np.asarray(robots.concentration)
     e = directions(cables, kappa, robots.wander_time, samples, rate, rng)
-    slips = (robots.slip_rate, robots.slip_recovery)
-    pull = tension + slipping(sd, *slips, samples, rate, rng)
+    pull = tension + slipping(sd, robots, samples, rate, rng)
     pull[time < tare] = 0.0
     slack = int(np.sum(pull < 0))
     pull = np.maximum(pull, 0.0)

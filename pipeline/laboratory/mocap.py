@@ -1,14 +1,11 @@
-"""The arm as OptiTrack would report it: three markers on each link of a planar arm, or rigid bodies
-on the links of an arm in space, with the faults that optical motion capture has.
-
-World frame: Motive's, y up, in m. A marker's place is known to the tracker from a template in the
-segment frames; where it really sits differs by what a hand with a ruler misses.
+"""The arm as OptiTrack would report it, with its faults: markers on the links of a planar arm, or
+rigid bodies on those of an arm in space. World frame: Motive's, y up, in m.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,38 +22,26 @@ PAIRS = np.array([[0, 1], [0, 2], [1, 2]])
 FIRST_UNLABELED = 1000
 
 
-class MocapFaults(NamedTuple):
-    """The truth about the faults of one capture."""
+class Capture(NamedTuple):
+    """Name → positions (N, 3) m in the world, NaN where missing, labelled first; and the faults."""
 
+    markers: dict[str, np.ndarray]
     occluded: int  # marker-frames not seen at all
     swapped: int  # link-frames in which two labels of the link were exchanged
     unlabeled: int  # marker-frames whose position stands in an unlabeled column
 
 
-class Capture(NamedTuple):
-    """``markers``: name → positions (N, 3) in m in the world frame, NaN where missing; labelled
-    first, then unlabeled.
-    """
-
-    markers: dict[str, np.ndarray]
-    faults: MocapFaults
-
-
 def place_markers(
     template: np.ndarray, options: MocapOptions, rng: np.random.Generator
 ) -> np.ndarray:
-    """Draw the places (..., 3) where the markers of a session really sit whose places are known as
-    ``template`` (..., 3), both in m in the frame of their link; one call a session.
-    """
+    """Draw the places (..., 3) where a session's markers at ``template`` (..., 3) really sit, m."""
     return template + options.placement_std * rng.standard_normal(template.shape)
 
 
 def bursts(
     frames: int, shape: tuple[int, ...], rate: float, mean: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Draw starts of bursts and frames in which one is under way, both (frames, *shape);
-    overlapping bursts merge.
-    """
+    """Draw starts of bursts and frames in which one is under way, both (frames, *shape)."""
     starts = rng.random((frames, *shape)) < rate
     at = np.nonzero(starts)
     change = np.zeros((frames + 1, *shape), dtype=int)
@@ -69,9 +54,7 @@ def bursts(
 def _exchange_labels(
     observed: np.ndarray, options: MocapOptions, rng: np.random.Generator
 ) -> tuple[np.ndarray, int]:
-    """Positions (N, 3, 3, xyz) with two labels of a link exchanged during bursts, and the
-    link-frames concerned.
-    """
+    """Positions (N, 3, 3, xyz) with two labels of a link exchanged during bursts."""
     frames = observed.shape[0]
     starts, swapped = bursts(frames, (3,), options.swap_rate, options.swap_frames, rng)
     drawn = rng.integers(len(PAIRS), size=(frames, 3))
@@ -86,22 +69,18 @@ def _exchange_labels(
 def _lose_labels(
     observed: np.ndarray, options: MocapOptions, rng: np.random.Generator
 ) -> tuple[np.ndarray, dict[str, np.ndarray], int]:
-    """Positions (N, 9, 3) with labels blanked during bursts, the unlabeled columns that carry them
-    instead, and their marker-frames.
-
-    Each uninterrupted stretch is a column of its own, since Motive numbers a stray marker anew at
-    every appearance.
+    """Positions (N, 9, 3) with labels blanked during bursts, the unlabeled columns that carry them,
+    one for each stretch as Motive numbers them, and the marker-frames.
     """
-    frames, count = observed.shape[:2]
     rate, mean = options.lost_label_rate, options.lost_label_frames
-    _, lost = bursts(frames, (count,), rate, mean, rng)
+    _, lost = bursts(len(observed), observed.shape[1:2], rate, mean, rng)
     lost &= ~np.isnan(observed[..., 0])
     edges = np.diff(lost.astype(np.int8), axis=0, prepend=0, append=0)
     # transposed, so that starts and ends come out marker by marker and pair up
     (marker, first), last = np.nonzero(edges.T == 1), np.nonzero(edges.T == -1)[1]
     columns = {}
     for number, i in enumerate(np.lexsort((marker, first))):
-        column = np.full((observed.shape[0], 3), np.nan)
+        column = np.full((len(observed), 3), np.nan)
         column[first[i] : last[i]] = observed[first[i] : last[i], marker[i]]
         columns[f"Unlabeled {FIRST_UNLABELED + number}"] = column
     return np.where(lost[..., None], np.nan, observed), columns, int(lost.sum())
@@ -117,35 +96,36 @@ def capture(
     rng: np.random.Generator,
 ) -> Capture:
     """Capture markers at places ``markers`` (3, 3, 3) (link, marker, xyz of the segment frame, m)
-    on an arm at true angles ``q`` (N, 3).
-
-    ``rotation`` (3, 3) and ``translation`` (3,) in m are the pose of the arm's base in the world.
-    Names are ``link1_a`` … ``link3_c`` and, for positions whose label was lost, ``Unlabeled 1000``
-    onwards in the order of their appearance.
+    on an arm at true angles ``q`` (N, 3); ``rotation`` (3, 3) and ``translation`` (3,) m: pose of
+    its base in the world. Names: ``link1_a`` … ``link3_c``, and ``Unlabeled 1000`` onwards.
     """
     if q.shape[1:] != (3,) or markers.shape != (3, 3, 3):
         message = "laboratory.mocap: joint angles must be (N, 3) and marker places (3, 3, 3)"
         raise ConfigError(message, q=q.shape, markers=markers.shape)
     axes, origin = segment_frames(arm.chain, q)
     plane = np.einsum("njab,jmb->njma", axes, markers) + origin[:, :, None, :]
-    world = arm.to_base(plane) @ rotation.T + translation
-    observed = world + options.noise_std * rng.standard_normal(world.shape)
-    _, hidden = bursts(len(q), (3, 3), options.occlusion_rate, options.occlusion_frames, rng)
-    observed[hidden] = np.nan
+    observed, hidden = _seen(arm.to_base(plane) @ rotation.T + translation, options, rng)
     observed, swapped = _exchange_labels(observed, options, rng)
     labelled, unlabeled, lost = _lose_labels(observed.reshape(-1, 9, 3), options, rng)
     names = [f"link{link}_{label}" for link in (1, 2, 3) for label in LABELS]
     columns = {name: labelled[:, i] for i, name in enumerate(names)}
-    return Capture(columns | unlabeled, MocapFaults(int(hidden.sum()), swapped, lost))
+    return Capture(columns | unlabeled, hidden, swapped, lost)
 
 
-@dataclass(frozen=True)
-class MarkerCluster:
-    """The markers of one rigid body on a link of an arm in space.
+def _seen(
+    world: np.ndarray, options: MocapOptions, rng: np.random.Generator
+) -> tuple[np.ndarray, int]:
+    """Positions ``world`` (N, ..., 3) with noise, NaN where occluded, and the number of those."""
+    observed = world + options.noise_std * rng.standard_normal(world.shape)
+    rate, mean = options.occlusion_rate, options.occlusion_frames
+    _, hidden = bursts(len(world), world.shape[1:-1], rate, mean, rng)
+    observed[hidden] = np.nan
+    return observed, int(hidden.sum())
 
-    The tracker knows a cluster by its shape, that of the drawing, so that no label is exchanged. It
-    fits the shape to the markers that its cameras see; with fewer than three of them the body is
-    lost.
+
+class MarkerCluster(NamedTuple):
+    """The markers of one rigid body on a link of an arm in space: the tracker fits the drawing's
+    shape to the markers that it sees; with fewer than three the body is lost.
     """
 
     chain: SerialChain  # the true one that carries the link; its tip is the link's frame
@@ -154,17 +134,15 @@ class MarkerCluster:
 
 
 def as_built(link: SerialChain, arm: SerialChain) -> SerialChain:
-    """Return the nominal chain to a ``link`` with the placements of the true ``arm``'s joints; what
-    is beyond the last of them is the link's own.
-    """
+    """Return the nominal chain to a ``link`` with the placements of the true ``arm``'s joints."""
     placements = link.placements.copy()
     placements[:-1] = arm.placements[: len(placements) - 1]
     return replace(link, placements=placements)
 
 
 def in_body(places: np.ndarray, position: np.ndarray, rpy: np.ndarray) -> np.ndarray:
-    """Return (K, 3) ``places`` of a link's frame in the frame of a body that is mounted on the link
-    at ``position`` (3,), both in m, turned by ``rpy`` (rad, about the fixed axes x, y, z).
+    """Return (K, 3) ``places`` of a link's frame in the frame of a body mounted on it at
+    ``position`` (3,), both in m, turned by ``rpy`` (rad, fixed axes x, y, z).
     """
     return (places - np.asarray(position)) @ Rotation.from_euler("xyz", rpy).as_matrix()
 
@@ -176,24 +154,16 @@ def capture_bodies(
     options: MocapOptions,
     rng: np.random.Generator,
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return by name the poses in the world frame of the bodies on an arm at true angles ``q`` (N,
-    n) in rad: position (N, 3) in m and quaternion (N, 4) as x, y, z, w, NaN where the body is lost.
-
-    The arm's base is turned by ``base[0]`` (3, 3) and stands at ``base[1]`` (3,) in m. White noise
-    of s m in each coordinate of K markers about their centre makes s/√K m of the position there,
-    and s over the root of the sum of their squared distances from an axis, in rad, of the turn
-    about it.
+    """Return by name position (N, 3) m and quaternion (N, 4) x, y, z, w in the world of the bodies
+    on an arm at true angles ``q`` (N, n) rad, NaN where lost; ``base``: rotation (3, 3) and place
+    (3,) m of the arm. Noise of s m in K markers makes s/√K m of the position.
     """
     result = {}
     for name, cluster in clusters.items():
         pose = cluster.chain.pose(q[:, : len(cluster.chain.lower)])
         turn = pose[:, 3:].reshape(-1, 3, 3)
         places = pose[:, None, :3] + cluster.places @ np.swapaxes(turn, -1, -2)
-        world = places @ base[0].T + base[1]
-        observed = world + options.noise_std * rng.standard_normal(world.shape)
-        rate, mean = options.occlusion_rate, options.occlusion_frames
-        _, hidden = bursts(len(q), world.shape[1:2], rate, mean, rng)
-        observed[hidden] = np.nan
+        observed, _ = _seen(places @ base[0].T + base[1], options, rng)
         rotation, position = rigid_motion(cluster.shape, observed)
         quaternion = np.full((len(q), 4), np.nan)
         tracked = np.isfinite(position).all(axis=-1)

@@ -1,8 +1,5 @@
-"""Options of the synthetic laboratory: what it is made of and how it errs, every disturbance with
-its unit and its source.
-
-Free of the libraries that the laboratory itself needs, so that the configuration can be checked
-without them.
+"""Options of the synthetic laboratory, every disturbance with its unit and its source; free of the
+libraries that the laboratory needs, so that the configuration is checked without them.
 """
 
 from __future__ import annotations
@@ -28,8 +25,7 @@ class TrajectoryOptions:
     folded: tuple[float, ...]  # rad, joint angles of the folded pose
     extended: tuple[float, ...]  # rad, joint angles of the most extended pose
     duration: Positive = 3.2  # s, T of the paper
-    # s, standing still at the start, at the turn (twice this) and at the end
-    rest: NotNegative = 0.08
+    rest: NotNegative = 0.08  # s, standing still at the start, at the turn (twice) and at the end
     ramp: Positive = 0.3  # s, from rest to full speed and from full speed to rest
     rate: Positive = 100.0  # 1/s, steps of the motion grid
 
@@ -38,10 +34,8 @@ class TrajectoryOptions:
         if len(self.folded) != len(self.extended):
             raise Fault("extended", "folded and extended must have an angle for every joint")
         if 2 * self.ramp > self.duration / 2 - 2 * self.rest:
-            raise Fault(
-                "duration",
-                f"twice rest and twice ramp must fit into half the duration of {self.duration} s",
-            )
+            message = f"twice rest and ramp must fit into half the duration of {self.duration} s"
+            raise Fault("duration", message)
         return self
 
 
@@ -51,17 +45,14 @@ class DynamicsOptions:
 
     rate: Positive = 1000.0  # 1/s, integration steps of the servo
     servo_gain: Positive = 20.0  # 1/s, position loop of the joints
-    # m, link lengths against the nominal ones; manufacturing and assembly of a low-cost arm, one
-    # draw a session
+    # m, link lengths against nominal, one draw a session; manufacturing of a low-cost arm
     length_std: NotNegative = 3e-4
-    # rad, zero of each joint; homing against a mechanical stop, one draw a session
+    # rad, zero of each joint, one draw a session; homing against a mechanical stop
     encoder_offset_std: NotNegative = 2e-3
     encoder_ripple: NotNegative = 1e-3  # rad, once-per-turn eccentricity of encoder and gear
-    # 1, share of the commanded speed; friction and torque ripple of small gears
-    speed_error_std: NotNegative = 0.03
+    speed_error_std: NotNegative = 0.03  # 1, of the commanded speed; torque ripple of small gears
     speed_error_time: Positive = 0.022  # s, of each of its lags
-    # rad, start pose of a take against the commanded one; repeatability of homing moves
-    start_std: NotNegative = 4e-3
+    start_std: NotNegative = 4e-3  # rad, start pose of a take; repeatability of homing moves
     # m or rad, the tool's sway along and about each of the task's rows at the joints' speed limits.
     # Here x, z and the turn about the tip of the youBot; with the clearance they give the published
     # covariance of the noise: README.md
@@ -73,34 +64,25 @@ class DynamicsOptions:
     # rad, half the play of one joint; the paper reports an unusual clearance in the youBot's third
     clearance: NotNegative = 0.039
     play_joint: Annotated[int, Field(ge=1)] = 3  # which joint of the chain, from 1
-    # s, of each of the lags of the rattling inside the play; impacts of gear teeth, no motor
-    clearance_time: Positive = 5e-3
+    clearance_time: Positive = 5e-3  # s, of each of the rattling's lags; impacts of gear teeth
     rattle_speed: Positive = 1.5  # rad/s, speed of that joint at which the rattling fills the play
-    # 1, how sway and rattling grow with speed; loads of inertia go with its square
-    speed_exponent: NotNegative = 2.0
-    # s, time of the exposure against the motion clock; trigger and USB latency
-    jitter_std: NotNegative = 5e-4
+    speed_exponent: NotNegative = 2.0  # 1, sway and rattling over speed; loads of inertia
+    jitter_std: NotNegative = 5e-4  # s, exposure against motion clock; trigger and USB latency
 
     @model_validator(mode="after")
     def _settles(self) -> Self:
         if self.servo_gain >= self.rate:
-            raise Fault(
-                "servo_gain",
-                f"servo_gain must be below rate ({self.rate}), or the servo does not settle, "
-                f"got {self.servo_gain}",
-            )
+            message = f"servo_gain must be below rate ({self.rate}), or the servo does not settle"
+            raise Fault("servo_gain", f"{message}, got {self.servo_gain}")
         return self
 
 
 @options(frozen=True)
 class EncoderOptions:
-    """The controller's log of what its encoders read; their zeros' errors are the arm's own, of
-    :class:`DynamicsOptions`.
-    """
+    """Log of the encoders, whose zeros err by :class:`DynamicsOptions`."""
 
     rate: Positive = 125.0  # 1/s, rows of the log; of the controllers of UR5s
-    # rad; assumed: 17 bits a turn behind the gear, as absolute encoders of such arms have
-    resolution: Positive = 4.8e-5
+    resolution: Positive = 4.8e-5  # rad; assumed: 17 bits a turn behind the gear
 
 
 @options(frozen=True)
@@ -108,8 +90,7 @@ class ClockOptions:
     """The depth camera's own clock and frame rate."""
 
     rate: Positive = 30.0  # 1/s, frames of the Kinect v2
-    # s, its clock minus the motion clock; assumed: two programs started by hand
-    offset: float = 0.14
+    offset: float = 0.14  # s, its clock minus the motion clock; assumed: programs started by hand
     offset_std: NotNegative = 0.02  # s, from take to take
     drift: Annotated[float, Field(gt=-1)] = 3e-5  # 1, rate error of the quartz
     jitter_std: NotNegative = 2e-3  # s, of a frame's exposure; USB scheduling of a PC
@@ -117,20 +98,14 @@ class ClockOptions:
 
 @options(frozen=True)
 class MocapOptions:
-    """Errors and faults of the marker tracking. Rates are probabilities that a burst starts at a
-    frame.
-    """
+    """Errors and faults of the marker tracking; rates of bursts a frame."""
 
-    # m, white, each axis; Aurand, Dufour, Marras, J. Biomech. 58 (2017): errors below 0.2 mm in 97
-    # % of the volume
+    # m, white, each axis; Aurand, Dufour, Marras, J. Biomech. 58 (2017): below 0.2 mm in 97 %
     noise_std: NotNegative = 1e-4
-    # m, each axis, one draw a session; assumed: markers placed by hand with a ruler
-    placement_std: NotNegative = 5e-4
-    # 1/frame, each marker; assumed: cables and the arm itself pass before single cameras
-    occlusion_rate: Probability = 1e-3
+    placement_std: NotNegative = 5e-4  # m, each axis, one draw a session; assumed: by a ruler
+    occlusion_rate: Probability = 1e-3  # 1/frame, each marker; assumed: cables pass the cameras
     occlusion_frames: BurstLength = 6.0
-    # 1/frame, each link; assumed: rare, the three markers of a link being much alike
-    swap_rate: Probability = 1e-4
+    swap_rate: Probability = 1e-4  # 1/frame, each link; assumed: its three markers are alike
     swap_frames: BurstLength = 3.0
     lost_label_rate: Probability = 3e-4  # 1/frame, each marker; assumed
     lost_label_frames: BurstLength = 4.0
@@ -138,25 +113,19 @@ class MocapOptions:
 
 @options(frozen=True)
 class SceneOptions:
-    """Sizes of the arm's solids and of the room; m. Girths are those of the youBot's housings,
-    rounded, the room is assumed.
-    """
+    """Sizes of the arm's solids and the room, m; the youBot.s girths, the room assumed."""
 
     link_width: float = 0.06  # across the segment in the plane, first two links
-    # along the normal; they differ, as bolted housings do
-    link_depths: tuple[float, float, float] = (0.07, 0.06, 0.05)
+    link_depths: tuple[float, float, float] = (0.07, 0.06, 0.05)  # along the normal
     tool_width: float = 0.05  # wrist and hand
-    # 1, share of the third segment that wrist and hand take; the rest are fingers
-    hand_share: float = 0.62
+    hand_share: float = 0.62  # 1, of the third segment: wrist and hand; the rest are fingers
     finger_width: float = 0.024
     finger_depth: float = 0.03
     base_width: float = 0.08  # turntable under O1
     base_gap: float = 0.04  # from O1 down to the turntable
-    # column that carries the arm, slender enough for the tool to swing past it
-    stand_width: float = 0.1
+    stand_width: float = 0.1  # column that carries the arm; the tool swings past it
     floor_height: float = -0.75  # height of the floor in the arm's base frame
-    # from the arm's plane to the wall behind it; more than 4.5 m from the camera, as in a hall
-    wall_distance: float = 3.6
+    wall_distance: float = 3.6  # from the arm's plane; more than 4.5 m from the camera, as a hall
 
 
 @options(frozen=True)
@@ -174,8 +143,7 @@ class KinectOptions:
     yaw: float = 0.05  # rad, about the camera's y axis; a tripod put up by eye
     pitch: float = -0.04  # rad, about the camera's x axis
     roll: float = 0.01  # rad, about the optical axis
-    # m, depth of a valid pixel; Microsoft's specification of the Kinect v2
-    range: tuple[Positive, Positive] = (0.5, 4.5)
+    range: tuple[Positive, Positive] = (0.5, 4.5)  # m, of a valid pixel; Microsoft's specification
     # m, 1, 1/m, and m^(-1/2): σ_z = a + b z + c z² + d z^(3/2) θ²/(π/2 − θ)²; Fankhauser et al.,
     # ICAR 2015, Kinect v2 indoors
     axial: tuple[float, float, float, float] = (1.5e-3, -0.5e-3, 0.3e-3, 0.1e-3)
@@ -183,16 +151,12 @@ class KinectOptions:
     lateral: tuple[float, float] = (0.8, 0.035)
     # rad (80°), no depth beyond; Nguyen 2012 and Fankhauser 2015 measure none past it
     grazing_limit: Annotated[float, Field(gt=0, lt=pi / 2)] = 1.4
-    # 1, depths of neighbours that differ by more than this share are an edge
-    edge_ratio: float = 0.03
+    edge_ratio: float = 0.03  # 1, neighbours whose depths differ by a greater share are an edge
     edge_lost: Probability = 0.3  # 1, probability of no depth at an edge; assumed
-    # 1, probability of a depth between the two sides (flying pixel); assumed
-    edge_mixed: Probability = 0.15
+    edge_mixed: Probability = 0.15  # 1, of a depth between the sides (flying pixel); assumed
     # m, one draw a session; 1.5 mm to centimetres: Corti et al., Rob. Auton. Syst. 75 (2016)
     bias_offset_std: float = 5e-3
-    # m, amplitude of the harmonic 'wiggling' error that Corti et al. (2016) report; its size
-    # assumed
-    bias_wiggle: float = 2e-3
+    bias_wiggle: float = 2e-3  # m, harmonic 'wiggling' error of Corti et al. (2016); size assumed
     bias_period: float = 0.47  # m, a quarter of the 1.87 m over which the phase at 80 MHz repeats
     scene: SceneOptions = field(default_factory=SceneOptions)
 
@@ -210,13 +174,10 @@ class Robots:
     """Laws of the robots that pull, one value each."""
 
     tension_sd: tuple[NotNegative, ...]  # N, σ_T of the tension's stationary law
-    # κ of the von Mises law with the direction's mean resultant length
-    concentration: tuple[Positive, ...]
+    concentration: tuple[Positive, ...]  # κ of the von Mises law of the direction
     slip_rate: Positive = 20.0  # 1/s, slips of one robot; assumed: some per turn of its wheels
-    # s, time constant of regaining traction; assumed: that of a wheel-speed loop
-    slip_recovery: Positive = 0.25
-    # s, correlation time of a cable's direction; assumed: the sway of a taut cable with its robot
-    wander_time: Positive = 0.4
+    slip_recovery: Positive = 0.25  # s, of regaining traction; assumed: that of a wheel-speed loop
+    wander_time: Positive = 0.4  # s, of a cable's direction; assumed: sway of a taut cable
 
     @model_validator(mode="after")
     def _one_value_each(self) -> Self:
@@ -232,17 +193,12 @@ class Robots:
 
 @options(frozen=True)
 class Transducer:
-    """The force/torque transducer and its acquisition; pairs are (force in N, torque in N·m), equal
-    on the three axes.
-    """
+    """The force/torque transducer; pairs are (force in N, torque in N·m), equal on three axes."""
 
     rate: Positive = 62.5  # Hz: 1000 Hz at averaging level 16
     # sd a sample; an ATI Gamma SI-32-2.5 resolves 1/160 N and 1/2000 N·m
     noise: tuple[NotNegative, NotNegative] = (0.00625, 0.0005)
-    # sd of the constant offset of a record; assumed: mounting and temperature, not yet tared
-    bias: tuple[NotNegative, NotNegative] = (0.5, 0.02)
-    # sd of the linear thermal drift, per s; assumed: 0.025 N in two minutes
-    drift: tuple[NotNegative, NotNegative] = (2e-4, 1e-5)
-    # m, from the transducer's origin to the point that the cables are tied to, or that their
-    # attachments are measured from
+    bias: tuple[NotNegative, NotNegative] = (0.5, 0.02)  # sd of a record's offset; assumed
+    drift: tuple[NotNegative, NotNegative] = (2e-4, 1e-5)  # sd, per s, thermal; assumed
+    # m, from its origin to the point that cables are tied to, or attachments measured from
     lever: tuple[float, float, float] = (0.0, 0.0, 0.03)

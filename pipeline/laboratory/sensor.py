@@ -1,7 +1,5 @@
-"""A Kinect v2's reading of an exact depth image: noise, systematic error, and loss at edges.
-
-Only operations that IEEE 754 rounds exactly act on an image, so its bytes do not depend on the
-processor.
+"""A Kinect v2's reading of an exact depth image: noise, systematic error, loss at edges, by exactly
+rounded operations, so that bytes do not depend on the processor.
 """
 
 from __future__ import annotations
@@ -18,9 +16,7 @@ BIAS_STEP = 1e-3  # m, grid of the bias table: the bias varies over decimetres
 
 
 def draw_bias(options: KinectOptions, rng: np.random.Generator) -> np.ndarray:
-    """Draw the session's systematic error of depth: its value (K,) in m at depths 0, 1 mm, 2 mm …
-    up to the end of the range.
-    """
+    """Draw the session's systematic error of depth (K,) in m at depths 0, 1 mm, 2 mm …."""
     depth = np.arange(0.0, options.range[1] + BIAS_STEP, BIAS_STEP)
     phase = rng.uniform(0, 2 * np.pi)
     offset = options.bias_offset_std * rng.standard_normal()
@@ -36,9 +32,7 @@ def _grazing_term(grazing: np.ndarray, options: KinectOptions) -> np.ndarray:
 
 
 def axial_std(depth: np.ndarray, grazing: np.ndarray, options: KinectOptions) -> np.ndarray:
-    """Return σ_z in m at depth z (m) and grazing angle θ (rad), of the arguments' common shape;
-    Fankhauser et al. (2015).
-    """
+    """Return σ_z in m at depth z (m) and grazing angle θ (rad); Fankhauser et al. (2015)."""
     a, b, c, d = (np.float32(value) for value in options.axial)
     term = _grazing_term(grazing, options) ** 2
     return a + depth * (b + c * depth) + d * depth * np.sqrt(depth) * term
@@ -57,18 +51,10 @@ def read_depth(
     options: KinectOptions,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the sensor's image (h, w) in mm, uint16, 0 where it has no depth.
-
-    In this order: lateral noise moves edges (inside surfaces the axial law, measured on planes,
-    holds it already); systematic and axial error; loss and mixing at edges; loss beyond range and
-    grazing limit; rounding to 1 mm.
-
-    Args:
-        depth: (h, w) exact depth in m, 0 where nothing is, float32.
-        grazing: (h, w) angle between ray and surface normal in rad, float32.
-        bias: the session's systematic error, from :func:`draw_bias`.
-        options: the sensor.
-        rng: generator.
+    """Return the sensor's image (h, w) in mm, uint16, 0 without depth, of exact ``depth`` (h, w) in
+    m, 0 where nothing is, ``grazing`` angle (h, w) in rad, float32, and ``bias``: lateral noise
+    moves edges; systematic and axial error; loss and mixing at edges; loss beyond range and grazing
+    limit; rounding to 1 mm.
     """
     exact = np.where(depth > 0, depth, np.float32(np.inf))
     around = {"kernel": np.ones((3, 3), np.uint8), "borderType": cv2.BORDER_REPLICATE}

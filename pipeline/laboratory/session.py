@@ -1,23 +1,13 @@
-"""The synthetic laboratory: one session of takes with the arm, as its instruments would have seen
-it.
-"""
+"""The synthetic laboratory: one session of takes, as its instruments would have seen it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.arm.interface import Chain
-from pipeline.laboratory.dynamics import (
-    Swing,
-    expose,
-    joints_at,
-    require_fitting,
-    session_offset,
-    simulate_take,
-    true_chain,
-)
+from pipeline.laboratory import dynamics as arm
 from pipeline.laboratory.options import (
     ClockOptions,
     DynamicsOptions,
@@ -27,8 +17,7 @@ from pipeline.laboratory.options import (
 from pipeline.laboratory.swing import desired_joints
 
 
-@dataclass(frozen=True)
-class Session:
+class Session(NamedTuple):
     """The arm as it was built and its encoders' zeros, the same through a session."""
 
     nominal: Chain
@@ -38,16 +27,15 @@ class Session:
 
 def open_session(nominal: Chain, dynamics: DynamicsOptions, rng: np.random.Generator) -> Session:
     """Draw what a session has of its own; ConfigError for the options of another arm."""
-    require_fitting(nominal, dynamics)
-    built = true_chain(nominal, dynamics, rng)
-    return Session(nominal, built, session_offset(dynamics, len(nominal.lower), rng))
+    arm.require_fitting(nominal, dynamics)
+    built = arm.true_chain(nominal, dynamics, rng)
+    return Session(nominal, built, arm.session_offset(dynamics, len(nominal.lower), rng))
 
 
-@dataclass(frozen=True)
-class PerformedMotion:
+class PerformedMotion(NamedTuple):
     """One take: what moved, and where it was when the motion capture looked."""
 
-    swing: Swing
+    swing: arm.Swing
     motion_capture: np.ndarray  # (M+1, n) rad, at the exposures of the motion capture
     truth: np.ndarray  # (M+1, n) rad, at the instants of the motion grid
 
@@ -59,14 +47,13 @@ def perform(
     rng: np.random.Generator,
 ) -> PerformedMotion:
     """Let the arm track the trajectory once, watched by the motion capture."""
-    swing = simulate_take(session.chain, session.encoder, trajectory, dynamics, rng)
+    swing = arm.simulate_take(session.chain, session.encoder, trajectory, dynamics, rng)
     grid = np.arange(round(trajectory.duration * trajectory.rate) + 1) / trajectory.rate
-    watched = expose(swing.t, swing.q, grid, dynamics, rng)
-    return PerformedMotion(swing, watched, joints_at(grid, swing.t, swing.q))
+    watched = arm.expose(swing.t, swing.q, grid, dynamics, rng)
+    return PerformedMotion(swing, watched, arm.joints_at(grid, swing.t, swing.q))
 
 
-@dataclass(frozen=True)
-class DepthFrames:
+class DepthFrames(NamedTuple):
     """Exposures of a depth camera during a take, and the arm's angles at them."""
 
     exposed: np.ndarray  # (F,) s on the motion clock
@@ -76,26 +63,24 @@ class DepthFrames:
 
 
 def depth_frames(
-    swing: Swing, duration: float, clock: ClockOptions, rng: np.random.Generator
+    swing: arm.Swing, duration: float, clock: ClockOptions, rng: np.random.Generator
 ) -> DepthFrames:
     """Draw the frames of a take of ``duration`` s."""
     frames = np.arange(int(duration * clock.rate) + 1) / clock.rate
     exposed = np.clip(frames + clock.jitter_std * rng.standard_normal(frames.shape), 0.0, duration)
     offset = clock.offset + clock.offset_std * rng.standard_normal()
     times = exposed * (1 + clock.drift) + offset
-    return DepthFrames(exposed, times, joints_at(exposed, swing.t, swing.q), offset)
+    return DepthFrames(exposed, times, arm.joints_at(exposed, swing.t, swing.q), offset)
 
 
 def log_joints(
-    swing: Swing, trajectory: TrajectoryOptions, options: EncoderOptions
+    swing: arm.Swing, trajectory: TrajectoryOptions, options: EncoderOptions
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Return times (N,) in s on the motion clock, from its start to its end, and the signals
-    ``target`` and ``actual``, each (N, n) in rad.
-
-    The encoders sit at the motors: they read what the servo makes of the command, to their
-    resolution, and know nothing of the zeros' errors and of what happens behind the gears.
+    """Return times (N,) in s on the motion clock and the signals ``target`` and ``actual``, each
+    (N, n) in rad: encoders sit at the motors and read what the servo makes of the command, to their
+    resolution, not the zeros' errors and what happens behind the gears.
     """
     t = np.arange(int(trajectory.duration * options.rate) + 1) / options.rate
-    felt = joints_at(t, swing.t, swing.servo)
+    felt = arm.joints_at(t, swing.t, swing.servo)
     actual = np.round(felt / options.resolution) * options.resolution
     return t, {"target": desired_joints(t, trajectory)[0], "actual": actual}

@@ -1,6 +1,4 @@
-"""The commanded motion: out and back, at rest, folded → most extended, at rest, back, at rest; or
-any joint path, as the controller interpolates it.
-"""
+"""The commanded motion: folded → extended and back with rests, or any joint path."""
 
 from __future__ import annotations
 
@@ -21,11 +19,8 @@ ROUNDING = 1e-9  # of a joint's speed limit, by which a step computed at the lim
 
 @dataclass(frozen=True)
 class JointPath:
-    """Joint angles ``joints`` (M+1, n) in rad, ``rate`` of them a second.
-
-    Between them the monotone cubic interpolant of Fritsch and Butland (SIAM J. Sci. Stat. Comput.
-    5, 1984), whose speed is continuous: a joint turns back only where the path does, and rests
-    where it rests.
+    """Joint angles ``joints`` (M+1, n) in rad, ``rate`` a second; between them the monotone cubic
+    interpolant of Fritsch and Butland (SIAM J. Sci. Stat. Comput. 5, 1984): no overshoot.
     """
 
     joints: np.ndarray
@@ -37,19 +32,14 @@ class JointPath:
         return (len(self.joints) - 1) / self.rate
 
     @cached_property
-    def _interpolant(self) -> Callable[..., np.ndarray]:
+    def interpolant(self) -> Callable[..., np.ndarray]:
+        """Angles (..., n) in rad at times (...) in s, and their derivatives of an order."""
         from scipy.interpolate import PchipInterpolator
 
         return PchipInterpolator(np.arange(len(self.joints)) / self.rate, self.joints)
 
-    def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return angles (..., n) in rad and speeds (..., n) in rad/s at times ``t`` (...) in s."""
-        return self._interpolant(t), self._interpolant(t, 1)
-
     def require_followable(self, chain: Chain) -> None:
-        """Raise ConfigError, with the first step, where the path is none of ``chain``'s joints or
-        beyond their limits of angle or of speed.
-        """
+        """ConfigError, with the first step, where the path is beyond the limits of ``chain``."""
         path = np.asarray(self.joints)
         if path.ndim != 2 or path.shape[1] != len(chain.lower) or len(path) < 2:
             message = f"a joint path has {len(chain.lower)} angles a pose, and two poses or more"
@@ -58,74 +48,56 @@ class JointPath:
         speed = np.abs(np.diff(path, axis=0)) * self.rate
         slow = np.all(speed <= (1 + ROUNDING) * chain.max_speed, axis=1)
         if not np.all(inside):
-            step = int(np.argmin(inside))
-            message = "the joint path leaves the joint limits"
+            step, message = int(np.argmin(inside)), "the joint path leaves the joint limits"
             raise ConfigError(message, step=step, q=path[step].tolist())
         if not np.all(slow):
-            step = int(np.argmin(slow))
-            rates = {"speed": speed[step].round(3).tolist()}
-            rates["limit"] = chain.max_speed.round(3).tolist()
+            step, limit = int(np.argmin(slow)), chain.max_speed.round(3).tolist()
             message = "the joint path is faster than the joints; give it more time"
-            raise ConfigError(message, step=step, **rates)
+            raise ConfigError(message, step=step, speed=speed[step].round(3).tolist(), limit=limit)
 
 
 Commanded = TrajectoryOptions | JointPath
 
 
-def _progress(t: np.ndarray, options: TrajectoryOptions) -> tuple[np.ndarray, np.ndarray]:
-    """Share of the way from folded to extended at times ``t`` (s), and its rate (1/s).
-
-    The speed rises and falls as a raised cosine, so that acceleration is continuous; between the
-    ramps it is constant.
+def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.ndarray]:
+    """Return commanded joint angles (..., n) in rad and speeds (..., n) in rad/s at times ``t``
+    (...) in s; out and back the speed rises and falls as a raised cosine, constant in between.
     """
-    half, ramp = options.duration / 2, options.ramp
-    moving = half - 2 * options.rest
+    if isinstance(motion, JointPath):
+        return motion.interpolant(t), motion.interpolant(t, 1)
+    t, half, ramp = np.asarray(t, dtype=float), motion.duration / 2, motion.ramp
+    moving = half - 2 * motion.rest
     peak = 1.0 / (moving - ramp)
-    s = np.clip(np.minimum(t, options.duration - t) - options.rest, 0.0, moving)
+    s = np.clip(np.minimum(t, motion.duration - t) - motion.rest, 0.0, moving)
     back = np.minimum(s, moving - s)
     inside = np.minimum(back, ramp)
     speed = peak * (1 - np.cos(np.pi * inside / ramp)) / 2
     way = peak * ((inside - ramp / np.pi * np.sin(np.pi * inside / ramp)) / 2 + back - inside)
-    return np.where(s <= moving / 2, way, 1.0 - way), np.where(t <= half, speed, -speed)
-
-
-def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.ndarray]:
-    """Return commanded joint angles (..., n) in rad and speeds (..., n) in rad/s at times ``t``
-    (...) in s, of the out-and-back motion or of any joint path.
-    """
-    if isinstance(motion, JointPath):
-        return motion.at(t)
+    progress, rate = np.where(s <= moving / 2, way, 1.0 - way), np.where(t <= half, speed, -speed)
     folded, extended = np.asarray(motion.folded), np.asarray(motion.extended)
-    progress, rate = _progress(np.asarray(t, dtype=float), motion)
     return folded + progress[..., None] * (extended - folded), rate[..., None] * (extended - folded)
 
 
 def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:
-    """Return commanded joint angles (M+1, n) in rad on the motion grid.
-
-    Raises ConfigError for a motion of another number of joints, or beyond their limits of angle or
-    speed.
+    """Return commanded joint angles (M+1, n) in rad on the motion grid; ConfigError for another
+    number of joints, or beyond their limits of angle or speed.
     """
+    key = "laboratory.trajectory"
     if len(options.folded) != len(chain.lower):
-        message = f"folded and extended must have {len(chain.lower)} angles each"
-        raise ConfigError(f"laboratory.trajectory: {message}", folded=options.folded)
+        message = f"{key}: folded and extended must have {len(chain.lower)} angles each"
+        raise ConfigError(message, folded=options.folded)
     grid = np.arange(round(options.duration * options.rate) + 1) / options.rate
     q, speed = desired_joints(grid, options)
     if not np.all(chain.within_limits(q)):
-        message = "laboratory.trajectory: the motion leaves the joint limits"
+        message = f"{key}: the motion leaves the joint limits"
         raise ConfigError(message, lower=chain.lower, upper=chain.upper)
     if np.any(np.abs(speed) > chain.max_speed):
-        raise ConfigError(
-            "laboratory.trajectory: the motion is faster than the joints; lengthen it or bring its "
-            "ends together",
-            peak=np.abs(speed).max(axis=0).round(3).tolist(),
-            limit=chain.max_speed.round(3).tolist(),
-        )
+        message = f"{key}: the motion is faster than the joints; lengthen it or bring its ends"
+        peak, limit = (v.round(3).tolist() for v in (np.abs(speed).max(axis=0), chain.max_speed))
+        raise ConfigError(f"{message} together", peak=peak, limit=limit)
     return q
 
 
 def desired_trajectory(chain: Chain, options: TrajectoryOptions) -> pd.DataFrame:
-    """Return the commanded end-effector trajectory xᵈ, ẋᵈ on the motion grid: columns k, t and the
-    families x and v (SI); raises what :func:`desired_path` does.
-    """
+    """Return the commanded trajectory on the grid: columns k, t and the families x and v (SI)."""
     return trajectory_table(chain, desired_path(chain, options), options.rate)

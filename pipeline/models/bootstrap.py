@@ -2,10 +2,7 @@
 1993, Sec. 6 and 13).
 
 Takes are independent of each other, the steps of a take are not. So whole takes are drawn with
-replacement, and the estimator is applied to each such resampling: by sums over the takes for
-estimates by moments, by the likelihoods of the takes under a likelihood, by the perturbations of
-their steps under the convex problem (the measurement noise and the weights that follow from it are
-then those of all takes), anew for every other estimator.
+replacement, and the estimator is applied to each resampling: by what it kept of each take, or anew.
 """
 
 from __future__ import annotations
@@ -15,6 +12,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import kinds
@@ -24,7 +22,8 @@ from pipeline.statistics.takes import percentile_interval
 
 LEAST_TAKES = 10  # for a 95 % interval: resamplings of fewer repeat each other
 
-Estimator = Callable[[np.ndarray], dict[str, float]]  # numbers of the takes → estimates by name
+Estimates = dict[str, float]
+Estimator = Callable[[np.ndarray], Estimates]  # numbers of the takes → estimates by name
 
 
 class Spread(NamedTuple):
@@ -42,13 +41,11 @@ def resampled_estimator(recorded: Recorded, options: Options, found: Estimate) -
     return found.from_takes or partial(_anew, recorded, options)
 
 
-def _anew(recorded: Recorded, options: Options, takes: np.ndarray) -> dict[str, float]:
+def _anew(recorded: Recorded, options: Options, takes: np.ndarray) -> Estimates:
     return kinds.estimate(recorded.subset(takes), options).estimates
 
 
-def replicate(
-    estimator: Estimator, takes: int, rng: np.random.Generator
-) -> dict[str, float] | None:
+def replicate(estimator: Estimator, takes: int, rng: np.random.Generator) -> Estimates | None:
     """The estimates from one resampling of ``takes`` takes; None where it has none, as where one
     take was drawn every time.
     """
@@ -58,28 +55,26 @@ def replicate(
         return None
 
 
-def spreads(replicates: list[dict[str, float] | None]) -> tuple[dict[str, Spread], int]:
+def spreads(replicates: list[Estimates | None]) -> tuple[dict[str, Spread], int]:
     """The spread of every estimate that all replicates have, and how many replicates have none; no
     spread for fewer than two.
     """
-    lost = sum(estimates is None for estimates in replicates)
-    return {
-        name: Spread(float(estimates.std(ddof=1)), *map(float, percentile_interval(estimates)))
-        for name, estimates in _together(replicates).items()
-    }, lost
+    table = _together(replicates)
+    values = {
+        name: Spread(float(each.std(ddof=1)), *map(float, percentile_interval(each.to_numpy())))
+        for name, each in table.items()
+    }
+    return values, sum(each is None for each in replicates)
 
 
-def joint_covariance(
-    replicates: list[dict[str, float] | None],
-) -> tuple[list[str], list[list[float]]]:
+def joint_covariance(replicates: list[Estimates | None]) -> tuple[list[str], list[list[float]]]:
     """Names (K,) of the estimates that all replicates have, and their covariance (K, K)."""
-    values = _together(replicates)
-    covariance = np.atleast_2d(np.cov([*values.values()])).tolist() if values else []
-    return [*values], covariance
+    table = _together(replicates)
+    covariance = np.atleast_2d(np.cov(table.to_numpy().T)).tolist() if len(table) else []
+    return [*table], covariance
 
 
-def _together(replicates: list[dict[str, float] | None]) -> dict[str, np.ndarray]:
-    """Values of every estimate that all replicates have; nothing for fewer than two."""
-    solved = [estimates for estimates in replicates if estimates is not None]
-    names = [name for name in solved[0] if all(name in each for each in solved)] if solved else []
-    return {name: np.array([each[name] for each in solved]) for name in names if len(solved) > 1}
+def _together(replicates: list[Estimates | None]) -> pd.DataFrame:
+    """Estimates that all replicates have, a row each; nothing for fewer than two."""
+    table = pd.DataFrame([each for each in replicates if each is not None]).dropna(axis="columns")
+    return table if len(table) > 1 else pd.DataFrame()

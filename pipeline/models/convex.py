@@ -51,11 +51,10 @@ def solve_perturbation(
     """
     m, size = len(v), float(np.linalg.norm(noise))
     unit = size if 0 < size < np.inf else 1.0
-    alpha1, alpha2 = weights
     b_inv = cp.Variable((m, m), symmetric=True)
     a, step, back = np.linalg.inv(j1) @ v, np.linalg.pinv(j1 @ j2) @ v, np.linalg.pinv(j2)
     rest = (noise + step) / unit - (back / unit) @ (b_inv @ a)
-    objective = alpha1 * cp.norm(rest) + alpha2 / unit * cp.norm(b_inv - np.eye(m), "fro")
+    objective = weights[0] * cp.norm(rest) + weights[1] / unit * cp.norm(b_inv - np.eye(m), "fro")
     problem = cp.Problem(cp.Minimize(objective), [b_inv >> floor * np.eye(m)])
     value = _solve(problem, noise=noise.tolist(), floor=floor)
     return b_inv.value, unit * value
@@ -65,15 +64,12 @@ def solve_noise_covariance(norm: float, alpha: float, u: float, n: int, m: int) 
     """(m, m) Σ_k of (cost)–(const2) for a matrix J (n, m) of ``norm`` ‖J‖_F: maximise ln|Σ| subject
     to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0, with levels ``alpha`` α and ``u``. Raises SolverError.
 
-    Σ is solved for in units of the bound, as the solver's tolerances are absolute: that adds a
-    constant to ln|Σ|.
+    Σ is solved for in units of the bound, as the solver's tolerances are absolute.
     """
     bound, evidence = alpha**2 * (u**2 - norm**2), {"norm": norm, "alpha": alpha, "u": u}
     if not bound > 0:
-        raise SolverError(
-            "the problem has no feasible point with a logarithm: u is not above the norm",
-            **evidence,
-        )
+        message = "the problem has no feasible point with a logarithm: u is not above the norm"
+        raise SolverError(message, **evidence)
     sigma = cp.Variable((m, m), symmetric=True)
     constraints = [cp.trace(n * sigma) <= 1, sigma >> 0]
     _solve(cp.Problem(cp.Maximize(cp.log_det(sigma)), constraints), **evidence)
@@ -90,11 +86,10 @@ def perturbation_gap(
     floor: float,
 ) -> float:
     """Greatest relative distance of the ``objectives`` (K,) of (BsampOpt) in closed form from the
-    solver's.
+    solver's; of matrices it would say little, as the optimum is flat.
 
     ``jacobians`` (K, m, n), task steps ``v`` (K, m) and ``noise`` ω (K, n) in rad are of each
-    problem. J₁ comes from SciPy here, not from the closed form. Objectives are compared and not
-    matrices, as the optimum is flat. Raises SolverError.
+    problem. J₁ comes from SciPy here, not from the closed form. Raises SolverError.
     """
     gaps = []
     for closed, jacobian, step, omega in zip(objectives, jacobians, v, noise, strict=True):
@@ -106,16 +101,14 @@ def perturbation_gap(
 
 
 def _first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndarray:
-    """J₁ (m, m) of ``jacobian`` (m, n) by SciPy."""
-    match decomposition:
-        case Decomposition("pivoted_lu"):
+    match decomposition.name:
+        case "pivoted_lu":
             return lu(jacobian, permute_l=True)[0]
-        case Decomposition("qr"):
+        case "qr":
             return qr(jacobian)[0]
-        case Decomposition("qr_transposed"):
+        case "qr_transposed":
             return qr(jacobian.T, mode="economic")[1].T
-        case Decomposition(left=left):
-            return np.array(left)
+    return np.array(decomposition.left)
 
 
 def noise_covariance_gap(norms: np.ndarray, alpha: float, u: float, n: int, m: int) -> float:

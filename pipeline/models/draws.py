@@ -32,29 +32,20 @@ def draw_steps(
     how many of them the noise was clipped at zero.
 
     ``v`` (m,) or (M, m), or m + n of an arm with more joints than task rows, are commanded steps
-    (m, m, rad): all poses take the one, or those at ``q`` (..., M, n) each its own. Draws are made
-    command by command, of all poses under one, in blocks.
-
-    Raises:
-        SingularJacobianError: at a singular pose, where no model is defined.
-        ModelDomainError: where a draw is not finite.
+    (m, m, rad): all poses take the one, or those at ``q`` (..., M, n) each its own. Raises
+    SingularJacobianError at a singular pose, where no model is defined, and ModelDomainError where
+    a draw is not finite.
     """
     chain.require_regular(q)
-    law, commands = model.law(chain), np.atleast_2d(np.asarray(v, dtype=float))
-    n = q.shape[-1]
-    # (M, poses under one command, n), whose joints come first in memory for the law
-    if np.ndim(v) == 1:
-        together = q.reshape(1, -1, n)
-    else:
-        together = np.swapaxes(q.reshape(-1, len(v), n), 0, 1)
-    before = np.array(np.moveaxis(together, -1, 1), dtype=float, order="C")
+    law, commands = model.law(chain), np.array(np.atleast_2d(v), dtype=float, order="C")
+    # (M, n, poses under one command): joints come first in memory for the law
+    together = q.reshape(-1, len(commands), q.shape[-1])
+    before = np.array(np.moveaxis(together, 0, -1), dtype=float, order="C")
     moved = np.empty_like(before)
-    commands = np.array(commands, order="C")
     arm, space, block, clipped = chain.numbers(), space_of(chain), block_for(chain), 0
     for v_k, q_k, moved_k in zip(commands, before, moved, strict=True):
         clipped += move(law, arm, space, block, v_k, v_k, 0.0, q_k, moved_k, rng)
-    drawn = np.moveaxis(moved, 1, -1)
-    drawn = (drawn if np.ndim(v) == 1 else np.swapaxes(drawn, 0, 1)).reshape(q.shape)
+    drawn = np.moveaxis(moved, -1, 0).reshape(q.shape)
     lost = ~np.isfinite(drawn).all(axis=-1)
     if np.any(lost):
         index = tuple(int(i) for i in np.argwhere(lost)[0])

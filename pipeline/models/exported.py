@@ -56,10 +56,7 @@ class ExportedModel:
 
     def covariance_of_joint_step(self, dq: np.ndarray) -> np.ndarray:
         """(..., n, n) covariance in rad² of the step of the joints for commanded steps ``dq``
-        (..., n) in rad, of models whose noise depends on the joint step alone: no Jacobian.
-
-        Raises ModelDomainError for other models, another number of joints, and where the
-        recordings cannot tell the noise of a joint at such a step.
+        (..., n) in rad, of models whose noise depends on the joint step alone (ModelDomainError).
         """
         n = len(self.chain.lower)
         dq = self._shaped("dq", dq, (n,), "rad a step")
@@ -95,11 +92,7 @@ class ExportedModel:
         return self.law.sample(self.chain, np.broadcast_to(q, (size, *q.shape)), v, rng)
 
     def log_density(
-        self,
-        q: np.ndarray,
-        v: np.ndarray,
-        q_next: np.ndarray,
-        measurement: np.ndarray | None = None,
+        self, q: np.ndarray, v: np.ndarray, q_next: np.ndarray, measurement=None
     ) -> np.ndarray:
         """(...,) ln p(q_next | q) in rad⁻ⁿ; with ``measurement`` (n, n) in rad² of the next pose as
         it is measured (for a Wishart model by a quadrature that needs the project's compiler).
@@ -113,10 +106,9 @@ class ExportedModel:
         """``v`` and the closed loop's correction at ``q``, a share of the way to ``target``, the
         pose of the tip that it is held to; ``v`` itself for an open loop.
         """
-        q, v, m = np.asarray(q, float), np.asarray(v, float), len(self.chain.task)
-        off = self.chain.displacement(self.chain.pose(q), target)
-        command = np.array(np.broadcast_to(v, (*off.shape[:-1], v.shape[-1])))
-        command[..., :m] += self.record["closed_loop_share"] * off
+        off = self.chain.displacement(self.chain.pose(np.asarray(q, float)), target)
+        command = np.array(np.broadcast_to(v, (*off.shape[:-1], np.shape(v)[-1])), float)
+        command[..., : len(self.chain.task)] += self.record["closed_loop_share"] * off
         return command
 
     def _checked(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -144,23 +136,18 @@ class ExportedModel:
             low, high = ends["least"], ends["greatest"]
             slack = SLACK + MARGIN * (high - low)
             beyond = each[(each < low - slack) | (each > high + slack)]
-            if f"{what} {name}" not in self._warned and beyond.size:
+            if beyond.size and f"{what} {name}" not in self._warned:
                 self._warned.add(f"{what} {name}")
-                warnings.warn(
-                    f"{what} of {name}: {beyond.flat[0]:.4g} {ends['unit']} is outside {low:.4g} "
-                    f"to {high:.4g}, where the model {self.record['model']} was fitted",
-                    OutsideRanges,
-                    stacklevel=4,
-                )
+                found = f"{what} of {name}: {beyond.flat[0]:.4g} {ends['unit']}"
+                where = f"{low:.4g} to {high:.4g}, where the model {self.record['model']}"
+                warnings.warn(f"{found} is outside {where} was fitted", OutsideRanges, stacklevel=4)
 
 
 def chain_record(chain: Chain) -> dict[str, Any]:
     """The numbers of ``chain`` in plain values, without any robot's description."""
-    values = {each.name: getattr(chain, each.name) for each in fields(chain)}
-    plain = {
-        name: value.tolist() if isinstance(value, np.ndarray) else value
-        for name, value in values.items()
-    }
+    plain = {each.name: getattr(chain, each.name) for each in fields(chain)}
+    for name, value in plain.items():
+        plain[name] = value.tolist() if isinstance(value, np.ndarray) else value
     for name in UNLIMITED:
         plain[name] = [limit if np.isfinite(limit) else None for limit in plain[name]]
     return {"kind": "planar" if isinstance(chain, PlanarChain) else "serial"} | plain
@@ -168,10 +155,9 @@ def chain_record(chain: Chain) -> dict[str, Any]:
 
 def _chain(record: Mapping[str, Any]) -> Chain:
     values = dict(record)
-    for name, absent in UNLIMITED.items():
-        if name in values:
-            values[name] = [absent if limit is None else limit for limit in values[name]]
-    for name, value in values.items():
+    for name, value in record.items():
+        if name in UNLIMITED:
+            value = [UNLIMITED[name] if limit is None else limit for limit in value]
         if isinstance(value, list):
             values[name] = tuple(value) if name == "task" else np.array(value)
     return ARMS[values.pop("kind")](**values)

@@ -10,7 +10,7 @@ NaN: a step beyond those that were seen is then refused.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import lgamma
 from typing import Any
 
@@ -18,14 +18,16 @@ import numpy as np
 
 from pipeline.arm.interface import Mechanism
 from pipeline.core.errors import ModelDomainError
+from pipeline.models.normal import NormalModel, normal_log_density
 
 KIND = "joint_steps"
 BEYOND = 1.05  # of the greatest step seen, up to which a joint of unknown gain is predicted
 MIXTURE = np.arange(-24.0, 4.0, 0.1)  # ln of the mixing variable of Student's t
+ABSENT = {"gain": np.nan, "degrees": np.inf}  # null in plain values
 
 
 @dataclass(frozen=True)
-class JointStepModel:
+class JointStepModel(NormalModel):
     """The law of the next pose of n joints; ``degrees`` are infinite for normal noise."""
 
     joints: tuple[str, ...]
@@ -39,9 +41,15 @@ class JointStepModel:
     def scale(self, dq: np.ndarray) -> np.ndarray:
         """(..., n) s in rad for commanded steps ``dq`` (..., n) in rad.
 
-        Raises ModelDomainError by joint where a gain is unknown and the step beyond those seen.
+        Raises ModelDomainError for another number of joints, and by joint where a gain is unknown
+        and the step beyond those seen.
         """
-        dq = self._steps(dq)
+        dq = np.asarray(dq, dtype=float)
+        if dq.ndim == 0 or dq.shape[-1] != len(self.joints):
+            raise ModelDomainError(
+                f"a joint step has {len(self.joints)} numbers ({', '.join(self.joints)}), got "
+                f"shape {dq.shape}"
+            )
         for j in np.flatnonzero(np.isnan(self.gain)):
             most = float(np.abs(dq[..., j]).max(initial=0.0))
             if most > BEYOND * self.reach[j]:
@@ -51,8 +59,7 @@ class JointStepModel:
                     "motion in which it moves",
                     joint=self.joints[j],
                 )
-        gain = np.where(np.isnan(self.gain), 0.0, self.gain)
-        return np.sqrt(self.resolution**2 + self.floor + gain * dq**2)
+        return np.sqrt(self.resolution**2 + self.floor + np.nan_to_num(self.gain) * dq**2)
 
     def covariance_of_joint_step(self, dq: np.ndarray) -> np.ndarray:
         """(..., n, n) rad² for commanded steps ``dq`` (..., n) in rad; refused as :meth:`scale`."""
@@ -68,25 +75,20 @@ class JointStepModel:
         ``measurement`` (n, n) in rad² of normal noise on top, which for Student's t must be
         diagonal (ModelDomainError otherwise).
         """
-        scale = self.scale(dq)
-        noise = np.asarray(noise, dtype=float)
+        scale, noise, n = self.scale(dq), np.asarray(noise, dtype=float), len(self.joints)
+        measurement = np.zeros((n, n)) if measurement is None else measurement
         if np.isinf(self.degrees).all():
-            covariance = self.covariance_of_joint_step(dq)
-            covariance = covariance if measurement is None else covariance + measurement
-            sign, log_det = np.linalg.slogdet(covariance)
-            if not np.all(sign > 0):
-                raise ModelDomainError("the covariance of a step is singular; state pose noise")
-            white = np.linalg.solve(covariance, noise[..., None])[..., 0]
-            n = noise.shape[-1]
-            return -0.5 * (n * np.log(2 * np.pi) + log_det + np.vecdot(noise, white))
-        added = np.zeros(len(self.joints)) if measurement is None else np.diag(measurement)
-        if measurement is not None and np.any(np.abs(measurement - np.diag(added)) > 0):
+            covariance = self.correlation + measurement / (
+                scale[..., :, None] * scale[..., None, :]
+            )
+            return normal_log_density(noise / scale, covariance) - np.log(scale).sum(axis=-1)
+        added = np.diag(measurement)
+        if np.any(np.abs(measurement - np.diag(added)) > 0):
             raise ModelDomainError("noise of Student's t takes a diagonal measurement covariance")
-        each = [
-            student_log_density(noise[..., j], scale[..., j], self.degrees[j], added[j])
-            for j in range(len(self.joints))
-        ]
-        return np.sum(each, axis=0)
+        each = zip(
+            np.moveaxis(noise, -1, 0), np.moveaxis(scale, -1, 0), self.degrees, added, strict=True
+        )
+        return np.sum([student_log_density(*one) for one in each], axis=0)
 
     def noise_sample(self, dq: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """(..., n) draws of ω in rad at commanded steps ``dq`` (..., n) in rad."""
@@ -96,10 +98,6 @@ class JointStepModel:
             chi = rng.chisquare(self.degrees[j], scale.shape[:-1])
             white[..., j] *= np.sqrt(self.degrees[j] / chi)
         return scale * white
-
-    def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(..., n) E[q_{k+1}] in rad."""
-        return q + chain.nominal_step(q, v)
 
     def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) Cov(q_{k+1}) in rad²."""
@@ -113,12 +111,7 @@ class JointStepModel:
         return q + dq + self.noise_sample(dq, rng)
 
     def log_density(
-        self,
-        chain: Mechanism,
-        q: np.ndarray,
-        v: np.ndarray,
-        q_next: np.ndarray,
-        measurement: np.ndarray | None = None,
+        self, chain: Mechanism, q: np.ndarray, v: np.ndarray, q_next: np.ndarray, measurement=None
     ) -> np.ndarray:
         """(...,) ln p(q_next | q) in rad⁻ⁿ; ``measurement`` as :meth:`noise_log_density`."""
         dq = chain.nominal_step(q, v)
@@ -126,36 +119,19 @@ class JointStepModel:
 
     def parameters(self) -> dict[str, Any]:
         """Plain values for :func:`build_joint_steps`; null where the recordings tell no number."""
-        return {
-            "kind": KIND,
-            "joints": list(self.joints),
-            "resolution": self.resolution.tolist(),
-            "floor": self.floor.tolist(),
-            "gain": [None if np.isnan(b) else float(b) for b in self.gain],
-            "reach": self.reach.tolist(),
-            "degrees": [None if np.isinf(nu) else float(nu) for nu in self.degrees],
-            "correlation": self.correlation.tolist(),
-        }
-
-    def _steps(self, dq: np.ndarray) -> np.ndarray:
-        dq = np.asarray(dq, dtype=float)
-        if dq.ndim == 0 or dq.shape[-1] != len(self.joints):
-            raise ModelDomainError(
-                f"a joint step has {len(self.joints)} numbers ({', '.join(self.joints)}), got "
-                f"shape {dq.shape}"
-            )
-        return dq
+        plain = {each.name: np.asarray(getattr(self, each.name)).tolist() for each in fields(self)}
+        for name in ABSENT:
+            plain[name] = [each if np.isfinite(each) else None for each in plain[name]]
+        return {"kind": KIND} | plain
 
 
 def build_joint_steps(parameters: dict[str, Any]) -> JointStepModel:
     """Build the model from what :meth:`JointStepModel.parameters` gave."""
-    values = {
-        name: np.array([absent if each is None else each for each in parameters[name]], float)
-        for name, absent in (("gain", np.nan), ("degrees", np.inf))
-    }
-    others = ("resolution", "floor", "reach", "correlation")
-    values |= {name: np.array(parameters[name], float) for name in others}
-    return JointStepModel(joints=tuple(parameters["joints"]), **values)
+    values = {each.name: parameters[each.name] for each in fields(JointStepModel)}
+    for name, absent in ABSENT.items():
+        values[name] = [absent if each is None else each for each in values[name]]
+    joints = tuple(values.pop("joints"))
+    return JointStepModel(joints, **{name: np.array(each, float) for name, each in values.items()})
 
 
 def student_log_density(
@@ -170,9 +146,8 @@ def student_log_density(
         return -0.5 * (np.log(2 * np.pi * total) + noise**2 / total)
     if variance == 0.0:
         constant = lgamma((degrees + 1) / 2) - lgamma(degrees / 2) - 0.5 * np.log(degrees * np.pi)
-        return (
-            constant - np.log(scale) - (degrees + 1) / 2 * np.log1p((noise / scale) ** 2 / degrees)
-        )
+        tail = (degrees + 1) / 2 * np.log1p((noise / scale) ** 2 / degrees)
+        return constant - np.log(scale) - tail
     log_weight = degrees / 2 * (MIXTURE - np.exp(MIXTURE))
     log_weight -= np.log(np.exp(log_weight - log_weight.max()).sum()) + log_weight.max()
     total = scale[..., None] ** 2 * np.exp(-MIXTURE) + variance

@@ -12,7 +12,8 @@ steps count as independent.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from pipeline.models.joint_steps import JointStepModel
 LEAST_STEPS, LEAST_SHARE, BOUND = 20, 0.1, 0.5
 UNRESOLVED = 1e-2  # of a joint's rms noise, below which noise counts as not resolved
 DEGREES = (3.0, 100.0)  # of ν: below the variance is decided by few steps, above it is normal
-# model → whether its noise grows with the step, whether it has Student's tails
+# model → True where its noise grows with the step, True where it has Student's tails
 PLAIN = {
     "additive_all": (False, False),
     "scaled_all": (True, False),
@@ -31,8 +32,7 @@ PLAIN = {
 }
 
 
-@dataclass(frozen=True)
-class JointStepFit:
+class JointStepFit(NamedTuple):
     """A fitted model; ``untold`` are (parameter, joint, found, required) without a number."""
 
     model: JointStepModel
@@ -51,34 +51,29 @@ def fit_joint_steps(
     """Fit the model ``name`` of :data:`PLAIN` to commanded steps ``dq`` and ``noise`` ω (N, n) in
     rad, the measured minus the commanded step, of n ``joints``.
 
-    ``pose_noise`` is the stated standard deviation of a measured angle in rad, ``start`` a fit of
-    the same model at which the search begins. Raises ModelDomainError where there is no noise at
-    all or no step.
+    ``pose_noise`` is the stated standard deviation of a measured angle in rad, ``start`` a fit at
+    which the search begins. Raises ModelDomainError where there is no noise at all or no step.
     """
     scaled, student = PLAIN[name]
     rms = np.sqrt(np.mean(noise**2, axis=0)) if len(noise) else np.zeros(len(joints))
     if not np.all(np.isfinite(rms)) or not np.any(rms > 0):
         raise ModelDomainError("the recorded steps have no noise", steps=len(noise))
-    least = np.sqrt(
-        UNRESOLVED**2 * np.maximum(rms, UNRESOLVED * rms.max()) ** 2 + 2 * pose_noise**2
-    )
+    resolved = UNRESOLVED * np.maximum(rms, UNRESOLVED * rms.max())
+    least = np.sqrt(resolved**2 + 2 * pose_noise**2)
     reach, reference = np.abs(dq).max(axis=0), float(np.abs(dq).max())
     rows, untold = [], []
     for j, joint in enumerate(joints):
         w, x = noise[:, j], dq[:, j]
         first = None if start is None else (start.floor[j], start.gain[j], start.degrees[j])
-        a, b, nu = _fit_joint(w, x, least[j], scaled=scaled, student=student, start=first)
+        a, b, nu = _fit_joint(w, x, least[j], scaled, student, first)
         if scaled:
             moved = int(np.sum(np.abs(x) >= LEAST_SHARE * reference))
             relative = _relative_error(w, x, a, b, nu, least[j], reference)
             if moved < LEAST_STEPS or not relative <= BOUND:
-                a, _, nu = _fit_joint(w, x, least[j], scaled=False, student=student)
-                b = np.nan
-                found = (
-                    f"{moved} steps of at least {LEAST_SHARE * reference:.2g} rad"
-                    if moved < LEAST_STEPS
-                    else f"standard error {relative:.2g} of the variance at {reference:.2g} rad"
-                )
+                (a, _, nu), b = _fit_joint(w, x, least[j], False, student), np.nan
+                found = f"standard error {relative:.2g} of the variance at {reference:.2g} rad"
+                if moved < LEAST_STEPS:
+                    found = f"{moved} steps of at least {LEAST_SHARE * reference:.2g} rad"
                 required = f"{LEAST_STEPS} steps, standard error ≤ {BOUND}"
                 untold.append(("gain", joint, found, required))
         if student and nu <= DEGREES[0] * 1.001:
@@ -86,15 +81,15 @@ def fit_joint_steps(
             untold.append(("degrees of freedom", joint, found, f"above {DEGREES[0]:g}"))
         rows.append((a, b, nu))
     floor, gain, degrees = np.array(rows).T
-    model = JointStepModel(tuple(joints), least, floor, gain, reach, degrees, np.eye(len(joints)))
-    if not student:
-        z = noise / model.scale(dq)
-        moment = z.T @ z / len(z)
-        std = np.sqrt(np.diag(moment))
-        if np.all(std > 0):
-            correlation = moment / np.outer(std, std)
-            # a hundredth of the identity keeps joints that move as one from a singular law
-            model = replace(model, correlation=0.99 * correlation + 0.01 * np.eye(len(std)))
+    identity = np.eye(len(joints))
+    model = JointStepModel(tuple(joints), least, floor, gain, reach, degrees, identity)
+    z = noise / model.scale(dq)
+    moment = z.T @ z / len(z)
+    std = np.sqrt(np.diag(moment))
+    if not student and np.all(std > 0):
+        # a hundredth of the identity keeps joints that move as one from a singular law
+        correlation = 0.99 * moment / np.outer(std, std) + 0.01 * identity
+        model = replace(model, correlation=correlation)
     return JointStepFit(model, untold)
 
 
@@ -102,7 +97,6 @@ def _fit_joint(
     w: np.ndarray,
     x: np.ndarray,
     least: float,
-    *,
     scaled: bool,
     student: bool,
     start: tuple[float, float, float] | None = None,
@@ -111,10 +105,8 @@ def _fit_joint(
     from scipy.optimize import minimize
 
     unit, pace = max(float(np.mean(w**2)), least**2), max(float(np.mean(x**2)), 1e-300)
-    w2, x2, floor = w**2 / unit, x**2 / pace, least**2 / unit
-    scaled = scaled and pace > 1e-300
-    used = np.array([True, scaled, student])
-    begin = np.log([0.5, 0.5, 5.0])
+    floor, scaled = least**2 / unit, scaled and pace > 1e-300
+    used, begin = np.array([True, scaled, student]), np.log([0.5, 0.5, 5.0])
     bounds = np.array([(np.log(1e-3 * floor), 9.0), (np.log(1e-6), 14.0), np.log(DEGREES)])
     if start is not None:
         known = np.array(start) * (1 / unit, pace / unit, 1)
@@ -124,7 +116,7 @@ def _fit_joint(
     found = minimize(
         _negative_log_likelihood,
         begin[used],
-        args=(w2, x2, floor, scaled, student),
+        args=(w**2 / unit, x**2 / pace, floor, scaled, student),
         jac=True,
         method="L-BFGS-B",
         bounds=bounds[used],
@@ -155,10 +147,8 @@ def _negative_log_likelihood(
         value = np.mean(-0.5 * np.log(variance) - 0.5 * z)
         slope = 0.5 * (z - 1) / variance
     slopes = [a * slope.mean()]
-    if scaled:
-        slopes.append(b * np.mean(slope * x2))
-    if student:
-        slopes.append(nu * by_nu)
+    slopes += [b * np.mean(slope * x2)] if scaled else []
+    slopes += [nu * by_nu] if student else []
     return -float(value), -np.array(slopes)
 
 
@@ -168,11 +158,9 @@ def _relative_error(
     """Standard error of the variance at a step of ``reference`` rad, as a share of it."""
     variance = least**2 + a + b * x**2
     z2 = w**2 / variance
-    tails = nu / (nu + 3) if np.isfinite(nu) else 1.0
-    if np.isinf(nu):
-        tails = 2 / max(float(np.mean(z2**2) / np.mean(z2) ** 2) - 1, 2.0)
-    x2 = (x / reference) ** 2
-    rows = np.stack([1 / variance, x2 / variance])
+    kurtosis = np.mean(z2**2) / np.mean(z2) ** 2
+    tails = nu / (nu + 3) if np.isfinite(nu) else 2 / max(float(kurtosis) - 1, 2.0)
+    rows = np.stack([1 / variance, (x / reference) ** 2 / variance])
     information = 0.5 * tails * rows @ rows.T
     scale = np.sqrt(np.diag(information))
     if not np.all(scale > 0) or np.linalg.cond(information / np.outer(scale, scale)) > 1e12:

@@ -31,34 +31,31 @@ NO_MODEL = "reason"  # in place of parameters: why the recordings give none
 
 def kinds() -> list[str]:
     """Names of all kinds."""
-    return sorted(
-        file.parent.name
-        for place in pipeline.models.__path__
-        for file in Path(place).glob("*/law.py")
-    )
+    places = (Path(place) for place in pipeline.models.__path__)
+    return sorted(file.parent.name for place in places for file in place.glob("*/law.py"))
 
 
-def _part(kind: str, name: str) -> ModuleType:
-    return import_module(f"pipeline.models.{kind}.{name}")
+def _fit(options: Options) -> ModuleType:
+    return import_module(f"pipeline.models.{options.kind}.fit")
 
 
 def options_type(kind: object) -> type[Options]:
     """Type of the options of a model of ``kind``; raises ConfigError for an unknown kind."""
     if kind not in kinds():
         raise ConfigError(f"kind: no kind {kind!r}; there are {', '.join(kinds())}", key="kind")
-    return _part(kind, "fit").Options
+    return import_module(f"pipeline.models.{kind}.fit").Options
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
     """Estimate the model ``options`` by the estimator they name; raises what that raises."""
-    return _part(options.kind, "fit").estimate(recorded, options)
+    return _fit(options).estimate(recorded, options)
 
 
 def compared(options: Options) -> dict[str, Options]:
     """Options of the estimates that the stage fit writes beside the chosen one, by the pattern of
     their names, ``{}`` standing for the parameter.
     """
-    hook = getattr(_part(options.kind, "fit"), "compared", None)
+    hook = getattr(_fit(options), "compared", None)
     return {} if hook is None else hook(options)
 
 
@@ -66,7 +63,21 @@ def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -
     """Known parameters of the model ``options`` with noise of about the recorded size; where a
     model has a dispersion, each of ``dispersions``.
     """
-    return _part(options.kind, "fit").truths(recorded, options, dispersions)
+    return _fit(options).truths(recorded, options, dispersions)
+
+
+def examined(
+    recorded: Recorded,
+    options: Options,
+    estimate: Estimate | None,
+    checks: int,
+    rng: np.random.Generator,
+) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
+    """Numbers and tables beside an ``estimate`` (None where the takes give none); ``rng`` chooses
+    ``checks`` convex problems to solve as printed.
+    """
+    hook = getattr(_fit(options), "examined", None)
+    return ({}, {}) if hook is None else hook(recorded, options, estimate, checks, rng)
 
 
 def build_model(parameters: Any) -> MotionModel:
@@ -75,17 +86,15 @@ def build_model(parameters: Any) -> MotionModel:
     Raises ContractError where they are no parameters of a motion model, ModelDomainError where they
     are outside the model's range and, with its reason, where the fit found no model.
     """
-    kind = parameters.get("kind") if isinstance(parameters, dict) else None
-    if kind not in kinds():
-        raise ContractError("not the parameters of a motion model; run the stage fit again")
-    if NO_MODEL in parameters:
-        raise ModelDomainError(str(parameters[NO_MODEL]))
-    try:
-        return _part(kind, "law").build(parameters)
-    except (KeyError, TypeError, ValueError) as error:
-        raise ContractError(
-            f"not the parameters of a motion model ({error!r}); run the stage fit again"
-        ) from None
+    why, kind = "", parameters.get("kind") if isinstance(parameters, dict) else None
+    if kind in kinds():
+        if NO_MODEL in parameters:
+            raise ModelDomainError(str(parameters[NO_MODEL]))
+        try:
+            return import_module(f"pipeline.models.{kind}.law").build(parameters)
+        except (KeyError, TypeError, ValueError) as error:
+            why = f" ({error!r})"
+    raise ContractError(f"not the parameters of a motion model{why}; run the stage fit again")
 
 
 def fitted_model(folder: Path) -> MotionModel:
@@ -112,17 +121,3 @@ def fitted_models(names: Iterable[str], folder: Path, stage: str) -> dict[str, M
         except ModelDomainError as error:
             print(f"{stage}: {name} is left out: {error.message}")
     return models
-
-
-def examined(
-    recorded: Recorded,
-    options: Options,
-    estimate: Estimate | None,
-    checks: int,
-    rng: np.random.Generator,
-) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
-    """Numbers and tables beside an ``estimate`` (None where the takes give none); ``rng`` chooses
-    ``checks`` convex problems to solve as printed.
-    """
-    hook = getattr(_part(options.kind, "fit"), "examined", None)
-    return ({}, {}) if hook is None else hook(recorded, options, estimate, checks, rng)

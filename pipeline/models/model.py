@@ -86,7 +86,7 @@ class MotionModel(Protocol):
         """(..., n, n) Cov(q_{k+1} | q_k = q) in rad²."""
 
     def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> MotionModel:
-        """The model whose own level (σ_B, α, a factor on a covariance) gives the covariances of the
+        """Model whose own level (σ_B, α, a factor on a covariance) gives the covariances of the
         steps a mean trace of ``trace`` > 0 in rad²; raises ModelDomainError where no level does.
         """
 

@@ -32,11 +32,10 @@ def mean_covariance(noise: np.ndarray) -> np.ndarray:
 
 def measurement_covariance(noise: np.ndarray, v: np.ndarray) -> np.ndarray:
     """(n, n) Σ_m in rad²: the mean of the sample covariances of ``noise`` ω (takes, M, n) over the
-    steps without a command, v_k = 0.
+    steps without a command, v_k = 0, where ω is the noise of its two measured poses alone.
 
-    Where the robot rests ω is nothing but the noise of the two measured poses it is made of, so Σ_m
-    holds both; ``v`` (M, m) or longer, commands. Raises ModelDomainError where the motion never
-    rests, or for a single take.
+    ``v`` (M, m) or longer, commands. Raises ModelDomainError where the motion never rests, or for a
+    single take.
     """
     still = ~np.any(v, axis=-1)
     if not np.any(still):
@@ -51,17 +50,15 @@ def rest_covariance(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """(n, n) in rad²: the mean of the sample covariances of measured poses ``q`` (takes, M+1, n)
     in rad over the takes, at the steps without a command.
 
-    A measured pose's noise, and with it what a take is off all through, as by the pose of the
-    cameras' frame, which Σ_m, of differences, does not hold. A closed loop takes it for the
-    measurement's, as it takes the arm at rest to be on its path. ``v`` (M, m) or longer, commands;
-    raises ModelDomainError as :func:`measurement_covariance`.
+    A measured pose's noise, and with it what a take is off all through, which Σ_m, of differences,
+    does not hold; a closed loop takes the arm at rest to be on its path. Raises as
+    :func:`measurement_covariance`.
     """
     return measurement_covariance(q[:, :-1], v)
 
 
 def recorded_deviation(q: np.ndarray, noise: np.ndarray, mode: str) -> np.ndarray:
-    """(M+1, n) standard deviation in rad over the takes that the realisations' is to be held
-    against.
+    """(M+1, n) standard deviation in rad over the takes, to compare the realisations' with.
 
     ``q`` (takes, M+1, n) recorded angles, ``noise`` ω (takes, M, n), both in rad: of the process
     noise for ``one_step``, and zero at k = 0; of the joint angles for ``free_running``.

@@ -18,44 +18,37 @@ TOLERANCE = 1e-12
 
 def principal_axes(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Variances (n,), ascending and not negative, and axes (n, n), in columns, of ``covariance``
-    (n, n).
-
-    Raises ModelDomainError where it is not finite, symmetric and positive semidefinite.
+    (n, n); raises ModelDomainError where it is not finite, symmetric and positive semidefinite.
     """
     covariance = np.asarray(covariance, dtype=float)
     square = covariance.ndim == 2 and covariance.shape[0] == covariance.shape[1] > 0
     finite = square and np.all(np.isfinite(covariance))
     if not finite or np.abs(covariance - covariance.T).max() > TOLERANCE * np.abs(covariance).max():
-        raise ModelDomainError(
-            "a covariance must be a finite symmetric matrix", covariance=covariance.tolist()
-        )
+        message = "a covariance must be a finite symmetric matrix"
+        raise ModelDomainError(message, covariance=covariance.tolist())
     variances, axes = np.linalg.eigh(covariance)
     if variances[0] < -TOLERANCE * abs(variances[-1]):
-        raise ModelDomainError(
-            "a covariance must be positive semidefinite", eigenvalues=variances.tolist()
-        )
+        message = "a covariance must be positive semidefinite"
+        raise ModelDomainError(message, eigenvalues=variances.tolist())
     return np.maximum(variances, 0.0), axes
 
 
 def root(covariance: np.ndarray) -> np.ndarray:
-    """(n, n) symmetric square root of ``covariance`` (n, n), which may be singular.
-
-    Raises ModelDomainError as :func:`principal_axes`.
+    """(n, n) symmetric square root of ``covariance`` (n, n), which may be singular; raises as
+    :func:`principal_axes`.
     """
     variances, axes = principal_axes(covariance)
     return (axes * np.sqrt(variances)) @ axes.T
 
 
 def trace_factor(covariances: np.ndarray, trace: float) -> float:
-    """Factor on ``covariances`` (..., n, n) in rad² that gives them a mean trace of ``trace`` rad².
-
-    Raises ModelDomainError where they are zero throughout.
+    """Factor on ``covariances`` (..., n, n) in rad² that gives them a mean trace of ``trace`` rad²;
+    raises ModelDomainError where they are zero throughout.
     """
     own = float(np.trace(covariances, axis1=-2, axis2=-1).mean())
     if not own > 0:
-        raise ModelDomainError(
-            "a model without noise at any step has no level that could be solved", trace_rad2=own
-        )
+        message = "a model without noise at any step has no level that could be solved"
+        raise ModelDomainError(message, trace_rad2=own)
     return trace / own
 
 
@@ -88,12 +81,7 @@ class NormalModel(ABC):
         return mean + np.matvec(axes, white)
 
     def log_density(
-        self,
-        chain: Mechanism,
-        q: np.ndarray,
-        v: np.ndarray,
-        q_next: np.ndarray,
-        measurement: np.ndarray | None = None,
+        self, chain: Mechanism, q: np.ndarray, v: np.ndarray, q_next: np.ndarray, measurement=None
     ) -> np.ndarray:
         """(...,) ln of the density of ``q_next`` (..., n) in rad⁻ⁿ; ``measurement`` (n, n) in rad²
         adds to the covariance. Raises ModelDomainError where the sum is singular.

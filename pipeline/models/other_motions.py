@@ -5,8 +5,9 @@ that one, each in turn. With a single motion the takes take the motions' place.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -25,8 +26,7 @@ UNTOLD = ["parameter", "joint", "found", "required"]  # of a parameter without a
 EACH = "each"  # row of the mean over the held-out motions
 
 
-@dataclass(frozen=True)
-class MotionSteps:
+class MotionSteps(NamedTuple):
     """Steps of the repetitions of one motion of n joints, with the rests around it."""
 
     name: str
@@ -34,15 +34,8 @@ class MotionSteps:
     dq: np.ndarray  # (takes, M, n) rad, commanded step
     noise: np.ndarray  # (takes, M, n) rad, measured minus commanded step
 
-    @property
-    def flat(self) -> tuple[np.ndarray, np.ndarray]:
-        """(N, n) commanded steps and noise in rad of all takes together."""
-        n = self.dq.shape[-1]
-        return self.dq.reshape(-1, n), self.noise.reshape(-1, n)
 
-
-@dataclass(frozen=True)
-class OtherMotions:
+class OtherMotions(NamedTuple):
     """Tables by name, and the plain models fitted to all motions."""
 
     tables: Mapping[str, pd.DataFrame]
@@ -50,8 +43,9 @@ class OtherMotions:
 
 
 def pooled(chosen: Sequence[MotionSteps]) -> tuple[np.ndarray, np.ndarray]:
-    """(N, n) commanded steps and noise in rad of the ``chosen`` motions together."""
-    return tuple(np.concatenate(each) for each in zip(*(one.flat for one in chosen), strict=True))
+    """(N, n) commanded steps and noise in rad of all takes of the ``chosen`` motions."""
+    flat = [[each.reshape(-1, each.shape[-1]) for each in one[2:]] for one in chosen]
+    return tuple(np.concatenate(each) for each in zip(*flat, strict=True))
 
 
 def motion_of(recorded: Recorded) -> MotionSteps:
@@ -71,10 +65,8 @@ def recorded_motions(
     takes = min(len(motion.q) for motion in chosen)
     if takes < 2:
         raise ModelDomainError("a matrix model needs two takes of every motion", takes=takes)
-    q, dq, noise = (
-        np.concatenate([getattr(motion, name)[:takes] for motion in chosen], axis=1)
-        for name in ("q", "dq", "noise")
-    )
+    parts = zip(*([each[:takes] for each in motion[1:]] for motion in chosen), strict=True)
+    q, dq, noise = (np.concatenate(each, axis=1) for each in parts)
     chain.require_regular(q, what="measured pose")
     command = dq.mean(axis=0)
     v = np.matvec(chain.jacobian(q.mean(axis=0)), command)
@@ -100,19 +92,16 @@ def other_motions(
     Tables: ``other_motions`` (model, motion, log score in nats a step, reason where there is none),
     ``motion_spread`` (predicted and measured rms of a step by motion, joint and model), ``tails``
     (kurtosis and coverage of the held-out noise), ``noise_quantiles``, ``plain_parameters``,
-    ``untold`` and ``motions``. Raises ModelDomainError without noise.
+    ``untold``, ``motions`` and ``motion_ranges``. Raises ModelDomainError without noise.
     """
-    stated, parts = pose_noise or 0.0, _parts(motions)
-    fits = {
-        name: fit_joint_steps(name, *pooled(motions), joints, pose_noise=stated) for name in PLAIN
-    }
+    stated, parts, whole = pose_noise or 0.0, _parts(motions), pooled(motions)
+    fits = {name: fit_joint_steps(name, *whole, joints, pose_noise=stated) for name in PLAIN}
     scores, spreads, standard = [], [], {}
     for name, part in product(PLAIN, parts):
         rest = pooled([other for other in parts if other is not part] or parts)
         try:
-            start = fits[name].model
+            start, (dq, noise) = fits[name].model, pooled([part])
             model = fit_joint_steps(name, *rest, joints, pose_noise=stated, start=start).model
-            dq, noise = part.flat
             score = float(model.noise_log_density(dq, noise).mean())
         except ModelDomainError as error:
             scores.append((name, part.name, np.nan, error.message))
@@ -120,8 +109,9 @@ def other_motions(
         scores.append((name, part.name, score, ""))
         std = np.sqrt(np.diagonal(model.covariance_of_joint_step(dq), axis1=-2, axis2=-1))
         standard.setdefault(name, []).append(noise / std)
-        rms = np.sqrt(np.mean(std**2, axis=0)), np.sqrt(np.mean(noise**2, axis=0))
-        spreads += [(part.name, *row[:1], name, *row[1:]) for row in zip(joints, *rms, strict=True)]
+        rms = (np.sqrt(np.mean(each**2, axis=0)) for each in (std, noise))
+        spread = dict(zip(("predicted_rad", "measured_rad"), rms, strict=True))
+        spreads.append(pd.DataFrame({"motion": part.name, "joint": joints, "model": name} | spread))
     if chain is not None and len(motions) > 1:
         scores += _matrix_scores(motions, joints, pose_noise, chain, matrix or {})
     rows = pd.DataFrame(scores, columns=["model", "motion", "score", "reason"])
@@ -130,30 +120,24 @@ def other_motions(
     untold = [(name, *row) for name, fit in fits.items() for row in fit.untold]
     tables = {
         "other_motions": pd.concat([rows, together[rows.columns]], ignore_index=True),
-        "motion_spread": pd.DataFrame(
-            spreads, columns=["motion", "joint", "model", "predicted_rad", "measured_rad"]
-        ),
+        "motion_spread": pd.concat(spreads, ignore_index=True),
         **_tails({name: np.concatenate(z) for name, z in standard.items()}, joints),
         "plain_parameters": _parameters(fits),
-        "untold": pd.DataFrame(
-            untold, columns=["model", "parameter", "joint", "found", "required"]
-        ),
+        "untold": pd.DataFrame(untold, columns=["model", *UNTOLD]),
         "motions": _listed(motions, joints),
         "motion_ranges": joint_ranges(motions, joints, rate),
     }
     return OtherMotions(tables, fits)
 
 
-def _parts(motions: Sequence[MotionSteps]) -> list[MotionSteps]:
+def _parts(motions: Sequence[MotionSteps]) -> Sequence[MotionSteps]:
     """The motions that are held out one by one, or the takes of a single one."""
     if len(motions) > 1:
-        return [*motions]
-    only = motions[0]
-    groups = np.array_split(np.arange(len(only.q)), min(MOST_TAKES, len(only.q)))
-    return [
-        MotionSteps(f"take {group[0] + 1}", only.q[group], only.dq[group], only.noise[group])
-        for group in groups
-    ]
+        return motions
+    takes = len(motions[0].q)
+    groups = np.array_split(np.arange(takes), min(MOST_TAKES, takes))
+    steps = motions[0][1:]
+    return [MotionSteps(f"take {one[0] + 1}", *(each[one] for each in steps)) for one in groups]
 
 
 def _matrix_scores(motions, joints, pose_noise, chain, matrix) -> list[tuple]:
@@ -179,41 +163,41 @@ def _tails(standard: Mapping[str, np.ndarray], joints: Sequence[str]) -> dict[st
     for name, z in standard.items():
         square = np.mean(z**2, axis=0)
         kurtosis = np.mean(z**4, axis=0) / np.where(square > 0, square, 1.0) ** 2
-        for j, joint in enumerate(joints):
-            inside = [float(np.mean(np.abs(z[:, j]) <= sigma)) for sigma in SIGMAS.values()]
-            tails.append((name, joint, float(kurtosis[j]), *inside))
-            drawn = zip(ndtri(QUANTILES), np.quantile(z[:, j], QUANTILES), strict=True)
-            quantiles += [(name, joint, *map(float, pair)) for pair in drawn]
-    columns = ["model", "joint", "kurtosis", *(f"{each}_sigma" for each in SIGMAS)]
+        own = {"model": name, "joint": joints}
+        inside = {f"{each}_sigma": np.mean(np.abs(z) <= s, axis=0) for each, s in SIGMAS.items()}
+        tails.append(pd.DataFrame(own | {"kurtosis": kurtosis} | inside))
+        drawn = np.quantile(z, QUANTILES, axis=0).T
+        normal = {"normal": np.tile(ndtri(QUANTILES), len(joints)), "noise": drawn.ravel()}
+        own["joint"] = np.repeat(joints, len(QUANTILES))
+        quantiles.append(pd.DataFrame(own | normal))
     return {
-        "tails": pd.DataFrame(tails, columns=columns),
-        "noise_quantiles": pd.DataFrame(quantiles, columns=["model", "joint", "normal", "noise"]),
+        "tails": pd.concat(tails, ignore_index=True),
+        "noise_quantiles": pd.concat(quantiles, ignore_index=True),
     }
 
 
 def _parameters(fits: Mapping[str, JointStepFit]) -> pd.DataFrame:
     """Parameters of the plain models; gaps where the steps cannot tell them."""
-    rows = []
-    for name, fit in fits.items():
-        own, (scaled, student) = fit.model, PLAIN[name]
-        unknown = {joint for what, joint, *_ in fit.untold if what == "degrees of freedom"}
-        for j, joint in enumerate(own.joints):
-            known = student and joint not in unknown and np.isfinite(own.degrees[j])
-            rest = float(np.sqrt(own.resolution[j] ** 2 + own.floor[j]))
-            share = float(np.sqrt(own.gain[j])) if scaled else np.nan
-            nu = own.degrees[j] if known else np.nan
-            rows.append((name, joint, rest, share, nu, float(own.reach[j])))
-    columns = ["model", "joint", "at_rest_rad", "share_of_step", "degrees", "greatest_step_rad"]
-    return pd.DataFrame(rows, columns=columns)
+    tables = []
+    for name, (own, untold) in fits.items():
+        unknown = [joint for what, joint, *_ in untold if what == "degrees of freedom"]
+        known = np.isfinite(own.degrees) & ~np.isin(own.joints, unknown)
+        columns = {
+            "at_rest_rad": np.sqrt(own.resolution**2 + own.floor),
+            "share_of_step": np.sqrt(own.gain) if PLAIN[name][0] else np.nan,
+            "degrees": np.where(known, own.degrees, np.nan),
+            "greatest_step_rad": own.reach,
+        }
+        tables.append(pd.DataFrame({"model": name, "joint": own.joints} | columns))
+    return pd.concat(tables, ignore_index=True)
 
 
 def _listed(motions: Sequence[MotionSteps], joints: Sequence[str]) -> pd.DataFrame:
-    most = max(np.abs(motion.dq).max() for motion in motions)
+    greatest = np.array([np.abs(motion.dq).max(axis=(0, 1)) for motion in motions])
     rows = []
-    for motion in motions:
-        moving = np.abs(motion.dq).max(axis=(0, 1)) >= LEAST_SHARE * most
-        named = ", ".join(joint for joint, moves in zip(joints, moving, strict=True) if moves)
-        rows.append((motion.name, len(motion.q), motion.q.shape[1], named or "none"))
+    for motion, moving in zip(motions, greatest >= LEAST_SHARE * greatest.max(), strict=True):
+        named = ", ".join(np.array(joints)[moving]) or "none"
+        rows.append((motion.name, *motion.q.shape[:2], named))
     return pd.DataFrame(rows, columns=["motion", "takes", "steps", "moving"])
 
 
@@ -221,12 +205,20 @@ def joint_ranges(
     motions: Sequence[MotionSteps], joints: Sequence[str], rate: float
 ) -> pd.DataFrame:
     """Ends of the measured poses and of the commanded joint speeds over all ``motions``."""
-    n = len(joints)
-    poses = np.concatenate([motion.q.reshape(-1, n) for motion in motions])
-    speeds = rate * pooled(motions)[0]
-    rows = [
-        (quantity, joint, unit, float(each.min()), float(each.max()))
-        for quantity, unit, values in (("pose", "rad", poses), ("joint speed", "rad/s", speeds))
-        for joint, each in zip(joints, values.T, strict=True)
-    ]
-    return pd.DataFrame(rows, columns=["quantity", "name", "unit", "least", "greatest"])
+    poses = np.concatenate([motion.q.reshape(-1, len(joints)) for motion in motions])
+    ranges = ("pose", "rad", poses), ("joint speed", "rad/s", rate * pooled(motions)[0])
+    return pd.concat(
+        [
+            pd.DataFrame(
+                {
+                    "quantity": quantity,
+                    "name": joints,
+                    "unit": unit,
+                    "least": values.min(axis=0),
+                    "greatest": values.max(axis=0),
+                }
+            )
+            for quantity, unit, values in ranges
+        ],
+        ignore_index=True,
+    )

@@ -4,7 +4,7 @@ noise at the recorded poses; the measurement noise is added to the model's step.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -41,7 +41,7 @@ def score_take(
     takes; why some scores are missing. There are no scores without such a fit.
 
     ``takes`` has names and poses (M+1, n) in rad by number; ``recorded`` is what the models are
-    fitted to, the ``takes`` where one is fitted here; ``seed`` is of the draws.
+    fitted to; ``seed`` is of the draws.
     """
     name, number = trial
     model, (take, poses) = models[name], takes[number]
@@ -71,38 +71,27 @@ def score_steps(
     """
     chain, v, measurement = recorded.chain, recorded.v, recorded.measurement
     q, q_next, moving = poses[:-1], poses[1:], np.any(v, axis=-1)
-    reasons: dict[str, str] = {}
-
-    def existing(what: str, shape: tuple, values: Callable[[], np.ndarray]) -> np.ndarray:
-        try:
-            return values()
-        except ModelDomainError as error:
-            reasons[what] = str(error)
-            return np.full(shape, np.nan)
-
-    exact, where = (lambda: model.log_density(chain, q, v, q_next, measurement)), moving.shape
-    free = np.full(moving.shape, np.nan)
-    scores = {
-        "log_density": existing("log density", where, exact),
-        "log_density_noiseless": free,
-        "energy": _energy(model, recorded, q, q_next, rng),
-    }
-    free[moving] = existing(
-        "log density without measurement noise",
-        (moving.sum(),),
-        lambda: model.log_density(chain, q[moving], v[moving], q_next[moving]),
-    )
-    moments = "mean and covariance"
-    covariance = existing(
-        moments, (*q.shape, q.shape[-1]), lambda: model.covariance(chain, q, v) + measurement
-    )
-    if moments in reasons:
-        gaps = np.full(moving.shape, np.nan)
-        return scores | {
-            "z": np.full(q.shape, np.nan),
-            "nees": gaps,
-            "log_determinant": gaps,
-        }, reasons
+    gaps, reasons = np.full(moving.shape, np.nan), {}
+    scores = {"log_density": gaps, "log_density_noiseless": gaps.copy()}
+    try:
+        scores["log_density"] = model.log_density(chain, q, v, q_next, measurement)
+    except ModelDomainError as error:
+        reasons["log density"] = str(error)
+    shape = (ENSEMBLE, *q.shape)
+    drawn, _ = draw_steps(model, chain, np.broadcast_to(q, shape), v, rng)
+    drawn += rng.multivariate_normal(np.zeros(q.shape[-1]), measurement, shape[:-1])
+    scores["energy"] = energy_score(drawn, q_next)
+    try:
+        steps = q[moving], v[moving], q_next[moving]
+        scores["log_density_noiseless"][moving] = model.log_density(chain, *steps)
+    except ModelDomainError as error:
+        reasons["log density without measurement noise"] = str(error)
+    try:
+        covariance = model.covariance(chain, q, v) + measurement
+    except ModelDomainError as error:
+        reasons["mean and covariance"] = str(error)
+        z = {"z": np.full(q.shape, np.nan)}
+        return scores | z | dict.fromkeys(("nees", "log_determinant"), gaps), reasons
     return scores | _moments_scores(q_next - model.mean(chain, q, v), covariance), reasons
 
 
@@ -124,24 +113,8 @@ def normal_steps(error: np.ndarray, covariance: np.ndarray) -> tuple[Steps, dict
 
 
 def _moments_scores(error: np.ndarray, covariance: np.ndarray) -> Steps:
-    return {
-        "z": _standardised(error, covariance),
-        "nees": nees(error, covariance),
-        "log_determinant": log_determinant(covariance),
-    }
-
-
-def _energy(
-    model: MotionModel,
-    recorded: Recorded,
-    q: np.ndarray,
-    q_next: np.ndarray,
-    rng: np.random.Generator,
-) -> np.ndarray:
-    shape, n = (ENSEMBLE, *q.shape), q.shape[-1]
-    drawn, _ = draw_steps(model, recorded.chain, np.broadcast_to(q, shape), recorded.v, rng)
-    noise = rng.multivariate_normal(np.zeros(n), recorded.measurement, shape[:-1])
-    return energy_score(drawn + noise, q_next)
+    values = nees(error, covariance), log_determinant(covariance)
+    return {"z": _standardised(error, covariance), "nees": values[0], "log_determinant": values[1]}
 
 
 def _standardised(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:

@@ -22,10 +22,9 @@ def realize(
     of lost realisations.
 
     ``q`` (N, M+1, n) recorded angles in rad, one take a realisation; ``v`` (M, m) or longer,
-    commands. In mode ``one_step`` each step starts at the recorded pose. In mode ``free_running`` a
-    realisation goes on from where it came to; at a singular pose, where no model is defined, it is
-    lost: NaN from there on. Raises ConfigError for another mode, SingularJacobianError for a
-    singular pose in the recordings.
+    commands. In mode ``one_step`` each step starts at the recorded pose; in ``free_running`` at the
+    last one, and at a singular pose the realisation is lost: NaN from there on. Raises ConfigError
+    for another mode, SingularJacobianError for a singular pose in the recordings.
     """
     if mode not in ("one_step", "free_running"):
         raise ConfigError(
@@ -51,9 +50,9 @@ def realized_moments(
     """Mean and standard deviation (M+1, n) in rad of the realisations ``realized`` (N, M+1, n) of
     :func:`realize`; why there is no standard deviation.
 
-    The standard deviation is that of the process noise in mode ``one_step``, zero at k = 0, and
-    that of the joint angles in mode ``free_running``; NaN where the model has no covariance. Raises
-    ModelDomainError where fewer than two realisations stay clear of singular poses.
+    The standard deviation is of the process noise in mode ``one_step``, zero at k = 0, of the joint
+    angles in mode ``free_running``; NaN where the model has no covariance. Raises ModelDomainError
+    where fewer than two realisations stay clear of singular poses.
     """
     surviving = np.isfinite(realized[..., 0]).sum(axis=0)
     if surviving.min() < 2:

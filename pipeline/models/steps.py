@@ -1,8 +1,8 @@
 """Recorded steps of a motion, their variances, and the result of an estimator.
 
-Standard deviations of two models over time or over joints are compared at an equal level, since the
-model with less noise in total has the smaller error where noise is missed. A model's level is its
-own parameter (σ_B; α under a fixed u; a factor on a covariance), which ``with_trace`` solves for.
+Standard deviations of two models are compared at an equal level, since the model with less noise in
+total has the smaller error where noise is missed. A model's level is its own parameter (σ_B; α
+under a fixed u; a factor on a covariance), which ``with_trace`` solves for.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -72,8 +72,7 @@ class Estimate:
         return kinds.build_model(self.parameters)
 
 
-@dataclass(frozen=True)
-class Truth:
+class Truth(NamedTuple):
     """Known parameters of a model, and their values by the names of an estimator's estimates."""
 
     label: str
@@ -113,41 +112,34 @@ class TakeVariances:
     resamplings.
     """
 
-    noise: np.ndarray  # (takes, M, n) ω in rad, about its mean over the takes
+    noise: np.ndarray  # (takes, M·n) ω in rad, about its mean over the takes
     still: np.ndarray  # (M,) steps that the measurement noise is taken from, where it is not known
     known: float | None  # rad², trace of the known measurement noise
 
     @classmethod
     def of(cls, recorded: Recorded) -> TakeVariances:
         """Raises ModelDomainError where the measurement noise of ``recorded`` is not known."""
-        noise = recorded.noise - recorded.noise.mean(axis=0)
+        noise = (recorded.noise - recorded.noise.mean(axis=0)).reshape(len(recorded.noise), -1)
         if recorded.known_measurement is not None:
             known = float(np.trace(recorded.known_measurement))
-            return cls(noise, np.zeros(noise.shape[1], dtype=bool), known)
+            return cls(noise, np.zeros(recorded.noise.shape[1], dtype=bool), known)
         _ = recorded.measurement  # raises for a motion that never rests
         return cls(noise, ~np.any(recorded.v, axis=-1), None)
 
-    def by_step(self, takes: np.ndarray | None = None) -> np.ndarray:
-        """(M,) trace in rad² of the sample covariance at each step of the ``takes`` with these
-        numbers, as often as each is named, or of all. Raises ModelDomainError for a single take.
-        """
-        total = len(self.noise)
-        counts = np.ones(total) if takes is None else np.bincount(takes, minlength=total)
-        count = counts.sum()
-        if np.count_nonzero(counts) < 2:
-            raise ModelDomainError(
-                "a sample covariance needs at least two takes", takes=int(np.count_nonzero(counts))
-            )
-        flat = self.noise.reshape(total, -1)
-        variances = (counts @ flat**2 - (counts @ flat) ** 2 / count) / (count - 1)
-        return variances.reshape(self.noise.shape[1:]).sum(axis=-1)
+    def of_motion(self, takes: np.ndarray) -> tuple[np.ndarray, float]:
+        """Traces (M,) of the sample covariance of the ``takes`` with these numbers, as often as
+        each is named, at each step, and the trace of the measurement noise, in rad².
 
-    def of_motion(self, takes: np.ndarray | None = None) -> tuple[np.ndarray, float]:
-        """Traces (M,) :meth:`by_step`, and the trace of the measurement noise, in rad².
-
-        Raises ModelDomainError where the mean of the traces is not above the measurement's.
+        Raises ModelDomainError for a single take, and where the mean of the traces is not above the
+        measurement's.
         """
-        traces = self.by_step(takes)
+        counts = np.bincount(takes, minlength=len(self.noise)).astype(float)
+        different = int(np.count_nonzero(counts))
+        if different < 2:
+            message = "a sample covariance needs at least two takes"
+            raise ModelDomainError(message, takes=different)
+        sums = counts @ self.noise**2 - (counts @ self.noise) ** 2 / len(takes)
+        traces = (sums / (len(takes) - 1)).reshape(len(self.still), -1).sum(axis=-1)
         measured = float(traces[self.still].mean()) if self.known is None else self.known
         mean = float(traces.mean())
         if not mean > measured:
@@ -165,10 +157,9 @@ def at_recorded_level(model: MotionModel, recorded: Recorded) -> MotionModel:
     """The model whose level makes the mean trace of the covariance of a step plus the trace of the
     measurement noise equal to the recorded mean trace.
 
-    ``model`` need have no covariance itself. Raises SingularJacobianError, and ModelDomainError
-    where the recorded trace is not above that of the measurement noise, where that noise is not
-    known, and where no level of the model has the trace.
+    ``model`` need have no covariance itself. Raises SingularJacobianError, and ModelDomainError as
+    :class:`TakeVariances` and where no level of the model has the trace.
     """
-    traces, measured = TakeVariances.of(recorded).of_motion()
+    traces, measured = TakeVariances.of(recorded).of_motion(np.arange(len(recorded.q)))
     level = float(traces.mean()) - measured
     return model.with_trace(recorded.chain, recorded.q, recorded.v, level)

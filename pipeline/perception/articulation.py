@@ -1,9 +1,7 @@
 """Joint angles of the arm in a depth camera's points by least squares, Eq. (KinObj), frame by
-frame, by a compiled Nelder–Mead simplex.
+frame.
 
-Node O1 is fixed; O2 and O3 are found, and EE is commanded or found too
-(:mod:`pipeline.perception.articulation_objective`). The objective has kinks and jumps (a point that
-changes its segment changes a maximum), so a search that only compares values is used.
+The objective jumps where a point changes its segment, so a compiled Nelder–Mead simplex is used.
 """
 
 from __future__ import annotations
@@ -37,10 +35,8 @@ NODES = ("2", "3", "e")
 
 @options(frozen=True)
 class ArticulationOptions:
-    """Weights of the objective, where the tool ends and what a frame has to have.
-
-    Both terms are lengths. γ1 weighs a mean over points, γ2 a sum over the three segments; 1 and
-    1/3 weigh two means alike.
+    """Weights of the objective (γ1 of a mean over points, γ2 of a sum over three segments), where
+    the tool ends and what a frame has to have.
     """
 
     gamma1: float = 1.0
@@ -59,15 +55,10 @@ class ArticulationOptions:
 
 
 @compiled
-def _simplex(
-    frame: Frame, step: float, extent: float, corners: np.ndarray, values: np.ndarray
-) -> bool:
+def _simplex(frame: Frame, step: float, extent: float, corners: np.ndarray, values: np.ndarray):
     """One run of Nelder and Mead (1965), coefficients 1, 2, ½, ½, until the simplex is smaller than
-    ``extent`` in every variable; whether it came to that.
-
-    It begins at ``corners[0]`` of ``corners`` (n+1, n), and leaves the best there and its value in
-    ``values[0]`` of ``values`` (n+1,). The values do not decide when to end: across a jump of the
-    objective they never meet.
+    ``extent`` in every variable, from ``corners[0]`` of ``corners`` (n+1, n), where it leaves the
+    best; whether it came to that. Across a jump of the objective values never meet.
     """
     n = values.size - 1
     for i in range(n):
@@ -104,12 +95,11 @@ def _simplex(
 
 
 def fit_frame(frame: Frame, end: End, start: np.ndarray) -> tuple[np.ndarray, float, bool]:
-    """Return (O2, O3, EE) (3, 2) in m, the value, and whether the search ended: the simplex from
-    ``start`` (3, 2) over the variables of ``end``, and from near its end again, turned the other
-    way, as the runs of ``end`` say.
+    """Return (O2, O3, EE) (3, 2) in m, the value, and whether the search from ``start`` (3, 2)
+    ended.
 
     With the commanded end more runs lower the objective by about 0.1 mm and the error of the angles
-    not at all; nor does a first run that goes on to the last extent, which takes 1.7 times as long.
+    not at all; nor does a first run that goes on to the last extent, in 1.7 times the time.
     """
     first = end.variables(frame, start)
     corners, values = np.empty((first.size + 1, first.size)), np.empty(first.size + 1)
@@ -142,37 +132,34 @@ def fit_sequence(
 ) -> FittedSequence:
     """Solve Eq. (KinObj) frame by frame through one take.
 
-    ``clouds``: per frame the arm's points (I, 2) in the plane, m; ``o1`` (2,), ``ee`` (F, 2) m, the
-    latter as commanded; ``q_start`` (3,) rad the nominal pose of the first frame. The first fit
-    starts from poses around it, each later one from the fit before, its O3 and EE carried along
-    with the command; where that leads to no arm, as it may after a gap, from all poses that join O1
-    and EE. Frames with fewer than ``min_points`` points are gaps, counted. Raises RecordingError
-    (take, frame) for more than ``max_gap`` of them in a row and for an EE that is missing or that
-    the segments cannot reach, SolverError for a search that does not end.
+    ``clouds``: per frame the arm's points (I, 2) in the plane, m; ``o1`` (2,), ``ee`` (F, 2) m as
+    commanded; ``q_start`` (3,) rad. The first fit starts around it, each later one from the fit
+    before carried along with the command, or, where that leads to no arm, from all poses that join
+    O1 and EE. Frames with fewer than ``min_points`` are gaps. Raises RecordingError (take, frame)
+    for too many of them and for an EE out of reach, SolverError for a search that does not end.
     """
     if len(clouds) != len(ee):
         message = f"{len(ee)} end-effector positions for {len(clouds)} point clouds"
         raise RecordingError(message, take=take)
-    if not (finite := np.isfinite(ee).all(axis=1)).all():
-        message, frame = "the end-effector's position is not finite", int(np.argmin(finite))
-        raise RecordingError(message, take=take, frame=frame)
     end, gammas = ENDS[options.end_point], (options.gamma1, options.gamma2)
     nodes, objective = np.full((len(ee), 4, 2), np.nan), np.full(len(ee), np.nan)
     number = np.array([len(cloud) for cloud in clouds], dtype=int)
-    starts, last, gap, least, lost = _cold_starts(chain, q_start), 0, 0, np.inf, 0
+    turned = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * SPREAD
+    starts, last, gap, least, lost = chain.points(q_start + turned)[:, 1:], 0, 0, np.inf, 0
     for frame, cloud in enumerate(clouds):
-        where = {"take": take, "frame": frame}
+        message, where = "", {"take": take, "frame": frame}
         gap = gap + 1 if number[frame] < max(options.min_points, 1) else 0
-        if gap > options.max_gap:
-            message = (
-                f"more than {options.max_gap} depth frames in a row have fewer than "
-                f"{options.min_points} points of the arm"
-            )
+        if not np.isfinite(ee[frame]).all():
+            message = "the end-effector's position is not finite"
+        elif gap > options.max_gap:
+            message = f"more than {options.max_gap} depth frames in a row have fewer than"
+            message += f" {options.min_points} points of the arm"
+        elif not gap and not np.isfinite(cloud).all():
+            message = "a point of the arm is not finite"
+        if message:
             raise RecordingError(message, **where)
         if gap:
             continue
-        if not np.isfinite(cloud).all():
-            raise RecordingError("a point of the arm is not finite", **where)
         starts = starts + np.array([[0.0], [1.0], [1.0]]) * (ee[frame] - ee[last])
         problem = frame_of(cloud.T, o1, ee[frame], chain.lengths, options.length_range, gammas)
         fits = [fit_frame(problem, end, start) for start in starts]
@@ -183,12 +170,9 @@ def fit_sequence(
         best, value, ended = min(fits, key=lambda fit: fit[1])
         least = min(least, value)
         if value >= INFEASIBLE:
-            message = (
-                "no pose of the arm within the range of lengths joins O1 and EE: check the "
-                "trajectory and the clock offset"
-            )
-            distance = round(float(np.hypot(*(ee[frame] - o1))), 4)
-            raise RecordingError(message, **where, distance=distance)
+            message = "no pose of the arm within the range of lengths joins O1 and EE: check the"
+            where["distance"] = round(float(np.hypot(*(ee[frame] - o1))), 4)
+            raise RecordingError(f"{message} trajectory and the clock offset", **where)
         if not ended:
             message = "the articulation's simplex search did not end"
             raise SolverError(message, **where, step=MAX_STEPS)
@@ -199,18 +183,8 @@ def fit_sequence(
     return FittedSequence(nodes, q, objective, number, int(np.isnan(objective).sum()), lost)
 
 
-def _cold_starts(chain: PlanarChain, q: np.ndarray) -> np.ndarray:
-    """(5, 3, 2) positions of O2, O3 and EE at the nominal pose and with one of the first two joints
-    turned either way.
-    """
-    turned = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * SPREAD
-    return chain.points(q + turned)[:, 1:]
-
-
 def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """(P, 3, 2) positions of O2, O3 and EE of poses that join O1 and EE, on a grid of directions of
-    the first segment, O3 on either side.
-    """
+    """(P, 3, 2) positions of O2, O3 and EE of poses that join O1 and EE, O3 on either side."""
     psi = np.arange(POSES) * (2 * np.pi / POSES)
     o2 = o1 + lengths[0] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
     reach = np.linalg.norm(ee - o2, axis=1)
@@ -234,28 +208,18 @@ def articulate_rows(
     options: ArticulationOptions,
     start: np.ndarray,
 ) -> pd.DataFrame:
-    """Return the rows of the table ``angles`` of one take, without frames of too few points.
-
-    Args:
-        rows: the take's rows of the table ``frames``.
-        clouds: the arm's points (I, 2) of each of them, m in its plane.
-        arm: the arm, whose chain is fitted.
-        joints: names of its joints.
-        trajectory: the table; EE is where it is commanded to be at the frames' times.
-        options: of the articulation.
-        start: (3,) rad, nominal pose of the first frame.
+    """Return the rows of the table ``angles`` of one take, without frames of too few points: of
+    ``rows`` of the table ``frames`` with the arm's points ``clouds`` (I, 2) in m, EE as the table
+    ``trajectory`` commands it; ``start`` (3,) rad of the first frame.
     """
     ee = [np.interp(rows["t"], trajectory["t"], trajectory[f"x:{row}"]) for row in ("x", "z")]
-    origin, take = arm.chain.origin, rows["take"].iloc[0]
-    fitted = fit_sequence(
-        clouds, origin, np.stack(ee, axis=-1), arm.chain, options, start, take=take
-    )
+    given = arm.chain.origin, np.stack(ee, axis=-1), arm.chain, options, start
+    fitted = fit_sequence(clouds, *given, take=rows["take"].iloc[0])
     nodes = {
         f"{axis}{name}": fitted.nodes[:, node, i]
         for node, name in enumerate(NODES, 1)
         for i, axis in enumerate("xz")
     }
-    table = rows[["take", "part", "frame", "t"]].assign(
-        **spread("q", joints, fitted.q), **nodes, points=fitted.points, objective=fitted.objective
-    )
+    fit = nodes | {"points": fitted.points, "objective": fitted.objective}
+    table = rows[["take", "part", "frame", "t"]].assign(**spread("q", joints, fitted.q), **fit)
     return table[np.isfinite(fitted.objective)]

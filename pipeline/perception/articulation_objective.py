@@ -1,12 +1,8 @@
-"""The paper's objective of an articulation, Eq. (KinObj), of one point cloud, and the two ends of
-the last segment; compiled.
+"""The paper's objective of an articulation, Eq. (KinObj), of one point cloud; compiled.
 
-The tool ends at the commanded end-effector, as in the paper, or where the points say (fitted). With
-the commanded end the last segment of an arm that deviates from its command starts on the arm and
-ends off it. With the fitted end the tool has its nominal length and a heading of its own: a free
-length would grow to its bound, since an end beyond the points costs nothing. One asymmetry of all
-points of the tool says how far aside it lies, not where it points, so each of its halves has its
-own: Eq. (KinObj) has a fourth term there, of the weight γ2.
+The tool ends at the commanded end-effector, as in the paper, or where the points say (fitted): with
+its nominal length, as a free one would grow to its bound, and, since one asymmetry says how far
+aside the tool lies but not where it points, with an asymmetry of each half.
 """
 
 from __future__ import annotations
@@ -61,10 +57,8 @@ def frame_of(
 
 @inner
 def at_commanded(frame: Frame, v: np.ndarray) -> float:
-    """Eq. (KinObj) at v = (O2, O3), m; outside the bounds on the lengths INFEASIBLE and the excess.
-
-    So any pose within the bounds ranks before any outside, and of two outside the one that violates
-    them less (feasibility rules, Deb 2000): no weight has to be chosen.
+    """Eq. (KinObj) at v = (O2, O3), m; outside the bounds on the lengths INFEASIBLE and the excess,
+    so that poses within rank first (feasibility rules, Deb 2000).
     """
     o1, ee = (frame.o1[0], frame.o1[1]), (frame.ee[0], frame.ee[1])
     nodes, violation = (o1, (v[0], v[1]), (v[2], v[3]), ee), 0.0
@@ -80,10 +74,8 @@ def at_commanded(frame: Frame, v: np.ndarray) -> float:
 
 @inner
 def at_fitted(frame: Frame, v: np.ndarray) -> float:
-    """The value, m, at v = (λ1, λ2, l1ψ1, l2ψ2, l3ψ3), l the nominal lengths and ψ the headings.
-
-    The first two lengths are l(1 + r·sin(STRETCH·λ)), r the range of lengths: within their bounds
-    at any λ (James and Roos 1975).
+    """The value, m, at v = (λ1, λ2, l1ψ1, l2ψ2, l3ψ3), l nominal lengths and ψ headings; the first
+    two lengths l(1 + r·sin(STRETCH·λ)) keep their bounds at any λ (James and Roos 1975).
     """
     o1 = (frame.o1[0], frame.o1[1])
     o2 = _beyond(o1, frame.bounds[0, 0], frame.bounds[0, 1], v[0], v[2])
@@ -110,11 +102,9 @@ def rank(frame: Frame, v: np.ndarray) -> float:
 
 @inner
 def value(frame: Frame, nodes: tuple, pieces: int) -> float:
-    """Eq. (KinObj), m, of a ``frame`` at the ``nodes`` (x, z) O1, O2, O3 and EE, m.
-
-    A point belongs to the segment nearest to it, one nearest to a common node to both. d_a and d_u
-    are the greatest distances of a segment's points on either side of its line, 0 where there are
-    none. The three ``pieces`` that have both are the segments; of four, the last segment is two.
+    """Eq. (KinObj), m, of a ``frame`` at the ``nodes`` (x, z) O1, O2, O3 and EE, m; of four
+    ``pieces`` the last segment is two. A point belongs to the nearest segment, one nearest to a
+    node to both; d_a and d_u are the greatest distances on either side of a segment's line.
     """
     x, z, signed = frame.points[0], frame.points[1], frame.signed
     _assign(x, z, nodes, frame.distance, signed[0], signed[1], signed[2])
@@ -130,10 +120,7 @@ def value(frame: Frame, nodes: tuple, pieces: int) -> float:
 @inner
 def _assign(x, z, nodes, distance, first, second, third):
     """Distance of every point to its segment, and by segment its square: positive above the line,
-    negative below, 0 for others' points.
-
-    No branch and no sum within the loop, and every row an array of its own: so the compiler takes
-    several points at once.
+    negative below, 0 for others' points. Without branches the compiler takes several at once.
     """
     for i in range(x.size):
         to_first, side_first = _to_segment(x[i], z[i], nodes[0], nodes[1])
@@ -160,9 +147,7 @@ def _halve(x: np.ndarray, z: np.ndarray, start: Node, end: Node, near: np.ndarra
 
 @inner
 def _to_segment(x: float, z: float, start: Node, end: Node) -> tuple[float, float]:
-    """Squared distance to the segment, and the side of its line; beyond an end to the node itself,
-    so that both of the node's segments find the very same number.
-    """
+    """Squared distance to the segment (beyond an end to the node) and the side of its line."""
     ux, uz = end[0] - start[0], end[1] - start[1]
     wx, wz, ex, ez = x - start[0], z - start[1], x - end[0], z - end[1]
     squared, along, side = ux * ux + uz * uz, wx * ux + wz * uz, wx * uz - wz * ux
@@ -178,12 +163,9 @@ def _signed(square: float, side: float) -> float:
 
 @inner
 def _greatest(signed: np.ndarray, bits: np.ndarray, unsigned: np.ndarray) -> tuple[float, float]:
-    """The greatest of the positive numbers and the size of the least of the negative ones, 0 where
-    there are none; ``signed`` is used up.
-
-    Read as integers, with a sign (``bits``) the positive doubles and without one (``unsigned``) the
-    negative ones are greatest, and by size. Unlike a maximum of doubles, which has to look out for
-    NaN, the maximum of integers is taken of several at once. The first place turns them back.
+    """The greatest of the positive numbers and the size of the least of the negative ones, else 0;
+    ``signed`` is used up. Read as integers, with a sign (``bits``) and without (``unsigned``), so
+    that the maximum is taken of several at once, unlike one of doubles, which looks out for NaN.
     """
     above, under = np.int64(0), np.uint64(0)
     for i in range(signed.size):

@@ -1,10 +1,8 @@
 """Noise of the depth camera in the joint angles: mean and covariance over the time of the motion,
-from other takes, and slope on the state.
+from other takes, and slope on the state, S of y = q* + (I + S)(q − q*) + noise.
 
-A measurement y = q* + (I + S)(q − q*) + noise errs by S(q − q*), with q* where the arm is on
-average. The motion capture gives q at its samples; where a deviation does not last as long as the
-step between two of them, a line from one to the other misses it in between, which makes a slope of
-its own. So frames near a sample are counted apart.
+Between samples of the motion capture a line misses short deviations, which makes a slope of its
+own: frames near a sample are counted apart.
 """
 
 from __future__ import annotations
@@ -20,8 +18,8 @@ NEAR_A_SAMPLE, ALL = "near a sample", "all"
 
 
 def errors_of(angles: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
-    """Return depth camera minus motion capture, interpolated linearly, at every depth frame during
-    the motion, from the tables ``angles`` and ``joints``: take, frame, t (s), family e (rad).
+    """Return depth camera minus motion capture, linear in between, at every depth frame during the
+    motion, from the tables ``angles`` and ``joints``: take, frame, t (s), family e (rad).
     """
     names, errors = members(angles, "q"), []
     for take, rows in angles.groupby("take"):
@@ -39,13 +37,10 @@ def _interpolated(times: pd.Series, joints: pd.DataFrame, names: tuple[str, ...]
 
 
 def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
-    """Return the table ``kinect_noise``: mean and covariance of the noise at each frame without the
-    take that they will be used on, and ('none') of all takes.
-
-    ``errors`` as of :func:`errors_of`. The mean of a frame is over the other takes; the covariance
-    is of their deviations from the means, pooled over ``window`` frames on either side, so that it
-    varies with time as smoothly as a moving arm looks. Raises RecordingError where the other takes
-    are too few, or have no such frame.
+    """Return the table ``kinect_noise``: mean and covariance of the ``errors`` of :func:`errors_of`
+    at each frame without the take that they will be used on, and ('none') of all takes; the
+    covariance pooled over ``window`` frames on either side. Raises RecordingError for too few
+    takes.
     """
     names, rows = members(errors, "e"), []
     components, n = columns("e", names), len(names)
@@ -63,12 +58,11 @@ def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
         freedom = near @ (count.to_numpy() - 1)
         # a covariance of fewer samples than this is singular
         if len(frames) == 0 or freedom.min() < n + 1:
-            message = (
-                "too few test takes to estimate the depth camera's noise from the others; record "
-                "more, or widen articulation.noise_window"
+            message = "too few test takes to estimate the depth camera's noise from the others;"
+            where = {"take": left_out, "samples": int(freedom.min()) if len(frames) else 0}
+            raise RecordingError(
+                f"{message} record more, or widen articulation.noise_window", **where
             )
-            samples = int(freedom.min()) if len(frames) else 0
-            raise RecordingError(message, take=left_out, samples=samples)
         covariance = np.tensordot(near, scatter, axes=1) / freedom[:, None, None]
         table = {"take": left_out, "frame": frames, "t": time.to_numpy()}
         table |= spread("b", names, mean.to_numpy()) | triangle("r", names, covariance)
@@ -77,11 +71,8 @@ def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
 
 
 def deviations(errors: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
-    """Return each frame's deviation of the arm (family d, rad), its measured angle minus the mean
-    of the training takes, and error (family e), both about their means over the takes at that
-    frame, the bias that a filter knows: take, frame, t in s and the two families.
-
-    ``errors`` as of :func:`errors_of`; ``joints``: the table.
+    """Return each frame's deviation of the arm from the mean of the training takes (family d, rad)
+    and error of :func:`errors_of` (family e), both about their means over the takes.
     """
     names = members(errors, "e")
     mean = joints[joints["part"] == "training"].groupby("k")[["t", *columns("q", names)]].mean()
@@ -97,33 +88,26 @@ def deviations(errors: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
 
 
 def near_a_sample(table: pd.DataFrame, step: float) -> np.ndarray:
-    """(rows,) whether the frames of ``table`` lie within NEAR of a step from a sample; ``step`` in
-    s.
-    """
+    """(rows,) whether the frames of ``table`` are NEAR a sample, ``step`` s from the next."""
     share = np.mod(table["t"].to_numpy() / step, 1.0)
     return np.minimum(share, 1 - share) <= NEAR
 
 
 def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataFrame:
-    """Slope of the error of each joint on its own deviation, over frames and takes: columns frames,
-    joint, number, slope, standard_error, and the scatter of deviation and error in rad.
-
-    ``table``: as of :func:`deviations`; ``step`` between samples of the motion capture in s;
-    ``pose`` (n, n) rad² the noise of one pose that it measures. That noise stands in the error with
-    a minus and in the deviation with a plus: its variance is taken out of both. Standard errors are
-    robust to what the errors of a take have in common (Liang and Zeger 1986). A slope of fewer than
-    two takes is a gap.
+    """Slope of each joint's error on its own deviation in the ``table`` of :func:`deviations`:
+    frames, joint, number, slope, standard_error, scatter of both in rad; ``step`` s between
+    samples; ``pose`` (n, n) rad² noise of a measured pose, taken out of both. Standard errors allow
+    for what a take's errors share (Liang and Zeger 1986). A slope of fewer than two takes is a gap.
     """
     rows, names, near = [], members(table, "e"), near_a_sample(table, step)
     for frames, inside in ((NEAR_A_SAMPLE, near), (ALL, np.ones_like(near))):
         part = table[inside]
         share = np.mod(part["t"].to_numpy() / step, 1.0)
         # a line between two samples averages their noise
-        weight = np.sum((1 - share) ** 2 + share**2)
-        for j, (joint, d, e) in enumerate(
-            zip(names, values(part, "d").T, values(part, "e").T, strict=True)
-        ):
-            slope, standard_error = _slope(d, e, part["take"], weight * pose[j, j])
+        noise = np.sum((1 - share) ** 2 + share**2) * np.diag(pose)
+        errors = values(part, "d").T, values(part, "e").T
+        for joint, d, e, own in zip(names, *errors, noise, strict=True):
+            slope, standard_error = _slope(d, e, part["take"], own)
             row = {"frames": frames, "joint": joint, "number": len(part), "slope": slope}
             row |= {"standard_error": standard_error, "deviation": _rms(d), "scatter": _rms(e)}
             rows.append(row)
@@ -131,15 +115,11 @@ def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataF
 
 
 def slope_scores(slopes: pd.DataFrame) -> dict[str, float]:
-    """The slopes of :func:`error_slopes` over the frames near a sample, by names that say the
-    joint; gaps are left out.
-    """
+    """The slopes of :func:`error_slopes` over the frames near a sample, by names; no gaps."""
     rows = slopes[(slopes["frames"] == NEAR_A_SAMPLE) & np.isfinite(slopes["slope"])]
-    scores = {f"depth_error_slope_{row.joint}": row.slope for row in rows.itertuples()}
-    return scores | {
-        f"depth_error_slope_{row.joint}_standard_error": row.standard_error
-        for row in rows.itertuples()
-    }
+    names = "depth_error_slope_" + rows["joint"]
+    scores = dict(zip(names, rows["slope"], strict=True))
+    return scores | dict(zip(names + "_standard_error", rows["standard_error"], strict=True))
 
 
 def _rms(values: np.ndarray) -> float:
@@ -147,9 +127,7 @@ def _rms(values: np.ndarray) -> float:
 
 
 def _slope(d: np.ndarray, e: np.ndarray, takes: pd.Series, noise: float) -> tuple[float, float]:
-    """Slope of ``e`` on ``d`` (rows,) and its standard error; ``noise`` in rad² is what the motion
-    capture's own error adds to the sum of the squares of ``d``.
-    """
+    """Slope of ``e`` on ``d`` (rows,) and its standard error; ``noise`` rad² in the sum of d²."""
     number, power = takes.nunique(), np.sum(d**2)
     if number < 2 or not power > noise:
         return np.nan, np.nan

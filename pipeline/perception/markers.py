@@ -1,10 +1,7 @@
-"""Joint angles of one take from its motion-capture markers or bodies, by least squares
-(:mod:`pipeline.perception.posture`).
+"""Joint angles of one take from its motion-capture markers or bodies, by least squares.
 
-On a planar arm a search starts from the headings of the segments, and wrong labels are corrected by
-the places that the arm predicts; in space it starts from the frame before. One distance, the gate,
-decides whether a sample can be the marker that its label says. It has to exceed the error of the
-registration of the base frame and stay below half the distance between markers.
+One distance, the gate, decides whether a sample can be the marker of its label: beyond the error of
+the base frame's registration, below half the distance between markers.
 """
 
 from __future__ import annotations
@@ -41,9 +38,7 @@ class JointTrack(NamedTuple):
 
 
 def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
-    """Return the function of a take's rows of the table ``markers`` and its name ``take`` that
-    gives its joint angles.
-    """
+    """Return the function of a take's rows of the table ``markers`` and its name ``take``."""
     options = {"gate": mocap.gate, "max_gap": mocap.max_gap}
     if robot.plane:
         arm = arm_of(robot)
@@ -75,22 +70,13 @@ def track_plane(
     stray: np.ndarray | None = None,
     take: str = "",
 ) -> JointTrack:
-    """Return the joint angles of one take of a planar arm.
+    """Return the joint angles of one ``take`` of a planar ``arm`` from the ``positions`` (N, P, 3)
+    m of its ``points`` in the base frame, NaN where missing, and further ones ``stray`` (N, U, 3).
 
-    Counts: samples ``missing`` (label without a position), ``relabelled`` (moved to another label),
-    ``adopted`` (from the unlabelled markers), ``rejected`` (labelled, but no marker of the arm);
-    ``two_marker_fits`` (links with two of their markers); frames ``interpolated`` and ``held``.
-    Raises RecordingError (take and frames) for longer gaps than ``max_gap`` or markers that never
-    fit the arm.
-
-    Args:
-        positions: (N, P, 3) of the points in the base frame, m, NaN where missing.
-        arm: the robot.
-        points: its markers.
-        gate: m; samples farther from the place of their label are relabelled, or left out.
-        max_gap: frames; shorter runs of frames that are not solved are filled.
-        stray: (N, U, 3) further positions, likewise.
-        take: name of the take, for messages.
+    Samples beyond the ``gate`` (m) are relabelled or left out; runs of at most ``max_gap`` frames
+    are filled. Counts: samples ``missing``, ``relabelled``, ``adopted`` from the unlabelled,
+    ``rejected``; ``two_marker_fits``; frames ``interpolated`` and ``held``. Raises RecordingError
+    for longer gaps or markers that never fit.
     """
     if not len(positions):
         raise RecordingError("the take has no frame", take=take)
@@ -99,16 +85,14 @@ def track_plane(
     markers, q, residual, moved = _correct_labels(positions, extra, arm, points, gate, take)
     solved = np.isfinite(residual)
     present = ~np.isnan(markers[solved][..., 0])
-    pairs = sum((present[:, points.owner == link].sum(axis=1) == 2).sum() for link in range(3))
+    pairs = sum((present[:, mine].sum(axis=1) == 2).sum() for mine in points.of_links())
     q, filled = fill_gaps(q, solved, points.sliding, max_gap, take)
     counts = {"missing": missing} | moved | {"two_marker_fits": int(pairs)} | filled
     return JointTrack(q, residual, counts, samples=markers[..., 0].size)
 
 
 def _headings(arm: Arm, points: np.ndarray, template: np.ndarray) -> np.ndarray:
-    """(...) rad, least-squares turn about the plane's normal from the ``template`` (K, 3) of a
-    segment to ``points`` (..., K, 3) of the base frame; NaN where fewer than two are present.
-    """
+    """(...) rad, turn about the normal from ``template`` (K, 3) to ``points`` (..., K, 3)."""
     present = np.isfinite(points).all(axis=-1)
     weight = (present / np.maximum(present.sum(axis=-1), 1)[..., None])[..., None]
     measured = np.where(present[..., None], arm.to_plane(points), 0.0)
@@ -118,28 +102,19 @@ def _headings(arm: Arm, points: np.ndarray, template: np.ndarray) -> np.ndarray:
     return np.where(present.sum(axis=-1) >= 2, psi, np.nan)
 
 
-def _solve(
-    points: Carried, markers: np.ndarray, starts: np.ndarray, gate: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Joint angles (N, n) of ``markers`` (N, P, 3) near the ``starts`` (N, n), and their residual
-    (N,) in m: NaN where a marker lies beyond the gate, or a joint is not decided.
-    """
-    solution = points.solve_all(markers, starts)
-    fits = solution.decided & (solution.distances <= gate).all(axis=-1)
-    return solution.q, np.where(fits, solution.residual, np.nan)
-
-
 def _correct_labels(
     positions: np.ndarray, extra: np.ndarray, arm: Arm, points: Carried, gate: float, take: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, int]]:
     """Markers (N, P, 3) with the right labels, joint angles (N, n), residuals (N,), NaN where there
-    are none, and the counts of samples moved; arguments as of :func:`track_plane`.
-
-    Frames that fit the arm as they are labelled stay. In the others every position, labelled or
-    not, goes to the label whose place, predicted from the nearest solved frames, it fits best: an
-    optimal assignment under the gate.
+    are none, and the counts moved. In frames that do not fit every position goes to the label whose
+    place, predicted from the nearest solved frames, it fits best: an optimal assignment.
     """
     from scipy.optimize import linear_sum_assignment
+
+    def solve(markers: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        solution = points.solve_all(markers, starts)
+        fits = solution.decided & (solution.distances <= gate).all(axis=-1)
+        return solution.q, np.where(fits, solution.residual, np.nan)
 
     labels, frames = len(points.owner), np.arange(len(positions))
     psi = [_headings(arm, positions[:, mine], points.places[mine]) for mine in points.of_links()]
@@ -147,8 +122,7 @@ def _correct_labels(
         known = np.isfinite(heading)
         turned = np.unwrap(heading[known])
         heading[~known] = np.interp(frames[~known], frames[known], turned) if known.any() else 0.0
-    q = arm.chain.joints_from_segments(np.stack(psi, axis=-1))
-    q, residual = _solve(points, positions, q, gate)
+    q, residual = solve(positions, arm.chain.joints_from_segments(np.stack(psi, axis=-1)))
     moved = {"relabelled": 0, "adopted": 0, "rejected": 0}
     strays = np.isfinite(extra).all(axis=-1)
     incomplete = np.isnan(positions[..., 0]).any(axis=-1) & strays.any(axis=-1)
@@ -169,13 +143,13 @@ def _correct_labels(
         label, sample = linear_sum_assignment(np.minimum(square, gate**2))
         close = square[label, sample] <= gate**2
         label, sample = label[close], sample[close]
-        present = int(np.isfinite(markers[k]).all(axis=-1).sum())
+        present, own = int(np.isfinite(markers[k]).all(axis=-1).sum()), sample < labels
         markers[k] = np.nan
         markers[k, label] = candidates[sample]
-        q[k : k + 1], residual[k : k + 1] = _solve(points, markers[k : k + 1], expected[None], gate)
-        moved["relabelled"] += int(((sample < labels) & (sample != label)).sum())
-        moved["adopted"] += int((sample >= labels).sum())
-        moved["rejected"] += present - int((sample < labels).sum())
+        q[k : k + 1], residual[k : k + 1] = solve(markers[k : k + 1], expected[None])
+        moved["relabelled"] += int((own & (sample != label)).sum())
+        moved["adopted"] += int((~own).sum())
+        moved["rejected"] += present - int(own.sum())
     return markers, q, residual, moved
 
 
@@ -191,13 +165,14 @@ def _predict(q: np.ndarray, solved: np.ndarray, k: int) -> np.ndarray:
 def _first_pose(
     positions: np.ndarray, extra: np.ndarray, arm: Arm, points: Carried, gate: float, take: str
 ) -> tuple[int, np.ndarray]:
-    """A frame and its joint angles (n,) where no frame fits as it is labelled: from the shape of
-    the triangles and the chain alone.
-
-    Link by link, the ordered triple of positions that has the template's shape and starts where the
-    link before it ends. Raises RecordingError where no frame has such triples.
+    """A frame and its joint angles (n,) where none fits as labelled: link by link, the ordered
+    triple of positions that has the template's shape and starts where the link before ends.
     """
     links, chain = len(points.chains), arm.chain
+
+    def sides(triangles: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(triangles - np.roll(triangles, 1, axis=-2), axis=-1)
+
     for k in range(len(positions)):
         found = np.concatenate([positions[k], extra[k]])
         found = found[np.isfinite(found).all(axis=-1)]
@@ -208,7 +183,7 @@ def _first_pose(
         for j, mine in enumerate(points.of_links()):
             # two markers that lie within the gate of their places are as far apart as these, but
             # for twice the gate
-            off = np.abs(_sides(ordered) - _sides(points.places[mine]))
+            off = np.abs(sides(ordered) - sides(points.places[mine]))
             triples = ordered[(off <= 2 * gate).all(axis=-1)]
             if not len(triples):
                 break
@@ -225,11 +200,6 @@ def _first_pose(
     raise RecordingError(f"{message} and the gate", take=take)
 
 
-def _sides(triangles: np.ndarray) -> np.ndarray:
-    """(..., 3) m lengths of the sides of triangles (..., 3, 3)."""
-    return np.linalg.norm(triangles - np.roll(triangles, 1, axis=-2), axis=-1)
-
-
 def track_space(
     positions: np.ndarray,
     points: Carried,
@@ -240,15 +210,13 @@ def track_space(
     stray: np.ndarray | None = None,
     take: str = "",
 ) -> JointTrack:
-    """Return the joint angles of one take of an arm in space; unlabelled markers stay unused.
+    """Return the joint angles of one take of an arm in space, as :func:`track_plane`; ``joints``:
+    names of the n joints; ``stray`` stays unused.
 
-    The first frame that one posture alone fits is the start, the others follow from it in blocks. A
-    frame with a point beyond the gate goes without the link whose absence lets it fit best; one
-    that does not fit then, or whose points do not decide every joint, is missing. Counts: samples
-    ``missing`` and ``rejected``; frames ``unfit``, ``undecided``, ``interpolated`` and ``held``.
-    Raises RecordingError where no frame is decided, or fits, and for longer gaps than ``max_gap``.
-
-    Arguments as of :func:`track_plane`; ``joints``: names of the n joints.
+    The first frame that one posture alone fits is the start, the others follow in blocks. A frame
+    with a point beyond the gate goes without the link whose absence lets it fit best. Counts:
+    samples ``missing`` and ``rejected``; frames ``unfit``, ``undecided``, ``interpolated`` and
+    ``held``. Raises RecordingError where no frame is decided or fits, and for longer gaps.
     """
     frames, n = len(positions), len(joints)
     first, start = _first(positions, points, joints, gate, take)
@@ -283,9 +251,7 @@ def track_space(
 def _first(
     positions: np.ndarray, points: Carried, joints: Sequence[str], gate: float, take: str
 ) -> tuple[int, np.ndarray]:
-    """The first frame that one posture alone fits, and that posture (n,); RecordingError where
-    there is none.
-    """
+    """The first frame that one posture alone fits, and that posture (n,), or RecordingError."""
     several, undecided = 0, None
     for k, measured in enumerate(positions):
         if np.isnan(measured[:, 0]).all():
@@ -296,34 +262,28 @@ def _first(
             return k, decided[0].q
         several = max(several, len(decided))
         undecided = next((one for one in postures if not one.decided), undecided)
-    key = "dataset.mocap.markers"
+    key = "markers"
     if undecided is not None:
         values, vectors = np.linalg.eigh(undecided.normal)
         share = (vectors[:, values < LEAST_LEVER**2] ** 2).sum(axis=1)
         left = [name for name, part in zip(joints, share, strict=True) if part > OPEN]
         message = f"the markers and bodies leave {', '.join(left)} open: follow another link"
     elif several > 1:
-        key = "dataset.mocap.posture"
-        message = (
-            f"{several} postures of the arm fit the markers and bodies: follow another link, or "
-            "say about which one a take starts"
-        )
+        key = "posture"
+        message = f"{several} postures of the arm fit the markers and bodies: follow another link,"
+        message += " or say about which one a take starts"
     else:
-        message = (
-            f"no posture of the arm has all markers and bodies of a frame within {gate:g} m: check "
-            "their places and mounts, the base, and the gate"
-        )
-    raise RecordingError(message, take=take, key=key)
+        message = f"no posture of the arm has all markers and bodies of a frame within {gate:g} m:"
+        message += " check their places and mounts, the base, and the gate"
+    raise RecordingError(message, take=take, key=f"dataset.mocap.{key}")
 
 
 def fill_gaps(
     q: np.ndarray, solved: np.ndarray, sliding: np.ndarray, max_gap: int, take: str
 ) -> tuple[np.ndarray, dict[str, int]]:
-    """Return ``q`` (N, n) without whole turns, but for ``sliding`` (n,) joints, linear in time
-    across gaps and held at the ends of the take, and the frames ``interpolated`` and ``held``.
-
-    Raises RecordingError where no frame is ``solved`` (N,), or more than ``max_gap`` in a row are
-    not.
+    """Return ``q`` (N, n) without whole turns but of ``sliding`` (n,) joints, linear across gaps
+    and held at the ends, and the frames ``interpolated`` and ``held``. Raises RecordingError where
+    no frame is ``solved`` (N,), or more than ``max_gap`` in a row are not.
     """
     frames = np.flatnonzero(solved)
     if not len(frames):
@@ -331,12 +291,9 @@ def fill_gaps(
     edges = np.concatenate([[-1], frames, [len(q)]])
     longest = int(np.argmax(np.diff(edges)))
     if edges[longest + 1] - edges[longest] - 1 > max_gap:
-        message = (
-            f"markers give no joint angles for longer than {max_gap} frames: repair the labels, "
-            "or leave the take out"
-        )
-        frames = f"{edges[longest] + 1} to {edges[longest + 1] - 1}"
-        raise RecordingError(message, take=take, frames=frames)
+        message = f"markers give no joint angles for longer than {max_gap} frames: repair the"
+        where = {"frames": f"{edges[longest] + 1} to {edges[longest + 1] - 1}"}
+        raise RecordingError(f"{message} labels, or leave the take out", take=take, **where)
     known = np.where(sliding, q[frames], np.unwrap(q[frames], axis=0))
     q = np.stack([np.interp(np.arange(len(q)), frames, joint) for joint in known.T], axis=1)
     held = int(frames[0] + len(q) - 1 - frames[-1])

@@ -1,8 +1,5 @@
-"""Least-squares posture of any chain: the joint angles at which the points that its links carry lie
-nearest to their measured places.
-
-Markers on a planar arm, markers in space and the points that a rigid body carries
-(:mod:`pipeline.recordings.motion_capture`) are points on links: one law, in metres.
+"""Least-squares posture of any chain: the joint angles at which the points that its links carry
+(markers in a plane or in space, points of rigid bodies) lie nearest to their measured places.
 """
 
 from __future__ import annotations
@@ -72,30 +69,25 @@ class Carried:
     def carry(self, q: np.ndarray) -> np.ndarray:
         """Return where the arm at ``q`` (S, n) carries the points, (S, P, 3) m in the base."""
         result = np.empty((len(q), *self.places.shape))
-        for mine, chain in zip(self.of_links(), self.chains, strict=True):
-            position, lever = self._levers(mine, chain, q)
+        for link, mine in enumerate(self.of_links()):
+            position, lever = self._levers(link, q)
             result[:, mine] = position[:, None] + lever
         return result
 
-    def _levers(
-        self, mine: np.ndarray, chain: SerialChain, q: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _levers(self, link: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Position (S, 3) of a link and its points relative to it (S, points, 3), m."""
-        pose = chain.pose(q[:, : len(chain.lower)])
-        return pose[:, :3], self.places[mine] @ np.swapaxes(pose[:, 3:].reshape(-1, 3, 3), -1, -2)
+        pose = self.chains[link].pose(q[:, : len(self.chains[link].lower)])
+        turn = np.swapaxes(pose[:, 3:].reshape(-1, 3, 3), -1, -2)
+        return pose[:, :3], self.places[self.owner == link] @ turn
 
     def solve(self, measured: np.ndarray, start: np.ndarray) -> Solution:
-        """Return the joint angles near ``start`` (n,) for the points ``measured`` (P, 3) in m in
-        the base frame, NaN where missing.
-        """
+        """Return the joint angles near ``start`` (n,) for ``measured`` (P, 3) m, NaN if missing."""
         return next(self.solve_all(measured[None], np.asarray(start, dtype=float)[None]).each())
 
     def solve_all(self, measured: np.ndarray, starts: np.ndarray) -> Solution:
-        """Return the joint angles of least sum of squares near each of the ``starts`` (S, n), for
-        the points ``measured`` (S, P, 3) of each, by Levenberg and Marquardt.
-
-        A step comes from the eigenvalues of JᵀJ, J (3P, n) the points' derivatives: along
-        directions that the points do not decide the angles stay about where they were.
+        """Return the joint angles of least squares near each of the ``starts`` (S, n) for
+        ``measured`` (S, P, 3) by Levenberg and Marquardt, with steps from the eigenvalues of JᵀJ:
+        along directions that the points do not decide the angles stay about where they were.
         """
         q, seen = np.array(starts, dtype=float), ~np.isnan(measured[..., 0])
         normal, gradient, distances = self._equations(q, measured)
@@ -120,27 +112,21 @@ class Carried:
         decided = np.linalg.eigvalsh(normal)[:, 0] >= LEAST_LEVER**2
         return Solution(q, distances, seen, normal, decided)
 
-    def _equations(
-        self, q: np.ndarray, measured: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return JᵀJ (S, n, n), Jᵀr (S, n) and |r| (S, P) in m of the ways r from the points at
-        ``q`` (S, n) to ``measured`` (S, P, 3); missing points count for nothing.
-        """
+    def _equations(self, q: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, ...]:
+        """JᵀJ (S, n, n), Jᵀr (S, n) and |r| (S, P) in m of the ways r to ``measured`` (S, P, 3)."""
         starts, n = q.shape
         normal, gradient = np.zeros((starts, n, n)), np.zeros((starts, n))
         distances = np.zeros(measured.shape[:2])
-        for mine, chain in zip(self.of_links(), self.chains, strict=True):
-            m = len(chain.lower)
-            position, lever = self._levers(mine, chain, q)
-            jacobian = chain.jacobian(q[:, :m])
+        for link, mine in enumerate(self.of_links()):
+            m = len(self.chains[link].lower)
+            position, lever = self._levers(link, q)
+            jacobian = self.chains[link].jacobian(q[:, :m])
             way = measured[:, mine] - position[:, None] - lever
             seen = ~np.isnan(way[..., :1])
             way = np.where(seen, way, 0.0)
             # (S, points, 3, m): v + ω × lever of each joint
-            (wx, wy, wz), (x, y, z) = (
-                jacobian[:, 3:, None].swapaxes(0, 1),
-                lever.T[..., None].swapaxes(1, 2),
-            )
+            wx, wy, wz = jacobian[:, 3:, None].swapaxes(0, 1)
+            x, y, z = lever.T[..., None].swapaxes(1, 2)
             turning = np.stack([wy * z - wz * y, wz * x - wx * z, wx * y - wy * x], axis=2)
             moved = (jacobian[:, None, :3] + turning) * seen[..., None]
             moved = moved.reshape(starts, -1, m)
@@ -151,8 +137,8 @@ class Carried:
 
     def postures(self, measured: np.ndarray, gate: float) -> list[Solution]:
         """Return the postures within the joint limits at which every point of ``measured`` (P, 3)
-        lies within ``gate`` (m) of its place: as far as starts all over the limits find them, or
-        the one about the stated posture; of whole turns, the nearest to it or to mid-range.
+        is within ``gate`` (m): as far as starts all over the limits find them, or about the stated
+        one; of whole turns the nearest to it or to mid-range.
         """
         from scipy.stats import qmc
 
@@ -179,9 +165,8 @@ class Carried:
     def without_a_link(
         self, measured: np.ndarray, start: np.ndarray, gate: float
     ) -> Solution | None:
-        """Return the best of the solutions near ``start`` (n,) that leave out one link's points and
-        have every other within ``gate`` (m); None where there is none, or it does not decide the
-        joints.
+        """Return the best of the solutions near ``start`` (n,) that leave out one link, decide the
+        joints and have every other point within ``gate`` (m); None where there is none.
         """
         solutions = [
             self.solve(np.where((self.owner == link)[:, None], np.nan, measured), start)
@@ -191,24 +176,18 @@ class Carried:
         return min(fitting, key=lambda one: one.residual, default=None)
 
     def errors(self, solution: Solution) -> np.ndarray:
-        """(n,) standard errors of the joint angles by JᵀJ and the residuals; NaN where the points
-        hold no more numbers than there are joints.
-        """
-        owners = self.owner[solution.seen]
-        held = sum(
-            min(BODY, 3 * number) if self.bodies[link] else 3 * number
-            for link, number in zip(*np.unique(owners, return_counts=True), strict=True)
-        )
-        free = held - len(solution.q)
-        if free <= 0:
+        """(n,) standard errors of the joint angles by JᵀJ and residuals; NaN without redundancy."""
+        links, counts = np.unique(self.owner[solution.seen], return_counts=True)
+        held = np.where(self.bodies[links], np.minimum(BODY, 3 * counts), 3 * counts).sum()
+        if (free := held - len(solution.q)) <= 0:
             return np.full(len(solution.q), np.nan)
         square = (solution.distances**2).sum()
         return np.sqrt(square / free * np.diag(np.linalg.inv(solution.normal)))
 
 
 def points_in_space(robot: Robot, mocap: Mocap) -> Carried:
-    """Return the points of ``mocap`` on the links of ``robot``; raises ConfigError for links that
-    it does not have or does not move, and for one without points.
+    """Return the points of ``mocap`` on the links of ``robot``; ConfigError for links that it does
+    not have or move, or without points.
     """
     key = "dataset.mocap.markers"
     chain, chains = chain_of(robot), link_chains(robot, mocap.markers, key)
@@ -220,37 +199,26 @@ def points_in_space(robot: Robot, mocap: Mocap) -> Carried:
     if posture is not None and len(posture) != len(chain.lower):
         message = f"{len(posture)} angles for an arm of {len(chain.lower)} joints"
         raise ConfigError(message, key="dataset.mocap.posture")
-    return Carried(
-        chains=list(chains.values()),
-        sliding=np.asarray(chain.sliding, dtype=bool),
-        lower=chain.lower,
-        upper=chain.upper,
-        owner=np.repeat(np.arange(len(places)), [len(points) for points in places.values()]),
-        places=np.concatenate([*places.values()]),
-        bodies=np.array([link in mocap.bodies for link in places]),
-        posture=posture,
-    )
+    owner = np.repeat(np.arange(len(places)), [len(points) for points in places.values()])
+    bodies, sliding = [link in mocap.bodies for link in places], np.asarray(chain.sliding, bool)
+    points = owner, np.concatenate([*places.values()]), np.array(bodies), posture
+    return Carried([*chains.values()], sliding, chain.lower, chain.upper, *points)
 
 
 def points_in_plane(arm: Arm, template: np.ndarray) -> Carried:
     """Return the points at ``template`` (3 links, 3, 3) m in the segment frames of a planar arm;
-    raises ConfigError unless the three of each link span a triangle, along the plane's normal too.
+    ConfigError unless the three of each link span a triangle.
     """
     if np.shape(template) != (3, 3, 3) or not np.isfinite(template).all():
-        message = (
-            "a planar arm needs three markers, each with its place x, y, z, on each of its three "
-            "segments"
-        )
-        raise ConfigError(message, key="dataset.mocap.markers", shape=np.shape(template))
+        message = "a planar arm needs three markers, each with its place x, y, z, on each of its"
+        where = {"key": "dataset.mocap.markers", "shape": np.shape(template)}
+        raise ConfigError(f"{message} three segments", **where)
     for link, corners in enumerate(template, start=1):
         spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[1]
         sides = np.linalg.norm((corners - np.roll(corners, 1, axis=0))[:, [0, 2]], axis=1)
         if spread < MIN_LEVER / 2 or sides.min() < MIN_LEVER:
-            message = (
-                "the markers of a link are in line, or two of them are too close in the plane of "
-                "the arm"
-            )
-            raise ConfigError(message, link=link)
+            message = "the markers of a link are in line, or two of them are too close in the plane"
+            raise ConfigError(f"{message} of the arm", link=link)
     chain, links = arm.chain, len(template)
     # the frame of a joint that turns about ± the plane's normal y: z along its axis, x the plane's
     frames = np.array([[[1.0, 0, 0], [0, 0, sign], [0, -sign, 0]] for sign in chain.signs])
@@ -259,19 +227,11 @@ def points_in_plane(arm: Arm, template: np.ndarray) -> Carried:
     placements, chains = [np.append(arm.rotation @ frames[0], origin)], []
     for j in range(links):
         to_link = np.array([*placements, np.append(ends[j], np.zeros(3))])
-        sliding, speed = np.zeros(j + 1, dtype=bool), chain.max_speed[: j + 1]
-        limits = chain.lower[: j + 1], chain.upper[: j + 1]
-        chains.append(SerialChain(SPACE, 1.0, to_link, sliding, *limits, speed))
+        limits = (each[: j + 1] for each in (chain.lower, chain.upper, chain.max_speed))
+        chains.append(SerialChain(SPACE, 1.0, to_link, np.zeros(j + 1, dtype=bool), *limits))
         if j + 1 < links:
             step = frames[j].T @ [chain.links[j, 0], 0.0, chain.links[j, 1]]
             placements.append(np.append(frames[j].T @ frames[j + 1], step))
-    return Carried(
-        chains=chains,
-        sliding=np.zeros(links, dtype=bool),
-        lower=chain.lower,
-        upper=chain.upper,
-        owner=np.repeat(np.arange(links), template.shape[1]),
-        places=template.reshape(-1, 3),
-        bodies=np.zeros(links, dtype=bool),
-        posture=None,
-    )
+    owner, none = np.repeat(np.arange(links), template.shape[1]), np.zeros(links, dtype=bool)
+    limits = chain.lower, chain.upper
+    return Carried(chains, none, *limits, owner, template.reshape(-1, 3), none, None)

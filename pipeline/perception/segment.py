@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import cv2
@@ -35,11 +36,10 @@ class Crop:
 class ArmSegmenter:
     """Cuts the arm out of the depth images of one fixed camera.
 
-    ``camera_matrix`` (3, 3) and ``distortion`` (k,) in OpenCV's order; ``rotation`` (3, 3) and
-    ``translation`` (3,) m: pose of the camera (x right, y down, z forward) in the arm's base frame;
-    ``shape`` (rows, columns) of the images. A point of pixel (u, v) at depth d is c + d·r(u, v) in
-    the plane's frame; c and the rays r of the pixels that can see the arm are computed here, once.
-    Raises ConfigError where no pixel can see it.
+    ``camera_matrix`` (3, 3) and ``distortion`` (k,) as OpenCV's; ``rotation`` (3, 3),
+    ``translation`` (3,) m: pose of the camera (x right, y down, z forward) in the arm's base;
+    ``shape`` (rows, columns). A pixel at depth d is at c + d·r in the plane. ConfigError where none
+    sees the arm.
     """
 
     def __init__(
@@ -73,24 +73,18 @@ class ArmSegmenter:
                 distance = np.hypot(*away)
             sees |= (depth > 0) & (distance <= self.reach)
         if not sees.any():
-            message = (
-                "no pixel of the depth camera sees the arm: check the camera's pose, its "
-                "intrinsics and the crop"
-            )
-            raise ConfigError(message, shape=shape)
+            message = "no pixel of the depth camera sees the arm: check the camera's pose, its"
+            raise ConfigError(f"{message} intrinsics and the crop", shape=shape)
         across, down = np.flatnonzero(sees.any(axis=0)), np.flatnonzero(sees.any(axis=1))
         self.window = (slice(down[0], down[-1] + 1), slice(across[0], across[-1] + 1))
         self.across_plane = rays[1][self.window].copy()
         self.in_plane = [rays[i][self.window].ravel() for i in (0, 2)]
 
     def __call__(self, depth: np.ndarray, **evidence: object) -> tuple[np.ndarray, dict[str, int]]:
-        """Return points (I, 2) of the arm (x, z in the plane, m), row by row, and the pixels of the
-        window that are left out, by reason.
-
-        ``depth`` (rows, columns) in m along the camera's axis, 0 or NaN without a measurement.
-        Reasons: ``no_depth``; ``off_plane`` beyond the arm's depth; ``out_of_reach``; ``base``
-        turntable and floor; ``isolated`` in patches of too few pixels; ``thinned`` (evenly, to
-        ``max_points``). Raises RecordingError (with ``evidence``) for an image of another shape.
+        """Return points (I, 2) of the arm (x, z in the plane, m) of ``depth`` (rows, columns) m, 0
+        or NaN without a measurement, row by row, and the pixels left out by reason: ``no_depth``,
+        ``off_plane``, ``out_of_reach``, ``base``, ``isolated`` in small patches, ``thinned``
+        evenly. Raises RecordingError for another shape.
         """
         if depth.shape != self.shape:
             message = f"a depth image of {depth.shape} pixels from a camera of {self.shape}"
@@ -120,12 +114,9 @@ class ArmSegmenter:
 
 
 class CloudSegmenter:
-    """Cuts the arm out of point clouds: the rules of :class:`ArmSegmenter` where there are no
-    pixels, by Open3D.
-
-    ``rotation`` (3, 3) and ``translation`` (3,) m: pose of the clouds' frame in the arm's base
-    frame. Open3D is used where it decides by comparing distances (crop, radius outliers, DBSCAN):
-    its sums over many points, as in the statistical outliers, depend on their order.
+    """Cuts the arm out of point clouds by the rules of :class:`ArmSegmenter`; ``rotation`` (3, 3),
+    ``translation`` (3,) m of the clouds in the arm's base. Open3D decides by distances alone (crop,
+    radius outliers, DBSCAN): its sums over many points depend on their order.
     """
 
     def __init__(self, arm: Arm, rotation: np.ndarray, translation: np.ndarray, crop: Crop) -> None:
@@ -134,22 +125,19 @@ class CloudSegmenter:
         self.reach = float(arm.chain.lengths.sum()) + crop.girth
 
     def __call__(self, cloud: np.ndarray) -> tuple[np.ndarray, dict[str, int]]:
-        """Return points (I, 2) of the arm (x, z in the plane, m) in the order of the ``cloud``
-        (N, 3) m, and the numbers of those left out, by reason.
-
-        Reasons as of :class:`ArmSegmenter`, but ``isolated`` are points with fewer than
-        ``NEIGHBOURS`` others within ``LINK``, and clusters of too few points, linked within it.
+        """Return points (I, 2) of the arm (x, z in the plane, m) in the order of the ``cloud`` (N,
+        3) m, and the numbers left out by reason; ``isolated`` are points with fewer than NEIGHBOURS
+        others within LINK, and small clusters.
         """
         open3d = load_open3d()
         crop, origin, (rotation, translation) = self.crop, self.arm.chain.origin, self.pose
         plane = self.arm.to_plane(cloud @ rotation.T + translation)
         points = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(plane))
-        slab, dropped = np.array([np.inf, crop.half_depth, np.inf]), {}
+        slab, dropped = np.array([np.inf, crop.half_depth, np.inf]), Counter()
 
         def keep(chosen: open3d.geometry.PointCloud, reason: str) -> np.ndarray:
             nonlocal points
-            lost = len(points.points) - len(chosen.points)
-            dropped[reason] = dropped.get(reason, 0) + lost
+            dropped[reason] += len(points.points) - len(chosen.points)
             points = chosen
             return np.asarray(points.points)[:, [0, 2]]
 
@@ -163,13 +151,11 @@ class CloudSegmenter:
         cluster = np.asarray(points.cluster_dbscan(LINK, 1), dtype=int)
         found = keep(among(np.bincount(cluster)[cluster] >= crop.min_pixels), "isolated")
         dropped["thinned"] = max(0, len(found) - crop.max_points)
-        return _thinned(found, crop), dropped
+        return _thinned(found, crop), dict(dropped)
 
 
 def _patches(pixels: np.ndarray, width: int) -> np.ndarray:
-    """(I,) number of the connected patch of each of the ``pixels`` (I,), which increase, of an
-    image as wide as this; only the rows that have any are gone through.
-    """
+    """(I,) number of the connected patch of each of the growing ``pixels`` (I,) of an image."""
     if not len(pixels):
         return pixels
     first, last = pixels[0] // width, pixels[-1] // width

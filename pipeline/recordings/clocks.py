@@ -1,6 +1,4 @@
-"""Clock offset between two instruments that saw the same motion, and depth takes on the motion
-clock: by the stated offset, else by the seen arm that moves as its markers do.
-"""
+"""Clock offset between two instruments that saw the same motion: stated, or found."""
 
 from __future__ import annotations
 
@@ -19,9 +17,8 @@ MIN_OVERLAP = 0.5  # share of the first signal that has to fall inside the secon
 
 
 class Offset(NamedTuple):
-    """``value`` s to add to the first clock to read the second, in the middle of the take; its
-    standard error in s; multiple correlation at the optimum; ``drift`` s/s by which the second
-    clock gains on the first, to first order, and its standard error.
+    """``value`` s to add to the first clock to read the second, in the middle of the take; multiple
+    correlation at the optimum; ``drift`` s/s by which the second clock gains; standard errors.
     """
 
     value: float
@@ -41,23 +38,33 @@ def find_offset(
     min_correlation: float = 0.9,
     take: str = "",
 ) -> Offset:
-    """Return the offset τ of the least squares ‖a(t) − B·b(t + τ) − c‖² over τ, matrix B, vector c.
+    """Return the offset τ of the least squares ‖a(t) − B·b(t + τ) − c‖² over τ, matrix B, vector c,
+    which are eliminated for every τ (variable projection, Golub and Pereyra 1973): two instruments
+    see different points of the moving body. Its standard error takes the residuals' variance in
+    each component and their lag-one correlation.
 
-    ``t_a`` (F,) and ``t_b`` (K,) are times in s on their own clocks, increasing; ``a`` (F, d) and
-    ``b`` (K, e) the signals in any units, b the one sampled faster (it is interpolated by a cubic
-    spline). B and c are free because two instruments see different points of the moving body; they
-    are eliminated for every τ (variable projection, Golub and Pereyra 1973). The standard error is
-    of the linearised problem, with the residuals' own variance in each component and their lag-one
-    correlation.
-
-    Raises RecordingError (take) for signals that are too short, do not move, are not alike
-    (correlation below ``min_correlation``) or fit best at the edge of ``search`` (s).
+    ``t_a`` (F,) and ``t_b`` (K,) s on their own clocks, increasing; ``a`` (F, d), ``b`` (K, e) in
+    any units, b interpolated by a cubic spline. Raises RecordingError (take) for signals that are
+    too short, do not move, are not alike or fit best at the edge of ``search`` (s).
     """
     from scipy.interpolate import CubicSpline
     from scipy.optimize import minimize_scalar
 
-    t_a, a = _clean(t_a, a, take)
-    t_b, b = _clean(t_b, b, take)
+    def refused(message: str, **evidence: object) -> RecordingError:
+        return RecordingError(message, take=take, **evidence)
+
+    signals = []
+    for t, signal in ((t_a, a), (t_b, b)):
+        t, signal = np.asarray(t, dtype=float), np.asarray(signal, dtype=float)
+        if len(t) != len(signal):
+            raise refused(f"{len(t)} times for {len(signal)} samples")
+        signal = signal.reshape(len(signal), -1)
+        finite = np.isfinite(t) & np.isfinite(signal).all(axis=1)
+        signals += [t[finite], signal[finite]]
+        if finite.sum() < 10 or np.any(np.diff(t[finite]) <= 0):
+            message = "a signal with fewer than 10 samples, or whose times do not increase"
+            raise refused(f"{message}, gives no clock offset")
+    t_a, a, t_b, b = signals
     spline = CubicSpline(t_b, b)
 
     def inside(tau: float) -> np.ndarray:
@@ -74,30 +81,24 @@ def find_offset(
         left, use = residuals(tau)[0], inside(tau)
         return float((left**2).sum() / ((a[use] - a[use].mean(axis=0)) ** 2).sum())
 
-    def refusal(message: str, **evidence: object) -> RecordingError:
-        return RecordingError(message, take=take, **evidence)
-
     if not (np.ptp(a, axis=0).any() and np.ptp(b, axis=0).any()):
-        raise refusal("no motion to compare the clocks by: one of the signals is constant")
+        raise refused("no motion to compare the clocks by: one of the signals is constant")
     grid = np.linspace(*search, max(3, round((search[1] - search[0]) / GRID) + 1))
     least = max(MIN_OVERLAP * len(t_a), 2 * b.shape[1] + 4)
     grid = grid[[inside(tau).sum() >= least for tau in grid]]
     if len(grid) < 3:
         message = "the two signals do not overlap anywhere in the search range of the clock offset"
-        raise refusal(message, search=search)
+        raise refused(message, search=search)
     best = int(np.argmin([unexplained(tau) for tau in grid]))
     if best in (0, len(grid) - 1):
         message = "the clock offset lies at the edge of the search range, or beyond"
-        raise refusal(message, offset=round(float(grid[best]), 4))
+        raise refused(message, offset=round(float(grid[best]), 4))
     bounds, options = (grid[best - 1], grid[best + 1]), {"xatol": 1e-7}
     tau = float(minimize_scalar(unexplained, bounds=bounds, method="bounded", options=options).x)
     correlation = float(np.sqrt(max(0.0, 1.0 - unexplained(tau))))
     if correlation < min_correlation:
-        message = (
-            "the signals of the two instruments are not alike at any clock offset: no motion, or "
-            "not the same take"
-        )
-        raise refusal(message, correlation=round(correlation, 3))
+        message = "the signals of the two instruments are not alike at any clock offset: no motion"
+        raise refused(f"{message}, or not the same take", correlation=round(correlation, 3))
     residual, regressors, affine = residuals(tau)
     time = t_a[inside(tau)]
     slope = spline.derivative()(time + tau) @ affine[:-1]
@@ -115,13 +116,12 @@ def find_offset(
 
 
 def _standard_error(residual: np.ndarray, slope: np.ndarray, parameters: int) -> float:
-    """Standard error of a parameter from residuals (F, d) and their derivative by it (F, d), less
-    the part that other parameters take up.
+    """Standard error of a parameter from residuals (F, d) and the part of their derivative by it
+    (F, d) that other parameters do not take up.
     """
     freedom = len(residual) - parameters - 1 / residual.shape[1]
-    information = (slope**2).sum(axis=0)
+    information, square = (slope**2).sum(axis=0), (residual**2).sum()
     variance = (residual**2).sum(axis=0) / freedom
-    square = (residual**2).sum()
     lag = (residual[1:] * residual[:-1]).sum() / square if square else 0.0
     # the variance of a mean of AR(1) noise is larger by this factor; a negative correlation is not
     # taken as a gain
@@ -129,38 +129,11 @@ def _standard_error(residual: np.ndarray, slope: np.ndarray, parameters: int) ->
     return float(np.sqrt(inflation * (variance * information).sum()) / information.sum())
 
 
-def _clean(t: np.ndarray, signal: np.ndarray, take: str) -> tuple[np.ndarray, np.ndarray]:
-    t, signal = np.asarray(t, dtype=float), np.asarray(signal, dtype=float)
-    signal = signal.reshape(len(signal), -1)
-    if len(t) != len(signal):
-        raise RecordingError(f"{len(t)} times for {len(signal)} samples", take=take)
-    finite = np.isfinite(t) & np.isfinite(signal).all(axis=1)
-    t, signal = t[finite], signal[finite]
-    if len(t) < 10 or np.any(np.diff(t) <= 0):
-        message = (
-            "a signal with fewer than 10 samples, or whose times do not increase, gives no clock "
-            "offset"
-        )
-        raise RecordingError(message, take=take)
-    return t, signal
-
-
-def _marker_centroid(rows: pd.DataFrame, arm: Arm) -> tuple[np.ndarray, np.ndarray]:
-    """Times (K,) s and centroid (K, 2) m in the plane of the labelled markers, at the frames that
-    show all of them.
-    """
-    labelled = rows[rows.link > 0]
-    plane = arm.to_plane(labelled[["x", "y", "z"]].to_numpy())
-    table = pd.DataFrame({"t": labelled["t"].to_numpy(), "x": plane[:, 0], "z": plane[:, 2]})
-    centroid = table.groupby("t").mean(skipna=False).dropna()
-    return centroid.index.to_numpy(), centroid.to_numpy()
-
-
 def with_markers(
     frames: pd.DataFrame, markers: pd.DataFrame
 ) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
     """Return the rows of the tables ``frames`` and ``markers`` of every take of the frames;
-    RecordingError for a take without motion capture to set its clock by.
+    RecordingError for a take without motion capture.
     """
     by_take = dict(list(markers.groupby("take")))
     takes = list(frames.groupby("take", sort=False))
@@ -174,32 +147,31 @@ def with_markers(
 def on_motion_clock(
     take: tuple[pd.DataFrame, pd.DataFrame], depth: Depth, arm: Arm
 ) -> tuple[pd.DataFrame, list[dict]]:
-    """Return the rows of the table ``frames`` of one take on the motion's clock, and the quality of
-    the clocks' offset; ``take`` as of :func:`with_markers`.
-
-    Raises RecordingError where no offset is stated and none can be found.
+    """Return the rows of the table ``frames`` of a ``take`` of :func:`with_markers` on the motion's
+    clock, and the quality of the offset: the stated one, else by the centroids in the plane of the
+    arm's points and of its labelled markers. Raises RecordingError where none can be found.
     """
     rows, markers = take
-    name, offset, quality = rows["take"].iloc[0], depth.clock_offset, []
+    name, offset, errors = rows["take"].iloc[0], depth.clock_offset, []
     if offset is None:
         observed = rows[rows["points"] > 0]
         if observed.empty:
-            message = (
-                "no frame shows the arm: check the unit of depth, the camera's pose and the "
-                "workspace"
-            )
-            raise RecordingError(message, file=rows["file"].iloc[0], take=name)
+            message = "no frame shows the arm: check the unit of depth, the camera's pose and the"
+            raise RecordingError(f"{message} workspace", file=rows["file"].iloc[0], take=name)
         centroid = np.ascontiguousarray(observed[["x", "z"]].to_numpy())
-        search = -depth.search, depth.search
-        signals = observed["t"].to_numpy(), centroid, *_marker_centroid(markers, arm)
-        found = find_offset(*signals, search=search, take=name)
+        labelled = markers[markers.link > 0]
+        plane = arm.to_plane(labelled[["x", "y", "z"]].to_numpy())
+        seen = pd.DataFrame({"t": labelled["t"].to_numpy(), "x": plane[:, 0], "z": plane[:, 2]})
+        seen = seen.groupby("t").mean(skipna=False).dropna()
+        signals = observed["t"].to_numpy(), centroid, seen.index.to_numpy(), seen.to_numpy()
+        found = find_offset(*signals, search=(-depth.search, depth.search), take=name)
         offset = found.value
-        quality = [
+        errors = [
             ("clock_offset_standard_error", found.standard_error, "s"),
             ("clock_drift", found.drift, "s/s"),
             ("clock_drift_standard_error", found.drift_standard_error, "s/s"),
             ("clock_correlation", found.correlation, "1"),
         ]
-    quality = [("clock_offset", offset, "s"), *quality]
+    quality = [("clock_offset", offset, "s"), *errors]
     rows = rows.assign(t=rows["t"] + offset)
     return rows, [quality_row(name, "test", DEPTH_CAMERA, *row) for row in quality]

@@ -1,6 +1,4 @@
-"""The commanded motion: its steps, and the checks of what is known of one motion twice: commanded
-path and velocities, tracked arm, encoders. Another unit, order or clock is no uncertainty.
-"""
+"""The commanded motion: its steps, and checks of what is known of one motion twice."""
 
 from __future__ import annotations
 
@@ -26,32 +24,28 @@ LEAST_TIMES = 3  # readings within the take; fewer decide nothing
 
 
 def commanded_steps(trajectory: pd.DataFrame, rate: float) -> np.ndarray:
-    """Return v = ẋᵈΔt (M, m), m and rad, of the steps k = 0 … M − 1 of the table ``trajectory`` at
-    ``rate`` (1/s); of a redundant arm (M, m + n): v and the commanded joint steps.
+    """Return v = ẋᵈΔt (M, m), m and rad, of the table ``trajectory`` at ``rate`` (1/s); of a
+    redundant arm (M, m + n): v and the commanded joint steps.
     """
     return np.hstack([values(trajectory, family) for family in ("v", "u")])[:-1] / rate
 
 
 def constant_speed(q: np.ndarray) -> np.ndarray:
-    """Return which (M,) steps of the mean of ``q`` (takes, M+1, n) rad have the motion's constant
-    speed: at least STEADY of the speed that only a tenth of them exceed.
+    """Return which (M,) steps of the mean of ``q`` (takes, M+1, n) rad have at least STEADY of the
+    speed that only a tenth of them exceed.
     """
     pace = np.linalg.norm(np.diff(q.mean(axis=0), axis=0), axis=-1)
     return pace >= STEADY * np.quantile(pace, 0.9)
 
 
 def named_joints(urdf: str, names: Sequence[str]) -> list[Joint | None]:
-    """Return the joints ``names`` of the file ``urdf``, None for one that it lacks or where the
-    file is still to be filled in; ConfigError as :func:`pipeline.arm.urdf.read_urdf`.
-    """
+    """Return the joints ``names`` of the file ``urdf``, None for one that it lacks."""
     joints = {} if urdf == UNFILLED else read_urdf(Path(urdf)).joints
     return [joints.get(name) for name in names]
 
 
 def circular_joints(urdf: str, names: Sequence[str]) -> np.ndarray:
-    """Return which of the joints ``names`` turn, so that their angles may wrap: all but the
-    prismatic ones of the file ``urdf``.
-    """
+    """Return which of the joints ``names`` turn: all but the prismatic ones of ``urdf``."""
     return np.array([(joint and joint.kind) != "prismatic" for joint in named_joints(urdf, names)])
 
 
@@ -69,14 +63,12 @@ def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> Non
 
 def require_commanded(q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, take: str) -> None:
     """Raise RecordingError where the tip at the tracked angles ``q`` (M+1, n) rad is not on the
-    commanded path of the table ``trajectory``, in a row of the task.
+    commanded path of the table ``trajectory``.
     """
     shares = missed(task_coordinates(chain, chain.pose(q)), values(trajectory, "x"))
     fault = "the tip that the motion capture tracked is not on the commanded path"
-    suspects = (
-        "the path's unit and columns, when it starts (dataset.trajectory), and the arm's base "
-        "(dataset.mocap.base)"
-    )
+    suspects = "the path's unit and columns, when it starts (dataset.trajectory), and the arm's"
+    suspects += " base (dataset.mocap.base)"
     _require(shares, chain.task, fault, suspects, MOST, take=take, key="dataset.trajectory")
 
 
@@ -87,17 +79,15 @@ def require_encoders(
     take: str,
     circular: np.ndarray | bool = True,
 ) -> None:
-    """Raise RecordingError where the encoders' readings, rows of the table ``encoders``, are not
-    the angles tracked at those times, rows of the table ``joints``; ``circular``: of each joint, as
-    of :func:`pipeline.core.angles.whole_turns`.
+    """Raise RecordingError where ``readings``, rows of the table ``encoders``, are not the angles
+    tracked at those times, rows ``q`` of the table ``joints``; ``circular``: which joints turn.
     """
     during = readings[readings["t"].between(q["t"].min(), q["t"].max())]
+    where = {"take": take, "key": "dataset.encoders"}
     if len(during) < LEAST_TIMES:
-        message = (
-            f"{len(during)} of {len(readings)} readings of the encoders are within the take: when "
-            "does their log start?"
-        )
-        raise RecordingError(message, take=take, key="dataset.encoders.start")
+        message = f"{len(during)} of {len(readings)} readings of the encoders are within the take"
+        where["key"] += ".start"
+        raise RecordingError(f"{message}: when does their log start?", **where)
     names = columns("q", joints)
     tracked = np.stack([np.interp(during["t"], q["t"], q[name]) for name in names], axis=1)
     read = during[names].to_numpy()
@@ -107,14 +97,10 @@ def require_encoders(
                 f"the encoders read {joint} {turns:+g} turns (2π = 6.283 rad each) beside the "
                 "angle that the motion capture tracked: log the angle that the arm's URDF has"
             )
-            raise RecordingError(message, take=take, key="dataset.encoders")
+            raise RecordingError(message, **where)
     fault = "the encoders do not read what the motion capture tracked"
-    suspects = (
-        "their angle_unit, the order of their columns (actual), and when their log starts (start)"
-    )
-    _require(
-        missed(read, tracked), joints, fault, suspects, MOST, take=take, key="dataset.encoders"
-    )
+    suspects = "their angle_unit, the order of their columns (actual), and when their log starts"
+    _require(missed(read, tracked), joints, fault, f"{suspects} (start)", MOST, **where)
 
 
 def _require(
@@ -127,8 +113,5 @@ def _require(
 ) -> None:
     worst = int(shares.argmax())
     if shares[worst] > most:
-        message = (
-            f"{fault}: {names[worst]} is off by {shares[worst]:.2g} of the motion, more than "
-            f"{most:g}; suspected are {suspects}"
-        )
-        raise RecordingError(message, **where)
+        off = f"{names[worst]} is off by {shares[worst]:.2g} of the motion, more than {most:g}"
+        raise RecordingError(f"{fault}: {off}; suspected are {suspects}", **where)

@@ -1,6 +1,4 @@
-"""The arm's points in the frames of the depth takes, in files beside the table ``frames``, and the
-joint angles that they give.
-"""
+"""The arm's points in the frames of the depth takes, and the joint angles that they give."""
 
 from __future__ import annotations
 
@@ -23,7 +21,7 @@ MOTION, DEPTH, TRACK = Path("data/ingest/motion"), Path("data/ingest/depth"), Pa
 
 def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:
     """Read the points (I, 2) of the arm, m in its plane, of a take's ``rows`` of the table
-    ``frames``, all of them in their order, from the file that ingest wrote into ``folder``.
+    ``frames``, all in their order, from the file that ingest wrote into ``folder``.
     """
     take = rows["take"].iloc[0]
     return np.split(np.load(folder / f"{take}.npy"), np.cumsum(rows["points"])[:-1])
@@ -42,21 +40,14 @@ def articulated(
     compute: Compute,
     label: str,
 ) -> pd.DataFrame:
-    """Return the table ``angles`` of the ``takes`` of :func:`depth_takes`, fitted where ``compute``
-    says; ``label`` of the progress that is printed.
-    """
+    """Return the table ``angles`` of the ``takes`` of :func:`depth_takes`."""
     joints = contracts.read("joints", TRACK)
     first = joints[(joints.part == "training") & (joints.k == 0)]
-    fit = partial(
-        _fit,
-        arm=arm_of(robot),
-        joints=robot.joints,
-        trajectory=contracts.read("trajectory", MOTION),
-        options=options,
-        start=first[columns("q", robot.joints)].mean().to_numpy(),
-    )
+    start = first[columns("q", robot.joints)].mean().to_numpy()
+    given = arm_of(robot), robot.joints, contracts.read("trajectory", MOTION), options, start
+    fit = partial(_fit, given=given)
     return pd.concat(run_trials(fit, takes, compute=compute, label=label), ignore_index=True)
 
 
-def _fit(rows: pd.DataFrame, **given: object) -> pd.DataFrame:
-    return articulate_rows(rows, arm_points(rows, DEPTH), **given)
+def _fit(rows: pd.DataFrame, given: tuple) -> pd.DataFrame:
+    return articulate_rows(rows, arm_points(rows, DEPTH), *given)

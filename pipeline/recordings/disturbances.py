@@ -1,5 +1,4 @@
-"""Repetitions of one commanded motion that were disturbed, as by a push: those that stand out from
-the others."""
+"""Repetitions of one commanded motion that stand out from the others, as after a push."""
 
 from __future__ import annotations
 
@@ -19,18 +18,14 @@ DOUBLINGS, HALVINGS = 40, 6  # of the height of a push, until it is found and to
 
 def disturbances(residuals: np.ndarray, others: Sequence[np.ndarray], rate: float) -> np.ndarray:
     """Return (..., takes) the distance of each repetition from the others, in robust standard
-    deviations from their median: as a whole, or in the joint and the window where it is greatest.
+    deviations (1.4826 times the median absolute deviation, no less than a share of the median) from
+    their median: as a whole, by the root mean square, or in the joint and window where it is
+    greatest, by the mean.
 
-    A quantity that all repetitions share, such as the lag, is their median at each step. As a whole
-    the root mean square of the rest counts; in a window the mean of the rest over the usual one
-    there. The standard deviation is 1.4826 times the median absolute deviation
-    (Gaussian-consistent), yet no less than a share of the median. A disturbance shows where more
-    repetitions are undisturbed than not; of two, neither is the disturbed one.
-
-    Args:
-        residuals: (..., takes, K, joints) rad, measured minus commanded angles.
-        others: (..., takes, K, joints) each, other signals of the joints in any unit, as currents.
-        rate: Rows a second.
+    The median over the repetitions at each step is what all share, such as the lag. ``residuals``
+    (..., takes, K, joints) rad, measured minus commanded angles at ``rate`` rows a second;
+    ``others`` likewise, other signals in any unit, as currents. Of two repetitions neither is
+    disturbed.
     """
     signals = [residuals, *others]
     farthest = np.max([_windowed(signal, rate) for signal in signals], axis=0)
@@ -39,18 +34,15 @@ def disturbances(residuals: np.ndarray, others: Sequence[np.ndarray], rate: floa
 
 
 def beside_others(signal: np.ndarray) -> np.ndarray:
-    """Return (..., takes) the root mean square of ``signal`` (..., takes, K, joints) beside its
-    median at each step.
-    """
+    """Return (..., takes) the root mean square of ``signal`` beside its median at each step."""
     return np.sqrt(np.mean(_beside(signal) ** 2, axis=(-2, -1)))
 
 
 def smallest_push(residuals: np.ndarray, beyond: float, rate: float) -> float:
-    """Return the height in rad of a push that is found nine times in ten; NaN if none is.
-
-    It is half a sine over WINDOW, of one joint in either direction, added to the ``residuals``
-    (takes, K, joints) in rad of undisturbed repetitions, at PUSHES places spread over takes, joints
-    and steps; found where its take is more than ``beyond`` robust standard deviations away.
+    """Return the height in rad of a push that is found nine times in ten, NaN if none is: half a
+    sine over WINDOW, of one joint, added to the ``residuals`` (takes, K, joints) in rad of
+    undisturbed repetitions at PUSHES places, is more than ``beyond`` robust standard deviations
+    away.
     """
     takes, length, joints = residuals.shape
     rows = _rows(length, rate)
@@ -65,17 +57,12 @@ def smallest_push(residuals: np.ndarray, beyond: float, rate: float) -> float:
         return np.mean(scores[each, pushed] > beyond) >= FOUND
 
     height = float(np.median(np.abs(_beside(residuals))) or np.abs(residuals).max())
-    for _ in range(DOUBLINGS if takes > 2 and height else 0):
-        if enough(height):
-            break
-        height *= 2
-    else:
-        return np.nan
-    low, high = 0.0, height
-    for _ in range(HALVINGS):
+    tried = height * 2.0 ** np.arange(DOUBLINGS if takes > 2 and height else 0)
+    low, high = 0.0, next(filter(enough, tried), np.nan)
+    for _ in range(HALVINGS if np.isfinite(high) else 0):
         middle = (low + high) / 2
         low, high = (low, middle) if enough(middle) else (middle, high)
-    return high
+    return float(high)
 
 
 def _beside(signal: np.ndarray) -> np.ndarray:
@@ -87,9 +74,8 @@ def _rows(length: int, rate: float) -> int:
 
 
 def _windowed(signal: np.ndarray, rate: float) -> np.ndarray:
-    """(..., takes) greatest mean, over a window and of a joint, of ``signal`` (..., takes, K,
-    joints) beside its median; over the usual one: the median over the takes in this window, yet no
-    less than over all windows of the joint, and a quarter of that over all joints.
+    """(..., takes) greatest mean over a window and of a joint of ``signal`` beside its median, over
+    the usual one: the median in this window, or of the joint, or a quarter of that of all joints.
     """
     beside, length = _beside(signal), signal.shape[-2]
     rows = _rows(length, rate)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -24,11 +23,11 @@ CLOCK_ROUNDING = 1e-6
 
 
 def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[dict]]:
-    """Return the rows of the table ``force`` of the configuration ``name``, from the end of its
-    tare on, and their quality. Moments, where torques were logged, are about the option ``point``.
+    """Return the rows of the table ``force`` of the configuration ``name`` from the end of its tare
+    on, moments about the option ``point``, and their quality.
 
-    Samples that are saturated or frozen are left out before the bias is subtracted: a sensor
-    measures the whole load. Raises ConfigError for a format that does not exist.
+    Saturated or frozen samples are left out before the bias is subtracted: a sensor measures the
+    whole load. Raises ConfigError for a format that does not exist.
     """
     log, file = force.log, raw / force.configurations[name].file
     calibration = read_calibration(raw / log.calibration) if log.calibration is not None else None
@@ -44,49 +43,32 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
     if np.isfinite(record.torque).any():
         moment = record.torque - np.cross(force.point, record.force)
         wrench = np.hstack([record.force, moment])
-    tared = remove_bias(record.time[sound], wrench[sound], force.tare)
-    axes = dict(zip(WRENCH, tared.wrench.T, strict=False))
-    quality = [(key, value) for key, value in (record.counts | faults).items()]
-    for axis, bias in zip(axes, tared.bias, strict=True):
+    time, wrench, biases = remove_bias(record.time[sound], wrench[sound], force.tare)
+    axes = dict(zip(WRENCH, wrench.T, strict=False))
+    quality = [*(record.counts | faults).items()]
+    for axis, bias in zip(axes, biases, strict=True):
         quality.append((f"bias_{axis}", bias, "N" if axis[0] == "f" else "N·m"))
-    rows = pd.DataFrame({"configuration": name, "t": tared.time} | axes)
+    rows = pd.DataFrame({"configuration": name, "t": time} | axes)
     return rows, [quality_row(name, "test", "force transducer", *row) for row in quality]
 
 
-class TaredWrench(NamedTuple):
-    """A force record without its bias, from the end of the tare interval on."""
-
-    time: np.ndarray  # (N,) s, on the clock of the record
-    wrench: np.ndarray  # (N, c) N, N·m
-    bias: np.ndarray  # (c,) that was subtracted
-    noise: np.ndarray  # (c,) standard deviation within the tare interval
-    tare_samples: int
-
-
-def remove_bias(time: np.ndarray, wrench: np.ndarray, tare_seconds: float) -> TaredWrench:
-    """Subtract the mean of the first ``tare_seconds`` of a record ``time`` (N,) in s, ``wrench``
-    (N, c) in N and N·m, and drop that interval.
-
-    With ``tare_seconds`` = 0 the record counts as tared by its instrument: nothing is subtracted or
-    dropped, the noise is 0. Raises RecordingError for values that are not finite, a tare interval
-    too short for a mean, or a record that ends with it.
+def remove_bias(
+    time: np.ndarray, wrench: np.ndarray, tare_seconds: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return time, wrench less bias, and bias, the mean of the first ``tare_seconds``, which are
+    dropped, of a record ``time`` (N,) s, ``wrench`` (N, c) N and N·m; with 0 its instrument tared
+    it. Raises RecordingError for values that are not finite, an interval too short for a mean, or a
+    record that ends with it.
     """
-    if not (finite := np.isfinite(wrench)).all():
-        message, step = (
-            "the force record has values that are not finite",
-            np.argwhere(~finite)[0, 0],
-        )
-        raise RecordingError(message, step=int(step))
+    if not (finite := np.isfinite(wrench).all(axis=1)).all():
+        message, step = "the force record has values that are not finite", int(finite.argmin())
+        raise RecordingError(message, step=step)
     if tare_seconds == 0:
-        return TaredWrench(time, wrench, *np.zeros((2, wrench.shape[1])), 0)
+        return time, wrench, np.zeros(wrench.shape[1])
     unloaded = time - time[0] < tare_seconds - CLOCK_ROUNDING
     count = int(unloaded.sum())
     if count < MIN_SAMPLES or count == len(time):
-        message = (
-            f"{count} of {len(time)} samples lie in the tare interval of {tare_seconds} s; it "
-            f"needs at least {MIN_SAMPLES}, and a rest"
-        )
-        raise RecordingError(message)
-    rest, loaded = wrench[unloaded], wrench[~unloaded]
-    bias = rest.mean(axis=0)
-    return TaredWrench(time[~unloaded], loaded - bias, bias, rest.std(axis=0, ddof=1), count)
+        message = f"{count} of {len(time)} samples lie in the tare interval of {tare_seconds} s; it"
+        raise RecordingError(f"{message} needs at least {MIN_SAMPLES}, and a rest")
+    bias = wrench[unloaded].mean(axis=0)
+    return time[~unloaded], wrench[~unloaded] - bias, bias

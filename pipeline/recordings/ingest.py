@@ -1,7 +1,6 @@
 """Raw logs of a dataset → tables in SI units in a folder, part by part: motion, depth, force.
 
-With a list of ``errors`` the reading goes on after a refusal: each is appended, so that one run
-names them all. Without, the first one is raised.
+Without a list of ``errors`` the first refusal is raised; with one, all are appended to it.
 """
 
 from __future__ import annotations
@@ -25,10 +24,8 @@ Errors = list[PipelineError] | None
 def read_part(
     part: str, dataset: Dataset, compute: Any, folder: Path, errors: Errors = None
 ) -> list[dict]:
-    """Write the tables of ``part`` (motion, depth or force) into ``folder`` and return the rows of
-    the table quality, none where the dataset has no such instrument.
-
-    Reading keeps to the bounds of ``dataset.reading``; ``compute`` says where trials run.
+    """Write the tables of ``part`` (motion, depth or force) into ``folder``, within the bounds of
+    ``dataset.reading``, and return the rows of the table quality.
     """
     read = {"motion": _motion, "depth": partial(_depth, compute=compute), "force": _force}[part]
     return within(dataset.reading, read, dataset, Path(dataset.recordings), folder, errors)
@@ -54,10 +51,7 @@ def _kept(results: Iterable[Any], errors: Errors) -> list[Any]:
 
 
 def _motion(dataset: Dataset, raw: Path, folder: Path, errors: Errors) -> list[dict]:
-    """Markers, the commanded trajectory, and the joints that the robot's controller logged or its
-    encoders read.
-    """
-    from pipeline.recordings import motion_capture
+    from pipeline.recordings import joint_logs, motion_capture
 
     quality = []
     if dataset.joint_log is not None:
@@ -71,9 +65,7 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: Errors) -> list[d
             read = (attempt(motion_capture.marker_rows, *take, dataset) for take in takes)
             quality += _write(read, "markers", folder, errors)
     if dataset.encoders is not None:
-        from pipeline.recordings.joint_logs import encoder_rows
-
-        for takes in _kept([attempt(encoder_rows, raw, dataset)], errors):
+        for takes in _kept([attempt(joint_logs.encoder_rows, raw, dataset)], errors):
             quality += _write(takes, "encoders", folder, errors)
     return quality
 
@@ -108,8 +100,7 @@ def _depth(dataset: Dataset, raw: Path, folder: Path, errors: Errors, compute: A
         return []
     if dataset.mocap is None:
         message = "a depth camera needs the motion capture that its clock is set by"
-        _kept([ConfigError(message, key="dataset.depth")], errors)
-        return []
+        return _kept([ConfigError(message, key="dataset.depth")], errors)
     from pipeline.arm.model import arm_of
     from pipeline.recordings.depth import frame_rows, take_paths
 

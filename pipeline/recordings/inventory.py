@@ -9,18 +9,22 @@ from pathlib import Path, PurePosixPath
 
 import pandas as pd
 
-from pipeline.core.bounds import MIB
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.formats.format import is_literal, matching
 
-PARTS = ("motion", "depth", "force")
+# keys of the dataset that name the files of each part
+KEYS = {
+    "motion": "trajectory mocap.training mocap.test joint_log.movements encoders.training "
+    "encoders.test",
+    "depth": "depth.takes depth.intrinsics",
+    "force": "force.log.calibration",
+}
 
 
 def take_name(path: Path, raw: Path, pattern: str) -> str:
     """Name the recording at ``path`` that ``pattern`` matches below ``raw``: its path from the
-    first to the last part that the pattern leaves open, without the ending of a file; the last part
-    where the pattern leaves none open.
+    first to the last part that the pattern leaves open, without a file's ending, or its last part.
     """
     parts = list(path.relative_to(raw).parts)
     if not path.is_dir():
@@ -34,10 +38,8 @@ def take_name(path: Path, raw: Path, pattern: str) -> str:
 def named_takes(
     raw: Path, pattern: str, *, key: str, wanted: Callable[[Path], bool] = lambda path: True
 ) -> dict[str, Path]:
-    """Return name → path of the ``wanted`` matches of ``pattern`` below ``raw``, in path order.
-
-    Raises RecordingError for two of one name and a name that is not UTF-8, which no table could
-    hold; ConfigError with the ``key`` for a text that is no pattern.
+    """Return name → path of the ``wanted`` matches of ``pattern`` below ``raw``, in path order;
+    RecordingError for two of one name or a name that is not UTF-8; ConfigError for no pattern.
     """
     named: dict[str, Path] = {}
     for path in filter(wanted, matching(raw, pattern, key=key)):
@@ -49,49 +51,44 @@ def named_takes(
         name = take_name(path, raw, pattern)
         if name in named:
             other = named[name].relative_to(raw).as_posix()
-            message = (
-                f"two recordings are named {name!r}, the other is {other}: rename one of them, or "
-                "narrow the pattern"
-            )
-            raise RecordingError(message, file=path, key=key)
+            message = f"two recordings are named {name!r}, the other is {other}: rename one of them"
+            raise RecordingError(f"{message}, or narrow the pattern", file=path, key=key)
         named[name] = path
     return named
 
 
 def listing(folder: Path) -> pd.DataFrame:
     """Return path, bytes and SHA-256 of every file below ``folder``; RecordingError if none."""
-    files = []
-    for place, _, names in os.walk(folder):
-        above = Path(place).relative_to(folder).parts
-        files += [(*above, name) for name in names if Path(place, name).is_file()]
+    files = [
+        (*Path(place).relative_to(folder).parts, name)
+        for place, _, names in os.walk(folder)
+        for name in names
+        if Path(place, name).is_file()
+    ]
     if not files:
-        message = (
-            "there are no recordings in this folder, or it does not exist; see the dataset's "
-            "datasheet for how to get them"
-        )
-        raise RecordingError(message, file=folder)
-    rows, part = [], memoryview(bytearray(MIB))
+        message = "there are no recordings in this folder, or it does not exist; see the dataset's"
+        raise RecordingError(f"{message} datasheet for how to get them", file=folder)
+    rows = []
     for parts in sorted(files):  # as paths are sorted: folder by folder
-        name, digest, size = "/".join(parts), hashlib.sha256(), 0
-        with open(os.path.join(folder, name), "rb", buffering=0) as data:
-            while read := data.readinto(part):
-                digest.update(part[:read])
-                size += read
-        rows.append((name, size, digest.hexdigest()))
+        with open(os.path.join(folder, *parts), "rb") as data:
+            digest = hashlib.file_digest(data, "sha256").hexdigest()
+            rows.append(("/".join(parts), data.tell(), digest))
     return pd.DataFrame(rows, columns=["file", "bytes", "sha256"])
 
 
 def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
-    """Return the rows of a :func:`listing` that each of :data:`PARTS` may read.
-
-    A file that the patterns of one part match belongs to it; one that none matches might be read
-    with any of them, so that it belongs to all.
+    """Return the rows of a :func:`listing` that each part of :data:`KEYS` may read: files that its
+    patterns match, and those that none matches, which any might read.
     """
     raw, claims = Path(dataset.recordings), {}
-    for part, patterns in _patterns(dataset).items():
+    for part, keys in KEYS.items():
+        named = [(key, _option(dataset, key)) for key in keys.split()]
+        if part == "force" and dataset.force is not None:
+            each = dataset.force.configurations.values()
+            named += [("force.configurations", configuration.file) for configuration in each]
         places = {
             place.relative_to(raw).as_posix()
-            for key, pattern in patterns
+            for key, pattern in named
             if pattern
             for place in matching(raw, pattern, key=f"dataset.{key}")
         }
@@ -100,22 +97,7 @@ def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
             for name in files["file"]
         ]
     claimed = pd.DataFrame(claims, index=files.index)
-    return {part: files[claimed[part] | ~claimed.any(axis=1)] for part in PARTS}
-
-
-def _patterns(dataset: Dataset) -> dict[str, list[tuple[str, str | None]]]:
-    """Key and glob of the files that each part names."""
-    keys = {
-        "motion": "trajectory mocap.training mocap.test joint_log.movements encoders.training "
-        "encoders.test",
-        "depth": "depth.takes depth.intrinsics",
-        "force": "force.log.calibration",
-    }
-    named = {part: [(key, _option(dataset, key)) for key in keys[part].split()] for part in PARTS}
-    if dataset.force is not None:
-        files = dataset.force.configurations.values()
-        named["force"] += [("force.configurations", each.file) for each in files]
-    return named
+    return {part: files[claimed[part] | ~claimed.any(axis=1)] for part in KEYS}
 
 
 def _option(section: object, key: str) -> str | None:

@@ -1,12 +1,11 @@
-"""Repetitions of one commanded motion, cut out of a controller's own logs, and the encoders' logs
-of takes, as tables.
-"""
+"""Repetitions of one motion cut out of a controller's logs, and encoders' logs, as tables."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,32 +17,32 @@ from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.core.options.instruments import JointLogSection
 from pipeline.formats.joints.log import LogOptions
+from pipeline.recordings import repetitions
 from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.disturbances import beside_others, disturbances, smallest_push
 from pipeline.recordings.inventory import named_takes
-from pipeline.recordings.logged_movement import (
-    RESIDUALS,
+from pipeline.recordings.movement import (
     UNITS,
     LoggedMovement,
-    LoggedTake,
     beside,
+    read_log,
     read_logged_movement,
+    require_speeds,
 )
-from pipeline.recordings.movement import read_log, require_speeds
 from pipeline.recordings.pairing import require_pair
 from pipeline.recordings.quality import LEFT_OUT, REPETITIONS, quality_row
-from pipeline.recordings.repetitions import (
-    Repetitions,
-    align,
-    excursions,
-    find_passes,
-    find_repetitions,
-    in_phase,
-    lag,
-    stretch,
-)
 
-KEY = "dataset.joint_log"
+KEY, RESIDUALS = "dataset.joint_log", "residuals"
+
+
+class LoggedTake(NamedTuple):
+    """A repetition in the rows of the ``movement`` of that name; it starts at the row ``first``."""
+
+    movement: str
+    first: int
+    actual: np.ndarray  # (N, n) rad, measured angles of the chain
+    target: np.ndarray  # (N, n) rad, commanded
+    signals: Mapping[str, np.ndarray]  # (N, joints) RESIDUALS of all joints in rad, and others
 
 
 def joint_log_rows(
@@ -52,41 +51,45 @@ def joint_log_rows(
     """Return the tables ``trajectory`` and ``joint_log`` of every undisturbed repetition of the
     motion that the dataset asks for, and their quality.
 
-    The desired pose is that of the mean command over the repetitions, held before and after the
-    motion: a controller at rest logs the measured angle for the commanded one. Repetitions without
-    rest between them are brought in phase with the first, between the rows.
+    The desired pose is the mean command, held before and after the motion, as a controller at rest
+    logs the measured angle for it. Repetitions without rest are brought in phase between the rows.
     """
     options, rate, joints = dataset.joint_log, dataset.motion.rate, dataset.robot.joints
     rest, length = options.rest, dataset.motion.steps + 1
     steps = dataset.motion.steps - 2 * rest
     takes, observed, quality = find_takes(raw, dataset, steps)
-    note = partial(_note, quality)
-    actual, target, signals = {}, {}, {}
+    note, rows = partial(_note, quality), {}
     if takes:
         first = next(iter(takes.values()))
-        reference, place = first.target[first.first :][: steps + 1], align if rest else in_phase
+        reference, place = (
+            first.target[first.first :][: steps + 1],
+            repetitions.align if rest else repetitions.in_phase,
+        )
         circular = circular_joints(dataset.robot.urdf, joints)
         for name, take in takes.items():
-            rows = beside(take.actual, take.target, take.first, reference[0], circular)
-            start = place(rows[1], take.first, reference) - rest
-            actual[name], target[name] = (stretch(angles, start, length) for angles in rows)
-            logged = {key: stretch(each, start, length) for key, each in take.signals.items()}
-            signals[name] = logged
+            pair = beside(take.actual, take.target, take.first, reference[0], circular)
+            start = place(pair[1], take.first, reference) - rest
+            logged = dict(zip(("actual", "target"), pair, strict=True)) | take.signals
+            rows[name] = {
+                key: repetitions.stretch(each, start, length) for key, each in logged.items()
+            }
             if start != round(start):
                 note(name, "resampled_rows", length)
-        for name in _disturbed(takes, signals, options, rate, raw, quality):
-            del actual[name], target[name]
-        for name, angles in actual.items():
-            pair = {"limit": options.mismatch, "joints": joints, "file": raw, "take": name}
-            require_pair(angles, target[name], rate, **pair)
-    if len(actual) < 2:
+        for name in _disturbed(takes, rows, options, rate, raw, quality):
+            del rows[name]
+        for name, take in rows.items():
+            evidence = {"limit": options.mismatch, "joints": joints, "file": raw, "take": name}
+            require_pair(take["actual"], take["target"], rate, **evidence)
+    if len(rows) < 2:
         message = (
-            f"{len(actual)} repetition(s) of a motion of {steps} steps from {list(options.start)} "
+            f"{len(rows)} repetition(s) of a motion of {steps} steps from {list(options.start)} "
             f"to {list(options.end)} rad between {rest} at rest, where the fits need two; the "
             f"movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
         )
         raise RecordingError(message, file=raw, key=KEY)
-    measured, commanded = (np.stack([*rows.values()]) for rows in (actual, target))
+    measured, commanded = (
+        np.stack([take[key] for take in rows.values()]) for key in ("actual", "target")
+    )
     command, moving = commanded.mean(axis=0), slice(rest, rest + steps + 1)
     deviations = np.abs(commanded - command)[:, moving].max(axis=(1, 2))
     if np.any(deviations > options.tolerance):
@@ -94,16 +97,16 @@ def joint_log_rows(
             f"the command is {deviations.max():.2g} rad off its mean over the takes, more than "
             f"{options.tolerance:g}: another motion?"
         )
-        take = [*actual][int(deviations.argmax())]
+        take = [*rows][int(deviations.argmax())]
         raise RecordingError(message, file=raw, take=take, key=f"{KEY}.tolerance")
-    for take, q, deviation in zip(actual, measured, deviations, strict=True):
+    for take, q, deviation in zip(rows, measured, deviations, strict=True):
         note(take, "command_deviation", deviation, "rad")
-        note(take, "lag_behind_command", lag(command[moving], q[moving], rate), "s")
+        note(take, "lag_behind_command", repetitions.lag(command[moving], q[moving], rate), "s")
     # the commanded angle takes its first step one sample before the commanded speed is first logged
     held = command[np.clip(np.arange(length), max(rest - 1, 0), rest + steps)]
-    k = np.tile(np.arange(length), len(actual))
-    rows = {"take": np.repeat([*actual], length), "part": "training", "k": k, "t": k / rate}
-    table = pd.DataFrame(rows | spread("q", joints, measured))
+    k = np.tile(np.arange(length), len(rows))
+    identity = {"take": np.repeat([*rows], length), "part": "training", "k": k, "t": k / rate}
+    table = pd.DataFrame(identity | spread("q", joints, measured))
     return trajectory_table(chain, held, rate, joints), table, quality
 
 
@@ -120,10 +123,7 @@ def find_movements(raw: Path, dataset: Dataset) -> dict[str, Path]:
 
 
 def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> LoggedMovement:
-    """Read one of :func:`find_movements`; RecordingError as of
-    :func:`pipeline.recordings.logged_movement.read_logged_movement`, and of steps that are too
-    fast.
-    """
+    """Read one of :func:`find_movements`; RecordingError also for steps that are too fast."""
     options, urdf, rate = dataset.joint_log, dataset.robot.urdf, dataset.motion.rate
     circular = circular_joints(urdf, options.joints)
     movement = read_logged_movement(name, place, options, rate, circular)
@@ -138,20 +138,30 @@ def find_takes(
 ) -> tuple[dict[str, LoggedTake], list[str], list[dict]]:
     """Return the repetitions by name, all motions in words, and the quality of the movements."""
     takes, observed, quality, options = {}, [], [], dataset.joint_log
-    columns = [options.joints.index(name) for name in dataset.robot.joints]
+    columns, rest = [options.joints.index(name) for name in dataset.robot.joints], options.rest
     for name, place in find_movements(raw, dataset).items():
         movement = read_dataset_movement(name, place, dataset)
         target, residuals = movement.target, movement.actual - movement.target
-        found = _repetitions(movement, columns, options, steps)
+        circular = np.broadcast_to(movement.circular, len(movement.joints))[columns]
+        ends = options.start, options.end
+        if rest:
+            sought = {"steps": steps, "rest": rest, "rest_speed": options.rest_speed}
+            sought |= {"circular": circular}
+            found = repetitions.find_repetitions(target, movement.speed, columns, *ends, **sought)
+        else:
+            found = repetitions.find_passes(target[:, columns], *ends, steps, circular)
         for number, run in enumerate(found.runs, 1):
             take = f"{name}_{number}"
-            rows = slice(max(run.first - options.rest, 0), run.last + options.rest + 1)
+            rows = slice(max(run.first - rest, 0), run.last + rest + 1)
             movement.require_held(rows, dataset.robot.locked, file=place, take=take)
             angles = movement.actual[:, columns], target[:, columns]
             signals = {RESIDUALS: residuals} | movement.others
             takes[take] = LoggedTake(name, run.first, *angles, signals)
-        for run in excursions(target, movement.speed, options.rest_speed):
-            observed.append(run.lack(len(target)) or _described(run, target[:, columns]))
+        for run in repetitions.excursions(target, movement.speed, options.rest_speed):
+            if not (words := run.lack(len(target))):
+                start, end = target[[run.first - 1, run.last]][:, columns].round(2).tolist()
+                words = f"{start} to {end} in {run.steps} steps"
+            observed.append(words)
         counts = dict(movement.counts) | {REPETITIONS: len(found.runs)}
         counts |= {f"{LEFT_OUT}{reason}": len(rows) for reason, rows in found.left_out.items()}
         for key, value in counts.items():
@@ -163,43 +173,24 @@ def find_takes(
     return takes, observed, quality
 
 
-def _repetitions(
-    movement: LoggedMovement, columns: list[int], options: JointLogSection, steps: int
-) -> Repetitions:
-    start, end = options.start, options.end
-    circular = np.broadcast_to(movement.circular, len(movement.joints))[columns]
-    if not options.rest:
-        return find_passes(movement.target[:, columns], start, end, steps, circular)
-    ends = movement.target, movement.speed, columns, start, end
-    rest, speed = options.rest, options.rest_speed
-    return find_repetitions(*ends, steps=steps, rest=rest, rest_speed=speed, circular=circular)
-
-
-def _described(run, angles: np.ndarray) -> str:
-    start, end = angles[[run.first - 1, run.last]].round(2).tolist()
-    return f"{start} to {end} in {run.steps} steps"
-
-
 def _disturbed(
     takes: Mapping[str, LoggedTake],
-    signals: Mapping[str, Mapping[str, np.ndarray]],
+    rows: Mapping[str, Mapping[str, np.ndarray]],
     options: JointLogSection,
     rate: float,
     raw: Path,
     quality: list[dict],
 ) -> set[str]:
-    """Names of the disturbed takes by their ``signals`` (K, joints); their distances from the
-    others go to ``quality``. RecordingError where the option refuses disturbed ones.
+    """Names of the disturbed takes by the signals (K, joints) in their ``rows``; their distances go
+    to ``quality``. RecordingError where the option refuses disturbed ones.
     """
-    first = next(iter(signals.values()))
-    stacked = {key: np.stack([each[key] for each in signals.values()]) for key in first}
-    residuals = stacked.pop(RESIDUALS)
+    signals = next(iter(takes.values())).signals
+    residuals, *others = (np.stack([take[key] for take in rows.values()]) for key in signals)
     limit = np.inf if options.residual_limit is None else options.residual_limit
     note, result = partial(_note, quality), set()
-    scores = disturbances(residuals, [*stacked.values()], rate)
+    scores = disturbances(residuals, others, rate)
     distances, greatest = beside_others(residuals), np.abs(residuals).max(axis=(1, 2))
-    for name, *numbers in zip(takes, distances, scores, greatest, strict=True):
-        distance, score, largest = numbers
+    for name, distance, score, largest in zip(takes, distances, scores, greatest, strict=True):
         note(name, "residual_beside_others", distance, "rad")
         note(name, "disturbance", score, "robust standard deviations")
         note(name, "greatest_residual", largest, "rad")
@@ -224,20 +215,15 @@ def _disturbed(
 
 
 def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[dict]]]:
-    """Return the rows of the table ``encoders`` and the quality of every log of encoders below
-    ``raw``, each at its own rate.
-
-    Raises RecordingError where no file matches, and for logs that cannot be read, ConfigError for
-    columns of another number of joints.
+    """Return rows of the table ``encoders`` and quality of every log of encoders below ``raw``;
+    RecordingError where none matches or is read, ConfigError for another number of joints.
     """
     options, joints, result = dataset.encoders, dataset.robot.joints, []
     if len(options.actual) != len(joints):
         message = f"{len(options.actual)} columns for the {len(joints)} joints {', '.join(joints)}"
         raise ConfigError(message, key="dataset.encoders.actual")
     read = LogOptions(
-        time=options.time,
-        angle_unit=options.angle_unit,
-        time_unit=options.time_unit,
+        **{key: getattr(options, key) for key in ("time", "angle_unit", "time_unit")},
         joints=len(joints),
         names=joints,
         signals={"actual": options.actual},

@@ -1,6 +1,4 @@
-"""Motion-capture takes and the commanded trajectory as tables: SI units, the arm's base frame, the
-motion's grid.
-"""
+"""Motion-capture takes and the commanded trajectory as tables in SI units, on the motion's grid."""
 
 from __future__ import annotations
 
@@ -26,19 +24,14 @@ from pipeline.recordings.quality import quality_row
 
 
 def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
-    """Return the table ``trajectory`` from its file.
-
-    Raises RecordingError where it is not on the grid of the motion, holds the angles of other
-    joints than the arm's, or leaves open what the joints do beside the task.
+    """Return the table ``trajectory`` from its file; RecordingError where it is not on the motion's
+    grid, has other joints than the arm, or leaves open what joints do beside the task.
     """
     motion, table = dataset.motion, read_trajectory(file)
     step = table.t.iloc[1] - table.t.iloc[0] if len(table) > 1 else np.nan
     if len(table) != motion.steps + 1 or not np.isclose(step, 1 / motion.rate, rtol=1e-6):
-        message = (
-            f"the trajectory has {len(table)} rows; dataset.motion asks for {motion.steps + 1} "
-            f"at {motion.rate} per second"
-        )
-        raise RecordingError(message, file=file)
+        message = f"the trajectory has {len(table)} rows; dataset.motion asks for"
+        raise RecordingError(f"{message} {motion.steps + 1} at {motion.rate} per second", file=file)
     chain, names, joints = chain_of(dataset.robot), members(table, "q"), dataset.robot.joints
     task = members(table, "x")
     if chain.task == task:
@@ -52,11 +45,10 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
         )
         raise RecordingError(message, file=file, key="dataset.robot.task")
     if sorted(names) != sorted(joints):
-        having = f"the trajectory has the joints {', '.join(names)}"
-        message = f"{having}; the arm's are {', '.join(joints)}"
-        raise RecordingError(message, file=file, key="dataset.robot.joints")
-    q = table[columns("q", joints)].to_numpy()
-    return trajectory_table(chain, q, motion.rate, joints)
+        message = f"the trajectory has the joints {', '.join(names)}; the arm's are"
+        where = {"file": file, "key": "dataset.robot.joints"}
+        raise RecordingError(f"{message} {', '.join(joints)}", **where)
+    return trajectory_table(chain, table[columns("q", joints)].to_numpy(), motion.rate, joints)
 
 
 def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
@@ -77,40 +69,35 @@ def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
 
 
 def read_take(file: Path, unit: str | None) -> MotionTake:
-    """Read the take in ``file``, of whichever format it begins like; ``unit`` of its lengths where
-    the file does not say it. RecordingError for a file of no format, or that cannot be opened.
+    """Read the take in ``file`` in whichever format it begins; ``unit`` of lengths where it does
+    not say it. RecordingError for a file of no format.
     """
     formats = formats_in(motion_formats, Kind.MOTION)
-    chosen = format_of(file, formats)
-    if chosen is None:
-        known = " or ".join(one.name for one in formats)
-        raise RecordingError(f"this is no take of motion capture in {known}", file=file)
-    return chosen.read(file, unit)
+    if chosen := format_of(file, formats):
+        return chosen.read(file, unit)
+    known = " or ".join(one.name for one in formats)
+    raise RecordingError(f"this is no take of motion capture in {known}", file=file)
 
 
 def marker_rows(
     name: str, file: Path, part: str, dataset: Dataset
 ) -> tuple[pd.DataFrame, list[dict]]:
     """Return the markers of the take ``name`` in the arm's base frame, those of the template by
-    link, all others as unlabelled (link 0), and its quality.
+    link, others as unlabelled (link 0; none where bodies stand for links), and its quality.
 
-    Frames that the file skips are missing samples, and so are ``frozen_frames``: those that repeat
-    every position of the frame before, which the noise of a working tracker prevents. Where rigid
-    bodies stand for links, markers of other names are dropped: they may be the bodies' own. Raises
-    RecordingError for a take of another rate or length, or without a marker or body of the
-    template.
+    Skipped frames, and ``frozen_frames`` that repeat every position of the frame before, are
+    missing samples. Raises RecordingError for a take of another rate or length, or without a marker
+    or body.
     """
     mocap, motion = dataset.mocap, dataset.motion
     take = read_take(file, mocap.unit)
+    frames, message = take.frame - take.frame[0], ""
     if not np.isclose(take.rate, motion.rate):
         message = f"the take is exported at {take.rate} Hz; dataset.motion asks for {motion.rate}"
-        raise RecordingError(message, file=file)
-    frames = take.frame - take.frame[0]
-    if frames[-1] != motion.steps:
-        message = (
-            f"the take spans {frames[-1] + 1} frames; the motion has {motion.steps + 1}: export it "
-            "whole"
-        )
+    elif frames[-1] != motion.steps:
+        message = f"the take spans {frames[-1] + 1} frames; the motion has {motion.steps + 1}:"
+        message += " export it whole"
+    if message:
         raise RecordingError(message, file=file)
     tracks, stray = _tracks(take, mocap, file)
     positions = np.stack([*tracks.values(), *stray], axis=1)
@@ -138,47 +125,37 @@ def marker_rows(
 def _tracks(
     take: MotionTake, mocap: Mocap, file: Path
 ) -> tuple[dict[tuple[int, int], np.ndarray], list[np.ndarray]]:
-    """(link, marker) from 1: (N, 3) m in the world frame, and the markers of other names."""
+    """(link, marker) from 1: (N, 3) m in the world frame, and the markers of other names. A marker
+    has its own name in the take, or alone has it after its asset's and a colon.
+    """
     if unknown := sorted(set(mocap.bodies) - set(mocap.markers)):
         message = f"no link {', '.join(unknown)}; there are {', '.join(mocap.markers)}"
         raise ConfigError(message, key="dataset.mocap.bodies")
-    links = {link: places for link, places in mocap.markers.items() if link not in mocap.bodies}
-    full = _full_names([name for places in links.values() for name in places], take, file)
-    tracks = {}
+    tracks, used, absent = {}, set(), []
     for number, (link, places) in enumerate(mocap.markers.items(), 1):
+        positions = []
         if link in mocap.bodies:
             positions = _carried(take, mocap.bodies[link], np.array([*places.values()]), file)
-        else:
-            positions = [take.markers[full[marker]] for marker in places]
+        for name in places if link not in mocap.bodies else ():
+            named = [other for other in take.markers if other.rsplit(":", 1)[-1] == name]
+            fitting = [name] if name in take.markers else named
+            if len(fitting) > 1:
+                message = f"{name!r} may be {' or '.join(fitting)}: name it in full"
+                raise RecordingError(message, file=file, key="dataset.mocap.markers")
+            used.update(fitting)
+            absent += [] if fitting else [name]
+            positions += [take.markers[full] for full in fitting]
         tracks |= {(number, i): track for i, track in enumerate(positions, 1)}
-    others = [] if mocap.bodies else [*take.markers.keys() - set(full.values())]
-    return tracks, [take.markers[name] for name in take.markers if name in others]
-
-
-def _full_names(wanted: list[str], take: MotionTake, file: Path) -> dict[str, str]:
-    """The take's own name of each wanted marker: that name, or the one marker that has it after its
-    asset's and a colon.
-    """
-    full, where = {}, {"file": file, "key": "dataset.mocap.markers"}
-    for name in wanted:
-        named = [other for other in take.markers if other.rsplit(":", 1)[-1] == name]
-        fitting = [name] if name in take.markers else named
-        if len(fitting) > 1:
-            message = f"{name!r} may be {' or '.join(fitting)}: name it in full"
-            raise RecordingError(message, **where)
-        if fitting:
-            full[name] = fitting[0]
-    if absent := sorted(set(wanted) - set(full)):
+    if absent:
         having = ", ".join(sorted(take.markers)) or "none"
-        message = f"no marker named {', '.join(absent)} in the take; it has {having}"
-        raise RecordingError(message, **where)
-    return full
+        message = f"no marker named {', '.join(sorted(absent))} in the take; it has {having}"
+        raise RecordingError(message, file=file, key="dataset.mocap.markers")
+    others = [] if mocap.bodies else [name for name in take.markers if name not in used]
+    return tracks, [take.markers[name] for name in others]
 
 
 def _carried(take: MotionTake, body: Body, places: np.ndarray, file: Path) -> np.ndarray:
-    """(P, N, 3) m in the world frame: the points at ``places`` (P, 3) m of the link's segment, as
-    the body's poses carry them.
-    """
+    """(P, N, 3) m in the world frame of the ``places`` (P, 3) m of a link that carries a body."""
     if body.name not in take.bodies:
         having = ", ".join(sorted(take.bodies)) or "none"
         message = f"no rigid body named {body.name} in the take; it has {having}"

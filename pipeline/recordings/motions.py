@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,19 +14,12 @@ from pipeline.arm.model import chain_of
 from pipeline.core.angles import apart
 from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.models.other_motions import MotionSteps
+from pipeline.recordings import repetitions
 from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.disturbances import disturbances
 from pipeline.recordings.inventory import named_takes
-from pipeline.recordings.logged_movement import LoggedMovement, beside, read_logged_movement
-from pipeline.recordings.repetitions import (
-    REACH,
-    SLACK,
-    align,
-    excursions,
-    find_passes,
-    in_phase,
-    stretch,
-)
+from pipeline.recordings.movement import LoggedMovement, beside, read_logged_movement
+from pipeline.recordings.repetitions import REACH, SLACK, excursions, find_passes, stretch
 
 BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
 KEPT = 0.25  # s at rest that are kept on either side of a motion, where its pauses are long enough
@@ -39,9 +32,7 @@ Paths = Mapping[str, tuple[np.ndarray, np.ndarray]]  # actual, target (N, n) rad
 
 @dataclass
 class FoundMotion:
-    """One commanded motion of n joints and where it was found: the movement and the first row of
-    every repetition.
-    """
+    """One commanded motion of n joints, and movement and first row of every repetition."""
 
     start: np.ndarray  # (n,) rad
     end: np.ndarray  # (n,) rad
@@ -60,78 +51,53 @@ class FoundMotion:
             return 0
         return max(min(round(KEPT * rate), (self.pause - 2 * SLACK - 2) // 2), 1)
 
-    def repeats(self, start: np.ndarray, end: np.ndarray, steps: int, circular: np.ndarray) -> bool:
-        """Return whether ``start`` to ``end`` (n,) in ``steps`` is a repetition of this motion."""
-        ends = apart(np.stack([self.start, self.end]), np.stack([start, end]), circular)
-        return bool(np.abs(ends).max() <= REACH and abs(self.steps - steps) <= SLACK)
-
 
 def motions(
     movements: Mapping[str, LoggedMovement], robot: Robot, rate: float
 ) -> list[FoundMotion]:
     """Find the motions of the ``robot``'s joints in the ``movements``, at ``rate`` rows a second,
-    those of most repetitions first.
-
-    Where no command ever rests, they are the stretches that repeat between the rows at which J is
-    nearly singular, or, where it never is, between the turns of the joint that moves farthest.
-    Raises ConfigError as :func:`pipeline.arm.model.chain_of` does.
+    most repetitions first. Where no command ever rests, they are the stretches that repeat between
+    rows at which J is nearly singular, else between turns of the joint that moves farthest.
     """
-    chain, paths, listed = chain_of(robot), {}, []
-    circular = circular_joints(robot.urdf, robot.joints)
+    chain, circular = chain_of(robot), circular_joints(robot.urdf, robot.joints)
+    paths, listed = {}, []
+
+    def known(start: np.ndarray, end: np.ndarray, steps: int) -> FoundMotion | None:
+        for motion in listed:
+            ends = np.stack([motion.start, motion.end]), np.stack([start, end])
+            near = np.abs(apart(*ends, circular)).max() <= REACH
+            if near and abs(motion.steps - steps) <= SLACK:
+                return motion
+        return None
+
     for name, movement in movements.items():
         columns = [movement.joints.index(joint) for joint in robot.joints]
         paths[name] = movement.actual[:, columns], movement.target[:, columns]
     for name, movement in movements.items():
         target, runs = paths[name][1], excursions(movement.target, movement.speed)
-        befores, afters = (
-            [0, *(run.last for run in runs)],
-            [*(run.first for run in runs), len(target)],
-        )
-        for run, before, after in zip(runs, befores, afters[1:], strict=False):
+        edges = [0, *(edge for run in runs for edge in (run.first, run.last)), len(target)]
+        for run, before, after in zip(runs, edges[::2], edges[3::2], strict=False):
             rows = target[max(run.first - 1, 0) : run.last + 1]
             # other motions are of joints alone that the robot does not have
             if run.whole and np.ptp(rows, axis=0).max() > REACH:
-                pause = min(run.first - before, after - run.last)
-                motion = _listed(listed, rows[0], rows[-1], run.steps, circular, pause)
+                pause, ends = min(run.first - before, after - run.last), (rows[0], rows[-1])
+                if not (motion := known(*ends, run.steps)):
+                    listed.append(motion := FoundMotion(*ends, run.steps, pause))
                 motion.pause = min(motion.pause, pause)
                 motion.places.append((name, run.first))
-    listed = listed or _passing(paths, chain, circular)
+    for _, target in paths.values() if not listed else ():
+        for first, last in _stretches(target, chain):
+            ends = target[first], target[last], last - first
+            if not known(*ends):
+                places = [
+                    (name, run.first)
+                    for name, (_, other) in paths.items()
+                    for run in find_passes(other, *ends, circular).runs
+                ]
+                listed += [FoundMotion(*ends, None, places)] if len(places) > 1 else []
     for motion in listed:
         _compare(motion, paths, chain, rate, circular)
     return sorted(listed, key=lambda motion: -len(motion.places))
-
-
-def _listed(
-    listed: list[FoundMotion],
-    start: np.ndarray,
-    end: np.ndarray,
-    steps: int,
-    circular: np.ndarray,
-    pause: int,
-) -> FoundMotion:
-    """The motion among those ``listed`` that repeats, or a new one there."""
-    for motion in listed:
-        if motion.repeats(start, end, steps, circular):
-            return motion
-    listed.append(FoundMotion(start, end, steps, pause))
-    return listed[-1]
-
-
-def _passing(paths: Paths, chain: Chain, circular: np.ndarray) -> list[FoundMotion]:
-    listed: list[FoundMotion] = []
-    for _, target in paths.values():
-        for first, last in _stretches(target, chain):
-            start, end, steps = target[first], target[last], last - first
-            if any(motion.repeats(start, end, steps, circular) for motion in listed):
-                continue
-            passes = [
-                (name, run.first)
-                for name, (_, other) in paths.items()
-                for run in find_passes(other, start, end, steps, circular).runs
-            ]
-            if len(passes) > 1:
-                listed.append(FoundMotion(start, end, steps, None, passes))
-    return listed
 
 
 def _stretches(angles: np.ndarray, chain: Chain) -> list[tuple[int, int]]:
@@ -159,7 +125,7 @@ def _compare(
     name, row = motion.places[0]
     reference = paths[name][1][row : row + motion.steps + 1]
     motion.least_singular = float(_least_singular(chain, reference).min())
-    place = in_phase if motion.pause is None else align
+    place = repetitions.in_phase if motion.pause is None else repetitions.align
     residuals, deviations, whole = [], [], []
     for name, row in motion.places:
         if not SLACK <= row < len(paths[name][1]) - motion.steps - SLACK:
@@ -173,16 +139,12 @@ def _compare(
     if whole:
         scores = disturbances(np.stack(residuals), [], rate)
         motion.deviation = float(np.max(deviations))
-        motion.disturbed = [
-            each for each, score in zip(whole, scores, strict=True) if score > BEYOND
-        ]
+        motion.disturbed = [each for each, far in zip(whole, scores > BEYOND, strict=True) if far]
 
 
 def logged_motions(dataset: Dataset) -> list[MotionSteps]:
-    """Return the steps of every motion in the controller's logs of ``dataset``, each against its
-    command, repeated or not, most repetitions first; repetitions that differ are left out.
-
-    Raises what reading the logs raises; empty for a command that neither rests nor repeats.
+    """Return the steps of every motion in the controller's logs of ``dataset``, most repetitions
+    first, without disturbed ones; empty for a command that neither rests nor repeats.
     """
     log, rate, robot = dataset.joint_log, dataset.motion.rate, dataset.robot
     places = named_takes(Path(dataset.recordings), log.movements, key="dataset.joint_log.movements")
@@ -210,7 +172,7 @@ def logged_motions(dataset: Dataset) -> list[MotionSteps]:
             continue
         listed.append((ends, motion.steps))
         length = min(len(actual) for actual, _ in kept)
-        actual = np.stack([each[:length] for each, _ in kept])
-        dq = np.stack([np.diff(each[:length], axis=0) for _, each in kept])
+        actual, target = (np.stack([each[:length] for each in q]) for q in zip(*kept, strict=True))
+        dq = np.diff(target, axis=1)
         found.append(MotionSteps("", actual[:, :-1], dq, np.diff(actual, axis=1) - dq))
-    return [replace(each, name=str(number)) for number, each in enumerate(found, 1)]
+    return [each._replace(name=str(number)) for number, each in enumerate(found, 1)]

@@ -1,4 +1,4 @@
-"""Logs of one movement of a robot, paired row by row on an even clock."""
+"""Logs of one movement of a robot, paired row by row on an even clock: measured and commanded."""
 
 from __future__ import annotations
 
@@ -6,41 +6,41 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.core.angles import TURN, unwrapped
-from pipeline.core.errors import RecordingError
-from pipeline.core.options.instruments import SIGNALS
+from pipeline.core.angles import TURN, apart, turns_apart, unwrapped, whole_turns
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.instruments import SIGNALS, JointLogSection
 from pipeline.formats import joints as joint_formats
-from pipeline.formats.format import Kind, format_of, formats_in
+from pipeline.formats.format import Kind, format_of, formats_in, is_bag
 from pipeline.formats.joints import table
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
 from pipeline.recordings.commands import named_joints
+from pipeline.recordings.pairing import delayed, require_pair
+from pipeline.recordings.repetitions import REACH, commanded_speeds
 
+UNITS = {"clock_jitter": "s", "command_delay": "s"}  # of counts that are none
 CLOCK_TOLERANCE = 0.1  # of a step, up to which the rows are taken as even
 JITTER = 0.5  # of a step, beyond which a row is missing, or one too many
 RATE_TOLERANCE = 0.01  # of the rate, which the rows keep on average
-ANGLES = ("actual", "target")  # signals that are angles of joints
 UNWRAPPED = "unwrapped_jumps"  # count of jumps of whole turns that were removed
 FASTER = 1.05  # of a joint's velocity limit, up to which a step is the joint's own
 STEP_NOISE = 1e-3  # rad by which noise and rounding of two rows may add to a step
 MOST_TURNS = 4  # no joint of an arm turns farther from its zero: angles beyond have another unit
-RATE = "dataset.motion.rate"
 
 
 def read_movement(
     files: Mapping[Path, LogOptions], rate: float, clock: str | None = None
 ) -> tuple[dict[str, np.ndarray], dict[str, float]]:
-    """Read the signals (N, joints) of the logs ``files`` of one movement, row by row at the same
-    times, as many as the shortest log has; of each log the signals of its options, or all.
+    """Read the signals (N, joints) of the logs ``files`` of one movement, as many rows as the
+    shortest log has, and their counts, ``rows_without_partner`` in another log among them.
 
-    Rows that are uneven by more than a tenth and up to half of a step are counted as
-    ``uneven_rows``, with the standard deviation of the steps in s as ``clock_jitter``; ``clock``
-    takes them row by row (``rows``), or interpolates by a cubic spline through the times
-    (``times``), counted as ``resampled_rows``. Counted too: ``rows_without_partner`` in another
-    log, and the logs' own counts. Raises RecordingError for clocks that disagree, do not keep to
-    ``rate`` (1/s), or are uneven where ``clock`` is None.
+    Rows uneven by a tenth to half of a step (``uneven_rows``, ``clock_jitter`` in s) are taken row
+    by row by the ``clock`` rows, or interpolated by a cubic spline (``resampled_rows``) by times;
+    None refuses them. Raises RecordingError for clocks that disagree or do not keep to ``rate``
+    (1/s).
     """
     from scipy.interpolate import CubicSpline
 
@@ -77,10 +77,7 @@ def read_movement(
 
 def smoothness_by_rows(time: np.ndarray, angles: np.ndarray, rate: float) -> float:
     """Return the smoothness of ``angles`` (N, joints) over the row, at ``rate``, divided by that
-    over the ``time`` (N,) in s: above 1 where the times jitter and the sampling does not.
-
-    The inverse ratio of the root mean square third derivatives (divided differences; medians over
-    rows, so that a jump does not decide).
+    over the ``time`` (N,) s: the inverse ratio of the median root mean square third derivatives.
     """
 
     def roughness(clock: np.ndarray) -> float:
@@ -94,59 +91,43 @@ def smoothness_by_rows(time: np.ndarray, angles: np.ndarray, rate: float) -> flo
 
 
 def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
-    """Number of steps of ``time`` (N,) that are not 1/``rate``; RecordingError where they cannot be
-    a log's at that rate.
-    """
-    if len(time) < 2:
-        return 0
+    """Number of uneven steps; RecordingError where they cannot be a log's at that rate."""
     steps = np.diff(time)
+    if not len(steps):
+        return 0
     off = np.abs(steps * rate - 1)
-    usual, mean = float(np.median(steps)), (time[-1] - time[0]) / (len(time) - 1)
+    usual, mean = float(np.median(steps)), (time[-1] - time[0]) / len(steps)
+    row, key = int(np.argmax(off > JITTER)), "dataset.motion.rate"
     if abs(usual * rate - 1) > JITTER:
-        message = (
-            f"the log steps by {usual:.6g} s as a rule, not by 1/{rate:g} s: is its rate "
-            f"{1 / usual:.6g} 1/s, and its time_unit right?"
-        )
-        raise RecordingError(message, file=file, key=RATE)
-    if off.max() > JITTER:
-        row = int(np.argmax(off > JITTER))
-        fault = "samples are missing" if steps[row] * rate > 1 else "rows stand too close"
-        message = (
-            f"the log steps by {steps[row]:.6g} s at {time[row] - time[0]:.6g} s from its start, "
-            f"not by 1/{rate:g} s; {fault}"
-        )
-        raise RecordingError(message, file=file)
-    if abs(mean * rate - 1) > RATE_TOLERANCE:
-        message = (
-            f"the log steps by {mean:.6g} s on average, not by 1/{rate:g} s: is its rate "
-            f"{1 / mean:.6g} 1/s?"
-        )
-        raise RecordingError(message, file=file, key=RATE)
-    return int((off > CLOCK_TOLERANCE).sum())
+        found = f"{usual:.6g} s as a rule"
+        cause = f"is its rate {1 / usual:.6g} 1/s, and its time_unit right?"
+    elif off.max() > JITTER:
+        found, key = f"{steps[row]:.6g} s at {time[row] - time[0]:.6g} s from its start", None
+        cause = "samples are missing" if steps[row] * rate > 1 else "rows stand too close"
+    elif abs(mean * rate - 1) > RATE_TOLERANCE:
+        found, cause = f"{mean:.6g} s on average", f"is its rate {1 / mean:.6g} 1/s?"
+    else:
+        return int((off > CLOCK_TOLERANCE).sum())
+    message = f"the log steps by {found}, not by 1/{rate:g} s: {cause}"
+    raise RecordingError(message, file=file, key=key)
 
 
 def read_log(file: Path, options: LogOptions) -> JointLog:
-    """Read the log in ``file``, of whichever format it begins like, else as a plain table; its
-    signals multiplied by the factors of ``options``, its angles without jumps of whole turns, which
-    ``unwrapped_jumps`` counts. Positions of joints that are not circular are in m, whatever the
-    unit of angles.
-
-    Raises RecordingError for another number of joints than the options say or other names, for
-    angles beyond four turns, and for jumps that are no whole turns.
+    """Read the log in ``file`` in whichever format it begins, else as a plain table; signals times
+    their factors, angles without jumps of whole turns (``unwrapped_jumps``), prismatic joints in m.
+    Raises RecordingError for other joints, angles beyond four turns, and jumps of no whole turns.
     """
     chosen = format_of(file, formats_in(joint_formats, Kind.JOINTS)) or table.FORMAT
     log = chosen.read(file, options)
     wanted = options.signals or log.signals
     signals = {name: rows for name, rows in log.signals.items() if name in wanted}
-    key = f"{OPTION}.joints"
+    key, message = f"{OPTION}.joints", ""
     if wrong := {rows.shape[1] for rows in signals.values()} - {options.joints}:
         message = f"the log holds {wrong.pop()} joints, not {options.joints}"
-        raise RecordingError(message, file=file, key=key)
-    if log.joints and options.names and log.joints != tuple(options.names):
+    elif log.joints and options.names and log.joints != tuple(options.names):
         message = f"the log states its joints as {', '.join(log.joints)}"
-        raise RecordingError(message, file=file, key=key)
     jumps, names = 0, options.names or log.joints
-    for name, rows in signals.items():
+    for name, rows in signals.items() if not message else ():
         if name in options.factors:
             rows = rows * np.asarray(options.factors[name])
         if name in SIGNALS:
@@ -154,19 +135,20 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
                 rows = np.where(options.circular, rows, np.degrees(rows))
             greatest = np.where(options.circular, np.abs(rows), 0.0).max(axis=1, initial=0.0)
             if greatest.max() > MOST_TURNS * TURN:
+                at, key = log.time[greatest.argmax()] - log.time[0], f"{OPTION}.angle_unit"
                 message = (
-                    f"{name}: {greatest.max():.6g} rad, or rad/s, at "
-                    f"{log.time[greatest.argmax()] - log.time[0]:.6g} s from the start is not a "
-                    f"joint of an arm: is the angle_unit {options.angle_unit}?"
+                    f"{name}: {greatest.max():.6g} rad, or rad/s, at {at:.6g} s from the start is "
+                    f"not a joint of an arm: is the angle_unit {options.angle_unit}?"
                 )
-                raise RecordingError(message, file=file, key=f"{OPTION}.angle_unit")
-        if name in ANGLES:
+                break
+        if name in ("actual", "target"):
             where = {"circular": options.circular, "signal": name, "file": file}
             rows, removed = unwrapped(rows, log.time, names, **where)
             jumps += removed
         signals[name] = rows
-    counts = log.counts | ({UNWRAPPED: jumps} if jumps else {})
-    return replace(log, signals=signals, counts=counts)
+    if message:
+        raise RecordingError(message, file=file, key=key)
+    return replace(log, signals=signals, counts=log.counts | ({UNWRAPPED: jumps} if jumps else {}))
 
 
 def require_speeds(
@@ -176,14 +158,8 @@ def require_speeds(
     urdf: str,
     **evidence: object,
 ) -> None:
-    """Raise RecordingError with ``evidence`` where an angle steps faster than its joint can.
-
-    Args:
-        time: (N,) s.
-        angles: (N, joints) rad, or m, of each signal.
-        names: Joints of the columns.
-        urdf: File of their velocity limits; a limit of 0, as some exporters write, is none.
-        evidence: File of the angles.
+    """Raise RecordingError where ``angles`` (N, joints) rad, or m, of a signal step faster in
+    ``time`` (N,) s than the velocity limit of their joint in ``urdf``; a limit of 0 is none.
     """
     for column, joint in enumerate(named_joints(urdf, names)):
         limit = ((joint and joint.limits) or {}).get("velocity", 0.0)
@@ -202,3 +178,105 @@ def require_speeds(
                     "the URDF"
                 )
                 raise RecordingError(message, **evidence, joint=joint.name, time=at)
+
+
+class LoggedMovement(NamedTuple):
+    """Rows of a movement, of all its logged joints."""
+
+    joints: Sequence[str]
+    actual: np.ndarray  # (N, joints) rad, measured
+    target: np.ndarray  # (N, joints) rad, commanded
+    speed: np.ndarray  # (N, joints) rad/s, commanded
+    others: Mapping[str, np.ndarray]  # (N, joints) each, other signals in any unit
+    counts: Mapping[str, float]  # of rows, but for those of UNITS
+    circular: np.ndarray | bool = True  # (joints,) whether a joint turns
+
+    def require_held(self, rows: slice, locked: Mapping[str, float], **evidence: object) -> None:
+        """RecordingError for joints not within 0.01 rad of their ``locked`` angle in ``rows``."""
+        circular = np.broadcast_to(self.circular, len(self.joints))
+        for joint in sorted({*locked} & {*self.joints}):
+            angle, column = locked[joint], self.joints.index(joint)
+            measured = self.actual[rows, column]
+            if np.abs(apart(measured, angle, circular[column])).max() > REACH:
+                message = (
+                    f"{joint} is held at {angle:.4g} rad, and was logged from "
+                    f"{measured.min():.4g} to {measured.max():.4g} rad: lock it where it stood, or "
+                    "choose a motion in which it does not move"
+                )
+                raise RecordingError(message, **evidence, key=f"dataset.robot.locked.{joint}")
+
+
+def beside(
+    actual: np.ndarray,
+    target: np.ndarray,
+    row: int,
+    angles: np.ndarray,
+    circular: np.ndarray | bool = True,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return ``actual`` and ``target`` (N, n) moved by the whole turns of ``circular`` joints that
+    take the command of the ``row`` nearest to ``angles`` (n,), all in rad.
+    """
+    turns = TURN * turns_apart(angles, target[row], circular)
+    return actual + turns, target + turns
+
+
+def read_logged_movement(
+    name: str,
+    movement: Path,
+    options: JointLogSection,
+    rate: float,
+    circular: np.ndarray | bool = True,
+) -> LoggedMovement:
+    """Read the ``movement`` of that name, a folder of logs or one file, at ``rate`` rows a second;
+    ``circular``: which joints turn. Raises RecordingError for logs that cannot be read, have no
+    even clock or are no pair; ConfigError where the options do not say where both stand.
+    """
+    single = movement.is_file() or is_bag(movement)
+    wanted: dict[Path, dict] = {movement: {**options.signals}} if single else {}
+    for signal in () if single else SIGNALS:
+        if file := getattr(options, signal):
+            wanted.setdefault(movement / file, {})[signal] = options.signals.get(signal)
+    for signal, place in options.others.items():
+        file, columns = (movement / place, None) if isinstance(place, str) else (movement, place)
+        # beside angles that the file names itself
+        angles = dict.fromkeys(SIGNALS[:2]) if file == movement else {}
+        wanted[file] = (wanted.get(file) or angles) | {signal: columns}
+    keys = ("time", "separator", "decimal", "angle_unit", "time_unit")
+    common = LogOptions(
+        **{key: getattr(options, key) for key in keys},
+        rate=rate,
+        joints=len(options.joints),
+        names=options.joints,
+        factors={}
+        if options.target_factor == 1
+        else dict.fromkeys(SIGNALS[1:], options.target_factor),
+        circular=circular,
+    )
+    files = {file: replace(common, signals=signals) for file, signals in wanted.items()}
+    signals, counts = read_movement(files, rate, options.clock) if files else ({}, {})
+    if missing := [signal for signal in SIGNALS[:2] if signal not in signals]:
+        where = "signals" if single else " and ".join(missing)
+        message = f"nothing says where {name} holds the {' and '.join(missing)} angles"
+        raise ConfigError(message, key=f"dataset.joint_log.{where}")
+    delay = options.target_delay
+    if isinstance(delay, Mapping):
+        if name not in delay:
+            message = f"no delay for the movement {name}; there are {', '.join(delay)}"
+            raise ConfigError(message, key="dataset.joint_log.target_delay")
+        delay = delay[name]
+    early = round(delay * rate)
+    actual, target = delayed(signals["actual"], signals["target"], early)
+    if early:
+        counts |= {"command_delay": early / rate, "rows_beside_the_delay": abs(early)}
+    turns = whole_turns(target, actual, circular)
+    if turns.any():
+        actual = actual + TURN * turns
+        counts |= {"joints_moved_by_whole_turns": np.count_nonzero(turns)}
+    require_pair(actual, target, rate, limit=options.mismatch, joints=options.joints, file=movement)
+    if "speed" in signals:
+        _, speed = delayed(signals["actual"], signals["speed"], early)
+    else:
+        speed = commanded_speeds(target, rate, options.rest_speed)
+        counts |= {"speed_from_angles": 1}
+    others = {name: delayed(signals[name], signals["target"], early)[0] for name in options.others}
+    return LoggedMovement(options.joints, actual, target, speed, others, counts, circular)

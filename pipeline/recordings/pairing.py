@@ -1,14 +1,13 @@
-"""Pairs of measured and commanded angles, and the unit, order or clock of the command that makes
-them one.
+"""Pairs of measured and commanded angles, and the unit, order or clock that makes them one.
 
-How fast the arm as a whole moves depends neither on the order nor on the signs of its joints, and
-how far they turn in all shows the unit; so each of the three is found without the others.
+How fast the whole arm moves depends neither on order nor on signs, and how far its joints turn in
+all shows the unit; so each is found without the others.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,11 +29,8 @@ FACTORS = {"1": 1.0, "180/π": TURN, "π/180": 1 / TURN, "(180/π)²": TURN**2, 
 FACTORS |= {"2π": 2 * np.pi, "1/2π": 1 / (2 * np.pi)}
 
 
-@dataclass(frozen=True)
-class Pairing:
-    """Change that makes a pair of measured and commanded angles: the command of joint i is column
-    ``order[i]``, times ``factor[i]``, ``delay`` rows later.
-    """
+class Pairing(NamedTuple):
+    """Command of joint i: column ``order[i]`` times ``factor[i]``, ``delay`` rows later."""
 
     factor: np.ndarray  # (n,)
     order: np.ndarray  # (n,) int
@@ -45,6 +41,10 @@ class Pairing:
         actual, target = delayed(actual, target, self.delay)
         return actual, target[:, self.order] * self.factor
 
+    def left(self, actual: np.ndarray, target: np.ndarray) -> float:
+        """Return the greatest tracking error that the pair leaves, of :func:`missed`."""
+        return float(missed(*self.apply(actual, target)).max())
+
 
 def delayed(actual: np.ndarray, target: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
     """Return measured rows and the commanded ones ``rows`` before them, without the unpaired."""
@@ -53,13 +53,11 @@ def delayed(actual: np.ndarray, target: np.ndarray, rows: int) -> tuple[np.ndarr
 
 
 def missed(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return (n,) the tracking error of each joint divided by its motion: the 0.9 quantile over the
-    rows of ``actual`` and ``target`` (N, n) in rad at which the command moves, or at which it
-    rests, whichever is more. The motion counts as a tenth of the farthest joint's and STILL at
-    least.
+    """Return (n,) the tracking error of each joint over its motion, a tenth of the farthest joint's
+    and STILL at least: the 0.9 quantile over the rows of ``actual`` and ``target`` (N, n) in rad at
+    which the command moves, or rests, whichever is more.
     """
-    residual = np.abs(actual - target)
-    motion = np.ptp(actual, axis=0)
+    residual, motion = np.abs(actual - target), np.ptp(actual, axis=0)
     scale = np.maximum(motion, max(LEAST_MOTION * motion.max(), STILL))
     steps = np.abs(np.diff(target, axis=0, prepend=target[:1])).max(axis=1)
     moving = steps > LEAST_MOTION * np.quantile(steps, 0.99)
@@ -71,15 +69,19 @@ def pairing_of(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
     """Return the pairing of ``actual`` and ``target`` (N, n) in rad, at ``rate`` rows a second,
     that leaves the least error; the plain one where no other leaves clearly less.
     """
-    plain = _plain(actual.shape[1])
+    best = _plain(actual.shape[1])
     if not (np.ptp(actual, axis=0).max() > REACH and np.ptp(target, axis=0).any()):
-        return plain
-    best, least = plain, _left(plain, actual, target)
+        return best
+    least = best.left(actual, target)
     for delay in _delays(actual, target, rate):
         tried = _settled(*delayed(actual, target, delay), delay)
-        if (left := _left(tried, actual, target)) < ORDER_GAIN * least:
+        if (left := tried.left(actual, target)) < ORDER_GAIN * least:
             best, least = tried, left
-    return _fine(best, actual, target, rate)
+    # the delay to the nearest row; within LATEST of none it is the controller's, not a clock's
+    behind, command = best.apply(actual, target)
+    late = lag(command, behind, rate)
+    delay = best.delay + (round(late * rate) if np.isfinite(late) else 0)
+    return best._replace(delay=delay if abs(delay) > LATEST * rate else 0)
 
 
 def require_pair(
@@ -91,11 +93,9 @@ def require_pair(
     joints: Sequence[str],
     **evidence: object,
 ) -> None:
-    """Raise RecordingError where measured angles ``actual`` (N, n) in rad are no pair with the
-    commanded ones ``target`` at ``rate`` rows a second; it names unit, order and clock, each with
-    the option that settles it and the error that is left without it.
-
-    A joint may miss its command by the share ``limit`` of its motion, the arm lag by LATEST.
+    """Raise RecordingError where ``actual`` angles (N, n) in rad are no pair with commanded
+    ``target`` at ``rate`` rows a second: a joint misses its command by more than ``limit`` of its
+    motion, or the arm lags by more than LATEST. Unit, order and clock are named with their option.
     """
     missing = missed(actual, target)
     worst = int(missing.argmax())
@@ -110,7 +110,7 @@ def require_pair(
     else:
         return
     pairing = pairing_of(actual, target, rate)
-    left = _left(pairing, actual, target)
+    left = pairing.left(actual, target)
     words = [
         f"the {what} ({option.rpartition('.')[2]}: {value}, without which {without:.2g} is left)"
         for what, option, value, without in suspects(pairing, actual, target, rate)
@@ -129,48 +129,41 @@ def suspects(
     """Yield each change in a ``pairing``: in words, its option, the option's value, and the share
     of the motion that is left without it.
     """
-    n = len(pairing.order)
-    plain, without = _plain(n), {}
-    for name in ("factor", "order", "delay"):
-        other = replace(pairing, **{name: getattr(plain, name)})
-        without[name] = _left(other, actual, target)
+    plain = _plain(len(pairing.order))
+
+    def without(name: str) -> float:
+        return pairing._replace(**{name: getattr(plain, name)}).left(actual, target)
+
     if (pairing.factor != 1).any():
         factors = [f"{factor:.16g}" for factor in pairing.factor]
         value = factors[0] if len(set(factors)) == 1 else f"[{', '.join(factors)}]"
         named = [name for name, known in FACTORS.items() if known == abs(pairing.factor[0])]
         what = f"unit, {named[0]}" if named else "unit"
         what = "sign" if (np.abs(pairing.factor) == 1).all() else what
-        yield what, f"{OPTION}.target_factor", value, without["factor"]
+        yield what, f"{OPTION}.target_factor", value, without("factor")
     if (pairing.order != plain.order).any():
         value = f"the commanded columns in the order {[int(j) + 1 for j in pairing.order]}"
-        yield "order", f"{OPTION}.signals", value, without["order"]
+        yield "order", f"{OPTION}.signals", value, without("order")
     if pairing.delay:
         delay = f"{pairing.delay / rate:.6g}"
-        yield "clock", f"{OPTION}.target_delay", delay, without["delay"]
+        yield "clock", f"{OPTION}.target_delay", delay, without("delay")
 
 
 def _plain(n: int, factor: float = 1.0, delay: int = 0) -> Pairing:
     return Pairing(np.full(n, factor), np.arange(n), delay)
 
 
-def _left(pairing: Pairing, actual: np.ndarray, target: np.ndarray) -> float:
-    return float(missed(*pairing.apply(actual, target)).max())
-
-
 def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
-    """Rows by which the command may be early, the least first: none, and the highest peaks of the
-    correlation of the speeds of the whole arm.
-    """
+    """Rows by which the command may be early: 0, and correlation peaks of the arm's speeds."""
     from scipy.signal import correlate, correlation_lags
 
     width = max(1, round(SMOOTHING * rate))
     speeds = [np.linalg.norm(q[width:] - q[:-width], axis=1) for q in (actual, target)]
     measured, commanded = (speed - speed.mean() for speed in speeds)
-    alike = correlate(measured, commanded)
     rows = correlation_lags(len(measured), len(commanded))
     near = np.abs(rows) <= min(SEARCH * rate, len(measured) // 2)
-    # each by what its rows alone could reach: a longer delay leaves fewer
-    alike, rows = alike[near] / (len(measured) - np.abs(rows[near])), rows[near]
+    alike, rows = correlate(measured, commanded)[near], rows[near]
+    alike = alike / (len(measured) - np.abs(rows))  # a longer delay leaves fewer rows
     peak = np.flatnonzero((alike[1:-1] >= alike[:-2]) & (alike[1:-1] > alike[2:])) + 1
     peak = peak[alike[peak] > NEAR * alike.max()]
     highest = peak[np.argsort(-alike[peak])[:PEAKS]]
@@ -186,9 +179,8 @@ def _settled(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairing:
         return _plain(n, delay=delay)
     size = np.ptp(actual, axis=0).sum() / motion
     size = next((known for known in FACTORS.values() if abs(size / known - 1) < SAME), size)
-    scaled = size * target
     # (2, n, n) root mean square residual of joint i from column j, and from its opposite
-    pairs = ((actual.T[:, None] - sign * scaled.T) for sign in (1, -1))
+    pairs = ((actual.T[:, None] - sign * (size * target).T) for sign in (1, -1))
     costs = np.array([np.sqrt(np.mean(pair**2, axis=-1)) for pair in pairs])
     cost, same = costs.min(axis=0), np.arange(n)
     rows, order = linear_sum_assignment(cost)
@@ -201,13 +193,3 @@ def _settled(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairing:
     if len(set(kept.tolist())) == n:
         order, sign = kept, np.where(stay, 1.0, sign)
     return Pairing(size * sign, order, delay)
-
-
-def _fine(pairing: Pairing, actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
-    """``pairing`` with its delay to the nearest row, by the lag that it leaves; within LATEST of
-    none it is the controller's, not a clock's.
-    """
-    behind, command = pairing.apply(actual, target)
-    late = lag(command, behind, rate)
-    delay = pairing.delay + (round(late * rate) if np.isfinite(late) else 0)
-    return replace(pairing, delay=delay if abs(delay) > LATEST * rate else 0)

@@ -1,6 +1,4 @@
-"""Counts, losses and repairs of each take beside the dataset's limits; the takes that stay, and the
-reasons why others are left out.
-"""
+"""Counts, losses and repairs of each take beside the dataset's limits; the takes that stay."""
 
 from __future__ import annotations
 
@@ -36,7 +34,7 @@ def quality_row(
 
 def summarised(quality: pd.DataFrame) -> pd.DataFrame:
     """Sum up the table ``quality`` by instrument, quantity and unit: ``total`` of counts or
-    ``mean`` of the rest (the other is missing), least, greatest.
+    ``mean`` of the rest, least, greatest.
     """
     summed = quality[quality["unit"] != "row"].groupby(["instrument", "quantity", "unit"])["value"]
     table = summed.agg(total="sum", mean="mean", least="min", greatest="max").reset_index()
@@ -45,9 +43,7 @@ def summarised(quality: pd.DataFrame) -> pd.DataFrame:
 
 
 def metrics(summary: pd.DataFrame) -> dict[str, float]:
-    """Name the totals of counts and the means of the rest of :func:`summarised` by instrument and
-    quantity.
-    """
+    """Name totals of counts and means of the rest of :func:`summarised`."""
     names = summary["instrument"].str.replace(" ", "_") + "_" + summary["quantity"]
     counted = summary["unit"] == "count"
     names = names.where(counted, "mean_" + names)
@@ -58,20 +54,25 @@ def side_by_side(takes: pd.DataFrame) -> pd.DataFrame:
     """Return a row a take of the table ``takes``: measures, whether and why it is left out."""
     unit = takes["unit"].map(lambda unit: "" if unit in ("count", "share") else f" ({unit})")
     column = takes["measure"] + unit
-    value, limit = takes["value"].map("{:.3g}".format), takes["limit"].map("{:g}".format)
-    why = (takes["measure"] + " " + value + " beyond " + limit)[takes["beyond"]]
     wide = takes.assign(column=column).pivot(index="take", columns="column", values="value")
     order = takes.drop_duplicates("take").set_index("take")[["part", "left_out"]]
     table = order[["part"]].join(wide[list(dict.fromkeys(column))])
-    reason = why.groupby(takes["take"]).agg("; ".join)
+    reason = pd.Series(_beyond(takes, "; "), dtype="str")
     return table.assign(left_out=order["left_out"], reason=reason).reset_index()
 
 
-def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.DataFrame:
-    """Return the table ``takes`` of the table ``quality``: every measure of a take beside its
-    limit, and whether the take is left out. Training takes come first, in the order of their names.
+def _beyond(takes: pd.DataFrame, separator: str) -> dict[str, str]:
+    """Take → its measures beyond their limits, in words."""
+    words: dict[str, list[str]] = {}
+    for row in takes[takes["beyond"]].itertuples():
+        one = f"{row.measure} {row.value:.3g} beyond {row.limit:g}"
+        words.setdefault(row.take, []).append(one)
+    return {take: separator.join(each) for take, each in words.items()}
 
-    ``limits`` by measure, in the measure's unit; absent or None: no limit.
+
+def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.DataFrame:
+    """Return the table ``takes`` of the table ``quality``: every measure of a take beside its limit
+    (in the measure's unit; None: no limit), and whether the take is left out; training takes first.
     """
     takes = quality[quality["quantity"].isin(MEASURES)].rename(columns={"quantity": "measure"})
     stated = {name: limit for name, limit in limits.items() if limit is not None}
@@ -87,17 +88,11 @@ def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.
 
 def reasons(takes: pd.DataFrame) -> list[str]:
     """Name every take that is left out and why, in the order of the table ``takes``."""
-    measures: dict[str, list[str]] = {}
-    for row in takes[takes["beyond"]].itertuples():
-        words = f"{row.measure} {row.value:.3g} beyond {row.limit:g}"
-        measures.setdefault(row.take, []).append(words)
-    return [f"{take} ({', '.join(words)})" for take, words in measures.items()]
+    return [f"{take} ({words})" for take, words in _beyond(takes, ", ").items()]
 
 
 def require_enough(takes: pd.DataFrame) -> None:
-    """Raise RecordingError, naming limits and takes, where the limits leave fewer than two takes of
-    a part.
-    """
+    """Raise RecordingError where the limits leave fewer than two takes of a part."""
     for part, rows in takes.groupby("part", sort=False):
         left_out = rows[rows["left_out"]]
         staying = rows["take"].nunique() - left_out["take"].nunique()
@@ -115,13 +110,16 @@ def require_enough(takes: pd.DataFrame) -> None:
 def account(
     files: Iterable[pd.DataFrame], quality: pd.DataFrame, takes: pd.DataFrame
 ) -> pd.DataFrame:
-    """Return a row per step and recording: step, recording, ``found``, ``kept``, ``left_out`` in
-    words.
-
-    ``files``: those of each part, as of :func:`pipeline.recordings.inventory.by_part`;
-    ``quality`` of the motion and ``takes``: the tables.
+    """Return a row per step and recording: ``found``, ``kept``, and what is ``left_out`` in words.
+    ``files`` of each part, as of :func:`pipeline.recordings.inventory.by_part`; the tables.
     """
-    rows = [("files", "all", *_named(files))]
+    names = [set(table["file"]) for table in files]
+    present, other = set().union(*names), set.intersection(*names)  # unnamed: any part's
+    places = Counter(name.partition("/")[0] for name in other)
+    words = [f"{place} ({n})" if n > 1 else place for place, n in sorted(places.items())]
+    more = [f"and in {len(words) - SHOWN} more places"] if len(words) > SHOWN else []
+    words = ", ".join([*words[:SHOWN], *more])
+    rows = [("files", "all", len(present), len(present - other), words)]
     counts = quality[quality["quantity"].str.startswith((REPETITIONS, LEFT_OUT))]
     for movement, of_movement in counts.groupby("take"):
         number = of_movement.set_index("quantity")["value"].astype(int)
@@ -134,13 +132,3 @@ def account(
         gone = of_part.loc[of_part["left_out"], "take"].nunique()
         rows.append(("takes", part, present, present - gone, "; ".join(reasons(of_part))))
     return pd.DataFrame(rows, columns=["step", "recording", "found", "kept", "left_out"])
-
-
-def _named(files: Iterable[pd.DataFrame]) -> tuple[int, int, str]:
-    """Number of files, number that a pattern names, and where the others lie."""
-    names = [set(table["file"]) for table in files]
-    present, other = set().union(*names), set.intersection(*names)  # unnamed: any part's
-    places = Counter(name.partition("/")[0] for name in other)
-    words = [f"{place} ({n})" if n > 1 else place for place, n in sorted(places.items())]
-    more = [f"and in {len(words) - SHOWN} more places"] if len(words) > SHOWN else []
-    return len(present), len(present - other), ", ".join([*words[:SHOWN], *more])

@@ -18,9 +18,7 @@ SLACK = 2  # rows by which the logger may see the same command start early or la
 
 
 class Excursion(NamedTuple):
-    """A commanded motion: the speed is commanded from row ``first`` up to, but not on, row ``last``
-    of its log; ``whole``: from rest to rest.
-    """
+    """A commanded motion from row ``first`` up to row ``last``; ``whole``: from rest to rest."""
 
     first: int
     last: int
@@ -44,16 +42,12 @@ class Excursion(NamedTuple):
 
 
 class Repetitions(NamedTuple):
-    """Whole repetitions of one motion in a log, and the rows at which other excursions start, by
-    the reason that leaves them out: cut_off, other_motion, too_little_rest; overlapping in passing.
+    """Whole repetitions of one motion in a log, and the first rows of other excursions by reason:
+    cut_off, other_motion, too_little_rest; overlapping in passing.
     """
 
     runs: list[Excursion]
     left_out: dict[str, list[int]]
-
-
-def _moving(speeds: np.ndarray, rest_speed: float) -> np.ndarray:
-    return np.any(np.abs(speeds) > rest_speed, axis=1)
 
 
 def _runs(inside: np.ndarray) -> list[tuple[int, int]]:
@@ -65,25 +59,19 @@ def _runs(inside: np.ndarray) -> list[tuple[int, int]]:
 def excursions(
     angles: np.ndarray, speeds: np.ndarray, rest_speed: float = REST_SPEED
 ) -> list[Excursion]:
-    """Find every motion in a log of commanded ``angles`` (N, joints) in rad and ``speeds`` (N,
-    joints) in rad/s, in order of time.
-
-    The speed separates motion from rest: it is at most ``rest_speed`` while a controller holds its
-    position, where the commanded angle may creep.
+    """Find every motion in a log of commanded ``angles`` (N, joints) rad and ``speeds`` (N, joints)
+    rad/s: at rest a controller commands at most ``rest_speed``, while the angle may creep.
     """
     return [
         Excursion(first, last, 0 < first and last < len(speeds))
-        for first, last in _runs(_moving(speeds, rest_speed))
+        for first, last in _runs(np.any(np.abs(speeds) > rest_speed, axis=1))
         if np.ptp(angles[max(first - 1, 0) : last + 1], axis=0).max() > REACH
     ]
 
 
 def commanded_speeds(angles: np.ndarray, rate: float, rest_speed: float = REST_SPEED) -> np.ndarray:
-    """Return speeds (N, joints) in rad/s for a controller that logs none: the step to each
-    commanded angle (N, joints) from the one before at ``rate`` (1/s), 0 for the first.
-
-    They are 0 outside :func:`excursions`: an angle that creeps at rest goes nowhere. Creeping next
-    to a motion is separated from it by ``rest_speed`` alone, which must lie above its steps.
+    """Return speeds (N, joints) in rad/s for a controller that logs none: steps of commanded
+    ``angles`` (N, joints) at ``rate`` (1/s), 0 outside :func:`excursions`.
     """
     steps = np.diff(angles, axis=0, prepend=angles[:1]) * rate
     speeds = np.zeros_like(steps)
@@ -104,14 +92,11 @@ def find_repetitions(
     rest_speed: float = REST_SPEED,
     circular: np.ndarray | bool = True,
 ) -> Repetitions:
-    """Find the whole excursions that take the joints ``columns`` from ``start`` to ``end`` (rad; m
-    of joints that are not ``circular``) in ``steps`` steps, with ``rest`` rows at rest on either
-    side.
-
-    ``angles``, ``speeds`` and ``rest_speed`` as for :func:`excursions`. Ends agree within 0.01 rad
-    and durations within two steps.
+    """Find the whole :func:`excursions` that take the joints ``columns`` from ``start`` to ``end``
+    (rad; m of joints not ``circular``) within 0.01, in ``steps`` ± 2, ``rest`` rows at rest on
+    either side.
     """
-    moving = _moving(speeds, rest_speed)
+    moving = np.any(np.abs(speeds) > rest_speed, axis=1)
     runs, left_out = [], {"cut_off": [], "other_motion": [], "too_little_rest": []}
     for run in excursions(angles, speeds, rest_speed):
         if not run.whole:
@@ -137,11 +122,9 @@ def find_passes(
     steps: int,
     circular: np.ndarray | bool = True,
 ) -> Repetitions:
-    """Find the stretches of ``steps`` steps in which commanded ``angles`` (N, joints), as of
-    :func:`find_repetitions`, pass ``start`` and then ``end``, of a command that never rests.
-
-    Both are passed within 0.01 rad; of the rows around, the one nearest to both counts. A stretch
-    that begins before the end of the stretch before it is left out.
+    """Find the stretches of ``steps`` steps in which commanded ``angles`` (N, joints) that never
+    rest pass ``start`` and then ``end`` within 0.01 rad, nearest of the rows around; those that
+    begin before the end of the one before are left out.
     """
     runs, left_out = [], {"overlapping": []}
     if len(angles) <= steps:
@@ -160,7 +143,7 @@ def find_passes(
 
 def in_phase(angles: np.ndarray, first: int, reference: np.ndarray) -> float:
     """Return the place between rows near ``first`` from which ``angles`` (N, joints) follow
-    ``reference`` (K, joints), both in rad, by least squares: a period is seldom whole rows.
+    ``reference`` (K, joints) in rad by least squares: a period is seldom whole rows.
     """
     place = float(first)
     for _ in range(PHASE_ROUNDS):
@@ -171,9 +154,7 @@ def in_phase(angles: np.ndarray, first: int, reference: np.ndarray) -> float:
 
 
 def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
-    """Return (length, joints) of ``angles`` (N, joints) from ``place`` on, a row, or a place
-    between two rows, then by cubic splines through the rows.
-    """
+    """Return (length, joints) of ``angles`` from ``place`` on, between rows by cubic splines."""
     from scipy.interpolate import CubicSpline
 
     if place == round(place):
@@ -182,18 +163,14 @@ def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
 
 
 def align(angles: np.ndarray, first: int, reference: np.ndarray) -> int:
-    """Return the row within two of ``first`` from which ``angles`` (N, joints) in rad follow
-    ``reference`` (K, joints) best: equal commands can differ by a row at one of their ends.
-    """
+    """Return the row within two of ``first`` from which ``angles`` follow ``reference`` best."""
     rows = range(first - SLACK, first + SLACK + 1)
     return min(rows, key=lambda row: np.abs(angles[row : row + len(reference)] - reference).max())
 
 
 def lag(commanded: np.ndarray, measured: np.ndarray, rate: float) -> float:
-    """Return the time in s by which ``measured`` angles (K, joints) trail the ``commanded`` ones,
-    at ``rate`` samples per second; NaN of a command that moves no joint farther than REACH.
-
-    Least squares of measured(t) = commanded(t − lag) to first order in the lag, over all joints.
+    """Return the time in s by which ``measured`` angles (K, joints) trail the ``commanded`` ones at
+    ``rate`` (1/s), by least squares to first order; NaN of a command that moves no joint.
     """
     if not np.ptp(commanded, axis=0).max() > REACH:
         return np.nan

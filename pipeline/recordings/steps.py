@@ -1,10 +1,7 @@
-"""Recorded steps that the motion models are fitted to, the ranges of their poses and speeds, and
-the angles that a filter is compared with.
-"""
+"""Recorded steps that models are fitted to, their ranges, and the angles to compare with."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +18,7 @@ MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
 
 
 def training_steps(robot: Robot, motion: Motion) -> Recorded:
-    """Return poses before each step, commanded steps and process noise of the training takes of
-    ``motion``.
-    """
+    """Return poses, commanded steps and process noise of the training takes of ``motion``."""
     joints = contracts.read("joints", TRACK)
     _, q = contracts.stacked(joints[joints.part == "training"], "q")
     v = commanded_steps(contracts.read("trajectory", MOTION), motion.rate)
@@ -34,35 +29,26 @@ def training_steps(robot: Robot, motion: Motion) -> Recorded:
 
 
 def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
-    """Return the least and the greatest over the steps of ``recorded``, ``rate`` a second, of the
-    measured ``pose`` and the commanded ``joint speed`` of every joint, the commanded ``speed`` of
-    every row of the command, and the ``condition`` ‖J⁺‖, greater the nearer a pose is to a singular
-    one.
+    """Return the least and the greatest of measured ``pose`` and commanded ``joint speed``, of the
+    commanded ``speed`` of each row at ``rate`` steps a second, and of the ``condition`` ‖J⁺‖.
     """
     chain, joints, v = recorded.chain, recorded.joints, recorded.v
     poses = np.concatenate([recorded.q, recorded.q_next[:, -1:]], axis=1)
     speeds = rate * chain.nominal_step(recorded.q, v)
-    units = ["m/s" if name in ("x", "y", "z") else "rad/s" for name in chain.task]
-    units = [*units, *["rad/s"] * len(joints)][: v.shape[-1]]
+    command, turning = [*chain.task, *joints][: v.shape[-1]], ["rad/s"] * len(joints)
+    units = ["m/s" if name in ("x", "y", "z") else "rad/s" for name in chain.task] + turning
     norms = frobenius(chain.inverse_jacobian(recorded.q))[..., None]
     rows = [
-        *_ends("pose", joints, ["rad"] * len(joints), poses),
-        *_ends("joint speed", joints, ["rad/s"] * len(joints), speeds),
-        *_ends("speed", [*chain.task, *joints][: v.shape[-1]], units, rate * v),
-        *_ends("condition", ["‖J⁺‖"], ["1/m and 1"], norms),
+        (quantity, name, unit, float(each.min()), float(each.max()))
+        for quantity, names, units, values in (
+            ("pose", joints, ["rad"] * len(joints), poses),
+            ("joint speed", joints, turning, speeds),
+            ("speed", command, units[: len(command)], rate * v),
+            ("condition", ["‖J⁺‖"], ["1/m and 1"], norms),
+        )
+        for name, unit, each in zip(names, units, np.moveaxis(values, -1, 0), strict=True)
     ]
     return pd.DataFrame(rows, columns=["quantity", "name", "unit", "least", "greatest"])
-
-
-def _ends(
-    quantity: str, names: Sequence[str], units: Sequence[str], values: np.ndarray
-) -> list[tuple]:
-    """A row for each of the ``names``, the columns of ``values`` (..., columns)."""
-    columns = values.reshape(-1, values.shape[-1]).T
-    return [
-        (quantity, name, unit, float(each.min()), float(each.max()))
-        for name, unit, each in zip(names, units, columns, strict=True)
-    ]
 
 
 def truth_of(dataset: Dataset) -> Path:
@@ -71,9 +57,8 @@ def truth_of(dataset: Dataset) -> Path:
 
 
 def held_against(joints: pd.DataFrame, dataset: Dataset) -> tuple[pd.DataFrame, bool]:
-    """Return the joint angles that a filter is compared with, and whether they are true: the
-    measured ``joints``, unless the filter weighs by the cameras that measured them and there is a
-    truth.
+    """Return the joint angles that a filter is compared with, and whether they are true: measured,
+    unless the filter weighs by the cameras that measured them and there is a truth.
     """
     if dataset.measurement == "tip" and contracts.exists("true_joints", truth_of(dataset)):
         return contracts.read("true_joints", truth_of(dataset)), True

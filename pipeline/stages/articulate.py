@@ -23,21 +23,18 @@ def run() -> None:
     take in turn, and two frames with their points for the figure.
     """
     settings = config.sections("articulate")
-    dataset = settings.dataset
+    robot, o = settings.dataset.robot, settings.articulation
     with contracts.replacing(OUT) as folder:
-        if dataset.depth is None:
+        if settings.dataset.depth is None:
             print("articulate: the dataset has no depth camera; nothing to do")
             return
-        arm, takes, o = arm_of(dataset.robot), depth_takes(), settings.articulation
-        options = ArticulationOptions.chosen(o)
-        label = "articulate: takes"
-        angles = articulated(takes, dataset.robot, options, settings.compute, label)
+        takes, options = depth_takes(), ArticulationOptions.chosen(o)
+        angles = articulated(takes, robot, options, settings.compute, "articulate: takes")
         contracts.write(angles, "angles", folder)
-        noise = leave_one_out(
-            errors_of(angles, contracts.read("joints", TRACK)), window=o.noise_window
-        )
+        errors = errors_of(angles, contracts.read("joints", TRACK))
+        noise = leave_one_out(errors, window=o.noise_window)
         contracts.write(noise, "kinect_noise", folder)
-        views = [_view(name, angles, takes[0], arm) for name in ("initial", "extended")]
+        views = [_view(name, angles, takes[0], arm_of(robot)) for name in ("initial", "extended")]
         for name, tables in zip(("cloud", "skeleton"), zip(*views, strict=True), strict=True):
             contracts.write(pd.concat(tables, ignore_index=True), name, folder)
 

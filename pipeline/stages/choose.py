@@ -12,26 +12,23 @@ from pipeline.core import config, datasheet
 from pipeline.core.errors import ConfigError
 from pipeline.core.typed_yaml import read_yaml
 
-PARAMS = Path("params.yaml")
-CHOSEN = Path("data/dataset.txt")
+PARAMS, CHOSEN = Path("params.yaml"), Path("data/dataset.txt")
 
 
 def run() -> None:
     """Write the name; ConfigError naming the datasets that there are, or how to begin one, where
     its files are not.
     """
-    name = read_yaml(PARAMS).get("dataset")
-    if name not in config.option_names("dataset"):
+    name, names = read_yaml(PARAMS).get("dataset"), config.option_names("dataset")
+    if name not in names:
         message = (
-            f"no dataset {name!r}; there are {', '.join(config.option_names('dataset'))}, "
-            "and new-dataset begins another"
+            f"no dataset {name!r}; there are {', '.join(names)}, and new-dataset begins another"
         )
         raise ConfigError(message, key="dataset", file=PARAMS)
     if not (file := datasheet.path_of(name)).is_file():
-        raise ConfigError(
-            f"the dataset {name!r} has an option file but no datasheet; new-dataset begins one",
-            key="dataset",
-            file=file,
+        message = (
+            f"the dataset {name!r} has an option file but no datasheet; new-dataset begins one"
         )
+        raise ConfigError(message, key="dataset", file=file)
     CHOSEN.parent.mkdir(exist_ok=True)
     CHOSEN.write_text(f"{name}\n")

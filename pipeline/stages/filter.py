@@ -4,14 +4,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.interface import Chain
 from pipeline.core import config, contracts, rng
 from pipeline.core.columns import spread, triangle
 from pipeline.core.compute.trials import run_trials
@@ -21,6 +19,7 @@ from pipeline.filtering.particle_filter import FilterOptions, Start, particle_fi
 from pipeline.models.closed_loop import FOLDER, fitted_closed_loop, mean_path
 from pipeline.models.kinds import fitted_models
 from pipeline.models.model import Commands, MotionModel, open_loop
+from pipeline.models.steps import Recorded
 from pipeline.recordings.steps import training_steps
 
 FIT, OUT = Path("data/fit"), Path("data/filter")
@@ -32,65 +31,55 @@ def run(model: str) -> None:
     where the model has been fitted in one, in a closed loop.
     """
     settings = config.sections("filter", item=model)
-    robot, options = settings.dataset.robot, settings.filter
-    metrics = {}
+    takes, options, metrics = list(enumerate(measured_takes(settings.dataset))), settings.filter, {}
     with contracts.replacing(OUT / model) as folder:
-        if takes := list(enumerate(measured_takes(settings.dataset))):
-            rate = settings.dataset.motion.rate
-            recorded = training_steps(robot, settings.dataset.motion)
-            loops = {}
-            if fitted := fitted_models([model], FIT, "filter"):
-                loops[""] = (fitted[model], open_loop(recorded.v))
-            closed = fitted_closed_loop(FIT / model)
-            if closed is not None:
-                loops[FOLDER] = (closed[0], mean_path(recorded).commands(closed[1]))
-            first = recorded.q[:, 0]
-            for loop, (fitted, commands) in loops.items():
-                trial = partial(
-                    filter_take,
-                    model=fitted,
-                    chain=recorded.chain,
-                    joints=robot.joints,
-                    commands=commands,
-                    rate=rate,
-                    start=Start(first.mean(axis=0), np.cov(first.T)),
-                    options=FilterOptions(options.particles, options.scheme, options.threshold),
-                    stream=(settings.seed, ".".join(filter(None, ("filter", model, loop)))),
-                )
-                label = " ".join(filter(None, ("filter", model, loop)))
-                rows = list(
-                    run_trials(trial, takes, compute=settings.compute, label=f"{label}: takes")
-                )
-                posterior = pd.concat([table for table, _, _ in rows], ignore_index=True)
-                (folder / loop).mkdir(exist_ok=True)
-                contracts.write(posterior, "posterior", folder / loop)
-                prefix = "closed_loop_" if loop else ""
-                metrics |= {f"{prefix}{name}": n for name, n in _metrics(posterior, rows).items()}
-        else:
+        if not takes:
             print("filter: the dataset has no measurements of its test takes; nothing to filter")
+            return contracts.write_metrics(metrics, folder / "filter.json")
+        recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
+        first = recorded.q[:, 0]
+        for loop, law in _loops(model, recorded).items():
+            label = " ".join(filter(None, ("filter", model, loop)))
+            trial = partial(
+                filter_take,
+                law=law,
+                recorded=recorded,
+                rate=settings.dataset.motion.rate,
+                start=Start(first.mean(axis=0), np.cov(first.T)),
+                options=FilterOptions(options.particles, options.scheme, options.threshold),
+                stream=(settings.seed, label.replace(" ", ".")),
+            )
+            rows = run_trials(trial, takes, compute=settings.compute, label=f"{label}: takes")
+            posteriors, left_out, evidence = zip(*rows, strict=True)
+            posterior = pd.concat(posteriors, ignore_index=True)
+            (folder / loop).mkdir(exist_ok=True)
+            contracts.write(posterior, "posterior", folder / loop)
+            own = {
+                "mean_effective_sample_size": posterior["ess"].mean(),
+                "share_of_steps_resampled": posterior["resampled"].mean(),
+                "particle_steps_with_clipped_noise": posterior["clipped"].sum(),
+                "particle_steps_outside_the_domain": posterior["outside"].sum(),
+                "measurements_outside_the_motion": sum(left_out),
+                "mean_log_evidence_per_take": np.mean(evidence),
+            }
+            metrics |= {f"{'closed_loop_' * bool(loop)}{name}": n for name, n in own.items()}
         contracts.write_metrics(metrics, folder / "filter.json")
 
 
-def _metrics(
-    posterior: pd.DataFrame, rows: Sequence[tuple[pd.DataFrame, int, float]]
-) -> dict[str, float]:
-    """Effective sample sizes, resampling, clipping and evidence over all takes."""
-    return {
-        "mean_effective_sample_size": posterior["ess"].mean(),
-        "share_of_steps_resampled": posterior["resampled"].mean(),
-        "particle_steps_with_clipped_noise": posterior["clipped"].sum(),
-        "particle_steps_outside_the_domain": posterior["outside"].sum(),
-        "measurements_outside_the_motion": sum(left_out for _, left_out, _ in rows),
-        "mean_log_evidence_per_take": np.mean([evidence for _, _, evidence in rows]),
-    }
+def _loops(model: str, recorded: Recorded) -> dict[str, tuple[MotionModel, Commands]]:
+    """The model and its commands in an open and a closed loop, of those that it is fitted in."""
+    loops = {}
+    if fitted := fitted_models([model], FIT, "filter"):
+        loops[""] = (fitted[model], open_loop(recorded.v))
+    if (closed := fitted_closed_loop(FIT / model)) is not None:
+        loops[FOLDER] = (closed[0], mean_path(recorded).commands(closed[1]))
+    return loops
 
 
 def filter_take(
     trial: tuple[int, Measurements],
-    model: MotionModel,
-    chain: Chain,
-    joints: Sequence[str],
-    commands: Commands,
+    law: tuple[MotionModel, Commands],
+    recorded: Recorded,
     rate: float,
     start: Start,
     options: FilterOptions,
@@ -99,11 +88,12 @@ def filter_take(
     """Rows of the table ``posterior`` of one take, how many of its measurements lie outside the
     motion, and its log evidence.
     """
-    number, take = trial
-    generator = rng.stream(*stream, number)
-    posterior = particle_filter(model, chain, commands, 1 / rate, start, take, options, generator)
+    (number, take), (model, commands) = trial, law
+    motion, generator = (recorded.chain, commands, 1 / rate, start), rng.stream(*stream, number)
+    posterior = particle_filter(model, *motion, take, options, generator)
     k = np.arange(len(posterior.mean))
     table = {"take": take.take, "part": "test", "k": k, "t": k / rate}
-    table |= spread("m", joints, posterior.mean) | triangle("c", joints, posterior.covariance)
+    table |= spread("m", recorded.joints, posterior.mean)
+    table |= triangle("c", recorded.joints, posterior.covariance)
     table |= {name: getattr(posterior, name) for name in OF_A_STEP}
     return pd.DataFrame(table), posterior.left_out, posterior.log_evidence

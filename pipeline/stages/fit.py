@@ -15,17 +15,8 @@ from pipeline.core import config, contracts, rng
 from pipeline.core.columns import spread
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError
-from pipeline.models import kinds
-from pipeline.models.bootstrap import (
-    LEAST_TAKES,
-    Estimator,
-    joint_covariance,
-    replicate,
-    resampled_estimator,
-    spreads,
-)
-from pipeline.models.closed_loop import FOLDER, SHARE
-from pipeline.models.closed_loop_fit import ClosedLoopFit, closed_loop_of
+from pipeline.models import bootstrap, kinds
+from pipeline.models.closed_loop import FOLDER, SHARE, closed_loop_of
 from pipeline.models.model import MotionModel
 from pipeline.models.options import Options
 from pipeline.models.realizations import realize, realized_moments
@@ -34,46 +25,50 @@ from pipeline.recordings.steps import training_steps
 from pipeline.statistics.takes import NORMAL_QUANTILE
 
 MOTION, TRACK, OUT = Path("data/ingest/motion"), Path("data/track"), Path("data/fit")
-COVARIANCE = "covariance.json"
 OF_EACH = ("u_unbounded",)  # diagnostics that are written of every estimator
+Replicates = list[dict[str, float] | None]
 
 
 def run(model: str) -> None:
     """Fit ``model`` and realise it; tables and numbers go to ``data/fit``."""
     settings = config.sections("fit", item=model)
-    if settings.dataset.robot is None:
-        print("fit: the dataset has no robot; nothing to fit")
-        with contracts.replacing(OUT / model) as folder:
-            for stage in ("fit", "simulate"):
-                contracts.write_metrics({}, folder / f"{stage}.json")
-        return
-    options, checks = vars(settings.models)[model], settings.scale.convex_checks
+    with contracts.replacing(OUT / model) as folder:
+        fitted, realised = {}, {}
+        if settings.dataset.robot is None:
+            print("fit: the dataset has no robot; nothing to fit")
+        else:
+            fitted, realised = _fit(model, settings, folder)
+        contracts.write_metrics(fitted, folder / "fit.json")
+        contracts.write_metrics(realised, folder / "simulate.json")
+
+
+def _fit(model: str, settings, folder: Path) -> tuple[dict[str, float], dict[str, float]]:
+    """Write parameters and tables below ``folder``; numbers of the fit and of its realisations."""
+    options = vars(settings.models)[model]
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
     estimate, reason = _estimate(recorded, options, model=True)
     stream = rng.stream(settings.seed, f"fit.{model}")
+    checks, takes = settings.scale.convex_checks, len(recorded.q)
     looked_at, tables = kinds.examined(recorded, options, estimate, checks, stream)
-    metrics, replicates = {"takes": len(recorded.q)}, []
+    own, replicates = {"takes": takes}, []
     if estimate is not None:
         replicates = _replicates(model, recorded, estimate, options, settings)
-        metrics |= estimate.estimates | _uncertainty(estimate, replicates, len(recorded.q))
-        metrics |= estimate.diagnostics
-    metrics = _compared(model, recorded, options, estimate, settings) | metrics
+        own |= estimate.estimates | _uncertainty(estimate, replicates, takes)
+        own |= estimate.diagnostics
+    metrics = _compared(model, recorded, options, estimate, settings) | own
     metrics |= _likelihood(recorded, estimate) | looked_at
-    realised = {}
-    with contracts.replacing(OUT / model) as folder:
-        for name, table in tables.items():
-            contracts.write(table, name, folder)
-        names, covariance = joint_covariance(replicates)
-        _write_json({"estimates": names, "covariance": covariance}, folder / COVARIANCE)
-        if estimate is None:
-            print(f"fit: no model {model}: {reason}")
-            _write_parameters({"kind": options.kind, kinds.NO_MODEL: reason}, folder)
-        else:
-            _write_parameters(estimate.parameters, folder)
-            metrics |= _write_closed_loop(model, recorded, options, estimate, settings, folder)
-            realised = _realise(model, estimate.model, recorded, settings, folder)
-        contracts.write_metrics(metrics, folder / "fit.json")
-        contracts.write_metrics(realised, folder / "simulate.json")
+    for name, table in tables.items():
+        contracts.write(table, name, folder)
+    names, covariance = bootstrap.joint_covariance(replicates)
+    _write_json({"estimates": names, "covariance": covariance}, folder / "covariance.json")
+    if estimate is None:
+        print(f"fit: no model {model}: {reason}")
+        parameters = {"kind": options.kind, kinds.NO_MODEL: reason}
+        _write_json(parameters, folder / "parameters.json")
+        return metrics, {}
+    _write_json(estimate.parameters, folder / "parameters.json")
+    metrics |= _closed_loop(model, recorded, options, estimate, settings, folder)
+    return metrics, _realise(model, estimate.model, recorded, settings, folder)
 
 
 def _estimate(
@@ -112,53 +107,40 @@ def _compared(
     return metrics
 
 
-def _write_closed_loop(
+def _closed_loop(
     model: str, recorded: Recorded, options: Options, estimate: Estimate, settings, folder: Path
 ) -> dict[str, float]:
-    """Fit the closed loop, write its parameters below ``folder`` and return its numbers."""
+    """Write the closed loop's parameters below ``folder``; κ and K with standard errors and 95 %
+    intervals, and the parameters that go with them.
+    """
     closed, refused = closed_loop_of(recorded, options, estimate)
     if refused:
         print(f"fit: {model} has no closed loop: {refused}")
     if closed is None:
         return {}
-    _write_parameters(closed.estimate.parameters | {SHARE: closed.share}, folder / FOLDER)
-    return _closed_loop_metrics(closed, settings.dataset.motion.rate)
-
-
-def _write_parameters(parameters: dict[str, object], folder: Path) -> None:
-    _write_json(parameters, folder / "parameters.json")
+    parameters = closed.estimate.parameters | {SHARE: closed.share}
+    _write_json(parameters, folder / FOLDER / "parameters.json")
+    units, metrics = {SHARE: 1.0, "closed_loop_gain_per_s": settings.dataset.motion.rate}, {}
+    for name, unit in units.items():
+        value, error = unit * closed.share, unit * closed.standard_error
+        metrics |= {name: value, f"{name}_standard_error": error}
+        metrics[f"{name}_interval_low"] = value - NORMAL_QUANTILE * error
+        metrics[f"{name}_interval_high"] = value + NORMAL_QUANTILE * error
+    own = {f"closed_loop_{name}": value for name, value in closed.estimate.estimates.items()}
+    return metrics | {"closed_loop_rounds": closed.rounds} | own
 
 
 def _write_json(values: dict[str, object], file: Path) -> None:
     contracts.write_text(json.dumps(values, indent=2) + "\n", file)
 
 
-def _closed_loop_metrics(closed: ClosedLoopFit, rate: float) -> dict[str, float]:
-    """κ and K with standard errors and 95 % intervals, and the parameters that go with them."""
-    share, gain = SHARE, "closed_loop_gain_per_s"
-    metrics = {}
-    for name, unit in ((share, 1.0), (gain, rate)):
-        value, error = unit * closed.share, unit * closed.standard_error
-        metrics |= {
-            name: value,
-            f"{name}_standard_error": error,
-            f"{name}_interval_low": value - NORMAL_QUANTILE * error,
-            f"{name}_interval_high": value + NORMAL_QUANTILE * error,
-        }
-    own = {f"closed_loop_{name}": value for name, value in closed.estimate.estimates.items()}
-    return metrics | {"closed_loop_rounds": closed.rounds} | own
-
-
 def _replicates(
     model: str, recorded: Recorded, estimate: Estimate, options: Options, settings
-) -> list[dict[str, float] | None]:
+) -> Replicates:
     """The estimates from resamplings of the takes, the same takes for every estimator."""
-    trial = partial(
-        _replicate,
-        estimator=resampled_estimator(recorded, options, estimate),
-        takes=len(recorded.q),
-        stream=(settings.seed, f"fit.{model}.bootstrap"),
-    )
+    estimator = bootstrap.resampled_estimator(recorded, options, estimate)
+    stream = (settings.seed, f"fit.{model}.bootstrap")
+    trial = partial(_replicate, estimator=estimator, takes=len(recorded.q), stream=stream)
     numbers, label = range(settings.scale.bootstrap_replicates), f"fit {model}: resamplings"
     if estimate.from_takes is not None:  # too quick for workers
         return [trial(number) for number in numbers]
@@ -166,33 +148,28 @@ def _replicates(
 
 
 def _replicate(
-    number: int, estimator: Estimator, takes: int, stream: tuple[int, str]
+    number: int, estimator: bootstrap.Estimator, takes: int, stream: tuple[int, str]
 ) -> dict[str, float] | None:
-    return replicate(estimator, takes, rng.stream(*stream, number))
+    return bootstrap.replicate(estimator, takes, rng.stream(*stream, number))
 
 
 def _uncertainty(
-    estimate: Estimate,
-    replicates: list[dict[str, float] | None],
-    takes: int,
-    *,
-    counts: bool = True,
+    estimate: Estimate, replicates: Replicates, takes: int, *, counts: bool = True
 ) -> dict[str, float]:
     """Standard errors by the bootstrap over takes, with the ends of 95 % intervals where there are
     enough takes; neither of an estimate at an end of its search.
     """
-    by_name, lost = spreads(replicates)
+    by_name, lost = bootstrap.spreads(replicates)
     metrics = {}
     for name, values in by_name.items():
         if name in estimate.undetermined:
             continue
         metrics[f"{name}_standard_error"] = values.standard_error
-        if takes >= LEAST_TAKES:
+        if takes >= bootstrap.LEAST_TAKES:
             metrics |= {f"{name}_interval_low": values.low, f"{name}_interval_high": values.high}
-    if counts:
-        metrics["bootstrap_replicates"] = len(replicates)
-        metrics["bootstrap_replicates_without_an_estimate"] = lost
-    return metrics
+    numbers = {"bootstrap_replicates": len(replicates)}
+    numbers["bootstrap_replicates_without_an_estimate"] = lost
+    return metrics | numbers if counts else metrics
 
 
 def _likelihood(recorded: Recorded, estimate: Estimate | None) -> dict[str, float]:
@@ -206,10 +183,10 @@ def _likelihood(recorded: Recorded, estimate: Estimate | None) -> dict[str, floa
         return {}
     names = [f"measurement_noise_std_{joint}_rad" for joint in recorded.joints]
     measured = dict(zip(names, std, strict=True))
-    if estimate is None:
-        return measured
-    likelihood = mean_log_likelihood(recorded, estimate.model)
-    return measured | {"log_likelihood_per_step_nat": likelihood}
+    if estimate is not None:
+        likelihood = mean_log_likelihood(recorded, estimate.model)
+        measured["log_likelihood_per_step_nat"] = likelihood
+    return measured
 
 
 def _realise(
@@ -222,20 +199,19 @@ def _realise(
     grid = contracts.read("trajectory", MOTION)[["k", "t"]]
     _, q = contracts.stacked(joints[joints.part == "training"], "q")
     starts = np.resize(q, (options.realizations, *q.shape[1:]))
-    chain, v, mode = recorded.chain, recorded.v, options.mode
-    stream = rng.stream(settings.seed, f"simulate.{model}")
-    simulated, clipped, lost = realize(fitted, chain, starts, v, mode, stream)
+    course = (recorded.chain, starts, recorded.v, options.mode)
+    simulated, clipped, lost = realize(
+        fitted, *course, rng.stream(settings.seed, f"simulate.{model}")
+    )
     try:
-        mean, deviation, refused = realized_moments(fitted, chain, starts, v, mode, simulated)
+        mean, deviation, refused = realized_moments(fitted, *course, simulated)
     except ModelDomainError as error:
         raise ModelDomainError(error.message, **{"model": model} | error.evidence) from None
     if refused:
         print(f"fit: the spread of {model} is a gap, as a sample's would mean nothing: {refused}")
+    numbers = np.repeat(np.arange(len(simulated)), len(grid))
     rows = pd.concat([grid] * len(simulated), ignore_index=True)
-    rows = rows.assign(
-        realization=np.repeat(np.arange(len(simulated)), len(grid)),
-        **spread("q", recorded.joints, simulated),
-    )
+    rows = rows.assign(realization=numbers, **spread("q", recorded.joints, simulated))
     contracts.write(rows.dropna(), "realizations", folder)
     moments = spread("m", recorded.joints, mean) | spread("s", recorded.joints, deviation)
     contracts.write(grid.assign(**moments), "moments", folder)

@@ -5,7 +5,7 @@ that it was not fitted to.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
@@ -50,24 +50,21 @@ def run() -> None:
         except ModelDomainError as error:
             print(f"predict: no prediction is scored: {error}; state dataset.motion.pose_noise")
             return
-        by_model = _scored(settings, recorded, pose)
-        scores = {
-            steps: {
+        scored = _scored(settings, recorded, pose)
+        tables = {"predictions": {}, "prediction_pairs": {}}
+        for steps, inside in groups_by_speed(recorded, rate).items():
+            scores = {
                 model: prediction_scores(
                     {key: value[:, inside] for key, value in own.items()},
                     recorded.joints,
                     moving=False,
                 )
-                for model, own in by_model.items()
+                for model, own in scored.items()
             }
-            for steps, inside in groups_by_speed(recorded, rate).items()
-        }
-        for name, make in (
-            ("predictions", partial(compared, rival=NONE)),
-            ("prediction_pairs", log_score_differences),
-        ):
-            tables = {steps: make(own) for steps, own in scores.items()}
-            rows = pd.concat(tables, names=["steps"]).reset_index("steps")
+            tables["predictions"][steps] = compared(scores, NONE)
+            tables["prediction_pairs"][steps] = log_score_differences(scores)
+        for name, groups in tables.items():
+            rows = pd.concat(groups, names=["steps"]).reset_index("steps")
             contracts.write(rows, name, folder)
 
 
@@ -75,7 +72,7 @@ def _write_other_motions(settings, recorded: Recorded, folder: Path) -> None:
     """Write the tables of :func:`pipeline.models.other_motions.other_motions` over all motions of
     the dataset's logs.
     """
-    dataset = settings.dataset
+    dataset, models = settings.dataset, with_control(settings.models).items()
     motions = logged_motions(dataset) if dataset.joint_log else []
     try:
         scored = other_motions(
@@ -84,11 +81,7 @@ def _write_other_motions(settings, recorded: Recorded, folder: Path) -> None:
             dataset.motion.rate,
             pose_noise=dataset.motion.pose_noise,
             chain=recorded.chain,
-            matrix={
-                name: options
-                for name, options in with_control(settings.models).items()
-                if options.kind in MATRIX_KINDS
-            },
+            matrix={name: own for name, own in models if own.kind in MATRIX_KINDS},
         )
     except ModelDomainError as error:
         print(f"predict: no plain model: {error}")
@@ -112,56 +105,48 @@ def _scored(settings, recorded: Recorded, pose: np.ndarray) -> dict[str, Steps]:
     joints = contracts.read("joints", TRACK)
     test = joints[joints.part == "test"]
     names, q = contracts.stacked(joints if test.empty else test, "q")
-    models = dict(settings.models)
-    models |= config.model_options([name for name in BESIDE if name not in models])
-    models = with_control(models)
-    training = measured_poses(recorded)
+    beside = config.model_options([name for name in BESIDE if name not in settings.models])
+    models = with_control(dict(settings.models) | beside)
+    training, fitted = measured_poses(recorded), fitted_models(settings.models, FIT, "predict")
     if test.empty:
-        fitted = fitted_models(settings.models, FIT, "predict")
-        chosen = {
-            name: options
-            for name, options in models.items()
-            if name in fitted or name not in settings.models
-        }
-        alone = [
-            baseline_predictions(np.delete(training, number, axis=0), poses, pose)
-            for number, poses in enumerate(q)
-        ]
+        models = {n: own for n, own in models.items() if n in fitted or n not in settings.models}
+        others = [np.delete(training, number, axis=0) for number in range(len(q))]
+        alone = [baseline_predictions(*each, pose) for each in zip(others, q, strict=True)]
     else:
-        chosen = fitted_models(settings.models, FIT, "predict")
-        for name in models.keys() - settings.models.keys():
-            try:
-                chosen[name] = estimate(recorded, models[name]).model
-            except ModelDomainError as error:
-                print(f"predict: {name} is left out: {error.message}")
-        chosen = {name: chosen[name] for name in models if name in chosen}
-        together = baseline_predictions(training, q, pose)
-        alone = [
-            {name: (error[number], covariance) for name, (error, covariance) in together.items()}
-            for number in range(len(q))
-        ]
-    scored: dict[str, list[Steps]] = {}
-    reasons: dict[str, dict[str, str]] = {}
-    for name in (NONE, MEMORY):
-        for each in alone:
-            steps, missing = normal_steps(*each[name])
-            scored.setdefault(name, []).append(steps)
-            reasons.setdefault(name, {}).update(missing)
+        models = dict(_fits(models, settings.models, fitted, recorded))
+        together = baseline_predictions(training, q, pose).items()
+        alone = [{n: (error[k], c) for n, (error, c) in together} for k in range(len(q))]
     takes = dict(enumerate(zip(names, q, strict=True)))
-    score = partial(score_take, takes=takes, recorded=recorded, models=chosen, seed=settings.seed)
-    trials = [(model, number) for model in chosen for number in takes]
-    label = "predict: takes"
-    for (model, _), (steps, missing) in zip(
-        trials, run_trials(score, trials, compute=settings.compute, label=label), strict=True
-    ):
-        scored.setdefault(model, []).append(steps)
-        reasons.setdefault(model, {}).update(missing)
+    score = partial(score_take, takes=takes, recorded=recorded, models=models, seed=settings.seed)
+    trials = [(model, number) for model in models for number in takes]
+    results = run_trials(score, trials, compute=settings.compute, label="predict: takes")
+    rows = [(name, normal_steps(*each[name])) for name in (NONE, MEMORY) for each in alone]
+    rows += [(model, result) for (model, _), result in zip(trials, results, strict=True)]
+    scored: dict[str, list[Steps]] = {}
+    reasons: dict[tuple[str, str], str] = {}
+    for name, (steps, missing) in rows:
+        scored.setdefault(name, []).append(steps)
+        reasons |= {(name, what): reason for what, reason in missing.items()}
+    for (name, what), reason in reasons.items():
+        print(f"predict: {name} gives no {what}: {reason}")
     # without a fit to the other takes there is no score of a take, and none of the model
-    scored = {name: steps for name, steps in scored.items() if all(steps)}
-    for name, missing in reasons.items():
-        for what, reason in missing.items():
-            print(f"predict: {name} gives no {what}: {reason}")
     return {
         name: {key: np.stack([each[key] for each in steps]) for key in steps[0]}
         for name, steps in scored.items()
+        if all(steps)
     }
+
+
+def _fits(
+    models: Mapping[str, Options],
+    chosen: Mapping[str, Options],
+    fitted: Mapping,
+    recorded: Recorded,
+) -> Iterator[tuple[str, object]]:
+    """Name and fit of each of ``models`` that has one: ``fitted`` are those of the run."""
+    for name, options in models.items():
+        try:
+            if name in fitted or name not in chosen:
+                yield name, fitted.get(name) or estimate(recorded, options).model
+        except ModelDomainError as error:
+            print(f"predict: {name} is left out: {error.message}")

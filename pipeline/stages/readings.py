@@ -22,33 +22,34 @@ def run() -> None:
     ``readings``; nothing where no Wishart model is among them.
     """
     settings = config.sections("readings")
-    if settings.dataset.robot is None:
-        print("readings: the dataset has no robot; there are no claims about its motion")
-        with contracts.replacing(OUT):
-            return
-    chosen, robot, rate = settings.filter, settings.dataset.robot, settings.dataset.motion.rate
-    options = FilterOptions(chosen.particles, chosen.scheme, chosen.threshold)
-    base = Choices(paper_models(settings.models), options, settings.simulation.mode)
-    takes, cameras = recorded_takes(robot, settings.dataset.motion), {}
-    cases = readings(base, takes.training.chain.task, takes.training.joints)
-    if contracts.exists("angles", ARTICULATE):
-        angles, joints = contracts.read("angles", ARTICULATE), contracts.read("joints", TRACK)
-        window = settings.articulation.noise_window
-        cameras[base.clock] = camera_of(angles, joints, window=window)
-    recordings = Recordings(
-        takes=takes,
-        cameras=cameras,
-        rate=rate,
-        filtered=sum(len(camera.takes) for camera in cameras.values()),
-        realizations=settings.simulation.realizations,
-        stream=(settings.seed, "readings"),
-    )
-    trials = partial(run_trials, compute=settings.compute, label="readings: models and filters")
-    evidence = dict(zip(cases, evaluate(list(cases.values()), recordings, trials), strict=True))
-    for name, (_, refusals) in evidence.items():
-        for refusal in refusals:
-            print(f"readings: {name}: {refusal}")
+    robot, motion, o = settings.dataset.robot, settings.dataset.motion, settings.filter
     with contracts.replacing(OUT) as folder:
-        if cases:
-            table = readings_table(read_claims(), evidence, recordings.takes.arm)
-            contracts.write(table, "readings", folder)
+        if robot is None:
+            print("readings: the dataset has no robot; there are no claims about its motion")
+            return
+        options = FilterOptions(o.particles, o.scheme, o.threshold)
+        base = Choices(paper_models(settings.models), options, settings.simulation.mode)
+        takes, cameras = recorded_takes(robot, motion), {}
+        cases = readings(base, takes.training.chain.task, takes.training.joints)
+        if not cases:
+            return
+        if contracts.exists("angles", ARTICULATE):
+            angles, joints = contracts.read("angles", ARTICULATE), contracts.read("joints", TRACK)
+            window = settings.articulation.noise_window
+            cameras[base.clock] = camera_of(angles, joints, window=window)
+        recordings = Recordings(
+            takes=takes,
+            cameras=cameras,
+            rate=motion.rate,
+            filtered=sum(len(camera.takes) for camera in cameras.values()),
+            realizations=settings.simulation.realizations,
+            stream=(settings.seed, "readings"),
+        )
+        trials = partial(run_trials, compute=settings.compute, label="readings: models and filters")
+        results = evaluate(list(cases.values()), recordings, trials)
+        evidence = dict(zip(cases, results, strict=True))
+        for name, (_, refusals) in evidence.items():
+            for refusal in refusals:
+                print(f"readings: {name}: {refusal}")
+        table = readings_table(read_claims(), evidence, takes.arm)
+        contracts.write(table, "readings", folder)

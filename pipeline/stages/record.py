@@ -26,25 +26,11 @@ from pipeline.formats.joints.table import write_joint_table
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
 from pipeline.formats.trajectory import write_trajectory
+from pipeline.laboratory import mocap, session
 from pipeline.laboratory.force import Cables, record_force
 from pipeline.laboratory.kinect import DepthCamera
-from pipeline.laboratory.mocap import (
-    MarkerCluster,
-    as_built,
-    capture,
-    capture_bodies,
-    in_body,
-    place_markers,
-)
 from pipeline.laboratory.sensor import draw_bias
-from pipeline.laboratory.session import (
-    PerformedMotion,
-    Session,
-    depth_frames,
-    log_joints,
-    open_session,
-    perform,
-)
+from pipeline.laboratory.session import PerformedMotion, Session
 from pipeline.laboratory.swing import desired_path, desired_trajectory
 
 RAW = Path("data/raw")
@@ -61,18 +47,16 @@ def run(name: str) -> None:
     """
     settings = config.sections("record", RAW / name / "dvc.yaml")
     dataset, laboratory = settings.dataset, settings.dataset.laboratory
-    if Path(dataset.recordings) != RAW / name / "recordings":
+    places = RAW / name / "recordings", RAW / name / "truth"
+    if Path(dataset.recordings) != places[0]:
         print(f"record: analysed is {dataset.recordings}; to record {name} set dataset: {name}")
-        for folder in ("recordings", "truth"):
-            (RAW / name / folder).mkdir(exist_ok=True)
+        for place in places:
+            place.mkdir(exist_ok=True)
         return
     if laboratory is None:
         message = f"{name} has no laboratory that would record it"
         raise ConfigError(message, key="dataset.laboratory")
-    with (
-        contracts.replacing(RAW / name / "recordings") as folder,
-        contracts.replacing(RAW / name / "truth") as truth,
-    ):
+    with contracts.replacing(places[0]) as folder, contracts.replacing(places[1]) as truth:
         if dataset.robot is not None:
             _record_takes(settings, folder, truth)
         if "robots" in laboratory:
@@ -88,10 +72,10 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
     # what an arm does has nothing to do with which rows of its task are analysed
     nominal = chain_of(replace(dataset.robot, task=None))
     stream = rng.stream(settings.seed, "record.session")
-    session = open_session(nominal, dataset.laboratory["dynamics"], stream)
+    opened = session.open_session(nominal, dataset.laboratory["dynamics"], stream)
     set_up = _in_plane if dataset.robot.plane else _in_space
-    instruments = set_up(session, dataset, stream, folder)
-    record = partial(_record_take, session=session, settings=settings, instruments=instruments)
+    instruments = set_up(opened, dataset, stream, folder)
+    record = partial(_record_take, opened=opened, settings=settings, instruments=instruments)
     rows = list(run_trials(record, takes, compute=settings.compute, label="record: takes"))
     rows = rows[scale.test_takes :] + rows[: scale.test_takes]
     joints = pd.concat([joints for joints, _ in rows], ignore_index=True)
@@ -101,51 +85,44 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
 
 
 def _record_take(
-    take: tuple[str, int], session: Session, settings, instruments: Instruments
+    take: tuple[str, int], opened: Session, settings, instruments: Instruments
 ) -> tuple[pd.DataFrame, dict | None]:
     """The files of one take; its true joint angles and, where it has depth images, its clock."""
-    kind, number = take
-    dataset, laboratory = settings.dataset, settings.dataset.laboratory
+    (kind, number), dataset, laboratory = take, settings.dataset, settings.dataset.laboratory
     name, part = f"{kind}_{number + 1:03d}", "training" if kind == "train" else "test"
     stream = rng.stream(settings.seed, f"record.{kind}", number)
-    motion = perform(session, laboratory["trajectory"], laboratory["dynamics"], stream)
+    motion = session.perform(opened, laboratory["trajectory"], laboratory["dynamics"], stream)
     offset = instruments(name, part, motion, stream)
-    frame = np.arange(len(motion.truth))
-    joints = pd.DataFrame(
-        {"take": name, "part": part, "k": frame, "t": frame / dataset.motion.rate}
-    ).assign(**spread("q", dataset.robot.joints, motion.truth))
+    k = np.arange(len(motion.truth))
+    step = {"take": name, "part": part, "k": k, "t": k / dataset.motion.rate}
+    joints = pd.DataFrame(step | spread("q", dataset.robot.joints, motion.truth))
     return joints, None if offset is None else {"take": name, "part": part, "offset": offset}
 
 
-def _in_plane(session: Session, dataset, stream: np.random.Generator, folder: Path) -> Instruments:
+def _in_plane(opened: Session, dataset, stream: np.random.Generator, folder: Path) -> Instruments:
     """Markers on the links of a planar arm, and a depth camera."""
-    laboratory, arm = dataset.laboratory, arm_of(dataset.robot)
+    k = dataset.laboratory["kinect"]
     template = np.array([list(link.values()) for link in dataset.mocap.markers.values()])
-    markers = place_markers(template, laboratory["mocap"], stream)
-    bias = draw_bias(laboratory["kinect"], stream)
+    markers = mocap.place_markers(template, dataset.laboratory["mocap"], stream)
+    bias = draw_bias(k, stream)
     for place in ("optitrack", "kinect"):
         (folder / place).mkdir()
-    trajectory = desired_trajectory(session.nominal, laboratory["trajectory"])
-    path = desired_path(session.nominal, laboratory["trajectory"])
-    joints = spread("q", dataset.robot.joints, path)
-    write_trajectory(folder / "trajectory.csv", trajectory.assign(**joints))
-    k = laboratory["kinect"]
+    _write_command(opened, dataset, folder, desired_trajectory)
     camera = Intrinsics(k.fx, k.fy, k.cx, k.cy, k.width, k.height)
     write_intrinsics(folder / "kinect" / "intrinsics.yaml", camera)
-    arm = replace(arm, chain=session.chain)
-    return partial(
-        _write_in_plane, arm=arm, markers=markers, bias=bias, dataset=dataset, folder=folder
-    )
+    arm = replace(arm_of(dataset.robot), chain=opened.chain)
+    parts = {"arm": arm, "markers": markers, "bias": bias}
+    return partial(_write_in_plane, dataset=dataset, folder=folder, **parts)
 
 
 def _write_in_plane(
     name: str, part: str, motion: PerformedMotion, stream, *, arm, markers, bias, dataset, folder
 ) -> float | None:
     laboratory = dataset.laboratory
-    duration = laboratory["trajectory"].duration
-    frames = depth_frames(motion.swing, duration, laboratory["clock"], stream)
-    options = laboratory["mocap"]
-    observed = capture(arm, motion.motion_capture, markers, *_base(dataset), options, stream)
+    duration, options = laboratory["trajectory"].duration, laboratory["mocap"]
+    frames = session.depth_frames(motion.swing, duration, laboratory["clock"], stream)
+    world = (*_base(dataset), options, stream)
+    observed = mocap.capture(arm, motion.motion_capture, markers, *world)
     _write_take(name, observed.markers, {}, dataset, folder)
     if part == "training":
         return None
@@ -159,40 +136,48 @@ def _write_in_plane(
     return frames.clock_offset
 
 
-def _in_space(session: Session, dataset, stream: np.random.Generator, folder: Path) -> Instruments:
+def _in_space(opened: Session, dataset, stream: np.random.Generator, folder: Path) -> Instruments:
     """Rigid bodies on the links of any arm, and its controller's log."""
-    laboratory, mocap = dataset.laboratory, dataset.mocap
-    if {*mocap.bodies} != {*mocap.markers}:
+    o = dataset.mocap
+    if {*o.bodies} != {*o.markers}:
         message = "the laboratory follows rigid bodies: every link of markers needs its body"
         raise ConfigError(message, key="dataset.mocap.bodies")
-    chains, clusters = link_chains(dataset.robot, mocap.markers, "dataset.mocap.markers"), {}
-    for link, body in mocap.bodies.items():
-        drawn = np.array(list(mocap.markers[link].values()))
-        clusters[body.name] = MarkerCluster(
-            chain=as_built(chains[link], session.chain),
-            places=place_markers(drawn, laboratory["mocap"], stream),
-            shape=in_body(drawn, body.mount.position, body.mount.rpy),
+    chains, clusters = link_chains(dataset.robot, o.markers, "dataset.mocap.markers"), {}
+    for link, body in o.bodies.items():
+        drawn = np.array(list(o.markers[link].values()))
+        clusters[body.name] = mocap.MarkerCluster(
+            chain=mocap.as_built(chains[link], opened.chain),
+            places=mocap.place_markers(drawn, dataset.laboratory["mocap"], stream),
+            shape=mocap.in_body(drawn, body.mount.position, body.mount.rpy),
         )
     for place in ("optitrack", "joints"):
         (folder / place).mkdir()
-    path = desired_path(session.nominal, laboratory["trajectory"])
-    command = {"t": np.arange(len(path)) / dataset.motion.rate}
-    command |= spread("q", dataset.robot.joints, path)
-    write_trajectory(folder / "trajectory.csv", pd.DataFrame(command))
+    _write_command(opened, dataset, folder)
     return partial(_write_in_space, clusters=clusters, dataset=dataset, folder=folder)
 
 
 def _write_in_space(
     name: str, part: str, motion: PerformedMotion, stream, *, clusters, dataset, folder
 ) -> None:
-    laboratory = dataset.laboratory
-    poses = capture_bodies(
-        clusters, motion.motion_capture, _base(dataset), laboratory["mocap"], stream
-    )
+    laboratory, world = dataset.laboratory, _base(dataset)
+    captured = (clusters, motion.motion_capture, world, laboratory["mocap"], stream)
+    poses = mocap.capture_bodies(*captured)
     bodies = {body: RigidBody(*pose) for body, pose in poses.items()}
     _write_take(name, {}, bodies, dataset, folder)
-    log = log_joints(motion.swing, laboratory["trajectory"], laboratory["encoders"])
+    log = session.log_joints(motion.swing, laboratory["trajectory"], laboratory["encoders"])
     write_joint_table(folder / "joints" / f"{name}.csv", *log, dataset.robot.joints)
+
+
+def _write_command(
+    opened: Session, dataset, folder: Path, trajectory: Callable | None = None
+) -> None:
+    """The commanded joint angles, behind the columns of a ``trajectory``, or of the time alone."""
+    options = dataset.laboratory["trajectory"]
+    path = desired_path(opened.nominal, options)
+    time = pd.DataFrame({"t": np.arange(len(path)) / dataset.motion.rate})
+    table = time if trajectory is None else trajectory(opened.nominal, options)
+    table = table.assign(**spread("q", dataset.robot.joints, path))
+    write_trajectory(folder / "trajectory.csv", table)
 
 
 def _base(dataset) -> tuple[np.ndarray, np.ndarray]:
@@ -203,8 +188,7 @@ def _base(dataset) -> tuple[np.ndarray, np.ndarray]:
 
 def _write_take(name: str, markers: dict, bodies: dict, dataset, folder: Path) -> None:
     """The take as Motive exports it."""
-    frame = np.arange(dataset.motion.steps + 1)
-    rate = dataset.motion.rate
+    frame, rate = np.arange(dataset.motion.steps + 1), dataset.motion.rate
     take = MotionTake(name, "1.23", rate, frame, frame / rate, markers, bodies, {})
     write_motive(folder / "optitrack" / f"{name}.csv", take, start=STARTED)
 
@@ -212,24 +196,12 @@ def _write_take(name: str, markers: dict, bodies: dict, dataset, folder: Path) -
 def _record_forces(folder: Path, settings) -> None:
     """The force records, as the transducer's own program logs them."""
     laboratory, force = settings.dataset.laboratory, settings.dataset.force
-    transducer = laboratory["transducer"]
-    for number, configuration in enumerate(force.configurations.values()):
-        felt = record_force(
-            Cables(
-                configuration.tension,
-                configuration.direction,
-                configuration.elevation,
-                configuration.attachment,
-            ),
-            laboratory["robots"].first(len(configuration.tension)),
-            transducer,
-            force.tare,
-            settings.scale.force_seconds,
-            rng.stream(settings.seed, "record.force", number),
-        )
-        felt = ForceRecord(
-            felt.time, felt.force, felt.torque, transducer.rate, "FT00001", STARTED, {}
-        )
-        file = folder / configuration.file
-        file.parent.mkdir(parents=True, exist_ok=True)
-        write_daqft(file, felt)
+    transducer, seconds = laboratory["transducer"], settings.scale.force_seconds
+    for number, c in enumerate(force.configurations.values()):
+        robots = laboratory["robots"].first(len(c.tension))
+        cables = Cables(c.tension, c.direction, c.elevation, c.attachment)
+        stream = rng.stream(settings.seed, "record.force", number)
+        felt = record_force(cables, robots, transducer, force.tare, seconds, stream)
+        wrench, rate = (felt.time, felt.force, felt.torque), transducer.rate
+        (file := folder / c.file).parent.mkdir(parents=True, exist_ok=True)
+        write_daqft(file, ForceRecord(*wrench, rate, "FT00001", STARTED, {}))

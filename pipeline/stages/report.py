@@ -19,17 +19,20 @@ from pipeline.verdicts.further_pages import datasets_page, recordings_page
 from pipeline.verdicts.model_card import model_card
 from pipeline.verdicts.run import read_runs
 
-REPORTS, CLAIMS = Path("reports"), Path("reports/claims.yaml")
+REPORTS, CLAIMS, README = Path("reports"), Path("reports/claims.yaml"), Path("README.md")
 PACKAGE, HERE = Path("pipeline"), Path("pipeline/verdicts")
 BEYOND = ("studies", "tools")  # code beyond the paper comes after its report
+DEFAULT = ("youbot", "paper")  # dataset and scale whose results stand in the README
 
 
 def run() -> None:
     """Decide the claims on every run's numbers, and write the dataset's claims.json, report.md,
-    errata.md, model_card.md, recordings.md and summary.json, and datasets.md and equations.md.
+    errata.md, model_card.md, recordings.md and summary.json, and datasets.md and equations.md; of
+    the default dataset the results in the README as well.
     """
     name = config.sections("report").dataset.name
     runs, reports = read_runs(REPORTS / "datasets", first=name), REPORTS / name
+    here = runs[0]
     stated = validated(ClaimsFile, read_yaml(CLAIMS), file=CLAIMS)
     decided = decide_each(parse_claims(stated.claims), runs, stated.recordings_of_the_paper)
     errata = parse_errata(read_yaml(HERE / "errata.yaml").get("errata"))
@@ -47,13 +50,16 @@ def run() -> None:
     }
     written = {
         reports / "claims.json": json.dumps(claims, indent=2, ensure_ascii=False) + "\n",
-        reports / "report.md": pages.report_page(runs[0], runs, decided, parts),
-        reports / "errata.md": errata_page(errata, runs[0], decided),
-        reports / "model_card.md": model_card(runs[0], runs[1:]),
-        reports / "recordings.md": recordings_page(runs[0]),
+        reports / "report.md": pages.report_page(here, runs, decided, parts),
+        reports / "errata.md": errata_page(errata, here, decided),
+        reports / "model_card.md": model_card(here, runs[1:]),
+        reports / "recordings.md": recordings_page(here),
         REPORTS / "datasets.md": datasets_page(decided),
         REPORTS / "equations.md": equations_page(items, sources),
     }
-    contracts.write_metrics(pages.summary_numbers(runs[0], decided), reports / "summary.json")
+    if (here.dataset, here.scale) == DEFAULT:
+        text = README.read_text(encoding="utf-8")
+        written[README] = pages.readme_with_results(text, here, decided)
+    contracts.write_metrics(pages.summary_numbers(here, decided), reports / "summary.json")
     for file, text in written.items():
         contracts.write_text(text, file)

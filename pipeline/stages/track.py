@@ -18,16 +18,12 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError, SingularJacobianError
 from pipeline.models.noise import process_noise
 from pipeline.perception.markers import JointTrack, follower
+from pipeline.recordings import commands
 from pipeline.recordings.clocks import on_motion_clock, with_markers
-from pipeline.recordings.commands import (
-    circular_joints,
-    commanded_steps,
-    require_commanded,
-    require_encoders,
-)
 from pipeline.recordings.quality import beside_limits, quality_row, reasons, require_enough
 
 INGEST, OUT = Path("data/ingest"), Path("data/track")
+MOTION = INGEST / "motion"
 
 
 def run() -> None:
@@ -36,32 +32,28 @@ def run() -> None:
     """
     settings = config.sections("track")
     dataset = settings.dataset
-    limits = dict(vars(dataset.limits))
     with contracts.replacing(OUT) as folder:
         if dataset.robot is None:
             print("track: the dataset has no robot; nothing to do")
             return
-        logged = [contracts.read("quality", INGEST / part) for part in _parts(dataset)]
-        quality = pd.concat(logged, ignore_index=True)
+        # a force record is no take of the motion
+        parts = ["motion", "depth"] if dataset.depth is not None else ["motion"]
+        quality = pd.concat([contracts.read("quality", INGEST / part) for part in parts])
+        limits, repairs = dict(vars(dataset.limits)), []
         if dataset.mocap is None:
-            joints = contracts.read("joint_log", INGEST / "motion").assign(residual=np.nan)
+            joints = contracts.read("joint_log", MOTION).assign(residual=np.nan)
             print("track: no motion capture; the controller's log is taken for the joint angles")
-            source, repairs, log = "joint log", [], dataset.joint_log
-            limits |= {
-                "disturbance": log.disturbed_beyond,
-                "greatest_residual": log.residual_limit,
-            }
+            source, log = "joint log", dataset.joint_log
+            limits["disturbance"] = log.disturbed_beyond
+            limits["greatest_residual"] = log.residual_limit
         else:
-            tracks = _tracks(dataset)
-            tables = [_joint_rows(*key, track, dataset) for key, track in tracks.items()]
-            joints = pd.concat(tables, ignore_index=True)
-            source = "motion capture"
+            source, tracks = "motion capture", _tracks(dataset)
+            joints = [_joint_rows(*key, track, dataset) for key, track in tracks.items()]
+            joints = pd.concat(joints, ignore_index=True)
             repairs = [row for key, track in tracks.items() for row in _quality_rows(*key, track)]
             quality = quality[quality["instrument"] != "joint log"]
             if dataset.depth is not None:
-                frames, clocks = _on_motion_clock(settings)
-                contracts.write(frames, "frames", folder)
-                repairs += clocks
+                repairs += _write_frames(settings, folder)
         takes = pd.concat([quality, pd.DataFrame(repairs)], ignore_index=True)
         takes = beside_limits(takes, limits)
         require_enough(takes)
@@ -81,19 +73,14 @@ def run() -> None:
         contracts.write(_process_noise(joints, dataset), "process_noise", folder)
 
 
-def _parts(dataset) -> list[str]:
-    """Whose quality tells of the takes; a force record is no take of the motion."""
-    return ["motion", "depth"] if dataset.depth is not None else ["motion"]
-
-
-def _on_motion_clock(settings) -> tuple[pd.DataFrame, list[dict]]:
-    """The depth frames' table on the motion's clock, and how well each take's clock is known."""
-    dataset = settings.dataset
-    frames = contracts.read("frames", INGEST / "depth")
-    takes = with_markers(frames, contracts.read("markers", INGEST / "motion"))
+def _write_frames(settings, folder: Path) -> list[dict]:
+    """Write the depth frames' table on the motion's clock; how well each take's clock is known."""
+    dataset, frames = settings.dataset, contracts.read("frames", INGEST / "depth")
+    takes = with_markers(frames, contracts.read("markers", MOTION))
     align = partial(on_motion_clock, depth=dataset.depth, arm=arm_of(dataset.robot))
     rows = list(run_trials(align, takes, compute=settings.compute, label="track: clocks"))
-    return pd.concat([table for table, _ in rows]), [row for _, more in rows for row in more]
+    contracts.write(pd.concat([table for table, _ in rows]), "frames", folder)
+    return [row for _, more in rows for row in more]
 
 
 def _tracks(dataset) -> dict[tuple[str, str], JointTrack]:
@@ -108,7 +95,7 @@ def _tracks(dataset) -> dict[tuple[str, str], JointTrack]:
             raise ConfigError(message, key="dataset.limits.longest_gap")
         # a take with a longer gap is left out, and has to be followed to its end to be measured
         mocap = replace(mocap, max_gap=dataset.motion.steps)
-    takes = contracts.read("markers", INGEST / "motion").groupby(["take", "part"], sort=False)
+    takes = contracts.read("markers", MOTION).groupby(["take", "part"], sort=False)
     follow = follower(dataset.robot, mocap)
     return {key: follow(rows, take=key[0]) for key, rows in takes}
 
@@ -123,12 +110,9 @@ def _joint_rows(take: str, part: str, track: JointTrack, dataset) -> pd.DataFram
 def _quality_rows(take: str, part: str, track: JointTrack) -> list[dict]:
     frames, samples = np.flatnonzero(np.isfinite(track.residual)), track.samples
     gap = int(np.diff(frames, prepend=-1, append=len(track.q)).max()) - 1
-    rows = [(name, count) for name, count in track.counts.items()]
-    rows += [
-        ("missing_share", track.counts["missing"] / samples, "share"),
-        ("longest_gap", gap, "frames"),
-        ("residual_rms", float(np.sqrt(np.nanmean(track.residual**2))), "m"),
-    ]
+    residual = float(np.sqrt(np.nanmean(track.residual**2)))
+    rows = [*track.counts.items(), ("missing_share", track.counts["missing"] / samples, "share")]
+    rows += [("longest_gap", gap, "frames"), ("residual_rms", residual, "m")]
     if "relabelled" in track.counts:
         rows.append(("relabelled_share", track.counts["relabelled"] / samples, "share"))
     rows += [(f"standard_error_{joint}", error, "rad") for joint, error in track.errors.items()]
@@ -136,24 +120,23 @@ def _quality_rows(take: str, part: str, track: JointTrack) -> list[dict]:
 
 
 def _cross_check(joints: pd.DataFrame, dataset) -> None:
-    """Hold the tracked ``joints`` against the command and, where there are any, the encoders."""
-    names, motion, chain = dataset.robot.joints, INGEST / "motion", chain_of(dataset.robot)
-    trajectory = contracts.read("trajectory", motion)
-    for take, rows in joints.groupby("take"):
-        require_commanded(rows[columns("q", names)].to_numpy(), trajectory, chain, take)
-    if contracts.exists("encoders", motion):
-        tracked = dict(list(joints.groupby("take")))
-        for take, rows in contracts.read("encoders", motion).groupby("take"):
+    """Compare the tracked ``joints`` with the command and, where there are any, the encoders."""
+    names, chain = dataset.robot.joints, chain_of(dataset.robot)
+    trajectory, tracked = contracts.read("trajectory", MOTION), dict(list(joints.groupby("take")))
+    for take, rows in tracked.items():
+        commands.require_commanded(rows[columns("q", names)].to_numpy(), trajectory, chain, take)
+    if contracts.exists("encoders", MOTION):
+        circular = commands.circular_joints(dataset.robot.urdf, names)
+        for take, rows in contracts.read("encoders", MOTION).groupby("take"):
             if take in tracked:
-                circular = circular_joints(dataset.robot.urdf, names)
-                require_encoders(tracked[take], rows, names, take, circular)
+                commands.require_encoders(tracked[take], rows, names, take, circular)
 
 
 def _process_noise(joints: pd.DataFrame, dataset) -> pd.DataFrame:
     """The table ``process_noise`` of the training takes."""
     training = joints[joints.part == "training"]
     names, q = contracts.stacked(training, "q")
-    v = commanded_steps(contracts.read("trajectory", INGEST / "motion"), dataset.motion.rate)
+    v = commands.commanded_steps(contracts.read("trajectory", MOTION), dataset.motion.rate)
     try:
         noise = process_noise(chain_of(dataset.robot), q, v)
     except SingularJacobianError as error:

@@ -1,14 +1,12 @@
 """Modelled and recorded standard deviations over time, joint by joint: their agreement, tests and
 differences between models.
 
-A test of one joint compares the correlation over time of the modelled and the recorded standard
-deviation with a limit. Few takes make the recorded one uncertain, so that even a true model reaches
-a correlation well below 1. The limit is √½, where the model explains half of the variation of the
-recorded curve, or a quantile of the correlation over draws of as many takes from the model itself,
-if that is lower. The power is the share of draws of constant noise that the limit rejects.
-
-Draws have the model's own law at each step, and consecutive steps of a take are correlated as the
-recorded ones are on average: their ranks follow a first-order autoregression (a Gaussian copula).
+A test of one joint compares the correlation of both standard deviations over time with a limit: √½,
+where the model explains half of the variation, or, if lower, a quantile of the correlation over
+draws of as many takes from the model itself, as few takes make the recorded curve uncertain. The
+power is the share of draws of constant noise that the limit rejects. Draws
+have the model's law at each step; their ranks follow a first-order autoregression as the recorded
+steps do on average (a Gaussian copula).
 """
 
 from __future__ import annotations
@@ -72,11 +70,8 @@ def variation(values: np.ndarray) -> float:
 
 
 def relative_error(curve: np.ndarray, recorded: np.ndarray) -> float:
-    """‖curve − recorded‖ / ‖recorded‖ of (K,) values. Raises ModelDomainError where ``recorded``
-    is zero throughout.
-    """
-    size = np.linalg.norm(recorded)
-    if size == 0:
+    """‖curve − recorded‖ / ‖recorded‖ of (K,) values; ModelDomainError where that is 0."""
+    if (size := np.linalg.norm(recorded)) == 0:
         message = "an error relative to a curve that is zero throughout does not exist"
         raise ModelDomainError(message, values=recorded.size)
     return float(np.linalg.norm(curve - recorded) / size)
@@ -88,13 +83,12 @@ def std_scores(
     joints: Sequence[str],
     steady: np.ndarray,
 ) -> dict[str, float]:
-    """Agreement of each model's mean and standard deviation over time with the recorded ones, by
-    names with model, joint and unit.
+    """Return the agreement of each model's mean and standard deviation over time with the recorded
+    ones, by names with model, joint and unit.
 
-    ``std`` (M, n) in rad by model, and under ``recorded`` the recorded one; ``error`` (M,) in rad
-    by model, ‖mean − recorded mean‖; ``joints`` the n names; ``steady`` (M,) the steps at constant
-    speed, where a curve follows the pose and not the speed. A standard deviation that is not finite
-    has no scores.
+    ``std`` (M, n) in rad by model, and under ``recorded`` the recorded one, without scores where it
+    is not finite; ``error`` (M,) in rad by model, ‖mean − recorded mean‖; ``steady`` (M,) the steps
+    at constant speed, where a curve follows the pose and not the speed.
     """
     scores = {f"{model}_greatest_mean_error_rad": e.max() for model, e in error.items()}
     scores |= {f"{model}_std_of_mean_error_over_time_rad": e.std() for model, e in error.items()}
@@ -151,10 +145,8 @@ def following_tests(
 
 def constant_noise_variation(noise: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """(n,) coefficient of variation over time of the standard deviation of so many takes that noise
-    of one law at all steps stays below in RECOGNISED of the draws, in all joints at once.
-
-    The law is the one of all steps of ``noise`` (takes, M, n) in rad together, correlated from step
-    to step as ``noise`` is.
+    of one law at all steps stays below in RECOGNISED of the draws, in all joints at once; the law
+    of all steps of ``noise`` (takes, M, n) in rad together, correlated from step to step as it is.
     """
     share, result = RECOGNISED ** (1 / noise.shape[-1]), []
     for own in np.moveaxis(noise, -1, 0):
@@ -190,22 +182,19 @@ def spread_tables(
     noise: np.ndarray,
     joints: Sequence[str],
 ) -> dict[str, pd.DataFrame]:
-    """Return the tables ``spread_following``, ``spread_comparison`` and ``mean_error_comparison``,
-    by name; none without a model.
-
-    ``modelled`` noise by model, the model to compare with first; ``following`` the rows of
-    :func:`following_tests` by model; ``noise`` (takes, M, n) rad, recorded, of at least two takes.
+    """Return the tables ``spread_following``, ``spread_comparison``, ``mean_error_comparison`` by
+    name, none without a model. The model to compare with is the first of ``modelled``;
+    ``following`` holds :func:`following_tests` by model; ``noise`` (takes, M, n) rad, takes ≥ 2.
     """
     if not modelled:
         return {}
     rows = [table.assign(model=model) for model, table in following.items() if len(table)]
+    tables = {"spread_following": pd.concat(rows, ignore_index=True)} if rows else {}
     motion = {model: each.motion for model, each in modelled.items()}
     measurement = next(iter(modelled.values())).measurement
+    tables["spread_comparison"] = spread_comparison(motion, measurement, noise, joints)
     errors = {model: each.error for model, each in modelled.items()}
-    return ({"spread_following": pd.concat(rows, ignore_index=True)} if rows else {}) | {
-        "spread_comparison": spread_comparison(motion, measurement, noise, joints),
-        "mean_error_comparison": mean_error_comparison(errors),
-    }
+    return tables | {"mean_error_comparison": mean_error_comparison(errors)}
 
 
 def spread_comparison(
@@ -250,9 +239,7 @@ def spread_comparison(
 def mean_error_comparison(error: Mapping[str, np.ndarray]) -> pd.DataFrame:
     """Tabulate the standard deviation over time of the error of each model's mean, ‖mean − recorded
     mean‖ in rad, and its difference to every other model's with the 95 % interval of the jackknife
-    over takes.
-
-    ``error`` (takes, M, n) in rad by model: exact mean of a step minus the measured pose.
+    over takes; ``error`` (takes, M, n) in rad by model, exact mean minus measured pose.
     """
     counts, varies = jackknife_counts(len(next(iter(error.values())))), {}
     weights = counts / counts.sum(axis=1, keepdims=True)

@@ -30,10 +30,8 @@ def normal_reference_bandwidth(samples: np.ndarray) -> np.ndarray:
     count, p = np.shape(samples)
     scale = np.median(np.abs(samples - np.median(samples, axis=0)), axis=0) / 0.6745
     if not np.all(scale > 0):
-        raise ModelDomainError(
-            "a variable whose median absolute deviation is 0 or missing has no density",
-            samples=count,
-        )
+        message = "a variable whose median absolute deviation is 0 or missing has no density"
+        raise ModelDomainError(message, samples=count)
     return scale * (4 / ((p + 2) * count)) ** (1 / (p + 4))
 
 
@@ -52,10 +50,9 @@ def kernel_density(
     """Product-Gaussian kernel density of ``samples`` (N, 2) at the grid ``x`` (gx,) × ``y`` (gy,),
     (gx, gy), per squared unit; ``bandwidth`` (2,).
 
-    Every sample is distributed to 3 × 3 nodes a third of a bandwidth apart by the quadratic
-    B-spline, and the nodes' masses are smoothed by a Gaussian narrowed by the spline's own
-    variance: no kernel is off by more than 8e-4 of its peak. Samples out of reach of the grid
-    count in N alone.
+    A quadratic B-spline distributes every sample to 3 × 3 nodes a third of a bandwidth apart, whose
+    masses a Gaussian narrowed by the spline's variance smooths: no kernel is off by more than 8e-4
+    of its peak. Samples out of reach of the grid count in N alone.
     """
     step = bandwidth / NODES_PER_BANDWIDTH
     width = np.sqrt(bandwidth**2 - step**2 / 4)
@@ -116,9 +113,8 @@ def autocorrelation_time(record: np.ndarray) -> float:
     """
     count = len(record)
     if count < 2 or np.any(np.ptp(record, axis=0) == 0):
-        raise ModelDomainError(
-            "a record whose values are all equal has no autocorrelation time", samples=count
-        )
+        message = "a record whose values are all equal has no autocorrelation time"
+        raise ModelDomainError(message, samples=count)
     # twice as long, so that the circular correlation of the transform does not wrap round
     spectrum = np.abs(np.fft.rfft(record - np.mean(record, axis=0), 2 * count, axis=0)) ** 2
     covariance = np.fft.irfft(spectrum, axis=0)[:count]
@@ -133,11 +129,8 @@ def thinned(record: np.ndarray) -> np.ndarray:
     """
     step = max(int(np.ceil(SPACING * autocorrelation_time(record))), -(-len(record) // MOST))
     if len(record) <= step:
-        raise ModelDomainError(
-            "the record is too short beside its autocorrelation time: record for longer",
-            samples=len(record),
-            step=step,
-        )
+        message = "the record is too short beside its autocorrelation time: record for longer"
+        raise ModelDomainError(message, samples=len(record), step=step)
     return record[::step]
 
 

@@ -48,9 +48,8 @@ def filter_tables(
     """Return the tables by name, and the posteriors that are not scored as normal laws, with the
     reason.
 
-    ``filter_scores`` of every filter and joint; ``bound_comparison`` of the models' filters, as the
-    paper has them; ``filter_comparison`` of all to the first model's, ``filter_against_none`` of
-    all to the training mean.
+    ``filter_scores`` of every filter and joint; ``bound_comparison`` of the models' filters;
+    ``filter_comparison`` of all to the first model's, ``filter_against_none`` to the training mean.
     ``filters`` by the names of :mod:`pipeline.core.filters`, the training mean among them;
     ``steady`` (K − 1,) the steps at constant speed; ``rng`` resamples the takes.
     """
@@ -78,11 +77,9 @@ def filter_tables(
 def bound_scores(
     error: np.ndarray, bound: np.ndarray, joints: Sequence[str]
 ) -> dict[str, dict[str, float]]:
-    """Return by joint the accuracy of a filter, width of its ±1σ bound, and agreement of the
-    bound with the error over time.
-
-    ``error`` and ``bound`` (takes, K, n) in rad: posterior mean minus truth, and the posterior's
-    standard deviation.
+    """Return by joint the accuracy of a filter, the width of its ±1σ bound and the agreement of the
+    bound with the error over time; ``error`` (takes, K, n) posterior mean minus truth and ``bound``
+    (takes, K, n) standard deviation, both in rad.
     """
     scores = {}
     for j, joint in enumerate(joints):
@@ -107,8 +104,7 @@ def filter_scores(
     filters: Mapping[str, Filtered], joints: Sequence[str], steady: np.ndarray
 ) -> pd.DataFrame:
     """Tabulate :func:`bound_scores` of every filter and joint, and the correlation of bound and
-    error over the ``steady`` steps (K − 1,) alone, where it is the pose that they follow and not
-    the speed.
+    error over the ``steady`` steps (K − 1,) alone, where they follow the pose and not the speed.
     """
     rows = []
     for name, each in filters.items():
@@ -131,12 +127,9 @@ def filter_metrics(scores: pd.DataFrame) -> dict[str, float]:
 def sensor_scores(
     bias: np.ndarray, variance: np.ndarray, takes: int, joints: Sequence[str]
 ) -> dict[str, float]:
-    """Bias and standard deviation of the depth camera's noise in the joint angles, and their
-    variation over time.
-
-    ``bias`` (F, n) in rad and ``variance`` (F, n) in rad² of each frame, the bias being the mean
-    over ``takes``; ``joints`` the n names. A bias that is zero, or constant, is about 1 in units of
-    its standard error.
+    """Return bias and standard deviation of the depth camera's noise in the joint angles, and their
+    variation over time, of ``bias`` (F, n) in rad, the mean over ``takes``, and ``variance`` (F, n)
+    in rad² of each frame. A bias that is zero, or constant, is about 1 standard error.
     """
     scores = {}
     for joint, mean, own in zip(joints, bias.T, variance.T, strict=True):

@@ -14,7 +14,6 @@ import numpy as np
 import pandas as pd
 from scipy.special import gammaincinv
 
-from pipeline.core.compiled import compiled, inlined
 from pipeline.core.errors import ModelDomainError
 from pipeline.statistics.takes import Difference, paired_difference
 
@@ -32,34 +31,14 @@ def energy_score(samples: np.ndarray, outcome: np.ndarray) -> np.ndarray:
     second mean runs over pairs of different samples, so that the estimate is unbiased whatever S
     (Ferro 2014); it may be negative. Raises ModelDomainError for a single sample.
     """
-    count, *cases, size = samples.shape
-    if count < 2:
+    from scipy.spatial.distance import pdist
+
+    if (count := len(samples)) < 2:
         raise ModelDomainError("an energy score needs at least two samples", samples=count)
-    by_case = np.ascontiguousarray(np.moveaxis(samples.reshape(count, -1, size), 0, 1))
-    outcomes = np.array(np.broadcast_to(outcome, samples.shape[1:])).reshape(-1, size)
-    to_outcome, between = _sums_of_distances(by_case, outcomes)
-    return (to_outcome / count - between / (count * (count - 1))).reshape(cases)
-
-
-@compiled
-def _sums_of_distances(samples, outcome):
-    """(C,) sums of the distances of ``samples`` (C, S, n) to ``outcome`` (C, n), and of pairs."""
-    to_outcome, between = np.zeros(len(samples)), np.zeros(len(samples))
-    for case in range(len(samples)):
-        members = samples[case]
-        for i in range(len(members)):
-            to_outcome[case] += _distance(members[i], outcome[case])
-            for j in range(i):
-                between[case] += _distance(members[i], members[j])
-    return to_outcome, between
-
-
-@inlined
-def _distance(a, b):
-    squared = 0.0
-    for axis in range(len(a)):
-        squared += (a[axis] - b[axis]) ** 2
-    return np.sqrt(squared)
+    to_outcome = np.linalg.norm(samples - outcome, axis=-1).mean(axis=0)
+    by_case = np.moveaxis(samples.reshape(count, -1, samples.shape[-1]), 0, 1)
+    between = np.reshape([pdist(members).sum() for members in by_case], to_outcome.shape)
+    return to_outcome - between / (count * (count - 1))
 
 
 def normal_energy_score(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -71,10 +50,8 @@ def normal_energy_score(error: np.ndarray, covariance: np.ndarray) -> np.ndarray
     """
     variances, axes = np.linalg.eigh(covariance)
     if not np.all(variances > 0):
-        raise ModelDomainError(
-            "an energy score needs covariances that are positive definite",
-            least=float(variances.min()),
-        )
+        message = "an energy score needs covariances that are positive definite"
+        raise ModelDomainError(message, least=float(variances.min()))
     mean = np.squeeze(np.swapaxes(axes, -1, -2) @ error[..., None], -1)
     return _mean_norm(mean, variances) - _mean_norm(np.zeros_like(mean), 2 * variances) / 2
 
@@ -102,9 +79,8 @@ def nees(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     try:
         root = np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:
-        raise ModelDomainError(
-            "a squared error cannot be normalised by a covariance that is not positive definite"
-        ) from None
+        message = "a squared error needs a covariance that is positive definite"
+        raise ModelDomainError(message) from None
     white = np.linalg.solve(root, error[..., None])[..., 0]
     return np.vecdot(white, white)
 
@@ -143,11 +119,11 @@ def normal_log_score(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 def prediction_scores(
     steps: Mapping[str, np.ndarray], joints: Sequence[str], *, moving: bool
 ) -> Scores:
-    """Each score of the predictions of one step as its mean over the K steps of a take.
+    """Return each score of the predictions of one step as its mean over the K steps of a take.
 
     ``steps``: the scores (takes, K) of :func:`pipeline.models.prediction.score_steps`, and under
-    ``z`` (takes, K, n) the errors in standard deviations; ``joints`` the n names. ``moving``: no
-    step is at rest, so that there is a score without measurement noise.
+    ``z`` (takes, K, n) the errors in standard deviations. ``moving``: no step is at rest, so that
+    there is a score without measurement noise.
     """
     scores = {"log_score": steps["log_density"]}
     if moving:
@@ -165,11 +141,11 @@ def prediction_scores(
 def posterior_scores(
     error: np.ndarray, covariance: np.ndarray, joints: Sequence[str]
 ) -> tuple[Scores, str | None]:
-    """Scores of a filter's posterior as a normal law of the measured pose, over the K steps of each
-    take; why some are missing.
+    """Return the scores of a filter's posterior as a normal law of the measured pose, over the K
+    steps of each take, and why some are missing.
 
     ``error`` (takes, K, n) posterior mean minus measured pose in rad, ``covariance`` (takes, K, n,
-    n) in rad² of the posterior and the measurement together, ``joints`` the n names.
+    n) in rad² of the posterior and the measurement together.
     """
     refused, functions = None, (normal_log_score, nees, normal_energy_score)
     try:

@@ -74,48 +74,43 @@ class Claim:
         every = EVERY in self.each.values()
         cases = 1 if every else len(self.cases())
         published = self.published if isinstance(self.published, list) else [self.published]
-        for key, wrong, message in (
-            ("where", bool(self.where) == (self.source == PROJECT), "is for the paper's claims"),
-            ("because", bool(self.because) != bool(self.by), "must say why if `by` is given"),
-            (
-                "each",
-                not all(
-                    (values and isinstance(values, list)) or (name, values) == ("joint", EVERY)
-                    for name, values in self.each.items()
-                ),
-                f"must map names to lists of values, or joint to {EVERY}",
-            ),
-            (
-                "published",
-                self.published is not None and len(published) not in (1, cases),
+        listed = (
+            (v and isinstance(v, list)) or (n, v) == ("joint", EVERY) for n, v in self.each.items()
+        )
+        needs, rule = set(RULES[self.rule].needs), f"the rule {self.rule}"
+        if self.rule in ORDERS and self.by != CONSTRUCTION:
+            needs |= ENDS  # an order without an interval is no verdict
+        stated = {
+            key
+            for key in (*COMPARED, "published", "limit", "tolerance", "standard_error")
+            if getattr(self, key) is not None
+        }
+        unused = {"limit", "tolerance", "threshold", "power"} - needs
+        if "yardstick" in needs:
+            unused, needs = unused - {"limit"}, needs - {"yardstick"}
+            one = len(stated & {"published", "limit"}) == 1
+        else:
+            one = True
+        faults = {
+            "where": (bool(self.where) == (self.source == PROJECT), "is for the paper's claims"),
+            "because": (bool(self.because) != bool(self.by), "must say why if `by` is given"),
+            "each": (not all(listed), f"must map names to lists of values, or joint to {EVERY}"),
+            "published": (
+                "published" in stated and len(published) not in (1, cases),
                 f"must be one number, or one for each of the {cases} cases",
             ),
-            (
-                "parameter",
-                bool(self.parameter) and (self.published is None or every),
+            "parameter": (
+                bool(self.parameter) and ("published" not in stated or every),
                 "needs a published value and the same cases on every arm",
             ),
-            *self._keys_of_the_rule(),
-        ):
-            if wrong:
-                raise ConfigError(message, key=key)
+            "limit": (not one, f"{rule} needs a published value or a limit of ours, not both"),
+        }
+        wrong = [(key, message) for key, (fault, message) in faults.items() if fault]
+        wrong += [(key, f"{rule} has none") for key in sorted(unused & stated)]
+        wrong += [(key, f"{rule} needs it") for key in sorted(needs - stated)]
+        if wrong:
+            raise ConfigError(wrong[0][1], key=wrong[0][0])
         self.references()
-
-    def _keys_of_the_rule(self) -> list[tuple[str, bool, str]]:
-        needs = RULES[self.rule].needs | (
-            # an order without an interval is no verdict
-            ENDS if self.rule in ORDERS and self.by != CONSTRUCTION else set()
-        )
-        both = (self.published is None) == (self.limit is None)
-        message = f"the rule {self.rule} needs a published value or a limit of ours, not both"
-        faults = [("limit", "yardstick" in needs and both, message)]
-        allowed = needs | ({"limit"} if "yardstick" in needs else set())
-        for key in ("limit", "tolerance", "threshold", "power"):
-            stated = getattr(self, key) is not None
-            faults.append((key, stated and key not in allowed, f"the rule {self.rule} has none"))
-        for key in sorted(needs - {"yardstick"}):
-            faults.append((key, getattr(self, key) is None, f"the rule {self.rule} needs it"))
-        return faults
 
     def cases(self, joints: Sequence[str] = ("{joint}",)) -> list[dict]:
         """Return every combination of the values of ``each``, in the order of the lists, on an arm
@@ -129,7 +124,7 @@ class Claim:
         """True if the claim numbers joints or is about the paper's specimen, and so is about an arm
         like the paper's alone.
         """
-        return self.about == "specimen" or any(ref.numbers_joints for ref in self.references())
+        return self.about == "specimen" or any(ref.joint_numbers for ref in self.references())
 
     @property
     def standard_errors(self) -> list[Reference]:

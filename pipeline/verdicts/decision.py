@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
@@ -27,23 +28,12 @@ STATED = ("id", "where", "source", "statement", "about", "by", "because", "recor
 Recordings = Literal["none", "synthetic", "real", "paper"]
 
 
-class Case(NamedTuple):
-    """One case of a claim in a run; a value that is missing or not finite is None.
+class Case(namedtuple("Case", ["case", *COMPARED, "published", "distance", "holds"])):
+    """One case of a claim in a run by its name; a number that is missing or not finite is None.
 
     ``distance`` is the published value minus ours in standard errors; ``holds`` is None if the
     rule does not decide the case, on whatever recordings.
     """
-
-    case: str
-    value: float | None
-    than: float | None
-    low: float | None
-    high: float | None
-    threshold: float | None
-    power: float | None
-    published: float | None
-    distance: float | None
-    holds: bool | None
 
 
 class Verdict(NamedTuple):
@@ -72,14 +62,13 @@ def decide_each(
 
     ``papers_own`` names the datasets that are the paper's own recordings.
     """
-    decided = []
-    for run in runs:
-        recordings = "synthetic" if run.synthetic else "real"
-        recordings = "paper" if run.dataset in papers_own else recordings
-        verdicts = decide(claims, run.evidence, recordings, run.arm)
-        decided.append(Decided(run.dataset, recordings, verdicts))
-    without = decide(claims, runs[0].evidence, "none", runs[0].arm)
-    return [*decided, Decided(WITHOUT_RECORDING, "none", without)]
+    whose = ["synthetic" if run.synthetic else "real" for run in runs]
+    whose = [
+        "paper" if run.dataset in papers_own else w for run, w in zip(runs, whose, strict=True)
+    ]
+    columns = [*zip([run.dataset for run in runs], whose, runs, strict=True)]
+    columns.append((WITHOUT_RECORDING, "none", runs[0]))
+    return [Decided(n, w, decide(claims, run.evidence, w, run.arm)) for n, w, run in columns]
 
 
 def decide(
@@ -103,30 +92,42 @@ def _decide(claim: Claim, evidence: Evidence, recordings: Recordings, arm: ArmNa
     # a rule that compares cases with each other says nothing where one is missing
     known = there & (there.all() or claim.rule != "decreasing")
     void = False
-    if claim.unless is not None:
-        share = Reference(claim.unless.file, claim.unless.key).look_up(evidence, arm)
-        void = share is not None and share > claim.unless.limit
+    if (unless := claim.unless) is not None:
+        share = Reference(unless.file, unless.key).look_up(evidence, arm)
+        void = share is not None and share > unless.limit
     decides, holds = known & rule.decides(r) & (not void), rule.holds(r)
     half = NORMAL_QUANTILE * r.standard_error
     r = r.assign(low=r.low.fillna(r.value - half), high=r.high.fillna(r.value + half))
+    numbers = r[list(Case._fields[1:-1])].replace(np.inf, np.nan).replace(-np.inf, np.nan)
     cases = tuple(
-        Case(
-            ", ".join(
-                joint_names(value, arm) if isinstance(value, str) else f"{name} {value}"
-                for name, value in case.items()
-            ),
-            *(float(value) if np.isfinite(value) else None for value in row),
-            bool(held) if decided else None,
-        )
-        for case, row, held, decided in zip(
-            each, r[list(Case._fields[1:-1])].to_numpy(), holds, decides, strict=True
+        Case(_named(case, arm), *(None if np.isnan(x) else float(x) for x in row), held)
+        for case, row, held in zip(
+            each, numbers.to_numpy(), holds.astype(object).where(decides, None), strict=True
         )
     )
-    return Verdict(claim, _verdict(claim, recordings, void, known, decides, holds), cases)
+    if (claim.recording == NONE) != (recordings == "none") and recordings != "paper":
+        return Verdict(claim, NO_RECORDING, cases)
+    # on an arm without joints nothing holds, though no case fails
+    if void or not len(known) or not known.all():
+        return Verdict(claim, NO_EVIDENCE, cases)
+    if claim.by == CONSTRUCTION:
+        return Verdict(claim, FORCED, cases)
+    if claim.about == "specimen" and recordings == "real":
+        return Verdict(claim, NO_EVIDENCE, cases)
+    if claim.about != "method" and recordings == "synthetic":
+        return Verdict(claim, SYNTHETIC_CANNOT, cases)
+    if (decides & ~holds).any():
+        return Verdict(claim, NOT_REPRODUCED, cases)  # one case refutes a claim on all
+    return Verdict(claim, REPRODUCED if decides.all() else NO_EVIDENCE, cases)
+
+
+def _named(case: dict, arm: ArmNames) -> str:
+    texts = (joint_names(v, arm) if isinstance(v, str) else f"{k} {v}" for k, v in case.items())
+    return ", ".join(texts)
 
 
 def _read(claim: Claim, each: list[dict], evidence: Evidence, arm: ArmNames) -> pd.DataFrame:
-    """Table of a rule (:class:`pipeline.verdicts.rules.Rule`): a row for each case."""
+    """Table of a rule (:mod:`pipeline.verdicts.rules`): a row for each case."""
 
     def numbers(reference: Reference | None) -> np.ndarray:
         values = [reference and reference.in_case(case).look_up(evidence, arm) for case in each]
@@ -141,38 +142,13 @@ def _read(claim: Claim, each: list[dict], evidence: Evidence, arm: ArmNames) -> 
     return r.assign(distance=(r.published - r.value) / r.standard_error)
 
 
-def _verdict(
-    claim: Claim,
-    recordings: Recordings,
-    void: bool,
-    known: pd.Series,
-    decides: pd.Series,
-    holds: pd.Series,
-) -> str:
-    if (claim.recording == NONE) != (recordings == "none") and recordings != "paper":
-        return NO_RECORDING
-    # on an arm without joints nothing holds, though no case fails
-    if void or not len(known) or not known.all():
-        return NO_EVIDENCE
-    if claim.by == CONSTRUCTION:
-        return FORCED
-    if claim.about == "specimen" and recordings == "real":
-        return NO_EVIDENCE
-    if claim.about != "method" and recordings == "synthetic":
-        return SYNTHETIC_CANNOT
-    if (decides & ~holds).any():
-        return NOT_REPRODUCED  # one case refutes a claim on all
-    return REPRODUCED if decides.all() else NO_EVIDENCE
-
-
 def verdict_table(verdicts: Sequence[Verdict]) -> pd.DataFrame:
     """Return one row per case: id, verdict and the fields of ``Case``; for comparing runs."""
-    rows = [
+    return pd.DataFrame(
         {"id": verdict.claim.id, "verdict": verdict.verdict} | case._asdict()
         for verdict in verdicts
         for case in verdict.cases
-    ]
-    return pd.DataFrame(rows)
+    )
 
 
 def verdict_data(decided: Sequence[Decided]) -> list[dict]:

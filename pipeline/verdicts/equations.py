@@ -19,7 +19,7 @@ from typing import Literal, NamedTuple
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
 from pipeline.verdicts.reference import TestName, parsed_entries
-from pipeline.verdicts.wording import table
+from pipeline.verdicts.wording import TEXTS, table
 
 LABELLED = {"equation": "Eq.", "figure": "Fig."}
 NUMBERED = {"definition": "Definition", "theorem": "Theorem", "algorithm": "Algorithm"}
@@ -27,14 +27,6 @@ LABEL = r"\(([A-Za-z][\w-]*)\)"
 CITED = re.compile(rf"((?:Eqs?|Figs?)\. )?{LABEL}(?:–{LABEL})?")
 TESTS_ALONE = "serves tests alone"  # what the docstring of such a function says
 CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
-HEAD = (
-    "# Every equation, definition, theorem, algorithm and figure of the paper\n\n"
-    "Written by the stage `report` from `pipeline/verdicts/paper.yaml` and the docstrings of the "
-    "code: what implements an item is what cites it. Equations and figures bear the numbers that "
-    "the paper prints and its labels; labels with a hyphen are ours, where it numbers an equation "
-    "without one. What in the paper is wrong or left open stands in `errata.md` of a dataset's "
-    "reports.\n\n"
-)
 COLUMNS = ("of the paper", "place", "what it says", "implemented by", "shown by")
 
 
@@ -100,11 +92,11 @@ def parse_items(entries: object) -> list[Item]:
 
 
 def cited(docstring: str, items: Sequence[Item]) -> set[str]:
-    """Return what ``docstring`` cites, by :attr:`Item.cited_as`.
+    """Return what ``docstring`` cites, by :attr:`Item.cited_as`; words in parentheses that are no
+    label cite nothing.
 
-    Words in parentheses that are no label cite nothing. Raises ConfigError for a theorem,
-    definition or algorithm that the paper does not have, and for what follows "Eq." or "Fig."
-    without being a label of its.
+    Raises ConfigError for a theorem, definition or algorithm that the paper does not have, and for
+    what follows "Eq." or "Fig." without being a label of its.
     """
     known = [item.cited_as for item in items]
     names = set(CITED_BY_NUMBER.findall(docstring))
@@ -142,11 +134,10 @@ def citations(
 
 
 def _documented(tree: ast.Module | ast.ClassDef, owner: str) -> Iterator[tuple[str, str]]:
-    """Yield dotted name and docstring of every public function, class and method."""
+    """Dotted name and docstring of every public function, class and method."""
     for node in tree.body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
-            name = f"{owner}.{node.name}"
-            yield name, ast.get_docstring(node) or ""
+            yield (name := f"{owner}.{node.name}"), ast.get_docstring(node) or ""
             if isinstance(node, ast.ClassDef):
                 yield from _documented(node, name)
 
@@ -159,11 +150,11 @@ def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]
     for item in items:
         by = [
             f"[`{source.name}`](../{source.file.as_posix()})"
-            + (f" ({TESTS_ALONE})" if source.tests_alone else "")
+            + f" ({TESTS_ALONE})" * source.tests_alone
             for source in sources[item.cited_as]
         ] or [f"no code: {item.without_code}"]
         tests = (test.partition("::") for test in item.tests)
         shown = "<br>".join(f"[`{name}`](../{file})" for file, _, name in tests)
         cells = (item.title, item.place, item.says, "<br>".join(by), shown)
         rows.append([" ".join(cell.replace("|", "\\|").split()) for cell in cells])
-    return f"{HEAD}{table(COLUMNS, rows)}\n"
+    return f"{TEXTS['equations']}\n\n{table(COLUMNS, rows)}\n"

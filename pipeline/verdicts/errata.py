@@ -14,15 +14,9 @@ from pipeline.core.validation import options
 from pipeline.verdicts.decision import NO_RECORDING, Decided
 from pipeline.verdicts.reference import Reference, TestName, parsed_entries
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.wording import number
+from pipeline.verdicts.wording import TEXTS, number, page
 
 MISSING = "(not in this dataset)"
-HEAD = (
-    "# Errata: where the paper contradicts itself, is wrong, or leaves open what decides a result",
-    "Written by the stage `report` from `pipeline/verdicts/errata.yaml`. Numbers of the run come "
-    "from [metrics](metrics) and [tables](tables), published ones from `reports/claims.yaml`. Each "
-    "entry names the tests that show it.",
-)
 
 
 @options(frozen=True)
@@ -90,7 +84,7 @@ def parse_errata(entries: object) -> list[Erratum]:
 
 def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided]) -> str:
     """Return ``errata.md`` with the numbers of ``run``, the first that is ``decided``."""
-    sections = [*HEAD]
+    sections = [TEXTS["errata"]]
     for place, erratum in enumerate(errata, 1):
         numbers = {}
         for name, source in erratum.values.items():
@@ -105,4 +99,4 @@ def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided])
             f"**Here**: {done}",
             "\n".join(f"- `{test}`" for test in erratum.tests),
         ]
-    return "\n\n".join(sections) + "\n"
+    return page(sections)

@@ -6,9 +6,9 @@ import re
 from collections.abc import Mapping, Sequence
 
 from pipeline.verdicts.decision import FORCED, Decided
-from pipeline.verdicts.report_page import KEY, MARKS, counted
+from pipeline.verdicts.report_page import MARKS, TEXT, counted
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.wording import number, table
+from pipeline.verdicts.wording import TEXTS, number, page, table
 
 WHOSE = {
     "none": "computations without a recording",
@@ -25,42 +25,34 @@ def datasets_page(decided: Sequence[Decided]) -> str:
     decided = sorted(decided, key=lambda whose: (whose.recordings == "none", whose.dataset))
     claims = zip(*(whose.verdicts for whose in decided), strict=True)
     rows = [[row[0].claim.id, *(MARKS[each.verdict] for each in row)] for row in claims]
-    tally = []
-    for name, recordings, verdicts in decided:
-        forced = sum(each.verdict == FORCED for each in verdicts)
-        tally.append([name, WHOSE[recordings], counted(verdicts), forced])
-    sections = [
-        "# Every claim in every dataset",
-        "Written by the stage `report` from [claims.yaml](claims.yaml); all numbers are in the "
-        "file `claims.json` of a dataset's reports. Claims of the project are not counted.",
-        table(["dataset", "recordings", "hold / fail", "by construction"], tally),
-        table(["claim", *(whose.dataset for whose in decided)], rows),
-        KEY.partition(" After")[0],
+    tally = [
+        [n, WHOSE[recordings], counted(own), sum(each.verdict == FORCED for each in own)]
+        for n, recordings, own in decided
     ]
-    return "\n\n".join(sections) + "\n"
+    head = ["# Every claim in every dataset", TEXTS["datasets"]]
+    head.append(table(["dataset", "recordings", "hold / fail", "by construction"], tally))
+    return page([*head, table(["claim", *(w.dataset for w in decided)], rows), TEXT["key"]])
 
 
 def recordings_page(run: Run) -> str:
     """Return ``recordings.md``: recordings found, kept and left out step by step, and totals of
     what was not solved, lost, clipped or repaired, if not zero.
     """
-    sections, rows = [f"# Recordings of dataset {run.dataset}"], []
+    sections, rows = {}, []
     if "kept" in run.tables:
         kept = run.tables["kept"].astype(object).fillna("").astype(str).to_numpy()
         header = ["step", "recording", "found", "kept", "left out"]
-        sections.append(f"## Kept and left out\n\n{table(header, kept)}")
+        sections["Kept and left out"] = table(header, kept)
     if "recording_quality" in run.tables:
         lossy = run.tables["recording_quality"].query("total > 0").set_index("quantity")
-        for instrument, own in lossy.groupby("instrument"):
-            rows.append([instrument, _counts(own["total"])])
+        rows += [[name, _counts(own["total"])] for name, own in lossy.groupby("instrument")]
     for stem, values in run.metrics.items():
         lost = {n: v for n, v in values.items() if v and LOST.search(n) and float(v).is_integer()}
         if lost and stem != "recordings":
             rows.append([stem.replace("_", " of ", 1), _counts(lost)])
     if rows:
-        text = "Totals over all takes that were lost, clipped or repaired; all others were zero."
-        sections.append(f"## Lost and repaired\n\n{text}\n\n{table(['', 'counted'], rows)}")
-    return "\n\n".join(sections) + "\n"
+        sections["Lost and repaired"] = f"{TEXTS['recordings']}\n\n{table(['', 'counted'], rows)}"
+    return page([f"# Recordings of dataset {run.dataset}"], sections)
 
 
 def _counts(totals: Mapping[str, float]) -> str:

@@ -4,51 +4,21 @@ from __future__ import annotations
 
 import pandas as pd
 
-from pipeline.core.filters import MEMORY, NONE
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.wording import number, table
+from pipeline.verdicts.wording import TEXTS, number, plain_name, table
 
 EACH = "each"  # the mean over all held-out motions
-NAMES = {
-    NONE: "training mean",
-    MEMORY: "autoregressive baseline",
-    "additive": "additive (this motion)",
-    "scaled": "speed-scaled (this motion)",
-    "scaled_full": "speed-scaled with covariances (this motion)",
-    "additive_all": "additive",
-    "scaled_all": "speed-scaled",
-    "additive_t": "additive, Student's t",
-    "scaled_t": "speed-scaled, Student's t",
-    "wishart": "Wishart matrix model",
-    "wishart_qr_transposed": "Wishart matrix model, QR of Jᵀ",
-    "gaussian": "Gaussian matrix model",
-}
 SCALED, STUDENT = ("scaled_all", "scaled_t"), ("additive_t", "scaled_t")
 MANY, OFF = 0.5, 4.0  # share of held-out spreads that may be off by more than this factor
 MOVING = 0.1  # of a joint's greatest recorded spread, above which a held-out spread counts
 STILL = 0.1  # of the greatest joint speed, below which a joint counts as standing still
-RULE = (
-    "The model for another motion is the one of highest mean log score over held-out motions: "
-    "every model is fitted to all motions but one and scored on that one, each in turn. A model "
-    "that predicts nothing on one of them (a singular pose, a joint that moved nowhere else) is "
-    "not recommended. No model is recommended from a single motion, nor where more than half of "
-    f"the predicted spreads are off by more than a factor of {OFF:g}."
-)
-NOT_HELD_OUT = (
-    "**No model for another motion**: no motion was held out; run the stage `predict` with these "
-    "recordings."
-)
-
-
-def plain_name(model: str) -> str:
-    """Return the name of ``model`` for a reader."""
-    return NAMES.get(model, model)
+HEAVY = 4  # kurtosis above which tails are called heavier than normal
 
 
 def recommended(
     scores: pd.DataFrame, spread: pd.DataFrame, motions: pd.DataFrame
 ) -> tuple[str | None, str]:
-    """Return the name of the model for another motion by :data:`RULE`, or None, and the reason.
+    """Return the name of the model for another motion by the card's rule, or None, and the reason.
 
     ``scores``, ``spread`` and ``motions`` are the tables other_motions, motion_spread and motions.
     """
@@ -63,8 +33,7 @@ def recommended(
             f"it {plain_name(best)} has the highest log score, {score}"
         )
     own = spread[(spread["model"] == best) & (spread["measured_rad"] > 0)]
-    most = own.groupby("joint")["measured_rad"].transform("max")
-    own = own[own["measured_rad"] >= MOVING * most]
+    own = own[own["measured_rad"] >= MOVING * own.groupby("joint")["measured_rad"].transform("max")]
     ratio = own["predicted_rad"] / own["measured_rad"]
     off = ((ratio > OFF) | (ratio < 1 / OFF)).mean() if len(own) else 0.0
     if off > MANY:
@@ -77,9 +46,9 @@ def recommended(
 
 def answer(run: Run) -> str:
     """Return the card's first paragraphs: model, formula, takes and motions, unknowns and tails."""
-    t = run.tables
+    t, card = run.tables, TEXTS["card"]
     if "other_motions" not in t:
-        return NOT_HELD_OUT
+        return card["not_held_out"]
     model, why = recommended(t["other_motions"], t["motion_spread"], t["motions"])
     counted = f"{t['motions']['takes'].sum()} takes of {len(t['motions'])} motion(s)"
     if model is None:
@@ -89,34 +58,23 @@ def answer(run: Run) -> str:
     parts += [_formula(model, known)] if len(known) else []
     parts.append(f"Fitted to {counted}. {_untold(run, model)}")
     if len(tails):
-        low, high = (f"{tails['kurtosis'].agg(end):.3g}" for end in ("min", "max"))
-        heavy = tails["kurtosis"].max() > 4
-        parts.append(
-            f"**Tails:** held-out noise has "
-            f"{'heavier tails than' if heavy else 'tails like'} normal noise (kurtosis "
-            f"{number(float(low))} to {number(float(high))}, normal 3); within three predicted "
-            f"standard deviations lie at least {100 * tails['three_sigma'].min():.1f} % of the "
-            "steps of every joint (normal 99.7 %)."
-        )
-    parts.append(f"To have it: `python -m pipeline export {model}`.")
-    return "\n\n".join(parts)
+        ends = [number(float(f"{tails['kurtosis'].agg(end):.3g}")) for end in ("min", "max")]
+        size = "heavier tails than" if tails["kurtosis"].max() > HEAVY else "tails like"
+        share = 100 * tails["three_sigma"].min()
+        parts.append(card["kurtosis"].format(size=size, low=ends[0], high=ends[1], share=share))
+    return "\n\n".join([*parts, f"To have it: `python -m pipeline export {model}`."])
 
 
 def _formula(model: str, known: pd.DataFrame) -> str:
-    scaled, student = model in SCALED, model in STUDENT
+    scaled, card = model in SCALED, TEXTS["card"]
     std = "√(a_j² + b_j²·Δq_j²)" if scaled else "a_j"
-    law = "normal with the joints' correlation"
-    law = "Student's t with ν_j degrees of freedom" if student else law
-    text = (
-        f"Measured step of joint j = commanded step Δq_j + {std}·e_j, e_j {law}; angles in rad, "
-        "steps of one period of the recordings."
-    )
+    text = card["formula"].format(std=std, law=card["student" if model in STUDENT else "normal"])
     cells = {"joint": known["joint"]}
     cells["a_j"] = [f"{1e6 * value:.3g} µrad" for value in known["at_rest_rad"]]
     if scaled:
         share = known["share_of_step"]
         cells["b_j"] = [f"{100 * b:.3g} %" if pd.notna(b) else "not known" for b in share]
-    if student:
+    if model in STUDENT:
         cells["ν_j"] = known["degrees"]
     return f"{text}\n\n{table([*cells], zip(*cells.values(), strict=True))}"
 
@@ -146,44 +104,40 @@ def held_out(run: Run) -> str:
     """Return log scores of every model on every held-out motion, the highest mean first; of a
     single motion the mean over its held-out takes alone.
     """
-    scores = run.tables["other_motions"]
-    motions = [name for name in dict.fromkeys(scores["motion"]) if name != EACH]
-    if len(run.tables["motions"]) == 1:  # parts of one motion's takes are held out in turn
-        motions = []
+    scores, motions = run.tables["other_motions"], run.tables["motions"]
     wide = scores.pivot(index="model", columns="motion", values="score")
-    wide = wide.reindex(columns=[EACH, *motions]) if EACH in wide else wide
+    # parts of a single motion's takes are held out in turn
+    names = [n for n in dict.fromkeys(scores["motion"]) if n != EACH] if len(motions) > 1 else []
+    wide = wide.reindex(columns=[EACH, *names]) if EACH in wide else wide
     wide = wide.sort_values(wide.columns[0], ascending=False, na_position="last")
-    header = ["log score (nats a step)", "mean", *(f"motion {name}" for name in motions)]
+    header = ["log score (nats a step)", "mean", *(f"motion {name}" for name in names)]
     text = table(header, [[plain_name(str(row[0])), *row[1:]] for row in wide.itertuples()])
-    missing = scores[scores["reason"].notna() & scores["reason"].ne("")].drop_duplicates("model")
+    missing = scores[scores["reason"].astype(object).fillna("").ne("")].drop_duplicates("model")
     reasons = "".join(
         f"\n- {plain_name(row.model)}: no score on motion {row.motion}: {row.reason}"
         for row in missing.itertuples()
     )
-    moves = run.tables["motions"][["motion", "takes", "steps", "moving"]].astype(str)
-    header = ["motion", "takes", "steps", "joints that move"]
-    return f"{text}\n{reasons}\n\n{table(header, moves.to_numpy())}"
+    moves = motions[["motion", "takes", "steps", "moving"]].astype(str).to_numpy()
+    return f"{text}\n{reasons}\n\n{table(['motion', 'takes', 'steps', 'joints that move'], moves)}"
 
 
 def held_out_spread(run: Run) -> str:
     """Return predicted and measured rms of a step in µrad by held-out motion and joint; of a single
     motion over all its held-out takes.
     """
-    spread = run.tables["motion_spread"]
+    spread, place = run.tables["motion_spread"], ["motion", "joint"]
     if len(run.tables["motions"]) == 1:
         squares = spread.assign(motion=run.tables["motions"]["motion"].iloc[0])
         sizes = ["predicted_rad", "measured_rad"]
         squares[sizes] = squares[sizes] ** 2
-        keys = ["motion", "joint", "model"]
-        spread = squares.groupby(keys, sort=False)[sizes].mean().pow(0.5).reset_index()
-    place = ["motion", "joint"]
+        means = squares.groupby([*place, "model"], sort=False)[sizes].mean()
+        spread = means.pow(0.5).reset_index()
     wide = spread.pivot(index=place, columns="model", values="predicted_rad")
     measured = spread.drop_duplicates(place).set_index(place)["measured_rad"]
     wide = wide.loc[measured.index, list(dict.fromkeys(spread["model"]))]
     wide.insert(0, "measured", measured)
     rows = ([*map(str, row[0]), *(f"{1e6 * v:.3g}" for v in row[1:])] for row in wide.itertuples())
-    header = [*place, *map(plain_name, wide.columns)]
-    return f"Rms of a step in µrad.\n\n{table(header, rows)}"
+    return f"Rms of a step in µrad.\n\n{table([*place, *map(plain_name, wide.columns)], rows)}"
 
 
 def held_out_tails(run: Run) -> str:

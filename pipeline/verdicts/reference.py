@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field
 from typing import Annotated, NamedTuple, TypeVar
 
@@ -42,11 +42,10 @@ class ArmNames(NamedTuple):
 @options(frozen=True)
 class Reference:
     """A metric by ``file`` and ``key``, or the ``column`` of the one row of a table whose columns
-    equal ``rows``.
+    equal ``rows``; ConfigError if it is neither.
 
     ``{joint 2}`` in any of them is the name of the second of the :attr:`ArmNames.numbered` joints
-    of a dataset; any other ``{name}`` is that name's value in a case. Raises ConfigError if it is
-    neither.
+    of a dataset; any other ``{name}`` is that name's value in a case.
     """
 
     file: str
@@ -68,14 +67,9 @@ class Reference:
         return f"{self.file}.csv: {self.column}" + (f" where {rows}" if rows else "")
 
     @property
-    def _numbers(self) -> list[int]:
-        texts = filter(None, (self.key, self.column, *self.rows.values()))
-        return [int(n) for text in texts if isinstance(text, str) for n in JOINT.findall(text)]
-
-    @property
-    def numbers_joints(self) -> bool:
-        """True if it names a joint by its number."""
-        return bool(self._numbers)
+    def joint_numbers(self) -> list[int]:
+        """Numbers of the joints that it names by their number."""
+        return [int(n) for text in vars(self).values() for n in JOINT.findall(str(text))]
 
     def in_case(self, case: Mapping[str, object]) -> Reference:
         """Return this reference with the values of ``case`` in its placeholders. Raises ConfigError
@@ -97,29 +91,24 @@ class Reference:
 
         Raises ConfigError if more than one row of the table fits.
         """
-        if any(number > len(arm.numbered) for number in self._numbers):
+        if any(number > len(arm.numbered) for number in self.joint_numbers):
             return None
         named, value = self._with(lambda text: joint_names(text, arm)), None
         numbers = evidence.get(self.file)
-        if self.column and isinstance(numbers, pd.DataFrame):
-            value = named._cell(numbers)
-        elif self.key and isinstance(numbers, Mapping):
+        if self.key and isinstance(numbers, Mapping):
             value = numbers.get(named.key)
+        elif isinstance(numbers, pd.DataFrame) and {named.column, *named.rows} <= {*numbers}:
+            for column, wanted in named.rows.items():
+                numbers = numbers[numbers[column] == wanted]
+            if len(numbers) > 1:
+                message = f"{len(numbers)} rows fit; name more columns"
+                raise ConfigError(message, file=self.file, rows=named.rows)
+            value = numbers[named.column].iloc[0] if len(numbers) else None
         return None if value is None or pd.isna(value) else float(value)
 
-    def _with(self, change) -> Reference:
+    def _with(self, change: Callable[[str], str]) -> Reference:
         rows = {c: change(v) if isinstance(v, str) else v for c, v in self.rows.items()}
         return Reference(change(self.file), change(self.key), rows, change(self.column))
-
-    def _cell(self, table: pd.DataFrame) -> object:
-        if not {self.column, *self.rows} <= set(table.columns):
-            return None
-        for column, wanted in self.rows.items():
-            table = table[table[column] == wanted]
-        if len(table) > 1:
-            message = f"{len(table)} rows fit; name more columns"
-            raise ConfigError(message, file=self.file, rows=self.rows)
-        return table[self.column].iloc[0] if len(table) else None
 
 
 def joint_names(text: str, arm: ArmNames) -> str:

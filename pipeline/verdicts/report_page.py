@@ -1,48 +1,35 @@
 """The report: which claims hold and which do not, the paper's numbers beside ours, its figures and
-gravest errata, on one page.
+gravest errata, on one page; and the results in the README.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import pandas as pd
 
+from pipeline.core.errors import ContractError
 from pipeline.verdicts import decision as d
 from pipeline.verdicts import scores
 from pipeline.verdicts.claims import CONSTRUCTION, LEVEL, PROJECT, Claim
 from pipeline.verdicts.decision import Case, Decided, Verdict
 from pipeline.verdicts.equations import Item, Source
 from pipeline.verdicts.errata import Erratum
-from pipeline.verdicts.model_card import FEW_TAKES
+from pipeline.verdicts.model_card import few_takes
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.wording import case_text, interval, number, table
+from pipeline.verdicts.wording import TEXTS, case_text, interval, number, page, plain_name, table
 
+TEXT = TEXTS["report"]
 # datasets that have a column, one a robot, and the robot; a dataset that is tried out has none
 ROBOTS = {"youbot": "youBot, synthetic", "ur5": "UR5, real", "lwr4": "LWR4+, real"}
 GRAVEST = (
-    "sign-of-omega",
-    "which-decomposition",
-    "weights-not-given",
-    "objective-not-bounded",
-    "mean-of-the-inverse",
-    "isotropic",
+    *("sign-of-omega", "which-decomposition", "weights-not-given"),
+    *("objective-not-bounded", "mean-of-the-inverse", "isotropic"),
 )
 SMOKE = "smoke"  # the scale of a trial run, whose numbers decide nothing
-TRIAL = "# A trial run on the scale smoke, whose numbers decide nothing: dataset {}"
-LIMITS = (
-    "Nobody has published the paper's recordings: the youBot's come from a synthetic laboratory "
-    "whose physics is none of the models. The UR5's and the LWR4+'s are logs of real robots, which "
-    "decide nothing about the paper's own arm."
-)
 MARKS = {d.REPRODUCED: "✓", d.NOT_REPRODUCED: "✗", d.SYNTHETIC_CANNOT: "?"}
 MARKS |= {d.NO_EVIDENCE: "–", d.FORCED: "=", d.NO_RECORDING: ""}
-KEY = (
-    "✓ holds, ✗ fails, ? synthetic recordings cannot decide it, – no evidence, = forced by the "
-    "construction of the models (no verdict). After the sign: the value of a claim with one case, "
-    "else how many of the decided cases hold."
-)
 NOTES = {CONSTRUCTION: "by construction", LEVEL: "decided by the level"}
 # parameters: name, file and key; each estimator has the key with its own name behind it
 ESTIMATORS = {"paper": "the paper's estimator", "moments": "moments", "likelihood": "likelihood"}
@@ -57,21 +44,7 @@ PARAMETERS = (
 SUMMARY = {"sigma_b": ("wishart", "sigma_b"), "alpha_u": ("gaussian", "noise_level")}
 HOLDS, FAILS, UNKNOWN = "holds", "fails", "no evidence"
 SIGNS = {HOLDS: "✓", FAILS: "✗", UNKNOWN: "–"}
-DEFAULT = (
-    'The paper says "LU or QR depending on the redundancy" and computes in MATLAB, whose `lu` '
-    "pivots: pivoted LU of a square Jacobian and QR of J of a redundant arm are the default. The "
-    "printed numbers do not determine the decomposition "
-    "([which-decomposition](errata.md#which-decomposition)). QR of Jᵀ is the control: it depends "
-    "on no unit."
-)
-AGAIN = "Claims whose rule comes out otherwise on the same takes with equal random numbers:"
-LINKS = """\
-- [model_card.md](model_card.md): which model to use for this arm, where and how surely.
-- [claims.yaml](../claims.yaml): each claim with its test and reason; [claims.json](claims.json):
-  numbers, verdicts and commands that recompute them; [datasets.md](../datasets.md): every dataset.
-- [equations.md](../equations.md): each item of the paper in code and tests; [errata.md](errata.md).
-- [recordings.md](recordings.md), [metrics](metrics), [tables](tables), [figures](figures): this
-  run; [studies](../studies): beyond the paper."""
+BLOCK = re.compile(r"(?<=<!-- results -->\n).*?(?=<!-- /results -->)", re.DOTALL)
 
 
 def report_page(
@@ -81,41 +54,55 @@ def report_page(
     else that a reader asks; ``parts`` are headings and texts behind these. A run on the scale smoke
     says so first and has no verdict.
     """
-    title = f"# Results: dataset {here.dataset}, scale {here.scale}"
-    shown = [run for run in runs if run is here or run.dataset in ROBOTS]
-    own = {}
+    own = {**parts, "More": TEXT["links"]}
     if here.scale == SMOKE:
-        sections = [TRIAL.format(here.dataset)]
-    else:
-        sections = [title, f"{LIMITS} {summary(here, decided)}", claims_table(here, decided)]
-        own = {
-            "Claims that fail": failures(here, decided),
-            "Readings of LU or QR": readings(shown),
-            "Published against ours": published_and_ours(here, decided),
-            "Predictors": scores.predictors(here),
-            "Filters": scores.filters(here),
-        }
-    own |= {**parts, "More": LINKS}
-    sections += [f"## {heading}\n\n{text}" for heading, text in own.items() if text]
-    return "\n\n".join(sections) + "\n"
+        return page([TEXT["trial"].format(here.dataset)], own)
+    head = [f"# Results: dataset {here.dataset}, scale {here.scale}"]
+    head += [f"{TEXT['limits']} {summary(here, decided)}", claims_table(here, decided)]
+    verdicts = {
+        "Claims that fail": failures(here, decided),
+        "Readings of LU or QR": readings([r for r in runs if r is here or r.dataset in ROBOTS]),
+        "Published against ours": published_and_ours(here, decided),
+        "Predictors": scores.predictors(here),
+        "Filters": scores.filters(here),
+    }
+    return page(head, verdicts | own)
 
 
 def summary(here: Run, decided: Sequence[Decided]) -> str:
     """Return counts of verdicts and what predicts and filters the motion of ``here``."""
-    counts = [
-        f"{ROBOTS.get(whose.dataset, whose.dataset)}: {counted(whose.verdicts)}"
-        for whose in _columns(here, decided)
-    ]
-    sentences = [f"Claims of the paper that hold / fail: {'; '.join(counts)}."]
+    sentences = [f"Claims of the paper that hold / fail: {_counts(here, decided)}."]
     if "predictions" in here.tables:
         sentences.append(scores.choice(here))
     return " ".join(filter(None, [*sentences, scores.filter_verdict(here)]))
+
+
+def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str:
+    """Return the ``text`` of the README with the results of ``here`` between its marks. Raises
+    ContractError if it has none.
+    """
+    if not BLOCK.search(text):
+        message = "the lines <!-- results --> and <!-- /results --> are missing; put them back"
+        raise ContractError(message, file="README.md")
+    parts = [TEXT["readme"].format(name=here.dataset, counts=_counts(here, decided))]
+    if ours := here.metrics.get("fit_wishart", {}).get("sigma_b"):
+        claims = {verdict.claim.id: verdict.claim for verdict in decided[0].verdicts}
+        parts.append(f"σ̂_B: {number(ours)}, published {claims['sigma-b'].published}.")
+    if "predictions" in here.tables:
+        best = scores.log_scores(here)["mean"].idxmax()
+        parts.append(f"Highest log score of the next pose: {plain_name(best)}.")
+    return BLOCK.sub(lambda _: "\n".join([*parts, ""]), text)
 
 
 def counted(verdicts: Sequence[Verdict]) -> str:
     """Return how many claims of the paper hold and fail."""
     verdict = [each.verdict for each in verdicts if each.claim.source != PROJECT]
     return f"{verdict.count(d.REPRODUCED)} / {verdict.count(d.NOT_REPRODUCED)}"
+
+
+def _counts(here: Run, decided: Sequence[Decided]) -> str:
+    whose = _columns(here, decided)
+    return "; ".join(f"{ROBOTS.get(w.dataset, w.dataset)}: {counted(w.verdicts)}" for w in whose)
 
 
 def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
@@ -142,14 +129,17 @@ def _columns(here: Run, decided: Sequence[Decided]) -> list[Decided]:
     return [by_name[name] for name in names if name in by_name]
 
 
+def _rows(columns: Sequence[Decided]) -> Iterator[tuple[Verdict, ...]]:
+    return zip(*(whose.verdicts for whose in columns), strict=True)
+
+
 def claims_table(here: Run, decided: Sequence[Decided]) -> str:
     """Return a row for each claim, of the paper first, with its verdict in every column."""
     columns = _columns(here, decided)
-    rows = list(zip(*(whose.verdicts for whose in columns), strict=True))
-    rows.sort(key=lambda row: row[0].claim.source == PROJECT)
+    rows = sorted(_rows(columns), key=lambda row: row[0].claim.source == PROJECT)
     body = [[statement(row[0].claim), *map(verdict_cell, row)] for row in rows]
     header = ["claim", *(ROBOTS.get(whose.dataset, whose.dataset) for whose in columns)]
-    return f"{table(header, body)}\n\n{KEY}"
+    return f"{table(header, body)}\n\n{TEXT['key']} {TEXT['cell']}"
 
 
 def statement(claim: Claim) -> str:
@@ -179,20 +169,16 @@ def failures(here: Run, decided: Sequence[Decided]) -> str:
     """Return a line for each claim that fails in a column: the quantity, the first failing case,
     how many fail and the reason where one is written.
     """
-    lines = []
-    columns = _columns(here, decided)
-    for row in zip(*(whose.verdicts for whose in columns), strict=True):
-        for whose, verdict in zip(columns, row, strict=True):
-            if verdict.verdict != d.NOT_REPRODUCED:
+    lines, columns = [], _columns(here, decided)
+    for row in _rows(columns):
+        for whose, (claim, verdict, cases) in zip(columns, row, strict=True):
+            if verdict != d.NOT_REPRODUCED:
                 continue
-            claim = verdict.claim
-            failing = [case for case in verdict.cases if case.holds is False]
-            more = f" and {len(failing) - 1} more cases" if len(failing) > 1 else ""
+            first, *others = [case for case in cases if case.holds is False]
+            text = case_text(first).removesuffix(" ✗")
+            text += f" and {len(others)} more cases" * bool(others)
             reason = f" Reason: {claim.why[whose.dataset]}." if whose.dataset in claim.why else ""
-            case = case_text(failing[0]).removesuffix(" ✗")
-            lines.append(
-                f"- **{claim.id}** on {whose.dataset}: {claim.quantity}, {case}{more}.{reason}"
-            )
+            lines.append(f"- **{claim.id}** on {whose.dataset}: {claim.quantity}, {text}.{reason}")
     return "\n".join(lines)
 
 
@@ -201,9 +187,7 @@ def readings(runs: Sequence[Run]) -> str:
     "LU or QR" (Eq. LUDecom), the run's own in bold, and how many claims have no evidence.
     """
     rows, notes = [], []
-    for run in runs:
-        if "readings" not in run.tables:
-            continue
+    for run in (run for run in runs if "readings" in run.tables):
         own = run.tables["readings"]
         ruled = own.pivot(index="claim", columns="reading", values="holds")
         ruled = ruled[own["reading"].unique()]  # the run's own first
@@ -215,25 +199,22 @@ def readings(runs: Sequence[Run]) -> str:
             rows.append({"claim": claim, "dataset": run.dataset, **signs})
         lacking = own[own["holds"].eq(UNKNOWN) & own["refused"].astype(object).fillna("").ne("")]
         for reading, claims in lacking.groupby("reading", sort=False)["refused"]:
-            reason = claims.iloc[0].partition(" [")[0].partition(";")[0]
-            notes.append(
-                f"- {run.dataset}, {reading}: {len(claims)} claims lack numbers ({reason})."
-            )
+            why = re.split(r" \[|;", claims.iloc[0])[0]
+            notes.append(f"- {run.dataset}, {reading}: {len(claims)} claims lack numbers ({why}).")
     if not rows:
-        return DEFAULT
+        return TEXT["default"]
     changed = pd.DataFrame(rows).fillna("")
     header = ["claim (the run's own reading in bold)", *changed.columns[1:]]
-    parts = [f"{DEFAULT} {AGAIN}", table(header, changed.to_numpy()), "\n".join(notes)]
-    return "\n\n".join(filter(None, parts))
+    parts = [f"{TEXT['default']} {TEXT['again']}", table(header, changed.to_numpy())]
+    return "\n\n".join([*parts, *["\n".join(notes)] * bool(notes)])
 
 
 def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
     """Return the fitted parameters by every estimator, then each other number that the paper
     publishes beside that of ``here``.
     """
-    few = here.metrics.get("motion", {}).get("recorded_takes", FEW_TAKES) < FEW_TAKES
+    few, without = few_takes(here), decided[-1]
     own = next(whose for whose in decided if whose.dataset == here.dataset)
-    without = next(whose for whose in decided if whose.dataset == d.WITHOUT_RECORDING)
     claims = {verdict.claim.id: verdict.claim for verdict in own.verdicts}
     rows, others = [], []
     for name, file, key, claim in PARAMETERS:
@@ -241,10 +222,9 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
         cells = [_estimate(fitted, key, estimator, few) for estimator in ESTIMATORS]
         if any(cell != "–" for cell in cells):
             rows.append([name, claims[claim].published if claim in claims else "–", *cells])
-    for pair in zip(own.verdicts, without.verdicts, strict=True):
-        verdict = next(each for each in pair if each.verdict != d.NO_RECORDING)
-        claim = verdict.claim
-        cases = [case for case in verdict.cases if case.value is not None]
+    for pair in _rows([own, without]):
+        claim, _, cases = next(each for each in pair if each.verdict != d.NO_RECORDING)
+        cases = [case for case in cases if case.value is not None]
         if claim.parameter and cases and claim.id not in {each for *_, each in PARAMETERS}:
             unit = f" ({claim.unit})" if claim.unit else ""
             names = " / ".join(filter(None, (case.case for case in cases)))
@@ -291,18 +271,15 @@ def figures(
         if item.kind == "figure"
         for source in sources[item.cited_as]
     }
-    by_script = {caption["script"]: name for name, caption in captions.items()}
-    lines = []
+    by_script, lines = {caption["script"]: name for name, caption in captions.items()}, []
     for script, place in drawn.items():
         if name := by_script.pop(script, None):
             sentences = re.split(r"(?<=[.!?]) (?=[A-Z(])", captions[name]["caption"])
             look = (text for text in sentences if text.startswith("To look at"))
-            sentence = next(look, sentences[0])
             picture = f"![{captions[name]['title']}](figures/{name}.png)"
-            lines += [f"- **{place}.** {sentence}", f"  {picture}"]
+            lines += [f"- **{place}.** {next(look, sentences[0])}", f"  {picture}"]
     ours = [f"[{captions[name]['title']}](figures/{name}.png)" for name in by_script.values()]
-    lines += [f"- Not in the paper: {'; '.join(ours)}."] if ours else []
-    return "\n".join(lines)
+    return "\n".join([*lines, *[f"- Not in the paper: {'; '.join(ours)}."] * bool(ours)])
 
 
 def gravest_errata(errata: Sequence[Erratum]) -> str:

@@ -13,8 +13,6 @@ import pandas as pd
 from pipeline.core.errors import ContractError
 from pipeline.verdicts.reference import ArmNames, Evidence
 
-MATRIX_KINDS = ("wishart", "gaussian")
-
 
 @dataclass(frozen=True)
 class Run:
@@ -42,11 +40,6 @@ class Run:
         metrics = {f"metrics/{stem}": values for stem, values in self.metrics.items()}
         return metrics | {f"tables/{stem}": rows for stem, rows in self.tables.items()}
 
-    @property
-    def matrix_models(self) -> list[str]:
-        """Names of the models that hold a random matrix."""
-        return [name for name, kind in self.models.items() if kind in MATRIX_KINDS]
-
     def to_json(self) -> str:
         """Return JSON in full precision; a table is a list of the lines of its CSV."""
         values = {**vars(self), "joints": list(self.joints), "task": list(self.task)}
@@ -56,26 +49,24 @@ class Run:
         return json.dumps(values, indent=1, ensure_ascii=False) + "\n"
 
 
-def read_run(file: Path) -> Run:
-    """Read a file that ``Run.to_json`` wrote. Raises ContractError for any other."""
-    try:
-        values = json.loads(file.read_text(encoding="utf-8"))
-        tables = {
-            stem: pd.read_csv(io.StringIO("\n".join(lines)))
-            for stem, lines in values.pop("tables").items()
-        }
-        return Run(**values, tables=tables)
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        message = f"no evidence of a run ({error}); run the stage score with that dataset"
-        raise ContractError(message, file=file) from None
-
-
 def read_runs(folder: Path, first: str) -> list[Run]:
     """Read the runs of a folder by the names of their datasets, ``first`` before all others. Raises
-    ContractError if that one is missing.
+    ContractError if that one is missing, or for a file that ``Run.to_json`` did not write.
     """
     runs = {run.dataset: run for run in map(read_run, sorted(folder.glob("*.json")))}
     if first not in runs:
         message = f"there is no evidence of the dataset {first}; run the stage score with it"
         raise ContractError(message, file=folder / f"{first}.json")
     return [runs.pop(first), *runs.values()]
+
+
+def read_run(file: Path) -> Run:
+    """Read one run."""
+    try:
+        values = json.loads(file.read_text(encoding="utf-8"))
+        lines = values.pop("tables").items()
+        tables = {stem: pd.read_csv(io.StringIO("\n".join(rows))) for stem, rows in lines}
+        return Run(**values, tables=tables)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        message = f"no evidence of a run ({error}); run the stage score with that dataset"
+        raise ContractError(message, file=file) from None

@@ -7,25 +7,14 @@ from collections.abc import Sequence
 import pandas as pd
 
 from pipeline.core.filters import CLOSED, MEMORY, NONE, models_of
-from pipeline.verdicts.recommendation import plain_name
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.wording import interval, listed, number, table
+from pipeline.verdicts.wording import TEXTS, interval, listed, number, plain_name, table
 
+MATRIX_KINDS = ("wishart", "gaussian")
 ALL = "all"  # the group of all steps
 FILTERS = "filter_against_none"
 BETWEEN, LIMIT = "recorded_share_of_variance_between_recordings", 0.5  # as in claims.yaml
-NO_SPREAD = (
-    "**Its recordings give no evidence on the standard deviation of the noise**: most of the "
-    "variance lies between recordings, not between repetitions. "
-)
 LABELS = {NONE: "training mean", MEMORY: "autoregressive, linear filter"}
-BEYOND = (
-    "The training mean uses no depth camera. The linear filter has minimum variance under the "
-    "takes' covariance and one autocorrelation. An open loop adds up the noise of all steps; a "
-    "closed loop corrects a share of the deviation from the training takes' mean path. Coverage of "
-    "±1σ; log scores in nats a step, in brackets the paired difference to the training mean."
-)
-HIGHER = "a higher log score than the mean and standard deviation of the training takes"
 
 
 def log_scores(run: Run) -> pd.DataFrame:
@@ -34,36 +23,31 @@ def log_scores(run: Run) -> pd.DataFrame:
     return rows[rows["mean"].notna()].set_index("model")
 
 
-def scored_models(run: Run) -> list[str]:
-    """Return the models and baselines that predict, in their order."""
-    return list(dict.fromkeys(run.tables["predictions"]["model"]))
-
-
 def choice(run: Run) -> str:
     """Return the matrix model whose log score for the analysed motion is above every baseline's by
     the 95 % interval of the paired difference, or none, and the predictor of highest score.
     """
     means = log_scores(run)["mean"]
-    matrix = [name for name in run.matrix_models if name in means]
-    plain = [name for name in means.index if name not in matrix]
-    above = {name: _not_below(run, name, plain) for name in matrix}
-    text = NO_SPREAD if run.metrics.get("motion", {}).get(BETWEEN, 0) > LIMIT else ""
-    if passing := [name for name in matrix if not above[name]]:
+    matrix = [name for name, kind in run.models.items() if kind in MATRIX_KINDS and name in means]
+    above = {name: _not_below(run, name, means.index.difference(matrix, False)) for name in matrix}
+    passing = [name for name in matrix if not above[name]]
+    parts = []
+    if run.metrics.get("motion", {}).get(BETWEEN, 0) > LIMIT:
+        parts.append(TEXTS["scores"]["no_spread"])
+    if passing:
         name = plain_name(means[passing].idxmax())
-        text += f"**{name}**: its log score is above that of every baseline."
+        parts.append(f"**{name}**: its log score is above that of every baseline.")
     else:
-        text += f"On {run.dataset} **no matrix model** has a log score above every baseline:"
-        text += ";".join(
-            f" {plain_name(name)} not above {_listed(rivals)}" for name, rivals in above.items()
-        )
-        text += "."
-    absent = [name for name in scored_models(run) if name not in means]
-    text += "".join(f" {plain_name(name)} has no score." for name in absent)
+        rivals = [f" {plain_name(n)} not above {_listed(names)}" for n, names in above.items()]
+        text = f"On {run.dataset} **no matrix model** has a log score above every baseline:"
+        parts.append(f"{text}{';'.join(rivals)}.")
+    absent = dict.fromkeys(run.tables["predictions"]["model"])
+    parts += [f"{plain_name(name)} has no score." for name in absent if name not in means]
     best = means.idxmax()
-    text += f" Highest log score for this motion: {plain_name(best)}"
-    if equal := _not_below(run, best, [*means.index]):
+    text = f"Highest log score for this motion: {plain_name(best)}"
+    if equal := _not_below(run, best, means.index):
         text += f" (the difference to {_listed(equal)} is not significant)"
-    return f"{text}."
+    return " ".join([*parts, f"{text}."])
 
 
 def _not_below(run: Run, model: str, rivals: Sequence[str]) -> list[str]:
@@ -81,35 +65,34 @@ def predictors(run: Run) -> str:
     """Return a row for each model and baseline, the highest log score first."""
     if "predictions" not in run.tables:
         return ""
-    log = log_scores(run)
-    rows = run.tables["predictions"].query("score == 'log_score'")
+    log, rows = log_scores(run), run.tables["predictions"].query("score == 'log_score'")
     means = rows.pivot(index="model", columns="steps", values="mean")[list(rows["steps"].unique())]
-    names = sorted(scored_models(run), key=lambda n: -log["mean"].get(n, float("-inf")))
-    differences = {
-        name: f"{number(row['difference'])} {interval(row['low'], row['high'])}"
-        for name, row in log.iterrows()
-        if name != NONE
-    }
+    names = dict.fromkeys(run.tables["predictions"]["model"])
+    names = sorted(names, key=lambda n: -log["mean"].get(n, float("-inf")))
+    rivals = log.drop(index=NONE, errors="ignore")
+    differences = {name: _difference(row) for name, row in rivals.iterrows()}
     header = ["log score (nats a step)", "difference to the training mean, all steps", *means]
     return table(header, [[plain_name(n), differences.get(n, "–"), *means.loc[n]] for n in names])
 
 
+def _difference(row: pd.Series) -> str:
+    return f"{number(row['difference'])} {interval(row['low'], row['high'])}"
+
+
 def coverage(run: Run) -> str:
     """Return the share of steps within ±1σ of the prediction by group of steps and joint."""
-    means = run.tables["predictions"].set_index(["steps", "model", "score"])["mean"]
-    models = scored_models(run)
-    rows = [
+    rows = run.tables["predictions"]
+    means, models = rows.set_index(["steps", "model", "score"])["mean"], [*rows["model"].unique()]
+    cells = [
         [steps, joint, *(means[steps, m, f"coverage_of_one_sigma_{joint}"] for m in models)]
-        for steps in dict.fromkeys(means.index.get_level_values(0))
+        for steps in rows["steps"].unique()
         for joint in run.joints
     ]
-    return table(["steps", "joint", *map(plain_name, models)], rows)
+    return table(["steps", "joint", *map(plain_name, models)], cells)
 
 
 def filters(run: Run) -> str:
-    """Return a row for each filter, the training mean first, and the verdict; nothing if the
-    dataset has no depth camera.
-    """
+    """Return a row for each filter, the training mean first; nothing without a depth camera."""
     if FILTERS not in run.tables:
         return ""
     rows = run.tables[FILTERS].set_index(["model", "score"])
@@ -118,20 +101,16 @@ def filters(run: Run) -> str:
     scores = {f"rms error of {joint} (rad)": f"rms_error_{joint}_rad" for joint in run.joints}
     scores |= {f"coverage of {joint}": f"coverage_of_one_sigma_{joint}" for joint in run.joints}
     scores |= {"log score": "log_score"}
-    cells = [
-        [_label(name), *(_cell(rows, name, score) for score in scores.values())] for name in names
-    ]
-    return f"{filter_verdict(run)} {BEYOND}\n\n{table(['filter', *scores], cells)}"
+    cells = [[_label(name), *(_cell(rows, name, s) for s in scores.values())] for name in names]
+    return f"{TEXTS['scores']['beyond']}\n\n{table(['filter', *scores], cells)}"
 
 
 def _cell(rows: pd.DataFrame, name: str, score: str) -> str:
     if (name, score) not in rows.index or pd.isna(rows.loc[(name, score), "mean"]):
         return "–"
     row = rows.loc[(name, score)]
-    if score != "log_score" or pd.isna(row["low"]):
-        return number(row["mean"])
-    difference = f"{number(row['difference'])} {interval(row['low'], row['high'])}"
-    return f"{number(row['mean'])} ({difference})"
+    plain = score != "log_score" or pd.isna(row["low"])
+    return number(row["mean"]) + ("" if plain else f" ({_difference(row)})")
 
 
 def _label(name: str) -> str:
@@ -145,16 +124,16 @@ def filter_verdict(run: Run) -> str:
     """
     if FILTERS not in run.tables:
         return ""
-    rows = run.tables[FILTERS].set_index(["model", "score"])
+    rows, above = run.tables[FILTERS].set_index(["model", "score"]), TEXTS["scores"]["higher"]
     names = [name for name in dict.fromkeys(rows.index.get_level_values("model")) if name != NONE]
     errors = [f"rms_error_{joint}_rad" for joint in run.joints]
     higher = [name for name in names if rows.loc[(name, "log_score"), "low"] > 0]
     smaller = [n for n in names if all(rows.loc[(n, error), "high"] < 0 for error in errors)]
     particle = [name for name in higher if name != MEMORY]
     if particle:
-        text = f"On {run.dataset} these particle filters have {HIGHER}: {_labels(particle)}."
+        text = f"On {run.dataset} these particle filters have {above}: {_labels(particle)}."
     else:
-        text = f"On {run.dataset} no particle filter has {HIGHER}."
+        text = f"On {run.dataset} no particle filter has {above}."
     if smaller := [name for name in smaller if name not in (*particle, MEMORY)]:
         text += f" These have a smaller rms error in every joint: {_labels(smaller)}."
     if MEMORY in names:

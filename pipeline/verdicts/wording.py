@@ -1,14 +1,24 @@
-"""Numbers, intervals, tables and cases of claims as text."""
+"""Numbers, intervals, tables and cases of claims as text, and the prose of the pages."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.core.typed_yaml import read_yaml
+
 if TYPE_CHECKING:
     from pipeline.verdicts.decision import Case
+
+TEXTS = read_yaml(Path(__file__).with_name("texts.yaml"))
+
+
+def plain_name(model: str) -> str:
+    """Return the name of ``model`` for a reader."""
+    return TEXTS["names"].get(model, model)
 
 
 def number(value: float) -> str:
@@ -35,6 +45,12 @@ def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 def listed(names: Sequence[str]) -> str:
     """Return names with commas and an "and" before the last."""
     return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+
+
+def page(parts: Iterable[str], sections: dict[str, str] | None = None) -> str:
+    """Return paragraphs and then sections, by heading, as Markdown; empty ones are left out."""
+    headed = [f"## {heading}\n\n{text}" for heading, text in (sections or {}).items() if text]
+    return "\n\n".join([*filter(None, parts), *headed]) + "\n"
 
 
 def case_text(case: Case) -> str:

@@ -39,11 +39,8 @@ class Bounds:
             if bounds is None:
                 continue
             if not (np.isfinite(bounds).all() and least <= bounds[0] <= bounds[1] <= most):
-                raise ConfigError(
-                    f"wrench bounds: {name} must be finite and {least:.3g} ≤ low ≤ high ≤ "
-                    f"{most:.3g}, got {bounds[0]}, {bounds[1]}",
-                    key=name,
-                )
+                range_ = f"{least:.3g} ≤ low ≤ high ≤ {most:.3g}, got {bounds[0]}, {bounds[1]}"
+                raise ConfigError(f"wrench bounds: {name} must be finite and {range_}", key=name)
 
     @property
     def dimension(self) -> int:
@@ -97,8 +94,8 @@ def draw_systems(
 
 def study_bounds(options: Wrench) -> Bounds:
     """Bounds of the paper's numerical study."""
-    ranges = (options.tension, options.direction, options.tension_std, options.kappa)
-    return Bounds(*map(tuple, ranges))
+    o = options
+    return Bounds(*map(tuple, (o.tension, o.direction, o.tension_std, o.kappa)))
 
 
 def configuration_bounds(force: Force, configuration: Arrangement) -> Bounds:
@@ -121,11 +118,8 @@ def nominal_system(force: Force, configuration: Arrangement) -> CableSystem:
     """
     agents, azimuth = len(configuration.tension), np.array(configuration.direction)
     if len(force.tension_std) < agents:
-        raise ConfigError(
-            f"tension_std: {len(force.tension_std)} values for the {agents} robots of "
-            f"{configuration.file}",
-            key="dataset.force.tension_std",
-        )
+        given = f"{len(force.tension_std)} values for the {agents} robots of {configuration.file}"
+        raise ConfigError(f"tension_std: {given}", key="dataset.force.tension_std")
     direction = [np.cos(azimuth), np.sin(azimuth)]
     if (elevation := configuration.elevation) is not None:
         direction = [*(np.cos(elevation) * part for part in direction), np.sin(elevation)]

@@ -73,9 +73,8 @@ def unbounded_sigma_s(model: MatrixModel, covariance: np.ndarray) -> np.ndarray:
     """
     spread = model.spread()
     if np.any(spread <= 0):
-        raise ModelDomainError(
-            "Σ_S does not exist for cables without tension: tr{(Σ_T + TTᵀ)Ψ} must be positive"
-        )
+        message = "Σ_S does not exist for cables without tension: tr{(Σ_T + TTᵀ)Ψ} must be positive"
+        raise ModelDomainError(message)
     return (covariance - model.actuation_part()) / spread[..., None, None]
 
 
@@ -109,10 +108,8 @@ def sample_wrenches(
     for name, covariance in (("Σ_T", model.actuation_cov), ("Σ_S", sigma_s)):
         values = np.linalg.eigvalsh(covariance)
         if not np.allclose(covariance, covariance.T) or values[0] < -1e-9 * abs(values[-1]):
-            raise ModelDomainError(
-                f"{name} is no covariance: it must be symmetric without negative eigenvalues",
-                eigenvalues=values.tolist(),
-            )
+            message = f"{name} is no covariance: it must be symmetric without negative eigenvalues"
+            raise ModelDomainError(message, eigenvalues=values.tolist())
     normal = rng.multivariate_normal
     actuation = normal(model.actuation, model.actuation_cov, samples, method="eigh")
     noise = normal(np.zeros(len(sigma_s)), sigma_s, samples, method="eigh")

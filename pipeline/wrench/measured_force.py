@@ -54,9 +54,8 @@ def force_moments(
     """Table ``force_moments``."""
     table = []
     for source, sample in wrenches.items():
-        covariance = np.cov(sample, rowvar=False)
-        row = {"configuration": configuration, "source": source}
-        row |= dict(zip(rows, sample.mean(axis=0), strict=True))
+        covariance, row = np.cov(sample, rowvar=False), {"configuration": configuration}
+        row |= {"source": source} | dict(zip(rows, sample.mean(axis=0), strict=True))
         row |= {f"var_{name}": covariance[i, i] for i, name in enumerate(rows)}
         table.append(row | {"cov": covariance[0, 1], "samples": len(sample)})
     return pd.DataFrame(table)
@@ -94,17 +93,15 @@ def wrench_planes(
         if rows[i][0] == rows[j][0]:
             plane = {source: sample[:, [i, j]] for source, sample in wrenches.items()}
             table = force_density(configuration, plane, points)
-            table = table.rename(columns={"fx": "x", "fy": "y"})
             tables.append(table.assign(row_x=rows[i], row_y=rows[j]))
-    return pd.concat(tables, ignore_index=True)
+    return pd.concat(tables, ignore_index=True).rename(columns={"fx": "x", "fy": "y"})
 
 
 def wrench_marginals(
     configuration: str, wrenches: Mapping[str, np.ndarray], rows: Sequence[str], points: int
 ) -> pd.DataFrame:
     """Table ``wrench_marginals``: density of each row, every source at the same ``points``."""
-    tables = []
-    grid = common_grid([*wrenches.values()], points)
+    tables, grid = [], common_grid([*wrenches.values()], points)
     for i, row in enumerate(rows):
         for source, sample in wrenches.items():
             table = {"configuration": configuration, "source": source, "row": row}

@@ -1,14 +1,13 @@
 """The numerical study: Σ_S when only bounds on the cable system are known, averaged over drawn
 systems and as its expectation, and its error on fresh systems.
 
-Without its bound Σ_S has an expectation in nested one-dimensional integrals. The part that the
-bound Σ_S ≥ 0 adds has a kink inside the many-dimensional range of the systems; it is small, so
-quasi-Monte Carlo of it alone leaves a small error, which the scrambles state.
+Without its bound Σ_S has an expectation in nested one-dimensional integrals. What the bound Σ_S ≥ 0
+adds is small, so that quasi-Monte Carlo of it alone has a small error, which the scrambles state.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import chain
 from typing import NamedTuple
@@ -30,9 +29,6 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)
 SHARE_TOLERANCE = 1e-9  # of the outer integral, which lies between 0 and 1
 SCRAMBLES = 16
 LOG2_POINTS = 12  # of each scramble of the Sobol sequence
-
-# rows of sigma_s, wrench_errors and wrench_spread
-Repeat = tuple[list[dict[str, object]], list[pd.DataFrame], list[dict[str, float]]]
 
 
 class SigmaS(NamedTuple):
@@ -67,9 +63,7 @@ def averaged_sigma_s(systems: CableSystem) -> dict[str, SigmaS]:
     return estimates
 
 
-def _uniform_mean(
-    function: Callable[[np.ndarray], np.ndarray], bounds: tuple[float, float]
-) -> np.ndarray:
+def _uniform_mean(function: Callable, bounds: tuple[float, float]) -> np.ndarray:
     """E[f(X)] of X uniform within ``bounds`` by Gauss–Legendre quadrature over the last axis."""
     return function(within(bounds, (NODES + 1) / 2)) @ WEIGHTS / 2
 
@@ -126,10 +120,8 @@ def expected_unbounded_sigma_s(bounds: Bounds, agents: int) -> np.ndarray:
     tolerance = {"epsabs": SHARE_TOLERANCE, "epsrel": 0.0}
     share, error, _, *warning = quad(integrand, 0, np.inf, **tolerance, full_output=True)
     if warning or error > SHARE_TOLERANCE:
-        raise SolverError(
-            "the integral for E[Σ_S] did not converge: narrow the bounds of the tensions",
-            error=error,
-        )
+        message = "the integral for E[Σ_S] did not converge: narrow the bounds of the tensions"
+        raise SolverError(message, error=error)
     return u * share + v * (1 - share)
 
 
@@ -180,8 +172,8 @@ def covariance_errors(modelled: np.ndarray, covariance: np.ndarray) -> np.ndarra
 def sigma_s_rows(
     system_class: str,
     agents: int,
-    estimates: Mapping[str, SigmaS],
-    expected: Mapping[str, ExpectedSigmaS],
+    estimates: dict[str, SigmaS],
+    expected: dict[str, ExpectedSigmaS],
 ) -> list[dict[str, object]]:
     """Rows of the table ``sigma_s`` of one class of systems, one for each form of Σ_S."""
     rows = []
@@ -197,18 +189,38 @@ def sigma_s_rows(
     return rows
 
 
-def study_repeat(
+def run_study(
+    bounds: Bounds,
+    agents: Sequence[int],
+    systems: int,
+    tests: int,
+    repeats: int,
+    rng: np.random.Generator,
+    run: Callable = map,
+) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+    """Return the tables ``sigma_s``, ``wrench_errors`` and ``wrench_spread`` of the study, whose
+    errors are those of Fig. (ErrWrnRMT); ``run`` maps a function over the ``repeats``.
+
+    For each number of cables in ``agents`` Σ_S is from ``systems`` systems, and its error on
+    ``tests`` fresh ones. The first two tables hold the first repeat; the third the mean and the
+    maximum error of each. The errors are the paper's, of the diagonal Σ_S; the second table also
+    has those of the whole covariance, for both forms.
+    """
+    sizes = {"agents": agents, "systems": systems, "tests": tests}
+    repeat = partial(_repeat, bounds=bounds, **sizes)
+    parts = zip(*run(repeat, list(enumerate(rng.spawn(repeats)))), strict=True)
+    sigma_rows, errors, spread = (list(chain.from_iterable(part)) for part in parts)
+    return pd.DataFrame(sigma_rows), pd.concat(errors, ignore_index=True), pd.DataFrame(spread)
+
+
+def _repeat(
     trial: tuple[int, np.random.Generator],
     bounds: Bounds,
     agents: Sequence[int],
     systems: int,
     tests: int,
-) -> Repeat:
-    """Evaluate one repeat of the study, by its number and its own generator: for each number of
-    cables in ``agents`` Σ_S from ``systems`` systems, and its error on ``tests`` fresh ones.
-
-    The first repeat has rows of all three tables, the others of the spread alone.
-    """
+) -> tuple[list[dict[str, object]], list[pd.DataFrame], list[dict[str, float]]]:
+    """Rows of the three tables of one repeat, by its number and its own generator."""
     repeat, rng = trial
     sigma_rows, errors, spread = [], [], []
     for m, m_rng in zip(agents, rng.spawn(len(agents)), strict=True):
@@ -226,25 +238,3 @@ def study_repeat(
                 table[f"covariance_error_{form}"] = whole
             errors.append(pd.DataFrame(table))
     return sigma_rows, errors, spread
-
-
-def run_study(
-    bounds: Bounds,
-    agents: Sequence[int],
-    systems: int,
-    tests: int,
-    repeats: int,
-    rng: np.random.Generator,
-    run: Callable = map,
-) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Return the tables ``sigma_s``, ``wrench_errors`` and ``wrench_spread`` of the study, whose
-    errors are those of Fig. (ErrWrnRMT); ``run`` maps a function over the repeats.
-
-    The first two hold the first repeat; the third holds the mean and the maximum error of each, as
-    one run's maximum is a random number. The errors are the paper's, of the diagonal Σ_S; the
-    second table also has those of the whole covariance, for both forms.
-    """
-    repeat = partial(study_repeat, bounds=bounds, agents=agents, systems=systems, tests=tests)
-    parts = zip(*run(repeat, list(enumerate(rng.spawn(repeats)))), strict=True)
-    sigma_rows, errors, spread = (list(chain.from_iterable(part)) for part in parts)
-    return pd.DataFrame(sigma_rows), pd.concat(errors, ignore_index=True), pd.DataFrame(spread)

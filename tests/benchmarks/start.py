@@ -30,7 +30,7 @@ begin = time.process_time()
 import pipeline.core.environment
 VARIANT
 import pipeline.models.draws, pipeline.filtering.particle_filter
-import pipeline.models.wishart.samples, pipeline.models.wishart.quadrature
+import pipeline.models.wishart.perturbation, pipeline.models.wishart.quadrature
 imported = time.process_time() - begin
 import numpy as np
 from scenario import scene, take

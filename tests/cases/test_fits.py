@@ -65,6 +65,12 @@ def test_equal_random_numbers_make_the_same_outcome_and_the_fit_is_the_cases_own
     assert otherwise.estimates["sigma_b"] < once.estimates["sigma_b"]
 
 
+def test_realisations_spread_more_when_they_run_freely(base, takes):
+    modes = (replace(base, mode=mode) for mode in ("one_step", "free_running"))
+    step, free = (fared(case, "additive", takes).deviation for case in modes)
+    assert np.all(free[-1] > 2 * step[-1])
+
+
 def test_a_model_that_refuses_is_an_outcome_with_its_reason(base, takes):
     never_rests = Takes(
         replace(takes.training, v=np.broadcast_to([0.002, -0.001, 0.02], takes.training.v.shape)),

@@ -38,128 +38,98 @@ def of_color(axes, color):
 
 def test_joint_realizations_shows_every_training_take_their_mean_and_the_noise_on_the_right(tables):
     figure = joint_realizations.draw(tables["joints"], tables["process_noise"])
-    assert len(figure.axes) == 6
-    training = tables["joints"].query("part == 'training'")
+    training, steps = (
+        tables["joints"].query("part == 'training'"),
+        tables["process_noise"].groupby("k"),
+    )
     for j, (left, right) in enumerate(zip(figure.axes[:3], figure.axes[3:], strict=True), start=1):
-        takes = of_color(left, RECORDED["color"])
-        assert len(takes) == 5
-        np.testing.assert_array_equal(
-            takes[1].get_ydata(), training[training["take"] == "training_002"][f"q:arm_{j}"]
-        )
+        takes, own = of_color(left, RECORDED["color"]), training.set_index("take")[f"q:arm_{j}"]
+        assert len(takes) == 5 and all(line.get_rasterized() for line in takes)
+        np.testing.assert_array_equal(takes[1].get_ydata(), own["training_002"])
         (mean,) = (line for line in left.lines if line.get_linestyle() == "--")
         np.testing.assert_allclose(mean.get_ydata(), training.groupby("k")[f"q:arm_{j}"].mean())
         (noise,) = right.lines
         assert noise.get_linestyle() == "-."
-        np.testing.assert_allclose(
-            noise.get_ydata(), tables["process_noise"].groupby("k")[f"w:arm_{j}"].std()
-        )
+        np.testing.assert_allclose(noise.get_ydata(), steps[f"w:arm_{j}"].std())
         assert left.get_ylabel() == f"arm {j} (rad)" and right.get_ylabel().endswith("(rad)")
     spans = [np.ptp(axes.get_ylim()) for axes in figure.axes[:3]]
     np.testing.assert_allclose(spans, spans[0])
-    assert all(line.get_rasterized() for line in takes)
 
 
-@pytest.mark.parametrize("models", [MODELS, ["gaussian", "additive"]])
-def test_mean_error_has_one_line_per_model_in_the_order_of_the_list(tables, models):
-    figure = mean_error.draw(tables["deviation"], models)
-    (axes,) = figure.axes
-    assert len(axes.lines) == len(models) == len(legend(figure))
-    for line, model in zip(axes.lines, models, strict=True):
-        np.testing.assert_array_equal(
-            line.get_ydata(), tables["deviation"].set_index("source").loc[model, "error"]
-        )
-    assert axes.get_ylabel().endswith("(rad)") and axes.get_xlabel() == "time (s)"
-
-
-def test_joint_std_draws_the_recorded_line_solid_and_the_models_dashed_on_one_scale(tables):
-    figure = joint_std.draw(tables["deviation"], MODELS, JOINTS, "one_step")
+def test_joint_std_and_mean_error_have_a_line_a_model_readable_beside_an_outlying_one(tables):
+    deviation, by_source = tables["deviation"], tables["deviation"].set_index("source")
+    figure = joint_std.draw(deviation, MODELS, JOINTS, "one_step")
     assert len(legend(figure)) == 4 and legend(figure)[0] == "recorded"
-    for j, axes in enumerate(figure.axes, start=1):
+    for axes, joint in zip(figure.axes, JOINTS, strict=True):
         assert [line.get_linestyle() for line in axes.lines] == ["-", ":", "--", "-."]
         for line, source in zip(axes.lines, ["recorded", *MODELS], strict=True):
-            np.testing.assert_array_equal(
-                line.get_ydata(), tables["deviation"].set_index("source").loc[source, f"s:arm_{j}"]
-            )
-    assert len({axes.get_ylim() for axes in figure.axes}) == 1
-    outlying = tables["deviation"]["source"] == "wishart"
-    wide = tables["deviation"].copy()
-    columns = [f"s:{joint}" for joint in JOINTS]
-    wide.loc[outlying, columns] *= 50
-    (top,) = {axes.get_ylim()[1] for axes in joint_std.draw(wide, MODELS, JOINTS, "one_step").axes}
-    assert top == pytest.approx(1.05 * wide.loc[~outlying, columns].max().max())
-
-
-def test_joint_std_says_which_standard_deviation_it_is(tables):
-    labels = [
-        joint_std.draw(tables["deviation"], MODELS, JOINTS, mode).axes[0].get_ylabel()
-        for mode in ("one_step", "free_running")
-    ]
-    assert labels == ["std of the process noise (rad)", "std of the joint angle (rad)"]
+            np.testing.assert_array_equal(line.get_ydata(), by_source.loc[source, f"s:{joint}"])
+    assert figure.axes[0].get_ylabel() == "std of the process noise (rad)"
+    wide, own = deviation.copy(), [f"s:{joint}" for joint in JOINTS]
+    outlying = deviation["source"] == "wishart"
+    wide.loc[outlying, own] *= 50
+    free = joint_std.draw(wide, MODELS, JOINTS, "free_running")
+    assert free.axes[0].get_ylabel() == "std of the joint angle (rad)"
+    (top,) = {axes.get_ylim()[1] for axes in free.axes}
+    assert top == pytest.approx(1.05 * wide.loc[~outlying, own].max().max())
+    (axes,) = mean_error.draw(deviation, ["gaussian", "additive"]).axes
+    for line, model in zip(axes.lines, ["gaussian", "additive"], strict=True):
+        np.testing.assert_array_equal(line.get_ydata(), by_source.loc[model, "error"])
 
 
 def test_articulation_draws_the_segments_through_their_named_nodes_on_one_scale(tables):
     figure = articulation.draw(tables["cloud"], tables["skeleton"])
-    for axes, view, letter in zip(figure.axes, ("initial", "extended"), "ab", strict=True):
+    for axes, view in zip(figure.axes, ("initial", "extended"), strict=True):
         points, segments = axes.lines
-        assert len(points.get_xdata()) == 50
-        nodes = tables["skeleton"].set_index("view").loc[view]
-        np.testing.assert_array_equal(segments.get_xydata(), nodes[["x", "z"]])
+        assert len(points.get_xdata()) == 50 and axes.get_aspect() == 1
+        nodes = tables["skeleton"].set_index("view").loc[view, ["x", "z"]]
+        np.testing.assert_array_equal(segments.get_xydata(), nodes)
         assert [text.get_text() for text in axes.texts] == ["O1", "O2", "O3", "EE"]
-        np.testing.assert_array_equal([text.xy for text in axes.texts], nodes[["x", "z"]])
-        assert axes.get_title("left") == f"({letter})" and axes.get_aspect() == 1
+        np.testing.assert_array_equal([text.xy for text in axes.texts], nodes)
     assert figure.axes[0].get_xlim() == figure.axes[1].get_xlim()
 
 
 def test_kinect_noise_shows_the_estimate_from_all_takes_as_mean_and_standard_deviation(tables):
-    figure = kinect_noise.draw(tables["kinect_noise"])
+    mean, std = kinect_noise.draw(tables["kinect_noise"]).axes
     rows = tables["kinect_noise"].query("take == 'none'")
-    mean, std = figure.axes
     for j in (1, 2, 3):
         np.testing.assert_array_equal(mean.lines[j - 1].get_ydata(), rows[f"b:arm_{j}"])
         np.testing.assert_allclose(std.lines[j - 1].get_ydata() ** 2, rows[f"r:arm_{j}:arm_{j}"])
-    assert [mean.get_title("left"), std.get_title("left")] == ["(a)", "(b)"]
-    assert legend(figure) == ["arm 1", "arm 2", "arm 3"]
 
 
 @pytest.mark.parametrize("models", [MODELS, ["gaussian"]])
 def test_filter_errors_has_a_row_per_model_with_one_take_its_bound_and_the_others(tables, models):
-    figure = filter_errors.draw(tables["filter_error"], models, JOINTS)
-    grid = np.reshape(figure.axes, (len(models), 3))
-    for row, model in zip(grid, models, strict=True):
-        take = tables["filter_error"].query("take == 'test_001'").set_index("model").loc[model]
-        for j, axes in enumerate(row, start=1):
+    errors = tables["filter_error"]
+    figure, alone = filter_errors.draw(errors, models, JOINTS), errors.query("take == 'test_001'")
+    mean = errors.query("model == 'none'").groupby("t")
+    for row, model in zip(np.reshape(figure.axes, (len(models), 3)), models, strict=True):
+        take = alone.set_index("model").loc[model]
+        for axes, joint in zip(row, JOINTS, strict=True):
+            rms = np.sqrt(mean[f"e:{joint}"].apply(lambda e: (e**2).mean()))
             (error,) = of_color(axes, BLUE)
-            np.testing.assert_array_equal(error.get_ydata(), take[f"e:arm_{j}"])
-            upper, lower = of_color(axes, VERMILLION)
-            np.testing.assert_array_equal(upper.get_ydata(), take[f"s:arm_{j}"])
-            np.testing.assert_array_equal(lower.get_ydata(), -take[f"s:arm_{j}"])
-            without = tables["filter_error"].query("model == 'none'").groupby("t")[f"e:arm_{j}"]
-            upper, lower = of_color(axes, BLACK)
-            np.testing.assert_allclose(
-                upper.get_ydata() ** 2, without.apply(lambda e: (e**2).mean())
-            )
-            np.testing.assert_array_equal(lower.get_ydata(), -upper.get_ydata())
+            np.testing.assert_array_equal(error.get_ydata(), take[f"e:{joint}"])
+            for color, bound in ((VERMILLION, take[f"s:{joint}"]), (BLACK, rms)):
+                for line, sign in zip(of_color(axes, color), (1, -1), strict=True):
+                    np.testing.assert_allclose(line.get_ydata(), sign * bound)
             assert len(axes.lines) == 2 + 2 + 3  # two other takes
         assert row[0].get_ylabel().endswith("error (rad)")
     assert len({axes.get_ylim() for axes in figure.axes}) == 1
-    alone = tables["filter_error"].query("take == 'test_001'")
-    expected = ["error of test_001", "±1σ bound of test_001", "rms error without a filter"]
+    expected = ["error of test_001", "±1σ bound of test_001", "rms error of the training mean"]
     assert legend(figure) == [*expected, "errors of the other takes"]
     assert legend(filter_errors.draw(alone, MODELS, JOINTS)) == expected
 
 
-def test_filter_closed_loop_has_the_rms_error_of_each_loop_and_of_no_filter(tables):
+def test_filter_closed_loop_has_the_rms_error_of_each_loop_and_of_the_training_mean(tables):
     figure = filter_closed_loop.draw(tables["filter_error"], MODELS, JOINTS)
-    grid = np.reshape(figure.axes, (len(MODELS), 3))
     by_model = tables["filter_error"].groupby(["model", "t"])
-    for row, model in zip(grid, MODELS, strict=True):
+    for row, model in zip(np.reshape(figure.axes, (3, 3)), MODELS, strict=True):
         # of the models here one alone has a closed loop
         names = ["none", model] + (["wishart_closed"] if model == "wishart" else [])
-        for j, axes in enumerate(row, start=1):
-            rms = np.sqrt(by_model[f"e:arm_{j}"].apply(lambda e: (e**2).mean()))
+        for axes, joint in zip(row, JOINTS, strict=True):
+            rms = np.sqrt(by_model[f"e:{joint}"].apply(lambda e: (e**2).mean()))
             for line, name in zip(axes.lines, names, strict=True):
                 np.testing.assert_allclose(line.get_ydata(), rms[name])
-    assert legend(figure) == ["no filter", "open loop", "closed loop"]
+    assert legend(figure) == ["training mean", "open loop", "closed loop"]
 
 
 ARMS = {

@@ -12,16 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.arm.model import chain_of
 from pipeline.core.errors import RecordingError
-from pipeline.formats.force.record import ForceLogOptions
-from pipeline.formats.force.table import read_force_table
+from pipeline.core.options.dataset import Robot
+from pipeline.formats.force.record import ForceLogOptions, read_force_table
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.table import read_joint_table
 from pipeline.recordings.movement import UNWRAPPED, read_log, read_movement
-from pipeline.tools.inspect.command import inspect
-from pipeline.tools.inspect.finding import Finding
+from pipeline.tools.inspect.command import as_table, inspect
 
-CASES = Path(__file__).parents[2].parent / "shared/cases"
+CASES = Path(__file__).parents[3] / "shared/cases"
 TIME = np.arange(60) / 125
 Q = np.stack([np.sin(3 * TIME), 0.2 + 0.5 * TIME**2], axis=1)
 ROWS = np.column_stack([TIME, Q + 1e-4, Q]).round(6)
@@ -62,6 +62,7 @@ TABLES = {
     "quoted words with commas": (beside("mode", 1, '"a, b"'), {"mode": "words"}),
     "dates": (beside("clock", 1, "2024-03-05 10:15:%d.5"), {"clock": "dates or times"}),
     "footer": (table() + "end of file\n", {}),
+    "footer with a number": (table() + "\nSummary: 60 rows\nEnd\n", {}),
 }
 
 
@@ -78,7 +79,7 @@ def test_a_table_is_recognised_labelled_and_read_whatever_is_above_and_beside_it
     log = read_joint_table(tmp_path / "run.csv", LogOptions("time", joints=2, signals=SIGNALS))
     np.testing.assert_allclose(log.time, TIME, atol=1e-6)
     np.testing.assert_allclose(log.signals["target"], Q, atol=1e-6)
-    assert log.counts["cut_rows"] == (name == "footer")
+    assert (log.counts["cut_rows"] > 0) == name.startswith("footer")
 
 
 def test_a_time_of_day_is_named_and_its_table_is_read_without_a_time(tmp_path):
@@ -94,6 +95,7 @@ def test_a_time_of_day_is_named_and_its_table_is_read_without_a_time(tmp_path):
 
 FOREIGN = {
     "TRC": ("PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\n100\nFrame#\tTime\tA\n1\t0.0\t1\n", "C3D"),
+    "Qualisys ": ("FILE_VERSION\t2.0\nNO_OF_FRAMES\t2\nFrame\tTime\tA X\n1\t0\t5\n", "C3D"),
     "Qualisys": ("NO_OF_FRAMES\t2\nFREQUENCY\t100\nFrame\tTime\tA X\n1\t0\t5\n2\t1\t6\n", "C3D"),
     "Vicon": ("Trajectories\n100\n,,Arm:a,,\nFrame,Sub Frame,X,Y,Z\n1,0,1,2,3\n", "C3D"),
     "Vicon ": ("\ufeffModel Outputs,,,\r\n100,,,\r\nFrame,Sub Frame,X\r\n1,0,1\r\n", "C3D"),
@@ -139,45 +141,128 @@ def test_one_number_a_line_is_said_to_be_one_column(tmp_path):
 def case(tmp_path):
     """A function that gives the folder of a case, its files made by its make.py."""
 
-    def made(name: str) -> Path:
-        places = [*CASES.glob(f"{name}-*")]
-        if not places:
-            pytest.skip(f"the public cases are not at {CASES}")
-        folder = tmp_path / name
-        folder.mkdir()
-        for file in places[0].iterdir():
-            shutil.copyfile(file, folder / file.name)
-        if (folder / "make.py").is_file():
-            given, sys.argv = sys.argv, ["make.py", str(folder)]
-            try:
-                runpy.run_path(str(folder / "make.py"))
-            finally:
-                sys.argv = given
-        return folder
+    def made(number: str) -> Path:
+        place = next(iter(CASES.glob(f"{number}-*")), None)
+        if place is None:
+            pytest.skip(f"../shared/cases is absent at {CASES}: it lies beside the project")
+        if not (place / "make.py").is_file():
+            return place
+        shutil.copyfile(place / "make.py", tmp_path / "make.py")
+        given, sys.argv = sys.argv, ["make.py", str(tmp_path)]
+        try:
+            runpy.run_path(str(tmp_path / "make.py"), run_name="__main__")
+        finally:
+            sys.argv = given
+        return tmp_path
 
     return made
 
 
-def alone(file: Path) -> Finding:
-    (finding,) = inspect(file)
-    return finding
+def seen(file: Path) -> str:
+    """The text that ``inspect`` prints of ``file``."""
+    return as_table(inspect(file), file.parent)
 
 
-def test_case_02_rostopic(case):
+PAIR = "signals actual (q_0, q_1), target (q_target_0, q_target_1)"
+STOPS = ("xacro", "separated", "increase", "Inches", "quaternions", "is not read")
+ONE_EACH = {  # case, file: what inspect says of it
+    ("02", "wrench.csv"): "columns without numbers field.header.frame_id (words)",
+    ("02", "wrench_empty_frame.csv"): "columns without numbers field.header.frame_id (nothing)",
+    (
+        "03",
+        "motion.csv",
+    ): "actual (q_0, q_1, q_2, q_3 … (6)), target (tq_0, tq_1, tq_2, tq_3 … (6",
+    ("09", "comma.csv"): "columns Time (s), Fx (N), Fy (N), Fz (N) … (7); rows 120",
+    ("09", "tab.tsv"): "columns Time (s), Fx (N), Fy (N), Fz (N) … (7); rows 120",
+    ("09", "semicolon.csv"): "columns Time (s), Fx (N), Fy (N), Fz (N) … (7); rows 120",
+    ("09", "qtm_like.tsv"): "TSV of Qualisys Track Manager is not read: export C3D",
+    ("09", "trc_like.trc"): "TRC (OpenSim, Cortex) is not read: export C3D",
+    ("09", "nexus_like.csv"): "ASCII export of Vicon is not read: export C3D",
+    ("10", "log.csv"): "actual (q[0], q[1], q[2], q[3] … (7)), target (q_d[0], q_d[1], q_d[2], q",
+    ("13", "empty_last_column.csv"): f"without numbers note (nothing); {PAIR}",
+    ("13", "iso_time.csv"): f"without numbers timestamp (dates or times); {PAIR}",
+    ("13", "word_column.csv"): f"without numbers mode (words); {PAIR}",
+    ("15", "excel.csv"): f"columns time, q_0, q_1, q_target_0, q_target_1; rows 100; {PAIR}",
+    ("01", "arm.urdf"): "joints revolute (shoulder, elbow, wrist)",
+    ("04", "control.c3d"): "markers Arm:a, Arm:b; steps 4; first frame 1",
+    ("04", "first_frame_0.c3d"): "markers Arm:a, Arm:b; steps 4; first frame 0",
+    ("04", "labels_padded_with_blanks.c3d"): "3 skipped labels",
+    ("04", "labels_with_further_names.c3d"): "1 skipped labels",
+    ("05", "nexus_moments.c3d"): "2 skipped model outputs",
+    ("11", "arm.urdf.xacro"): "a xacro: expand it with xacro arm.urdf.xacro > arm.urdf",
+    ("11", "unexpanded_limits.urdf"): "a xacro: expand it",
+    ("11", "axis_of_length_two.urdf"): "joints revolute (j1, j2)",
+    ("11", "inf_limits.urdf"): "joints revolute (j1, j2)",
+    ("11", "meshes_package.urdf"): "joints continuous (j1), revolute (j2)",
+    ("11", "mimic_and_gazebo.urdf"): "prismatic (g1, g2)",
+    ("12", "control.csv"): "bodies Arm; markers Arm:Marker 001, Arm:Marker 002",
+    ("12", "timecode.csv"): "bodies Arm; markers Arm:Marker 001, Arm:Marker 002",
+    ("12", "euler_xyz.csv"): "bodies Arm; markers Arm:Marker 001, Arm:Marker 002",
+    ("12", "frame_twice.csv"): "1 repeated rows",
+    ("12", "semicolon_comma.csv"): "cells are separated by semicolons",
+    ("12", "frame_back.csv"): "the frame number does not increase",
+    ("12", "inches.csv"): "Length Units are 'Inches'",
+    ("12", "euler_keys_stripped.csv"): "export the take with quaternions",
+    ("14", "control.pcd"): "points 20; organised 5 × 4",
+    ("14", "kinect_by_pcl.pcd"): "turned by 180° about 1 0 0, not applied",
+    ("16", "no_line_end.pcd"): "points 3",
+}
+
+
+@pytest.mark.parametrize(("number", "name"), ONE_EACH)
+def test_a_file_of_the_cases_is_read_as_its_readme_says(case, number, name):
+    said = seen(case(number) / name)
+    assert ONE_EACH[number, name] in said
+    assert ("!" in said) == any(stop in ONE_EACH[number, name] for stop in STOPS)
+
+
+LINKS = '<link name="base"/><link name="upper"/><link name="{0}"/><link name="jaw"/>'
+JOINT = (
+    '<joint name="{}" type="revolute"><origin xyz="0 0 {}"/><parent link="{}"/><child link="{}"/>'
+    '<axis xyz="0 1 0"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>'
+)
+
+
+def shared_name_urdf(joint: str, link: str) -> str:
+    joints = JOINT.format("shoulder", 0.1, "base", "upper") + JOINT.format(
+        "elbow", 0.2, "upper", link
+    )
+    joints += JOINT.format(joint, 0.3, link, "jaw")
+    end = '<link name="tip"/><joint name="tip" type="fixed"><origin xyz="0 0 0.4"/>'
+    end += '<parent link="jaw"/><child link="tip"/></joint>'
+    return f'<robot name="r">{LINKS.format(link)}{joints}{end}</robot>'
+
+
+@pytest.mark.parametrize("link", ["wrist", "elbow", "universe", "hand"])
+@pytest.mark.parametrize("held", [False, True])
+def test_the_tip_is_where_forward_kinematics_puts_it_whatever_names_are_shared(
+    tmp_path, link, held
+):
+    (tmp_path / "r.urdf").write_text(shared_name_urdf("wrist", link))
+    joints = ["shoulder", "elbow"] if held else ["shoulder", "elbow", "wrist"]
+    locked = {"wrist": 0.4} if held else {}
+    chain = chain_of(Robot(str(tmp_path / "r.urdf"), joints, "tip", locked=locked, task=["x", "z"]))
+    q = np.array([0.3, -0.7, 0.4])
+    a, b, c = np.cumsum(q)
+    expected = [
+        0.2 * np.sin(a) + 0.3 * np.sin(b) + 0.4 * np.sin(c),
+        0,
+        0.1 + 0.2 * np.cos(a) + 0.3 * np.cos(b) + 0.4 * np.cos(c),
+    ]
+    np.testing.assert_allclose(chain.pose(q[None, : len(joints)])[0, :3], expected, atol=1e-12)
+    assert "joints revolute (shoulder, elbow, wrist)" in seen(tmp_path / "r.urdf")
+
+
+def test_forces_of_the_cases_are_the_numbers_of_the_control(case):
     columns = {"t": "time", **{f"f{a}": f"field.wrench.force.{a}" for a in "xyz"}}
     options = ForceLogOptions(columns=columns, force_unit="N", time_unit="ns")
-    folder = case("02")
-    for name, held in (("wrench.csv", "words"), ("wrench_empty_frame.csv", "nothing")):
-        file = folder / name
-        assert alone(file).facts["columns_without_numbers"] == {"field.header.frame_id": held}
-        record = read_force_table(file, options)
+    for name in ("wrench.csv", "wrench_empty_frame.csv"):
+        record = read_force_table(case("02") / name, options)
         assert (len(record.time), record.rate) == (200, pytest.approx(100, rel=1e-4))
-
-
-def test_case_03_qd_is_a_speed(case):
-    signals = alone(case("03") / "motion.csv").facts["signals"]
-    assert signals["actual"] == [f"q_{j}" for j in range(6)]
-    assert signals["target"] == [f"tq_{j}" for j in range(6)]
+    above, options = case("09"), ForceLogOptions()
+    control = read_force_table(above / "control.csv", options)
+    for name in ("comma.csv", "tab.tsv", "semicolon.csv"):
+        np.testing.assert_array_equal(read_force_table(above / name, options).force, control.force)
 
 
 @pytest.mark.slow
@@ -188,15 +273,16 @@ def test_case_06_wrapped_angles(case):
     control = read_log(folder / "control/run.csv", options)
     for name, jumps in (("both_wrap", 32), ("actual_wraps", 16)):
         log = read_log(folder / name / "run.csv", options)
-        assert log.counts[UNWRAPPED] == jumps == alone(folder / name / "run.csv").gaps[UNWRAPPED]
+        (finding,) = inspect(folder / name / "run.csv")
+        assert log.counts[UNWRAPPED] == jumps == finding.gaps[UNWRAPPED]
         np.testing.assert_allclose(log.signals["actual"], control.signals["actual"], atol=2e-8)
 
 
 @pytest.mark.slow
 def test_case_08_two_publishers(case):
     folder, counted = case("08"), {}
+    options = LogOptions(joints=2, names=("a", "b"))
     for name in ("gripper_on_the_same_topic", "gripper_first", "message_twice", "control"):
-        options = LogOptions(joints=2, names=("a", "b"))
         counted[name] = read_movement({folder / name: options}, 100.0)[1]
     assert counted["message_twice"]["doubled_rows"] == 6
     assert counted["gripper_first"]["messages_of_other_joints"] == 60
@@ -205,22 +291,3 @@ def test_case_08_two_publishers(case):
     for name in ("same_stamp_other_values", "without_stamps"):
         with pytest.raises(RecordingError):
             read_movement({folder / name: options}, 100.0)
-
-
-def test_cases_09_13_and_15_tables(case):
-    above = case("09")
-    options = ForceLogOptions()
-    control = read_force_table(above / "control.csv", options)
-    for name in ("comma.csv", "tab.tsv", "semicolon.csv"):
-        np.testing.assert_array_equal(read_force_table(above / name, options).force, control.force)
-    for name in ("qtm_like.tsv", "trc_like.trc", "nexus_like.csv"):
-        assert "C3D" in alone(above / name).stops[0]
-    for file in [*case("13").glob("*.csv"), *case("15").glob("*.csv")]:
-        assert alone(file).facts["signals"] == SIGNALS and not alone(file).stops
-
-
-@pytest.mark.slow
-def test_case_10_libfranka(case):
-    finding = alone(case("10") / "log.csv")
-    named = {"actual": [f"q[{j}]" for j in range(7)], "target": [f"q_d[{j}]" for j in range(7)]}
-    assert finding.facts["signals"] == named and not finding.units

@@ -9,8 +9,7 @@ import pytest
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.formats.delimited import numbers_of, read_text
-from pipeline.formats.force.record import ForceLogOptions
-from pipeline.formats.force.table import read_force_table
+from pipeline.formats.force.record import ForceLogOptions, read_force_table
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.number_sheet import Sheet, read_sheet
@@ -63,35 +62,22 @@ def test_what_follows_the_last_line_end_is_kept_apart(tmp_path, end):
     assert read_text(tmp_path / "t.txt").cut is None
 
 
-@pytest.mark.parametrize(
-    ("text", "values"),
-    [
-        ("1.5,2\n3,4\n", [[1.5, 2], [3, 4]]),
-        ("1.5, 2\n3, 4\n", [[1.5, 2], [3, 4]]),
-        ("1,5;2\n3;4\n", [[1.5, 2], [3, 4]]),
-        ("1.5;2\n3;4\n", [[1.5, 2], [3, 4]]),
-        ("1,5\t2\n3\t4\n", [[1.5, 2], [3, 4]]),
-        ("  1,5   2\n\n 3 4\n", [[1.5, 2], [3, 4]]),
-        ("# x y\n1.5 2\n3e0 4\n", [[1.5, 2], [3, 4]]),
-        ("a note\nx,y\n1,5\n3,4\n", [[1, 5], [3, 4]]),
-        ("\xa0\nx,y\n1,5\n3,4\n", [[1, 5], [3, 4]]),
-        ('"x";"y"\n"1,5";"2"\n"3";"4"\n', [[1.5, 2], [3, 4]]),
-    ],
-)
-def test_a_table_that_allows_one_reading_is_read_so(tmp_path, text, values):
-    assert sheet(tmp_path, text).values([0, 1]).tolist() == values
+ONE = ["1.5,2\n3,4\n", "1.5, 2\n3, 4\n", "1,5;2\n3;4\n", "1.5;2\n3;4\n", "1,5\t2\n3\t4\n"]
+ONE += ["  1,5   2\n\n 3 4\n", "# x y\n1.5 2\n3e0 4\n", '"x";"y"\n"1,5";"2"\n"3";"4"\n']
+ONE += ["a note\nx,y\n1.5,2\n3,4\n", "\xa0\nx,y\n1.5,2\n3,4\n"]
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "1,5,2\n3,5,4\n",
-        "1;2.5\n3,5;4\n",
-        "1,5\n3,4\n",
-        "1.5;2\n1.234,5;3\n",
-        "1,5;2\n1;5,2;3\n1,5,2\n",
-    ],
-)
+@pytest.mark.parametrize("text", ONE)
+def test_a_table_that_allows_one_reading_is_read_so(tmp_path, text):
+    assert sheet(tmp_path, text).values([0, 1]).tolist() == [[1.5, 2], [3, 4]]
+    assert sheet(tmp_path, "x,y\n1,5\n3,4\n").values([0, 1]).tolist() == [[1, 5], [3, 4]]
+
+
+MORE = ["1,5,2\n3,5,4\n", "1;2.5\n3,5;4\n", "1,5\n3,4\n", "1.5;2\n1.234,5;3\n"]
+MORE += ["1,5;2\n1;5,2;3\n1,5,2\n"]
+
+
+@pytest.mark.parametrize("text", MORE)
 def test_a_table_that_allows_more_is_refused_with_its_option_or_its_line(tmp_path, text):
     with pytest.raises(RecordingError) as caught:
         sheet(tmp_path, text).values([0, 1])

@@ -33,17 +33,9 @@ def dynamics() -> DynamicsOptions:
 @pytest.fixture(scope="session")
 def quiet() -> DynamicsOptions:
     """Without any disturbance; 200 steps a second are enough for what is smooth."""
-    return DynamicsOptions(
-        rate=200.0,
-        length_std=0,
-        encoder_offset_std=0,
-        encoder_ripple=0,
-        speed_error_std=0,
-        start_std=0,
-        sway_std=(0, 0, 0),
-        clearance=0,
-        jitter_std=0,
-    )
+    sizes = "length encoder_offset speed_error start jitter".split()
+    silent = {f"{name}_std": 0 for name in sizes} | {"encoder_ripple": 0, "clearance": 0}
+    return DynamicsOptions(rate=200.0, sway_std=(0, 0, 0), **silent)
 
 
 @pytest.fixture

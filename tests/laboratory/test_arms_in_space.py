@@ -36,9 +36,8 @@ def test_the_tip_sways_as_stated_along_every_row_of_the_task(still, rng):
     std = np.array([1e-4, 2e-4, 3e-4, 1e-3, 2e-3, 4e-3])
     options, takes = replace(still, sway_std=tuple(std), sway_rest=1.0), 40
     base = simulate_take(CHAIN, NO_OFFSET, MOTION, still, rng).q
-    added = np.stack(
-        [simulate_take(CHAIN, NO_OFFSET, MOTION, options, rng).q - base for _ in range(takes)]
-    )
+    moved = [simulate_take(CHAIN, NO_OFFSET, MOTION, options, rng).q for _ in range(takes)]
+    added = np.stack(moved) - base
     sway = np.einsum("kij,nkj->nki", CHAIN.jacobian(base), added)
     # samples are 5 ms apart and ∫ρ² is 4.29 lags of 13.5 ms: a twelfth of them counts
     band = 4.5 / np.sqrt(2 * sway[..., 0].size / 12)
@@ -97,10 +96,8 @@ def test_without_noise_a_body_is_where_pinocchio_carries_its_mount(chains, rng):
 def test_the_noise_of_a_pose_is_that_of_its_markers(chains, rng):
     q = np.repeat(joint_angles(1), 5000, axis=0)
     options = replace(SILENT, noise_std=5e-5)
-    still, shaken = (
-        capture_bodies(clusters(chains), q, BASE, chosen, rng)["Hand"]
-        for chosen in (SILENT, options)
-    )
+    bodies = [capture_bodies(clusters(chains), q, BASE, each, rng) for each in (SILENT, options)]
+    still, shaken = (poses["Hand"] for poses in bodies)
     band = 4.5 / np.sqrt(2 * 5000)
     np.testing.assert_allclose((shaken[0] - still[0]).std(axis=0), 2.5e-5, rtol=band)
     turns = Rotation.from_quat(still[1]).inv() * Rotation.from_quat(shaken[1])
@@ -112,9 +109,8 @@ def test_the_noise_of_a_pose_is_that_of_its_markers(chains, rng):
 
 def test_a_body_is_lost_where_fewer_than_three_of_its_markers_are_seen(chains, rng):
     options = replace(SILENT, occlusion_rate=0.1, occlusion_frames=1.0)
-    position, quaternion = capture_bodies(
-        clusters(chains), np.repeat(joint_angles(1), 20_000, axis=0), BASE, options, rng
-    )["Hand"]
+    q = np.repeat(joint_angles(1), 20_000, axis=0)
+    position, quaternion = capture_bodies(clusters(chains), q, BASE, options, rng)["Hand"]
     gone = np.isnan(position).any(axis=1)
     assert np.array_equal(gone, np.isnan(quaternion).any(axis=1))
     # of four markers two or more are hidden

@@ -22,8 +22,7 @@ from pipeline.laboratory.force import (
 
 TENSION, DIRECTION = np.array([9.0, 7.0, 8.0]), np.array([0.15, 3.7, 1.6])
 CABLES = Cables(TENSION, DIRECTION)
-IN_SPACE = replace(
-    CABLES,
+IN_SPACE = CABLES._replace(
     elevation=[0.9, 1.1, 0.7],
     attachment=[[0.1, 0.0, 0.01], [-0.05, 0.09, 0.0], [-0.05, -0.08, 0.02]],
 )
@@ -40,7 +39,8 @@ def across(values, truth):
 @pytest.mark.parametrize("rate", [62.5, 2.0])
 def test_slipping_has_the_moments_and_correlation_of_its_law_at_any_sampling_rate(rate):
     slip_rate, recovery, sd = 20.0, 0.25, 1.7
-    paths = slipping(np.full(PATHS, sd), slip_rate, recovery, 40, rate, np.random.default_rng(29))
+    robots = replace(ROBOTS, slip_rate=slip_rate, slip_recovery=recovery)
+    paths = slipping(np.full(PATHS, sd), robots, 40, rate, np.random.default_rng(29))
     for k in (0, 39):  # stationary from the first sample on
         assert across(paths[k], 0.0) < 4.5
         assert across(paths[k] ** 2, sd**2) < 4.5
@@ -64,14 +64,8 @@ def test_wander_is_a_stationary_ornstein_uhlenbeck_process_at_any_sampling_rate(
 def test_directions_spread_by_their_concentration_and_tensions_by_their_deviation():
     kappa, robots = 6.0, 400
     many = Robots(tension_sd=(1.5,) * robots, concentration=(kappa,) * robots)
-    record = record_force(
-        Cables(np.full(robots, 30.0), np.full(robots, 1.0)),
-        many,
-        SILENT,
-        0.0,
-        40.0,
-        np.random.default_rng(31),
-    )
+    cables = Cables(np.full(robots, 30.0), np.full(robots, 1.0))
+    record = record_force(cables, many, SILENT, 0.0, 40.0, np.random.default_rng(31))
     along = record.direction @ [np.cos(1.0), np.sin(1.0), 0.0]
     assert across(along.mean(axis=0), i1e(kappa) / i0e(kappa)) < 4.5
     assert across(((record.tension - 30.0) ** 2).mean(axis=0), 1.5**2) < 4.5
@@ -79,30 +73,23 @@ def test_directions_spread_by_their_concentration_and_tensions_by_their_deviatio
     assert across(along.mean(axis=0), np.exp(-1 / (2 * kappa))) > 9
 
 
-def test_a_silent_transducer_measures_the_cables_pull_and_its_moment_about_the_origin():
-    record = record_force(CABLES, ROBOTS, SILENT, 5.0, 20.0, np.random.default_rng(32))
-    unloaded = record.time < 5.0
-    assert not record.force[unloaded].any() and not record.torque[unloaded].any()
-    x, y, z = (record.tension[..., None] * record.direction).sum(axis=1).T
-    assert not z.any()
-    np.testing.assert_allclose(record.force, np.stack([x, y, 0 * x], axis=1), atol=1e-12)
-    np.testing.assert_allclose(
-        record.torque, np.stack([-0.03 * y, 0.03 * x, 0 * x], axis=1), atol=1e-12
-    )
+def test_a_silent_transducer_measures_the_cables_pulls_and_their_moments_about_the_origin():
+    def silent(cables: Cables):
+        return record_force(cables, ROBOTS, SILENT, 5.0, 20.0, np.random.default_rng(32))
 
-
-def test_cables_in_space_pull_at_their_own_points_and_the_torque_is_about_the_origin():
-    record = record_force(IN_SPACE, ROBOTS, SILENT, 5.0, 20.0, np.random.default_rng(40))
-    np.testing.assert_allclose(np.linalg.norm(record.direction, axis=-1), 1, rtol=1e-14)
-    pulls = record.tension[..., None] * record.direction
-    np.testing.assert_allclose(record.force, pulls.sum(axis=1), atol=1e-12)
-    places = np.array(IN_SPACE.attachment) + SILENT.lever
-    torque = np.cross(places, pulls).sum(axis=1)
-    np.testing.assert_allclose(record.torque, torque, atol=1e-12)
-    # the control: tied to one point they turn it otherwise
-    met = record_force(
-        replace(IN_SPACE, attachment=None), ROBOTS, SILENT, 5.0, 20.0, np.random.default_rng(40)
-    )
+    for cables in (CABLES, IN_SPACE):
+        record = silent(cables)
+        unloaded = record.time < 5.0
+        assert not record.force[unloaded].any() and not record.torque[unloaded].any()
+        np.testing.assert_allclose(np.linalg.norm(record.direction, axis=-1), 1, rtol=1e-14)
+        pulls = record.tension[..., None] * record.direction
+        np.testing.assert_allclose(record.force, pulls.sum(axis=1), atol=1e-12)
+        places = np.zeros(3) if cables.attachment is None else np.array(cables.attachment)
+        torque = np.cross(places + SILENT.lever, pulls).sum(axis=1)
+        np.testing.assert_allclose(record.torque, torque, atol=1e-12)
+    # the controls: in a plane nothing pulls out of it; tied to one point they turn it otherwise
+    assert not silent(CABLES).force[:, 2].any()
+    met = silent(IN_SPACE._replace(attachment=None))
     np.testing.assert_array_equal(met.force, record.force)
     assert np.abs(met.torque - record.torque).max() > 0.1
 
@@ -135,9 +122,8 @@ def test_the_transducer_adds_the_stated_noise_bias_and_drift():
     unloaded = records[0].time < 30.0
     for channel, name in enumerate(("force", "torque")):
         readings = np.array([getattr(record, name)[unloaded] for record in records])
-        slope = np.polyfit(
-            records[0].time[unloaded], readings.transpose(1, 0, 2).reshape(unloaded.sum(), -1), 1
-        )
+        flat = readings.transpose(1, 0, 2).reshape(unloaded.sum(), -1)
+        slope = np.polyfit(records[0].time[unloaded], flat, 1)
         assert across(slope[1] ** 2, transducer.bias[channel] ** 2) < 4.5
         assert across(slope[0] ** 2, transducer.drift[channel] ** 2) < 4.5
         noise = np.diff(readings, axis=1).std() / np.sqrt(2)
@@ -146,7 +132,7 @@ def test_the_transducer_adds_the_stated_noise_bias_and_drift():
 
 def test_a_cable_never_pushes_and_the_samples_where_it_would_are_counted():
     rng = np.random.default_rng(35)
-    record = record_force(replace(CABLES, tension=[2.0, 7.0, 2.0]), ROBOTS, SILENT, 0.0, 60.0, rng)
+    record = record_force(CABLES._replace(tension=[2.0, 7.0, 2.0]), ROBOTS, SILENT, 0.0, 60.0, rng)
     assert record.tension.min() == 0.0
     assert record.slack == np.sum(record.tension == 0.0) > 0
     taut = record_force(CABLES, replace(ROBOTS, tension_sd=(0.1, 0.1, 0.1)), SILENT, 5.0, 60.0, rng)

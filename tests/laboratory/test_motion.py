@@ -33,12 +33,20 @@ def goal_at(t: np.ndarray, trajectory) -> tuple[np.ndarray, np.ndarray]:
     return desired_joints(np.clip(t, 0.0, trajectory.duration), trajectory)
 
 
-def deviations(arm, trajectory, quiet, takes: int, rng, **disturbance) -> np.ndarray:
+@pytest.fixture
+def moved(arm, trajectory, rng):
+    """Function of the disturbances that lets the arm perform the motion once."""
+
+    def once(options, offset: np.ndarray = NO_OFFSET):
+        return simulate_take(arm.chain, offset, trajectory, options, rng)
+
+    return once
+
+
+def deviations(moved, quiet, takes: int, **disturbance) -> np.ndarray:
     """(takes, N, 3) what a single kind of disturbance adds to the undisturbed joint angles."""
-    still = simulate_take(arm.chain, NO_OFFSET, trajectory, quiet, rng).q
-    options = replace(quiet, **disturbance)
-    moved = [simulate_take(arm.chain, NO_OFFSET, trajectory, options, rng).q for _ in range(takes)]
-    return np.stack(moved) - still
+    still, options = moved(quiet).q, replace(quiet, **disturbance)
+    return np.stack([moved(options).q for _ in range(takes)]) - still
 
 
 def lagged(x: np.ndarray) -> np.ndarray:
@@ -92,28 +100,42 @@ def sampled(arm, trajectory):
     return JointPath(desired_path(arm.chain, trajectory), trajectory.rate)
 
 
+def test_a_sampled_path_goes_through_its_poses_rests_where_it_rests_and_never_overshoots(sampled):
+    path, grid = sampled.joints, np.arange(len(sampled.joints)) / sampled.rate
+    np.testing.assert_allclose(desired_joints(grid, sampled)[0], path, atol=1e-15)
+    still = ~np.any(np.diff(path, axis=0), axis=1)
+    assert still.any() and not still.all()
+    between, speed = desired_joints(grid[:-1] + 0.4 / sampled.rate, sampled)
+    assert not speed[still].any()
+    low, high = np.minimum(path[:-1], path[1:]), np.maximum(path[:-1], path[1:])
+    assert np.all((low - 1e-12 <= between) & (between <= high + 1e-12))
+    # the speed is the path's derivative
+    t = np.linspace(0.5, 1.5, 41)
+    ahead, behind = (desired_joints(t + h, sampled)[0] for h in (1e-5, -1e-5))
+    np.testing.assert_allclose((ahead - behind) / 2e-5, desired_joints(t, sampled)[1], atol=1e-3)
+
+
 def test_a_sampled_motion_is_performed_like_the_motion_that_was_sampled(
     arm, trajectory, dynamics, sampled
 ):
     session = open_session(arm.chain, dynamics, np.random.default_rng(1))
-    one, other = (
-        perform(session, motion, dynamics, np.random.default_rng(2))
-        for motion in (trajectory, sampled)
+    slower = JointPath(0.9 * sampled.joints, sampled.rate)
+    one, other, turned = (
+        perform(session, motion, dynamics, np.random.default_rng(2)).truth
+        for motion in (trajectory, sampled, slower)
     )
     # sway and play, up to 0.05 rad of a joint, follow the speed, which the interpolant has to 1 %
-    assert 0 < np.abs(one.truth - other.truth).max() < 5e-4
+    assert 0 < np.abs(one - other).max() < 5e-4
     # the control: a motion that is not the sampled one
-    slower = JointPath(0.9 * sampled.joints, sampled.rate)
-    turned = perform(session, slower, dynamics, np.random.default_rng(2))
-    assert np.abs(one.truth - turned.truth).max() > 1e-2
+    assert np.abs(one - turned).max() > 1e-2
 
 
 def test_takes_made_together_are_those_made_one_by_one(arm, dynamics, sampled):
-    single = [
-        simulate_take(arm.chain, OFFSET, sampled, dynamics, np.random.default_rng(seed))
-        for seed in range(3)
-    ]
-    drawn = [draw(arm.chain, sampled, dynamics, np.random.default_rng(seed)) for seed in range(3)]
+    def streams() -> list[np.random.Generator]:
+        return [np.random.default_rng(seed) for seed in range(3)]
+
+    single = [simulate_take(arm.chain, OFFSET, sampled, dynamics, rng) for rng in streams()]
+    drawn = [draw(arm.chain, sampled, dynamics, rng) for rng in streams()]
     stacked = Chance(*map(np.stack, zip(*drawn, strict=True)))
     together = swing(arm.chain, OFFSET, sampled, dynamics, stacked)
     for field in ("q", "servo"):
@@ -160,26 +182,25 @@ def test_lagged_noise_has_variance_one_and_the_correlation_of_four_lags(steps_pe
 
 
 def test_without_disturbances_the_arm_follows_its_command_up_to_the_servos_step(
-    arm, trajectory, quiet, rng
+    moved, trajectory, quiet
 ):
     error = []
     for rate in (500.0, 1000.0):
-        t, q, _ = simulate_take(arm.chain, NO_OFFSET, trajectory, replace(quiet, rate=rate), rng)
+        t, q, _ = moved(replace(quiet, rate=rate))
         error.append(np.abs(q - goal_at(t, trajectory)[0]).max())
         assert t[0] < 0 and t[-1] > trajectory.duration
     # Euler's error: acceleration · step / (2 · gain)
-    acceleration = (
-        np.abs(np.diff(desired_joints(np.arange(3200) / 1000, trajectory)[1], axis=0)).max() * 1000
-    )
+    speed = desired_joints(np.arange(3200) / 1000, trajectory)[1]
+    acceleration = np.abs(np.diff(speed, axis=0)).max() * 1000
     assert error[1] < acceleration / 1000 / 2 / quiet.servo_gain
     assert 1.9 < error[0] / error[1] < 2.1
 
 
-def test_the_speed_error_is_a_share_of_the_speed_with_its_own_memory(arm, trajectory, quiet, rng):
+def test_the_speed_error_is_a_share_of_the_speed_with_its_own_memory(moved, trajectory, quiet):
     options = replace(quiet, speed_error_std=0.03, speed_error_time=0.022)
     shares = []
     for _ in range(150):
-        t, q, _ = simulate_take(arm.chain, NO_OFFSET, trajectory, options, rng)
+        t, q, _ = moved(options)
         goal, speed = goal_at(t, trajectory)
         commanded = speed + options.servo_gain * (goal - q)
         fast = (t > 0.65) & (t < 1.0)
@@ -197,11 +218,13 @@ def test_the_speed_error_is_a_share_of_the_speed_with_its_own_memory(arm, trajec
         assert correlation - np.exp(-x) > band
 
 
-def test_the_end_effector_sways_as_stated_and_more_the_faster_it_moves(arm, trajectory, quiet, rng):
+def test_the_end_effector_sways_as_stated_and_more_the_faster_it_moves(
+    arm, moved, trajectory, quiet
+):
     std, rest, exponent = np.array([3e-4, 1.5e-3, 0.03]), 0.02, 2.0
     options = replace(quiet, sway_std=tuple(std), sway_rest=rest, speed_exponent=exponent)
-    t, still, _ = simulate_take(arm.chain, NO_OFFSET, trajectory, quiet, rng)
-    takes = [simulate_take(arm.chain, NO_OFFSET, trajectory, options, rng)[1] for _ in range(150)]
+    t, still, _ = moved(quiet)
+    takes = [moved(options)[1] for _ in range(150)]
     added = np.stack(takes) - still
     sway = np.einsum("kij,nkj->nki", arm.chain.jacobian(still), added)
     speed = np.linalg.norm(goal_at(t, trajectory)[1], axis=1) / np.linalg.norm(arm.chain.max_speed)
@@ -218,13 +241,13 @@ def test_the_end_effector_sways_as_stated_and_more_the_faster_it_moves(arm, traj
 
 
 def test_the_clearance_moves_the_third_joint_alone_anywhere_inside_the_play(
-    arm, trajectory, quiet, rng
+    moved, trajectory, quiet
 ):
     options = {"clearance": 0.03, "rattle_speed": 0.5, "clearance_time": 2e-3}
-    added = deviations(arm, trajectory, quiet, 60, rng, **options)
+    added = deviations(moved, quiet, 60, **options)
     assert not added[..., :2].any()
     assert np.abs(added).max() <= 0.03
-    t, _, _ = simulate_take(arm.chain, NO_OFFSET, trajectory, quiet, rng)
+    t, _, _ = moved(quiet)
     filled = added[:, np.abs(goal_at(t, trajectory)[1][:, 2]) > 0.5, 2] / 0.03
     assert abs(filled.var() - 1 / 3) < 4 * np.sqrt(4 / 45 / filled.size) * 2
     # uniform, and so far from normal
@@ -240,20 +263,16 @@ def test_a_session_draws_zeros_and_lengths_of_the_stated_size(arm, quiet, rng):
         np.testing.assert_allclose(drawn.std(axis=0), std, rtol=4 / np.sqrt(2 * sessions))
         assert np.all(np.abs(drawn.mean(axis=0)) < 4 * std / np.sqrt(sessions))
     # only lengths: the links point as they did
-    headings = [np.arctan2(*chain.links.T) for chain in chains]
-    np.testing.assert_allclose(
-        headings, np.tile(np.arctan2(*arm.chain.links.T), (sessions, 1)), atol=1e-14
-    )
+    turned = [np.arctan2(*chain.links.T) - np.arctan2(*arm.chain.links.T) for chain in chains]
+    np.testing.assert_allclose(turned, 0, atol=1e-14)
 
 
-def test_start_and_ripple_scatter_as_stated_and_the_servo_takes_the_start_back(
-    arm, trajectory, quiet, rng
-):
-    added = deviations(arm, trajectory, quiet, 150, rng, start_std=4e-3)
+def test_start_and_ripple_scatter_as_stated_and_the_servo_takes_the_start_back(moved, quiet):
+    added = deviations(moved, quiet, 150, start_std=4e-3)
     np.testing.assert_allclose(added[:, 0].std(axis=0), 4e-3, rtol=4 / np.sqrt(2 * 150))
     decay = (1 - quiet.servo_gain / quiet.rate) ** np.arange(added.shape[1])
     np.testing.assert_allclose(added, added[:, :1] * decay[:, None], atol=1e-14)
-    added = deviations(arm, trajectory, quiet, 150, rng, encoder_ripple=1e-3)
+    added = deviations(moved, quiet, 150, encoder_ripple=1e-3)
     assert np.abs(added).max() <= 1e-3 + 1e-15
     # a sine of uniform phase
     np.testing.assert_allclose(added[:, 0].std(axis=0), 1e-3 / np.sqrt(2), rtol=0.17)
@@ -296,10 +315,9 @@ def test_the_truth_is_where_the_arm_was_and_motion_capture_misses_it_by_its_jitt
 
 
 def test_encoders_read_the_servo_to_their_resolution_and_nothing_behind_the_gears(
-    arm, trajectory, quiet, rng
+    moved, trajectory, quiet
 ):
-    loose = replace(quiet, clearance=0.03)
-    taken = simulate_take(arm.chain, OFFSET, trajectory, loose, rng)
+    taken = moved(replace(quiet, clearance=0.03), OFFSET)
     assert np.abs(taken.q - taken.servo - OFFSET).max() > 1e-3
     t, signals = log_joints(taken, trajectory, ENCODERS)
     np.testing.assert_allclose(t, np.arange(801) / 250, atol=1e-12)
@@ -314,10 +332,14 @@ def test_encoders_read_the_servo_to_their_resolution_and_nothing_behind_the_gear
     assert error[moving].std() == pytest.approx(1e-3 / np.sqrt(12), rel=0.05)
 
 
-def test_takes_of_one_stream_repeat_to_the_last_bit(arm, trajectory, dynamics):
-    lab = open_session(arm.chain, dynamics, np.random.default_rng(1))
-    first, again, other = (
-        perform(lab, trajectory, dynamics, np.random.default_rng(seed)) for seed in (3, 3, 4)
+def test_takes_of_one_stream_repeat_to_the_last_bit_and_sessions_differ(arm, trajectory, dynamics):
+    lab, other = (open_session(arm.chain, dynamics, np.random.default_rng(seed)) for seed in (1, 2))
+    assert lab.nominal is arm.chain
+    assert not np.any(lab.chain.lengths == other.chain.lengths)
+    assert not np.any(lab.encoder == other.encoder)
+    first, again, another = (
+        perform(lab, trajectory, dynamics, np.random.default_rng(seed)).motion_capture
+        for seed in (3, 3, 4)
     )
-    assert np.array_equal(first.motion_capture, again.motion_capture)
-    assert not np.array_equal(first.motion_capture, other.motion_capture)
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, another)

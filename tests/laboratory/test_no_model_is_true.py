@@ -26,12 +26,10 @@ def perform(arm, trajectory, dynamics, takes: int, seed: int):
     rng = np.random.default_rng(seed)
     v = values(desired_trajectory(arm.chain, trajectory), "v")[:-1] / trajectory.rate
     grid = np.arange(len(v) + 1) / trajectory.rate
-    poses = [
-        expose(
-            *simulate_take(arm.chain, NO_OFFSET, trajectory, dynamics, rng)[:2], grid, dynamics, rng
-        )
-        for _ in range(takes)
-    ]
+    poses = []
+    for _ in range(takes):
+        t, q, _ = simulate_take(arm.chain, NO_OFFSET, trajectory, dynamics, rng)
+        poses.append(expose(t, q, grid, dynamics, rng))
     q = np.array(poses)
     return q, v, process_noise(arm.chain, q, v)
 
@@ -60,25 +58,16 @@ def modelled(arm, recorded):
     return {name: (models[name], steps[name] - nominal) for name in models}
 
 
-def moving(v: np.ndarray) -> np.ndarray:
-    pace = np.linalg.norm(v, axis=1)
-    return pace > 0.95 * pace.max()
-
-
-def centred(noise: np.ndarray) -> np.ndarray:
-    return noise - noise.mean(axis=0)
-
-
 def test_its_steps_know_of_each_other_and_the_models_steps_do_not(recorded, modelled):
     _, v, noise = recorded
+    pace = np.linalg.norm(v, axis=1)
+    moving = pace > 0.95 * pace.max()
 
     def later(noise: np.ndarray, steps: int) -> tuple[np.ndarray, float]:
         """Correlation of each joint's noise with itself so many steps later, and its band."""
-        x, fast = centred(noise), moving(v)[steps:] & moving(v)[:-steps]
-        pairs = (x[:, steps:][:, fast], x[:, :-steps][:, fast])
-        correlation = [
-            np.corrcoef(*(part[..., j].ravel() for part in pairs))[0, 1] for j in range(3)
-        ]
+        x, fast = noise - noise.mean(axis=0), moving[steps:] & moving[:-steps]
+        pairs = zip(x[:, steps:][:, fast].T, x[:, :-steps][:, fast].T, strict=True)
+        correlation = [np.corrcoef(a.ravel(), b.ravel())[0, 1] for a, b in pairs]
         return np.array(correlation), 4 / np.sqrt(len(noise) * fast.sum())
 
     # a deviation lasts longer than a step, and then it swings back: the arm is held by its servo
@@ -88,6 +77,16 @@ def test_its_steps_know_of_each_other_and_the_models_steps_do_not(recorded, mode
             correlation, band = later(drawn, steps)
             assert np.all(np.abs(correlation) < band)
             assert band < least
+
+
+def test_it_does_not_wander_off_and_the_models_do(recorded, modelled):
+    def wandering(noise: np.ndarray) -> np.ndarray:
+        x = noise - noise.mean(axis=0)
+        return x.sum(axis=1).var(axis=0) / x.var(axis=0).sum(axis=0)
+
+    assert np.all(wandering(recorded[2]) < 0.05)
+    for _, drawn in modelled.values():
+        assert np.all(np.abs(wandering(drawn) - 1) < 4 * np.sqrt(2 / len(drawn)))
 
 
 def test_it_grows_with_the_speed_neither_not_at_all_nor_in_proportion(

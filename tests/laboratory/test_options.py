@@ -26,25 +26,17 @@ ROBOTS = Robots((1.0,), (100.0,))
 REFUSALS = [  # options, a change that makes no sense, the key of the fault
     (MOTION, {"folded": (0.0,)}, "extended"),
     (MOTION, {"rest": 0.6}, "duration"),
-    (MOTION, {"rest": -0.1}, "rest"),
     (MOTION, {"ramp": 0.0}, "ramp"),
-    (MOTION, {"rate": 0.0}, "rate"),
-    (MOTION, {"duration": 1.0}, "duration"),
     (DynamicsOptions(), {"sway_std": (1e-3, -1e-3, 0.0)}, "sway_std.1"),
-    (DynamicsOptions(), {"clearance": -0.1}, "clearance"),
-    (DynamicsOptions(), {"sway_time": 0.0}, "sway_time"),
     (DynamicsOptions(), {"servo_gain": 1000.0}, "servo_gain"),
     (EncoderOptions(), {"resolution": 0.0}, "resolution"),
-    (ClockOptions(), {"offset_std": -1.0}, "offset_std"),
     (ClockOptions(), {"drift": -1.0}, "drift"),
-    (MocapOptions(), {"noise_std": -1e-4}, "noise_std"),
     (MocapOptions(), {"swap_rate": 1.5}, "swap_rate"),
     (MocapOptions(), {"occlusion_frames": 0.5}, "occlusion_frames"),
     (KinectOptions(), {"range": (4.5, 0.5)}, "range"),
     (KinectOptions(), {"edge_lost": 0.9, "edge_mixed": 0.2}, "edge_mixed"),
     (KinectOptions(), {"grazing_limit": 1.6}, "grazing_limit"),
     (ROBOTS, {"concentration": (100.0, 100.0)}, "concentration"),
-    (ROBOTS, {"tension_sd": (-1.0,)}, "tension_sd.0"),
     (Transducer(), {"rate": 0.0}, "rate"),
 ]
 
@@ -67,6 +59,5 @@ def test_the_disturbances_of_another_arm_are_refused(arm, dynamics, rng, change,
 @pytest.mark.parametrize(("tension", "tare"), [((9.0, 9.0), 1.0), ((9.0,), -1.0)])
 def test_a_force_record_that_cannot_be_made_is_refused(tension, tare):
     with pytest.raises(ConfigError, match=r"laboratory\.force"):
-        record_force(
-            Cables(tension, (0.1,)), ROBOTS, Transducer(), tare, 1.0, np.random.default_rng(38)
-        )
+        cables, rng = Cables(tension, (0.1,)), np.random.default_rng(38)
+        record_force(cables, ROBOTS, Transducer(), tare, 1.0, rng)

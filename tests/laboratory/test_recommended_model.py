@@ -64,8 +64,8 @@ def recorded(physics: PhysicsFactors, seed: int) -> tuple[list[MotionSteps], obj
         except PipelineError:
             continue
         q = np.stack(
-            [[np.interp(grid, take.t, column) for column in take.q.T] for take in takes]
-        ).swapaxes(1, 2)
+            [np.stack([np.interp(grid, take.t, each) for each in take.q.T], -1) for take in takes]
+        )
         q = q + POSE_NOISE * rng.standard_normal(q.shape)
         dq = np.broadcast_to(np.diff(path.joints, axis=0), q[:, 1:].shape)
         name = str(len(found) + 1)
@@ -78,14 +78,8 @@ def judged(physics: PhysicsFactors, seed: int) -> dict[str, object]:
     motions, chain = recorded(physics, seed)
     known, fresh = motions[:KNOWN], motions[KNOWN:]
     matrix = config.model_options(MATRIX)
-    tables = other_motions(
-        known,
-        JOINTS,
-        RATE,
-        pose_noise=POSE_NOISE,
-        chain=chain,
-        matrix={"gaussian": matrix["gaussian"]},
-    ).tables
+    given = {"pose_noise": POSE_NOISE, "chain": chain, "matrix": {"gaussian": matrix["gaussian"]}}
+    tables = other_motions(known, JOINTS, RATE, **given).tables
     chosen, why = recommended(tables["other_motions"], tables["motion_spread"], tables["motions"])
     scores: dict[str, float] = {}
     for name in PLAIN:

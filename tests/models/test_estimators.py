@@ -83,6 +83,27 @@ def test_without_measurement_noise_taken_off_the_moments_are_too_large(chain, po
     assert estimate(without, wishart("moments")).estimates["sigma_b"] > 0.35
 
 
+@pytest.mark.parametrize("name", ["pivoted_lu", "qr", "qr_transposed"])
+def test_the_moment_estimate_has_the_recorded_variance_whatever_drew_it(chain, poses, step, name):
+    data = recorded(chain, poses, step, GaussianModel(0.2, 25.0))
+    model = estimate(data, wishart("moments", name)).model
+    variance = model.covariance(chain, data.q, data.v) + data.measurement
+    own = np.trace(variance, axis1=-2, axis2=-1).mean()
+    assert own == pytest.approx(np.var(data.noise, axis=0, ddof=1).sum(axis=-1).mean(), rel=1e-9)
+
+
+def test_the_objective_of_the_likelihood_is_the_models_own(chain, poses, step):
+    data = recorded(chain, poses, step, GaussianModel(0.1, 25.0), takes=10)
+    fit = estimate(data, Gaussian("gaussian", "", estimator="likelihood")).details
+
+    def cost(alpha: float) -> float:
+        steps = chain, data.q, data.v, data.q_next, data.measurement
+        return -GaussianModel(alpha, fit.u).log_density(*steps)[:, REST:].sum()
+
+    assert cost(fit.alpha) == pytest.approx(fit.objective, rel=1e-12)
+    assert min(cost(0.97 * fit.alpha), cost(1.03 * fit.alpha)) > fit.objective
+
+
 @pytest.mark.parametrize("options", [wishart("moments"), Gaussian("gaussian", "")])
 def test_noise_that_is_the_measurements_alone_gives_no_model_and_says_why(
     chain, poses, step, options

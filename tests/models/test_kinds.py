@@ -1,4 +1,4 @@
-"""Motion models from the parameters that a fit wrote."""
+"""Motion models from the parameters that a fit wrote, and a kind that is a folder and no more."""
 
 from __future__ import annotations
 
@@ -17,43 +17,36 @@ from pipeline.core import config
 from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
 from pipeline.models import kinds
 from pipeline.models.draws import draw_steps
-from pipeline.models.kinds import fitted_model
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.decomposition import Decomposition
 
 ROOT = Path(__file__).parents[2]
+LEFT = np.diag([0.15, 0.15, 1.0]).tolist()
 PARAMETERS = {
     "additive": {"noise_covariance": [[3e-5, -2e-5, 0.0], [-2e-5, 4e-5, 0.0], [0.0, 0.0, 9e-5]]},
-    "wishart": {"sigma_b": 0.2, "decomposition": "qr"},
+    "wishart": {"sigma_b": 0.2, "decomposition": "given", "left": LEFT},
     "gaussian": {"alpha": 0.15, "u": 20.0},
-    "scaled": {
-        "floor": [[3e-6, 0.0, 0.0], [0.0, 4e-6, 0.0], [0.0, 0.0, 9e-6]],
-        "gain": [[0.04, 0.04, 0.0], [0.04, 0.04, 0.0], [0.0, 0.0, 0.1]],
-    },
+    "scaled": {"floor": (4e-6 * np.eye(3)).tolist(), "gain": np.full((3, 3), 0.04).tolist()},
 }
 
 
 @pytest.mark.parametrize("kind", PARAMETERS)
 def test_a_model_has_the_parameters_that_were_written(kind, tmp_path):
     (tmp_path / "parameters.json").write_text(json.dumps({"kind": kind} | PARAMETERS[kind]))
-    model = fitted_model(tmp_path)
+    model, values = kinds.fitted_model(tmp_path), dict(PARAMETERS[kind])
     law = "scaled" if kind == "additive" else kind  # additive noise is the case without slope
     assert type(model).__name__ == f"{law.capitalize()}Model"
-    for name, value in PARAMETERS[kind].items():
+    if kind == "wishart":
+        values["decomposition"] = Decomposition("given", left=values.pop("left"))
+    for name, value in values.items():
         name = {"noise_covariance": "floor"}.get(name, name)
-        held = Decomposition(value) if name == "decomposition" else value
-        assert np.array_equal(getattr(model, name), held)
-
-
-def test_parameters_that_were_not_written_are_refused(tmp_path):
-    with pytest.raises(ContractError, match="run the stage fit") as refused:
-        fitted_model(tmp_path)
-    assert refused.value.evidence["file"] == tmp_path / "parameters.json"
+        assert np.array_equal(getattr(model, name), value)
 
 
 @pytest.mark.parametrize(
     "text",
     [
+        None,
         "",
         "{",
         "[]",
@@ -66,47 +59,43 @@ def test_parameters_that_were_not_written_are_refused(tmp_path):
         '{"kind": "additive", "noise_covariance": [[1.0, 2.0], [3.0]]}',
     ],
 )
-def test_malformed_parameters_are_refused(text, tmp_path):
-    (tmp_path / "parameters.json").write_text(text)
-    with pytest.raises(ContractError, match="parameters") as refused:
-        fitted_model(tmp_path)
+def test_malformed_and_missing_parameters_are_refused(text, tmp_path):
+    if text is not None:
+        (tmp_path / "parameters.json").write_text(text)
+    with pytest.raises(ContractError, match=r"parameters.*run the stage fit") as refused:
+        kinds.fitted_model(tmp_path)
     assert refused.value.evidence["file"] == tmp_path / "parameters.json"
 
 
 @pytest.mark.parametrize(
-    "parameters",
+    ("kind", "parameters"),
     [
-        {"kind": "wishart", "sigma_b": 2.0, "decomposition": "pivoted_lu"},
-        {"kind": "wishart", "sigma_b": 0.2, "decomposition": "svd"},
-        {"kind": "wishart", "sigma_b": 0.2, "decomposition": "given"},
-        {
-            "kind": "wishart",
-            "sigma_b": 0.2,
-            "decomposition": "given",
-            "left": [[1.0, 0.0], [0.0, 1.0]],
-        },
-        {"kind": "gaussian", "alpha": -0.1, "u": 20.0},
-        {"kind": "gaussian", "alpha": 0.1, "u": float("inf")},
-        {"kind": "additive", "noise_covariance": [[1.0, 2.0], [3.0, 4.0]]},
-        {"kind": "scaled", "floor": [[1.0]], "gain": [[1.0]]},
-        {"kind": "scaled", "floor": np.eye(3).tolist(), "gain": (-np.eye(3)).tolist()},
+        ("wishart", {"sigma_b": 2.0, "decomposition": "pivoted_lu"}),
+        ("wishart", {"sigma_b": -0.1, "decomposition": "pivoted_lu"}),
+        ("wishart", {"sigma_b": float("nan"), "decomposition": "pivoted_lu"}),
+        ("wishart", {"sigma_b": 0.2, "decomposition": "svd"}),
+        ("wishart", {"sigma_b": 0.2, "decomposition": "given"}),
+        ("wishart", {"sigma_b": 0.2, "decomposition": "given", "left": np.eye(2).tolist()}),
+        ("gaussian", {"alpha": -0.1, "u": 20.0}),
+        ("gaussian", {"alpha": 0.1, "u": float("inf")}),
+        ("gaussian", {"alpha": float("nan"), "u": 18.0}),
+        ("additive", {"noise_covariance": [[1.0, 2.0], [3.0, 4.0]]}),
+        ("additive", {"noise_covariance": np.eye(2).tolist()}),
+        ("scaled", {"floor": [[1.0]], "gain": [[1.0]]}),
+        ("scaled", {"floor": np.eye(3).tolist(), "gain": (-np.eye(3)).tolist()}),
     ],
 )
-def test_parameters_outside_the_models_range_are_refused(parameters, chain, tmp_path):
-    (tmp_path / "parameters.json").write_text(json.dumps(parameters))
+def test_parameters_outside_the_models_range_are_refused(kind, parameters, chain):
     with pytest.raises(ModelDomainError):
-        fitted_model(tmp_path).law(chain)
+        kinds.build_model({"kind": kind} | parameters).law(chain)
 
 
 LAW = """
 import numpy as np
 from pipeline.models.scaled.law import ScaledModel
 
-class TinyModel(ScaledModel):
-    pass
-
 def build(parameters):
-    return TinyModel(np.array(parameters["std"]) ** 2 * np.eye(3))
+    return ScaledModel(np.array(parameters["std"]) ** 2 * np.eye(3))
 """
 FIT = """
 from pipeline.core import validation
@@ -127,39 +116,36 @@ def truths(recorded, options, dispersions):
 
 
 @pytest.fixture
-def tiny(tmp_path, monkeypatch) -> Path:
+def tiny(tmp_path, monkeypatch) -> None:
     """A model that is a folder and nothing else."""
-    folder = tmp_path / "tiny"
-    folder.mkdir()
+    (tmp_path / "tiny").mkdir()
     for name, text in (("__init__", ""), ("law", LAW), ("fit", FIT)):
-        (folder / f"{name}.py").write_text(text)
+        (tmp_path / "tiny" / f"{name}.py").write_text(text)
     monkeypatch.setattr(pipeline.models, "__path__", [*pipeline.models.__path__, str(tmp_path)])
-    yield folder
+    yield
     for name in [name for name in sys.modules if name.startswith("pipeline.models.tiny")]:
         del sys.modules[name]
 
 
-def test_a_folder_is_a_model_that_is_found_composed_fitted_and_filtered(
+def test_a_folder_is_a_model_that_is_found_composed_fitted_and_drawn_from(
     tiny, tmp_path, monkeypatch, chain, poses, step
 ):
-    assert "tiny" in kinds.kinds()
-    options = tmp_path / "conf"
-    shutil.copytree(config.CONF, options)
-    (options / "model/tiny.yaml").write_text("kind: tiny\nlabel: a tiny model\n")
+    shutil.copytree(config.CONF, tmp_path / "conf")
+    (tmp_path / "conf/model/tiny.yaml").write_text("kind: tiny\nlabel: a tiny model\n")
     params = OmegaConf.load(ROOT / "params.yaml")
     params.models = ["additive", "tiny"]
     OmegaConf.save(params, tmp_path / "params.yaml")
-    monkeypatch.setattr(config, "CONF", options)
+    monkeypatch.setattr(config, "CONF", tmp_path / "conf")
     composed = config.compose_config(tmp_path / "params.yaml").models["tiny"]
+    requested = kinds.options_type("tiny")(kind="tiny", label=composed.label)
     assert composed.label == "a tiny model"
 
-    requested = kinds.options_type("tiny")(kind="tiny", label=composed.label)
     rng = np.random.default_rng(1)
     noise = 0.01 * rng.standard_normal((40, 20, 3))
     q, v = np.broadcast_to(poses[:20], noise.shape), np.tile(step, (20, 1))
     recorded = Recorded(chain, q, v, noise, ("a", "b", "c"), 1e-6 * np.eye(3))
-    estimated = kinds.estimate(recorded, requested)
-    assert estimated.estimates["std_rad"] == pytest.approx(0.01, rel=0.05)
+    found = kinds.estimate(recorded, requested).estimates["std_rad"]
+    assert found == pytest.approx(0.01, rel=0.05)
     (truth,) = kinds.truths(recorded, requested, [])
     (tmp_path / "parameters.json").write_text(json.dumps(truth.parameters))
     model = kinds.fitted_model(tmp_path)
@@ -173,10 +159,9 @@ def test_a_kind_without_a_folder_is_refused_by_name():
 
 
 @pytest.mark.slow
-def test_a_fit_without_a_compiler_loads_none():
+def test_options_and_plain_fits_load_no_compiler():
     program = (
-        "import sys; from pipeline.models import kinds; kinds.options_type('gaussian'); "
-        "import pipeline.models.gaussian.fit, pipeline.models.additive.fit; "
-        "sys.exit('numba' in sys.modules or 'pipeline.models.wishart.law' in sys.modules)"
+        "import sys; from pipeline.models import kinds; [*map(kinds.options_type, kinds.kinds())]; "
+        "sys.exit('numba' in sys.modules or 'cvxpy' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == 0

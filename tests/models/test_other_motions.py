@@ -4,8 +4,6 @@ in the held-out motion alone is refused, and singular poses cost a matrix model 
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -90,7 +88,7 @@ def test_a_matrix_model_is_scored_on_regular_motions_and_refused_at_a_singular_p
     straight = motion(3)
     bent = straight.q.copy()
     bent[..., 1] = chain.straight
-    straight = replace(straight, q=bent)
+    straight = straight._replace(q=bent)
     refused = rows([*motions, straight])
     assert refused["score"].isna().any()
     assert refused["reason"].str.contains("singular").any()

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.core.errors import ModelDomainError
+from pipeline.core.errors import ConfigError, ModelDomainError, SingularJacobianError
 from pipeline.models import realizations
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
@@ -50,6 +50,32 @@ def test_without_noise_a_single_step_starts_where_the_recording_was(chain, poses
     np.testing.assert_allclose(simulated[:, 1:], nominal, rtol=1e-10)
     # control: running freely it comes to other places
     assert np.abs(realize(SILENT, chain, q, v, "free_running", rng)[0] - simulated).max() > 1e-3
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_equal_streams_give_equal_realisations_and_each_starts_at_its_own_take(
+    mode, chain, poses, step
+):
+    q, v = takes(poses, 5, 8), np.tile(step, (8, 1))
+    recorded = q.copy()
+    first, again, other = (
+        realize(NOISY, chain, q, v, mode, np.random.default_rng(seed))[0] for seed in (1, 1, 2)
+    )
+    assert np.array_equal(first, again) and not np.array_equal(first, other)
+    assert np.array_equal(first[:, 0], q[:, 0]) and np.array_equal(q, recorded)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_singular_recorded_pose_is_refused_and_another_mode_by_those_there_are(
+    mode, chain, poses, step, rng
+):
+    q, v = takes(poses, 2, 3), np.tile(step, (3, 1))
+    with pytest.raises(ConfigError, match="'two_step'; there are one_step, free_running") as why:
+        realize(NOISY, chain, q, v, "two_step", rng)
+    assert why.value.evidence["key"] == "simulation.mode"
+    q[1, 0] = straight(chain, q[1, 0])
+    with pytest.raises(SingularJacobianError):
+        realize(NOISY, chain, q, v, mode, rng)
 
 
 @pytest.mark.parametrize(("mode", "growth"), [("one_step", 0.0), ("free_running", 0.5)])

@@ -45,6 +45,13 @@ def fit(noise, measurement=MEASUREMENT, structure="full", dq=None):
     return fit_scaled(noise, joint_steps() if dq is None else dq, measurement, structure)
 
 
+def likelihood(noise, floor, gain, measurement) -> float:
+    """Mean log density of the steps."""
+    dq = joint_steps()
+    covariance = floor + measurement + gain * (dq[..., :, None] * dq[..., None, :])
+    return float(normal_log_density(noise, covariance).mean())
+
+
 def distance(result: np.ndarray, true: np.ndarray, scale: np.ndarray | None = None) -> float:
     scale = np.sqrt(np.diag(true)) if scale is None else scale
     return float(np.abs((result - true) / np.outer(scale, scale)).max())
@@ -55,17 +62,15 @@ def distance(result: np.ndarray, true: np.ndarray, scale: np.ndarray | None = No
 def test_the_parameters_of_a_models_own_draws_are_found_again(structure, measurement):
     true = FORMS[structure]
     noise = drawn(*true, measurement)
-    floor, gain, likelihood = fit(noise, measurement, structure)
+    floor, gain, most = fit(noise, measurement, structure)
     # a variance from the half of 8 000 steps that tell of it has a standard error of about 2.2 %,
     # measurement included
     assert distance(floor, true[0]) < 0.12 and distance(gain, true[1]) < 0.12
-    dq = joint_steps()
-    covariance = floor + measurement + gain * (dq[..., :, None] * dq[..., None, :])
-    assert likelihood == pytest.approx(normal_log_density(noise, covariance).mean(), rel=1e-10)
+    assert most == pytest.approx(likelihood(noise, floor, gain, measurement), rel=1e-10)
     # controls: the joints' speeds belong to their steps, and the measurement's noise to the
     # measurement
-    wrong = fit(noise, measurement, structure, np.roll(dq, STEPS // 4, axis=1))
-    assert max(map(distance, wrong, true)) > 0.3 and wrong[2] < likelihood - 0.05
+    wrong = fit(noise, measurement, structure, np.roll(joint_steps(), STEPS // 4, axis=1))
+    assert max(map(distance, wrong, true)) > 0.3 and wrong[2] < most - 0.05
     if measurement.any():
         assert distance(fit(noise, NONE, structure)[0], true[0]) > 0.25
 
@@ -82,13 +87,44 @@ def test_where_nothing_but_the_measurement_is_noisy_at_rest_the_floor_is_zero(st
     assert np.abs(np.diag(ignorant) / np.diag(MEASUREMENT) - 1).max() < 0.2
 
 
+@pytest.mark.parametrize("gain", [NONE, GAIN])
+def test_at_a_zero_floor_no_direction_of_it_is_more_likely(gain):
+    """A stated measurement noise above the true one drives the floor to exactly zero along every
+    axis.
+    """
+    directions = 3e-4 * np.random.default_rng(82).normal(size=(30, 3))
+    outer = [np.outer(each, each) for each in directions]
+    noise, stated = drawn(NONE, gain, MEASUREMENT), 1.5 * MEASUREMENT
+    floor, found, most = fit(noise, stated)
+    assert distance(floor, NONE, np.sqrt(np.diag(MEASUREMENT))) < 1e-6
+    assert max(likelihood(noise, floor + more, found, stated) for more in outer) < most
+    assert max(likelihood(noise, floor, found + 1e5 * more, stated) for more in outer) < most
+    # control: where there is a floor, at zero they are
+    noise = drawn(FLOOR, gain, MEASUREMENT)
+    at_zero = likelihood(noise, NONE, gain, MEASUREMENT)
+    assert max(likelihood(noise, more, gain, MEASUREMENT) for more in outer) > at_zero
+
+
+@pytest.mark.parametrize("structure", FORMS)
+def test_the_fit_follows_the_units_of_the_joints(structure):
+    """As of a prismatic joint among rotary ones: metres and radians, or millimetres."""
+    noise, dq, units = drawn(*FORMS[structure], MEASUREMENT), joint_steps(), np.array([10, 0.1, 1])
+    one, outer = fit(noise, structure=structure), np.outer(units, units)
+    other = fit(noise * units, MEASUREMENT * outer, structure, dq * units)
+    assert distance(other[0] / outer, one[0], np.sqrt(np.diag(FLOOR))) < 1e-3
+    np.testing.assert_allclose(other[1], one[1], atol=1e-4)
+    assert other[2] == pytest.approx(one[2] - np.log(units).sum(), abs=1e-8)
+    # control: the steps alone in other units
+    assert np.abs(fit(noise, structure=structure, dq=dq * units)[1] - one[1]).max() > 0.01
+
+
 def test_in_noise_that_does_not_grow_no_gain_is_found_and_the_floor_is_the_additive_covariance():
     for gain in (NONE, GAIN):
         noise = drawn(FLOOR, gain, NONE)
         flat = noise.reshape(-1, 3)
         constant = flat.T @ flat / len(flat)  # of greatest likelihood without a gain
-        floor, found, likelihood = fit(noise, NONE)
-        more = likelihood - normal_log_density(noise, constant).mean()
+        floor, found, most = fit(noise, NONE)
+        more = most - normal_log_density(noise, constant).mean()
         # twice 8 000 times the mean difference is chi-squared with at most 6 degrees of freedom
         assert more > -1e-9 and (more < 25 / (2 * TAKES * STEPS)) == (gain is NONE)
         if gain is NONE:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import ks_2samp
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.serial import SerialChain
@@ -87,6 +88,10 @@ def RNG() -> np.random.Generator:
     return np.random.default_rng(4)
 
 
+def nothing(n: int) -> Measurements:
+    return Measurements("take", np.zeros(0), *np.zeros((2, 0, n)), np.zeros((0, n, n)))
+
+
 @pytest.mark.parametrize("n, m", SIZES)
 def test_normal_models_steps_have_their_moments_whatever_the_size(n, m):
     chain = arm(n, m)
@@ -124,19 +129,31 @@ def in_space(chain: PlanarChain) -> SerialChain:
     return SerialChain(("x", "z", "phi"), 1.0, np.array(placements), np.zeros(3, bool), *ends)
 
 
-@pytest.mark.parametrize("kind", ["additive", "scaled", "gaussian"])
-def test_normal_steps_of_a_planar_arm_are_the_same_numbers_by_either_way(kind, chain, poses, step):
-    model = {
-        "additive": ScaledModel(1e-6 * np.eye(3)),
-        "scaled": ScaledModel(1e-6 * np.eye(3), 0.01 * np.eye(3)),
-        "gaussian": GaussianModel(0.1, 40.0),
-    }[kind]
+NORMAL = {
+    "additive": ScaledModel(1e-6 * np.eye(3)),
+    "scaled": ScaledModel(1e-6 * np.eye(3), 0.01 * np.eye(3)),
+    "gaussian": GaussianModel(0.1, 40.0),
+}
+
+
+@pytest.mark.parametrize("model", NORMAL.values(), ids=NORMAL)
+def test_normal_steps_of_a_planar_arm_are_the_same_numbers_by_either_way(model, chain, poses, step):
     # fewer than a block: the order of the numbers follows the blocks, of which the planar are wider
-    some = poses[:60]
-    one, clipped = draw_steps(model, chain, some, step, RNG())
-    other, same = draw_steps(model, in_space(chain), some, step, RNG())
+    one, clipped = draw_steps(model, chain, poses[:60], step, RNG())
+    other, same = draw_steps(model, in_space(chain), poses[:60], step, RNG())
     np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
     assert clipped == same
+
+
+@pytest.mark.parametrize("reading", READINGS)
+def test_wishart_steps_of_a_planar_arm_have_one_law_by_either_way(reading, chain, poses, step):
+    """Kolmogorov–Smirnov tests of each joint at a level of 1e-5; control: a wider dispersion."""
+    spatial, law, q = in_space(chain), decomposition(reading, 3), np.tile(poses[0], (DRAWS, 1))
+    planar, _ = draw_steps(WishartModel(SIGMA_B, law), chain, q, step, RNG())
+    for sigma_b, same in ((SIGMA_B, True), (1.2 * SIGMA_B, False)):
+        model, rng = WishartModel(sigma_b, law), np.random.default_rng(6)
+        drawn, _ = draw_steps(model, spatial, q, step, rng)
+        assert (min(ks_2samp(planar[:, j], drawn[:, j]).pvalue for j in range(3)) > 1e-5) == same
 
 
 def test_a_closed_loop_of_a_spatial_arm_corrects_the_displacement_of_its_tip():
@@ -146,21 +163,11 @@ def test_a_closed_loop_of_a_spatial_arm_corrects_the_displacement_of_its_tip():
     still = np.zeros((40, 13))
     target = np.tile(chain.pose(q), (40, 1))
     off = q + 0.05 * np.random.default_rng(7).standard_normal(7)
-    nothing = Measurements(
-        "take", np.zeros(0), np.zeros((0, 7)), np.zeros((0, 7)), np.zeros((0, 7, 7))
-    )
     before = np.linalg.norm(chain.displacement(chain.pose(off), chain.pose(q)))
     for share, left in ((0.3, 0.7**40), (0.0, 1.0)):
-        posterior = particle_filter(
-            ScaledModel(np.zeros((7, 7))),
-            chain,
-            Commands(still, target, share),
-            0.01,
-            Start(off, np.zeros((7, 7))),
-            nothing,
-            FilterOptions(3),
-            RNG(),
-        )
+        quiet, start = ScaledModel(np.zeros((7, 7))), Start(off, np.zeros((7, 7)))
+        run = Commands(still, target, share), 0.01, start, nothing(7), FilterOptions(3), RNG()
+        posterior = particle_filter(quiet, chain, *run)
         after = chain.displacement(chain.pose(posterior.mean[-1]), chain.pose(q))
         assert np.linalg.norm(after) == pytest.approx(left * before, rel=0.1, abs=1e-9)
 
@@ -176,16 +183,12 @@ def test_a_singular_pose_has_no_step_and_a_particle_there_is_lost_and_counted():
     model = WishartModel(SIGMA_B, Decomposition("qr_transposed"))
     with pytest.raises(SingularJacobianError):
         draw_steps(model, chain, np.tile(straight, (3, 1)), np.array([0.01, 0.0]), RNG())
-    nothing = Measurements(
-        "take", np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2))
-    )
     start = Start(bent, np.diag([0.0, 1e-6]))
     unfold = chain.jacobian(bent) @ np.array([0.0, -0.8])
     command = open_loop(np.array([unfold, [0.0, 0.001]]))
     exact = ScaledModel(np.diag([0.0, 1e-14]))
-    posterior = particle_filter(
-        exact, chain, command, 0.01, start, nothing, FilterOptions(2000), RNG()
-    )
+    run = command, 0.01, start, nothing(2), FilterOptions(2000), RNG()
+    posterior = particle_filter(exact, chain, *run)
     # after the first step the second joint is within a thousandth of straight, give or take what
     # the start spreads
     assert 0 < posterior.outside[2] < 2000 and posterior.outside[1] == 0

@@ -14,8 +14,8 @@ from space_arms import revolute_arm
 
 from pipeline.arm import kinematics, planar, rows
 from pipeline.arm.rows import block_rows
+from pipeline.models import kernel
 from pipeline.models.draws import block_for
-from pipeline.models.wishart import step
 
 # products of several numbers at once, in AVX and wider
 WIDE = re.compile(r"vmulpd\s.*%[yz]mm")
@@ -42,7 +42,7 @@ def calls(chain) -> dict:
         "Jacobian": (kinematics.task_jacobian, space, block, first, 64),
         "sums of products": (rows.add_dot, block, 0, 1.0, 1, 9, 6, 64),
         "combinations": (rows.add_combination, block, 0, np.ones(9), 0, 1, 7, 64),
-        "action": (step.act, 64.0, block, ROWS, 3, 64),
+        "action": (kernel.act, 64.0, block, ROWS, 3, 64),
     }
 
 

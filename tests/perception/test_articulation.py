@@ -23,29 +23,38 @@ from pipeline.perception.articulation_objective import (
     frame_of,
 )
 
-OPTIONS = ArticulationOptions()
-RANK = from_python(at_commanded)
+OPTIONS, FREE = ArticulationOptions(), ArticulationOptions(end_point="fitted")
+RANK, VALUE, FITTED = from_python(at_commanded), from_python(at_fitted), ENDS["fitted"]
+GAMMAS = (FREE.gamma1, FREE.gamma2)
+AWAY = np.array([0.05, -0.05, 0.05])  # rad, of a start from the pose
 
 
-def ranked(
-    points: np.ndarray, nodes: np.ndarray, share: float, gamma1: float, gamma2: float
-) -> float:
-    frame = frame_of(points.T, nodes[0], nodes[3], LENGTHS, share, (gamma1, gamma2))
+def ranked(points: np.ndarray, nodes: np.ndarray, share: float, *gammas: float) -> float:
+    frame = frame_of(points.T, nodes[0], nodes[3], LENGTHS, share, gammas)
     return RANK(frame, nodes[1:3].ravel())
 
 
-def fit(
-    clouds: list[np.ndarray], q: np.ndarray, options: ArticulationOptions = OPTIONS, **evidence: str
-) -> FittedSequence:
-    return fit_sequence(
-        clouds, CHAIN.origin, CHAIN.points(q)[:, 3], CHAIN, options, q[0], **evidence
-    )
+def fit(clouds, q: np.ndarray, options=OPTIONS, take: str = "") -> FittedSequence:
+    ee = CHAIN.points(q)[:, 3]
+    return fit_sequence(clouds, CHAIN.origin, ee, CHAIN, options, q[0], take=take)
+
+
+def problem(points: np.ndarray, q: np.ndarray) -> Frame:
+    """A frame of the fitted end."""
+    ee = CHAIN.points(q)[3]
+    return frame_of(points.T, CHAIN.origin, ee, LENGTHS, FREE.length_range, GAMMAS)
+
+
+def minimised(value, start: np.ndarray, arguments: tuple, step: float, **ends: float):
+    """SciPy's Nelder–Mead from a simplex of this extent."""
+    simplex = start + step * np.vstack([np.zeros(len(start)), np.eye(len(start))])
+    options = {"initial_simplex": simplex} | ends
+    return minimize(value, start, arguments, method="Nelder-Mead", options=options)
 
 
 @pytest.fixture(scope="module")
 def sequence() -> tuple[np.ndarray, list[np.ndarray]]:
-    rng = np.random.default_rng(7)
-    q = motion()
+    rng, q = np.random.default_rng(7), motion()
     return q, [cloud(pose, rng) for pose in q]
 
 
@@ -54,21 +63,19 @@ def test_the_objective_is_the_printed_one(sequence) -> None:
     q, clouds = sequence
     rng = np.random.default_rng(1)
     for frame in range(0, 97, 8):
-        nodes = CHAIN.points(q[frame]) + np.concatenate(
-            [np.zeros((1, 2)), rng.normal(scale=0.01, size=(2, 2)), np.zeros((1, 2))]
-        )
+        nodes = CHAIN.points(q[frame])
+        nodes[1:3] += rng.normal(scale=0.01, size=(2, 2))
         value = ranked(clouds[frame], nodes, 0.9, 0.7, 0.4)
         assert value == pytest.approx(plain_objective(clouds[frame], nodes, 0.7, 0.4), rel=1e-12)
 
 
-def test_a_point_outside_a_joint_belongs_to_both_of_its_segments() -> None:
+def test_the_objective_has_no_frame_and_ranks_points_at_joints_and_poses_out_of_range(sequence):
+    # a point outside a joint belongs to both of its segments
     nodes = np.array([[0.0, 0.0], [0.0, 0.155], [0.135, 0.155], [0.135, 0.325]])
     point = nodes[1] + 0.02 * np.array([-0.6, 0.8])
     value = ranked(point[None], nodes, 0.05, 1.0, 0.25)
     assert value == pytest.approx(0.02 + 0.25 * (0.02 + 0.02), rel=1e-12)
-
-
-def test_the_objective_does_not_change_with_the_frame_or_a_mirror(sequence) -> None:
+    # it changes neither with the frame nor with a mirror
     q, clouds = sequence
     nodes = CHAIN.points(q[30] + 0.05)
     value = ranked(clouds[30], nodes, 0.05, 1.0, 0.3)
@@ -76,27 +83,18 @@ def test_the_objective_does_not_change_with_the_frame_or_a_mirror(sequence) -> N
     for change in (turn, np.diag([-1.0, 1.0])):
         points, moved = clouds[30] @ change + [0.3, -0.2], nodes @ change + [0.3, -0.2]
         assert ranked(points, moved, 0.05, 1.0, 0.3) == pytest.approx(value, rel=1e-10)
-
-
-def test_poses_outside_the_lengths_rank_behind_by_their_violation(sequence) -> None:
-    q, clouds = sequence
-    nodes = CHAIN.points(q[0])
-    longer = nodes.copy()
-    longer[1] = nodes[0] + (nodes[1] - nodes[0]) * 1.2
-    violation = sum(
-        max(low - length, 0) + max(length - high, 0)
-        for length, (low, high) in zip(
-            np.linalg.norm(np.diff(longer, axis=0), axis=1), limits(), strict=True
-        )
-    )
+    # poses outside the lengths rank behind by their violation
+    longer = CHAIN.points(q[0])
+    longer[1] = longer[0] + (longer[1] - longer[0]) * 1.2
+    length, (low, high) = np.linalg.norm(np.diff(longer, axis=0), axis=1), limits().T
+    violation = np.sum(np.maximum(low - length, 0) + np.maximum(length - high, 0))
     value = ranked(clouds[0], longer, 0.05, 1.0, 0.3)
     assert value == pytest.approx(INFEASIBLE + violation, rel=1e-12)
     assert violation > 0.02
 
 
 def test_points_on_the_lines_of_the_links_give_the_angles_to_the_end_of_the_search() -> None:
-    rng = np.random.default_rng(2)
-    q = motion()[:40]
+    rng, q = np.random.default_rng(2), motion()[:40]
     fitted = fit([cloud(pose, rng, width=0.0, noise=0.0) for pose in q], q)
     # a simplex creeps in the narrow valley that lines without width make: tenths of a millimetre, a
     # tenth of the other errors
@@ -108,38 +106,29 @@ def test_the_simplex_finds_what_scipys_finds_or_better(sequence) -> None:
     q, clouds = sequence
     fitted, reference = [], []
     for frame in range(0, 97, 12):
-        ends = CHAIN.points(q[frame])[[0, 3]]
-        start = CHAIN.points(q[frame] + [0.05, -0.05, 0.05])[1:3].ravel()
-        one = fit_sequence(
-            [clouds[frame]], ends[0], ends[1:], CHAIN, OPTIONS, q[frame] + [0.05, -0.05, 0.05]
-        )
-
-        arguments = (clouds[frame], ends[0], ends[1], limits(), OPTIONS.gamma1, OPTIONS.gamma2)
-        corners = start + 0.02 * np.vstack([np.zeros(4), np.eye(4)])
-        solution = minimize(
-            plain_rank,
-            start,
-            arguments,
-            method="Nelder-Mead",
-            options={"initial_simplex": corners, "xatol": 1e-5, "fatol": 1e-7},
-        )
+        points, (o1, ee) = clouds[frame], CHAIN.points(q[frame])[[0, 3]]
+        one = fit_sequence([points], o1, ee[None], CHAIN, OPTIONS, q[frame] + AWAY)
+        start = CHAIN.points(q[frame] + AWAY)[1:3].ravel()
+        arguments = (points, o1, ee, limits(), OPTIONS.gamma1, OPTIONS.gamma2)
+        solution = minimised(plain_rank, start, arguments, 0.02, xatol=1e-5, fatol=1e-7)
         fitted.append(one.objective[0])
         reference.append(solution.fun)
-        assert one.objective[0] == pytest.approx(
-            plain_objective(clouds[frame], one.nodes[0], OPTIONS.gamma1, OPTIONS.gamma2), rel=1e-10
-        )
+        plain = plain_objective(points, one.nodes[0], OPTIONS.gamma1, OPTIONS.gamma2)
+        assert one.objective[0] == pytest.approx(plain, rel=1e-10)
     assert np.all(np.array(fitted) <= np.array(reference) + 2e-4)
     assert np.mean(fitted) <= np.mean(reference)
 
 
-def test_the_angles_are_as_good_as_a_filter_needs_and_the_lengths_stay_in_range(sequence) -> None:
+@pytest.mark.parametrize("options", [OPTIONS, FREE], ids=["commanded", "fitted"])
+def test_the_angles_are_as_good_as_a_filter_needs_and_the_lengths_stay_in_range(sequence, options):
     q, clouds = sequence
-    fitted = fit(clouds, q)
-    error = fitted.q - q
-    assert np.all(np.sqrt((error**2).mean(axis=0)) < [0.04, 0.06, 0.06])
+    fitted = fit(clouds, q, options)
+    assert np.all(np.sqrt(((fitted.q - q) ** 2).mean(axis=0)) < [0.04, 0.06, 0.06])
     lengths = np.linalg.norm(np.diff(fitted.nodes, axis=1), axis=2)
     assert np.all((lengths >= limits()[:, 0] - 1e-12) & (lengths <= limits()[:, 1] + 1e-12))
-    assert fitted.gaps == 0
+    assert fitted.lost == fitted.gaps == 0
+    again = fit(clouds[:10], q[:10], options)
+    assert again.nodes.tobytes() == fitted.nodes[:10].tobytes()
 
 
 def test_the_second_term_takes_out_the_pull_of_uneven_density(sequence) -> None:
@@ -147,24 +136,21 @@ def test_the_second_term_takes_out_the_pull_of_uneven_density(sequence) -> None:
     dense.
     """
     q, clouds = sequence
-    with_term = np.abs((fit(clouds, q).q - q).mean(axis=0))
-    without = np.abs((fit(clouds, q, ArticulationOptions(gamma2=0.0)).q - q).mean(axis=0))
-    assert without[0] > 2 * with_term[0]
-    assert without[1] > 2 * with_term[1]
+    options = OPTIONS, ArticulationOptions(gamma2=0.0)
+    with_term, without = (np.abs((fit(clouds, q, o).q - q).mean(axis=0)) for o in options)
+    assert np.all(without[:2] > 2 * with_term[:2])
 
 
-def test_a_repeated_fit_gives_the_same_bytes(sequence) -> None:
-    q, clouds = sequence
-    assert fit(clouds[:10], q[:10]).nodes.tobytes() == fit(clouds[:10], q[:10]).nodes.tobytes()
-
-
-def test_frames_with_too_few_points_are_gaps_that_are_counted_and_bridged(sequence) -> None:
+def test_frames_with_too_few_points_are_gaps_counted_bridged_and_refused_in_a_row(sequence) -> None:
     q, clouds = sequence
     thinned = [c[:10] if f in (0, 30, 31) else c for f, c in enumerate(clouds[:40])]
     fitted = fit(thinned, q[:40])
     assert np.flatnonzero(np.isnan(fitted.q).any(axis=1)).tolist() == [0, 30, 31]
     assert fitted.gaps == 3
     assert np.abs(fitted.q[32] - q[32]).max() < 0.2
+    thinned = [c[:10] if 20 <= f < 24 else c for f, c in enumerate(clouds[:40])]
+    with pytest.raises(RecordingError, match=r"take-9.*frame 23"):
+        fit(thinned, q[:40], take="take-9")
 
 
 def test_an_arm_that_was_lost_over_missing_frames_is_found_again(sequence, monkeypatch) -> None:
@@ -176,40 +162,16 @@ def test_an_arm_that_was_lost_over_missing_frames_is_found_again(sequence, monke
     # the control: without the search over all poses the elbow stays on the wrong side
     monkeypatch.setattr("pipeline.perception.articulation.LOST", np.inf)
     assert np.abs(fit([clouds[i] for i in kept], q[kept]).q - q[kept]).max() > 1.0
-    assert fit(clouds, q).lost == 0
-
-
-def test_too_many_gaps_in_a_row_are_refused(sequence) -> None:
-    q, clouds = sequence
-    with pytest.raises(RecordingError, match=r"take-9.*frame 23"):
-        fit(
-            [c[:10] if 20 <= f < 24 else c for f, c in enumerate(clouds[:40])],
-            q[:40],
-            take="take-9",
-        )
 
 
 @pytest.mark.parametrize(
     ("place", "message"),
     [((0.0, 0.7), "joins O1 and EE.*frame 0"), ((np.nan, 0.3), "not finite.*frame 0")],
 )
-def test_an_end_effector_out_of_reach_or_missing_is_refused(
-    sequence, place: tuple[float, float], message: str
-) -> None:
+def test_an_end_effector_out_of_reach_or_missing_is_refused(sequence, place, message) -> None:
     q, clouds = sequence
     with pytest.raises(RecordingError, match=message):
         fit_sequence(clouds[:1], CHAIN.origin, np.array([place]), CHAIN, OPTIONS, q[0])
-
-
-FITTED = ENDS["fitted"]
-VALUE = from_python(at_fitted)
-FREE = ArticulationOptions(end_point="fitted")
-GAMMAS = (FREE.gamma1, FREE.gamma2)
-
-
-def problem(points: np.ndarray, q: np.ndarray) -> Frame:
-    ee = CHAIN.points(q)[3]
-    return frame_of(points.T, CHAIN.origin, ee, LENGTHS, FREE.length_range, GAMMAS)
 
 
 def test_the_objective_is_the_printed_one_with_an_asymmetry_for_each_half_of_the_tool(sequence):
@@ -223,12 +185,9 @@ def test_the_objective_is_the_printed_one_with_an_asymmetry_for_each_half_of_the
 
 
 def test_variables_and_nodes_are_each_others_inverse_within_the_bounds_on_the_lengths():
-    rng = np.random.default_rng(2)
-    q = motion()[30]
-    frame = problem(np.zeros((1, 2)), q)
-    for v in rng.uniform(-STEP, STEP, size=(20, 5)):
-        nodes = FITTED.nodes(frame, v)
-        np.testing.assert_allclose(FITTED.variables(frame, nodes), v, atol=1e-9)
+    frame = problem(np.zeros((1, 2)), motion()[30])
+    for v in np.random.default_rng(2).uniform(-STEP, STEP, size=(20, 5)):
+        np.testing.assert_allclose(FITTED.variables(frame, FITTED.nodes(frame, v)), v, atol=1e-9)
     far = FITTED.nodes(frame, np.array([0.3, -7.0, 0.1, 0.2, 0.3]))
     lengths = np.linalg.norm(np.diff(np.vstack([CHAIN.origin, far]), axis=0), axis=1)
     assert np.all((limits()[:, 0] <= lengths) & (lengths <= limits()[:, 1]))
@@ -240,22 +199,11 @@ def test_the_search_finds_what_scipys_finds_or_better(sequence):
     q, clouds = sequence
     ours, reference = [], []
     for number in range(0, 97, 16):
-        away = q[number] + [0.05, -0.05, 0.05]
+        away, arguments = q[number] + AWAY, (clouds[number], CHAIN.origin, limits(), *GAMMAS)
         ours.append(fit(clouds[number : number + 1], away[None], FREE).objective[0])
-        frame = problem(clouds[number], away)
-        v = FITTED.variables(frame, CHAIN.points(away)[1:])
+        v = FITTED.variables(problem(clouds[number], away), CHAIN.points(away)[1:])
         for step, extent in FITTED.runs:
-            solution = minimize(
-                plain_halved,
-                v,
-                (clouds[number], CHAIN.origin, limits(), *GAMMAS),
-                method="Nelder-Mead",
-                options={
-                    "initial_simplex": v + step * np.vstack([np.zeros(5), np.eye(5)]),
-                    "xatol": extent,
-                    "fatol": np.inf,
-                },
-            )
+            solution = minimised(plain_halved, v, arguments, step, xatol=extent, fatol=np.inf)
             v = solution.x
         reference.append(solution.fun)
     # ours has five starts in a first frame, SciPy's one
@@ -265,19 +213,9 @@ def test_the_search_finds_what_scipys_finds_or_better(sequence):
 
 @pytest.mark.slow
 def test_points_on_the_lines_of_the_links_give_the_angles_wherever_the_end_is_commanded():
-    rng = np.random.default_rng(3)
-    commanded = motion()[:25]
+    rng, commanded = np.random.default_rng(3), motion()[:25]
     q = commanded + rng.normal(scale=0.02, size=commanded.shape)
     clouds = [cloud(pose, rng, width=0.0, noise=0.0) for pose in q]
     assert np.abs(fit(clouds, commanded, FREE).q - q).max() < 0.02
     # the control: with the commanded end the last segment must miss its points
-    ee = CHAIN.points(commanded)[:, 3]
-    missed = fit_sequence(clouds, CHAIN.origin, ee, CHAIN, ArticulationOptions(), commanded[0])
-    assert np.abs(missed.q - q).max() > 0.06
-
-
-def test_the_errors_are_of_the_size_that_is_stated_for_the_commanded_end(sequence):
-    q, clouds = sequence
-    fitted = fit(clouds, q, FREE)
-    assert np.all(np.sqrt(((fitted.q - q) ** 2).mean(axis=0)) < [0.04, 0.06, 0.06])
-    assert fitted.lost == fitted.gaps == 0
+    assert np.abs(fit(clouds, commanded).q - q).max() > 0.06

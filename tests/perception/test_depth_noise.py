@@ -24,36 +24,28 @@ from pipeline.perception.depth_noise import deviations as deviations_of
 BIAS = np.array([0.01, -0.02, 0.005])
 FRAMES = 12
 JOINTS = ("shoulder", "elbow", "wrist")
-ANGLES, ERRORS = columns("q", JOINTS), columns("e", JOINTS)
+ERRORS = columns("e", JOINTS)
 MEAN, COVARIANCE = columns("b", JOINTS), pairs("r", JOINTS)
 MIN_SAMPLES = 4  # a covariance of three joints from fewer is singular
 UPPER = np.triu_indices(3)
 
 
+SHAPE = np.array([[4.0, 0.0, 0.0], [-3.0, 2.0, 0.0], [1.0, -1.0, 5.0]])
+
+
 def root(frame: int) -> np.ndarray:
     """(3, 3) A of the covariance AAᵀ of the noise at a frame, rad; it grows over the motion."""
-    return (
-        1e-3
-        * (1 + frame / FRAMES)
-        * np.array([[4.0, 0.0, 0.0], [-3.0, 2.0, 0.0], [1.0, -1.0, 5.0]])
-    )
+    return 1e-3 * (1 + frame / FRAMES) * SHAPE
 
 
 def errors(takes: int, seed: int = 41) -> pd.DataFrame:
     """Errors of a known mean and covariance at every frame."""
-    rng = np.random.default_rng(seed)
-    rows = []
+    rng, frames, rows = np.random.default_rng(seed), np.arange(FRAMES), []
     for take in range(takes):
-        noise = np.array(
-            [BIAS * frame + root(frame) @ rng.standard_normal(3) for frame in range(FRAMES)]
-        )
-        times = np.arange(FRAMES) / 30 + rng.normal(0, 1e-3, FRAMES)
-        rows.append(
-            pd.DataFrame(
-                {"take": f"test_{take}", "frame": np.arange(FRAMES), "t": times}
-                | spread("e", JOINTS, noise)
-            )
-        )
+        noise = [BIAS * frame + root(frame) @ rng.standard_normal(3) for frame in frames]
+        times = frames / 30 + rng.normal(0, 1e-3, FRAMES)
+        named = {"take": f"test_{take}", "frame": frames, "t": times}
+        rows.append(pd.DataFrame(named | spread("e", JOINTS, np.array(noise))))
     return pd.concat(rows, ignore_index=True)
 
 
@@ -67,22 +59,16 @@ def test_a_take_has_no_say_in_its_own_noise():
     changed = after["take"] == "test_3"
     after.loc[changed, ERRORS] += 10.0
     after.loc[changed, "t"] += 1.0
-    noise, changed_noise = leave_one_out(before, window=2), leave_one_out(after, window=2)
-    pd.testing.assert_frame_equal(
-        rows_of_take(noise, "test_3"), rows_of_take(changed_noise, "test_3")
-    )
+    noise, other = leave_one_out(before, window=2), leave_one_out(after, window=2)
+    own = rows_of_take(noise, "test_3")
+    pd.testing.assert_frame_equal(own, rows_of_take(other, "test_3"))
     # it is what the other takes alone would give
-    others = leave_one_out(before[before["take"] != "test_3"], window=2)
-    pd.testing.assert_frame_equal(
-        rows_of_take(noise, "test_3").drop(columns="take"),
-        rows_of_take(others, "none").drop(columns="take"),
-    )
+    without = rows_of_take(leave_one_out(before[~changed], window=2), "none")
+    pd.testing.assert_frame_equal(own.drop(columns="take"), without.drop(columns="take"))
     # control: on every other take it has
     for take in ("test_0", "test_7", "none"):
-        assert np.all(
-            rows_of_take(noise, take)[MEAN].to_numpy()
-            != rows_of_take(changed_noise, take)[MEAN].to_numpy()
-        )
+        means = (rows_of_take(table, take)[MEAN].to_numpy() for table in (noise, other))
+        assert np.all(np.not_equal(*means))
 
 
 def test_without_a_window_it_is_the_sample_mean_and_covariance_of_the_takes_that_have_a_frame(
@@ -94,44 +80,29 @@ def test_without_a_window_it_is_the_sample_mean_and_covariance_of_the_takes_that
     contracts.write(noise, "kinect_noise", tmp_path)
     noise = rows_of_take(noise, "none")
     for frame, rows in table.groupby("frame"):
-        samples = rows[ERRORS].to_numpy()
-        np.testing.assert_allclose(
-            noise.loc[frame, MEAN].astype(float), samples.mean(axis=0), rtol=1e-12
-        )
-        np.testing.assert_allclose(
-            noise.loc[frame, COVARIANCE].astype(float), np.cov(samples.T)[UPPER], rtol=1e-10
-        )
-        assert noise.loc[frame, "t"] == pytest.approx(rows["t"].mean())
+        samples, found = rows[ERRORS].to_numpy(), noise.loc[frame, [*MEAN, *COVARIANCE, "t"]]
+        expected = [*samples.mean(axis=0), *np.cov(samples.T)[UPPER], rows["t"].mean()]
+        np.testing.assert_allclose(found.astype(float), expected, rtol=1e-10)
 
 
 @pytest.mark.slow
 def test_mean_and_covariance_of_a_known_law_are_recovered():
     takes, window = 400, 1
     noise = rows_of_take(leave_one_out(errors(takes), window=window), "none")
+    roots = np.array([root(frame) for frame in range(FRAMES + 1)])
+    covariances = roots @ np.swapaxes(roots, -1, -2)
     for frame in range(1, FRAMES - 1):
-        true = np.mean(
-            [root(near) @ root(near).T for near in range(frame - window, frame + window + 1)],
-            axis=0,
-        )
+        true = covariances[frame - window : frame + window + 1].mean(axis=0)
         std = np.sqrt(np.diag(true))
-        mean_error = (noise.loc[frame, MEAN].to_numpy(dtype=float) - BIAS * frame) / (
-            std / np.sqrt(takes)
+        mean, found = (
+            noise.loc[frame, names].to_numpy(dtype=float) for names in (MEAN, COVARIANCE)
         )
-        assert np.abs(mean_error).max() < 4.5
+        assert np.abs((mean - BIAS * frame) / (std / np.sqrt(takes))).max() < 4.5
         scale = np.outer(std, std)[UPPER] * np.sqrt(2 / (takes * (2 * window + 1)))
-        assert (
-            np.abs((noise.loc[frame, COVARIANCE].to_numpy(dtype=float) - true[UPPER]) / scale).max()
-            < 4.5
-        )
+        assert np.abs((found - true[UPPER]) / scale).max() < 4.5
         # control: the covariance of the motion's other end is far outside the band
-        other = root(FRAMES - frame) @ root(FRAMES - frame).T
         if abs(2 * frame - FRAMES) > 4:
-            assert (
-                np.abs(
-                    (noise.loc[frame, COVARIANCE].to_numpy(dtype=float) - other[UPPER]) / scale
-                ).max()
-                > 4.5
-            )
+            assert np.abs((found - covariances[FRAMES - frame][UPPER]) / scale).max() > 4.5
 
 
 def test_pooling_over_frames_does_not_take_the_changing_mean_for_noise():
@@ -163,15 +134,12 @@ def test_fewer_takes_than_a_covariance_needs_are_refused(takes, window, enough):
 
 
 def test_a_frames_error_is_against_the_motion_at_its_own_time_and_none_is_outside_the_motion():
-    t = np.arange(5) * 0.01
-    joints = pd.DataFrame(
-        {"take": "test_1", "t": t} | {name: j * t for j, name in enumerate(ANGLES, 1)}
-    )
-    exposed = np.array([-0.001, 0.0, 0.0135, 0.04, 0.0401])
-    angles = pd.DataFrame(
-        {"take": "test_1", "frame": range(5), "t": exposed}
-        | {name: j * exposed + 0.1 * j for j, name in enumerate(ANGLES, 1)}
-    )
+    t, exposed = np.arange(5) * 0.01, np.array([-0.001, 0.0, 0.0135, 0.04, 0.0401])
+    slopes = np.arange(1, 4)
+    measured = spread("q", JOINTS, t[:, None] * slopes)
+    joints = pd.DataFrame({"take": "test_1", "t": t} | measured)
+    seen = spread("q", JOINTS, (exposed[:, None] + 0.1) * slopes)
+    angles = pd.DataFrame({"take": "test_1", "frame": range(5), "t": exposed} | seen)
     deviations = errors_of(angles, joints)
     assert deviations["frame"].tolist() == [1, 2, 3]
     np.testing.assert_allclose(deviations[ERRORS], np.tile([0.1, 0.2, 0.3], (3, 1)))
@@ -205,9 +173,8 @@ def recordings(
         measured = path + d + rng.normal(scale=pose, size=d.shape)
         t = np.arange(SAMPLES) * STEP
         name = {"take": f"take_{number:03d}", "part": part}
-        joints.append(
-            pd.DataFrame(name | {"k": np.arange(SAMPLES), "t": t} | spread("q", PAIR, measured))
-        )
+        sampled = name | {"k": np.arange(SAMPLES), "t": t}
+        joints.append(pd.DataFrame(sampled | spread("q", PAIR, measured)))
         if part == "test":
             k = np.arange(0, SAMPLES - 1, 3)
             own = d[k] if share == 0 else between[k]
@@ -271,6 +238,5 @@ def test_where_no_frame_is_near_a_sample_there_is_no_score():
     assert table[table["frames"] == NEAR_A_SAMPLE]["slope"].isna().all()
     assert slope_scores(table) == {}
     near = error_slopes(deviations_of(*recordings(share=0.05, lasts=True)), STEP, NONE)
-    assert set(slope_scores(near)) == {
-        f"depth_error_slope_{joint}{what}" for joint in PAIR for what in ("", "_standard_error")
-    }
+    names = [f"depth_error_slope_{joint}" for joint in PAIR]
+    assert [*slope_scores(near)] == [*names, *(f"{name}_standard_error" for name in names)]

@@ -34,10 +34,8 @@ def measured() -> np.ndarray:
 
 
 def tracked(positions: np.ndarray, markers: dict = MARKERS, robot=UR5, **options):
-    of_mocap = mocap(markers, **options)
-    return track_space(
-        positions, points_in_space(robot, of_mocap), robot.joints, **OPTIONS, take="t"
-    )
+    given = points_in_space(robot, mocap(markers, **options)), robot.joints
+    return track_space(positions, *given, **OPTIONS, take="t")
 
 
 def noisy(positions: np.ndarray, seed: int = 1) -> np.ndarray:
@@ -49,16 +47,10 @@ def test_exact_points_give_exact_angles(measured):
     np.testing.assert_allclose(track.q, motion(FRAMES), atol=1e-9)
     assert track.residual.max() < 1e-10 and not any(track.counts.values())
     assert track.samples == 9 * FRAMES
-
-
-def test_single_markers_on_many_links_do_as_well():
-    single = {
-        "shoulder": {"s": [0.05, 0.06, 0.0]},
-        "upper_arm": {"a": [-0.2, 0.06, 0.05]},
-        "forearm": {"d": [-0.3, 0.05, 0.05]},
-        "wrist_2": {"w": [0.03, 0.02, 0.05]},
-        "flange": {"g": [0.0, 0.07, 0.01], "h": [0.06, 0.0, 0.02]},
-    }
+    # single markers on many links do as well
+    single = {"shoulder": {"s": [0.05, 0.06, 0.0]}, "upper_arm": {"a": [-0.2, 0.06, 0.05]}}
+    single |= {"forearm": {"d": [-0.3, 0.05, 0.05]}, "wrist_2": {"w": [0.03, 0.02, 0.05]}}
+    single |= {"flange": {"g": [0.0, 0.07, 0.01], "h": [0.06, 0.0, 0.02]}}
     track = tracked(points(UR5, single, motion(FRAMES)), single, posture=START.round(1).tolist())
     np.testing.assert_allclose(track.q, motion(FRAMES), atol=1e-9)
 
@@ -106,14 +98,9 @@ def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(plane):
 
     np.testing.assert_allclose(solver.carry(q[None])[0], carry(q), atol=1e-12)
     frame = noisy(carry(q))
+    ends = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-15)
     other = least_squares(
-        lambda angles: (carry(angles) - frame).ravel(),
-        q,
-        "3-point",
-        x_scale=0.1,
-        xtol=1e-15,
-        ftol=1e-15,
-        gtol=1e-15,
+        lambda angles: (carry(angles) - frame).ravel(), q, "3-point", x_scale=0.1, **ends
     )
     solution = solver.solve(frame, q + 0.05)
     np.testing.assert_allclose(solution.q, other.x, atol=2e-8)
@@ -144,12 +131,9 @@ def test_the_planar_angles_err_as_the_least_squares_of_all_markers_do(gone):
     measured = noisy(np.repeat(of_youbot(BENT[0])[None], frames, axis=0), seed=2)
     measured[:, gone] = np.nan
     error = solver.solve_all(measured, np.repeat(BENT, frames, axis=0)).q - BENT
-    step = 1e-6 * np.eye(3)
-    left = np.setdiff1d(np.arange(9), gone)
-    slopes = [
-        (of_youbot(BENT[0] + d)[left] - of_youbot(BENT[0] - d)[left]).ravel() / 2e-6 for d in step
-    ]
-    law = NOISE**2 * np.linalg.inv(np.array(slopes) @ np.array(slopes).T)
+    ends = [[of_youbot(BENT[0] + way * d) for way in (1, -1)] for d in 1e-6 * np.eye(3)]
+    slopes = np.delete([(ahead - back) / 2e-6 for ahead, back in ends], gone, axis=1).reshape(3, -1)
+    law = NOISE**2 * np.linalg.inv(slopes @ slopes.T)
     # the standard deviation of 4000 values is known to 1.1 %: four of those
     np.testing.assert_allclose(error.std(axis=0), np.sqrt(np.diag(law)), rtol=0.045)
 
@@ -162,9 +146,7 @@ def test_standard_errors_are_those_that_the_noise_makes(measured):
     # control: twice the noise, twice the errors
     doubled = tracked(still + 2 * (noisy(still) - still))
     np.testing.assert_allclose(list(doubled.errors.values()), 2 * stated, rtol=0.01)
-
-
-def test_the_errors_of_bodies_count_six_numbers_each(measured):
+    # points of a body count as its six numbers
     bodies = {link: Body(link, ORIGIN) for link in MARKERS}
     by_body, by_marker = tracked(noisy(measured), bodies=bodies), tracked(noisy(measured))
     ratio = np.array(list(by_body.errors.values())) / list(by_marker.errors.values())
@@ -197,15 +179,15 @@ def test_a_take_that_starts_in_the_dark_is_followed_backwards(measured):
 
 
 def test_a_body_that_slips_is_left_out_of_its_frames(measured):
-    slipped = measured.copy()
+    slipped, other = measured.copy(), measured.copy()
     slipped[40:50, FORE] += [0.03, -0.02, 0.01]
     track = tracked(slipped)
     np.testing.assert_allclose(track.q, motion(FRAMES), atol=1e-9)
     assert track.counts["rejected"] == 30 and track.counts["unfit"] == 0
     # of two bodies apart nobody knows which is right, and the hand is needed
-    slipped = measured.copy()
-    slipped[40:50, HAND] += [0.03, -0.02, 0.01]
-    assert tracked(slipped).counts["undecided"] + tracked(slipped).counts["unfit"] == 10
+    other[40:50, HAND] += [0.03, -0.02, 0.01]
+    counts = tracked(other).counts
+    assert counts["undecided"] + counts["unfit"] == 10
 
 
 @pytest.mark.slow
@@ -226,11 +208,8 @@ def test_postures_that_fit_alike_are_refused_until_one_is_named():
     track = tracked(observed, hand, posture=(START + 0.1).tolist())
     np.testing.assert_allclose(track.q, motion(FRAMES), atol=1e-8)
     # the shoulder of the LWR4 is spherical: what is beyond it fits two postures
-    beyond = {
-        "link_3": MARKERS["forearm"],
-        "link_5": MARKERS["forearm"],
-        "flange": MARKERS["flange"],
-    }
+    beyond = dict.fromkeys(("link_3", "link_5"), MARKERS["forearm"])
+    beyond |= {"flange": MARKERS["flange"]}
     q = np.repeat([[0.3, 0.9, -0.3, -1.6, 0.4, 1.0, 0.2]], 3, axis=0)
     with pytest.raises(RecordingError, match="2 postures"):
         tracked(points(LWR4, beyond, q), beyond, LWR4)
@@ -238,14 +217,12 @@ def test_postures_that_fit_alike_are_refused_until_one_is_named():
     np.testing.assert_allclose(tracked(points(LWR4, other, q), other, LWR4).q, q, atol=1e-9)
 
 
-def test_whole_turns_are_those_of_the_posture_that_is_named(measured):
+def test_whole_turns_are_those_of_the_posture_that_is_named_and_points_that_never_fit_refused(
+    measured,
+):
     turned = START - 2 * np.pi * np.eye(6)[5]
     track = tracked(measured, posture=turned.tolist())
-    np.testing.assert_allclose(track.q[:, 5], motion(FRAMES)[:, 5] - 2 * np.pi, atol=1e-9)
-    np.testing.assert_allclose(track.q[:, :5], motion(FRAMES)[:, :5], atol=1e-9)
-
-
-def test_points_that_never_fit_are_refused(measured):
+    np.testing.assert_allclose(track.q, motion(FRAMES) + turned - START, atol=1e-9)
     with pytest.raises(RecordingError, match="no posture of the arm has all markers"):
         tracked(measured[:3, [0, 1, 2, 6, 7, 8, 3, 4, 5]])
     with pytest.raises(RecordingError, match="no posture"):
@@ -280,16 +257,9 @@ def random_arm(n: int, rng: np.random.Generator, points: int = 3) -> Carried:
         to_link = np.vstack([whole[: j + 1], ends[j]])
         limits = np.full(j + 1, -2.0), np.full(j + 1, 2.0), np.ones(j + 1)
         chains.append(SerialChain(SPACE, 1.0, to_link, sliding[: j + 1], *limits))
-    return Carried(
-        chains=chains,
-        sliding=sliding,
-        lower=chains[-1].lower,
-        upper=chains[-1].upper,
-        owner=np.repeat(np.arange(n), points),
-        places=rng.uniform(-0.1, 0.1, (n * points, 3)),
-        bodies=np.zeros(n, bool),
-        posture=None,
-    )
+    owner, places = np.repeat(np.arange(n), points), rng.uniform(-0.1, 0.1, (n * points, 3))
+    limits, bodies = (chains[-1].lower, chains[-1].upper), np.zeros(n, bool)
+    return Carried(chains, sliding, *limits, owner, places, bodies, None)
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 8])

@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -30,14 +31,8 @@ WIDTH = 0.06  # m
 
 @pytest.fixture(scope="module")
 def arm() -> Arm:
-    chain = PlanarChain(
-        origin=np.array([0.01, 0.115]),
-        links=np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]),
-        signs=np.ones(3),
-        lower=np.full(3, -3.0),
-        upper=np.full(3, 3.0),
-        max_speed=np.full(3, 1.5),
-    )
+    links, limit = np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]), np.full(3, 3.0)
+    chain = PlanarChain(np.array([0.01, 0.115]), links, np.ones(3), -limit, limit, limit / 2)
     return Arm(chain, Rotation.from_euler("z", 2.9).as_matrix(), np.array([0.02, -0.01, 0.0]))
 
 
@@ -46,11 +41,9 @@ Q = np.array([-0.5, 1.4, -0.6])
 
 def camera_pose(arm: Arm) -> tuple[np.ndarray, np.ndarray]:
     """1.1 m before the plane, turned by a few degrees."""
-    in_plane = (
-        np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-        @ Rotation.from_euler("xyz", [-0.05, 0.1, 0.02]).as_matrix()
-    )
-    return arm.rotation @ in_plane, arm.to_base(np.array([-0.05, -1.1, 0.25]))
+    facing = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    turn = Rotation.from_euler("xyz", [-0.05, 0.1, 0.02]).as_matrix()
+    return arm.rotation @ facing @ turn, arm.to_base(np.array([-0.05, -1.1, 0.25]))
 
 
 @cache
@@ -58,20 +51,13 @@ def ideal_pixels(distortion: tuple[float, ...]) -> np.ndarray:
     """(rows · columns, 3) rays in the camera's frame; the distortion inverted by a fixed point of
     the forward model.
     """
-    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
-    target = np.stack(
-        [(columns - CAMERA[0, 2]) / CAMERA[0, 0], (rows - CAMERA[1, 2]) / CAMERA[1, 1]], axis=-1
-    ).reshape(-1, 2)
-    ideal = target.copy()
+    v, u = np.mgrid[: SHAPE[0], : SHAPE[1]].reshape(2, -1)
+    target = (np.stack([u, v], axis=-1) - CAMERA[:2, 2]) / np.diag(CAMERA)[:2]
+    still, ideal = np.zeros(3), np.c_[target, np.ones(len(target))]
     for _ in range(30):
-        ray = np.c_[ideal, np.ones(len(ideal))]
-        ideal += (
-            target
-            - cv2.projectPoints(ray, np.zeros(3), np.zeros(3), np.eye(3), np.array(distortion))[0][
-                :, 0
-            ]
-        )
-    return np.c_[ideal, np.ones(len(ideal))]
+        seen, _ = cv2.projectPoints(ideal, still, still, np.eye(3), np.array(distortion))
+        ideal[:, :2] += target - seen[:, 0]
+    return ideal
 
 
 def rays(arm: Arm) -> np.ndarray:
@@ -102,6 +88,7 @@ def render(arm: Arm) -> tuple[np.ndarray, np.ndarray]:
 
 
 CROP = Crop(column_half_width=0.0, floor=-1.0, min_pixels=20, max_points=100_000)
+BASE = Crop(column_half_width=0.05, column_top=0.05, floor=0.12, min_pixels=1, max_points=100_000)
 
 
 def segmenter(arm: Arm, crop: Crop = CROP, distortion: np.ndarray = DISTORTION) -> ArmSegmenter:
@@ -132,57 +119,37 @@ def test_pixels_are_dropped_for_the_reason_that_holds_and_all_are_counted(arm: A
     lost = np.flatnonzero(hit)[::7]
     broken.ravel()[lost[::2]], broken.ravel()[lost[1::2]] = 0.0, np.nan
     # a flying pixel: at the depth of the arm, beside it
-    free = np.argwhere(
-        ~cv2.dilate(hit.astype(np.uint8), np.ones((7, 7))).astype(bool)[rows, columns]
-    )[0] + [rows.start, columns.start]
-    r, camera = rays(arm), arm.to_plane(camera_pose(arm)[1])
-    ray = r[free[0] * SHAPE[1] + free[1]]
-    broken[tuple(free)] = (FRONT - camera[1]) / ray[1]
+    beside = cv2.dilate(hit.astype(np.uint8), np.ones((7, 7))).astype(bool)[rows, columns]
+    free = tuple(np.argwhere(~beside)[0] + [rows.start, columns.start])
+    camera, ray = arm.to_plane(camera_pose(arm)[1]), rays(arm)[np.ravel_multi_index(free, SHAPE)]
+    broken[free] = (FRONT - camera[1]) / ray[1]
     points, dropped = cut(broken)
-    reach = (
-        np.hypot(*((camera + broken[tuple(free)] * ray)[[0, 2]] - arm.chain.origin)) <= cut.reach
-    )
+    away = (camera + broken[free] * ray)[[0, 2]] - arm.chain.origin
+    reach = np.hypot(*away) <= cut.reach
     assert dropped["no_depth"] == len(lost)
     assert dropped["isolated" if reach else "out_of_reach"] == 1
     assert len(points) == hit.sum() - len(lost)
     assert len(points) + sum(dropped.values()) == depth[cut.window].size
 
 
-def test_a_patch_of_the_stated_size_stays_and_a_smaller_one_goes(arm: Arm) -> None:
+def test_patches_base_and_points_beyond_the_stated_numbers_are_left_out(arm: Arm) -> None:
     depth, hit = render(arm)
-    total = int(hit.sum())
-    stays, _ = segmenter(
-        arm, Crop(column_half_width=0.0, floor=-1.0, min_pixels=total, max_points=100_000)
-    )(depth)
-    goes, dropped = segmenter(
-        arm, Crop(column_half_width=0.0, floor=-1.0, min_pixels=total + 1, max_points=100_000)
-    )(depth)
+    total, (everything, _) = int(hit.sum()), segmenter(arm)(depth)
+    stays, _ = segmenter(arm, replace(CROP, min_pixels=total))(depth)
+    goes, dropped = segmenter(arm, replace(CROP, min_pixels=total + 1))(depth)
     assert (len(stays), len(goes), dropped["isolated"]) == (total, 0, total)
-
-
-def test_turntable_and_floor_are_cut_out(arm: Arm) -> None:
-    depth, _ = render(arm)
-    everything, _ = segmenter(arm)(depth)
-    crop = Crop(
-        column_half_width=0.05, column_top=0.05, floor=0.12, min_pixels=1, max_points=100_000
-    )
-    points, dropped = segmenter(arm, crop)(depth)
+    # turntable and floor
+    points, dropped = segmenter(arm, BASE)(depth)
     x, z = (everything - arm.chain.origin).T
     base = ((np.abs(x) <= 0.05) & (z <= 0.05)) | (everything[:, 1] <= 0.12)
     assert base.sum() > 50
     np.testing.assert_array_equal(points, everything[~base])
     assert dropped["base"] == base.sum()
-
-
-def test_thinning_keeps_an_even_share_and_the_order(arm: Arm) -> None:
-    depth, _ = render(arm)
-    full, _ = segmenter(arm)(depth)
-    thin, dropped = segmenter(
-        arm, Crop(column_half_width=0.0, floor=-1.0, min_pixels=20, max_points=300)
-    )(depth)
-    assert len(thin) == 300 == len(full) - dropped["thinned"]
-    index = np.array([int(np.flatnonzero((full == point).all(axis=1))[0]) for point in thin])
-    assert set(np.diff(index)) <= {len(full) // 300, len(full) // 300 + 1}
+    # thinning keeps an even share and the order
+    thin, dropped = segmenter(arm, replace(CROP, max_points=300))(depth)
+    assert len(thin) == 300 == len(everything) - dropped["thinned"]
+    index = [int(np.flatnonzero((everything == point).all(axis=1))[0]) for point in thin]
+    assert set(np.diff(index)) <= {len(everything) // 300, len(everything) // 300 + 1}
 
 
 def test_another_images_shape_and_a_camera_that_looks_away_are_refused(arm: Arm) -> None:
@@ -213,13 +180,9 @@ def test_a_cloud_gives_the_points_of_the_image_and_counts_what_it_leaves_out(arm
     assert dropped == {
         "off_plane": int((~hit).sum()), "out_of_reach": 0, "base": 0, "isolated": 4, "thinned": 0
     }  # fmt: skip
-
-
-def test_a_cloud_without_points_of_the_arm_gives_none(arm: Arm) -> None:
-    cut = CloudSegmenter(arm, *camera_pose(arm), CROP)
-    cloud, hit = scene_cloud(arm)
+    # clouds without points of the arm give none
     for empty in (np.empty((0, 3)), cloud[~hit]):
-        points, dropped = cut(empty)
+        points, dropped = CloudSegmenter(arm, rotation, translation, CROP)(empty)
         assert points.shape == (0, 2) and sum(dropped.values()) == len(empty)
 
 

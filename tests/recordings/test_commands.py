@@ -24,34 +24,24 @@ from pipeline.recordings.commands import (
 )
 from pipeline.recordings.steps import fitted_ranges
 
-STEP_RATE = 50.0
-TASK = ("x", "rz")
+TASK, RATE, JOINTS = ("x", "rz"), 100.0, ["joint_2", "joint_3", "joint_4"]
+TIME = np.arange(301) / RATE
+POSITIONS, VELOCITIES = (columns(family, ("x", "z", "phi")) for family in "xv")
 
 
-@pytest.fixture
-def growing() -> pd.DataFrame:
-    """A motion that grows by what the velocity says."""
-    k = np.arange(6)
-    speed = np.random.default_rng(2).normal(size=(6, 2))
-    x = np.concatenate([np.zeros((1, 2)), np.cumsum(speed[:-1] / STEP_RATE, axis=0)])
-    families = spread("x", TASK, x) | spread("v", TASK, speed)
-    return pd.DataFrame({"k": k, "t": k / STEP_RATE} | families)
-
-
-def test_a_step_leads_from_one_commanded_place_to_the_next(growing):
-    steps = commanded_steps(growing, STEP_RATE)
+def test_a_step_leads_from_one_commanded_place_to_the_next_and_joints_stand_behind():
+    k, rng = np.arange(6), np.random.default_rng(2)
+    speed, joints = rng.normal(size=(6, 2)), rng.normal(size=(6, 3))
+    x = np.concatenate([np.zeros((1, 2)), np.cumsum(speed[:-1] / RATE, axis=0)])
+    growing = pd.DataFrame({"k": k} | spread("x", TASK, x) | spread("v", TASK, speed))
+    steps = commanded_steps(growing, RATE)
     assert steps.shape == (5, 2)
     np.testing.assert_allclose(steps, np.diff(growing[["x:x", "x:rz"]], axis=0), atol=1e-15)
     # the control: without the rate they are velocities
     assert np.abs(commanded_steps(growing, 1.0) - steps).max() > 0.5
-
-
-def test_the_commanded_joint_steps_of_a_redundant_arm_stand_behind_them(growing):
-    speeds = np.random.default_rng(3).normal(size=(6, 3))
-    redundant = growing.assign(**spread("u", ("a", "b", "c"), speeds))
-    steps = commanded_steps(redundant, STEP_RATE)
-    np.testing.assert_array_equal(steps[:, :2], commanded_steps(growing, STEP_RATE))
-    np.testing.assert_allclose(steps[:, 2:], speeds[:-1] / STEP_RATE, atol=1e-15)
+    redundant = commanded_steps(growing.assign(**spread("u", ("a", "b", "c"), joints)), RATE)
+    np.testing.assert_array_equal(redundant[:, :2], steps)
+    np.testing.assert_allclose(redundant[:, 2:], joints[:-1] / RATE, atol=1e-15)
 
 
 def test_the_steps_of_constant_speed_are_those_between_the_ramps_in_spite_of_noise():
@@ -64,11 +54,6 @@ def test_the_steps_of_constant_speed_are_those_between_the_ramps_in_spite_of_noi
     assert not steady[:17].any() and not steady[60:].any()
 
 
-RATE, JOINTS = 100.0, ["joint_2", "joint_3", "joint_4"]
-TIME = np.arange(301) / RATE
-POSITIONS, VELOCITIES = (columns(family, ("x", "z", "phi")) for family in "xv")
-
-
 @pytest.fixture(scope="module")
 def chain():
     return load_arm("pipeline/arm/ur5.urdf", JOINTS, "wrist_centre", {}).chain
@@ -79,16 +64,6 @@ def q() -> np.ndarray:
     """(301, 3) rad: there and back, from rest to rest."""
     share = (1 - np.cos(2 * np.pi * TIME / TIME[-1])) / 2
     return np.array([-0.2, 1.0, -2.6]) + share[:, None] * [-1.4, 0.5, 1.4]
-
-
-@pytest.fixture
-def trajectory(chain, q) -> pd.DataFrame:
-    return trajectory_table(chain, q, RATE)
-
-
-def later(table: pd.DataFrame, names: list[str], rows: int) -> pd.DataFrame:
-    shifted = table[names].shift(rows).bfill()
-    return table.assign(**dict(shifted.items()))
 
 
 def exchanged(table: pd.DataFrame, names: list[str]) -> pd.DataFrame:
@@ -104,26 +79,21 @@ WRONG = {
     "millimetres": lambda table, names: scaled(table, names[:2], 1000),
     "degrees": lambda table, names: scaled(table, names[2:], 180 / np.pi),
     "exchanged": exchanged,
-    "a second late": lambda table, names: later(table, names, 100),
+    "a second late": lambda table, names: table.assign(**table[names].shift(100).bfill()),
 }
 
 
 @pytest.mark.parametrize("wrong", WRONG)
-def test_a_command_in_another_unit_order_or_clock_than_the_arm_went_is_refused(
-    chain, q, trajectory, wrong
-):
+def test_a_path_or_velocities_in_another_unit_order_or_clock_are_refused(chain, q, wrong):
     tracked = q + np.random.default_rng(1).normal(0, 5e-3, q.shape)
+    trajectory, spoil = trajectory_table(chain, q, RATE), WRONG[wrong]
     require_commanded(tracked, trajectory, chain, "a")
     with pytest.raises(RecordingError, match=r"not on the commanded path.*suspected") as refused:
-        require_commanded(tracked, WRONG[wrong](trajectory, POSITIONS), chain, "a")
+        require_commanded(tracked, spoil(trajectory, POSITIONS), chain, "a")
     assert refused.value.evidence["take"] == "a"
-
-
-@pytest.mark.parametrize("wrong", WRONG)
-def test_velocities_that_do_not_lead_along_the_positions_are_refused(trajectory, wrong):
     require_velocities(trajectory, RATE, Path("t.csv"))
     with pytest.raises(RecordingError, match="do not lead along") as refused:
-        require_velocities(WRONG[wrong](trajectory, VELOCITIES), RATE, Path("t.csv"))
+        require_velocities(spoil(trajectory, VELOCITIES), RATE, Path("t.csv"))
     assert refused.value.evidence["file"] == Path("t.csv")
 
 
@@ -134,6 +104,7 @@ def test_velocities_that_do_not_lead_along_the_positions_are_refused(trajectory,
         (exchanged, "order of their columns"),
         (lambda table, names: table.assign(t=table["t"] + 1), "when their log starts"),
         (lambda table, names: table.assign(t=table["t"] + 10), "0 of 250 readings"),
+        (lambda table, names: table.add([0.0, 2 * np.pi, 0.0, 0.0]), "joint_2 [+]1 turns"),
     ],
 )
 def test_encoders_in_another_unit_order_or_clock_than_what_was_tracked_are_refused(q, wrong, words):

@@ -17,7 +17,17 @@ from pipeline.core.options.instruments import Depth
 from pipeline.formats.depth.image import write_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.recordings.clocks import on_motion_clock, with_markers
-from pipeline.recordings.depth import DepthSequence, take_paths
+from pipeline.recordings.depth import DepthSequence, frame_rows, take_paths
+from pipeline.recordings.depth_angles import arm_points
+
+CAMERA_MATRIX = [CAMERA.fx, 0.0, CAMERA.cx, 0.0, CAMERA.fy, CAMERA.cy, 0.0, 0.0, 1.0]
+STAMPS = (1700000005.0, 1700000005.033, 1700000005.069)
+PIXELS = (2 * PATCH + 1) ** 2
+ONES = np.ones((HEIGHT, WIDTH), np.uint16)
+
+
+def off(points: np.ndarray, place: np.ndarray) -> float:
+    return float(np.abs(points.mean(axis=0) - place).max())
 
 
 @pytest.mark.parametrize("units", [1000.0, 5000.0])
@@ -28,17 +38,25 @@ def test_a_patch_of_the_arm_is_found_where_it_is(tmp_path, units):
     assert sequence.references == tuple(f"kinect/test_001/depth/{i}.png" for i in range(3))
     for frame, place in enumerate(PLACES):
         points, valid = next(sequence.points([frame]))
-        assert len(points) == (2 * PATCH + 1) ** 2
+        assert len(points) == PIXELS
         # half a pixel in the middle of the patch, and the rounding of the depth
-        assert np.abs(points.mean(axis=0) - place).max() < 0.5 * 1.2 / CAMERA.fx + 0.5 / units
+        assert off(points, place) < 0.5 * 1.2 / CAMERA.fx + 0.5 / units
         np.testing.assert_allclose(np.ptp(points, axis=0), 2 * PATCH * 1.15 / CAMERA.fx, rtol=0.1)
-        assert valid == (2 * PATCH + 1) ** 2 / (WIDTH * HEIGHT)
+        assert valid == PIXELS / (WIDTH * HEIGHT)
+
+
+def test_a_camera_that_stands_elsewhere_sees_the_arm_elsewhere(tmp_path):
+    take, depth = record(tmp_path, ARM)
+    position = np.array(depth.camera.position) + ARM.rotation @ [0.03, 0.0, 0.0]
+    moved = replace(depth, camera=replace(depth.camera, position=position.tolist()))
+    points, _ = next(DepthSequence(take, moved, ARM, tmp_path).points([0]))
+    np.testing.assert_allclose(points.mean(axis=0), PLACES[0] + [0.03, 0.0], atol=0.007)
 
 
 def test_frames_are_read_when_they_are_asked_for(tmp_path):
     take, depth = record(tmp_path, ARM)
     sequence = DepthSequence(take, depth, ARM, tmp_path)
-    write_depth(take / "depth/2.png", np.zeros((HEIGHT, WIDTH), dtype=np.uint16))
+    write_depth(take / "depth/2.png", 0 * ONES)
     (take / "depth/1.png").unlink()
     observed = sequence.points([0, 2, 1])
     assert len(next(observed)[0])
@@ -47,6 +65,18 @@ def test_frames_are_read_when_they_are_asked_for(tmp_path):
     with pytest.raises(RecordingError) as refused:
         next(observed)
     assert refused.value.evidence["file"] == take / "depth/1.png"
+
+
+def test_a_frozen_camera_is_counted_and_its_frames_are_left_out(tmp_path):
+    take, depth = record(tmp_path, ARM)
+    (take / "depth/1.png").write_bytes((take / "depth/0.png").read_bytes())
+    rows, quality = frame_rows(("test_001", take), depth, ARM, tmp_path, tmp_path)
+    assert rows["frame"].tolist() == [0, 2]
+    assert {row["quantity"]: row["value"] for row in quality}["frozen_frames"] == 1
+    # the points of each frame that is left are read back as they were seen
+    seen = DepthSequence(take, depth, ARM, tmp_path).points([0, 2])
+    for points, (same, _) in zip(arm_points(rows, tmp_path), seen, strict=True):
+        np.testing.assert_array_equal(points, same)
 
 
 @pytest.mark.parametrize("missing", ["kinect/test_001/depth.txt", "kinect/intrinsics.yaml"])
@@ -60,42 +90,20 @@ def test_a_take_without_its_index_or_its_camera_is_refused(tmp_path, missing):
 
 def test_two_takes_of_one_name_are_refused(tmp_path):
     _, depth = record(tmp_path, ARM)
-    write_bag(
-        tmp_path / "kinect", "ros1", {"/depth": [(5.0, image(np.ones((2, 2), np.uint16), 5.0))]}
-    ).rename(tmp_path / "kinect/test_001.bag")
+    bag = write_bag(tmp_path / "kinect", "ros1", {"/depth": [(5.0, image(ONES, 5.0))]})
+    bag.rename(tmp_path / "kinect/test_001.bag")
     with pytest.raises(RecordingError, match="are named 'test_001'"):
         take_paths(tmp_path, depth)
     with pytest.raises(RecordingError, match="no bag matches"):
         take_paths(tmp_path, replace(depth, takes="elsewhere/*"))
 
 
-CAMERA_MATRIX = [CAMERA.fx, 0.0, CAMERA.cx, 0.0, CAMERA.fy, CAMERA.cy, 0.0, 0.0, 1.0]
-
-
-STAMPS = (1700000005.0, 1700000005.033, 1700000005.069)
-
-
-def in_camera(place: np.ndarray) -> np.ndarray:
-    """The patch of :func:`depth_image` as points (N, 3) in the camera's frame, without the rounding
-    of an image.
-    """
-    depth = depth_image(ARM, place, 1000.0) / 1000
-    rows, columns = np.nonzero(depth)
-    rays = np.stack(
-        [(columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy, np.ones(len(rows))],
-        axis=-1,
-    )
-    return depth[rows, columns, None] * rays
-
-
 @pytest.mark.parametrize("form", ["ros1", "sqlite3", "mcap"])
 def test_a_bag_of_images_gives_the_points_of_the_images(tmp_path, form):
     take, depth = record(tmp_path, ARM)
     expected = list(DepthSequence(take, depth, ARM, tmp_path).points(range(3)))
-    images = [
-        (stamp, image(depth_image(ARM, place, 1000.0), stamp))
-        for stamp, place in zip(STAMPS, PLACES, strict=True)
-    ]
+    stamped = zip(STAMPS, PLACES, strict=True)
+    images = [(t, image(depth_image(ARM, place, 1000.0), t)) for t, place in stamped]
     info = [(STAMPS[0], camera_info(CAMERA_MATRIX, [0.0] * 5, (WIDTH, HEIGHT)))]
     (tmp_path / "bags").mkdir()
     bag = write_bag(tmp_path / "bags", form, {"/depth/image": images, "/depth/camera_info": info})
@@ -110,57 +118,50 @@ def test_a_bag_of_images_gives_the_points_of_the_images(tmp_path, form):
     np.testing.assert_array_equal(next(sequence.points([2]))[0], expected[2][0])
 
 
+def in_camera(place: np.ndarray) -> np.ndarray:
+    """The patch of :func:`depth_image` as points (N, 3) in the camera's frame."""
+    depth = depth_image(ARM, place, 1000.0) / 1000
+    v, u = np.nonzero(depth)
+    x, y = (u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy
+    return depth[v, u, None] * np.stack([x, y, np.ones(len(v))], axis=-1)
+
+
+PCD = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH {0}\nHEIGHT 1\nPOINTS {0}\n"
+HEADERS = {
+    "pcd": PCD + "DATA binary\n",
+    "ply": "ply\nformat binary_little_endian 1.0\nelement vertex {0}\n"
+    + "".join(f"property float {c}\n" for c in "xyz")
+    + "end_header\n",
+}
+
+
 @pytest.mark.parametrize("form", ["pcd", "ply", "bag"])
 def test_clouds_enter_at_the_points(tmp_path, form):
     _, depth = record(tmp_path, ARM)
     clutter = np.random.default_rng(4).uniform([-1, -1, 0.2], [1, 1, 3], size=(40, 3))
-    clouds = [
-        np.concatenate([in_camera(place), clutter, np.full((9, 3), np.nan)]) for place in PLACES
-    ]
+    gone = np.full((9, 3), np.nan)
+    clouds = [np.concatenate([in_camera(place), clutter, gone]) for place in PLACES]
     take = tmp_path / "clouds" / "take"
     take.mkdir(parents=True)
     if form == "bag":
         fields = [(name, 4 * i, 7, 1) for i, name in enumerate("xyz")]
-        messages = [
-            (stamp, cloud(points, stamp, fields, 16))
-            for stamp, points in zip(STAMPS, clouds, strict=True)
-        ]
+        stamped = zip(STAMPS, clouds, strict=True)
+        messages = [(stamp, cloud(points, stamp, fields, 16)) for stamp, points in stamped]
         take = write_bag(tmp_path / "clouds", "ros1", {"/points": messages})
-    for number, points in enumerate(clouds if form != "bag" else []):
-        names = {
-            "pcd": "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH {0}\nHEIGHT "
-            "1\nPOINTS {0}\nDATA binary\n"
-        }
-        names["ply"] = (
-            "ply\nformat binary_little_endian 1.0\nelement vertex {0}\n"
-            + "".join(f"property float {c}\n" for c in "xyz")
-            + "end_header\n"
-        )
-        (take / f"{number + 1}.{form}").write_bytes(
-            names[form].format(len(points)).encode() + points.astype("<f4").tobytes()
-        )
-    described = replace(
-        depth,
-        index=None,
-        frames=f"*.{form}",
-        intrinsics=None,
-        width=None,
-        height=None,
-        units_per_metre=1.0,
-        start=None,
-    )
-    sequence = DepthSequence(take, described, ARM, tmp_path)
-    for points, (found, valid), place in zip(
-        clouds, sequence.points(range(3)), PLACES, strict=True
-    ):
-        assert len(found) == (2 * PATCH + 1) ** 2
-        assert np.abs(found.mean(axis=0) - place).max() < 0.5 * 1.2 / CAMERA.fx + 0.5 / 1000
+    for number, points in enumerate(clouds if form != "bag" else [], 1):
+        head = HEADERS[form].format(len(points)).encode()
+        (take / f"{number}.{form}").write_bytes(head + points.astype("<f4").tobytes())
+    keys = dict.fromkeys(("index", "intrinsics", "width", "height", "start"))
+    described = replace(depth, **keys, frames=f"*.{form}", units_per_metre=1.0)
+    found = DepthSequence(take, described, ARM, tmp_path).points(range(3))
+    for points, (arm, valid), place in zip(clouds, found, PLACES, strict=True):
+        assert len(arm) == PIXELS and off(arm, place) < 0.5 * 1.2 / CAMERA.fx + 0.5 / 1000
         assert valid == (len(points) - 9) / len(points)
 
 
 def test_what_the_description_of_the_camera_leaves_open_or_contradicts_is_refused(tmp_path):
     take, depth = record(tmp_path, ARM)
-    floats = [(stamp, image(np.ones((HEIGHT, WIDTH), np.float32), stamp)) for stamp in STAMPS]
+    floats = [(stamp, image(ONES.astype(np.float32), stamp)) for stamp in STAMPS]
     bag = write_bag(tmp_path, "ros1", {"/depth": floats})
     for path, changes, words in [
         (take, {"index": None}, "need.* index"),
@@ -182,15 +183,9 @@ def test_what_the_description_of_the_camera_leaves_open_or_contradicts_is_refuse
 
 def test_a_bag_whose_times_do_not_increase_is_refused_at_the_message(tmp_path):
     _, depth = record(tmp_path, ARM)
-    stamps = [5.0, 5.033, 5.033]
-    pixels = np.ones((HEIGHT, WIDTH), np.uint16)
-    bag = write_bag(
-        tmp_path,
-        "ros1",
-        {"/depth": [(stamp + i, image(pixels, stamp)) for i, stamp in enumerate(stamps)]},
-    )
+    images = [(5.0 + i, image(ONES, stamp)) for i, stamp in enumerate([5.0, 5.033, 5.033])]
     with pytest.raises(RecordingError, match="increase") as refused:
-        DepthSequence(bag, depth, ARM, tmp_path)
+        DepthSequence(write_bag(tmp_path, "ros1", {"/depth": images}), depth, ARM, tmp_path)
     assert refused.value.evidence["number"] == 2
 
 
@@ -218,51 +213,33 @@ def frames(centroid: np.ndarray, take: str = "test_001") -> pd.DataFrame:
 @pytest.fixture
 def markers(planar) -> pd.DataFrame:
     """Rows of the table ``markers``: one, that runs along the path in the arm's plane."""
-    plane = path(MOTION)
-    axes = [
-        planar.to_plane(row)[[0, 2]] - planar.to_plane(np.zeros(3))[[0, 2]] for row in np.eye(3)
-    ]
-    at, *_ = np.linalg.lstsq(
-        np.array(axes).T, (plane - planar.to_plane(np.zeros(3))[[0, 2]]).T, rcond=None
-    )
+    x, z = path(MOTION).T
+    at = planar.to_base(np.stack([x, 0 * x, z], axis=-1)).T
     table = pd.DataFrame({"take": "test_001", "part": "test", "k": np.arange(160), "t": MOTION})
     return table.assign(link=1, marker=1, x=at[0], y=at[1], z=at[2])
 
 
-def test_an_offset_that_nobody_states_is_that_of_the_motion(planar, markers):
+def test_an_offset_is_that_of_the_motion_unless_it_is_stated(planar, markers):
     filmed = frames(path(TIME + 0.12))
     rows, quality = on_motion_clock((filmed, markers), made(Depth, search=0.3), planar)
     values = {row["quantity"]: row["value"] for row in quality}
     assert abs(values["clock_offset"] - 0.12) < 1e-4
     np.testing.assert_allclose(rows["t"], TIME + values["clock_offset"])
     assert {"clock_offset_standard_error", "clock_correlation", "clock_drift"} <= {*values}
+    stated = made(Depth, search=0.3, clock_offset=-0.25)
+    for seen in (filmed, frames(np.ones((len(TIME), 2)))):  # whatever the motion says
+        rows, quality = on_motion_clock((seen, markers), stated, planar)
+        np.testing.assert_allclose(rows["t"], TIME - 0.25)
+        assert [(row["quantity"], row["value"]) for row in quality] == [("clock_offset", -0.25)]
 
 
-def test_an_offset_that_is_stated_is_taken_as_given_whatever_the_motion_says(planar, markers):
-    filmed, depth = frames(path(TIME + 0.12)), made(Depth, search=0.3, clock_offset=-0.25)
-    rows, quality = on_motion_clock((filmed, markers), depth, planar)
-    np.testing.assert_allclose(rows["t"], TIME - 0.25)
-    assert [(row["quantity"], row["value"]) for row in quality] == [("clock_offset", -0.25)]
-
-
-def test_a_motion_that_tells_no_offset_needs_one_stated(planar, markers):
+def test_takes_that_tell_no_offset_are_refused_by_their_name(planar, markers):
     still = frames(np.ones((len(TIME), 2)))
-    with pytest.raises(RecordingError, match="no motion to compare the clocks by"):
-        on_motion_clock((still, markers), made(Depth, search=0.3), planar)
-    stated = made(Depth, search=0.3, clock_offset=0.0)
-    assert on_motion_clock((still, markers), stated, planar)[0]["t"].tolist() == TIME.tolist()
-
-
-def test_frames_that_never_show_the_arm_tell_no_offset_and_are_refused_by_their_take(
-    planar, markers
-):
     empty = frames(np.full((len(TIME), 2), np.nan)).assign(points=0)
-    with pytest.raises(RecordingError, match="no frame shows the arm") as refused:
-        on_motion_clock((empty, markers), made(Depth, search=0.3), planar)
-    assert refused.value.evidence["take"] == "test_001"
-
-
-def test_a_take_without_motion_capture_is_refused_by_its_name(markers):
+    for seen, words in ((still, "no motion to compare the clocks by"), (empty, "no frame shows")):
+        with pytest.raises(RecordingError, match=words) as refused:
+            on_motion_clock((seen, markers), made(Depth, search=0.3), planar)
+        assert refused.value.evidence["take"] == "test_001"
     both = pd.concat([frames(path(TIME)), frames(path(TIME), "test_002")])
     with pytest.raises(RecordingError, match="no motion-capture take") as refused:
         with_markers(both, markers)

@@ -4,6 +4,7 @@ known where there is one.
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 import pandas as pd
@@ -14,7 +15,7 @@ from params_file import parameters
 from pipeline.core import config, contracts
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset
-from pipeline.recordings.inventory import PARTS, by_part, listing, named_takes, take_name
+from pipeline.recordings.inventory import KEYS, by_part, listing, named_takes, take_name
 from pipeline.recordings.quality import account, beside_limits, quality_row
 from pipeline.recordings.steps import held_against, truth_of
 from pipeline.stages import files
@@ -46,16 +47,18 @@ def dataset(tmp_path) -> Dataset:
 
 def test_each_part_has_the_files_that_its_patterns_name_and_what_none_names(recordings, dataset):
     parts = by_part(listing(recordings), dataset)
-    assert tuple(parts) == PARTS
+    assert [*parts] == [*KEYS]
     for part, named in FILES.items():
         assert set(parts[part]["file"]) == {*named, UNCLAIMED}
-
-
-def test_without_an_instrument_its_files_might_be_read_with_any(recordings, dataset):
+    # without an instrument its files might be read with any
     dataset.force = None
     parts = by_part(listing(recordings), dataset)
     for part in ("motion", "depth"):
         assert set(parts[part]["file"]) == {*FILES[part], *FILES["force"], UNCLAIMED}
+    dataset.depth.takes = "/absolute/*"
+    with pytest.raises(ConfigError) as refused:
+        by_part(listing(recordings), dataset)
+    assert refused.value.evidence["key"] == "dataset.depth.takes"
 
 
 def test_an_edit_of_a_force_log_changes_the_list_of_the_force_alone(recordings, tmp_path):
@@ -69,40 +72,34 @@ def test_an_edit_of_a_force_log_changes_the_list_of_the_force_alone(recordings, 
         return {file.stem: file.read_bytes() for file in files.OUT.iterdir()}
 
     before = written()
-    assert {*before} == {*PARTS} and written() == before
+    assert {*before} == {*KEYS} and written() == before
     for name, changed in (
         ("force/C2.csv", {"force"}),
         ("kinect/test_001/depth/0.png", {"depth"}),
         ("optitrack/train_001.csv", {"motion"}),
-        (UNCLAIMED, {*PARTS}),  # the control
+        (UNCLAIMED, {*KEYS}),  # the control
     ):
         (recordings / name).write_text("edited")
         after = written()
-        assert {part for part in PARTS if after[part] != before[part]} == changed
+        assert {part for part in KEYS if after[part] != before[part]} == changed
         before = after
 
 
-def test_a_listing_tells_a_change_that_keeps_the_size(recordings):
+def test_a_listing_tells_a_change_that_keeps_the_size_and_needs_a_file(recordings, tmp_path):
     before = listing(recordings).set_index("file")
     (recordings / UNCLAIMED).write_text(UNCLAIMED[::-1])
     after = listing(recordings).set_index("file")
     assert list(before.index[(before != after).any(axis=1)]) == [UNCLAIMED]
     assert list(before.index) == [path.as_posix() for path in sorted(map(Path, before.index))]
     assert (before["bytes"] == after["bytes"]).all()
-
-
-def test_a_folder_without_files_is_refused_by_its_name(tmp_path):
-    for folder in (tmp_path, tmp_path / "nowhere"):
+    content = (recordings / UNCLAIMED).read_bytes()
+    found = len(content), hashlib.sha256(content).hexdigest()
+    assert tuple(after.loc[UNCLAIMED, ["bytes", "sha256"]]) == found
+    for folder in (tmp_path / "data/nothing", tmp_path / "nowhere"):
+        (tmp_path / "data/nothing").mkdir(exist_ok=True)
         with pytest.raises(RecordingError, match="no recordings") as refused:
             listing(folder)
         assert refused.value.evidence["file"] == folder
-
-
-def test_a_pattern_that_is_none_is_refused_by_its_key(recordings, dataset):
-    dataset.depth.takes = "/absolute/*"
-    with pytest.raises(ConfigError) as refused:
-        by_part(listing(recordings), dataset)
-    assert refused.value.evidence["key"] == "dataset.depth.takes"
 
 
 RAW = Path("recordings")
@@ -140,8 +137,6 @@ def test_files_of_one_name_in_several_folders_are_all_there_and_a_collision_is_r
 
 
 NAMES = ["a/1.csv", "a/2.csv", "LICENSE", "old/3.csv", "old/4.csv"]
-
-
 FOUND = [pd.DataFrame({"file": files}) for files in (NAMES, [*NAMES[2:], "depth/0.png"])]
 
 
@@ -167,13 +162,9 @@ def test_each_step_says_what_it_found_kept_and_left_out():
     # the control: without the limit nothing is left out
     stays = account(FOUND, quality, beside_limits(quality, {}))
     assert stays.iloc[-1].tolist() == ["takes", "training", 2, 2, ""]
-
-
-def test_of_many_places_that_nothing_reads_the_first_are_named():
+    # of many places that nothing reads the first are named
     many = pd.DataFrame({"file": [f"{i:02}/x" for i in range(11)]})
-    none = pd.DataFrame(columns=["take", "quantity", "value", "part"])
-    takes = pd.DataFrame(columns=["take", "part", "left_out", "beyond"])
-    (row,) = account([many, many], none.astype({"quantity": str}), takes).to_numpy().tolist()
+    row = account([many, many], quality, beside_limits(quality, {})).iloc[0].tolist()
     assert row == ["files", "all", 11, 0, "00, 01, 02, 03, 04, 05, 06, 07, and in 3 more places"]
 
 

@@ -18,7 +18,7 @@ from pipeline.formats.joints.table import joint_labels, write_joint_table
 from pipeline.recordings import movement
 from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.joint_logs import encoder_rows
-from pipeline.recordings.logged_movement import read_logged_movement
+from pipeline.recordings.movement import read_logged_movement
 from pipeline.recordings.repetitions import find_passes
 
 
@@ -29,6 +29,13 @@ def test_logs_of_one_movement_are_paired_row_by_row_as_far_as_the_shortest_goes(
     assert counts == {"cut_rows": 0, "blank_rows": 0, "doubled_rows": 0, "rows_without_partner": 7}
     np.testing.assert_allclose(a, log(100, seed=1).signals["actual"][:93], rtol=0, atol=1e-6)
     np.testing.assert_allclose(b, log(93, seed=2).signals["actual"], rtol=0, atol=1e-6)
+    # one table of several signals is counted once
+    rows = ("0.000,0.5,1", "0.008,0.6,2", "0.008,0.6,2", "", "0.016,0.7")
+    table(tmp_path, "t,q,qd", *rows)
+    of_table = {"joints": 1, "rate": 125.0, "columns": [["q"], ["qd"]]}
+    (q, qd), counts = read_movement(tmp_path, ["log.txt"] * 2, **of_table)
+    assert (q.tolist(), qd.tolist()) == ([[0.5], [0.6]], [[1], [2]])
+    assert counts == {"cut_rows": 1, "blank_rows": 1, "doubled_rows": 1, "rows_without_partner": 0}
 
 
 @pytest.mark.parametrize(
@@ -49,15 +56,6 @@ def test_clocks_that_skip_or_disagree_are_refused(tmp_path, time, file, words):
     with pytest.raises(RecordingError, match=words) as caught:
         read_movement(tmp_path, ["a.csv", "b.csv"], joints=6, rate=125.0)
     assert caught.value.evidence["file"] == tmp_path / file
-
-
-def test_one_table_of_several_signals_is_counted_once(tmp_path):
-    table(tmp_path, "t,q,qd", "0.000,0.5,1", "0.008,0.6,2", "0.008,0.6,2", "", "0.016,0.7")
-    (q, qd), counts = read_movement(
-        tmp_path, ["log.txt"] * 2, joints=1, rate=125.0, columns=[["q"], ["qd"]]
-    )
-    assert (q.tolist(), qd.tolist()) == ([[0.5], [0.6]], [[1], [2]])
-    assert counts == {"cut_rows": 1, "blank_rows": 1, "doubled_rows": 1, "rows_without_partner": 0}
 
 
 def test_a_log_of_another_format_is_told_by_how_it_begins(tmp_path, monkeypatch):
@@ -95,14 +93,12 @@ def test_a_jittered_clock_is_asked_about_and_the_angles_say_which_it_is(tmp_path
     log = jittered(sampled=sampled)
     np.savez(tmp_path / "log.npz", times=log.time, q=log.signals["actual"])
     files = {tmp_path / "log.npz": LogOptions(joints=3, signals={"actual": None})}
-    with pytest.raises(
-        RecordingError, match=r"rows are uneven .*jitter by 0.2[0-9]+ ms"
-    ) as refused:
+    words = r"rows are uneven .*jitter by 0.2[0-9]+ ms"
+    with pytest.raises(RecordingError, match=words) as refused:
         movement.read_movement(files, 200.0)
     assert refused.value.evidence["key"] == "dataset.joint_log.clock"
     smoother = movement.smoothness_by_rows(log.time, log.signals["actual"], 200.0)
     assert smoother < 0.1 if sampled else smoother > 10
-    truth = np.sin(2 * np.arange(400)[:, None] * 0.005 + np.arange(3))
     errors = {}
     for clock in ("rows", "times"):
         signals, counts = movement.read_movement(files, 200.0, clock)
@@ -211,12 +207,8 @@ NAMES = ["shoulder", "elbow"]
 
 
 def encoder_dataset(**options) -> Dataset:
-    stated = {
-        "training": "logs/train_*.csv",
-        "test": "logs/test_*.csv",
-        "time": "time",
-        "actual": joint_labels("actual", NAMES),
-    }
+    stated = {"training": "logs/train_*.csv", "test": "logs/test_*.csv", "time": "time"}
+    stated |= {"actual": joint_labels("actual", NAMES)}
     robot = Robot("arm.urdf", NAMES, task=["x"])
     return made(Dataset, robot=robot, encoders=Encoders(**stated | options))
 
@@ -226,6 +218,7 @@ ELBOW = """<robot name="arm"><link name="base"/><link name="upper"/><link name="
 <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/>
 <limit velocity="2" effort="1" lower="-9" upper="9"/></joint></robot>
 """
+CLOCK = 7 + np.arange(40) / 250  # s
 
 
 @pytest.fixture
@@ -236,7 +229,7 @@ def raw(tmp_path, monkeypatch):
     q = np.random.default_rng(1).normal(0, 1e-3, (40, 2)).round(4)
     for take in ("test_b", "test_a", "train_a"):
         signals = {"target": np.zeros((40, 2)), "actual": q}
-        write_joint_table(tmp_path / f"logs/{take}.csv", 7 + np.arange(40) / 250, signals, NAMES)
+        write_joint_table(tmp_path / f"logs/{take}.csv", CLOCK, signals, NAMES)
     return tmp_path, q
 
 
@@ -266,18 +259,15 @@ def test_logs_of_other_joints_are_refused(raw, options, error, words):
 def test_a_wrapped_reading_is_unwrapped_and_counted_and_a_step_no_joint_makes_refused(raw):
     folder, q = raw
     turning = q + np.linspace(3.0, 3.4, 40)[:, None] * [1, 0]
-    wrapped = (turning + np.pi) % (2 * np.pi) - np.pi
-    time, file = 7 + np.arange(40) / 250, folder / "logs/train_a.csv"
-    write_joint_table(file, time, {"actual": wrapped}, NAMES)
+    wrapped, file = (turning + np.pi) % (2 * np.pi) - np.pi, folder / "logs/train_a.csv"
+    write_joint_table(file, CLOCK, {"actual": wrapped}, NAMES)
     (rows, quality), *_ = encoder_rows(folder, encoder_dataset())
     np.testing.assert_allclose(rows[["q:shoulder", "q:elbow"]], turning, atol=1e-7)
-    assert [r["value"] for r in quality if r["quantity"] == "unwrapped_jumps"] == [
-        np.sum(np.abs(np.diff(wrapped[:, 0])) > np.pi)
-    ]
+    jumps = np.sum(np.abs(np.diff(wrapped[:, 0])) > np.pi)
+    assert [r["value"] for r in quality if r["quantity"] == "unwrapped_jumps"] == [jumps]
     q[20, 1] += 0.05
-    write_joint_table(file, time, {"actual": q}, NAMES)
-    with pytest.raises(
-        RecordingError, match=r"elbow \(actual\) steps .* allows 2 rad/s"
-    ) as refused:
+    write_joint_table(file, CLOCK, {"actual": q}, NAMES)
+    words = r"elbow \(actual\) steps .* allows 2 rad/s"
+    with pytest.raises(RecordingError, match=words) as refused:
         encoder_rows(folder, encoder_dataset())
     assert refused.value.evidence["time"] == 0.08

@@ -13,6 +13,7 @@ from pipeline.recordings.pairing import Pairing, delayed, missed, pairing_of, re
 
 RATE, JOINTS = 100.0, ("a", "b", "c", "d")
 TURN = 180 / np.pi
+HELD = {"rate": RATE, "limit": 0.05, "joints": JOINTS}
 
 
 def logged(kind: str = "there and back", lag: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -65,7 +66,7 @@ def test_what_is_wrong_is_found_to_the_row_and_refused_with_its_option(kind, nam
     assert (pair.order.tolist(), pair.delay) == (order, delay)
     assert missed(*pair.apply(actual, wrong)).max() < 0.02
     with pytest.raises(RecordingError, match="are no pair") as refused:
-        require_pair(actual, wrong, RATE, limit=0.05, joints=JOINTS, file="log")
+        require_pair(actual, wrong, **HELD, file="log")
     for option, said in (
         ("target_factor", np.any(right.factor != 1)),
         ("signals", order != [0, 1, 2, 3]),
@@ -78,14 +79,14 @@ def test_what_is_wrong_is_found_to_the_row_and_refused_with_its_option(kind, nam
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_right_stays_as_it_is(kind):
     actual, target = logged(kind, lag=4e-3)
-    require_pair(actual, target, RATE, limit=0.05, joints=JOINTS)
+    require_pair(actual, target, **HELD)
     assert not list(suspects(pairing_of(actual, target, RATE), actual, target, RATE))
     # up to the limit a lag is the controller's
     actual, target = logged(kind, lag=0.9 * pairing.LATEST)
-    require_pair(actual, target, RATE, limit=0.05, joints=JOINTS)
+    require_pair(actual, target, **HELD)
     actual, target = logged(kind, lag=1.3 * pairing.LATEST)
     with pytest.raises(RecordingError, match=r"s behind its command|target_delay: 0.0[67]"):
-        require_pair(actual, target, RATE, limit=0.05, joints=JOINTS)
+        require_pair(actual, target, **HELD)
 
 
 def test_joints_with_the_same_command_are_not_taken_for_exchanged():
@@ -96,30 +97,27 @@ def test_joints_with_the_same_command_are_not_taken_for_exchanged():
     np.testing.assert_allclose(pair.factor, TURN)
 
 
-def test_another_movement_is_no_pair_by_any_unit_order_or_clock():
+def test_another_movement_is_no_pair_and_a_few_pushes_do_not_decide():
     actual, _ = logged("without rest")
     _, target = logged("there and back")
     with pytest.raises(RecordingError, match=r"no other unit, order or clock .* of one movement"):
-        require_pair(actual, target, RATE, limit=0.05, joints=JOINTS)
-
-
-def test_a_joint_at_rest_and_a_few_pushes_do_not_decide():
+        require_pair(actual, target, **HELD)
     actual, target = logged()
     actual[700:760, 0] += 0.3
-    require_pair(actual, target, RATE, limit=0.05, joints=JOINTS)
+    require_pair(actual, target, **HELD)
     # the control: a joint that stands elsewhere than it is commanded to does
     actual[:, 3] += 0.2
     with pytest.raises(RecordingError, match="d misses its command by 1"):
-        require_pair(actual, target, RATE, limit=0.05, joints=JOINTS)
+        require_pair(actual, target, **HELD)
 
 
 def test_an_arm_that_never_moves_is_held_to_where_it_is_commanded():
     rest = np.full((50, 2), 0.3)
-    require_pair(rest, rest, RATE, limit=0.05, joints=JOINTS[:2])
+    require_pair(rest, rest, **HELD)
     # encoders have noise, a command that is read back creeps, and a static error is no lag
     rng = np.random.default_rng(2)
     noisy, creeping = (rest + rng.normal(0, 2e-5, rest.shape) for _ in range(2))
-    require_pair(noisy + 1e-3, creeping, RATE, limit=0.05, joints=JOINTS[:2])
+    require_pair(noisy + 1e-3, creeping, **HELD)
     assert not list(suspects(pairing_of(noisy, creeping, RATE), noisy, creeping, RATE))
     with pytest.raises(RecordingError, match="misses its command"):
-        require_pair(rest, rest + 0.1, RATE, limit=0.05, joints=JOINTS[:2])
+        require_pair(rest, rest + 0.1, **HELD)

@@ -20,9 +20,13 @@ from pipeline.recordings.quality import (
 )
 
 CAMERA, LOG = "depth camera", "joint log"
-
-
 SHARES, CORRELATIONS = [0.2, 0.9, 0.4, 0.6], [0.999, 0.98, 0.97, 0.99]
+
+
+def measured(quantity: str, values: dict[str, float], part: str = "training", unit: str = "m"):
+    """A value of the ``quantity`` of each take."""
+    rows = [quality_row(take, part, LOG, quantity, value, unit) for take, value in values.items()]
+    return pd.DataFrame(rows)
 
 
 @pytest.fixture
@@ -40,7 +44,7 @@ def quality() -> pd.DataFrame:
     return pd.DataFrame([*rows, quality_row("take_0", "test", LOG, "cut_rows", 700, "row")])
 
 
-def test_each_quantity_is_summed_up_as_its_unit_declares(quality):
+def test_each_quantity_is_summed_up_as_its_unit_declares_and_no_share_exceeds_one(quality):
     table = summarised(quality).set_index("quantity")
     assert table.loc["dropped_frames", "total"] == 6 and np.isnan(table["mean"]["dropped_frames"])
     for name, values in (("dropped_share", SHARES), ("clock_correlation", CORRELATIONS)):
@@ -48,9 +52,6 @@ def test_each_quantity_is_summed_up_as_its_unit_declares(quality):
         assert np.isnan(table.loc[name, "total"])
         assert tuple(table.loc[name, ["least", "greatest"]]) == (min(values), max(values))
     assert "cut_rows" not in table.index
-
-
-def test_no_share_and_no_correlation_of_the_metrics_is_greater_than_one(quality):
     numbers = metrics(summarised(quality))
     assert numbers["depth_camera_dropped_frames"] == 6
     bounded = {name: value for name, value in numbers.items() if "share" in name or "corr" in name}
@@ -71,62 +72,42 @@ def test_takes_stand_side_by_side_with_the_reason_why_one_is_left_out(quality):
         "take_1": "dropped_share 0.9 beyond 0.8",
         "take_3": "clock_offset 0.2 beyond 0.15",
     }
+    assert side_by_side(beside_limits(quality, {}))["reason"].isna().all()
 
 
-def residuals_of(residuals: dict[str, float], part: str = "training") -> pd.DataFrame:
-    rows = [
-        quality_row(take, part, "motion capture", "residual_rms", value, "m")
-        for take, value in residuals.items()
-    ]
-    return pd.DataFrame(
-        rows
-        + [quality_row(take, part, "motion capture", "marker_samples", 1e6) for take in residuals]
-    )
-
-
-def test_a_take_beyond_a_limit_is_left_out_and_one_at_the_limit_stays():
-    takes = beside_limits(
-        residuals_of({"a": 1e-3, "b": 1.001e-3, "c": 2e-4}), {"residual_rms": 1e-3}
-    )
+def test_a_take_beyond_a_limit_is_left_out_and_one_at_the_limit_or_without_stays():
+    takes = measured("residual_rms", {"a": 1e-3, "b": 1.001e-3, "c": 2e-4})
+    takes = beside_limits(takes, {"residual_rms": 1e-3})
     assert takes[["take", "left_out"]].values.tolist() == [["a", False], ["b", True], ["c", False]]
     assert reasons(takes) == ["b (residual_rms 0.001 beyond 0.001)"]
-
-
-def test_without_a_stated_limit_no_take_is_left_out():
     for limits in ({}, {"residual_rms": None}, vars(Limits())):
-        takes = beside_limits(residuals_of({"a": 1e3}), limits)
+        takes = beside_limits(measured("residual_rms", {"a": 1e3}), limits)
         assert not takes["left_out"].any() and takes["limit"].isna().all() and reasons(takes) == []
 
 
 def test_a_take_is_left_out_whole_for_one_measure_and_a_clock_may_drift_to_neither_side():
-    drift = [
-        quality_row(take, "training", "depth camera", "clock_drift", value, "s/s")
-        for take, value in {"a": -0.05, "b": 0.01}.items()
+    tables = [
+        measured("clock_drift", {"a": -0.05, "b": 0.01}, unit="s/s"),
+        measured("residual_rms", {"a": 1e-4, "b": 1e-4}),
+        measured("marker_samples", {"a": 1e6, "b": 1e6}, unit="count"),
     ]
-    rows = pd.concat([pd.DataFrame(drift), residuals_of({"a": 1e-4, "b": 1e-4})])
-    takes = beside_limits(rows, {"clock_drift": 0.02, "residual_rms": 1e-3})
+    takes = beside_limits(pd.concat(tables), {"clock_drift": 0.02, "residual_rms": 1e-3})
     assert takes.loc[takes["take"] == "a", "left_out"].tolist() == [True, True]
     assert takes.loc[takes["take"] == "a", "beyond"].tolist() == [False, True]
     assert not takes.loc[takes["take"] == "b", "left_out"].any()
     assert set(takes["measure"]) == {"clock_drift", "residual_rms"}  # and no count of samples
     # to be less disturbed than others is no reason
-    rows = [
-        quality_row(take, "training", "joint log", "disturbance", value)
-        for take, value in {"a": -7.0, "b": 7.0}.items()
-    ]
-    takes = beside_limits(pd.DataFrame(rows), {"disturbance": 6.0})
+    takes = beside_limits(measured("disturbance", {"a": -7.0, "b": 7.0}), {"disturbance": 6.0})
     assert takes["left_out"].tolist() == [False, True]
 
 
 def test_fewer_than_two_takes_of_a_part_are_refused_by_the_limits_name():
-    rows = pd.concat(
-        [residuals_of({"a": 1e-4, "b": 1e-4}), residuals_of({"c": 5e-3, "d": 1e-4}, "test")]
-    )
-    with pytest.raises(
-        RecordingError,
-        match=r"1 test take\(s\) where 2.* c \(residual_rms 0.005.*dataset\.limits\.residual_rms",
-    ):
+    parts = {"training": {"a": 1e-4, "b": 1e-4}, "test": {"c": 5e-3, "d": 1e-4}}
+    rows = pd.concat([measured("residual_rms", each, part) for part, each in parts.items()])
+    words = r"1 test take\(s\) where 2.* c \(residual_rms 0.005.*dataset\.limits\.residual_rms"
+    with pytest.raises(RecordingError, match=words):
         require_enough(beside_limits(rows, {"residual_rms": 1e-3}))
     require_enough(beside_limits(rows, {"residual_rms": 1e-2}))
     # a single take that no limit leaves out is for others to judge
-    require_enough(beside_limits(residuals_of({"a": 1e-4}), {"residual_rms": 1e-3}))
+    one = measured("residual_rms", {"a": 1e-4})
+    require_enough(beside_limits(one, {"residual_rms": 1e-3}))

@@ -10,8 +10,8 @@ import pytest
 from pipeline import arm
 from pipeline.core.options.dataset import Robot
 from pipeline.recordings.disturbances import beside_others, disturbances, smallest_push
-from pipeline.recordings.logged_movement import LoggedMovement
 from pipeline.recordings.motions import motions
+from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import (
     align,
     commanded_speeds,
@@ -95,21 +95,15 @@ def test_an_excursion_cut_off_by_either_end_of_the_record_is_named_and_left_out(
     assert len(at_start.runs) == 2
 
 
-def test_a_way_without_enough_rest_beside_it_is_left_out():
-    angles, speeds = log(AT_HOME, OUT, ("rest", 10, AWAY), BACK, AT_HOME, OUT, AT_AWAY)
-    result = find(angles, speeds)
+def test_a_way_without_enough_rest_beside_it_or_at_another_speed_is_another_motion():
+    result = find(*log(AT_HOME, OUT, ("rest", 10, AWAY), BACK, AT_HOME, OUT, AT_AWAY))
     assert ([run.first for run in result.runs], result.left_out["too_little_rest"]) == ([310], [50])
-
-
-def test_the_same_ends_at_another_speed_are_another_motion():
     angles, speeds = log(AT_HOME, OUT, AT_AWAY, BACK, AT_HOME, ("go", HOME, AWAY, 130), AT_AWAY)
     assert [run.first for run in find(angles, speeds).runs] == [50]
     assert [run.first for run in find(angles, speeds, steps=130).runs] == [350]
-
-
-def test_the_jerk_of_a_controller_taking_over_is_no_excursion():
-    angles, speeds = log(("rest", 3, HOME), ("go", HOME, HOME + 5e-4, 3), AT_HOME, OUT, AT_AWAY)
-    assert [run.first for run in excursions(angles, speeds)] == [56]
+    # the jerk of a controller taking over is no excursion
+    jerk = ("rest", 3, HOME), ("go", HOME, HOME + 5e-4, 3)
+    assert [run.first for run in excursions(*log(*jerk, AT_HOME, OUT, AT_AWAY))] == [56]
 
 
 def test_motions_of_other_joints_alone_are_other_motions():
@@ -135,21 +129,17 @@ def test_takes_are_aligned_on_their_commands_to_the_row(shift):
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.6e-3, -0.4e-3])
-def test_the_lag_of_the_measured_angles_is_recovered(delay):
-    time = np.arange(300) / RATE
+def test_the_lag_of_the_measured_angles_is_recovered_and_none_at_rest(delay):
+    time, rng = np.arange(300) / RATE, np.random.default_rng(2)
     curve = np.stack([np.sin(2 * time), np.cos(3 * time)], axis=1)
     late = np.stack([np.sin(2 * (time - delay)), np.cos(3 * (time - delay))], axis=1)
-    noisy = late + np.random.default_rng(2).normal(0, 1e-4, late.shape)
     # standard error 1e-4 / sqrt(Σ q̇²) = 3 µs
+    noisy = late + rng.normal(0, 1e-4, late.shape)
     assert lag(curve, noisy, RATE) == pytest.approx(delay, abs=12e-6)
-
-
-def test_joints_at_rest_do_not_lag_behind_a_command_that_creeps():
-    creep = np.random.default_rng(5).normal(0, 1e-5, (2, 300, 3)) - 0.3
+    creep = rng.normal(0, 1e-5, (2, 300, 3)) - 0.3
     assert np.isnan(lag(*creep, RATE))
     # the control: as far as the joints move they do
-    moved = creep + np.linspace(0, 0.02, 300)[:, None]
-    assert np.isfinite(lag(*moved, RATE))
+    assert np.isfinite(lag(*(creep + np.linspace(0, 0.02, 300)[:, None]), RATE))
 
 
 def test_motions_are_found_by_the_steps_of_the_commanded_angles_where_no_speed_is_logged():
@@ -167,12 +157,9 @@ def test_angles_that_creep_at_rest_need_a_speed_of_rest_above_their_steps():
     assert find(angles, commanded_speeds(angles, RATE)).runs == []
     stepped = commanded_speeds(angles, RATE, 5e-3)
     assert not stepped[:48].any() and stepped[52:148].any(axis=1).all()
-    result = find_repetitions(
-        angles, stepped, COLUMNS, HOME[1:], AWAY[1:], steps=STEPS, rest=20, rest_speed=5e-3
-    )
-    assert [
-        abs(run.first - row) <= 2 for run, row in zip(result.runs, (50, 350, 650), strict=True)
-    ] == [True] * 3
+    ends, motion = (HOME[1:], AWAY[1:]), {"steps": STEPS, "rest": 20, "rest_speed": 5e-3}
+    runs = find_repetitions(angles, stepped, COLUMNS, *ends, **motion).runs
+    np.testing.assert_allclose([run.first for run in runs], [50, 350, 650], atol=2)
 
 
 def periodic(rows: int, period: float) -> np.ndarray:
@@ -185,9 +172,8 @@ def test_a_motion_in_passing_is_found_in_each_period_and_brought_in_phase():
     period, steps, first = 251.3274, 180, 20
     command = periodic(800, period)
     outcome = find_passes(command, command[first], command[first + steps], steps)
-    assert [run.first for run in outcome.runs] == [20, 271, 523] and outcome.left_out == {
-        "overlapping": []
-    }
+    assert [run.first for run in outcome.runs] == [20, 271, 523]
+    assert outcome.left_out == {"overlapping": []}
     assert {run.steps for run in outcome.runs} == {steps}
     reference = command[first : first + steps + 1]
     for number, run in enumerate(outcome.runs):
@@ -198,9 +184,7 @@ def test_a_motion_in_passing_is_found_in_each_period_and_brought_in_phase():
     assert np.abs(command[523 : 523 + steps + 1] - reference).max() > 5e-3
     # a row is a row
     np.testing.assert_array_equal(stretch(command, 20.0, steps + 1), reference)
-
-
-def test_motions_in_passing_that_would_overlap_or_do_not_fit_are_left_out():
+    # motions that would overlap or do not fit are left out
     command = periodic(800, 200.0)
     outcome = find_passes(command, command[10], command[10 + 250], 250)
     assert [run.first for run in outcome.runs] == [10, 410]
@@ -324,13 +308,10 @@ def test_a_current_by_a_factor_of_two_shows_what_the_angles_do_not():
     assert scores(rows).max() < LIMIT
 
 
-def test_what_all_repetitions_share_is_no_disturbance():
+def test_what_all_repetitions_share_is_no_disturbance_and_of_two_neither_is_disturbed():
     apart = residuals(6, np.random.default_rng(3))
     shared = apart + 5e-3 * np.linspace(-1, 1, 300)[:, None]
     np.testing.assert_allclose(scores(shared), scores(apart), rtol=1e-7)
-
-
-def test_of_two_repetitions_neither_is_the_disturbed_one():
     pair = residuals(2, np.random.default_rng(4))
     pair[0, 100:150] += 0.01
     np.testing.assert_allclose(scores(pair), 0, atol=1e-9)

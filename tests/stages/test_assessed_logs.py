@@ -29,22 +29,14 @@ COVARIANCE = {"estimates": [], "covariance": []}
 def logs(log_project, tmp_path) -> Path:
     """The folder of a movement of nine repetitions that the stages have read, with a model."""
     write_movement(tmp_path / "logs/move_1", 17, noise=5e-5)
-    log_project(
-        "ur5_planar",
-        tmp_path / "logs",
-        joint_log=MADE_UP,
-        motion={"steps": 140, "pose_noise": 5e-5},
-    )
+    motion = {"steps": 140, "pose_noise": 5e-5}
+    log_project("ur5_planar", tmp_path / "logs", joint_log=MADE_UP, motion=motion)
     ingest.run("motion")
     Path("data/ingest/depth").mkdir()
     track.run()
-    for file, values in (
-        ("data/fit/additive/parameters.json", MODEL),
-        ("data/fit/additive/covariance.json", COVARIANCE),
-        ("data/fit/additive/fit.json", {}),
-    ):
-        Path(file).parent.mkdir(parents=True, exist_ok=True)
-        Path(file).write_text(json.dumps(values))
+    (folder := Path("data/fit/additive")).mkdir(parents=True)
+    for name, values in {"parameters": MODEL, "covariance": COVARIANCE, "fit": {}}.items():
+        (folder / f"{name}.json").write_text(json.dumps(values))
     return tmp_path / "logs"
 
 

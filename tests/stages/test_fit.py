@@ -1,4 +1,6 @@
-"""Standard errors and the ridge that the stage writes beside the parameters of a fit."""
+"""Standard errors and the ridge that the stage fit writes beside the parameters; configure leaves
+nothing of a model that params.yaml does not name.
+"""
 
 from __future__ import annotations
 
@@ -7,24 +9,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from omegaconf import OmegaConf
+from params_file import parameters
 
 from pipeline.core import config, contracts
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.closed_loop import fitted_closed_loop
 from pipeline.models.kinds import fitted_model, fitted_models
-from pipeline.stages import fit, predict
+from pipeline.stages import configure, fit, predict
 
 
 def metrics_of(model: str) -> dict[str, float]:
     return json.loads(Path(f"data/fit/{model}/fit.json").read_text())
-
-
-def choose(**changes) -> None:
-    params = OmegaConf.load("params.yaml")
-    params.update(changes)
-    OmegaConf.save(params, "params.yaml")
-    config.write_config(Path("params.yaml"))
 
 
 def uncertain(metrics: dict[str, float]) -> set[str]:
@@ -35,21 +30,15 @@ def uncertain(metrics: dict[str, float]) -> set[str]:
 
 
 @pytest.mark.parametrize("model", ["additive", "gaussian", "wishart"])
-def test_every_estimate_has_a_standard_error_and_an_interval(project, model):
+def test_every_estimate_has_a_standard_error_and_an_interval(project, choose, model):
     choose(models=["additive", "gaussian", "wishart"])
     fit.run(model)
     metrics, chosen = metrics_of(model), config.sections("fit", item=model)
-    compared = {
-        "additive": set(),
-        "gaussian": {f"noise_level_{name}" for name in ("moments", "paper", "likelihood")},
-        "wishart": {
-            f"{prefix}sigma_b_{name}"
-            for prefix in ("", "control_qr_transposed_")
-            for name in ("moments", "paper", "likelihood")
-        },
-    }[model]
+    stems = {"gaussian": ["noise_level"], "additive": []}
+    stems["wishart"] = ["sigma_b", "control_qr_transposed_sigma_b"]
     names = uncertain(metrics)
-    assert compared <= names
+    for name in ("moments", "paper", "likelihood"):
+        assert {f"{stem}_{name}" for stem in stems[model]} <= names
     for name in names:
         assert metrics[f"{name}_interval_low"] <= metrics[f"{name}_interval_high"]
         assert 0 < metrics[f"{name}_standard_error"] < 0.5 * abs(metrics[name]) + 0.2
@@ -72,21 +61,19 @@ def test_an_unbounded_bound_has_no_interval_and_says_so(project):
 
 
 def test_fewer_than_ten_takes_have_standard_errors_and_no_intervals(project):
-    for name, place in (("joints", fit.TRACK), ("process_noise", fit.TRACK)):
-        table = contracts.read(name, place)
-        if "part" in table:
-            table = table[table["part"] == "training"]
-        contracts.write(table[table["take"].isin(sorted(table["take"].unique())[:9])], name, place)
+    for name in ("joints", "process_noise"):
+        table = contracts.read(name, fit.TRACK).query("part == 'training'")
+        few = table[table["take"].isin(sorted(table["take"].unique())[:9])]
+        contracts.write(few, name, fit.TRACK)
     fit.run("gaussian")
     metrics = metrics_of("gaussian")
     assert metrics["takes"] == 9 and "noise_level_standard_error" in metrics
-    assert not [
-        name for name in metrics if "_interval_" in name and not name.startswith("closed_loop")
-    ]
+    intervals = [name for name in metrics if "_interval_" in name]
+    assert all(name.startswith("closed_loop") for name in intervals)
 
 
 def test_noise_of_the_measurement_alone_gives_no_model_and_later_stages_leave_it_out(
-    project, capsys
+    project, choose, capsys
 ):
     """The reason stands in place of the parameters, and every stage that would need them prints
     it.
@@ -123,10 +110,10 @@ def test_along_the_ridge_the_level_stays_while_alpha_falls(project):
     assert ridge["alpha"].iloc[-1] < 0.5 * ridge["alpha"].iloc[0]
 
 
-def test_the_closed_loop_stands_beside_the_open_one_unless_the_options_say_no(project, capsys):
+def test_the_closed_loop_stands_beside_the_open_one_unless_the_options_say_no(project, choose):
     fit.run("gaussian")
     model, share = fitted_closed_loop(fit.OUT / "gaussian")
-    metrics = json.loads(Path("data/fit/gaussian/fit.json").read_text())
+    metrics = metrics_of("gaussian")
     assert metrics["closed_loop_share"] == share
     assert metrics["closed_loop_gain_per_s"] == pytest.approx(100 * share)
     error = metrics["closed_loop_share_standard_error"]
@@ -137,7 +124,7 @@ def test_the_closed_loop_stands_beside_the_open_one_unless_the_options_say_no(pr
     choose(overrides={"models": {"gaussian": {"closed_loop": False}}})
     fit.run("gaussian")
     assert fitted_closed_loop(fit.OUT / "gaussian") is None
-    assert "closed_loop_share" not in json.loads(Path("data/fit/gaussian/fit.json").read_text())
+    assert "closed_loop_share" not in metrics_of("gaussian")
 
 
 def test_a_motion_that_never_rests_has_no_closed_loop_and_says_so(project, capsys):
@@ -147,3 +134,15 @@ def test_a_motion_that_never_rests_has_no_closed_loop_and_says_so(project, capsy
     fit.run("additive")
     assert fitted_closed_loop(fit.OUT / "additive") is None
     assert "additive has no closed loop: the motion never rests" in capsys.readouterr().out
+
+
+def test_results_of_models_that_are_not_chosen_go_and_the_others_stay(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    parameters(tmp_path, models="[additive]")
+    for place in ("data/fit/additive", "data/fit/scaled", "data/filter/wishart"):
+        Path(place).mkdir(parents=True)
+        Path(place, "parameters.json").touch()
+    configure.run()
+    left = [str(file) for file in Path("data").rglob("*.json")]
+    assert left == ["data/fit/additive/parameters.json"]
+    assert Path("data/config.yaml").is_file()

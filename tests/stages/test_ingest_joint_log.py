@@ -1,5 +1,5 @@
-"""From the raw logs of a made-up robot that repeats its motions to the tables and the process
-noise; of it everything is known.
+"""From the raw logs of a made-up robot that repeats its motions, in several forms and with
+disturbed repetitions, to the tables; of it everything is known.
 """
 
 from __future__ import annotations
@@ -9,117 +9,107 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from joint_files import read_joint_log
-from joint_logs import AWAY, FILES, HOME, MADE_UP, ingested, quality, write_movement
+from joint_files import read_joint_log, read_movement
+from joint_logs import AWAY, FILES, HOME, quality, write_movement
 from written_logs import write_joint_log
 
 from pipeline.arm.model import load_arm
 from pipeline.core import contracts
 from pipeline.core.columns import values
 from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.formats.joints.log import JointLog
 from pipeline.recordings.quality import account, beside_limits
-from pipeline.stages import files, ingest
+from pipeline.stages import files
 from pipeline.tools.inventory import command
+
+CHAIN = ["joint_2", "joint_3", "joint_4"]
 
 
 def test_repetitions_are_gathered_over_movements_and_their_mean_command_is_the_trajectory(
-    log_project, tmp_path
+    read, tmp_path
 ):
-    write_movement(tmp_path / "logs/move_1", 5, late=8e-4, offset=1e-4, noise=1e-5)
-    write_movement(tmp_path / "logs/move_2", 1, late=8e-4, offset=-1e-4, noise=1e-5, seed=1)
-    log_project("ur5_planar", tmp_path / "logs", joint_log=MADE_UP, motion={"steps": 140})
-    ingest.run("motion")
-    names, q = ingested()
+    late = {"late": 8e-4, "noise": 1e-5}
+    write_movement(tmp_path / "logs/move_1", 5, offset=1e-4, **late)
+    write_movement(tmp_path / "logs/move_2", 1, offset=-1e-4, seed=1, **late)
+    names, q = read(tmp_path / "logs")
     assert names == ["move_1_1", "move_1_2", "move_1_3", "move_2_1"] and q.shape == (4, 141, 3)
     # three takes 0.1 mrad above and one as much below: 0.05 and 0.15 mrad off their mean
-    np.testing.assert_allclose(
-        [quality("command_deviation", name) for name in names],
-        [5e-5, 5e-5, 5e-5, 1.5e-4],
-        atol=1e-6,
-    )
-    np.testing.assert_allclose(
-        np.mean([quality("lag_behind_command", name) for name in names]), 8e-4, atol=2e-5
-    )
+    deviations = [quality("command_deviation", name) for name in names]
+    np.testing.assert_allclose(deviations, [5e-5, 5e-5, 5e-5, 1.5e-4], atol=1e-6)
+    lags = [quality("lag_behind_command", name) for name in names]
+    np.testing.assert_allclose(np.mean(lags), 8e-4, atol=2e-5)
     trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
-    chain = load_arm(
-        "pipeline/arm/ur5.urdf", ["joint_2", "joint_3", "joint_4"], "wrist_centre", {}
-    ).chain
+    chain = load_arm("pipeline/arm/ur5.urdf", CHAIN, "wrist_centre", {}).chain
     ends = chain.pose(np.array([HOME, AWAY])[:, 1:4] + 5e-5)
     np.testing.assert_allclose(values(trajectory.loc[[0, 140]], "x"), ends, atol=2e-6)
 
 
 @pytest.mark.parametrize(
-    ("choice", "steps", "words"),
+    ("choice", "words"),
     [
-        ({"movements": "run_*"}, 140, "no folder"),
+        ({"movements": "run_*"}, "no folder"),
         (
             {"end": [0.0, 0.0, 0.0]},
-            140,
             r"0 repetition.*-2.1, -1.9, -0.4\] to \[-3.0, -0.3, -1.5\] in 100 steps",
         ),
-        ({}, 200, "0 repetition.*in 100 steps"),
-        ({"rest": 58}, 216, "0 repetition"),
-        ({"movements": "move_2"}, 140, "1 repetition"),
-        ({"movements": "move_3"}, 140, "a motion from row 60, cut off by the end of the log"),
-        ({"tolerance": 1e-4}, 140, "another motion"),
+        ({"steps": 200}, "0 repetition.*in 100 steps"),
+        ({"rest": 58, "steps": 216}, "0 repetition"),
+        ({"movements": "move_2"}, "1 repetition"),
+        ({"movements": "move_3"}, "a motion from row 60, cut off by the end of the log"),
+        ({"tolerance": 1e-4}, "another motion"),
     ],
 )
 def test_too_few_or_unequal_repetitions_are_refused_with_what_there_is(
-    log_project, tmp_path, choice, steps, words
+    read, tmp_path, choice, words
 ):
     write_movement(tmp_path / "logs/move_1", 5, offset=1e-4)
     write_movement(tmp_path / "logs/move_2", 1, offset=-1e-4)
     if "move_3" in choice.values():  # ends in the middle of the motion
         write_movement(tmp_path / "logs/move_3", 1)
-        for name in FILES:
-            file = tmp_path / "logs/move_3" / name
+        for file in (tmp_path / "logs/move_3" / name for name in FILES):
             file.write_text("".join(file.read_text().splitlines(keepends=True)[:110]))
-    log_project(
-        "ur5_planar", tmp_path / "logs", joint_log=MADE_UP | choice, motion={"steps": steps}
-    )
     with pytest.raises(RecordingError, match=words):
-        ingest.run("motion")
+        read(tmp_path / "logs", **choice)
     assert not list(Path("data/ingest").iterdir())
 
 
 def test_recordings_that_are_not_there_are_refused_by_their_folder(log_project, tmp_path):
-    log_project("ur5_planar", tmp_path / "nowhere")
-    for run in (
-        files.run,
-        lambda: command.run(tmp_path / "nowhere", tmp_path / "inventory.csv"),
-    ):
+    nowhere, inventory = tmp_path / "nowhere", tmp_path / "inventory.csv"
+    log_project("ur5_planar", nowhere)
+    for run in (files.run, lambda: command.run(nowhere, inventory)):
         with pytest.raises(RecordingError, match="exist") as caught:
             run()
-        assert caught.value.evidence["file"] == tmp_path / "nowhere"
+        assert caught.value.evidence["file"] == nowhere
     # control: an inventory that is there stays
-    (tmp_path / "inventory.csv").write_text("file\n")
-    command.run(tmp_path / "nowhere", tmp_path / "inventory.csv")
-    assert (tmp_path / "inventory.csv").read_text() == "file\n"
+    inventory.write_text("file\n")
+    command.run(nowhere, inventory)
+    assert inventory.read_text() == "file\n"
 
 
 @pytest.mark.parametrize(
     ("choice", "words"),
     [
         ({"joints": [f"joint_{j}" for j in (1, 2, 3, 5, 6)]}, "joint_4 of robot.joints is not"),
-        (
-            {"joints": ["joint_2", "joint_2", "joint_3", "joint_4"]},
-            "each logged joint once",
-        ),
+        ({"joints": ["joint_2", *CHAIN]}, "each logged joint once"),
         ({"rest": -1}, "rest: input should be greater than or equal to 0"),
         ({"start": [0.0]}, "values as start"),
-        (
-            {"start": [0.0] * 6, "end": [0.0] * 6},
-            "one for each of robot.joints, got 6",
-        ),
+        ({"start": [0.0] * 6, "end": [0.0] * 6}, "one for each of robot.joints, got 6"),
+        ({"mismatch": 0.0}, "joint_log.mismatch"),
+        ({"target_factor": [1.0, 2.0]}, "joint_log.target_factor"),
+        ({"target_delay": {"move_1": "late"}}, "joint_log.target_delay"),
+        ({"signals": {"force": [0, 1, 2, 3, 4, 5]}}, "joint_log.signals"),
+        ({"disturbed": "keep"}, "joint_log.disturbed"),
     ],
 )
-def test_options_that_name_no_chain_are_refused(log_project, tmp_path, choice, words):
+def test_options_that_name_no_chain_or_mean_nothing_are_refused(
+    log_project, tmp_path, choice, words
+):
     with pytest.raises(ConfigError, match=words):
         log_project("ur5_planar", tmp_path, joint_log=choice)
 
 
 def test_files_in_a_folder_below_each_movement_give_every_take_and_a_disturbed_one_by_name(
-    log_project, tmp_path
+    read, tmp_path
 ):
     for number, ways in ((1, 5), (2, 3), (3, 1)):
         write_movement(tmp_path / f"logs/move_{number}/csv", ways, noise=1e-5, seed=number)
@@ -128,20 +118,117 @@ def test_files_in_a_folder_below_each_movement_give_every_take_and_a_disturbed_o
     log = read_joint_log(tmp_path / "logs/move_2/csv" / FILES[0], joints=6)
     log.signals["actual"][410:450, 2] += 5e-3
     write_joint_log(tmp_path / "logs/move_2/csv" / FILES[0], log)
-    choice = MADE_UP | {"movements": "move_*/csv"}
-    log_project("ur5_planar", tmp_path / "logs", joint_log=choice, motion={"steps": 140})
-    files.run()
-    ingest.run("motion")
-    names, _ = ingested()
+    names, _ = read(tmp_path / "logs", movements="move_*/csv")
     assert names == ["move_1_1", "move_1_2", "move_1_3", "move_2_1", "move_3_1"]
+    files.run()
     table = contracts.read("quality", Path("data/ingest/motion"))
     takes = beside_limits(table, {"disturbance": 6.0})
     parts = [pd.read_csv(file) for file in Path("data/files").glob("*.csv")]
-    assert account(parts, table, takes)[["recording", "found", "kept"]].to_numpy().tolist() == [
-        ["all", 12, 12],
-        ["move_1", 5, 3],
-        ["move_2", 3, 2],
-        ["move_3", 1, 1],
-        ["move_4", 0, 0],
-        ["training", 6, 5],
-    ]
+    counted = account(parts, table, takes)[["recording", "found", "kept"]].to_numpy().tolist()
+    moves = [["move_1", 5, 3], ["move_2", 3, 2], ["move_3", 1, 1], ["move_4", 0, 0]]
+    assert counted == [["all", 12, 12], *moves, ["training", 6, 5]]
+
+
+def write_table(folder: Path, source: Path, *, speed: bool) -> None:
+    """The logs of a movement as one table: degrees, milliseconds, semicolons and decimal commas
+    under labels.
+    """
+    angles = read_movement(source, FILES, joints=6, rate=125.0)[0]
+    names = [f"{what}_{j}" for what in ("ist", "soll", "v") for j in range(1, 7)]
+    lines = [";".join(["Zeit", *names[: 18 if speed else 12]])]
+    for row, cells in enumerate(np.rad2deg(np.hstack(angles[: 3 if speed else 2])).tolist()):
+        lines.append(";".join([str(8 * row), *(f"{cell:.8f}" for cell in cells)]).replace(".", ","))
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"{source.name}.txt").write_text("\n".join([*lines, ""]))
+
+
+TABLES = {"movements": "*.txt", "time": "Zeit", "angle_unit": "deg", "time_unit": "ms"}
+TABLES |= dict.fromkeys(("actual", "target", "speed"))
+LABELS = {"actual": "ist", "target": "soll", "speed": "v"}
+SIGNALS = {signal: [f"{label}_{j}" for j in range(1, 7)] for signal, label in LABELS.items()}
+ANGLES = {signal: SIGNALS[signal] for signal in ("actual", "target")}
+
+
+def test_one_table_a_movement_gives_what_one_file_a_signal_does(read, tmp_path):
+    write_movement(tmp_path / "logs/move_1", 5, late=8e-4, noise=1e-5)
+    names, q = read(tmp_path / "logs")
+    write_table(tmp_path / "tables", tmp_path / "logs/move_1", speed=True)
+    result = read(tmp_path / "tables", **TABLES, signals=SIGNALS)
+    assert result[0] == names
+    np.testing.assert_allclose(result[1], q, rtol=0, atol=1e-9)
+    assert quality("speed_from_angles", "move") == 0
+    # tables are held against the command as files are
+    with pytest.raises(RecordingError, match="are no pair"):
+        read(tmp_path / "tables", **TABLES, signals=SIGNALS, target_factor=0.5)
+    with pytest.raises(ConfigError, match="target angles"):
+        read(tmp_path / "tables", **TABLES, signals={"actual": SIGNALS["actual"]})
+
+
+def test_without_a_speed_the_steps_of_the_commanded_angles_are_it(read, tmp_path):
+    write_movement(tmp_path / "logs/move_1", 5, late=8e-4, noise=1e-5)
+    write_table(tmp_path / "tables", tmp_path / "logs/move_1", speed=False)
+    names, q = read(tmp_path / "tables", **TABLES, signals=ANGLES, rest_speed=1e-3)
+    assert names == ["move_1_1", "move_1_2", "move_1_3"] and q.shape == (3, 141, 3)
+    assert quality("speed_from_angles", "move") == 1
+    ends = np.array([[HOME, AWAY]])[:, :, 1:4].repeat(3, axis=0)
+    np.testing.assert_allclose(q[:, [0, -1]], ends, atol=1e-4)
+
+
+def push(folder: Path, way: int, size: float) -> None:
+    """Push joint 3 aside by ``size`` (rad) in the middle of the given way out (from 0)."""
+    log = read_joint_log(folder / FILES[0], joints=6)
+    first = 60 + 320 * way + 30
+    log.signals["actual"][first : first + 40, 2] += size * np.sin(np.linspace(0, np.pi, 40))
+    write_joint_log(folder / FILES[0], log)
+
+
+def test_a_disturbed_repetition_is_left_out_by_name_or_refused_and_the_others_stay_as_they_were(
+    read, tmp_path, capsys
+):
+    write_movement(tmp_path / "logs/move_1", 9, noise=5e-5)
+    names, q = read(tmp_path / "logs")
+    assert len(names) == 5 and quality("disturbed_from_row", "move_1") == 0
+    push(tmp_path / "logs/move_1", 2, 2e-3)
+    result = read(tmp_path / "logs")
+    assert result[0] == [name for name in names if name != "move_1_3"]
+    np.testing.assert_array_equal(result[1], np.delete(q, 2, axis=0))
+    assert quality("disturbed_from_row", "move_1") == 60 + 2 * 320
+    assert quality("disturbance", "move_1_3") > 6 > quality("disturbance", "move_1_4")
+    assert "disturbed from row 700" in capsys.readouterr().out
+    with pytest.raises(RecordingError, match="from row 700 was disturbed") as caught:
+        read(tmp_path / "logs", disturbed="refuse")
+    assert caught.value.evidence["take"] == "move_1_3"
+
+
+def test_a_limit_on_the_residual_finds_what_two_repetitions_cannot_show(read, tmp_path):
+    write_movement(tmp_path / "logs/move_1", 5, noise=5e-5)
+    push(tmp_path / "logs/move_1", 1, 2e-3)
+    names, _ = read(tmp_path / "logs", residual_limit=1e-3, disturbed_beyond=1e9)
+    assert names == ["move_1_1", "move_1_3"]
+
+
+@pytest.mark.parametrize("archive", [False, True])
+def test_a_current_that_stands_out_leaves_its_repetition_out_where_it_is_logged(
+    read, tmp_path, archive
+):
+    folder = tmp_path / "logs/move_1"
+    write_movement(folder, 9, noise=5e-5)
+    logs = [read_joint_log(folder / name, joints=6) for name in FILES]
+    current = 2 + np.random.default_rng(2).normal(0, 0.1, logs[0].signals["actual"].shape)
+    current[60 + 2 * 320 + 30 :][:40, 4] *= 2  # in the third way out, of a joint beside the chain
+    write_joint_log(folder / "current.csv", JointLog(logs[0].time, {"actual": current}, {}))
+    place, others, choice = tmp_path / "logs", {"current": "current.csv"}, {}
+    if archive:
+        place, others = tmp_path / "archives", {"current": ["i"]}
+        place.mkdir()
+        rows = {name: log.signals["actual"] for name, log in zip("qd", logs, strict=False)}
+        np.savez(place / "move_1.npz", time=logs[0].time, i=current, **rows)
+        choice = {"actual": None, "target": None, "speed": None, "time": "time"}
+        choice |= {"signals": {"actual": ["q"], "target": ["d"]}, "rest_speed": 1e-3}
+    assert read(place, **choice, others=others)[0] == [f"move_1_{n}" for n in (1, 2, 4, 5)]
+    assert quality("disturbance", "move_1_3") > 6 > quality("disturbance", "move_1_4")
+    assert 0 < quality("smallest_push_found", "move_1") < 2e-3
+    with pytest.raises(RecordingError, match="are no pair"):
+        read(place, **choice, others=others, target_factor=0.5)
+    # the control: by the angles alone nobody sees it
+    assert len(read(place, **choice, others={})[0]) == 5

@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from joint_files import read_joint_log
-from joint_logs import FILES, HOME, MADE_UP, ingested, quality, write_movement
+from joint_logs import FILES, HOME, quality, write_movement
 from written_logs import write_joint_log
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.formats.joints.log import JointLog
-from pipeline.stages import ingest
 
 ROWS = 30  # by which the command is early
 ORDER = [1, 3, 2, 4, 5, 6]
@@ -47,20 +46,15 @@ def spoil(folder: Path, *, factor: float = 1.0, order: bool = False, early: int 
     ],
 )
 def test_a_command_that_is_no_pair_is_refused_and_settled_by_its_option(
-    log_project, logs, wrong, words, option
+    read, logs, wrong, words, option
 ):
-    choice = {"joint_log": MADE_UP, "motion": {"steps": 140}}
-    log_project("ur5_planar", logs, **choice)
-    ingest.run("motion")
-    names, q = ingested()
+    names, q = read(logs)
     for number in (1, 2):
         spoil(logs / f"move_{number}", **wrong)
     with pytest.raises(RecordingError, match=f"are no pair.*{words}") as refused:
-        ingest.run("motion")
+        read(logs)
     assert refused.value.evidence["file"].name == "move_1"
-    log_project("ur5_planar", logs, **choice | {"joint_log": MADE_UP | option})
-    ingest.run("motion")
-    outcome = ingested()
+    outcome = read(logs, **option)
     assert outcome[0] == names
     np.testing.assert_allclose(outcome[1], q, rtol=0, atol=1e-9)
     # six decimals of a command in radians that was divided by 57.3 are 57 µrad, over 100 steps
@@ -69,63 +63,43 @@ def test_a_command_that_is_no_pair_is_refused_and_settled_by_its_option(
         assert quality("command_delay", "move_1") == 0.24
 
 
-def test_what_is_refused_leaves_nothing_behind(log_project, logs):
-    spoil(logs / "move_2", order=True)
-    log_project("ur5_planar", logs, joint_log=MADE_UP, motion={"steps": 140})
-    with pytest.raises(RecordingError, match="are no pair"):
-        ingest.run("motion")
-    assert not list(Path("data/ingest").iterdir())
-
-
-def test_a_delay_of_every_movement_is_needed_where_they_have_their_own(log_project, logs):
-    choice = MADE_UP | {"target_delay": {"move_1": 0.0}}
-    log_project("ur5_planar", logs, joint_log=choice, motion={"steps": 140})
+def test_a_delay_of_every_movement_is_needed_where_they_have_their_own(read, logs):
     with pytest.raises(ConfigError, match="no delay for the movement move_2; there are move_1"):
-        ingest.run("motion")
+        read(logs, target_delay={"move_1": 0.0})
 
 
-def test_joints_that_are_locked_elsewhere_than_logged_are_refused(log_project, tmp_path):
+def test_joints_that_are_locked_elsewhere_than_logged_are_refused(read, tmp_path):
     # joint 1 turns by 0.2 rad in this motion, joint 6 by 0.1
     write_movement(tmp_path / "logs/move_1", 5)
-    held = {"locked": {"joint_1": float(HOME[0])}}
-    log_project(
-        "ur5_planar", tmp_path / "logs", joint_log=MADE_UP, motion={"steps": 140}, robot=held
-    )
     with pytest.raises(RecordingError, match=r"joint_1 is held at 1 rad.*0.8 to 1 rad") as refused:
-        ingest.run("motion")
+        read(tmp_path / "logs", robot={"locked": {"joint_1": float(HOME[0])}})
     assert refused.value.evidence["key"] == "dataset.robot.locked.joint_1"
     assert refused.value.evidence["take"] == "move_1_1"
     assert not list(Path("data/ingest").iterdir())
-    # the control: what it is not held at nobody says, and another joint's column is not its own
-    names = [f"joint_{j}" for j in (6, 2, 3, 4, 5, 1)]
-    log = MADE_UP | {"joints": names}
-    robot = {"locked": {"joint_1": float(HOME[5])}}
-    log_project("ur5_planar", tmp_path / "logs", joint_log=log, motion={"steps": 140}, robot=robot)
+    # the control: another joint's column is not its own
+    names, robot = (
+        [f"joint_{j}" for j in (6, 2, 3, 4, 5, 1)],
+        {"locked": {"joint_1": float(HOME[5])}},
+    )
     with pytest.raises(RecordingError, match=r"joint_1 is held at 0 rad.*0.1 rad"):
-        ingest.run("motion")
+        read(tmp_path / "logs", robot=robot, joints=names)
 
 
-def test_a_movement_at_rest_is_held_against_its_command_and_is_no_take(log_project, logs):
+def test_a_movement_at_rest_is_held_against_its_command_and_is_no_take(read, logs):
     write_movement(logs / "move_3", 0, noise=1e-5)
-    log_project("ur5_planar", logs, joint_log=MADE_UP, motion={"steps": 140})
-    ingest.run("motion")
-    assert len(ingested()[0]) == 4 and quality("repetitions", "move_3") == 0
+    assert len(read(logs)[0]) == 4 and quality("repetitions", "move_3") == 0
     spoil(logs / "move_3", factor=np.pi / 180)
     with pytest.raises(RecordingError, match="are no pair") as refused:
-        ingest.run("motion")
+        read(logs)
     assert refused.value.evidence["file"].name == "move_3"
 
 
-def test_a_step_that_the_joint_cannot_make_is_refused_with_joint_time_speed_and_limit(
-    log_project, logs
-):
-    file = logs / "move_2" / FILES[0]
-    log = read_joint_log(file, joints=6)
+def test_a_step_that_the_joint_cannot_make_is_refused_with_joint_time_speed_and_limit(read, logs):
+    log = read_joint_log(logs / "move_2" / FILES[0], joints=6)
     log.signals["actual"][200, 4] += 0.2
-    write_joint_log(file, log)
-    log_project("ur5_planar", logs, joint_log=MADE_UP, motion={"steps": 140})
+    write_joint_log(logs / "move_2" / FILES[0], log)
     words = r"joint_5 \(actual\) steps by 0\.\d+ rad at 1\.6 s .* rad/s, where .* 3\.142 rad/s"
     with pytest.raises(RecordingError, match=words) as refused:
-        ingest.run("motion")
+        read(logs)
     assert refused.value.evidence["joint"] == "joint_5"
-    assert not list(Path("data/ingest").iterdir())
+    assert not list(Path("data/ingest").iterdir())  # what is refused leaves nothing behind

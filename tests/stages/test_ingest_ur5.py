@@ -40,15 +40,8 @@ def movement(ur5: Path, number: int) -> list[np.ndarray]:
 def test_movement_5_is_four_ways_out_and_three_back_and_one_cut_off(ur5):
     _, target, speed = movement(ur5, 5)
     runs = excursions(target, speed)
-    assert [(run.first, run.steps) for run in runs if run.whole] == [
-        (376, 302),
-        (750, 302),
-        (1124, 302),
-        (1498, 302),
-        (1872, 302),
-        (2247, 302),
-        (2621, 302),
-    ]
+    firsts = [376, 750, 1124, 1498, 1872, 2247, 2621]
+    assert [(run.first, run.steps) for run in runs if run.whole] == [(k, 302) for k in firsts]
     assert [run.first for run in runs if not run.whole] == [2995]
     ends = np.array([target[run.last, 2] - target[run.first - 1, 2] for run in runs if run.whole])
     assert (ends > 1).sum() == 4 and (ends < -1).sum() == 3
@@ -58,15 +51,8 @@ def test_the_first_motion_of_the_four_rounds_is_one_command_in_spite_of_a_row(ur
     result = {}
     for number in (6, 7):
         _, target, speed = movement(ur5, number)
-        runs = find_repetitions(
-            target,
-            speed,
-            [0, 1, 2, 3],
-            FIRST_MOTION["start"],
-            FIRST_MOTION["end"],
-            steps=633,
-            rest=35,
-        )
+        ends = (FIRST_MOTION["start"], FIRST_MOTION["end"])
+        runs = find_repetitions(target, speed, [0, 1, 2, 3], *ends, steps=633, rest=35)
         result[number] = [(target, run) for run in runs.runs]
     assert [len(runs) for runs in result.values()] == [3, 1]
     assert [run.steps for runs in result.values() for _, run in runs] == [633, 633, 633, 632]
@@ -79,57 +65,53 @@ def test_the_first_motion_of_the_four_rounds_is_one_command_in_spite_of_a_row(ur
     assert np.abs(target[run.first : run.first + 634, 1:4] - reference).max() > 5e-3
 
 
-@pytest.mark.parametrize(
-    ("dataset", "takes", "steps", "cut_off", "others"),
-    [("ur5_planar", 4, 372, 1, 3), ("ur5_rounds", 4, 361, 0, 20)],
-)
-def test_the_real_logs_go_from_raw_files_to_process_noise(
-    ur5, log_project, dataset, takes, steps, cut_off, others
-):
+def spread_of(noise: np.ndarray) -> np.ndarray:
+    """(n,) rad, standard deviation over the takes of ``noise`` (takes, M, n) over all its steps."""
+    takes = len(noise)
+    varying = (noise - noise.mean(axis=0)) * np.sqrt(takes / (takes - 1))
+    return np.sqrt(np.mean(varying**2, axis=(0, 1)))
+
+
+def process_noise(log_project, dataset: str, ur5: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
+    """Names of the takes, joint angles and process noise by the stages."""
     log_project(dataset, ur5)
     ingest.run("motion")
     track.run()
-    joints, trajectory = (
-        contracts.read("joints", Path("data/track")),
-        contracts.read("trajectory", Path("data/ingest/motion")),
-    )
-    names, q = contracts.stacked(joints, "q")
-    assert (
-        q.shape == (takes, steps + 1, 3)
-        and len(set(names)) == takes
-        and set(joints["part"]) == {"training"}
-    )
-    assert (
-        quality("excursions_cut_off", "Movement"),
-        quality("excursions_other_motion", "Movement"),
-    ) == (cut_off, others)
+    joints = contracts.read("joints", Path("data/track"))
+    assert set(joints["part"]) == {"training"}
+    _, w = contracts.stacked(contracts.read("process_noise", Path("data/track")), "w")
+    return *contracts.stacked(joints, "q"), w
+
+
+@pytest.mark.parametrize(
+    ("dataset", "steps", "cut_off", "others"),
+    [("ur5_planar", 372, 1, 3), ("ur5_rounds", 361, 0, 20)],
+)
+def test_the_real_logs_go_from_raw_files_to_process_noise(
+    ur5, log_project, dataset, steps, cut_off, others
+):
+    names, q, w = process_noise(log_project, dataset, ur5)
+    assert q.shape == (4, steps + 1, 3) and len(set(names)) == 4
+    assert quality("excursions_cut_off", "Movement") == cut_off
+    assert quality("excursions_other_motion", "Movement") == others
     assert all(0 < quality("command_deviation", take) < 1.3e-4 for take in names)
     assert all(0.3e-3 < quality("lag_behind_command", take) < 1.0e-3 for take in names)
-    velocity = values(trajectory, "v")[:-1]
+    trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
+    velocity, pose = values(trajectory, "v")[:-1], values(trajectory, "x")
     still = ~velocity.any(axis=1)
     assert still[:34].all() and still[-35:].all() and not still[34:-35].any()
-    pose = values(trajectory, "x")
     np.testing.assert_allclose(np.diff(pose, axis=0), velocity / 125, atol=1e-12)
-    chain = load_arm(
-        "pipeline/arm/ur5.urdf", ["joint_2", "joint_3", "joint_4"], "wrist_centre", {}
-    ).chain
+    joints = ["joint_2", "joint_3", "joint_4"]
+    chain = load_arm("pipeline/arm/ur5.urdf", joints, "wrist_centre", {}).chain
     np.testing.assert_allclose(chain.pose(q.mean(axis=0)), pose, atol=2e-3)
-    _, w = contracts.stacked(contracts.read("process_noise", Path("data/track")), "w")
-    varying = (w - w.mean(axis=0)) * np.sqrt(takes / (takes - 1))
-    spread = {
-        name: np.sqrt(np.mean(varying[:, rows] ** 2, axis=(0, 1)))
-        for name, rows in (("rest", still), ("moving", ~still))
-    }
     # as was found on this and other movements of the robot: at most 24 µrad at rest, 43 to 145 µrad
     # moving
-    assert (
-        np.all(spread["rest"] < 24e-6)
-        and np.all(spread["moving"] > 40e-6)
-        and np.all(spread["moving"] < 145e-6)
-    )
+    assert np.all(spread_of(w[:, still]) < 24e-6)
+    moving = spread_of(w[:, ~still])
+    assert np.all(moving > 40e-6) and np.all(moving < 145e-6)
     # a position-controlled arm does not wander: what one step adds the next takes back
-    moving = varying[:, ~still]
-    recoil = np.sum(moving[:, 1:] * moving[:, :-1], axis=(0, 1)) / np.sum(moving**2, axis=(0, 1))
+    varying = (w - w.mean(axis=0))[:, ~still]
+    recoil = np.sum(varying[:, 1:] * varying[:, :-1], axis=(0, 1)) / np.sum(varying**2, axis=(0, 1))
     assert np.all(recoil < -0.3)
 
 
@@ -137,20 +119,15 @@ def test_all_six_joints_and_the_pose_in_space(ur5, log_project):
     log_project("ur5_rounds", ur5)
     ingest.run("motion")
     names, planar = ingested()
-    log_project("ur5", ur5)
-    ingest.run("motion")
-    result, q = ingested()
+    result, q, w = process_noise(log_project, "ur5", ur5)
     # the same motion as the three joints' alone, to the row
     assert result == names and q.shape == (4, 362, 6)
     np.testing.assert_array_equal(q[..., 1:4], planar)
     trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
     assert members(trajectory, "v") == ("x", "y", "z", "rx", "ry", "rz")
     assert not members(trajectory, "u")  # as many joints as rows
-    track.run()
-    _, w = contracts.stacked(contracts.read("process_noise", Path("data/track")), "w")
-    varying = (w - w.mean(axis=0)) * np.sqrt(4 / 3)
-    spread = np.sqrt(np.mean(varying**2, axis=(0, 1)))
     # joint 1 is at rest, the others move: as was found on this and other movements of the robot
+    spread = spread_of(w)
     assert spread[0] < 24e-6 and np.all((spread[1:] > 40e-6) & (spread[1:] < 145e-6))
 
 
@@ -170,11 +147,7 @@ def test_the_process_noise_is_that_of_the_joints_whatever_the_pose(ur5, log_proj
     """J(q̃)⁻¹ẋᵈΔt is the commanded joint step up to second order, so the noise is what the measured
     step has beyond it.
     """
-    log_project("ur5_rounds", ur5)
-    ingest.run("motion")
-    track.run()
-    _, q = contracts.stacked(contracts.read("joints", Path("data/track")), "q")
-    _, w = contracts.stacked(contracts.read("process_noise", Path("data/track")), "w")
+    _, q, w = process_noise(log_project, "ur5_rounds", ur5)
     _, target, speed = movement(ur5, 6)
     run = excursions(target, speed)[3]
     command = target[run.first - 1 : run.last + 1, 1:4]
@@ -185,11 +158,8 @@ def test_the_process_noise_is_that_of_the_joints_whatever_the_pose(ur5, log_proj
 
 
 def test_a_motion_from_the_straight_elbow_is_refused_by_name(ur5, log_project):
-    choice = {
-        "movements": "Movement_No[67]_*",
-        "start": FIRST_MOTION["start"][1:],
-        "end": FIRST_MOTION["end"][1:],
-    }
+    choice = {end: angles[1:] for end, angles in FIRST_MOTION.items()}
+    choice["movements"] = "Movement_No[67]_*"
     log_project("ur5_planar", ur5, joint_log=choice, motion={"steps": 633 + 70})
     ingest.run("motion")
     assert quality("repetitions", "Movement") == 4
@@ -198,26 +168,18 @@ def test_a_motion_from_the_straight_elbow_is_refused_by_name(ur5, log_project):
 
 
 def test_a_truncated_and_a_malformed_copy_of_a_real_log(ur5, log_project, tmp_path):
-    copied = tmp_path / "ur5"
-    shutil.copytree(
-        next(ur5.glob("Movement_No5_*")),
-        copied / "Movement_No5_copy",
-        copy_function=shutil.copyfile,
-    )
-    copied.chmod(0o755)
-    (copied / "Movement_No5_copy").chmod(0o755)
-    file = copied / "Movement_No5_copy" / FILES[0]
+    folder = tmp_path / "ur5" / "Movement_No5_copy"
+    shutil.copytree(next(ur5.glob("Movement_No5_*")), folder, copy_function=shutil.copyfile)
+    for place in (folder.parent, folder):
+        place.chmod(0o755)
+    file = folder / FILES[0]
     content = file.read_bytes()
     file.write_bytes(content[: int(0.75 * len(content))])
-    log_project("ur5_planar", copied)
+    log_project("ur5_planar", folder.parent)
     ingest.run("motion")
-    assert (
-        quality("repetitions", "copy"),
-        quality("cut_rows", "copy"),
-        quality("excursions_cut_off", "copy"),
-    ) == (3, 2, 1)
-    damaged = content.replace(b"-2.135030", b"-2.13503O", 1)
-    file.write_bytes(damaged)
+    counts = {"repetitions": 3, "cut_rows": 2, "excursions_cut_off": 1}
+    assert {name: quality(name, "copy") for name in counts} == counts
+    file.write_bytes(content.replace(b"-2.135030", b"-2.13503O", 1))
     with pytest.raises(RecordingError, match=r"not a finite number|a damaged row") as caught:
         ingest.run("motion")
     assert caught.value.evidence["line"] == 1

@@ -10,9 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from known_law import JOINTS, ROOT, TAKES
-from omegaconf import OmegaConf
 
-from pipeline.core import config, contracts
+from pipeline.core import contracts
 from pipeline.core.columns import spread
 from pipeline.stages import readings
 
@@ -68,9 +67,7 @@ def test_with_a_camera_the_filter_is_decided_and_again_the_same(project, claims)
     pd.testing.assert_frame_equal(ruled, verdicts())
 
 
-def test_without_a_wishart_model_nothing_is_written(project, claims):
-    params = OmegaConf.load("params.yaml")
-    OmegaConf.save(OmegaConf.merge(params, {"models": ["additive"]}), "params.yaml")
-    config.write_config(Path("params.yaml"))
+def test_without_a_wishart_model_nothing_is_written(project, claims, choose):
+    choose(models=["additive"])
     readings.run()
     assert OUT.is_dir() and not contracts.exists("readings", OUT)

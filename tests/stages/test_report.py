@@ -15,90 +15,95 @@ import pytest
 from pipeline.core import config
 from pipeline.core.errors import ConfigError, ContractError
 from pipeline.stages import report
+from pipeline.verdicts.report_page import BLOCK
 from pipeline.verdicts.run import read_run
 
 ROOT = Path(__file__).parents[2]
 OWN = ("claims.json", "report.md", "errata.md", "model_card.md", "recordings.md", "summary.json")
-WRITTEN = (*(f"youbot/{name}" for name in OWN), "datasets.md", "equations.md")
-YOUBOT = Path("reports/datasets/youbot.json")
+WRITTEN = (
+    *(f"reports/youbot/{name}" for name in OWN),
+    "reports/datasets.md",
+    "reports/equations.md",
+)
+YOUBOT, CLAIMS = Path("reports/datasets/youbot.json"), Path("reports/claims.yaml")
+COPIED = (CLAIMS, YOUBOT, "reports/youbot/captions.json", "data/raw/youbot/dataset.yaml")
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def project(tmp_path, monkeypatch):
     """The committed evidence of the youBot and the captions, with a freshly composed
     configuration.
     """
     (tmp_path / "pipeline").symlink_to(ROOT / "pipeline")
-    for name in (
-        "reports/claims.yaml",
-        "reports/youbot/captions.json",
-        YOUBOT,
-        "data/raw/youbot/dataset.yaml",
-        "dvc.yaml",
-        "params.yaml",
-    ):
+    for name in (*COPIED, "dvc.yaml", "params.yaml", "README.md"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, tmp_path / name)
     monkeypatch.chdir(tmp_path)
-    config.write_config(tmp_path / "params.yaml")
-    return tmp_path
+    config.write_config(Path("params.yaml"))
 
 
-def written(project: Path) -> list[bytes]:
-    return [(project / "reports" / name).read_bytes() for name in WRITTEN]
+def written() -> list[bytes]:
+    return [Path(name).read_bytes() for name in WRITTEN]
 
 
-def test_every_claim_has_its_verdict_in_both_forms(project):
+def reported() -> dict:
+    """The claims.json and, by id, the verdicts of each claim by dataset."""
     report.run()
-    claims = json.loads((project / "reports/youbot/claims.json").read_text())
-    assert [(run["dataset"], run["recordings"]) for run in claims["datasets"]] == [
-        ("youbot", "synthetic"),
-    ]
-    stated = config.read_yaml(project / "reports/claims.yaml")["claims"]
-    assert [claim["id"] for claim in claims["claims"]] == [claim["id"] for claim in stated]
-    page = (project / "reports/youbot/report.md").read_text()
-    for claim in claims["claims"]:
+    data = json.loads(Path("reports/youbot/claims.json").read_text())
+    return data | {"by_id": {claim["id"]: claim["datasets"] for claim in data["claims"]}}
+
+
+def test_every_claim_has_its_verdict_in_both_forms():
+    data = reported()
+    assert [(d["dataset"], d["recordings"]) for d in data["datasets"]] == [("youbot", "synthetic")]
+    stated = config.read_yaml(CLAIMS)["claims"]
+    assert [claim["id"] for claim in data["claims"]] == [claim["id"] for claim in stated]
+    page = Path("reports/youbot/report.md").read_text()
+    for claim in data["claims"]:
         assert claim["statement"] in page and claim["evidence"]
         assert claim["command"].startswith("dvc repro ")
     assert len(page.splitlines()) <= 160 and len(page.split()) <= 3000
     # no verdict on a robot comes of recordings that no robot made
-    decided = {
-        claim["datasets"]["youbot"]["verdict"]
-        for claim in claims["claims"]
-        if claim["about"] != "method" and "youbot" in claim["datasets"]
-    }
+    others = [claim["datasets"] for claim in data["claims"] if claim["about"] != "method"]
+    decided = {own["youbot"]["verdict"] for own in others if "youbot" in own}
     assert not decided & {"reproduced", "not reproduced"}
-    assert "# Errata" in (project / "reports/youbot/errata.md").read_text()
-    assert "| Eq. 14 (NormStd) |" in (project / "reports/equations.md").read_text()
+    assert "# Errata" in Path("reports/youbot/errata.md").read_text()
+    assert "| Eq. 14 (NormStd) |" in Path("reports/equations.md").read_text()
+    assert len(json.loads(Path("reports/youbot/summary.json").read_text())) <= 8
+
+
+def test_the_results_in_the_readme_are_those_of_the_default_dataset_on_the_papers_scale():
+    before = Path("README.md").read_text()
+    report.run()
+    after = Path("README.md").read_text()
+    assert "hold / fail" in BLOCK.search(after)[0]
+    assert BLOCK.sub("", after) == BLOCK.sub("", before)
+    run = replace(read_run(YOUBOT), scale="smoke")
+    YOUBOT.write_text(run.to_json())
+    Path("README.md").write_text(before)
+    report.run()
+    assert Path("README.md").read_text() == before
 
 
 @pytest.mark.slow
-def test_the_same_numbers_give_the_same_bytes_and_an_altered_one_does_not(project):
+def test_the_same_numbers_give_the_same_bytes_and_an_altered_one_does_not():
     report.run()
-    first = written(project)
+    first = written()
     report.run()
-    assert written(project) == first
+    assert written() == first
     run = read_run(YOUBOT)
     run.metrics["motion"]["wishart_greatest_mean_error_rad"] /= 2
     run.metrics["fit_wishart"]["sigma_b_paper"] /= 2
     YOUBOT.write_text(run.to_json())
     report.run()
-    assert all(before != after for before, after in zip(first[:3], written(project), strict=False))
+    assert all(before != after for before, after in zip(first[:3], written(), strict=False))
 
 
-def test_a_dataset_named_as_the_papers_own_decides_what_is_said_of_its_robot(project):
-    claims = project / "reports/claims.yaml"
-    claims.write_text(
-        claims.read_text().replace(
-            "recordings_of_the_paper: []", "recordings_of_the_paper: [youbot]"
-        )
-    )
-    report.run()
-    claims = {
-        claim["id"]: claim["datasets"]
-        for claim in json.loads((project / "reports/youbot/claims.json").read_text())["claims"]
-    }
-    assert claims["sigma-omega"]["youbot"]["verdict"] in ("reproduced", "not reproduced")
+def test_a_dataset_named_as_the_papers_own_decides_what_is_said_of_its_robot():
+    names = "recordings_of_the_paper: []", "recordings_of_the_paper: [youbot]"
+    CLAIMS.write_text(CLAIMS.read_text().replace(*names))
+    verdict = reported()["by_id"]["sigma-omega"]["youbot"]["verdict"]
+    assert verdict in ("reproduced", "not reproduced")
 
 
 @pytest.mark.parametrize(
@@ -109,61 +114,48 @@ def test_a_dataset_named_as_the_papers_own_decides_what_is_said_of_its_robot(pro
         ("claims:", "claims: 3 #"),
     ],
 )
-def test_malformed_claims_are_refused_and_what_stood_is_left(project, old, new):
+def test_malformed_claims_are_refused_and_what_stood_is_left(old, new):
     report.run()
-    before = written(project)
-    claims = project / "reports/claims.yaml"
-    claims.write_text(claims.read_text().replace(old, new, 1))
+    before = written()
+    CLAIMS.write_text(CLAIMS.read_text().replace(old, new, 1))
     with pytest.raises(ConfigError):
         report.run()
-    assert written(project) == before
+    assert written() == before
 
 
-def test_the_verdicts_of_another_dataset_stand_beside_those_of_the_run(project):
-    other = read_run(project / "reports/datasets/youbot.json")
+def test_the_verdicts_of_another_dataset_stand_beside_those_of_the_run():
     joints = ["joint_2", "joint_3", "joint_4"]
-    metrics = {"motion": {f"recorded_std_{name}_variation": 1.0 for name in joints}}
-    metrics["motion"] |= {f"recorded_std_{n}_variation_of_constant_noise": 0.5 for n in joints}
-    other = replace(
-        other, dataset="ur5", synthetic=False, joints=joints, metrics=metrics, tables={}
-    )
-    (project / "reports/datasets/ur5.json").write_text(other.to_json())
-    report.run()
-    claims = json.loads((project / "reports/youbot/claims.json").read_text())
-    assert [(run["dataset"], run["recordings"]) for run in claims["datasets"]] == [
-        ("youbot", "synthetic"),
-        ("ur5", "real"),
-    ]
-    verdicts = {
-        claim["id"]: claim["datasets"]["ur5"]["verdict"]
-        for claim in claims["claims"]
-        if "ur5" in claim["datasets"]
-    }
-    assert (
-        verdicts["u"] == "no evidence in this dataset"
-        and verdicts["noise-is-dynamic"] == "reproduced"
-    )
-    assert "| youBot, synthetic | UR5, real |" in (project / "reports/youbot/report.md").read_text()
+    metrics = {f"recorded_std_{name}_variation": 1.0 for name in joints}
+    metrics |= {f"recorded_std_{name}_variation_of_constant_noise": 0.5 for name in joints}
+    changes = {"dataset": "ur5", "synthetic": False, "joints": joints, "tables": {}}
+    other = replace(read_run(YOUBOT), metrics={"motion": metrics}, **changes)
+    YOUBOT.with_name("ur5.json").write_text(other.to_json())
+    data = reported()
+    of = [(run["dataset"], run["recordings"]) for run in data["datasets"]]
+    assert of == [("youbot", "synthetic"), ("ur5", "real")]
+    assert data["by_id"]["u"]["ur5"]["verdict"] == "no evidence in this dataset"
+    assert data["by_id"]["noise-is-dynamic"]["ur5"]["verdict"] == "reproduced"
+    assert "| youBot, synthetic | UR5, real |" in Path("reports/youbot/report.md").read_text()
 
 
-def test_evidence_that_is_missing_or_damaged_is_refused_by_name(project):
-    (project / "reports/datasets/ur5.json").write_text("{}")
+def test_evidence_that_is_missing_or_damaged_is_refused_by_name():
+    (damaged := YOUBOT.with_name("ur5.json")).write_text("{}")
     with pytest.raises(ContractError, match=r"ur5\.json"):
         report.run()
-    (project / "reports/datasets/ur5.json").unlink()
-    (project / "reports/datasets/youbot.json").unlink()
+    damaged.unlink()
+    YOUBOT.unlink()
     with pytest.raises(ContractError, match="no evidence of the dataset youbot"):
         report.run()
 
 
-def test_every_link_of_the_report_leads_to_a_file_that_a_run_has(project):
+def test_every_link_of_the_report_leads_to_a_file_that_a_run_has():
     report.run()
-    page = (project / "reports/youbot/report.md").read_text()
+    page = Path("reports/youbot/report.md").read_text()
     links = {link.partition("#")[0] for link in re.findall(r"\]\((.*?)\)", page)}
-    here = (ROOT / "reports/youbot", project / "reports/youbot")
+    here = (ROOT / "reports/youbot", Path("reports/youbot"))
     missing = {link for link in links if not any((place / link).exists() for place in here)}
     # the pages of the studies are written by a pipeline of their own
     assert {link for link in missing if not link.startswith("../studies/")} == set()
     anchors = set(re.findall(r"errata\.md#([\w-]+)", page))
-    errata = (project / "reports/youbot/errata.md").read_text()
+    errata = Path("reports/youbot/errata.md").read_text()
     assert anchors and all(f'<a id="{anchor}">' in errata for anchor in anchors)

@@ -39,19 +39,16 @@ def test_the_limits_of_the_youbot_leave_out_none_of_its_takes(project):
     takes = read("takes", "track")
     assert not takes["left_out"].any() and takes["limit"].notna().any()
     quality = read("quality", "track")
-    assert (quality.loc[quality["quantity"] == "left_out", "value"] == 0).sum() == takes[
-        "take"
-    ].nunique()
+    left_out = quality.loc[quality["quantity"] == "left_out", "value"]
+    assert (left_out == 0).sum() == takes["take"].nunique()
 
 
 def test_a_gap_and_a_bad_clock_leave_two_takes_out_of_all_that_follows(project, capsys):
     before = read("joints", "track")
     file = Path("data/ingest/motion/markers.parquet")
     markers = pd.read_parquet(file)
-    markers.loc[
-        (markers["take"] == "train_001") & (markers["link"] == 2) & markers["k"].between(50, 90),
-        ["x", "y", "z"],
-    ] = np.nan
+    hidden = (markers["take"] == "train_001") & (markers["link"] == 2)
+    markers.loc[hidden & markers["k"].between(50, 90), ["x", "y", "z"]] = np.nan
     markers.to_parquet(file, index=False)
     # the camera's clock loses seven in a hundred, where the estimate to first order still tells
     file = Path("data/ingest/depth/frames.parquet")
@@ -60,11 +57,8 @@ def test_a_gap_and_a_bad_clock_leave_two_takes_out_of_all_that_follows(project, 
     frames.to_parquet(file, index=False)
     track.run()
     said = capsys.readouterr().out
-    assert (
-        "2 of " in said
-        and "train_001 (longest_gap 41 beyond 20)" in said
-        and "test_001 (clock_drift 0." in said
-    )
+    for words in ("2 of ", "train_001 (longest_gap 41 beyond 20)", "test_001 (clock_drift 0."):
+        assert words in said
     stay = before[~before["take"].isin(["train_001", "test_001"])].reset_index(drop=True)
     pd.testing.assert_frame_equal(read("joints", "track"), stay)
     assert set(read("takes", "track").query("left_out")["take"]) == {"train_001", "test_001"}
@@ -73,9 +67,8 @@ def test_a_gap_and_a_bad_clock_leave_two_takes_out_of_all_that_follows(project, 
     config.articulation.noise_window = 4
     OmegaConf.save(config, "data/config.yaml")
     articulate.run()
-    assert set(read("angles", "articulate")["take"]) == set(
-        stay.loc[stay["part"] == "test", "take"]
-    )
+    kept = set(stay.loc[stay["part"] == "test", "take"])
+    assert set(read("angles", "articulate")["take"]) == kept
 
 
 def test_a_take_that_tracks_badly_is_left_out_by_its_residual(project):

@@ -37,10 +37,8 @@ def direct_summation(samples, x, y, bandwidth):
 
 
 def grid(points, reach):
-    return (
-        np.linspace(m - reach * s, m + reach * s, points)
-        for m, s in zip(MEAN, np.sqrt(np.diag(COVARIANCE)), strict=True)
-    )
+    spread = reach * np.sqrt(np.diag(COVARIANCE))
+    return np.linspace(MEAN - spread, MEAN + spread, points).T
 
 
 @pytest.mark.parametrize(("count", "reach"), [(5, 4.0), (5000, 4.0), (3000, 0.5)])
@@ -53,10 +51,9 @@ def test_binning_agrees_with_direct_summation_also_on_a_grid_that_leaves_samples
     assert difference < 1e-3
     # samples that are no numbers, or far off, count in N alone
     lost = np.array([[np.nan, 0.0], [np.inf, 5.0], [3.0, -1e300]])
-    density = kernel_density(np.vstack([samples, lost]), x, y, bandwidth)
-    np.testing.assert_allclose(
-        density * (count + 3), kernel_density(samples, x, y, bandwidth) * count, rtol=1e-12
-    )
+    density = (count + 3) * kernel_density(np.vstack([samples, lost]), x, y, bandwidth)
+    due = count * kernel_density(samples, x, y, bandwidth)
+    np.testing.assert_allclose(density, due, rtol=1e-12)
 
 
 def test_no_kernel_is_off_by_more_than_stated_wherever_its_sample_lies(monkeypatch):
@@ -121,13 +118,12 @@ def test_the_distance_of_one_variable_is_twice_the_integrated_squared_difference
 @pytest.mark.usefixtures("few_permutations")
 def test_p_values_of_one_law_are_uniform_and_of_two_are_not():
     rngs = np.random.default_rng(62).spawn(400)
-    same, other = (
-        [
-            energy_test(rng.standard_normal((40, 2)) + shift, rng.standard_normal((80, 2)), rng)[1]
-            for rng in rngs
-        ]
-        for shift in (0.0, 0.5)
-    )
+
+    def p_value(shift, rng):
+        a, b = (rng.standard_normal((count, 2)) for count in (40, 80))
+        return energy_test(a + shift, b, rng)[1]
+
+    same, other = ([p_value(shift, rng) for rng in rngs] for shift in (0.0, 0.5))
     assert kstest(same, "uniform").pvalue > 1e-3
     assert kstest(other, "uniform").pvalue < 1e-9
 

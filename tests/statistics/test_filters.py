@@ -104,6 +104,10 @@ def test_a_bound_that_follows_the_error_is_told_from_one_that_does_not():
     rows = tables["bound_comparison"].set_index(["model", "quantity"])
     assert rows.loc[("following", "correlation_of_bound_with_error_knee"), "low"] > 0.5
     assert rows.loc[("following", "relative_error_of_bound_knee"), "high"] < 0
+    # a bound that collapses to one particle varies infinitely
+    one = np.ones((2, 5, 1))
+    collapsed = bound_scores(one, one * np.minimum(np.arange(5), 1)[:, None], ["a"])
+    assert np.isinf(collapsed["a"]["bound_greatest_over_least"])
     # every filter and joint has the scores of its own errors and bounds
     expected = bound_scores(error["following"], filters["following"].bound, JOINTS)
     metrics = filter_metrics(tables["filter_scores"])

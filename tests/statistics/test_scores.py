@@ -50,12 +50,9 @@ def test_both_proper_scores_prefer_the_true_law(scale):
     rng, cases = np.random.default_rng(5), 2000
     outcome = rng.standard_normal((cases, 3)) @ ROOT.T
     samples = rng.standard_normal((50, cases, 3)) @ ROOT.T
-    energy = paired_difference(
-        energy_score(scale * samples, outcome), energy_score(samples, outcome)
-    )
-    logarithmic = paired_difference(
-        normal_log_score(outcome, scale**2 * COVARIANCE), normal_log_score(outcome, COVARIANCE)
-    )
+    energy = paired_difference(*(energy_score(s * samples, outcome) for s in (scale, 1)))
+    log = (normal_log_score(outcome, s**2 * COVARIANCE) for s in (scale, 1))
+    logarithmic = paired_difference(*log)
     assert energy.low > 0 > logarithmic.high
     # control: the density itself is no proper score, and prefers a law too sure of itself
     density = [np.exp(normal_log_score(outcome, s**2 * COVARIANCE)) for s in (0.5, 1.0)]
@@ -65,9 +62,8 @@ def test_both_proper_scores_prefer_the_true_law(scale):
 def test_the_normal_log_score_is_the_log_density_and_sharpness_its_log_determinant():
     errors = np.random.default_rng(6).standard_normal((20, 3))
     stacked = COVARIANCE * np.arange(1.0, 21)[:, None, None]
-    expected = [
-        multivariate_normal(np.zeros(3), c).logpdf(e) for e, c in zip(errors, stacked, strict=True)
-    ]
+    pairs = zip(errors, stacked, strict=True)
+    expected = [multivariate_normal(np.zeros(3), c).logpdf(e) for e, c in pairs]
     np.testing.assert_allclose(normal_log_score(errors, stacked), expected, rtol=1e-12)
     logarithm = np.log(np.linalg.eigvalsh(COVARIANCE)).sum()
     assert log_determinant(COVARIANCE) == pytest.approx(logarithm)
@@ -106,9 +102,8 @@ def test_the_energy_score_of_a_normal_law_is_that_of_its_draws(spread):
     # the first mean from 20 000 draws, the second from pairs of them
     first = np.linalg.norm(draws - error, axis=-1)
     second = np.linalg.norm(draws[::2] - draws[1::2], axis=-1)
-    standard_error = np.hypot(
-        first.std(axis=0) / np.sqrt(20_000), second.std(axis=0) / np.sqrt(10_000) / 2
-    )
+    errors = first.std(axis=0) / np.sqrt(20_000), second.std(axis=0) / np.sqrt(10_000) / 2
+    standard_error = np.hypot(*errors)
     drawn = first.mean(axis=0) - second.mean(axis=0) / 2
     assert np.all(np.abs(normal_energy_score(error, covariance) - drawn) < 4 * standard_error)
     # control: of a law twice as wide

@@ -25,9 +25,8 @@ def means(values: dict[str, np.ndarray]):
 
 
 def resampled(a: np.ndarray, b: np.ndarray, rng: np.random.Generator):
-    return resampled_differences(means({"a": a, "b": b}), ["a", "b"], len(a), rng).set_index(
-        "model"
-    )
+    rows = resampled_differences(means({"a": a, "b": b}), ["a", "b"], len(a), rng)
+    return rows.set_index("model")
 
 
 def test_the_interval_of_a_paired_difference_is_that_of_the_paired_t_test():

@@ -4,7 +4,6 @@ Algorithm 1, with the invariances of each reading; the paths keep the ranges of 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,33 +14,15 @@ from study_runs import options_of
 from pipeline.arm.model import arm_of, chain_of
 from pipeline.cases.readings import read_claims
 from pipeline.core import config
-from pipeline.core.errors import ConfigError
+from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.randommatrix.wishart import degrees_of_freedom, sample
 from pipeline.recordings.steps import training_steps
+from pipeline.studies.which_decomposition import evidence as laws
 from pipeline.studies.which_decomposition import stage
-from pipeline.studies.which_decomposition.evidence import (
-    SETS,
-    SIZES,
-    Widths,
-    densities,
-    joined,
-    log_quantities,
-    published,
-    widths,
-)
-from pipeline.studies.which_decomposition.laws import (
-    PIVOTED,
-    PLAIN,
-    QR,
-    QR_TRANSPOSED,
-    READINGS,
-    gaussian_variance,
-    wishart_parts,
-    wishart_variance,
-)
+from pipeline.studies.which_decomposition.evidence import PIVOTED, PLAIN, QR, QR_TRANSPOSED
 from pipeline.studies.which_decomposition.paths import (
     KINDS,
     TimeLaw,
@@ -51,7 +32,7 @@ from pipeline.studies.which_decomposition.paths import (
 )
 from pipeline.studies.which_decomposition.stage import PAPER_ARM, robot_of
 
-ALL = (*SIZES["all joints"], *SETS["small_difference"])
+ALL = (*laws.SIZES["all joints"], *laws.SETS["small_difference"])
 LAW = TimeLaw(320, 100.0, rest=(0.0, 0.45), ramp=(0.05, 0.35), peak=(0.2, 1.1))
 
 
@@ -64,7 +45,7 @@ def arm():
 @pytest.fixture(scope="session")
 def stated():
     """The printed values."""
-    return published(read_claims())
+    return laws.published(read_claims())
 
 
 @pytest.fixture(scope="session")
@@ -77,26 +58,26 @@ def paths(arm, stated):
 @pytest.fixture(scope="module")
 def drawn(arm, paths, stated):
     """Both models on all paths."""
-    return joined([widths(arm, part, stated, kind) for kind, part in paths.items()])
+    return laws.joined([laws.widths(arm, part, stated, kind) for kind, part in paths.items()])
 
 
 def made_by(drawn, stated, reading, path):
     """The numbers that would have been printed, had ``reading`` been used on ``path``; the two
     models alike.
     """
-    joints = drawn.wishart[path, READINGS.index(reading)]
+    joints = drawn.wishart[path, laws.READINGS.index(reading)]
     total = np.sqrt(np.mean(joints**2))
-    alike = replace(drawn, gaussian=drawn.gaussian * total / drawn.gaussian[path])
-    return alike, replace(stated, covariance=np.diag(joints**2))
+    alike = drawn._replace(gaussian=drawn.gaussian * total / drawn.gaussian[path])
+    return alike, stated._replace(covariance=np.diag(joints**2))
 
 
 @pytest.mark.parametrize("reading", [PIVOTED, "lu_xzp", "lu_zxp", QR_TRANSPOSED])
 def test_the_reading_that_made_the_numbers_is_the_most_likely_on_its_path(drawn, stated, reading):
-    number, found = READINGS.index(reading), []
+    number, found = laws.READINGS.index(reading), []
     for path in range(0, 120, 6):
         models, printed = made_by(drawn, stated, reading, path)
-        quantities = log_quantities(models, printed)
-        density = densities(quantities, ALL, 1.1)
+        quantities = laws.log_quantities(models, printed)
+        density = laws.densities(quantities, ALL, 1.1)
         # the path itself is one of the prior's, and the numbers are met there exactly
         assert density[number, path] == density.max()
         likelihood = density.mean(axis=1)
@@ -105,17 +86,17 @@ def test_the_reading_that_made_the_numbers_is_the_most_likely_on_its_path(drawn,
 
 
 def test_the_likelihood_is_the_mean_of_normal_densities(stated):
-    wishart = np.full((2, len(READINGS), 3), stated.spread)
+    wishart = np.full((2, len(laws.READINGS), 3), stated.spread)
     wishart[1] *= 2
     gaussian = np.full(2, np.sqrt(np.trace(stated.covariance) / 3))
-    two = Widths(np.array(["loop"] * 2), np.zeros(2), gaussian, wishart)
-    density = densities(log_quantities(two, stated), ("joint 1", "gaussian"), 2.0)
+    two = laws.Widths(np.array(["loop"] * 2), np.zeros(2), gaussian, wishart)
+    density = laws.densities(laws.log_quantities(two, stated), ("joint 1", "gaussian"), 2.0)
     at_zero = 1 / (2 * np.pi * np.log(2) ** 2)
     np.testing.assert_allclose(density, np.tile([at_zero, at_zero * np.exp(-0.5)], (9, 1)))
 
 
 def test_pivoted_lu_is_more_than_twice_as_wide_as_the_gaussian_model_on_every_path(drawn):
-    difference = dict(zip(READINGS, drawn.difference, strict=True))
+    difference = dict(zip(laws.READINGS, drawn.difference, strict=True))
     assert difference[PIVOTED].min() > 2.2 and difference["qr"].min() > 2.5
     # the control: LU without pivoting is as wide as the Gaussian model on some
     assert difference["lu_xzp"].min() < 0.9 < 1.1 < np.median(difference["lu_xzp"])
@@ -144,6 +125,13 @@ def test_lines_are_straight_and_loops_close(arm, paths):
     np.testing.assert_allclose(loop.q[:, -1] + loop.step[:, -1], loop.q[:, 0], atol=1e-9)
 
 
+def test_constant_speed_has_the_fastest_joint_at_its_limit(arm, stated):
+    constant = options_of("which_decomposition", once=[1.0, 1.0]).laws[stage.FULL_SPEED][0]
+    part = draw_paths(arm, constant, "joint line", stated.u, 10, np.random.default_rng(1))
+    speed = np.abs(part.step * 100 / arm.max_speed).max(axis=2)
+    np.testing.assert_allclose(speed, 1.0, rtol=1e-6)
+
+
 def test_inverse_kinematics_returns_the_angles(arm):
     rng = np.random.default_rng(2)
     arm = with_tool(arm, 0.2)
@@ -160,8 +148,8 @@ SIGMA_B, DRAWS = 0.25, 40_000
 def variance(reading, jacobian, v, sigma_b=SIGMA_B):
     """(n,) of one pose."""
     inverse = np.linalg.pinv(jacobian)
-    parts = wishart_parts(*(reading, jacobian[..., None], inverse[..., None], v[:, None]))
-    return wishart_variance(parts, len(v), sigma_b)[:, 0]
+    parts = laws.wishart_parts(*(reading, jacobian[..., None], inverse[..., None], v[:, None]))
+    return laws.wishart_variance(parts, len(v), sigma_b)[:, 0]
 
 
 def first_factor(reading, jacobian):
@@ -187,13 +175,12 @@ def first_factor(reading, jacobian):
 @pytest.fixture(scope="module")
 def poses(arm, paths):
     """(J, v) at three moving steps."""
-    chosen = [(kind, 160 - 50 * i) for i, kind in enumerate(paths)]
-    jacobians = [arm.jacobian(paths[kind].q[i, k]) for i, (kind, k) in enumerate(chosen)]
-    steps = [paths[kind].step[i, k] for i, (kind, k) in enumerate(chosen)]
-    return [(jacobian, jacobian @ step) for jacobian, step in zip(jacobians, steps, strict=True)]
+    chosen = [(part, i, 160 - 50 * i) for i, part in enumerate(paths.values())]
+    jacobians = [(arm.jacobian(part.q[i, k]), part.step[i, k]) for part, i, k in chosen]
+    return [(jacobian, jacobian @ step) for jacobian, step in jacobians]
 
 
-@pytest.mark.parametrize("reading", READINGS)
+@pytest.mark.parametrize("reading", laws.READINGS)
 def test_the_variances_are_those_of_algorithm_1(poses, reading):
     """40 000 draws of B put the root of a variance within 2.5 %: 4.5 standard errors at a kurtosis
     below 6.
@@ -210,20 +197,22 @@ def test_the_variances_are_those_of_algorithm_1(poses, reading):
         np.testing.assert_allclose(np.sqrt(variance(reading, jacobian, v)), drawn, rtol=0.025)
 
 
-@pytest.mark.parametrize("reading", [PIVOTED, QR, QR_TRANSPOSED])
-def test_the_models_of_the_project_have_the_same_law(arm, paths, reading):
-    q, step = (getattr(paths["loop"], part)[:, 100] for part in ("q", "step"))
-    v = np.matvec(arm.jacobian(q), step)
-    model = WishartModel(SIGMA_B, Decomposition(reading)).covariance(arm, q, v)
-    own = [variance(reading, *pose) for pose in zip(arm.jacobian(q), v, strict=True)]
-    np.testing.assert_allclose(own, np.diagonal(model, axis1=1, axis2=2), rtol=1e-8)
+def test_pivoted_lu_is_at_every_pose_one_of_the_orders_with_phi_first(poses):
+    for pose in poses:
+        plain = [variance(reading, *pose) for reading in ("lu_pxz", "lu_pzx")]
+        assert any(np.allclose(variance(PIVOTED, *pose), other, rtol=1e-9) for other in plain)
 
 
-def test_the_gaussian_model_has_the_same_variance(arm, paths, stated):
+def test_the_models_of_the_project_have_the_same_laws(arm, paths, stated):
     part = paths["task line"]
-    q, step, norm = part.q[:, 100], part.step[:, 100], np.linalg.norm(part.inverse, axis=(2, 3))
-    v = np.matvec(arm.jacobian(q), step)
-    own = gaussian_variance(norm[:, 100], v.T, stated.alpha, stated.u, 3)
+    q, inverse = part.q[:, 100], part.inverse[:, 100]
+    v = np.matvec(arm.jacobian(q), part.step[:, 100])
+    for reading in (PIVOTED, QR, QR_TRANSPOSED):
+        model = WishartModel(SIGMA_B, Decomposition(reading)).covariance(arm, q, v)
+        own = [variance(reading, *pose) for pose in zip(arm.jacobian(q), v, strict=True)]
+        np.testing.assert_allclose(own, np.diagonal(model, axis1=1, axis2=2), rtol=1e-8)
+    norm = np.linalg.norm(inverse, axis=(1, 2))
+    own = laws.gaussian_variance(norm, v.T, stated.alpha, stated.u, 3)
     model = GaussianModel(stated.alpha, stated.u).covariance(arm, q, v)
     np.testing.assert_allclose(own, model[:, 2, 2], rtol=1e-9)
 
@@ -253,7 +242,7 @@ def test_the_values_and_every_entry_of_the_covariance_are_in_the_claims(stated):
     np.testing.assert_allclose(stated.covariance, np.array(printed) * 1e-3)
     claims = [claim for claim in read_claims() if claim.id != "alpha"]
     with pytest.raises(ConfigError, match="no claim"):
-        published(claims)
+        laws.published(claims)
 
 
 def test_every_reading_has_the_recorded_trace_at_its_own_level_and_its_invariance_in_space(project):
@@ -270,3 +259,9 @@ def test_every_reading_has_the_recorded_trace_at_its_own_level_and_its_invarianc
     np.testing.assert_allclose(noise[QR_TRANSPOSED], noise[QR_TRANSPOSED, "m", 0.0], rtol=1e-6)
     np.testing.assert_allclose(noise[QR, "m", 75.0], noise[QR, "m", 0.0], rtol=1e-6)
     assert noise[PIVOTED, "mm", 0.0] > 10 * noise[PIVOTED, "m", 0.0]
+
+
+def test_recordings_without_rest_have_no_level(never_resting):
+    settings = config.sections("which_decomposition", Path(stage.__file__).with_name("dvc.yaml"))
+    with pytest.raises(ModelDomainError):
+        stage.level_rows(training_steps(settings.dataset.robot, settings.dataset.motion))

@@ -21,7 +21,6 @@ from pipeline.statistics.filters import Filtered, no_filter
 from pipeline.studies.filters import stage
 from pipeline.studies.filters.deviations import deviations
 from pipeline.studies.filters.stage import COVERAGE, LOG, RMS, YARDSTICK
-from pipeline.studies.frame import Results
 
 JOINTS = ["a", "b"]
 
@@ -80,9 +79,9 @@ def test_the_page_names_filters_that_gain_in_a_score_and_lose_in_none():
     log = rows["score"] == LOG
     worse = rows.assign(high=rows["high"].mask(log, -1.0), low=rows["low"].mask(log, -2.0))
     for shown, name in ((rows, "half, open loop"), (worse, "none")):
-        (page,) = stage.page(Results(options, tables | {"filters": shown}, "the figure"))
-        assert f"beyond 95 % intervals: {name}." in " ".join(page.split())
-        assert "half, open loop: 2 of 2 rms errors" in " ".join(page.split())
+        facts = stage.facts(tables | {"filters": shown}, options)
+        assert facts["particle"].startswith(name)
+        assert "half, open loop: 2 of 2 rms errors" in facts["sweep"]
     axes = stage.draw(rows, tables["filters_lasting"]).axes
     labels = [text.get_text() for text in axes[0].get_yticklabels()]
     assert labels == ["half, open loop", "linear, autocorrelation", "yardstick"]
@@ -146,17 +145,19 @@ def test_each_part_has_the_covariance_of_simulated_takes_and_not_another(laborat
     assert distance(other.covariance[EVERY, :, EVERY], sample) > 4.0
 
 
-def test_how_long_a_deviation_lasts_is_seen_in_the_covariance(laboratory):
-    dynamics = replace(laboratory.dynamics, **(STILL | PARTS["sway"]))
-    path, sample = simulated(laboratory, dynamics, 2, CLOSE)
-    motion = laboratory.motion
-    law = deviations(laboratory.chain, motion, dynamics, path).covariance
+def test_how_long_a_deviation_lasts_is_seen_in_the_covariance_and_not_in_its_size(laboratory):
+    dynamics, motion = replace(laboratory.dynamics, **(STILL | PARTS["sway"])), laboratory.motion
     other = replace(dynamics, sway_time=3 * dynamics.sway_time)
-    longer = deviations(laboratory.chain, motion, other, path).covariance
+    path, sample = simulated(laboratory, dynamics, 2, CLOSE)
+    _, lasting = simulated(laboratory, other, 2, CLOSE)
+    law, longer = (
+        deviations(laboratory.chain, motion, each, path).covariance for each in (dynamics, other)
+    )
     np.testing.assert_allclose(law[5, :, 5], longer[5, :, 5])
     assert longer[40, 0, 46, 0] > 1.5 * law[40, 0, 46, 0] > 0
-    assert distance(law[CLOSE, :, CLOSE], sample) < 2.0
-    assert distance(longer[CLOSE, :, CLOSE], sample) > 3.0
+    for own, takes, wrong in ((law, sample, longer), (longer, lasting, law)):
+        assert distance(own[CLOSE, :, CLOSE], takes) < 2.0
+        assert distance(wrong[CLOSE, :, CLOSE], takes) > 3.0
 
 
 def test_the_jitter_of_an_exposure_moves_a_pose_by_the_speed_alone(laboratory):

@@ -109,6 +109,15 @@ def test_the_takes_of_two_motions_err_alike_and_those_of_training_are_others(ben
     assert np.array_equal(fewer.poses(bench.recorded, "take"), (first + bench.recorded)[:2])
 
 
+def test_the_task_that_is_planned_changes_nothing_of_the_arm_that_moves(bench, rig):
+    whole = replace(bench_of(CONF / "dataset/youbot.yaml", [], 0.64), dynamics=bench.dynamics)
+    assert (bench.chain.task, whole.chain.task) == (("x", "z"), ("x", "z", "phi"))
+    other = replace(rig, bench=whole)
+    assert np.array_equal(rig.poses(bench.recorded, "take"), other.poses(whole.recorded, "take"))
+    # three joints for two rows: a step of the joints is commanded beside that of the task
+    assert [each.command(each.recorded).shape[1] for each in (bench, whole)] == [5, 3]
+
+
 def test_a_motion_that_the_arm_cannot_follow_is_refused(bench, rig):
     with pytest.raises(ConfigError, match="joint limits"):
         rig.poses(bench.recorded + 3.0, "take")
@@ -127,7 +136,7 @@ def test_the_page_counts_plans_of_least_sum_and_the_figure_has_ratios_to_the_min
     )
     for least, share in ((rows, 1), (rows.assign(least=0.0), 0)):
         tables = {"planning": least, "planning_agreements": taus.assign(**place)}
-        (page,) = stage.page(stage.Results(OPTIONS, tables, "the figure"))
-        assert f"In {share} of 1 pairs" in page and "0.5 (gaussian)" in page
+        facts = stage.facts(tables, OPTIONS)
+        assert (facts["sure"], facts["pairs"], facts["medians"]) == (share, 1, "0.5 (gaussian)")
     points = [line.get_xydata()[0].tolist() for line in stage.draw(rows, predictions).axes[0].lines]
     assert points[:4] == [[2, 2], [1, 1], [3, 3], [1, 0.5]]

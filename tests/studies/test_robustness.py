@@ -3,28 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 from known_law import ROOT
+from study_runs import options_of
 
 from pipeline.cases.case import KINDS, Choices
 from pipeline.core.columns import spread
 from pipeline.core.errors import ConfigError
+from pipeline.core.options.analysis import Compute
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.models.kinds import options_type
 from pipeline.studies.robustness import stage
-from pipeline.studies.robustness.conditions import (
+from pipeline.studies.robustness.grid import (
+    CHANCE,
     Common,
     Condition,
+    cameras,
     conditions,
+    decision_cases,
     motion_evidence,
     trajectory,
     verdicts,
+    without_camera,
 )
-from pipeline.studies.robustness.decisions import CHANCE, cameras, decision_cases, without_camera
 from pipeline.studies.robustness.page import changes, draw
 from pipeline.verdicts.claims import parse_claims
 from pipeline.wrench.bounds import Bounds
@@ -99,16 +106,27 @@ def test_the_wrench_has_verdicts_that_follow_its_bounds(common):
     assert values[1] > 2 * values[0] and (held != other).any()
 
 
+def counted(condition, common):
+    """The verdicts, and a line in the file `calls`."""
+    with Path("calls").open("a") as file:
+        file.write(f"{condition.seed}\n")
+    return verdicts(condition, common)
+
+
 def test_a_condition_of_a_killed_run_is_not_evaluated_again(common, tmp_path, monkeypatch):
-    condition, folder = Condition("wrench", 1), tmp_path / "kept"
-    first = stage.kept_verdicts(condition, common, folder)
-    pd.testing.assert_frame_equal(first, verdicts(condition, common))
-    (folder / "half.written").write_bytes(b"\0")
-    monkeypatch.setattr(stage, "verdicts", None)
-    pd.testing.assert_frame_equal(stage.kept_verdicts(condition, common, folder), first)
-    # other options are evaluated anew
-    with pytest.raises(TypeError):
-        stage.kept_verdicts(condition, replace(common, agents=[3, 5]), folder)
+    monkeypatch.chdir(tmp_path)
+    grid = [Condition("wrench", seed) for seed in (1, 2)]
+    monkeypatch.setattr(stage, "verdicts", counted)
+    monkeypatch.setattr(stage, "laboratory_grid", lambda *_: (grid, common))
+    settings = SimpleNamespace(compute=Compute(workers=1))
+    killed = stage.laboratory_verdicts(settings, None, None)
+    assert next(killed)[0] == "wrench"
+    killed.close()
+    rows = [part[3] for part in stage.laboratory_verdicts(settings, None, None)]
+    for condition, own in zip(grid, rows, strict=True):
+        pd.testing.assert_frame_equal(own, verdicts(condition, common))
+    assert sorted(Path("calls").read_text().split()) == ["1", "2"]
+    assert not Path(".dvc/tmp/robustness").exists()
 
 
 def test_the_grid_has_each_level_alone_and_the_combinations_that_are_named():
@@ -198,5 +216,7 @@ def test_changes_tell_decisions_from_chance_and_count_other_seeds_as_chance():
     assert changed["decisions", "turns", "floor"] and not changed["decisions", "turns", CHANCE]
     assert changed["decisions", "lucky", CHANCE] and not changed["decisions", "lucky", "floor"]
     assert not changed["decisions", "steady"].any() and changed["motion", "steady", CHANCE]
+    facts = stage.facts({"robustness": table()}, options_of("robustness"))
+    assert (facts["decisions"], facts["lucky"], facts["names"]) == (1, 2, "none")
     axes = draw(table()).axes
     assert [each.get_text() for each in axes[0].get_yticklabels()] == ["turns", "lucky", "steady"]

@@ -17,7 +17,7 @@ from pipeline.core import config, contracts
 from pipeline.core.errors import ConfigError, ContractError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.figures.style import panels
-from pipeline.studies.frame import NoAnswerError, interval, listed, number
+from pipeline.studies.frame import NoAnswerError, Study, interval, number
 
 QUICK = ("outlook", "recovery")  # the others take longer than ten seconds
 RUN = [
@@ -84,6 +84,7 @@ def draw(counted):
 def counting(project, monkeypatch):
     """A study of two rows, in the folder `counting`."""
     files = {
+        "page.md": "# Rows\n\n{count} rows\n\n{figure}\n",
         "params.yaml": "paper: {rows: 5}\nsmoke: {rows: 2}\n",
         "tables.yaml": "counted: {k: count | number, length: real 0.. | m}\n",
         "dvc.yaml": "stages: {counting: {params: [data/config.yaml: [seed]]}}\n",
@@ -100,11 +101,10 @@ def counting(project, monkeypatch):
         length = [float(settings.seed)] * options.rows
         return {"counted": pd.DataFrame({"k": range(options.rows), "length": length})}
 
-    def page(results):
-        return [f"{len(results.tables['counted'])} rows", results.figure]
+    def facts(tables, options):
+        return {"count": len(tables["counted"])}
 
-    study = study_of("outlook")
-    yield replace(study, title="Rows", options=Options, evaluate=evaluate, page=page, draw=draw)
+    yield Study(Options, evaluate, facts, draw)
     for name in ("counting", "counting.stage"):
         __import__("sys").modules.pop(name, None)
 
@@ -135,7 +135,7 @@ def test_a_study_leaves_the_tables_and_page_of_an_earlier_run_where_a_part_of_it
     }
     for part, error in (
         ({"evaluate": fail}, ZeroDivisionError),
-        ({"page": fail}, ZeroDivisionError),
+        ({"facts": fail}, ZeroDivisionError),
         ({"evaluate": undeclared}, ContractError),
     ):
         with pytest.raises(error):
@@ -151,4 +151,3 @@ def test_numbers_and_names_in_words():
     assert given == ["3", "1,234,567", "0.123", "–", "−∞"]
     assert interval(-1e-13, 0.5, 1.25) == "+0 [+0.5, +1.25]"
     assert interval(2.0, missing, missing) == "+2" and interval(*[missing] * 3) == "–"
-    assert [listed(names) for names in (["a"], ["a", "b", "c"])] == ["a", "a, b and c"]

@@ -37,11 +37,14 @@ def test_logs_of_a_bench_become_a_card_and_a_model_with_the_noise_that_was_made(
     write_movement(logs / "move_1", 12, noise=5e-5)
     write_movement(logs / "move_2", 5, noise=5e-5, seed=2, offset=0.2)
     (tmp_path / "arm.urdf").write_text((ROOT / "pipeline/arm/ur5.urdf").read_text())
-    words = ["--urdf", tmp_path / "arm.urdf", "--scale", "smoke", "--model", "scaled_all"]
+    words = ["--scale", "smoke", "--model", "scaled_all"]
     refused = characterize(project, logs, *words)
-    assert refused.returncode == 1 and "cannot tell about.licence; run it again" in refused.stderr
-    done = characterize(project, logs, *words, "--set", "about.licence=none")
+    assert refused.returncode == 1 and "robot.urdf, robot.joints" in refused.stderr
+    assert "run it again with --ask, or with --set KEY=VALUE" in refused.stderr
+    # what is open in the files of the first run is filled in by the second
+    done = characterize(project, logs, "--urdf", tmp_path / "arm.urdf", *words)
     assert done.returncode == 0, done.stderr
+    assert "took about.licence: not stated" in refused.stdout
     card = (project / "reports/bench/model_card.md").read_text()
     assert card.index("odel for another motion") < card.index("## Why")
     assert (project / "reports/bench/noise_quantiles.png").is_file()

@@ -22,17 +22,10 @@ from source_code import MODULES, ROOT, covers, needed, package
 from pipeline.tools.crate.command import PROFILE, QUALITY, card, describe
 from pipeline.tools.lock import command as lock
 
-CITATION = {
-    "title": "an experiment",
-    "version": "1.2",
-    "license": "MIT",
-    "abstract": "About\nit.",
-    "date-released": "2001-02-03",
-    "authors": [{"name": "The contributors"}],
-    "references": [
-        {"title": "A paper", "authors": [{"given-names": "A. B.", "family-names": "Author"}]}
-    ],
-}
+AUTHORS = [{"given-names": "A. B.", "family-names": "Author"}]
+CITATION = {"title": "an experiment", "version": "1.2", "license": "MIT", "abstract": "About\nit."}
+CITATION |= {"date-released": "2001-02-03", "authors": [{"name": "The contributors"}]}
+CITATION |= {"references": [{"title": "A paper", "authors": AUTHORS}]}
 RECORDINGS = {"path": "data/raw/lab", "subject": "an arm", "source": "a lab", "licence": "CC0"}
 STAGES = {
     "fit@a": {
@@ -49,10 +42,6 @@ STAGES = {
 FILES = ["reports/figures/ridge.png", "reports/index.html", "reports/metrics/fit_a.json"]
 
 
-def entities(crate: dict) -> dict[str, dict]:
-    return {entity["@id"]: entity for entity in crate["@graph"]}
-
-
 def references(value: object) -> Iterator[str]:
     if isinstance(value, dict) and set(value) == {"@id"}:
         yield value["@id"]
@@ -61,9 +50,11 @@ def references(value: object) -> Iterator[str]:
             yield from references(each)
 
 
-def require_whole(crate: dict) -> None:
-    """RO-Crate 1.1 and the profile: every reference is described, the root is, actions are."""
-    result = entities(crate)
+def require_whole(crate: dict) -> dict[str, dict]:
+    """RO-Crate 1.1 and the profile: every reference is described, the root is, actions are; return
+    the entities by name.
+    """
+    result = {entity["@id"]: entity for entity in crate["@graph"]}
     named = {name for entity in result.values() for name in references(entity)}
     assert named - {*result} == {"https://w3id.org/ro/crate/1.1"}
     root = result["./"]
@@ -74,12 +65,12 @@ def require_whole(crate: dict) -> None:
     assert all(result[name]["result"] and result[name]["instrument"] for name in actions)
     files = {name for name, entity in result.items() if entity["@type"] == "File"}
     assert files <= {*references(root["hasPart"])}
+    return result
 
 
 def test_a_stage_is_an_action_from_its_inputs_to_its_outputs():
     crate = describe(CITATION, RECORDINGS, STAGES, FILES)
-    require_whole(crate)
-    result = entities(crate)
+    result = require_whole(crate)
     fit = result["#run/fit@a"]
     assert [*references(fit["object"])] == ["#data/raw/lab", "#pipeline/models"]
     assert [*references(fit["result"])] == ["#data/fit/a", "metrics/fit_a.json"]
@@ -95,34 +86,24 @@ def test_a_stage_is_an_action_from_its_inputs_to_its_outputs():
         require_whole(broken)
 
 
-LAB = SimpleNamespace(
-    name="lab", laboratory={"seed": 1}, motion=SimpleNamespace(rate=125.0, steps=64)
-)
-ABOUT = {"subject": "An arm", "source": "a laboratory", "licence": "CC0"}
-TAKES = pd.DataFrame({"take": list("abc"), "part": ["training", "training", "test"]})
-TAKES["left_out"] = [False, True, False]
-COUNTED = [["a tracker", "gaps", "count", 9.0, nan, 2.0, 4.0]]
-STORED = [{"path": "data/raw/lab/x", "nfiles": 8, "size": 1234567}]
-
-
-def written(dataset: SimpleNamespace, stored: list[dict]) -> str:
-    settings = SimpleNamespace(seed=7, dataset=dataset)
-    return card(settings, ABOUT, stored, TAKES, pd.DataFrame(COUNTED, columns=QUALITY))
+def written(laboratory: dict | None, stored: list[dict]) -> str:
+    motion = SimpleNamespace(rate=125.0, steps=64)
+    dataset = SimpleNamespace(name="lab", laboratory=laboratory, motion=motion)
+    parts = {"take": list("abc"), "part": ["training", "training", "test"]}
+    takes = pd.DataFrame(parts | {"left_out": [False, True, False]})
+    counted = [["a tracker", "gaps", "count", 9.0, nan, 2.0, 4.0]]
+    about = {"subject": "An arm", "source": "a laboratory", "licence": "CC0"}
+    quality = pd.DataFrame(counted, columns=QUALITY)
+    return card(SimpleNamespace(seed=7, dataset=dataset), about, stored, takes, quality)
 
 
 def test_the_card_states_the_numbers_of_its_dataset_and_nothing_of_another_kind():
-    text = written(LAB, STORED)
-    for part in (
-        "| training | 2 |",
-        "64 steps at 125 per second",
-        "| `data/raw/lab/x` | 8 | 1,234,567 |",
-        "| a tracker | gaps | count | 9 | – | 2 | 4 |",
-        "leaves out: b.",
-        "from the seed 7;",
-        "Licence: CC0.",
-    ):
+    text = written({"seed": 1}, [{"path": "data/raw/lab/x", "nfiles": 8, "size": 1234567}])
+    parts = ["| training | 2 |", "64 steps at 125 per second", "leaves out: b.", "Licence: CC0."]
+    parts += ["| `data/raw/lab/x` | 8 | 1,234,567 |", "from the seed 7;"]
+    for part in (*parts, "| a tracker | gaps | count | 9 | – | 2 | 4 |"):
         assert part in text, part
-    recorded = written(SimpleNamespace(**vars(LAB) | {"laboratory": None}), [])
+    recorded = written(None, [])
     assert re.findall("^## .*", recorded, re.M) == re.findall("^## .*", text, re.M)
     for word in ("seed", "Simulated", "truth", "pipeline/laboratory", "dvc.lock"):
         assert word not in recorded, word
@@ -164,31 +145,18 @@ def test_a_stage_depends_on_the_code_that_it_runs(stage, module):
     assert [file for file in files if not any(covers(dep, file) for dep in deps)] == []
 
 
-LOCK = """schema: '2.0'
-stages:
-  fit@b:
-    cmd: fit b
-  gone:
-    cmd: gone
-  record:
-    cmd: record
-    outs:
-    - path: x
-  fit@a:
-    cmd: fit a
-"""
-
-
 def test_the_entries_of_a_lock_are_sorted_as_its_pipeline(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "params.yaml").write_text("models: [a, b]\n")
     text = "stages:\n  record: {cmd: r}\n  fit: {cmd: f, matrix: {model: '${models}'}}\n"
     (tmp_path / "dvc.yaml").write_text(text)
-    (tmp_path / "dvc.lock").write_text(LOCK)
+    head, record = (
+        "schema: '2.0'\nstages:\n",
+        "  record:\n    cmd: record\n    outs:\n    - path: x\n",
+    )
+    a, b, gone = (f"  {n}:\n    cmd: {n}\n" for n in ("fit@a", "fit@b", "gone"))
+    (tmp_path / "dvc.lock").write_text(head + b + gone + record + a)
     for printed in ("lock: dvc.lock put in order\n", ""):
         lock.run()
         assert capsys.readouterr().out == printed
-        assert (tmp_path / "dvc.lock").read_text() == (
-            "schema: '2.0'\nstages:\n  record:\n    cmd: record\n    outs:\n    - path: x\n"
-            "  fit@a:\n    cmd: fit a\n  fit@b:\n    cmd: fit b\n"
-        )
+        assert (tmp_path / "dvc.lock").read_text() == head + record + a + b

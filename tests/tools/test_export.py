@@ -65,17 +65,10 @@ def folder(tmp_path_factory) -> Path:
 
 
 def write_plain(file: Path, chain, **changes) -> Path:
-    record = {
-        "format": FORMAT,
-        "model": "scaled_t",
-        "dataset": "bench",
-        "joints": ["a", "b", "c"],
-        "rate_per_s": 100.0,
-        "parameters": PLAIN | changes,
-        "closed_loop_share": 0.0,
-        "ranges": {"pose": dict.fromkeys("abc", SEEN), "joint speed": dict.fromkeys("abc", SEEN)},
-        "arm": chain_record(chain),
-    }
+    record = {"format": FORMAT, "model": "scaled_t", "dataset": "bench", "joints": ["a", "b", "c"]}
+    record |= {"rate_per_s": 100.0, "parameters": PLAIN | changes, "closed_loop_share": 0.0}
+    seen = dict.fromkeys("abc", SEEN)
+    record |= {"ranges": {"pose": seen, "joint speed": seen}, "arm": chain_record(chain)}
     file.write_text(json.dumps(record))
     return file
 
@@ -121,105 +114,67 @@ def test_a_joint_step_needs_no_jacobian_and_a_wrong_shape_is_named(folder, chain
     np.testing.assert_allclose(scaled.covariance_of_joint_step(dq), known)
 
 
-ARMS = {"ur5": np.zeros(6), "lwr4": np.full(7, 0.3)}
-
-
-@pytest.fixture(params=ARMS)
-def arm(request, tmp_path, monkeypatch) -> SimpleNamespace:
-    """A colleague's folder with an exported model, and the reader of that folder."""
-    name, home = request.param, ARMS[request.param]
-    n, urdf = len(home), str(ROOT / f"pipeline/arm/{name}.urdf")
-    joints = [f"joint_{number}" for number in range(1, n + 1)]
-    dataset = SimpleNamespace(
-        name=name,
-        robot=Robot(urdf=urdf, joints=joints, tool="flange"),
-        motion=SimpleNamespace(rate=125.0, pose_noise=None),
-    )
-    rng = np.random.default_rng(1)
-    dq = 6e-3 * np.sin(np.outer(np.arange(4000), 0.01 + 0.003 * np.arange(n)))
-    noise = (2e-5 + 0.02 * np.abs(dq)) * rng.standard_normal(dq.shape)
-    motion = MotionSteps("1", (home + np.cumsum(dq, axis=0))[None], dq[None], noise[None])
-    settings = SimpleNamespace(dataset=dataset, seed=1, scale=SimpleNamespace(name="smoke"))
-    monkeypatch.setattr(command, "SOURCES", [Path(urdf)])
-    file = tmp_path / f"{name}_scaled_all.json"
-    command.write_export(command.exported("scaled_all", settings, [motion]), file)
-    module = types.ModuleType("read_motion_model")
-    monkeypatch.setitem(sys.modules, "read_motion_model", module)
-    exec(compile((tmp_path / NAME).read_text(), NAME, "exec"), module.__dict__)
-    return SimpleNamespace(model=module.load(file), urdf=urdf, home=home, dq=dq[:200], n=n)
-
-
-@pytest.mark.filterwarnings("ignore::UserWarning")
-def test_a_kalman_filter_of_filterpy_follows_the_joints(arm):
-    kalman = pytest.importorskip("filterpy.kalman", reason="filterpy is missing; `make` has it")
-    rng, n = np.random.default_rng(2), arm.n
-    filtered = kalman.KalmanFilter(dim_x=n, dim_z=n, dim_u=n)
-    filtered.F = filtered.H = filtered.B = np.eye(n)
-    filtered.x, filtered.P = arm.home.copy(), 1e-8 * np.eye(n)
-    filtered.R = (5e-4) ** 2 * np.eye(n)
-    true, errors, measured = arm.home.copy(), [], []
-    for dq in arm.dq:
-        Q = arm.model.covariance_of_joint_step(dq)
-        true = true + dq + rng.multivariate_normal(np.zeros(n), Q)
-        y = true + 5e-4 * rng.standard_normal(n)
-        filtered.predict(u=dq, Q=Q)
-        filtered.update(y)
-        errors.append(filtered.x - true)
-        measured.append(y - true)
-    assert np.sqrt(np.mean(np.square(errors))) < 0.7 * np.sqrt(np.mean(np.square(measured)))
-
-
-@pytest.mark.filterwarnings("ignore::UserWarning")
-def test_a_planner_finds_slow_steps_less_uncertain(arm):
-    def cost(count: int) -> float:
-        """Sum of the variances of a motion of 0.2 rad of every joint in ``count`` equal steps."""
-        dq = np.full((count, arm.n), 0.2 / count)
-        return float(np.trace(arm.model.covariance_of_joint_step(dq), axis1=1, axis2=2).sum())
-
-    costs = {count: cost(count) for count in (40, 80, 160, 640, 2560)}
-    best = min(costs, key=costs.get)
-    assert costs[40] > costs[80] > costs[160] and best not in (40, 2560)
-
-
-def test_the_covariance_of_a_frame_is_that_of_drawn_poses(arm):
-    pinocchio = pytest.importorskip("pinocchio", reason="pinocchio is missing")
-    model = pinocchio.buildModelFromUrdf(arm.urdf)
-    data, frame = model.createData(), model.getFrameId("flange")
-    sigma, q = arm.model.covariance_of_joint_step(arm.dq[60]), arm.home + arm.dq[60]
-    pinocchio.computeJointJacobians(model, data, q)
-    pinocchio.updateFramePlacements(model, data)
-    world = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    J = pinocchio.getFrameJacobian(model, data, frame, world)[:3]
-    drawn = np.random.default_rng(3).multivariate_normal(q, sigma, 20_000)
-    points, expected = arm.model.chain.pose(drawn)[..., :3], J @ sigma @ J.T
-    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
-    np.testing.assert_allclose(np.cov(points.T) / scale, expected / scale, atol=0.06)
-
-
 PAGE = (ROOT / "pipeline/tools/export/README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 
 
+def run_blocks(blocks: list[str], folder: Path, monkeypatch) -> dict:
+    """Return the names after the README's ``blocks`` as printed, run in a colleague's folder."""
+    pytest.importorskip("filterpy", reason="filterpy is missing; `make` has it")
+    monkeypatch.chdir(folder)
+    module = types.ModuleType("read_motion_model")
+    monkeypatch.setitem(sys.modules, "read_motion_model", module)
+    exec(compile((folder / NAME).read_text(), NAME, "exec"), module.__dict__)
+    known: dict = {}
+    for block in blocks:
+        exec(block, known)
+    return known
+
+
+def error(known: dict, name: str) -> float:
+    return float(np.sqrt(np.mean(np.subtract(known[name], known["path"]) ** 2)))
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize(("name", "home"), [("ur5", np.zeros(6)), ("lwr4", np.full(7, 0.3))])
+def test_the_readmes_filter_planner_and_frame_use_the_model_of_a_real_arm(
+    name, home, tmp_path, monkeypatch
+):
+    pytest.importorskip("pinocchio", reason="pinocchio is missing")
+    n, urdf = len(home), ROOT / f"pipeline/arm/{name}.urdf"
+    robot = Robot(urdf=str(urdf), joints=[f"joint_{j}" for j in range(1, n + 1)], tool="flange")
+    motion = SimpleNamespace(rate=125.0, pose_noise=None)
+    dataset = SimpleNamespace(name=name, robot=robot, motion=motion)
+    settings = SimpleNamespace(dataset=dataset, seed=1, scale=SimpleNamespace(name="smoke"))
+    rng = np.random.default_rng(1)
+    dq = 6e-3 * np.sin(np.outer(np.arange(4000), 0.01 + 0.003 * np.arange(n)))
+    noise = (2e-5 + 0.02 * np.abs(dq)) * rng.standard_normal(dq.shape)
+    steps = MotionSteps("1", (home + np.cumsum(dq, axis=0))[None], dq[None], noise[None])
+    monkeypatch.setattr(command, "SOURCES", [urdf])
+    record = command.exported("scaled_all", settings, [steps])
+    command.write_export(record, tmp_path / "model.json")
+    (tmp_path / "arm.urdf").write_text(urdf.read_text())
+    known = run_blocks(BLOCKS[:4], tmp_path, monkeypatch)
+    assert error(known, "by_kalman") < 0.7 * error(known, "measured")
+    cost = known["joint_variance"]
+    assert cost(40) > cost(known["best_steps"]) < cost(20_000)
+    # the covariance of the frame is that of drawn poses
+    drawn = np.random.default_rng(3).multivariate_normal(known["start"], known["sigma"], 20_000)
+    points, expected = known["model"].chain.pose(drawn)[..., :3], known["position_covariance"]
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    np.testing.assert_allclose(np.cov(points.T) / scale, expected / scale, atol=0.06)
+
+
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_the_readmes_filters_are_nearer_than_measured_and_its_planner_swings_out(
-    tmp_path, chain, monkeypatch
+    folder, chain, monkeypatch
 ):
-    pytest.importorskip("filterpy", reason="filterpy is missing; `make` has it")
-    write_model(tmp_path / "model.json", "wishart", chain, speed=0.1)
-    (tmp_path / NAME).write_text(reader_source())
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delitem(sys.modules, "read_motion_model", raising=False)
-    known: dict = {}
-    for block in BLOCKS:
-        exec(block, known)
-    errors = {
-        name: np.sqrt(np.mean(np.subtract(known[name], known["path"]) ** 2))
-        for name in ("measured", "by_ukf", "by_particles")
-    }
-    assert len(BLOCKS) == 4 and len(known["by_ukf"]) == 60
-    assert 0.004 < errors["measured"] < 0.006
-    assert max(errors["by_ukf"], errors["by_particles"]) < 0.7 * errors["measured"]
+    write_model(folder / "model.json", "wishart", chain, speed=0.1)
+    known = run_blocks(BLOCKS[4:], folder, monkeypatch)
+    assert len(BLOCKS) == 8 and len(known["by_ukf"]) == 60
+    measured = error(known, "measured")
+    assert 0.004 < measured < 0.006
+    assert max(error(known, "by_ukf"), error(known, "by_particles")) < 0.7 * measured
     # the swing is less uncertain than the straight way and than one to the other side
     best, cost = known["best"], known["variance"]
     assert abs(best) > 0.002 and cost(best) < min(cost(0.0), cost(-best))

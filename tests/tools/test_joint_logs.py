@@ -102,12 +102,13 @@ def test_the_step_of_another_table_in_the_folder_is_not_the_joint_logs(tmp_path)
         write_tables(folder, q_actual=rows, q_target=rows)
         table = np.column_stack([4 * TIME / 0.008, rows])
         np.savetxt(folder / "a_force.csv", table, "%.4f", ",")
-    proposed = dataset_texts("lab", layout(inspect(tmp_path), tmp_path), tmp_path)[0]
-    assert "movements: move_*" in proposed and "steps by" not in proposed
+    recorded = layout(inspect(tmp_path), tmp_path)
+    assert "movements: move_*" in dataset_texts("lab", recorded, tmp_path)[0]
+    assert "joint_log.time_unit" not in suggested_values(recorded, tmp_path, {})[0]
     for number in (1, 2):
         (tmp_path / f"move_{number}/a_force.csv").unlink()
-    proposed = dataset_texts("lab", layout(inspect(tmp_path), tmp_path), tmp_path)[0]
-    assert "# steps by 0.008" in proposed
+    recorded = layout(inspect(tmp_path), tmp_path)
+    assert suggested_values(recorded, tmp_path, {})[0]["joint_log.time_unit"] == "s"
 
 
 def test_names_share_one_pattern():

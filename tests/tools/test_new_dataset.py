@@ -26,6 +26,7 @@ from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
 from pipeline.formats.motion.motive import write_motive
 from pipeline.tools.new_dataset.command import open_dataset
+from pipeline.tools.new_dataset.values import KEYS
 
 FROM, TO = [0.3, -1.2, 1.4, -1.0, -1.2, 0.2], [0.7, -0.9, 1.1, -0.8, -1.0, 0.7]  # rad
 
@@ -34,14 +35,21 @@ def run(*words: object) -> None:
     tool_call("new_dataset", [*map(str, words)])()
 
 
+def write_takes(folder: Path, *names: str, frames: int = 9, bodies: bool = False) -> None:
+    """Takes of motion capture, of markers or of rigid bodies alone."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        take = random_take(frames, body=bodies)
+        if bodies:
+            take.markers.clear()
+        write_motive(folder / f"{name}.csv", take, start=START)
+
+
 @pytest.fixture
 def exports(tmp_path) -> Path:
     """Takes of motion capture, two of which a depth camera saw, and a force log."""
     folder = tmp_path / "exports"
-    for part in ("mocap", "kinect", "force"):
-        (folder / part).mkdir(parents=True)
-    for name in ("fit_1", "fit_2", "fit_3", "hold_1", "hold_2"):
-        write_motive(folder / f"mocap/{name}.csv", random_take(21, body=False), start=START)
+    write_takes(folder / "mocap", "fit_1", "fit_2", "fit_3", "hold_1", "hold_2", frames=21)
     for name in ("hold_1", "hold_2"):
         (folder / "kinect" / name / "depth").mkdir(parents=True)
         files = tuple(f"depth/{number}.png" for number in range(3))
@@ -51,6 +59,7 @@ def exports(tmp_path) -> Path:
     write_intrinsics(folder / "kinect/camera.yaml", Intrinsics(20.0, 20.0, 8.0, 6.0, 16, 12))
     values = np.random.default_rng(1).normal(size=(50, 3))
     record = ForceRecord(np.arange(50) / 100, values, values, 100.0, "FT1", START, {})
+    (folder / "force").mkdir()
     write_daqft(folder / "force/C1.csv", record)
     return folder
 
@@ -58,14 +67,11 @@ def exports(tmp_path) -> Path:
 @pytest.fixture
 def space_exports(tmp_path) -> Path:
     """Takes of rigid bodies alone, with a controller's logs of their names, and a URDF."""
-    folder = tmp_path / "space"
-    for part in ("mocap", "logs"):
-        (folder / part).mkdir(parents=True)
+    folder, takes = tmp_path / "space", ("move_1", "move_2", "hold_1")
+    write_takes(folder / "mocap", *takes, bodies=True)
     rows = [",".join(f"{0.01 * k + column:.3f}" for column in range(4)) for k in range(9)]
-    for take in ("move_1", "move_2", "hold_1"):
-        recorded = random_take(9)
-        recorded.markers.clear()
-        write_motive(folder / f"mocap/{take}.csv", recorded, start=START)
+    (folder / "logs").mkdir()
+    for take in takes:
         labels = "time,measured_a,measured_b,target_a"
         (folder / f"logs/{take}.csv").write_text("\n".join([labels, *rows, ""]))
     shutil.copy(ROOT / "pipeline/arm/lwr4.urdf", folder / "robot.urdf")
@@ -86,10 +92,19 @@ def contains(values: dict, part: dict) -> bool:
     return {key: values[key] for key in part} == part
 
 
+def require_known_keys() -> None:
+    """Every key of the written files is one that a dataset has."""
+    sheet, option = written()
+    sheet.pop("about")
+    values = OmegaConf.to_container(OmegaConf.merge(option, sheet))
+    assert faults(values) == [] and faults(values | {"arm": 1})
+
+
 def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(root, exports, capsys):
     shutil.copy(ROOT / "pipeline/arm/youbot.urdf", exports / "robot.urdf")
     run("lab", "--from", exports)
     sheet, option = written()
+    require_known_keys()
     assert sheet["recordings"] == "../exports"
     assert contains(sheet["mocap"], {"training": "mocap/fit_*.csv", "test": "mocap/hold_*.csv"})
     assert sheet["mocap"]["markers"] == {
@@ -103,8 +118,7 @@ def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(root, 
     robot = {"urdf": "../exports/robot.urdf", "tool": "arm_tool", "locked": "???"}
     robot["joints"] = ["arm_joint_2", "arm_joint_3", "arm_joint_4"]
     assert contains(option["robot"], robot)
-    asked = {"about.licence", "mocap.base.rpy", "depth.encoding", "depth.units_per_metre"}
-    asked |= {"trajectory", "force.kappa_bounds", "force.configurations.C1.tension"}
+    asked = {"about.licence", "depth.encoding", "force.configurations.C1.tension"}
     assert asked <= unfilled() and "mocap.unit" not in unfilled()
     for file in (datasheet.path_of("lab"), config.CONF / "dataset/lab.yaml"):
         for line in file.read_text().splitlines():
@@ -116,21 +130,12 @@ def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(root, 
     assert stage.outs == [{"data/raw/lab/inventory.csv": {"cache": False, "persist": True}}]
 
 
-@pytest.mark.parametrize("folder", ["exports", "space_exports", "logs"])
-def test_every_key_is_one_that_a_dataset_has(root, folder, request):
-    run("lab", "--from", request.getfixturevalue(folder))
-    sheet, option = written()
-    sheet.pop("about")
-    values = OmegaConf.to_container(OmegaConf.merge(option, sheet))
-    assert faults(values) == []
-    assert faults(values | {"arm": 1})  # the control: a key that no dataset has
-
-
 def test_rigid_bodies_follow_an_arm_in_space_and_logs_named_as_takes_are_its_encoders(
     root, space_exports
 ):
     run("lab", "--from", space_exports)
     sheet, option = written()
+    require_known_keys()
     (body,) = random_take(9).bodies
     mount = {"position": "???", "rpy": "???"}
     assert sheet["mocap"]["bodies"] == {body: {"name": body, "mount": mount}}
@@ -146,8 +151,7 @@ def test_rigid_bodies_follow_an_arm_in_space_and_logs_named_as_takes_are_its_enc
     # control: a log of another name is a table of something else, and markers are a planar arm's
     for log in (space_exports / "logs").iterdir():
         log.rename(log.with_stem(f"other_{log.stem}"))
-    for name in ("move_1", "move_2"):
-        write_motive(space_exports / f"mocap/{name}.csv", random_take(9, body=False), start=START)
+    write_takes(space_exports / "mocap", "move_1", "move_2")
     run("plane", "--from", space_exports)
     sheet, option = written("plane")
     assert "encoders" not in sheet and "bodies" not in sheet["mocap"]
@@ -183,12 +187,10 @@ def test_units_groups_and_steps_that_nothing_settles_are_asked_for(root, exports
     run("old", "--from", tmp_path / "old")
     mocap = written("old")[0]["mocap"]
     assert contains(mocap, {"unit": "???", "training": "rows.csv", "test": None})
-    (tmp_path / "takes").mkdir()
-    for name in ("slow_1", "slow_2", "fast_1", "fast_2"):
-        write_motive(tmp_path / f"takes/{name}.csv", random_take(9, body=False), start=START)
+    write_takes(tmp_path / "takes", "slow_1", "slow_2", "fast_1", "fast_2")
     run("two", "--from", tmp_path / "takes")
     assert contains(written("two")[0]["mocap"], {"training": "???", "test": "???"})
-    write_motive(exports / "mocap/fit_4.csv", random_take(31, body=False), start=START)
+    write_takes(exports / "mocap", "fit_4", frames=31)
     run("lab", "--from", exports)
     assert written()[1]["motion"] == {"rate": 100, "steps": "???"}
 
@@ -216,7 +218,9 @@ def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_pa
         (tmp_path / place).mkdir()
         for number in (1, 2):
             (tmp_path / place / f"run_{number}.csv").write_text("\n".join([header, *rows, ""]))
+        shutil.copy(ROOT / "pipeline/arm/youbot.urdf", tmp_path / place / "arm.urdf")
         run(place, "--from", tmp_path / place)
+    assert written("runs")[1]["robot"]["task"] == "???"  # five joints, a pose has six rows
     log = written("runs")[0]["joint_log"]
     expected = {"movements": "run_*.csv", "time": "t (s)", "time_unit": "s", "angle_unit": "deg"}
     assert contains(log, expected)
@@ -282,8 +286,7 @@ def test_an_empty_answer_takes_the_suggestion_or_leaves_the_value_open(root, log
     monkeypatch.setattr(builtins, "input", lambda prompt: "")
     run("lab", "--from", logs, "--set", f"robot.urdf={urdf()}", "--set", "robot.tool=flange")
     run("lab", "--ask")
-    motion = {"motion.steps", "joint_log.start", "joint_log.end", "joint_log.rest"}
-    assert unfilled() == {"about.subject", "about.source"} | motion
+    assert unfilled() == {"about.subject", "about.source", *KEYS}
 
 
 @pytest.mark.parametrize(

@@ -9,29 +9,15 @@ import pytest
 from pipeline.core.errors import ConfigError
 from pipeline.verdicts.equations import Source, citations, cited, equations_page, parse_items
 
-EQUATION = {
-    "kind": "equation",
-    "label": "NormStd",
-    "place": "Sec. 3",
-    "says": "A |norm|.",
-    "tests": ["tests/a/test_b.py::test_c"],
-}
+EQUATION = {"kind": "equation", "label": "NormStd", "place": "Sec. 3", "says": "A |norm|."}
+EQUATION |= {"tests": ["tests/a/test_b.py::test_c"]}
+THEOREM = {"kind": "theorem", "place": "Sec. 2", "says": "A mean."}
+FIGURE = {"kind": "figure", "label": "Setup", "place": "Sec. 4", "says": "The room."}
 FURTHER = [
     EQUATION | {"label": "cost"},
-    {
-        "kind": "theorem",
-        "place": "Sec. 2",
-        "says": "A mean.",
-        "tests": ["tests/a/test_b.py::test_d"],
-    },
+    THEOREM | {"tests": ["tests/a/test_b.py::test_d"]},
     EQUATION | {"label": "const1"},
-    {
-        "kind": "figure",
-        "label": "Setup",
-        "place": "Sec. 4",
-        "says": "The room.",
-        "without_code": "a photograph",
-    },
+    FIGURE | {"without_code": "a photograph"},
 ]
 SMALL = parse_items([EQUATION, *FURTHER])
 
@@ -43,11 +29,7 @@ SMALL = parse_items([EQUATION, *FURTHER])
         ("the problem (cost)–(const1), by Theorem 1", {"cost", "const1", "Theorem 1"}),
         ("Eqs. (NormStd) and (const1)", {"NormStd", "const1"}),
         ("Fig. (Setup) in our words", {"Setup"}),
-        (
-            "the norm (Frobenius), cost and NormStd without parentheses, and Eq. (22) of another "
-            "paper",
-            set(),
-        ),
+        ("the norm (Frobenius), cost without parentheses, Eq. (22) of another paper", set()),
     ],
 )
 def test_a_docstring_cites_labels_in_parentheses_and_theorems_by_number(docstring, names):
@@ -68,10 +50,8 @@ def test_a_citation_of_what_the_paper_does_not_have_is_refused_with_its_place(tm
     file.write_text(f'class Step:\n    def sample(self):\n        """{docstring}."""\n')
     with pytest.raises(ConfigError, match="which the paper does not have") as refused:
         citations(tmp_path / "code", SMALL)
-    assert (
-        refused.value.evidence["file"] == file
-        and refused.value.evidence["name"] == "code.step.Step.sample"
-    )
+    assert refused.value.evidence["file"] == file
+    assert refused.value.evidence["name"] == "code.step.Step.sample"
 
 
 def test_functions_classes_and_methods_count_and_what_is_private_does_not(tmp_path):
@@ -98,20 +78,15 @@ def test_functions_classes_and_methods_count_and_what_is_private_does_not(tmp_pa
 
 
 def test_each_item_has_its_row_with_links_to_what_implements_and_shows_it():
-    sources = {item.cited_as: [] for item in SMALL} | {
-        "NormStd": [Source("pipeline.a.b", Path("pipeline/a.py"))]
-    }
+    sources = {item.cited_as: [] for item in SMALL}
+    sources["NormStd"] = [Source("pipeline.a.b", Path("pipeline/a.py"))]
     sources["cost"] = [Source("pipeline.c", Path("pipeline/c.py"), tests_alone=True)]
     rows = equations_page(SMALL, sources).splitlines()
     shown = "| [`pipeline.a.b`](../pipeline/a.py) | [`test_c`](../tests/a/test_b.py) |"
     assert rows[-5] == f"| Eq. 1 (NormStd) | Sec. 3 | A \\|norm\\|. {shown}"
-    assert [row.split(" | ")[0] for row in rows[-5:]] == [
-        "| Eq. 1 (NormStd)",
-        "| Eq. 2 (cost)",
-        "| Theorem 1",
-        "| Eq. 3 (const1)",
-        "| Fig. 1 (Setup)",
-    ]
+    titles = [row.split(" | ")[0].removeprefix("| ") for row in rows[-5:]]
+    assert titles[:3] == ["Eq. 1 (NormStd)", "Eq. 2 (cost)", "Theorem 1"]
+    assert titles[3:] == ["Eq. 3 (const1)", "Fig. 1 (Setup)"]
     assert "[`pipeline.c`](../pipeline/c.py) (serves tests alone)" in rows[-4]
     assert "no code: a photograph" in rows[-1]
 

@@ -22,22 +22,15 @@ STEP = np.array([0.004, -0.003, 0.03])
 def arm(metre: float = 1.0) -> PlanarChain:
     """The arm with its lengths in units of which a metre has ``metre``."""
     links = metre * np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]])
-    return PlanarChain(
-        np.zeros(2),
-        links,
-        np.array([1.0, 1.0, -1.0]),
-        np.full(3, -3.0),
-        np.full(3, 3.0),
-        np.full(3, np.pi / 2),
-    )
+    ranges = (np.full(3, end) for end in (-3.0, 3.0, np.pi / 2))
+    return PlanarChain(np.zeros(2), links, np.array([1.0, 1.0, -1.0]), *ranges)
 
 
 def test_only_measured_minus_nominal_is_the_noise_of_a_random_jacobian():
     """(J⁻¹ − J̲⁻¹)ẋᵈΔt of (Omegk) is ω as estimated here, and minus ω as (OmgReal) prints it."""
     chain = arm()
-    random = chain.jacobian(POSE) @ (
-        np.eye(3) + 0.1 * np.random.default_rng(0).standard_normal((3, 3))
-    )
+    factor = np.eye(3) + 0.1 * np.random.default_rng(0).standard_normal((3, 3))
+    random = chain.jacobian(POSE) @ factor
     q = np.stack([POSE, POSE + np.linalg.solve(random, STEP)])
     meant = (np.linalg.inv(random) - chain.inverse_jacobian(POSE)) @ STEP
     printed = q[0] + chain.inverse_jacobian(q[0]) @ STEP - q[1]
@@ -94,10 +87,8 @@ def test_steps_through_the_inverse_of_a_gaussian_matrix_have_no_variance():
     """
     rng = np.random.default_rng(1)
     chain, size = arm(), 400_000
-    jacobian = chain.jacobian(POSE)
-    forward = np.abs(
-        np.linalg.solve(jacobian + 0.05 * rng.standard_normal((size, 3, 3)), STEP)[:, 0]
-    )
+    drawn = chain.jacobian(POSE) + 0.05 * rng.standard_normal((size, 3, 3))
+    forward = np.abs(np.linalg.solve(drawn, STEP)[:, 0])
     far = np.array([1.0, 4.0, 16.0])
     tail = np.array([np.mean(forward > t) for t in far])
     # four standard errors of the count beyond the farthest
@@ -111,14 +102,14 @@ def test_half_of_the_matrices_exceed_the_bound_at_full_level():
     """tr{nΣ} ≤ u² − ‖J̲‖² bounds E‖J‖² by u², and no single norm."""
     rng = np.random.default_rng(2)
     inverse, u, draws = arm().inverse_jacobian(POSE), 18.0, 100_000
-    scale = noise_scale(np.linalg.norm(inverse), 1.0, u, 3, 3)
-    norms = np.linalg.norm(
-        inverse + np.sqrt(scale) * rng.standard_normal((draws, 3, 3)), axis=(1, 2)
-    )
+    scale = np.sqrt(noise_scale(np.linalg.norm(inverse), 1.0, u, 3, 3))
+
+    def norms_at(level: float) -> np.ndarray:
+        noise = level * scale * rng.standard_normal((draws, 3, 3))
+        return np.linalg.norm(inverse + noise, axis=(1, 2))
+
+    norms = norms_at(1.0)
     assert np.mean(norms**2) == pytest.approx(u**2, rel=0.01)
     assert 0.4 < np.mean(norms > u) < 0.6
     # control: a tenth of the level all but keeps it
-    quiet = np.linalg.norm(
-        inverse + 0.1 * np.sqrt(scale) * rng.standard_normal((draws, 3, 3)), axis=(1, 2)
-    )
-    assert np.mean(quiet > u) < 1e-3
+    assert np.mean(norms_at(0.1) > u) < 1e-3

@@ -4,6 +4,7 @@ and what the experiment can test.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,24 +24,17 @@ PUBLISHED_SYSTEMS, CABLES = 1000, 3
 def bounds() -> dict[str, Bounds]:
     """The printed bounds of each configuration."""
     force = config.read_yaml(ROOT / "data/config.yaml")["dataset"]["force"]
-    shared = {key: tuple(force[f"{key}_bounds"]) for key in ("tension", "tension_std", "kappa")}
-    return {
-        name: Bounds(
-            shared["tension"],
-            tuple(force["configurations"][name]["direction_bounds"]),
-            shared["tension_std"],
-            shared["kappa"],
-        )
-        for name in CONFIGURATIONS
-    }
+    tension, std, kappa = (force[f"{key}_bounds"] for key in ("tension", "tension_std", "kappa"))
+    directions = (force["configurations"][name]["direction_bounds"] for name in CONFIGURATIONS)
+    ranges = [map(tuple, (tension, direction, std, kappa)) for direction in directions]
+    return {name: Bounds(*each) for name, each in zip(CONFIGURATIONS, ranges, strict=True)}
 
 
 @pytest.fixture(scope="module")
 def published() -> np.ndarray:
     """(3, 2) the published diagonals."""
-    claims = {
-        claim["id"]: claim for claim in config.read_yaml(ROOT / "reports/claims.yaml")["claims"]
-    }
+    stated = config.read_yaml(ROOT / "reports/claims.yaml")["claims"]
+    claims = {claim["id"]: claim for claim in stated}
     return np.array([claims[f"sigma-s-{name.lower()}"]["published"] for name in CONFIGURATIONS])
 
 
@@ -71,12 +65,9 @@ def test_of_the_published_sigma_s_the_second_entry_of_c2_alone_is_doubtful_and_o
 
 def test_the_greatest_error_varies_over_repeats_far_more_than_the_mean(bounds):
     study = config.read_yaml(ROOT / "pipeline/conf/wrench/paper.yaml")
-    within = Bounds(
-        *(tuple(study[key]) for key in ("tension", "direction", "tension_std", "kappa"))
-    )
-    _, _, spread = run_study(
-        within, [CABLES], PUBLISHED_SYSTEMS, 2000, 30, np.random.default_rng(5)
-    )
+    ranges = (tuple(study[key]) for key in ("tension", "direction", "tension_std", "kappa"))
+    sizes = ([CABLES], PUBLISHED_SYSTEMS, 2000, 30)
+    _, _, spread = run_study(Bounds(*ranges), *sizes, np.random.default_rng(5))
     relative = spread[["mean", "maximum"]].std() / spread[["mean", "maximum"]].mean()
     assert relative["maximum"] > 0.05
     assert relative["maximum"] > 3 * relative["mean"]
@@ -86,22 +77,14 @@ def test_within_the_bounds_of_the_experiment_actuation_makes_most_of_the_varianc
     """The share of the random matrix in the trace of Cov(W), on average over systems within the
     printed bounds.
     """
+    trace = partial(np.trace, axis1=-2, axis2=-1)
     for number, name in enumerate(CONFIGURATIONS):
         rng = np.random.default_rng(20 + number)
         sigma_s = expected_sigma_s(bounds[name], CABLES, rng)["diagonal"].mean
         model = matrix_model(draw_systems(bounds[name], 2000, CABLES, rng))
-        whole, actuation = model.covariance(sigma_s), model.actuation_part()
-        assert (
-            np.mean(
-                1 - np.trace(actuation, axis1=-2, axis2=-1) / np.trace(whole, axis1=-2, axis2=-1)
-            )
-            < 0.1
-        )
         # control: with twenty times the matrix's covariance it would be most of it
-        greater = model.covariance(20 * sigma_s)
-        assert (
-            np.mean(
-                1 - np.trace(actuation, axis1=-2, axis2=-1) / np.trace(greater, axis1=-2, axis2=-1)
-            )
-            > 0.4
-        )
+        shares = [
+            np.mean(1 - trace(model.actuation_part()) / trace(model.covariance(factor * sigma_s)))
+            for factor in (1, 20)
+        ]
+        assert shares[0] < 0.1 < 0.4 < shares[1]

@@ -10,70 +10,56 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.verdicts.model_card import NO_ROBOT, UNKNOWN, model_card
+from pipeline.verdicts.model_card import model_card
 from pipeline.verdicts.recommendation import answer, held_out, held_out_spread
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.scores import BETWEEN, NO_SPREAD, choice
+from pipeline.verdicts.scores import BETWEEN, choice
+from pipeline.verdicts.wording import TEXTS
 
 BASELINES = {"none": 10.0, "memory": 11.0, "additive": 9.0, "scaled_full": 10.5}
 PARAMETER = {"s": 0.5, "s_standard_error": 0.0125, "s_interval_low": 0.48, "s_interval_high": 0.53}
+SHARE = "std_share_of_the_step_b"
 LIMIT = "sigma_b_limit_of_the_covariance"
+FULL = "speed-scaled with covariances (this motion)"
 RANGE = ["quantity", "name", "unit", "least", "greatest"]
+
+
+COLUMNS = {
+    "other_motions": "model motion score reason",
+    "motion_spread": "motion joint model predicted_rad measured_rad",
+    "tails": "model joint kurtosis one_sigma two_sigma three_sigma",
+    "plain_parameters": "model joint at_rest_rad share_of_step degrees greatest_step_rad",
+    "untold": "model parameter joint found required",
+    "motions": "motion takes steps moving",
+    "motion_ranges": " ".join(RANGE),
+}
 
 
 def moved(predicted: float = 1.1e-4, motions: int = 2) -> dict[str, pd.DataFrame]:
     """Tables of held-out motions of the joints a and b, of which b hardly moved."""
-    scores = [
-        (model, motion, score, "")
-        for model, score in (("additive_all", 50.0), ("scaled_t", 60.0))
-        for motion in (*map(str, range(1, motions + 1)), "each")
-    ]
+    names, models = (
+        [str(k) for k in range(1, motions + 1)],
+        {"additive_all": 50.0, "scaled_t": 60.0},
+    )
+    scores = [(model, k, score, "") for model, score in models.items() for k in (*names, "each")]
     scores.append(("wishart", "1", np.nan, "the Jacobian is singular at 3 measured pose(s)"))
     scores.append(("wishart", "each", np.nan, ""))
-    spread = [
-        (str(motion), joint, model, predicted, 1e-4)
-        for motion in range(1, motions + 1)
-        for joint in "ab"
-        for model in ("additive_all", "scaled_t")
-    ]
-    tables = {
-        "other_motions": (scores, ["model", "motion", "score", "reason"]),
-        "motion_spread": (
-            spread,
-            ["motion", "joint", "model", "predicted_rad", "measured_rad"],
-        ),
-        "tails": (
-            [("scaled_t", "a", 11.5, 0.85, 0.95, 0.991), ("scaled_t", "b", 44.0, 0.9, 0.96, 0.985)],
-            ["model", "joint", "kurtosis", "one_sigma", "two_sigma", "three_sigma"],
-        ),
-        "plain_parameters": (
-            [
-                ("scaled_t", "a", 2e-6, 0.021, 4.5, 8e-3),
-                ("scaled_t", "b", 3e-6, np.nan, np.nan, 1e-5),
-            ],
-            [
-                *("model", "joint", "at_rest_rad"),
-                *("share_of_step", "degrees", "greatest_step_rad"),
-            ],
-        ),
-        "untold": (
-            [("scaled_t", "gain", "b", "0 steps of at least 0.0008 rad", "20 steps")],
-            ["model", "parameter", "joint", "found", "required"],
-        ),
-        "motions": (
-            [(str(k), 4, 300, "a") for k in range(1, motions + 1)],
-            ["motion", "takes", "steps", "moving"],
-        ),
-        "motion_ranges": (
-            [
-                ("pose", "a", "rad", -1.25, 2.5),
-                ("joint speed", "a", "rad/s", -1.0, 1.0),
-                ("joint speed", "b", "rad/s", 0.0, 0.001),
-            ],
-            RANGE,
-        ),
+    tails = [(11.5, 0.85, 0.95, 0.991), (44.0, 0.9, 0.96, 0.985)]
+    known = [(2e-6, 0.021, 4.5, 8e-3), (3e-6, np.nan, np.nan, 1e-5)]
+    rows = {
+        "other_motions": scores,
+        "motion_spread": [(k, j, m, predicted, 1e-4) for k in names for j in "ab" for m in models],
+        "tails": [("scaled_t", j, *own) for j, own in zip("ab", tails, strict=True)],
+        "plain_parameters": [("scaled_t", j, *own) for j, own in zip("ab", known, strict=True)],
+        "untold": [("scaled_t", "gain", "b", "0 steps of at least 0.0008 rad", "20 steps")],
+        "motions": [(k, 4, 300, "a") for k in names],
+        "motion_ranges": [
+            ("pose", "a", "rad", -1.25, 2.5),
+            ("joint speed", "a", "rad/s", -1.0, 1.0),
+            ("joint speed", "b", "rad/s", 0.0, 0.001),
+        ],
     }
-    return {name: pd.DataFrame(rows, columns=columns) for name, (rows, columns) in tables.items()}
+    return {name: pd.DataFrame(own, columns=COLUMNS[name].split()) for name, own in rows.items()}
 
 
 def predicted(half: float = 0.1, **matrix: float) -> Run:
@@ -89,14 +75,12 @@ def predicted(half: float = 0.1, **matrix: float) -> Run:
         {"steps": "all", "model": model, "rival": rival, "low": means[model] - means[rival] - half}
         for model, rival in permutations(means, 2)
     ]
+    seen = [("pose", "a", "rad", -1.25, 2.5), ("joint speed", "a", "rad/s", 0.0, 1.0)]
     takes = [("t1", "training", False, ""), ("t2", "training", True, "too long a gap")]
     tables = {
         "predictions": pd.DataFrame(rows),
         "prediction_pairs": pd.DataFrame(pairs),
-        "ranges": pd.DataFrame(
-            [("pose", "a", "rad", -1.25, 2.5), ("joint speed", "a", "rad/s", 0.0, 1.0)],
-            columns=RANGE,
-        ),
+        "ranges": pd.DataFrame(seen, columns=RANGE),
         "takes": pd.DataFrame(takes, columns=["take", "part", "left_out", "reason"]),
     }
     models = {"additive": "additive"} | dict.fromkeys(matrix, "wishart")
@@ -157,12 +141,7 @@ def test_of_a_single_motion_the_held_out_takes_are_one_row_and_one_column():
     [
         (10.7, 0.1, "autoregressive baseline"),
         (11.05, 0.1, "autoregressive baseline"),  # higher, and within the interval
-        (
-            9.5,
-            0.1,
-            "training mean, autoregressive baseline and speed-scaled with covariances "
-            "(this motion)",
-        ),
+        (9.5, 0.1, f"training mean, autoregressive baseline and {FULL}"),
     ],
 )
 def test_a_matrix_model_is_recommended_for_this_motion_by_its_intervals_alone(score, half, rivals):
@@ -184,10 +163,10 @@ def test_the_card_holds_parameters_ranges_takes_and_other_datasets():
     assert page.count("- lab: ") == 2
     run.metrics["motion"] = {"recorded_takes": 4, BETWEEN: 0.9}
     assert "| wishart | s | 0.5 | 0.0125 | – |" in model_card(run, [])
-    assert NO_SPREAD in choice(run)
-    assert UNKNOWN in model_card(unscored, [])
+    assert TEXTS["scores"]["no_spread"] in choice(run)
+    assert TEXTS["card"]["unknown"] in model_card(unscored, [])
     bare = Run("forces", "paper", False, [], [], {}, {}, {})
-    assert NO_ROBOT in model_card(bare, [])
+    assert TEXTS["card"]["no_robot"] in model_card(bare, [])
 
 
 @pytest.mark.parametrize(
@@ -195,10 +174,7 @@ def test_the_card_holds_parameters_ranges_takes_and_other_datasets():
     [
         ({"u": 9.0, "u_unbounded": 1, "u_standard_error": 1.0, "alpha": 0.1}, "alpha"),
         ({"sigma_b": 0.75, "sigma_b_standard_error": 0.1, LIMIT: 0.7071}, "sigma_b"),
-        (
-            {"std_share_of_the_step_b": 9.0, "std_share_of_the_step_b_standard_error": 1.0},
-            "std_share_of_the_step_b",
-        ),
+        ({SHARE: 9.0, f"{SHARE}_standard_error": 1.0}, SHARE),
     ],
 )
 def test_a_parameter_that_the_recordings_cannot_tell_has_no_number(fitted, absent):

@@ -65,8 +65,8 @@ def test_a_constant_that_was_edited_without_a_run_is_found(reproduced, tmp_path)
 
     # draws of the model for every measured sample of the force
     file = folder / "pipeline/wrench/measured_force.py"
-    assert file.read_text().count("\nDRAWS = 10\n") == 1
-    file.write_text(file.read_text().replace("\nDRAWS = 10\n", "\nDRAWS = 9\n"))
+    assert file.read_text().count("\nDRAWS = 10 ") == 1
+    file.write_text(file.read_text().replace("\nDRAWS = 10 ", "\nDRAWS = 9 "))
     code, output, errors = audit("edited")
     changed = {line[3:] for line in output.splitlines() if line.startswith(" M ")}
     assert code == 1 and changed == {"dvc.lock"}, output + errors

@@ -12,28 +12,17 @@ from pipeline.core.errors import ConfigError
 from pipeline.core.options.instruments import Arrangement, Force
 from pipeline.wrench.bounds import Bounds, configuration_bounds, draw_systems, nominal_system
 
-RANGES = {
-    "tension": (3.0, 5.0),
-    "direction": (np.pi / 4, np.pi),
-    "tension_sd": (0.5, 1.0),
-    "concentration": (100.0, 800.0),
-}
+RANGES = {"tension": (3.0, 5.0), "direction": (np.pi / 4, np.pi)}
+RANGES |= {"tension_sd": (0.5, 1.0), "concentration": (100.0, 800.0)}
 STUDY = Bounds(**RANGES)
 SPACE = Bounds(**RANGES, elevation=(0.2, 1.3), attachment=(-0.3, 0.5))
 
 
 def characteristics(system):
     """Values that bounds name, by name; angles from the directions."""
-    e = system.direction
-    values = {
-        "tension": system.tension,
-        "direction": np.arctan2(e[..., 1], e[..., 0]),
-        "tension_sd": system.tension_sd,
-        "concentration": system.concentration,
-    }
-    if system.dimension == 3:
-        values |= {"elevation": np.arcsin(e[..., 2])}
-    return values | ({} if system.attachment is None else {"attachment": system.attachment})
+    e, values = system.direction, {k: v for k, v in vars(system).items() if v is not None}
+    values["direction"] = np.arctan2(e[..., 1], e[..., 0])
+    return values | ({"elevation": np.arcsin(e[..., 2])} if system.dimension == 3 else {})
 
 
 @pytest.mark.parametrize("bounds", [STUDY, replace(STUDY, attachment=(0.1, 0.2)), SPACE])
@@ -71,30 +60,16 @@ def test_bounds_that_bound_no_system_are_refused(change):
         Bounds(**(RANGES | change))
 
 
-PLANAR = {
-    "file": "a.csv",
-    "direction": [0.1, 2.0],
-    "tension": [5.0, 4.0],
-    "direction_bounds": [0.0, 3.0],
-}
-SPATIAL = PLANAR | {
-    "elevation": [0.3, -0.4],
-    "elevation_bounds": [-0.5, 0.5],
-    "attachment": [[0.1, 0.0, 0.02], [-0.1, 0.0, 0.02]],
-    "attachment_bounds": [-0.1, 0.1],
-}
+PLANAR = {"file": "a.csv", "direction": [0.1, 2.0], "tension": [5.0, 4.0]}
+PLANAR |= {"direction_bounds": [0.0, 3.0]}
+SPATIAL = PLANAR | {"elevation": [0.3, -0.4], "elevation_bounds": [-0.5, 0.5]}
+SPATIAL |= {"attachment": [[0.1, 0.0, 0.02], [-0.1, 0.0, 0.02]], "attachment_bounds": [-0.1, 0.1]}
 
 
 def force(configuration: Arrangement, **changes) -> Force:
-    return Force(
-        tare=1.0,
-        tension_std=[0.5, 0.6, 0.7],
-        kappa_bounds=[400.0, 900.0],
-        tension_std_bounds=[0.4, 0.8],
-        tension_bounds=[3.0, 6.0],
-        configurations={"C1": configuration},
-        **changes,
-    )
+    bounds = {"kappa_bounds": [400.0, 900.0], "tension_std_bounds": [0.4, 0.8]}
+    bounds |= {"tension_bounds": [3.0, 6.0], "configurations": {"C1": configuration}}
+    return Force(tare=1.0, tension_std=[0.5, 0.6, 0.7], **bounds, **changes)
 
 
 def test_a_configuration_in_space_has_elevations_and_attachments_over_the_length():

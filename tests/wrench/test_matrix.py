@@ -25,8 +25,8 @@ from pipeline.wrench.parametric import sample_directions, wrench_covariance
 
 BAND = 4.5  # standard errors
 MODEL = MatrixModel(
-    jacobian=np.array([[0.9, -0.4, 0.1], [0.3, 0.8, -1.0]]),
-    actuation=np.array([0.5, -1.0, 2.0]),
+    np.array([[0.9, -0.4, 0.1], [0.3, 0.8, -1.0]]),
+    np.array([0.5, -1.0, 2.0]),
     actuation_cov=np.array([[2.0, 0.5, 0.0], [0.5, 1.0, -0.3], [0.0, -0.3, 1.5]]),
     psi=np.array([[1.0, 0.3, 0.0], [0.3, 0.6, 0.1], [0.0, 0.1, 1.4]]),
 )
@@ -50,13 +50,12 @@ def covariance_z(samples, covariance):
 
 
 def random_systems(count, agents, rng):
-    shape = (count, agents)
-    return planar_cables(
-        rng.uniform(1.8, 14, shape),
-        rng.uniform(0, 6.3, shape),
-        rng.uniform(0.5, 2.3, shape),
-        rng.uniform(100, 2400, shape),
-    )
+    ends = ((1.8, 14), (0, 6.3), (0.5, 2.3), (100, 2400))
+    return planar_cables(*(rng.uniform(*each, (count, agents)) for each in ends))
+
+
+def one_of(model, k):
+    return MatrixModel(model.jacobian[k], model.actuation[k], model.actuation_cov[k], model.psi)
 
 
 def test_products_of_whole_random_matrices_have_the_closed_forms_moments():
@@ -65,7 +64,7 @@ def test_products_of_whole_random_matrices_have_the_closed_forms_moments():
     off = samples.mean(axis=0) - MODEL.jacobian @ MODEL.actuation
     assert np.abs(off / np.sqrt(np.diag(covariance) / N)).max() < BAND
     assert np.abs(covariance_z(samples, covariance)).max() < BAND
-    identity = MatrixModel(MODEL.jacobian, MODEL.actuation, MODEL.actuation_cov, np.eye(3))
+    identity = replace(MODEL, psi=np.eye(3))
     assert np.abs(covariance_z(samples, identity.covariance(SIGMA_S))).max() > 2 * BAND
 
 
@@ -80,15 +79,11 @@ def test_reduced_sampling_has_the_law_of_the_whole_product_and_a_normal_law_has_
 
 def test_without_randomness_of_the_matrix_or_of_the_actuation_the_wrench_is_what_remains():
     rng = np.random.default_rng(5)
-    fixed = MatrixModel(MODEL.jacobian, MODEL.actuation, np.zeros((3, 3)), MODEL.psi)
-    np.testing.assert_allclose(
-        sample_wrenches(fixed, np.zeros((2, 2)), 4, rng),
-        np.tile(MODEL.jacobian @ MODEL.actuation, (4, 1)),
-        rtol=1e-12,
-    )
-    np.testing.assert_allclose(
-        MODEL.covariance(np.zeros((2, 2))), MODEL.jacobian @ MODEL.actuation_cov @ MODEL.jacobian.T
-    )
+    fixed, nothing = replace(MODEL, actuation_cov=np.zeros((3, 3))), np.zeros((2, 2))
+    due = np.tile(MODEL.jacobian @ MODEL.actuation, (4, 1))
+    np.testing.assert_allclose(sample_wrenches(fixed, nothing, 4, rng), due, rtol=1e-12)
+    due = MODEL.jacobian @ MODEL.actuation_cov @ MODEL.jacobian.T
+    np.testing.assert_allclose(MODEL.covariance(nothing), due)
 
 
 def test_the_diagonal_optimum_is_that_of_a_bounded_optimiser_with_and_without_its_bound_active():
@@ -98,7 +93,7 @@ def test_the_diagonal_optimum_is_that_of_a_bounded_optimiser_with_and_without_it
     np.testing.assert_array_equal(held, np.sum(np.einsum("...ii->...i", closed) == 0, axis=-1))
     assert np.sum(held > 0) >= 10
     for k in np.concatenate([np.flatnonzero(held)[:10], np.flatnonzero(held == 0)[:10]]):
-        one = MatrixModel(model.jacobian[k], model.actuation[k], model.actuation_cov[k], model.psi)
+        one = one_of(model, k)
 
         def residual(s, one=one, k=k):
             return 1e4 * np.diag(one.covariance(np.diag(s) * 1e-4) - covariance[k])
@@ -116,7 +111,7 @@ def test_the_full_optimum_is_that_of_an_optimiser_and_clipped_diagonals_alone_ar
     assert np.sum(held > 0) >= 10 and np.sum(held == 0) >= 10
     worse = []
     for k in np.concatenate([np.flatnonzero(held)[:10], np.flatnonzero(held == 0)[:10]]):
-        one = MatrixModel(model.jacobian[k], model.actuation[k], model.actuation_cov[k], model.psi)
+        one = one_of(model, k)
 
         def difference(sigma_s, one=one, k=k):
             return (one.covariance(sigma_s) - covariance[k]).ravel()
@@ -125,10 +120,8 @@ def test_the_full_optimum_is_that_of_an_optimiser_and_clipped_diagonals_alone_ar
             factor = np.array([[entries[0], 0.0], entries[1:]])
             return 1e3 * difference(factor @ factor.T * 1e-4)
 
-        optimum = [
-            least_squares(of_factor, start, **TOLERANCE).cost
-            for start in ([2.0, 0.0, 2.0], [2.0, 2.0, 0.5], [2.0, -2.0, 0.5])
-        ]
+        starts = ([2.0, 0.0, 2.0], [2.0, 2.0, 0.5], [2.0, -2.0, 0.5])
+        optimum = [least_squares(of_factor, start, **TOLERANCE).cost for start in starts]
         reached = 0.5 * np.sum((1e3 * difference(closed[k])) ** 2)
         assert reached <= min(optimum) * (1 + 1e-9) + 1e-9
         assert reached == pytest.approx(min(optimum), rel=1e-3, abs=1e-6)
@@ -160,16 +153,14 @@ def test_covariances_that_are_none_and_cables_without_tension_are_refused():
     with pytest.raises(ModelDomainError, match="alike"):
         moment_fit(np.tile(MODEL.jacobian, (5, 1, 1)))
     with pytest.raises(ModelDomainError, match="tension"):
-        unbounded_sigma_s(
-            matrix_model(planar_cables(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))), np.eye(2)
-        )
+        slack = planar_cables(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))
+        unbounded_sigma_s(matrix_model(slack), np.eye(2))
 
 
 MEAN = np.array([[0.9, -0.4, 0.1, 0.5], [0.3, 0.8, -1.0, 0.2]])
 SIGMA_CABLES = np.array([[5.0, 2.0], [2.0, 3.0]]) * 1e-4
-PSI = np.array(
-    [[0.4, 0.1, 0.0, 0.0], [0.1, 0.6, 0.1, 0.0], [0.0, 0.1, 2.0, -0.3], [0.0, 0.0, -0.3, 1.0]]
-)  # its trace is the number of cables
+# its trace is the number of cables
+PSI = np.diag([0.4, 0.6, 2.0, 1.0]) + np.diag([0.1, 0.1, -0.3], 1) + np.diag([0.1, 0.1, -0.3], -1)
 CABLES = MatrixModel(MEAN, np.array([3.0, 5.0, 4.0, 4.5]), 0.2 * np.eye(4), PSI)
 
 
@@ -193,7 +184,11 @@ def test_the_columns_of_directions_are_independent_and_their_variances_go_with_1
     kappa = np.array([100.0, 700.0, 200.0, 400.0])
     mean = planar_cables(*np.ones((4, 4))).direction
     directions = sample_directions(mean, kappa, 20_000, np.random.default_rng(6))
-    psi = moment_fit(np.swapaxes(directions, 1, 2)).psi
+    fit = moment_fit(jacobians := np.swapaxes(directions, 1, 2))
+    psi, x = fit.psi, jacobians - fit.mean
+    # the trace is exact, whatever the law of the columns
+    total = np.mean(np.sum(x**2, axis=(1, 2)))
+    assert np.trace(fit.sigma_s) * np.trace(psi) == pytest.approx(total, rel=1e-12)
     due = np.diag(4 / kappa / np.sum(1 / kappa))
     # a variance of 20 000 draws is known to 1 %, a correlation to 0.007
     np.testing.assert_allclose(np.diag(psi), np.diag(due), rtol=0.045)

@@ -23,14 +23,11 @@ from pipeline.wrench.measured_force import (
 from pipeline.wrench.parametric import CableSystem, wrench_covariance
 from pipeline.wrench.study import averaged_sigma_s
 
-BOUNDS = Bounds(
-    tension=(1.8, 14.0), direction=(0.0, 3.8), tension_sd=(0.5, 2.3), concentration=(170.0, 2400.0)
-)
+BOUNDS = Bounds((1.8, 14.0), (0.0, 3.8), (0.5, 2.3), (170.0, 2400.0))
 DIRECTIONS = np.array([0.15, 3.7, 1.6])
 TENSIONS = np.array([9.19, 6.92, 7.30])  # N; along these directions they give (3, 5) N
-SYSTEM = planar_cables(
-    TENSIONS, DIRECTIONS, np.array([0.5, 1.2, 2.3]), np.array([2400.0, 600.0, 170.0])
-)
+SPREADS = np.array([0.5, 1.2, 2.3]), np.array([2400.0, 600.0, 170.0])
+SYSTEM = planar_cables(TENSIONS, DIRECTIONS, *SPREADS)
 
 
 def correlated(system, sigma_s, samples, rng):
@@ -56,9 +53,7 @@ def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_ten
     assert all(75 <= test["tested_samples"] <= 300 for test in own)
     loose = replace(SYSTEM, tension_sd=1.6 * SYSTEM.tension_sd)
     other = [correlated(loose, sigma_s, 6000, rng) for rng in rngs]
-    tests = [
-        force_test(*pair) for pair in zip(other, [SYSTEM] * 30, [sigma_s] * 30, rngs, strict=True)
-    ]
+    tests = [force_test(o, SYSTEM, sigma_s, rng) for o, rng in zip(other, rngs, strict=True)]
     assert np.mean([test["two_sample_p_value"] <= 0.05 for test in tests]) >= 0.9
 
 
@@ -89,9 +84,8 @@ def test_rows_are_those_that_the_cables_give_and_moments_are_over_the_length():
     measured = measured_wrenches(record, TOWED, LENGTH)
     np.testing.assert_allclose(measured[:, :3], record[["fx", "fy", "fz"]])
     np.testing.assert_allclose(LENGTH * measured[:, 3:], record[["mx", "my", "mz"]])
-    np.testing.assert_array_equal(
-        measured_wrenches(record, planar, LENGTH)[:, 2], record["mz"] / LENGTH
-    )
+    moment = measured_wrenches(record, planar, LENGTH)[:, 2]
+    np.testing.assert_array_equal(moment, record["mz"] / LENGTH)
 
 
 def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model():
@@ -116,15 +110,30 @@ def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model
     assert np.all(np.abs(np.diag(other)[3:] / np.diag(exact)[3:] - 1) > 0.2)
 
 
+def test_moments_that_are_wrong_where_all_forces_are_right_are_found(monkeypatch):
+    monkeypatch.setattr(densities, "PERMUTATIONS", 199)
+    system, rng = TOWED.in_units_of(LENGTH), np.random.default_rng(47)
+    sigma_s = sigma_s_of(system)
+    right, wrong = correlated(system, sigma_s, 6000, rng), correlated(system, sigma_s, 6000, rng)
+    wrong[:, 3:] *= 2.0
+    p_values = [
+        force_test(record, system, sigma_s, rng)["two_sample_p_value"] for record in (right, wrong)
+    ]
+    assert p_values[0] > 0.05 > p_values[1]
+    # rows of moments of Σ_S go with the length that divides them
+    halved, scale = sigma_s_of(TOWED.in_units_of(2 * LENGTH)), np.repeat([1.0, 2.0], 3)
+    np.testing.assert_allclose(halved * np.outer(scale, scale), sigma_s, rtol=0.2, atol=1e-9)
+
+
 def test_planes_and_marginals_hold_all_mass_of_every_source_on_one_grid():
     rng = np.random.default_rng(46)
     wrenches = {name: sample_wrench(TOWED, 4000, rng) for name in ("measured", "modelled")}
     planes = wrench_planes("T3", wrenches, SIX, 40)
     pairs = planes.groupby(["row_x", "row_y"], sort=False)
-    assert list(pairs.groups) == [
-        *[("fx", "fy"), ("fx", "fz"), ("fy", "fz")],
-        *[("mx", "my"), ("mx", "mz"), ("my", "mz")],
+    planes_of = [
+        tuple(f"{kind}{axis}" for axis in pair) for kind in "fm" for pair in ("xy", "xz", "yz")
     ]
+    assert list(pairs.groups) == planes_of
     for _, table in pairs:
         cell = np.diff(np.unique(table["x"]))[0] * np.diff(np.unique(table["y"]))[0]
         for _, own in table.groupby("source"):

@@ -57,24 +57,16 @@ def test_drawn_directions_have_the_law_of_an_independent_sampler_and_not_of_anot
 
 
 BAND = 4.5  # standard errors; six rows have 27 moments, which leave it with probability 2e-4
-WIDE = planar_cables(
-    np.array([4.0, 7.0, 2.5]),
-    np.array([0.4, 2.1, 5.0]),
-    np.array([0.5, 2.0, 1.0]),
-    np.array([3.0, 8.0, 40.0]),
-)
+WIDE = [[4.0, 7.0, 2.5], [0.4, 2.1, 5.0], [0.5, 2.0, 1.0], [3.0, 8.0, 40.0]]
+WIDE = planar_cables(*map(np.array, WIDE))
 APART = replace(WIDE, attachment=np.array([[0.3, -0.2], [-0.5, 0.1], [0.2, 0.6]]))
 SPACE = replace(
     WIDE,
     direction=np.array([[0.36, 0.48, 0.8], [-0.6, 0.0, 0.8], [0.0, -0.8, 0.6]]),
     attachment=np.array([[0.3, -0.2, 0.1], [-0.5, 0.1, 0.4], [0.2, 0.6, -0.3]]),
 )
-SYSTEMS = {
-    "plane, one point": WIDE,
-    "plane": APART,
-    "space, one point": replace(SPACE, attachment=None),
-    "space": SPACE,
-}
+SYSTEMS = {"plane, one point": WIDE, "plane": APART, "space": SPACE}
+SYSTEMS["space, one point"] = replace(SPACE, attachment=None)
 
 
 def covariance_z(samples, covariance):
@@ -98,9 +90,7 @@ def test_moments_of_one_cable_equal_those_integrated_over_its_direction(theta, k
         return quad(density, -edge, edge, epsabs=1e-13, epsrel=1e-13)[0]
 
     mean = tension * np.array([expectation(np.cos), expectation(np.sin)])
-    square, mixed = (
-        expectation(f) for f in (lambda a: np.cos(a) ** 2, lambda a: np.sin(2 * a) / 2)
-    )
+    square, mixed = expectation(lambda a: np.cos(a) ** 2), expectation(lambda a: np.sin(2 * a) / 2)
     second = (tension**2 + sd**2) * np.array([[square, mixed], [mixed, 1 - square]])
     cable = planar_cables(*(np.array([value]) for value in (tension, theta, sd, kappa)))
     np.testing.assert_allclose(wrench_mean(cable), mean, atol=1e-10)

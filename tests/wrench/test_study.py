@@ -12,23 +12,22 @@ import pytest
 from cable_systems import planar_cables
 from scipy.integrate import dblquad
 
+from pipeline.core.errors import ConfigError
 from pipeline.wrench.bounds import Bounds, draw_systems
 from pipeline.wrench.matrix import FORMS, matrix_model, unbounded_sigma_s
 from pipeline.wrench.parametric import wrench_covariance
 from pipeline.wrench.study import (
     averaged_sigma_s,
+    covariance_errors,
     expected_sigma_s,
     expected_unbounded_sigma_s,
     run_study,
+    variance_errors,
 )
 
 # the bound Σ_S ≥ 0 holds often within the first, and hardly ever with many cables within the second
-WIDE = Bounds(
-    tension=(1.5, 6.0), direction=(0.1, 0.7), tension_sd=(0.5, 2.3), concentration=(100.0, 400.0)
-)
-ROUND = Bounds(
-    tension=(5.0, 9.0), direction=(0.3, 2.8), tension_sd=(0.5, 2.0), concentration=(100.0, 800.0)
-)
+WIDE = Bounds((1.5, 6.0), (0.1, 0.7), (0.5, 2.3), (100.0, 400.0))
+ROUND = Bounds((5.0, 9.0), (0.3, 2.8), (0.5, 2.0), (100.0, 800.0))
 DISTINCT = ((0, 0), (0, 1), (1, 1))
 APART = replace(WIDE, attachment=(-0.2, 0.5))
 SPACE = replace(ROUND, elevation=(0.2, 1.2), attachment=(-0.2, 0.5))
@@ -78,11 +77,25 @@ def test_with_its_own_bounds_alone_it_is_what_averages_over_systems_tend_to(form
     expected = expected_sigma_s(WIDE, agents, np.random.default_rng(47))[form]
     assert estimate.clipped > 1000
     assert np.abs(z_scores(estimate, expected)).max() < 4
+    # the standard error tends to the deviation of single systems over √systems
+    deviations = np.diag(estimate.standard_error) * np.sqrt(estimate.systems)
+    np.testing.assert_allclose(deviations, np.diag(expected.deviation), rtol=0.05)
     error = np.diag(estimate.standard_error)
     assert np.max(np.diag(estimate.mean - expected_unbounded_sigma_s(WIDE, agents)) / error) > 8
     other = Bounds(WIDE.tension, (0.1, 0.8), WIDE.tension_sd, WIDE.concentration)
     moved = estimate.mean - expected_sigma_s(other, agents, np.random.default_rng(48))[form].mean
     assert np.max(np.abs(np.diag(moved)) / error) > 8
+
+
+def test_a_system_served_by_its_own_sigma_s_has_no_error_and_one_system_no_average():
+    systems = draw_systems(ROUND, 50, 20, np.random.default_rng(52))
+    model, covariance = matrix_model(systems), wrench_covariance(systems)
+    modelled = model.covariance(unbounded_sigma_s(model, covariance))
+    for errors in (variance_errors, covariance_errors):
+        assert np.abs(errors(modelled, covariance)).max() < 1e-12
+        np.testing.assert_allclose(errors(1.5 * modelled, covariance), 0.5)
+    with pytest.raises(ConfigError, match="at least 2 systems"):
+        averaged_sigma_s(draw_systems(ROUND, 1, 20, np.random.default_rng(53)))
 
 
 def test_where_no_system_is_held_it_is_the_quadrature_alone():
@@ -93,12 +106,7 @@ def test_where_no_system_is_held_it_is_the_quadrature_alone():
     assert not any(value.standard_error.any() for value in expected.values())
 
 
-STUDY = Bounds(
-    tension=(3.0, 5.0),
-    direction=(np.pi / 4, np.pi),
-    tension_sd=(0.5, 1.0),
-    concentration=(100.0, 800.0),
-)
+STUDY = Bounds((3.0, 5.0), (np.pi / 4, np.pi), (0.5, 1.0), (100.0, 800.0))
 
 
 def test_off_diagonal_terms_lower_the_error_of_the_covariance_and_less_so_with_few_cables():

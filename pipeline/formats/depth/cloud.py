@@ -1,8 +1,7 @@
 """Point clouds as PCD (ascii, binary, binary_compressed) or PLY (ascii, binary of either order).
 
-Open3D reads the binary data. It fills up what a truncated file lacks, takes damaged text for zeros
-and fails on fields that share a name (PCL's padding ``_``). So the header is read here, the data
-are held against it, text is parsed as every other table, and Open3D is given a header of its own.
+Open3D reads the binary data, under a header of its own: it fills up what a truncated file lacks,
+takes damaged text for zeros and fails on fields that share a name (PCL's padding ``_``).
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ import numpy as np
 from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import numbers_of
-from pipeline.formats.format import Format, Head, Kind, Stated, file_content
+from pipeline.formats.format import Format, Head, Kind, file_content
 
 PCD_FORMATS = ("ascii", "binary", "binary_compressed")
 PCD_TYPES = {"f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8"}
@@ -36,39 +35,41 @@ UNTURNED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # x, y, z, and a quaternion w, x
 # as C++ prints it; nan itself is known to numbers_of
 NO_POSITION = ("-nan", "+nan", "inf", "-inf", "+inf")
 AGAIN = "copy the cloud again"
-# what Python raises for a header that is no sound one
-HEADER_DAMAGE = (KeyError, ValueError, IndexError, TypeError)
 
 
 @dataclass(frozen=True)
 class PointCloud:
-    """One frame: ``points`` (N, 3) float64 in the file's unit and the sensor's frame, those that
-    were measured.
-    """
+    """One frame in the sensor's frame."""
 
-    points: np.ndarray
+    points: np.ndarray  # (N, 3) float64 that were measured, in the file's unit
     missing: int  # more points, without a position (NaN or infinite)
     # of a PCD: position in the file's unit and quaternion (w, x, y, z) of the sensor, not applied
     viewpoint: tuple[float, ...] = UNTURNED
     # surplus_bytes behind the points that the header announces
     counts: dict[str, int] = field(default_factory=dict)
+    version: str = ""  # of the format
+    organised: str = ""  # columns × rows
 
     @classmethod
     def measured(cls, points: np.ndarray, *beside: object) -> PointCloud:
         """Return the cloud of (N, 3) ``points``, those without a position left out and counted."""
-        measured = points[np.isfinite(points).all(axis=1)]
-        return cls(measured, len(points) - len(measured), *beside)
+        held = np.isfinite(points).all(axis=1)
+        return cls(points[held], int(np.sum(~held)), *beside)
 
 
 class CloudHeader(NamedTuple):
-    """Numbers that a cloud's header states."""
+    """Content of a cloud's header; ``point`` is the record of a point, ``form`` one of PCD_FORMATS
+    or PLY_FORMATS, ``start`` the first byte of the points, ``more`` True where others follow them.
+    """
 
-    count: int  # points
-    point: np.dtype  # the record of a point, fields 'x', 'y' and 'z' among them
-    form: str  # of PCD_FORMATS or PLY_FORMATS
-    start: int  # byte at which the points begin
-    more: bool = False  # whether other elements than points follow them
+    count: int
+    point: np.dtype
+    form: str
+    start: int
+    version: str
+    more: bool = False
     viewpoint: tuple[float, ...] = UNTURNED
+    organised: str = ""
 
 
 def is_cloud(file: Path) -> bool:
@@ -83,29 +84,28 @@ def read_cloud(file: Path) -> PointCloud:
 
 
 def decode_cloud(content: bytes, *, file: Path) -> PointCloud:
-    """Return the points of the cloud in ``content`` of ``file``.
+    """Return the points of the cloud in ``content`` of ``file``, in the sensor's frame, as in PCL
+    and Open3D; other fields than x, y, z are passed over, as are bytes behind the announced points,
+    which are counted: PCL pads files to whole pages.
 
-    They stay in the sensor's frame, as in PCL and Open3D: the VIEWPOINT of a PCD (the sensor's pose
-    in some world) is returned beside them. Colours, normals and other fields are passed over. Bytes
-    behind the announced points are passed over and counted, since PCL pads files to whole pages.
     Raises RecordingError for content that is truncated, of another format, without x, y and z, or
     with data other than the header announces.
     """
-    parse = _ply_header if _is_ply(content) else _pcd_header
-    if parse is _pcd_header and not _is_pcd(content) and Path(file).suffix.lower() != ".pcd":
+    is_ply = _is_ply(content)
+    if not (is_ply or _is_pcd(content) or Path(file).suffix.lower() == ".pcd"):
         raise RecordingError("this is no PCD or PLY point cloud; export it as one", file=file)
     try:
-        header = parse(content)
-    except HEADER_DAMAGE as error:
+        header = (_ply_header if is_ply else _pcd_header)(content)
+    except (KeyError, ValueError, IndexError, TypeError) as error:
         message = f"the header of the cloud is damaged ({error}); {AGAIN}, or export x, y, z alone"
         raise RecordingError(message, file=file) from None
-    there, size = {*header.point.names}, header.count * header.point.itemsize
-    kinds = {header.point[axis].str for axis in "xyz" if axis in there}
+    names, size = header.point.names, header.count * header.point.itemsize
+    kinds = {header.point[axis].str for axis in "xyz" if axis in names}
     require("part_mib", size / MIB, "MiB of points, which the header announces,", file)
     message = ""
-    if not {*"xyz"} <= there or kinds.isdisjoint(FLOATS) or len(kinds) > 1:
+    if not {*"xyz"} <= {*names} or kinds.isdisjoint(FLOATS) or len(kinds) > 1:
         message = "the cloud has no single x, y and z of one floating-point type; its fields are "
-        message += f"{', '.join(header.point.names)}: export it with them"
+        message += f"{', '.join(names)}: export it with them"
     elif size <= 0:
         message = f"the header announces {header.count} points; {AGAIN}, or take it out of the take"
     if message:
@@ -113,7 +113,8 @@ def decode_cloud(content: bytes, *, file: Path) -> PointCloud:
     read = _text_points if header.form == "ascii" else _binary_points
     points, surplus = read(content, header, file)
     counts = {"surplus_bytes": surplus} if surplus and not header.more else {}
-    return PointCloud.measured(points, header.viewpoint, counts)
+    stated = header.viewpoint, counts, header.version, header.organised
+    return PointCloud.measured(points, *stated)
 
 
 def _is_ply(content: bytes) -> bool:
@@ -148,7 +149,9 @@ def _pcd_header(content: bytes) -> CloudHeader:
     if len(viewpoint) != 7 or not abs(np.linalg.norm(viewpoint[3:]) - 1) < 1e-3:
         need = "a position and a unit quaternion; 0 0 0 1 0 0 0 is the sensor's own frame"
         raise ValueError(f"VIEWPOINT is {viewpoint}, which must be {need}")
-    return CloudHeader(count, point, form, data.end(), viewpoint=viewpoint)
+    version = " ".join(["PCD", *entries.get("VERSION", [])])
+    organised = f"{width} × {height}" if height > 1 else ""
+    return CloudHeader(count, point, form, data.end(), version, False, viewpoint, organised)
 
 
 def _ply_header(content: bytes) -> CloudHeader:
@@ -157,42 +160,41 @@ def _ply_header(content: bytes) -> CloudHeader:
     lines = [line.split() for line in content[: end.start()].decode("latin-1").splitlines()[1:]]
     lines = [words for words in lines if words and words[0] not in ("comment", "obj_info")]
     elements = [number for number, words in enumerate(lines) if words[0] == "element"]
-    (first, form, _), (_, element, count) = lines[0], lines[elements[0]]
+    (first, form, version), (_, element, count) = lines[0], lines[elements[0]]
     if first != "format" or element != "vertex":
         raise ValueError("it does not begin with a format and the element vertex")
     properties = lines[elements[0] + 1 : [*elements, None][1]]
     if any(len(words) != 3 for words in properties):
         raise ValueError("a vertex has more than single numbers")
     point = np.dtype([(name, PLY_FORMATS[form] + PLY_TYPES[kind]) for _, kind, name in properties])
-    return CloudHeader(int(count), point, form, end.end(), more=len(elements) > 1)
+    version = f"PLY {form} {version}"
+    return CloudHeader(int(count), point, form, end.end(), version, len(elements) > 1)
 
 
 def _binary_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.ndarray, int]:
     """Return (N, 3) the points, and the number of bytes behind them."""
-    data, size = content[header.start :], header.count * header.point.itemsize
+    data, size, message = content[header.start :], header.count * header.point.itemsize, ""
     if header.form == "binary_compressed":
         packed, unpacked = np.frombuffer(data[:8].ljust(8, b"\0"), "<u4").tolist()
         if unpacked != size:
             message = f"the compressed data unfold to {unpacked} bytes where the header announces "
-            raise RecordingError(f"{message}{size}: truncated or damaged; {AGAIN}", file=file)
+            message += f"{size}: truncated or damaged"
         size = 8 + packed
-    if len(data) < size:
+    if len(data) < size and not message:
         message = f"{len(data)} bytes of data where {header.count} points have {size}: truncated"
-        raise RecordingError(f"{message}; {AGAIN}", file=file)
-    points = _by_open3d(header, data[:size])
+    points = None if message else _by_open3d(header, data[:size])
     if points is None:
-        raise RecordingError(f"the compressed data are damaged; {AGAIN}", file=file)
+        message = message or "the compressed data are damaged"
+        raise RecordingError(f"{message}; {AGAIN}", file=file)
     return points, len(data) - size
 
 
 @cache
 def load_open3d() -> ModuleType:
-    """Return the module ``open3d``, which takes two seconds to import, quiet but for errors.
-
-    Its CPU build links libusb without bringing it along: the package ``libusb-package`` does.
-    """
+    """Return the module ``open3d``, which takes two seconds to import, quiet but for errors."""
     import libusb_package
 
+    # the CPU build links libusb without bringing it along
     ctypes.CDLL(str(libusb_package.get_library_path()), mode=ctypes.RTLD_GLOBAL)
     import open3d
 
@@ -210,20 +212,16 @@ def _by_open3d(header: CloudHeader, data: bytes) -> np.ndarray | None:
     # under other names Open3D would make colours and normals of fields, or fail on two of one name
     names = [name if name in ("x", "y", "z") else f"f{i}" for i, name in enumerate(point.names)]
     kinds = [point[name] for name in point.names]
-    columns = {
-        "FIELDS": names,
-        "SIZE": [kind.base.itemsize for kind in kinds],
-        "TYPE": [kind.base.kind.upper() for kind in kinds],
-        "COUNT": [int(np.prod(kind.shape)) for kind in kinds],
-        "WIDTH": [header.count],
-        "HEIGHT": [1],
-        "VIEWPOINT": [*map(int, UNTURNED)],
-        "POINTS": [header.count],
-        "DATA": [form],
-    }
-    rows = "".join(f"{key} {' '.join(map(str, values))}\n" for key, values in columns.items())
+    sizes, types = (
+        [kind.base.itemsize for kind in kinds],
+        [kind.base.kind.upper() for kind in kinds],
+    )
+    counts, count = [int(np.prod(kind.shape)) for kind in kinds], [header.count]
+    rows = {"FIELDS": names, "SIZE": sizes, "TYPE": types, "COUNT": counts, "WIDTH": count}
+    rows |= {"HEIGHT": [1], "VIEWPOINT": [*map(int, UNTURNED)], "POINTS": count, "DATA": [form]}
+    text = "".join(f"{key} {' '.join(map(str, values))}\n" for key, values in rows.items())
     with os.fdopen(os.memfd_create("cloud"), "wb") as stream:
-        stream.write(f"# .PCD v0.7\nVERSION 0.7\n{rows}".encode() + data)
+        stream.write(f"# .PCD v0.7\nVERSION 0.7\n{text}".encode() + data)
         stream.flush()
         path = f"/proc/self/fd/{stream.fileno()}"
         cloud = load_open3d().t.io.read_point_cloud(path, format="pcd")
@@ -260,14 +258,4 @@ def _begins(head: Head) -> bool:
     return _is_ply(head.content) or _is_pcd(head.content) or head.suffix == ".pcd"
 
 
-def _states(file: Path) -> Stated:
-    rows = [line.split() for line in Head.read(file).content.decode("latin-1").splitlines()]
-    held = {row[0]: row[1:] for row in reversed(rows) if row}
-    if "format" in held:
-        return Stated(" ".join(["PLY", *held["format"]]))
-    width, height = (" ".join(held.get(name, [])) for name in ("WIDTH", "HEIGHT"))
-    organised = {"organised": f"{width} × {height}"} if height not in ("", "1") else {}
-    return Stated(" ".join(["PCD", *held.get("VERSION", [])]), facts=organised)
-
-
-FORMAT = Format("point cloud", Kind.CLOUD, decode_cloud, _begins, _states, endings=(".pcd", ".ply"))
+FORMAT = Format("point cloud", Kind.CLOUD, decode_cloud, _begins, endings=(".pcd", ".ply"))

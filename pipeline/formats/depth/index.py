@@ -33,12 +33,9 @@ class DepthIndex:
 
 
 def read_index(file: Path) -> DepthIndex:
-    """Return the index of a depth sequence: lines ``timestamp filename``, any number of blanks
-    between and after, comments from ``#``.
-
-    ``counts``: ``cut_rows``, a last line without line end, whose file name may be cut, so it is
-    dropped. Raises RecordingError with the line for a line of another form, a time that does not
-    increase, times that cannot be in s, and an index without a frame.
+    """Return the index of a depth sequence: lines ``timestamp filename`` and comments from ``#``;
+    ``cut_rows`` counts a last line without line end, which is dropped. RecordingError with the line
+    for another form, a time that does not increase, times that cannot be in s, and no frame.
     """
     text = read_text(file)
     time, files = [], []
@@ -48,8 +45,7 @@ def read_index(file: Path) -> DepthIndex:
         stamp, *name = line.split(maxsplit=1)
         message = ""
         if not NUMBER.fullmatch(stamp) or not name or not np.isfinite(float(stamp)):
-            message = f"{line[:80]!r} is no finite time in s and, after a blank, the name of a "
-            message += "frame; comments start with #"
+            message = f"{line[:80]!r} is no finite time in s, a blank and the name of a frame"
         elif time and float(stamp) <= time[-1]:
             message = "the time does not increase"
         if message:
@@ -66,8 +62,8 @@ def read_index(file: Path) -> DepthIndex:
 
 
 def dropped_frames(time: np.ndarray) -> int:
-    """Return the number of frames that lack between those of ``time`` (F,) in s, increasing: whole
-    steps beyond one, in steps of the median's length.
+    """Return the number of frames that lack between those of ``time`` (F,) in s, increasing, by
+    steps of the median's length.
     """
     steps = np.diff(time)
     lost = np.rint(steps / np.median(steps)) - 1 if len(steps) else steps
@@ -75,9 +71,7 @@ def dropped_frames(time: np.ndarray) -> int:
 
 
 def write_index(file: Path, time: np.ndarray, files: tuple[str, ...]) -> None:
-    """Write the index of N frames, ``time`` (N,) in s with the six decimals of TUM RGB-D, in the
-    order given.
-    """
+    """Write the index of N frames, ``time`` (N,) in s with the six decimals of TUM RGB-D."""
     rows = [f"{stamp:.6f} {name}" for stamp, name in zip(time, files, strict=True)]
     lines = ["# depth maps", "# timestamp filename", *rows]
     Path(file).write_bytes(("\n".join(lines) + "\n").encode())
@@ -85,12 +79,8 @@ def write_index(file: Path, time: np.ndarray, files: tuple[str, ...]) -> None:
 
 def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
     """Return the frames of ``folder`` whose paths match the glob ``pattern``, in the order of the
-    last number in their names.
-
-    Frame number n of a camera of ``rate`` frames a second is seen (n − first)/rate s after the
-    first; a number that is not there is a frame that the sensor dropped. Raises RecordingError
-    where no file matches, a name has no number, the names differ in more than the number (time
-    stamps, two sequences), or a number comes twice (``7`` and ``007``).
+    last number n in their names, each (n − first)/``rate`` s after the first. RecordingError where
+    no file matches, a name has no number, names differ in more than the number, or one comes twice.
     """
     numbers: dict[int, Path] = {}
     forms = set()

@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -17,7 +18,7 @@ import yaml
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import read_text
-from pipeline.formats.format import Format, Head, Kind, Stated
+from pipeline.formats.format import Format, Head, Kind
 
 MATRIX = ("cameraMatrix", "camera_matrix", "Camera_Matrix", "CameraMatrix")
 MATRIX += ("K", "k", "intrinsic_matrix")
@@ -28,6 +29,7 @@ BENT = re.compile(r"(?i)dist.*|.*coeff.*|[kp]1")  # a key that may be of distort
 MODELS = ("plumb_bob", "radtan", "rational_polynomial", "none")
 FOCAL = ("fx", "fy", "cx", "cy")
 SIZE = (("width", "height"), ("image_width", "image_height"), ("image_Width", "image_Height"))
+ANY_SIZE = (10**6, 10**6)  # px, holds every principal point
 NARROWEST = 100  # focal length over the longer side: a view of half a degree
 COEFFICIENTS = (0, 4, 5, 8, 12, 14)  # the numbers of coefficients that OpenCV's model has
 # a number of a calibration is decimal: YAML 1.1 takes 0525 for 341, yes for true, 5:25 for 325
@@ -43,9 +45,7 @@ CALIBRATED = re.compile(
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """Pinhole camera of ``width`` × ``height`` pixels: focal lengths and principal point in px,
-    OpenCV's distortion k1, k2, p1, p2, k3 …
-    """
+    """Pinhole camera, in px; OpenCV's distortion k1, k2, p1, p2, k3 …"""
 
     fx: float
     fy: float
@@ -59,11 +59,8 @@ class Intrinsics:
 def pinhole(
     matrix: np.ndarray, distortion: np.ndarray, *, width: int, height: int, **evidence: object
 ) -> Intrinsics:
-    """Return the camera ``matrix`` (3, 3) and OpenCV's ``distortion`` (k,) of an image of ``width``
-    × ``height`` pixels.
-
-    Raises RecordingError (with ``evidence``) for a matrix that is none, a coefficient too many, a
-    focal length of no camera and a principal point outside the image.
+    """Return the camera of ``matrix`` (3, 3) and OpenCV's ``distortion`` (k,); RecordingError (with
+    ``evidence``) for values of no camera, or of none of ``width`` × ``height`` pixels.
     """
     (fx, skew, cx), (low, fy, cy), bottom = matrix.tolist()
     finite, rest = np.isfinite(matrix).all(), (skew, low, *bottom)
@@ -99,33 +96,38 @@ def require_model(model: object, distortion: np.ndarray, **evidence: object) -> 
 
 
 def read_intrinsics(
-    file: Path, *, width: int, height: int, matrix: str | None = None, distortion: str | None = None
+    file: Path,
+    *,
+    width: int | None = None,
+    height: int | None = None,
+    matrix: str | None = None,
+    distortion: str | None = None,
 ) -> Intrinsics:
     """Return the intrinsics of a camera of ``width`` × ``height`` pixels; a size that the file
-    states must be that.
+    states must be that. Without one it is the file's, else ANY_SIZE.
 
     ``matrix`` and ``distortion`` name the keys where they are not the usual ones, or where the file
-    holds several. Focal lengths and principal point may stand as fx, fy, cx, cy instead of a
-    matrix. Only JSON may leave the distortion out, for a camera without. Of the messages of a
-    CameraInfo that ROS prints, all must be equal but for their headers. Raises RecordingError for a
-    file that cannot be read as any of the formats, a key that is not there or not the only one
-    (naming those that are), values that are no camera's, a distortion model that is not OpenCV's,
-    and another size.
+    holds several. Only JSON may leave the distortion out, for a camera without. Of the messages of
+    a CameraInfo that ROS prints, all must be equal but for their headers. Raises RecordingError for
+    a file of none of the formats, a key that is not there or not the only one (naming those that
+    are), values that are no camera's, a distortion model that is not OpenCV's, and another size.
     """
     values, is_json = _values(file)
+    for names in SIZE:  # where it is not given, it is the file's
+        stated = [values.get(name) for name in names]
+        width, height = (a or b for a, b in zip((width, height), stated, strict=True))
+    width, height = width or ANY_SIZE[0], height or ANY_SIZE[1]
     for wide, high in SIZE:
         stated = values.get(wide, width), values.get(high, height)
-        require_size(stated, width, height, file=file, key=wide)
+        require_size(stated, width, height, file=file)
     there = f"the file has {', '.join(map(str, values))}"
 
     def choose(chosen: str | None, usual: tuple[str, ...], what: str) -> str | None:
-        present, message = [name for name in usual if name in values], ""
-        if chosen is not None:
-            message = "" if chosen in values else f"no {what} {chosen!r}; {there}"
-            present = [chosen]
-        elif len(present) > 1:
+        present = [name for name in ((chosen,) if chosen else usual) if name in values]
+        if chosen and not present:
+            raise RecordingError(f"no {what} {chosen!r}; {there}", file=file)
+        if len(present) > 1:
             message = f"{' and '.join(present)} could each be the {what}; choose one by option"
-        if message:
             raise RecordingError(message, file=file)
         return present[0] if present else None
 
@@ -150,19 +152,15 @@ def read_intrinsics(
 
 
 def _numbers(value: object, count: int | None, file: Path, key: str) -> np.ndarray:
-    """Return the numbers under ``key``, ``count`` in all; ROS and OpenCV write a matrix as rows,
-    cols and data.
-    """
+    """Return the numbers under ``key``, ``count`` in all; a matrix may be rows, cols and data."""
     wanted = {count} - {None}
     if isinstance(value, Mapping):
         shape = [value.get(name) for name in ("rows", "cols")]
         value = value.get("data")
         wanted |= {shape[0] * shape[1]} if all(type(n) is int for n in shape) else set()
     numbers = np.array(0)
-    try:
+    with suppress(ValueError):  # lists of other lengths
         numbers = np.array(value)
-    except ValueError:  # lists of other lengths
-        pass
     # words and true are no numbers, though NumPy would make some of them
     if numbers.dtype.kind not in "fiu" or (numbers.ndim == 0) != (count == 1):
         message = f"{key} holds no decimal numbers, but {str(value)[:80]}"
@@ -174,8 +172,8 @@ def _numbers(value: object, count: int | None, file: Path, key: str) -> np.ndarr
 
 
 def _values(file: Path) -> tuple[Mapping, bool]:
-    """Return the file's values by key, and whether it is JSON; from whole lines alone, since in
-    YAML nothing else shows that a number was cut.
+    """Return the file's values by key, of whole lines alone, as in YAML nothing else shows that a
+    number was cut; and whether it is JSON.
     """
     text = read_text(file)
     body, whole = "\n".join(text.lines), "\n".join([*text.lines, text.cut or ""])
@@ -229,20 +227,16 @@ def _word(word: str) -> float | str:
 
 
 def write_intrinsics(file: Path, intrinsics: Intrinsics) -> None:
-    """Write ``cameraMatrix`` and ``distortionCoefficients`` (zeros where there are none) as
-    OpenCV's YAML; numbers read back exactly.
-    """
+    """Write the camera as OpenCV's YAML; numbers read back exactly."""
     # here, as few write a calibration
     import cv2
 
-    matrix = np.array(
-        [[intrinsics.fx, 0, intrinsics.cx], [0, intrinsics.fy, intrinsics.cy], [0, 0, 1]]
-    )
+    one = intrinsics
+    matrix = np.array([[one.fx, 0, one.cx], [0, one.fy, one.cy], [0, 0, 1]])
     storage = cv2.FileStorage("intrinsics.yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
     storage.write("cameraMatrix", matrix)
-    storage.write("distortionCoefficients", np.array([intrinsics.distortion or (0.0,) * 5]))
-    # "%YAML:1.0" is how OpenCV 2 to 4 head the calibrations of depth cameras; version 5 writes
-    # another head, and reads both
+    storage.write("distortionCoefficients", np.array([one.distortion or (0.0,) * 5]))
+    # the head of OpenCV 2 to 4, which version 5 reads too
     body = storage.releaseAndGetString().partition("\n")[2]
     Path(file).write_bytes(f"%YAML:1.0\n{body}".encode())
 
@@ -256,13 +250,4 @@ def _begins(head: Head) -> bool:
     )
 
 
-def _states(file: Path) -> Stated:
-    """Return width and height in px as ``facts``, where the file states both."""
-    values, _ = _values(file)
-    for size in ([values.get(wide), values.get(high)] for wide, high in SIZE):
-        if all(type(pixels) in (int, float) and 0 < pixels < 2**31 for pixels in size):
-            return Stated(facts={"width": int(size[0]), "height": int(size[1])})
-    return Stated()
-
-
-FORMAT = Format("camera intrinsics", Kind.INTRINSICS, read_intrinsics, _begins, _states)
+FORMAT = Format("camera intrinsics", Kind.INTRINSICS, read_intrinsics, _begins)

@@ -19,10 +19,8 @@ DATATYPES = {7: np.dtype(np.float32), 8: np.dtype(np.float64)}  # of a PointFiel
 
 def image_pixels(message: object, *, shape: tuple[int, int], **evidence: object) -> np.ndarray:
     """Return (H, W) uint16 (16UC1) or float32 (32FC1) of an Image of ``shape`` = (H, W), of either
-    byte order, its rows padded or not.
-
-    Raises RecordingError (with ``evidence``) for another encoding or size, and for data that are
-    shorter or longer than rows × step.
+    byte order, its rows padded or not; RecordingError (with ``evidence``) for another encoding or
+    size, and for other data than rows × step.
     """
     if (pixel := PIXELS.get(message.encoding)) is None:
         said = f"an image of the encoding {message.encoding!r}; depth is {', '.join(PIXELS)}"
@@ -35,9 +33,7 @@ def image_pixels(message: object, *, shape: tuple[int, int], **evidence: object)
 
 
 def _records(message: object, row: int, kind: np.dtype, what: str, evidence: dict) -> np.ndarray:
-    """Return (height, width) pixels or points of ``kind`` in a message whose rows have ``row``
-    bytes.
-    """
+    """Return (height, width) of ``kind`` in a message whose rows have ``row`` bytes."""
     height, width, size = message.height, message.width, kind.itemsize
     data = np.asarray(message.data, np.uint8)
     if row < width * size or len(data) != height * row:
@@ -48,24 +44,21 @@ def _records(message: object, row: int, kind: np.dtype, what: str, evidence: dic
 
 
 def cloud_points(message: object, **evidence: object) -> np.ndarray:
-    """Return (N, 3) float64 points x, y, z of a PointCloud2, in m in its own frame, NaN where
-    the sensor saw nothing.
-
-    The fields may be float32 or float64 at any offset, of either byte order, organised or not, rows
-    padded or not. Raises RecordingError (with ``evidence``) for a field that is missing or of
-    another type, and for data that do not hold the points announced.
+    """Return (N, 3) float64 points of a PointCloud2 in m in its own frame, NaN where the sensor saw
+    nothing: float32 or float64 at any offset, of either byte order, rows padded or not.
+    RecordingError (with ``evidence``) for another field, and for other data than announced.
     """
     fields, step = {field.name: field for field in message.fields}, message.point_step
     if missing := [name for name in "xyz" if name not in fields]:
         there = ", ".join(fields) or "none"
         said = f"the cloud has no field {', '.join(missing)}; there are {there}"
         raise RecordingError(said, **evidence)
-    for field in map(fields.get, "xyz"):
+    held = [fields[name] for name in "xyz"]
+    for field in held:
         kind = DATATYPES.get(field.datatype)
         if kind is None or field.count != 1 or field.offset + kind.itemsize > step:
             said = f"the field {field.name} is no single float32 or float64 within the point's "
             raise RecordingError(f"{said}{step} bytes", **evidence)
-    held = [fields[name] for name in "xyz"]
     formats = [DATATYPES[field.datatype] for field in held]
     layout = {"names": [*"xyz"], "formats": formats, "offsets": [field.offset for field in held]}
     kind = np.dtype(layout | {"itemsize": step})
@@ -74,10 +67,8 @@ def cloud_points(message: object, **evidence: object) -> np.ndarray:
 
 
 def camera_info(message: object, *, width: int, height: int, **evidence: object) -> Intrinsics:
-    """Return the intrinsics from the K and D of a CameraInfo of ``width`` × ``height`` pixels.
-
-    Raises RecordingError (with ``evidence``) for another size, a camera that was never calibrated
-    (K of zeros) or whose distortion is not OpenCV's.
+    """Return the intrinsics from the K and D of a CameraInfo of ``width`` × ``height`` pixels;
+    RecordingError (with ``evidence``) for another size, K of zeros and another distortion model.
     """
     require_size((message.width, message.height), width, height, **evidence)
     # ROS 1 writes K and D, ROS 2 k and d

@@ -7,15 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.force.record import (
-    NO_OPTIONS,
-    OPTION,
-    ForceLogOptions,
-    ForceRecord,
-    repeats,
-    with_torque,
-)
-from pipeline.formats.force.table import rate_of, read_clock
+from pipeline.formats.force import record
+from pipeline.formats.force.record import NO_OPTIONS, OPTION, ForceLogOptions, ForceRecord
 from pipeline.formats.format import Format, Kind
 
 WRENCH = ("geometry_msgs/msg/WrenchStamped",)
@@ -23,12 +16,10 @@ WRENCH = ("geometry_msgs/msg/WrenchStamped",)
 
 def read_force_bag(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord:
     """Return the record of the option's ``topic`` in the bag ``file``, or of the only one of its
-    type; times are those of the messages' headers.
+    type; times are those of the messages' headers, ``counts`` those of a table of forces.
 
-    ``counts``: ``repeated_rows`` and ``zero_rows``, both kept, and those of
-    :func:`pipeline.formats.force.table.read_clock`. Raises RecordingError for a bag that cannot be
-    read, no topic or more than one, no message, values that are not finite, and times as there;
-    samples count from 0.
+    Raises RecordingError for a bag that cannot be read, no topic or more than one, no message, and
+    values that are not finite or times that go back, by the sample from 0.
     """
     # here, as most force logs are no bags
     from pipeline.formats.rosbag import choose_topic, messages
@@ -43,9 +34,12 @@ def read_force_bag(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRe
     if broken.any():
         first = int(np.argmax(broken))
         raise RecordingError("a force or torque is not finite", sample=first, **where)
-    keep, counts = read_clock(time, values, [*range(len(time))], place="sample", file=file)
+    places = [*range(len(time))]
+    keep, counts = record.read_clock(time, values, places, place="sample", file=file)
     time, values = time[keep], values[keep]
-    return ForceRecord(time, *with_torque(values), rate_of(time), "", "", repeats(values) | counts)
+    counts |= record.repeats(values)
+    parts = record.with_torque(values)
+    return ForceRecord(time, *parts, record.rate_of(time), "", "", counts)
 
 
 def _sample(message: object) -> list[float]:

@@ -1,9 +1,7 @@
-"""The calibration of an ATI transducer: its units, its ratings and the matrix from gauge voltages
-to forces (a ``.cal`` file, XML).
-
-From version 1.1 on the rows of the matrix stand in ``UserAxis``; version 1.0 has ``Axis`` alone,
-each row times a scale and about the gauges' own origin, from which ``BasicTransform`` leads to the
-transducer's (Axis → UserAxis of a 1.1 file shows the rule).
+"""Calibration of an ATI transducer (a ``.cal`` file, XML): units, ratings and the matrix from gauge
+voltages to forces, in ``UserAxis`` from version 1.1 on; version 1.0 has ``Axis`` alone, each row
+times a scale and about the gauges' own origin, from which ``BasicTransform`` leads to the
+transducer's.
 """
 
 from __future__ import annotations
@@ -34,10 +32,8 @@ class Calibration:
 
 
 def read_calibration(file: Path) -> Calibration:
-    """Return the calibration in ``file``.
-
-    Raises RecordingError for a file that is no XML, that holds not one calibration, an axis without
-    six gauges or a rating, or a basic transform that turns the axes or has no known unit.
+    """Return the calibration in ``file``; RecordingError for a file that is no XML, not one
+    calibration, an axis without six gauges or a rating, and a basic transform of unknown effect.
     """
     try:
         elements = [*ElementTree.fromstring(file_content(file)).iter()]
@@ -74,8 +70,8 @@ def read_calibration(file: Path) -> Calibration:
 
 
 def _offset(basic: dict[str, str], stated: dict[str, str], file: Path) -> np.ndarray:
-    """Return (3,) the offset of the basic transform, in the arm's length that the unit of torque
-    has to the unit of force; in the file's own numbers where no unit of distance is stated.
+    """Return (3,) the offset of the basic transform in the length of the unit of torque, or in the
+    file's own numbers where no unit of distance is stated.
     """
     held = {name: _numbers(basic, name, 1, file)[0] for name in basic if name[:1] in "DR"}
     if any(held.get(turn) for turn in ("Rx", "Ry", "Rz")):

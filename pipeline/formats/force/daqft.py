@@ -1,15 +1,13 @@
 """Logs of ATI's programs: DAQ F/T, in the culture of its PC, and Net F/T.
 
-DAQ F/T: a first line may say what was skipped; then one row of labels, whose last four are settings
-(``Frequency = 1000``) and have no column under them, or several rows of labels, units and settings;
-then one quoted row a sample, as a rule without its time. Cultures with a decimal comma separate
-cells by semicolons. Instead of forces the program may have written the voltages of the gauges,
-``G0`` to ``G5``.
+DAQ F/T: a first line may say what was skipped; then labels, units and settings (``Frequency =
+1000``, which have no column under them) in one row or several; then one quoted row a sample, of
+forces or of the gauges' voltages ``G0`` to ``G5``, as a rule without its time. Cultures with a
+decimal comma separate cells by semicolons.
 
 Net F/T: lines of ``key: value`` (start time, RDT sample rate, units, counts per unit), the labels,
-and one row a packet: status, RDT sequence, F/T sequence, Fx … Tz, the PC's time. Manuals and
-earlier versions have counts, which are whole; later versions have divided them already, and print
-every number with a decimal point.
+and one row a packet. Earlier versions have counts, which are whole; later ones have divided them,
+and print every number with a decimal point.
 """
 
 from __future__ import annotations
@@ -24,23 +22,21 @@ from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import NUMBER
 from pipeline.formats.force.record import (
     FORCES,
+    KEY,
     NO_OPTIONS,
     OPTION,
     TORQUES,
     ForceLogOptions,
     ForceRecord,
-    axis_of,
-    calibrated_factors,
-)
-from pipeline.formats.force.table import (
-    KEY,
     axis_columns,
+    axis_of,
     axis_values,
+    calibrated_factors,
     force_sheet,
     timed_record,
 )
-from pipeline.formats.format import Format, Head, Kind, Stated
-from pipeline.formats.number_sheet import Sheet, read_sheet
+from pipeline.formats.format import Format, Head, Kind
+from pipeline.formats.number_sheet import Sheet
 
 DELAY = re.compile(r'"?(Paused for|Skipped)\s+(\d{1,18})\b')
 GAUGES = [f"G{n}" for n in range(6)]
@@ -54,18 +50,12 @@ PLAIN = {"separator": ",", "decimal": "."}  # form of a Net F/T log in every cul
 
 def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord:
     """Return the record in ``file``, in N, N·m and s; gauge voltages become forces and torques by
-    the calibration of ``options``.
+    the calibration of ``options``. Without a column of times or sample numbers the samples follow
+    each other at the stated rate, and nothing shows that a row was lost.
 
-    Where a column holds times or sample numbers, by its label or as ``t`` of the options, lost rows
-    leave a gap; where none does, the samples follow each other at the stated rate, and nothing
-    shows that a row was lost.
-
-    ``counts`` as of :func:`pipeline.formats.force.table.read_force_table`, and ``paused_ms`` or
-    ``skipped_samples`` between the start and the first sample. A last row that is short or has no
-    line end is dropped: the program was stopped while it wrote.
-
-    Raises RecordingError as there, and for gauge voltages without a calibration, no row of labels,
-    and no frequency or averaging level.
+    ``counts`` and errors as of :func:`pipeline.formats.force.record.read_force_table`, and
+    ``paused_ms`` or ``skipped_samples`` before the first sample. RecordingError too for gauge
+    voltages without a calibration, no row of labels, and no frequency or averaging level.
     """
     sheet = force_sheet(file, options)
     where = {"file": file, "key": f"{OPTION}.format"}
@@ -75,11 +65,8 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
         message = f"no line above the rows of {len(sheet.last)} cells labels them all; name the "
         message += "columns by number in a log of format table"
         raise RecordingError(message, line=sheet.lines[0], **where)
-    settings = sheet.settings
-    serial, theirs = (
-        settings.get("F/T Serial Number", ""),
-        getattr(options.calibration, "serial", ""),
-    )
+    settings, theirs = sheet.settings, getattr(options.calibration, "serial", "")
+    serial, started = (settings.get(name, "") for name in ("F/T Serial Number", "Time Started"))
     if serial and theirs and serial != theirs:
         message = f"the log is of the transducer {serial}, the calibration of {theirs}"
         raise RecordingError(message, file=file, key=f"{OPTION}.calibration")
@@ -88,15 +75,14 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     values = (_forces_of_gauges if voltages else axis_values)(sheet, options)
     delay = DELAY.match(sheet.header[0])
     name = "paused_ms" if delay and delay[1] == "Paused for" else "skipped_samples"
-    return timed_record(
-        sheet,
-        values,
-        options,
-        lambda: _rate(settings, options, sheet),
-        serial=serial,
-        started=settings.get("Time Started", ""),
-        more={name: int(delay[2])} if delay else {},
-    )
+    units = {}
+    for quantity, axes in (("force", FORCES), ("torque", TORQUES)):
+        stated = {sheet.unit(n) for n, label in enumerate(sheet.labels) if axis_of(label) in axes}
+        if len(stated := stated - {None}) == 1:
+            units[quantity] = stated.pop()
+    more = {name: int(delay[2])} if delay else {}
+    beside = {"serial": serial, "started": started, "more": more, "units": units}
+    return timed_record(sheet, values, options, lambda: _rate(settings, options, sheet), **beside)
 
 
 def _forces_of_gauges(sheet: Sheet, options: ForceLogOptions) -> np.ndarray:
@@ -141,11 +127,8 @@ def _rate(settings: dict[str, str], options: ForceLogOptions, sheet: Sheet) -> f
 
 
 def write_daqft(file: Path, record: ForceRecord, *, decimal: str = ".") -> None:
-    """Write ``record`` in N and N·m as the program does on a PC whose culture has the given
-    ``decimal`` mark ("." or ",").
-
-    Fifteen significant digits, as .NET prints a double, and averaging level 1; the counts are not
-    written.
+    """Write ``record`` in N and N·m, with fifteen significant digits and averaging level 1, as the
+    program does on a PC whose culture has the given ``decimal`` mark ("." or ",").
     """
     separator = ";" if decimal == "," else ","
     labels = [f"Force {axis} (N)" for axis in "XYZ"] + [f"Torque {axis} (N-m)" for axis in "XYZ"]
@@ -162,11 +145,10 @@ def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     """Return the record in ``file``, in N, N·m and s; the time is the RDT sequence over the sample
     rate, so that lost packets leave a gap.
 
-    ``counts`` as of :func:`pipeline.formats.force.table.read_force_table`, ``missing_samples`` as
-    ``lost_packets``, and ``status_rows`` (the transducer reported a condition with them; kept).
-
-    Raises RecordingError as there, and for a header without rate, units or, where it has counts,
-    counts per unit; and for numbers that may be counts or not.
+    ``counts`` and errors as of :func:`pipeline.formats.force.record.read_force_table`, with
+    ``missing_samples`` as ``lost_packets``, and ``status_rows`` (with a condition; kept).
+    RecordingError too for a header without rate, units or counts per unit, and for numbers that may
+    be counts or not.
     """
     sheet = force_sheet(file, options, **PLAIN)
     if not any("RDT Sequence" in line for line in sheet.header):
@@ -188,17 +170,16 @@ def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
             raise RecordingError(message, file=file, line=line)
     kinds = {axis: "Force" if axis in FORCES else "Torque" for axis in columns}
     units = {axis: settings.get(f"{kind} Units") for axis, kind in kinds.items()}
-    per_unit: np.ndarray | float = 1.0
+    per_unit = np.ones(len(kinds))
     if _holds_counts(sheet, columns, options):
-        per_unit = np.array(
-            [positive(f"Counts per Unit {kind}", "counts") for kind in kinds.values()]
-        )
+        per_unit[:] = [positive(f"Counts per Unit {kind}", "counts") for kind in kinds.values()]
+    values = axis_values(sheet, options, units, per_unit)
+    timed = replace(options, columns=columns | {"t": "RDT Sequence"})
+    named = {k.lower(): settings[f"{k} Units"] for k in kinds.values() if f"{k} Units" in settings}
     record = timed_record(
-        sheet,
-        axis_values(sheet, options, units, per_unit),
-        replace(options, columns=columns | {"t": "RDT Sequence"}),
-        lambda: options.rate or positive("RDT Sample Rate", "rate"),
+        *(sheet, values, timed, lambda: options.rate or positive("RDT Sample Rate", "rate")),
         started=settings.get("Start Time", ""),
+        units=named,
     )
     counts = dict(record.counts)
     counts["lost_packets"] = counts.pop("missing_samples")
@@ -218,26 +199,6 @@ def _holds_counts(sheet: Sheet, columns: dict[str, int], options: ForceLogOption
     return not pointed
 
 
-def _states(file: Path) -> Stated:
-    """Return separator and decimal mark, and the units of the labels."""
-    sheet = read_sheet(file, key=OPTION)
-    units = {}
-    for quantity, axes in (("force", FORCES), ("torque", TORQUES)):
-        stated = {sheet.unit(n) for n, label in enumerate(sheet.labels) if axis_of(label) in axes}
-        if len(stated := stated - {None}) == 1:
-            units[quantity] = stated.pop()
-    separator = {";": "semicolons", ",": "commas", "\t": "tabs"}.get(sheet.separator, "blanks")
-    mark = "comma" if sheet.decimal == "," else "point"
-    facts = {"separator": sheet.separator, "decimal": sheet.decimal}
-    return Stated(f"{separator} and decimal {mark}", units, facts)
-
-
-def _netft_states(file: Path) -> Stated:
-    settings = read_sheet(file, key=OPTION, **PLAIN).settings
-    named = {name: unit for name, unit in settings.items() if name.endswith("Units")}
-    return Stated(units={name.split()[0].lower(): unit for name, unit in named.items()})
-
-
 def _begins(head: Head) -> bool:
     return any(HEADING.search(line) for line in head.lines[:4])
 
@@ -247,6 +208,6 @@ def _netft_begins(head: Head) -> bool:
 
 
 FORMAT = (
-    Format("ATI Net F/T log", Kind.FORCE, read_netft, _netft_begins, _netft_states, "netft"),
-    Format("ATI DAQ F/T log", Kind.FORCE, read_daqft, _begins, _states, "daqft"),
+    Format("ATI Net F/T log", Kind.FORCE, read_netft, _netft_begins, "netft"),
+    Format("ATI DAQ F/T log", Kind.FORCE, read_daqft, _begins, "daqft"),
 )

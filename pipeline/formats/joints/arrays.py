@@ -1,9 +1,7 @@
-"""Joint logs that are arrays with names: NumPy's archives (.npz), MATLAB's files (.mat, of the
-versions 5 to 7.2, structs by dotted path) and Parquet, whose columns share a name before a number.
-One array holds the times, and one (N, joints) the angles of each signal.
-
-Damaged ones can end the process of the library, and small ones unfold to any size: they are read in
-a process of its own.
+"""Joint logs that are arrays with names: NumPy's archives (.npz), MATLAB's files (.mat up to
+version 7.2, structs by dotted path) and Parquet, whose columns share a name before a number. One
+array holds the times, and one (N, joints) the angles of each signal. They are read in a process of
+its own, since damaged ones can end it, and small ones unfold to any size.
 """
 
 from __future__ import annotations
@@ -27,7 +25,7 @@ from pipeline.formats.joints.names import (
 )
 from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS
 
-HDF5 = b"MATLAB 7.3"  # another format, HDF5, under the ending of a MATLAB file
+HDF5 = (b"MATLAB 7.3", b"\x89HDF")  # another format under the ending of a MATLAB file
 ARRAY = re.compile(r"(.+):(\d+)")  # a column of an array
 MEMBER = slice(30, 286)  # bytes of a ZIP file with the name of its first member
 Held = dict[str, np.ndarray]
@@ -41,9 +39,7 @@ class NamedArrays:
     held: Mapping[str, np.ndarray]
 
     def named(self, quantity: str, given: object = None) -> str:
-        """Return the array of a ``quantity``, time or a signal: the ``given`` one, else that whose
-        name says it.
-        """
+        """Return the name of the array of a ``quantity``: the ``given`` one, else by its name."""
         if isinstance(given, str):
             named = [given] if given in self.held else []
         else:
@@ -70,9 +66,7 @@ class NamedArrays:
         return [n for n in alike if not is_derivative(self.read(n, 2), measured, rows)]
 
     def read(self, name: str, dimensions: int) -> np.ndarray:
-        """Return the array as float64, of so many ``dimensions``; RecordingError with the place of
-        what is no finite number.
-        """
+        """Return the array as float64; RecordingError with the place of no finite number."""
         values, where = self.held[name], {"file": self.file, "array": name}
         require("part_mib", values.size * 8 / MIB, f"MiB of numbers in {name}", self.file)
         if values.ndim != dimensions or not values.size:
@@ -87,9 +81,7 @@ class NamedArrays:
         return values
 
     def signal(self, signal: str, columns: Sequence[object] | None) -> np.ndarray:
-        """Return (N, joints) the array that ``columns`` name, a column each, or the columns
-        ARRAY:COLUMN of arrays.
-        """
+        """Return (N, joints) of an array, or of arrays or columns ARRAY:COLUMN."""
         if columns is None or (len(columns) == 1 and columns[0] in self.held):
             return self.read(self.named(signal, columns and columns[0]), 2)
         held = []
@@ -109,9 +101,9 @@ class NamedArrays:
 
 def read_arrays(file: Path, options: LogOptions) -> JointLog:
     """Return the signals of ``options`` in ``file``, by default the measured and the commanded
-    angles as far as an array's name says which it is; rows are counted from 0.
+    angles by their names.
 
-    Raises RecordingError for a damaged file; with the array and row, for arrays of another shape
+    Raises RecordingError for a damaged file; with the array and row (from 0), for another shape
     than (N, joints), numbers that are not finite and times that do not increase; with the option
     that settles it for a name that is not there or not the only one.
     """
@@ -130,7 +122,8 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         time = arrays.read(clock, 1) * TIME_UNITS[options.time_unit]
     if {*length.values()} != {len(time)}:
         rows = ", ".join(f"{count} of {name}" for name, count in length.items())
-        raise RecordingError(f"{len(time)} times for {rows} angles", file=file, array=clock)
+        message = f"{len(time)} times for {rows} angles; save a row of joints for each time"
+        raise RecordingError(message, file=file, array=clock)
     log = JointLog(time, signals, {})
     return increasing(log, file, lambda row: {"array": clock, "row": row})
 
@@ -156,9 +149,7 @@ def _plain(value: object) -> np.ndarray:
 
 
 def _mat(file: Path) -> Held:
-    """Return the matrices of a MATLAB file, those in structs by their path, as ``rec.q``, a
-    vector's with one dimension.
-    """
+    """Return the matrices of a MATLAB file, those in structs by their path, as ``rec.q``."""
     # here, as most logs are none
     from scipy.io import loadmat
 
@@ -176,9 +167,7 @@ def _in_structs(path: str, held: Mapping[str, object]) -> Iterator[tuple[str, np
 
 
 def _parquet(file: Path) -> Held:
-    """Return the columns of numbers of a Parquet table, each by its label and, where several share
-    a name before their number, together by that name.
-    """
+    """Return the columns of numbers, and together those that share a name before their number."""
     from pyarrow import parquet
 
     table = parquet.read_table(file)
@@ -197,7 +186,12 @@ def _npz_begins(head: Head) -> bool:
     return head.content.startswith(b"PK\x03\x04") and b".npy" in head.content[MEMBER]
 
 
-_mat_begins, _parquet_begins = begins(b"MATLAB 5.0 MAT-file", HDF5), begins(b"PAR1")
+def _mat_begins(head: Head) -> bool:
+    # version 4 has no mark
+    return head.content.startswith((b"MATLAB 5.0 MAT-file", HDF5[0])) or head.suffix == ".mat"
+
+
+_parquet_begins = begins(b"PAR1")
 FORMAT = (
     Format("MATLAB file of joints", Kind.JOINTS, read_arrays, _mat_begins),
     Format("NumPy archive of joints", Kind.JOINTS, read_arrays, _npz_begins),

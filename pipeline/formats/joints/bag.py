@@ -29,17 +29,14 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
     ``speed`` and ``velocity`` its velocities. Joints are those of ``options``, else those of the
     message with the most joints, each read by its name.
 
-    Commands have their own times: at each time of the measured angles, those between two commands
-    are interpolated on a straight line, counted as ``interpolated_rows``, and measured angles
-    before the first command or after the last are left out, counted as ``rows_without_command``.
-    Messages without any of the joints are passed over, counted as ``messages_of_other_joints``, and
-    a message that repeats the one before is dropped, counted as ``doubled_rows``. Angles are
-    unwrapped before they are interpolated, counted as ``unwrapped_jumps``, but for joints that are
-    not circular.
+    Counted are ``interpolated_rows`` (commands, at the times of the measured angles),
+    ``rows_without_command`` (before the first or after the last, left out),
+    ``messages_of_other_joints`` (passed over), ``doubled_rows`` (messages that repeat the one
+    before, dropped) and ``unwrapped_jumps`` of circular joints.
 
     Raises RecordingError for a bag that cannot be read, no topic or several that could be meant,
-    messages that have some of the joints or lack a value, and times that do not increase; messages
-    count from 0.
+    and, with the message from 0, for some of the joints, a missing value and a time that does not
+    increase.
     """
     joints, counts = tuple(options.names), Counter()
     logs = {}
@@ -97,9 +94,7 @@ def _sample(message: object, name: str) -> tuple[float, dict[str, float]]:
 def _values(
     file: Path, topic: str, signal: str, joints: tuple[str, ...], counts: Counter
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Return times (N,) in s and values (N, joints) of a ``signal``, and the joints: those given,
-    or the most that a message of the topic has.
-    """
+    """Return times (N,) in s and values (N, joints) of a ``signal``, and its joints."""
     from pipeline.formats.rosbag import messages
 
     name = FIELDS.get(signal, "effort")
@@ -107,22 +102,20 @@ def _values(
     joints = joints or tuple(max((values for _, values in held), key=len, default=()))
     times, rows = [], []
     for number, (time, values) in enumerate(held):
+        row, message = [values.get(joint, np.nan) for joint in joints], ""
         if not {*joints} & {*values}:
             counts["messages_of_other_joints"] += 1
-            continue
-        row = [values.get(joint, np.nan) for joint in joints]
-        message = ""
-        if missing := [j for j, value in zip(joints, row, strict=True) if not np.isfinite(value)]:
+        elif missing := [j for j, one in zip(joints, row, strict=True) if not np.isfinite(one)]:
             message = f"the message has no {name} of {', '.join(missing)} ({signal})"
         elif times and (time, row) == (times[-1], rows[-1]):
             counts["doubled_rows"] += 1
-            continue
         elif times and time <= times[-1]:
             message = "the time does not increase"
+        else:
+            times.append(time)
+            rows.append(row)
         if message:
             raise RecordingError(message, file=file, topic=topic, number=number)
-        times.append(time)
-        rows.append(row)
     if not rows:
         others = ", ".join(sorted({joint for _, values in held for joint in values})) or "none"
         message = f"no message has the joints {', '.join(joints) or 'of an arm'}; there are "

@@ -15,9 +15,7 @@ OPTION = "dataset.joint_log"
 
 @dataclass(frozen=True)
 class JointLog:
-    """N samples of all joints, of one or more signals: ``actual`` and ``target`` angles in rad,
-    ``speed`` in rad/s, the commanded one.
-    """
+    """N samples of all joints: ``actual`` and ``target`` in rad, commanded ``speed`` in rad/s."""
 
     time: np.ndarray  # (N,) s on the controller's clock, increasing
     signals: Mapping[str, np.ndarray]  # each (N, joints)
@@ -28,9 +26,7 @@ class JointLog:
 
 @dataclass(frozen=True)
 class LogOptions:
-    """Options for what a log does not say (section dataset.joint_log); a format uses what it
-    needs.
-    """
+    """Options for what a log does not say (section dataset.joint_log)."""
 
     # column by label, or by number from 0; None: the rows follow each other at ``rate``
     time: str | int | None = 0
@@ -50,9 +46,8 @@ class LogOptions:
 
 
 def increasing(log: JointLog, file: Path, place: Callable[[int], dict[str, object]]) -> JointLog:
-    """Return ``log`` without the rows that repeat the one before, time and all, counted as
-    ``doubled_rows``; RecordingError at the first row whose time does not increase otherwise,
-    ``place`` giving the evidence of a row in the ``file``.
+    """Return ``log`` without the rows that repeat the one before, counted as ``doubled_rows``;
+    RecordingError at the first other row whose time does not increase, with its ``place``.
     """
     values = np.hstack([log.time[:, None], *log.signals.values()])
     doubled = (values[1:] == values[:-1]).all(axis=1)

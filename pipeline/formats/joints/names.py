@@ -104,7 +104,9 @@ def named_like(quantity: str, names: Iterable[str]) -> list[str]:
     angles.
     """
     if quantity == "time":
-        return [n for n in names if re.sub(r"[^a-z]", "", bare(n).lower()) in TIME]
+        plain = {n: re.split(r"[./]", bare(n).lower()) for n in names}
+        alone = [n for n, parts in plain.items() if re.sub("[^a-z]", "", "".join(parts)) in TIME]
+        return alone or [n for n, parts in plain.items() if parts[-1] in TIME]
     held = {name: meaning(name) for name in names}
     angles = {name: what for name, what in held.items() if what.is_angle}
     said = [name for name, what in angles.items() if what.role == quantity]
@@ -115,9 +117,9 @@ def named_like(quantity: str, names: Iterable[str]) -> list[str]:
 
 
 def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
-    """Return the ``labels`` of columns by the name that they share beside their number, each list
-    in the order of the numbers, as ``q_0, q_1``; and under actual or target where the joints are
-    named by words, as ``actual_elbow, actual_wrist_1``.
+    """Return the ``labels`` of columns by the name that they share beside their number, in the
+    order of the numbers, as ``q_0, q_1``; and under actual or target where words name the joints,
+    as ``actual_elbow, actual_wrist_1``.
     """
     numbered: dict[str, dict[int, str]] = {}
     worded: dict[str, list[str]] = {}
@@ -146,9 +148,9 @@ def signals_of(
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
     """Return signal → columns of the joints, and signal → the reason why it is a guess.
 
-    A signal is there where one name alone says it is; where the values are given, ``load(label)``
-    being a column (N,) at ``time`` (N,), also where one group of columns alone follows the measured
-    angles, and no group that is their derivative or a quaternion.
+    A signal is there where one name alone says it is; where the values are given (``load(label)``
+    returns a column (N,) at ``time`` (N,)), also where one group alone follows the measured angles,
+    and no group that is their derivative or a quaternion.
     """
     groups = columns_by_name(labels)
     groups = {name: held for name, held in groups.items() if len(held) > 1 or len(groups) < 4}
@@ -165,7 +167,11 @@ def _signals(
     actual = [name for name in named_like("actual", groups) if name in fits]
     said = [name for name in named_like("target", groups) if name in fits and name not in actual]
     if len(said) == 1:
-        alike = [name for name in actual if len(groups[name]) == len(groups[said[0]])]
+        alike = [n for n in actual or fits - {*said} if len(groups[n]) == len(groups[said[0]])]
+        if not actual:  # the name of the command without the word for it, as J1 beside J1_cmd
+            own = meaning(groups[said[0]][0]).rest
+            held = {name: meaning(groups[name][0]) for name in alike}
+            alike = [n for n, m in held.items() if m.is_angle and not m.role and m.rest == own]
         actual = alike if len(alike) == 1 else actual
     signals = {"actual": groups[actual[0]]} if len(actual) == 1 else {}
     guessed: dict[str, str] = {}
@@ -191,7 +197,7 @@ def _signals(
 
 
 def possibly_speed(names: Iterable[str]) -> list[str]:
-    """Return the names that stand for a speed in most logs and for a command in some."""
+    """Return the names that are a speed in most logs and a command in some."""
     return [name for name in names if re.sub(r"[^a-z]", "", bare(name).lower()) == "qd"]
 
 

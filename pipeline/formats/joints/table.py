@@ -22,13 +22,10 @@ FLAT = (
 
 
 def read_joint_table(file: Path, options: LogOptions) -> JointLog:
-    """Return the signals of ``options`` in ``file``.
-
-    A controller that is stopped while it writes leaves a last line that is short or has no line
-    end: it is dropped and counted. Raises RecordingError with the line for any other line of
-    another width, a value that is not a finite number and a time that does not increase; with the
-    option that settles it for a column that is not there, and for a unit in the header that is not
-    the option's.
+    """Return the signals of ``options`` in ``file``; a last line that is short or has no line end
+    is dropped and counted. RecordingError with the line for any other line of another width, a
+    value that is not a finite number and a time that does not increase; with the option that
+    settles it for a column that is not there, and for another unit in the header.
     """
     sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
     if not sheet.rows:
@@ -83,8 +80,8 @@ def joint_labels(signal: str, joints: Sequence[str]) -> list[str]:
 def write_joint_table(
     file: Path, time: np.ndarray, signals: Mapping[str, np.ndarray], joints: Sequence[str]
 ) -> None:
-    """Write ``time`` (N,) in s, to a microsecond, and the ``signals``, each (N, joints) in rad, to
-    a tenth of a microradian, under a row of :func:`joint_labels`.
+    """Write ``time`` (N,) in s and the ``signals``, each (N, joints) in rad, with six and seven
+    decimals, under a row of :func:`joint_labels`.
     """
     header = ["time", *(label for signal in signals for label in joint_labels(signal, joints))]
     table = np.column_stack([time, *signals.values()])

@@ -7,13 +7,12 @@ import re
 import struct
 from collections import Counter
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.core.bounds import require
 from pipeline.core.errors import RecordingError
-from pipeline.formats.format import Format, Head, Kind, read_alone
+from pipeline.formats.format import Format, Head, Kind, read_alone, readable
 from pipeline.formats.motion.take import MotionTake, TakeBuilder, settle_unit
 
 KEY = 0x50  # the second byte of every C3D file
@@ -22,8 +21,7 @@ BLOCK = 512  # bytes
 LONGEST = 0xFFFF  # the greatest frame number that fits the header's last word
 AGAIN = "export or copy the take again"
 
-# groups of POINT whose entries name points that a model computed: angles in degrees, moments in
-# N·mm and others, of Vicon's Nexus and of Visual3D
+# groups of POINT whose entries name points that a model computed, in Nexus and Visual3D
 OUTPUTS = re.compile(r"(ANGLES|FORCES|MOMENTS|POWERS|SCALARS|REACTIONS)\d*")
 
 
@@ -32,44 +30,37 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     unit of its lengths where POINT:UNITS is empty.
 
     A sample is missing where its residual is negative, a coordinate is no number or all three are
-    exactly zero. Points of one label are each ``label [n]``, points without one are ``Point n``;
-    the first frame has the number that the header gives it. Points that POINT:ANGLES, FORCES,
-    MOMENTS, POWERS, REACTIONS or SCALARS name are outputs of a model, not markers: they are passed
-    over, as are labels beyond the points, analog channels, force plates and segment rotations.
-    ``counts``: ``announced_frames``, ``found_frames``, ``gaps``, ``skipped_frames``,
-    ``time_mismatches`` (C3D has no times, hence 0), ``zero_samples``, ``partial_samples``,
-    ``marker_samples``, ``missing_samples``, ``missing_poses`` (0) and ``unlabelled_points``; where
-    there are any, ``skipped_model_outputs``, ``skipped_labels``, ``skipped_analog_channels`` and
-    ``skipped_force_plates``.
+    exactly zero. Points of one label are each ``label [n]``, points without one are ``Point n``.
+    Points that POINT:ANGLES, FORCES, MOMENTS, POWERS, REACTIONS or SCALARS name are outputs of a
+    model, not markers: they are passed over and counted, as are labels beyond the points, analog
+    channels and force plates.
 
     Raises RecordingError for a file that cannot be read, is no C3D, is of a big-endian MIPS
     processor, is shorter than its header says, makes the library fail, or has no marker, no rate or
     no unit.
     """
-    header = _first_block(file)
-    require("markers", header.points, "points", file)
+    points, announced, first = _first_block(file)
+    require("markers", points, "points", file)
     contents = read_alone(read_contents, str(file), file=file, advice=AGAIN)
-    position, residual = contents["points"], contents["residuals"]
-    _, points, frames = position.shape
-    if (points, residual.shape) != (header.points, position.shape[1:]):
-        message = f"the header announces {header.points} points and the parameters {points}: "
-        raise RecordingError(f"{message}damaged; {AGAIN}", file=file, key="POINT:USED")
-    if header.frames not in (None, frames):
-        message = f"the header announces {header.frames} frames, the file holds {frames}: truncated"
+    position, residual, rate = (contents[name] for name in ("points", "residuals", "rate"))
+    _, held, frames = position.shape
+    if (held, residual.shape) != (points, position.shape[1:]):
+        message = f"the header announces {points} points and the parameters {held}: damaged"
+        raise RecordingError(f"{message}; {AGAIN}", file=file, key="POINT:USED")
+    if announced not in (None, frames):
+        message = f"the header announces {announced} frames, the file holds {frames}: truncated"
         raise RecordingError(f"{message}; {AGAIN}", file=file)
-    rate = contents["rate"]
     if rate.shape != (1,) or not 0 < rate[0] < np.inf:
         raise RecordingError("the file gives no frame rate", file=file, key="POINT:RATE")
     stated = {text.strip().lower() for text in contents["units"]} - {""}
     unit = settle_unit(" and ".join(sorted(stated)), unit, file, key="POINT:UNITS")
-    first, start = header.first, contents["start"]
-    if start.size == 2:  # two words of 16 bits, which complete the header's where they fit it
+    if (start := contents["start"]).size == 2:  # words of 16 bits that complete the header's
         number = int(start[0]) % 2**16 + int(start[1]) % 2**16 * 2**16
         first = number if first in (number % 2**16, LONGEST) else first
     frame = np.arange(frames) + first
     labels = [label.strip() for label in contents["labels"].tolist()]
     outputs = {name.strip() for name in contents["outputs"].tolist()} - {""}
-    counts = {"announced_frames": header.frames or frames}
+    counts = {"announced_frames": announced or frames}
     take = TakeBuilder(unit, frame, float(rate[0]), None, counts)
     take.counts["unlabelled_points"] = points - sum(map(bool, labels[:points]))
 
@@ -109,26 +100,13 @@ def _names(labels: list[str], points: int) -> list[str]:
     return names
 
 
-class FirstBlock(NamedTuple):
-    """Numbers of the file's first block."""
-
-    points: int
-    frames: int | None  # None where there are more than its words can tell
-    first: int  # frame
-
-
-def _first_block(file: Path) -> FirstBlock:
-    """Return the numbers in the file's header; RecordingError where it is none, or the file is too
-    short for them.
+def _first_block(file: Path) -> tuple[int, int | None, int]:
+    """Return points, frames (None where there are more than its words can tell) and first frame of
+    the header; RecordingError where it is none, or the file is too short for them.
     """
-    try:
-        with Path(file).open("rb") as stream:
-            content, size = stream.read(256 * BLOCK), stream.seek(0, os.SEEK_END)
-    except OSError as error:
-        raise RecordingError(f"the file cannot be read ({error.strerror})", file=file) from None
-    at = (content[0] - 1) * BLOCK + 3 if content and content[0] else len(content)
-    processor = content[at] if at < len(content) else 0
-    message = ""
+    with readable(file), Path(file).open("rb") as stream:
+        content, size = stream.read(256 * BLOCK), stream.seek(0, os.SEEK_END)
+    processor, message = _processor(content), ""
     if len(content) < BLOCK or content[1] != KEY or processor not in (INTEL, DEC, MIPS):
         message = f"this is no C3D file, or its header is cut short; {AGAIN}"
     elif processor == MIPS:
@@ -149,17 +127,14 @@ def _first_block(file: Path) -> FirstBlock:
         message += f"truncated; {AGAIN}"
     if message:
         raise RecordingError(message, file=file)
-    return FirstBlock(points, None if last == LONGEST else frames, first)
+    return points, None if last == LONGEST else frames, first
 
 
 def read_contents(file: str) -> dict[str, np.ndarray]:
-    """Return what ezc3d reads, which may crash or never return on a damaged file: call it in a
-    process of its own.
-
-    ``points`` (3, P, N) in the file's unit, ``residuals`` (P, N), ``labels`` (≥ or < P,),
-    ``outputs`` (the labels of points that are no markers), ``units`` and ``rate`` as stated,
-    ``start`` (TRIAL:ACTUAL_START_FIELD, two words or none); the numbers of ``analog`` channels and
-    force ``plates``.
+    """Return what ezc3d reads, which may crash or never return on a damaged file: ``points``
+    (3, P, N) in the file's unit, ``residuals`` (P, N), ``labels``, ``outputs`` (labels of points
+    that are no markers), ``units``, ``rate`` and ``start`` as stated; the numbers of ``analog``
+    channels and force ``plates``.
     """
     import ezc3d
 
@@ -193,14 +168,15 @@ def _values(group: dict, *names: str) -> list:
 
 
 def _begins(head: Head) -> bool:
-    if head.suffix == ".c3d":
-        return True
-    # the fourth byte of the parameters, whose block the first byte names, is the processor's
     content = head.content
-    processor = (content[0] - 1) * BLOCK + 3 if len(content) >= BLOCK else len(content)
-    return content[1:2] == bytes([KEY]) and content[processor : processor + 1] in (
-        *map(bytes, ([INTEL], [DEC], [MIPS])),
-    )
+    key = len(content) >= BLOCK and content[1] == KEY
+    return head.suffix == ".c3d" or (key and _processor(content) in (INTEL, DEC, MIPS))
+
+
+def _processor(content: bytes) -> int:
+    """Return the fourth byte of the parameters, whose block the first byte names; 0 if absent."""
+    at = (content[0] - 1) * BLOCK + 3 if content and content[0] else len(content)
+    return content[at] if at < len(content) else 0
 
 
 FORMAT = Format("C3D", Kind.MOTION, read_c3d, _begins)

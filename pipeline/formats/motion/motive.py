@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import cells_of, read_text
-from pipeline.formats.format import Format, Head, Kind, Stated
+from pipeline.formats.format import Format, Head, Kind
 from pipeline.formats.motion.motive_columns import BODY, KEYS, RATES, RAW, read_columns
 from pipeline.formats.motion.motive_rows import ROW_TYPES, read_rows
 from pipeline.formats.motion.take import MotionTake
@@ -21,23 +21,17 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
     """Return the take in ``file``, in m and s; ``unit`` (m, cm or mm) is that of its lengths where
     it does not say it (versions 1.0 and 1.1 never do).
 
-    A raw marker is preferred to the rigid body's solved marker of the same name: the solved one is
-    drawn where the body model expects it, occluded or not. Markers or bodies of one name but
-    several IDs are each ``name [ID]``. Missing samples are blank, NAN or exactly zero in all three
-    coordinates (a quaternion of zeros, likewise, is no rotation). Euler angles are degrees about
-    the moving axes. A rate that the file does not state is that of its printed times, and one that
-    contradicts them is refused. Markers of no name, which change their ID whenever they come back
-    into sight, are columns as in the file in versions from 1.2 on; before, they are packed, in the
-    order of each frame, into as many ``Unlabeled`` ones as are ever seen at once.
+    A raw marker is preferred to the rigid body's solved marker of the same name, which is drawn
+    where the body model expects it, occluded or not. Markers or bodies of one name but several IDs
+    are each ``name [ID]``. Missing samples are blank, NAN or exactly zero in all coordinates. Euler
+    angles are degrees about the moving axes. A rate that the file does not state is that of its
+    printed times, and one that contradicts them is refused. Before version 1.2, markers of no name
+    are packed into as many ``Unlabeled`` ones as are ever seen at once.
 
-    ``counts``: ``announced_frames`` and ``found_frames`` (headers lie), ``gaps`` in the frame
-    numbers and the ``skipped_frames`` in them, ``blank_rows``, ``cut_rows`` (a last row without
-    line end: it may have lost digits, so it is dropped), ``repeated_rows`` (the row before them to
-    the letter), ``time_mismatches`` (rows whose Time is not that of their frame),
-    ``marker_samples``, the ``missing_samples`` among them, ``missing_poses`` of bodies,
-    ``zero_samples`` and ``partial_samples`` that were taken for missing; by columns,
-    ``solved_replaced`` and ``solved_only`` markers, ``unused_columns`` and ``skipped_bones``; by
-    rows, ``stray_ids``, ``stray_samples`` and ``lacking_body_rows`` (a body's own row of a frame).
+    ``counts`` besides those of the :class:`TakeBuilder`: ``blank_rows``, ``cut_rows`` (a last row
+    without line end, dropped), ``repeated_rows`` (to the letter); by columns, ``solved_replaced``
+    and ``solved_only`` markers, ``unused_columns`` and ``skipped_bones``; by rows, ``stray_ids``,
+    ``stray_samples`` and ``lacking_body_rows`` (a body's own row of a frame).
 
     Raises RecordingError, with the line where there is one, for a file without unit, rate, marker
     and body, for a unit other than the asked one, and for truncated, malformed or disordered rows.
@@ -59,25 +53,15 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
 
 def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
     """Write ``take`` as Motive's 1.23 export in metres: six decimals, CRLF, a missing sample as
-    blank cells, rigid bodies before markers.
-
-    ``start`` is the capture's start as Motive prints it, such as ``2024-03-05 10.15.00.000 AM``.
-    IDs count the assets. Frame, rate and the samples rounded to 1e-6 come back from
-    :func:`read_motive`; ``take.version`` and ``take.counts`` are not written.
+    blank cells, rigid bodies before markers; ``start`` is the capture's start as Motive prints it,
+    such as ``2024-03-05 10.15.00.000 AM``. ``take.version`` and ``take.counts`` are not written.
     """
-    rate = f"{take.rate:.6f}"
-    values = dict.fromkeys(KEYS, "") | {
-        "Format Version": "1.23",
-        "Take Name": _quoted(take.name),
-        "Capture Frame Rate": rate,
-        "Export Frame Rate": rate,
-        "Capture Start Time": start,
-        "Total Frames in Take": str(int(take.frame[-1] - take.frame[0]) + 1),
-        "Total Exported Frames": str(len(take.frame)),
-        "Rotation Type": "Quaternion",
-        "Length Units": "Meters",
-        "Coordinate Space": "Global",
-    }
+    values = dict.fromkeys(KEYS, "") | dict.fromkeys(RATES, f"{take.rate:.6f}")
+    values |= {"Format Version": "1.23", "Take Name": _quoted(take.name)}
+    values |= {"Rotation Type": "Quaternion", "Length Units": "Meters"}
+    values |= {"Coordinate Space": "Global", "Capture Start Time": start}
+    values["Total Frames in Take"] = str(int(take.frame[-1] - take.frame[0]) + 1)
+    values["Total Exported Frames"] = str(len(take.frame))
     del values["Capture Start Frame"]  # 1.23 writes it for some takes only
     pose = [("Rotation", axis) for axis in "XYZW"] + [("Position", axis) for axis in "XYZ"]
     labels = [(BODY, name, *label) for name in take.bodies for label in pose]
@@ -111,16 +95,4 @@ def _begins(head: Head) -> bool:
     return first == "Format Version" or (first in ROW_TYPES and max(map(len, lines)) > 1)
 
 
-def _states(file: Path) -> Stated:
-    """Return version, rates and unit by the first row of a columnar take."""
-    text = read_text(file)
-    cells = cells_of(text.lines[0], ",", file=file, number=1) if text.lines else []
-    columnar = cells[:1] == ["Format Version"]
-    header = dict(zip(cells[::2], cells[1::2], strict=False)) if columnar else {}
-    facts = {key: header[key] for key in (*RATES, "Length Units") if header.get(key)}
-    if not {*RATES} & {*facts}:
-        facts["rate_from"] = "the printed times: the file states none"
-    return Stated(header.get("Format Version"), facts=facts)
-
-
-FORMAT = Format("Motive CSV", Kind.MOTION, read_motive, _begins, _states)
+FORMAT = Format("Motive CSV", Kind.MOTION, read_motive, _begins)

@@ -1,9 +1,7 @@
-"""The columnar grammar of OptiTrack Motive's CSV takes (format versions 1.2 to 1.25): read by
-labels, whatever their order.
-
-A file has one row of keys and values, a blank row, rows that label every column (Type, Name, ID, in
-later versions Parent, then the quantity, then Frame, Time and the axes), and one row a frame. From
-1.22 on column B names the rows of labels; before, their order does.
+"""The columnar grammar of OptiTrack Motive's CSV takes (format versions 1.2 to 1.25): one row of
+keys and values, rows that label every column (Type, Name, ID, in later versions Parent, then the
+quantity, then Frame, Time and the axes), and one row a frame. From 1.22 on column B names the rows
+of labels; before, their order does.
 """
 
 from __future__ import annotations
@@ -19,6 +17,7 @@ from pipeline.core.bounds import require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import Text, cells_of, is_blank, numbers_of
 from pipeline.formats.motion.take import (
+    FROM_TIMES,
     NO_ASSET,
     WHOLE,
     MotionTake,
@@ -45,16 +44,13 @@ class ColumnLabels(NamedTuple):
     # (type, name, ID): {(quantity, axis): column}
     groups: dict[tuple[str, str, str], dict[tuple[str, str], int]]
     bones: int  # bones and markers of bones, which are not read
-    # label of each column up to the last with one, empty where the header has none
-    labels: list[str]
+    labels: list[str]  # of each column up to the last with one
     unused: int  # labelled columns that are none of the above
     line: int  # of the axis row
 
 
 def _labels(lines: list[str], file: Path) -> ColumnLabels:
-    """Return the rows above the frames; RecordingError, with the line, where they do not label the
-    columns.
-    """
+    """Return the rows above the frames; RecordingError where they do not label the columns."""
     rows, number = [], 1
 
     def fault(message: str) -> RecordingError:
@@ -103,8 +99,8 @@ def _labels(lines: list[str], file: Path) -> ColumnLabels:
 
 
 def _fields(line: str, file: Path) -> dict[str, str]:
-    """Return the keys and values of the first row. A value may be missing, and a text hold a comma
-    that nobody quoted: it ends at the next known key.
+    """Return the keys and values of the first row; a text with a comma that nobody quoted ends at
+    the next known key.
     """
     cells = cells_of(line, ",", file=file, number=1)
     starts = [place for place, cell in enumerate(cells) if cell in KEYS] + [len(cells)]
@@ -122,9 +118,7 @@ def _fields(line: str, file: Path) -> dict[str, str]:
 
 
 def read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
-    """Return the take in the columnar ``text`` of ``file``; see
-    :func:`pipeline.formats.motion.motive.read_motive`.
-    """
+    """Return the take in the columnar ``text``; see :func:`..motive.read_motive`."""
     header = _labels(text.lines, file)
     fields, groups = _fields(text.lines[0], file), header.groups
     require("markers", len(groups), "markers and bodies", file)
@@ -169,15 +163,15 @@ def read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     more["unused_columns"] = header.unused
     rare = {"repeated_rows": repeated, "skipped_bones": header.bones}
     more |= {name: count for name, count in rare.items() if count}
-    return take.take(fields.get("Take Name") or Path(file).stem, fields["Format Version"], more)
+    stated = any(fields.get(key) for key in RATES)
+    named = fields.get("Take Name") or Path(file).stem, fields["Format Version"]
+    return take.take(*named, more, "" if stated else FROM_TIMES)
 
 
 def _rows(text: Text, header: ColumnLabels, file: Path) -> tuple[list[str], list[int], int]:
     """Return the rows of frames, their lines, and the number of rows that repeated the one before
-    to the letter, which are left out.
-
-    Spreadsheets pad rows with empty cells. RecordingError for a row with fewer cells than labels,
-    and for content in a column without a label: it is shifted, or of another take.
+    to the letter, which are left out. RecordingError for a row with fewer cells than labels, and
+    for content in a column without a label; spreadsheets pad rows with empty cells.
     """
     rows, numbers, repeated, labels = [], [], 0, header.labels
 
@@ -218,8 +212,7 @@ def _rows(text: Text, header: ColumnLabels, file: Path) -> tuple[list[str], list
 def _rate(
     fields: dict[str, str], frame: np.ndarray, printed: np.ndarray | None, file: Path
 ) -> float:
-    # frames are numbered at the rate of the export, which older versions do not separate from the
-    # capture's
+    # of the export, which older versions do not separate from the capture's
     key = RATES[1] if fields.get(RATES[1]) else RATES[0]
     stated = fields.get(key, "")
     timed = None if printed is None else rate_from_times(frame, printed)

@@ -13,10 +13,8 @@ body. 1.0 writes ``trackable`` for ``rigidbody``. Bracketed cells are of 1.1 alo
                n × (x, y, z) measured, n × tracked, n × quality, mean error (mm)
 
 Positions are read from the frame row (poses of the m bodies tracked, all p markers seen) and,
-measured, from the bodies' rows, in which a marker that was not seen is NAN. A body's marker is
-called ``name-Marker i``, as 1.1 does. The solved places are not read: they repeat the pose, and
-stay where they were while a body is lost. No row states a unit of length (the mean error's is its
-own alone), nor a rate.
+measured, from the bodies' rows (``name-Marker i``, as 1.1 calls them), not from the solved places,
+which stay where they were while a body is lost. No row states a unit of length, nor a rate.
 """
 
 from __future__ import annotations
@@ -31,6 +29,7 @@ from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import MISSING, NUMBER, Text, cells_of, is_blank
 from pipeline.formats.motion.take import (
+    FROM_TIMES,
     NO_ASSET,
     STRAY,
     WHOLE,
@@ -171,7 +170,6 @@ class RowsSoFar:
 
 
 def _dense(samples: Samples, frames: int, width: int) -> dict[str, np.ndarray]:
-    """Return name → (frames, width), NaN where there is no sample."""
     tables = {name: np.full((frames, width), nan) for name in samples}
     for name, held in samples.items():
         if held:
@@ -180,9 +178,7 @@ def _dense(samples: Samples, frames: int, width: int) -> dict[str, np.ndarray]:
 
 
 def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
-    """Return the take in the row-typed ``text`` of ``file``; see
-    :func:`pipeline.formats.motion.motive.read_motive`.
-    """
+    """Return the take in the row-typed ``text``; see :func:`..motive.read_motive`."""
     held, previous = RowsSoFar(), None
     counts = {"blank_rows": 0, "cut_rows": int(text.cut is not None), "repeated_rows": 0}
     for number, line in enumerate(text.lines, start=1):
@@ -198,23 +194,21 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
             raise RecordingError(f"{error}; export it again", file=file, line=number) from None
         previous = line
 
-    def fault(message: str, line: int) -> RecordingError:
-        return RecordingError(message, file=file, line=line)
-
     if not held.frame:
-        raise fault("the file holds no frame; export the take again", len(text.lines))
+        message = "the file holds no frame; export the take again"
+        raise RecordingError(message, file=file, line=len(text.lines))
     unit = settle_unit("", unit, file, key="info")
     frame, printed = frame_numbers(np.array(held.frame), held.line, file), np.array(held.time)
     rate = rate_from_times(frame, printed)
     if rate is None:
         message = "the times of the frames do not increase, so that they give no rate"
-        raise fault(message, held.line[-1])
-    if WHOLE.fullmatch(held.infos.get("framecount", "")):
-        counts["announced_frames"] = int(held.infos["framecount"])
+        raise RecordingError(message, file=file, line=held.line[-1])
+    if WHOLE.fullmatch(announced := held.infos.get("framecount", "")):
+        counts["announced_frames"] = int(announced)
     names = len(held.markers) + len(held.poses) + max(map(len, held.strays))
     require("markers", names, "markers and bodies", file)
     if not names:
-        raise fault(f"{NO_ASSET}; export it with them", held.line[0])
+        raise RecordingError(f"{NO_ASSET}; export it with them", file=file, line=held.line[0])
     # a name that few rows hold is a column of all frames
     require("memory_mib", names * len(frame) * SAMPLE / MIB, "MiB of samples", file)
     strays: Samples = defaultdict(dict)
@@ -233,4 +227,4 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     more = {"stray_ids": len(held.stray_ids), "stray_samples": sum(map(len, held.strays))}
     lacking = len(frame) * len(held.names) - held.body_rows if held.body_rows else 0
     more["lacking_body_rows"] = lacking
-    return take.take(Path(file).stem, held.infos.get("version", "1.0"), more)
+    return take.take(Path(file).stem, held.infos.get("version", "1.0"), more, FROM_TIMES)

@@ -26,26 +26,21 @@ RATE_TOLERANCE = 0.01
 UNIT_TOLERANCE = 0.01  # of a quaternion's length, far above what printed digits take from it
 TELLING = 20  # printed times, fewer are too few to contradict a stated rate
 NO_ASSET = "the take holds no marker and no rigid body"
+FROM_TIMES = "the printed times: the file states none"  # its rate
 Place = Callable[..., dict[str, object]]  # evidence of a sample, and of its axis, in a file
 
 
 @dataclass(frozen=True)
 class RigidBody:
-    """Pose of a rigid body's pivot in the world frame: position (N, 3) in m, quaternion (N, 4) as
-    x, y, z, w; NaN where it was lost.
+    """Pose of a rigid body's pivot in the world frame, NaN where it was lost."""
 
-    q and −q are one rotation: signs are as recorded and flip between frames.
-    """
-
-    position: np.ndarray
-    quaternion: np.ndarray
+    position: np.ndarray  # (N, 3) m
+    quaternion: np.ndarray  # (N, 4) x, y, z, w; signs are as recorded and flip between frames
 
 
 @dataclass(frozen=True)
 class MotionTake:
-    """One take of N frames in the world frame of the capture (right-handed; of Motive, y up unless
-    exported otherwise).
-    """
+    """One take of N frames in the world frame of the capture (right-handed; of Motive, y up)."""
 
     name: str
     version: str  # of the format
@@ -58,11 +53,12 @@ class MotionTake:
     counts: dict[str, int]
     unit: str = "m"  # of lengths in the file
     printed_rate: float | None = None  # Hz, by the times that the file prints, where there are any
+    rate_from: str = ""  # where the file states no rate
 
 
 def settle_unit(stated: str, option: str | None, file: Path, *, key: str) -> str:
     """Return the unit of a file's lengths (m, cm or mm): ``stated`` under ``key``, else the
-    ``option``; RecordingError for another unit, for none, and where they contradict each other.
+    ``option``; RecordingError for another unit, none, and a contradiction.
     """
     unit, message = spelled(stated) or option, ""
     if unit not in UNITS_PER_METRE and stated.strip():
@@ -78,8 +74,8 @@ def settle_unit(stated: str, option: str | None, file: Path, *, key: str) -> str
 
 
 def frame_numbers(values: np.ndarray, lines: list[int], file: Path) -> np.ndarray:
-    """Return (N,) int64 of the frame numbers read at ``lines``; RecordingError where one is
-    missing, not whole or not above the one before.
+    """Return (N,) int64 of frame numbers; RecordingError at the line where one does not increase,
+    is missing or not whole.
     """
     whole = np.isfinite(values) & (values == np.round(values)) & (np.abs(values) < 2**53)
     back = np.append(False, np.diff(values) <= 0)
@@ -91,12 +87,9 @@ def frame_numbers(values: np.ndarray, lines: list[int], file: Path) -> np.ndarra
 
 
 def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
-    """Return frames a second of a file that states no rate: cameras run at whole numbers of them,
-    and printed times are rounded.
-
-    The whole number nearest to the mean rate, unless it puts a frame farther from its printed time
-    than rounding to the decimals that are printed can, or half a frame: then the mean rate. None
-    where the times do not increase over the take.
+    """Return frames a second of a file that states no rate: the whole number nearest to the mean
+    rate, unless it puts a frame farther from its printed time than rounding to the decimals that
+    are printed can, or half a frame: then the mean rate. None where times do not increase.
     """
     frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
     if len(time) < 2 or time[-1] <= time[0]:
@@ -109,9 +102,8 @@ def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
 
 
 def keeps_time(frame: np.ndarray, printed: np.ndarray, rate: float) -> bool:
-    """Return whether the ``printed`` times (N,) s of the frames keep to ``rate`` (1/s), over a
-    quarter of the take at a time: by the median, since times jump now and then and are rounded.
-    True of too few times to tell.
+    """Return whether the ``printed`` times (N,) s of the frames keep to ``rate`` (1/s), by the
+    median over quarters of the take, since times jump now and then; True of too few times to tell.
     """
     frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
     if len(time) < TELLING:
@@ -126,8 +118,10 @@ def keeps_time(frame: np.ndarray, printed: np.ndarray, rate: float) -> bool:
 class TakeBuilder:
     """Markers and bodies of a take, checked one by one, and their counts.
 
-    ``zero_samples``: exact zeros in all coordinates, which are lost samples, since a marker is
-    never within half a micrometre of the origin; ``partial_samples``: those that lack a coordinate.
+    ``announced_frames`` and ``found_frames``, ``gaps`` in the frame numbers and the
+    ``skipped_frames`` in them, ``time_mismatches`` (rows whose time is not that of their frame),
+    ``marker_samples``, the ``missing_samples`` among them and ``missing_poses``; taken for missing,
+    ``zero_samples`` (exact zeros in all coordinates) and ``partial_samples``.
     """
 
     unit: str
@@ -148,9 +142,8 @@ class TakeBuilder:
         self.counts |= {"zero_samples": 0, "partial_samples": 0}
 
     def position(self, position: np.ndarray, name: str, place: Place) -> np.ndarray:
-        """Return (N, 3) in m the ``position`` (N, 3) of ``name`` in the file's unit, with lost
-        samples as NaN; RecordingError at ``place(k, axis)`` where one lies beyond FARTHEST, or one
-        coordinate is missing wherever the others are there.
+        """Return (N, 3) in m of the ``position`` (N, 3) in the file's unit, lost samples as NaN;
+        RecordingError at ``place(k, axis)`` beyond FARTHEST, or for a coordinate in no row.
         """
         position = position / UNITS_PER_METRE[self.unit]
         with np.errstate(invalid="ignore"):
@@ -173,9 +166,8 @@ class TakeBuilder:
         return position
 
     def body(self, position: np.ndarray, turn: np.ndarray, name: str, place: Place) -> RigidBody:
-        """Return the body ``name`` of ``position`` (N, 3) in the file's unit and quaternion
-        ``turn`` (N, 4), NaN where it is lost; RecordingError at ``place(k)`` for another length
-        than 1.
+        """Return the body of ``position`` (N, 3) in the file's unit and quaternion ``turn`` (N, 4);
+        RecordingError at ``place(k)`` for another length than 1.
         """
         position = self.position(position, name, place)
         zero = (turn == 0).all(axis=-1)
@@ -190,7 +182,9 @@ class TakeBuilder:
             raise RecordingError(message, **place(k))
         return RigidBody(position, turn)
 
-    def take(self, name: str, version: str, more: Mapping[str, int]) -> MotionTake:
+    def take(
+        self, name: str, version: str, more: Mapping[str, int], rate_from: str = ""
+    ) -> MotionTake:
         """Return the take, with ``more`` counts."""
         lost = sum(np.isnan(position[:, 0]).sum() for position in self.markers.values())
         poses = [body.position + body.quaternion[:, :3] for body in self.bodies.values()]
@@ -200,4 +194,4 @@ class TakeBuilder:
         self.counts |= more
         timed = None if self.printed is None else rate_from_times(self.frame, self.printed)
         held = self.frame, self.time, self.markers, self.bodies, self.counts, self.unit, timed
-        return MotionTake(name, version, self.rate, *held)
+        return MotionTake(name, version, self.rate, *held, rate_from)

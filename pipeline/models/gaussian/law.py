@@ -1,10 +1,8 @@
 """The Gaussian random matrix model of the inverse Jacobian: J⁺ ~ N_{n,m}(J̲⁺, I⊗Σ_k) (Eqs.
 GausMod–const2; Algorithm 2), the inverse where m = n.
 
-The rows of the noise matrix N ~ N(0, I⊗Σ_k) are independent with covariance Σ_k each, so the
-components of N v are independent with variance vᵀΣ_k v: one step is exactly N(J̲⁺v, (vᵀΣ_k v)·I),
-isotropic in joint space. As Σ_k = s·I, that is s‖v‖²·I. What the arm is commanded in the null space
-of J has no noise.
+The rows of the noise matrix are independent with covariance Σ_k = s·I each, so one step is exactly
+N(J̲⁺v, s‖v‖²·I), isotropic in joint space. What is commanded in the null space of J has no noise.
 """
 
 from __future__ import annotations
@@ -24,11 +22,11 @@ UNBOUNDED = 1e9  # u beside which the norm of any inverse Jacobian is nothing
 
 def noise_scale(norm: np.ndarray, alpha: float, u: float, n: int, m: int) -> np.ndarray:
     """(...,) s of Σ_k = s·I_m, the solution of (cost)–(const2): s = α²(u² − ‖J̲_k⁺‖_F²)/(nm), of
-    J̲_k⁺ (n, m) of ``norm`` (...,) ‖J̲_k⁺‖_F, with levels ``alpha`` α and ``u``.
+    J̲_k⁺ (n, m) of ``norm`` (...,) ‖J̲_k⁺‖_F, with levels ``alpha`` α and ``u``; in the paper's
+    units (1/m and 1 mixed) of the inverse Jacobian, squared.
 
-    ln|Σ| under a bound on tr Σ is greatest where all eigenvalues are equal. In the paper's units
-    (1/m and 1 mixed) of the inverse Jacobian, squared. Raises ModelDomainError where u is below the
-    norm: the problem then has no solution.
+    ln|Σ| under a bound on tr Σ is greatest where all eigenvalues are equal. Raises
+    ModelDomainError where u is below the norm: the problem then has no solution.
     """
     norm = np.asarray(norm, dtype=float)
     if np.any(norm > u):
@@ -46,8 +44,7 @@ class GaussianModel(NormalModel):
     """Random inverse Jacobian of level ``alpha`` α ≥ 0 under the bound ``u`` > 0 on its Frobenius
     norm: Eq. (GausMod) of J⁺. The law of a step, Eq. (RMTInvDiff), is that of Algorithm 2.
 
-    Where a single pose exceeds the bound, ‖J̲⁺‖_F > u, its noise is zero, and such poses are
-    counted.
+    Where a single pose exceeds the bound its noise is zero, and such poses are counted.
     """
 
     alpha: float
@@ -55,11 +52,8 @@ class GaussianModel(NormalModel):
 
     def __post_init__(self) -> None:
         if not (0 <= self.alpha < np.inf and 0 < self.u < np.inf):
-            raise ModelDomainError(
-                "alpha must be finite and not negative, u finite and positive",
-                alpha=self.alpha,
-                u=self.u,
-            )
+            message = "alpha must be finite and not negative, u finite and positive"
+            raise ModelDomainError(message, alpha=self.alpha, u=self.u)
 
     def law(self, chain: Chain) -> Law:
         """Law of a compiled step."""
@@ -68,24 +62,21 @@ class GaussianModel(NormalModel):
 
     def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """(..., n, n) s‖v‖²·I in rad², zero beyond the bound."""
-        return self._variance(chain, q, v)[..., None, None] * np.eye(q.shape[-1])
+        inverse, v = chain.inverse_jacobian(q), task_step(chain, v)
+        bounded = np.minimum(frobenius(inverse), self.u)
+        scale = noise_scale(bounded, self.alpha, self.u, *inverse.shape[-2:])
+        return (scale * np.vecdot(v, v))[..., None, None] * np.eye(q.shape[-1])
 
     def with_trace(
         self, chain: Mechanism, q: np.ndarray, v: np.ndarray, trace: float
     ) -> GaussianModel:
-        """The model of another α at the same u; raises ModelDomainError where it has no noise."""
+        """Model of another α at the same u; raises ModelDomainError where it has no noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)
         return replace(self, alpha=float(np.sqrt(factor)) * self.alpha)
 
-    def _variance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(...,) s‖v‖² in rad², zero beyond the bound."""
-        inverse, v = chain.inverse_jacobian(q), task_step(chain, v)
-        bounded = np.minimum(frobenius(inverse), self.u)
-        return noise_scale(bounded, self.alpha, self.u, *inverse.shape[-2:]) * np.vecdot(v, v)
-
 
 def build(parameters: dict[str, Any]) -> GaussianModel:
-    """The model with these parameters; with ``level`` αu alone the limit of an unbounded u."""
+    """Build the model; with ``level`` αu alone the limit of an unbounded u."""
     if "level" in parameters:
         return GaussianModel(parameters["level"] / UNBOUNDED, UNBOUNDED)
     return GaussianModel(parameters["alpha"], parameters["u"])

@@ -11,11 +11,12 @@ from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import options as base
 from pipeline.models.noise import mean_covariance
-from pipeline.models.normal import principal_axes, root
+from pipeline.models.normal import principal_axes, root, without_measurement
 from pipeline.models.steps import Estimate, Recorded, Truth
 
 FLAT = 1e-5  # greatest slope, in L and along any X + tN of unit size, at a minimum
 SEARCHES = 20
+SEARCH = {"maxiter": 2000, "maxfun": 4000, "maxcor": 20, "ftol": 1e-14, "gtol": 1e-7}
 Structure = Literal["diagonal", "full"]
 # f and its slopes by each matrix, symmetric
 Objective = Callable[[list[np.ndarray]], tuple[float, list[np.ndarray]]]
@@ -62,32 +63,26 @@ def fit_scaled(
     """A ⪰ 0 in rad² and B ⪰ 0 (n, n) of greatest likelihood for ω ~ N(0, Σ_m + A + D(q̇)BD(q̇)) at
     every step, and the mean log likelihood of a step in nats, of a density in rad⁻ⁿ.
 
-    With G = ½(Σ⁻¹ − Σ⁻¹ωωᵀΣ⁻¹) and A a sum of PXPᵀ, X ⪰ 0, the slope by X is Pᵀ·mean(G)·P in A
-    and Pᵀ·mean(D(q̇)GD(q̇))·P in B. A and B may be singular or zero at the maximum. ``noise`` ω and
-    ``dq``, nominal steps of the joints, are (takes, M, n) in rad, ``measurement`` Σ_m (n, n) in
-    rad².
-
-    Raises ModelDomainError where the likelihood has no bound (no measurement noise, and noise at
-    rest that is zero or lies in a plane) or where a joint never moves, SolverError where the search
-    does not end at an optimum.
+    ``noise`` ω and ``dq``, nominal steps of the joints, are (takes, M, n) in rad, ``measurement``
+    Σ_m (n, n) in rad². Raises ModelDomainError where the likelihood has no bound (no measurement
+    noise, and noise at rest that is zero or lies in a plane) or where a joint never moves,
+    SolverError where the search does not end at an optimum.
     """
     _ = principal_axes(measurement)  # raises where it is no covariance
     n = noise.shape[-1]
     w, x = noise.reshape(-1, n), dq.reshape(-1, n)
+    _require_bound(w, measurement)
     # each joint in units of its own noise and its own speed, as a search needs it
-    scale, speed = np.sqrt(np.diag(second_moment(w, measurement))), np.sqrt(np.mean(x**2, axis=0))
+    scale, speed = np.sqrt(np.diag(w.T @ w / len(w))), np.sqrt(np.mean(x**2, axis=0))
     if not np.all(speed > 0):
-        raise ModelDomainError(
-            "noise that grows with speed cannot be told where a joint never moves",
-            rms_step=speed.tolist(),
-        )
+        message = "noise that grows with speed cannot be told where a joint never moves"
+        raise ModelDomainError(message, rms_step=speed.tolist())
     rest = ~np.any(x, axis=-1)
-    if np.any(rest):
-        # raises where a singular floor would give the noise a density without bound
-        _ = second_moment(w[rest], measurement)
+    if np.any(rest):  # a singular floor would give the noise a density without bound
+        _require_bound(w[rest], measurement)
     outer = np.outer(scale, scale)
     each = [np.eye(n)[:, [j]] for j in range(n)] if structure == "diagonal" else [np.eye(n)]
-    directions, half = 2 * each, len(each)  # P of A, then those of B
+    directions, half = 2 * each, len(each)  # P of A = ΣPXPᵀ, X ⪰ 0, then those of B
     unit_noise, unit_speed, added = (w / scale).T.copy(), (x / speed).T.copy(), measurement / outer
 
     def covariances(matrices: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -106,15 +101,11 @@ def fit_scaled(
     return floor * outer, gain * outer / np.outer(speed, speed), float(log_likelihood)
 
 
-def second_moment(noise: np.ndarray, measurement: np.ndarray) -> np.ndarray:
-    """(n, n) C = mean(ωωᵀ) in rad² of ``noise`` ω (..., n).
-
-    Raises ModelDomainError where C + Σ_m is singular or not finite, Σ_m = ``measurement`` (n, n): a
-    density then has no bound.
+def _require_bound(noise: np.ndarray, measurement: np.ndarray) -> None:
+    """Raise ModelDomainError where the second moment of ``noise`` (N, n) and Σ_m together are
+    singular or not finite: a density then has no bound.
     """
-    flat = noise.reshape(-1, noise.shape[-1])
-    second = flat.T @ flat / len(flat)
-    total = second + measurement
+    total = noise.T @ noise / len(noise) + measurement
     scale = np.sqrt(np.diag(total))
     regular = np.all(np.isfinite(scale)) and np.all(scale > 0)
     if not (regular and np.linalg.eigvalsh(total / np.outer(scale, scale))[0] > 1e-12):
@@ -123,7 +114,6 @@ def second_moment(noise: np.ndarray, measurement: np.ndarray) -> np.ndarray:
             "maximum-likelihood estimate",
             std=scale.tolist(),
         )
-    return second
 
 
 def negative_log_likelihood(
@@ -133,8 +123,8 @@ def negative_log_likelihood(
     by B; infinite where a Σ is singular.
 
     ``w`` and ``x`` (n, N) are noise and speeds of the steps, ``floor`` F (n, n) includes the
-    covariance of the measurement, ``gain`` B is (n, n). With Σ = LLᵀ the slope by Σ is Σ⁻¹ −
-    (Σ⁻¹w)(Σ⁻¹w)ᵀ, Σ⁻¹ = L⁻ᵀL⁻¹, entry by entry over all steps at once.
+    measurement's covariance. With Σ = LLᵀ the slope by Σ is Σ⁻¹ − (Σ⁻¹w)(Σ⁻¹w)ᵀ, entry by entry
+    over all steps at once.
     """
     n, count = w.shape
     lower, inverse = np.zeros((2, n, n, count))
@@ -171,11 +161,10 @@ def minimise(
     """Positive semidefinite matrices at a local minimum of ``objective`` f, and f there; the search
     begins at ``matrices`` (k, k), where f is finite, of a scale near one.
 
-    With X = LLᵀ, L square, every L stands for some X ⪰ 0, and a quasi-Newton search in L needs no
-    constraint (Burer and Monteiro 2003): ∂f/∂L = 2GL for G = ∂f/∂X. But a singular L may be
-    stationary without being a minimum, which has GX = 0 and G ⪰ 0: where G has a negative part −N,
-    f falls along X + tN, and the search goes on from there. Raises SolverError where the search
-    does not end at a minimum.
+    A quasi-Newton search in L, X = LLᵀ, needs no constraint (Burer and Monteiro 2003): ∂f/∂L = 2GL
+    for G = ∂f/∂X. But a singular L may be stationary without being a minimum, which has GX = 0 and
+    G ⪰ 0: where G has a negative part −N, f falls along X + tN, and the search goes on from there.
+    Raises SolverError where the search does not end at a minimum.
     """
     from scipy.optimize import minimize
 
@@ -192,15 +181,10 @@ def minimise(
         parts = zip(slopes, factors, strict=True)
         return value, np.concatenate([2 * (slope @ factor).ravel() for slope, factor in parts])
 
-    matrices, options = list(matrices), {"maxiter": 2000, "maxfun": 4000, "maxcor": 20}
+    matrices = list(matrices)
     for _ in range(SEARCHES):
-        result = minimize(
-            in_factors,
-            np.concatenate([root(matrix).ravel() for matrix in matrices]),
-            jac=True,
-            method="L-BFGS-B",
-            options=options | {"ftol": 1e-14, "gtol": 1e-7},
-        )
+        start = np.concatenate([root(matrix).ravel() for matrix in matrices])
+        result = minimize(in_factors, start, jac=True, method="L-BFGS-B", options=SEARCH)
         steepest = float(np.abs(result.jac).max())
         # its own word is not taken: its line search may stop where values cannot be told apart
         if not (steepest < FLAT and np.isfinite(result.fun)):
@@ -210,7 +194,9 @@ def minimise(
                 slope=steepest,
             )
         matrices = [factor @ factor.T for factor in split(result.x)]
-        falls = [_negative_part(slope) for slope in objective(matrices)[1]]
+        # the negative part of each slope
+        slopes = objective(matrices)[1]
+        falls = [without_measurement(-(slope + slope.T) / 2, 0.0)[0] for slope in slopes]
         size = max(np.linalg.norm(fall, 2) for fall in falls)
         for step in 0.5 ** np.arange(50) / size if size >= FLAT else ():
             tried = [matrix + step * fall for matrix, fall in zip(matrices, falls, strict=True)]
@@ -222,8 +208,3 @@ def minimise(
     raise SolverError(
         f"the search over positive semidefinite matrices found no minimum in {SEARCHES} attempts"
     )
-
-
-def _negative_part(slope: np.ndarray) -> np.ndarray:
-    values, axes = np.linalg.eigh((slope + slope.T) / 2)
-    return (axes * np.maximum(-values, 0.0)) @ axes.T

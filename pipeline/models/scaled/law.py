@@ -55,7 +55,7 @@ class ScaledModel(NormalModel):
     def with_trace(
         self, chain: Mechanism, q: np.ndarray, v: np.ndarray, trace: float
     ) -> ScaledModel:
-        """The model of A and B times one factor; raises ModelDomainError where it has no noise."""
+        """Model of A and B times one factor; raises ModelDomainError where it has no noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)
         gain = None if self.gain is None else factor * self.gain
         return replace(self, floor=factor * self.floor, gain=gain)

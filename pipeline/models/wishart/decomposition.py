@@ -1,19 +1,14 @@
 """Decompositions J = J₁J₂ of the mean Jacobian (Eq. LUDecom), and their factors for whole batches.
 
 J has m task rows and n ≥ m joints, J₁ is (m, m) and J₂ (m, n). The paper names "LU or QR depending
-on the redundancy" and computes in MATLAB, whose ``lu`` pivots: :data:`BY_SHAPE` follows these
-words. Each decomposition is another law:
+on the redundancy" and computes in MATLAB, whose ``lu`` pivots. Each is another law:
 
-- ``pivoted_lu``: with partial pivoting, J₁ = PᵀL and J₂ = U (MATLAB's two-output form). It depends
-  on the units of the task rows, on the axes of the task and on the order of the joints; the order
-  of the rows changes nothing. Here rows of position are in m, rows of rotation in rad, in the axes
-  of the arm's base: an angle's row is the first pivot while every lever arm is below 1 m.
-- ``qr``: of J. J₁ is orthonormal, and as the law of the perturbation matrix is invariant under
-  rotations, J₁ = I and J₂ = J is the same model, and is what is computed. It depends on the units
-  of the rows alone, as it compares metres with radians.
+- ``pivoted_lu``: J₁ = PᵀL, J₂ = U. It depends on the units of the task rows (here m and rad), the
+  axes of the task (here of the arm's base) and the order of the joints, not of the rows.
+- ``qr``: of J. As the law of B is invariant under rotations, J₁ = I and J₂ = J is the same model,
+  and is computed. It depends on the units of the rows alone.
 - ``qr_transposed``: of Jᵀ, J₁ = Rᵀ and J₂ = Qᵀ. It depends on no unit, axis or order: ‖a‖ = ‖J⁺v‖.
-- ``given``: J₁ is a constant. As diag(ℓ, ℓ, 1) it turns metres into angles of lever arm ℓ, so that
-  the three task rows have one unit.
+- ``given``: J₁ is a constant, as diag(ℓ, ℓ, 1), which turns metres into angles of lever arm ℓ.
 """
 
 from __future__ import annotations
@@ -33,9 +28,7 @@ if TYPE_CHECKING:
 
 COMPUTED = ("pivoted_lu", "qr", "qr_transposed")
 BY_SHAPE = "by_shape"  # option: pivoted LU of a square Jacobian, QR of one with more joints
-# least singular value of a given J₁ as a share of its greatest: below it the units of the task rows
-# are hardly what was meant
-LEAST_CONDITION = 1e-9
+LEAST_CONDITION = 1e-9  # least singular value of a given J₁ as a share of its greatest
 
 
 @dataclass(frozen=True)
@@ -77,7 +70,7 @@ CONTROL = Decomposition("qr_transposed")  # beside every other, as it depends on
 
 
 def chosen(options: Options, task: Sequence[str], joints: Sequence[str]) -> Decomposition:
-    """The decomposition that ``options`` name for a ``task`` of these rows and these ``joints``."""
+    """The decomposition that ``options`` name for these ``task`` rows and ``joints``."""
     name = options.decomposition
     if name == BY_SHAPE:
         name = "pivoted_lu" if len(task) == len(joints) else "qr"
@@ -131,7 +124,7 @@ def split(
         elif decomposition.name == "qr_transposed":
             orthonormalize(rows, n)
         elif decomposition.name == "pivoted_lu":
-            eliminate(rows)
+            _eliminate(rows)
         second = np.zeros((m, n + m, *batch))
         second[:, :n] = rows[:, :n]
         second[np.arange(m), n + np.arange(m)] = 1.0
@@ -143,10 +136,8 @@ def split(
     return np.moveaxis(rows[:, n], 0, -1), np.moveaxis(back, (0, 1), (-2, -1)), log_determinant
 
 
-def eliminate(rows: np.ndarray) -> None:
-    """Make of ``rows`` [J | X] (m, n + k, ...), in place, L⁻¹P[J | X] of PJ = LU by Gaussian
-    elimination with partial pivoting.
-    """
+def _eliminate(rows: np.ndarray) -> None:
+    """[J | X] (m, n + k, ...) → L⁻¹P[J | X] of PJ = LU with partial pivoting, in place."""
     for k in range(len(rows)):
         greatest = k + np.abs(rows[k:, k]).argmax(axis=0)
         for i in range(k + 1, len(rows)):

@@ -1,12 +1,14 @@
-"""σ_B of the Wishart model: options, estimate, and what is looked at beside it: the gap to the
-convex problem as printed, and σ̂_B over the weight that the paper leaves open.
+"""σ_B of the Wishart model: options, estimators by moments, by the paper's convex problem on every
+step and by maximum likelihood, and what is looked at beside them: the gap to the convex problem as
+printed, and σ̂_B over the weight that the paper leaves open.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, Any, Literal, Self, get_args
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 import pandas as pd
@@ -16,21 +18,21 @@ from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import options as base
 from pipeline.models.model import task_step
-from pipeline.models.steps import Estimate, Recorded, Truth
-from pipeline.models.wishart.decomposition import CONTROL, Decomposition, chosen
-from pipeline.models.wishart.estimators import (
-    PaperFit,
-    Problems,
-    fit_likelihood,
-    fit_moments,
-    fit_paper,
-    problems_of,
-)
-from pipeline.models.wishart.law import WishartModel
-from pipeline.randommatrix.wishart import largest_dispersion
+from pipeline.models.steps import Estimate, Recorded, TakeVariances, Truth, moving_steps
+from pipeline.models.wishart.decomposition import CONTROL, Decomposition, chosen, factors
+from pipeline.models.wishart.law import StepSquares, WishartModel, dispersion_of_trace, step_squares
+from pipeline.randommatrix.wishart import largest_dispersion, normalized_std
+
+if TYPE_CHECKING:  # it loads the compiler
+    from pipeline.models.wishart.perturbation import Perturbations
 
 RATIOS = np.geomspace(1e-5, 1e-1, 25)  # α₂/α₁ tried, in rad
 TOLERANCE = 1e-3  # of ln of the ratio at which σ̂_B meets the moment estimate
+SIGMA_B_RANGE = (0.01, 2.0)  # of the likelihood; the widest is beyond all that have a density
+MARGIN = 1e-4  # of ln σ_B, below the widest that has a density
+COARSE = 0.05  # of ln σ_B: how near the greatest likelihood is sought before a spline is read
+# of that spline over ln σ_B, on either side, and its nodes: they leave an error below 1e-4
+REACH, NODES = 0.4, 9
 Estimator = Literal["moments", "paper", "likelihood"]
 
 
@@ -59,21 +61,18 @@ class Options(base.Options):
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
     """σ_B by the estimator that ``options`` name; raises what that estimator raises."""
-    decomposition = chosen(options, recorded.chain.task, recorded.joints)
-    if options.estimator == "moments":
-        fit = fit_moments(recorded, decomposition)
-    elif options.estimator == "likelihood":
-        fit = fit_likelihood(recorded, decomposition)
-    else:
-        fit = fit_paper(recorded, decomposition, options.floor, options.ratio_factor)
+    given = recorded, chosen(options, recorded.chain.task, recorded.joints)
+    match options.estimator:
+        case "moments":
+            fit = fit_moments(*given)
+        case "likelihood":
+            fit = fit_likelihood(*given)
+        case "paper":
+            fit = fit_paper(*given, options.floor, options.ratio_factor)
     limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
-    return Estimate(
-        _parameters(fit.sigma_b, decomposition),
-        {"sigma_b": fit.sigma_b},
-        fit.diagnostics | {"sigma_b_limit_of_the_covariance": limit},
-        fit,
-        fit.from_takes,
-    )
+    diagnostics = {**fit.diagnostics, "sigma_b_limit_of_the_covariance": limit}
+    values = {"sigma_b": fit.sigma_b}
+    return Estimate(_parameters(fit.sigma_b, given[1]), values, diagnostics, fit, fit.from_takes)
 
 
 def compared(options: Options) -> dict[str, Options]:
@@ -121,55 +120,47 @@ def examined(
     except ModelDomainError as error:
         print(f"fit: no convex problem is solved: {error}")
         return {}, {}
-    metrics = _check(recorded, decomposition, fit, options.floor, checks, rng)
+    metrics = _check(recorded, decomposition, fit.problems, options.floor, checks, rng)
     try:
         moments = fit_moments(recorded, decomposition).sigma_b
     except ModelDomainError:
         return metrics, {}
     takes = {"recorded": recorded}
     if estimate is not None:
-        takes["drawn"] = drawn_from(estimate.model, recorded, rng)
+        takes["drawn"] = _drawn_from(estimate.model, recorded, rng)
     rows = []
     for source, steps in takes.items():
-        problems = problems_of(steps, decomposition, options.floor)
+        problems = Problems.of(steps, decomposition, options.floor)
         curve = np.array([problems.sigma_b(ratio) for ratio in RATIOS])
         rows += [(*pair, "curve", source) for pair in zip(RATIOS, curve, strict=True)]
-        meeting = meeting_ratio(problems, RATIOS, curve, moments)
+        meeting = _meeting_ratio(problems, curve, moments)
         if meeting is not None:
             metrics[f"weights_ratio_meeting_the_moments_{source}_rad"] = meeting
             rows.append((meeting, moments, "moments", source))
-    rows.append((fit.weights[1] / fit.weights[0], fit.sigma_b, "used", "recorded"))
+    used = fit.diagnostics["weights_ratio_alpha2_over_alpha1_rad"]
+    rows.append((used, fit.sigma_b, "used", "recorded"))
     table = pd.DataFrame(rows, columns=["ratio", "sigma_b", "point", "source"])
     return metrics, {"sigma_b_weights": table}
 
 
-def _check(
-    recorded: Recorded,
-    decomposition: Decomposition,
-    fit: PaperFit,
-    floor: float,
-    checks: int,
-    rng: np.random.Generator,
-) -> dict[str, float]:
+def _check(recorded, decomposition, solved, floor, checks, rng) -> dict[str, float]:
+    """Gap at ``checks`` of the moving steps that ``rng`` chooses."""
     # imported here: CVXPY takes longer to import than most models to fit
     from pipeline.models.convex import perturbation_gap
 
-    n = recorded.q.shape[-1]
-    v = np.broadcast_to(recorded.v, (*recorded.q.shape[:2], recorded.v.shape[-1]))
-    v = task_step(recorded.chain, v.reshape(-1, v.shape[-1]))
+    n, v = recorded.q.shape[-1], task_step(recorded.chain, recorded.v)
+    v = np.broadcast_to(v, (*recorded.q.shape[:2], v.shape[-1])).reshape(-1, v.shape[-1])
     moving = np.flatnonzero(np.any(v, axis=1))
     checked = np.sort(rng.choice(moving, min(checks, len(moving)), replace=False))
     jacobians = recorded.chain.jacobian(recorded.q.reshape(-1, n)[checked])
     steps = v[checked], recorded.noise.reshape(-1, n)[checked]
-    objectives = fit.perturbations.objective[checked]
-    gap = perturbation_gap(objectives, jacobians, *steps, decomposition, fit.weights, floor)
+    objectives = solved.perturbations.objective[checked]
+    gap = perturbation_gap(objectives, jacobians, *steps, decomposition, solved.weights, floor)
     return {"convex_problems_checked": len(checked), "convex_check_greatest_relative_gap": gap}
 
 
-def drawn_from(model: WishartModel, recorded: Recorded, rng: np.random.Generator) -> Recorded:
-    """Steps of the ``model`` from the recorded poses under the recorded commands, with measurement
-    noise added.
-    """
+def _drawn_from(model: WishartModel, recorded: Recorded, rng: np.random.Generator) -> Recorded:
+    """Steps of the ``model`` from the recorded poses and commands, with measurement noise."""
     from pipeline.models.draws import draw_steps  # here, as it loads the compiler
 
     q, v = recorded.q, recorded.v
@@ -178,11 +169,9 @@ def drawn_from(model: WishartModel, recorded: Recorded, rng: np.random.Generator
     return replace(recorded, noise=drawn - q - recorded.chain.nominal_step(q, v) + measured)
 
 
-def meeting_ratio(
-    problems: Problems, ratios: np.ndarray, curve: np.ndarray, sigma_b: float
-) -> float | None:
-    """α₂/α₁ in rad at which the printed problem returns ``sigma_b``, between two of ``ratios`` (K,)
-    whose ``curve`` σ̂_B (K,) falls through it; None where it does nowhere.
+def _meeting_ratio(problems: Problems, curve: np.ndarray, sigma_b: float) -> float | None:
+    """α₂/α₁ in rad at which the printed problem returns ``sigma_b``, between two of RATIOS whose
+    ``curve`` σ̂_B falls through it; None where it does nowhere.
     """
     from scipy.optimize import brentq
 
@@ -190,6 +179,170 @@ def meeting_ratio(
     crossings = np.flatnonzero(above[:-1] & ~above[1:])
     if not len(crossings):
         return None
-    low, high = np.log(ratios[crossings[0] : crossings[0] + 2])
+    low, high = np.log(RATIOS[crossings[0] : crossings[0] + 2])
     crossing = brentq(lambda x: problems.sigma_b(np.exp(x)) - sigma_b, low, high, xtol=TOLERANCE)
     return float(np.exp(crossing))
+
+
+class DispersionFit(NamedTuple):
+    """σ̂_B, and its estimate from chosen takes; ``problems`` of the paper's estimator alone."""
+
+    sigma_b: float
+    from_takes: Callable[[np.ndarray], dict[str, float]]  # numbers of the takes → σ̂_B
+    diagnostics: Mapping[str, float] = {}
+    problems: SolvedProblems | None = None
+
+
+def fit_moments(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
+    """σ̂_B at which the mean of tr Cov over the takes and steps, plus the trace of the measurement
+    noise, is the recorded total variance; it depends on no weight and no bound.
+
+    Raises SingularJacobianError, and ModelDomainError as :class:`TakeVariances` and
+    :func:`dispersion_of_trace`.
+    """
+    a, back, _ = factors(recorded.chain, recorded.q, recorded.v, decomposition)
+    squares = StepSquares(*(each.mean(axis=1) for each in step_squares(a, back)))
+    from_takes = partial(_by_moments, squares, TakeVariances.of(recorded), a.shape[-1])
+    return DispersionFit(**from_takes(np.arange(len(a))), from_takes=from_takes)
+
+
+def _by_moments(
+    squares: StepSquares, variances: TakeVariances, m: int, takes: np.ndarray
+) -> dict[str, float]:
+    traces, measured = variances.of_motion(takes)
+    own = StepSquares(*(each[takes].mean() for each in squares))
+    return {"sigma_b": dispersion_of_trace(own, float(traces.mean()) - measured, m)}
+
+
+class Problems(NamedTuple):
+    """The problems (BsampOpt) of takes × M steps, to be solved under any weights."""
+
+    noise: np.ndarray  # (takes, M, n) ω in rad
+    a: np.ndarray  # (takes, M, m) J₁⁻¹v
+    back: np.ndarray  # (takes, M, n, m) J₂⁺
+    floor: float  # ε of B⁻¹ ⪰ εI
+
+    @classmethod
+    def of(cls, recorded: Recorded, decomposition: Decomposition, floor: float) -> Problems:
+        """Build from the steps of ``recorded``; raises SingularJacobianError."""
+        q, v, noise = recorded.q, recorded.v, recorded.noise
+        commands = np.broadcast_to(v, (*q.shape[:-1], v.shape[-1]))
+        a, back, _ = factors(recorded.chain, q, commands, decomposition)
+        return cls(noise, a, back, floor)
+
+    def solved(self, weights: tuple[float, float]) -> SolvedProblems:
+        """Solve Eqs. (BsampOpt) and (const10) of each step under the ``weights`` (α₁, α₂)."""
+        from pipeline.models.wishart.perturbation import fit_perturbations
+
+        n, m = self.back.shape[-2:]
+        flat = self.noise.reshape(-1, n), self.a.reshape(-1, m), self.back.reshape(-1, n, m)
+        fits, identity = fit_perturbations(*flat, weights, self.floor), np.eye(m)
+        b = np.linalg.inv(identity + fits.s.reshape(*self.a.shape, m))
+        return SolvedProblems(normalized_std(b[None], identity) ** 2, fits, weights)
+
+    def sigma_b(self, ratio: float) -> float:
+        """σ̂_B, the mean of σ̂_Bk over the steps, at the weight ``ratio`` α₂/α₁ in rad."""
+        return float(self.solved((1 / (1 + ratio), ratio / (1 + ratio))).dispersions.mean())
+
+
+class SolvedProblems(NamedTuple):
+    """Optimal perturbations of takes × M steps."""
+
+    # (takes, M) ‖B − I‖²/‖I‖² of each step: E[B] is the model's, and not a sample mean
+    squares: np.ndarray
+    perturbations: Perturbations  # take by take
+    weights: tuple[float, float]  # α₁, α₂
+
+    @property
+    def dispersions(self) -> np.ndarray:
+        """(M,) σ̂_Bk of each step, Eq. (NormStd)."""
+        return np.sqrt(self.squares.mean(axis=0))
+
+
+def fit_paper(
+    recorded: Recorded, decomposition: Decomposition, floor: float, ratio_factor: float = 1.0
+) -> DispersionFit:
+    """σ̂_B = (1/M) Σ_k σ̂_Bk (Sec. "Motion uncertainty characterization"), with ``floor`` ε of
+    B⁻¹ ⪰ εI and ``ratio_factor`` on α₂/α₁, which follows from the noise recorded at rest, or the
+    known Σ_m of a motion that never rests; ModelDomainError without either. Resampled takes keep
+    the weights of all.
+    """
+    from pipeline.models.wishart.perturbation import objective_weights
+
+    noise, known = recorded.noise, recorded.known_measurement
+    still = np.broadcast_to(~np.any(recorded.v, axis=-1), noise.shape[:-1])
+    variance = 0.0 if known is None else np.trace(known)
+    if still.any():
+        variance = np.mean(np.sum(noise[still] ** 2, axis=-1))
+    resting = float(np.sqrt(variance))
+    weights = objective_weights(resting, len(recorded.chain.task), ratio_factor)
+    solved = Problems.of(recorded, decomposition, floor).solved(weights)
+    dispersions, fits, moving = solved.dispersions, solved.perturbations, ~still.all(axis=0)
+    diagnostics = {
+        "sigma_b_greatest_over_time": dispersions.max(),
+        "sigma_b_mean_over_moving_steps": dispersions[moving].sum() / max(moving.sum(), 1),
+        "share_of_steps_at_rest": 1 - moving.mean(),
+        "weights_ratio_alpha2_over_alpha1_rad": weights[1] / weights[0],
+        "noise_at_rest_rms_rad": resting,
+        "problems": len(fits.bound),
+        "problems_without_perturbation": int(np.count_nonzero(~fits.s.any(axis=(1, 2)))),
+        "problems_on_the_bound_of_definiteness": int(np.count_nonzero(fits.bound)),
+    }
+    from_takes = partial(_by_problems, solved.squares)
+    return DispersionFit(float(dispersions.mean()), from_takes, diagnostics, solved)
+
+
+def _by_problems(squares: np.ndarray, takes: np.ndarray) -> dict[str, float]:
+    counts = np.bincount(takes, minlength=len(squares))
+    return {"sigma_b": float(np.sqrt(counts @ squares / counts.sum()).mean())}
+
+
+def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
+    """σ̂_B of greatest Σ ln p(q̃_{k+1} | q̃_k) over the steps with a command, p the exact density of
+    a step plus the measurement noise, without which the slowest steps would decide.
+
+    Raises SingularJacobianError and ModelDomainError.
+    """
+    from scipy.optimize import minimize_scalar
+
+    chain, takes = recorded.chain, len(recorded.q)
+    q, v, noise = moving_steps(recorded.q, recorded.v, recorded.noise)
+    steps = chain, q, v, q + chain.nominal_step(q, v) + noise, recorded.measurement
+
+    def by_take(log_sigma_b: float) -> np.ndarray:
+        density = WishartModel(np.exp(log_sigma_b), decomposition).log_density(*steps)
+        return density.reshape(takes, -1).sum(axis=1)
+
+    widest = min(largest_dispersion(len(chain.task)), SIGMA_B_RANGE[1])
+    low, high = np.log(SIGMA_B_RANGE[0]), np.log(widest) - MARGIN
+    coarse = minimize_scalar(
+        lambda x: -by_take(x).sum(), bounds=(low, high), method="bounded", options={"xatol": COARSE}
+    )
+    nodes = np.linspace(max(low, coarse.x - REACH), min(high, coarse.x + REACH), NODES)
+    log_likelihoods = np.stack([by_take(x) for x in nodes], axis=1)
+    best = _greatest(nodes, log_likelihoods.sum(axis=0))
+    at_end = best in (low, high)
+    from_takes = partial(_by_likelihood, nodes, log_likelihoods, at_end)
+    diagnostics = {"sigma_b_at_the_end_of_its_interval": at_end}
+    return DispersionFit(float(np.exp(best)), from_takes, diagnostics)
+
+
+def _by_likelihood(
+    nodes: np.ndarray, log_likelihoods: np.ndarray, at_end: bool, takes: np.ndarray
+) -> dict[str, float]:
+    best = _greatest(nodes, log_likelihoods[takes].sum(axis=0))
+    if not at_end and best in (nodes[0], nodes[-1]):
+        raise ModelDomainError(
+            "the likelihood of these takes is greatest beyond where it was evaluated",
+            takes=takes.tolist(),
+        )
+    return {"sigma_b": float(np.exp(best))}
+
+
+def _greatest(x: np.ndarray, values: np.ndarray) -> float:
+    """Argument at which the spline through ``values`` (N,) at ``x`` (N,) is greatest."""
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(x, values)
+    candidates = np.concatenate([x[[0, -1]], spline.derivative().roots(extrapolate=False)])
+    return float(candidates[spline(candidates).argmax()])

@@ -6,8 +6,12 @@ column a/r,
 
     B⁻¹a = r·R·[z, z·T]ᵀ,   z = d/χ²(d − m + 1),   T = N(0, I_{m−1})/sqrt(χ²(d − m + 2)),
 
-z and T independent. So no matrix is drawn or inverted. The covariance of a step is Var z along a
-and c = E z²/(d − m) across it, so that its trace is linear in two numbers that no σ_B changes:
+z and T independent. Its density at w, u = w/r, u₁ = eᵀu > 0 along e = a/r, u⊥ the rest, is
+
+    p(w) = r⁻ᵐ·p_z(u₁)·p_T(‖u⊥‖/u₁)·u₁^{−(m−1)},
+
+z inverse-gamma of shape (d−m+1)/2 and scale d/2, T of density ∝ (1 + ‖t‖²)^{−(d+1)/2}. The
+covariance of a step is Var z along a and c = E z²/(d − m) across it:
 
     tr Cov = c·‖a‖²‖J₂⁺‖_F² + (Var z − c)·‖J₂⁺a‖².
 """
@@ -15,6 +19,7 @@ and c = E z²/(d − m) across it, so that its trace is linear in two numbers th
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import lgamma
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,7 +37,6 @@ from pipeline.models.model import (
 )
 from pipeline.models.normal import normal_log_density, principal_axes
 from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors
-from pipeline.models.wishart.density import action_log_density, blurred_log_density, draw_action
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion
 
 KINDS = {
@@ -47,13 +51,11 @@ LOG_EXCESS = (-12.0, 60.0)
 
 @dataclass(frozen=True)
 class WishartModel:
-    """Random Jacobian of dispersion ``sigma_b`` σ_B around J₁J₂ of a ``decomposition``.
+    """Random Jacobian of dispersion ``sigma_b`` σ_B around J₁J₂ of a ``decomposition``, Eq.
+    (LUDecom); a step is Eq. (RMTInvDiff), of the law of Algorithm 1.
 
-    J₁BJ₂ is Eq. (LUDecom), and a step through its inverse Eq. (RMTInvDiff), whose law is that of
-    Algorithm 1; of m task rows and n ≥ m joints B is (m, m), and what the arm is commanded in the
-    null space of J has no noise. Under pivoted LU and QR of J the law depends on the units of the
-    task rows, m and rad (:mod:`.decomposition`). Raises ModelDomainError where σ_B is not positive;
-    with a chain, where σ_B has no density or a given J₁ has another size.
+    What is commanded in the null space of J has no noise. Raises ModelDomainError for a σ_B that
+    is not positive; with a chain, for one without a density and a given J₁ of another size.
     """
 
     sigma_b: float
@@ -68,8 +70,8 @@ class WishartModel:
         m = len(chain.task)
         self.decomposition.require_size(m)
         d = degrees_of_freedom(self.sigma_b, m)
-        # three task rows take one χ² variate and two normals (:mod:`.step`), one row has no
-        # direction
+        # three task rows take one χ² variate and two normals, one row has no direction
+        # (:mod:`pipeline.models.kernel`)
         degrees = (d - m + 1,) if m in (1, 3) else (d - m + 1, d - m + 2)
         parameters = np.array([d])
         if self.decomposition.left is not None:
@@ -80,8 +82,8 @@ class WishartModel:
         return Law(kind, parameters, sets=1, each=m - 1, degrees=np.array(degrees, dtype=float))
 
     def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(..., n) q + d/(d−m−1)·J⁺v and the step in the null space of J: longer than the nominal
-        step. Raises ModelDomainError for σ_B ≥ 1, where it does not exist.
+        """(..., n) q + d/(d−m−1)·J⁺v and the null-space step in rad; ModelDomainError for
+        σ_B ≥ 1.
         """
         m = len(chain.task)
         d = _degrees_with_moments(self.sigma_b, 1, m)
@@ -96,7 +98,7 @@ class WishartModel:
     def with_trace(
         self, chain: Mechanism, q: np.ndarray, v: np.ndarray, trace: float
     ) -> WishartModel:
-        """The model of another σ_B, by :func:`dispersion_of_trace`; raises what it raises."""
+        """Model of another σ_B, by :func:`dispersion_of_trace`; raises what it raises."""
         a, back, _ = factors(chain, q, v, self.decomposition)
         squares = StepSquares(*(each.mean() for each in step_squares(a, back)))
         return replace(self, sigma_b=dispersion_of_trace(squares, trace, a.shape[-1]))
@@ -106,7 +108,13 @@ class WishartModel:
     ) -> np.ndarray:
         """(..., n) q, J₂⁺B⁻¹a and the step in the null space of J."""
         a, back, _ = factors(chain, q, v, self.decomposition)
-        drawn = draw_action(a, degrees_of_freedom(self.sigma_b, a.shape[-1]), rng)
+        m, d = a.shape[-1], degrees_of_freedom(self.sigma_b, a.shape[-1])
+        z = d / rng.chisquare(d - m + 1, a.shape[:-1])
+        t = rng.standard_normal((*a.shape[:-1], m - 1))
+        t /= np.sqrt(rng.chisquare(d - m + 2, (*a.shape[:-1], 1)))
+        r = np.sqrt(np.vecdot(a, a))
+        turned = frames(np.where(r[..., None] > 0, a, np.eye(m)[0]))
+        drawn = (r * z)[..., None] * (turned[..., 0] + np.matvec(turned[..., 1:], t))
         return q + chain.null_step(q, v) + np.matvec(back, drawn)
 
     def log_density(
@@ -117,13 +125,10 @@ class WishartModel:
         q_next: np.ndarray,
         measurement: np.ndarray | None = None,
     ) -> np.ndarray:
-        """(...,) of the exact density of a step, |det J₂|·p(B⁻¹a) at J₂(q_next − q), a = J₁⁻¹v.
+        """(...,) ln of the exact density of a step, |det J₂|·p(B⁻¹a) at J₂(q_next − q), a = J₁⁻¹v.
 
-        Without ``measurement`` −inf where no B > 0 gives the step (aᵀJ₂(q_next − q) ≤ 0), and
-        ModelDomainError where v = 0: there q_{k+1} = q has all the probability. It raises that
-        with more joints than task rows too, as the law then lies on a plane. With ``measurement``
-        all are ordinary values, by quadrature, at rest those of N(q, measurement). Raises
-        ModelDomainError where ``measurement`` is not positive definite.
+        Without ``measurement`` −inf where no B > 0 gives the step; ModelDomainError where v = 0 or
+        n > m, where there is no density. With it, by quadrature, at rest N(q, measurement).
         """
         batch = np.broadcast_shapes(q.shape[:-1], v.shape[:-1], q_next.shape[:-1])
         q, v, q_next = (np.broadcast_to(x, (*batch, x.shape[-1])) for x in (q, v, q_next))
@@ -132,36 +137,68 @@ class WishartModel:
         n, m = back.shape[-2:]
         d = degrees_of_freedom(self.sigma_b, m)
         moving = np.any(task_step(chain, v), axis=-1)
-        if measurement is None:
-            if not np.all(moving):
-                raise ModelDomainError(
-                    "a step of the matrix model has no density at rest, as at "
-                    f"{int(np.count_nonzero(~moving))} of {moving.size} step(s); "
-                    "give the covariance of the measurement noise"
-                )
-            if n > m:
-                raise ModelDomainError(
-                    f"a step of the matrix model of {n} joints and {m} task rows lies on a plane, "
-                    "where it has no density; give the covariance of the measurement noise"
-                )
-            return action_log_density(np.matvec(np.linalg.inv(back), step), a, d) + log_determinant
-        _ = principal_axes(measurement)  # refuses what is not a covariance
-        result = np.array(normal_log_density(step, measurement))
-        result[moving] = blurred_log_density(step[moving], a[moving], back[moving], measurement, d)
-        return result
+        if measurement is not None:
+            _ = principal_axes(measurement)  # refuses what is not a covariance
+            result = np.array(normal_log_density(step, measurement))
+            from pipeline.models.wishart.quadrature import blurred_log_density  # the compiler
+
+            steps = step[moving], a[moving], back[moving]
+            result[moving] = blurred_log_density(*steps, measurement, d)
+            return result
+        if not np.all(moving):
+            raise ModelDomainError(
+                "a step of the matrix model has no density at rest, as at "
+                f"{int(np.count_nonzero(~moving))} of {moving.size} step(s); "
+                "give the covariance of the measurement noise"
+            )
+        if n > m:
+            raise ModelDomainError(
+                f"a step of the matrix model of {n} joints and {m} task rows lies on a plane, "
+                "where it has no density; give the covariance of the measurement noise"
+            )
+        return action_log_density(np.matvec(np.linalg.inv(back), step), a, d) + log_determinant
 
 
 def build(parameters: dict[str, Any]) -> WishartModel:
-    """The model with these parameters."""
+    """Build the model from its ``sigma_b``, ``decomposition`` and, where it is given, ``left``."""
     decomposition = Decomposition(parameters["decomposition"], parameters.get("left"))
     return WishartModel(parameters["sigma_b"], decomposition)
 
 
+def action_log_density(w: np.ndarray, a: np.ndarray, d: float) -> np.ndarray:
+    """(...,) log density of B⁻¹a at ``w`` (..., m), for ``a`` (..., m) not zero; −inf where
+    wᵀa ≤ 0.
+    """
+    m = a.shape[-1]
+    r = np.sqrt(np.vecdot(a, a))
+    e, u = a / r[..., None], w / r[..., None]
+    along = np.vecdot(e, u)
+    inside = along > 0
+    z = np.where(inside, along, 1.0)
+    t = (u - along[..., None] * e) / z[..., None]
+    shape = (d - m + 1) / 2
+    z_term = shape * np.log(d / 2) - lgamma(shape) - (shape + 1) * np.log(z) - d / (2 * z)
+    t_term = lgamma((d + 1) / 2) - lgamma((d - m + 2) / 2) - (m - 1) / 2 * np.log(np.pi)
+    t_term = t_term - (d + 1) / 2 * np.log1p(np.vecdot(t, t))
+    return np.where(inside, z_term + t_term - m * np.log(r) - (m - 1) * np.log(z), -np.inf)
+
+
+def frames(a: np.ndarray) -> np.ndarray:
+    """(..., m, m) orthonormal matrices of first column a/‖a‖, for ``a`` (..., m) not zero:
+    Householder's reflection with its sign changed.
+    """
+    r = np.sqrt(np.vecdot(a, a))
+    sign = np.where(a[..., 0] < 0, -1.0, 1.0)
+    mirror = a.copy()
+    mirror[..., 0] += sign * r
+    reach = (r * (r + np.abs(a[..., 0])))[..., None, None]
+    reflection = np.eye(a.shape[-1]) - mirror[..., :, None] * mirror[..., None, :] / reach
+    return -sign[..., None, None] * reflection
+
+
 def step_covariance(a: np.ndarray, back: np.ndarray, sigma_b: float) -> np.ndarray:
     """(..., n, n) Cov(J₂⁺B⁻¹a) = r²c·J₂⁺J₂⁺ᵀ + (Var z − c)·(J₂⁺a)(J₂⁺a)ᵀ for ``a`` (..., m),
-    ``back`` J₂⁺ (..., n, m) and σ_B ``sigma_b``.
-
-    Raises ModelDomainError for σ_B ≥ sqrt((m+1)/(m+3)), where it does not exist.
+    ``back`` J₂⁺ (..., n, m) and σ_B ``sigma_b``; ModelDomainError for σ_B ≥ sqrt((m+1)/(m+3)).
     """
     m = a.shape[-1]
     variance, across = step_variances(_degrees_with_moments(sigma_b, 2, m), m)
@@ -205,11 +242,10 @@ def step_squares(a: np.ndarray, back: np.ndarray) -> StepSquares:
 
 def dispersion_of_trace(squares: StepSquares, trace: float, m: int) -> float:
     """σ_B at which steps of these mean ``squares`` have the mean ``trace`` in rad² of their
-    covariance, B (m, m).
+    covariance, B (m, m); the trace grows from zero to infinity with σ_B.
 
-    The trace grows with σ_B, from zero to infinity at the limit sqrt((m + 1)/(m + 3)), so that each
-    positive trace has one σ_B, found by bracketing. Raises ModelDomainError for a trace that is not
-    positive, for steps at rest throughout, and where σ_B would be at its limit to rounding.
+    Raises ModelDomainError for a trace that is not positive, for steps at rest, and where σ_B
+    would be at its limit sqrt((m + 1)/(m + 3)) to rounding.
     """
     from scipy.optimize import brentq  # here, as what loads a model does without SciPy
 

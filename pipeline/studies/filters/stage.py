@@ -24,19 +24,18 @@ from pipeline.core.validation import options
 from pipeline.figures import style
 from pipeline.filtering.linear import autocorrelated_filter, linear_filter
 from pipeline.filtering.measurement import Measurements, measurements
-from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
+from pipeline.filtering.particle_filter import FilterOptions, particle_filter
 from pipeline.models import kinds
-from pipeline.models.closed_loop import mean_path, measured_poses
-from pipeline.models.closed_loop_fit import fit_closed_loop
+from pipeline.models.closed_loop import fit_closed_loop, mean_path, measured_poses
 from pipeline.models.options import Options as Model
 from pipeline.models.steps import Recorded
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.filters import Filtered, no_filter
 from pipeline.statistics.scores import compared, posterior_scores
 from pipeline.studies.filters.deviations import Deviations, deviations
-from pipeline.studies.frame import NoAnswerError, Results, Study, interval, listed, number
+from pipeline.studies.frame import NoAnswerError, Study, Tables, interval, number
 from pipeline.studies.simulated import Laboratory, PhysicsFactors, disturbed, observe
-from pipeline.verdicts.wording import table
+from pipeline.verdicts.wording import listed, table
 
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
 AGAINST_NONE = "reports/{}/tables/filter_against_none.csv"
@@ -45,33 +44,6 @@ RMS, COVERAGE, LOG, ALL = "rms error", "coverage", "log score", "all"
 LABELS = {NONE: "training mean", MEMORY: "linear, autocorrelation", YARDSTICK: "yardstick"}
 LASTS = float(np.exp(-1))  # correlation after a frame, from which a deviation outlasts it
 COLUMNS = ["filter", "score", "joint", "mean", "difference", "low", "high"]
-PAGE = """Has any particle filter a lower rms error or a higher log score than the mean and
-covariance of the training takes, which need no depth camera? How far are the filters from the
-yardstick, the best linear filter, which knows the laboratory's law?
-
-**Particle filters** with a lower rms error or a higher log score than the training mean in one
-score at least and the opposite in none, beyond 95 % intervals: {particle}. Of the linear filters:
-{linear}.
-
-{table}
-
-Differences are paired over the test takes; brackets hold 95 % intervals. An open loop adds up the
-noise of all steps, a closed loop corrects a share of the deviation from the mean path. The linear
-filter knows the covariance of the training takes at each step and one autocorrelation over time.
-The yardstick knows the covariance of the arm's deviations over time, to first order in the
-disturbances; it does not know that the play is bounded, nor that the camera's error depends on the
-pose.
-
-{figure}
-
-**Duration of a deviation.** On simulated takes, every lag of sway and play times a factor of
-{least:g} to {greatest:g}; equal random numbers, white noise of both instruments. Where the
-autocorrelation after a frame of the camera is at least {lasts:.2f}, the filter has the lower rms
-error or the higher log score, beyond the interval, in {sweep}.
-
-**What would change it.** A camera with a higher rate or less noise; a law of the motion noise that
-is correlated over time, as the linear filter's, instead of independent steps. Which duration real
-deviations have is not published."""
 
 
 @options()
@@ -84,7 +56,7 @@ class Options:
     factors: Annotated[list[Positive], Field(min_length=1)]
 
 
-def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFrame]:
+def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
     """Return the study's tables."""
     if settings.dataset.laboratory is None:
         raise NoAnswerError("it has no synthetic laboratory whose law a yardstick could know")
@@ -92,8 +64,7 @@ def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFr
         raise NoAnswerError("it has no depth camera")
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
     noise, f = contracts.read("kinect_noise", ARTICULATE), settings.filter
-    laboratory = Laboratory.of_run(settings, recorded, noise)
-    training = measured_poses(recorded)
+    laboratory, training = Laboratory.of_run(settings, recorded, noise), measured_poses(recorded)
     parts = (laboratory.chain, laboratory.motion, laboratory.dynamics)
     law = deviations(*parts, training.mean(axis=0))
     takes = {take.take: take for take in measurements(contracts.read("angles", ARTICULATE), noise)}
@@ -113,7 +84,7 @@ def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFr
     rows = run_trials(trial, options.factors, compute=settings.compute, label="filters: durations")
     return {
         "filters": pd.concat([run, own[own["filter"] == YARDSTICK]], ignore_index=True),
-        "filters_lasting": pd.concat(list(rows), ignore_index=True),
+        "filters_lasting": pd.concat(rows, ignore_index=True),
     }
 
 
@@ -154,22 +125,20 @@ def duration_rows(
     dynamics = disturbed(laboratory.dynamics, factors)
     takes, camera = observe(laboratory, factors, seed, *sizes)
     recorded = replace(takes.training, known_measurement=2 * laboratory.pose_noise)
-    path, first, dt = mean_path(recorded), takes.poses[:, 0], 1 / motion.rate
+    path, dt = mean_path(recorded), 1 / motion.rate
     law = deviations(laboratory.chain, motion, dynamics, path.poses)
     test, frames = np.stack(list(takes.test.values())), list(camera.takes.values())
     filters = linear_filters(recorded, takes.poses, test, frames, dt, law)
     name, chosen = model
     fit = fit_closed_loop(recorded, chosen, kinds.estimate(recorded, chosen))
-    loop = (fit.estimate.model, laboratory.chain, path.commands(fit.share), dt)
-    start, stream = Start(first.mean(axis=0), np.cov(first.T)), partial(rng.stream, seed)
+    loop = (fit.estimate.model, laboratory.chain, path.commands(fit.share), dt, takes.start)
     posteriors = [
-        particle_filter(*loop, start, frame, filter_options, stream("filters.lasting", number))
+        particle_filter(*loop, frame, filter_options, rng.stream(seed, "filters.lasting", number))
         for number, frame in enumerate(frames)
     ]
-    means, covariances = (
-        np.stack([getattr(each, key) for each in posteriors]) for key in ("mean", "covariance")
-    )
-    filters[closed(name)] = Filtered(means - test, covariances, laboratory.pose_noise)
+    error = np.stack([each.mean for each in posteriors]) - test
+    covariance = np.stack([each.covariance for each in posteriors])
+    filters[closed(name)] = Filtered(error, covariance, laboratory.pose_noise)
     lag = round(motion.rate / laboratory.clock.rate)
     left = np.einsum("kiki->i", law.covariance[:-lag, :, lag:])
     left = float(np.mean(left / np.einsum("kiki->i", law.covariance)))
@@ -178,9 +147,7 @@ def duration_rows(
 
 
 def score_rows(filters: Mapping[str, Filtered], joints: Sequence[str]) -> pd.DataFrame:
-    """Return the scores of ``filters`` and their differences to the training mean, which is one of
-    them.
-    """
+    """Return the scores of ``filters``, the training mean among them, and the differences to it."""
     scores = {
         name: posterior_scores(each.error, each.covariance + each.measurement, joints)[0]
         for name, each in filters.items()
@@ -221,62 +188,67 @@ def error_ratio(rows: pd.DataFrame) -> pd.Series:
     return rows["mean"] / (rows["mean"] - rows["difference"].fillna(0.0))
 
 
-def page(results: Results) -> list[str]:
-    """Return the page's parts."""
-    rows, lasting = results.tables["filters"], results.tables["filters_lasting"]
-    by_filter = better_or_worse(rows).groupby("filter", sort=False)[["better", "worse"]]
-    flags = by_filter.any()
-    gains = list(flags.index[flags["better"] & ~flags["worse"]])
-    cells = rows.assign(ratio=error_ratio(rows)).set_index(["filter", "score", "joint"])
+def facts(tables: Tables, options: Options) -> dict[str, object]:
+    """Return the fields of the page."""
+    rows, lasting = tables["filters"], tables["filters_lasting"]
+    flags = better_or_worse(rows).groupby("filter", sort=False)[["better", "worse"]].any()
+    gains = flags.index[flags["better"] & ~flags["worse"]]
     joints = [joint for joint in dict.fromkeys(rows["joint"]) if joint != ALL]
-    lines = []
-    for name in dict.fromkeys(rows["filter"]):
-        ratios = [cells.loc[(name, RMS, joint), "ratio"] for joint in joints]
-        ratios += [cells.loc[(name, COVERAGE, joint), "mean"] for joint in joints]
-        log = cells.loc[(name, LOG, ALL)]
+    lines, found = [], {True: [], False: []}
+    for name, own in rows.assign(ratio=error_ratio(rows)).groupby("filter", sort=False):
+        own = own.set_index(["score", "joint"])
+        cells = [*own["ratio"][RMS][joints], *own["mean"][COVERAGE][joints]]
+        log = own.loc[(LOG, ALL)]
         gain = interval(log["difference"], log["low"], log["high"])
-        lines.append([label(name), *map("{:.2f}".format, ratios), number(log["mean"]), gain])
+        lines.append([label(name), *map("{:.2f}".format, cells), number(log["mean"]), gain])
+        if name in gains:
+            found[name in LABELS].append(f"{label(name)} (log score {gain} nat)")
     head = [f"rms error of {joint} over the mean's" for joint in joints]
     head += [f"coverage of {joint}" for joint in joints]
     sweep = better_or_worse(lasting[lasting["left"] >= LASTS])
     sentences = [
-        f"{label(name)}: {int(better.sum())} of {len(better)} {score}s"
+        f"{label(name)}: {better.sum()} of {len(better)} {score}s"
         for (name, score), better in sweep.groupby(["filter", "score"], sort=False)["better"]
     ]
-    text = PAGE.format(
-        particle=listed([label(name) for name in gains if name not in LABELS]) or "none",
-        linear=listed([label(name) for name in gains if name in LABELS]) or "none",
-        table=table(["filter", *head, "log score (nat)", "minus the mean's"], lines),
-        figure=results.figure,
-        least=min(results.options.factors),
-        greatest=max(results.options.factors),
-        lasts=LASTS,
-        sweep="; ".join(sentences) or "no case",
-    )
-    return [text]
+    return {
+        "particle": listed(found[False] or ["none"]),
+        "linear": listed(found[True] or ["none"]),
+        "table": table(["filter", *head, "log score (nat)", "minus the mean's"], lines),
+        "least": min(options.factors),
+        "greatest": max(options.factors),
+        "lasts": LASTS,
+        "sweep": "; ".join(sentences) or "no case",
+    }
 
 
 def draw(filters: pd.DataFrame, filters_lasting: pd.DataFrame) -> Figure:
     """Filters between the training mean and the yardstick, and over the duration of a deviation.
 
-    (a) Root mean square error over that of the training mean, on the run's test takes: a disc a
-    joint, the bar from the lowest to the highest of them; left of the grey line is below the
-    training mean, the yardstick knows the law of the arm's deviations. (b) to (d) Simulated takes,
-    over the lag of the sway: the same ratio, mean over the joints; coverage of ±1σ, mean over the
-    joints, with the normal law's 0.68 in grey; log score minus that of the training mean.
+    (a) Root mean square error over that of the training mean, on the run's test takes: a purple
+    disc a joint, the bar from the lowest to the highest of them; the yardstick knows the law of the
+    arm's deviations. (b) to (d) Simulated takes, over the lag of the sway: the same ratio, mean
+    over the joints; coverage of ±1σ, mean over the joints; log score minus that of the training
+    mean. Grey: the training mean, in (c) the coverage of a normal law, 0.68.
     """
     figure, ((run, *others),) = style.panels(
-        style.TWO_COLUMNS, 2.9, columns=4, width_ratios=[1.2, 1, 1, 1]
+        style.TWO_COLUMNS, 3.0, columns=4, width_ratios=[1.2, 1, 1, 1]
     )
-    errors = filters[(filters["score"] == RMS) & (filters["filter"] != NONE)]
+    errors, grey = filters[(filters["score"] == RMS) & (filters["filter"] != NONE)], style.GREY
     ratios = error_ratio(errors).groupby(errors["filter"], sort=False)
+    joint = {
+        "color": style.PURPLE,
+        "marker": "o",
+        "ms": 3,
+        "ls": "none",
+        "label": "a joint, in (a)",
+    }
     for y, (_, values) in enumerate(ratios):
-        run.plot([values.min(), values.max()], [y, y], color=style.BLUE, lw=1.2)
-        run.plot(values, [y] * len(values), "o", color=style.BLUE, ms=3)
-    run.axvline(1.0, color=style.GREY, linewidth=1.6)
+        run.hlines(y, values.min(), values.max(), color=style.PURPLE, lw=1.2)
+        run.plot(values, [y] * len(values), **joint)
     run.set_yticks(range(len(ratios)), map(label, dict.fromkeys(errors["filter"])))
-    run.set(xlabel="rms error over the\ntraining mean's", xlim=(0, None))
+    run.set(xlabel="rms error over the\ntraining mean's (1)", xlim=(0, None))
     run.invert_yaxis()
+    run.axvline(1.0, color=grey, linewidth=1.6, label="training mean, or 0.68")
     rows = filters_lasting[filters_lasting["filter"] != NONE]
     rows = rows.assign(ratio=error_ratio(rows), lag=1e3 * rows["sway_time"])
     looks = {
@@ -284,8 +256,8 @@ def draw(filters: pd.DataFrame, filters_lasting: pd.DataFrame) -> Figure:
         YARDSTICK: {"color": style.BLACK, "linestyle": "-"},
     }
     panels = (
-        (RMS, "ratio", 1.0, "rms error over the training mean's", (0, None)),
-        (COVERAGE, "mean", 0.683, "coverage of ±1σ", (0, 1)),
+        (RMS, "ratio", 1.0, "rms error over the training mean's (1)", (0, None)),
+        (COVERAGE, "mean", 0.683, "coverage of ±1σ (1)", (0, 1)),
         (LOG, "difference", 0.0, "log score minus the training mean's (nat)", None),
     )
     for axes, (score, column, level, name, limits) in zip(others, panels, strict=True):
@@ -293,14 +265,13 @@ def draw(filters: pd.DataFrame, filters_lasting: pd.DataFrame) -> Figure:
             look = looks.get(kind, {"color": style.BLUE, "linestyle": ":"})
             mean = own.groupby("lag")[column].mean()
             axes.plot(mean, label=label(kind), marker="o", markersize=2.5, **look)
-        line = axes.axhline(level, color=style.GREY, linewidth=1.6, zorder=0)
+        axes.axhline(level, color=grey, linewidth=1.6, zorder=0)
         axes.set(xscale="log", xlabel="lag of the sway (ms)", ylabel=name, ylim=limits)
+        axes.xaxis.set_major_formatter("{x:g}")
     for name, axes in zip("abcd", (run, *others), strict=True):
         style.letter(axes, name)
-    handles, labels = others[0].get_legend_handles_labels()
-    labels += ["training mean; 0.68"]
-    figure.legend([*handles, line], labels, loc="outside upper center", ncols=4)
+    style.legend(figure, ncols=5)
     return figure
 
 
-run = Study("Filters between the training mean and a yardstick", Options, evaluate, page, draw).run
+run = Study(Options, evaluate, facts, draw).run

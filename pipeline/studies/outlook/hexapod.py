@@ -14,18 +14,16 @@ from typing import ClassVar
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.interface import Mechanism
 from pipeline.core.columns import SPACE
-from pipeline.core.errors import ConfigError
+from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import MotionModel, frobenius
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
-from pipeline.randommatrix.wishart import largest_dispersion
 
 LEGS = 6
 DECOMPOSITIONS = ("qr_transposed", "qr")  # those that no order of the rows changes
@@ -83,25 +81,12 @@ class PlatformMotion(Mechanism):
         """(K, 6, 6) J at the poses of the motion."""
         return np.linalg.inv(self.inverse_jacobian(q))
 
-    def covariance(self, model: MotionModel) -> np.ndarray:
-        """Return the (K, 6, 6) covariance of the legs after one step in m²."""
-        return model.covariance(self, self.q, self.v)
-
-    def platform_covariance(self, model: MotionModel) -> np.ndarray:
-        """Return the (K, 6, 6) covariance J Cov(q_{k+1}|q_k) Jᵀ of the next pose in m², rotations
-        times the length: exact in the legs, of first order in their noise.
+    def covariances(self, model: MotionModel) -> tuple[np.ndarray, np.ndarray]:
+        """Return the (K, 6, 6) covariance of the legs after one step in m², and the one of the next
+        pose, J Cov(q_{k+1}|q_k) Jᵀ, rotations times the length: of first order in the legs' noise.
         """
-        jacobian = self.jacobian(self.q)
-        return jacobian @ self.covariance(model) @ np.swapaxes(jacobian, -1, -2)
-
-    def step_square(self) -> float:
-        """Return the mean square of the legs' steps in m²."""
-        return np.mean(np.sum(np.matvec(self.inverse, self.v) ** 2, axis=-1))
-
-    def noise_share(self, model: MotionModel) -> float:
-        """Return the noise of the legs over their step, each root mean square over the motion."""
-        traces = np.trace(self.covariance(model), axis1=-2, axis2=-1)
-        return float(np.sqrt(traces.mean() / self.step_square()))
+        legs, jacobian = model.covariance(self, self.q, self.v), self.jacobian(self.q)
+        return legs, jacobian @ legs @ np.swapaxes(jacobian, -1, -2)
 
 
 def pose_of(position: np.ndarray, turn: np.ndarray) -> np.ndarray:
@@ -147,39 +132,34 @@ def straight(
 
 def equal_models(motion: PlatformMotion, noise: float, bound: float) -> dict[str, MotionModel]:
     """Return every model by name, its one free parameter such that the noise of the legs is
-    ``noise`` times their step; ``bound`` is u over the greatest norm of J⁻¹.
-
-    Raises ConfigError if no Wishart model has that noise.
+    ``noise`` times their step, each root mean square over the motion; ``bound`` is u over the
+    greatest norm of J⁻¹. Raises ConfigError if no Wishart model has that noise.
     """
-    variance = noise**2 * motion.step_square() / LEGS
-    u = bound * frobenius(motion.inverse).max()
+    steps = np.matvec(motion.inverse, motion.v)
+    trace = noise**2 * float(np.mean(np.vecdot(steps, steps)))
     models: dict[str, MotionModel] = {
-        "additive": ScaledModel(variance * np.eye(LEGS)),
-        "gaussian": GaussianModel(noise / motion.noise_share(GaussianModel(1.0, u)), u),
-    }
-    limit = largest_dispersion(LEGS, inverse_moments=2)
-    ends = (1e-3 * limit, 0.999 * limit)
-
-    def excess(sigma_b: float, decomposition: Decomposition) -> float:
-        return motion.noise_share(WishartModel(sigma_b, decomposition)) - noise
-
-    for name in DECOMPOSITIONS:
-        own = Decomposition(name)
-        if not excess(ends[0], own) < 0 < excess(ends[1], own):
-            raise ConfigError(f"noise: no Wishart model has {noise:g} of the step", key="noise")
-        models[name] = WishartModel(brentq(excess, *ends, (own,), xtol=1e-14), own)
-    return models
+        "additive": ScaledModel(trace / LEGS * np.eye(LEGS)),
+        "gaussian": GaussianModel(1.0, bound * frobenius(motion.inverse).max()),
+    } | {name: WishartModel(0.1, Decomposition(name)) for name in DECOMPOSITIONS}
+    try:
+        return {
+            name: model.with_trace(motion, motion.q, motion.v, trace)
+            for name, model in models.items()
+        }
+    except ModelDomainError as error:
+        raise ConfigError(f"no Wishart model has {noise:g} of the step", key="noise") from error
 
 
 def hexapod_rows(motion: PlatformMotion, models: dict[str, MotionModel]) -> pd.DataFrame:
     """Return the table ``hexapod``."""
     parts = []
     for name, model in models.items():
-        variances = np.diagonal(motion.platform_covariance(model), axis1=-2, axis2=-1)
+        legs, pose = motion.covariances(model)
+        variances = np.diagonal(pose, axis1=-2, axis2=-1)
         columns = {
             "place": np.linspace(0, 1, len(motion.q)),
             "least_singular_value": np.linalg.svd(motion.inverse, compute_uv=False)[:, -1],
-            "legs": np.sqrt(np.trace(motion.covariance(model), axis1=-2, axis2=-1)),
+            "legs": np.sqrt(np.trace(legs, axis1=-2, axis2=-1)),
             "position": np.sqrt(variances[:, :3].sum(axis=-1)),
             "rotation": np.sqrt(variances[:, 3:].sum(axis=-1)) / motion.robot.length,
         }

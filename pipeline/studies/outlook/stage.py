@@ -17,46 +17,14 @@ from pipeline.core import rng
 from pipeline.core.options.analysis import Positive
 from pipeline.core.validation import options
 from pipeline.figures import style
-from pipeline.studies.frame import MISSING, Results, Study, interval, number
-from pipeline.studies.outlook.hexapod import (
-    Hexapod,
-    PlatformMotion,
-    equal_models,
-    hexapod_rows,
-    pose_of,
-    straight,
-)
-from pipeline.studies.outlook.towing import ERRORS, error_rows, recorded_rows, slope_rows
+from pipeline.studies.frame import MISSING, Study, Tables, interval, number
+from pipeline.studies.outlook import hexapod as legs
+from pipeline.studies.outlook import towing as cables
 from pipeline.verdicts.wording import table
 from pipeline.wrench.bounds import study_bounds
 
 Triple = tuple[float, float, float]
 Points = Annotated[list[Triple], Field(min_length=6, max_length=6)]
-PAGE = """Do the paper's models serve the systems that it names as extensions: a hexapod, and cables
-that tow a load in space?
-
-**Hexapod.** Every model serves by the same code. All models give the legs the same noise, {noise:g}
-of their step. The motion turns the platform towards the pose at which its legs no longer hold it:
-the least singular value of J⁻¹ falls from {least[0]:.3g} to {least[1]:.3g}. The standard deviation
-of the rotation grows by a factor of {additive:.3g} with the additive model, {gaussian:.3g} with the
-Gaussian model and {qr_transposed:.3g} with the Wishart model under QR of Jᵀ. Under QR of J the
-factor is {qr:.3g}: this decomposition puts the noise into the task, and no pose has more of it than
-another. The norm of J⁻¹ is bounded on a hexapod, so the Gaussian model's noise hardly depends on
-the pose.
-
-**Towing.** The error of the matrix model falls with the number of cables m in space as in the
-plane, for moments as for forces; a slope of −1/2 is that of an average over m cables. The table has
-{few} and {many} cables, the mean over {repeats} repeats, and the slope of the log error over log m
-with its 95 % interval. Recorded directions of the very system give its own Σ_S and Ψ_S.
-
-{table}
-
-{figure}
-
-**What would change it.** The noise of the pose is of first order in that of the legs, for one robot
-and one motion. Rotations and moments are scaled by a characteristic length, {length:g} m and the
-root mean square lever; under QR of J and in the Gaussian model this length decides the noise of the
-legs. Nothing was recorded: a hexapod's log would show which of the models its noise follows."""
 
 
 @options()
@@ -79,69 +47,64 @@ class Options:
     few: Annotated[int, Field(ge=2)]
 
 
-def motion_of(options: Options) -> PlatformMotion:
+def motion_of(options: Options) -> legs.PlatformMotion:
     """Return the hexapod's motion; raises ConfigError for a robot or motion that cannot exist."""
-    robot = Hexapod(np.array(options.base), np.array(options.platform), options.length)
-    ends = map(pose_of, np.array(options.position), np.array(options.turn))
-    return straight(robot, *ends, options.legs, options.places)
+    robot = legs.Hexapod(np.array(options.base), np.array(options.platform), options.length)
+    ends = map(legs.pose_of, np.array(options.position), np.array(options.turn))
+    return legs.straight(robot, *ends, options.legs, options.places)
 
 
-def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFrame]:
+def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
     """Return the study's tables; raises what :func:`motion_of` does."""
     motion, study = motion_of(options), settings.wrench
-    bounds = replace(
-        study_bounds(study), attachment=options.attachment, elevation=options.elevation
-    )
-    errors, recorded, sizes = [], [], (study.systems, study.test_systems)
+    models = legs.equal_models(motion, options.noise, options.bound)
+    ranges = {"attachment": options.attachment, "elevation": options.elevation}
+    bounds, errors, recorded = replace(study_bounds(study), **ranges), [], []
     for repeat in range(study.repeats):
         stream = rng.stream(settings.seed, "outlook.towing", repeat)
-        rows = error_rows(bounds, options.agents, sizes, stream)
+        sizes = (study.systems, study.test_systems)
+        rows = cables.error_rows(bounds, options.agents, sizes, stream)
         errors += [row | {"repeat": repeat} for row in rows]
     for m in (options.agents[0], options.agents[-1]):
         sizes = (study.systems, options.few, options.recorded)
         stream = rng.stream(settings.seed, "outlook.recorded", m)
-        recorded += recorded_rows(bounds, m, sizes, stream)
-    errors = pd.DataFrame(errors)
+        recorded += cables.recorded_rows(bounds, m, sizes, stream)
     return {
-        "hexapod": hexapod_rows(motion, equal_models(motion, options.noise, options.bound)),
-        "towing": errors,
-        "towing_slopes": slope_rows(errors),
+        "hexapod": legs.hexapod_rows(motion, models),
+        "towing": pd.DataFrame(errors),
+        "towing_slopes": cables.slope_rows(pd.DataFrame(errors)),
         "towing_recorded": pd.DataFrame(recorded),
     }
 
 
-def page(results: Results) -> list[str]:
-    """Return the page's parts."""
-    options, motion, errors = results.options, results.tables["hexapod"], results.tables["towing"]
+def facts(tables: Tables, options: Options) -> dict[str, object]:
+    """Return the fields of the page."""
+    motion, errors = tables["hexapod"], tables["towing"]
     ends = motion.groupby("model", sort=False)["rotation"].agg(["first", "last"])
-    means = 100 * errors.groupby(["part", "agents"])[[*ERRORS, "shift"]].mean()
-    counts = errors["agents"].min(), errors["agents"].max()
-    known = results.tables["towing_recorded"].set_index(["part", "agents", "known"])["error"]
-    rows = []
-    for row in results.tables["towing_slopes"].itertuples():
-        cells = [f"{means.loc[(row.part, m), row.error]:.3g}" for m in counts]
-        form = "diagonal" if row.error == "variance" else "full"
-        cells.append(interval(row.slope, row.low, row.high))
-        rows.append([f"{row.error} of {row.part}, {form} Σ_S", *cells])
-    for part in ("forces", "moments"):
-        cells = [f"{100 * known[part, m, 'directions']:.3g}" for m in counts]
-        name = f"covariance of {part}, Σ_S and Ψ_S of recorded directions"
-        rows.append([name, *cells, MISSING])
-        cells = [f"{means.loc[(part, m), 'shift']:.3g}" for m in counts]
-        rows.append([f"mean of {part}, over the standard deviation", *cells, MISSING])
-    header = ["error of the matrix model (%)", *(f"m = {number(m)}" for m in counts), "slope"]
-    text = PAGE.format(
-        noise=options.noise,
-        least=motion["least_singular_value"].iloc[[0, -1]].tolist(),
-        few=counts[0],
-        many=counts[1],
-        repeats=errors["repeat"].nunique(),
-        table=table(header, rows),
-        figure=results.figure,
-        length=options.length,
-        **(ends["last"] / ends["first"]).to_dict(),
-    )
-    return [text]
+    means = 100 * errors.groupby(["part", "agents"])[[*cables.ERRORS, "shift"]].mean()
+    few, many = errors["agents"].min(), errors["agents"].max()
+    known = tables["towing_recorded"].pivot(index=["part", "agents"], columns="known")
+    means["directions"], rows = 100 * known["error", "directions"], []
+
+    def add(name: str, part: str, column: str, slope: str = MISSING) -> None:
+        rows.append([name, *(f"{means.loc[(part, m), column]:.3g}" for m in (few, many)), slope])
+
+    for row in tables["towing_slopes"].itertuples():
+        form, slope = cables.ERRORS[row.error][0], interval(row.slope, row.low, row.high)
+        add(f"{row.error} of {row.part}, {form} Σ_S", row.part, row.error, slope)
+    for part in cables.PARTS:
+        add(f"covariance of {part}, Σ_S and Ψ_S of recorded directions", part, "directions")
+        add(f"mean of {part}, over the standard deviation", part, "shift")
+    header = ["error of the matrix model (%)", f"m = {number(few)}", f"m = {number(many)}", "slope"]
+    return {
+        "noise": options.noise,
+        "least": motion["least_singular_value"].iloc[[0, -1]].tolist(),
+        "few": few,
+        "many": many,
+        "repeats": errors["repeat"].nunique(),
+        "table": table(header, rows),
+        "length": options.length,
+    } | (ends["last"] / ends["first"]).to_dict()
 
 
 def draw(hexapod: pd.DataFrame, towing: pd.DataFrame) -> Figure:
@@ -152,24 +115,23 @@ def draw(hexapod: pd.DataFrame, towing: pd.DataFrame) -> Figure:
     cables, mean over the repeats: variances with the diagonal Σ_S (full lines), covariances with
     the full Σ_S (dashed).
     """
+    blue, green, dashes = style.BLUE, style.GREEN, (0, (6, 1.5, 1, 1.5))
     lines = {
         "additive": style.MODELS["additive"] | {"label": "additive"},
         "gaussian": style.MODELS["gaussian"] | {"label": "Gaussian"},
-        "qr_transposed": {
-            "label": r"Wishart, QR of $J^{\mathsf{T}}$",
-            "color": style.BLUE,
-            "ls": "--",
-        },
-        "qr": {"label": "Wishart, QR of $J$", "color": style.GREEN, "ls": (0, (6, 1.5, 1, 1.5))},
+        "qr_transposed": {"label": r"Wishart, QR of $J^{\mathsf{T}}$", "color": blue, "ls": "--"},
+        "qr": {"label": "Wishart, QR of $J$", "color": green, "ls": dashes},
     }
     figure, ((rotation, wrench),) = style.panels(style.TWO_COLUMNS, 2.6, columns=2)
     for model, line in lines.items():
         rows = hexapod[hexapod["model"] == model]
         rotation.plot(rows["place"], 1e3 * rows["rotation"], **line)
-    rotation.set(xlabel="share of the motion", ylabel="std of the rotation (mrad)", ylim=(0, None))
-    means = 100 * towing.groupby(["part", "agents"])[list(ERRORS)].mean()
-    for part, color in (("forces", style.BLUE), ("moments", style.VERMILLION)):
-        for error, dashes in zip(ERRORS, ("-", "--"), strict=True):
+    rotation.set(
+        xlabel="share of the motion (1)", ylabel="std of the rotation (mrad)", ylim=(0, None)
+    )
+    means = 100 * towing.groupby(["part", "agents"])[list(cables.ERRORS)].mean()
+    for part, color in (("forces", blue), ("moments", style.VERMILLION)):
+        for error, dashes in zip(cables.ERRORS, ("-", "--"), strict=True):
             look = {"color": color, "marker": "o", "ms": 2.5, "label": f"{error} of {part}"}
             wrench.plot(means.loc[part, error], dashes, **look)
     wrench.set(xscale="log", yscale="log", xlabel="number of cables", ylabel="error (%)")
@@ -183,4 +145,4 @@ def draw(hexapod: pd.DataFrame, towing: pd.DataFrame) -> Figure:
     return figure
 
 
-run = Study("The models on a hexapod and on a towed load", Options, evaluate, page, draw).run
+run = Study(Options, evaluate, facts, draw).run

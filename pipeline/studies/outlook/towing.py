@@ -79,21 +79,19 @@ def recorded_rows(
     size = lever(bounds)
     sigma_s = averaged_sigma_s(draw_systems(bounds, sizes[0], agents, rng).in_units_of(size))
     drawn = draw_systems(bounds, sizes[1], agents, rng).in_units_of(size)
-    due, modelled = [], {"bounds": [], "directions": []}
+    due, bounded, known = [], [], []
     for number in range(sizes[1]):
         parts = (getattr(drawn, field.name) for field in fields(drawn))
         system = CableSystem(*(part if part is None else part[number] for part in parts))
         directions = sample_directions(system.direction, system.concentration, sizes[2], rng)
         fit = moment_fit(np.einsum("mnp,kmp->knm", system.maps(), directions))
         model = matrix_model(system)
-        modelled["bounds"].append(model.covariance(sigma_s["full"].mean))
-        known = replace(model, jacobian=fit.mean, psi=fit.psi)
-        modelled["directions"].append(known.covariance(fit.sigma_s))
+        bounded.append(model.covariance(sigma_s["full"].mean))
+        known.append(replace(model, jacobian=fit.mean, psi=fit.psi).covariance(fit.sigma_s))
         due.append(wrench_covariance(system))
-    rows = []
-    for part, block in PARTS.items():
-        own = np.array(due)[:, block, block]
-        for known, covariances in modelled.items():
-            error = covariance_errors(np.array(covariances)[:, block, block], own).mean()
-            rows.append({"part": part, "agents": agents, "known": known, "error": error})
-    return rows
+    return [
+        {"part": part, "agents": agents, "known": name, "error": covariance_errors(*own).mean()}
+        for part, block in PARTS.items()
+        for name, modelled in (("bounds", bounded), ("directions", known))
+        for own in [[np.array(each)[:, block, block] for each in (modelled, due)]]
+    ]

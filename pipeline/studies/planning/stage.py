@@ -29,34 +29,16 @@ from pipeline.models.noise import process_noise
 from pipeline.planning.motions import best_conditioned, least_uncertain, minimum_norm
 from pipeline.planning.problem import InfeasibleError, Problem, uncertainty
 from pipeline.statistics.takes import drawn_takes, percentile_interval
-from pipeline.studies.frame import MISSING, Results, Study, interval, listed, number
+from pipeline.studies.frame import MISSING, Study, Tables, interval, number
 from pipeline.studies.planning.bench import Bench, Rig, bench_of
 from pipeline.studies.simulated import PhysicsFactors, disturbed
-from pipeline.verdicts.wording import table
+from pipeline.verdicts.wording import listed, table
 
 RECORDED, MINIMUM, BEST = "recorded", "minimum_norm", "best_conditioned"
 SURE = 0.975  # share of the resamplings
 DIGITS = 9  # of a prediction; smaller differences are none
 KEYS = ["arm", "physics"]
-PAGE = """Is the motion that a model plans as the least uncertain really the least uncertain of one
-task path? Every model is fitted to {takes} takes of the recorded motion and plans the motion of
-least Σ tr Cov(ω). The laboratory performs each motion as often.
-
-**Answer.** In {sure} of {pairs} pairs of arm and physics a model's plan has the least sum in at
-least {share:.1%} of the resamplings. The median of Kendall's τ between predicted and realised order
-of the motions is {medians}; 1 is the same order, −1 the opposite. The additive model has no plan:
-its covariance is the same at every step.{verdict}
-
-{table}
-
-Sums are those of the joints' one-step noise in rad²; ratios are to the minimum-norm motion, with
-bootstrap 95 % intervals over the takes; the share is that of the resamplings.
-
-{figure}
-
-**What would change it.** The laboratory's sway grows with the speed of all joints, the null space
-included, and no matrix model gives noise to a step in the null space. On a real robot whose noise
-follows a model, that model's plan would be the least uncertain. The planner knows no collisions."""
+Motions = Mapping[str, np.ndarray]  # by name: (M+1, n) rad, or (choices,) sums of their noise
 
 
 @options()
@@ -73,7 +55,7 @@ class Options:
     conditioned: Positive
 
 
-def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFrame]:
+def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
     """Return the study's tables."""
     benches = {
         arm: bench_of(config.CONF / f"dataset/{arm}.yaml", task, options.pace)
@@ -102,8 +84,8 @@ def problem_of(bench: Bench, options: Options, smoothness: float) -> Problem:
     return Problem(bench.chain, path, bench.rate, options.margin * float(least), smoothness)
 
 
-def fixed_motions(bench: Bench, options: Options) -> dict[str, np.ndarray]:
-    """Return the motions (M+1, n) in rad that need no model; raises InfeasibleError."""
+def fixed_motions(bench: Bench, options: Options) -> Motions:
+    """Return the motions that need no model; raises InfeasibleError."""
     problem = problem_of(bench, options, 0.0)
     return {
         RECORDED: bench.recorded,
@@ -130,14 +112,12 @@ def planned(bench: Bench, model: MotionModel, options: Options) -> np.ndarray:
 def tables_of(
     case: tuple[str, str],
     benches: Mapping[str, Bench],
-    fixed: Mapping[str, Mapping[str, np.ndarray]],
+    fixed: Mapping[str, Motions],
     options: Options,
     models: Mapping[str, object],
     seed: int,
-) -> dict[str, pd.DataFrame]:
-    """Return the study's tables of one arm in one physics, ``case``; ``fixed`` are the motions that
-    need no model, by arm.
-    """
+) -> Tables:
+    """Return the tables of one arm in one physics, ``case``; ``fixed`` motions need no model."""
     arm, physics = case
     bench, motions, laws = benches[arm], dict(fixed[arm]), {}
     dynamics = disturbed(bench.dynamics, PhysicsFactors(**options.physics[physics]))
@@ -151,22 +131,22 @@ def tables_of(
             print(f"planning: {arm}, {physics}: {name} has no plan: {error.message}")
     drawn = drawn_takes(options.takes, rng.stream(seed, "planning.resampling"))
     sums = realised_sums(rig, motions, [np.arange(options.takes), *drawn])
-    predictions, agreements = [], []
-    for model, law in laws.items():
-        own = {name: predicted_sum(bench, law, path) for name, path in motions.items()}
-        predictions += [(model, *each) for each in own.items()]
-        agreements.append((model, agreement(own, {name: one[0] for name, one in sums.items()})))
+    predictions = {
+        model: {name: predicted_sum(bench, law, path) for name, path in motions.items()}
+        for model, law in laws.items()
+    }
+    rows = [(model, *each) for model, own in predictions.items() for each in own.items()]
+    realised = {name: values[0] for name, values in sums.items()}
+    taus = [(model, agreement(own, realised)) for model, own in predictions.items()]
     tables = {
         "planning": sum_rows(sums),
-        "planning_predictions": pd.DataFrame(predictions, columns=["model", "motion", "sum"]),
-        "planning_agreements": pd.DataFrame(agreements, columns=["model", "tau"]),
+        "planning_predictions": pd.DataFrame(rows, columns=["model", "motion", "sum"]),
+        "planning_agreements": pd.DataFrame(taus, columns=["model", "tau"]),
     }
     return {name: rows.assign(arm=arm, physics=physics) for name, rows in tables.items()}
 
 
-def realised_sums(
-    rig: Rig, motions: Mapping[str, np.ndarray], choices: Sequence[np.ndarray]
-) -> dict[str, np.ndarray]:
+def realised_sums(rig: Rig, motions: Motions, choices: Sequence[np.ndarray]) -> Motions:
     """Return Σ_k tr of the sample covariance of ω_k over each choice of takes, which may repeat, by
     motion; motions that the arm cannot perform are left out.
     """
@@ -207,17 +187,16 @@ def agreement(prediction: Mapping[str, float], realised: Mapping[str, float]) ->
     return float(kendalltau(first, [realised[name] for name in names]).statistic)
 
 
-def sum_rows(sums: Mapping[str, np.ndarray]) -> pd.DataFrame:
+def sum_rows(sums: Motions) -> pd.DataFrame:
     """Return the table ``planning`` without arm and physics."""
-    least = np.array(list(sums))[np.argmin(np.stack(list(sums.values()))[:, 1:], axis=0)]
     if MINIMUM not in sums:
         raise ConfigError("the arm cannot perform the minimum-norm motion", key="arms")
+    least = np.array(list(sums))[np.argmin(np.stack(list(sums.values()))[:, 1:], axis=0)]
     rows = []
     for motion, values in sums.items():
         ratios = values / sums[MINIMUM]
-        low, high = percentile_interval(ratios[1:])
-        share = float(np.mean(least == motion))
-        rows.append((motion, values[0], ratios[0], low, high, share))
+        ends, share = percentile_interval(ratios[1:]), float(np.mean(least == motion))
+        rows.append((motion, values[0], ratios[0], *ends, share))
     return pd.DataFrame(rows, columns=["motion", "sum", "ratio", "low", "high", "least"])
 
 
@@ -228,40 +207,35 @@ def motion_label(motion: str) -> str:
     return f"plan of {motion}"
 
 
-def page(results: Results) -> list[str]:
-    """Return the page's parts."""
-    rows, taus = results.tables["planning"], results.tables["planning_agreements"]
-    least = rows.loc[rows.groupby(KEYS, sort=False)["ratio"].idxmin()]
-    plans = ~rows["motion"].isin([RECORDED, MINIMUM, BEST])
-    sure = (plans[least.index] & (least["least"] >= SURE)).sum()
-    best = rows[plans].groupby(KEYS, sort=False)["ratio"].idxmin()
-    medians = taus.dropna(subset="tau").groupby("model", sort=False)["tau"].median()
-    few, lines = sure < SURE * len(least), []
-    for row in least.itertuples():
-        cells = [row.arm, row.physics, f"{motion_label(row.motion)} ({row.least:.0%})"]
-        cells += [ratio_text(row), MISSING, MISSING]
-        if (row.arm, row.physics) in best:
-            own = rows.loc[best[row.arm, row.physics]]
-            cells[-2:] = motion_label(own["motion"]), ratio_text(own)
-        lines.append(cells)
-    header = ["arm", "physics", "least sum (share)", "over minimum norm", "best plan", "over it"]
-    text = PAGE.format(
-        takes=results.options.takes,
-        sure=sure,
-        pairs=len(least),
-        share=SURE,
-        medians=listed([f"{number(tau)} ({model})" for model, tau in medians.items()])
-        or "undefined",
-        verdict=" These plans do not reliably reduce the uncertainty." if few else "",
-        table=table(header, lines),
-        figure=results.figure,
+def facts(tables: Tables, options: Options) -> dict[str, object]:
+    """Return the fields of the page."""
+    rows, taus = tables["planning"], tables["planning_agreements"].dropna(subset="tau")
+    ends = zip(rows["ratio"], rows["low"], rows["high"], strict=True)
+    rows = rows.assign(
+        text=[interval(*each).replace("+", "") for each in ends],
+        label=rows["motion"].map(motion_label),
+        plan=~rows["motion"].isin([RECORDED, MINIMUM, BEST]),
     )
-    return [text]
-
-
-def ratio_text(row) -> str:
-    """Return a ratio with its interval."""
-    return interval(row.ratio, row.low, row.high).replace("+", "")
+    least = rows.loc[rows.groupby(KEYS, sort=False)["ratio"].idxmin()]
+    best = rows[rows["plan"]]
+    best = best.loc[best.groupby(KEYS, sort=False)["ratio"].idxmin()]
+    shown = least.merge(best[[*KEYS, "label", "text"]], "left", KEYS, suffixes=("", " of plan"))
+    shown["label"] += [f" ({share:.0%})" for share in shown["least"]]
+    cells = [*KEYS, "label", "text", "label of plan", "text of plan"]
+    header = ["arm", "physics", "least sum (share)", "over minimum norm", "best plan", "over it"]
+    sure = (least["plan"] & (least["least"] >= SURE)).sum()
+    medians = taus.groupby("model", sort=False)["tau"].median()
+    medians = [f"{number(tau)} ({model})" for model, tau in medians.items()]
+    few = " These plans do not reliably reduce the uncertainty."
+    return {
+        "takes": options.takes,
+        "sure": sure,
+        "pairs": len(least),
+        "share": SURE,
+        "medians": listed(medians or ["undefined"]),
+        "verdict": few if sure < SURE * len(least) else "",
+        "table": table(header, shown[cells].fillna(MISSING).to_numpy()),
+    }
 
 
 def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
@@ -271,39 +245,36 @@ def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
     motion, a symbol a model; upwards: the realised sum over that of the minimum-norm motion, a
     colour a motion. On the dotted diagonal the prediction holds.
     """
-    predicted = planning_predictions.dropna(subset="sum")
-    norm = predicted[predicted["motion"] == MINIMUM].rename(columns={"sum": "norm"})
-    both = predicted.merge(norm.drop(columns="motion"), on=[*KEYS, "model"])
+    norm = planning_predictions[planning_predictions["motion"] == MINIMUM]
+    both = planning_predictions.merge(
+        norm.drop(columns="motion"), on=[*KEYS, "model"], suffixes=("", " of norm")
+    ).dropna()
     both = both.merge(planning[[*KEYS, "motion", "ratio"]], on=[*KEYS, "motion"])
-    arms, black = list(dict.fromkeys(planning["arm"])), style.BLACK
-    colours = (black, style.GREY, style.GREEN, style.BLUE, style.VERMILLION, style.ORANGE)
-    motions = dict(zip(dict.fromkeys(planning["motion"]), (*colours, style.PURPLE), strict=False))
+    both["predicted"] = both["sum"] / both["sum of norm"]
+    arms, black, grey = list(dict.fromkeys(planning["arm"])), style.BLACK, style.GREY
+    colours = (black, grey, style.GREEN, style.BLUE, style.VERMILLION, style.ORANGE, style.PURPLE)
+    motions = dict(zip(dict.fromkeys(planning["motion"]), colours, strict=False))
     models = dict(zip(dict.fromkeys(both["model"]), "osD^vP", strict=False))
     figure, grid = style.panels(style.TWO_COLUMNS, 3.2, columns=len(arms))
+    dotted = {"color": grey, "ls": ":", "lw": 0.8, "label": "prediction holds"}
     for name, axes, arm in zip("abcdefg", grid[0], arms, strict=False):
         for row in both[both["arm"] == arm].itertuples():
             look = {"color": motions[row.motion], "marker": models[row.model]}
-            axes.plot([row.sum / row.norm], [row.ratio], ls="none", ms=4, alpha=0.8, **look)
-        axes.set(xscale="log", yscale="log", xlabel="predicted over minimum norm", title=arm)
-        axes.axline((1, 1), (2, 2), color=style.GREY, ls=":", lw=0.8)
+            axes.plot([row.predicted], [row.ratio], ls="none", ms=4, alpha=0.8, **look)
+        axes.set(xscale="log", yscale="log", xlabel="predicted over minimum norm (1)", title=arm)
+        axes.axline((1, 1), (2, 2), **dotted)
         for ticks in (axes.xaxis, axes.yaxis):
             ticks.set_major_formatter("{x:g}")
             ticks.set_minor_formatter("{x:g}")
         axes.tick_params(which="both", labelsize=7)
         style.letter(axes, name)
-    grid[0, 0].set_ylabel("realised over minimum norm")
-    entries = [
-        Line2D([], [], marker="o", ls="none", color=color, label=motion_label(name))
-        for name, color in motions.items()
-    ]
-    hollow = {"ls": "none", "mfc": "none", "mec": black}
-    entries += [
-        Line2D([], [], marker=mark, label=f"predicted by {name}", **hollow)
-        for name, mark in models.items()
-    ]
-    entries.append(Line2D([], [], color=style.GREY, ls=":", lw=0.8, label="prediction holds"))
-    figure.legend(handles=entries, loc="outside lower center", ncols=3)
+    grid[0, 0].set_ylabel("realised over minimum norm (1)")
+    looks = {motion_label(x): {"marker": "o", "color": color} for x, color in motions.items()}
+    hollow = {"mfc": "none", "mec": black}
+    looks |= {f"predicted by {x}": {"marker": mark} | hollow for x, mark in models.items()}
+    entries = [Line2D([], [], ls="none", label=x, **look) for x, look in looks.items()]
+    figure.legend(handles=[*entries, Line2D([], [], **dotted)], loc="outside lower center", ncols=3)
     return figure
 
 
-run = Study("Least uncertain motions, planned and performed", Options, evaluate, page, draw).run
+run = Study(Options, evaluate, facts, draw).run

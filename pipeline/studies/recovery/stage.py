@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -26,23 +26,14 @@ from pipeline.models.options import Options as Model
 from pipeline.models.steps import Recorded, Truth
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.takes import NORMAL_QUANTILE, percentile_interval
-from pipeline.studies.frame import NoAnswerError, Results, Study, listed, number
-from pipeline.verdicts.wording import table
+from pipeline.studies.frame import NoAnswerError, Study, Tables, number
+from pipeline.verdicts.wording import listed, table
 
 LOOKS = {  # estimators of σ_B
     "moments": {"label": "moments", "color": style.BLUE, "marker": "o"},
     "paper": {"label": "the paper's convex problem", "color": style.VERMILLION, "marker": "s"},
     "likelihood": {"label": "maximum likelihood", "color": style.ORANGE, "marker": "D"},
 }
-METHOD = """Data sets have the measured poses and commanded steps of the recordings, noise of the
-model and the measurement noise of the recordings, which the estimators are given. All estimators of
-a model get the same data sets. The interval of one estimate is the bootstrap over takes; its law is
-pooled over the data sets, one resampling of each (Giacomini, Politis and White, Econometric Theory
-29, 2013)."""
-LIMITS = """The data follow the model, recordings need not: an estimate from recordings of another
-law has no true value. The weights of the convex problem are not printed. Here they follow from the
-noise at rest, and others move its estimates (figure of σ̂_B over the weight in the report). Fewer
-takes widen every interval."""
 # estimates of a data set, and of one resampling of its takes
 Pair = tuple[dict[str, float], dict[str, float]]
 
@@ -58,8 +49,7 @@ class Options:
     datasets: Annotated[int, Field(ge=2)]  # of each known law
 
 
-@dataclass(frozen=True)
-class KnownLaw:
+class KnownLaw(NamedTuple):
     """A known law, and the estimators that are given data of it, by their names."""
 
     model: str
@@ -67,7 +57,7 @@ class KnownLaw:
     estimators: dict[str, Model]
 
 
-def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFrame]:
+def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
     """Return the table ``recovery``; NoAnswerError if the measurement noise is unknown."""
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
     try:  # of the recordings some takes and steps, and the measurement noise of all
@@ -83,16 +73,16 @@ def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFr
     cases = list(known_laws(part, options))
     trials = [(case, i) for case in cases for i in range(options.datasets)]
     trial = partial(recover, recorded=part, seed=settings.seed)
-    label = "recovery: data sets"
-    pairs = list(run_trials(trial, trials, compute=settings.compute, label=label))
+    pairs = run_trials(trial, trials, compute=settings.compute, label="recovery: data sets")
     rows = []
-    for i, case in enumerate(cases):
-        own = pairs[i * options.datasets : (i + 1) * options.datasets]
-        for name in case.estimators:
-            for parameter, truth in case.truth.values.items():
-                keys = {"model": case.model, "estimator": name, "parameter": parameter}
-                row = recovery_row(parameter, truth, [pair[name] for pair in own])
-                rows.append(keys | row)
+    for case in cases:
+        own = [next(pairs) for _ in range(options.datasets)]
+        rows += [
+            {"model": case.model, "estimator": name, "parameter": parameter}
+            | recovery_row(parameter, truth, [pair[name] for pair in own])
+            for name in case.estimators
+            for parameter, truth in case.truth.values.items()
+        ]
     return {"recovery": pd.DataFrame(rows)}
 
 
@@ -107,16 +97,14 @@ def known_laws(recorded: Recorded, options: Options) -> Iterator[KnownLaw]:
 
 def drawn(truth: MotionModel, recorded: Recorded, rng: np.random.Generator) -> Recorded:
     """Return ``recorded`` with the noise ω of every step drawn from ``truth`` at the recorded pose,
-    plus N(0, Σ_m) of the recordings.
+    plus N(0, Σ_m) of the recordings: the law of a step that the likelihoods assume.
 
-    The law of a step given the measured pose before it is the one that the likelihoods assume.
     Raises SingularJacobianError and, where the motion never rests, ModelDomainError.
     """
     q, v = recorded.q, recorded.v
-    nominal = q + recorded.chain.nominal_step(q, v)
     step, _ = draw_steps(truth, recorded.chain, q, v, rng)
     measured = rng.multivariate_normal(np.zeros(q.shape[-1]), recorded.measurement, q.shape[:-1])
-    noise = step - nominal + measured
+    noise = step - (q + recorded.chain.nominal_step(q, v)) + measured
     return replace(recorded, noise=noise, known_measurement=recorded.measurement)
 
 
@@ -166,36 +154,27 @@ def recovery_row(parameter: str, truth: float, pairs: Sequence[Pair | None]) -> 
     }
 
 
-def page(results: Results) -> list[str]:
-    """Return the page's parts."""
-    rows, options = results.tables["recovery"], results.options
+def facts(tables: Tables, options: Options) -> dict[str, object]:
+    """Return the fields of the page."""
+    rows = tables["recovery"]
     wishart = rows[rows["parameter"] == "sigma_b"]
     header = ["estimator", "σ_B", "mean σ̂_B (95 %)", "std", "bootstrap s.e.", "coverage", "lost"]
-    lines = []
-    for row in wishart.to_dict("records"):
-        mean, low, high = (number(row[name]) for name in ("mean", "mean_low", "mean_high"))
-        names = ("standard_deviation", "bootstrap_standard_error", "coverage", "lost")
-        cells = [
-            LOOKS[row["estimator"]]["label"],
-            number(row["truth"]),
-            f"{mean} ({low} to {high})",
-        ]
-        lines.append(cells + [number(row[name]) for name in names])
+    shown = wishart[["truth", "mean", "mean_low", "mean_high", "standard_deviation"]]
+    shown = shown.join(wishart[["bootstrap_standard_error", "coverage", "lost"]]).map(number)
+    interval = shown["mean"] + " (" + shown.pop("mean_low") + " to " + shown.pop("mean_high") + ")"
+    shown = shown.assign(mean=interval)
+    shown.insert(0, "estimator", [LOOKS[name]["label"] for name in wishart["estimator"]])
     others = rows[rows["parameter"] != "sigma_b"].dropna(subset="mean")
     unbiased = (others["mean_low"] <= others["truth"]) & (others["truth"] <= others["mean_high"])
-    return [
-        "Do the estimators of σ_B return the dispersion that data were drawn with, and do their "
-        "intervals hold it?",
-        "\n".join(f"- {sentence}" for sentence in bias_sentences(wishart)),
-        results.figure,
-        f"{options.datasets} data sets a law, {options.takes} takes of every {options.stride}th "
-        f"step. {METHOD}",
-        table(header, lines),
-        "The other models' parameters: [recovery.csv](recovery/recovery.csv). "
-        f"{unbiased.sum()} of {len(others)} have no significant bias (95 %).",
-        "## What would change the answer",
-        LIMITS,
-    ]
+    return {
+        "sentences": "\n".join(f"- {sentence}" for sentence in bias_sentences(wishart)),
+        "datasets": options.datasets,
+        "takes": options.takes,
+        "stride": options.stride,
+        "table": table(header, shown.to_numpy()),
+        "unbiased": unbiased.sum(),
+        "others": len(others),
+    }
 
 
 def bias_sentences(rows: pd.DataFrame) -> Iterator[str]:
@@ -234,10 +213,10 @@ def draw(recovery: pd.DataFrame) -> Figure:
         axes.plot(x, rows["mean"] / rows["truth"], linestyle="", markersize=4, **look)
     axes.axhline(1, color=style.GREY, linewidth=0.8, zorder=0, label="true value")
     axes.set_xticks(list(places.values()), [f"{truth:g}" for truth in places])
-    axes.set(xlabel=r"true $\sigma_B$", ylabel=r"estimated over true $\sigma_B$")
+    axes.set(xlabel=r"true $\sigma_B$ (1)", ylabel=r"estimated over true $\sigma_B$ (1)")
     axes.set_ylim(bottom=0)
     figure.legend(loc="outside lower center", ncols=2)
     return figure
 
 
-run = Study("Parameters that the estimators recover", Options, evaluate, page, draw).run
+run = Study(Options, evaluate, facts, draw).run

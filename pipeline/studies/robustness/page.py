@@ -8,8 +8,8 @@ from matplotlib.lines import Line2D
 
 from pipeline.cases.readings import FAILS, HOLDS, UNKNOWN
 from pipeline.figures import style
-from pipeline.studies.frame import MISSING, Results
-from pipeline.studies.robustness.decisions import BASE, CHANCE
+from pipeline.studies.frame import MISSING, Tables
+from pipeline.studies.robustness.grid import BASE, CHANCE
 from pipeline.verdicts.wording import table
 
 BOTH = "both"
@@ -20,30 +20,6 @@ NAMES = {
     "floor": r"floor of $B^{-1}$",
     "weights": r"weights $\alpha_2/\alpha_1$",
 }
-PAGE = """Do the verdicts on the claims depend on what the paper leaves open, on the physics of the
-synthetic laboratory, or on the random numbers?
-
-Of {claims} claims and conclusions with evidence, {steady} have the same verdict in every case. The
-verdict on {decisions} changes with a decision that the paper leaves open, on {physical} with the
-laboratory's physics or bounds, and on {lucky} with other random numbers (†): a single run says
-little of these. {most}The base case of the recordings has the options of the run, with {filtered}
-test takes in the filter; the laboratory's has {seeds} seeds, and “both” is a claim that holds with
-one of them only.
-
-{figure}
-
-Claims whose verdict changes, with the number of decisions and of factors of the laboratory that
-change it:
-
-{table}
-
-The same verdict in every case: {names}.
-
-**What would change it.** One decision or factor at a time is changed; `combined` in params.yaml has
-combinations of the laboratory's. The laboratory here has no faults of markers, no articulation of
-depth images and no estimate of clocks. Claims about robots or about the paper's own specimen are
-not decided by synthetic recordings: the grid shows how their rules behave. All counts:
-[robustness.csv](robustness/robustness.csv)."""
 
 
 def verdict_of(holds: int, fails: int) -> str:
@@ -66,14 +42,14 @@ def changes(robustness: pd.DataFrame) -> pd.DataFrame:
     return varied.groupby(keys, sort=False)["changed"].any().reset_index()
 
 
-def page(results: Results) -> list[str]:
-    """Return the page's parts."""
-    changed = changes(results.tables["robustness"])
-    flipped, chance = changed[changed["changed"]], changed["factor"] == CHANCE
-    lucky = set(flipped.loc[chance, "claim"])
-    others = flipped[~chance[flipped.index]]
-    decisions = others[others["grid"] == "decisions"]
-    physical = set(others["claim"][others["grid"] != "decisions"])
+def facts(tables: Tables, options: object) -> dict[str, object]:
+    """Return the fields of the page."""
+    changed = changes(tables["robustness"])
+    chance, open_ones = changed["factor"] == CHANCE, changed["grid"] == "decisions"
+    flipped = changed["changed"]
+    lucky = set(changed["claim"][flipped & chance])
+    physical = set(changed["claim"][flipped & ~open_ones & ~chance])
+    decisions = changed[flipped & open_ones & ~chance]
     most = decisions.groupby("factor")["claim"].nunique().sort_values(ascending=False)
     steady, rows = [], []
     for claim, own in changed.groupby("claim", sort=False):
@@ -81,25 +57,23 @@ def page(results: Results) -> list[str]:
             steady.append(claim)
             continue
         cells = [f"{claim} †" if claim in lucky else claim, ", ".join(dict.fromkeys(own["base"]))]
-        for part in (own["grid"] == "decisions", own["grid"] != "decisions"):
-            some = own[part & ~chance[own.index]]
+        for part in (open_ones, ~open_ones):
+            some = own[(part & ~chance)[own.index]]
             cells.append(f"{some['changed'].sum()} of {len(some)}" if len(some) else MISSING)
         rows.append(cells)
     decision = "The decision that changes most is “{}”: {} claims. "
-    text = PAGE.format(
-        claims=changed["claim"].nunique(),
-        steady=len(steady),
-        decisions=decisions["claim"].nunique(),
-        physical=len(physical),
-        lucky=len(lucky),
-        most=decision.format(most.index[0], most.iloc[0]) if len(most) else "",
-        filtered=results.options.filtered,
-        seeds=len(results.options.seeds),
-        figure=results.figure,
-        table=table(["claim", "base", "decisions", "laboratory"], rows),
-        names=", ".join(steady) or "none",
-    )
-    return [text]
+    return {
+        "claims": changed["claim"].nunique(),
+        "steady": len(steady),
+        "decisions": decisions["claim"].nunique(),
+        "physical": len(physical),
+        "lucky": len(lucky),
+        "most": decision.format(most.index[0], most.iloc[0]) if len(most) else "",
+        "filtered": options.filtered,
+        "seeds": len(options.seeds),
+        "table": table(["claim", "base", "decisions", "laboratory"], rows),
+        "names": ", ".join(steady) or "none",
+    }
 
 
 def draw(robustness: pd.DataFrame) -> Figure:

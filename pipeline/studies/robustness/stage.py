@@ -4,7 +4,6 @@ laboratory's physics, the random numbers.
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Iterable, Iterator
 from functools import partial
@@ -12,8 +11,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated
 
-import joblib
 import pandas as pd
+from joblib import Memory
 from pydantic import Field
 
 from pipeline.cases.case import Choices, Recordings, paper_models, recorded_takes
@@ -26,10 +25,17 @@ from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Count
 from pipeline.core.validation import options
 from pipeline.filtering.particle_filter import FilterOptions
-from pipeline.studies.frame import Study
-from pipeline.studies.robustness.conditions import Common, Condition, conditions, verdicts
-from pipeline.studies.robustness.decisions import cameras, decision_cases, without_camera
-from pipeline.studies.robustness.page import draw, page
+from pipeline.studies.frame import Study, Tables
+from pipeline.studies.robustness.grid import (
+    Common,
+    Condition,
+    cameras,
+    conditions,
+    decision_cases,
+    verdicts,
+    without_camera,
+)
+from pipeline.studies.robustness.page import draw, facts
 from pipeline.studies.simulated import FACTORS, Laboratory
 from pipeline.verdicts.claims import Claim
 from pipeline.wrench.bounds import study_bounds
@@ -57,7 +63,7 @@ class Options:
     wrench: Levels
 
 
-def evaluate_grid(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFrame]:
+def evaluate_grid(settings: SimpleNamespace, options: Options) -> Tables:
     """Return the table ``robustness``: the verdicts of every claim, counted by level; raises
     ConfigError for a factor that the laboratory does not have.
     """
@@ -95,14 +101,8 @@ def decision_verdicts(
     else:
         print("robustness: no depth camera; no decision on camera and filter is varied")
         cases = [named for named in cases if without_camera(named[2], base)]
-    recordings = Recordings(
-        takes=takes,
-        cameras=seen,
-        rate=dataset.motion.rate,
-        filtered=options.filtered,
-        realizations=settings.simulation.realizations,
-        stream=(settings.seed, "robustness"),
-    )
+    sizes = (dataset.motion.rate, options.filtered, settings.simulation.realizations)
+    recordings = Recordings(takes, seen, *sizes, (settings.seed, "robustness"))
     run = partial(run_trials, compute=settings.compute, label="robustness: decisions")
     evidence = evaluate([case for _, _, case in cases], recordings, run)
     for (factor, level, _), (of_case, refusals) in zip(cases, evidence, strict=True):
@@ -120,24 +120,14 @@ def laboratory_verdicts(
     """
     grid, common = laboratory_grid(settings, options, claims)
     folder = Path(".dvc/tmp/robustness", sources_hash()).absolute()
-    trial, label = partial(kept_verdicts, common=common, folder=folder), "robustness: conditions"
+    trial = partial(Memory(folder, verbose=0).cache(verdicts), common=common)
+    label = "robustness: conditions"
     results = run_trials(trial, grid, compute=settings.compute, label=label)
     for condition, rows in zip(grid, results, strict=True):
         factor = ", ".join(name for name, _ in condition.levels)
         level = ", ".join(f"{x:g}" if isinstance(x, float) else x for _, x in condition.levels)
         yield condition.study, factor, level, rows
     shutil.rmtree(folder.parent, ignore_errors=True)
-
-
-def kept_verdicts(condition: Condition, common: Common, folder: Path) -> pd.DataFrame:
-    """:func:`verdicts` of one condition, kept in ``folder`` by a hash of both arguments."""
-    file = folder / f"{joblib.hash((condition, common))}.pickle"
-    if not file.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        part = file.with_suffix(f".{os.getpid()}")
-        verdicts(condition, common).to_pickle(part)
-        part.replace(file)
-    return pd.read_pickle(file)
 
 
 def laboratory_grid(
@@ -168,19 +158,16 @@ def laboratory_grid(
 
 
 def counts(parts: Iterable[Verdicts]) -> pd.DataFrame:
-    """Return the table ``robustness``. Claims without evidence in any case of a grid are left
-    out.
-    """
-    rows = []
-    for grid, factor, level, cases in parts:
-        place = {"grid": grid, "factor": factor, "level": level}
-        own = cases.drop_duplicates("claim").assign(**place)
-        verdict = own["verdict"]
-        rows.append(own.assign(holds=verdict == HOLDS, fails=verdict == FAILS))
+    """Return the table ``robustness``, of claims with evidence in any case of a grid."""
+    rows = pd.concat(
+        cases.drop_duplicates("claim").assign(grid=grid, factor=factor, level=level)
+        for grid, factor, level, cases in parts
+    )
+    rows = rows.assign(holds=rows["verdict"] == HOLDS, fails=rows["verdict"] == FAILS)
     keys = ["grid", "factor", "level", "claim", "about"]
-    counted = pd.concat(rows).groupby(keys, sort=False)[["holds", "fails"]].sum().reset_index()
+    counted = rows.groupby(keys, sort=False)[["holds", "fails"]].sum().reset_index()
     known = counted[["holds", "fails"]].sum(axis=1).groupby([counted["grid"], counted["claim"]])
     return counted[known.transform("sum") > 0].reset_index(drop=True)
 
 
-run = Study("Claims where something is decided otherwise", Options, evaluate_grid, page, draw).run
+run = Study(Options, evaluate_grid, facts, draw).run

@@ -1,5 +1,7 @@
 """Likelihood of every decomposition given the paper's printed numbers, the path unknown.
 
+A Wishart step J₂⁺B⁻¹a, a = J₁⁻¹v, r = ‖a‖, has the covariance
+r²·J₂⁺R·diag(Var z, (E z²/(d−m))·I)·RᵀJ₂⁺ᵀ, R orthonormal with first column a/r, d = (m+1)/σ_B².
 On a path the laws at the printed parameters give three kinds of quantities:
 
 - Σ_ω and σ_B: w_j, the standard deviation of joint j under the Wishart model at σ̂_B over the
@@ -18,25 +20,24 @@ the mean over the paths of the prior of the product of these densities, ∏ N(ln
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from itertools import permutations
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.core.errors import ConfigError
+from pipeline.models.wishart.decomposition import orthonormalize
+from pipeline.models.wishart.law import step_variances
 from pipeline.statistics.takes import NORMAL_QUANTILE
-from pipeline.studies.which_decomposition.laws import (
-    GAUSSIAN,
-    PIVOTED,
-    READINGS,
-    gaussian_variance,
-    wishart_parts,
-    wishart_variance,
-)
 from pipeline.studies.which_decomposition.paths import Paths
 from pipeline.verdicts.claims import Claim
 
+PIVOTED, QR, QR_TRANSPOSED, GAUSSIAN = "pivoted_lu", "qr", "qr_transposed", "gaussian"
+# LU without pivoting of the planar task (x, z, φ) in every order of its rows
+PLAIN = {"lu_" + "".join("xzp"[row] for row in order): order for order in permutations(range(3))}
+READINGS = (PIVOTED, *PLAIN, QR, QR_TRANSPOSED)
 SIZES = {
     "joints 1 and 2": ("joint 1", "joint 2"),
     "all joints": ("joint 1", "joint 2", "joint 3"),
@@ -52,8 +53,60 @@ INTEGRATED = 0.0  # tolerance of the rows that hold it
 BLOCK = 50  # paths whose steps are evaluated at once: buffers that the cache holds
 
 
-@dataclass(frozen=True)
-class Published:
+def wishart_parts(
+    reading: str, jacobian: np.ndarray, inverse: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return A_j = r²·(J₂⁺J₂⁺ᵀ)_jj and C_j = (J⁺v)_j² (n, ...), of which the variances of a step's
+    joints are across·(A − C) + along·C (:func:`pipeline.models.wishart.law.step_variances`), from
+    J (m, n, ...), J⁺ (n, m, ...) and the commanded step v (m, ...).
+
+    The batch comes last, so that every entry is contiguous over it. The law of B is invariant to
+    rotations: the QR of J is J₁ = I. LU is J₁ = PᵀL of PJ = LU, P a fixed order of three rows or by
+    partial pivoting.
+    """
+    (m, n), nominal = jacobian.shape[:2], np.einsum("ij...,j...->i...", inverse, v)
+    identity = np.zeros((m, m, *jacobian.shape[2:]))
+    identity[range(m), range(m)] = 1.0
+    # columns: J, which becomes multipliers and J₂; v, which becomes a; P
+    rows = np.concatenate([jacobian, v[:, None], identity], axis=1)
+    if reading == QR:
+        back = inverse
+    elif reading == QR_TRANSPOSED:
+        orthonormalize(rows, n)
+        back = np.swapaxes(rows[:, :n], 0, 1)
+    else:
+        rows = rows[list(PLAIN.get(reading, range(m)))]
+        for k in range(m):
+            if reading == PIVOTED:
+                greatest = k + np.abs(rows[k:, k]).argmax(axis=0)
+                for i in range(k + 1, m):
+                    rows[[k, i]] = np.where(greatest == i, rows[[i, k]], rows[[k, i]])
+            rows[k + 1 :, k] /= rows[k, k]
+            rows[k + 1 :, k + 1 : n + 1] -= rows[k + 1 :, k, None] * rows[k, k + 1 : n + 1]
+        for i in range(m):
+            identity[i, :i] = rows[i, :i]
+        first = np.einsum("ki...,kj...->ij...", rows[:, n + 1 :], identity)
+        back = np.einsum("ij...,jk...->ik...", inverse, first)
+    return (rows[:, n] ** 2).sum(axis=0) * (back * back).sum(axis=1), nominal * nominal
+
+
+def wishart_variance(parts: tuple[np.ndarray, np.ndarray], m: int, sigma_b: float) -> np.ndarray:
+    """Return the (n, ...) variances of a step's joints in rad² from :func:`wishart_parts`."""
+    along, across = step_variances((m + 1) / sigma_b**2, m)
+    total, nominal = parts
+    return across * (total - nominal) + along * nominal
+
+
+def gaussian_variance(
+    norm: np.ndarray, v: np.ndarray, alpha: float, u: float, n: int
+) -> np.ndarray:
+    """Return the (...) variance in rad² of every joint's step under the Gaussian model of the
+    inverse Jacobian, α²(u² − ‖J⁺‖_F²)‖v‖²/(nm), of ``norm`` ‖J⁺‖_F (...) and ``v`` (m, ...).
+    """
+    return alpha**2 * (u**2 - norm**2) * (v * v).sum(axis=0) / (n * len(v))
+
+
+class Published(NamedTuple):
     """Sec. 4.1.2, results of the parameter estimations."""
 
     sigma_b: float  # σ̂_B of the Wishart model
@@ -84,8 +137,7 @@ def published(claims: Sequence[Claim]) -> Published:
     return Published(*(stated[name].published for name in ("sigma-b", "alpha", "u")), matrix)
 
 
-@dataclass(frozen=True)
-class Widths:
+class Widths(NamedTuple):
     """Root mean square standard deviation of a step on each of P paths, in rad."""
 
     kind: np.ndarray  # (P,) of path
@@ -94,33 +146,26 @@ class Widths:
     wishart: np.ndarray  # (P, R, n) of each of the readings
 
     @property
-    def total(self) -> np.ndarray:
-        """(R, P) of the Wishart model, the variances of the joints summed."""
-        return np.linalg.norm(self.wishart, axis=-1).T
-
-    @property
     def difference(self) -> np.ndarray:
         """(R, P) width of the Wishart model over the one of the Gaussian model."""
-        return self.total / (np.sqrt(self.wishart.shape[-1]) * self.gaussian)
+        total, n = np.linalg.norm(self.wishart, axis=-1).T, self.wishart.shape[-1]
+        return total / (np.sqrt(n) * self.gaussian)
 
     def subset(self, chosen: np.ndarray) -> Widths:
         """Return the paths of the mask ``chosen`` (P,)."""
-        return Widths(*(part[chosen] for part in vars(self).values()))
+        return Widths(*(part[chosen] for part in self))
 
 
 def joined(parts: Sequence[Widths]) -> Widths:
     """Return the paths of all ``parts``."""
-    columns = zip(*(vars(part).values() for part in parts), strict=True)
-    return Widths(*map(np.concatenate, columns))
+    return Widths(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def widths(chain: PlanarChain, paths: Paths, stated: Published, kind: str = "") -> Widths:
     """Return both models at the printed parameters ``stated`` on ``paths`` of the arm ``chain``."""
     blocks, n = [], paths.q.shape[-1]
     for start in range(0, len(paths.q), BLOCK):
-        q, step, inverse = (
-            part[start : start + BLOCK] for part in (paths.q, paths.step, paths.inverse)
-        )
+        _, q, step, inverse = (part[start : start + BLOCK] for part in paths)
         jacobian = chain.jacobian(q)
         v = np.ascontiguousarray(np.moveaxis(np.matvec(jacobian, step), -1, 0))
         jacobian, inverse = (
@@ -143,7 +188,7 @@ def log_quantities(drawn: Widths, stated: Published) -> dict[str, np.ndarray]:
     n = len(stated.covariance)
     joints = np.moveaxis(drawn.wishart / stated.spread, -1, 0)
     quantities = {f"joint {j + 1}": ratio.T for j, ratio in enumerate(joints)} | {
-        "trace": drawn.total / stated.total,
+        "trace": np.linalg.norm(drawn.wishart, axis=-1).T / stated.total,
         "gaussian": np.sqrt(n) * drawn.gaussian / stated.total,
         "difference": drawn.difference,
     }
@@ -173,22 +218,17 @@ def evidence_rows(
     grid, rows = np.exp(np.geomspace(*np.log(span), SPAN)), []
     for size, first in SIZES.items():
         for name, further in SETS.items():
-            members = (*first, *further)
-            cases = {f: densities(quantities, members, f) for f in tolerances}
-            cases[INTEGRATED] = np.mean([densities(quantities, members, f) for f in grid], axis=0)
-            for tolerance, density in cases.items():
+            cases = {f: densities(quantities, (*first, *further), f) for f in (*tolerances, *grid)}
+            cases[INTEGRATED] = np.mean([cases[f] for f in grid], axis=0)
+            for tolerance in (*tolerances, INTEGRATED):
+                density = cases[tolerance]
                 mean = density.mean(axis=1)
                 share, ratio = density / mean[:, None], mean / mean[pivoted]
                 error = (share - share[pivoted]).std(axis=1, ddof=1) / np.sqrt(density.shape[1])
-                ends = [ratio * np.exp(sign * NORMAL_QUANTILE * error) for sign in (-1, 1)]
-                columns = {
-                    "reading": READINGS,
-                    "likelihood": ratio,
-                    "low": ends[0],
-                    "high": ends[1],
-                }
+                low, high = (ratio * np.exp(x * NORMAL_QUANTILE * error) for x in (-1, 1))
                 place = {"size": size, "quantities": name, "tolerance": tolerance}
-                rows.append(pd.DataFrame(columns).assign(**place))
+                columns = {"likelihood": ratio, "low": low, "high": high}
+                rows.append(pd.DataFrame({"reading": READINGS} | columns).assign(**place))
     return pd.concat(rows, ignore_index=True)
 
 
@@ -214,12 +254,13 @@ def unsquared_rows(drawn: Widths, stated: Published, tolerances: Sequence[float]
     quantities, likelihoods relative to pivoted LU with α².
     """
     names = (*SIZES["joints 1 and 2"], *SETS["small_difference"])
-    wider, shift, rows = log_quantities(drawn, stated), -np.log(stated.alpha) / 2, []
-    due = [densities(wider, names, f)[READINGS.index(PIVOTED)].mean() for f in tolerances]
-    wider |= {"gaussian": wider["gaussian"] + shift, "difference": wider["difference"] - shift}
+    own, shift = log_quantities(drawn, stated), -np.log(stated.alpha) / 2
+    wider = own | {"gaussian": own["gaussian"] + shift, "difference": own["difference"] - shift}
     low, high = np.exp(np.quantile(wider["difference"], [0.05, 0.95], axis=1))
-    for tolerance, reference in zip(tolerances, due, strict=True):
-        likelihood = densities(wider, names, tolerance).mean(axis=1) / reference
+    rows = []
+    for f in tolerances:
+        due = densities(own, names, f)[READINGS.index(PIVOTED)].mean()
+        likelihood = densities(wider, names, f).mean(axis=1) / due
         columns = {"likelihood": likelihood, "low_ratio": low, "high_ratio": high}
-        rows.append(pd.DataFrame({"reading": READINGS, "tolerance": tolerance} | columns))
+        rows.append(pd.DataFrame({"reading": READINGS, "tolerance": f} | columns))
     return pd.concat(rows, ignore_index=True)

@@ -11,10 +11,12 @@ of the noise decides whether a path is kept.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.models.model import frobenius
 
 KINDS = ("joint line", "task line", "loop")
 BATCH = 2000  # candidates that are drawn at once
@@ -58,8 +60,7 @@ class TimeLaw:
         return np.where(place < 0.5, behind, 1 - behind)
 
 
-@dataclass(frozen=True)
-class Paths:
+class Paths(NamedTuple):
     """P feasible paths of K steps."""
 
     peak: np.ndarray  # (P,) greatest speed of a joint as a share of its limit
@@ -94,18 +95,13 @@ def joint_angles(chain: PlanarChain, pose: np.ndarray, elbow: np.ndarray) -> np.
     return chain.joints_from_segments(np.stack([upper, upper + bend, heading], axis=-1))
 
 
-def _bounded(inverse: np.ndarray, bound: float) -> np.ndarray:
-    """(...,) whether ‖J⁻¹‖_F of ``inverse`` (..., n, m) is below ``bound``."""
-    return np.einsum("...ij,...ij->...", inverse, inverse) < bound**2
-
-
 def _feasible(
     chain: PlanarChain, law: TimeLaw, kind: str, bound: float, rng: np.random.Generator
 ) -> Paths:
     """The feasible ones of a batch of paths start + size·shape, in the joints or in the task."""
     q = rng.uniform(chain.lower, chain.upper, (BATCH, 3))
     q = q[~chain.singular(q)]
-    q = q[_bounded(chain.inverse_jacobian(q), bound)]
+    q = q[frobenius(chain.inverse_jacobian(q)) < bound]
     count = len(q)
     # direction, and the ellipse's other axis
     first, other = rng.standard_normal((2, count, 3))
@@ -124,10 +120,8 @@ def _feasible(
 
     def angles(chosen: np.ndarray, stride: int) -> np.ndarray:
         """(C, L, 3) rad at every ``stride``-th sample of the paths ``chosen`` (C,)."""
-        shape, (along, across) = (
-            share[chosen, ::stride, None],
-            np.moveaxis(axes[chosen, None], 2, 0),
-        )
+        shape = share[chosen, ::stride, None]
+        along, across = np.moveaxis(axes[chosen, None], 2, 0)
         turn = 2 * np.pi * shape
         ellipse = (np.sin(turn) * along + (1 - np.cos(turn)) * across) / (2 * np.pi)
         q = start[chosen, None] + size[chosen, None, None] * (ellipse if loop else shape * along)
@@ -150,7 +144,7 @@ def _feasible(
         kept &= np.abs(speed / peak[chosen] - 1) < SPEED_TOLERANCE * (5 if stride > 1 else 1)
         chosen, q, speed = chosen[kept], q[kept], speed[kept]
         inverse = chain.inverse_jacobian(q)
-        kept = _bounded(inverse, bound).all(axis=1)
+        kept = (frobenius(inverse) < bound).all(axis=1)
         chosen, q, speed, inverse = chosen[kept], q[kept], speed[kept], inverse[kept]
     step = np.diff(q, axis=1) / once[chosen, None, None]
     return Paths(speed / once[chosen], q[:, :-1], step, inverse[:, :-1])
@@ -162,9 +156,7 @@ def draw_paths(
     """Return ``count`` random feasible paths of the arm ``chain`` with its limits, of a ``kind`` of
     :data:`KINDS`; ``bound`` is û, which ‖J⁻¹‖_F stays below (1/m and 1 mixed).
     """
-    parts, have = [], 0
-    while have < count:
+    parts: list[Paths] = []
+    while sum(len(part.q) for part in parts) < count:
         parts.append(_feasible(chain, law, kind, bound, rng))
-        have += len(parts[-1].q)
-    columns = zip(*(vars(part).values() for part in parts), strict=True)
-    return Paths(*(np.concatenate(column)[:count] for column in columns))
+    return Paths(*(np.concatenate(column)[:count] for column in zip(*parts, strict=True)))

@@ -25,10 +25,10 @@ from pipeline.core.validation import options, validated
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.law import StepSquares, dispersion_of_trace
 from pipeline.recordings.steps import training_steps
-from pipeline.studies.frame import Study
-from pipeline.studies.which_decomposition import evidence, laws
-from pipeline.studies.which_decomposition.evidence import Published, Widths, joined, widths
-from pipeline.studies.which_decomposition.page import draw, page
+from pipeline.studies.frame import Study, Tables
+from pipeline.studies.which_decomposition import evidence as laws
+from pipeline.studies.which_decomposition.evidence import Published, Widths
+from pipeline.studies.which_decomposition.page import draw, facts
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths, with_tool
 
 STEPS, RATE = 320, 100.0  # M and steps a second of the paper
@@ -72,15 +72,15 @@ class Options:
         return {RAMPED: (ramped, self.paths), FULL_SPEED: (full, self.full_speed_paths)}
 
 
-def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFrame]:
+def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
     """Return the study's tables; ``level`` only if the measurement noise is known."""
-    stated, chain = evidence.published(read_claims()), arm_of(robot_of(PAPER_ARM)).chain
+    stated, chain = laws.published(read_claims()), arm_of(robot_of(PAPER_ARM)).chain
     trial = partial(
         widths_of_chunk, chain=chain, options=options, stated=stated, seed=settings.seed
     )
     label = "which_decomposition: paths"
     chunks = list(run_trials(trial, range(options.chunks), compute=settings.compute, label=label))
-    drawn = {name: joined([chunk[name] for chunk in chunks]) for name in options.laws}
+    drawn = {name: laws.joined([chunk[name] for chunk in chunks]) for name in options.laws}
     ramped = drawn[RAMPED]
     priors = {RAMPED: ramped}
     priors |= {f"{kind}s alone": ramped.subset(ramped.kind == kind) for kind in KINDS}
@@ -88,15 +88,15 @@ def evaluate(settings: SimpleNamespace, options: Options) -> dict[str, pd.DataFr
     priors[f"greatest ‖J⁻¹‖ above {options.least_norm:g}"] = ramped.subset(near)
     priors[FULL_SPEED] = drawn[FULL_SPEED]
     likelihoods = [
-        evidence.evidence_rows(part, stated, options.tolerances, options.span).assign(prior=name)
+        laws.evidence_rows(part, stated, options.tolerances, options.span).assign(prior=name)
         for name, part in priors.items()
     ]
-    sizes = [evidence.width_rows(part, stated).assign(prior=name) for name, part in drawn.items()]
+    sizes = [laws.width_rows(part, stated).assign(prior=name) for name, part in drawn.items()]
     q = np.linspace(options.start, options.end, options.poses)
     tables = {
         "evidence": pd.concat(likelihoods, ignore_index=True),
         "widths": pd.concat(sizes, ignore_index=True),
-        "unsquared": evidence.unsquared_rows(ramped, stated, options.tolerances),
+        "unsquared": laws.unsquared_rows(ramped, stated, options.tolerances),
         "units": unit_rows(chain_of(robot_of(SPACE_ARM)), q, options.turns, stated.sigma_b),
     }
     try:
@@ -115,7 +115,7 @@ def widths_of_chunk(
     chain, parts = with_tool(chain, stream.uniform(*options.tool)), {}
     for name, (law, count) in options.laws.items():
         drawn = {kind: draw_paths(chain, law, kind, stated.u, count, stream) for kind in KINDS}
-        parts[name] = joined([widths(chain, drawn[kind], stated, kind) for kind in KINDS])
+        parts[name] = laws.joined([laws.widths(chain, drawn[kind], stated, kind) for kind in KINDS])
     return parts
 
 
@@ -153,15 +153,14 @@ def level_rows(recorded: Recorded) -> pd.DataFrame:
     Raises ModelDomainError where the motion never rests and the measurement noise is not stated.
     """
     chain, (takes, steps, n) = recorded.chain, recorded.q.shape
-    m = len(chain.task)
+    m, q = len(chain.task), recorded.q.reshape(-1, n)
     v = np.broadcast_to(recorded.v[..., :m], (takes, steps, m)).reshape(-1, m).T.copy()
     jacobian, inverse = (
-        np.moveaxis(of(recorded.q.reshape(-1, n)), 0, -1).copy()
-        for of in (chain.jacobian, chain.inverse_jacobian)
+        np.moveaxis(of(q), 0, -1).copy() for of in (chain.jacobian, chain.inverse_jacobian)
     )
     variance = recorded.noise.var(axis=0, ddof=1).mean(axis=0) - np.diag(recorded.measurement)
-    levels = [("recorded", np.nan, variance)]
     plain = tuple(laws.PLAIN) if m == n == 3 else ()
+    levels = [("recorded", np.nan, variance)]
     for reading in (laws.PIVOTED, *plain, laws.QR, laws.QR_TRANSPOSED):
         parts = [part.mean(axis=-1) for part in laws.wishart_parts(reading, jacobian, inverse, v)]
         try:
@@ -171,11 +170,11 @@ def level_rows(recorded: Recorded) -> pd.DataFrame:
             sigma_b = np.nan
         levels.append((reading, sigma_b, laws.wishart_variance(parts, m, sigma_b)))
     rows = [
-        {"joint": j, "std": np.sqrt(max(one, 0.0)), "reading": reading, "sigma_b": sigma_b}
+        (j, np.sqrt(max(one, 0.0)), reading, sigma_b)
         for reading, sigma_b, variances in levels
         for j, one in enumerate(variances, start=1)
     ]
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=["joint", "std", "reading", "sigma_b"])
 
 
 def robot_of(dataset: str) -> Robot:
@@ -184,4 +183,4 @@ def robot_of(dataset: str) -> Robot:
     return validated(Robot, read_yaml(file)["robot"], "robot", file)
 
 
-run = Study("Which decomposition the printed numbers allow", Options, evaluate, page, draw).run
+run = Study(Options, evaluate, facts, draw).run

@@ -16,7 +16,6 @@ from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.figures import style
 from pipeline.models import load
 from pipeline.models.closed_loop import MeanPath
-from pipeline.models.exported import ExportedModel
 from pipeline.models.model import Commands
 from pipeline.perception.markers import follower
 from pipeline.recordings.commands import commanded_steps
@@ -30,13 +29,10 @@ HERE, EXPORTS, OUT = Path(__file__).parent, Path("data/export"), Path("data/asse
 MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
 ENOUGH = 20  # takes that were not fitted, from which on they are the reference alone
 GREATEST = 8.0  # standard deviations at which a part is darkest
+MODEL = f"exported model (default: the only one of the dataset in {EXPORTS})"
 ARGUMENTS = {
     "file": {"type": Path, "metavar": "FILE", "help": "recording, as the dataset's others are"},
-    "--model": {
-        "type": Path,
-        "metavar": "FILE",
-        "help": f"exported model (default: the only one of the dataset in {EXPORTS})",
-    },
+    "--model": {"type": Path, "metavar": "FILE", "help": MODEL},
 }
 
 
@@ -44,7 +40,12 @@ def run(file: Path, model: Path | None = None) -> None:
     """Filter each take in the recording by the exported model, print the verdict and draw it."""
     settings = config.sections("assess", HERE / "reads.yaml")
     dataset = settings.dataset
-    export = model or _only_export(dataset.name)
+    files = sorted(EXPORTS.glob(f"{dataset.name}_*.json"))
+    if model is None and len(files) != 1:
+        there_are = ", ".join(map(str, files)) or f"none of {dataset.name} in {EXPORTS}"
+        message = f"name one exported model by --model; there is {there_are}; export writes one"
+        raise ConfigError(message, key="--model")
+    export = model or files[0]
     law = load(export)
     if law.record["dataset"] != dataset.name:
         message = f"the model is one of {law.record['dataset']}, not of the run's {dataset.name}"
@@ -56,7 +57,10 @@ def run(file: Path, model: Path | None = None) -> None:
     mean, rate, joints = q[fitted].mean(axis=0), dataset.motion.rate, dataset.robot.joints
     takes = new_takes(file, dataset, mean)
     poses = np.concatenate([q[chosen], [*takes.values()]])
-    found = filtered(law, _commanded(law, mean, rate), poses)
+    path, share = MeanPath(law.chain, mean), law.record["closed_loop_share"]
+    steps = commanded_steps(contracts.read("trajectory", MOTION), rate)
+    commands = path.commands(share) if share > 0 else Commands(steps, path.path, 0.0)
+    found = filtered(law, commands, poses)
     OUT.mkdir(parents=True, exist_ok=True)
     for number, name in enumerate(takes, len(own)):
         # a take of the dataset is compared with the others
@@ -66,23 +70,6 @@ def run(file: Path, model: Path | None = None) -> None:
         print(assessment(name, export.name, among, verdict))
         style.save(_draw(name, verdict, found, number), OUT, name)
         print(f"assess: drawn in {OUT / name}.png")
-
-
-def _only_export(dataset: str) -> Path:
-    files = sorted(EXPORTS.glob(f"{dataset}_*.json"))
-    if len(files) != 1:
-        there_are = ", ".join(map(str, files)) or f"none of {dataset} in {EXPORTS}"
-        message = f"name one exported model by --model; there is {there_are}; export writes one"
-        raise ConfigError(message, key="--model")
-    return files[0]
-
-
-def _commanded(model: ExportedModel, mean: np.ndarray, rate: float) -> Commands:
-    """Commands of the motion for the ``model``; ``mean`` (M+1, n) in rad of the fitted takes."""
-    path, share = MeanPath(model.chain, mean), model.record["closed_loop_share"]
-    if share > 0:
-        return path.commands(share)
-    return Commands(commanded_steps(contracts.read("trajectory", MOTION), rate), path.path, 0.0)
 
 
 def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[str, np.ndarray]:
@@ -142,29 +129,25 @@ def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
 
 
 def _draw(take: str, verdict: TakeVerdict, found: Innovations, number: int) -> Figure:
-    """Innovations of take ``number`` by joint with ±2σ and the middle 95 % of the others; the parts
-    of the motion are the darker, the more the joint's evidence differs from theirs.
-    """
+    """Innovations of take ``number`` with ±2σ and the middle 95 % of the others, spans shaded."""
     looks = style.joint_lines(list(verdict.names[1:])).values()
-    across = style.beside(len(looks))
-    figure, (grid,) = style.joint_panels(len(looks), across, (style.TWO_COLUMNS, 1.5, 0.85))
+    shape = (style.TWO_COLUMNS, 1.5, 0.85)
+    figure, (grid,) = style.joint_panels(len(looks), style.beside(len(looks)), shape)
     t = np.linspace(0, verdict.ends[-1], found.error.shape[1] + 1)[1:]
     low, high = percentile_interval(found.error[verdict.others])
+    thin, red = {"color": style.BLACK, "linewidth": 0.6}, style.VERMILLION
     for j, (look, axes) in enumerate(zip(looks, grid, strict=True)):
         for begin, end, off in zip(verdict.ends, verdict.ends[1:], verdict.span_t[j], strict=False):
             shade = min(abs(off) / GREATEST, 1.0) / 2
-            axes.axvspan(begin, end, color=style.VERMILLION, alpha=shade, linewidth=0)
+            axes.axvspan(begin, end, color=red, alpha=shade, linewidth=0)
         band = axes.fill_between(t, low[:, j], high[:, j], color=style.LIGHT_GREY, linewidth=0)
-        for sign in (2, -2):
-            (bound,) = axes.plot(
-                t, sign * found.std[number, :, j], color=style.BLACK, linewidth=0.6
-            )
-        (error,) = axes.plot(t, found.error[number, :, j], color=style.VERMILLION, linewidth=0.8)
+        bound, _ = axes.plot(t, found.std[number, :, j, None] * [2, -2], **thin)
+        (error,) = axes.plot(t, found.error[number, :, j], color=red, linewidth=0.8)
         axes.set(title=look["label"], xlim=(0, t[-1]))
     grid[0].set_ylabel("innovation (rad)")
-    head = "behaves as" if verdict.behaves else "does NOT behave as"
-    head = head if verdict.shows else "beside"
-    figure.suptitle(f"{take} {head} the {int(verdict.others.sum())} other takes", fontsize=9)
+    unlike = "behaves as" if verdict.behaves else "does NOT behave as"
+    compared = f"{unlike if verdict.shows else 'beside'} the {int(verdict.others.sum())}"
+    figure.suptitle(f"{take} {compared} other takes", fontsize=9)
     labels = [take, "±2σ by the model", "95 % of the other takes"]
     figure.legend([error, bound, band], labels, loc="outside lower center", ncols=3)
     return figure

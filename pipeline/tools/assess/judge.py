@@ -87,31 +87,29 @@ def filtered(model: ExportedModel, commands: Commands, poses: np.ndarray) -> Inn
     known, n = model.record["pose_covariance_rad2"], poses.shape[-1]
     noise = np.zeros((n, n)) if known is None else np.array(known)
     x, P = poses[:, 0], np.broadcast_to(noise, (len(poses), n, n))
-    error = np.empty_like(poses[:, 1:])
-    covariance = np.empty((*error.shape, n))
+    errors, covariances = [], []
     shifts = DIFFERENCE * np.concatenate([np.eye(n), -np.eye(n)])[:, None]
-    for k, v in enumerate(commands.v):
+    for k, (v, target) in enumerate(zip(commands.v, commands.path, strict=False)):
 
-        def mean(q: np.ndarray, v: np.ndarray = v, k: int = k) -> np.ndarray:
-            return model.mean(q, model.command(q, v, commands.path[k]))
+        def mean(q: np.ndarray, v: np.ndarray = v, target: np.ndarray = target) -> np.ndarray:
+            return model.mean(q, model.command(q, v, target))
 
         beyond = mean(x + shifts)
         F = np.moveaxis(beyond[:n] - beyond[n:], 0, -1) / (2 * DIFFERENCE)
-        step = model.covariance(x, model.command(x, v, commands.path[k]))
-        P = F @ P @ np.swapaxes(F, -1, -2) + step
-        predicted, S = mean(x), P + noise
-        error[:, k], covariance[:, k] = poses[:, k + 1] - predicted, S
+        P = F @ P @ np.swapaxes(F, -1, -2) + model.covariance(x, model.command(x, v, target))
+        x, S = mean(x), P + noise
+        e = poses[:, k + 1] - x
+        errors.append(e)
+        covariances.append(S)
         try:
             G = np.swapaxes(np.linalg.solve(S, P), -1, -2)
         except np.linalg.LinAlgError:
-            raise ModelDomainError(
-                "the model has no noise at a pose, so no measurement can be compared with it; "
-                "state dataset.motion.pose_noise and export it again",
-                step=k,
-            ) from None
-        x, P = predicted + np.matvec(G, error[:, k]), P - G @ P
+            message = "the model has no noise at a pose, so no measurement can be compared with it;"
+            advice = "state dataset.motion.pose_noise and export it again"
+            raise ModelDomainError(f"{message} {advice}", step=k) from None
+        x, P = x + np.matvec(G, e), P - G @ P
         P = (P + np.swapaxes(P, -1, -2)) / 2
-    return Innovations(error, covariance)
+    return Innovations(np.stack(errors, axis=1), np.stack(covariances, axis=1))
 
 
 def judge(
@@ -146,9 +144,7 @@ def judge(
 def _distances(
     values: np.ndarray, others: np.ndarray, number: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """t (...) of ``values[number]`` among the N ``others`` of ``values`` (T, ...), and (N, ...) of
-    each of these among the rest.
-    """
+    """t of ``values[number]`` among the ``others`` of ``values`` (T, ...), and of each of these."""
 
     def distance(one: np.ndarray, rest: np.ndarray) -> np.ndarray:
         scale = rest.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(rest))

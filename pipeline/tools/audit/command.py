@@ -14,9 +14,8 @@ from pathlib import Path
 from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
 
-ARGUMENTS = {
-    "folder": {"type": Path, "metavar": "FOLDER", "help": "folder of the clone, which stays there"}
-}
+HELP = "folder of the clone, which stays there"
+ARGUMENTS = {"folder": {"type": Path, "metavar": "FOLDER", "help": HELP}}
 
 
 def run(folder: Path) -> None:

@@ -11,9 +11,10 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -26,43 +27,42 @@ from pipeline.figures.style import save
 from pipeline.models.other_motions import other_motions
 from pipeline.recordings.motions import logged_motions
 from pipeline.stages import fit, ingest, predict, track
-from pipeline.tools.export.command import exported, write_export
-from pipeline.tools.new_dataset.command import open_dataset
-from pipeline.tools.new_dataset.filling import KEYS
+from pipeline.tools.check.command import get_filled
+from pipeline.tools.export.command import EXPORTS, exported, require_name, write_export
+from pipeline.tools.new_dataset.command import ASK, MOTION, SET, answers, open_dataset
+from pipeline.tools.new_dataset.values import KEYS
 from pipeline.verdicts.model_card import model_card
 from pipeline.verdicts.recommendation import answer, recommended
 from pipeline.verdicts.run import Run
 
-WORK, EXPORTS, REPORTS = Path("data/characterize"), Path("data/export"), Path("reports")
+WORK, REPORTS, LOG = Path("data/characterize"), Path("reports"), Path("stages.log")
 TOOLS = ("tool0", "flange", "ee_link", "tool")  # usual names of the last link
-LINKED = ("pipeline", "dvc.yaml", "data/raw")
 PICTURE = "![Quantiles of the held-out noise](noise_quantiles.png)"
+TAILS, TO_EXPORT = "## Tails and coverage\n", re.compile(r"To have it: .*\n*")
 ARGUMENTS = {
     "folder": {"type": Path, "metavar": "FOLDER", "help": "folder of the recordings"},
-    "--urdf": {"type": Path, "metavar": "FILE", "help": "arm (default: in FOLDER)"},
-    "--name": {"help": "dataset's name (default: from FOLDER)"},
-    "--ask": {"action": "store_true", "help": "asks where the files cannot tell"},
-    "--set": {
-        "action": "append",
-        "default": [],
-        "metavar": "KEY=VALUE",
-        "help": "value that no file states, as robot.tool=flange; as often as needed",
-    },
-    "--motion": {"type": int, "metavar": "NUMBER", "help": "analysed motion, from 1"},
+    "--urdf": {"type": Path, "metavar": "FILE", "help": "URDF of the arm (default: in FOLDER)"},
+    "--name": {"help": "name of the dataset (default: from FOLDER)"},
+    "--ask": ASK,
+    "--set": SET,
+    "--motion": MOTION | {"help": "motion that is analysed, by its number (default 1)"},
     "--scale": {"default": "paper", "help": "paper (default) or smoke"},
     "--model": {"help": "model to export (default: the recommended one)"},
 }
 
 
 def run(
-    folder: Path, *, name: str | None, scale: str, model: str | None, set: Sequence[str], **options
+    folder: Path, *, name: str | None, scale: str, model: str | None, set: list[str], **options: Any
 ) -> None:
     """Write the dataset where there is none of that name, run the stages, and write card and
     export; ``options`` are those of :func:`_dataset`.
     """
+    if not folder.is_dir():
+        raise ConfigError("there is no such folder of recordings", file=folder)
+    if model is not None:
+        require_name(model)
     name = name or re.sub(r"\W+", "_", folder.resolve().name)
-    answers = dict(each.partition("=")[::2] for each in set)
-    _dataset(name, folder, answers, **options)
+    _dataset(name, folder, answers(set), **options)
     with _project(name, folder.resolve(), scale) as root:
         settings = config.composed_config()
         motions, tables, metrics = _results(settings)
@@ -79,15 +79,15 @@ def run(
         best, _ = recommended(tables["other_motions"], tables["motion_spread"], tables["motions"])
         chosen = model or best
         record = None if chosen is None else exported(chosen, settings, motions)
-        text = model_card(card, [])
+        text = model_card(card, []).replace(TAILS, f"{TAILS}\n{PICTURE}\n", 1)
         figure = noise_quantiles.draw(tables["noise_quantiles"])
     report = REPORTS / name
     report.mkdir(parents=True, exist_ok=True)
     save(figure, report, "noise_quantiles")
-    text = text.replace("## Tails and coverage\n", f"## Tails and coverage\n\n{PICTURE}\n", 1)
-    contracts.write_text(text, report / "model_card.md")
-    print(f"\n{answer(card)}\n")
-    print(f"characterize: wrote {report / 'model_card.md'}; stages ran in {root}")
+    # the model is exported here; the command that the card names is one of params.yaml's dataset
+    contracts.write_text(TO_EXPORT.sub("", text), report / "model_card.md")
+    print(f"\n{TO_EXPORT.sub('', answer(card)).rstrip()}\n")
+    print(f"characterize: wrote {report / 'model_card.md'}; stages ran in {root}, see {LOG} there")
     if record is not None:
         write_export(record, EXPORTS / f"{name}_{chosen}.json")
 
@@ -95,48 +95,46 @@ def run(
 def _dataset(
     name: str,
     folder: Path,
-    answers: dict[str, str],
+    given: dict[str, str],
     urdf: Path | None,
     ask: bool,
     motion: int | None,
 ) -> None:
-    """Write the dataset's files where they are not there, by the ``answers`` and, without ``ask``,
-    by values that no analysis depends on, the usual name of a last link and a regular motion;
-    ConfigError names what is still open.
-    """
-    option, known = config.CONF / "dataset" / f"{name}.yaml", {"suggested": True, "ask": ask}
-    if not folder.is_dir():
-        raise ConfigError("there is no such folder of recordings", file=folder)
-    if option.exists() and datasheet.path_of(name).exists():
-        print(f"characterize: the dataset {name} is there already and is taken as it is")
-        if not [*datasheet.unfilled_keys(config.dataset_values(option))]:
+    """Write the dataset's files where they are not there; ConfigError names what is open."""
+    option, sheet = config.CONF / "dataset" / f"{name}.yaml", datasheet.path_of(name)
+    if option.exists() and sheet.exists():
+        print(f"characterize: the dataset {name} is there and stays; delete {sheet} and {option}")
+        print("characterize: where --urdf, --set or --motion shall make it anew")
+        values = config.dataset_values(option)
+        if not [*datasheet.unfilled_keys(values)]:
             return
         filling = open_dataset(name, None)
+        given = ({} if urdf is None else {"robot.urdf": str(urdf)}) | given
+        given = {key: value for key, value in given.items() if get_filled(values, key) is None}
     else:
-        filling = open_dataset(name, folder, answers, urdf)
+        filling = open_dataset(name, folder, given, urdf)
+    filling.fill(given, suggested=True, motion=motion if ask else None, ask=ask)
+    if not ask:
         usual = {"about.subject": f"recordings of {name}", "about.source": str(folder)}
-        answers = ({} if ask else _taken(usual, answers)) | answers
-    filling.fill(answers, motion=motion, **known)
-    if "robot.tool" in filling.left and urdf is not None:
-        links = {*re.findall(r'<link\s+name="([^"]+)"', urdf.read_text(errors="replace"))}
-        if tools := [tool for tool in TOOLS if tool in links]:
-            filling.fill(_taken({"robot.tool": tools[0]}), suggested=True)
-    analysed = {key for key in filling.left if key[:6] != "about."}
-    if "joint_log.start" in analysed and motion is None and analysed <= {*KEYS}:
-        filling.fill({}, motion=1, **known)
-        print("characterize: motion 1 is analysed; --motion NUMBER takes another")
+        usual["about.licence"] = "not stated"
+        if arm := get_filled(filling.draft.values(), "robot.urdf"):
+            text = Path(arm).read_text(errors="replace")
+            links = {*re.findall(r'<link\s+name="([^"]+)"', text)}
+            usual |= dict([("robot.tool", tool) for tool in TOOLS if tool in links][:1])
+        filling.fill(_taken({k: usual[k] for k in usual if k in filling.left}), suggested=True)
+        if "joint_log.start" in filling.left and {*filling.left} <= {*KEYS}:
+            filling.fill({}, motion=motion or 1)
+            print(f"characterize: motion {motion or 1} is analysed; --motion NUMBER takes another")
     filling.write()
     if left := filling.left:
         message = f"the files cannot tell {', '.join(left)}; run it again with --ask, or with"
         raise ConfigError(f"{message} --set KEY=VALUE for each", file=option)
 
 
-def _taken(values: dict[str, str], given: Collection[str] = ()) -> dict[str, str]:
-    """Print and return the ``values`` that are not ``given``."""
-    taken = {key: value for key, value in values.items() if key not in given}
-    for key, value in taken.items():
+def _taken(values: dict[str, str]) -> dict[str, str]:
+    for key, value in values.items():
         print(f"characterize: took {key}: {value}; --set {key}=VALUE takes another")
-    return taken
+    return values
 
 
 @contextmanager
@@ -150,7 +148,7 @@ def _project(name: str, recordings: Path, scale: str) -> Iterator[Path]:
     text = json.dumps(read_yaml(Path("params.yaml")) | params)
     shutil.rmtree(place, ignore_errors=True)
     (place / "data").mkdir(parents=True)
-    for linked in LINKED:
+    for linked in ("pipeline", "dvc.yaml", "data/raw"):
         (place / linked).symlink_to(root / linked)
     (place / "params.yaml").write_text(text)
     os.chdir(place)
@@ -164,17 +162,15 @@ def _project(name: str, recordings: Path, scale: str) -> Iterator[Path]:
 def _results(
     settings: config.Config,
 ) -> tuple[list | None, dict[str, pd.DataFrame], dict[str, dict]]:
-    """Run the stages up to predict; return their tables and metrics. Where the analysed motion is
-    refused, also all motions of the logs, and the tables of the plain models alone.
-    """
+    """Tables and metrics of the stages; where they refuse the motion, of the plain models alone."""
     dataset = settings.dataset
     try:
-        ingest.run("motion")
+        _stage(ingest.run, "motion")
         Path("data/ingest/depth").mkdir(exist_ok=True)
-        track.run()
+        _stage(track.run)
         for model in settings.models:
-            fit.run(model)
-        predict.run()
+            _stage(fit.run, model)
+        _stage(predict.run)
     except PipelineError as error:
         if dataset.joint_log is None:
             raise
@@ -188,9 +184,15 @@ def _results(
     names = [file.stem for file in predict.OUT.glob("*.parquet")]
     tables = {name: contracts.read(name, predict.OUT) for name in names}
     tables["takes"] = contracts.read("takes", track.OUT)
-    taken = contracts.read("joints", track.OUT)["take"].nunique()
-    metrics = {"motion": {"recorded_takes": int(taken)}}
+    recorded = contracts.read("joints", track.OUT)["take"].nunique()
+    metrics = {"motion": {"recorded_takes": int(recorded)}}
     for model in settings.models:
-        file = fit.OUT / model / "fit.json"
-        metrics[f"fit_{model}"] = json.loads(file.read_text())
+        metrics[f"fit_{model}"] = json.loads((fit.OUT / model / "fit.json").read_text())
     return None, tables, metrics
+
+
+def _stage(run: Callable[..., None], *words: str) -> None:
+    """Run a stage whose messages go to the file LOG."""
+    print(f"characterize: stage {run.__module__.rpartition('.')[2]} {' '.join(words)}", flush=True)
+    with LOG.open("a", encoding="utf-8") as log, redirect_stdout(log):
+        run(*words)

@@ -23,15 +23,8 @@ from pipeline.core.typed_yaml import read_yaml
 from pipeline.recordings.ingest import attempt, read_part
 
 PARAMS = Path("params.yaml")
-
-
-ARGUMENTS = {
-    "name": {
-        "nargs": "?",
-        "metavar": "DATASET",
-        "help": "name of the dataset (default params.yaml's)",
-    }
-}
+HELP = "name of the dataset (default params.yaml's)"
+ARGUMENTS = {"name": {"nargs": "?", "metavar": "DATASET", "help": HELP}}
 
 
 def run(name: str | None = None) -> None:
@@ -71,8 +64,8 @@ def dataset_faults(option_file: Path) -> list[str]:
         groups.setdefault((kind, error.evidence.get("key")), []).append(error)
     for first, *others in groups.values():
         files = [str(error.evidence["file"]) for error in others if "file" in error.evidence]
-        named = f", as {', '.join(files[:3])}{' …' if len(files) > 3 else ''}" if files else ""
-        texts.append(f"{first}{f'; and {len(others)} more{named}' if others else ''}")
+        named = f", as {', '.join(files[:3])}{' …' * (len(files) > 3)}" if files else ""
+        texts.append(f"{first}; and {len(others)} more{named}" if others else str(first))
     return texts
 
 
@@ -83,18 +76,19 @@ def value_faults(values: dict[str, Any]) -> list[PipelineError]:
     refused, sound = faults(values), deepcopy(values)
     for fault in refused:  # the robot is read without them
         above, _, name = str(fault.evidence["key"]).removeprefix("dataset.").rpartition(".")
-        node = _nested(sound, above)
-        if isinstance(node, dict):
+        if isinstance(node := _nested(sound, above), dict):
             node.pop(name, None)
-    recordings, robot = get_filled(sound, "recordings"), get_filled(sound, "robot")
+    recordings, urdf, robot, logged, joints = (
+        get_filled(sound, key)
+        for key in ("recordings", "robot.urdf", "robot", "joint_log.joints", "robot.joints")
+    )
     if recordings and not Path(recordings).is_dir():
         key = "dataset.recordings"
         refused.append(RecordingError("no such folder", file=recordings, key=key))
-    if urdf := get_filled(sound, "robot.urdf"):
+    if urdf:
         refused += _errors(read_urdf, Path(urdf)) or (
             _errors(lambda: chain_of(Robot(**robot))) if robot else []
         )
-    logged, joints = get_filled(sound, "joint_log.joints"), get_filled(sound, "robot.joints")
     if logged and (missing := [joint for joint in joints or [] if joint not in logged]):
         message = f"{', '.join(missing)} of robot.joints is not logged; the log holds"
         key = "dataset.joint_log.joints"

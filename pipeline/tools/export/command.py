@@ -7,6 +7,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,7 @@ from pipeline.core import config, contracts
 from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
 from pipeline.core.filters import CLOSED
 from pipeline.models import kinds
-from pipeline.models.closed_loop import FOLDER, SHARE, mean_path
-from pipeline.models.closed_loop_fit import fit_closed_loop
+from pipeline.models.closed_loop import FOLDER, SHARE, fit_closed_loop, mean_path
 from pipeline.models.exported import FORMAT, chain_record
 from pipeline.models.joint_steps_fit import LEAST_SHARE, PLAIN, fit_joint_steps
 from pipeline.models.other_motions import MotionSteps, joint_ranges, motion_of, pooled
@@ -39,17 +39,14 @@ UNITS = {
     "length where it has one), then of the joints where it is longer",
     "joint step": "commanded step of each joint in 1/rate_per_s, rad",
 }
+MODEL = (
+    f"{', '.join(PLAIN)}: fitted to all motions; or an option of pipeline/conf/model, "
+    "MODEL_closed for its closed-loop form"
+)
+TO = f"output file (default {EXPORTS}/DATASET_MODEL.json)"
 ARGUMENTS = {
-    "model": {
-        "metavar": "MODEL",
-        "help": f"{', '.join(PLAIN)}: fitted to all motions; or an option of pipeline/conf/model, "
-        "MODEL_closed for its closed-loop form",
-    },
-    "--to": {
-        "type": Path,
-        "metavar": "FILE",
-        "help": f"output file (default {EXPORTS}/DATASET_MODEL.json)",
-    },
+    "model": {"metavar": "MODEL", "help": MODEL},
+    "--to": {"type": Path, "metavar": "FILE", "help": TO},
 }
 
 
@@ -74,6 +71,14 @@ def write_export(record: dict[str, Any], file: Path) -> None:
         print(f"export: no number for {parameter}{of}: {found}")
 
 
+def require_name(model: str) -> None:
+    """Raise ConfigError where no model has this name."""
+    options = config.option_names("model")
+    if model not in PLAIN and model.removesuffix(CLOSED) not in options:
+        there_are = ", ".join([*PLAIN, *options])
+        raise ConfigError(f"no model {model!r}; there are {there_are}", key="MODEL")
+
+
 def exported(
     model: str, settings: Any, motions: Sequence[MotionSteps] | None = None
 ) -> dict[str, Any]:
@@ -84,7 +89,8 @@ def exported(
     Raises ConfigError for an unknown model, and ModelDomainError where the recordings give none or
     cannot tell a parameter that its predictions need.
     """
-    dataset = settings.dataset
+    require_name(model)
+    dataset, sources = settings.dataset, SOURCES
     chain, motion = chain_of(dataset.robot), dataset.motion
     record = {
         "format": FORMAT,
@@ -101,11 +107,13 @@ def exported(
     }
     if motions is None or model not in PLAIN:
         recorded = training_steps(dataset.robot, motion)
-        record["pose_covariance_rad2"] = _pose_covariance(recorded)
+        with suppress(ModelDomainError):  # the noise of a measured pose is not known
+            record["pose_covariance_rad2"] = (recorded.measurement / 2).tolist()  # half a step's
     if model in PLAIN:
-        sources = SOURCES if motions is None else SOURCES[:1]
         if motions is None:
             motions = (dataset.joint_log and logged_motions(dataset)) or [motion_of(recorded)]
+        else:
+            sources = SOURCES[:1]
         record |= _plain(model, motions, dataset)
     else:
         own, sources = _fitted(model, settings, recorded)
@@ -124,11 +132,11 @@ def exported(
 def _plain(model: str, motions: Sequence[MotionSteps], dataset: Any) -> dict[str, Any]:
     joints, motion = tuple(dataset.robot.joints), dataset.motion
     fit = fit_joint_steps(model, *pooled(motions), joints, pose_noise=motion.pose_noise or 0.0)
-    untold = pd.DataFrame(fit.untold, columns=["parameter", "joint", "found", "required"])
+    columns = ("parameter", "joint", "found", "required")
     return {
         "parameters": fit.model.parameters(),
         "estimates": {},
-        "not_known": untold.to_dict("records"),
+        "not_known": [dict(zip(columns, row, strict=True)) for row in fit.untold],
         "ranges": _ranges(joint_ranges(motions, joints, motion.rate)),
         "motions": len(motions),
         "takes": sum(len(one.q) for one in motions),
@@ -147,22 +155,26 @@ def _ranges(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
 def _fitted(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str, Any], list[Path]]:
     """Part of the record that the stage fit, or a fit here, decides; and its sources."""
     name = model.removesuffix(CLOSED)
-    closed_form, not_known, covariance = model != name, [], None
+    closed_form, not_known, covariance, sources = model != name, [], None, SOURCES
     file = FIT / name / (FOLDER if closed_form else "") / "parameters.json"
     if name in settings.models and file.is_file():
-        parameters, estimates = _read(file), _estimates(name, closed_form=closed_form)
-        covariance = None if closed_form else _read(FIT / name / "covariance.json")
-        sources = [*SOURCES, file]
+        parameters, metrics, sources = _read(file), _read(FIT / name / "fit.json"), [*SOURCES, file]
+        names = [key for key in metrics if key.startswith("closed_loop_")]
+        if not closed_form:
+            covariance = _read(FIT / name / "covariance.json")
+            ends = ("", "_standard_error", "_interval_low", "_interval_high")
+            names = [f"{key}{end}" for key in covariance["estimates"] for end in ends]
+            names.append("u_unbounded")
+        estimates = {key: metrics[key] for key in names if key in metrics}
     else:
         parameters, estimates = _fit_here(name, recorded, closed_form=closed_form)
-        sources = SOURCES
     if kinds.NO_MODEL in parameters:
         raise ModelDomainError(f"no model to export: {parameters[kinds.NO_MODEL]}", model=model)
     require_told(model, parameters, recorded)
-    share, level = parameters.get(SHARE, 0.0), {"kind": "gaussian"}
+    share = parameters.get(SHARE, 0.0)
     if parameters["kind"] == "gaussian" and estimates.get("u_unbounded"):
         # the level alone is known: α and u apart have no number
-        level["level"] = parameters["alpha"] * parameters["u"]
+        level = {"kind": "gaussian", "level": parameters["alpha"] * parameters["u"]}
         parameters = level | {key: v for key, v in parameters.items() if key == SHARE}
         unknown = [k for k in estimates if k.split("_")[0] in ("alpha", "u") or "_alpha" in k]
         estimates = {key: value for key, value in estimates.items() if key not in unknown}
@@ -184,9 +196,6 @@ def _fitted(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str, An
 
 
 def _fit_here(name: str, recorded: Recorded, *, closed_form: bool) -> tuple[dict, dict]:
-    if name not in config.option_names("model"):
-        there_are = ", ".join([*PLAIN, *config.option_names("model")])
-        raise ConfigError(f"no model {name!r}; there are {there_are}", key="MODEL")
     options = config.model_options([name])[name]
     found = kinds.estimate(recorded, options)
     if not closed_form:
@@ -204,11 +213,9 @@ def require_told(model: str, parameters: dict[str, Any], recorded: Recorded) -> 
     m, sigma_b = len(recorded.chain.task), parameters.get("sigma_b", 0.0)
     if parameters["kind"] == "scaled":
         most = np.abs(recorded.chain.nominal_step(recorded.q, recorded.v)).max(axis=(0, 1))
-        least = LEAST_SHARE * most.max()
+        least, steps = LEAST_SHARE * most.max(), zip(recorded.joints, most, strict=True)
         still = [
-            f"{joint} (at most {step:.2g} rad a step)"
-            for joint, step in zip(recorded.joints, most, strict=True)
-            if step < least
+            f"{joint} (at most {step:.2g} rad a step)" for joint, step in steps if step < least
         ]
         if still:
             raise ModelDomainError(
@@ -221,27 +228,6 @@ def require_told(model: str, parameters: dict[str, Any], recorded: Recorded) -> 
             f"{model}: sigma_b {sigma_b:.3g} is not below {limit:.3g}, where a step has a "
             "covariance; the recordings give no Wishart model to predict with"
         )
-
-
-def _estimates(name: str, *, closed_form: bool) -> dict[str, float]:
-    """Estimates of the fit with their standard errors and, where there are enough takes, 95 %
-    intervals, and ``u_unbounded`` of a Gaussian model; of a closed loop its own.
-    """
-    metrics = _read(FIT / name / "fit.json")
-    if closed_form:
-        return {key: value for key, value in metrics.items() if key.startswith("closed_loop_")}
-    ends = ("", "_standard_error", "_interval_low", "_interval_high")
-    known = _read(FIT / name / "covariance.json")["estimates"]
-    names = [f"{key}{end}" for key in known for end in ends] + ["u_unbounded"]
-    return {name: metrics[name] for name in names if name in metrics}
-
-
-def _pose_covariance(recorded: Recorded) -> list[list[float]] | None:
-    """(n, n) rad², of one measured pose, half that of a step; None where it is not known."""
-    try:
-        return (recorded.measurement / 2).tolist()
-    except ModelDomainError:
-        return None
 
 
 def _read(file: Path) -> dict[str, Any]:

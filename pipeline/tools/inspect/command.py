@@ -1,13 +1,12 @@
 """``python -m pipeline inspect FILE|FOLDER [--json]``: format, rate, units and counted faults of
 recordings, the options that they leave open, and what would stop their analysis.
 
-Each file is read by the stages' own reader of its format, in a process of its own
-(:mod:`pipeline.core.bounds`), which bounds the time and memory that it takes.
+Each file is read by the stages' own reader of its format, in a process of its own, which bounds
+the time and memory that it takes.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Callable, Sequence
@@ -17,20 +16,13 @@ from pipeline.core.bounds import Reading, Sandbox, within
 from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.formats.depth.index import frame_endings
 from pipeline.formats.format import is_bag
-from pipeline.tools.inspect.finding import UNKNOWN, Finding, shown
+from pipeline.tools.inspect.finding import Finding, as_json, as_table
 from pipeline.tools.inspect.joints import compare_tables
 from pipeline.tools.inspect.kinds import described, numbered_sequence
 
 NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 INDEXES = (".txt", ".csv", "")  # endings of the names of indexes of frames
 MAX_FILES = 100_000  # of a folder
-HEADINGS = ("recording", "format", "rate", "unit", "duration", "counts", "holds")
-WIDEST = 48  # characters up to which a column is padded
-LISTED = 4  # names of a list
-NOTABLE = """unlabelled_markers width height points organised share_without_position viewpoint
-    share_not_above_zero samples rows columns columns_without_numbers steps announced_frames
-    first_frame rate_from rate_by_the_printed_times times robot joints signals command motions
-    topics fx separator decimal serial frames""".split()  # facts in the table
 BOUNDS = "bounds of what a file may be, as in the section dataset.reading: file_mib=500"
 ARGUMENTS = {
     "place": {"type": Path, "metavar": "FILE|FOLDER", "help": "file or folder to inspect"},
@@ -76,19 +68,16 @@ def inspect(place: Path) -> list[Finding]:
             if file.suffix.lower() in frame_endings() and (parts := NUMBERED.fullmatch(file.stem)):
                 pattern = file.with_name(f"{parts[1]}[0-9]*{parts[3]}{file.suffix}")
                 sequences.setdefault(pattern, set()).add(file)
-        for pattern, frames in sequences.items():
-            if len(frames) > 1:
-                findings.append(read(pattern, numbered_sequence))
-                others = [file for file in others if file not in frames]
-        findings += map(read, others)
+        several = {pattern: frames for pattern, frames in sequences.items() if len(frames) > 1}
+        framed = set().union(*several.values())
+        findings += [read(pattern, numbered_sequence) for pattern in several]
+        findings += [read(file) for file in others if file not in framed]
     compare_tables(findings)
     return sorted(findings, key=lambda finding: str(finding.file))
 
 
 def _files(folder: Path) -> tuple[list[Path], list[Path], list[Finding]]:
-    """Return all files below ``folder`` but hidden ones and those of bags, the bags that are
-    folders, and the folders that cannot be read; no link to a folder is followed.
-    """
+    """Files but hidden ones and those of bags, bags that are folders, folders that are closed."""
     files, bags, unread = [], [], []
 
     def closed(error: OSError) -> None:
@@ -104,90 +93,3 @@ def _files(folder: Path) -> tuple[list[Path], list[Path], list[Finding]]:
             message = f"more than {MAX_FILES} files; name a folder of recordings"
             raise RecordingError(message, file=folder)
     return sorted(files), sorted(bags), unread
-
-
-def as_json(findings: list[Finding]) -> str:
-    """Return a list of objects, one a recording, with every fact."""
-    plain = [finding.plain() for finding in findings]
-    return json.dumps(plain, indent=2, ensure_ascii=False, default=str)
-
-
-def as_table(findings: list[Finding], folder: Path) -> str:
-    """Return a line a recording, those alike but for their number in one; below each the questions
-    (?) and the stops (!).
-    """
-    groups: dict[object, list[Finding]] = {}
-    reasons: dict[str, list[str]] = {}
-    for finding in findings:
-        if finding.format == UNKNOWN and not finding.stops:
-            reasons.setdefault(finding.facts["reason"], []).append(_below(finding.file, folder))
-        else:
-            groups.setdefault(_alike(finding), []).append(finding)
-    rows = [HEADINGS, *(_row(group, folder) for group in groups.values())]
-    widths = [min(max(map(len, cells)), WIDEST) for cells in zip(*rows, strict=True)]
-    # a name that is longer than its column pushes the others, rather than being cut
-    head, *lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
-    printed = [head, "  ".join("-" * width for width in widths)]
-    for line, (first, *_) in zip(lines, groups.values(), strict=True):
-        printed += [line, *(f"    ? {question}: {option}" for question, option in first.open)]
-        printed += [f"    ! {reason}" for reason in first.stops]
-    printed += [f"not recognised, {reason}: {_listed(names)}" for reason, names in reasons.items()]
-    # names come from the files: no control character reaches the terminal
-    return "\n".join("".join(c if c.isprintable() else "\ufffd" for c in p) for p in printed)
-
-
-def _alike(finding: Finding) -> object:
-    """Key that recordings share which differ in a number alone, and do not stop."""
-    held = [finding.units, finding.markers, finding.bodies, finding.suggested]
-    held += [finding.format, finding.version, [option for _, option in finding.open]]
-    name = str(finding.file)
-    return name if finding.stops else (re.sub(r"\d+", "*", name), str(held))
-
-
-def _row(group: list[Finding], folder: Path) -> tuple[str, ...]:
-    first, place = group[0], _below(group[0].file, folder)
-    counts: dict[str, int] = {}
-    for name, number in (pair for one in group for pair in one.gaps.items()):
-        counts[name] = counts.get(name, 0) + number
-    labels = first.facts.get("labels")
-    names = {"bodies": first.bodies, "markers": first.markers, "columns": labels}
-    parts = [f"{name} {_listed(held)}" for name, held in names.items() if held]
-    for name in NOTABLE:
-        value = first.facts.get(name)
-        if (value or (value == 0 and name == "first_frame")) and not (name == "columns" and labels):
-            if isinstance(value, dict):
-                value = [f"{key} ({_short(held)})" for key, held in value.items()]
-            text = repr(value) if name in ("separator", "decimal") else _short(value)
-            parts.append(f"{name.replace('_', ' ')} {text}")
-    return (
-        place if len(group) == 1 else f"{re.sub(r'[0-9]+', '*', place)} ({len(group)})",
-        " ".join(filter(None, [first.format, first.version])),
-        _range([finding.rate for finding in group], "Hz"),
-        ", ".join(dict.fromkeys(first.units.values())),
-        _range([finding.duration for finding in group], "s"),
-        ", ".join(f"{number} {name.replace('_', ' ')}" for name, number in counts.items()),
-        "; ".join(parts),
-    )
-
-
-def _short(value: object) -> str:
-    if isinstance(value, dict):
-        return " ".join(map(str, value.values()))
-    if isinstance(value, list):
-        return _listed(list(map(str, value)))
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _range(values: list[float | None], unit: str) -> str:
-    known = [value for value in values if value is not None]
-    ends = dict.fromkeys(f"{end(known):.4g}" for end in (min, max)) if known else {}
-    return f"{'–'.join(ends)} {unit}" if ends else ""
-
-
-def _listed(names: list[str]) -> str:
-    more = f" … ({len(names)})" if len(names) > LISTED + 1 else ""
-    return f"{', '.join(names[:LISTED] if more else names)}{more}"
-
-
-def _below(file: Path, folder: Path) -> str:
-    return shown(file.relative_to(folder) if folder in file.parents else file)

@@ -1,16 +1,26 @@
 """Account of one recording: facts that the file states, open questions with the option that
-answers each, and reasons for which the stages would refuse the file.
+answers each, and reasons for which the stages would refuse it; accounts as a table and as JSON.
 """
 
 from __future__ import annotations
 
+import json
 import os
+import re
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from pipeline.core.errors import PipelineError
 
 UNKNOWN, ROBOT = "unknown", "robot"
+WIDTH = 100  # characters of a line of facts
+LISTED = 4  # names of a list
+NOTABLE = """unlabelled_markers width height points organised share_without_position viewpoint
+    share_not_above_zero samples rows columns columns_without_numbers steps announced_frames
+    first_frame rate_from rate_by_the_printed_times times robot joints signals command motions
+    topics fx separator decimal serial frames""".split()  # facts in the table
 
 
 @dataclass
@@ -57,7 +67,7 @@ class Finding:
         self.open.append((question, option))
 
     def refused(self, error: PipelineError) -> Finding:
-        """Add the refusal of a reader: a question where it names the option that settles it, else a
+        """Add a reader's refusal: a question where it names the option that settles it, else a
         stop.
         """
         option = str(error.evidence.get("key", ""))
@@ -65,17 +75,93 @@ class Finding:
             self.ask(error.message, option)
         else:
             left = {n: value for n, value in error.evidence.items() if n not in ("file", "key")}
-            where = ", ".join(f"{name} {value}" for name, value in left.items())
-            self.stops.append(f"{error.message} [{where}]" if where else error.message)
+            self.stops.append(str(PipelineError(error.message, **left)))
         return self
 
-    def plain(self) -> dict[str, object]:
-        """Return keys and values for a program, without the thousands of frames."""
-        values = asdict(self) | {"file": shown(self.file)}
-        del values["files"]
-        return values | {"open": [{"question": q, "option": option} for q, option in self.open]}
 
-
-def shown(path: Path) -> str:
-    """Return ``path`` as text that can be printed, also where its name is not UTF-8."""
+def shown(path: Path, folder: Path | None = None) -> str:
+    """Return ``path``, below ``folder`` where it lies there, as text that can be printed, also
+    where its name is not UTF-8.
+    """
+    path = path.relative_to(folder) if folder in path.parents else path
     return os.fsencode(path.as_posix()).decode("utf-8", "backslashreplace")
+
+
+def as_json(findings: list[Finding]) -> str:
+    """Return a list of objects, one a recording, with every fact but the names of the frames."""
+    plain = [asdict(one) | {"file": shown(one.file)} for one in findings]
+    for values in plain:
+        del values["files"]
+        values["open"] = [
+            dict(zip(("question", "option"), one, strict=True)) for one in values["open"]
+        ]
+    return json.dumps(plain, indent=2, ensure_ascii=False, default=str)
+
+
+def as_table(findings: list[Finding], folder: Path) -> str:
+    """Return name and format of each recording, those alike but for their number in one; below it
+    facts and counts, the questions (?) and the stops (!).
+    """
+    groups: dict[object, list[Finding]] = {}
+    reasons: dict[str, list[str]] = {}
+    for one in findings:
+        if one.format == UNKNOWN and not one.stops:
+            reasons.setdefault(one.facts["reason"], []).append(shown(one.file, folder))
+            continue
+        alike = (one.units, one.markers, one.bodies, one.suggested, one.format, one.version)
+        key = re.sub(r"\d+", "*", str(one.file)), str(alike), str([o for _, o in one.open])
+        groups.setdefault(one.file if one.stops else key, []).append(one)
+    printed = []
+    for group in groups.values():
+        printed += _lines(group, folder)
+        printed += [f"    ? {question}: {option}" for question, option in group[0].open]
+        printed += [f"    ! {reason}" for reason in group[0].stops]
+    printed += [f"not recognised, {reason}: {_text(names)}" for reason, names in reasons.items()]
+    # names come from the files: no control character reaches the terminal
+    return "\n".join("".join(c if c.isprintable() else "\ufffd" for c in p) for p in printed)
+
+
+def _lines(group: list[Finding], folder: Path) -> list[str]:
+    first, place = group[0], shown(group[0].file, folder)
+    if len(group) > 1:
+        place = f"{re.sub(r'[0-9]+', '*', place)} ({len(group)})"
+    counts = sum((Counter(one.gaps) for one in group), Counter())
+    labels, stated = first.facts.get("labels"), ", ".join(dict.fromkeys(first.units.values()))
+    facts = [
+        _range([one.rate for one in group], "Hz"),
+        _range([one.duration for one in group], "s"),
+    ]
+    facts += [f"{number} {name.replace('_', ' ')}" for name, number in counts.items()]
+    names = {"unit": stated, "bodies": first.bodies, "markers": first.markers, "columns": labels}
+    facts += [f"{name} {_text(held)}" for name, held in names.items() if held]
+    for name in NOTABLE:
+        value = first.facts.get(name)
+        if (value or (value == 0 and name == "first_frame")) and not (name == "columns" and labels):
+            if isinstance(value, dict):
+                value = [f"{key} ({_text(held)})" for key, held in value.items()]
+            text = repr(value) if name in ("separator", "decimal") else _text(value)
+            facts.append(f"{name.replace('_', ' ')} {text}")
+    lines = ["    "]
+    for fact in filter(None, facts):
+        if lines[-1].strip() and len(lines[-1]) + len(fact) > WIDTH:
+            lines.append("    ")
+        lines[-1] += f"{fact}; "
+    lines[-1] = lines[-1].rstrip("; ")
+    head = " ".join(filter(None, [f"{place}:", first.format, first.version]))
+    return [head, *(line.rstrip() for line in lines if line.strip())]
+
+
+def _text(value: object) -> str:
+    if isinstance(value, dict):
+        return " ".join(map(str, value.values()))
+    if isinstance(value, list):
+        more = len(value) > LISTED + 1
+        names = ", ".join(map(str, value[:LISTED] if more else value))
+        return names + f" … ({len(value)})" * more
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _range(values: Sequence[float | None], unit: str) -> str:
+    known = [value for value in values if value is not None]
+    ends = dict.fromkeys(f"{end(known):.4g}" for end in (min, max)) if known else {}
+    return f"{'–'.join(ends)} {unit}" if ends else ""

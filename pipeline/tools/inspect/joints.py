@@ -45,7 +45,7 @@ def joint_log(finding: Finding, form: Format) -> None:
     finding.facts |= {"samples": len(time), "signals": list(signals), "joints": width}
     if record.joints:
         finding.facts["joint_names"] = list(record.joints)
-    stated, angle_unit = form.name == bag.FORMAT.name, "rad"  # by the definition of the message
+    stated = form.name == bag.FORMAT.name  # rad and s by the definition of the message
     if not stated and len(time) > 1:
         step = float(np.median(np.diff(time)))
         unit = time_unit(step) or "s"
@@ -63,14 +63,15 @@ def joint_log(finding: Finding, form: Format) -> None:
             f"{smoother:.3g} times as smooth as over the times"
         )
         finding.ask(question, f"{OPTION}.clock", "rows" if smoother > 1 else "times")
+    unit = "rad"
     if not stated:
         greatest = max(float(np.abs(values).max()) for values in signals.values())
-        angle_unit = unit_of_angles(greatest)
+        unit = unit_of_angles(greatest)
         question = f"the unit of the angles is not stated; the greatest is {greatest:.4g}"
-        finding.ask(question, f"{OPTION}.angle_unit", angle_unit)
+        finding.ask(question, f"{OPTION}.angle_unit", unit)
     if {*ANGLES} <= {*signals} and finding.duration:
-        angles = [signals[name] * ANGLE_UNITS[angle_unit] for name in ANGLES]
-        _compare(finding, time, *angles, record.joints)
+        angles = [signals[name] for name in ANGLES]
+        _compare(finding, time, *angles, record.joints, (unit, "s"))
 
 
 def table(finding: Finding, form: Format) -> None:
@@ -100,11 +101,11 @@ def table(finding: Finding, form: Format) -> None:
     if sheet.labels:
         _labelled(finding, sheet, values, clock)
     if sheet.width == 1:
-        finding.ask(
+        question = (
             "one number a line is one column: it is one joint's, read with signals {actual: [0], …}"
-            " and time null; else write the numbers of one time in one line",
-            f"{OPTION}.signals",
+            " and time null; else write the numbers of one time in one line"
         )
+        finding.ask(question, f"{OPTION}.signals")
     elif {*ANGLES} - {*finding.facts.get("signals", ())}:
         keys = f"{OPTION}.joints, .signals, .time, or dataset.force.log.columns with format table"
         finding.ask("what the columns hold is not stated: a log of joints, or of forces", keys)
@@ -133,7 +134,7 @@ def _labelled(
     if {*ANGLES} <= {*signals} and timed:
         angles = [np.column_stack([columns[n] for n in signals[name]]) for name in ANGLES]
         stated = sheet.unit(labels.index(signals["actual"][0])) or sheet.angle_unit
-        _compare_columns(finding, time, *angles, signals["actual"], stated, sheet.unit(timed[0]))
+        _compare(finding, time, *angles, signals["actual"], (stated, sheet.unit(timed[0])))
 
 
 def time_unit(step: float) -> str | None:
@@ -148,37 +149,27 @@ def unit_of_angles(greatest: float) -> str:
     return "deg" if greatest > MOST_TURNS * TURN else "rad"
 
 
-def _compare_columns(
-    finding: Finding,
-    time: np.ndarray,
-    actual: np.ndarray,
-    target: np.ndarray,
-    joints: Sequence[str] = (),
-    angle_unit: str | None = None,
-    clock_unit: str | None = None,
-) -> None:
-    """Compare the angles of a table, which are in the units of its header, if any."""
-    clock = spelled(clock_unit or "")
-    clock = clock if clock in TIME_UNITS else time_unit(float(np.median(np.diff(time))))
-    greatest, unit = float(np.abs(actual).max()), spelled(angle_unit or "")
-    if unit not in ANGLE_UNITS and (unit := unit_of_angles(greatest)) == "deg":
-        finding.ask(f"angles of {greatest:.4g} are no radians", f"{OPTION}.angle_unit", unit)
-    if clock is not None:
-        angles = [values * ANGLE_UNITS[unit] for values in (actual, target)]
-        _compare(finding, time * TIME_UNITS[clock], *angles, joints)
-
-
 def _compare(
     finding: Finding,
     time: np.ndarray,
     actual: np.ndarray,
     target: np.ndarray,
-    joints: Sequence[str],
+    joints: Sequence[str] = (),
+    units: tuple[str | None, str | None] = (None, None),
 ) -> None:
-    """Add how the measured angles ``actual`` follow the command ``target``, both (N, joints) in rad
-    at ``time`` (N,) in s, the motions in the command, and the options that make them a pair.
+    """Add how the measured angles ``actual`` follow the command ``target``, both (N, joints) at
+    ``time`` (N,), the motions in the command, and the options that make them a pair; ``units`` of
+    angles and time as the header states them.
     """
-    time = time - time[0]
+    unit, clock = (spelled(stated or "") for stated in units)
+    clock = clock if clock in TIME_UNITS else time_unit(float(np.median(np.diff(time))))
+    greatest = float(np.abs(actual).max())
+    if unit not in ANGLE_UNITS and (unit := unit_of_angles(greatest)) == "deg":
+        finding.ask(f"angles of {greatest:.4g} are no radians", f"{OPTION}.angle_unit", unit)
+    if clock is None:
+        return
+    time = (time - time[0]) * TIME_UNITS[clock]
+    actual, target = actual * ANGLE_UNITS[unit], target * ANGLE_UNITS[unit]
     try:
         actual, removed = unwrapped(actual, time, joints, signal="actual")
         target, more = unwrapped(target, time, joints, signal="target")
@@ -229,16 +220,15 @@ def compare_tables(findings: Sequence[Finding]) -> None:
             continue
         meant = {name: meaning(name) for name in held}
         named["speed"] = [n for n, m in meant.items() if (m.role, m.quantity) == SPEED]
-        for role, names in named.items():
-            if len(names) == 1:
-                held[names[0]].facts["role"] = role
-        actual, target = (held[named[role][0]] for role in ANGLES)
-        options = LogOptions(joints=target.facts["columns"] - 1, signals={"angles": None})
+        tables = {role: held[names[0]] for role, names in named.items() if len(names) == 1}
+        for role, one in tables.items():
+            one.facts["role"] = role
+        options = LogOptions(joints=tables["target"].facts["columns"] - 1, signals={"angles": None})
         try:
-            logs = [read_joint_table(one.file, options) for one in (actual, target)]
+            logs = [read_joint_table(tables[role].file, options) for role in ANGLES]
         except PipelineError:
             continue  # a table of something else, whose own finding says why
         length = min(len(log.time) for log in logs)
         if length > 2:
             angles = [log.signals["angles"][:length] for log in logs]
-            _compare_columns(target, logs[0].time[:length], *angles)
+            _compare(tables["target"], logs[0].time[:length], *angles)

@@ -19,6 +19,7 @@ from pipeline.formats import rosbag
 from pipeline.formats.delimited import foreign
 from pipeline.formats.depth import cloud, image, messages
 from pipeline.formats.depth.index import dropped_frames, numbered_frames
+from pipeline.formats.depth.intrinsics import ANY_SIZE
 from pipeline.formats.force.bag import WRENCH
 from pipeline.formats.force.record import FORCES, TORQUES, ForceLogOptions, require_record
 from pipeline.formats.format import Format, Head, Kind, formats_in, is_bag, is_xml, recognised
@@ -29,7 +30,6 @@ from pipeline.tools.inspect.joints import joint_log, table
 
 LENGTH, UNIT = "dataset.mocap.unit", "dataset.depth.units_per_metre"
 TOTALS = ("announced_frames", "found_frames", "marker_samples", "pose_samples")  # of counts
-ANY_SIZE = 10**6  # px, holds every principal point
 DEPTH_TYPES = (messages.IMAGE, messages.CLOUD)
 # beginnings of files that hold recordings in a form that no format reads
 MARKS = {
@@ -61,9 +61,26 @@ def described(file: Path) -> Finding:
 
 def _read(finding: Finding, form: Format) -> Finding:
     finding.format, finding.kind, finding.option = form.name, form.kind, form.option
-    stated = form.states(finding.file)
-    finding.version, finding.units, finding.facts = stated.version, stated.units, dict(stated.facts)
     (_robot if form is URDF else DESCRIBE[form.kind])(finding, form)
+    return finding
+
+
+def _unrecognised(finding: Finding, head: Head) -> Finding:
+    """Add what to do with a file of no format (fact reason) or of a known program's export."""
+    if head.text is not None and (known := foreign(head.text)):
+        finding.format, advice = known
+        finding.stops.append(f"{finding.format} is not read: {advice}")
+        return finding
+    cells = [re.split(r"[,;\t]", line) for line in head.lines]
+    if mark := next((mark for mark in MARKS if head.content.startswith(mark)), None):
+        reason = MARKS[mark]
+    elif head.text is None:
+        reason = "binary data of no known format: export as in pipeline/formats/README.md"
+    elif head.suffix in (".csv", ".tsv") or (cells and min(map(len, cells)) > 2):
+        reason = "labels or words without rows of numbers below: record or export it again"
+    else:
+        reason = "text without a table of numbers"
+    finding.facts["reason"] = reason
     return finding
 
 
@@ -78,6 +95,8 @@ def _motion(finding: Finding, form: Format) -> None:
         # no length is reported then; in the smallest unit nothing is too far away
         take, unit = form.read(finding.file, "mm"), "not stated"
     finding.version = take.version if take.version != form.name else None
+    if take.rate_from:
+        finding.facts["rate_from"] = take.rate_from
     finding.rate, finding.units = take.rate, {"length": unit or take.unit}
     if take.printed_rate and abs(take.printed_rate / take.rate - 1) > RATE_TOLERANCE:
         finding.facts["rate_by_the_printed_times"] = f"{take.printed_rate:.4g} Hz"
@@ -103,6 +122,7 @@ def _trajectory(finding: Finding, form: Format) -> None:
 def _force(finding: Finding, form: Format) -> None:
     record = form.read(finding.file, ForceLogOptions())
     finding.rate, finding.duration = record.rate, float(record.time[-1] - record.time[0])
+    finding.units, finding.facts = dict(record.units), dict(record.marks)
     if not {"lost_packets", "missing_samples"} & {*record.counts}:
         finding.facts["times"] = "none in the log: nothing shows a row that it lost"
     finding.count(record.counts)
@@ -141,6 +161,9 @@ def _cloud(finding: Finding, form: Format) -> None:
     read = form.read(read_whole(finding.file), file=finding.file)
     share = round(read.missing / max(len(read.points) + read.missing, 1), 4)
     finding.facts |= {"points": len(read.points), "share_without_position": share}
+    finding.version = read.version
+    if read.organised:
+        finding.facts["organised"] = read.organised
     finding.count(read.counts)
     if read.viewpoint != cloud.UNTURNED:
         *place, w, x, y, z = read.viewpoint
@@ -154,8 +177,9 @@ def _cloud(finding: Finding, form: Format) -> None:
 
 
 def _intrinsics(finding: Finding, form: Format) -> None:
-    size = dict(finding.facts)
-    camera = form.read(finding.file, **(size or {"width": ANY_SIZE, "height": ANY_SIZE}))
+    camera = form.read(finding.file)
+    if size := (camera.width, camera.height) != ANY_SIZE:
+        finding.facts |= {"width": camera.width, "height": camera.height}
     finding.facts |= {name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy")}
     finding.facts["distortion"] = list(camera.distortion)
     if not size:
@@ -185,8 +209,7 @@ def numbered_sequence(pattern: Path) -> Finding:
     index = numbered_frames(pattern.parent, pattern.name, rate=1.0)
     finding = Finding(pattern, "depth sequence, numbered", Kind.SEQUENCE)
     finding.count({"dropped_frames": int(index.time[-1]) + 1 - len(index.files)})
-    question = "numbered frames have no times: their rate is not stated"
-    finding.ask(question, "dataset.depth.rate")
+    finding.ask("numbered frames have no times: their rate is not stated", "dataset.depth.rate")
     _frames(finding, [pattern.parent / name for name in index.files])
     return finding
 
@@ -232,9 +255,7 @@ def _bag(finding: Finding, form: Format) -> None:
 
 
 def _robot(finding: Finding, form: Format) -> None:
-    """Add the joints, the last link that most joints of one coordinate move (``arms``, joints from
-    base to tip), and every three joints in a row that are a planar chain (``chains``).
-    """
+    """Add joints, arms (joints from base to tip of a last link) and planar chains of three."""
     try:
         tree = read_urdf(finding.file)
     except ConfigError as error:
@@ -242,11 +263,11 @@ def _robot(finding: Finding, form: Format) -> None:
     joints: dict[str, list[str]] = {}
     for joint in tree.joints.values():
         joints.setdefault(joint.kind, []).append(joint.name)
-    arms = []
-    for end in tree.ends:
-        moving = [joint for joint in tree.above(end) if joint.kind in SINGLE]
-        # a joint that follows another (mimic) has no coordinate of its own
-        arms.append({"joints": [j.name for j in moving if j.follows is None], "tip": end})
+    # a joint that follows another (mimic) has no coordinate of its own
+    own = lambda joint: joint.kind in SINGLE and joint.follows is None  # noqa: E731
+    arms = [
+        {"joints": [j.name for j in tree.above(end) if own(j)], "tip": end} for end in tree.ends
+    ]
     most = max((len(arm["joints"]) for arm in arms), default=0)
     arms = [arm for arm in arms if most and len(arm["joints"]) == most]
     turning, chains, refused = joints.get("revolute", []), [], []
@@ -291,25 +312,3 @@ DESCRIBE: dict[str, Callable[[Finding, Format], None]] = {
     Kind.BAG: _bag,
     Kind.TABLE: table,
 }
-
-
-def _unrecognised(finding: Finding, head: Head) -> Finding:
-    """Return the account of a file of no format that is read, with what to do in its fact reason,
-    or, of a known program's export, with what to export instead.
-    """
-    if head.text is not None and (known := foreign(head.text)):
-        finding.format, advice = known
-        finding.stops.append(f"{finding.format} is not read: {advice}")
-    elif mark := next((mark for mark in MARKS if head.content.startswith(mark)), None):
-        finding.facts["reason"] = MARKS[mark]
-    elif head.text is None:
-        advice = "export as in pipeline/formats/README.md"
-        finding.facts["reason"] = f"binary data of no known format: {advice}"
-    elif head.suffix in (".csv", ".tsv") or (
-        head.lines and all(len(re.split(r"[,;\t]", line)) > 2 for line in head.lines)
-    ):
-        advice = "record or export it again"
-        finding.facts["reason"] = f"labels or words without rows of numbers below: {advice}"
-    else:
-        finding.facts["reason"] = "text without a table of numbers"
-    return finding

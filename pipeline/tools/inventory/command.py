@@ -9,7 +9,10 @@ from pathlib import Path
 from pipeline.core import contracts
 from pipeline.recordings.inventory import listing
 
-ARGUMENTS = {"folder": {"type": Path}, "file": {"type": Path}}
+ARGUMENTS = {
+    "folder": {"type": Path, "metavar": "FOLDER", "help": "recordings that are read in place"},
+    "file": {"type": Path, "metavar": "FILE", "help": "CSV file that is written"},
+}
 
 
 def run(folder: Path, file: Path) -> None:

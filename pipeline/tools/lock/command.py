@@ -31,9 +31,7 @@ def run() -> None:
 
 
 def _stages(file: Path) -> list[str]:
-    """Stages of a dvc.yaml as the lock names them, those of a matrix one by one; a list that a
-    matrix names as ``${key}`` is in params.yaml.
-    """
+    """Stages of a dvc.yaml as the lock names them, those of a matrix one by one."""
     names = []
     for name, stage in read_yaml(file)["stages"].items():
         lists = [

@@ -6,19 +6,46 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from typing import Any
 
-from pipeline.core import config, datasheet
-from pipeline.core.datasheet import Draft
+import numpy as np
+
+from pipeline.core import config, contracts, datasheet
+from pipeline.core.datasheet import OPEN, Draft, unfilled_keys
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
+from pipeline.core.options.dataset import Robot
+from pipeline.core.options.instruments import JointLogSection
+from pipeline.recordings.commands import circular_joints
+from pipeline.recordings.inventory import named_takes
+from pipeline.recordings.motions import NEARLY, FoundMotion, motions
+from pipeline.recordings.movement import read_logged_movement
+from pipeline.recordings.repetitions import REACH
+from pipeline.tools.check.command import get_filled, value_faults
 from pipeline.tools.inspect.command import inspect
-from pipeline.tools.inspect.finding import ROBOT, shown
-from pipeline.tools.new_dataset.filling import Filling
+from pipeline.tools.inspect.finding import ROBOT
 from pipeline.tools.new_dataset.layout import RecordingLayout, layout
-from pipeline.tools.new_dataset.template import asked, fill_template, text_of
-from pipeline.tools.new_dataset.values import known_values
+from pipeline.tools.new_dataset.values import (
+    KEYS,
+    known_values,
+    path_text,
+    suggested_values,
+    text_of,
+)
 
+SET = {
+    "action": "append",
+    "default": [],
+    "metavar": "KEY=VALUE",
+    "help": "value that no file states, as robot.tool=flange; as often as needed",
+}
+MOTION = {"type": int, "metavar": "NUMBER", "help": "motion that is analysed, by its number"}
+ASK = {"action": "store_true", "help": "ask for what is then still open"}
 ARGUMENTS = {
     "name": {"metavar": "NAME", "help": "name of the dataset, as in params.yaml"},
     "--from": {
@@ -27,16 +54,12 @@ ARGUMENTS = {
         "metavar": "FOLDER",
         "help": "folder of the recordings (default: fill in what is ??? in the dataset's files)",
     },
-    "--set": {
-        "action": "append",
-        "default": [],
-        "metavar": "KEY=VALUE",
-        "help": "value that no file states, as robot.urdf=arm.urdf; as often as needed",
-    },
+    "--set": SET,
     "--suggested": {"action": "store_true", "help": "take every suggestion"},
-    "--motion": {"type": int, "metavar": "NUMBER", "help": "motion in the joint logs"},
-    "--ask": {"action": "store_true", "help": "ask for what is then still open"},
+    "--motion": MOTION,
+    "--ask": ASK,
 }
+LINE = re.compile(r" *(?P<key>\w+):(?: (?P<value>[^#]*?))?(?: # (?P<hint>.*))?")
 UNPLACED = 12  # recordings that are named although they have no place
 INVENTORY = """\
 # These recordings are read in place: their inventory stands here for them, so that a change of the
@@ -51,23 +74,13 @@ stages:
 """
 
 
-def run(
-    name: str,
-    folder: Path | None,
-    set: Sequence[str],
-    suggested: bool = False,
-    motion: int | None = None,
-    ask: bool = False,
-) -> None:
-    """Write the two files, or fill in what is open in those that are there; say what is left."""
-    answers = {}
-    for assigned in set:
-        key, equal, value = assigned.partition("=")
-        if not equal:
-            raise ConfigError(f"--set takes KEY=VALUE, not {assigned!r}")
-        answers[key.strip()] = value
-    filling = open_dataset(name, folder, answers)
-    filling.fill(answers, suggested=suggested, motion=motion, ask=ask)
+def run(name: str, folder: Path | None, set: Sequence[str], **options: Any) -> None:
+    """Write the two files, or fill in what is open in those that are there; say what is left.
+    ``options`` are those of :meth:`Filling.fill`.
+    """
+    given = answers(set)
+    filling = open_dataset(name, folder, given)
+    filling.fill(given, **options)
     filling.write()
     left = filling.left
     if "joint_log.start" in left:
@@ -84,8 +97,16 @@ def run(
     print(f"new-dataset: set `dataset: {name}` in params.yaml, and run `python -m pipeline check`")
 
 
+def answers(assigned: Sequence[str]) -> dict[str, str]:
+    """Return the values of --set by key; ConfigError for a word that assigns none."""
+    for word in assigned:
+        if "=" not in word:
+            raise ConfigError(f"--set takes KEY=VALUE, not {word!r}")
+    return {key.strip(): value for key, _, value in (word.partition("=") for word in assigned)}
+
+
 def open_dataset(
-    name: str, folder: Path | None, answered: Collection[str] = (), urdf: Path | None = None
+    name: str, folder: Path | None, answered: Iterable[str] = (), urdf: Path | None = None
 ) -> Filling:
     """Return the two files of the dataset ``name``, data/raw/NAME/dataset.yaml and
     pipeline/conf/dataset/NAME.yaml, from the recordings in ``folder``, or as they are where it is
@@ -108,7 +129,14 @@ def open_dataset(
         folder = Path(draft.values().get("recordings", ""))
         return Filling(draft, layout(inspect(folder), folder), folder)
     inventory = files[0].with_name("dvc.yaml")
-    _require_new(folder, [*files, inventory])
+    if not folder.is_dir():
+        raise RecordingError("there is no such folder", file=folder)
+    if re.search(r'["$`\\\n]', os.path.relpath(folder.resolve())):
+        message = "the folder's name holds a quote, a dollar or a backslash; rename it"
+        raise RecordingError(message, file=folder)
+    for file in filter(Path.exists, (*files, inventory)):
+        message = "this file is there already, and nothing is overwritten; choose another name, or"
+        raise ConfigError(f"{message} leave out --from to fill in what is open there", file=file)
     recorded = layout(inspect(folder), folder)
     if urdf is not None:
         recorded.single[ROBOT] = inspect(urdf)
@@ -119,26 +147,203 @@ def open_dataset(
     return filling
 
 
-def _require_new(folder: Path, files: Sequence[Path]) -> None:
-    if not folder.is_dir():
-        raise RecordingError("there is no such folder", file=folder)
-    if re.search(r'["$`\\\n]', os.path.relpath(folder.resolve())):
-        message = "the folder's name holds a quote, a dollar or a backslash; rename it"
-        raise RecordingError(message, file=folder)
-    for file in filter(Path.exists, files):
-        message = "this file is there already, and nothing is overwritten; choose another name, or"
-        raise ConfigError(f"{message} leave out --from to fill in what is open there", file=file)
-
-
 def dataset_texts(
-    name: str, recorded: RecordingLayout, folder: Path, answered: Collection[str] = ()
+    name: str, recorded: RecordingLayout, folder: Path, answered: Iterable[str] = ()
 ) -> list[str]:
-    """Return the texts of data/raw/NAME/dataset.yaml and pipeline/conf/dataset/NAME.yaml for the
-    recordings ``recorded`` in ``folder``, with ??? for the keys that are ``answered``.
+    """Return the texts of datasheet and option file for the recordings ``recorded`` in ``folder``,
+    with ??? for the keys that are ``answered``. An optional key of the template (?) without a value
+    at it or below it is left out, with all below it.
     """
     known = known_values(name, recorded, folder)
-    texts = fill_template(name, known | dict.fromkeys(known.keys() & {*answered}, asked()))
-    if unplaced := [text_of(shown(one.file.relative_to(folder))) for one in recorded.unplaced]:
+    known |= dict.fromkeys(known.keys() & {*answered}, OPEN)
+    template = Path(__file__).with_name("template.yaml").read_text(encoding="utf-8")
+    texts = template.replace("{name}", name).split("---\n")
+    texts = ["\n".join(_filled(text, known)) + "\n" for text in texts]
+    if unplaced := [path_text(one, folder) for one in recorded.unplaced]:
         more = f" … ({len(unplaced)})" if len(unplaced) > UNPLACED else ""
         texts[0] += f"# not placed: {', '.join(unplaced[:UNPLACED])}{more}\n"
     return texts
+
+
+def _filled(text: str, known: Mapping[str, Any]) -> Iterator[str]:
+    path, left_out = [], 1000  # left_out: indentation of the key whose lines are left out
+    for line in text.splitlines():
+        body = line.removeprefix("?")
+        depth = len(body) - len(body.lstrip())
+        if depth > left_out:
+            continue
+        left_out, parts = 1000, LINE.fullmatch(body)
+        if parts is None:
+            yield body  # a comment
+            continue
+        path = [*path[: depth // 2], parts["key"]]
+        key = ".".join(path)
+        if line != body and not any(f"{one}.".startswith(f"{key}.") for one in known):
+            left_out = depth
+            continue
+        given, inner = known.get(key, ""), {}
+        if isinstance(given, Mapping):
+            given, inner = "", given
+        value, _, note = given.partition(" # ")
+        value = "" if inner else value or parts["value"] or ""
+        hint = "; ".join(filter(None, [note, parts["hint"]]))
+        yield f"{body[:depth]}{parts['key']}:{value and ' '}{value}{hint and ' # '}{hint}"
+        yield from _nested(inner, depth + 2)
+
+
+def _nested(values: Mapping[str, Any], depth: int) -> Iterator[str]:
+    for name, value in values.items():
+        inner = value if isinstance(value, Mapping) else {}
+        yield f"{' ' * depth}{text_of(name)}:{'' if inner else f' {value}'}"
+        yield from _nested(inner, depth + 2)
+
+
+@dataclass
+class Filling:
+    """A ``draft`` of both files beside the ``recorded`` files in ``folder``."""
+
+    draft: Draft
+    recorded: RecordingLayout
+    folder: Path
+    beside: dict[Path, str] = field(default_factory=dict)  # other texts to write
+
+    @property
+    def left(self) -> list[str]:
+        """Keys that are still ???."""
+        return [question.key for question in self.draft.questions()]
+
+    def fill(
+        self,
+        given: Mapping[str, str],
+        *,
+        suggested: bool = False,
+        motion: int | None = None,
+        ask: bool = False,
+    ) -> None:
+        """Fill in the ``given`` values, YAML by key as robot.tool; then every suggestion that
+        nothing is wrong with where ``suggested``; the motion of that number among the printed ones,
+        from 1; and what is asked for on the terminal. ConfigError for an answer that does not fit.
+        """
+        for key, value in given.items():
+            self._answer(key, value)
+        while suggested:  # they may follow from each other
+            values, before = self._suggested()[0], self.left
+            for key in [key for key in before if key in values]:
+                with suppress(PipelineError):
+                    self._answer(key, values[key])
+                    print(f"taken as suggested: {key}: {get_filled(self.draft.values(), key)}")
+            suggested = self.left != before
+        if motion is not None:
+            self._choose(self.show_motions(), motion)
+        if ask:
+            self._ask()
+
+    def write(self) -> None:
+        """Write the files, with remarks in the comments of the values that are open."""
+        _, remarks = self._suggested()
+        for key in [key for key in self.left if key in remarks]:
+            self.draft.note(key, remarks[key])
+        for file, text in (self.draft.texts | self.beside).items():
+            contracts.write_text(text, file)
+            print(f"new-dataset: wrote {os.path.relpath(file)}")
+
+    def _answer(self, key: str, value: str) -> None:
+        self.draft.answer(key, value, value_faults)
+
+    def _suggested(self) -> tuple[dict[str, str], dict[str, str]]:
+        return suggested_values(self.recorded, self.folder, self.draft.values())
+
+    def show_motions(self) -> list[FoundMotion]:
+        """Print the motions in the logs, numbered from 1, and return them."""
+        offered = found_motions(self.draft.values())
+        if not offered:
+            raise ConfigError("no motion is found that the logs hold from rest to rest, or repeat")
+        for number, motion in enumerate(offered, start=1):
+            counts = Counter(name for name, _ in motion.places).items()
+            pause = "no rest" if motion.pause is None else f"pauses of {motion.pause} or more"
+            disturbed = ", ".join(f"{name} row {place}" for name, place in motion.disturbed)
+            print(
+                f"motion {number}: {motion.steps} steps, {pause}, in "
+                f"{', '.join(f'{name} ({count})' for name, count in counts)}\n"
+                f"  from {_rounded(motion.start, 2)} to {_rounded(motion.end, 2)} rad\n"
+                f"  commands differ by {motion.deviation:.2g} rad, least singular value "
+                f"{motion.least_singular:.2g}" + f", disturbed: {disturbed}" * bool(disturbed)
+            )
+        return offered
+
+    def _choose(self, offered: list[FoundMotion], number: int) -> None:
+        if not 1 <= number <= len(offered):
+            raise ConfigError(f"there is no motion {number}; there are 1 to {len(offered)}")
+        motion, rate = offered[number - 1], self.draft.values()["motion"]["rate"]
+        rest = motion.rest(rate)
+        ends = (_rounded(motion.start, 4), _rounded(motion.end, 4))
+        chosen = dict(zip(KEYS, (motion.steps + 2 * rest, *ends, rest), strict=True))
+        for key in [key for key in self.left if key in chosen]:
+            self._answer(key, str(chosen[key]))
+
+    def _ask(self) -> None:
+        """Ask for one value after another, the robot's first as others follow from them."""
+        passed: set[str] = set()
+        with suppress(EOFError, KeyboardInterrupt):
+            while questions := [one for one in self.draft.questions() if one.key not in passed]:
+                first = min(questions, key=lambda one: (one.key[:6] != "robot.", one.key in KEYS))
+                key = first.key
+                if key in KEYS and "joint_log.start" in self.left and not passed & {*KEYS}:
+                    try:
+                        offered = self.show_motions()
+                        print(f"the motion that is analysed: {', '.join(KEYS)}")
+                        prompt = "number, or nothing to give them one by one? "
+                        _accepted(lambda n, found=offered: self._choose(found, int(n)), prompt)
+                    except PipelineError as error:
+                        print(f"! {error}")
+                passed.add(key)
+                if key not in self.left:
+                    continue
+                suggested, remark = (known.get(key) for known in self._suggested())
+                print("; ".join(filter(None, [f"\n{key}: {first.hint}", remark])))
+                if not _accepted(partial(self._answer, key), "? ", suggested):
+                    print("left as ???")
+
+
+def _accepted(accept: Callable[[str], None], prompt: str, suggested: str | None = None) -> bool:
+    """Ask until ``accept`` takes the answer, and return True; False for an empty answer."""
+    while answer := input(f"[{suggested}] " if suggested else prompt).strip() or suggested:
+        try:
+            accept(answer)
+            return True
+        except (ValueError, PipelineError) as error:
+            print(f"! {error}")
+            suggested = None if answer == suggested else suggested
+    return False
+
+
+def found_motions(values: dict[str, Any]) -> list[FoundMotion]:
+    """Return the motions in the logs that the ``values`` of a dataset name, those that move most
+    joints first, those through a singular pose or without a repetition last; ConfigError where a
+    needed value is still ???, and as the logs' reader.
+    """
+    log = values["joint_log"] | {"start": [], "end": [], "rest": 0, "tolerance": 1.0}
+    rate = values["motion"]["rate"]
+    needed = {"joint_log": log, "robot": values["robot"], "motion": {"rate": rate}}
+    if keys := ", ".join(unfilled_keys(needed)):
+        raise ConfigError(f"the motions are found once these are filled in: {keys}")
+    options, folder = JointLogSection(**log), Path(values["recordings"])
+    places = named_takes(folder, options.movements, key="dataset.joint_log.movements")
+    circular = circular_joints(values["robot"]["urdf"], options.joints)
+    movements = {
+        name: read_logged_movement(name, place, options, float(rate), circular)
+        for name, place in places.items()
+    }
+    offered = motions(movements, Robot(**values["robot"]), rate)
+    regular = NEARLY * max((motion.least_singular for motion in offered), default=0.0)
+
+    def last(motion: FoundMotion) -> tuple[bool, int]:
+        still = np.abs(motion.end - motion.start) <= REACH
+        alone = len(motion.places) - len(motion.disturbed) < 2
+        return alone or motion.least_singular < regular, int(still.sum())
+
+    return sorted(offered, key=last)
+
+
+def _rounded(angles: np.ndarray, digits: int) -> list[float]:
+    return (np.round(angles, digits) + 0.0).tolist()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import glob
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
-from itertools import chain, takewhile
+from itertools import takewhile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -54,15 +54,17 @@ class RecordingLayout(NamedTuple):
     @property
     def markers(self) -> list[str]:
         """Markers that all takes of motion capture have."""
-        return _in_all([take.markers for take in self.takes])
+        names = dict.fromkeys(name for take in self.takes for name in take.markers)
+        return [name for name in names if all(name in take.markers for take in self.takes)]
 
     @property
     def bodies(self) -> list[str]:
         """Rigid bodies that all takes of motion capture have, where they are what follows the
         links: no markers are named by three links, and no depth camera looks at a planar arm.
         """
-        followed = not (self.depth or links_of(self.markers))
-        return _in_all([take.bodies for take in self.takes]) if followed else []
+        names = dict.fromkeys(name for take in self.takes for name in take.bodies)
+        alike = [name for name in names if all(name in take.bodies for take in self.takes)]
+        return [] if self.depth or links_of(self.markers) else alike
 
 
 def in_groups(groups: Iterable[Group]) -> list[Finding]:
@@ -70,8 +72,9 @@ def in_groups(groups: Iterable[Group]) -> list[Finding]:
     return [take for group in groups for take in group.takes.values()]
 
 
-def _in_all(held: list[list[str]]) -> list[str]:
-    return [name for name in held[0] if all(name in each for each in held)] if held else []
+def logs_of(takes: Iterable[Finding]) -> list[Finding]:
+    """Return the files of the movements ``takes``, one or several of each."""
+    return [one for take in takes for one in (take.facts.get("tables") or {"": take}).values()]
 
 
 def links_of(names: list[str]) -> dict[str, list[str]] | None:
@@ -87,49 +90,45 @@ def links_of(names: list[str]) -> dict[str, list[str]] | None:
 
 def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
     """Return the recordings in ``folder`` by what they are and how their names belong together."""
-    of = {k: [one for one in findings if one.kind == k] for k in {one.kind for one in findings}}
-    motion, force, joints, tables = (
-        of.get(kind, []) for kind in (Kind.MOTION, Kind.FORCE, Kind.JOINTS, Kind.TABLE)
-    )
-    names = {finding.file.stem for finding in motion}
-    takes = {}
+    of: dict[str, list[Finding]] = defaultdict(list)
+    for one in findings:
+        of[one.kind].append(one)
+    motion, joints, tables = (of[kind] for kind in (Kind.MOTION, Kind.JOINTS, Kind.TABLE))
+    names, filmed = {one.file.stem for one in motion}, {}
     for one in findings:
         types = {topic["type"] for topic in one.facts.get("topics", {}).values()}
         if one.kind == Kind.SEQUENCE:
             # the folder with the name of a take of motion capture, else where the index lies
             parents = list(one.file.parents)[:3]
-            takes[next((each for each in parents if each.name in names), parents[0])] = one
+            filmed[next((each for each in parents if each.name in names), parents[0])] = one
         elif types & {*DEPTH_TYPES}:
-            takes[one.file] = one
-    depth, groups = _groups(takes, folder), _groups({one.file: one for one in motion}, folder)
-    filmed = {name for group in depth for name in group.named}
-    test = [group for group in groups if filmed & {*group.named}]
-    single = {kind: of[kind] for kind in SINGLE if kind in of}
+            filmed[one.file] = one
+    depth, groups = _groups(filmed, folder), _groups({one.file: one for one in motion}, folder)
+    tested = {name for group in depth for name in group.named}
+    test = [group for group in groups if tested & {*group.named}]
     logs = [*joints, *(one for one in tables if one.timed)]
     beside = {one.file: one for one in logs if one.file.stem in names}
     movements = {one.file: one for one in joints if one.file not in beside}
     if not (motion or joints):
         movements = _movements(tables, folder)
-    inside = [table for one in movements.values() for table in one.facts.get("tables", {}).values()]
-    placed = chain(motion, force, inside, *single.values())
-    placed = chain(placed, takes.values(), beside.values(), movements.values())
-    taken = set(map(id, placed))
+    single = {kind: of[kind] for kind in SINGLE if of[kind]}
+    placed = [*motion, *of[Kind.FORCE], *filmed.values(), *beside.values()]
+    placed += [*logs_of(movements.values()), *(one for held in single.values() for one in held)]
+    files = {one.file for one in placed}
     return RecordingLayout(
         training=[group for group in groups if group not in test],
         test=test,
         depth=depth,
-        force=force,
+        force=of[Kind.FORCE],
         encoders=_groups(beside, folder),
         movements=_groups(movements, folder),
         single=single,
-        unplaced=[finding for finding in findings if id(finding) not in taken],
+        unplaced=[one for one in findings if one.file not in files],
     )
 
 
 def _groups(recorded: dict[Path, Finding], folder: Path) -> list[Group]:
-    """The recordings by the pattern of their paths; where no two share one and all are the files of
-    one folder and ending, as one group.
-    """
+    """The recordings by the pattern of their paths, or as all files of one folder and ending."""
     shared = Counter(_pattern(path.relative_to(folder)) for path in recorded)
     patterns: dict[str, dict[Path, Finding]] = {}
     for path, finding in recorded.items():
@@ -149,49 +148,37 @@ def _groups(recorded: dict[Path, Finding], folder: Path) -> list[Group]:
 
 
 def _pattern(path: Path) -> str:
-    """``path`` as a glob, with a star for the last number in its name, or else in the name of the
-    nearest folder with one.
-    """
+    """A glob with a star for the last number in the name, or in the nearest folder with one."""
     suffix = "" if path.suffix[1:].isdigit() else path.suffix
-    if parts := re.fullmatch(r"(.*?)(\d+)(\D*)", path.name.removesuffix(suffix)):
-        name = f"{glob.escape(parts[1])}*{glob.escape(parts[3] + suffix)}"
-        return Path(glob.escape(path.parent.as_posix()), name).as_posix()
-    above = path.parent if path.parent == Path() else Path(_pattern(path.parent))
-    return (above / glob.escape(path.name)).as_posix()
+    name = path.as_posix().removesuffix(suffix)
+    if parts := re.fullmatch(r"(.*?)(\d+)(\D*)", name, re.DOTALL):
+        return f"{glob.escape(parts[1])}*{glob.escape(parts[3] + suffix)}"
+    return glob.escape(path.as_posix())
 
 
 def _movements(tables: list[Finding], folder: Path) -> dict[Path, Finding]:
-    """The ``tables`` whose labels say that they hold measured and commanded angles; where there are
-    none, the folders below ``folder`` that hold tables of the same names, two or more, as most such
-    folders do.
-    """
+    """Tables of measured and commanded angles, else folders of tables of the same names."""
     whole, held = {}, {}
     for one in tables:
-        asked = {"target"} if "signals" in one.suggested else set()
-        if {"actual", "target"} <= {*one.facts.get("signals", ())} | asked:
+        guessed = {"target"} if "signals" in one.suggested else set()
+        if {"actual", "target"} <= {*one.facts.get("signals", ())} | guessed:
             whole[one.file] = one
         if one.file.parent != folder:
             held.setdefault(one.file.parent, {})[one.file.name] = one
-    if whole:
-        return whole
     alike = Counter(tuple(sorted(names)) for names in held.values() if len(names) > 1)
-    names = alike.most_common(1)[0][0] if alike else ()
-    return {
+    names = alike.most_common(1)[0][0] if alike else None
+    return whole or {
         path: Finding(path, "movement", Kind.TABLE, facts={"tables": inside})
         for path, inside in held.items()
-        if alike and tuple(sorted(inside)) == names
+        if tuple(sorted(inside)) == names
     }
 
 
 def shared_pattern(names: Sequence[str]) -> str:
-    """Return the names as one pattern: of the parts between underscores those that all have, and a
-    star for the differing end of a part; all that follows where nothing of a part is shared.
+    """Return the names as one pattern: a star for each number, and for all that follows the part
+    that they share.
     """
-    parts = []
-    for alike in zip(*(name.split("_") for name in names), strict=False):
-        letters = takewhile(lambda each: len({*each}) == 1, zip(*alike, strict=False))
-        beginning = "".join(each[0] for each in letters)
-        parts.append(beginning if len({*alike}) == 1 else f"{beginning}*")
-        if not beginning:
-            return "_".join(parts)
-    return "_".join(parts) + ("*" if len({name.count("_") for name in names}) > 1 else "")
+    marked = [re.sub(r"\d+", "*", glob.escape(name)) for name in names]
+    alike = takewhile(lambda letters: len({*letters}) == 1, zip(*marked, strict=False))
+    shared = "".join(letters[0] for letters in alike)
+    return shared if shared == max(marked, key=len) else f"{shared}*".replace("**", "*")

@@ -1,15 +1,20 @@
-"""Values of a dataset's two files that its recordings state, and values that they suggest."""
+"""Values of a dataset's two files that its recordings state, and values that they make likely.
+
+A value is YAML as text, with ` # note` behind it or not, or a mapping of names to values.
+"""
 
 from __future__ import annotations
 
+import json
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
-from itertools import chain
 from os.path import relpath
 from pathlib import Path
 from typing import Any
 
+from pipeline.core.datasheet import OPEN
 from pipeline.core.options.instruments import AngleUnit, TimeUnit
 from pipeline.formats.depth.messages import CAMERA_INFO, IMAGE
 from pipeline.formats.format import Kind
@@ -25,12 +30,47 @@ from pipeline.tools.new_dataset.layout import (
     RecordingLayout,
     in_groups,
     links_of,
+    logs_of,
     shared_pattern,
 )
-from pipeline.tools.new_dataset.template import Values, agreed, asked, chosen, several, text_of
 
 KEYS = ("motion.steps", "joint_log.start", "joint_log.end", "joint_log.rest")  # of the motion
 TURN = "[0.0, 6.283185307179586] # rad, [least, greatest]; narrow the full turn, as set up"
+SPACE = 6  # rows of a pose
+PLACE = f"{OPEN} # [x, y, z]"
+RESERVED = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
+Values = dict[str, Any]  # by dotted key of the template
+
+
+def _asked(note: str = "") -> str:
+    return f"{OPEN} # {note}" if note else OPEN
+
+
+def _one_of(choices: Iterable[str]) -> str:
+    """The only one of the ``choices``, else ??? and what there is to choose from."""
+    listed = [*choices]
+    return listed[0] if len(listed) == 1 else _asked(f"one of {', '.join(listed)}" * bool(listed))
+
+
+def _agreed(values: Iterable[float | None]) -> str:
+    """The one value that all recordings state, else ???."""
+    stated = {*values}
+    return f"{stated.pop():.10g}" if len(stated) == 1 and None not in stated else OPEN
+
+
+def _several(names: Iterable[str]) -> str:
+    return ", ".join(map(text_of, names))
+
+
+def text_of(text: str) -> str:
+    """Return ``text`` as YAML, quoted where it could be read as anything else."""
+    plain = re.fullmatch(r"[A-Za-z_][\w./*-]*|\.\.?/[\w./*-]*", text, re.ASCII)
+    return text if plain and text.lower() not in RESERVED else json.dumps(text, ensure_ascii=False)
+
+
+def path_text(finding: Finding, folder: Path) -> str:
+    """Return the path of a recording below ``folder`` as YAML."""
+    return text_of(shown(finding.file, folder))
 
 
 def known_values(name: str, recorded: RecordingLayout, folder: Path) -> Values:
@@ -39,12 +79,12 @@ def known_values(name: str, recorded: RecordingLayout, folder: Path) -> Values:
     """
     takes, logs = recorded.takes, in_groups(recorded.movements)
     trajectories, calibrations, cameras = (
-        [_below(folder, one) for one in recorded.single.get(kind, [])]
+        [path_text(one, folder) for one in recorded.single.get(kind, [])]
         for kind in (Kind.TRAJECTORY, Kind.CALIBRATION, Kind.INTRINSICS)
     )
     known: Values = {"name": text_of(name), "recordings": text_of(relpath(folder.resolve()))}
     if trajectories or takes:
-        known["trajectory"] = chosen(trajectories)
+        known["trajectory"] = _one_of(trajectories)
     sections = {
         "mocap": _mocap(recorded, takes) if takes else {},
         "encoders": _encoders(recorded) if recorded.encoders else {},
@@ -52,13 +92,12 @@ def known_values(name: str, recorded: RecordingLayout, folder: Path) -> Values:
         "force": _force(recorded.force, calibrations, folder) if recorded.force else {},
         "joint_log": _joint_log(recorded.movements, logs) if logs else {},
     }
-    for section, values in sections.items():
-        known |= {f"{section}.{key}": value for key, value in values.items()}
+    known |= {f"{part}.{key}": value for part, of in sections.items() for key, value in of.items()}
     rates = [None if one.rate is None else float(f"{one.rate:.4g}") for one in (*takes, *logs)]
-    known["motion.rate"] = agreed(rates)
-    known["motion.steps"] = agreed(take.facts.get("steps") for take in takes)
+    known["motion.rate"] = _agreed(rates)
+    known["motion.steps"] = _agreed(take.facts.get("steps") for take in takes)
     if any(log.suggested.get("rest") == "0" for log in logs):
-        known["motion.pose_noise"] = asked()
+        known["motion.pose_noise"] = OPEN
     if recorded.encoders:
         known["measurement"] = ""
     planar = bool(takes and not recorded.bodies) or bool(recorded.depth)
@@ -68,41 +107,38 @@ def known_values(name: str, recorded: RecordingLayout, folder: Path) -> Values:
 def _mocap(recorded: RecordingLayout, takes: list[Finding]) -> Values:
     values: Values = _parts(recorded.training, recorded.test, "null")
     if any(take.units.get("length") == "not stated" for take in takes):
-        values["unit"] = asked()
+        values["unit"] = OPEN
     if recorded.bodies:
-        places = asked("{a: [x, y, z], b: …, c: …}")
-        values["markers"] = dict.fromkeys(recorded.bodies, places)
-        mount = {"position": asked("[x, y, z]"), "rpy": asked("rad")}
+        values["markers"] = dict.fromkeys(recorded.bodies, _asked("{a: [x, y, z], b: …, c: …}"))
+        mount = {"position": PLACE, "rpy": _asked("rad")}
         values["bodies"] = {n: {"name": text_of(n), "mount": mount} for n in recorded.bodies}
     elif links := links_of(recorded.markers):
-        place = asked("[x, y, z]")
-        values["markers"] = {link: dict.fromkeys(names, place) for link, names in links.items()}
+        values["markers"] = {link: dict.fromkeys(names, PLACE) for link, names in links.items()}
     else:
-        names = several(recorded.markers) or "none in all takes"
-        values["markers"] = asked(f"{{link1: {{name: [x, y, z], …}}, …}}; there are {names}")
+        names = _several(recorded.markers) or "none in all takes"
+        values["markers"] = _asked(f"{{link1: {{name: [x, y, z], …}}, …}}; there are {names}")
     return values
 
 
-def _parts(training: Sequence[Group], test: Sequence[Group], none: str) -> dict[str, str]:
+def _parts(training: Sequence[Group], test: Sequence[Group], none: str) -> Values:
     """Patterns of both parts, where one group is left to fit to; ``none`` without a test part."""
     if len(training) == 1 and len(test) <= 1:
-        held = text_of(test[0].pattern) if test else none
-        return {"training": text_of(training[0].pattern), "test": held}
-    patterns = several(group.pattern for group in (*training, *test))
-    return dict.fromkeys(("training", "test"), asked(f"one of {patterns}"))
+        tested = text_of(test[0].pattern) if test else none
+        return {"training": text_of(training[0].pattern), "test": tested}
+    patterns = _several(group.pattern for group in (*training, *test))
+    return dict.fromkeys(("training", "test"), _asked(f"one of {patterns}"))
 
 
 def _encoders(recorded: RecordingLayout) -> Values:
-    """Joint logs that are named as takes of the motion capture."""
     takes = {name for group in recorded.training for name in group.named}
     training = [group for group in recorded.encoders if takes & {*group.named}]
     test = [group for group in recorded.encoders if group not in training]
     finding = in_groups(recorded.encoders)[0]
     labels = [str(label) for label in finding.facts.get("labels", [])]
     measured = named_like("actual", labels)
-    return _parts(training, test, asked()) | {
+    return _parts(training, test, OPEN) | {
         "time": text_of(labels[0]) if labels and finding.timed else "0",
-        "actual": f"[{several(measured)}]" if measured else asked(f"of {several(labels)}"),
+        "actual": f"[{_several(measured)}]" if measured else _asked(f"of {_several(labels)}"),
     }
 
 
@@ -110,7 +146,7 @@ def _depth(recorded: RecordingLayout, calibrations: Sequence[str]) -> Values:
     group = max(recorded.depth, key=lambda group: len(group.takes))
     takes, (place, first) = list(group.takes.values()), next(iter(group.takes.items()))
     topics = first.facts.get("topics")
-    values = {"takes": chosen(text_of(each.pattern) for each in recorded.depth)}
+    values = {"takes": _one_of(text_of(each.pattern) for each in recorded.depth)}
     if topics is None:
         key = "index" if first.option == "index" else "frames"
         values[key] = text_of(first.file.relative_to(place).as_posix())
@@ -118,20 +154,19 @@ def _depth(recorded: RecordingLayout, calibrations: Sequence[str]) -> Values:
         if rates := sorted(take.rate for take in takes if take.rate):
             values["rate"] = f"{rates[len(rates) // 2]:.4g} # as the indexes state"
     else:
-        held = {name: topic["type"] for name, topic in topics.items() if topic["messages"]}
+        types = {name: topic["type"] for name, topic in topics.items() if topic["messages"]}
         for key, kinds in (("topic", DEPTH_TYPES), ("camera_info", (CAMERA_INFO,))):
-            if names := [text_of(name) for name, kind in held.items() if kind in kinds]:
-                values[key] = chosen(names)
-        clouds = IMAGE not in held.values()
+            if names := [text_of(name) for name, kind in types.items() if kind in kinds]:
+                values[key] = _one_of(names)
+        clouds = IMAGE not in types.values()
     if clouds:
         values["encoding"] = "plain"
     else:
         if calibrations or topics is None:
-            values["intrinsics"] = chosen(calibrations)
-        for key in ("width", "height"):
-            values[key] = agreed(take.facts.get(key) for take in takes)
+            values["intrinsics"] = _one_of(calibrations)
+        values |= {k: _agreed(one.facts.get(k) for one in takes) for k in ("width", "height")}
     if span := first.facts.get("first_values"):
-        values["units_per_metre"] = asked(f"the first frame holds {span[0]:g} to {span[1]:g}")
+        values["units_per_metre"] = _asked(f"the first frame holds {span[0]:g} to {span[1]:g}")
     return values
 
 
@@ -141,9 +176,9 @@ def _force(logs: Sequence[Finding], calibrations: Sequence[str], folder: Path) -
     for finding in logs:
         stem = finding.file.stem
         configurations[stem if stems[stem] == 1 else f"{finding.file.parent.name}_{stem}"] = {
-            "file": _below(folder, finding),
-            "direction": asked("rad, [first cable, second, …]"),
-            "tension": asked("N, [first cable, second, …]"),
+            "file": path_text(finding, folder),
+            "direction": _asked("rad, [first cable, second, …]"),
+            "tension": _asked("N, [first cable, second, …]"),
             "direction_bounds": TURN,
         }
     values: Values = {"configurations": configurations}
@@ -152,50 +187,47 @@ def _force(logs: Sequence[Finding], calibrations: Sequence[str], folder: Path) -
         values["log.format"] = option
     if len(calibrations) == 1:
         values["log.calibration"] = calibrations[0]
-    for question, option in chain.from_iterable(finding.open for finding in logs):
+    for question, option in (each for finding in logs for each in finding.open):
         if option.startswith("dataset.force.log.") and not option.endswith(".format"):
-            values.setdefault(option.removeprefix("dataset.force."), asked(question))
+            values.setdefault(option.removeprefix("dataset.force."), _asked(question))
     return values
 
 
 def _joint_log(movements: Sequence[Group], takes: Sequence[Finding]) -> Values:
     first = takes[0]
-    values = {"movements": chosen(text_of(group.pattern) for group in movements)}
+    values = {"movements": _one_of(text_of(group.pattern) for group in movements)}
     tables: Mapping[str, Finding] = first.facts.get("tables", {})
     signals, joints = first.facts.get("signals", {}), first.facts.get("joints")
     stated = {tuple(take.facts.get("joint_names", ())) for take in takes}
     if tables:
-        choice = chosen(map(text_of, sorted(tables)))
+        choice = _one_of(map(text_of, sorted(tables)))
         values |= {"actual": choice, "target": choice, "speed": "null"}
         for name, table in tables.items():
             if "role" in table.facts:
                 values[table.facts["role"]] = f"{text_of(name)} # by its name"
         first = next(iter(tables.values()))
-        steps = {table.facts.get("step_of_column_0") for table in tables.values()} - {None}
-        step = f"steps by {steps.pop():g}" if len(steps) == 1 else ""
-        values["time"] = (f"0 # {step}" if step else "0") if first.timed else asked(step)
         widths = {table.facts.get("columns") for table in tables.values()}
+        values["time"] = "0" if first.timed else OPEN
         joints = widths.pop() - 1 if len(widths) == 1 and first.timed else None
     elif first.kind != Kind.JOINTS:
         if "signals" not in first.suggested:
-            named = [f"{name}: [{several(labels)}]" for name, labels in signals.items()]
+            named = [f"{name}: [{_several(labels)}]" for name, labels in signals.items()]
             values["signals"] = f"{{{', '.join(named)}}}"
         joints = len(next(iter(signals.values())))
-        none = asked("null: the rows follow each other at motion.rate")
+        none = _asked("null: the rows follow each other at motion.rate")
         values["time"] = text_of(first.facts["time"]) if "time" in first.facts else none
-    values["joints"] = asked(f"{joints} joints" if joints else "")
+    values["joints"] = _asked(f"{joints} joints" if joints else "")
     if len(stated) == 1 and (names := next(iter(stated))):
-        values["joints"] = f"[{several(names)}] # as the logs name them"
+        values["joints"] = f"[{_several(names)}] # as the logs name them"
     if first.format != bag.FORMAT.name:
         units = {spelled(unit) for unit in first.units.values()}
         for key, known in (("time_unit", TimeUnit), ("angle_unit", AngleUnit)):
-            held = units & {*known}
-            values[key] = f"{held.pop()} # by the labels" if len(held) == 1 else asked()
-    for finding in _each_log(takes):
-        for question, option in finding.open:
-            key = option.rpartition(".")[2]
-            if key in finding.suggested and key not in ("rest", "angle_unit", "time_unit"):
-                values[key] = asked(question.rpartition(";")[0])
+            own = units & {*known}
+            values[key] = f"{own.pop()} # by the labels" if len(own) == 1 else OPEN
+    for question, option in (each for finding in logs_of(takes) for each in finding.open):
+        key = option.rpartition(".")[2]
+        if key not in ("rest", "angle_unit", "time_unit") and "; suggested is " in question:
+            values[key] = _asked(question.rpartition(";")[0])
     return values
 
 
@@ -207,22 +239,21 @@ def _robot(robots: Sequence[Finding], planar: bool) -> Values:
         values["robot.urdf"] = text_of(shown(Path(relpath(robots[0].file.resolve()))))
     if not planar and (not arms or [arms[0]["joints"]] != [one["joints"] for one in chains]):
         if arms:
-            values["robot.joints"] = f"[{several(arms[0]['joints'])}] # all that move the last link"
-            values["robot.tool"] = _only([arm["tip"] for arm in arms])
+            joints = f"[{_several(arms[0]['joints'])}] # all that move the last link"
+            tips = _one_of(text_of(arm["tip"]) for arm in arms)
+            values |= {"robot.joints": joints, "robot.tool": tips}
+            if len(arms[0]["joints"]) < SPACE:
+                values["robot.task"] = OPEN
         return values
     others = facts.get("joints", {}).get("revolute", [])
-    joints = asked(f"three parallel ones of {several(others) or 'the URDF'}")
+    joints = _asked(f"three parallel ones of {_several(others) or 'the URDF'}")
     if len(chains) == 1:
         own = chains[0]["joints"]
-        joints = f"[{several(own)}] # the only three in a row that are parallel"
-        values["robot.tool"] = _only(chains[0]["tools"])
+        joints = f"[{_several(own)}] # the only three in a row that are parallel"
+        values["robot.tool"] = _one_of(map(text_of, chains[0]["tools"]))
         others = [joint for joint in others if joint not in own]
-    locked = asked(several(others)) if others or not chains else "{}"
+    locked = _asked(_several(others)) if others or not chains else "{}"
     return values | {"robot.plane": "", "robot.joints": joints, "robot.locked": locked}
-
-
-def _only(names: Sequence[str]) -> str:
-    return text_of(names[0]) if len(names) == 1 else asked(several(names))
 
 
 def suggested_values(
@@ -232,20 +263,26 @@ def suggested_values(
     make likely, and remarks by key on what there is to choose from.
     """
     logs = in_groups(recorded.movements)
-    tables = [one for one in _each_log(logs) if one.kind == Kind.TABLE]
-    found: dict[str, str | None] = {"about.licence": _licence(folder)}
+    tables = [one for one in logs_of(logs) if one.kind == Kind.TABLE]
+    found: dict[str, str | None] = {}
+    for file in sorted(folder.iterdir(), reverse=True):
+        if file.is_file() and re.match("(?i)licen[cs]e|copying", file.name):
+            lines = [
+                " ".join(line.split()) for line in file.read_text(errors="replace").split("\n")
+            ]
+            if stated := [*filter(None, lines[:20])][:2]:
+                found["about.licence"] = text_of(", ".join(stated))
     # movement → suggestions of the first of its logs that has some
     named = {
-        name: next((one.suggested for one in _each_log([take]) if one.suggested), {})
+        name: next((one.suggested for one in logs_of([take]) if one.suggested), {})
         for group in recorded.movements
         for name, take in group.named.items()
     }
     for key in dict.fromkeys(key for own in named.values() for key in own):
-        held = {name: own[key] for name, own in named.items() if key in own}
-        each = ", ".join(f"{text_of(name)}: {value}" for name, value in held.items())
-        found[f"joint_log.{key}"] = (
-            next(iter(held.values())) if len({*held.values()}) == 1 else f"{{{each}}}"
-        )
+        each = {name: own[key] for name, own in named.items() if key in own}
+        differing = ", ".join(f"{text_of(name)}: {value}" for name, value in each.items())
+        alike = len({*each.values()}) == 1
+        found[f"joint_log.{key}"] = next(iter(each.values())) if alike else f"{{{differing}}}"
     steps = {one.facts.get("step_of_column_0") for one in tables} - {None}
     units = {time_unit(step) for step in steps}
     if len(units) == 1:
@@ -268,7 +305,8 @@ def suggested_values(
     arms = _arms(Path(urdf)) if urdf and not get_filled(values, "robot.plane") else []
     if len({tuple(arm["joints"]) for arm in arms}) == 1:
         joints, tips = arms[0]["joints"], [text_of(arm["tip"]) for arm in arms]
-        found["robot.joints"] = f"[{several(joints)}]"
+        found["robot.joints"] = f"[{_several(joints)}]"
+        found["robot.task"] = "[x, y, z]" if 3 <= len(joints) < SPACE else None
         logged = {one.facts["joints"] for one in logs if "joints" in one.facts}
         signals = [one.facts.get("signals") for one in tables]
         logged |= {len(held) for each in signals if each for held in each.values()}
@@ -286,22 +324,3 @@ def suggested_values(
 @cache
 def _arms(urdf: Path) -> list[dict[str, Any]]:
     return described(urdf).facts.get("arms", [])
-
-
-def _each_log(takes: Iterable[Finding]) -> list[Finding]:
-    """The files of the movements ``takes``."""
-    return [one for take in takes for one in (take.facts.get("tables") or {"": take}).values()]
-
-
-def _licence(folder: Path) -> str | None:
-    """The first two lines of a file of licence."""
-    for file in sorted(folder.iterdir()):
-        if file.is_file() and file.name.lower().startswith(("licence", "license", "copying")):
-            lines = file.read_text(errors="replace").split("\n")[:20]
-            stated = [" ".join(line.split()) for line in lines if line.strip()]
-            return text_of(", ".join(stated[:2])) if stated else None
-    return None
-
-
-def _below(folder: Path, finding: Finding) -> str:
-    return text_of(shown(finding.file.relative_to(folder)))

@@ -23,14 +23,8 @@ from pipeline.core.errors import ContractError
 
 REPORTS, RESULTS = Path("reports"), ("report.md", "model_card.md")
 TEMPLATE = Path(__file__).with_name("page.html")
-ARGUMENTS = {
-    "part": {
-        "nargs": "?",
-        "choices": ["results", "studies"],
-        "default": "results",
-        "help": "content of the page (default results)",
-    }
-}
+PARTS, HELP = ["results", "studies"], "content of the page (default results)"
+ARGUMENTS = {"part": {"nargs": "?", "choices": PARTS, "default": PARTS[0], "help": HELP}}
 COLOURS = 64  # of a figure on the page, which the drawn lines and shades fit in
 WIDE = 1.4  # width by height of a figure that scrolls on a narrow screen
 # a frame that scrolls and that the keyboard reaches
@@ -62,18 +56,18 @@ def page(title: str, files: Sequence[Path], folder: Path) -> str:
         html, headings = _section(file, files, folder)
         sections.append(f'<section aria-label="{escape(file.stem)}">\n{html}</section>')
         (_, anchor, first), *others = headings or [(1, "", file.stem)]
-        inner = [
-            f'<li><a href="#{name}">{escape(text)}</a></li>'
-            for level, name, text in others
-            if level <= DEPTH
-        ]
+        inner = [_entry(name, text) + "</li>" for level, name, text in others if level <= DEPTH]
         below = "\n".join(["", "<ul>", *inner, "</ul>"]) if inner else ""
-        contents.append(f'<li><a href="#{anchor}">{escape(first)}</a>{below}</li>')
+        contents.append(f"{_entry(anchor, first)}{below}</li>")
     return Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
         title=escape(title),
         contents="\n".join([*contents, "</ul>"]),
         sections="\n".join(sections),
     )
+
+
+def _entry(anchor: str, text: str) -> str:
+    return f'<li><a href="#{anchor}">{escape(text)}</a>'
 
 
 def _section(

@@ -31,26 +31,23 @@ from pipeline.planning.problem import OBJECTIVES, Problem, uncertainty
 FITS = Path("data/fit")
 JOINTS, PICTURE = "joints.csv", "plan.png"
 UNITS = {"trace": "tr Cov (rad²)", "log_det": "ln det Cov"}
-
-
 COLUMNS = (
     "CSV with the columns t (s) and the rows of the task by name: x, y, z (m), rx, ry, rz (rad, "
     "rotation vector of the tip in the base's axes), in a plane x, z, phi; or a commanded "
     "trajectory of the joints, t and q:JOINT, whose poses are the path"
 )
 PLAN = "folder of the plan, new or of an earlier plan, which it replaces"
-SUM = "sum over the steps; ln det is in the row space of the Jacobian where it has its rank"
+SUM = (
+    "sum over the steps (default trace); ln det is in the row space of the Jacobian where it has "
+    "its rank"
+)
 MARGIN = "m, least singular value of the Jacobian, angular rows times the length"
 SMOOTH = "weight of the squared steps in the null space, objective per rad²"
 ARGUMENTS = {
     "model": {"metavar": "MODEL", "help": f"model in {FITS}, or its folder"},
     "path": {"metavar": "PATH", "type": Path, "help": COLUMNS},
     "out": {"metavar": "OUT", "type": Path, "help": PLAN},
-    "--objective": {
-        "choices": OBJECTIVES,
-        "default": OBJECTIVES[0],
-        "help": f"{SUM} (default %(default)s)",
-    },
+    "--objective": {"choices": OBJECTIVES, "default": OBJECTIVES[0], "help": SUM},
 } | {
     name: {"type": type(default), "default": default, "help": f"{text} (default %(default)s)"}
     for name, default, text in (
@@ -62,18 +59,10 @@ ARGUMENTS = {
 
 
 def run(
-    model: str,
-    path: Path,
-    out: Path,
-    objective: str,
-    margin: float,
-    smoothness: float,
-    points: int,
+    model: str, path: Path, out: Path, objective: str, points: int, margin: float, smoothness: float
 ) -> None:
     """Plan, write, and print cost and least singular value."""
-    if out.exists() and (
-        not out.is_dir() or {file.name for file in out.iterdir()} - {JOINTS, PICTURE}
-    ):
+    if out.is_file() or {file.name for file in out.glob("*")} - {JOINTS, PICTURE}:
         raise ConfigError("OUT exists and is no plan; name another folder", file=out)
     robot = config.sections("track").dataset.robot
     chain = chain_of(robot)
@@ -85,7 +74,7 @@ def run(
     with contracts.replacing(out) as place:
         table = pd.DataFrame({"t": t} | spread("q", robot.joints, planned.joints))
         write_trajectory(place / JOINTS, table)
-        _draw(planned, problem, t, robot.joints, UNITS[objective], place / PICTURE)
+        _draw(planned, margin, t, robot.joints, UNITS[objective], place / PICTURE)
     print(
         f"{out}: {len(poses) - 1} steps; summed {objective} of the covariance "
         f"{planned.cost.sum():.6g}; least singular value {planned.clearance.min():.4g} m"
@@ -102,9 +91,8 @@ def read_path(file: Path, chain: Chain, robot: Robot) -> tuple[np.ndarray, float
     """
     if format_of(file, [FORMAT]) and (joints := members(table := read_trajectory(file), "q")):
         if sorted(joints) != sorted(robot.joints):
-            named, own = (", ".join(names) for names in (joints, robot.joints))
-            message = f"the joints are {named}; those of the arm {own}"
-            raise RecordingError(message, file=file, line=1)
+            message = f"the joints are {', '.join(joints)}; those of the arm "
+            raise RecordingError(message + ", ".join(robot.joints), file=file, line=1)
         order = [joints.index(name) for name in robot.joints]
         return chain.pose(values(table, "q")[:, order]), _rate(table["t"].to_numpy())
     table = read_poses(file, chain.task)
@@ -129,20 +117,18 @@ def _rate(t: np.ndarray) -> float:
 
 
 def _draw(
-    planned: Planned, problem: Problem, t: np.ndarray, joints: list[str], unit: str, file: Path
+    planned: Planned, margin: float, t: np.ndarray, joints: list[str], unit: str, file: Path
 ) -> None:
     """Write ``file``, a PNG: joints, cost of the steps and least singular value over time."""
     figure, ((angles, cost, clearance),) = panels(TWO_COLUMNS, 2.5, columns=3)
     for column, line in zip(planned.joints.T, joint_lines(joints).values(), strict=True):
         angles.plot(t, column, **line)
-    angles.set(ylabel="joints (rad)")
     cost.plot(t[:-1], planned.cost, color=BLACK)
-    cost.set(ylabel=f"{unit} of a step")
     clearance.plot(t, planned.clearance, color=BLACK, label="planned")
-    clearance.axhline(problem.margin, color=GREY, linestyle="--", label="margin")
-    clearance.set(ylabel="least singular value (m)", ylim=(0, None))
+    clearance.axhline(margin, color=GREY, linestyle="--", label="margin")
     clearance.legend()
-    for axes in (angles, cost, clearance):
-        axes.set(xlabel="time (s)")
+    angles.set(xlabel="time (s)", ylabel="joints (rad)")
+    cost.set(xlabel="time (s)", ylabel=f"{unit} of a step")
+    clearance.set(xlabel="time (s)", ylabel="least singular value (m)", ylim=(0, None))
     figure.legend(*angles.get_legend_handles_labels(), loc="outside upper center", ncols=4)
     figure.savefig(file, dpi=PNG_RESOLUTION)

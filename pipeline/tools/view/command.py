@@ -28,6 +28,14 @@ MEASURED = (40, 40, 40)
 COLOURS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0))
 
 
+TO = f"output file (default {FOLDER}/DATASET_TAKE.rrd)"
+ARGUMENTS = {
+    "take": {"nargs": "?", "metavar": "TAKE", "help": "take's name (default the first test take)"},
+    "--to": {"type": Path, "metavar": "FILE", "help": TO},
+    "--open": {"action": "store_true", "help": "open the file in the viewer"},
+}
+
+
 class Track(NamedTuple):
     """Joint angles over time: ``t`` (K,) s, ``q`` (K, n) rad or m, ``std`` (K, n) or None."""
 
@@ -47,17 +55,6 @@ class ViewedTake(NamedTuple):
     measured: Track
     filtered: dict[str, Track]
     clouds: list[tuple[float, np.ndarray]]
-
-
-ARGUMENTS = {
-    "take": {"nargs": "?", "metavar": "TAKE", "help": "take's name (default the first test take)"},
-    "--to": {
-        "type": Path,
-        "metavar": "FILE",
-        "help": f"output file (default {FOLDER}/DATASET_TAKE.rrd)",
-    },
-    "--open": {"action": "store_true", "help": "open the file in the viewer"},
-}
 
 
 def run(take: str | None = None, to: Path | None = None, open: bool = False) -> None:
@@ -102,9 +99,9 @@ def read_viewed_take(settings: Any, name: str | None) -> ViewedTake:
             std = np.sqrt(np.diagonal(matrices(rows, "c", names), axis1=-2, axis2=-1))
             filtered[folder.name] = Track(rows["t"].to_numpy(), values(rows, "m"), std)
     filtered = {model: track for model, track in filtered.items() if len(track.t)}
+    robot = settings.dataset.robot
+    clouds = _clouds(name, robot) if settings.dataset.depth is not None else []
     measured = Track(own["t"].to_numpy(), values(own, "q"))
-    robot, depth = settings.dataset.robot, settings.dataset.depth
-    clouds = _clouds(name, robot) if depth is not None else []
     return ViewedTake(name, robot, list(names), measured, filtered, clouds)
 
 
@@ -112,8 +109,6 @@ def _clouds(name: str, robot: Robot) -> list[tuple[float, np.ndarray]]:
     """Points of the arm in every depth frame of a take, at the motion capture's time."""
     angles, frames = contracts.read("angles", ARTICULATE), contracts.read("frames", DEPTH)
     angles, frames = (table[table["take"] == name] for table in (angles, frames))
-    if frames.empty:
-        return []
     arm, times = arm_of(robot), dict(zip(angles["frame"], angles["t"], strict=True))
     points = dict(zip(frames["frame"], arm_points(frames, DEPTH), strict=True))
     return [
@@ -153,11 +148,12 @@ def write_recording(rerun: ModuleType, take: ViewedTake, file: Path) -> None:
             recording.log(rerun.new_entity_path(["scene", name]), strip)
         time = rerun.TimeColumn("time", duration=track.t)
         for j, joint in enumerate(take.joints):
-            lines = {name: ("mean", 2.0, track.q[:, j])}
-            if track.std is not None:
-                lines[f"{name} + 1σ"] = ("upper", 0.7, track.q[:, j] + track.std[:, j])
-                lines[f"{name} − 1σ"] = ("lower", 0.7, track.q[:, j] - track.std[:, j])
-            for label, (part, width, line) in lines.items():
+            q, std = track.q[:, j], None if track.std is None else track.std[:, j]
+            lines = [("mean", name, 2.0, q)]
+            if std is not None:
+                lines += [("upper", f"{name} + 1σ", 0.7, q + std)]
+                lines += [("lower", f"{name} − 1σ", 0.7, q - std)]
+            for part, label, width, line in lines:
                 place = rerun.new_entity_path(["angles", joint, name, part])
                 style = rerun.SeriesLines(colors=[colour], names=[label], widths=[width])
                 recording.log(place, style, static=True)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 
 import pytest
-from depth_files import CALIBRATIONS, refused
+from depth_files import CALIBRATIONS
+from written_logs import refusal as reject
 
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics, write_intrinsics
 
@@ -20,7 +22,7 @@ def read(file, content: str) -> Intrinsics:
 
 def refusal(file, content: str, **options: object) -> str:
     file.write_text(content)
-    return refused(read_intrinsics, file, **SIZE | options).message
+    return reject(partial(read_intrinsics, **SIZE | options), file).message
 
 
 def test_the_intrinsics_of_a_real_kinect_are_read_from_yaml_1_0(shared):
@@ -86,53 +88,6 @@ def test_a_camera_info_that_ros_printed_is_read_however_often_it_is_there(tmp_pa
         assert read(file, text) == CAMERA
     other = message + again.replace("525.5", "499.0")
     assert "2 calibrations, not all of them equal" in refusal(file, other)
-
-
-REFUSALS = {  # content: words of the refusal
-    "a: [\n": "no calibration",
-    "- 1\n- 2\n": "no calibration",
-    "{}": "no calibration",
-    "5\n": "no calibration",
-    "# a comment\n": "no calibration",
-    "!!python/object/apply:os.system ['true']\n": "no calibration",
-    "\x01\x02\n": "no calibration",
-    "{" * 2_000: "no calibration",
-    "K: text\nD: []\n": "no decimal numbers",
-    "K: [1, 2]\nD: []\n": "holds 2 numbers, not 9",
-    "K: {data: {a: 1}}\nD: []\n": "no decimal numbers",
-    "fx: 1\nfy: 1\ncx: 1\n": "no camera matrix",
-    '{"fx": [1, 2], "fy": 1, "cx": 1, "cy": 1}': "no decimal numbers",
-    '{"fx": 1%s, "fy": 1, "cx": 4, "cy": 3}' % ("0" * 400): "no decimal numbers",
-    "K: [1,0,1,0,1,1,0,0,1]\nD: [1]\n": "1 distortion coefficients",
-    "%YAML:1.0\n---\ncameraMatrix: 5\n": "no decimal numbers",
-}
-
-
-@pytest.mark.parametrize("content", REFUSALS, ids=range(len(REFUSALS)))
-def test_a_file_that_holds_no_camera_is_refused(tmp_path, content):
-    assert REFUSALS[content] in refusal(tmp_path / "c.yaml", content)
-    refused(read_intrinsics, tmp_path / "absent.yaml", **SIZE)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("365.5", "-1.", "[fx 0 cx; 0 fy cy; 0 0 1]"),
-        ("365.5", ".Nan", "no decimal numbers"),
-        ("365.5", "7e4", "is of no camera"),
-        ("254.5", "700.", "outside 640 × 480"),
-        ("cameraMatrix", "camera", "no camera matrix under a usual name; the file has camera, "),
-        ("distortionCoefficients", "distortion", "no distortionCoefficients"),
-        ("rows: 3", "rows: 4", "cameraMatrix holds 9 numbers, not 12"),
-        *(("365.5", word, "") for word in ("yes", "true", "0525", "+0525", "0x20D", "8:45")),
-    ],
-)
-def test_a_calibration_with_a_fault_is_refused(tmp_path, old, new, words):
-    write_intrinsics(tmp_path / "ir.yaml", Intrinsics(365.5, 365.25, 254.5, 205.5, 640, 480))
-    content = (tmp_path / "ir.yaml").read_text()
-    assert old in content
-    assert words in refusal(tmp_path / "ir.yaml", content.replace(old, new, 1))
-    assert read(tmp_path / "ir.yaml", content.replace("365.5", "525")).fx == 525.0
 
 
 def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp_path):

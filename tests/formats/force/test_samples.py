@@ -11,10 +11,10 @@ from pipeline.formats.force.record import (
     ForceLogOptions,
     ForceRecord,
     frozen,
+    read_force_table,
     saturated,
     sound_samples,
 )
-from pipeline.formats.force.table import read_force_table
 
 RATE = 100.0
 LABELS = '"Force X (N)","Force Y (N)","Force Z (N)","Frequency = 1000","Averaging Level = 1"\n'

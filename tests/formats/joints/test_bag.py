@@ -48,24 +48,25 @@ FINGER = [(stamp - 0.001, state(stamp - 0.001, names=("finger",))) for stamp, _ 
 TURNS = [(t, state(t, names=("ab", "ba")[k % 2])) for k, (t, _) in enumerate(states())]
 
 
+BETWEEN = sorted([*FINGER, *states(0.002)], key=lambda message: message[0])
+TWICE = sorted([*states(), *states()[2:4]], key=lambda message: message[0])
+MEASURED = {
+    "control": (states(), {}),
+    "gripper first": (FINGER + states(), {"messages_of_other_joints": 6}),
+    "gripper between": (BETWEEN, {"messages_of_other_joints": 6}),
+    "twice": (TWICE, {"doubled_rows": 2}),
+    "order changes": (TURNS, {}),
+}
+
+
 @pytest.mark.parametrize("options", [AB, LogOptions()])
-@pytest.mark.parametrize(
-    ("measured", "counted"),
-    [
-        (states(), {}),
-        (FINGER + states(), {"messages_of_other_joints": 6}),
-        (sorted([*FINGER, *states(0.002)], key=lambda m: m[0]), {"messages_of_other_joints": 6}),
-        (sorted([*states(), *states()[2:4]], key=lambda m: m[0]), {"doubled_rows": 2}),
-        (TURNS, {}),
-    ],
-    ids=["control", "gripper first", "gripper between", "twice", "order changes"],
-)
+@pytest.mark.parametrize("name", MEASURED)
 def test_what_other_publishers_send_is_passed_over_and_repeated_messages_are_dropped(
-    tmp_path, options, measured, counted
+    tmp_path, options, name
 ):
-    bag = write_bag(
-        tmp_path, "ros1", {"/joint_states": measured, "/joint_commands": states(-0.001)}
-    )
+    measured, counted = MEASURED[name]
+    recorded = {"/joint_states": measured, "/joint_commands": states(-0.001)}
+    bag = write_bag(tmp_path, "ros1", recorded)
     log = read_joint_bag(bag, options)
     assert log.joints == ("a", "b")
     np.testing.assert_allclose(log.signals["actual"][:, 1], 2 * log.signals["actual"][:, 0])
@@ -99,22 +100,18 @@ def test_a_wrapped_command_is_unwrapped_before_it_is_interpolated(tmp_path):
     assert counts["unwrapped_jumps"] == 2
 
 
-@pytest.mark.parametrize(
-    ("recorded", "options", "words"),
-    [
-        ({"/joint_states": states(), "/arm/joint_states": states()}, AB, "2 topics could hold"),
-        ({"/joint_states": [], "/arm/joint_states": []}, AB, "there are none"),
-        ({"/joint_states": [*states(), states()[0]]}, AB, "does not increase"),
-        (
-            {"/joint_states": [*states(), (1.05, state(1.05, turned=0.1))]},
-            AB,
-            "does not increase",
-        ),
-        ({"/joint_states": [*states(), (2.0, state(2.0, names=("a",)))]}, AB, "no position of b"),
-        ({"/joint_states": states()}, LogOptions(names=("c",)), "joints c; there are a, b"),
-        ({"/joint_states": states(), "/joint_commands": states(9.0)}, AB, "no command has the tim"),
-    ],
-)
+REFUSED = [
+    ({"/joint_states": states(), "/arm/joint_states": states()}, AB, "2 topics could hold"),
+    ({"/joint_states": [], "/arm/joint_states": []}, AB, "there are none"),
+    ({"/joint_states": [*states(), states()[0]]}, AB, "does not increase"),
+    ({"/joint_states": [*states(), (1.05, state(1.05, turned=0.1))]}, AB, "does not increase"),
+    ({"/joint_states": [*states(), (2.0, state(2.0, names=("a",)))]}, AB, "no position of b"),
+    ({"/joint_states": states()}, LogOptions(names=("c",)), "joints c; there are a, b"),
+    ({"/joint_states": states(), "/joint_commands": states(9.0)}, AB, "no command has the tim"),
+]
+
+
+@pytest.mark.parametrize(("recorded", "options", "words"), REFUSED)
 def test_what_does_not_fit_is_refused(tmp_path, recorded, options, words):
     for number, (topic, held) in enumerate(recorded.items()):
         # messages are read in the order of their recording

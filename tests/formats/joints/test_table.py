@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
-from joint_files import read_joint_log, refusal, table
+from joint_files import read_joint_log, table
+from written_logs import refusal
 
-from pipeline.core.errors import RecordingError
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.table import joint_labels, read_joint_table, write_joint_table
 
 NAMES = ["q1", "q2", "q3"]
 
 
-@pytest.mark.parametrize(
-    ("name", "samples", "cut", "last", "first"),
-    [
-        ("5_Acc_slow_no_disturbance/log_q_actual.csv", 3293, 1, 26.336, 1.265641),
-        ("5_Acc_slow_no_disturbance/log_qd_target.csv", 3249, 0, 25.984, None),
-        ("6_Acc_slow_Verify_Model/log_q_target.csv", 10264, 0, 82.104, None),
-        ("7_Acc_slow_Verify_Model_short/log_q_actual.csv", 3492, 0, 27.928, None),
-    ],
-)
+REAL = [
+    ("5_Acc_slow_no_disturbance/log_q_actual.csv", 3293, 1, 26.336, 1.265641),
+    ("5_Acc_slow_no_disturbance/log_qd_target.csv", 3249, 0, 25.984, None),
+    ("6_Acc_slow_Verify_Model/log_q_target.csv", 10264, 0, 82.104, None),
+]
+
+
+@pytest.mark.parametrize(("name", "samples", "cut", "last", "first"), REAL)
 def test_logs_of_a_real_arm_have_their_lines_less_a_cut_one(
     shared, name, samples, cut, last, first
 ):
@@ -43,23 +44,19 @@ def test_a_written_log_reads_back_to_what_is_printed(tmp_path):
         np.testing.assert_allclose(read.signals[name], values, atol=0.51e-7)
 
 
-@pytest.mark.parametrize(
-    ("header", "row", "columns", "options"),
-    [
-        ("time,q1,q2,q3", "{t},0.1,0.2,0.3", NAMES, LogOptions("time")),
-        ("q3;x;q1;stamp (s);q2", "0,3;9,9;0,1;{t};0,2", NAMES, LogOptions("stamp")),
-        ("% t q1 q2 q3", "{t}  0.1 0.2   0.3", NAMES, LogOptions()),
-        ("", "{t}\t0.1\t0.2\t0.3", None, LogOptions()),
-        ("", "9 0.3 0.1 {t} 0.2", [2, 4, 1], LogOptions(3)),
-        (
-            "a note\nt,q1 [deg],q2,q3",
-            "{t},5.729577951308232,11.45915590261646,17.1887338539247",
-            NAMES,
-            LogOptions("t", angle_unit="deg"),
-        ),
-        ("q1,q2,q3", "0.1,0.2,0.3", None, LogOptions(None, 125.0)),
-    ],
-)
+DEGREES = "{t},5.729577951308232,11.45915590261646,17.1887338539247"
+FORMS = [
+    ("time,q1,q2,q3", "{t},0.1,0.2,0.3", NAMES, LogOptions("time")),
+    ("q3;x;q1;stamp (s);q2", "0,3;9,9;0,1;{t};0,2", NAMES, LogOptions("stamp")),
+    ("% t q1 q2 q3", "{t}  0.1 0.2   0.3", NAMES, LogOptions()),
+    ("", "{t}\t0.1\t0.2\t0.3", None, LogOptions()),
+    ("", "9 0.3 0.1 {t} 0.2", [2, 4, 1], LogOptions(3)),
+    ("a note\nt,q1 [deg],q2,q3", DEGREES, NAMES, LogOptions("t", angle_unit="deg")),
+    ("q1,q2,q3", "0.1,0.2,0.3", None, LogOptions(None, 125.0)),
+]
+
+
+@pytest.mark.parametrize(("header", "row", "columns", "options"), FORMS)
 def test_tables_are_read_by_labels_or_numbers_in_any_form(tmp_path, header, row, columns, options):
     times = [f"{0.008 * i:.3f}" for i in range(4)]
     rows = [row.format(t=time.replace(".", ",") if ";" in row else time) for time in times]
@@ -67,43 +64,6 @@ def test_tables_are_read_by_labels_or_numbers_in_any_form(tmp_path, header, row,
     result = read_joint_log(file, joints=3, columns=columns, options=options)
     np.testing.assert_allclose(result.signals["actual"], [[0.1, 0.2, 0.3]] * 4, rtol=1e-12)
     np.testing.assert_allclose(result.time, np.arange(4) * 0.008, atol=1e-12)
-
-
-REFUSED = {  # content: line, words
-    "0.1, 1, 2\n0.2, 1\n0.3, 1, 2\n": (2, "2 cells"),
-    "0.1, 1, 2\n\n0.2, 1, 2, 3\n0.3, 1, 2\n": (3, "4 cells"),
-    "0.1, 1, 2\n0.2, x, 2\n": (2, "'x'"),
-    "0.1, 1, 2\n0.2, nan, 2\n": (2, "no number"),
-    "0.1, 1, 2\n0.1, 1, 3\n": (2, "does not increase"),
-    "0.1, 1, 2, 3\n0.2, 1, 2, 3\n": (1, "3 values, not 2"),
-    "0.0, 10.5, -90.0\n0.1, 10.5, -90.0\n": (None, "angle_unit"),
-    "0.1, 1, 2": (None, "no whole line"),
-    "\x89PNG\0": (None, "no plain text"),
-}
-
-
-@pytest.mark.parametrize("content", REFUSED)
-def test_a_damaged_log_is_refused_with_its_line(tmp_path, content):
-    line, words = REFUSED[content]
-    (tmp_path / "log.csv").write_text(content)
-    error = refusal(tmp_path / "log.csv")
-    assert words in str(error).replace("not plain", "no plain")
-    assert error.evidence.get("line") == line
-
-
-@pytest.mark.parametrize(
-    ("header", "columns", "words"),
-    [
-        ("t,q1,q2", ["q1", "q3"], "0 columns are labelled 'q3'"),
-        ("t,q1,q1", ["q1", 2], "2 columns are labelled 'q1'"),
-        ("", [1, 3], "column 3"),
-        ("", ["q1", "q2"], "labels above the numbers are nothing"),
-    ],
-)
-def test_columns_that_are_not_there_are_refused_with_what_is(tmp_path, header, columns, words):
-    file = table(tmp_path, header, "0.0,0.5,0.25", "0.1,0.5,0.25")
-    with pytest.raises(RecordingError, match=words):
-        read_joint_log(file, joints=2, columns=columns)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +82,8 @@ def test_columns_that_are_not_there_are_refused_with_what_is(tmp_path, header, c
 def test_a_unit_in_the_header_is_never_read_as_another(tmp_path, header, key, unit, last):
     (tmp_path / "log.csv").write_text(f"{header}\n0.0,0.5,1.5\n0.1,0.5,1.5\n")
     if key:
-        assert refusal(tmp_path / "log.csv").evidence["key"] == f"dataset.joint_log.{key}"
+        read = partial(read_joint_log, joints=2)
+        assert refusal(read, tmp_path / "log.csv").evidence["key"] == f"dataset.joint_log.{key}"
     options = LogOptions(**({key: unit} if key else {}))
     result = read_joint_log(tmp_path / "log.csv", joints=2, options=options)
     assert result.time[-1] == pytest.approx(last)

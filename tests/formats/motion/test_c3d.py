@@ -1,7 +1,11 @@
-"""C3D takes that ezc3d writes: points, units, missing samples, and what is refused."""
+"""C3D takes as several programs write them: points, units, labels, missing samples and what else is
+in the file, and what is refused.
+"""
 
 from __future__ import annotations
 
+import os
+import struct
 import time
 from pathlib import Path
 
@@ -10,111 +14,200 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motive_files import refusal
+from written_logs import refusal
 
 from pipeline.core.bounds import Reading, within
 from pipeline.core.errors import RecordingError
-from pipeline.formats.motion import c3d
+from pipeline.formats.motion import c3d as c3d_format
 from pipeline.formats.motion.c3d import read_c3d
+from pipeline.tools.inspect.command import as_table, inspect
+
+AB = ["Arm:a", "Arm:b"]
 
 
-def points(frames: int = 40, markers: int = 3, seed: int = 1) -> np.ndarray:
+def points(frames: int = 40, markers: int = 2, seed: int = 1) -> np.ndarray:
     """(frames, markers, 3) m, rounded to what a C3D file holds of millimetres."""
     drawn = np.random.default_rng(seed).normal(size=(frames, markers, 3))
     return (1000 * drawn).astype(np.float32).astype(float) / 1000
 
 
-def write(
-    file: Path, xyz: np.ndarray, *, unit: str = "mm", scale: float = 1e3, labels="ABC", analog=0
-) -> Path:
-    recording = ezc3d.c3d()
-    homogeneous = np.ones((4, xyz.shape[1], xyz.shape[0]))
-    homogeneous[:3] = (scale * xyz).transpose(2, 1, 0)
-    recording["data"]["points"] = homogeneous
-    held = {"RATE": [100.0], "LABELS": list(labels), "UNITS": [unit] if unit else []}
-    for name, value in held.items():
-        recording["parameters"]["POINT"][name]["value"] = value
-    if analog:
-        recording["parameters"]["ANALOG"]["RATE"]["value"] = [1000.0]
-        recording["parameters"]["ANALOG"]["LABELS"]["value"] = [f"F{i}" for i in range(analog)]
-        recording["data"]["analogs"] = np.ones((1, analog, 10 * len(xyz)))
-        recording.add_parameter("FORCE_PLATFORM", "USED", [1])
-    recording.write(str(file))
-    return file
+def parameter(group: int, name: str, kind: int, sizes: list[int], data: bytes) -> bytes:
+    body = struct.pack("<bB", kind, len(sizes)) + bytes(sizes) + data + b"\0"
+    head = struct.pack("<bb", len(name), group) + name.encode()
+    return head + struct.pack("<H", len(body) + 2) + body
 
 
-@pytest.mark.parametrize(
-    ("unit", "scale", "analog"), [("mm", 1e3, 0), ("MM", 1e3, 6), ("cm", 100.0, 0), ("m", 1.0, 0)]
-)
-def test_points_come_back_in_metres_whatever_is_recorded_beside_them(tmp_path, unit, scale, analog):
+def texts(group: int, name: str, items: list[str]) -> bytes:
+    data = b"".join(item.encode().ljust(16) for item in items)
+    return parameter(group, name, -1, [16, len(items)], data)
+
+
+def words(*values: int) -> bytes:
+    return struct.pack(f"<{len(values)}H", *values)
+
+
+def c3d(
+    labels: list[str] = AB,
+    xyz: np.ndarray | None = None,
+    *,
+    unit: str = "mm",
+    scale: float = 1e3,
+    rate: float = 100.0,
+    first: int = 1,
+    groups: dict[str, list[str]] | None = None,
+    start: int | None = None,
+    processor: int = 84,
+    residual: tuple[int, int] | None = None,
+) -> bytes:
+    """A C3D of Intel's floating point; ``residual`` is negative at a frame and point."""
+
+    def group(number: int, name: str) -> bytes:
+        return struct.pack("<bb", len(name), -number) + name.encode() + struct.pack("<HB", 3, 0)
+
+    xyz = points(5) if xyz is None else xyz
+    frames, count, _ = xyz.shape
+    body = group(1, "POINT") + parameter(1, "USED", 2, [], words(count))
+    body += parameter(1, "SCALE", 4, [], struct.pack("<f", -1))
+    body += parameter(1, "RATE", 4, [], struct.pack("<f", rate))
+    body += parameter(1, "DATA_START", 2, [], words(4))
+    body += parameter(1, "FRAMES", 2, [], words(frames))
+    body += texts(1, "LABELS", labels[:255]) + parameter(1, "UNITS", -1, [len(unit)], unit.encode())
+    for name, items in {"LABELS2": labels[255:], **(groups or {})}.items():
+        body += texts(1, name, items) if items else b""
+    body += group(2, "ANALOG") + parameter(2, "USED", 2, [], words(0))
+    body += group(3, "FORCE_PLATFORM") + parameter(3, "USED", 2, [], words(0))
+    if start is not None:
+        held = words(start % 2**16, start >> 16)
+        body += group(4, "TRIAL") + parameter(4, "ACTUAL_START_FIELD", 2, [2], held)
+    blocks = -(-(len(body) + 6) // 512)
+    at = body.index(b"DATA_START") + len("DATA_START") + 4
+    body = body[:at] + words(2 + blocks) + body[at + 2 :]
+    ends = first, first + frames - 1
+    head = struct.pack("<BB4HHfHHf", 2, 80, count, 0, *ends, 10, -1.0, 2 + blocks, 0, rate)
+    data = np.concatenate([scale * xyz, np.zeros((frames, count, 1))], axis=2).astype("<f4")
+    if residual is not None:
+        data[residual][3] = -1
+    parameters = (bytes([1, 80, blocks, processor]) + body).ljust(blocks * 512, b"\0")
+    return head.ljust(512, b"\0") + parameters + data.tobytes()
+
+
+def write(folder: Path, *arguments: object, **options: object) -> Path:
+    (folder / "t.c3d").write_bytes(c3d(*arguments, **options))
+    return folder / "t.c3d"
+
+
+def seen(file: Path) -> str:
+    """The text that ``inspect`` prints of ``file``."""
+    return as_table(inspect(file), file.parent)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("mm", 1e3), ("MM", 1e3), ("cm", 100.0), ("m", 1.0)])
+def test_points_come_back_in_metres(tmp_path, unit, scale):
     xyz = points()
-    result = read_c3d(write(tmp_path / "t.c3d", xyz, unit=unit, scale=scale, analog=analog))
-    assert (result.name, result.version, result.rate) == ("t", "C3D", 100.0)
-    assert list(result.markers) == ["A", "B", "C"]
-    for i, name in enumerate("ABC"):
+    result = read_c3d(write(tmp_path, AB, xyz, unit=unit, scale=scale))
+    assert (result.name, result.version, result.rate, [*result.markers]) == ("t", "C3D", 100.0, AB)
+    for i, name in enumerate(AB):
         np.testing.assert_allclose(result.markers[name], xyz[:, i], rtol=0, atol=3e-7)
     np.testing.assert_allclose(result.time, np.arange(40) / 100, rtol=0, atol=1e-12)
     names = ("found_frames", "missing_samples", "gaps")
     assert [result.counts[name] for name in names] == [40, 0, 0]
+
+
+def test_analog_channels_and_force_plates_are_counted_and_disturb_nothing(tmp_path):
+    recording, xyz = ezc3d.c3d(str(write(tmp_path, AB, points()))), points()
+    recording["parameters"]["ANALOG"]["RATE"]["value"] = [1000.0]
+    recording["parameters"]["ANALOG"]["LABELS"]["value"] = [f"F{i}" for i in range(6)]
+    recording["data"]["analogs"] = np.ones((1, 6, 400))
+    recording.add_parameter("FORCE_PLATFORM", "USED", [1])
+    recording.write(str(tmp_path / "a.c3d"))
+    result = read_c3d(tmp_path / "a.c3d")
     names = ("skipped_analog_channels", "skipped_force_plates")
-    assert [result.counts.get(name, 0) for name in names] == ([6, 1] if analog else [0, 0])
+    assert [result.counts[name] for name in names] == [6, 1]
+    np.testing.assert_allclose(result.markers["Arm:b"], xyz[:, 1], rtol=0, atol=3e-7)
 
 
 def test_a_negative_residual_and_coordinates_that_are_none_are_missing_samples(tmp_path):
     xyz = points(6)
     xyz[2, 1], xyz[3, 1] = np.nan, 0
-    file = write(tmp_path / "t.c3d", xyz)
-    plain, content = read_c3d(file), bytearray(file.read_bytes())
-    assert np.isnan(plain.markers["B"][[2, 3]]).all() and plain.counts["missing_samples"] == 2
-    # the fourth word of each sample is its residual and camera mask
-    start = (int.from_bytes(content[16:18], "little") - 1) * 512
-    content[start + 12 : start + 16] = np.float32(-1).tobytes()
-    file.write_bytes(content)
-    result = read_c3d(file)
-    assert np.isnan(result.markers["A"][0]).all() and np.isfinite(result.markers["A"][1:]).all()
-    assert result.counts["missing_samples"] == 3
+    result = read_c3d(write(tmp_path, AB, xyz, residual=(0, 0)))
+    assert np.isnan(result.markers["Arm:b"][[2, 3]]).all()
+    assert np.isnan(result.markers["Arm:a"][0]).all() and result.counts["missing_samples"] == 3
+    assert np.isfinite(result.markers["Arm:a"][1:]).all()
 
 
 def test_labels_are_kept_apart_and_a_unit_is_stated_or_asked_for(tmp_path):
-    xyz = points(4)
-    result = read_c3d(write(tmp_path / "t.c3d", xyz, labels=("A", "A", "")))
+    result = read_c3d(write(tmp_path, ["A", "A", ""], points(4, 3)))
     assert list(result.markers) == ["A [1]", "A [2]", "Point 3"]
     assert result.counts["unlabelled_points"] == 1
-    file = write(tmp_path / "u.c3d", xyz, unit="")
-    assert refusal(read_c3d, file).evidence["key"] == "dataset.mocap.unit"
-    np.testing.assert_allclose(read_c3d(file, "mm").markers["A"], xyz[:, 0], rtol=0, atol=3e-7)
-    stated = write(tmp_path / "v.c3d", xyz)
-    assert refusal(lambda file: read_c3d(file, "m"), stated).evidence["key"] == "dataset.mocap.unit"
-    assert "furlong" in refusal(read_c3d, write(tmp_path / "w.c3d", xyz, unit="furlong")).message
+    for unit, asked, key in (("", None, "dataset.mocap.unit"), ("mm", "m", "dataset.mocap.unit")):
+        assert refusal(read_c3d, write(tmp_path, unit=unit), asked).evidence["key"] == key
+    assert "furlong" in refusal(read_c3d, write(tmp_path, unit="furlong")).message
+    result = read_c3d(write(tmp_path, unit=""), "mm")
+    np.testing.assert_allclose(result.markers["Arm:a"], points(5)[:, 0], rtol=0, atol=3e-7)
 
 
-def after(name: bytes, content: bytes) -> int:
-    """Place of the number of dimensions of a parameter in a file's content: behind its name, a word
-    and a type.
-    """
-    return content.index(name) + len(name) + 3
+MANY = [f"m{j}" for j in range(300)]
+OUTPUTS = {"FORCES": ["F"], "POWERS": ["Arm:P"], "SCALARS2": ["S"]}  # of a subject, or without
+C3DS = {  # what is written, markers, first frame, counts
+    "plain": (c3d(), AB, 1, {}),
+    "labels padded with blanks": (c3d([*AB, "", "", ""]), AB, 1, {"skipped_labels": 3}),
+    "labels of points that are not there": (c3d([*AB, "Arm:c"]), AB, 1, {"skipped_labels": 1}),
+    "labels in two parameters": (
+        c3d(MANY, points(5, 260)), MANY[:260], 1, {"skipped_labels": 40}),
+    "first frame 0": (c3d(first=0), AB, 0, {}),
+    "first frame 6674": (c3d(first=6674), AB, 6674, {}),
+    "first frame 72210": (c3d(first=72210 % 2**16, start=72210), AB, 72210, {}),
+    "first frame of another trial": (c3d(first=7, start=72210), AB, 7, {}),
+    "moments and angles": (
+        c3d([*AB, "HipMoment", "HipAngles"], points(5, 4),
+            groups={"MOMENTS": ["HipMoment"], "ANGLES": ["HipAngles"]}),
+        AB, 1, {"skipped_model_outputs": 2}),
+    "outputs of a subject": (
+        c3d([*AB, "Arm:F", "Arm:P", "Arm:S"], points(5, 5), groups=OUTPUTS),
+        AB, 1, {"skipped_model_outputs": 3}),
+}  # fmt: skip
 
 
-def test_a_file_without_a_rate_or_that_crashes_the_library_is_refused(tmp_path):
-    file = write(tmp_path / "t.c3d", points(4))
-    content = bytearray(file.read_bytes())
-    damaged = bytearray(content)
-    for place in (20, after(b"RATE", content) + 1):  # in the header and in POINT
-        content[place : place + 4] = bytes(4)
-    file.write_bytes(content)
-    assert refusal(read_c3d, file).evidence["key"] == "POINT:RATE"
-    damaged[after(b"DATA_START", damaged)] = 130
-    file.write_bytes(damaged)
-    assert "damaged" in refusal(read_c3d, file).message
-
-
-@pytest.mark.parametrize(
-    "content", [b"", b"\2P", b"Format Version,1.23\n" * 100, b"\2P" + bytes(1022), bytes(4096)]
-)
-def test_other_files_and_none_are_refused(tmp_path, content):
+@pytest.mark.parametrize("name", C3DS)
+def test_a_c3d_of_another_program_is_read(tmp_path, name):
+    content, markers, first, counts = C3DS[name]
     (tmp_path / "t.c3d").write_bytes(content)
-    for file in (tmp_path / "t.c3d", tmp_path / "absent.c3d", tmp_path):
+    take = read_c3d(tmp_path / "t.c3d")
+    assert list(take.markers) == markers and take.frame[0] == first
+    skipped = {key: n for key, n in take.counts.items() if key.startswith("skipped_")}
+    assert skipped == counts | {"skipped_frames": 0}
+    assert f"first frame {first};" in seen(tmp_path / "t.c3d")
+    xyz = points(5, len(markers) + counts.get("skipped_model_outputs", 0))
+    np.testing.assert_allclose(take.markers[markers[1]], xyz[:, 1], rtol=0, atol=3e-7)
+
+
+DATA_START = c3d().index(b"DATA_START") + len("DATA_START") + 3  # its number of dimensions
+CRASHES = c3d()[:DATA_START] + b"\x82" + c3d()[DATA_START + 1 :]
+REFUSED = {  # content: words
+    c3d(processor=86): "big-endian MIPS",
+    c3d(groups={"ANGLES": AB}): "all 2 points are outputs of a model",
+    c3d()[:-20]: "truncated",
+    c3d(rate=0.0): "no frame rate",
+    CRASHES: "damaged",
+    **dict.fromkeys((b"", b"\2P", b"Format Version,1.23\n" * 100, b"\2P" + bytes(1022)), "no C3D"),
+}
+
+
+@pytest.mark.parametrize("number", range(len(REFUSED)))
+def test_a_file_that_is_not_read_says_what_to_do(tmp_path, number):
+    content, said = [*REFUSED.items()][number]
+    (tmp_path / "t.c3d").write_bytes(content)
+    assert said in refusal(read_c3d, tmp_path / "t.c3d").message
+    assert said in seen(tmp_path / "t.c3d") or not content
+    for file in (tmp_path / "absent.c3d", tmp_path):
         refusal(read_c3d, file)
+
+
+def test_a_name_in_latin_1_is_no_damage(tmp_path):
+    file = Path(os.fsdecode(os.fsencode(tmp_path) + b"/Messung_\xfcber.c3d"))
+    file.write_bytes(c3d())
+    assert list(read_c3d(file).markers) == AB
+    assert "markers Arm:a, Arm:b" in seen(file) and "Messung_" in seen(file)
 
 
 def _never(file: str) -> None:
@@ -126,9 +219,8 @@ def _never(file: str) -> None:
 )
 def test_a_file_that_is_beyond_a_bound_names_it(tmp_path, monkeypatch, bounds, bound):
     if bound == "seconds":  # the library never returns
-        monkeypatch.setattr(c3d, "read_contents", _never)
-    file = write(tmp_path / "t.c3d", points(4))
-    error = refusal(lambda file: within(bounds, read_c3d, file), file)
+        monkeypatch.setattr(c3d_format, "read_contents", _never)
+    error = refusal(lambda file: within(bounds, read_c3d, file), write(tmp_path))
     assert error.evidence["bound"] == f"dataset.reading.{bound}"
 
 
@@ -136,12 +228,11 @@ def test_a_file_that_is_beyond_a_bound_names_it(tmp_path, monkeypatch, bounds, b
 @settings(derandomize=True, max_examples=15, deadline=None)
 @given(cut=st.floats(0, 1, exclude_max=True))
 def test_a_file_cut_at_any_byte_is_refused_or_whole(tmp_path_factory, cut):
-    file = write(tmp_path_factory.mktemp("cut") / "t.c3d", points())
+    file = write(tmp_path_factory.mktemp("cut"), AB, points())
     whole, content = read_c3d(file), file.read_bytes()
     file.write_bytes(content[: int(cut * len(content))])
     try:
         result = read_c3d(file)
     except RecordingError:
         return
-    # the library pads files to blocks of 512 bytes
     assert all((result.markers[name] == whole.markers[name]).all() for name in whole.markers)

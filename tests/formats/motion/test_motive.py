@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from motive_files import MARKER, POSE, START, columns, columns_file, random_take, refusal
+from motive_files import MARKER, POSE, START, columns, columns_file, random_take
 from scipy.spatial.transform import Rotation
+from written_logs import refusal
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.motion.motive import read_motive, write_motive
-from pipeline.formats.motion.take import rate_from_times
+from pipeline.formats.motion.take import rate_from_times, settle_unit
 
 
 def test_written_takes_read_back_to_a_half_micrometre_and_keep_their_gaps(tmp_path):
@@ -56,41 +55,6 @@ def test_names_keep_colons_commas_quotes_and_letters_of_any_code_page(tmp_path):
     assert list(read_motive(tmp_path / "t.csv").markers) == names
     (tmp_path / "t.csv").write_bytes((tmp_path / "t.csv").read_bytes().decode().encode("cp1252"))
     assert list(read_motive(tmp_path / "t.csv").markers) == names
-
-
-@settings(derandomize=True, max_examples=80, deadline=None)
-@given(seed=st.integers(0, 99), data=st.data())
-def test_dropped_doubled_and_swapped_lines_are_refused_or_leave_true_samples_and_a_count(
-    tmp_path_factory, seed, data
-):
-    file = tmp_path_factory.mktemp("lines") / "t.csv"
-    write_motive(file, random_take(6, 2, seed), start=START)
-    whole, lines = read_motive(file), file.read_bytes().splitlines(keepends=True)
-    first, second = (data.draw(st.integers(0, len(lines) - 1)) for _ in range(2))
-    fault = data.draw(st.sampled_from(["dropped", "doubled", "swapped"]))
-    if fault == "dropped":
-        del lines[first]
-    elif fault == "doubled":
-        lines.insert(first, lines[first])
-    else:
-        lines[first], lines[second] = lines[second], lines[first]
-    file.write_bytes(b"".join(lines))
-    try:
-        result = read_motive(file)
-    except RecordingError:
-        return
-    at, counts = result.frame - whole.frame[0], result.counts
-    for name, points in result.markers.items():
-        np.testing.assert_array_equal(points, whole.markers[name][at])
-    turns = [take.bodies["Base"].quaternion for take in (result, whole)]
-    np.testing.assert_array_equal(turns[0], turns[1][at])
-    # rows of frames do not change places unseen
-    assert fault != "swapped" or first == second or max(first, second) < 7
-    if first >= 7:
-        dropped, doubled = 6 - len(result.frame), counts.get("repeated_rows")
-        assert {"dropped": dropped, "doubled": doubled, "swapped": 1}[fault] == 1
-        found = counts["found_frames"] + (fault == "dropped")
-        assert found == counts["announced_frames"] == 6
 
 
 def test_takes_of_versions_1_21_and_1_23_have_the_values_that_are_printed(shared):
@@ -149,12 +113,7 @@ def test_labels_decide_which_column_is_which_in_which_unit(tmp_path, unit, scale
 
 @pytest.mark.parametrize(
     ("cells", "count"),
-    [
-        (",,", None),
-        ("NAN,NAN,NAN", None),
-        ("0.000000,0.000000,0.000000", "zero_samples"),
-        ("1,,3", "partial_samples"),
-    ],
+    [(",,", ""), ("NAN,NAN,NAN", ""), ("0.00,0,0", "zero_samples"), ("1,,3", "partial_samples")],
 )
 def test_lost_samples_are_nan_in_all_coordinates_and_counted(tmp_path, cells, count):
     result = read_motive(columns_file(tmp_path, MARKER + f"0,0,{cells}\n1,0.01,0,0,1\n"))
@@ -271,3 +230,57 @@ def test_a_rate_that_no_header_states_is_that_of_the_printed_times(frames, rate,
     found = rate_from_times(frame, np.round(frame / rate, decimals))
     assert found == (known if known is None else pytest.approx(known, abs=1e-9))
     assert rate_from_times(frame, np.zeros(len(frame))) is None
+
+
+ROWS = "0,0,1,2,3\n1,0.01,1,2,3\n"
+
+
+def test_a_rate_that_the_printed_times_contradict_is_refused(tmp_path):
+    def take(rate: float, jump: float):
+        rows = "".join(f"{k},{k / rate + jump * (k >= 30):.3f},1,2,3\n" for k in range(60))
+        return columns_file(tmp_path, MARKER + rows)
+
+    error = refusal(read_motive, take(120.0, 0.0))
+    assert "100 a second by the header and 120 by their times" in error.message
+    assert error.evidence["line"] == 1
+    # the control: a jump is no other rate
+    assert read_motive(take(100.0, 109.0)).counts["time_mismatches"] == 30
+    assert read_motive(take(100.3, 0.0)).rate == 100.0
+
+
+def test_a_unit_is_the_files_or_the_options_and_neither_a_guess_nor_a_contradiction(tmp_path):
+    for stated in ("mm", "MM", "Millimeters", " millimetres "):
+        for text, option in ((stated, None), ("", "mm"), (stated, "mm")):
+            assert settle_unit(text, option, tmp_path, key="U") == "mm"
+    for text, option, key in (("", None, "unit"), ("mm", "m", "unit"), ("ft", "m", "U")):
+        with pytest.raises(RecordingError) as caught:
+            settle_unit(text, option, tmp_path, key="U")
+        assert caught.value.evidence["key"].endswith(key)
+    file = columns_file(tmp_path, MARKER + ROWS)
+    for part in (",Length Units,Meters", "Export Frame Rate,100.0,"):
+        file.write_text(file.read_text().replace(part, ""))
+    read = read_motive(file, "mm")
+    assert read.markers["A"][0].tolist() == [0.001, 0.002, 0.003] and read.rate == 100.0
+
+
+@pytest.mark.parametrize(("w", "sound"), [("1.0002", True), ("0.1", False), ("1e19", False)])
+def test_a_rotation_of_another_length_than_one_is_refused_by_its_row(tmp_path, w, sound):
+    rows = "".join(f"{k},{k / 100},0,0,0,{w if k == 2 else 1},1,2,3\n" for k in range(3))
+    file = columns_file(tmp_path, columns(("Rigid Body", "A", "1"), quantities=POSE) + rows)
+    if sound:
+        assert read_motive(file).bodies["A"].quaternion[2, 3] == float(w)
+        return
+    error = refusal(read_motive, file)
+    assert "the rotation of A is of the length" in error.message and error.evidence["line"] == 10
+
+
+def test_a_column_that_the_rows_lack_is_named_with_its_number(tmp_path):
+    two = columns(("Marker", "A", "1"), ("Marker", "B", "2"))
+    for rows, column, words in (
+        ("0,0,1,2,3,4,5,\n1,0.01,1,2,3,4,5,\n", 8, "a column is missing"),
+        ("0,0,1,2,,4,5,6\n1,0.01,1,2,,4,5,6\n", 5, "A has no Z in any row"),
+        ("0,0,1,2,3,4,5\n", 8, "the last one is Marker B 2 Position Z"),
+    ):
+        error = refusal(read_motive, columns_file(tmp_path, two + rows))
+        assert words in error.message
+        assert (error.evidence["line"], error.evidence["column"]) == (8, column)

@@ -5,16 +5,19 @@ from __future__ import annotations
 import time
 
 import numpy as np
-import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from motive_files import refusal, rows_file
-from motive_row_files import DEFINITION, POSE, body_row, frame_row, in_metres, seen_row
+from motive_files import (
+    DEFINITION,
+    TRACKED,
+    body_row,
+    frame_row,
+    in_metres,
+    rows_file,
+    seen_row,
+)
 from scipy.spatial.transform import Rotation
+from written_logs import refusal
 
-from pipeline.core.errors import RecordingError
 from pipeline.formats.motion.motive import read_motive
-from pipeline.formats.motion.take import MotionTake
 
 
 def lines_of_take(frames: int) -> list[str]:
@@ -69,7 +72,7 @@ def test_version_1_0_calls_bodies_trackables_and_has_markers_without_names(tmp_p
     rows = ['trackable,"Arm",7,2,0.1,0,0,-0.1,0,0']
     for k, t in enumerate((0.0211, 0.0252, 0.0291)):
         rows += [
-            f"frame,{k},{t},1,{POSE.format(k)},2,{k},0,1,0,5,5,5,0",
+            f"frame,{k},{t},1,{TRACKED.format(k)},2,{k},0,1,0,5,5,5,0",
             f'trackable,{k},{t},"Arm",7,0,2,9,9,9,9,9,9,{k},0,1,NAN,NAN,NAN,1,0,0.9,0.0,0.002',
         ]
     result = in_metres(rows_file(tmp_path, *rows, head=head))
@@ -102,65 +105,3 @@ def test_trailing_and_blank_cells_and_repeated_rows_change_nothing_and_are_count
     for name in plain.markers:
         np.testing.assert_array_equal(result.markers[name], plain.markers[name])
     assert (result.counts["blank_rows"], result.counts["repeated_rows"]) == (2, 1)
-
-
-def samples(take: MotionTake) -> set[tuple[float, ...]]:
-    held = [points[np.isfinite(points[:, 0])] for points in take.markers.values()]
-    return {tuple(row) for points in held for row in points}
-
-
-@settings(derandomize=True, max_examples=120, deadline=None)
-@given(data=st.data())
-def test_any_cut_and_any_dropped_doubled_or_swapped_line_is_refused_or_leaves_true_samples(
-    tmp_path_factory, data
-):
-    folder, lines = tmp_path_factory.mktemp("rows"), lines_of_take(5)
-    whole = samples(in_metres(rows_file(folder, *lines)))
-    first, second = (data.draw(st.integers(0, len(lines) - 1)) for _ in range(2))
-    fault = data.draw(st.sampled_from(["cut", "dropped", "doubled", "swapped"]))
-    if fault == "dropped":
-        del lines[first]
-    elif fault == "doubled":
-        lines.insert(first, lines[first])
-    elif fault == "swapped":
-        lines[first], lines[second] = lines[second], lines[first]
-    file = rows_file(folder, *lines)
-    content = file.read_bytes()
-    if fault == "cut":
-        file.write_bytes(content[: data.draw(st.integers(0, len(content) - 1))])
-    try:
-        result = in_metres(file)
-    except RecordingError:
-        return
-    assert samples(result) <= whole
-    assert fault != "swapped" or first == second
-    names = ("lacking_body_rows", "repeated_rows", "cut_rows")
-    missed = 5 - result.counts["found_frames"] + sum(result.counts[name] for name in names)
-    assert missed or fault == "swapped" or (fault == "cut" and len(result.frame) == 5)
-
-
-@pytest.mark.parametrize(
-    ("rows", "line", "words"),
-    [
-        ([DEFINITION], 3, "no frame"),
-        ([DEFINITION, frame_row(0)], 4, "no rate"),
-        ([DEFINITION, frame_row(0), frame_row(0, "1,1,1,1,3,Marker-3")], 5, "does not increase"),
-        ([frame_row(0)], 3, "not defined"),
-        ([DEFINITION, DEFINITION.replace("Arm", "Leg")], 4, "defined twice"),
-        ([DEFINITION, seen_row(0)[:-12]], 4, "counts ask for"),
-        ([DEFINITION, seen_row(0) + ",5"], 4, "goes on"),
-        ([DEFINITION, seen_row(0).replace(",0,1,2,Arm", ",0,x,2,Arm")], 4, "'x'"),
-        ([DEFINITION, seen_row(0).replace(",0,1,2,Arm", ",0,1e999,2,Arm")], 4, "too large"),
-        ([DEFINITION, frame_row(0, "-1")], 4, "'-1' where a count"),
-        ([DEFINITION, frame_row(0, "999999999999")], 4, "counts ask for"),
-        ([DEFINITION, frame_row(0), body_row(1, "1,1,1", "2,2,2")], 5, "not of the frame"),
-        ([DEFINITION, f"frame,0,0,2,{POSE.format(0)},{POSE.format(0)},0"], 4, "two poses"),
-        ([DEFINITION, frame_row(0, "2,1,1,1,2,A,5,5,5,4,A")], 4, "two markers are named 'A'"),
-        (["skeleton,1"], 3, "no row type 'skeleton'"),
-        (["lefthanded"], 3, "left-handed"),
-        ([frame_row(k, f"1,1,{k}000,3,4,a", tracked=False) for k in range(2)], 4, "a is at 1000 m"),
-    ],
-)
-def test_damaged_rows_of_version_1_1_are_refused_with_their_line(tmp_path, rows, line, words):
-    error = refusal(in_metres, rows_file(tmp_path, *rows))
-    assert words in error.message and error.evidence["line"] == line

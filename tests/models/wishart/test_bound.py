@@ -11,15 +11,13 @@ from pipeline.core.errors import SolverError
 from pipeline.models.wishart import perturbation
 from pipeline.models.wishart.perturbation import Perturbations, fit_perturbations
 
-COUNT = 3000
+COUNT, ROOT = 3000, np.sqrt(2)
+SIZES = [(1, 1), (2, 2), (6, 6), (3, 2), (7, 6), (8, 3)]
 
 
-def fit(
-    noise: np.ndarray, e: np.ndarray, matrix: np.ndarray, ratio: float, floor: float
-) -> Perturbations:
+def fit(noise, e, matrix, ratio: float, floor: float) -> Perturbations:
     """Fit ω (N, n), e (N, m), A (N, n, m), λ and ε; objective (‖ω − Ay‖ + λ‖S‖)/(1 + λ)."""
-    root = np.sqrt(2)
-    back = root * matrix + (1 - root) * np.matvec(matrix, e)[:, :, None] * e[:, None, :]
+    back = ROOT * matrix + (1 - ROOT) * np.matvec(matrix, e)[:, :, None] * e[:, None, :]
     return fit_perturbations(noise, e, back, (1 / (1 + ratio), ratio / (1 + ratio)), floor)
 
 
@@ -27,8 +25,13 @@ def parts(s: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """y (N, m) and c (N,) of S (N, m, m)."""
     image = np.matvec(s, e)
     along = np.vecdot(e, image)
-    y = np.sqrt(2) * image + (1 - np.sqrt(2)) * along[:, None] * e
+    y = ROOT * image + (1 - ROOT) * along[:, None] * e
     return y, np.trace(s, axis1=1, axis2=2) - along
+
+
+def objective(noise, e, matrix, ratio: float, s: np.ndarray) -> np.ndarray:
+    rest = np.linalg.norm(noise - np.matvec(matrix, parts(s, e)[0]), axis=1)
+    return rest + ratio * np.linalg.norm(s, axis=(1, 2))
 
 
 def free_optimum(noise: np.ndarray, matrix: np.ndarray, ratio: float) -> np.ndarray:
@@ -38,8 +41,7 @@ def free_optimum(noise: np.ndarray, matrix: np.ndarray, ratio: float) -> np.ndar
     left, singular, right = np.linalg.svd(matrix, full_matrices=False)
     c, square = np.vecmat(noise, left), singular**2
     rest = noise - np.matvec(left, c)
-    n, m = matrix.shape[-2:]
-    outside = np.vecdot(rest, rest)[:, None] * (n > m)
+    outside = np.vecdot(rest, rest)[:, None] * (matrix.shape[1] > matrix.shape[2])
     # μ = scale·t/(1 − t): t = 0 is the exact fit, t = 1 is y = 0
     scale = square[:, :1]
     low, high = np.zeros_like(scale), np.ones_like(scale)
@@ -57,23 +59,16 @@ def free_optimum(noise: np.ndarray, matrix: np.ndarray, ratio: float) -> np.ndar
         above = beyond(middle)
         low, high = np.where(above, low, middle), np.where(above, middle, high)
     t = np.where(exact, 0.0, np.where(zero, 1.0, high))
-    shares = (1 - t) * singular * c / ((1 - t) * square + t * scale)
-    return np.vecmat(shares, right)
+    return np.vecmat((1 - t) * singular * c / ((1 - t) * square + t * scale), right)
 
 
-def violators(
-    seed: int, ratio: float, floor: float, size: float, n: int = 3, m: int = 3, across: float = 1.0
-) -> tuple[np.ndarray, ...]:
-    """ω, e, A and the free y of random problems, as many as have a free optimum beyond the bound;
-    of what ω has across the range of A a share ``across``.
+def problems(seed, ratio, floor, size, n=3, m=3, across=1.0) -> tuple[np.ndarray, ...]:
+    """ω, e, A and the free y of random problems, and which break the bound; of what ω has across
+    the range of A a share ``across``.
     """
     rng = np.random.default_rng(seed)
-    noise, e, matrix = (
-        size * rng.standard_normal((COUNT, n)),
-        rng.standard_normal((COUNT, m)),
-        rng.standard_normal((COUNT, n, m)),
-    )
-    e /= np.linalg.norm(e, axis=1)[:, None]
+    noise, e, matrix = (rng.standard_normal((COUNT, *shape)) for shape in ((n,), (m,), (n, m)))
+    e, noise = e / np.linalg.norm(e, axis=1)[:, None], size * noise
     if n > m:
         axes = np.linalg.qr(matrix)[0]
         within = np.matvec(axes, np.vecmat(noise, axes))
@@ -81,7 +76,13 @@ def violators(
     y = free_optimum(noise, matrix, ratio)
     x = np.vecdot(e, y)
     broken = 1 + (x - np.sqrt(np.maximum(2 * np.vecdot(y, y) - x**2, 0.0))) / 2 < floor
-    return noise[broken], e[broken], matrix[broken], y[broken]
+    return noise, e, matrix, y, broken
+
+
+def violators(*arguments) -> list[np.ndarray]:
+    """Those of the problems whose free optimum is beyond the bound."""
+    *each, broken = problems(*arguments)
+    return [values[broken] for values in each[:3]]
 
 
 def dual_bound(noise, e, matrix, y, c, ratio, floor) -> np.ndarray:
@@ -112,63 +113,42 @@ def dual_bound(noise, e, matrix, y, c, ratio, floor) -> np.ndarray:
 @pytest.mark.parametrize("ratio", [1e-3, 0.03, 0.3])
 @pytest.mark.parametrize(("floor", "size"), [(0.01, 3.0), (0.2, 1.0), (0.9, 0.3)])
 def test_every_optimum_is_certified_by_its_dual(ratio, floor, size):
-    noise, e, matrix, _ = violators(1, ratio, floor, size)
+    noise, e, matrix = violators(1, ratio, floor, size)
     s = fit(noise, e, matrix, ratio, floor).s
     y, c = parts(s, e)
 
-    def objective(y: np.ndarray, corner: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(noise - np.matvec(matrix, y), axis=1) + ratio * np.sqrt(
-            np.vecdot(y, y) + corner**2
-        )
+    def gap(y: np.ndarray) -> np.ndarray:
+        rest, norm = np.linalg.norm(noise - np.matvec(matrix, y), axis=1), np.vecdot(y, y) + c**2
+        value = rest + ratio * np.sqrt(norm)
+        return (value - dual_bound(noise, e, matrix, y, c, ratio, floor)) / value
 
-    value = objective(y, c)
-    np.testing.assert_allclose(
-        np.linalg.norm(s, axis=(1, 2)), np.sqrt(np.vecdot(y, y) + c**2), rtol=1e-9
-    )
-    assert len(noise) > 100
-    assert np.linalg.eigvalsh(s).min() > floor - 1 - 1e-10
-    gap = (value - dual_bound(noise, e, matrix, y, c, ratio, floor)) / value
-    assert np.quantile(gap, 0.99) < 1e-8
-    assert gap.max() < 1e-5
+    norms = np.sqrt(np.vecdot(y, y) + c**2)
+    np.testing.assert_allclose(np.linalg.norm(s, axis=(1, 2)), norms, rtol=1e-9)
+    assert len(noise) > 100 and np.linalg.eigvalsh(s).min() > floor - 1 - 1e-10
+    assert np.quantile(gap(y), 0.99) < 1e-8 and gap(y).max() < 1e-5
     # the control: the dual point of a place beside the optimum certifies nothing
-    beside = y * (1 + 1e-3)
-    assert (
-        np.median(
-            (objective(beside, c) - dual_bound(noise, e, matrix, beside, c, ratio, floor)) / value
-        )
-        > 1e-4
-    )
+    assert np.median(gap(y * (1 + 1e-3))) > 1e-4
 
 
-@pytest.mark.parametrize(("n", "m"), [(1, 1), (2, 2), (6, 6), (3, 2), (7, 6), (8, 3)])
+@pytest.mark.parametrize(("n", "m"), SIZES)
 @pytest.mark.parametrize("across", [0.0, 1e-13, 1e-9, 1e-3, 1.0])
 def test_every_minimum_of_any_size_is_reached_and_none_beside_it_is_lower(n, m, across):
     """However little of the noise lies across the range of A, where F all but has no gradient."""
     rng = np.random.default_rng(5)
     for ratio, floor, size in ((1e-3, 0.01, 3.0), (0.03, 0.2, 1.0), (0.3, 0.01, 3.0)):
-        noise, e, matrix, _ = violators(4, ratio, floor, size, n, m, across)
-        s = fit(noise, e, matrix, ratio, floor).s
+        noise, e, matrix = violators(4, ratio, floor, size, n, m, across)
+        s, case = fit(noise, e, matrix, ratio, floor).s, (noise, e, matrix, ratio)
         assert np.linalg.eigvalsh(s).min() > floor - 1 - 1e-9
-
-        def objective(s, e=e, noise=noise, matrix=matrix, ratio=ratio) -> np.ndarray:
-            rest = np.linalg.norm(noise - np.matvec(matrix, parts(s, e)[0]), axis=1)
-            return rest + ratio * np.linalg.norm(s, axis=(1, 2))
-
         for step in (1e-4, 1e-2):
             root = np.sqrt(step) * rng.standard_normal((len(s), m, m))
-            inward = floor * np.eye(m) - np.eye(m) + root @ np.swapaxes(root, 1, 2)
-            beside = s + step * (inward - s)
-            assert np.all(objective(beside) >= objective(s) * (1 - 1e-9))
+            inward = (floor - 1) * np.eye(m) + root @ np.swapaxes(root, 1, 2)
+            beside = objective(*case, s + step * (inward - s))
+            assert np.all(beside >= objective(*case, s) * (1 - 1e-9))
 
 
-@pytest.mark.parametrize(("n", "m"), [(1, 1), (2, 2), (6, 6), (3, 2), (7, 6)])
+@pytest.mark.parametrize(("n", "m"), SIZES[:-1])
 def test_the_bound_holds_those_perturbations_back_whose_free_optimum_breaks_it(n, m):
-    rng = np.random.default_rng(6)
-    noise, e, matrix = (rng.standard_normal((COUNT, *size)) for size in ((n,), (m,), (n, m)))
-    e /= np.linalg.norm(e, axis=1)[:, None]
-    y = free_optimum(noise, matrix, 0.03)
-    x = np.vecdot(e, y)
-    broken = 1 + (x - np.sqrt(np.maximum(2 * np.vecdot(y, y) - x**2, 0.0))) / 2 < 0.2
+    noise, e, matrix, y, broken = problems(6, 0.03, 0.2, 1.0, n, m)
     fits = fit(noise, e, matrix, 0.03, 0.2)
     np.testing.assert_array_equal(fits.bound, broken)
     assert 100 < broken.sum() < COUNT - 100
@@ -180,15 +160,14 @@ def test_along_its_own_direction_the_perturbation_stops_at_the_bound():
     no cross term and no block.
     """
     e = np.array([0.6, 0.8, 0.0])
-    s = fit(2 * e[None], e[None], -np.eye(3)[None], 1e-3, 0.1).s[0]
-    np.testing.assert_allclose(s, -0.9 * np.outer(e, e), atol=1e-12)
-    near = 2 * e + 1e-7 * np.array([0.0, 0.0, 1.0])
-    s = fit(near[None], e[None], -np.eye(3)[None], 1e-3, 0.1).s[0]
-    np.testing.assert_allclose(s, -0.9 * np.outer(e, e), atol=1e-6)
+    for aside, tolerance in ((0.0, 1e-12), (1e-7, 1e-6)):
+        noise = 2 * e + aside * np.array([0.0, 0.0, 1.0])
+        s = fit(noise[None], e[None], -np.eye(3)[None], 1e-3, 0.1).s[0]
+        np.testing.assert_allclose(s, -0.9 * np.outer(e, e), atol=tolerance)
 
 
 def test_a_minimum_that_was_not_reached_raises_with_its_evidence(monkeypatch):
-    noise, e, matrix, _ = violators(1, 0.03, 0.2, 1.0)
+    noise, e, matrix = violators(1, 0.03, 0.2, 1.0)
     monkeypatch.setattr(perturbation, "STEPS", 2)
     with pytest.raises(SolverError, match="not solved to optimality") as refusal:
         fit(noise, e, matrix, 0.03, 0.2)
@@ -196,13 +175,13 @@ def test_a_minimum_that_was_not_reached_raises_with_its_evidence(monkeypatch):
     assert refusal.value.evidence["ratio"] == pytest.approx(0.03)
 
 
-def test_an_arm_that_is_all_but_singular_is_refused():
+@pytest.mark.parametrize(("far", "refused"), [(1e-5, False), (1e-8, True), (1e-15, True)])
+def test_an_arm_that_is_all_but_singular_is_refused(far, refused):
     """Rounding would decide the fit there; a thousand times as far from it it is solved."""
     e, noise = np.array([[0.6, 0.8]]), np.array([[1.0, 2.0]])
-    for far, refused in ((1e-5, False), (1e-8, True)):
-        matrix = np.array([[[1.0, 1.0], [1.0, 1.0 + far]]])
-        if refused:
-            with pytest.raises(SolverError, match="not solved to optimality"):
-                fit(noise, e, matrix, 0.03, 0.2)
-        else:
-            assert fit(noise, e, matrix, 0.03, 0.2).objective[0] > 0
+    matrix = np.array([[[1.0, 1.0], [1.0, 1.0 + far]]])
+    if not refused:
+        assert fit(noise, e, matrix, 0.03, 0.2).objective[0] > 0
+        return
+    with pytest.raises(SolverError, match="not solved to optimality"):
+        fit(noise, e, matrix, 0.03, 0.2)

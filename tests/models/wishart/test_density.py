@@ -1,5 +1,5 @@
-"""The one-step density of the Wishart model: against Algorithm 1, in its limits, and with
-measurement noise by two routes.
+"""The one-step density of the Wishart model: against Algorithm 1, in its limits, with measurement
+noise by two routes, and for arms of any number of joints and task rows.
 """
 
 from __future__ import annotations
@@ -8,14 +8,15 @@ from functools import partial
 
 import numpy as np
 import pytest
-from oracles import algorithm_1, every_reading, sample_inverse_action
+from oracles import algorithm_1, every_reading
+from random_arm import SIZES, motion, random_arm
 from scipy import stats
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.draws import draw_steps
-from pipeline.models.wishart.decomposition import PIVOTED_LU, factors
-from pipeline.models.wishart.density import blurred_log_density
+from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors
 from pipeline.models.wishart.law import WishartModel
+from pipeline.models.wishart.quadrature import blurred_log_density
 from pipeline.randommatrix import wishart
 
 POSE = np.array([0.4, 1.7, -0.3])
@@ -112,6 +113,31 @@ def test_at_rest_there_is_no_density_without_measurement_noise(chain, poses, ste
         WishartModel(0.25).log_density(chain, poses, v, poses, np.diag([1e-6, 1e-6, 0.0]))
 
 
+@pytest.mark.parametrize("share", [-1e-3, 1e-3])
+def test_far_outliers_have_the_density_of_the_nearest_of_two_explanations(
+    chain, poses, step, share
+):
+    """100 times the nominal step away, on either side, the value is finite, negative and steady in
+    the number of nodes.
+    """
+    a, back, _ = factors(chain, poses, step, PIVOTED_LU)
+    problem = np.matvec(back, 1e5 * share * a), a, back, MEASUREMENT, 64.0
+    coarse, fine = (blurred_log_density(*problem, nodes=nodes) for nodes in (17, 81))
+    assert np.all(coarse < -50)
+    np.testing.assert_allclose(coarse, fine, rtol=1e-4)
+
+
+def test_one_step_is_as_one_of_many(chain, poses, step):
+    model = WishartModel(0.3)
+    q_next, _ = draw_steps(model, chain, poses, step, np.random.default_rng(6))
+    many = model.log_density(chain, poses, step, q_next, MEASUREMENT)
+    one = model.log_density(chain, poses[5], step, q_next[5], MEASUREMENT)
+    np.testing.assert_allclose(one, many[5], rtol=1e-9)
+    q, after = (each.reshape(20, 10, 3) for each in (poses, q_next))
+    grid = model.log_density(chain, q, step, after, MEASUREMENT)
+    np.testing.assert_allclose(grid.ravel(), many, rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("sigma_b", "error"), [(0.05, 5e-6), (0.25, 1e-4), (0.5, 3e-4), (0.8, 1e-3), (1.2, 5e-3)]
 )
@@ -120,7 +146,7 @@ def test_the_quadrature_converges(chain, poses, step, sigma_b, error):
     rng = np.random.default_rng(5)
     d = wishart.degrees_of_freedom(sigma_b, 3)
     a, back, _ = factors(chain, poses, step, PIVOTED_LU)
-    x = np.matvec(back, sample_inverse_action(a, d, rng))
+    x = WishartModel(sigma_b).sample(chain, poses, step, rng) - poses
     for scale in (1e-3, 1.0, 1e4):
         noise = scale * MEASUREMENT
         problem = x + rng.standard_normal(x.shape) @ np.linalg.cholesky(noise).T, a, back, noise, d
@@ -129,3 +155,73 @@ def test_the_quadrature_converges(chain, poses, step, sigma_b, error):
         assert np.quantile(np.abs(blurred_log_density(*problem) - fine), 0.99) < error
         # control: too few nodes
         assert np.abs(blurred_log_density(*problem, nodes=5) - fine).max() > 10 * error
+
+
+every_size = pytest.mark.parametrize(("n", "m"), SIZES)
+SIGMA_B = 0.3
+
+
+def scene(n: int, m: int, name: str = "qr_transposed", share: float = 0.5):
+    """An arm, a pose, a command, the model and a measurement covariance, whose standard deviations
+    are about ``share`` of those of the step.
+    """
+    arm = random_arm(n, m)
+    q, v = motion(arm, 1, 0)
+    left = {"left": np.eye(m) + 0.2} if name == "given" else {}
+    model = WishartModel(SIGMA_B, Decomposition(name, **left))
+    spread = np.trace(model.covariance(arm, q[0], v[0])) / n
+    root = np.eye(n) + 0.4 * np.random.default_rng(n).standard_normal((n, n)) / np.sqrt(n)
+    return arm, q[0], v[0], model, share**2 * spread * root @ root.T
+
+
+@every_size
+def test_it_is_the_mean_of_normals_over_the_law_of_z_and_g(n, m):
+    """By the definition, over the quantiles of both, in plain NumPy and SciPy."""
+    arm, q, v, model, noise = scene(n, m)
+    a, back, _ = factors(arm, q, v, model.decomposition)
+    d, r = wishart.degrees_of_freedom(SIGMA_B, m), np.linalg.norm(a)
+    nodes, weights = np.polynomial.legendre.leggauss(120)
+    z = stats.invgamma((d - m + 1) / 2, scale=d / 2).ppf((nodes + 1) / 2)[:, None]
+    g = stats.chi2(d - m + 2).ppf((nodes + 1) / 2)
+    across = back @ (np.eye(m) - np.outer(a, a) / r**2) @ back.T
+    covariance = noise + ((r * z) ** 2 / g)[..., None, None] * across
+    precision, determinant = np.linalg.inv(covariance), np.linalg.det(2 * np.pi * covariance)
+    rng = np.random.default_rng(11)
+    q_next = model.sample(arm, np.tile(q, (4, 1)), v, rng)
+    q_next += rng.multivariate_normal(np.zeros(n), noise, 4)
+    exact = []
+    for after in q_next:
+        residual = after - q - arm.null_step(q, v) - z * (back @ a)
+        squared = np.einsum("zi,zgij,zj->zg", residual, precision, residual)
+        normal = np.exp(-0.5 * squared) / np.sqrt(determinant)
+        exact.append(np.log(weights @ normal @ weights / 4))
+    np.testing.assert_allclose(model.log_density(arm, q, v, q_next, noise), exact, atol=3e-4)
+    # control: another dispersion
+    other = WishartModel(1.02 * SIGMA_B, model.decomposition)
+    assert np.abs(other.log_density(arm, q, v, q_next, noise) - exact).max() > 1.5e-3
+
+
+@pytest.mark.parametrize(
+    ("n", "m", "measured"),
+    [(n, m, True) for n, m in SIZES] + [(n, m, False) for n, m in SIZES if m == n],
+)
+def test_it_integrates_to_one(n, m, measured):
+    """By importance sampling from a wider law, whose draws leave no part of this one out."""
+    arm, q, v, model, noise = scene(n, m)
+    noise = noise if measured else None
+    spread = model.covariance(arm, q, v) + (0 if noise is None else noise)
+    rng = np.random.default_rng(13)
+    wider = stats.multivariate_t(model.mean(arm, q, v), 1.3 * spread, df=6, seed=rng)
+    q_next = wider.rvs(20_000).reshape(-1, n)
+    ratio = np.exp(model.log_density(arm, q, v, q_next, noise) - wider.logpdf(q_next))
+    error = ratio.std() / np.sqrt(len(ratio))
+    assert error < 0.02
+    assert abs(ratio.mean() - 1) < 4 * error
+    # control: a share of 10 % less is seen
+    assert abs(0.9 * ratio.mean() - 1) > 4 * error
+
+
+def test_without_measurement_a_step_of_more_joints_than_rows_lies_on_a_plane():
+    arm, q, v, model, _ = scene(3, 2)
+    with pytest.raises(ModelDomainError, match="3 joints and 2 task rows lies on a plane"):
+        model.log_density(arm, q, v, q)

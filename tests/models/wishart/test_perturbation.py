@@ -18,7 +18,7 @@ from pipeline.models.draws import draw_steps
 from pipeline.models.noise import process_noise
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors
-from pipeline.models.wishart.estimators import fit_paper
+from pipeline.models.wishart.fit import fit_paper
 from pipeline.models.wishart.law import WishartModel
 from pipeline.models.wishart.perturbation import fit_perturbations, objective_weights
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion, sample
@@ -32,10 +32,11 @@ def weights(ratio: float) -> tuple[float, float]:
     return 1 / (1 + ratio), ratio / (1 + ratio)
 
 
-def scene(poses, step, size: float) -> tuple[np.ndarray, np.ndarray]:
-    """Noise (200, 3) of standard deviation ``size`` in rad and steps (200, 3) of all speeds."""
+def scene(chain, poses, step, size: float) -> tuple[np.ndarray, ...]:
+    """Noise (200, 3) of standard deviation ``size`` in rad, a and J₂⁺ of steps of all speeds."""
     rng = np.random.default_rng(1)
-    return size * rng.standard_normal((200, 3)), step * rng.uniform(0.1, 1.2, (200, 1))
+    noise, v = size * rng.standard_normal((200, 3)), step * rng.uniform(0.1, 1.2, (200, 1))
+    return noise, *factors(chain, poses, v, PIVOTED_LU)[:2]
 
 
 def problems(n: int, m: int, decomposition: Decomposition, share: float):
@@ -43,10 +44,9 @@ def problems(n: int, m: int, decomposition: Decomposition, share: float):
     arm = random_arm(n, m)
     q, v = motion(arm, 120, 0)
     step = arm.nominal_step(q[:-1], v)
-    size = share * np.sqrt(np.mean(step**2))
-    noise = size * np.random.default_rng(n + m).standard_normal(step.shape)
+    noise = np.random.default_rng(n + m).standard_normal(step.shape)
     a, back, _ = factors(arm, q[:-1], v, decomposition)
-    return arm.jacobian(q[:-1]), v[:, :m], a, back, noise
+    return arm.jacobian(q[:-1]), v[:, :m], a, back, share * np.sqrt(np.mean(step**2)) * noise
 
 
 @pytest.mark.parametrize("name", ["pivoted_lu", "qr", "qr_transposed", "given"])
@@ -92,11 +92,8 @@ def test_many_of_those_problems_are_held_back_by_the_bound(chain, poses, step):
     """So that the comparison with the printed problem reaches the bounded branch too; a smaller
     bound only lowers the objective.
     """
-    noise, v = scene(poses, step, 0.02)
-    a, back, _ = factors(chain, poses, v, PIVOTED_LU)
-    fit, looser = (
-        fit_perturbations(noise, a, back, weights(1e-3), floor) for floor in (0.1, 0.001)
-    )
+    noise, a, back = scene(chain, poses, step, 0.02)
+    fit, looser = (fit_perturbations(noise, a, back, weights(1e-3), each) for each in (0.1, 0.001))
     assert fit.bound.sum() > 20
     assert np.all(looser.objective <= fit.objective * (1 + 1e-9))
     assert np.any(looser.objective[fit.bound] < fit.objective[fit.bound] * (1 - 1e-3))
@@ -129,13 +126,10 @@ def test_no_feasible_perturbation_nearby_is_better(seed, ratio, floor, size):
 
 def test_equal_weights_return_the_identity_for_every_step(chain, poses, step):
     """The paper's weights are not given: with α₁ = α₂ = ½ every fit is B = I, and σ̂_B = 0."""
-    noise, v = scene(poses, step, 0.006)
-    a, back, _ = factors(chain, poses, v, PIVOTED_LU)
+    noise, a, back = scene(chain, poses, step, 0.006)
     assert not np.any(fit_perturbations(noise, a, back, (0.5, 0.5), 0.01).s)
-    few, most = (
-        fit_perturbations(noise, a, back, weights(ratio), 0.01).s.any(axis=(1, 2)).mean()
-        for ratio in (0.3, 3e-3)
-    )
+    fits = (fit_perturbations(noise, a, back, weights(ratio), 0.01) for ratio in (0.3, 3e-3))
+    few, most = (each.s.any(axis=(1, 2)).mean() for each in fits)
     assert few < 0.1 < 0.9 < most
 
 
@@ -213,10 +207,10 @@ def recorded(chain, poses, step, sigma_b: float, measured: float) -> Recorded:
 
 def test_at_rest_nothing_is_perturbed_and_the_mean_over_time_counts_those_steps(chain, poses, step):
     result = fit_paper(recorded(chain, poses, step, 0.2, 1e-4), PIVOTED_LU, FLOOR)
-    assert not result.dispersions[:REST].any()
-    assert not result.perturbations.s.reshape(100, -1, 3, 3)[:, :REST].any()
-    assert np.all(result.dispersions[REST:] > 0)
-    np.testing.assert_allclose(result.sigma_b, result.dispersions.mean())
+    dispersions, solved = result.problems.dispersions, result.problems.perturbations.s
+    assert not solved.reshape(100, -1, 3, 3)[:, :REST].any()
+    assert not dispersions[:REST].any() and np.all(dispersions[REST:] > 0)
+    np.testing.assert_allclose(result.sigma_b, dispersions.mean())
 
 
 def test_the_weights_keep_the_cameras_noise_of_slow_steps_from_being_taken_for_dispersion(
