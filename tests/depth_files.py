@@ -46,9 +46,7 @@ def opencv(key: str, rows: int, columns: int, data: str) -> str:
 
 # one camera, of 640 × 480, as the tools write it
 K, D, ROWS = "525.5, 0., 319.5, 0., 524., 239.25, 0., 0., 1.", "[0.25, 0, 0, 0, 0]", "[0, 0, 1]"
-XML = (
-    "<{0} type_id='opencv-matrix'><rows>{1}</rows><cols>{2}</cols><dt>d</dt><data>{3}</data></{0}>"
-)
+XML = "<{0} type_id='opencv-matrix'><rows>{1}</rows><cols>{2}</cols><data>{3}</data></{0}>\n"
 CALIBRATIONS = {
     "opencv.yaml": "%YAML:1.0\n---\n" + opencv("camera_matrix", 3, 3, K)
     + opencv("distortion_coefficients", 5, 1, "0.25, 0., 0., 0., 0."),

@@ -84,14 +84,15 @@ def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str
     if not BLOCK.search(text):
         message = "the lines <!-- results --> and <!-- /results --> are missing; put them back"
         raise ContractError(message, file="README.md")
-    parts = [TEXT["readme"].format(name=here.dataset, counts=_counts(here, decided))]
+    counts = _counts(here, decided).replace(" / ", "/")
+    lines = [TEXT["readme"].format(name=here.dataset, counts=counts)]
     if ours := here.metrics.get("fit_wishart", {}).get("sigma_b"):
         claims = {verdict.claim.id: verdict.claim for verdict in decided[0].verdicts}
-        parts.append(f"σ̂_B: {number(ours)}, published {claims['sigma-b'].published}.")
+        lines.append(f"σ̂_B {number(ours)} (published {claims['sigma-b'].published}).")
     if "predictions" in here.tables:
-        best = scores.log_scores(here)["mean"].idxmax()
-        parts.append(f"Highest log score of the next pose: {plain_name(best)}.")
-    return BLOCK.sub(lambda _: "\n".join([*parts, ""]), text)
+        best = plain_name(scores.log_scores(here)["mean"].idxmax())
+        lines.append(f"Highest log score of the next pose: {best}.")
+    return BLOCK.sub(lambda _: "\n".join([*lines, ""]), text)
 
 
 def counted(verdicts: Sequence[Verdict]) -> str:

@@ -168,10 +168,7 @@ STOPS = ("xacro", "separated", "increase", "Inches", "quaternions", "is not read
 ONE_EACH = {  # case, file: what inspect says of it
     ("02", "wrench.csv"): "columns without numbers field.header.frame_id (words)",
     ("02", "wrench_empty_frame.csv"): "columns without numbers field.header.frame_id (nothing)",
-    (
-        "03",
-        "motion.csv",
-    ): "actual (q_0, q_1, q_2, q_3 … (6)), target (tq_0, tq_1, tq_2, tq_3 … (6",
+    ("03", "motion.csv"): "actual (q_0, q_1, q_2, q_3 … (6)), target (tq_0, tq_1, tq_2, tq_3 … (6",
     ("09", "comma.csv"): "columns Time (s), Fx (N), Fy (N), Fz (N) … (7); rows 120",
     ("09", "tab.tsv"): "columns Time (s), Fx (N), Fy (N), Fz (N) … (7); rows 120",
     ("09", "semicolon.csv"): "columns Time (s), Fx (N), Fy (N), Fz (N) … (7); rows 120",

@@ -90,8 +90,7 @@ NO_XYZ, NO_CALIBRATION = "no single x, y and z", "no calibration"
 FORMATS = {
     "binary PCD": Sound(CLOUDS["binary.pcd"], read_cloud, [
         ("POINTS 12", "POINTS 13", "3 rows of 4", None),
-        ("WIDTH 4", "WIDTH 1e3", "damaged", None),
-        ("POINTS 12", "", "damaged", None),
+        *((*change, "damaged", None) for change in (("WIDTH 4", "WIDTH 1e3"), ("POINTS 12", ""))),
         ("FIELDS rgb z", "FIELDS rgb q", NO_XYZ, None),
         ("SIZE 4 8 1", "SIZE 4 8", "damaged", None),
         ("SIZE 4 8", "SIZE 4 4", "of one floating-point type", None),
@@ -199,6 +198,7 @@ FORMATS = {
         ('"0x0","7"', '"0x0","5"', "goes back", 14),
         ('"0x0","7"', '"0xZ","7"', "0xZ", 14),
         ('"0x0","7"', '"0x0"', "9 cells", 14),
+        (".", ",", "not '1000000,0'", f"{FORCE}.counts"),
         ('"0x0","7","70","', '"0x0","7","70","?', "not a finite number", 14),
         ('"0x0","7"', '"0x0","1e999"', "beyond", 14),
     ]),

@@ -137,7 +137,7 @@ def test_a_robot_states_its_arms_and_planar_chains(tmp_path, zoo, findings):
         ("empty.csv", "", "empty"),
         ("take.csv", "Format Version,1.23,Length Units,Meters\n\n", "no row starts with 'Frame'"),
         ("take.csv", "Format Version;1.23;Length Units;Meters\n\n", "another program saved"),
-        ("a.urdf", "<?xml version='1.0' encoding='x'?><robot name='a'/>", "is it XML in UTF-8"),
+        ("a.urdf", "<?xml version='1.0' encoding='x'?><robot name='a'/>", "this is no URDF"),
         ("a.urdf", "<robot name='a'><joint name='j' type='revolute'/></robot>", "j joins the link"),
         ("a.urdf", "<robot name='a'><link name='foot'/></robot>", "no joint of one coordinate"),
         ("a.urdf", "<!DOCTYPE r [<!ENTITY a 'aa'>]><robot>&a;</robot>", "document type"),

@@ -1,18 +1,26 @@
-"""Errata of the motion part that no other test shows: signs, units and orders, and moments that do
-not exist.
+"""Errata of the motion part that no other test shows: signs, units and orders, moments that do not
+exist, the depth camera's commanded end-effector, and the sketch of motion planning.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from planned_arms import LAWS, law_cost, path_problem
+from rectangle_clouds import CHAIN, cloud
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel, noise_scale
+from pipeline.models.kinds import build_model
+from pipeline.models.model import frobenius
 from pipeline.models.noise import process_noise
 from pipeline.models.wishart.decomposition import COMPUTED, Decomposition
 from pipeline.models.wishart.law import WishartModel
+from pipeline.perception.articulation import ArticulationOptions, fit_sequence
+from pipeline.planning.motions import best_conditioned, least_uncertain, on_stages
+from pipeline.planning.problem import Problem
+from pipeline.planning.self_motion import grid, spacing_of
 from pipeline.statistics.takes import lag_one_correlation
 
 POSE = np.array([0.4, 1.7, -0.3])
@@ -113,3 +121,104 @@ def test_half_of_the_matrices_exceed_the_bound_at_full_level():
     assert 0.4 < np.mean(norms > u) < 0.6
     # control: a tenth of the level all but keeps it
     assert np.mean(norms_at(0.1) > u) < 1e-3
+
+
+HELD = np.radians([-20.0, 100.0, -25.0])
+DEVIATION = 0.03  # rad
+FRAMES = 240
+
+
+def slopes(end: str) -> tuple[np.ndarray, np.ndarray]:
+    """(3, 3) slopes of the errors of the joint angles on the deviations of the joints, and their
+    standard errors, of an arm that is commanded to stay at HELD and deviates from it.
+    """
+    rng = np.random.default_rng(9)
+    d = rng.normal(scale=DEVIATION, size=(FRAMES, 3))
+    clouds = [cloud(HELD + deviation, rng, points=600) for deviation in d]
+    ee = np.broadcast_to(CHAIN.points(HELD)[3], (FRAMES, 2))
+    options = ArticulationOptions(end_point=end)
+    error = fit_sequence(clouds, CHAIN.origin, ee, CHAIN, options, HELD).q - HELD - d
+    design = np.column_stack([np.ones(FRAMES), d])
+    inverse = np.linalg.inv(design.T @ design)
+    fit = inverse @ design.T @ error
+    rest = error - design @ fit
+    variance = np.outer(np.diag(inverse), (rest**2).sum(axis=0) / (FRAMES - 4))
+    return fit[1:].T, np.sqrt(variance[1:]).T
+
+
+def test_with_the_commanded_end_the_error_depends_on_the_deviation_and_with_the_fitted_one_not():
+    # 4 standard errors: of nine slopes one is that far off in two thousand tests
+    slope, error = slopes("fitted")
+    assert np.all(np.abs(slope) < 4 * error)
+    assert np.all(error < 0.2)
+    # the control, and the erratum: with the commanded end every joint's error depends on one at
+    # least, those of the last two on each of them by more than the standard errors could hide
+    slope, error = slopes("commanded")
+    assert np.all(np.any(np.abs(slope) > 4 * error, axis=1))
+    assert np.all(np.abs(slope[1:]) > 0.6)
+
+
+def summed(problem: Problem, law: str, joints: np.ndarray) -> np.ndarray:
+    """(n, n) Σ Cov of the motion ``joints`` (M+1, n)."""
+    model = build_model(LAWS[law])
+    return model.covariance(problem.chain, joints[:-1], problem.steps).sum(axis=0)
+
+
+def test_of_two_motions_neither_has_the_lesser_sum_and_trace_and_determinant_disagree():
+    problem = path_problem("planar", 40, smoothness=1e-6)
+    by_trace, by_det = (
+        least_uncertain(problem, law_cost("pivoted_lu", problem.chain, objective), 80).joints
+        for objective in ("trace", "log_det")
+    )
+    one, other = (summed(problem, "pivoted_lu", joints) for joints in (by_trace, by_det))
+    difference = np.linalg.eigvalsh(other - one)
+    scale = np.abs(difference).max()
+    assert difference[0] < -1e-3 * scale < 1e-3 * scale < difference[-1]
+    for objective, better, worse in (("trace", by_trace, by_det), ("log_det", by_det, by_trace)):
+        cost = law_cost("pivoted_lu", problem.chain, objective)
+        here, there = (cost(q[:-1], problem.steps).sum() for q in (better, worse))
+        assert here < there - 1e-4 * abs(there)
+
+
+@pytest.mark.slow
+def test_the_least_uncertain_motion_of_the_gaussian_model_goes_where_the_arm_is_worst_conditioned():
+    problem = path_problem("planar", 24, smoothness=0.0)
+
+    def worst_conditioned(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return -(frobenius(problem.chain.inverse_jacobian(q)) ** 2) * np.vecdot(v, v)
+
+    gaussian = law_cost("gaussian", problem.chain)
+    steps = np.arange(0, 25, 3)
+    poses = grid(problem, steps, spacing_of(problem, 50))
+    ways = [on_stages(problem, cost, steps, poses)[0][0] for cost in (gaussian, worst_conditioned)]
+    np.testing.assert_array_equal(*ways)
+    uncertain = least_uncertain(problem, gaussian, 50)
+    dexterous = best_conditioned(problem, 50)
+    assert dexterous.clearance.mean() > 1.2 * uncertain.clearance.mean()
+    # the control: under the Wishart model it is another motion, and a better conditioned one
+    other = least_uncertain(problem, law_cost("qr_transposed", problem.chain), 50)
+    assert other.clearance.mean() > uncertain.clearance.mean()
+
+
+@pytest.mark.slow
+def test_under_the_wishart_model_by_qr_of_the_transpose_it_is_the_motion_of_least_norm():
+    problem = path_problem("planar", 24, smoothness=0.0)
+    chain = problem.chain
+
+    def square_norm(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return np.sum(np.matvec(chain.inverse_jacobian(q), v) ** 2, axis=-1)
+
+    q = np.random.default_rng(2).uniform(chain.lower, chain.upper, (100, 3))
+    q = q[problem.clear(q)]
+    v = np.tile(problem.steps[12], (len(q), 1))
+
+    def ratio(law: str) -> np.ndarray:
+        return law_cost(law, chain)(q, v) / square_norm(q, v)
+
+    constant = ratio("qr_transposed")
+    np.testing.assert_allclose(constant, constant[0], rtol=1e-9)
+    # the control: under another decomposition it is not
+    assert np.ptp(ratio("pivoted_lu")) > 0.1 * constant[0]
+    planned = least_uncertain(problem, law_cost("qr_transposed", chain), 50)
+    least = least_uncertain(problem, square_norm, 50)
+    assert planned.cost.sum() == pytest.approx(constant[0] * least.cost.sum(), rel=1e-3)

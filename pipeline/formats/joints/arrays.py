@@ -17,12 +17,7 @@ from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import Format, Head, Kind, begins, read_alone
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
-from pipeline.formats.joints.names import (
-    columns_by_name,
-    is_derivative,
-    named_like,
-    possibly_speed,
-)
+from pipeline.formats.joints.names import columns_by_name, is_derivative, named_like, possibly_speed
 from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS
 
 HDF5 = (b"MATLAB 7.3", b"\x89HDF")  # another format under the ending of a MATLAB file

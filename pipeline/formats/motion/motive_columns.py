@@ -7,7 +7,7 @@ of labels; before, their order does.
 from __future__ import annotations
 
 from collections import Counter
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
@@ -68,13 +68,12 @@ def _labels(lines: list[str], file: Path) -> ColumnLabels:
         raise fault("no row starts with 'Frame': the header is truncated or damaged")
     if len(rows) < 4:
         raise fault("the rows that give each column's type, name, quantity and axis are incomplete")
-    columns = max(map(len, rows))
-    rows = [row + [""] * (columns - len(row)) for row in rows]
+    rows = [[*row] for row in zip(*zip_longest(*rows, fillvalue=""), strict=True)]
     named = {row[1]: row for row in rows[:-2] if row[1]}
     if named and not {"Type", "Name"} <= {*named}:
         raise fault(f"column B names the rows {', '.join(named)}, but not Type and Name")
     types, names = named.get("Type", rows[0]), named.get("Name", rows[1])
-    identities = named.get("ID", rows[2] if len(rows) > 4 and not named else [""] * columns)
+    identities = named.get("ID", rows[2] if len(rows) > 4 and not named else [""] * len(types))
     groups: dict[tuple[str, str, str], dict[tuple[str, str], int]] = {}
     for column, (kind, *asset, quantity, axis) in enumerate(
         zip(types, names, identities, *rows[-2:], strict=True)
@@ -225,12 +224,11 @@ def _rate(
     message = ""
     if not 0 < rate < np.inf:
         found = f"must be > 0, got {stated!r}" if stated else "is missing"
-        message = f"the frame rate {found}, and no times give it; export the take again"
+        message = f"the frame rate {found}, and no times give it"
     elif printed is not None and not keeps_time(frame, printed, rate):
-        message = f"frames are {rate:g} a second by the header and {timed or 0:.6g} by their "
-        message += "times; export the take again"
+        message = f"frames are {rate:g} a second by the header and {timed or 0:.6g} by their times"
     if message:
-        raise RecordingError(message, file=file, line=1, key=key)
+        raise RecordingError(f"{message}; export the take again", file=file, line=1, key=key)
     return rate
 
 

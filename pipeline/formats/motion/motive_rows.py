@@ -55,18 +55,14 @@ class RowCells:
     def take(self, count: int) -> list[str]:
         """Return the next ``count`` cells."""
         self.place += count
-        if self.place > len(self.cells):
-            held, asked = len(self.cells), self.place
-            raise ValueError(f"the row has {held} cells where its counts ask for {asked} or more")
+        if (held := len(self.cells)) < self.place:
+            raise ValueError(f"the row has {held} cells where its counts ask for {self.place}")
         return self.cells[self.place - count : self.place]
-
-    def text(self) -> str:
-        """Return the next cell."""
-        return self.take(1)[0]
 
     def count(self) -> int:
         """Return the next cell, a count or an ID."""
-        if not WHOLE.fullmatch(cell := self.text()):
+        (cell,) = self.take(1)
+        if not WHOLE.fullmatch(cell):
             raise ValueError(f"cell {self.place} holds {cell!r} where a count or an ID should be")
         return int(cell)
 
@@ -104,23 +100,24 @@ class RowsSoFar:
         """Add the row at ``line``."""
         kind = row.cells[0]
         if kind == "info":
-            key = row.text()
-            self.infos[key] = row.text()
-            self.named |= key == "version" and row.cells[2] not in ("1", "1.0", "1.00")
+            key, value = row.take(2)
+            self.infos[key] = value
+            self.named |= key == "version" and value not in ("1", "1.0", "1.00")
         elif kind == "frame":
             self.line.append(line)
             self._add_frame(row)
+            row.end()
         elif kind in BODY_ROWS:
             (self._add_body if self.frame else self._define)(row)
+            row.end()
         elif kind == "lefthanded":
             raise ValueError("the take is left-handed; export it right-handed")
         elif kind != "righthanded":
             raise ValueError(f"no row type {kind!r}; there are {', '.join(ROW_TYPES)}")
 
     def _define(self, row: RowCells) -> None:
-        name, identity, markers = row.text(), row.count(), row.count()
+        (name,), identity, markers = row.take(1), row.count(), row.count()
         row.numbers(3 * markers)
-        row.end()
         if identity in self.names or name in self.poses:
             raise ValueError(f"rigid body {name!r} (ID {identity}) is defined twice")
         self.names[identity], self.poses[name] = name, {}
@@ -139,18 +136,17 @@ class RowsSoFar:
                 raise ValueError(f"rigid body {identity} {fault}")
             pose[k] = row.numbers(10)[:7]  # position, quaternion, and angles that repeat it
         for _ in range(row.count()):
-            sample, identity, name = row.numbers(3), row.text(), row.text() if self.named else ""
-            if STRAY.fullmatch(name):
+            sample, (identity, *name) = row.numbers(3), row.take(2 if self.named else 1)
+            if STRAY.fullmatch(name := "".join(name)):
                 strays.append(sample)
                 self.stray_ids.add(identity)
             elif self.markers.setdefault(name, {}).setdefault(k, sample) is not sample:
                 raise ValueError(f"two markers are named {name!r}")
         self.strays.append(strays)
-        row.end()
 
     def _add_body(self, row: RowCells) -> None:
-        frame, time, name, identity = row.numbers(1), row.numbers(1), row.text(), row.count()
-        if frame != self.frame[-1:] or time != self.time[-1:]:
+        at, (name,), identity = row.numbers(2), row.take(1), row.count()
+        if at != [self.frame[-1], self.time[-1]]:
             raise ValueError(f"the row of rigid body {name!r} is not of the frame before it")
         if self.names.get(identity) != name:
             raise ValueError(f"rigid body {name!r} (ID {identity}) is not defined")
@@ -165,7 +161,6 @@ class RowsSoFar:
                 held = self.markers.setdefault(f"{name}-Marker {marker}", {})
                 held[len(self.frame) - 1] = sample
         row.take(2 * markers + 1)
-        row.end()
         self.body_rows += 1
 
 

@@ -11,12 +11,7 @@ import pytest
 from written_logs import refusal, write_netft
 
 from pipeline.formats.force.daqft import read_daqft, read_netft, write_daqft
-from pipeline.formats.force.record import (
-    FORCES,
-    TORQUES,
-    ForceLogOptions,
-    ForceRecord,
-)
+from pipeline.formats.force.record import FORCES, TORQUES, ForceLogOptions, ForceRecord
 
 KEY, STARTED = "dataset.force.log", "4/2/13 3:45 PM"
 PLAIN = ForceLogOptions()
@@ -164,6 +159,20 @@ def test_a_netft_log_reads_back_to_the_bit_whatever_is_beside_its_numbers(netft)
     np.testing.assert_allclose(result.time, record().time, rtol=0, atol=1e-12)
     assert (result.rate, result.started) == (500.0, STARTED)
     assert {n: count for n, count in result.counts.items() if count} == {"status_rows": 3}
+
+
+def test_repeated_zero_and_blank_rows_are_counted_and_lost_packets_leave_a_gap(tmp_path, netft):
+    zero, one = ",".join(['"0"'] * 6), ",".join(['"1"'] * 6)
+    result = read_daqft(log(tmp_path, one, one, zero, "", zero, one))
+    assert result.force[:, 0].tolist() == [1, 1, 0, 0, 1]
+    assert result.counts == {"repeated_rows": 2, "zero_rows": 2, "blank_rows": 1, "cut_rows": 0}
+    write_netft(netft, record())
+    lines = netft.read_bytes().split(b"\r\n")
+    netft.write_bytes(b"\r\n".join([*lines[:17], *lines[21:28], *lines[27:]]))
+    result, kept = read_netft(netft), np.delete(np.arange(50), range(10, 14))
+    assert (result.counts["lost_packets"], result.counts["doubled_rows"]) == (4, 1)
+    np.testing.assert_array_equal(result.force, record().force[kept])
+    np.testing.assert_allclose(result.time, kept / 500, rtol=0, atol=1e-12)
 
 
 def test_counts_are_divided_as_the_header_says_and_what_may_be_counts_is_asked(tmp_path):

@@ -89,3 +89,10 @@ def test_a_unit_in_the_header_is_never_read_as_another(tmp_path, header, key, un
     assert result.time[-1] == pytest.approx(last)
     angles = np.deg2rad([0.5, 1.5]) if unit == "deg" else [0.5, 1.5]
     np.testing.assert_allclose(result.signals["actual"], [angles] * 2)
+
+
+def test_degrees_that_are_taken_for_radians_are_refused_with_the_option_and_the_time(tmp_path):
+    file = table(tmp_path, "", "0.0, 10.5, -90.0", "0.1, 10.5, -90.0")
+    error = refusal(partial(read_joint_log, joints=2), file)
+    assert error.evidence["key"] == "dataset.joint_log.angle_unit"
+    assert "at 0 s from the start" in error.message

@@ -5,15 +5,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from motive_files import (
-    DEFINITION,
-    TRACKED,
-    body_row,
-    frame_row,
-    in_metres,
-    rows_file,
-    seen_row,
-)
+from motive_files import DEFINITION, TRACKED, body_row, frame_row, in_metres, rows_file, seen_row
 from scipy.spatial.transform import Rotation
 from written_logs import refusal
 
