@@ -225,9 +225,11 @@ def sections(
     given = SimpleNamespace(compute=config.compute)
     beyond = dvc_file.resolve().is_relative_to(CONF.parent)
     if beyond and "dataset.robot" in declared and config.dataset.robot is None:
-        lacking = f"{stage} is about a robot's motion, and the dataset has no robot"
-        message = f"{lacking}; choose another dataset in params.yaml"
-        raise ConfigError(message, key="dataset.robot")
+        raise ConfigError(
+            f"the stage {stage} needs a robot, and the dataset has none; choose another "
+            "dataset in params.yaml",
+            key="dataset.robot",
+        )
     for section in declared:
         name = section.replace("${item.model}", str(item))
         *above, last = name.split(".")

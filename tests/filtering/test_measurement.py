@@ -251,5 +251,5 @@ def test_an_instrument_that_the_dataset_does_not_have_is_refused(tables):
     table = contracts.read("encoders", MOTION)
     for take in ("test_2", "train_7"):
         contracts.write(table[table["take"] != take], "encoders", MOTION)
-        with pytest.raises(ConfigError, match=f"nothing is measured of the takes {take}"):
+        with pytest.raises(ConfigError, match=f"no measurements of the takes {take}"):
             measured_takes(replace(DATASET, measurement="encoders"))

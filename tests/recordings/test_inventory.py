@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from made_options import made
-from params_file import parameters
+from made_options import made, parameters
 
 from pipeline.core import config, contracts
 from pipeline.core.errors import ConfigError, RecordingError

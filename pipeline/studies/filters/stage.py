@@ -248,7 +248,7 @@ def draw(filters: pd.DataFrame, filters_lasting: pd.DataFrame) -> Figure:
     run.set_yticks(range(len(ratios)), map(label, dict.fromkeys(errors["filter"])))
     run.set(xlabel="rms error over the\ntraining mean's (1)", xlim=(0, None))
     run.invert_yaxis()
-    run.axvline(1.0, color=grey, linewidth=1.6, label="training mean, or 0.68")
+    run.axvline(1.0, color=grey, linewidth=1.6, zorder=0, label="training mean, or 0.68")
     rows = filters_lasting[filters_lasting["filter"] != NONE]
     rows = rows.assign(ratio=error_ratio(rows), lag=1e3 * rows["sway_time"])
     looks = {
