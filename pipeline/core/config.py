@@ -71,7 +71,7 @@ def option_names(group: str) -> list[str]:
 
 
 def compose_config(params_file: Path) -> Config:
-    """Return the validated configuration that ``params_file`` asks for; ConfigError with all
+    """Return the validated configuration that ``params_file`` selects; ConfigError with all
     faults, each with its key, its file and what is allowed.
     """
     params = _params(params_file)
@@ -105,7 +105,7 @@ def _params(file: Path) -> Params:
         if option not in (names := option_names(group)):
             wrong.append((key, f"{group}: no option {option!r}; there are {', '.join(names)}"))
     if twice := sorted({name for name in params.models if params.models.count(name) > 1}):
-        wrong.append(("models", f"models: {', '.join(twice)} stands twice"))
+        wrong.append(("models", f"models: {', '.join(twice)} occurs twice"))
     if wrong:
         raise joined_faults([ConfigError(message, key=key) for key, message in wrong], file)
     return params
