@@ -33,11 +33,13 @@ def run(
     umask: int = -1,
     **environment: str,
 ) -> subprocess.CompletedProcess:
-    """Run a command in ``cwd``, with nothing of this process's environment but PATH and ``cwd`` as
-    HOME; output captured. TimeoutExpired after ``seconds``.
+    """Run a command in ``cwd``, with nothing of this process's environment but PATH, and as HOME a
+    folder that git ignores; output captured. TimeoutExpired after ``seconds``.
     """
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    places = {"PATH": path, "GIT_CONFIG_NOSYSTEM": "1"} | ({"HOME": str(cwd)} if home else {})
+    places = {"PATH": path, "GIT_CONFIG_NOSYSTEM": "1"} | (
+        {"HOME": str(cwd / ".dvc/tmp/home")} if home else {}
+    )
     return subprocess.run(
         command,
         cwd=cwd,

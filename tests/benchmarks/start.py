@@ -50,10 +50,11 @@ for arm in ROBOTS:
     n, chain = len(stage.start.mean), stage.chain
     q = stage.start.mean + 0.05 * rng.standard_normal((20_000, n))
     v = chain.jacobian(stage.start.mean) @ np.full(n, 1e-3)
+    wishart = {"kind": "wishart", "sigma_b": 0.25}
     for law, options in {
-        "pivoted LU": {"kind": "wishart", "sigma_b": 0.25, "decomposition": "pivoted_lu"},
-        "QR of J": {"kind": "wishart", "sigma_b": 0.25, "decomposition": "qr"},
-        "QR of the transpose": {"kind": "wishart", "sigma_b": 0.25, "decomposition": "qr_transposed"},
+        "pivoted LU": wishart | {"decomposition": "pivoted_lu"},
+        "QR of J": wishart | {"decomposition": "qr"},
+        "QR of the transpose": wishart | {"decomposition": "qr_transposed"},
         "Gaussian": {"kind": "gaussian", "alpha": 0.1, "u": 1e3},
         "additive": {"kind": "additive", "noise_covariance": (1e-6 * np.eye(n)).tolist()},
     }.items():
@@ -64,7 +65,7 @@ for arm in ROBOTS:
             least = min(least, time.perf_counter() - begin)
         result[f"{arm}, {law}"] = round(1e9 * least / len(q), 1)
 print(json.dumps(result))
-"""  # noqa: E501
+"""
 
 
 def answer(program: str, cache: Path, variant: str = "") -> dict[str, float]:

@@ -48,7 +48,7 @@ def test_every_option_composes(compose, number):
         *(({group: "nonsense"}, ", ".join(config.option_names(group))) for group in config.GROUPS),
         ({"models": "[]"}, "models: list should have at least 1 item"),
         ({"models": "additive"}, "models: input should be a valid list, got 'additive'"),
-        ({"models": "[additive, additive]"}, "additive stands twice"),
+        ({"models": "[additive, additive]"}, "additive occurs twice"),
         ({"models": "[additive, laplace]"}, "no option 'laplace'; there are additive"),
         ({"seed": "abc"}, "seed: input should be a valid integer.*got 'abc'"),
         ({"seed": "-1"}, "seed: .*greater than or equal to 0, got -1"),
