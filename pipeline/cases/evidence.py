@@ -15,7 +15,7 @@ from pipeline.core.columns import matrices, members, values
 from pipeline.core.errors import ModelDomainError, SingularJacobianError, SolverError
 from pipeline.core.filters import MEMORY, NONE, models_of
 from pipeline.core.rng import stream
-from pipeline.filtering.baselines import autocorrelated_filter
+from pipeline.filtering.linear import autocorrelated_filter
 from pipeline.filtering.particle_filter import Posterior
 from pipeline.models import kinds
 from pipeline.models.closed_loop import ClosedLoopFit, closed_loop_of

@@ -208,15 +208,6 @@ def composed_config() -> Config:
     return found
 
 
-def declared_sections(stage: str, dvc_file: Path) -> list[str]:
-    """The sections of the configuration that a stage declares under ``params`` in ``dvc_file``."""
-    stages = read_yaml(dvc_file).get("stages", {})
-    if stage not in stages:
-        raise ConfigError(f"no stage {stage!r}; there are {', '.join(stages)}", file=dvc_file)
-    entries = [entry for entry in stages[stage].get("params", []) if isinstance(entry, dict)]
-    return [section for entry in entries for section in entry.get(str(COMPOSED), [])]
-
-
 def sections(
     stage: str, dvc_file: Path = Path("dvc.yaml"), item: str | None = None
 ) -> SimpleNamespace:
@@ -226,7 +217,11 @@ def sections(
     ConfigError for a study or tool (``dvc_file`` in the pipeline's folder) that declares the robot
     of a dataset without one; the paper's stages pass over such a dataset.
     """
-    config, declared = composed_config(), declared_sections(stage, dvc_file)
+    config, stages = composed_config(), read_yaml(dvc_file).get("stages", {})
+    if stage not in stages:
+        raise ConfigError(f"no stage {stage!r}; there are {', '.join(stages)}", file=dvc_file)
+    entries = [entry for entry in stages[stage].get("params", []) if isinstance(entry, dict)]
+    declared = [section for entry in entries for section in entry.get(str(COMPOSED), [])]
     given = SimpleNamespace(compute=config.compute)
     beyond = dvc_file.resolve().is_relative_to(CONF.parent)
     if beyond and "dataset.robot" in declared and config.dataset.robot is None:

@@ -22,8 +22,7 @@ from pipeline.core.filters import CLOSED, MEMORY, NONE, closed
 from pipeline.core.options.analysis import Positive
 from pipeline.core.validation import options
 from pipeline.figures import style
-from pipeline.filtering.baselines import autocorrelated_filter
-from pipeline.filtering.linear import linear_filter
+from pipeline.filtering.linear import autocorrelated_filter, linear_filter
 from pipeline.filtering.measurement import Measurements, measurements
 from pipeline.filtering.particle_filter import FilterOptions, particle_filter
 from pipeline.models import kinds

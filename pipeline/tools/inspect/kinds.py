@@ -161,7 +161,7 @@ def _cloud(finding: Finding, form: Format) -> None:
     read = form.read(read_whole(finding.file), file=finding.file)
     share = round(read.missing / max(len(read.points) + read.missing, 1), 4)
     finding.facts |= {"points": len(read.points), "share_without_position": share}
-    finding.version = read.version
+    finding.version = read.format
     if read.organised:
         finding.facts["organised"] = read.organised
     finding.count(read.counts)
