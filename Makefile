@@ -40,15 +40,15 @@ test-all: $(READY) $(PEERS)/.ready $(VIEW)/.ready
 	python -m pytest -q -n auto --dist worksteal --durations-file=tests/durations.csv
 
 smoke: $(READY)
-	python tests/whole/smoke.py .smoke
+	python tests/whole/copies.py .smoke
 
 # The same analysis on the recordings of real robots, for the verdicts side by side.
 real: $(READY)
-	python tests/whole/evidence.py .real ur5 ur5_planar ur5_rounds lwr4
+	python tests/whole/copies.py .real ur5 ur5_planar ur5_rounds lwr4
 
 # And on what the laboratory records of another arm, and on the youBot's recordings with another task.
 synthetic: $(READY)
-	python tests/whole/evidence.py .real lwr4_lab youbot_redundant towing
+	python tests/whole/copies.py .real lwr4_lab youbot_redundant towing
 
 # What is committed, run anew with nothing that an earlier run left: is it what is committed? Fails where it is not.
 audit: $(READY)
@@ -56,7 +56,7 @@ audit: $(READY)
 
 # Ratios to other libraries, first use, speed of a step, growth of cost and equal bytes: reports/benchmarks.md. Best where nothing else runs.
 bench: $(READY) $(PEERS)/.ready
-	python tests/benchmarks/repeats.py .bench/contests
+	python tests/benchmarks/contests.py .bench/contests
 	python tests/benchmarks/start.py .bench/cache
 	python tests/benchmarks/growth.py
 	python tests/benchmarks/equal_bytes.py .bench/levels
@@ -64,7 +64,7 @@ bench: $(READY) $(PEERS)/.ready
 
 # A million particles, ten thousand takes, and a Dask cluster that loses a worker.
 bench-scale: $(READY)
-	python tests/benchmarks/scale.py
+	python tests/benchmarks/growth.py --scale
 	python tests/benchmarks/summary.py
 
 lint: $(READY)

@@ -6,16 +6,49 @@ import faulthandler
 import fcntl
 import os
 import shutil
+import sys
 from pathlib import Path
-
-import pytest
-from durations import pytest_addoption, pytest_terminal_summary  # noqa: F401 - hooks of pytest
-from project_copy import GIT, SMOKE, copy_project, run, set_parameters
+from time import monotonic
 
 import pipeline.core.environment  # noqa: F401 - before numpy: it fixes the arithmetic
 
+import pandas as pd  # isort: skip
+import pytest
+from project_copy import GIT, SMOKE, copy_project, set_parameters, succeeds
+
 # a forked child that a damaged file crashes reports by its exit code, without a dump of its stack
 os.register_at_fork(after_in_child=faulthandler.disable)
+# of a user whose files are for nobody else, without a home and with the locale of a bare container
+BARE = {"home": False, "umask": 0o077, "LANG": "C"}
+STARTED = monotonic()  # s
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option of the table of durations."""
+    parser.addoption("--durations-file", type=Path, help="CSV file of seconds a module")
+
+
+def pytest_terminal_summary(terminalreporter, config: pytest.Config) -> None:
+    """Write setup, call and teardown of the tests of each module, over all workers: longest first,
+    after the wall clock and the total.
+    """
+    if (file := config.getoption("durations_file")) is None:
+        return
+    reports = [each for kind in terminalreporter.stats.values() for each in kind]
+    rows = pd.DataFrame(
+        [
+            (one.nodeid.partition("::")[0], one.nodeid, one.duration, "slow" in one.keywords)
+            for one in reports
+            if isinstance(one, pytest.TestReport)
+        ],
+        columns=["module", "tests", "seconds", "slow"],
+    )
+    rows["seconds without slow tests"] = rows["seconds"].where(~rows.pop("slow"), 0.0)
+    sums = {"tests": "nunique", "seconds": "sum", "seconds without slow tests": "sum"}
+    table = rows.groupby("module").agg(sums).sort_values(["seconds", "tests"], ascending=False)
+    clock = {"tests": len(rows["tests"].unique()), "seconds": monotonic() - STARTED}
+    first = pd.DataFrame([clock, table.sum()], index=["wall clock", "total"])
+    pd.concat([first, table]).astype({"tests": int}).round(1).to_csv(file, index_label="module")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -30,14 +63,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session")
 def reproduced(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A clone-like copy of the project, under git, in which ``dvc repro`` has run on the smoke
-    scale; one for all workers.
+    """A clone-like copy of the project under git, in a path with a blank and an umlaut, in which
+    ``make repro`` has run on the smoke scale; one for all workers.
     """
     base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "reproduced"
-    whole = folder.with_suffix(".whole")
+    base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    folder, whole = base / "Prüfstand 1" / "reproduced", base / "reproduced.whole"
     # the first worker that needs it makes it, others wait
-    with folder.with_suffix(".lock").open("w") as lock:
+    with (base / "reproduced.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not whole.exists():
             reproduce(folder)
@@ -51,9 +84,18 @@ def reproduce(folder: Path) -> None:
     copy_project(folder)
     (folder / ".dvc/config.local").unlink()
     set_parameters(folder, **SMOKE)
-    for command in (["init", "-q"], ["add", "-A"], ["commit", "-qm", "start"]):
-        assert run(*GIT, *command, cwd=folder).returncode == 0
-    done = run("dvc", "repro", cwd=folder)
-    assert done.returncode == 0, done.stdout + done.stderr
-    run(*GIT, "add", "-A", cwd=folder)
-    run(*GIT, "commit", "-qm", "reproduced", cwd=folder)
+    succeeds(*GIT, "init", "-q", cwd=folder)
+    commit(folder, "start")
+    # in place of the environment that make would build, the one that runs the tests
+    (folder / ".venv").mkdir()
+    for name in ("bin", "lib", "pyvenv.cfg"):
+        (folder / ".venv" / name).symlink_to(Path(sys.prefix) / name)
+    said = succeeds("make", "-o", ".venv/.ready", "repro", cwd=folder, **BARE)
+    assert "Results: report reports/youbot/report.md" in said.splitlines()[-1]
+    commit(folder, "reproduced")
+
+
+def commit(folder: Path, message: str) -> None:
+    """Commit every file."""
+    succeeds(*GIT, "add", "-A", cwd=folder)
+    succeeds(*GIT, "commit", "-qm", message, "--allow-empty", cwd=folder)

@@ -32,6 +32,7 @@ from pipeline.formats.motion.motive import read_motive
 from pipeline.formats.rosbag import messages, seconds
 from pipeline.formats.trajectory import read_trajectory
 
+STATED = ("file", "name", "units", "marks", "format", "organised")  # words that no analysis reads
 TABLE = LogOptions(joints=6, signals={"actual": None})
 
 
@@ -146,7 +147,7 @@ def _flat(value: object, name: str) -> Iterator[tuple[str, np.ndarray | str]]:
         value = {column: value[column].to_numpy() for column in value}
     if isinstance(value, Mapping):
         for key, part in value.items():
-            if key not in ("file", "name"):
+            if key not in STATED:
                 yield from _flat(part, f"{name}/{key}" if name else str(key))
     elif isinstance(value, np.ndarray | float | int):
         yield name, np.asarray(value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import shutil
@@ -14,79 +15,111 @@ from omegaconf import OmegaConf
 ROOT = Path(__file__).parents[1]
 # the reports that stages read and none writes
 UNWRITTEN = ("reports/claims.yaml",)
-COMPILED = {".pyc", ".nbi", ".nbc"}  # by Python and by Numba
 # one process: so little work takes less time than starting workers
 SMOKE = {"scale": "smoke", "compute": "serial", "models": "[additive, wishart, gaussian]"}
-
-GIT = [
-    "git",
-    "-c",
-    "user.name=test",
-    "-c",
-    "user.email=test@example.org",
-    "-c",
-    "init.defaultBranch=main",
-]
+GIT = ["git", "-c", "init.defaultBranch=main"]
+IDENTITY = {
+    f"GIT_{who}_{what}": "test@example.org"
+    for who in ("AUTHOR", "COMMITTER")
+    for what in ("NAME", "EMAIL")
+}
 
 
-def run(*command: str, cwd: Path, seconds: float | None = None) -> subprocess.CompletedProcess:
-    """Run a command in ``cwd`` without this process's environment variables; output captured.
-    TimeoutExpired after ``seconds``.
+def run(
+    *command: str,
+    cwd: Path,
+    seconds: float | None = None,
+    home: bool = True,
+    umask: int = -1,
+    **environment: str,
+) -> subprocess.CompletedProcess:
+    """Run a command in ``cwd``, with nothing of this process's environment but PATH, and as HOME a
+    folder that git ignores; output captured. TimeoutExpired after ``seconds``.
     """
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    environment = {"PATH": path, "HOME": str(cwd), "GIT_CONFIG_NOSYSTEM": "1"} | {
-        f"GIT_{who}_{what}": "test@example.org"
-        for who in ("AUTHOR", "COMMITTER")
-        for what in ("NAME", "EMAIL")
-    }
+    places = {"PATH": path, "GIT_CONFIG_NOSYSTEM": "1"} | (
+        {"HOME": str(cwd / ".dvc/tmp/home")} if home else {}
+    )
     return subprocess.run(
         command,
         cwd=cwd,
-        env=environment,
+        env=places | IDENTITY | environment,
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
+        encoding="utf-8",
         check=False,
         timeout=seconds,
+        umask=umask,
     )
+
+
+def succeeds(*command: str, cwd: Path, **options: object) -> str:
+    """Run a command that must succeed; return its standard output."""
+    done = run(*command, cwd=cwd, **options)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def error_line(done: subprocess.CompletedProcess) -> str:
+    """The one line of a failed command's errors that is the project's own message."""
+    (line,) = (line for line in done.stderr.splitlines() if line.startswith("error:"))
+    assert done.returncode != 0 and "Traceback" not in done.stderr
+    return line
 
 
 def copy_project(folder: Path) -> None:
     """Copy every file that git knows or would add, none of what stages wrote; the copy is a DVC
     project of its own, without git.
     """
-    listed = subprocess.run(
-        ["git", "ls-files", "-z", "-co", "--exclude-standard"],
-        cwd=ROOT,
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    for name in filter(None, listed.stdout.split("\0")):
-        source = ROOT / name
-        written = (name.startswith("reports/") and name not in UNWRITTEN) or Path(
-            name
-        ).name == "dvc.lock"
-        if source.is_file() and not written:
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(source, folder / name, follow_symlinks=False)
-    # compiled files stay valid: copies keep the times and sizes of their sources
-    for compiled in (ROOT / "pipeline").rglob("__pycache__/*"):
-        # files that another process is still writing have another suffix
-        if compiled.suffix in COMPILED:
-            (folder / compiled.relative_to(ROOT)).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(compiled, folder / compiled.relative_to(ROOT))
+    listed = succeeds("git", "ls-files", "-z", "-co", "--exclude-standard", cwd=ROOT)
+    for name in filter(None, listed.split("\0")):
+        source, target = ROOT / name, folder / name
+        reported = name.startswith("reports/") and name not in UNWRITTEN
+        if source.is_file() and not reported and source.name != "dvc.lock":
+            target.parent.mkdir(parents=True, exist_ok=True)
+            # compiled code stays valid: copies keep the times and sizes of their sources
+            shutil.copy2(source, target, follow_symlinks=False)
+    for compiled in (ROOT / "pipeline").rglob("__pycache__/*.pyc"):
+        (folder / compiled.relative_to(ROOT)).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(compiled, folder / compiled.relative_to(ROOT))
     (folder / ".dvc/config.local").write_text("[core]\n    no_scm = true\n")
+    share_machine_code(folder)
+
+
+def copy_reproduced(reproduced: Path, folder: Path) -> Path:
+    """Copy the reproduced project with what its stages wrote and their cache; return ``folder``."""
+    shutil.copytree(reproduced, folder, symlinks=True)
+    share_machine_code(folder)
+    return folder
+
+
+def share_machine_code(folder: Path) -> None:
+    """Let a copy of the project load from this project's machine code, and add to it: numba names
+    the folders of its cache after the absolute paths of the sources.
+    """
+    from pipeline.core.compiled import cache_folder
+
+    code = cache_folder()
+    links = folder / "pipeline/__pycache__" / code.name
+    links.mkdir(parents=True, exist_ok=True)
+    for package in {file.parent for file in (ROOT / "pipeline").rglob("*.py")}:
+        here, there = (
+            f"{package.name}_{hashlib.sha1(str(place).encode()).hexdigest()}"
+            for place in (package, folder / package.relative_to(ROOT))
+        )
+        (code / here).mkdir(exist_ok=True)
+        (links / there).symlink_to(code / here)
 
 
 def set_parameters(folder: Path, **values: object) -> None:
     """Edit top-level lines of the copy's params.yaml, comments kept."""
     file = folder / "params.yaml"
-    lines = file.read_text().splitlines()
+    text = file.read_text(encoding="utf-8")
     for name, value in values.items():
-        place = next(i for i, line in enumerate(lines) if line.startswith(f"{name}:"))
-        lines[place] = f"{name}: {value}"
-    file.write_text("\n".join(lines) + "\n")
+        text, found = re.subn(rf"^{name}:.*$", f"{name}: {value}", text, flags=re.MULTILINE)
+        assert found == 1, name
+    file.write_text(text, encoding="utf-8")
 
 
 def planned(output: str) -> dict[str, str]:
@@ -103,11 +136,8 @@ def reruns(folder: Path, configure: bool = True) -> set[str]:
     whose dependencies have changed, and all that follow them.
     """
     if configure:
-        done = run("dvc", "repro", "configure", cwd=folder)
-        assert done.returncode == 0, done.stdout + done.stderr
-    plan = run("dvc", "repro", "--dry", "--force-downstream", cwd=folder)
-    assert plan.returncode == 0, plan.stdout + plan.stderr
-    return set(planned(plan.stdout))
+        succeeds("dvc", "repro", "configure", cwd=folder)
+    return {*planned(succeeds("dvc", "repro", "--dry", "--force-downstream", cwd=folder))}
 
 
 def outputs(folder: Path, *stages: str) -> dict[str, str]:
@@ -126,4 +156,4 @@ def outputs(folder: Path, *stages: str) -> dict[str, str]:
 def edit_text(file: Path, text: str) -> None:
     """Replace ``file``, which may be a link into DVC's cache, by another of this text."""
     file.unlink()
-    file.write_text(text, newline="")
+    file.write_text(text, newline="", encoding="utf-8")

@@ -14,9 +14,10 @@ from damage import Files
 from pipeline.arm.model import Arm
 from pipeline.core.columns import values
 from pipeline.core.errors import PipelineError
+from pipeline.core.options.analysis import ArticulationSection
 from pipeline.core.options.dataset import Dataset
 from pipeline.core.options.instruments import Force
-from pipeline.perception.articulation import ArticulationOptions, articulate_rows
+from pipeline.perception.articulation import articulate_rows
 from pipeline.perception.markers import follower
 from pipeline.recordings import depth, motion_capture
 from pipeline.recordings.clocks import on_motion_clock
@@ -99,7 +100,7 @@ def angles_of_depth(
     dataset: Dataset,
     arm: Arm,
     markers: pd.DataFrame,
-    options: ArticulationOptions,
+    options: ArticulationSection,
     start: np.ndarray,
 ) -> Recovered:
     """Joint angles of the one take of the depth camera, its clock set by the ``markers``."""

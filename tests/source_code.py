@@ -31,47 +31,41 @@ def tree(module: str) -> ast.Module:
 
 
 @cache
-def imports(module: str) -> frozenset[str]:
+def imports(module: str, top: bool = False) -> frozenset[str]:
     """Every module that is imported anywhere in ``module``, by a statement or by its name in a call
-    of import_module.
+    of import_module; with ``top`` those that are imported when ``module`` is.
     """
     names = set()
-    for node in ast.walk(tree(module)):
+    for node in tree(module).body if top else ast.walk(tree(module)):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{module} imports relative to itself"
             members = {f"{node.module}.{alias.name}" for alias in node.names}
             names |= {member if member in MODULES else node.module for member in members}
-        elif (
-            isinstance(node, ast.Call)
-            and getattr(node.func, "id", None) == "import_module"
-            and isinstance(node.args[0], ast.Constant)
-        ):
-            names.add(node.args[0].value)
+        elif isinstance(node, ast.Call) and getattr(node.func, "id", None) == "import_module":
+            names |= {arg.value for arg in node.args[:1] if isinstance(arg, ast.Constant)}
     return frozenset(names)
 
 
 def pipeline_imports(module: str) -> set[str]:
     """The modules of the pipeline that ``module`` imports itself."""
-    return {name for name in imports(module) if name.split(".")[0] == "pipeline"} - {"pipeline"}
+    return {name for name in imports(module) if name.startswith("pipeline.")}
 
 
 def needed(module: str, harmless: set[str]) -> set[str]:
     """The modules that ``module`` runs on, itself and the packages they lie in included, without
     ``harmless`` ones and what those alone import.
     """
-    reached, waiting = set(), [module]
+    reached, waiting = {"pipeline.__init__"}, [module]
     while waiting:
         current = waiting.pop()
-        if current in reached or current in harmless:
-            continue
-        reached.add(current)
-        packages = {
-            ".".join(current.split(".")[:depth]) for depth in range(2, current.count(".") + 1)
-        }
-        waiting += [*pipeline_imports(current), *(packages & set(MODULES))]
-    return reached | {"pipeline.__init__"}
+        if current not in reached | harmless:
+            reached.add(current)
+            parts = current.split(".")
+            packages = {".".join(parts[:depth]) for depth in range(2, len(parts))}
+            waiting += [*pipeline_imports(current), *(packages & set(MODULES))]
+    return reached
 
 
 def covers(path: str, other: str) -> bool:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
 import pipeline.arm
 from pipeline.arm.serial import SerialChain
@@ -22,36 +23,23 @@ MARKERS = {
     "forearm": {"d": [0.0, 0.05, 0.05], "e": [-0.2, 0.06, 0.05], "f": [-0.1, -0.05, 0.06]},
     "flange": {"g": [0.0, 0.07, 0.01], "h": [0.06, 0.0, 0.02], "i": [-0.06, -0.04, 0.0]},
 }
-START, END = (
-    np.array([0.3, -1.2, 1.4, -0.8, 1.0, 0.4]),
-    np.array([1.1, -1.7, 2.0, -0.4, 0.3, 1.4]),
-)
+START = np.array([0.3, -1.2, 1.4, -0.8, 1.0, 0.4])
+END = np.array([1.1, -1.7, 2.0, -0.4, 0.3, 1.4])
 
 
 def revolute_arm(n: int) -> SerialChain:
-    """Of ``n`` joints placed and pointing anywhere, with the whole pose of the tip as its task."""
+    """An arm of ``n`` joints placed and pointing anywhere, whose task is the whole pose."""
     rng = np.random.default_rng(n)
-    turns = [pin.Quaternion(*_unit(rng.normal(size=4))).matrix().ravel() for _ in range(n + 1)]
+    turns = Rotation.from_quat(rng.normal(size=(n + 1, 4))).as_matrix().reshape(n + 1, 9)
     placements = np.hstack([turns, rng.uniform(-0.15, 0.15, (n + 1, 3))])
     limit, sliding = np.full(n, 3.0), np.zeros(n, dtype=bool)
     return SerialChain(tuple(SPACE), 0.3, placements, sliding, -limit, limit, limit)
 
 
-def _unit(x: np.ndarray) -> np.ndarray:
-    return x / np.linalg.norm(x)
-
-
 def mocap(markers: dict = MARKERS, **options) -> Mocap:
-    return Mocap(
-        **{
-            "training": "*.csv",
-            "base": Pose([0.0] * 3, [0.0] * 3),
-            "markers": markers,
-            "gate": 0.005,
-            "max_gap": 20,
-        }
-        | options
-    )
+    base = Pose([0.0] * 3, [0.0] * 3)
+    known = {"training": "*.csv", "base": base, "gate": 0.005, "max_gap": 20}
+    return Mocap(**known | {"markers": markers} | options)
 
 
 def motion(frames: int) -> np.ndarray:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import ast
-
 import pytest
 import yaml
-from source_code import MODULES, ROOT, imports, package, pipeline_imports, tree
+from source_code import MODULES, ROOT, imports, package, pipeline_imports
 
 TABLE = yaml.safe_load((ROOT / "pipeline/IMPORTS.yaml").read_text(encoding="utf-8"))
 PACKAGES, EXCEPTIONS, WRAPPERS = TABLE["packages"], TABLE["exceptions"], TABLE["wrappers"]
-LATE = TABLE["late"]
 UPPER = {"stages", "studies", "tools", "__main__"}  # what the paper's packages never import
+
+
+def roots(module: str, top: bool = False) -> set[str]:
+    """The libraries and packages that ``module`` imports."""
+    return {name.split(".")[0] for name in imports(module, top)}
 
 
 def within(module: str, entries: list[str]) -> bool:
@@ -28,25 +30,15 @@ def allowed(module: str) -> list[str]:
     return entries + EXCEPTIONS.get(module.removeprefix("pipeline."), [])
 
 
-def at_the_top(module: str) -> set[str]:
-    """Modules that ``module`` imports when it is imported itself."""
-    names: set[str] = set()
-    for node in tree(module).body:
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-    return names
+@pytest.mark.parametrize("part", sorted(PACKAGES))
+def test_imports_run_one_way(part):
+    for module in (name for name in MODULES if package(name) == part):
+        names = pipeline_imports(module)
+        assert names <= MODULES.keys(), module
+        assert {name for name in names if not within(name, allowed(module))} == set(), module
 
 
-@pytest.mark.parametrize("module", sorted(set(MODULES) - {"pipeline.__init__"}))
-def test_imports_run_one_way(module):
-    for name in pipeline_imports(module):
-        assert name in MODULES, f"{module} imports {name}, which does not exist"
-        assert within(name, allowed(module)), f"{module} imports {name}"
-
-
-def test_the_table_holds_every_room_and_no_other_and_has_no_circle():
+def test_the_table_has_every_package_and_no_other_and_no_circle():
     assert {package(module) for module in MODULES} == {*PACKAGES, "__init__"}
     below: set[str] = set()
     for name, entry in PACKAGES.items():  # the order of the table is the order of the layers
@@ -58,30 +50,23 @@ def test_the_table_holds_every_room_and_no_other_and_has_no_circle():
 
 
 def test_stages_import_neither_each_other_nor_the_laboratory_but_for_record():
-    for module in MODULES:
-        if package(module) == "stages":
-            others = {package(name) for name in pipeline_imports(module)}
-            assert "stages" not in others, module
-            assert "laboratory" not in others or module == "pipeline.stages.record", module
-
-
-def test_a_recorded_dataset_needs_nothing_of_the_laboratory_to_be_configured():
-    assert not any("laboratory" in name for name in at_the_top("pipeline.core.config"))
+    for module in (name for name in MODULES if package(name) == "stages"):
+        others = {package(name) for name in pipeline_imports(module)}
+        assert "stages" not in others, module
+        assert "laboratory" not in others or module == "pipeline.stages.record", module
+    # a recorded dataset needs nothing of the laboratory to be configured
+    assert not any("laboratory" in name for name in imports("pipeline.core.config", top=True))
 
 
 @pytest.mark.parametrize("library", WRAPPERS)
 def test_a_library_enters_through_its_wrapper(library):
-    users = [
-        module
-        for module in MODULES
-        if any(name.split(".")[0] == library for name in imports(module))
-    ]
+    users = [module for module in MODULES if library in roots(module)]
     assert users, f"nothing imports {library}: take it out of the table"
     assert [module for module in users if not within(module, WRAPPERS[library])] == []
 
 
-@pytest.mark.parametrize("library", LATE)
+@pytest.mark.parametrize("library", TABLE["late"])
 def test_what_takes_long_to_import_is_imported_by_the_function_that_needs_it(library):
     packages = [module for module in MODULES if package(module) not in {"studies", "tools"}]
-    assert [module for module in packages if library in at_the_top(module)] == []
+    assert [module for module in packages if library in imports(module, top=True)] == []
     assert any(library in imports(module) for module in packages), "nothing does: take it out"

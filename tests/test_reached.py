@@ -7,31 +7,24 @@ from __future__ import annotations
 
 import ast
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
 
 from source_code import MODULES, ROOT, package, tree
 
 TESTS_ALONE = "serves tests alone"  # in the docstring of a theorem of pipeline.randommatrix
 Definition = ast.FunctionDef | ast.ClassDef
+Use = tuple[str, tuple[str, ...]]  # a name, and the module and definitions around it
 
 
-class Use(NamedTuple):
-    """Occurrence of a name, and the module and definitions around it."""
-
-    name: str
-    user: tuple[str, ...]
-
-
-def definitions(module: str) -> Iterator[tuple[tuple[str, ...], Definition, bool]]:
-    """Functions, classes and methods of ``module``; True for a method that a base may call."""
+def definitions(module: str) -> Iterator[tuple[tuple[str, ...], Definition]]:
+    """Functions, classes, and methods of classes without a base, which could call them."""
     for node in tree(module).body:
         if isinstance(node, Definition):
-            yield (module, node.name), node, False
-            if isinstance(node, ast.ClassDef):
-                for member in node.body:
-                    if isinstance(member, ast.FunctionDef):
-                        yield (module, node.name, member.name), member, bool(node.bases)
+            yield (module, node.name), node
+        if isinstance(node, ast.ClassDef) and not node.bases:
+            members = (member for member in node.body if isinstance(member, ast.FunctionDef))
+            yield from (((module, node.name, member.name), member) for member in members)
 
 
 def uses(module: str) -> Iterator[Use]:
@@ -42,9 +35,9 @@ def uses(module: str) -> Iterator[Use]:
         if isinstance(node, Definition) and len(user) < 3:
             user = (*user, node.name)
         if isinstance(node, ast.Name | ast.Attribute):
-            yield Use(node.id if isinstance(node, ast.Name) else node.attr, user)
+            yield node.id if isinstance(node, ast.Name) else node.attr, user
         elif texts and isinstance(node, ast.Constant) and isinstance(node.value, str):
-            yield Use(node.value, user)
+            yield node.value, user
         for child in ast.iter_child_nodes(node):
             yield from walk(child, user)
 
@@ -53,46 +46,41 @@ def uses(module: str) -> Iterator[Use]:
 
 def outside_python() -> Iterator[Use]:
     """Every word of the templates, and of the YAML files by which a study finds functions."""
-    files = [
-        *(ROOT / "pipeline").rglob("templates/*"),
-        *(ROOT / "pipeline/studies").rglob("*.yaml"),
-    ]
-    for file in files:
+    studies = (ROOT / "pipeline/studies").rglob("*.yaml")
+    for file in (*(ROOT / "pipeline").rglob("templates/*"), *studies):
         text = file.read_text(encoding="utf-8")
         for name in (*re.findall(r"\w+", text), *re.findall(r"\w+", text.replace(" ", "_"))):
-            yield Use(name, (str(file),))
+            yield name, (str(file),)
 
 
 def unused(modules: Iterable[str], others: Iterable[Use] = ()) -> list[str]:
     """Definitions of ``modules`` whose name occurs in no other code that is used."""
-    found = {place: node for m in modules for place, node, inherits in definitions(m)
-             if not inherits and not exempt(place, node)}  # fmt: skip
-    by_name: dict[str, list[tuple[str, ...]]] = {}
-    for use in (*others, *(use for module in modules for use in uses(module))):
-        by_name.setdefault(use.name, []).append(use.user)
+    found = {place for module in modules for place, node in definitions(module)
+             if not exempt(place, node)}  # fmt: skip
+    users: dict[str, list[tuple[str, ...]]] = defaultdict(list)
+    for name, user in (*others, *(use for module in modules for use in uses(module))):
+        users[name].append(user)
     lost: set[tuple[str, ...]] = set()
-    while True:
-        more = {
-            place
-            for place in found.keys() - lost
-            if all(
-                any(user[: len(body)] == body for body in (place, *lost))
-                for user in by_name.get(place[-1], [])
-            )
-        }
-        if not more:
-            return sorted(".".join(place) for place in lost)
+
+    def in_unused_code(user: tuple[str, ...], place: tuple[str, ...]) -> bool:
+        return any(user[: len(body)] == body for body in (place, *lost))
+
+    while more := {
+        place
+        for place in found - lost
+        if all(in_unused_code(user, place) for user in users[place[-1]])
+    }:
         lost |= more
+    return sorted(".".join(place) for place in lost)
 
 
 def exempt(place: tuple[str, ...], node: Definition) -> bool:
     """True where Python or pydantic calls the definition, or a theorem serves tests and says so."""
-    decorators = " ".join(ast.unparse(one) for one in node.decorator_list)
-    says = " ".join((ast.get_docstring(node) or "").split())
+    theorem = package(place[0]) == "randommatrix"
     return (
         place[-1].startswith("__")
-        or "_validator" in decorators
-        or (package(place[0]) == "randommatrix" and TESTS_ALONE in says)
+        or any("_validator" in ast.unparse(one) for one in node.decorator_list)
+        or (theorem and TESTS_ALONE in " ".join((ast.get_docstring(node) or "").split()))
     )
 
 

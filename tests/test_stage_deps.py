@@ -6,35 +6,47 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
 
 import pytest
-from omegaconf import OmegaConf
+import yaml
 from source_code import MODULES, ROOT, covers, needed, package, tree
 
 # Every stage depends on core as a whole. What core imports by exception, the types of options,
 # changes no stage but configure: the others depend on the values that they declare.
 HARMLESS = {module for module in MODULES if package(module) == "core"}
+DATASET = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))["dataset"]
+# folders from which configure removes results of models that are not chosen
+CLEANED = {"dvc.yaml:configure": {"data/fit", "data/filter"}}
 
 
-def stages() -> Iterator[tuple[str, str, dict]]:
-    """dvc.yaml file, name and definition of every stage."""
-    for file in (ROOT / "dvc.yaml", *sorted((ROOT / "data" / "raw").glob("*/dvc.yaml"))):
-        for name, stage in OmegaConf.to_container(OmegaConf.load(file))["stages"].items():
-            yield str(file.relative_to(ROOT)), name, stage
+def stages(*patterns: str) -> dict[str, dict]:
+    """Definition of every stage of the dvc.yaml files, by file and name."""
+    return {
+        f"{file.relative_to(ROOT)}:{name}": stage
+        for pattern in patterns
+        for file in sorted(ROOT.glob(pattern))
+        for name, stage in yaml.safe_load(file.read_text(encoding="utf-8"))["stages"].items()
+    }
 
 
+PAPER = stages("dvc.yaml", "data/raw/*/dvc.yaml")
 # what is always run depends on nothing
-STAGES = {f"{file}:{name}": s for file, name, s in stages() if not s.get("always_changed")}
+STAGES = {name: stage for name, stage in PAPER.items() if not stage.get("always_changed")}
+STUDIES = stages("pipeline/studies/*/dvc.yaml")
+every_stage = pytest.mark.parametrize("stage", STAGES)
 
 
-def plain(entries: list) -> list[str]:
+def paths(stage: dict, *kinds: str) -> list[str]:
     """Paths of deps, outs or metrics, with any item of a matrix and the chosen dataset in their
     places.
     """
-    dataset = OmegaConf.load(ROOT / "params.yaml").dataset
-    paths = [next(iter(entry)) if isinstance(entry, dict) else entry for entry in entries]
-    return [re.sub(r"\$\{item\.\w+\}", "*", path).replace("${dataset}", dataset) for path in paths]
+    entries = [entry for kind in kinds for entry in stage.get(kind, [])]
+    names = [next(iter(entry)) if isinstance(entry, dict) else entry for entry in entries]
+    return [re.sub(r"\$\{item\.\w+\}", "*", name).replace("${dataset}", DATASET) for name in names]
+
+
+def code(stage: dict) -> list[str]:
+    return [path for path in paths(stage, "deps") if covers("pipeline", path)]
 
 
 def stage_module(stage: dict) -> str:
@@ -43,18 +55,25 @@ def stage_module(stage: dict) -> str:
     return module if module in MODULES else f"pipeline.tools.{name}.command"
 
 
-@pytest.mark.parametrize("stage", STAGES)
-def test_a_stage_depends_on_the_code_that_it_runs(stage):
-    module = stage_module(STAGES[stage])
-    assert module in MODULES
-    files = [MODULES[name] for name in needed(module, HARMLESS)]
-    # the package itself holds one line of text
-    read = {str(file.relative_to(ROOT)) for file in files if file.stat().st_size}
-    read.discard("pipeline/__init__.py")
-    code = [path for path in plain(STAGES[stage]["deps"]) if covers("pipeline", path)]
-    assert any(covers(path, "pipeline/core") for path in code)
-    assert sorted(file for file in read if not any(covers(path, file) for path in code)) == []
-    # and on no other; options are found by their places, or read as texts
+def sources(module: str) -> set[str]:
+    """The files that a stage runs on; the package itself holds one line of text."""
+    files = {MODULES[name] for name in needed(module, HARMLESS)}
+    names = {str(file.relative_to(ROOT)) for file in files if file.stat().st_size}
+    return names - {"pipeline/__init__.py"}
+
+
+def uncovered(files: set[str], deps: list[str]) -> set[str]:
+    return {file for file in files if not any(covers(path, file) for path in deps)}
+
+
+@every_stage
+def test_a_stage_depends_on_the_code_that_it_runs_and_on_no_other(stage):
+    definition = STAGES[stage]
+    module, deps = stage_module(definition), code(definition)
+    read = sources(module)
+    assert any(covers(path, "pipeline/core") for path in deps)
+    assert uncovered(read, deps) == set()
+    # options are found by their places, or read as texts
     result = {"pipeline/core"}
     if module.endswith((".choose", ".configure")):
         result |= {"pipeline/conf", "pipeline/conf/dataset"}
@@ -63,78 +82,46 @@ def test_a_stage_depends_on_the_code_that_it_runs(stage):
         result |= {"pipeline/conf/model"}  # of the plain models beside the run's
     if module.endswith(".report"):
         # the docstrings of all code of the paper say what implements what
-        result |= {path for path in code if path not in ("pipeline/studies", "pipeline/tools")}
-    idle = [path for path in code if not any(covers(path, file) for file in read)]
-    assert set(idle) <= result
+        result |= {path for path in deps if path not in ("pipeline/studies", "pipeline/tools")}
+    assert {path for path in deps if not any(covers(path, file) for file in read)} <= result
+    if "pipeline/arm/model.py" in read:
+        assert "pipeline/arm" in deps
+        params = [keys for entry in definition["params"] for keys in entry.values()]
+        assert any("dataset.robot" in keys for keys in params)
 
 
-@pytest.mark.parametrize("stage", STAGES)
-def test_a_stage_depends_on_the_robots_description_where_it_loads_a_robot(stage):
-    if "pipeline.arm.model" in needed(stage_module(STAGES[stage]), HARMLESS):
-        assert "pipeline/arm" in STAGES[stage]["deps"]
-        assert any(
-            "dataset.robot" in keys for entry in STAGES[stage]["params"] for keys in entry.values()
-        )
-
-
-@pytest.mark.parametrize("stage", STAGES)
+@every_stage
 def test_what_a_stage_depends_on_exists_or_is_written_by_another(stage):
-    written = [
-        path
-        for other in STAGES.values()
-        for path in plain([*other.get("outs", []), *other.get("metrics", [])])
-    ]
-    for path in plain(STAGES[stage]["deps"]):
-        if path.startswith("${"):  # a folder that a dataset's option names, outside the project
-            continue
-        made = any(covers(path, out) or covers(out, path) for out in written)
-        assert made or (ROOT / path).exists(), f"{stage} depends on {path}"
+    written = [path for other in STAGES.values() for path in paths(other, "outs", "metrics")]
+    for path in paths(STAGES[stage], "deps"):
+        if not path.startswith("${"):  # a folder that a dataset's option names, outside the project
+            made = any(covers(path, out) or covers(out, path) for out in written)
+            assert made or (ROOT / path).exists(), f"{stage} depends on {path}"
 
 
-# folders from which configure removes results of models that are not chosen
-CLEANED = {"dvc.yaml:configure": {"data/fit", "data/filter"}}
-
-
-@pytest.mark.parametrize("stage", STAGES)
+@every_stage
 def test_the_folders_that_a_stage_names_are_its_deps_and_outs(stage):
-    declared = plain(
-        [entry for kind in ("deps", "outs", "metrics") for entry in STAGES[stage].get(kind, [])]
-    )
-    named = set()
-    inside_texts = set()
+    declared = paths(STAGES[stage], "deps", "outs", "metrics")
+    named, parts = set(), set()
     for node in ast.walk(tree(stage_module(STAGES[stage]))):
         if isinstance(node, ast.JoinedStr):
-            named.add(
-                "".join(
-                    part.value if isinstance(part, ast.Constant) else "*" for part in node.values
-                )
-            )
-            inside_texts |= {id(part) for part in node.values}
-        elif (
-            isinstance(node, ast.Constant)
-            and isinstance(node.value, str)
-            and id(node) not in inside_texts
-        ):
-            named.add(node.value)
+            texts = [getattr(part, "value", None) for part in node.values]
+            named.add("".join(text if isinstance(text, str) else "*" for text in texts))
+            parts |= {id(part) for part in node.values}
+        elif isinstance(node, ast.Constant) and id(node) not in parts:
+            named.add(str(node.value))
     for path in named - CLEANED.get(stage, set()):
         if re.fullmatch(r"(data|reports)/[\w*./]+", path) and not path.endswith("dvc.yaml"):
-            assert any(covers(path, other) or covers(other, path) for other in declared), (
-                f"{stage} opens {path}"
-            )
+            known = any(covers(path, other) or covers(other, path) for other in declared)
+            assert known, f"{stage} opens {path}"
 
 
-STUDIES = sorted((ROOT / "pipeline/studies").glob("*/dvc.yaml"))
-
-
-@pytest.mark.parametrize("file", STUDIES, ids=lambda file: file.parent.name)
-def test_a_study_names_its_code_and_options_and_not_its_own_lock_file(file):
-    place = str(file.parent.relative_to(ROOT))
-    stage = OmegaConf.to_container(OmegaConf.load(file))["stages"][file.parent.name]
-    read = {MODULES[name] for name in needed(f"{place.replace('/', '.')}.stage", HARMLESS)}
-    read |= {other for other in file.parent.rglob("*.*") if other.suffix in (".py", ".yaml")}
-    read = {str(path.relative_to(ROOT)) for path in read - {file} if path.stat().st_size}
-    deps = [path for path in plain(stage["deps"]) if covers("pipeline", path)]
-    missing = {path for path in read if not any(covers(dep, path) for dep in deps)}
-    assert missing - {"pipeline/__init__.py"} == set()
+@pytest.mark.parametrize("stage", STUDIES)
+def test_a_study_names_its_code_and_options_and_not_its_own_lock_file(stage):
+    place = stage.partition("/dvc.yaml:")[0]
+    own = {file for file in (ROOT / place).rglob("*.*") if file.suffix in (".py", ".yaml")}
+    files = {str(file.relative_to(ROOT)) for file in own if file.stat().st_size}
+    read = sources(f"{place.replace('/', '.')}.stage") | files - {f"{place}/dvc.yaml"}
+    assert uncovered(read, code(STUDIES[stage])) == set()
     # DVC writes the lock after the stage: a stage that depends on it is never up to date
-    assert not any(covers(dep, f"{place}/dvc.lock") for dep in deps)
+    assert not any(covers(path, f"{place}/dvc.lock") for path in code(STUDIES[stage]))

@@ -24,19 +24,14 @@ from pipeline.formats.trajectory import write_trajectory
 SHAPE = (24, 32)
 AXES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 LINKS = ("base", "a", "b", "c", "tip")
-JOINT = """<joint name="j{number}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
+JOINT = """<joint name="j{}" type="{}"><parent link="{}"/><child link="{}"/>
 <origin xyz="0 0 0.2"/>
 <axis xyz="0 1 0"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
 """
-CHAIN = [
-    JOINT.format(
-        number=n, kind="revolute" if n < 4 else "fixed", parent=LINKS[n - 1], child=LINKS[n]
-    )
-    for n in range(1, len(LINKS))
-]
-URDF = f"""<robot name="three">{"".join(f'<link name="{name}"/>' for name in LINKS)}
-{"".join(CHAIN)}</robot>
-"""
+URDF = '<robot name="three">' + "".join(f'<link name="{name}"/>' for name in LINKS) + "\n"
+for n in range(1, len(LINKS)):
+    URDF += JOINT.format(n, "revolute" if n < 4 else "fixed", *LINKS[n - 1 : n + 1])
+URDF += "</robot>\n"
 
 
 def frames(folder: Path, count: int = 4) -> list[str]:

@@ -90,11 +90,6 @@ class PlanarChain(Chain):
         result[..., 2, :] = self.signs
         return result
 
-    def determinant(self, q: np.ndarray) -> np.ndarray:
-        """(...,) det J = ± l1 l2 sin(angle between the first two links), m²."""
-        (ax, bx, _), (az, bz, _) = self._segments(q)
-        return np.prod(self.signs) * (ax * bz - az * bx)
-
     def singular(self, q: np.ndarray) -> np.ndarray:
         """(...,) True where the first two links are in line, or ``q`` is not finite."""
         bent = np.abs(np.sin(np.asarray(q)[..., 1] - self.straight)) >= SINGULAR_SINE

@@ -7,18 +7,9 @@ import numpy as np
 from pipeline.arm.chain import PlanarChain
 
 
-def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) rotations R of the greatest tr(RᵀM) for ``matrix`` M (..., 3, 3): Kabsch
-    (1976).
-    """
-    u, _, vt = np.linalg.svd(matrix)
-    u[..., 2] *= np.linalg.det(u @ vt)[..., None]
-    return u @ vt
-
-
 def rigid_motion(places: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rotations (..., 3, 3) and translations (..., 3) in m that carry the points at ``places`` (K,
-    3) nearest to where they were ``measured`` (..., K, 3), in m, by least squares.
+    3) nearest to where they were ``measured`` (..., K, 3), in m, by least squares: Kabsch (1976).
 
     Missing points are not finite; with fewer than three, or all in one line, the pose is NaN.
     """
@@ -32,18 +23,13 @@ def rigid_motion(places: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, 
     )
     spread = np.linalg.svd(local, compute_uv=False)
     decided = spread[..., 1] > 1e-6 * np.maximum(spread[..., 0], 1e-300)
-    rotation = nearest_rotation(np.swapaxes(rotated, -1, -2) @ local)
+    u, _, vt = np.linalg.svd(np.swapaxes(rotated, -1, -2) @ local)
+    u[..., 2] *= np.linalg.det(u @ vt)[..., None]
+    rotation = u @ vt
     translation = centres[1] - np.matvec(rotation, centres[0])
     gone = ~(decided & (present.sum(axis=-1) >= 3))
     rotation[gone], translation[gone] = np.nan, np.nan
     return rotation, translation
-
-
-def rotation_about_normal(psi: np.ndarray) -> np.ndarray:
-    """Rotations (..., 3, 3) by ``psi`` (...) in rad about the plane's normal, from z towards x."""
-    sine, cosine, zero = np.sin(psi), np.cos(psi), np.zeros_like(psi)
-    rows = [[cosine, zero, sine], [zero, zero + 1.0, zero], [-sine, zero, cosine]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def segment_frames(chain: PlanarChain, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -54,6 +40,10 @@ def segment_frames(chain: PlanarChain, q: np.ndarray) -> tuple[np.ndarray, np.nd
     The columns of a rotation are these axes, so that a point p of segment j lies at ``rotation[...,
     j, :, :] @ p + origin[..., j, :]``. ``q`` (..., n) in rad.
     """
-    origin = np.zeros((*np.shape(q), 3))
+    origin, psi = np.zeros((*np.shape(q), 3)), chain.segment_headings(q)
     origin[..., [0, 2]] = chain.points(q)[..., :-1, :]
-    return rotation_about_normal(chain.segment_headings(q)), origin
+    rotation = np.zeros((*psi.shape, 3, 3))
+    rotation[..., 0, 0] = rotation[..., 2, 2] = np.cos(psi)
+    rotation[..., 0, 2], rotation[..., 2, 0] = np.sin(psi), -np.sin(psi)
+    rotation[..., 1, 1] = 1.0
+    return rotation, origin

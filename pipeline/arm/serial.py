@@ -81,9 +81,10 @@ class SerialChain(Chain):
         axes, points = frames[..., :-1, :3, 2], frames[..., :-1, :3, 3]
         lever = frames[..., -1:, :3, 3] - points
         velocity = axes[..., NEXT] * lever[..., LAST] - axes[..., LAST] * lever[..., NEXT]
-        sliding = self.sliding[:, None]
-        both = np.where(sliding, axes, velocity), np.where(sliding, 0.0, axes)
-        columns = np.concatenate(both, axis=-1)[..., self._numbers.rows]
+        if self.sliding.any():
+            sliding = self.sliding[:, None]
+            velocity, axes = np.where(sliding, axes, velocity), np.where(sliding, 0.0, axes)
+        columns = np.concatenate([velocity, axes], axis=-1)[..., self._numbers.rows]
         return columns.swapaxes(-1, -2) * self._numbers.units[:, None]
 
     def singular(self, q: np.ndarray) -> np.ndarray:
@@ -153,19 +154,25 @@ class SerialChain(Chain):
 def rotation_vector(rotation: np.ndarray) -> np.ndarray:
     """(..., 3) axis times angle in rad, up to half a turn, of ``rotation`` R (..., 3, 3).
 
-    By the unit quaternion (w, v): the row of 4(w, v)(w, v)ᵀ with the greatest diagonal entry loses
-    no digits at any angle.
+    By the unit quaternion (w, v): the first row of 4(w, v)(w, v)ᵀ where w² > 1/4, else the one with
+    the greatest diagonal entry, which loses no digits at any angle.
     """
-    back, trace = rotation.swapaxes(-1, -2), np.trace(rotation, axis1=-2, axis2=-1)
-    square = np.empty((*trace.shape, 4, 4))
-    square[..., 0, 0] = 1 + trace
-    square[..., 0, 1:] = square[..., 1:, 0] = (rotation - back)[..., LAST, NEXT]
-    square[..., 1:, 1:] = rotation + back + (1 - trace)[..., None, None] * np.eye(3)
-    greatest = np.diagonal(square, axis1=-2, axis2=-1).argmax(axis=-1)[..., None, None]
-    row = np.take_along_axis(square, greatest, axis=-2)[..., 0, :]
-    w, v = np.abs(row[..., :1]), np.where(row[..., :1] < 0, -row[..., 1:], row[..., 1:])
-    sine = np.linalg.norm(v, axis=-1, keepdims=True)
-    return v * np.divide(2 * np.arctan2(sine, w), sine, out=np.zeros_like(sine), where=sine > 0)
+    w = 1 + rotation[..., 0, 0] + rotation[..., 1, 1] + rotation[..., 2, 2]
+    v = rotation[..., LAST, NEXT] - rotation[..., NEXT, LAST]
+    if (far := ~(w > 1)).any():
+        part = rotation[far]
+        square = np.empty((len(part), 4, 4))
+        square[:, 0, 0], square[:, 0, 1:] = w[far], v[far]
+        square[:, 1:, 0] = v[far]
+        square[:, 1:, 1:] = part + part.swapaxes(1, 2) + (2 - w[far])[:, None, None] * np.eye(3)
+        greatest = np.diagonal(square, axis1=1, axis2=2).argmax(axis=1)
+        row = square[np.arange(len(part)), greatest]
+        row = np.where(row[:, :1] < 0, -row, row)
+        w, v[far] = np.where(far, 0.0, w), row[:, 1:]
+        w[far] = row[:, 0]
+    sine = np.sqrt(np.vecdot(v, v))
+    angle = 2 * np.arctan2(sine, w)
+    return v * np.divide(angle, sine, out=np.zeros_like(sine), where=sine > 0)[..., None]
 
 
 # columns of a frame: the turn about z (rad), cosine and sine of the tilt about x, the shift before

@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 
 from pipeline.cases.case import KINDS, Choices, Recordings
-from pipeline.cases.evidence import Evidence, case_evidence
-from pipeline.cases.fits import Outcome, outcome
+from pipeline.cases.evidence import Evidence, Outcome, case_evidence, outcome
 from pipeline.core import filters as names
 from pipeline.core import rng
 from pipeline.core.errors import DegenerateFilterError, ModelDomainError, SingularJacobianError

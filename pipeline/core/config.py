@@ -71,7 +71,7 @@ def option_names(group: str) -> list[str]:
 
 
 def compose_config(params_file: Path) -> Config:
-    """Return the validated configuration that ``params_file`` asks for; ConfigError with all
+    """Return the validated configuration that ``params_file`` selects; ConfigError with all
     faults, each with its key, its file and what is allowed.
     """
     params = _params(params_file)
@@ -105,7 +105,7 @@ def _params(file: Path) -> Params:
         if option not in (names := option_names(group)):
             wrong.append((key, f"{group}: no option {option!r}; there are {', '.join(names)}"))
     if twice := sorted({name for name in params.models if params.models.count(name) > 1}):
-        wrong.append(("models", f"models: {', '.join(twice)} stands twice"))
+        wrong.append(("models", f"models: {', '.join(twice)} occurs twice"))
     if wrong:
         raise joined_faults([ConfigError(message, key=key) for key, message in wrong], file)
     return params
@@ -208,15 +208,6 @@ def composed_config() -> Config:
     return found
 
 
-def declared_sections(stage: str, dvc_file: Path) -> list[str]:
-    """The sections of the configuration that a stage declares under ``params`` in ``dvc_file``."""
-    stages = read_yaml(dvc_file).get("stages", {})
-    if stage not in stages:
-        raise ConfigError(f"no stage {stage!r}; there are {', '.join(stages)}", file=dvc_file)
-    entries = [entry for entry in stages[stage].get("params", []) if isinstance(entry, dict)]
-    return [section for entry in entries for section in entry.get(str(COMPOSED), [])]
-
-
 def sections(
     stage: str, dvc_file: Path = Path("dvc.yaml"), item: str | None = None
 ) -> SimpleNamespace:
@@ -226,13 +217,19 @@ def sections(
     ConfigError for a study or tool (``dvc_file`` in the pipeline's folder) that declares the robot
     of a dataset without one; the paper's stages pass over such a dataset.
     """
-    config, declared = composed_config(), declared_sections(stage, dvc_file)
+    config, stages = composed_config(), read_yaml(dvc_file).get("stages", {})
+    if stage not in stages:
+        raise ConfigError(f"no stage {stage!r}; there are {', '.join(stages)}", file=dvc_file)
+    entries = [entry for entry in stages[stage].get("params", []) if isinstance(entry, dict)]
+    declared = [section for entry in entries for section in entry.get(str(COMPOSED), [])]
     given = SimpleNamespace(compute=config.compute)
     beyond = dvc_file.resolve().is_relative_to(CONF.parent)
     if beyond and "dataset.robot" in declared and config.dataset.robot is None:
-        lacking = f"{stage} is about a robot's motion, and the dataset has no robot"
-        message = f"{lacking}; choose another dataset in params.yaml"
-        raise ConfigError(message, key="dataset.robot")
+        raise ConfigError(
+            f"the stage {stage} needs a robot, and the dataset has none; choose another "
+            "dataset in params.yaml",
+            key="dataset.robot",
+        )
     for section in declared:
         name = section.replace("${item.model}", str(item))
         *above, last = name.split(".")

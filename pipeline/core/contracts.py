@@ -202,7 +202,7 @@ def stacked(
     count = len(names)
     if not count or not np.array_equal(codes, np.repeat(np.arange(count), len(table) // count)):
         raise ContractError(
-            f"not every {by} has the same number of rows, one after the other",
+            f"every {by} must have the same number of consecutive rows",
             lengths=table[by].value_counts().to_dict(),
         )
     return list(names), table[columns].to_numpy().reshape(count, -1, len(columns))

@@ -181,7 +181,7 @@ def _written(value: str, key: str) -> str:
     """``value`` as it may stand behind a key: quoted where YAML reads anything but one value."""
     value = " ".join(value.split())
     if value in ("", OPEN):
-        raise ConfigError("a value has to stand here", key=key)
+        raise ConfigError("a value is required here", key=key)
     plain = " #" not in value and value[0] != "#"
     try:
         parsed(f"key: {value}")

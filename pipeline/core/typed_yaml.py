@@ -1,4 +1,4 @@
-"""YAML files of keys and values, read with libyaml; a key that stands twice is refused."""
+"""YAML files of keys and values, read with libyaml; a key that occurs twice is refused."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ class Loader(yaml.CSafeLoader):
     """YAML 1.1 with numbers as 1e-3, which PyYAML takes for text, and without dates."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
-        """Return the mapping; YAMLError where a key stands twice."""
+        """Return the mapping; YAMLError where a key occurs twice."""
         keys = [key.value for key, _ in node.value]
         if twice := sorted({key for key in keys if keys.count(key) > 1}):
             where = node.start_mark.line + 1
-            raise yaml.YAMLError(f"key {twice[0]!r} stands twice in the mapping of line {where}")
+            raise yaml.YAMLError(f"key {twice[0]!r} occurs twice in the mapping of line {where}")
         return super().construct_mapping(node, deep)
 
 

@@ -41,7 +41,7 @@ def draw(ridges: pd.DataFrame, models: list[str]) -> Figure:
             shape.plot(ridge[name] / best[name], **look)
         shape.plot(best.name, 1.0, **dot, label="best of the bounds tried")
         shape.set(ylabel="over its value at the best (1)", ylim=(0, None))
-    grid[0, 1].legend(loc="lower left")
+    grid[0, 1].legend(loc="upper right")
     for axes, name in zip(grid[0], "ab", strict=True):
         style.letter(axes, name, y=1.1)  # above the exponent of (a)
     for axes in grid[-1]:

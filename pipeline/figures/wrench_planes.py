@@ -13,6 +13,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from pipeline.figures import style
 
@@ -27,12 +29,15 @@ def draw(wrench_planes: pd.DataFrame) -> Figure:
     planes = list(dict.fromkeys(zip(wrench_planes["row_x"], wrench_planes["row_y"], strict=True)))
     by_name = list(wrench_planes.groupby("configuration", sort=False))
     layout = {"rows": len(by_name), "columns": len(planes)}
-    figure, grid = style.panels(style.TWO_COLUMNS, 0.3 + 1.3 * len(by_name), **layout)
+    figure, grid = style.panels(style.TWO_COLUMNS, 0.6 + 1.3 * len(by_name), **layout)
     for row, (name, table) in zip(grid, by_name, strict=True):
         for axes, (x, y) in zip(row, planes, strict=True):
             _plane(axes, table[(table["row_x"] == x) & (table["row_y"] == y)])
             axes.set(xlabel=style.wrench_label(x), ylabel=style.wrench_label(y))
         row[0].set_title(name, loc="left", fontweight="bold")
+    lines = Line2D([], [], color=style.VERMILLION, lw=0.7, label="matrix model")
+    entries = [Patch(color=style.GREY, label="measured"), lines]
+    figure.legend(handles=entries, loc="outside upper center", ncols=2)
     return figure
 
 

@@ -48,11 +48,11 @@ def measured_takes(dataset: Dataset) -> list[Measurements]:
 def _rows_of(name: str, takes: np.ndarray, key: str, instrument: object) -> list[tuple]:
     """Return (take, rows) of the table ``name`` of each of the ``takes``."""
     if instrument is None:
-        raise ConfigError("the filter is to weigh by what the dataset does not have", key=key)
+        raise ConfigError("the filter needs measurements that the dataset does not have", key=key)
     table = contracts.read(name, MOTION)
     by_take = dict(list(table[table["take"].isin(takes)].groupby("take")))
     if absent := sorted(set(takes) - set(by_take)):
-        raise ConfigError(f"nothing is measured of the takes {', '.join(absent)}", key=key)
+        raise ConfigError(f"there are no measurements of the takes {', '.join(absent)}", key=key)
     return sorted(by_take.items())
 
 

@@ -134,7 +134,7 @@ def cast(solid: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, n
     distances[distances == 0] = THROUGH
     _pass(normals / distances[:, None], distances, x, y, enter, leave, distance)
     if np.isinf(enter).any():
-        raise ConfigError("laboratory.kinect: the camera stands in a solid of the scene; move it")
+        raise ConfigError("laboratory.kinect: the camera is inside a solid of the scene; move it")
     met = enter > leave
     depth, grazing = np.full(met.shape, np.inf), np.zeros(met.shape)
     enter, range_ = enter[met], np.sqrt(x * x + (y * y + 1)[:, None])[met]

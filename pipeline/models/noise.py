@@ -40,7 +40,7 @@ def measurement_covariance(noise: np.ndarray, v: np.ndarray) -> np.ndarray:
     still = ~np.any(v, axis=-1)
     if not np.any(still):
         raise ModelDomainError(
-            "the motion never rests: the measurement noise cannot be told from the motion's own",
+            "the motion never rests: the measurement noise cannot be separated from the motion's",
             steps=len(v),
         )
     return mean_covariance(noise[:, still])

@@ -57,7 +57,7 @@ def realized_moments(
     surviving = np.isfinite(realized[..., 0]).sum(axis=0)
     if surviving.min() < 2:
         raise ModelDomainError(
-            "fewer than two realisations stay clear of singular poses: their spread cannot be told",
+            "fewer than two realisations avoid singular poses: they have no standard deviation",
             step=int(np.argmax(surviving < 2)),
             key="simulation",
         )

@@ -145,8 +145,8 @@ class TakeVariances:
         if not mean > measured:
             raise ModelDomainError(
                 "the variance of the recorded process noise is not above that of the measurement "
-                "noise (sums over the joints): it tells nothing of the motion's own noise; record "
-                "faster motions or more takes",
+                "noise (sums over the joints), which leaves none to the motion; record faster "
+                "motions or more takes",
                 recorded_trace_rad2=mean,
                 measurement_trace_rad2=measured,
             )

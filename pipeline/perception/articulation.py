@@ -7,19 +7,17 @@ The objective jumps where a point changes its segment, so a compiled Nelder–Me
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from pydantic import Field
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
 from pipeline.core.columns import spread
 from pipeline.core.compiled import compiled
 from pipeline.core.errors import RecordingError, SolverError
-from pipeline.core.options.analysis import ArticulationSection as Chosen
-from pipeline.core.validation import options
+from pipeline.core.options.analysis import ArticulationSection
 from pipeline.perception.articulation_objective import ENDS, INFEASIBLE, End, Frame, frame_of, rank
 
 MAX_STEPS = 2000  # of the simplex
@@ -31,27 +29,6 @@ SPREAD = 0.15
 LOST = 2.0
 POSES = 24  # directions of the first segment that an arm which was lost is looked for in
 NODES = ("2", "3", "e")
-
-
-@options(frozen=True)
-class ArticulationOptions:
-    """Weights of the objective (γ1 of a mean over points, γ2 of a sum over three segments), where
-    the tool ends and what a frame has to have.
-    """
-
-    gamma1: float = 1.0
-    gamma2: float = 1.0 / 3.0
-    # share of the nominal one by which each segment's length may be off
-    length_range: Annotated[float, Field(gt=0, lt=1)] = 0.05
-    min_points: int = 150  # a frame with fewer points of the arm is a gap
-    max_gap: int = 3  # frames in a row that may be gaps
-    end_point: Literal["commanded", "fitted"] = "commanded"
-
-    @classmethod
-    def chosen(cls, options: Chosen) -> ArticulationOptions:
-        """Return the options of the configuration's section ``articulation``."""
-        o = options
-        return cls(o.gamma1, o.gamma2, o.length_range, o.minimum_points, o.max_gap, o.end_point)
 
 
 @compiled
@@ -125,7 +102,7 @@ def fit_sequence(
     o1: np.ndarray,
     ee: np.ndarray,
     chain: PlanarChain,
-    options: ArticulationOptions,
+    options: ArticulationSection,
     q_start: np.ndarray,
     *,
     take: str = "",
@@ -135,8 +112,8 @@ def fit_sequence(
     ``clouds``: per frame the arm's points (I, 2) in the plane, m; ``o1`` (2,), ``ee`` (F, 2) m as
     commanded; ``q_start`` (3,) rad. The first fit starts around it, each later one from the fit
     before carried along with the command, or, where that leads to no arm, from all poses that join
-    O1 and EE. Frames with fewer than ``min_points`` are gaps. Raises RecordingError (take, frame)
-    for too many of them and for an EE out of reach, SolverError for a search that does not end.
+    O1 and EE. Raises RecordingError (take, frame) for too many frames with few points and for an EE
+    out of reach, SolverError for a search that does not end.
     """
     if len(clouds) != len(ee):
         message = f"{len(ee)} end-effector positions for {len(clouds)} point clouds"
@@ -148,12 +125,12 @@ def fit_sequence(
     starts, last, gap, least, lost = chain.points(q_start + turned)[:, 1:], 0, 0, np.inf, 0
     for frame, cloud in enumerate(clouds):
         message, where = "", {"take": take, "frame": frame}
-        gap = gap + 1 if number[frame] < max(options.min_points, 1) else 0
+        gap = gap + 1 if number[frame] < max(options.minimum_points, 1) else 0
         if not np.isfinite(ee[frame]).all():
             message = "the end-effector's position is not finite"
         elif gap > options.max_gap:
             message = f"more than {options.max_gap} depth frames in a row have fewer than"
-            message += f" {options.min_points} points of the arm"
+            message += f" {options.minimum_points} points of the arm"
         elif not gap and not np.isfinite(cloud).all():
             message = "a point of the arm is not finite"
         if message:
@@ -205,7 +182,7 @@ def articulate_rows(
     arm: Arm,
     joints: Sequence[str],
     trajectory: pd.DataFrame,
-    options: ArticulationOptions,
+    options: ArticulationSection,
     start: np.ndarray,
 ) -> pd.DataFrame:
     """Return the rows of the table ``angles`` of one take, without frames of too few points: of

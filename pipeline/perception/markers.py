@@ -287,7 +287,7 @@ def fill_gaps(
     """
     frames = np.flatnonzero(solved)
     if not len(frames):
-        raise RecordingError("no frame has markers that decide every joint", take=take)
+        raise RecordingError("no frame has enough markers to determine every joint", take=take)
     edges = np.concatenate([[-1], frames, [len(q)]])
     longest = int(np.argmax(np.diff(edges)))
     if edges[longest + 1] - edges[longest] - 1 > max_gap:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.instruments import Workspace
 from pipeline.formats.depth.cloud import load_open3d
 
 # until undistorted pixels are exact to about 1e-9 of the focal length; OpenCV's own default stops
@@ -17,20 +17,6 @@ from pipeline.formats.depth.cloud import load_open3d
 UNDISTORTION = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
 LINK = 0.03  # m; points of a cloud so near are of one cluster: wider than clouds are thinned to
 NEIGHBOURS = 4  # points within LINK that a point on a surface has at least, itself included
-
-
-@dataclass(frozen=True)
-class Crop:
-    """Part of the scene that is the arm: distances in m, in the frame of the arm's plane."""
-
-    half_depth: float = 0.05  # |y| of the arm's surface at most, the sensor's noise included
-    girth: float = 0.05  # how far the arm's surface may lie beyond the reach of its nodes
-    column_half_width: float = 0.06  # the turntable: |x − x(O1)| at most, …
-    column_top: float = -0.02  # … and z − z(O1) at most
-    floor: float = 0.0  # z of what the arm stands on
-    # a connected patch of fewer pixels, or points of a cloud, is no part of the arm
-    min_pixels: int = 30
-    max_points: int = 1500  # points a frame is thinned to
 
 
 class ArmSegmenter:
@@ -50,7 +36,7 @@ class ArmSegmenter:
         rotation: np.ndarray,
         translation: np.ndarray,
         shape: tuple[int, int],
-        crop: Crop,
+        crop: Workspace,
     ) -> None:
         self.crop, self.shape, self.origin = crop, tuple(shape), arm.chain.origin
         self.reach = float(arm.chain.lengths.sum()) + crop.girth
@@ -119,7 +105,9 @@ class CloudSegmenter:
     radius outliers, DBSCAN): its sums over many points depend on their order.
     """
 
-    def __init__(self, arm: Arm, rotation: np.ndarray, translation: np.ndarray, crop: Crop) -> None:
+    def __init__(
+        self, arm: Arm, rotation: np.ndarray, translation: np.ndarray, crop: Workspace
+    ) -> None:
         self.arm, self.crop = arm, crop
         self.pose = np.asarray(rotation, dtype=float), np.asarray(translation, dtype=float)
         self.reach = float(arm.chain.lengths.sum()) + crop.girth
@@ -169,12 +157,12 @@ def _in_reach(x: np.ndarray, z: np.ndarray, origin: np.ndarray, reach: float) ->
     return (x - origin[0]) ** 2 + (z - origin[1]) ** 2 <= reach**2
 
 
-def _above_base(x: np.ndarray, z: np.ndarray, origin: np.ndarray, crop: Crop) -> np.ndarray:
+def _above_base(x: np.ndarray, z: np.ndarray, origin: np.ndarray, crop: Workspace) -> np.ndarray:
     beside = np.abs(x - origin[0]) > crop.column_half_width
     return (beside | (z - origin[1] > crop.column_top)) & (z > crop.floor)
 
 
-def _thinned(points: np.ndarray, crop: Crop) -> np.ndarray:
+def _thinned(points: np.ndarray, crop: Workspace) -> np.ndarray:
     if len(points) <= crop.max_points:
         return points
     return points[np.arange(crop.max_points) * len(points) // crop.max_points]

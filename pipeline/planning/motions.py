@@ -44,7 +44,7 @@ def least_uncertain(problem: Problem, cost: Cost, points: int = POINTS) -> Plann
     margin, and what the ``cost`` raises where it exists nowhere.
     """
     if points < 1:
-        raise ConfigError(f"a grid needs points, not {points}", key="points")
+        raise ConfigError(f"the number of grid points must be > 0, got {points}", key="points")
     if problem.spare > 1:
         raise ConfigError(
             f"the arm has {problem.spare} joints more than the task has rows; plan with one more "
@@ -154,7 +154,7 @@ def _filled_in(
     joints, reached = settle(problem.chain, between, problem.path, ROUNDS)
     if not reached.all():
         raise InfeasibleError(
-            "the motion cannot be filled in between two points of the grid; give it more points",
+            "no motion connects two points of the grid; increase the number of grid points",
             step=int((~reached).argmax()),
         )
     if problem.spare > 0:

@@ -9,7 +9,6 @@ import os
 import pickle
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict
 from functools import lru_cache, partial
 from itertools import pairwise
 from pathlib import Path
@@ -28,7 +27,7 @@ from pipeline.formats.depth.index import dropped_frames, numbered_frames, read_i
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics
 from pipeline.formats.format import is_bag
 from pipeline.formats.rosbag import choose_topic, messages, seconds, topics
-from pipeline.perception.segment import ArmSegmenter, CloudSegmenter, Crop
+from pipeline.perception.segment import ArmSegmenter, CloudSegmenter
 from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
 
@@ -198,9 +197,8 @@ def _segmenter(described: bytes) -> ArmSegmenter | CloudSegmenter:
     """Segmenter of a pickled camera (None: point clouds), arm and options, which takes share."""
     camera, arm, depth = pickle.loads(described)
     pose = Rotation.from_euler("xyz", depth.camera.rpy).as_matrix(), np.array(depth.camera.position)
-    crop = Crop(**asdict(depth.workspace))
     if camera is None:
-        return CloudSegmenter(arm, *pose, crop)
+        return CloudSegmenter(arm, *pose, depth.workspace)
     matrix = np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])
     shape = (camera.height, camera.width)
-    return ArmSegmenter(arm, matrix, np.array(camera.distortion), *pose, shape, crop)
+    return ArmSegmenter(arm, matrix, np.array(camera.distortion), *pose, shape, depth.workspace)

@@ -12,9 +12,9 @@ from pipeline.arm.model import arm_of
 from pipeline.core import contracts
 from pipeline.core.columns import columns
 from pipeline.core.compute.trials import run_trials
-from pipeline.core.options.analysis import Compute
+from pipeline.core.options.analysis import ArticulationSection, Compute
 from pipeline.core.options.dataset import Robot
-from pipeline.perception.articulation import ArticulationOptions, articulate_rows
+from pipeline.perception.articulation import articulate_rows
 
 MOTION, DEPTH, TRACK = Path("data/ingest/motion"), Path("data/ingest/depth"), Path("data/track")
 
@@ -36,7 +36,7 @@ def depth_takes() -> list[pd.DataFrame]:
 def articulated(
     takes: list[pd.DataFrame],
     robot: Robot,
-    options: ArticulationOptions,
+    options: ArticulationSection,
     compute: Compute,
     label: str,
 ) -> pd.DataFrame:

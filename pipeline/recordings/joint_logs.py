@@ -49,7 +49,7 @@ def joint_log_rows(
     raw: Path, dataset: Dataset, chain: Chain
 ) -> tuple[pd.DataFrame, pd.DataFrame, list[dict]]:
     """Return the tables ``trajectory`` and ``joint_log`` of every undisturbed repetition of the
-    motion that the dataset asks for, and their quality.
+    motion of the dataset, and their quality.
 
     The desired pose is the mean command, held before and after the motion, as a controller at rest
     logs the measured angle for it. Repetitions without rest are brought in phase between the rows.

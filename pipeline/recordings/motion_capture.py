@@ -30,7 +30,7 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
     motion, table = dataset.motion, read_trajectory(file)
     step = table.t.iloc[1] - table.t.iloc[0] if len(table) > 1 else np.nan
     if len(table) != motion.steps + 1 or not np.isclose(step, 1 / motion.rate, rtol=1e-6):
-        message = f"the trajectory has {len(table)} rows; dataset.motion asks for"
+        message = f"the trajectory has {len(table)} rows; dataset.motion requires"
         raise RecordingError(f"{message} {motion.steps + 1} at {motion.rate} per second", file=file)
     chain, names, joints = chain_of(dataset.robot), members(table, "q"), dataset.robot.joints
     task = members(table, "x")
@@ -93,7 +93,7 @@ def marker_rows(
     take = read_take(file, mocap.unit)
     frames, message = take.frame - take.frame[0], ""
     if not np.isclose(take.rate, motion.rate):
-        message = f"the take is exported at {take.rate} Hz; dataset.motion asks for {motion.rate}"
+        message = f"the take is exported at {take.rate} Hz; dataset.motion requires {motion.rate}"
     elif frames[-1] != motion.steps:
         message = f"the take spans {frames[-1] + 1} frames; the motion has {motion.steps + 1}:"
         message += " export it whole"

@@ -200,8 +200,8 @@ class LoggedMovement(NamedTuple):
             if np.abs(apart(measured, angle, circular[column])).max() > REACH:
                 message = (
                     f"{joint} is held at {angle:.4g} rad, and was logged from "
-                    f"{measured.min():.4g} to {measured.max():.4g} rad: lock it where it stood, or "
-                    "choose a motion in which it does not move"
+                    f"{measured.min():.4g} to {measured.max():.4g} rad: lock it there, or choose a "
+                    "motion in which it does not move"
                 )
                 raise RecordingError(message, **evidence, key=f"dataset.robot.locked.{joint}")
 

@@ -8,7 +8,7 @@ from pipeline.core import config, contracts
 from pipeline.figures.drawing import draw_all
 
 SCORE, OUT = Path("data/score"), Path("data/figures")
-DRAWN = 3  # models in the paper's figures: more lines than these cannot be told apart
+DRAWN = 3  # models in the paper's figures: more lines than these cannot be distinguished
 
 
 def run() -> None:

@@ -16,7 +16,7 @@ from pipeline.core import config, contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE
-from pipeline.filtering.baselines import baseline_predictions
+from pipeline.filtering.linear import baseline_predictions
 from pipeline.models.closed_loop import measured_poses
 from pipeline.models.kinds import estimate, fitted_models
 from pipeline.models.options import Options

@@ -17,16 +17,14 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.interface import Chain
-from pipeline.cases.case import Camera, Takes
+from pipeline.cases.case import Camera, Takes, camera_of
 from pipeline.core import rng
 from pipeline.core.columns import matrices, spread, values
-from pipeline.filtering.measurement import measurements
 from pipeline.laboratory import session
 from pipeline.laboratory.options import ClockOptions, DynamicsOptions, TrajectoryOptions
 from pipeline.laboratory.swing import desired_trajectory
 from pipeline.models.noise import process_noise
 from pipeline.models.steps import Recorded
-from pipeline.perception.depth_noise import errors_of, leave_one_out
 from pipeline.recordings.commands import commanded_steps
 
 RESTING = 40  # takes from which the noise of the arm alone at rest is estimated
@@ -192,15 +190,14 @@ def observe(
         for number, takes in enumerate((fitted, kept))
     )
     motion, stream = laboratory.motion, rng.stream(seed, "simulated.camera")
+    names = [f"test_{number:03d}" for number in range(1, test + 1)]
     t, joints, angles = np.arange(others.shape[1]) / motion.rate, [], []
-    for number, (take, q) in enumerate(zip(kept, others, strict=True)):
+    for name, take, q in zip(names, kept, others, strict=True):
         noise = laboratory.depth_noise.sample(take.frames / motion.duration, stream)
-        seen, name = take.seen + factors.depth_camera * noise, f"test_{number + 1:03d}"
+        seen = take.seen + factors.depth_camera * noise
         joints.append(pd.DataFrame({"take": name, "t": t} | spread("q", laboratory.joints, q)))
         place = {"take": name, "t": take.frames, "frame": range(len(seen))}
         angles.append(pd.DataFrame(place | spread("q", laboratory.joints, seen)))
     angles, joints = (pd.concat(parts, ignore_index=True) for parts in (angles, joints))
-    noise = leave_one_out(errors_of(angles, joints), window=laboratory.window)
-    camera = Camera(noise, {take.take: take for take in measurements(angles, noise)})
-    names = joints["take"].unique()
-    return Takes(steps(laboratory, poses), poses, dict(zip(names, others, strict=True))), camera
+    takes = Takes(steps(laboratory, poses), poses, dict(zip(names, others, strict=True)))
+    return takes, camera_of(angles, joints, window=laboratory.window)

@@ -17,6 +17,7 @@ CONSTRUCTION, LEVEL = "construction", "level"  # what forces a claim, and what d
 NONE = "none"  # a claim that needs no recording
 PAPER, PROJECT = "paper", "project"
 COMPARED = ("value", "than", "low", "high", "threshold", "power")
+STATED = (*COMPARED, "published", "limit", "tolerance", "standard_error")
 EVERY = "every"  # joint of a dataset's arm
 
 
@@ -80,17 +81,9 @@ class Claim:
         needs, rule = set(RULES[self.rule].needs), f"the rule {self.rule}"
         if self.rule in ORDERS and self.by != CONSTRUCTION:
             needs |= ENDS  # an order without an interval is no verdict
-        stated = {
-            key
-            for key in (*COMPARED, "published", "limit", "tolerance", "standard_error")
-            if getattr(self, key) is not None
-        }
-        unused = {"limit", "tolerance", "threshold", "power"} - needs
-        if "yardstick" in needs:
-            unused, needs = unused - {"limit"}, needs - {"yardstick"}
-            one = len(stated & {"published", "limit"}) == 1
-        else:
-            one = True
+        stated = {key for key in STATED if getattr(self, key) is not None}
+        yardstick = {"published", "limit"} if "yardstick" in needs else set()
+        unused = {"limit", "tolerance", "threshold", "power"} - needs - yardstick
         faults = {
             "where": (bool(self.where) == (self.source == PROJECT), "is for the paper's claims"),
             "because": (bool(self.because) != bool(self.by), "must say why if `by` is given"),
@@ -103,11 +96,14 @@ class Claim:
                 bool(self.parameter) and ("published" not in stated or every),
                 "needs a published value and the same cases on every arm",
             ),
-            "limit": (not one, f"{rule} needs a published value or a limit of ours, not both"),
+            "limit": (
+                bool(yardstick) and len(stated & yardstick) != 1,
+                f"{rule} needs a published value or a limit of ours, not both",
+            ),
         }
         wrong = [(key, message) for key, (fault, message) in faults.items() if fault]
         wrong += [(key, f"{rule} has none") for key in sorted(unused & stated)]
-        wrong += [(key, f"{rule} needs it") for key in sorted(needs - stated)]
+        wrong += [(key, f"{rule} needs it") for key in sorted(needs - stated - {"yardstick"})]
         if wrong:
             raise ConfigError(wrong[0][1], key=wrong[0][0])
         self.references()

@@ -23,7 +23,7 @@ FORCED = "forced by construction"
 NO_RECORDING = "decided without a recording"
 COMMAND = "dvc repro publish"  # writes all evidence into the dataset's reports
 WITHOUT_RECORDING = "no recording"  # name of the column of claims that need none
-STATED = ("id", "where", "source", "statement", "about", "by", "because", "recording")
+PRINTED = ("id", "where", "source", "statement", "about", "by", "because", "recording")
 
 Recordings = Literal["none", "synthetic", "real", "paper"]
 
@@ -158,7 +158,7 @@ def verdict_data(decided: Sequence[Decided]) -> list[dict]:
     entries = []
     for row in zip(*(whose.verdicts for whose in decided), strict=True):
         claim = row[0].claim
-        entry = {name: getattr(claim, name) for name in (*STATED, "quantity", "unit")}
+        entry = {name: getattr(claim, name) for name in (*PRINTED, "quantity", "unit")}
         entry |= {"test": claim.test, "reason": claim.reason, "command": COMMAND}
         entry["evidence"] = [reference.address for reference in claim.references()]
         entry["datasets"] = {

@@ -35,15 +35,13 @@ class ClaimNumber:
         """Return the number, or None if the run has none. Raises ConfigError for a claim or case
         that does not exist.
         """
-        cases = {
-            case.case: case
-            for verdict in (decided[0].verdicts + decided[-1].verdicts)
-            if verdict.claim.id == self.claim and verdict.verdict != NO_RECORDING
-            for case in verdict.cases
-        }
-        if self.case not in cases:
+        for claim, verdict, cases in decided[0].verdicts + decided[-1].verdicts:
+            found = [case for case in cases if case.case == self.case]
+            if claim.id == self.claim and verdict != NO_RECORDING and found:
+                break
+        else:
             raise ConfigError(f"no claim {self.claim!r} with the case {self.case!r}", key="values")
-        value = getattr(cases[self.case], self.number)
+        value = getattr(found[0], self.number)
         return sqrt(self.steps * value) if self.steps and value is not None else value
 
 

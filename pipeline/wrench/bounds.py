@@ -39,8 +39,8 @@ class Bounds:
             if bounds is None:
                 continue
             if not (np.isfinite(bounds).all() and least <= bounds[0] <= bounds[1] <= most):
-                range_ = f"{least:.3g} ≤ low ≤ high ≤ {most:.3g}, got {bounds[0]}, {bounds[1]}"
-                raise ConfigError(f"wrench bounds: {name} must be finite and {range_}", key=name)
+                limits = f"{least:.3g} ≤ low ≤ high ≤ {most:.3g}, got {bounds[0]}, {bounds[1]}"
+                raise ConfigError(f"wrench bounds: {name} must be finite and {limits}", key=name)
 
     @property
     def dimension(self) -> int:

@@ -138,5 +138,5 @@ def moment_fit(jacobians: np.ndarray) -> KroneckerFit:
     covariance = np.einsum("kia,kjb->iajb", x, x) / len(x)
     psi = np.einsum("iaib->ab", covariance)
     if not np.trace(psi) > 0:
-        raise ModelDomainError("the recorded Jacobians are all alike; Σ_S and Ψ_S need variance")
+        raise ModelDomainError("all recorded Jacobians are equal; Σ_S and Ψ_S need variance")
     return KroneckerFit(mean, np.einsum("iaja->ij", covariance) / m, psi * m / np.trace(psi))

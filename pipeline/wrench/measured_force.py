@@ -119,7 +119,7 @@ def force_test(
     The energy distance (N) and its permutation p-value of the record, thinned to samples that count
     as independent, against ten times as many of the model; the record's effective samples N/τ, τ
     its integrated autocorrelation time, and the samples tested. Where the share of the modelled
-    variances that Σ_S causes is small, the test tells little of Σ_S.
+    variances that Σ_S causes is small, the test has little power for Σ_S.
     """
     model = matrix_model(system)
     shares = 1 - np.diag(model.actuation_part()) / np.diag(model.covariance(sigma_s))

@@ -30,8 +30,7 @@ def chain(request) -> PlanarChain:
 def bent(chain: PlanarChain, count: int = 200) -> np.ndarray:
     """Joint angles anywhere within the limits whose elbow is bent by 3 degrees at least."""
     q = np.random.default_rng(4).uniform(chain.lower, chain.upper, (4 * count, 3))
-    far = np.abs(chain.determinant(q)) > 0.05 * chain.lengths[0] * chain.lengths[1]
-    return q[far][:count]
+    return q[np.abs(np.sin(q[:, 1] - chain.straight)) > 0.05][:count]
 
 
 def in_line(chain: PlanarChain) -> np.ndarray:
@@ -40,7 +39,7 @@ def in_line(chain: PlanarChain) -> np.ndarray:
     return np.array([0.3, chain.signs[1] * bend, -0.2])
 
 
-def test_jacobian_inverse_and_determinant_are_those_of_the_derivative_of_the_pose(chain):
+def test_jacobian_and_inverse_are_those_of_the_derivative_of_the_pose(chain):
     q, step = bent(chain), 1e-6
     columns = [
         (chain.pose(q + step * e) - chain.pose(q - step * e)) / (2 * step) for e in np.eye(3)
@@ -48,7 +47,6 @@ def test_jacobian_inverse_and_determinant_are_those_of_the_derivative_of_the_pos
     np.testing.assert_allclose(chain.jacobian(q), np.stack(columns, axis=-1), atol=1e-9)
     inverse = np.linalg.inv(chain.jacobian(q))
     np.testing.assert_allclose(chain.inverse_jacobian(q), inverse, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(chain.determinant(q), np.linalg.det(chain.jacobian(q)), atol=1e-15)
 
 
 def test_segments_keep_their_lengths_and_point_along_their_headings(chain):
@@ -73,7 +71,7 @@ def test_joints_come_back_from_segments_whatever_the_turns_nearest_to_the_middle
 
 def test_every_batch_shape_holds_what_single_poses_give(chain):
     q = bent(chain, 6)
-    for name in ("pose", "points", "jacobian", "inverse_jacobian", "determinant", "singular"):
+    for name in ("pose", "points", "jacobian", "inverse_jacobian", "singular"):
         method = getattr(chain, name)
         alone = np.array([method(each) for each in q])
         for shape in ((6,), (2, 3), (1, 6, 1)):

@@ -2,9 +2,9 @@
 trying.
 
 A contest is one group of pytest-benchmark, named by a sentence. Each of its tests states in
-``benchmark.extra_info`` its ``role`` ("ours" or "peer"), the ``items`` that one call treats, and,
+``benchmark.extra_info`` its ``role`` ("ours" or "peer"), the ``items`` that one call treats and,
 where its result has a quality, its ``error`` or ``objective`` (less is better); a peer also its
-``configuration`` in words, and the ``target``, the least ratio of its time an item to ours.
+``configuration`` and the ``target``, the least ratio of its time an item to ours.
 """
 
 from __future__ import annotations
@@ -24,26 +24,24 @@ from peer_process import INTERPRETER, PeerProcess
 
 @pytest.fixture
 def size(benchmark: BenchmarkFixture) -> Callable[[int, int], int]:
-    """``size(measured, tried)``: the size of a problem for `make bench`, or for `make test`, which
-    runs ours once and small, unmeasured (--benchmark-disable in pyproject.toml).
+    """Return ``size(measured, tried)``: the size of a problem for `make bench`, or for `make test`,
+    which runs ours once, unmeasured (--benchmark-disable in pyproject.toml).
     """
     return lambda measured, tried: tried if benchmark.disabled else measured
 
 
 @pytest.fixture
-def peer(benchmark: BenchmarkFixture) -> Iterator[Callable[..., Callable[[], object]]]:
-    """``peer(NAME, **options)`` starts peers/NAME.py in the peers' interpreter, calls its
-    ``setup(**options)`` there, and returns a function that calls there what ``setup`` returned.
-    """
+def peer(benchmark: BenchmarkFixture) -> Iterator[Callable[..., PeerProcess]]:
+    """Return ``peer(NAME, **options)``, which starts peers/NAME.py and calls its setup."""
     if benchmark.disabled:
         pytest.skip("importing the peers takes seconds each; `make bench` runs them")
     if not INTERPRETER.exists():
         pytest.skip("the peers' environment is missing; `make bench` makes it")
     with ExitStack() as running:
 
-        def started(name: str, **options: object) -> PeerProcess:
+        def start(name: str, **options: object) -> PeerProcess:
             process = running.enter_context(PeerProcess(name, options))
             benchmark.extra_info["configuration"] = process.configuration
             return process
 
-        yield started
+        yield start

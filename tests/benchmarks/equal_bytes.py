@@ -1,33 +1,49 @@
 """Comparison of the bytes of results on processors of other levels and on other numbers of
 threads, as reports/benchmarks/equal_bytes.json: ``python tests/benchmarks/equal_bytes.py FOLDER``.
 
-Each setting is a process of its own, each level a copy of the project in which everything is
-compiled anew. The last is a control: an arithmetic that the project does not hold itself to, by
-which some bytes have to differ.
+Each setting is a process of its own, ``python equal_bytes.py ANSWER THREADS`` in a copy of the
+project in which everything is compiled anew for its level. The last is a control: an arithmetic
+that the project excludes, by which some bytes have to differ.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
-from contests import machine
+from contests import machine, write_results  # before numpy: it fixes the arithmetic
 
-sys.path.append(str(Path(__file__).parents[1]))
-from project_copy import ROOT, copy_project
+if "CORETYPE" in os.environ:  # of the control
+    os.environ["OPENBLAS_CORETYPE"] = os.environ["CORETYPE"]
 
-HERE = Path(__file__).parent
+import numpy as np  # isort: skip
+from omegaconf import OmegaConf
+from project_copy import copy_project
+from scenario import Take, drawn_takes, scene, take
+
+from pipeline.core.config import CONF
+from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.kinds import estimate, options_type
+from pipeline.models.noise import process_noise
+from pipeline.models.steps import Recorded, mean_log_likelihood
+from pipeline.statistics.densities import kernel_density, normal_reference_bandwidth
+
+TAKES, STEPS, REST = 12, 60, 15
+FILTERED, PARTICLES = 4, 2000  # seeds, spread over the threads; particles of each
 
 
-@dataclass(frozen=True)
-class Setting:
-    """Environment of a computation, and its number of threads or processes."""
+class Setting(NamedTuple):
+    """Environment of a computation, and its number of threads."""
 
     name: str
     level: str
@@ -42,49 +58,83 @@ LEVELS = {
     "x86-64-v4": {"NUMBA_CPU_NAME": "x86-64-v4", "NUMBA_CPU_FEATURES": "+avx2,+fma,+avx512f"},
 }
 NEEDED = {"x86-64-v4": {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"}}
-THREADS = (1, 2)
 SETTINGS = [
     Setting(f"{level}, {threads} thread{'s' * (threads > 1)}", level, threads, environment)
     for level, environment in LEVELS.items()
-    for threads in THREADS
+    for threads in (1, 2)
 ]
-CONTROL = Setting("control", "host", 1, {"OPENBLAS_CORETYPE": "Sandybridge"})
+CONTROL = Setting("control", "host", 1, {"CORETYPE": "Sandybridge"})
 
 
-def computed(setting: Setting, folder: Path) -> dict[str, str]:
-    """The hash of each piece under ``setting``, in the copy of its level below ``folder``."""
+def recorded() -> Recorded:
+    """Takes of the youBot's planar arm, at rest in the first steps."""
+    stage = scene("youbot")._replace(model=GaussianModel(0.05, 25.0))
+    q, v = drawn_takes(stage, TAKES, STEPS, 1e-4, np.random.default_rng(7), REST)
+    return Recorded(stage.chain, q[:, :-1], v, process_noise(stage.chain, q, v), ("a", "b", "c"))
+
+
+def filtered(motion: Take, threads: int) -> list[np.ndarray]:
+    """Posteriors of a take from several seeds."""
+    with ThreadPoolExecutor(threads) as pool:
+        seeds = map(np.random.default_rng, range(FILTERED))
+        posteriors = list(pool.map(partial(motion.filtered, PARTICLES), seeds))
+    return [part for one in posteriors for part in (one.mean, one.covariance)]
+
+
+def pieces(threads: int) -> Iterator[tuple[str, list[np.ndarray]]]:
+    """Name and arrays of each piece: fit and filter of every option file, other arms, a density."""
+    youbot, data = take(30, "youbot"), recorded()
+    for file in sorted((CONF / "model").glob("*.yaml")):
+        options = OmegaConf.to_container(OmegaConf.load(file), resolve=True)
+        fit = estimate(data, options_type(options["kind"])(**options))
+        likelihood = mean_log_likelihood(data, fit.model)
+        yield f"fit, {file.stem}", [np.array([*fit.estimates.values(), likelihood])]
+        motion = Take(youbot.scene._replace(model=fit.model), youbot.steps, youbot.measurements)
+        yield f"filter, {file.stem}", filtered(motion, threads)
+    for arm in ("ur5", "lwr4"):
+        yield f"filter, {arm}", filtered(take(30, arm), threads)
+    samples = np.random.default_rng(28).standard_normal((100_000, 2)) @ [[2.0, -1.0], [0.0, 1.0]]
+    grid = np.linspace(-6.0, 6.0, 128)
+    yield "density", [kernel_density(samples, grid, grid, normal_reference_bandwidth(samples))]
+
+
+def write_hashes(answer: Path, threads: int) -> None:
+    """Write the SHA-256 of each piece's bytes."""
+    hashes = {
+        name: hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()
+        for name, arrays in pieces(threads)
+    }
+    answer.write_text(json.dumps(hashes))
+
+
+def hashes_under(setting: Setting, folder: Path) -> dict[str, str]:
+    """Hash of each piece under ``setting``, in the copy of its level below ``folder``."""
     project = folder / setting.level
     if not project.exists():
         copy_project(project)
         for compiled in [*project.rglob("__pycache__")]:
             shutil.rmtree(compiled)
-    answer = project / "result_bytes.json"
-    paths = os.pathsep.join([str(project), str(HERE)])
-    environment = {"PYTHONPATH": paths, "NUMBA_NUM_THREADS": str(setting.threads)}
-    subprocess.run(
-        [sys.executable, HERE / "result_bytes.py", answer, str(setting.threads)],
-        cwd=project,
-        env=os.environ | environment | setting.environment,
-        check=True,
-    )
+    answer, program = project / "hashes.json", project / "tests/benchmarks/equal_bytes.py"
+    environment = os.environ | {"NUMBA_NUM_THREADS": str(setting.threads)} | setting.environment
+    command = [sys.executable, program, answer, str(setting.threads)]
+    subprocess.run(command, cwd=project, env=environment, check=True)
     return json.loads(answer.read_text())
 
 
 def main(folder: Path) -> None:
-    """Compute under every setting that this machine has, and write."""
+    """Compute under every setting that this processor can run, and write."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     flags = {*re.search(r"flags\s*: (.+)", Path("/proc/cpuinfo").read_text())[1].split()}
     skipped = [one for one in SETTINGS if not NEEDED.get(one.level, set()) <= flags]
     run = [one for one in (*SETTINGS, CONTROL) if one not in skipped]
-    answer = {
-        "machine": machine(),
-        "skipped": [one.name for one in skipped],
-        "hashes": {one.name: computed(one, folder) for one in run},
-    }
-    file = ROOT / "reports/benchmarks/equal_bytes.json"
-    file.write_text(json.dumps(answer, indent=1) + "\n")
+    hashes = {one.name: hashes_under(one, folder) for one in run}
+    names = [one.name for one in skipped]
+    write_results("equal_bytes", {"machine": machine(), "skipped": names, "hashes": hashes})
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]).resolve())
+    if len(sys.argv) > 2:
+        write_hashes(Path(sys.argv[1]), int(sys.argv[2]))
+    else:
+        main(Path(sys.argv[1]).resolve())

@@ -1,32 +1,38 @@
-"""Processor time and memory over particles, takes, steps, joints and agents: ``python
-tests/benchmarks/growth.py`` writes reports/benchmarks/growth.csv.
+"""Growth of processor time and memory: ``python tests/benchmarks/growth.py`` writes
+reports/benchmarks/growth.csv. ``--scale [PARTICLES TAKES TRIALS]`` writes scale.json: a filter of a
+million particles, ten thousand takes, and trials on a Dask cluster of which a worker is killed.
 """
 
 from __future__ import annotations
 
+import argparse
 import gc
+import hashlib
+import os
 import re
-import sys
+import signal
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from multiprocessing import get_context
-from multiprocessing.connection import Connection
 from pathlib import Path
 
-sys.path += [str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]
-import pipeline.core.environment  # noqa: F401 - before numpy: it fixes the arithmetic
+from contests import RESULTS, machine, write_results  # before numpy: it fixes the arithmetic
 
 import numpy as np  # isort: skip
 import pandas as pd
-from scenario import ROOT, Take, many_joints, take
+from distributed import Client, LocalCluster
+from scenario import Take, drawn_takes, many_joints, take
 
 from pipeline.core.compute.trials import run_trials
-from pipeline.core.options.analysis import Compute
+from pipeline.core.options.analysis import Compute, Dask
+from pipeline.models.noise import process_noise
+from pipeline.models.steps import Recorded
+from pipeline.models.wishart.fit import Problems
+from pipeline.models.wishart.perturbation import objective_weights
 from pipeline.wrench.bounds import Bounds
 from pipeline.wrench.study import run_study
 
-OUT = ROOT / "reports/benchmarks/growth.csv"
 REPEATS = 2  # of which the shortest time and the least memory are kept
 LEAST_MEMORY = 1.0  # MB; less depends on the allocator, not on the size
 # of the paper's study: T̲ in N, θ̲ in rad, σ_T in N, κ
@@ -39,46 +45,40 @@ SIZES = {
     "agents": [2 * 2**k for k in range(6)],
 }
 LIMITS = {"joints": 3.0}  # greatest slope of the time
+STEPS, BLOCK, WORKERS = 40, 100, 3  # steps of a take; takes in memory at once
+POSE = 2e-4  # rad, standard deviation of a measured pose
 
 
 def call_of(over: str, size: int) -> Callable[[], object]:
-    """A call whose cost grows with ``size``."""
+    """Return a call whose cost grows with ``size``."""
     rng = np.random.default_rng(1)
     match over:
         case "particles":
-            return partial(take(40).filtered, size, rng)
+            return partial(take(STEPS).filtered, size, rng)
         case "steps":
             return partial(take(size).filtered, 1000, rng)
         case "joints":
-            return partial(take(40, many_joints(size)).filtered, 10_000, rng)
+            return partial(take(STEPS, many_joints(size)).filtered, 10_000, rng)
         case "agents":
             return partial(run_study, CABLES, [size], 1000, 1000, 1, rng)
-    trials = partial(_filtered, motion=take(40)), range(size)
-    return lambda: list(run_trials(*trials, compute=Compute(1), label=f"{over}: {size}"))
+    trial, compute = partial(posterior_hash, motion=take(STEPS), particles=1000), Compute(1)
+    return lambda: list(run_trials(trial, range(size), compute=compute, label="takes"))
 
 
-def _filtered(number: int, motion: Take) -> np.ndarray:
-    return motion.filtered(1000, np.random.default_rng(number)).mean
+def posterior_hash(number: int, motion: Take, particles: int) -> str:
+    """Hash of the posterior of a take under its own stream."""
+    posterior = motion.filtered(particles, np.random.default_rng(number))
+    return hashlib.sha256(posterior.mean.tobytes() + posterior.covariance.tobytes()).hexdigest()
 
 
 def in_a_process(function: Callable, *arguments: object) -> object:
-    """``function(*arguments)`` of a process that starts as this one is now."""
-    here, there = get_context("fork").Pipe(duplex=False)
-    process = get_context("fork").Process(target=_answer, args=(there, function, arguments))
-    process.start()
-    there.close()
-    try:
-        return here.recv()
-    finally:
-        process.join()
-
-
-def _answer(there: Connection, function: Callable, arguments: tuple) -> None:
-    there.send(function(*arguments))
+    """Return ``function(*arguments)`` of a process forked from this one."""
+    with get_context("fork").Pool(1) as pool:
+        return pool.apply(function, arguments)
 
 
 def cost(over: str, size: int) -> tuple[float, float]:
-    """Processor time in s, and memory in MB at its peak beyond what was there before, of a call
+    """Processor time in s, and peak memory in MB beyond what the process held before, of a call
     that is not the process's first.
     """
     call_of(over, SIZES[over][0])()
@@ -101,8 +101,8 @@ def slope(sizes: Sequence[float], costs: np.ndarray) -> float:
     return float(np.polyfit(np.log(sizes[half:]), np.log(costs[half:]), 1)[0])
 
 
-def main() -> None:
-    """Measure and write."""
+def measure_growth() -> None:
+    """Measure every size, and write."""
     rows = []
     for over, sizes in SIZES.items():
         runs = [[in_a_process(cost, over, size) for _ in range(REPEATS)] for size in sizes]
@@ -111,8 +111,75 @@ def main() -> None:
         row = {"over": over, "from": sizes[0], "to": sizes[-1], "seconds_at_most": seconds[-1]}
         row |= {"time_slope": slope(sizes, seconds), "time_limit": LIMITS.get(over, np.nan)}
         rows.append(row | {"memory_slope": slope(sizes, memory) if grows else np.nan})
-    pd.DataFrame(rows).round(4).to_csv(OUT, index=False)
+    pd.DataFrame(rows).round(4).to_csv(RESULTS / "growth.csv", index=False)
+
+
+def many_particles(many: int) -> dict[str, float]:
+    """Time in s and memory in bytes of a particle (and step) at ``many`` and at a hundredth."""
+    few = many // 100
+    runs = [[in_a_process(cost, "particles", size) for _ in range(REPEATS)] for size in (few, many)]
+    seconds, memory = np.min(runs, axis=1).T
+    result = {"few": few, "many": many, "seconds_few": seconds[0] / (few * STEPS)}
+    result["seconds_many"] = seconds[1] / (many * STEPS)
+    return result | {"bytes_of_a_particle": 1e6 * (memory[1] - memory[0]) / (many - few)}
+
+
+def many_takes(count: int) -> dict[str, float]:
+    """Processor time in s and peak memory in bytes of takes drawn, fitted and filtered block by
+    block, and the fitted σ_B.
+    """
+    motion, total, begin = take(STEPS), 0.0, time.process_time()
+    chain, model = motion.scene[:2]
+    weights = objective_weights(np.sqrt(2) * POSE, 3)
+    for first in range(0, count, BLOCK):
+        takes, rng = min(BLOCK, count - first), np.random.default_rng(first)
+        q, v = drawn_takes(motion.scene, takes, STEPS, POSE, rng)
+        recorded = Recorded(chain, q[:, :-1], v, process_noise(chain, q, v), ())
+        problems = Problems.of(recorded, model.decomposition, 0.2)
+        total += takes * float(problems.solved(weights).squares.mean())
+        for number in range(first, first + takes):
+            motion.filtered(1000, np.random.default_rng(number))
+    return {
+        "takes": count,
+        "seconds": time.process_time() - begin,
+        "peak_bytes": 1e6 * megabytes("VmHWM"),
+        "sigma_b": float(np.sqrt(total / count)),
+    }
+
+
+def lost_worker(trials: int) -> dict[str, int]:
+    """Number of the ``trials`` that have the same bytes in one process and on a cluster of which a
+    worker is killed while they run.
+    """
+    function = partial(posterior_hash, motion=take(STEPS), particles=20_000)
+    alone = list(run_trials(function, range(trials), compute=Compute(1), label="posteriors"))
+    with (
+        LocalCluster(WORKERS, threads_per_worker=1, dashboard_address=None) as cluster,
+        Client(cluster) as client,
+    ):
+        processes = list(client.run(os.getpid).values())
+        there = Compute(dask=Dask(address=cluster.scheduler_address))
+        results = run_trials(function, range(trials), compute=there, label="posteriors")
+        across = [next(results)]
+        os.kill(processes[0], signal.SIGKILL)
+        across += list(results)
+    equal = sum(one == other for one, other in zip(alone, across, strict=True))
+    return {"trials": trials, "equal_bytes": equal, "workers": WORKERS}
+
+
+def measure_scale(particles: int, takes: int, trials: int) -> None:
+    """Measure, and write."""
+    many_takes(1)  # loads compiled code, which the processes below inherit
+    few, many = (in_a_process(many_takes, count) for count in (takes // 10, takes))
+    measured = {"machine": machine(), "particles": many_particles(particles)}
+    measured |= {"takes": {"few": few, "many": many}, "cluster": lost_worker(trials)}
+    write_results("scale", measured)
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--scale", type=int, nargs="*", metavar="N", help="sizes (default as above)"
+    )
+    chosen = parser.parse_args().scale
+    measure_growth() if chosen is None else measure_scale(*(chosen or [1_000_000, 10_000, 200]))

@@ -9,20 +9,15 @@ import os
 import subprocess
 from pathlib import Path
 
-import numpy as np
-
 INTERPRETER = Path(__file__).parents[2] / ".venv-peers/bin/python"
 SERVER = Path(__file__).parent / "peers/serve.py"
-# settings of our own arithmetic for the sake of equal bits, from which a peer is free
+# settings of our own arithmetic for the sake of equal bytes, from which a peer is free
 OURS = ("OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES")
 
 
 class PeerProcess:
-    """peers/NAME.py, set up with ``options``; each call calls there what its ``setup(**options)``
-    returned. ``configuration`` states in words how the peer is used.
-
-    Arrays are sent as lists. Raises RuntimeError with the peer's traceback where a call fails. To
-    be used in a with statement, at whose end the process ends.
+    """Context of a process with peers/NAME.py, whose ``setup(**options)`` returns what each call
+    calls there; arrays are sent as lists. Raises RuntimeError with the peer's traceback.
     """
 
     def __init__(self, name: str, options: dict) -> None:
@@ -31,7 +26,9 @@ class PeerProcess:
         self._name = name
         self._process = subprocess.Popen([INTERPRETER, SERVER, name], env=environment, **pipes)
         try:
-            self.configuration = self._ask(json.dumps(options, default=np.ndarray.tolist))
+            self.configuration = self._ask(
+                json.dumps(options, default=lambda array: array.tolist())
+            )
         except BaseException:
             self.__exit__()
             raise
@@ -50,8 +47,7 @@ class PeerProcess:
 
     def _ask(self, line: str) -> object:
         try:
-            self._process.stdin.write(line + "\n")
-            self._process.stdin.flush()
+            print(line, file=self._process.stdin, flush=True)
             answer = self._process.stdout.readline()
         except BrokenPipeError:
             answer = ""

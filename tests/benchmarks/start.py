@@ -1,5 +1,5 @@
-"""First use and speed of the kernel: ``python tests/benchmarks/start.py FOLDER`` writes
-reports/benchmarks/start.json, FOLDER being for the machine code in between.
+"""First use and speed of the kernel, as reports/benchmarks/start.json: ``python
+tests/benchmarks/start.py FOLDER``, FOLDER being for the machine code in between.
 """
 
 from __future__ import annotations
@@ -11,10 +11,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from contests import machine
+from contests import HERE, ROOT, machine, write_results
 
-ROOT = Path(__file__).parents[2]
-ROUNDS = 3
 # another elementary function for the kernel: the C library's, which no loop around it vectorises
 C_LIBRARY = """
 import math
@@ -25,7 +23,7 @@ own.expm1 = own.inlined(lambda x: math.expm1(x))
 """
 COMMON = f"""
 import json, sys, time
-sys.path[:0] = [{str(ROOT)!r}, {str(ROOT / "tests")!r}, {str(Path(__file__).parent)!r}]
+sys.path[:0] = {[str(ROOT), str(ROOT / "tests"), str(HERE)]!r}
 begin = time.process_time()
 import pipeline.core.environment
 VARIANT
@@ -33,45 +31,39 @@ import pipeline.models.draws, pipeline.filtering.particle_filter
 import pipeline.models.wishart.perturbation, pipeline.models.wishart.quadrature
 imported = time.process_time() - begin
 import numpy as np
-from scenario import scene, take
-from pipeline.models.scaled.law import ScaledModel
+from scenario import ROBOTS, scene, take
+from pipeline.models.kinds import build_model
 from pipeline.models.draws import draw_steps
-from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.wishart.decomposition import Decomposition
-from pipeline.models.wishart.law import WishartModel
 """
 # processor time in s
 FIRST = """
 begin = time.process_time()
-for arm in ("youbot", "ur5", "lwr4"):
+for arm in ROBOTS:
     take(4, arm).filtered(100, np.random.default_rng(1))
 print(json.dumps({"imports": imported, "first use": time.process_time() - begin}))
 """
 # ns a particle and step, the least of 12 calls
 SPEED = """
-LAWS = {
-    "pivoted LU": WishartModel(0.25, Decomposition("pivoted_lu")),
-    "QR of J": WishartModel(0.25, Decomposition("qr")),
-    "QR of the transpose": WishartModel(0.25, Decomposition("qr_transposed")),
-    "Gaussian": GaussianModel(0.1, 1e3),
-}
 result = {}
-
-def measure(name, steps, *arguments):
-    least = np.inf
-    for _ in range(12):
-        begin = time.perf_counter()
-        steps(*arguments, rng)
-        least = min(least, time.perf_counter() - begin)
-    result[name] = round(1e9 * least / 20_000, 1)
-
-for arm in ("youbot", "ur5", "lwr4"):
+for arm in ROBOTS:
     stage, rng = scene(arm), np.random.default_rng(1)
     n, chain = len(stage.start.mean), stage.chain
     q = stage.start.mean + 0.05 * rng.standard_normal((20_000, n))
     v = chain.jacobian(stage.start.mean) @ np.full(n, 1e-3)
-    for law, model in (LAWS | {"additive": ScaledModel(1e-6 * np.eye(n))}).items():
-        measure(f"{arm}, {law}", draw_steps, model, chain, q, v)
+    wishart = {"kind": "wishart", "sigma_b": 0.25}
+    for law, options in {
+        "pivoted LU": wishart | {"decomposition": "pivoted_lu"},
+        "QR of J": wishart | {"decomposition": "qr"},
+        "QR of the transpose": wishart | {"decomposition": "qr_transposed"},
+        "Gaussian": {"kind": "gaussian", "alpha": 0.1, "u": 1e3},
+        "additive": {"kind": "additive", "noise_covariance": (1e-6 * np.eye(n)).tolist()},
+    }.items():
+        model, least = build_model(options), np.inf
+        for _ in range(12):
+            begin = time.perf_counter()
+            draw_steps(model, chain, q, v, rng)
+            least = min(least, time.perf_counter() - begin)
+        result[f"{arm}, {law}"] = round(1e9 * least / len(q), 1)
 print(json.dumps(result))
 """
 
@@ -87,8 +79,7 @@ def answer(program: str, cache: Path, variant: str = "") -> dict[str, float]:
 def main(folder: Path) -> None:
     """Measure and write."""
     shutil.rmtree(folder, ignore_errors=True)
-    compiled = answer(FIRST, folder)
-    cached = [answer(FIRST, folder) for _ in range(ROUNDS)]
+    compiled, *cached = [answer(FIRST, folder) for _ in range(4)]
     speeds = answer(SPEED, folder)
     # constants of the loops are compiled in: another folder, removed before
     other = answer(SPEED, folder / "c_library", C_LIBRARY)
@@ -97,12 +88,9 @@ def main(folder: Path) -> None:
         "imports_seconds": min(each["imports"] for each in cached),
         "cached_seconds": min(each["first use"] for each in cached),
         "compiled_seconds": compiled["first use"],
-        "nanoseconds": {
-            name: {"kernel": ns, "C library": other[name]} for name, ns in speeds.items()
-        },
     }
-    file = ROOT / "reports/benchmarks/start.json"
-    file.write_text(json.dumps(measured, indent=1) + "\n")
+    speeds = {name: {"kernel": ns, "C library": other[name]} for name, ns in speeds.items()}
+    write_results("start", measured | {"nanoseconds": speeds})
 
 
 if __name__ == "__main__":

@@ -5,14 +5,17 @@ tests/benchmarks/summary.py``.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from itertools import groupby
 from pathlib import Path
+from statistics import median
 
-import pandas as pd
-from contests import duration, lines, name_of, table, verdict
+from contests import CALLS, RESULTS, SECONDS
+
+import pandas as pd  # isort: skip
 from equal_bytes import CONTROL
-from repeats import CALLS, SECONDS
 
-REPORTS = Path(__file__).parents[2] / "reports"
+SAME_QUALITY = 0.01  # greatest relative difference of a quality that counts as none
 STARTS = {  # what, and its limit in s
     "imports_seconds": ("imports of models and filter, numba included", 1.0),
     "cached_seconds": ("first filters of three arms, machine code from the cache", 0.2),
@@ -24,6 +27,70 @@ def read(folder: Path, name: str) -> dict | None:
     """A file of measurements; None where it has not been measured."""
     file = folder / f"{name}.json"
     return json.loads(file.read_text()) if file.exists() else None
+
+
+def table(header: list[str], rows: list[list[str]]) -> str:
+    """A table in Markdown."""
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in [header, ["---"] * len(header), *rows])
+
+
+def verdict(met: bool) -> str:
+    """The report's word on a limit."""
+    return "met" if met else "**missed**"
+
+
+def significant(value: float) -> str:
+    """Two significant digits, all digits before the point kept."""
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+
+
+def duration(seconds: float) -> str:
+    """Three significant digits in the unit that suits."""
+    units = ((1, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns"))
+    scale, unit = next(pair for pair in units if seconds * pair[0] >= 1 or pair[1] == "ns")
+    return f"{seconds * scale:.3g} {unit}"
+
+
+def an_item(benchmark: dict) -> list[float]:
+    """Least time in s of each run for one of the items that a call treats."""
+    return [seconds / benchmark["extra_info"]["items"] for seconds in benchmark["least"]]
+
+
+def name_of(benchmark: dict) -> str:
+    """Name that the test states as ``against``, else its parameter, else its name in words."""
+    stated = benchmark["extra_info"].get("against") or benchmark["param"]
+    return stated or benchmark["name"].removeprefix("test_").replace("_", " ")
+
+
+def contest_rows(benchmarks: list[dict]) -> Iterator[list[str]]:
+    """Yield the cells of each row, contest by contest, the fastest opponent first."""
+    ordered = sorted(benchmarks, key=lambda benchmark: benchmark["group"])
+    for contest, group in groupby(ordered, key=lambda benchmark: benchmark["group"]):
+        members = sorted(group, key=lambda benchmark: median(an_item(benchmark)))
+        (ours,) = (member for member in members if member["extra_info"]["role"] == "ours")
+        yield from ([contest, *against(ours, other)] for other in members if other is not ours)
+
+
+def against(ours: dict, other: dict) -> list[str]:
+    """Cells of the row of ``ours`` against one peer: name, ratio, target, verdict, quality."""
+    mine, theirs = ours["extra_info"], other["extra_info"]
+    target, here, there = theirs.get("target"), an_item(ours), an_item(other)
+    ratios = [b / a for a, b in zip(here, there, strict=True)]
+    ratio = (
+        f"{significant(median(ratios))} ({significant(min(ratios))} to {significant(max(ratios))}) "
+        f"times as fast, {duration(median(here))} against {duration(median(there))}"
+    )
+    quality, same = "–", True
+    for kind in {"error", "objective"} & mine.keys() & theirs.keys():
+        quality = f"{kind} {mine[kind]:.4g} against {theirs[kind]:.4g}"
+        # speed at the cost of quality meets nothing
+        same = mine[kind] <= theirs[kind] + SAME_QUALITY * abs(theirs[kind])
+    if target is None:
+        return [name_of(other), ratio, "–", "–", quality]
+    met = [same and value >= target for value in ratios]
+    some = any(met) and not all(met)
+    result = f"**met in {sum(met)} of {len(met)} runs**" if some else verdict(all(met))
+    return [name_of(other), ratio, f"≥ {target}", result, quality]
 
 
 def contests(folder: Path) -> str:
@@ -39,7 +106,7 @@ def contests(folder: Path) -> str:
         f"{len(benchmarks[0]['least'])} runs of all contests. A time is the least of at least "
         f"{CALLS} calls and {SECONDS} s; a ratio is one of two times of the same run, with its "
         "median over the runs and its range. Met is what every run meets.\n\n"
-        f"{table(header, list(lines(benchmarks)))}\n\n"
+        f"{table(header, list(contest_rows(benchmarks)))}\n\n"
         "The configuration of each peer:\n\n" + "\n".join(dict.fromkeys(stated)) + "\n\n"
         f"Versions: {versions}."
     )
@@ -52,27 +119,20 @@ def start(folder: Path) -> str:
         [what, duration(measured[key]), f"≤ {limit:g} s", verdict(measured[key] <= limit)]
         for key, (what, limit) in STARTS.items()
     ]
-    speeds = [
-        [name, *(f"{ns:.0f}" for kind, ns in each.items() if kind != "plain loop")]
-        for name, each in measured["nanoseconds"].items()
-    ]
+    speeds = [[name, *(f"{ns:.0f}" for ns in each.values())]
+              for name, each in measured["nanoseconds"].items()]  # fmt: skip
     header = ["draws of a step, ns a particle", "kernel", "with the C library's functions"]
     return f"{table(['processor time', '', 'limit', ''], rows)}\n\n{table(header, speeds)}"
 
 
 def growth(folder: Path) -> str:
     """Slopes of cost over size."""
-    rows = [
-        [
-            row.over,
-            f"{row._2} to {row.to}",
-            f"{row.time_slope:.2f}"
-            + ("" if pd.isna(row.time_limit) else f" (≤ {row.time_limit:g}: "
-               f"{verdict(row.time_slope <= row.time_limit)})"),
-            "–" if pd.isna(row.memory_slope) else f"{row.memory_slope:z.2f}",
-        ]
-        for row in pd.read_csv(folder / "growth.csv").itertuples()
-    ]  # fmt: skip
+    rows = []
+    for _, row in pd.read_csv(folder / "growth.csv").iterrows():
+        slope, limit = row["time_slope"], row["time_limit"]
+        bound = "" if pd.isna(limit) else f" (≤ {limit:g}: {verdict(slope <= limit)})"
+        memory = "–" if pd.isna(row["memory_slope"]) else f"{row['memory_slope']:z.2f}"
+        rows.append([row["over"], f"{row['from']} to {row['to']}", f"{slope:.2f}{bound}", memory])
     return (
         "Slopes of the logarithm of processor time and of peak memory over that of the size, by "
         "least squares over the larger half of the sizes; – where memory hardly grows.\n\n"
@@ -102,14 +162,12 @@ def scale(folder: Path) -> str:
 def equal_bytes(folder: Path) -> str:
     """Bytes of results on other processors and threads."""
     measured = read(folder, "equal_bytes")
-    names = [name for name in measured["hashes"] if name != CONTROL.name]
-    reference, *others = names
-    rows = []
-    for piece, value in measured["hashes"][reference].items():
-        equal = [measured["hashes"][name].get(piece) == value for name in others]
-        control = measured["hashes"][CONTROL.name][piece] == value
-        words = ["equal" if same else "**other**" for same in equal]
-        rows.append([piece, *words, "equal" if control else "other"])
+    hashes = pd.DataFrame(measured["hashes"])
+    reference, *others = hashes.columns.drop(CONTROL.name)
+    same = hashes[[*others, CONTROL.name]].eq(hashes[reference], axis=0)
+    words = same.replace({True: "equal", False: "**other**"})
+    words[CONTROL.name] = same[CONTROL.name].map({True: "equal", False: "other"})
+    rows = [[piece, *cells] for piece, *cells in words.itertuples()]
     skipped = "; ".join(measured["skipped"]) or "none"
     return (
         f"Compared with `{reference}` on {measured['machine']}; the control has another arithmetic "
@@ -141,5 +199,6 @@ arithmetic to equal bytes.
 
 
 if __name__ == "__main__":
-    (REPORTS / "benchmarks.md").write_text(report(REPORTS / "benchmarks"))
-    print(f"bench: {REPORTS / 'benchmarks.md'}")
+    page = RESULTS.with_suffix(".md")
+    page.write_text(report(RESULTS))
+    print(f"bench: {page}")

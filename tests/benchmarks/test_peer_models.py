@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scenario import SIGMA_B, take
 from scipy.stats import multivariate_normal
-from wishart_take import take_of
+from takes import take_of
 
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
@@ -25,7 +25,7 @@ CASES = [
 
 
 def peer(arm: str, law: str):
-    return take_of(law, **take(12, arm).told())
+    return take_of(law, **take(12, arm).plain())
 
 
 def off(draws: np.ndarray, model: WishartModel, arm: str) -> float:

@@ -8,10 +8,9 @@ import growth
 import numpy as np
 import pandas as pd
 import pytest
-from contests import lines
 from equal_bytes import CONTROL, SETTINGS
 from scenario import many_joints, take
-from summary import SECTIONS, report
+from summary import SECTIONS, contest_rows, report
 
 
 def contest(name: str, role: str, seconds: list[float], **extra: object) -> dict:
@@ -28,7 +27,7 @@ OURS = contest("test_ours", "ours", [1e-6, 2e-6], objective=1.0)
 )
 def test_a_ratio_is_met_in_every_run_and_not_at_the_cost_of_quality(quality, target, verdict):
     peer = contest("test_p", "peer", [1e-5, 1.2e-5], target=target, objective=quality)
-    ((_, _, ratio, _, found, _),) = lines([OURS, peer])
+    ((_, _, ratio, _, found, _),) = contest_rows([OURS, peer])
     assert found == verdict and ratio.startswith("8 (6 to 10) times as fast")
 
 

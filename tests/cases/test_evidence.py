@@ -10,8 +10,7 @@ import pandas as pd
 import pytest
 
 from pipeline.cases.case import Camera
-from pipeline.cases.evidence import case_evidence, filter_evidence, motion_evidence
-from pipeline.cases.fits import outcome
+from pipeline.cases.evidence import case_evidence, filter_evidence, motion_evidence, outcome
 from pipeline.core import config
 from pipeline.core.columns import spread, triangle
 from pipeline.core.filters import MEMORY

@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from pipeline.cases.case import Takes
-from pipeline.cases.fits import outcome
+from pipeline.cases.evidence import outcome
 from pipeline.models.noise import mean_covariance
 
 REALIZATIONS = 12

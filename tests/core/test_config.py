@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 import yaml
-from params_file import parameters
+from made_options import parameters
 
 from pipeline.core import config
 from pipeline.core.errors import ConfigError
@@ -48,7 +48,7 @@ def test_every_option_composes(compose, number):
         *(({group: "nonsense"}, ", ".join(config.option_names(group))) for group in config.GROUPS),
         ({"models": "[]"}, "models: list should have at least 1 item"),
         ({"models": "additive"}, "models: input should be a valid list, got 'additive'"),
-        ({"models": "[additive, additive]"}, "additive stands twice"),
+        ({"models": "[additive, additive]"}, "additive occurs twice"),
         ({"models": "[additive, laplace]"}, "no option 'laplace'; there are additive"),
         ({"seed": "abc"}, "seed: input should be a valid integer.*got 'abc'"),
         ({"seed": "-1"}, "seed: .*greater than or equal to 0, got -1"),
@@ -201,7 +201,7 @@ def test_a_study_of_motion_is_refused_without_a_robot_and_the_papers_stage_is_no
     study.write_bytes(Path("dvc.yaml").read_bytes())
     assert config.sections("stage", study).dataset.robot is None
     monkeypatch.setattr(config, "CONF", tmp_path / "pipeline/conf")
-    with pytest.raises(ConfigError, match="about a robot's motion, and the dataset has no robot"):
+    with pytest.raises(ConfigError, match="needs a robot, and the dataset has none"):
         config.sections("stage", study)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from params_file import parameters
+from made_options import parameters
 
 from pipeline.core import config, datasheet
 from pipeline.core.datasheet import Draft, absent, faults
@@ -134,7 +134,7 @@ def test_answers_take_the_places_of_open_values_and_comments_stay():
     [
         ("joint_log.time_unit", "minutes", "input should be"),
         ("motion.steps", "many", "many"),
-        ("motion.steps", "", "a value has to stand here"),
+        ("motion.steps", "", "a value is required here"),
         ("motion.pace", "1", "still to be filled in; there are about.subject"),
     ],
 )

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from made_options import made
 from marker_takes import marker_places
 from recovery_bench import (
     Bench,
@@ -25,6 +26,7 @@ from written_logs import write_joint_log
 
 from pipeline.arm.model import Arm, load_arm
 from pipeline.core.config import compose_config
+from pipeline.core.options.analysis import ArticulationSection
 from pipeline.core.options.dataset import Dataset, Motion
 from pipeline.core.options.instruments import JointLogSection as JointLogOptions
 from pipeline.formats.depth.image import encode_depth
@@ -39,7 +41,6 @@ from pipeline.laboratory.kinect import DepthCamera
 from pipeline.laboratory.options import KinectOptions
 from pipeline.laboratory.sensor import draw_bias
 from pipeline.laboratory.swing import desired_joints, desired_trajectory
-from pipeline.perception.articulation import ArticulationOptions
 
 ROOT = Path(__file__).parents[2]
 FULL_SCALE = 32.0  # N, of the force transducer
@@ -142,7 +143,8 @@ def depth_bench(dataset, arm, motion, tmp_path_factory) -> Bench:
     markers = pd.DataFrame({"take": "test_001", "part": "test", "k": k, "t": grid[k], "link": 1})
     markers[["x", "y", "z"]] = places.reshape(-1, 3)
     known = {"dataset": dataset, "arm": arm, "markers": markers, "start": motion(0.0)}
-    recover = partial(angles_of_depth, **known, options=ArticulationOptions(min_points=80))
+    options = made(ArticulationSection, minimum_points=80)
+    recover = partial(angles_of_depth, **known, options=options)
     return _bench(_files(folder), recover, grid, motion(grid))
 
 

@@ -11,14 +11,14 @@ from space_arms import LWR4
 
 from pipeline.arm.model import chain_of
 from pipeline.core.errors import ModelDomainError
-from pipeline.filtering.baselines import (
+from pipeline.filtering.linear import (
     autocorrelated_filter,
     autocorrelation,
     baseline_predictions,
     deviation_roots,
+    linear_filter,
     path_covariance,
 )
-from pipeline.filtering.linear import linear_filter
 from pipeline.filtering.measurement import Measurements
 
 DT = 0.01

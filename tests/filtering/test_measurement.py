@@ -240,8 +240,8 @@ def test_the_takes_that_stay_are_measured_by_the_chosen_instrument(tables):
 
 def test_an_instrument_that_the_dataset_does_not_have_is_refused(tables):
     for changed, words in (
-        ({"measurement": "encoders", "encoders": None}, "what the dataset does not have"),
-        ({"mocap": None}, "what the dataset does not have"),
+        ({"measurement": "encoders", "encoders": None}, "the dataset does not have"),
+        ({"mocap": None}, "the dataset does not have"),
         ({"mocap": replace(MOCAP, deviation=None)}, "needs its markers or body"),
         ({"mocap": replace(MOCAP, markers={"link_5": HAND})}, "'flange' needs its markers"),
         ({"robot": replace(LWR4, plane=True)}, "not of one in a plane"),
@@ -251,5 +251,5 @@ def test_an_instrument_that_the_dataset_does_not_have_is_refused(tables):
     table = contracts.read("encoders", MOTION)
     for take in ("test_2", "train_7"):
         contracts.write(table[table["take"] != take], "encoders", MOTION)
-        with pytest.raises(ConfigError, match=f"nothing is measured of the takes {take}"):
+        with pytest.raises(ConfigError, match=f"no measurements of the takes {take}"):
             measured_takes(replace(DATASET, measurement="encoders"))

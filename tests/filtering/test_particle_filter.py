@@ -25,8 +25,7 @@ from pipeline.filtering.particle_filter import (
     particle_filter,
 )
 from pipeline.filtering.resampling import SCHEMES
-from pipeline.filtering.sampling import keep_inside
-from pipeline.filtering.weights import normalise
+from pipeline.filtering.sampling import keep_inside, normalise
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import Commands, open_loop
 from pipeline.models.scaled.law import ScaledModel

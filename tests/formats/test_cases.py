@@ -160,7 +160,7 @@ def case(tmp_path):
 
 def seen(file: Path) -> str:
     """The text that ``inspect`` prints of ``file``."""
-    return as_table(inspect(file), file.parent)
+    return " ".join(as_table(inspect(file), file.parent).split())
 
 
 PAIR = "signals actual (q_0, q_1), target (q_target_0, q_target_1)"

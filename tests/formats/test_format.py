@@ -1,10 +1,15 @@
-"""A format is one module: found by its place, read, inspected and proposed by what finds it."""
+"""A format is one module: found by its place, read, inspected and proposed by what finds it; the
+example of each runs as its README has it.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import io
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from motive_files import START, random_take
@@ -113,3 +118,30 @@ def test_a_pattern_that_is_none_is_refused_with_its_key(tmp_path, pattern):
     with pytest.raises(ConfigError) as caught:
         matching(tmp_path, pattern, key="dataset.depth.frames")
     assert caught.value.evidence["key"] == "dataset.depth.frames"
+
+
+FOLDER = Path(formats.__file__).parent
+BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+PAGES = {
+    folder: (FOLDER / folder / "README.md").read_text()
+    for folder in ("joints", "motion", "force", "depth")
+}
+SECTIONS = [
+    (folder, section.partition("\n")[0], section)
+    for folder, page in PAGES.items()
+    for section in page.split("\n## ")[1:]
+]
+
+
+@pytest.mark.parametrize(
+    ("folder", "title", "section"), SECTIONS, ids=[f"{f}-{t}" for f, t, _ in SECTIONS]
+)
+def test_an_example_says_what_stands_there(folder, title, section, tmp_path, monkeypatch):
+    *files, (language, place, code), (_, _, printed) = BLOCK.findall(section)
+    assert (language, place) == ("python", "") and printed
+    monkeypatch.chdir(tmp_path)
+    for _, name, text in files:
+        Path(name).write_text(text)
+    with contextlib.redirect_stdout(io.StringIO()) as said:
+        exec(compile(code, f"{folder}: {title}", "exec"), {})
+    assert said.getvalue().split() == printed.split()

@@ -1,6 +1,4 @@
-"""The laboratory's depth camera: exact geometry against analytic rays, and each part of the
-sensor's noise against its law.
-"""
+"""The depth camera: geometry against analytic rays, and the sensor's noise against its laws."""
 
 from __future__ import annotations
 
@@ -190,7 +188,7 @@ def test_an_equal_stream_gives_equal_bytes_in_any_process_on_any_instruction_set
 def test_a_scene_that_cannot_be_seen_is_refused():
     with pytest.raises(ConfigError, match="more slender"):
         prism(BOX[[0, 2, 1, 3]], -1.0, 1.0)
-    with pytest.raises(ConfigError, match="stands in a solid"):
+    with pytest.raises(ConfigError, match="is inside a solid"):
         cast(prism(BOX, -0.07, 0.07), np.zeros(1), np.zeros(1))
     with pytest.raises(ConfigError, match="wholly in the image"):
         DepthCamera(ARM, KinectOptions(distance=0.3), UNBIASED).render(EXTENDED)

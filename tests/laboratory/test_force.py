@@ -1,6 +1,4 @@
-"""The synthetic force rig: stationary moments, correlation in time, limits without noise, and what
-the transducer adds.
-"""
+"""The force rig: stationary moments, correlation in time, what the transducer adds."""
 
 from __future__ import annotations
 

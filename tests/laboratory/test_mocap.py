@@ -1,6 +1,4 @@
-"""The laboratory's motion capture: exact without noise, faults that are counted and follow their
-laws.
-"""
+"""The motion capture: exact without noise, faults that are counted and follow their laws."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""The synthetic arm's motion: it follows its command within the limits of its joints, each
-disturbance is what its option says, and each instrument sees it on its own clock.
-"""
+"""The arm's motion: its command, each disturbance, and each instrument on its own clock."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""The process noise of 80 takes with the dataset's own disturbances follows none of the motion
-models that are compared on them.
-"""
+"""The process noise of 80 takes of the laboratory follows none of the motion models."""
 
 from __future__ import annotations
 

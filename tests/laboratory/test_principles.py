@@ -1,6 +1,4 @@
-"""The table of pipeline/laboratory/README.md states what the laboratory's arm does, and within the
-limits by which it was made.
-"""
+"""The table of pipeline/laboratory/README.md states what the laboratory does, within limits."""
 
 from __future__ import annotations
 

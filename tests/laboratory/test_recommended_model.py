@@ -1,6 +1,4 @@
-"""The recommended model on motions that served neither fit nor choice: ten physics of the simulated
-LWR4+, each with other sizes of its disturbances.
-"""
+"""The recommended model on fresh motions of ten physics of the simulated LWR4+."""
 
 from __future__ import annotations
 

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from oracles import algorithm_1_steps
-from random_arm import RandomArm, motion, random_arm
+from random_arm import motion, random_arm
 
+from pipeline.arm.serial import SerialChain
 from pipeline.models.additive.fit import Options as Additive
 from pipeline.models.closed_loop import MeanPath, fit_closed_loop
 from pipeline.models.gaussian.fit import Options as Gaussian
@@ -37,7 +38,7 @@ every_arm = pytest.mark.parametrize(
 class Scene:
     """An arm, a motion of it, and noise of a tenth of the steps' size."""
 
-    arm: RandomArm
+    arm: SerialChain
     q: np.ndarray
     v: np.ndarray
     covariance: np.ndarray

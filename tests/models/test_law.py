@@ -58,7 +58,7 @@ def test_every_compiled_law_is_its_formula_in_numpy(model, v, name):
     (links, signs), v, ends = ARMS[name], np.array(v), np.full((3, 3), 9.0)
     arm = PlanarChain(np.zeros(2), links, np.array(signs), -ends[0], *ends[1:])
     q = RNG().uniform(-7, 7, (2000, 3))
-    q = q[np.abs(arm.determinant(q)) > 0.05 * arm.lengths[0] * arm.lengths[1]]
+    q = q[np.abs(np.linalg.det(arm.jacobian(q))) > 0.05 * arm.lengths[0] * arm.lengths[1]]
     one, other = RNG(2), RNG(2)
     moved, clipped = draw_steps(model, arm, q, v, one)
     expected, expected_clipped = plain_steps(model, arm, q, v, other)

@@ -1,6 +1,4 @@
-"""The paper's articulation, with the commanded and the fitted end: the objective against plain
-NumPy, the simplex against SciPy's, the angles against the truth.
-"""
+"""The articulation of both ends: objective against NumPy, simplex against SciPy, angles."""
 
 from __future__ import annotations
 
@@ -8,11 +6,13 @@ import numpy as np
 import pytest
 from articulation_in_numpy import plain_halved, plain_objective, plain_rank
 from compiled_calls import from_python
+from made_options import made
 from rectangle_clouds import CHAIN, LENGTHS, cloud, limits, motion
 from scipy.optimize import minimize
 
 from pipeline.core.errors import RecordingError
-from pipeline.perception.articulation import ArticulationOptions, FittedSequence, fit_sequence
+from pipeline.core.options.analysis import ArticulationSection as Articulation
+from pipeline.perception.articulation import FittedSequence, fit_sequence
 from pipeline.perception.articulation_objective import (
     ENDS,
     INFEASIBLE,
@@ -23,7 +23,7 @@ from pipeline.perception.articulation_objective import (
     frame_of,
 )
 
-OPTIONS, FREE = ArticulationOptions(), ArticulationOptions(end_point="fitted")
+OPTIONS, FREE = made(Articulation), made(Articulation, end_point="fitted")
 RANK, VALUE, FITTED = from_python(at_commanded), from_python(at_fitted), ENDS["fitted"]
 GAMMAS = (FREE.gamma1, FREE.gamma2)
 AWAY = np.array([0.05, -0.05, 0.05])  # rad, of a start from the pose
@@ -136,7 +136,7 @@ def test_the_second_term_takes_out_the_pull_of_uneven_density(sequence) -> None:
     dense.
     """
     q, clouds = sequence
-    options = OPTIONS, ArticulationOptions(gamma2=0.0)
+    options = OPTIONS, made(Articulation, gamma2=0.0)
     with_term, without = (np.abs((fit(clouds, q, o).q - q).mean(axis=0)) for o in options)
     assert np.all(without[:2] > 2 * with_term[:2])
 

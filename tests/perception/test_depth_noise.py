@@ -1,6 +1,4 @@
-"""The depth camera's noise as the other takes show it: what is left out, what is recovered, and how
-many takes it needs; and the slope of its error on the deviation of the arm.
-"""
+"""The depth camera's noise as the other takes show it, and the slope of its error."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Joint angles of takes of a planar arm: exactness, labels put right, gaps, refusals; and gaps of
-sliding joints, which have no whole turns."""
+"""Joint angles of takes of a planar arm: exactness, labels put right, gaps, refusals."""
 
 from __future__ import annotations
 

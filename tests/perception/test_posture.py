@@ -1,6 +1,4 @@
-"""Least-squares postures of any chain: exact, as SciPy and Pinocchio have them in the plane and in
-space, with missing links as far as the rest decides, and refused with one message where nothing
-does."""
+"""Least-squares postures of any chain: exact, as SciPy and Pinocchio have them, or refused."""
 
 from __future__ import annotations
 
@@ -139,10 +137,10 @@ def test_the_planar_angles_err_as_the_least_squares_of_all_markers_do(gone):
 
 
 def test_standard_errors_are_those_that_the_noise_makes(measured):
-    still = np.repeat(measured[:1], 2000, axis=0)
+    still = np.repeat(measured[:1], 800, axis=0)
     track = tracked(noisy(still))
     spread, stated = track.q.std(axis=0), np.array(list(track.errors.values()))
-    np.testing.assert_allclose(stated, spread, rtol=4.5 / np.sqrt(2 * 2000) + 0.01)
+    np.testing.assert_allclose(stated, spread, rtol=4.5 / np.sqrt(2 * 800) + 0.01)
     # control: twice the noise, twice the errors
     doubled = tracked(still + 2 * (noisy(still) - still))
     np.testing.assert_allclose(list(doubled.errors.values()), 2 * stated, rtol=0.01)

@@ -1,6 +1,4 @@
-"""The arm's points in a depth image: an analytic renderer of flat links before a wall is the
-truth.
-"""
+"""The arm's points in a depth image: an analytic renderer of flat links is the truth."""
 
 from __future__ import annotations
 
@@ -20,7 +18,8 @@ from scipy.spatial.transform import Rotation
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.perception.segment import ArmSegmenter, CloudSegmenter, Crop
+from pipeline.core.options.instruments import Workspace
+from pipeline.perception.segment import ArmSegmenter, CloudSegmenter
 
 SHAPE = (212, 256)
 CAMERA = np.array([[182.7, 0.0, 127.4], [0.0, 182.7, 102.7], [0.0, 0.0, 1.0]])
@@ -87,11 +86,13 @@ def render(arm: Arm) -> tuple[np.ndarray, np.ndarray]:
     return np.where(hit, near, far).reshape(SHAPE), hit.reshape(SHAPE)
 
 
-CROP = Crop(column_half_width=0.0, floor=-1.0, min_pixels=20, max_points=100_000)
-BASE = Crop(column_half_width=0.05, column_top=0.05, floor=0.12, min_pixels=1, max_points=100_000)
+CROP = Workspace(0.05, 0.05, 0.0, -0.02, -1.0, min_pixels=20, max_points=100_000)
+BASE = Workspace(0.05, 0.05, 0.05, 0.05, 0.12, min_pixels=1, max_points=100_000)
 
 
-def segmenter(arm: Arm, crop: Crop = CROP, distortion: np.ndarray = DISTORTION) -> ArmSegmenter:
+def segmenter(
+    arm: Arm, crop: Workspace = CROP, distortion: np.ndarray = DISTORTION
+) -> ArmSegmenter:
     return ArmSegmenter(arm, CAMERA, distortion, *camera_pose(arm), SHAPE, crop)
 
 

@@ -1,6 +1,4 @@
-"""Commanded steps and ranges; quantities that are known of one motion twice agree, or are refused
-with the suspects.
-"""
+"""Commanded steps and ranges; what is known of one motion twice agrees, or is refused."""
 
 from __future__ import annotations
 

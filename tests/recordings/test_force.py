@@ -1,6 +1,4 @@
-"""From the log of any transducer to forces without its bias: the same whatever the format, with
-faults named.
-"""
+"""From the log of any transducer to forces without its bias, with faults named."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Raw files by part and recordings by name: each is read, kept or accounted for, and the truth is
-known where there is one.
-"""
+"""Raw files by part and recordings by name: each is read, kept or accounted for."""
 
 from __future__ import annotations
 
@@ -9,8 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from made_options import made
-from params_file import parameters
+from made_options import made, parameters
 
 from pipeline.core import config, contracts
 from pipeline.core.errors import ConfigError, RecordingError

@@ -1,4 +1,4 @@
-"""Logs of one movement and of encoders, of whichever format: paired, unwrapped, or refused."""
+"""Logs of one movement and of encoders: paired, unwrapped, or refused."""
 
 from __future__ import annotations
 

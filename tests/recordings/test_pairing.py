@@ -1,6 +1,4 @@
-"""Measured angles are held against commanded ones; of a wrong unit, order, sign or clock each is
-found whatever the others do.
-"""
+"""A wrong unit, order, sign or clock of the command is found whatever the others do."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Counts of each take are summed up by its unit, and a take beyond a stated limit is left
-out."""
+"""Counts are summed up by their unit, and a take beyond a stated limit is left out."""
 
 from __future__ import annotations
 

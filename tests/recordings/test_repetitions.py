@@ -1,4 +1,4 @@
-"""Repetitions and motions in a log are found by their commands, and a disturbed one stands out."""
+"""Repetitions and motions in a log are found by their commands, disturbed ones stand out."""
 
 from __future__ import annotations
 

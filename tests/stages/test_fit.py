@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from params_file import parameters
+from made_options import parameters
 
 from pipeline.core import config, contracts
 from pipeline.core.errors import ModelDomainError

@@ -60,7 +60,7 @@ def share_above(limits: np.ndarray, std: np.ndarray, truth: np.ndarray, *law) ->
     return np.array([*np.mean(above, axis=0), np.all(above, axis=1).mean()])
 
 
-@pytest.mark.parametrize("takes", [4, 100])
+@pytest.mark.parametrize("takes", [4, 50])
 @pytest.mark.parametrize("variation", [0.05, 0.4])
 @pytest.mark.parametrize(
     ("law", "share"), [("normal", 0.0), ("normal", 0.7), ("heavy-tailed", 0.0)]
@@ -96,7 +96,7 @@ def test_constant_deviations_and_too_few_steps_have_no_test():
     assert rows[["joint", "steps"]].to_numpy().tolist() == [["wrist", "all"]]
 
 
-@pytest.mark.parametrize("takes", [4, 100])
+@pytest.mark.parametrize("takes", [4, 50])
 @pytest.mark.parametrize("law", LAWS)
 def test_constant_noise_varies_less_than_its_limit_and_noise_that_comes_and_goes_more(takes, law):
     rng, flat = np.random.default_rng(takes), 1e-3 * np.ones((STEPS, 2))

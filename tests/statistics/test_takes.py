@@ -55,7 +55,7 @@ def percentile(values: np.ndarray):
     [
         (lambda values: paired_difference(values, 0 * values), 6, 3000),
         (jackknife, 6, 3000),
-        (percentile, TAKES, 300),
+        (percentile, TAKES, 150),
     ],
 )
 def test_intervals_cover_the_true_mean_as_often_as_they_say(interval, takes, repeats):

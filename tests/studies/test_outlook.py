@@ -13,8 +13,13 @@ from study_runs import options_of
 
 from pipeline.core.errors import ConfigError
 from pipeline.studies.outlook.hexapod import equal_models, pose_of, straight
-from pipeline.studies.outlook.stage import motion_of
-from pipeline.studies.outlook.towing import error_rows, lever, recorded_rows, slope_rows
+from pipeline.studies.outlook.stage import (
+    error_rows,
+    lever,
+    motion_of,
+    recorded_rows,
+    slope_rows,
+)
 from pipeline.wrench.bounds import Bounds, draw_systems
 from pipeline.wrench.matrix import matrix_model
 from pipeline.wrench.parametric import wrench_covariance

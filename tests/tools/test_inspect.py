@@ -197,8 +197,9 @@ def test_recordings_that_differ_in_a_number_share_a_line_and_json_has_each(tmp_p
         (tmp_path / "rows.csv").rename(tmp_path / f"take_{number}.csv")
     findings = inspect(tmp_path)
     lines = as_table(findings, tmp_path).splitlines()
-    assert len(lines) == 3 and lines[0].startswith("take_*.csv (12): Motive CSV")
-    assert lines[2].startswith("    ? the file does not say the unit of its lengths")
+    assert [line for line in lines if line[0] != " "] == ["take_*.csv (12): Motive CSV 1.1"]
+    (question,) = [line for line in lines if line.startswith("    ? ")]
+    assert "? the file does not say the unit of its lengths" in question
     # a terminal acts on nothing that a file holds
     assert "\x1b" not in lines[1] and "Ha\N{REPLACEMENT CHARACTER}[2Jnd" in lines[1]
     read = json.loads(as_json(findings))

@@ -69,7 +69,7 @@ def test_a_plan_follows_the_path_within_the_limits_and_can_be_read_and_seen(work
         ({}, ["--margin", "0.5"], r"below the margin of 0.5 m \[step 0\]"),
         ({"t": np.r_[np.arange(20), 50] / 10}, [], r"steps must be equal .*path.csv, line 22"),
         ({"x": "a"}, [], r"holds 'a', not a finite number \[.*path.csv, line 2"),
-        ({}, ["--points", "0"], "a grid needs points, not 0"),
+        ({}, ["--points", "0"], "must be > 0, got 0"),
     ],
 )
 def test_what_cannot_be_planned_is_one_message_and_nothing_is_written(

@@ -6,10 +6,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from made_options import made
 from planned_arms import LAWS, law_cost, path_problem
 from rectangle_clouds import CHAIN, cloud
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.core.options.analysis import ArticulationSection
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel, noise_scale
 from pipeline.models.kinds import build_model
@@ -17,7 +19,7 @@ from pipeline.models.model import frobenius
 from pipeline.models.noise import process_noise
 from pipeline.models.wishart.decomposition import COMPUTED, Decomposition
 from pipeline.models.wishart.law import WishartModel
-from pipeline.perception.articulation import ArticulationOptions, fit_sequence
+from pipeline.perception.articulation import fit_sequence
 from pipeline.planning.motions import best_conditioned, least_uncertain, on_stages
 from pipeline.planning.problem import Problem
 from pipeline.planning.self_motion import grid, spacing_of
@@ -136,7 +138,7 @@ def slopes(end: str) -> tuple[np.ndarray, np.ndarray]:
     d = rng.normal(scale=DEVIATION, size=(FRAMES, 3))
     clouds = [cloud(HELD + deviation, rng, points=600) for deviation in d]
     ee = np.broadcast_to(CHAIN.points(HELD)[3], (FRAMES, 2))
-    options = ArticulationOptions(end_point=end)
+    options = made(ArticulationSection, end_point=end)
     error = fit_sequence(clouds, CHAIN.origin, ee, CHAIN, options, HELD).q - HELD - d
     design = np.column_stack([np.ones(FRAMES), d])
     inverse = np.linalg.inv(design.T @ design)

@@ -180,8 +180,7 @@ def test_the_run_at_hand_comes_first_and_the_others_by_name(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["", "[]", '{"tables": 3}', '{"tables": {}}', RUN.to_json().replace("scale", "size")],
+    "text", ["", "[]", '{"tables": 3}', '{"tables": {}}', RUN.to_json().replace("scale", "size")]
 )
 def test_a_file_that_is_no_run_is_refused_by_name(tmp_path, text):
     (tmp_path / "lab.json").write_text(text, encoding="utf-8")

@@ -9,7 +9,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from project_copy import ROOT, copy_project, run
+from project_copy import ROOT, copy_project, set_parameters, succeeds
 
 from pipeline.core.typed_yaml import read_yaml
 
@@ -18,34 +18,29 @@ KINDS = {"model": "models", "figure": "figures", "format": "formats", "study": "
 COPIED = "copied"  # name of every copy
 
 
-def smallest(kind: str) -> Path:
-    """The path below the project of the module that the page names for ``kind``."""
-    section = re.search(rf"^## A {kind}\n(.*?)(?=^## )", PAGE, re.MULTILINE | re.DOTALL)[1]
-    return Path(re.search(rf"\]\((pipeline/{KINDS[kind]}/[\w/.]+)\)", section)[1])
+def section(title: str) -> str:
+    return re.search(rf"^## {title}\n(.*?)(?=^## )", PAGE, re.MULTILINE | re.DOTALL)[1]
 
 
-def copied(project: Path, place: Path) -> Path:
-    """Copy the module or package at ``place`` under the name COPIED, imports of itself included."""
-    target = place.with_name(COPIED + place.suffix)
-    if place.suffix:
-        shutil.copy(project / place, project / target)
-        return target
-    ignored = shutil.ignore_patterns("__pycache__", "dvc.lock")
-    shutil.copytree(project / place, project / target, ignore=ignored)
-    for file in (project / target).rglob("*.*"):
-        if file.suffix in (".py", ".yaml"):
-            text = file.read_text(encoding="utf-8")
-            package = str(place).replace("/", ".")
-            text = text.replace(package, str(target).replace("/", "."))
-            text = text.replace(str(place), str(target))
-            text = re.sub(
-                rf"\b(reports|data)/studies/{place.name}\b", rf"\1/studies/{COPIED}", text
-            )
-            text = re.sub(rf"^  {place.name}:", f"  {COPIED}:", text, flags=re.MULTILINE)
-            text = text.replace(f"pipeline {place.name}", f"pipeline {COPIED}")
-            text = text.replace(f'"kind": "{place.name}"', f'"kind": "{COPIED}"')
-            file.write_text(text, encoding="utf-8")
-    return target
+def copy_smallest(project: Path, kind: str) -> str:
+    """Copy the module or package that the page names for ``kind`` under the name COPIED, imports of
+    itself included; return its own name.
+    """
+    place = re.search(rf"\]\((pipeline/{KINDS[kind]}/[\w/.]+)\)", section(f"A {kind}"))[1]
+    source, target = project / place, project / Path(place).with_name(COPIED + Path(place).suffix)
+    if source.is_file():
+        shutil.copy(source, target)
+        return source.stem
+    shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__", "dvc.lock"))
+    name, own = source.name, place.replace("/", ".")
+    for file in (file for file in target.rglob("*.*") if file.suffix in (".py", ".yaml")):
+        text = file.read_text(encoding="utf-8")
+        for words in (own, place):
+            text = text.replace(words, words.removesuffix(name) + COPIED)
+        # the study's folders, stage and command, and the kind of a model
+        text = re.sub(rf"(?m)(/studies/|^  |pipeline |\"kind\": \"){name}\b", rf"\1{COPIED}", text)
+        file.write_text(text, encoding="utf-8")
+    return name
 
 
 @pytest.fixture(scope="module")
@@ -53,34 +48,28 @@ def project(tmp_path_factory) -> Path:
     """A copy of the project with a copy of the smallest module of every kind."""
     folder = tmp_path_factory.mktemp("contributing") / "project"
     copy_project(folder)
-    for kind in KINDS:
-        copied(folder, smallest(kind))
-    model = smallest("model").name
-    text = (folder / f"pipeline/conf/model/{model}.yaml").read_text(encoding="utf-8")
-    text = text.replace(f"kind: {model}", f"kind: {COPIED}")
-    (folder / f"pipeline/conf/model/{COPIED}.yaml").write_text(text, encoding="utf-8")
+    model, *_ = (copy_smallest(folder, kind) for kind in KINDS)
+    options = folder / f"pipeline/conf/model/{model}.yaml"
+    text = options.read_text(encoding="utf-8").replace(f"kind: {model}", f"kind: {COPIED}")
+    options.with_stem(COPIED).write_text(text, encoding="utf-8")
     return folder
 
 
 @pytest.mark.slow
 def test_a_copied_model_is_configured_and_fits(project):
-    parameters = (project / "params.yaml").read_text()
-    chosen = re.sub(r"(?m)^models: \[.*?\]", f"models: [additive, {COPIED}]", parameters)
-    (project / "params.yaml").write_text(chosen)
-    done = run("python", "-m", "pipeline", "configure", cwd=project)
-    assert done.returncode == 0, done.stderr
+    set_parameters(project, models=f"[additive, {COPIED}]")
+    succeeds("python", "-m", "pipeline", "configure", cwd=project)
     assert f"kind: {COPIED}" in (project / "data/config.yaml").read_text()
     code = (
         "import numpy as np; from pipeline.models.kinds import build_model, kinds; "
         f"assert '{COPIED}' in kinds(); "
         f"print(build_model({{'kind': '{COPIED}', 'noise_covariance': np.eye(3).tolist()}}))"
     )
-    built = run("python", "-c", code, cwd=project)
-    assert built.returncode == 0 and "ScaledModel" in built.stdout, built.stderr
+    assert "ScaledModel" in succeeds("python", "-c", code, cwd=project)
 
 
 @pytest.mark.slow
-def test_a_copied_figure_and_a_copied_format_are_found_by_their_place(project):
+def test_a_copied_figure_format_and_study_are_found_by_their_place(project):
     code = (
         "from pipeline import formats; from pipeline.figures.drawing import figures_in; "
         "from pipeline.formats.format import formats_in; "
@@ -88,19 +77,14 @@ def test_a_copied_figure_and_a_copied_format_are_found_by_their_place(project):
         "names = [one.name for one in formats_in(formats)]; "
         "print(max(names.count(name) for name in names))"
     )
-    done = run("python", "-c", code, cwd=project)
-    assert (done.returncode, done.stdout.strip()) == (0, "2"), done.stderr
-
-
-@pytest.mark.slow
-def test_a_copied_study_is_a_command_and_a_stage(project):
-    assert f" {COPIED}" in run("python", "-m", "pipeline", "--help", cwd=project).stdout
-    stages = run("dvc", "stage", "list", "--all", "--name-only", cwd=project)
-    assert f"pipeline/studies/{COPIED}/dvc.yaml:{COPIED}" in stages.stdout, stages.stderr
+    assert succeeds("python", "-c", code, cwd=project).strip() == "2"
+    assert f" {COPIED}" in succeeds("python", "-m", "pipeline", "--help", cwd=project)
+    stages = succeeds("dvc", "stage", "list", "--all", "--name-only", cwd=project)
+    assert f"pipeline/studies/{COPIED}/dvc.yaml:{COPIED}" in stages
 
 
 def test_the_way_of_a_take_names_files_and_functions_that_exist():
-    way = re.search(r"^## The way of one take\n(.*?)(?=^## )", PAGE, re.MULTILINE | re.DOTALL)[1]
+    way = section("The way of one take")
     files = [ROOT / name for name in re.findall(r"`(pipeline/[\w/]+\.py)`", way)]
     assert files and all(file.is_file() for file in files)
     code = "\n".join(file.read_text(encoding="utf-8") for file in files)

@@ -161,9 +161,9 @@ class TrialCluster:
         except (CancelledError, CommClosedError):
             raise self._lost() from None
         except KilledWorker as error:
-            ended = f"trials have ended {error.allowed_failures + 1} workers, one after the other"
             raise ComputeError(
-                f"{ended}, as where memory runs out; give the workers more, or have fewer of them",
+                f"{error.allowed_failures + 1} workers ended while they ran a trial, "
+                "as happens when memory runs out; give them more memory, or start fewer a machine",
                 trials=error.task.removesuffix(f"-{self._client.id}"),
             ) from None
         except ImportError as error:
@@ -181,8 +181,11 @@ class TrialCluster:
             raise ComputeError(message, address=self._address) from None
 
     def _lost(self) -> ComputeError:
-        message = "the Dask scheduler has been lost; start it anew and run the stage again"
-        return ComputeError(message, address=self._address)
+        return ComputeError(
+            "the connection to the Dask scheduler is lost; start it again and rerun the stage; "
+            "earlier results are unchanged",
+            address=self._address,
+        )
 
 
 def _by_value() -> Callable:
@@ -206,8 +209,8 @@ def run_on_worker(shared: bytes, block: list[bytes]) -> tuple[float, list[bytes]
         # a library that only one side has is left to its import
         if there.get(name, state) != state:
             raise ComputeError(
-                f"a worker might not give the same bytes: {name} is {there[name]} there and "
-                f"{state} here; start it anew as {OPTION} says",
+                f"a worker may compute other bytes: {name} is {there[name]} there and "
+                f"{state} here; restart it as {OPTION} says",
                 worker=worker.address,
             )
     begin = time.perf_counter()

@@ -96,7 +96,7 @@ def _by_processes(function: bytes, trials: Iterator, workers: int, label: str) -
                 yield from map(pickle.loads, results)
     except TerminatedWorkerError:
         raise ComputeError(
-            "a worker process has been ended from outside, as happens where memory runs out; "
+            "a worker process was killed, as happens when memory runs out; "
             "choose fewer workers, or compute: serial",
             trials=label,
         ) from None

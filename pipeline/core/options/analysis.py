@@ -24,9 +24,9 @@ class Filter:
 
 @options()
 class ArticulationSection:
-    gamma1: NotNegative
-    gamma2: NotNegative
-    length_range: Annotated[float, Field(ge=0, lt=1)]  # share of the nominal length
+    gamma1: NotNegative  # weight of a mean over points
+    gamma2: NotNegative  # weight of a sum over three segments; 1 and 1/3 weigh two means alike
+    length_range: Annotated[float, Field(gt=0, lt=1)]  # share of the nominal length
     minimum_points: Count  # a frame with fewer points of the arm is a gap
     max_gap: Whole  # frames in a row that may be gaps
     end_point: Literal["commanded", "fitted"]  # end of the tool's segment

@@ -55,15 +55,15 @@ class Mocap:
 
 @options()
 class Workspace:
-    """The part of the scene that is the arm (:class:`pipeline.perception.segment.Crop`)."""
+    """The part of the scene that is the arm: distances in m, in the frame of its plane."""
 
-    half_depth: float  # m
-    girth: float  # m
-    column_half_width: float  # m
-    column_top: float  # m
-    floor: float  # m
-    min_pixels: int
-    max_points: int
+    half_depth: float  # |y| of the arm's surface at most, the sensor's noise included
+    girth: float  # how far the arm's surface may lie beyond the reach of its nodes
+    column_half_width: float  # the turntable: |x − x(O1)| at most, …
+    column_top: float  # … and z − z(O1) at most
+    floor: float  # z of what the arm stands on
+    min_pixels: int  # a connected patch of fewer, or points of a cloud, is no part of the arm
+    max_points: int  # points a frame is thinned to
 
 
 @options(kw_only=True)

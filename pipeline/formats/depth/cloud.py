@@ -47,7 +47,7 @@ class PointCloud:
     viewpoint: tuple[float, ...] = UNTURNED
     # surplus_bytes behind the points that the header announces
     counts: dict[str, int] = field(default_factory=dict)
-    version: str = ""  # of the format
+    format: str = ""  # with its version
     organised: str = ""  # columns × rows
 
     @classmethod

@@ -80,9 +80,9 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
         stated = {sheet.unit(n) for n, label in enumerate(sheet.labels) if axis_of(label) in axes}
         if len(stated := stated - {None}) == 1:
             units[quantity] = stated.pop()
-    more = {name: int(delay[2])} if delay else {}
-    beside = {"serial": serial, "started": started, "more": more, "units": units}
-    return timed_record(sheet, values, options, lambda: _rate(settings, options, sheet), **beside)
+    record = timed_record(sheet, values, options, lambda: _rate(settings, options, sheet))
+    counts = record.counts | ({name: int(delay[2])} if delay else {})
+    return replace(record, serial=serial, started=started, counts=counts, units=units)
 
 
 def _forces_of_gauges(sheet: Sheet, options: ForceLogOptions) -> np.ndarray:
@@ -176,15 +176,12 @@ def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     values = axis_values(sheet, options, units, per_unit)
     timed = replace(options, columns=columns | {"t": "RDT Sequence"})
     named = {k.lower(): settings[f"{k} Units"] for k in kinds.values() if f"{k} Units" in settings}
-    record = timed_record(
-        *(sheet, values, timed, lambda: options.rate or positive("RDT Sample Rate", "rate")),
-        started=settings.get("Start Time", ""),
-        units=named,
-    )
+    rate = options.rate
+    record = timed_record(sheet, values, timed, lambda: rate or positive("RDT Sample Rate", "rate"))
     counts = dict(record.counts)
     counts["lost_packets"] = counts.pop("missing_samples")
     counts["status_rows"] = sum(int(word, 16) != 0 for word in status)
-    return replace(record, counts=counts)
+    return replace(record, started=settings.get("Start Time", ""), counts=counts, units=named)
 
 
 def _holds_counts(sheet: Sheet, columns: dict[str, int], options: ForceLogOptions) -> bool:

@@ -246,14 +246,9 @@ def timed_record(
     values: np.ndarray,
     options: ForceLogOptions,
     rate: Callable[[], float],
-    *,
-    serial: str = "",
-    started: str = "",
-    more: Mapping[str, int] | None = None,
-    units: Mapping[str, str] | None = None,
 ) -> ForceRecord:
     """Return the record of ``values`` (N, axes), timed by a column of times or sample numbers, else
-    by the ``rate``; ``more`` are counts beside those of :func:`read_force_table`.
+    by the ``rate``.
     """
     labels = [bare(label) for label in sheet.labels]
     fits = [n for kind in (TIMES, NUMBERS) for n, name in enumerate(labels) if kind.fullmatch(name)]
@@ -271,10 +266,9 @@ def timed_record(
         keep, clocked = read_clock(time, values, sheet.lines, place="line", file=sheet.file)
         time, values = time[keep], values[keep]
         frequency = scale if numbered else rate_of(time)
-    counts = repeats(values) | sheet.counts | clocked | (more or {})
-    stated = serial, started, counts, units or {}
+    counts = repeats(values) | sheet.counts | clocked
     marks = {"separator": sheet.separator, "decimal": sheet.decimal}
-    return ForceRecord(time, *with_torque(values), frequency, *stated, marks)
+    return ForceRecord(time, *with_torque(values), frequency, "", "", counts, {}, marks)
 
 
 def _unit_of_time(sheet: Sheet, column: int, options: ForceLogOptions) -> float:

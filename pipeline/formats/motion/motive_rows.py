@@ -56,7 +56,7 @@ class RowCells:
         """Return the next ``count`` cells."""
         self.place += count
         if (held := len(self.cells)) < self.place:
-            raise ValueError(f"the row has {held} cells where its counts ask for {self.place}")
+            raise ValueError(f"the row has {held} cells where its counts require {self.place}")
         return self.cells[self.place - count : self.place]
 
     def count(self) -> int:

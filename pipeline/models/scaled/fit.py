@@ -75,7 +75,7 @@ def fit_scaled(
     # each joint in units of its own noise and its own speed, as a search needs it
     scale, speed = np.sqrt(np.diag(w.T @ w / len(w))), np.sqrt(np.mean(x**2, axis=0))
     if not np.all(speed > 0):
-        message = "noise that grows with speed cannot be told where a joint never moves"
+        message = "noise that grows with speed cannot be determined where a joint never moves"
         raise ModelDomainError(message, rms_step=speed.tolist())
     rest = ~np.any(x, axis=-1)
     if np.any(rest):  # a singular floor would give the noise a density without bound
@@ -186,7 +186,7 @@ def minimise(
         start = np.concatenate([root(matrix).ravel() for matrix in matrices])
         result = minimize(in_factors, start, jac=True, method="L-BFGS-B", options=SEARCH)
         steepest = float(np.abs(result.jac).max())
-        # its own word is not taken: its line search may stop where values cannot be told apart
+        # its own word is not taken: its line search may stop where values cannot be distinguished
         if not (steepest < FLAT and np.isfinite(result.fun)):
             raise SolverError(
                 "the search over positive semidefinite matrices did not end at a minimum: "

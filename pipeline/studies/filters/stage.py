@@ -22,8 +22,7 @@ from pipeline.core.filters import CLOSED, MEMORY, NONE, closed
 from pipeline.core.options.analysis import Positive
 from pipeline.core.validation import options
 from pipeline.figures import style
-from pipeline.filtering.baselines import autocorrelated_filter
-from pipeline.filtering.linear import linear_filter
+from pipeline.filtering.linear import autocorrelated_filter, linear_filter
 from pipeline.filtering.measurement import Measurements, measurements
 from pipeline.filtering.particle_filter import FilterOptions, particle_filter
 from pipeline.models import kinds
@@ -249,7 +248,7 @@ def draw(filters: pd.DataFrame, filters_lasting: pd.DataFrame) -> Figure:
     run.set_yticks(range(len(ratios)), map(label, dict.fromkeys(errors["filter"])))
     run.set(xlabel="rms error over the\ntraining mean's (1)", xlim=(0, None))
     run.invert_yaxis()
-    run.axvline(1.0, color=grey, linewidth=1.6, label="training mean, or 0.68")
+    run.axvline(1.0, color=grey, linewidth=1.6, zorder=0, label="training mean, or 0.68")
     rows = filters_lasting[filters_lasting["filter"] != NONE]
     rows = rows.assign(ratio=error_ratio(rows), lag=1e3 * rows["sway_time"])
     looks = {

@@ -4,7 +4,8 @@ that tow a load in space.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import fields, replace
 from types import SimpleNamespace
 from typing import Annotated
 
@@ -17,14 +18,25 @@ from pipeline.core import rng
 from pipeline.core.options.analysis import Positive
 from pipeline.core.validation import options
 from pipeline.figures import style
+from pipeline.statistics.takes import paired_difference
 from pipeline.studies.frame import MISSING, Study, Tables, interval, number
 from pipeline.studies.outlook import hexapod as legs
-from pipeline.studies.outlook import towing as cables
 from pipeline.verdicts.wording import table
-from pipeline.wrench.bounds import study_bounds
+from pipeline.wrench.bounds import Bounds, draw_systems, study_bounds
+from pipeline.wrench.matrix import matrix_model, moment_fit
+from pipeline.wrench.parametric import (
+    CableSystem,
+    sample_directions,
+    wrench_covariance,
+    wrench_mean,
+)
+from pipeline.wrench.study import averaged_sigma_s, covariance_errors, variance_errors
 
 Triple = tuple[float, float, float]
 Points = Annotated[list[Triple], Field(min_length=6, max_length=6)]
+PARTS = {"forces": slice(3), "moments": slice(3, 6)}
+# form of Σ_S, and distance from the parametric model
+ERRORS = {"variance": ("diagonal", variance_errors), "covariance": ("full", covariance_errors)}
 
 
 @options()
@@ -63,25 +75,96 @@ def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
     for repeat in range(study.repeats):
         stream = rng.stream(settings.seed, "outlook.towing", repeat)
         sizes = (study.systems, study.test_systems)
-        rows = cables.error_rows(bounds, options.agents, sizes, stream)
+        rows = error_rows(bounds, options.agents, sizes, stream)
         errors += [row | {"repeat": repeat} for row in rows]
     for m in (options.agents[0], options.agents[-1]):
         sizes = (study.systems, options.few, options.recorded)
         stream = rng.stream(settings.seed, "outlook.recorded", m)
-        recorded += cables.recorded_rows(bounds, m, sizes, stream)
+        recorded += recorded_rows(bounds, m, sizes, stream)
     return {
         "hexapod": legs.hexapod_rows(motion, models),
         "towing": pd.DataFrame(errors),
-        "towing_slopes": cables.slope_rows(pd.DataFrame(errors)),
+        "towing_slopes": slope_rows(pd.DataFrame(errors)),
         "towing_recorded": pd.DataFrame(recorded),
     }
+
+
+def lever(bounds: Bounds) -> float:
+    """Return the root mean square distance in m of an attachment from the load's origin."""
+    low, high = bounds.attachment
+    return float(np.sqrt(bounds.dimension * (low**2 + low * high + high**2) / 3))
+
+
+def error_rows(
+    bounds: Bounds, agents: Sequence[int], sizes: tuple[int, int], rng: np.random.Generator
+) -> list[dict[str, object]]:
+    """Return rows of the table ``towing`` of one repeat: for each number of cables Σ_S is averaged
+    over ``sizes[0]`` systems and held against ``sizes[1]`` fresh ones.
+    """
+    rows = []
+    for m, stream in zip(agents, rng.spawn(len(agents)), strict=True):
+        drawn, fresh = (
+            draw_systems(bounds, size, m, stream).in_units_of(lever(bounds)) for size in sizes
+        )
+        model, due = matrix_model(fresh), wrench_covariance(fresh)
+        estimates, shift = averaged_sigma_s(drawn), model.mean() - wrench_mean(fresh)
+        for part, block in PARTS.items():
+            own, row = due[:, block, block], {"part": part, "agents": m}
+            for error, (form, distance) in ERRORS.items():
+                modelled = model.covariance(estimates[form].mean)[:, block, block]
+                row[error] = distance(modelled, own).mean()
+            std = np.sqrt(np.trace(own, axis1=-2, axis2=-1))
+            row["shift"] = np.mean(np.linalg.norm(shift[:, block], axis=-1) / std)
+            rows.append(row)
+    return rows
+
+
+def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
+    """Return the table ``towing_slopes``: least-squares slopes of the log errors over log m, with
+    Student's interval over the repeats.
+    """
+    rows = []
+    for part, own in errors.groupby("part", sort=False):
+        for error in ERRORS:
+            means = np.log(own.pivot(index="agents", columns="repeat", values=error))
+            slopes = np.polyfit(np.log(means.index.to_numpy(float)), means.to_numpy(), 1)[0]
+            rows.append((part, error, *paired_difference(slopes, np.zeros_like(slopes))))
+    return pd.DataFrame(rows, columns=["part", "error", "slope", "low", "high"])
+
+
+def recorded_rows(
+    bounds: Bounds, agents: int, sizes: tuple[int, int, int], rng: np.random.Generator
+) -> list[dict[str, object]]:
+    """Return rows of the table ``towing_recorded``: errors over ``sizes[1]`` systems with Σ_S from
+    bounds (the mean over ``sizes[0]`` systems), and with Σ_S and Ψ_S from ``sizes[2]`` recorded
+    directions of each cable of the very system.
+    """
+    size = lever(bounds)
+    sigma_s = averaged_sigma_s(draw_systems(bounds, sizes[0], agents, rng).in_units_of(size))
+    drawn = draw_systems(bounds, sizes[1], agents, rng).in_units_of(size)
+    due, bounded, known = [], [], []
+    for k in range(sizes[1]):
+        parts = (getattr(drawn, field.name) for field in fields(drawn))
+        system = CableSystem(*(part if part is None else part[k] for part in parts))
+        directions = sample_directions(system.direction, system.concentration, sizes[2], rng)
+        fit = moment_fit(np.einsum("mnp,kmp->knm", system.maps(), directions))
+        model = matrix_model(system)
+        bounded.append(model.covariance(sigma_s["full"].mean))
+        known.append(replace(model, jacobian=fit.mean, psi=fit.psi).covariance(fit.sigma_s))
+        due.append(wrench_covariance(system))
+    return [
+        {"part": part, "agents": agents, "known": name, "error": covariance_errors(*own).mean()}
+        for part, block in PARTS.items()
+        for name, modelled in (("bounds", bounded), ("directions", known))
+        for own in [[np.array(each)[:, block, block] for each in (modelled, due)]]
+    ]
 
 
 def facts(tables: Tables, options: Options) -> dict[str, object]:
     """Return the fields of the page."""
     motion, errors = tables["hexapod"], tables["towing"]
     ends = motion.groupby("model", sort=False)["rotation"].agg(["first", "last"])
-    means = 100 * errors.groupby(["part", "agents"])[[*cables.ERRORS, "shift"]].mean()
+    means = 100 * errors.groupby(["part", "agents"])[[*ERRORS, "shift"]].mean()
     few, many = errors["agents"].min(), errors["agents"].max()
     known = tables["towing_recorded"].pivot(index=["part", "agents"], columns="known")
     means["directions"], rows = 100 * known["error", "directions"], []
@@ -90,9 +173,9 @@ def facts(tables: Tables, options: Options) -> dict[str, object]:
         rows.append([name, *(f"{means.loc[(part, m), column]:.3g}" for m in (few, many)), slope])
 
     for row in tables["towing_slopes"].itertuples():
-        form, slope = cables.ERRORS[row.error][0], interval(row.slope, row.low, row.high)
+        form, slope = ERRORS[row.error][0], interval(row.slope, row.low, row.high)
         add(f"{row.error} of {row.part}, {form} Σ_S", row.part, row.error, slope)
-    for part in cables.PARTS:
+    for part in PARTS:
         add(f"covariance of {part}, Σ_S and Ψ_S of recorded directions", part, "directions")
         add(f"mean of {part}, over the standard deviation", part, "shift")
     header = ["error of the matrix model (%)", f"m = {number(few)}", f"m = {number(many)}", "slope"]
@@ -129,9 +212,9 @@ def draw(hexapod: pd.DataFrame, towing: pd.DataFrame) -> Figure:
     rotation.set(
         xlabel="share of the motion (1)", ylabel="std of the rotation (mrad)", ylim=(0, None)
     )
-    means = 100 * towing.groupby(["part", "agents"])[list(cables.ERRORS)].mean()
+    means = 100 * towing.groupby(["part", "agents"])[list(ERRORS)].mean()
     for part, color in (("forces", blue), ("moments", style.VERMILLION)):
-        for error, dashes in zip(cables.ERRORS, ("-", "--"), strict=True):
+        for error, dashes in zip(ERRORS, ("-", "--"), strict=True):
             look = {"color": color, "marker": "o", "ms": 2.5, "label": f"{error} of {part}"}
             wrench.plot(means.loc[part, error], dashes, **look)
     wrench.set(xscale="log", yscale="log", xlabel="number of cables", ylabel="error (%)")

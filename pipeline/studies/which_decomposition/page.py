@@ -32,8 +32,8 @@ QUANTITIES = {
 }
 PHI_LATER = [name for name, rows in PLAIN.items() if rows[0] != 2]
 SHOWN = (PIVOTED, "lu_xzp", "lu_zxp", QR, QR_TRANSPOSED)  # in the page's table
-LEVEL = """- With σ̂_B by moments, which forces the trace, the standard deviations of the joints are,
-  in mrad: {}.
+LEVEL = """- With σ̂_B by moments, which forces the trace, the standard deviations of the joints
+  are, in mrad: {}.
 """
 
 

@@ -113,7 +113,7 @@ def _feasible(
     task = coin if loop else np.full(count, kind == "task line")
     axes[task] = np.einsum("pij,psj->psi", chain.jacobian(q)[task], axes[task])
     start = np.where(task[:, None], chain.pose(q), q)
-    elbow = np.sign(chain.determinant(q))
+    elbow = np.sign(np.linalg.det(chain.jacobian(q)))
     share = law.draw(coin & (not loop), rng)
     once = rng.uniform(*law.once, count)
     peak, size = once * rng.uniform(*law.peak, count), np.ones(count)

@@ -161,7 +161,7 @@ def _cloud(finding: Finding, form: Format) -> None:
     read = form.read(read_whole(finding.file), file=finding.file)
     share = round(read.missing / max(len(read.points) + read.missing, 1), 4)
     finding.facts |= {"points": len(read.points), "share_without_position": share}
-    finding.version = read.version
+    finding.version = read.format
     if read.organised:
         finding.facts["organised"] = read.organised
     finding.count(read.counts)
@@ -170,7 +170,7 @@ def _cloud(finding: Finding, form: Format) -> None:
         turn = np.degrees(Rotation.from_quat([x, y, z, w]).as_rotvec())
         angle = float(np.linalg.norm(turn))
         at, about = (" ".join(f"{v + 0.0:.3g}" for v in e) for e in (place, turn / (angle or 1.0)))
-        turned = f"at {at} m, turned by {angle:.4g}° about {about}"
+        turned = f"at {at}, turned by {angle:.4g}° about {about}"
         finding.facts["viewpoint"] = f"{turned}, not applied: points are in the sensor's frame"
     question = "the unit of the coordinates is not stated (1 for metres, 1000 for millimetres)"
     finding.ask(question, UNIT)

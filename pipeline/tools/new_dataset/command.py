@@ -61,17 +61,6 @@ ARGUMENTS = {
 }
 LINE = re.compile(r" *(?P<key>\w+):(?: (?P<value>[^#]*?))?(?: # (?P<hint>.*))?")
 UNPLACED = 12  # recordings that are named although they have no place
-INVENTORY = """\
-# These recordings are read in place: their inventory stands here for them, so that a change of the
-# files reruns what depends on it. It is looked at in every run, as the recordings may not be here.
-vars: ["dataset.yaml:recordings"]
-stages:
-  inventory:
-    wdir: ../../..
-    cmd: python -m pipeline inventory "${{recordings}}" data/raw/{name}/inventory.csv
-    always_changed: true
-    outs: [data/raw/{name}/inventory.csv: {{cache: false, persist: true}}]
-"""
 
 
 def run(name: str, folder: Path | None, set: Sequence[str], **options: Any) -> None:
@@ -143,7 +132,7 @@ def open_dataset(
     texts = dataset_texts(name, recorded, folder, answered)
     filling = Filling(Draft(dict(zip(files, texts, strict=True))), recorded, folder)
     if files[0].parent.resolve() not in folder.resolve().parents:
-        filling.beside[inventory] = INVENTORY.format(name=name)
+        filling.beside[inventory] = _template("inventory.yaml", name)
     return filling
 
 
@@ -156,13 +145,17 @@ def dataset_texts(
     """
     known = known_values(name, recorded, folder)
     known |= dict.fromkeys(known.keys() & {*answered}, OPEN)
-    template = Path(__file__).with_name("template.yaml").read_text(encoding="utf-8")
-    texts = template.replace("{name}", name).split("---\n")
+    texts = _template("template.yaml", name).split("---\n")
     texts = ["\n".join(_filled(text, known)) + "\n" for text in texts]
     if unplaced := [path_text(one, folder) for one in recorded.unplaced]:
         more = f" … ({len(unplaced)})" if len(unplaced) > UNPLACED else ""
         texts[0] += f"# not placed: {', '.join(unplaced[:UNPLACED])}{more}\n"
     return texts
+
+
+def _template(file: str, name: str) -> str:
+    text = Path(__file__).with_name(file).read_text(encoding="utf-8")
+    return text.replace("{name}", name)
 
 
 def _filled(text: str, known: Mapping[str, Any]) -> Iterator[str]:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import particles
-from measured_take import Take
 from particles.collectors import Moments
-from wishart_take import take_of
+from takes import Take, take_of
 
 CONFIGURATION = (
     "the law of a step in NumPy, all particles at once; `particles.SMC` with systematic "
@@ -32,8 +31,8 @@ class Motion(particles.FeynmanKac):
         return self.take.log_likelihood(t, x) if t in self.take.y else np.zeros(len(x))
 
 
-def setup(count, **told):
-    motion = Motion(take_of(**told))
+def setup(count, **plain):
+    motion = Motion(take_of(**plain))
 
     def call() -> list:
         filtered = particles.SMC(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from datetime import datetime, timedelta
 
 import numpy as np
-from measured_take import Take
 from stonesoup.base import Property
 from stonesoup.models.measurement.base import MeasurementModel
 from stonesoup.models.transition.base import TransitionModel
@@ -15,7 +14,7 @@ from stonesoup.types.detection import Detection
 from stonesoup.types.hypothesis import SingleHypothesis
 from stonesoup.types.state import ParticleState, StateVectors
 from stonesoup.updater.particle import ParticleUpdater
-from wishart_take import take_of
+from takes import Take, take_of
 
 START, STEP = datetime(2017, 1, 1), timedelta(milliseconds=10)
 CONFIGURATION = (
@@ -32,24 +31,22 @@ class Motion(TransitionModel):
     """Moved by the model: a state vector is (n, P)."""
 
     take: Take = Property()
+    rvs = pdf = None  # abstract there, not used by a particle filter
 
     @property
     def ndim_state(self):
         return len(self.take.start_mean)
 
     def function(self, state, noise=False, time_interval=None, **kwargs):
-        q = self.take.step(
-            step_at(state.timestamp + time_interval), np.asarray(state.state_vector, dtype=float).T
-        )
-        return StateVectors(q.T)
-
-    rvs = pdf = None  # abstract there, not used by a particle filter
+        q = np.asarray(state.state_vector, dtype=float).T
+        return StateVectors(self.take.step(step_at(state.timestamp + time_interval), q).T)
 
 
 class Sensor(MeasurementModel):
     """Weighted by the frames."""
 
     take: Take = Property()
+    rvs = pdf = None
 
     @property
     def ndim_meas(self):
@@ -59,24 +56,20 @@ class Sensor(MeasurementModel):
         return state.state_vector
 
     def logpdf(self, state1, state2, **kwargs):
-        return self.take.log_likelihood(
-            step_at(state1.timestamp), np.asarray(state2.state_vector, dtype=float).T
-        )
-
-    rvs = pdf = None  # abstract there, not used by a particle filter
+        q = np.asarray(state2.state_vector, dtype=float).T
+        return self.take.log_likelihood(step_at(state1.timestamp), q)
 
 
-def setup(count, **told):
-    take = take_of(**told)
+def setup(count, **plain):
+    take = take_of(**plain)
     predictor, joints = ParticlePredictor(Motion(take)), len(take.start_mean)
     # the estimate is formed before resampling, as everywhere else
     sensor = Sensor(ndim_state=joints, mapping=tuple(range(joints)), take=take)
     updater, resampler = ParticleUpdater(sensor), ESSResampler()
 
     def call() -> list:
-        state = ParticleState(
-            StateVectors(take.start(count).T), weight=np.full(count, 1 / count), timestamp=START
-        )
+        particles, weight = StateVectors(take.start(count).T), np.full(count, 1 / count)
+        state = ParticleState(particles, weight=weight, timestamp=START)
         means = [np.ravel(state.mean).tolist()]
         for k in range(1, len(take.steps) + 1):
             state = predictor.predict(state, timestamp=START + k * STEP)

@@ -15,12 +15,13 @@ import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.core.errors import ConfigError
+from pipeline.core.options.analysis import ArticulationSection
 from pipeline.core.rng import stream
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.models.model import open_loop
 from pipeline.models.wishart.law import WishartModel
-from pipeline.perception.articulation import ArticulationOptions, fit_sequence
+from pipeline.perception.articulation import fit_sequence
 
 LINKS = np.array([[0.0, 0.155], [0.135, 0.0], [0.0, 0.17]])
 ARM = PlanarChain(
@@ -49,7 +50,7 @@ def articulated(number: int) -> bytes:
         points = (nodes[:-1, None] * (1 - along) + nodes[1:, None] * along).reshape(-1, 2)
         clouds.append(points + 0.004 * random.standard_normal(points.shape))
         ends.append(nodes[-1])
-    options = ArticulationOptions(min_points=50)
+    options = ArticulationSection(1.0, 1 / 3, 0.05, 50, 3, "commanded", 2)
     return fit_sequence(clouds, ARM.origin, np.array(ends), ARM, options, START).q.tobytes()
 
 

@@ -98,7 +98,7 @@ def write(folder: Path, *arguments: object, **options: object) -> Path:
 
 def seen(file: Path) -> str:
     """The text that ``inspect`` prints of ``file``."""
-    return as_table(inspect(file), file.parent)
+    return " ".join(as_table(inspect(file), file.parent).split())
 
 
 @pytest.mark.parametrize(("unit", "scale"), [("mm", 1e3), ("MM", 1e3), ("cm", 100.0), ("m", 1.0)])

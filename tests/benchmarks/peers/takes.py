@@ -1,0 +1,180 @@
+"""One take of the robot arm as a user of another library would write it down, in NumPy, all
+particles at once: the law of a step under the Wishart model, and the likelihood of a measurement.
+Joint limits and singular poses are left out, to the peers' advantage.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import linalg, stats
+
+ROWS = 6  # m of the pose of a tip in space
+
+
+def take_of(law, **plain) -> Take:
+    """The take of `scenario.Take.plain`, moved by ``law``."""
+    return (PlanarTake if "links" in plain else SpatialTake)(law, **plain)
+
+
+class Take:
+    """A motion of M steps of n joints; subclasses ``move(q, command)`` the particles."""
+
+    def __init__(self, steps, start_mean, start_covariance, seen, y, covariance) -> None:
+        self.steps = np.array(steps)  # (M, m), or (M, m + n) of more joints than task rows
+        self.start_mean, self.start_covariance = np.array(start_mean), np.array(start_covariance)
+        self.y = dict(zip(seen, np.array(y), strict=True))  # by the step that a frame falls on
+        self.precision = np.linalg.inv(covariance)
+        self.rng = np.random.default_rng(1)
+
+    def start(self, count: int) -> np.ndarray:
+        """(P, n) particles before the first step."""
+        return self.rng.multivariate_normal(self.start_mean, self.start_covariance, count)
+
+    def step(self, k: int, q: np.ndarray) -> np.ndarray:
+        """(P, n) particles after step k = 1 … M, from those before."""
+        return self.move(q, self.steps[k - 1])
+
+    def log_likelihood(self, k: int, q: np.ndarray) -> np.ndarray:
+        """(P,) log density, up to a constant, of the frame that falls on step k."""
+        error = self.y[k] - q
+        return -0.5 * np.einsum("pi,pi->p", error @ self.precision, error)
+
+    def inverse_action(self, a: np.ndarray) -> np.ndarray:
+        """(m, P) B⁻¹a = r·R·[z, zT] of ``a`` (m, P): two χ² and m − 1 normals a particle, no matrix
+        drawn.
+        """
+        (m, count), d = a.shape, self.d
+        r = np.sqrt((a * a).sum(axis=0))
+        z = d / self.rng.chisquare(d - m + 1, count)
+        t = self.rng.standard_normal((m - 1, count))
+        t /= np.sqrt(self.rng.chisquare(d - m + 2, count))
+        # R by the Householder reflection that takes the first axis to ±a/r
+        mirror = a.copy()
+        mirror[0] += np.copysign(r, a[0])
+        action = a - (mirror[1:] * t).sum(axis=0) / (r + np.abs(a[0])) * mirror
+        action[1:] += r * t
+        return z * action
+
+
+class PlanarTake(Take):
+    """A motion of a planar arm of three joints: the exact law, or the paper's Algorithm 1."""
+
+    def __init__(self, law, links, signs, sigma_b, **plain) -> None:
+        super().__init__(**plain)
+        self.move = {"closed form": self.closed_form, "Algorithm 1": self.algorithm_1}[law]
+        self.links, self.signs = np.array(links), np.array(signs)
+        self.d = 4 / sigma_b**2  # (n + 1)/σ_B²
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """(P, 3, 3) rows x, z, φ."""
+        heading = np.cumsum(q * self.signs, axis=1)
+        sine, cosine = np.sin(heading), np.cos(heading)
+        x = cosine * self.links[:, 0] + sine * self.links[:, 1]
+        z = cosine * self.links[:, 1] - sine * self.links[:, 0]
+        jacobian = np.empty((len(q), 3, 3))
+        # each joint turns all that comes after it
+        jacobian[:, 0] = self.signs * np.cumsum(z[:, ::-1], axis=1)[:, ::-1]
+        jacobian[:, 1] = -self.signs * np.cumsum(x[:, ::-1], axis=1)[:, ::-1]
+        jacobian[:, 2] = self.signs
+        return jacobian
+
+    def closed_form(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Draw B⁻¹a between the factors of J."""
+        upper, a = eliminated(self.jacobian(q), v)
+        return q + back_substituted(upper, self.inverse_action(a)).T
+
+    def algorithm_1(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Draw B, solve J₁BJ₂q̇ = v: the paper's steps by the libraries' functions."""
+        first, second = linalg.lu(self.jacobian(q), permute_l=True)
+        b = stats.wishart.rvs(self.d, np.eye(3) / self.d, size=len(q), random_state=self.rng)
+        right = np.broadcast_to(v, q.shape)[..., None]
+        return q + np.linalg.solve(first @ b @ second, right)[..., 0]
+
+
+def eliminated(jacobian: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """U (3, 3, P) and a = J₁⁻¹v (3, P) of the LU decomposition with partial pivoting of all J
+    (P, 3, 3).
+    """
+    rows = np.empty((3, 4, len(jacobian)))
+    rows[:, :3] = jacobian.transpose(1, 2, 0)
+    rows[:, 3] = v[:, None]
+    pivot = np.abs(rows[:, 0]).argmax(axis=0)
+    first = np.where(pivot == 0, rows[0], np.where(pivot == 1, rows[1], rows[2]))
+    second = np.where(pivot == 1, rows[0], rows[1])
+    third = np.where(pivot == 2, rows[0], rows[2])
+    second = second - second[0] / first[0] * first
+    third = third - third[0] / first[0] * first
+    exchanged = np.abs(third[1]) > np.abs(second[1])
+    second, third = np.where(exchanged, third, second), np.where(exchanged, second, third)
+    third = third - third[1] / second[1] * second
+    upper = np.stack([first, second, third])
+    return upper[:, :3], upper[:, 3]
+
+
+def back_substituted(upper: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """(m, P) solutions of Ux = ``right`` (m, P), U (m, m, P)."""
+    x = np.empty_like(right)
+    for r in reversed(range(len(right))):
+        x[r] = (right[r] - (upper[r, r + 1 :] * x[r + 1 :]).sum(axis=0)) / upper[r, r]
+    return x
+
+
+class SpatialTake(Take):
+    """A motion of an arm in space of n revolute joints, by QR of Jᵀ; its task is the tip's pose."""
+
+    def __init__(self, law, placements, sigma_b, **plain) -> None:
+        super().__init__(**plain)
+        assert law == "closed form"
+        placements = np.array(placements)  # (n + 1, 12)
+        self.turns, self.ways = placements[:, :9].reshape(-1, 3, 3), placements[:, 9:]
+        self.d = (ROWS + 1) / sigma_b**2
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """(6, n, P) rows of velocity and angular velocity, the particles last."""
+        joints, count = q.shape[1], len(q)
+        sine, cosine = np.sin(q.T), np.cos(q.T)
+        turned, point = np.repeat(np.eye(3)[:, :, None], count, axis=2), np.zeros((3, count))
+        axes, points = np.empty((2, joints, 3, count))
+        for j in range(joints):
+            point = point + np.einsum("ikp,k->ip", turned, self.ways[j])
+            turned = np.einsum("ikp,kj->ijp", turned, self.turns[j])
+            axes[j], points[j] = turned[:, 2], point
+            turned[:, 0], turned[:, 1] = (
+                turned[:, 0] * cosine[j] + turned[:, 1] * sine[j],
+                turned[:, 1] * cosine[j] - turned[:, 0] * sine[j],
+            )
+        way = point + np.einsum("ikp,k->ip", turned, self.ways[joints]) - points
+        jacobian = np.empty((ROWS, joints, count))
+        for row, (y, z) in enumerate(((1, 2), (2, 0), (0, 1))):
+            jacobian[row] = axes[:, y] * way[:, z] - axes[:, z] * way[:, y]
+            jacobian[3 + row] = axes[:, row]
+        return jacobian
+
+    def move(self, q: np.ndarray, command: np.ndarray) -> np.ndarray:
+        """q + w + Qᵀ(B⁻¹L⁻¹v − Qw), J = LQ, of the ``command`` v, or v and w."""
+        lower, rows = factorised(self.jacobian(q))
+        step = self.inverse_action(solved(lower, command[:ROWS]))
+        if len(command) == ROWS:
+            return q + np.einsum("rjp,rp->pj", rows, step)
+        w = command[ROWS:]
+        return q + w + np.einsum("rjp,rp->pj", rows, step - np.einsum("rjp,j->rp", rows, w))
+
+
+def factorised(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """L (6, 6, P) and Q (6, n, P), in its place, of J = LQ of all J (6, n, P), by Gram–Schmidt."""
+    lower = np.zeros((ROWS, ROWS, jacobian.shape[2]))
+    for r, row in enumerate(jacobian):
+        for s in range(r):
+            lower[r, s] = np.einsum("jp,jp->p", row, jacobian[s])
+            row -= lower[r, s] * jacobian[s]
+        lower[r, r] = np.sqrt(np.einsum("jp,jp->p", row, row))
+        row /= lower[r, r]
+    return lower, jacobian
+
+
+def solved(lower: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(6, P) solutions of Lx = ``v`` (6,)."""
+    x = np.empty(lower.shape[1:])
+    for r in range(ROWS):
+        x[r] = (v[r] - np.einsum("sp,sp->p", lower[r, :r], x[:r])) / lower[r, r]
+    return x

@@ -1,0 +1,184 @@
+"""Runs that are killed, spread over a cluster or queued: the results are those of a run left alone,
+or what pipeline/core/compute/README.md documents.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from io import StringIO
+from pathlib import Path
+from subprocess import TimeoutExpired
+from time import monotonic, sleep
+
+import pandas as pd
+import pytest
+from omegaconf import OmegaConf
+from project_copy import (
+    GIT,
+    ROOT,
+    SMOKE,
+    copy_project,
+    copy_reproduced,
+    outputs,
+    reruns,
+    run,
+    set_parameters,
+    succeeds,
+)
+
+pytestmark = pytest.mark.slow
+
+# raw files, tables and trials in workers lie before the end of the last of them
+KILLED = ("choose", "configure", "record", "files", "ingest@motion", "ingest@depth", "track")
+LAST = "articulate"
+# what appears as a stage is in the midst of its work, or has ended and DVC takes what it wrote into
+# its cache
+MOMENTS = (
+    "data/raw/youbot/.recordings.partial/kinect",
+    "data/ingest/.motion.partial/markers.parquet",
+    "data/track/joints.parquet",
+    "data/.articulate.partial",
+)
+SPREAD = ("data/raw/youbot/dvc.yaml:record", "articulate", "filter@wishart")
+PATIENCE = 120  # s; a worker that has nothing to do ends by itself sooner
+LONGEST = 400  # s that the two experiments may take
+# what was set, and what came of it
+SET, FITTED = "overrides.models.wishart.decomposition", "sigma_b"
+
+
+def stages_of(folder: Path, place: str = "") -> dict[str, dict]:
+    """The stages of a lock file, in its order."""
+    return OmegaConf.to_container(OmegaConf.load(folder / place / "dvc.lock"))["stages"]
+
+
+def kill_when(moment: Path, cwd: Path) -> None:
+    """Start ``dvc repro`` and kill it and all that it started, without notice, as soon as
+    ``moment`` exists.
+    """
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    command, environment = ["dvc", "repro", LAST], os.environ | {"PATH": path}
+    running = subprocess.Popen(command, cwd=cwd, env=environment, start_new_session=True, **streams)
+    try:
+        end = monotonic() + PATIENCE
+        while not moment.exists():
+            assert running.poll() is None and monotonic() < end, moment
+            sleep(0.001)
+    finally:
+        if running.poll() is None:
+            os.killpg(running.pid, signal.SIGKILL)
+    # a run that had ended could not be killed
+    assert running.wait() == -signal.SIGKILL
+
+
+def test_a_run_killed_at_any_moment_completes_to_the_same_bytes(reproduced, tmp_path):
+    folder, alone = tmp_path / "killed", tmp_path / "left alone"
+    copy_project(folder)
+    set_parameters(folder, **SMOKE)
+    # nor does what an earlier run left half-written enter
+    for left in ("data/.track.partial", "data/ingest/depth", "data/.files.partial"):
+        (folder / left).mkdir(parents=True)
+        (folder / left / "stray.parquet").write_text("half a table")
+    for moment in MOMENTS:
+        assert not (folder / moment).exists()
+        kill_when(folder / moment, folder)
+    assert (folder / MOMENTS[-1]).exists()
+    succeeds("dvc", "repro", LAST, cwd=folder)
+    expected = outputs(reproduced, *KILLED, LAST)
+    assert len(expected) == 8 and outputs(folder, *KILLED, LAST) == expected
+    files = [*folder.glob("data/**/*")]
+    assert not [file for file in files if file.match(".*.partial") or file.match("stray.parquet")]
+    # and to the lock file of a run left alone, whatever the order in which they ran
+    lock = (folder / "dvc.lock").read_text()
+    head, *entries = re.split(r"^  (?=\S)", lock, flags=re.MULTILINE)
+    (folder / "dvc.lock").write_text(head + "".join(f"  {entry}" for entry in entries[::-1]))
+    alone.mkdir()
+    for name in ("params.yaml", "dvc.yaml", "dvc.lock", "pipeline"):
+        (alone / name).symlink_to(reproduced / name)
+    locks = []
+    for project in (folder, alone):
+        succeeds("python", "-m", "pipeline", "lock", cwd=project)
+        entries = stages_of(project).items()
+        locks.append([entry for entry in entries if entry[0] in (*KILLED, LAST)])
+    assert locks[0] == locks[1] and len(locks[1]) == 7
+
+
+def test_stages_write_the_same_bytes_on_a_cluster_and_the_choice_of_it_invalidates_none(
+    reproduced, tmp_path
+):
+    folder = copy_reproduced(reproduced, tmp_path / "copy")
+
+    def hashes() -> list[str]:
+        places = [stage.rpartition("/dvc.yaml:") for stage in SPREAD]
+        stages = [stages_of(folder, place)[name] for place, _, name in places]
+        return [out["md5"] for stage in stages for out in stage["outs"]]
+
+    before = hashes()
+    set_parameters(folder, compute="dask", overrides="{compute: {workers: 2}}")
+    assert reruns(folder) == set()
+    for stage in SPREAD:
+        said = succeeds("dvc", "repro", "--force", "--single-item", stage, cwd=folder)
+        assert "2 worker(s) of tcp://127.0.0.1:" in said
+    assert hashes() == before
+
+
+def documented() -> list[list[str]]:
+    """The commands of the page's block on queues, in their order."""
+    page = (ROOT / "pipeline/core/compute/README.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```sh\n(.*?)```", page, re.DOTALL)
+    (block,) = (block for block in blocks if "--queue" in block)
+    return [shlex.split(line, comments=True) for line in block.splitlines()]
+
+
+@pytest.fixture
+def queueing(reproduced: Path, tmp_path: Path):
+    """A copy to queue experiments in; no worker of its queue is left behind."""
+    folder = copy_reproduced(reproduced, tmp_path / "copy")
+    succeeds(*GIT, "commit", "-aqm", "copy", "--allow-empty", cwd=folder)
+    yield folder
+    run("dvc", "queue", "stop", cwd=folder)
+    patient_until = monotonic() + PATIENCE
+    while "0 active, 0 idle" not in succeeds("dvc", "queue", "status", cwd=folder):
+        assert monotonic() < patient_until
+        sleep(1)
+
+
+def test_a_sweep_is_queued_run_shown_and_applied_and_the_workspace_stays_until_then(queueing):
+    copy = queueing
+    queue_decompositions, queue_seeds, status, run_all, show, apply = documented()
+    succeeds(*queue_decompositions, cwd=copy)
+    # a range ends before its second number
+    seeds = re.findall(r"'seed=(\d+)'", succeeds(*queue_seeds, cwd=copy))
+    assert seeds == ["1", "2", "3"]
+    shown = succeeds(*status, cwd=copy)
+    queued = re.findall(r"^\w{7}\s+(\S+)\s.*Queued", shown, re.MULTILINE)
+    assert len(queued) == 5
+    # those of the seeds would run everything anew
+    assert "Removed" in succeeds("dvc", "queue", "remove", *queued[2:], cwd=copy)
+    # DVC's worker at times reads a message that is half written and waits ever after; what it ran
+    # is judged all the same
+    with suppress(TimeoutExpired):
+        succeeds(*run_all, cwd=copy, seconds=LONGEST)
+    assert succeeds("git", "status", "--porcelain", cwd=copy) == ""
+
+    shown = pd.read_csv(StringIO(succeeds(*show, cwd=copy)))
+    assert shown.rev.tolist()[:2] == ["workspace", "main"]
+    experiments = shown[2:].set_index("Experiment")
+    assert set(experiments.index) == set(queued[:2])
+    assert set(experiments[SET]) == {"qr", "qr_transposed"}
+    # each decomposition is another law and has another σ_B at the recorded level
+    assert shown[FITTED].nunique() == 3
+
+    (chosen,) = experiments.index[experiments[SET] == "qr_transposed"]
+    succeeds(*apply[:-1], chosen, cwd=copy)
+    wishart = OmegaConf.load(copy / "data/config.yaml").models.wishart
+    assert wishart.decomposition == "qr_transposed"
+    status = succeeds("git", "status", "--porcelain", cwd=copy).splitlines()
+    changed = {line[3:] for line in status if not line[3:].startswith("reports/")}
+    assert changed == {"params.yaml", "data/config.yaml", "dvc.lock"}
