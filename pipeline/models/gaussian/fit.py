@@ -211,8 +211,8 @@ class StepMeans:
         return float(self.norms[takes].mean() / self.speeds[takes].mean())
 
     def fit(self, takes: np.ndarray) -> GaussianFit:
-        """(α̂, û) by moments: for every u = ``largest``·(1 + EXTENSIONS) the α of the recorded total
-        variance of the ``takes``, and of these the u of the variance's course over time.
+        """(α̂, û) by moments: for every u = ``largest``·(1 + EXTENSIONS) the α of the recorded
+        total variance of the ``takes``, and of these the u of the variance's course over time.
 
         Minimised is Σ_k (α²g_k − t_k)² in rad⁴, t_k the trace of the sample covariance of ω at step
         k less the measurement's, under mean α²g_k = mean t_k; raises as :class:`TakeVariances`.

@@ -298,8 +298,8 @@ def _by_problems(squares: np.ndarray, takes: np.ndarray) -> dict[str, float]:
 
 
 def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
-    """σ̂_B of greatest Σ ln p(q̃_{k+1} | q̃_k) over the steps with a command, p the exact density of
-    a step plus the measurement noise, without which the slowest steps would decide.
+    """σ̂_B of greatest Σ ln p(q̃_{k+1} | q̃_k) over the steps with a command, p the exact density
+    of a step plus the measurement noise, without which the slowest steps would decide.
 
     Raises SingularJacobianError and ModelDomainError.
     """

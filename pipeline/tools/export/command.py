@@ -25,6 +25,7 @@ from pipeline.models.exported import FORMAT, chain_record
 from pipeline.models.joint_steps_fit import LEAST_SHARE, PLAIN, fit_joint_steps
 from pipeline.models.other_motions import MotionSteps, joint_ranges, motion_of, pooled
 from pipeline.models.steps import Recorded
+from pipeline.randommatrix.wishart import largest_dispersion
 from pipeline.recordings.motions import logged_motions
 from pipeline.recordings.steps import fitted_ranges, training_steps
 from pipeline.tools.export.reader_file import NAME, reader_source
@@ -210,7 +211,6 @@ def require_told(model: str, parameters: dict[str, Any], recorded: Recorded) -> 
     """Raise ModelDomainError where the steps of ``recorded`` cannot tell a gain that grows with the
     speed of a joint, as the joint hardly moved, and for a Wishart model without a covariance.
     """
-    m, sigma_b = len(recorded.chain.task), parameters.get("sigma_b", 0.0)
     if parameters["kind"] == "scaled":
         most = np.abs(recorded.chain.nominal_step(recorded.q, recorded.v)).max(axis=(0, 1))
         least, steps = LEAST_SHARE * most.max(), zip(recorded.joints, most, strict=True)
@@ -223,7 +223,8 @@ def require_told(model: str, parameters: dict[str, Any], recorded: Recorded) -> 
                 f"{', '.join(still)}, where {least:.2g} rad is required; export scaled_all or "
                 "scaled_t, which all motions are fitted to, or record a motion in which they move"
             )
-    elif parameters["kind"] == "wishart" and sigma_b >= (limit := np.sqrt((m + 1) / (m + 3))):
+    limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
+    if parameters["kind"] == "wishart" and (sigma_b := parameters.get("sigma_b", 0.0)) >= limit:
         raise ModelDomainError(
             f"{model}: sigma_b {sigma_b:.3g} is not below {limit:.3g}, where a step has a "
             "covariance; the recordings give no Wishart model to predict with"
