@@ -84,14 +84,16 @@ def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str
     if not BLOCK.search(text):
         message = "the lines <!-- results --> and <!-- /results --> are missing; put them back"
         raise ContractError(message, file="README.md")
-    counts = _counts(here, decided).replace(" / ", "/")
-    lines = [TEXT["readme"].format(name=here.dataset, counts=counts)]
+    lines = [TEXT["readme"].format(name=here.dataset, counts=_counts(here, decided))]
     if ours := here.metrics.get("fit_wishart", {}).get("sigma_b"):
         claims = {verdict.claim.id: verdict.claim for verdict in decided[0].verdicts}
-        lines.append(f"σ̂_B {number(ours)} (published {claims['sigma-b'].published}).")
+        published = claims["sigma-b"].published
+        lines.append(
+            f"The Wishart model's dispersion σ̂_B is {number(ours)}; printed is {published}."
+        )
     if "predictions" in here.tables:
         best = plain_name(scores.log_scores(here)["mean"].idxmax())
-        lines.append(f"Highest log score of the next pose: {best}.")
+        lines.append(f"The {best} predicts the next pose best (highest log score).")
     return BLOCK.sub(lambda _: "\n".join([*lines, ""]), text)
 
 

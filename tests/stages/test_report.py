@@ -76,7 +76,7 @@ def test_the_results_in_the_readme_are_those_of_the_default_dataset_on_the_paper
     before = Path("README.md").read_text()
     report.run()
     after = Path("README.md").read_text()
-    assert "hold/fail" in BLOCK.search(after)[0]
+    assert "hold / fail" in BLOCK.search(after)[0]
     assert BLOCK.sub("", after) == BLOCK.sub("", before)
     run = replace(read_run(YOUBOT), scale="smoke")
     YOUBOT.write_text(run.to_json())

@@ -69,8 +69,8 @@ def test_the_results_of_the_readme_stand_between_its_marks(decided):
     before, after = "A.\n\n<!-- results -->\n", "<!-- /results -->\n\nB.\n"
     text = report_page.readme_with_results(f"{before}earlier\n{after}", RUNS[0], decided)
     assert text.startswith(before) and text.endswith(after) and "earlier" not in text
-    assert "hold/fail: no recording: 1/0; youBot, synthetic: 0/1; UR5, real: 0/1.\n" in text
-    assert "σ̂_B 0.227 (published 0.25).\n" in text
+    assert "no recording: 1 / 0; youBot, synthetic: 0 / 1; UR5, real: 0 / 1.\n" in text
+    assert "σ̂_B is 0.227; printed is 0.25.\n" in text
     assert report_page.readme_with_results(text, RUNS[0], decided) == text
     with pytest.raises(ContractError, match="put them back"):
         report_page.readme_with_results(before, RUNS[0], decided)
