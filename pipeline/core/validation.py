@@ -98,7 +98,8 @@ def _faults(error: ValidationError, structure: type, section: str) -> list[Confi
 def _fault(error: Any, structure: type, section: str) -> ConfigError:
     """Fault of one of pydantic's ``error``s: key, value, what is allowed and the nearest of it."""
     place, kind, given = [*error["loc"]], error["type"], error["input"]
-    if place and isinstance(place[0], int) and is_dataclass(structure):  # given by position
+    by_position = kind != "invalid_key" and is_dataclass(structure)
+    if place and isinstance(place[0], int) and by_position:
         place[0] = fields(structure)[place[0]].name
     place, context = [str(part) for part in place], error.get("ctx", {})
     cause, known = context.get("error"), []

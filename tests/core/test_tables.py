@@ -167,7 +167,7 @@ def test_takes_are_stacked_in_the_order_of_the_table_where_all_have_the_same_row
     np.testing.assert_array_equal(contracts.stacked(takes(3, 3), "q")[1], values[..., ::-1])
     interleaved = takes(3, 3).sort_values("q:base", key=lambda q: q % 3)
     for wrong in (takes(3, 2), takes(2, 3, 1), takes(), interleaved):
-        with pytest.raises(ContractError, match="one after the other"):
+        with pytest.raises(ContractError, match="consecutive rows"):
             contracts.stacked(wrong, "q")
 
 

@@ -150,7 +150,7 @@ def test_covariances_that_are_none_and_cables_without_tension_are_refused():
     rng = np.random.default_rng(8)
     with pytest.raises(ModelDomainError, match="Σ_S"):
         sample_wrenches(MODEL, np.array([[1.0, 2.0], [2.0, 1.0]]), 3, rng)
-    with pytest.raises(ModelDomainError, match="alike"):
+    with pytest.raises(ModelDomainError, match="need variance"):
         moment_fit(np.tile(MODEL.jacobian, (5, 1, 1)))
     with pytest.raises(ModelDomainError, match="tension"):
         slack = planar_cables(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))

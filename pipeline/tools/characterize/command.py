@@ -25,6 +25,7 @@ from pipeline.core.typed_yaml import read_yaml
 from pipeline.figures import noise_quantiles
 from pipeline.figures.style import save
 from pipeline.models.other_motions import other_motions
+from pipeline.recordings import quality
 from pipeline.recordings.motions import logged_motions
 from pipeline.stages import fit, ingest, predict, track
 from pipeline.tools.check.command import get_filled
@@ -183,7 +184,7 @@ def _results(
         return motions, dict(scored.tables), {}
     names = [file.stem for file in predict.OUT.glob("*.parquet")]
     tables = {name: contracts.read(name, predict.OUT) for name in names}
-    tables["takes"] = contracts.read("takes", track.OUT)
+    tables["takes"] = quality.side_by_side(contracts.read("takes", track.OUT))
     recorded = contracts.read("joints", track.OUT)["take"].nunique()
     metrics = {"motion": {"recorded_takes": int(recorded)}}
     for model in settings.models:
