@@ -47,7 +47,7 @@ def test_a_gap_and_a_bad_clock_leave_two_takes_out_of_all_that_follows(project, 
     before = read("joints", "track")
     file = Path("data/ingest/motion/markers.parquet")
     markers = pd.read_parquet(file)
-    hidden = (markers["take"] == "train_001") & (markers["link"] == 2)
+    hidden = (markers["take"] == "train_001") & (markers["link"] > 0)  # one alone is solved
     markers.loc[hidden & markers["k"].between(50, 90), ["x", "y", "z"]] = np.nan
     markers.to_parquet(file, index=False)
     # the camera's clock loses seven in a hundred, where the estimate to first order still tells
