@@ -57,7 +57,7 @@ def test_a_gap_and_a_bad_clock_leave_two_takes_out_of_all_that_follows(project, 
     frames.to_parquet(file, index=False)
     track.run()
     said = capsys.readouterr().out
-    for words in ("2 of ", "train_001 (longest_gap 41 beyond 20)", "test_001 (clock_drift 0."):
+    for words in ("2 of ", "train_001 (", "longest_gap 41 beyond 20)", "test_001 (clock_drift 0."):
         assert words in said
     stay = before[~before["take"].isin(["train_001", "test_001"])].reset_index(drop=True)
     pd.testing.assert_frame_equal(read("joints", "track"), stay)
