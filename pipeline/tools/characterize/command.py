@@ -194,6 +194,7 @@ def _results(
 
 def _stage(run: Callable[..., None], *words: str) -> None:
     """Run a stage whose messages go to the file LOG."""
-    print(f"characterize: stage {run.__module__.rpartition('.')[2]} {' '.join(words)}", flush=True)
+    name = run.__module__.rpartition(".")[2]
+    print(" ".join(["characterize: stage", name, *words]), flush=True)
     with LOG.open("a", encoding="utf-8") as log, redirect_stdout(log):
         run(*words)
