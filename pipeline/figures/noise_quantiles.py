@@ -1,9 +1,9 @@
 """Quantiles of the noise of a step, held out, against those of the normal law.
 
-Orange and black: the two speed-scaled models. A panel for each joint: noise in the standard
-deviations that a plain model predicted, of motions that it was not fitted to. Noise as predicted
-and normal lies on the grey line; where the tails bend away from it, few steps hold most of the
-variance.
+Black: speed-scaled; orange: speed-scaled, Student's t; blue: distance-scaled, Student's t.
+A panel for each joint: noise in the standard deviations that a plain model predicted, of motions
+that it was not fitted to. Noise as predicted and normal lies on the grey line; where the tails bend
+away from it, few steps hold most of the variance.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ NEEDS = "robot with recorded steps"
 LINES = {
     "scaled_all": {"color": style.BLACK, "label": "speed-scaled"},
     "scaled_t": {"color": style.VERMILLION, "ls": "--", "label": "speed-scaled, t"},
+    "distance_t": {"color": style.BLUE, "ls": "-.", "label": "distance-scaled, t"},
 }
 
 
 def draw(noise_quantiles: pd.DataFrame) -> Figure:
-    """Table ``noise_quantiles``: a panel for each joint, a line for each speed-scaled model."""
+    """Table ``noise_quantiles``: a panel for each joint, a line for each of three plain models."""
     joints = list(dict.fromkeys(noise_quantiles["joint"]))
     across = style.beside(len(joints))
     lines = -(-len(joints) // across)

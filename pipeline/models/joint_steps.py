@@ -1,9 +1,11 @@
 """Plain models of a joint step: noise that depends on the commanded step of the joints alone.
 
-    ω_j = s_j(q̇_j)·e_j,   s_j² = r_j² + a_j + b_jq̇_j²,   q̇ the commanded step in rad,
+    ω_j = s_j(q̇_j)·e_j,   s_j² = r_j² + a_j + b_j|q̇_j|ᵖ,   q̇ the commanded step in rad,
 
-r_j what the recordings resolve, a_j at rest, b_j the share of the own step (0: additive; else
-speed-scaled). e is normal with correlation R between the joints, or Student's t with ν_j degrees of
+r_j what the recordings resolve, a_j at rest, b_j the gain (0: additive). p = 2 is the speed-scaled
+law, whose standard deviation is a share of the step; p = 1 is the distance-scaled law, whose
+variance is proportional to the angle travelled, as if each part of the way added noise of its own.
+e is normal with correlation R between the joints, or Student's t with ν_j degrees of
 freedom for each joint alone. No Jacobian is needed. A gain b_j that the recordings cannot tell is
 NaN: a step beyond those that were seen is then refused.
 """
@@ -37,6 +39,7 @@ class JointStepModel(NormalModel):
     reach: np.ndarray  # (n,) greatest commanded step that was seen, rad
     degrees: np.ndarray  # (n,) ν
     correlation: np.ndarray  # (n, n) R of normal noise; I for Student's t
+    power: float = 2.0  # p
 
     def scale(self, dq: np.ndarray) -> np.ndarray:
         """(..., n) s in rad for commanded steps ``dq`` (..., n) in rad.
@@ -59,7 +62,9 @@ class JointStepModel(NormalModel):
                     "motion in which it moves",
                     joint=self.joints[j],
                 )
-        return np.sqrt(self.resolution**2 + self.floor + np.nan_to_num(self.gain) * dq**2)
+        return np.sqrt(
+            self.resolution**2 + self.floor + np.nan_to_num(self.gain) * np.abs(dq) ** self.power
+        )
 
     def covariance_of_joint_step(self, dq: np.ndarray) -> np.ndarray:
         """(..., n, n) rad² for commanded steps ``dq`` (..., n) in rad; refused as :meth:`scale`."""
@@ -130,8 +135,9 @@ def build_joint_steps(parameters: dict[str, Any]) -> JointStepModel:
     values = {each.name: parameters[each.name] for each in fields(JointStepModel)}
     for name, absent in ABSENT.items():
         values[name] = [absent if each is None else each for each in values[name]]
-    joints = tuple(values.pop("joints"))
-    return JointStepModel(joints, **{name: np.array(each, float) for name, each in values.items()})
+    joints, power = tuple(values.pop("joints")), float(values.pop("power"))
+    arrays = {name: np.array(each, float) for name, each in values.items()}
+    return JointStepModel(joints, **arrays, power=power)
 
 
 def student_log_density(

@@ -4,9 +4,9 @@ and the parameters that the steps cannot tell.
 A gain b_j has a number if at least :data:`LEAST_STEPS` steps of the joint are at least
 :data:`LEAST_SHARE` of the reference step, the greatest commanded step of any joint, and if the
 variance predicted at the reference step has a standard error of at most :data:`BOUND` of itself.
-The standard error is that of the Fisher information of (a_j, b_j), ½Σ V⁻²[1, q̇²; q̇², q̇⁴] for
-normal noise, divided by (kurtosis − 1)/2 as tails tell less, and times ν/(ν + 3) for Student's t;
-steps count as independent.
+The standard error is that of the Fisher information of (a_j, b_j), ½Σ V⁻²[1, |q̇|ᵖ; |q̇|ᵖ, q̇²ᵖ]
+for normal noise, divided by (kurtosis − 1)/2 as tails tell less, and times ν/(ν + 3) for Student's
+t; steps count as independent.
 """
 
 from __future__ import annotations
@@ -23,12 +23,15 @@ from pipeline.models.joint_steps import JointStepModel
 LEAST_STEPS, LEAST_SHARE, BOUND = 20, 0.1, 0.5
 UNRESOLVED = 1e-2  # of a joint's rms noise, below which noise counts as not resolved
 DEGREES = (3.0, 100.0)  # of ν: below the variance is decided by few steps, above it is normal
-# model → True where its noise grows with the step, True where it has Student's tails
+# model → power p of the step by which its variance grows, 0 where it does not, True where it has
+# Student's tails
 PLAIN = {
-    "additive_all": (False, False),
-    "scaled_all": (True, False),
-    "additive_t": (False, True),
-    "scaled_t": (True, True),
+    "additive_all": (0.0, False),
+    "scaled_all": (2.0, False),
+    "distance_all": (1.0, False),
+    "additive_t": (0.0, True),
+    "scaled_t": (2.0, True),
+    "distance_t": (1.0, True),
 }
 
 
@@ -54,7 +57,8 @@ def fit_joint_steps(
     ``pose_noise`` is the stated standard deviation of a measured angle in rad, ``start`` a fit at
     which the search begins. Raises ModelDomainError where there is no noise at all or no step.
     """
-    scaled, student = PLAIN[name]
+    power, student = PLAIN[name]
+    scaled = power > 0
     rms = np.sqrt(np.mean(noise**2, axis=0)) if len(noise) else np.zeros(len(joints))
     if not np.all(np.isfinite(rms)) or not np.any(rms > 0):
         raise ModelDomainError("the recorded steps have no noise", steps=len(noise))
@@ -63,14 +67,15 @@ def fit_joint_steps(
     reach, reference = np.abs(dq).max(axis=0), float(np.abs(dq).max())
     rows, untold = [], []
     for j, joint in enumerate(joints):
-        w, x = noise[:, j], dq[:, j]
+        w, x = noise[:, j], np.abs(dq[:, j])
         first = None if start is None else (start.floor[j], start.gain[j], start.degrees[j])
-        a, b, nu = _fit_joint(w, x, least[j], scaled, student, first)
+        grown = x**power
+        a, b, nu = _fit_joint(w, grown, least[j], scaled, student, first)
         if scaled:
-            moved = int(np.sum(np.abs(x) >= LEAST_SHARE * reference))
-            relative = _relative_error(w, x, a, b, nu, least[j], reference)
+            moved = int(np.sum(x >= LEAST_SHARE * reference))
+            relative = _relative_error(w, grown, a, b, nu, least[j], reference**power)
             if moved < LEAST_STEPS or not relative <= BOUND:
-                (a, _, nu), b = _fit_joint(w, x, least[j], False, student), np.nan
+                (a, _, nu), b = _fit_joint(w, grown, least[j], False, student), np.nan
                 found = f"standard error {relative:.2g} of the variance at {reference:.2g} rad"
                 if moved < LEAST_STEPS:
                     found = f"{moved} steps of at least {LEAST_SHARE * reference:.2g} rad"
@@ -82,7 +87,8 @@ def fit_joint_steps(
         rows.append((a, b, nu))
     floor, gain, degrees = np.array(rows).T
     identity = np.eye(len(joints))
-    model = JointStepModel(tuple(joints), least, floor, gain, reach, degrees, identity)
+    shape = (floor, gain, reach, degrees, identity, power or 2.0)
+    model = JointStepModel(tuple(joints), least, *shape)
     z = noise / model.scale(dq)
     moment = z.T @ z / len(z)
     std = np.sqrt(np.diag(moment))
@@ -95,16 +101,16 @@ def fit_joint_steps(
 
 def _fit_joint(
     w: np.ndarray,
-    x: np.ndarray,
+    grown: np.ndarray,
     least: float,
     scaled: bool,
     student: bool,
     start: tuple[float, float, float] | None = None,
 ) -> tuple[float, float, float]:
-    """a in rad², b and ν of one joint's noise ``w`` (N,) at steps ``x`` (N,) in rad."""
+    """a in rad², b and ν of one joint's noise ``w`` (N,) in rad where |q̇|ᵖ is ``grown`` (N,)."""
     from scipy.optimize import minimize
 
-    unit, pace = max(float(np.mean(w**2)), least**2), max(float(np.mean(x**2)), 1e-300)
+    unit, pace = max(float(np.mean(w**2)), least**2), max(float(np.mean(grown)), 1e-300)
     floor, scaled = least**2 / unit, scaled and pace > 1e-300
     used, begin = np.array([True, scaled, student]), np.log([0.5, 0.5, 5.0])
     bounds = np.array([(np.log(1e-3 * floor), 9.0), (np.log(1e-6), 14.0), np.log(DEGREES)])
@@ -116,7 +122,7 @@ def _fit_joint(
     found = minimize(
         _negative_log_likelihood,
         begin[used],
-        args=(w**2 / unit, x**2 / pace, floor, scaled, student),
+        args=(w**2 / unit, grown / pace, floor, scaled, student),
         jac=True,
         method="L-BFGS-B",
         bounds=bounds[used],
@@ -128,11 +134,11 @@ def _fit_joint(
 
 
 def _negative_log_likelihood(
-    theta: np.ndarray, w2: np.ndarray, x2: np.ndarray, floor: float, scaled: bool, student: bool
+    theta: np.ndarray, w2: np.ndarray, grown: np.ndarray, floor: float, scaled: bool, student: bool
 ) -> tuple[float, np.ndarray]:
     """−mean ln p but for a constant of normal noise, and its slopes by ln a, ln b and ln ν."""
     a, b = np.exp(theta[0]), np.exp(theta[1]) if scaled else 0.0
-    variance = floor + a + b * x2
+    variance = floor + a + b * grown
     z = w2 / variance
     if student:
         from scipy.special import digamma, gammaln
@@ -147,23 +153,23 @@ def _negative_log_likelihood(
         value = np.mean(-0.5 * np.log(variance) - 0.5 * z)
         slope = 0.5 * (z - 1) / variance
     slopes = [a * slope.mean()]
-    slopes += [b * np.mean(slope * x2)] if scaled else []
+    slopes += [b * np.mean(slope * grown)] if scaled else []
     slopes += [nu * by_nu] if student else []
     return -float(value), -np.array(slopes)
 
 
 def _relative_error(
-    w: np.ndarray, x: np.ndarray, a: float, b: float, nu: float, least: float, reference: float
+    w: np.ndarray, grown: np.ndarray, a: float, b: float, nu: float, least: float, reference: float
 ) -> float:
-    """Standard error of the variance at a step of ``reference`` rad, as a share of it."""
-    variance = least**2 + a + b * x**2
+    """Standard error of the variance where |q̇|ᵖ is ``reference``, as a share of it."""
+    variance = least**2 + a + b * grown
     z2 = w**2 / variance
     kurtosis = np.mean(z2**2) / np.mean(z2) ** 2
     tails = nu / (nu + 3) if np.isfinite(nu) else 2 / max(float(kurtosis) - 1, 2.0)
-    rows = np.stack([1 / variance, (x / reference) ** 2 / variance])
+    rows = np.stack([1 / variance, grown / reference / variance])
     information = 0.5 * tails * rows @ rows.T
     scale = np.sqrt(np.diag(information))
     if not np.all(scale > 0) or np.linalg.cond(information / np.outer(scale, scale)) > 1e12:
         return np.inf
     errors = np.linalg.inv(information)
-    return float(np.sqrt(errors.sum()) / (least**2 + a + b * reference**2))
+    return float(np.sqrt(errors.sum()) / (least**2 + a + b * reference))

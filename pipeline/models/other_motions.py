@@ -184,7 +184,8 @@ def _parameters(fits: Mapping[str, JointStepFit]) -> pd.DataFrame:
         known = np.isfinite(own.degrees) & ~np.isin(own.joints, unknown)
         columns = {
             "at_rest_rad": np.sqrt(own.resolution**2 + own.floor),
-            "share_of_step": np.sqrt(own.gain) if PLAIN[name][0] else np.nan,
+            "share_of_step": np.sqrt(own.gain) if PLAIN[name][0] == 2 else np.nan,
+            "per_angle_rad": own.gain if PLAIN[name][0] == 1 else np.nan,
             "degrees": np.where(known, own.degrees, np.nan),
             "greatest_step_rad": own.reach,
         }

@@ -8,7 +8,13 @@ from pipeline.verdicts.run import Run
 from pipeline.verdicts.wording import TEXTS, number, plain_name, table
 
 EACH = "each"  # the mean over all held-out motions
-SCALED, STUDENT = ("scaled_all", "scaled_t"), ("additive_t", "scaled_t")
+# what a standard deviation of the noise is, by the beginning of the model's name
+STD = {"additive": "a_j", "scaled": "√(a_j² + b_j²·Δq_j²)", "distance": "√(a_j² + c_j·|Δq_j|)"}
+# its gain: symbol, column, factor and unit
+GAINS = {
+    "scaled": ("b_j", "share_of_step", 100, "%"),
+    "distance": ("c_j", "per_angle_rad", 1e6, "µrad"),
+}
 MANY, OFF = 0.5, 4.0  # share of held-out spreads that may be off by more than this factor
 MOVING = 0.1  # of a joint's greatest recorded spread, above which a held-out spread counts
 STILL = 0.1  # of the greatest joint speed, below which a joint counts as standing still
@@ -66,15 +72,17 @@ def answer(run: Run) -> str:
 
 
 def _formula(model: str, known: pd.DataFrame) -> str:
-    scaled, card = model in SCALED, TEXTS["card"]
-    std = "√(a_j² + b_j²·Δq_j²)" if scaled else "a_j"
-    text = card["formula"].format(std=std, law=card["student" if model in STUDENT else "normal"])
+    (kind, tails), card = model.split("_"), TEXTS["card"]
+    text = card["formula"].format(std=STD[kind], law=card["student" if tails == "t" else "normal"])
     cells = {"joint": known["joint"]}
     cells["a_j"] = [f"{1e6 * value:.3g} µrad" for value in known["at_rest_rad"]]
-    if scaled:
-        share = known["share_of_step"]
-        cells["b_j"] = [f"{100 * b:.3g} %" if pd.notna(b) else "not known" for b in share]
-    if model in STUDENT:
+    if kind in GAINS:
+        symbol, column, factor, unit = GAINS[kind]
+        cells[symbol] = [
+            f"{factor * each:.3g} {unit}" if pd.notna(each) else "not known"
+            for each in known[column]
+        ]
+    if tails == "t":
         cells["ν_j"] = known["degrees"]
     return f"{text}\n\n{table([*cells], zip(*cells.values(), strict=True))}"
 

@@ -123,7 +123,7 @@ def tables() -> dict[str, pd.DataFrame]:
         "sigma_b_weights": pd.DataFrame(points, columns=names).assign(model="wishart"),
         "noise_quantiles": stacked(
             pd.DataFrame({"model": model, "joint": joint, "normal": normal, "noise": normal**3})
-            for model in ("scaled_all", "scaled_t")
+            for model in ("scaled_all", "scaled_t", "distance_t")
             for joint in JOINTS
         ),
         "takes": stacked(

@@ -10,6 +10,7 @@ import pytest
 from planar_poses import chain
 
 from pipeline.core import config
+from pipeline.models.joint_steps_fit import PLAIN
 from pipeline.models.other_motions import EACH, MotionSteps, other_motions
 from pipeline.verdicts.recommendation import recommended
 
@@ -17,15 +18,18 @@ __all__ = ["chain"]
 JOINTS, RATE = ("a", "b", "c"), 100.0
 
 
-def motion(number: int, moving: tuple[int, ...] = (0, 1, 2), *, tails=None, scaled=True):
-    """Five takes of a motion through regular poses; noise of 2 % of the step and 20 µrad."""
+def motion(number: int, moving: tuple[int, ...] = (0, 1, 2), *, tails=None, law="scaled"):
+    """Five takes of a motion through regular poses; noise of 2 % of the step and 20 µrad, or of
+    another growth with the step.
+    """
     rng = np.random.default_rng(number)
     share = (1 - np.cos(np.pi * np.arange(121) / 120)) / 2
     far = np.zeros(3)
     far[list(moving)] = rng.uniform(0.2, 0.5, len(moving))
     path = np.array([0.3, 1.4, -0.4]) + share[:, None] * far
     dq = np.tile(np.diff(path, axis=0), (5, 1, 1))
-    std = np.sqrt(2e-5**2 + (0.02 * dq) ** 2) if scaled else np.full_like(dq, 5e-5)
+    grown = {"additive": 4e-9, "scaled": (0.02 * dq) ** 2, "distance": 1e-6 * np.abs(dq)}
+    std = np.sqrt(np.broadcast_to(2e-5**2 + grown[law], dq.shape))
     e = rng.standard_normal(dq.shape) if tails is None else rng.standard_t(tails, dq.shape)
     q = path[:-1] + 1e-4 * rng.standard_normal((5, 1, 3))
     return MotionSteps(str(number), np.broadcast_to(q, dq.shape), dq, std * e)
@@ -38,15 +42,16 @@ def chosen(motions) -> tuple[str | None, str, dict[str, pd.DataFrame]]:
 
 
 @pytest.mark.parametrize(
-    ("tails", "scaled", "allowed"),
+    ("tails", "law", "allowed"),
     [
-        (None, True, {"scaled_all", "scaled_t"}),
-        (4.0, True, {"scaled_t"}),
-        (4.0, False, {"additive_t", "scaled_t"}),
+        (None, "scaled", {"scaled_all", "scaled_t"}),
+        (4.0, "scaled", {"scaled_t"}),
+        (4.0, "distance", {"distance_t"}),
+        (4.0, "additive", {"additive_t", "scaled_t", "distance_t"}),
     ],
 )
-def test_the_law_of_the_noise_is_recommended_and_its_spread_is_the_measured(tails, scaled, allowed):
-    name, why, tables = chosen([motion(k, tails=tails, scaled=scaled) for k in range(4)])
+def test_the_law_of_the_noise_is_recommended_and_its_spread_is_the_measured(tails, law, allowed):
+    name, why, tables = chosen([motion(k, tails=tails, law=law) for k in range(4)])
     assert name in allowed and "4 held-out motions" in why
     spread = tables["motion_spread"].query("model == @name")
     ratio = spread["predicted_rad"] / spread["measured_rad"]
@@ -71,7 +76,7 @@ def test_a_joint_that_moves_in_the_held_out_motion_alone_is_refused_by_name():
 def test_a_single_motion_tells_nothing_of_another():
     name, why, tables = chosen([motion(1)])
     assert name is None and "one motion" in why
-    assert tables["other_motions"]["motion"].str.startswith("take").sum() == 20
+    assert tables["other_motions"]["motion"].str.startswith("take").sum() == 5 * len(PLAIN)
 
 
 def test_a_matrix_model_is_scored_on_regular_motions_and_refused_at_a_singular_pose(chain):

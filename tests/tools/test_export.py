@@ -34,6 +34,7 @@ PLAIN = {
     "reach": [0.01, 1e-5, 0.01],
     "degrees": [4.0, None, 6.0],
     "correlation": np.eye(3).tolist(),
+    "power": 2.0,
 }
 ALONE = """
 import json, sys

@@ -28,7 +28,9 @@ COLUMNS = {
     "other_motions": "model motion score reason",
     "motion_spread": "motion joint model predicted_rad measured_rad",
     "tails": "model joint kurtosis one_sigma two_sigma three_sigma",
-    "plain_parameters": "model joint at_rest_rad share_of_step degrees greatest_step_rad",
+    "plain_parameters": (
+        "model joint at_rest_rad share_of_step per_angle_rad degrees greatest_step_rad"
+    ),
     "untold": "model parameter joint found required",
     "motions": "motion takes steps moving",
     "motion_ranges": " ".join(RANGE),
@@ -45,7 +47,7 @@ def moved(predicted: float = 1.1e-4, motions: int = 2) -> dict[str, pd.DataFrame
     scores.append(("wishart", "1", np.nan, "the Jacobian is singular at 3 measured pose(s)"))
     scores.append(("wishart", "each", np.nan, ""))
     tails = [(11.5, 0.85, 0.95, 0.991), (44.0, 0.9, 0.96, 0.985)]
-    known = [(2e-6, 0.021, 4.5, 8e-3), (3e-6, np.nan, np.nan, 1e-5)]
+    known = [(2e-6, 0.021, np.nan, 4.5, 8e-3), (3e-6, *3 * [np.nan], 1e-5)]
     rows = {
         "other_motions": scores,
         "motion_spread": [(k, j, m, predicted, 1e-4) for k in names for j in "ab" for m in models],

@@ -221,7 +221,7 @@ def require_told(model: str, parameters: dict[str, Any], recorded: Recorded) -> 
             raise ModelDomainError(
                 f"{model}: the recordings cannot tell how noise grows with the speed of "
                 f"{', '.join(still)}, where {least:.2g} rad is required; export scaled_all or "
-                "scaled_t, which all motions are fitted to, or record a motion in which they move"
+                "distance_t, which all motions are fitted to, or record a motion in which they move"
             )
     limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
     if parameters["kind"] == "wishart" and (sigma_b := parameters.get("sigma_b", 0.0)) >= limit:
