@@ -196,7 +196,7 @@ def add_displacement(
     base's axes. ``block`` has WIDTH poses.
     """
     if np.any(arm.rows > 2):
-        _rotation_vectors(target, block.reshape(-1), count)
+        rotation_vectors(target, block.reshape(-1), count)
     for r in range(len(arm.rows)):
         row, factor = arm.rows[r], share * arm.units[r]
         for i in range(count):
@@ -205,8 +205,8 @@ def add_displacement(
             )
 
 
-@inlined
-def _rotation_vectors(target: np.ndarray, flat: np.ndarray, count: int) -> None:
+@inner
+def rotation_vectors(target: np.ndarray, flat: np.ndarray, count: int) -> None:
     """Fill the rows TURN with the rotation vector of R = R_target·Rᵀ.
 
     By the unit quaternion, whose real part is (1 + tr R)/4 by its square; its angle by half angles

@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arm.interface import ArmConstants
-from pipeline.arm.kinematics import WIDTH, add_displacement, tip
-from pipeline.arm.rows import JOINTS
+from pipeline.arm.kinematics import WIDTH, rotation_vectors, tip
+from pipeline.arm.rows import POSITION, TURN
 from pipeline.core.compiled import compiled, inlined, inner
 from pipeline.core.elementary import exponential, greatest, inner_product, total
 from pipeline.filtering.resampling import resample
@@ -24,9 +23,10 @@ ROWS = 6  # of a displacement of the tip
 
 
 @inner
-def weigh(arm, space, frames, frame, before, q, log_weights, scratch):
+def weigh(arm, space, frames, frame, before, q, log_weights, block, scratch):
     """Add to ``log_weights`` (P,) the log-likelihood of ``frame`` at its share of the way from
-    ``before`` to ``q`` (n, P); ``scratch`` has (n + ROWS + 2, WIDTH) floats or more.
+    ``before`` to ``q`` (n, P); ``scratch`` has (n + ROWS + 2, WIDTH) floats or more, ``block`` the
+    rows of the arm's kinematics.
 
     Poses of the tip need an arm in space, ``space`` not None.
     """
@@ -49,7 +49,7 @@ def weigh(arm, space, frames, frame, before, q, log_weights, scratch):
                     pose[i] = y - pose[i]
         if space is not None:  # else its kinematics are not compiled
             if frames.tip:
-                displacement(arm, measured, scratch, rest, count)
+                displacement(arm, measured, scratch, rest, block, count)
         square[:count] = 0.0
         for j in range(len(white)):
             add_square(white, j, rest, whitened, square, count)
@@ -59,20 +59,17 @@ def weigh(arm, space, frames, frame, before, q, log_weights, scratch):
 
 
 @inner
-def displacement(arm, measured, poses, rest, count):
+def displacement(arm, measured, poses, rest, block, count):
     """Fill ``rest`` (6, count) with the displacements of the ``measured`` tip of ``arm`` from its
-    pose at ``poses`` (n, count).
+    pose at ``poses`` (n, count): in metres and radians, whatever the task.
     """
-    # the whole pose, in metres and radians, whatever the task
-    whole = ArmConstants(
-        arm.plane, arm.frames, arm.sliding, np.arange(ROWS), np.ones(ROWS), arm.least
-    )
-    first = JOINTS + 6 * len(arm.sliding)
-    block = np.empty((first + ROWS, WIDTH))
-    tip(whole, poses, 0, count, block)
-    block[first:] = 0.0
-    add_displacement(whole, measured, block, first, 1.0, count)
-    rest[:, :count] = block[first:, :count]
+    tip(arm, poses, 0, count, block)
+    rotation_vectors(measured, block.reshape(-1), count)
+    for k in range(3):
+        way, turn = rest[k], rest[3 + k]
+        for i in range(count):
+            way[i] = measured[k] - block[POSITION + k, i]
+            turn[i] = block[TURN + k, i]
 
 
 @inlined
@@ -199,7 +196,7 @@ def sequential_importance_sampling(
             clipped[k] = move(law, arm, space, block, v, target, commands.share, before, q, rng)
             outside[k] = keep_inside(domain, before, q, log_weights, scratch[0])
         for frame in range(frames.first[k], frames.first[k + 1]):
-            weigh(arm, space, frames, frame, before, q, log_weights, scratch)
+            weigh(arm, space, frames, frame, before, q, log_weights, block, scratch)
         if outside[k] > 0 or frames.first[k] < frames.first[k + 1]:
             effective, log_total = normalise(log_weights, weights)
             if not np.isfinite(log_total):

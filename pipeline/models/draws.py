@@ -36,18 +36,20 @@ def draw_steps(
     SingularJacobianError at a singular pose, where no model is defined, and ModelDomainError where
     a draw is not finite.
     """
-    chain.require_regular(q)
+    if (space := space_of(chain)) is None:
+        chain.require_regular(q)
     law, commands = model.law(chain), np.array(np.atleast_2d(v), dtype=float, order="C")
     # (M, n, poses under one command): joints come first in memory for the law
     together = q.reshape(-1, len(commands), q.shape[-1])
     before = np.array(np.moveaxis(together, 0, -1), dtype=float, order="C")
     moved = np.empty_like(before)
-    arm, space, block, clipped = chain.numbers(), space_of(chain), block_for(chain), 0
+    arm, block, clipped = chain.numbers(), block_for(chain), 0
     for v_k, q_k, moved_k in zip(commands, before, moved, strict=True):
         clipped += move(law, arm, space, block, v_k, v_k, 0.0, q_k, moved_k, rng)
     drawn = np.moveaxis(moved, -1, 0).reshape(q.shape)
     lost = ~np.isfinite(drawn).all(axis=-1)
     if np.any(lost):
+        chain.require_regular(q)  # a serial chain's step from a singular pose is NaN
         index = tuple(int(i) for i in np.argwhere(lost)[0])
         raise ModelDomainError(
             f"the model has no finite next step at {int(lost.sum())} pose(s); check the command "
