@@ -55,16 +55,21 @@ def motion_of(recorded: Recorded) -> MotionSteps:
 
 
 def recorded_motions(
-    chain: Chain, chosen: Sequence[MotionSteps], joints: Sequence[str], pose_noise: float | None
+    chain: Chain,
+    chosen: Sequence[MotionSteps],
+    joints: Sequence[str],
+    pose_noise: float | None,
+    least: int = 2,
 ) -> Recorded:
-    """The ``chosen`` motions one behind the other, as many takes of each as the least repeated has,
-    as an estimator of a matrix model takes them.
+    """The ``chosen`` motions of at least ``least`` takes one behind the other, as many takes of
+    each as the least repeated has; an estimator of a matrix model needs two.
 
-    Raises SingularJacobianError at a singular pose, ModelDomainError for a single take.
+    Raises SingularJacobianError at a singular pose, ModelDomainError where no motion has so many.
     """
+    chosen = [motion for motion in chosen if len(motion.q) >= least]
+    if not chosen:
+        raise ModelDomainError("a matrix model needs two takes of a motion")
     takes = min(len(motion.q) for motion in chosen)
-    if takes < 2:
-        raise ModelDomainError("a matrix model needs two takes of every motion", takes=takes)
     parts = zip(*([each[:takes] for each in motion[1:]] for motion in chosen), strict=True)
     q, dq, noise = (np.concatenate(each, axis=1) for each in parts)
     chain.require_regular(q, what="measured pose")
@@ -147,7 +152,7 @@ def _matrix_scores(motions, joints, pose_noise, chain, matrix) -> list[tuple]:
         try:
             fitted = recorded_motions(chain, rest, joints, pose_noise)
             model = kinds.estimate(fitted, replace(options, closed_loop=False)).model
-            scored = recorded_motions(chain, [part], joints, pose_noise)
+            scored = recorded_motions(chain, [part], joints, pose_noise, least=1)
             steps = chain, scored.q, scored.v, scored.q_next
             score, reason = float(model.log_density(*steps, fitted.measurement).mean()), ""
         except PipelineError as error:
