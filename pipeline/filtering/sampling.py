@@ -178,8 +178,7 @@ def sequential_importance_sampling(
     outside (M+1,); the log-evidence; and the step at which all weights vanished or −1.
 
     ``law`` moves the particles from their first ``poses`` (n, P) in rad, which are overwritten, and
-    ``frames`` weigh them. Below an effective sample size of ``threshold``·P the ``scheme``
-    resamples.
+    ``frames`` weigh them. Below a sample size of ``threshold``·P the ``scheme`` resamples.
     """
     (n, count), grid = poses.shape, len(commands.v) + 1
     mean, covariance = np.empty((grid, n)), np.empty((grid, n, n))

@@ -12,8 +12,7 @@ from pipeline.models.bootstrap import replicate, resampled_estimator, spreads
 from pipeline.models.kinds import estimate
 from pipeline.models.noise import mean_covariance
 from pipeline.models.steps import Recorded
-from pipeline.models.wishart.law import WishartModel, action_log_density
-from pipeline.randommatrix.wishart import degrees_of_freedom, sample
+from pipeline.models.wishart.law import WishartModel
 from pipeline.studies.recovery.stage import drawn
 
 ADDITIVE = kinds.options_type("additive")("additive", estimator="paper")
@@ -91,24 +90,6 @@ def test_resampled_sums_give_the_estimate_of_the_resampled_takes(
         assert found.from_takes(takes)[name] == pytest.approx(anew, rel=tolerance)
     # control: the last takes have another estimate than all
     assert abs(found.estimates[name] / anew - 1) > max(2e-3, tolerance)
-
-
-def test_the_likelihoods_standard_error_is_what_the_fisher_information_says(chain, poses, step):
-    """The information of one step is the variance of its score, which draws of B give without any
-    fit.
-    """
-    d, action = degrees_of_freedom(0.25, 3), np.tile([1.0, 0.0, 0.0], (50_000, 1))
-    b = sample(d, np.eye(3) / d, (50_000,), np.random.default_rng(7))
-    drawn_action = np.linalg.solve(b, action[..., None])[..., 0]
-    ahead, behind = (
-        action_log_density(drawn_action, action, 4 / (0.25 * np.exp(h)) ** 2) for h in (1e-3, -1e-3)
-    )
-    expected = 0.25 / np.sqrt(np.var((ahead - behind) / 2e-3) * 40 * 20)
-    recorded, rng = wishart(chain, poses, step, 40, 5), np.random.default_rng(4)
-    estimator = resampled_estimator(recorded, LIKELIHOOD, estimate(recorded, LIKELIHOOD))
-    result, _ = spreads([replicate(estimator, 40, rng) for _ in range(100)])
-    assert 0.8 < result["sigma_b"].standard_error / expected < 1.25
-    assert result["sigma_b"].low < 0.25 < result["sigma_b"].high
 
 
 def test_a_replicate_without_an_estimate_is_counted_and_no_number(chain, poses, step):

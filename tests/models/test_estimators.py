@@ -1,18 +1,25 @@
-"""The estimators of the matrix models on takes drawn from known ones, with measurement noise."""
+"""Estimators on takes that are drawn from known models with measurement noise: their parameters
+come back, on arms of any number of joints and task rows, and from another model others come.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from oracles import algorithm_1_steps
+from random_arm import motion, random_arm
 
+from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ModelDomainError
+from pipeline.models import kinds
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import build_model, compared, estimate
 from pipeline.models.model import frobenius
+from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.fit import Options as Wishart
@@ -185,3 +192,101 @@ def test_the_curve_over_the_weight_falls_through_the_moment_estimate(chain, pose
     # without a model there is nothing to draw from
     _, tables = examined(data, options, None, 5, rng)
     assert {*tables["sigma_b_weights"]["source"]} == {"recorded"}
+
+
+COUNT, STEPS = 40, 80  # takes, and steps of each, on the arms below
+every_arm = pytest.mark.parametrize(
+    ("n", "m"), [pytest.param(7, 6, marks=pytest.mark.slow), (3, 2)]
+)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """An arm, a motion of it, and noise of a tenth of the steps' size."""
+
+    arm: SerialChain
+    q: np.ndarray
+    v: np.ndarray
+    covariance: np.ndarray
+
+    @property
+    def measurement(self) -> np.ndarray:
+        """A hundredth of it in the measured pose."""
+        return 1e-2 * np.diag(np.diag(self.covariance))
+
+
+def scene(n: int, m: int) -> Scene:
+    arm = random_arm(n, m)
+    q, v = motion(arm, STEPS, REST)
+    step = np.sqrt(np.mean(np.diff(q[REST:], axis=0) ** 2))
+    root = np.eye(n) + 0.5 * np.random.default_rng(1).standard_normal((n, n)) / np.sqrt(n)
+    return Scene(arm, q, v, (0.1 * step) ** 2 * root @ root.T)
+
+
+def draw(model, arm, q, v, rng) -> np.ndarray:
+    """(N, n) one step after each of the poses ``q`` (N, n), in plain NumPy, of the Wishart model by
+    Algorithm 1: Bartlett's matrices and the pseudo-inverse of J₁BJ₂.
+    """
+    if isinstance(model, WishartModel):
+        return algorithm_1_steps(arm, q, v, model.sigma_b, model.decomposition, rng)
+    covariance = np.broadcast_to(model.covariance(arm, q, v), (*q.shape, q.shape[-1]))
+    values, axes = np.linalg.eigh(covariance)
+    white = np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(q.shape)
+    return q + arm.nominal_step(q, v) + np.matvec(axes, white)
+
+
+def recorded_on(scene: Scene, model) -> Recorded:
+    """Takes of steps that begin at the poses of the motion, measured with noise."""
+    rng, (arm, q) = np.random.default_rng(1), (scene.arm, scene.q[:-1])
+    drawn = [
+        draw(model, arm, np.tile(pose, (COUNT, 1)), command, rng)
+        for pose, command in zip(q, scene.v, strict=True)
+    ]
+    noise = np.swapaxes(drawn, 0, 1) - q - arm.nominal_step(q, scene.v)
+    noise += rng.multivariate_normal(np.zeros(q.shape[1]), scene.measurement, noise.shape[:2])
+    joints = tuple(f"joint_{j}" for j in range(q.shape[1]))
+    return Recorded(arm, np.tile(q, (COUNT, 1, 1)), scene.v, noise, joints, scene.measurement)
+
+
+# beginning of the estimates that are compared, what their sampling leaves and the control's noise
+ESTIMATORS = {
+    ("additive", "estimator", "paper"): ("", 0.15, 1.3),
+    ("additive", "estimator", "shrinkage"): ("", 0.15, 1.3),
+    ("wishart", "decomposition", "qr_transposed"): ("sigma_b", 0.04, 1.12),
+    ("wishart", "decomposition", "pivoted_lu"): ("sigma_b", 0.04, 1.12),
+    # α and u themselves are hardly told apart
+    ("gaussian", "estimator", "paper"): ("noise_level", 0.04, 1.1),
+    ("gaussian", "estimator", "likelihood"): ("noise_level", 0.04, 1.1),
+    ("scaled", "structure", "diagonal"): ("", 0.15, 1.5),
+    ("scaled", "structure", "full"): ("", 0.15, 1.5),
+}
+
+
+@every_arm
+@pytest.mark.parametrize(
+    ("given", "names", "band", "factor"),
+    [(given, *each) for given, each in ESTIMATORS.items()],
+    ids=[f"{given[0]} {given[2]}" for given in ESTIMATORS],
+)
+def test_known_parameters_come_back_on_any_arm_and_others_do_not(n, m, given, names, band, factor):
+    """The control is a model whose noise is a factor larger. Variances and standard deviations by
+    their relative error, covariances by that of the correlation.
+    """
+    (kind, option, value), case = given, scene(n, m)
+    choice = {option: value} | ({"estimator": "likelihood"} if kind == "wishart" else {})
+    options = kinds.options_type(kind)(kind, **choice)
+    (truth,) = kinds.truths(recorded_on(case, ScaledModel(case.covariance)), options, [0.25])
+    model, at = build_model(truth.parameters), (case.arm, case.q[:-1], case.v)
+    variance = np.trace(model.covariance(*at), axis1=-2, axis2=-1).mean()
+
+    def error(model) -> float:
+        found = estimate(recorded_on(case, model), options).estimates
+        errors = []
+        for name, known in truth.values.items():
+            own = name.startswith("sigma_omega") and name[12] != name[13]
+            if name.startswith(names) and not own:
+                scale = 1.0 if name.startswith("correlation") else abs(known)
+                errors.append(abs(found[name] - known) / scale)
+        return max(errors)
+
+    assert error(model) < band < error(model.with_trace(*at, factor**2 * variance))

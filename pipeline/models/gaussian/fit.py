@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
 import pandas as pd
+from numpy.random import Generator
 from pydantic import Field
 
 from pipeline.core import validation
@@ -25,7 +25,14 @@ from pipeline.models.gaussian.law import noise_scale
 from pipeline.models.model import frobenius, task_step
 from pipeline.models.noise import mean_covariance
 from pipeline.models.normal import axis_log_density, principal_axes
-from pipeline.models.steps import Estimate, Recorded, TakeVariances, Truth, moving_steps
+from pipeline.models.steps import (
+    Estimate,
+    Examined,
+    Recorded,
+    TakeVariances,
+    Truth,
+    moving_steps,
+)
 from pipeline.statistics.takes import takes_moments
 
 EXTENSIONS = np.linspace(0.005, 1.0, 200)  # ũ tried, as shares of the greatest ‖J̲⁺‖
@@ -49,9 +56,7 @@ class Options(base.Options):
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
-    """(α, u) by the estimator that ``options`` name; raises what that estimator raises, and
-    ModelDomainError for a motion at rest throughout.
-    """
+    """(α, u) by the estimator of ``options``; ModelDomainError for a motion at rest throughout."""
     squares = _square_speeds(recorded)
     if not np.any(squares):
         message = "the motion is at rest at every step: alpha and u have no effect to fit"
@@ -64,18 +69,17 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
         steps = *takes_moments(recorded.noise), speeds, norms, len(recorded.chain.task)
         fit = fit_distance(*steps, options.beta, EXTENSIONS * norms.max())
         return _estimate(fit, _mean_square(norms**2, squares))
-    means, takes = StepMeans.of(recorded), np.arange(len(recorded.q))
+    means, every = StepMeans.of(recorded), np.arange(len(recorded.q))
     if options.estimator == "moments":
-        fit, from_takes = means.fit(takes), means.fit
+        fit, fit_takes = means.fit(every), means.fit
     else:
         likelihood = fit_likelihood(recorded)
-        fit, from_takes = likelihood.fit, likelihood.from_takes
-    return _estimate(fit, means.mean_square(takes), partial(_of_takes, means, from_takes))
+        fit, fit_takes = likelihood.fit, likelihood.from_takes
 
+    def from_takes(takes: np.ndarray) -> dict[str, float]:
+        return _values(*fit_takes(takes)[:2], means.mean_square(takes))
 
-def _of_takes(means: StepMeans, from_takes: Callable, takes: np.ndarray) -> dict[str, float]:
-    alpha, u = from_takes(takes)[:2]
-    return _values(alpha, u, means.mean_square(takes))
+    return _estimate(fit, means.mean_square(every), from_takes)
 
 
 def compared(options: Options) -> dict[str, Options]:
@@ -126,12 +130,8 @@ def _estimate(fit: GaussianFit, mean_square: float, from_takes=None) -> Estimate
 
 
 def examined(
-    recorded: Recorded,
-    options: Options,
-    estimate: Estimate | None,
-    checks: int,
-    rng: np.random.Generator,
-) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
+    recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
+) -> Examined:
     """The table ``ridge``, and the greatest gap between Σ_k and the solution of the log-det problem
     as printed, at ``checks`` of the steps, evenly spread.
     """
@@ -215,7 +215,7 @@ class StepMeans:
         total variance of the ``takes``, and of these the u of the variance's course over time.
 
         Minimised is Σ_k (α²g_k − t_k)² in rad⁴, t_k the trace of the sample covariance of ω at step
-        k less the measurement's, under mean α²g_k = mean t_k; raises as :class:`TakeVariances`.
+        k less the measurement's, under mean α²g_k = mean t_k.
         """
         speeds, norms = self.speeds[takes].mean(axis=0), self.norms[takes].mean(axis=0)
         traces, measured = self.variances.of_motion(takes)

@@ -1,0 +1,113 @@
+"""Machine code: the same bits on processors of all levels and beside other threads, and loops that
+take several poses at once. Where a loop reads the wrong axis, or LLVM cannot see that rows do not
+overlap, it takes one pose at a time: two to seven times as long.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from compiled_calls import from_python
+from project_copy import ROOT
+from space_arms import revolute_arm
+
+from pipeline.arm import kinematics, planar, rows
+from pipeline.arm.rows import block_rows
+from pipeline.models import kernel
+from pipeline.models.draws import block_for
+
+PROGRAM = """
+import hashlib, sys
+from concurrent.futures import ThreadPoolExecutor
+import numpy as np
+from pipeline.arm.chain import PlanarChain
+from pipeline.filtering.measurement import Measurements
+from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
+from pipeline.models.model import Commands
+from pipeline.models.wishart.decomposition import Decomposition
+from pipeline.models.wishart.law import WishartModel
+
+MIDDLE, ONE = np.array([1.1, -1.6, 1.8]), np.ones(3)
+links = np.array([[0.01, 0.155], [-0.02, 0.135], [0.03, 0.17]])
+arm = PlanarChain(np.zeros(2), links, np.array([1.0, -1.0, 1.0]), MIDDLE - 0.13, MIDDLE + 0.13, ONE)
+path = MIDDLE + 0.1 * np.sin(0.1 * np.arange(31))[:, None]
+v = np.matvec(arm.jacobian(path[:-1]), np.diff(path, axis=0))
+seen = Measurements("take", np.arange(3, 31, 3) * 0.01, path[3::3], np.zeros((10, 3)),
+    np.tile(1e-5 * np.eye(3), (10, 1, 1)))
+
+def bits(decomposition, share):
+    commands = Commands(v, arm.pose(path[:-1]), share)
+    posterior = particle_filter(WishartModel(0.25, Decomposition(decomposition)), arm, commands,
+        0.01, Start(MIDDLE, 4e-3 * np.eye(3)), seen, FilterOptions(1003), np.random.default_rng(5))
+    assert posterior.resampled.any() and posterior.outside.any()
+    return posterior.mean.tobytes() + posterior.covariance.tobytes() + posterior.ess.tobytes()
+
+every = [(name, share) for name in ("pivoted_lu", "qr_transposed", "qr")
+    for share in (0.0, 0.3)]
+with ThreadPoolExecutor(int(sys.argv[1])) as pool:
+    results = list(pool.map(lambda each: bits(*each), every))
+print(hashlib.sha256(b"".join(results)).hexdigest(), len({*results}))
+"""
+
+
+@pytest.mark.slow
+def test_levels_of_processors_and_numbers_of_threads_give_the_same_bits():
+    """The host's own level in two threads, and the next below it that it has in one."""
+
+    def run(level: str, threads: int) -> str:
+        return subprocess.run(
+            [sys.executable, "-c", PROGRAM, str(threads)],
+            cwd=ROOT,
+            env=os.environ | {"NUMBA_CPU_NAME": level},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+
+    newest = " avx512vl" in Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    below = "x86-64-v3" if newest else "x86-64-v2"
+    (bits, different), other = run("host", 2).split(), run(below, 1).split()
+    # control: six filters, six results
+    assert other == [bits, different] and different == "6"
+
+
+def wide(function, *arguments) -> bool:
+    """True where products of several numbers are taken at once, in AVX and wider."""
+    call = from_python(function)
+    call(*arguments)
+    vector = re.compile(r"vmulpd\s.*%[yz]mm")
+    return all(vector.search(assembly) for assembly in call.inspect_asm().values())
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_the_loops_of_a_step_take_several_poses_at_once(chain):
+    spatial, places = revolute_arm(7), block_rows(7, 6)
+    flat, block, first = block_for(chain), block_for(spatial), places.jacobian
+    q, arm, space = np.zeros((7, 256)), chain.numbers(), spatial.numbers()
+    loops = {
+        "planar Jacobian": (planar.planar_jacobian, arm, q[:3], 0, 256, flat),
+        "planar steps": (planar.planar_steps, arm, flat, 256),
+        "planar norm": (planar.planar_inverse_square, flat, 256),
+        "tip": (kinematics.tip, space, q, 0, 64, block),
+        "Jacobian": (kinematics.task_jacobian, space, block, first, 64),
+        "sums of products": (rows.add_dot, block, 0, 1.0, 1, 9, 6, 64),
+        "combinations": (rows.add_combination, block, 0, np.ones(9), 0, 1, 7, 64),
+        "action": (kernel.act, 64.0, block, places, 3, 64),
+    }
+    assert [name for name, call in loops.items() if not wide(*call)] == []
+
+    # control: poses that wait for each other are taken one by one
+    @numba.njit
+    def chained(block, factor):
+        for i in range(1, 64):
+            block[0, i] = factor * block[0, i - 1]
+
+    assert not wide(chained, np.ones((1, 64)), 0.5)

@@ -1,0 +1,303 @@
+"""Every compiled law of one step: its formula in NumPy from the same stream, the law of NumPy's own
+draws, its moments on arms of any size, and the edges of where it is defined: at rest, at and near a
+singular pose, past the bound of the Gaussian model, beyond the joint limits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from oracles import READINGS
+from plain_laws import plain_steps
+from scipy import stats
+from scipy.spatial.transform import Rotation
+
+from pipeline.arm.chain import PlanarChain
+from pipeline.arm.serial import SerialChain
+from pipeline.core.errors import ModelDomainError, SingularJacobianError
+from pipeline.filtering.measurement import Measurements
+from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
+from pipeline.models.draws import draw_steps
+from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.model import Commands, open_loop
+from pipeline.models.scaled.law import ScaledModel
+from pipeline.models.wishart.decomposition import Decomposition, split
+from pipeline.models.wishart.law import WishartModel, step_covariance
+
+COVARIANCE = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
+MEASUREMENT = np.diag([1e-6, 2e-6, 3e-6])
+NORMAL = {
+    "additive": ScaledModel(COVARIANCE),
+    "scaled": ScaledModel(COVARIANCE, np.diag([0.04, 0.05, 0.06])),
+    "timing": ScaledModel(COVARIANCE, np.full((3, 3), 0.04)),
+}
+MATRIX = {  # without noise at rest
+    **{f"wishart {name}": WishartModel(0.25, each) for name, each in READINGS.items()},
+    "gaussian": GaussianModel(0.05, 30.0),
+}
+MODELS = NORMAL | MATRIX
+WIDE = {f"{name}, wide": WishartModel(1.2, each) for name, each in READINGS.items()}
+every_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+# every first pivot of LU occurs, with and without an exchange after it
+ARMS = {
+    "the arm's": (np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]), [1.0, 1.0, -1.0]),
+    "askew and long": (np.array([[0.9, 1.5], [-0.7, 1.3], [0.3, -1.7]]), [-1.0, 1.0, -1.0]),
+}
+POSE, DRAWS, SIGMA_B = np.array([0.4, 1.7, -0.3]), 20_000, 0.2
+
+
+def RNG(seed: int = 1) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def nothing(n: int) -> Measurements:
+    return Measurements("take", np.zeros(0), *np.zeros((2, 0, n)), np.zeros((0, n, n)))
+
+
+@pytest.mark.parametrize("name", ARMS)
+@every_model
+def test_every_compiled_law_is_its_formula_in_numpy(model, name):
+    """And equal streams give equal bits, another stream others."""
+    (links, signs), ends = ARMS[name], np.full((3, 3), 9.0)
+    arm = PlanarChain(np.zeros(2), links, np.array(signs), -ends[0], *ends[1:])
+    q = RNG().uniform(-7, 7, (2000, 3))
+    q = q[np.abs(np.linalg.det(arm.jacobian(q))) > 0.05 * arm.lengths[0] * arm.lengths[1]]
+    for v in np.array([[0.004, -0.003, 0.03], [-0.004, 0.0, 0.0], [0.0, 0.0, 0.0]]):
+        one, other = RNG(2), RNG(2)
+        moved, clipped = draw_steps(model, arm, q, v, one)
+        expected, expected_clipped = plain_steps(model, arm, q, v, other)
+        # by the size of a step: a few come near a singular draw and lead far
+        assert np.max(np.abs(moved - expected) / (1 + np.abs(expected - q))) < 1e-12
+        assert clipped == expected_clipped
+        assert one.bit_generator.state == other.bit_generator.state
+        assert np.array_equal(draw_steps(model, arm, q, v, RNG(2))[0], moved)
+        assert np.array_equal(draw_steps(model, arm, q, v, RNG(3))[0], moved) == (
+            not v.any() and not isinstance(model, ScaledModel)
+        )
+
+
+def least_p_value(one: np.ndarray, other: np.ndarray) -> float:
+    """Least p-value of two-sample Kolmogorov–Smirnov tests of every coordinate, of sums of them and
+    of the distance from the common middle.
+    """
+    axes = np.concatenate([np.eye(3), RNG(3).normal(size=(3, 4))], axis=1)
+    views = [np.column_stack([x @ axes, np.linalg.norm(x - np.median(other, axis=0), axis=1)])
+             for x in (one, other)]  # fmt: skip
+    return min(stats.ks_2samp(*pair).pvalue for pair in zip(*(x.T for x in views), strict=True))
+
+
+def standardised(
+    drawn: np.ndarray, mean: np.ndarray, covariance: np.ndarray
+) -> tuple[float, float]:
+    """Distances of the draws' mean, in standard errors, and of their covariance, in products of
+    standard deviations.
+    """
+    spread = np.sqrt(np.diag(covariance))
+    apart = np.abs(drawn.mean(axis=0) - mean) / spread * np.sqrt(len(drawn))
+    off = np.cov(drawn.T).reshape(covariance.shape) - covariance
+    return apart.max(), np.abs(off / np.outer(spread, spread)).max()
+
+
+@pytest.mark.parametrize("model", [*MODELS.values(), *WIDE.values()], ids=[*MODELS, *WIDE])
+def test_draws_have_the_models_moments_and_by_numpy_the_law_of_the_compiled_step(
+    model, chain, step
+):
+    """Of a Wishart step from two gammas, where the compiled one takes one. Bands: five standard
+    errors of a mean and of a covariance.
+    """
+    q = np.tile(POSE, (30_000, 1))
+    ours, compiled = model.sample(chain, q, step, RNG(1)), draw_steps(model, chain, q, step, RNG(2))
+    assert least_p_value(ours, compiled[0]) > 1e-5 and compiled[1] == 0
+    # control: noise a tenth as large again
+    nominal = q + chain.nominal_step(q, step)
+    assert least_p_value(nominal + 1.1 * (ours - nominal), compiled[0]) < 1e-6
+    if model not in WIDE.values():
+        moments = model.mean(chain, POSE, step), model.covariance(chain, POSE, step)
+        for drawn in (ours, compiled[0]):
+            apart, off = standardised(drawn, *moments)
+            assert apart < 5 and off < 0.07
+
+
+def test_each_command_moves_its_own_poses_and_all_poses_may_take_one(chain, poses, step):
+    model, v = ScaledModel(np.zeros((3, 3))), np.linspace(0.1, 1.0, 4)[:, None] * step
+    q = poses[:20].reshape(5, 4, 3)
+    drawn, _ = draw_steps(model, chain, q, v, RNG(7))
+    np.testing.assert_allclose(drawn, model.mean(chain, q, v), atol=1e-14)
+    single, _ = draw_steps(model, chain, q, step, RNG(7))
+    np.testing.assert_allclose(single, model.mean(chain, q, step), atol=1e-14)
+    # control: the commands belong to their poses
+    assert np.abs(drawn - model.mean(chain, q, v[::-1])).max() > 1e-3
+
+
+@every_model
+def test_at_rest_a_matrix_model_stays_and_every_other_has_its_floor(model, chain, poses):
+    rest = np.zeros(3)
+    drawn, clipped = draw_steps(model, chain, poses, rest, RNG())
+    assert clipped == 0
+    for each in (drawn, model.sample(chain, poses, rest, RNG())):
+        assert np.array_equal(each, poses) != isinstance(model, ScaledModel)
+    if isinstance(model, ScaledModel):
+        assert np.all(np.isfinite(model.log_density(chain, poses, rest, drawn)))
+        return
+    assert np.array_equal(model.mean(chain, poses, rest), poses)
+    assert not np.any(model.covariance(chain, poses, rest))
+    with pytest.raises(ModelDomainError, match="measurement noise"):
+        model.log_density(chain, poses, rest, drawn)
+    noise = stats.multivariate_normal(cov=MEASUREMENT).logpdf(np.full(3, 1e-3))
+    density = model.log_density(chain, poses, rest, poses + 1e-3, MEASUREMENT)
+    np.testing.assert_allclose(density, noise, rtol=1e-9)
+
+
+@every_model
+@pytest.mark.parametrize("pose", [[0.3, 0.0, 0.2], [0.3, np.pi, 0.2], [0.3, 1e-15, 0.2],
+                                  [np.nan, 1.0, 0.2]])  # fmt: skip
+def test_a_singular_pose_is_refused_by_every_method(model, pose, chain, step):
+    """A least singular value of 1e-15 too, which rounding would turn into numbers."""
+    q = np.array([[0.3, 1.5, 0.2], pose])
+    for call in (
+        lambda: draw_steps(model, chain, q, step, RNG()),
+        lambda: model.sample(chain, q, step, RNG()),
+        lambda: model.log_density(chain, q, step, q + 0.01),
+        lambda: model.log_density(chain, q, step, q + 0.01, MEASUREMENT),
+        lambda: model.mean(chain, q, step),
+    ):
+        with pytest.raises(SingularJacobianError) as refused:
+            call()
+        assert refused.value.evidence["index"] == (1,)
+
+
+@pytest.mark.parametrize("sine", [0.1, 0.01, 0.0011])
+@every_model
+def test_close_to_a_singular_pose_everything_is_finite(model, sine, chain, step):
+    """Down to the sine below which the inverse is refused."""
+    elbow = np.arcsin(sine)
+    q = np.array([[0.3, elbow, 0.2], [-1.0, np.pi - elbow, 0.7], [0.5, -elbow, 0.0]])
+    many = np.tile(q, (100, 1))
+    drawn, _ = draw_steps(model, chain, many, step, RNG(3))
+    # beyond u the Gaussian model has the measurement's noise alone
+    density = model.log_density(chain, many, step, drawn, MEASUREMENT)
+    for values in (drawn, density, model.mean(chain, q, step)):
+        assert np.all(np.isfinite(values))
+    assert np.all(np.linalg.eigvalsh(model.covariance(chain, q, step))[:, 1:] >= 0)
+
+
+@pytest.mark.parametrize("name", ["scaled", "wishart qr_transposed", "gaussian"])
+def test_beyond_the_joint_limits_the_model_goes_on_and_the_filter_counts(name, chain, step):
+    """The models know of no limits; the filter loses the particles that leave them, and says how
+    many.
+    """
+    model, nominal = MODELS[name], np.linalg.solve(chain.jacobian(POSE), step)
+    wide = POSE - 2.0, POSE + 2.0
+    axis, tight = int(np.argmax(np.abs(nominal))), np.array(wide)
+    # one limit lies where the nominal step leads, so that about half of the steps leave it
+    tight[int(nominal[axis] > 0), axis] = POSE[axis] + nominal[axis]
+
+    def arm(ends) -> PlanarChain:
+        return replace(chain, lower=ends[0], upper=ends[1])
+
+    def lost(ends) -> int:
+        begin, options = Start(POSE, np.zeros((3, 3))), FilterOptions(particles=2000)
+        run = arm(ends), open_loop(step[None]), 0.01, begin, nothing(3), options
+        return int(particle_filter(model, *run, RNG(11)).outside[1])
+
+    drawn, _ = draw_steps(model, arm(tight), np.tile(POSE, (2000, 1)), step, RNG(11))
+    outside = np.mean(~arm(tight).within_limits(drawn))
+    assert np.all(np.isfinite(drawn)) and 0.2 < outside < 0.8
+    assert abs(lost(tight) / 2000 - outside) < 0.05
+    # control: with the limits far away next to none is lost
+    assert lost(wide) < 0.05 * 2000
+
+
+SIZES = [(6, 6), (7, 6), (3, 2), (5, 1)]
+
+
+def serial_arm(n: int, m: int) -> SerialChain:
+    """A random chain of n joints, one of them prismatic where there are more than three."""
+    rng = RNG(1 + n)
+    turns = Rotation.random(n + 1, random_state=n).as_matrix().reshape(-1, 9)
+    placements = np.concatenate([turns, rng.uniform(-0.3, 0.3, (n + 1, 3))], axis=1)
+    sliding = np.arange(n) == (0 if n > 3 else n)
+    ends = np.full(n, -3.0), np.full(n, 3.0), np.full(n, 2.0)
+    return SerialChain(("x", "y", "z", "rx", "ry", "rz")[:m], 1.0, placements, sliding, *ends)
+
+
+def command_of(chain: SerialChain) -> tuple[np.ndarray, np.ndarray]:
+    """A pose, and a command: of the joints too where there are more of them than task rows."""
+    m, n = len(chain.task), len(chain.lower)
+    rng = RNG(2)
+    return rng.uniform(-1, 1, n), 0.01 * rng.standard_normal(m if m == n else m + n)
+
+
+@pytest.mark.parametrize("n, m", SIZES)
+def test_wishart_steps_have_the_moments_of_the_closed_form_whatever_the_size(n, m):
+    """Bands: five standard errors of a mean, and of a covariance under tails as these."""
+    chain = serial_arm(n, m)
+    q, command = command_of(chain)
+    v, jacobian = command[:m], chain.jacobian(q)
+    # one row is one pivot: J₁ is a number, as with QR
+    for name in ("pivoted_lu", "qr", "qr_transposed", "given")[m == 1 :]:
+        left = np.eye(m) + 0.3 * RNG(3).standard_normal((m, m)) if name == "given" else None
+        law = Decomposition(name, left)
+        model, many = WishartModel(SIGMA_B, law), np.tile(q, (DRAWS, 1))
+        drawn, _ = draw_steps(model, chain, many, command, RNG(4))
+        (a, back, _), d = split(jacobian, v, law), (m + 1) / SIGMA_B**2
+        null = chain.null_step(q, command)
+        mean = q + null + d / (d - m - 1) * np.linalg.pinv(jacobian) @ v
+        apart, off = standardised(drawn, mean, step_covariance(a, back, SIGMA_B))
+        assert apart < 5 and off < 0.08
+        # the control: a dispersion that is a tenth wider
+        assert standardised(drawn, mean, step_covariance(a, back, 1.1 * SIGMA_B))[1] > 0.1
+
+
+@pytest.mark.parametrize("n, m", SIZES)
+def test_normal_models_steps_are_their_formula_in_numpy_whatever_the_size(n, m):
+    chain = serial_arm(n, m)
+    q, command = command_of(chain)
+    q, factor = q + 0.1 * RNG(6).standard_normal((300, n)), 1e-3 * RNG(5).standard_normal((n, n))
+    noise, gain = factor @ factor.T + 1e-8 * np.eye(n), 0.04 * np.eye(n)
+    norms = np.linalg.norm(np.linalg.pinv(chain.jacobian(q)), axis=(1, 2))
+    bounded = GaussianModel(0.1, float(np.median(norms)))
+    for model in (ScaledModel(noise), ScaledModel(noise, gain), bounded):
+        moved, clipped = draw_steps(model, chain, q, command, RNG(4))
+        expected, expected_clipped = plain_steps(model, chain, q, command, RNG(4))
+        assert np.max(np.abs(moved - expected) / (1 + np.abs(expected - q))) < 1e-12
+        assert clipped == expected_clipped == (150 if model is bounded else 0)
+    with pytest.raises(ModelDomainError, match="run the stage fit"):
+        NORMAL["scaled"].law(serial_arm(7, 6))
+
+
+def test_a_closed_loop_of_a_spatial_arm_corrects_the_displacement_of_its_tip():
+    """Without noise: the arm is led back to its path, in rotation too."""
+    chain = serial_arm(7, 6)
+    q, _ = command_of(chain)
+    target, off = np.tile(chain.pose(q), (40, 1)), q + 0.05 * RNG(7).standard_normal(7)
+    before = np.linalg.norm(chain.displacement(chain.pose(off), chain.pose(q)))
+    for share, left in ((0.3, 0.7**40), (0.0, 1.0)):
+        quiet, start = ScaledModel(np.zeros((7, 7))), Start(off, np.zeros((7, 7)))
+        commands, options = Commands(np.zeros((40, 13)), target, share), FilterOptions(3)
+        posterior = particle_filter(quiet, chain, commands, 0.01, start, nothing(7), options, RNG())
+        after = chain.displacement(chain.pose(posterior.mean[-1]), chain.pose(q))
+        assert np.linalg.norm(after) == pytest.approx(left * before, rel=0.1, abs=1e-9)
+
+
+def test_a_singular_pose_has_no_step_and_a_particle_there_is_lost_and_counted():
+    """A straight arm of two links that is to be stretched further."""
+    placements = np.zeros((3, 12))
+    placements[:, [0, 4, 8]] = 1.0
+    placements[1:, 9] = 0.3
+    ends = np.full(2, -3.0), np.full(2, 3.0), np.full(2, 2.0)
+    chain = SerialChain(("x", "y"), 1.0, placements, np.zeros(2, bool), *ends)
+    straight, bent = np.array([0.4, 0.0]), np.array([0.4, 0.8])
+    model = WishartModel(SIGMA_B, Decomposition("qr_transposed"))
+    with pytest.raises(SingularJacobianError):
+        draw_steps(model, chain, np.tile(straight, (3, 1)), np.array([0.01, 0.0]), RNG())
+    start, unfold = Start(bent, np.diag([0.0, 1e-6])), chain.jacobian(bent) @ np.array([0.0, -0.8])
+    exact, command = ScaledModel(np.diag([0.0, 1e-14])), open_loop(np.array([unfold, [0.0, 0.001]]))
+    options = FilterOptions(2000)
+    posterior = particle_filter(exact, chain, command, 0.01, start, nothing(2), options, RNG())
+    # after the first step the second joint is within a thousandth of straight, give or take what
+    # the start spreads
+    assert 0 < posterior.outside[2] < 2000 and posterior.outside[1] == 0
+    assert np.isfinite(posterior.mean).all()
