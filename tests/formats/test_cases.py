@@ -4,17 +4,24 @@ here, and, where they are beside the project, the public cases that they stand f
 
 from __future__ import annotations
 
+import os
 import runpy
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+import yaml
+from scipy.io import savemat
 
 from pipeline.arm.model import chain_of
+from pipeline.core.bounds import Reading, within
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Robot
+from pipeline.formats.depth.intrinsics import read_intrinsics
 from pipeline.formats.force.record import ForceLogOptions, read_force_table
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.table import read_joint_table
@@ -135,6 +142,88 @@ def test_one_number_a_line_is_said_to_be_one_column(tmp_path):
         tmp_path / "q.txt", LogOptions(None, 125.0, joints=1, signals={"actual": [0]})
     )
     np.testing.assert_array_equal(log.signals["actual"][:, 0], Q[:, 0])
+
+
+def pcd(viewpoint: str) -> str:
+    head = "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 1\nHEIGHT 1\n"
+    return f"{head}VIEWPOINT {viewpoint}\nPOINTS 1\nDATA ascii\n1 2 3\n"
+
+
+def cal(encoding: str) -> str:
+    axis = '<UserAxis Name="{}{}" values="1 2 3 4 5 6" max="9"/>'
+    axes = "".join(axis.format(kind, letter) for kind in "FT" for letter in "xyz")
+    head = f'<?xml version="1.0" encoding="{encoding}"?>\n<!-- Kraftmeßgerät -->\n'
+    units = 'ForceUnits="N" TorqueUnits="N-m"'
+    return f'{head}<FTSensor Serial="FT1"><Calibration {units}>{axes}</Calibration></FTSensor>\n'
+
+
+def robot(first: str) -> str:
+    links = "".join(f'<link name="{name}"/>' for name in "abc")
+    turn = '<joint name="j" type="revolute"><parent link="b"/><child link="c"/><axis xyz="0 1 0"/>'
+    turn += '<limit lower="-2" upper="2" velocity="1" effort="1"/></joint>'
+    base = f'<joint name="f" type="{first}"><parent link="a"/><child link="b"/></joint>'
+    return f'<?xml version="1.0"?>\n<!-- by xacro -->\n<robot name="r">{links}{base}{turn}</robot>'
+
+
+PAIRED = {"time": TIME, "q": Q, "q_target": Q}
+STAMPS = pd.to_datetime(1.7e9 + TIME, unit="s")
+COLUMNS = pd.DataFrame({f"{n}_{j}": PAIRED[n][:, j] for n in ("q", "q_target") for j in (0, 1)})
+BOTH = "joints 2; signals actual, target"
+UNUSUAL = {  # file, what is in it or writes it: what inspect says of it
+    "v4.mat": (lambda file: savemat(file, PAIRED, format="4"), BOTH),
+    "struct.mat": (
+        lambda file: savemat(file, {"rec": PAIRED}), f"0.472 s; samples 60; {BOTH}"),
+    "across.mat": (lambda file: savemat(file, PAIRED | {"q": Q.T}), "(transpose arrays"),
+    "objects.npz": (lambda file: np.savez(file, **PAIRED, about=np.array([{}], object)), BOTH),
+    "dates.npz": (lambda file: np.savez(file, **PAIRED | {"time": STAMPS.to_numpy()}), BOTH),
+    "dates.parquet": (lambda file: COLUMNS.assign(time=STAMPS).to_parquet(file), BOTH),
+    "index.parquet": (
+        lambda file: COLUMNS.set_index(TIME).rename_axis("t").to_parquet(file), BOTH),
+    "lists.parquet": (
+        lambda file: pd.DataFrame({n: [*one] for n, one in PAIRED.items()}).to_parquet(file), BOTH),
+    "blanks.txt": (table(mark=" "), "separator ' '"),
+    "sep.csv": (table("sep=;", mark=";", decimal=","), "separator ';'; decimal ','"),
+    "echo.csv": (beside("", 1, "elbow").split("\n", 1)[1], "columns without numbers 1 (words)"),
+    "nexus.csv": ("Trajectories\n100,Hz\n,,a,,\nFrame,X,Y,Z\n1,1,2,3\n", "export of Vicon is not"),
+    "sparse.csv": ("time,q_0,q_1\n0,1,\n1,,2\n2,1,\n3,,2\n", "has no number; fill it in"),
+    "ost.ini": ("# oST version 5.0 parameters\n\n[image]\n\nwidth\n640\n", "take ost.yaml"),
+    "kalibr.yaml": ("cam0:\n  intrinsics: [5.0, 5.0, 3.5, 2.5]\n", "cx, cy; the file has cam0"),
+    "realsense.json": ('{"fx": 6.0, "fy": 6.0, "ppx": 3.5, "ppy": 2.5}', "has fx, fy, ppx"),
+    "echo.yaml": ("position: [0.1, 0.2]\n---\n" * 9, "not recognised, no camera calibration"),
+    "pairs.txt": ("0.1 rgb/1.png 0.11 depth/1.png\n", "pairs two images"),
+    "arm.sdf": ('<?xml version="1.0"?>\n<sdf version="1.7"></sdf>\n', "convert it to URDF"),
+    "viewpoint.pcd": (pcd("1000 0 -5 0 1 0 0"), "at 1e+03 0 -5, turned by 180° about 1 0 0"),
+    "utf-16.cal": (cal("utf-8").encode("utf-16"), "unit N, N-m; serial FT1"),
+    "latin-1.cal": (cal("utf-8").encode("latin-1"), "unit N, N-m; serial FT1"),
+    "bom.urdf": ("\ufeff" + robot("continuous"), "joints continuous (f), revolute (j)"),
+    "floating.urdf": (robot("floating"), "joints floating (f), revolute (j)"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", UNUSUAL)
+def test_a_file_of_another_program_is_read_or_refused_with_what_to_do(tmp_path, name):
+    content, words = UNUSUAL[name]
+    if callable(content):
+        content(tmp_path / name)
+    else:
+        (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    assert words in seen(tmp_path / name)
+
+
+def test_a_library_that_fails_on_a_calibration_is_one_message(tmp_path, monkeypatch):
+    file = tmp_path / "camera.yaml"
+    file.write_text("fx: 1\n")
+    for fails, words in (
+        (lambda *_: 1 / 0, "its reader fails"),
+        (lambda *_: os._exit(3), "ends the pr"),
+    ):
+        monkeypatch.setattr(yaml, "load_all", fails)
+        with pytest.raises(RecordingError, match=words) as refused:
+            read_intrinsics(file)
+        assert refused.value.evidence["file"] == file
+    file.write_text("a: 1\n" * 300_000)
+    with pytest.raises(RecordingError, match="MiB are more than the 1 that"):
+        within(replace(Reading(), file_mib=1), read_intrinsics, file)
 
 
 @pytest.fixture
