@@ -12,12 +12,9 @@ from pathlib import Path
 import ezc3d
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from written_logs import refusal
 
 from pipeline.core.bounds import Reading, within
-from pipeline.core.errors import RecordingError
 from pipeline.formats.motion import c3d as c3d_format
 from pipeline.formats.motion.c3d import read_c3d
 from pipeline.tools.inspect.command import as_table, inspect
@@ -222,17 +219,3 @@ def test_a_file_that_is_beyond_a_bound_names_it(tmp_path, monkeypatch, bounds, b
         monkeypatch.setattr(c3d_format, "read_contents", _never)
     error = refusal(lambda file: within(bounds, read_c3d, file), write(tmp_path))
     assert error.evidence["bound"] == f"dataset.reading.{bound}"
-
-
-@pytest.mark.slow
-@settings(derandomize=True, max_examples=15, deadline=None)
-@given(cut=st.floats(0, 1, exclude_max=True))
-def test_a_file_cut_at_any_byte_is_refused_or_whole(tmp_path_factory, cut):
-    file = write(tmp_path_factory.mktemp("cut"), AB, points())
-    whole, content = read_c3d(file), file.read_bytes()
-    file.write_bytes(content[: int(cut * len(content))])
-    try:
-        result = read_c3d(file)
-    except RecordingError:
-        return
-    assert all((result.markers[name] == whole.markers[name]).all() for name in whole.markers)
